@@ -1,0 +1,35 @@
+"""A fast digital twin of AORO, a 10 t articulated forestry research machine.
+
+>>> from aoro_gym import Twin
+>>> twin = Twin(num_twins=2)
+>>> trace = twin.step({"steering_signal": 1.0}, duration=0.5, sample_every=0.01)
+>>> trace["joint_angle"].shape
+(50, 2)
+
+World and body frames: x forward, y left, z up, right-handed. SI units throughout. A positive joint angle, and a
+positive steering signal, is to the left. Names load on first use: ``import aoro_gym`` alone imports nothing heavy.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from aoro_gym.terrains import Plane
+    from aoro_gym.twin import Machine, Twin
+
+__version__ = "0.1.0"
+__all__ = ["Machine", "Plane", "Twin", "__version__"]
+
+_HOME = {"Machine": "aoro_gym.twin", "Plane": "aoro_gym.terrains", "Twin": "aoro_gym.twin"}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,85 @@
+"""Lumped-parameter fluid power: orifices, checks, reliefs, and the compliance of an oil volume.
+
+Pressures are gauge [Pa] (0 = tank), flows [m³/s], compliances [m³/Pa].
+Sources: Merritt, *Hydraulic Control Systems* (1967), ch. 3 (orifices) and ch. 1 (bulk modulus of oil with free gas).
+"""
+
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
+import warp as wp
+
+ATMOSPHERIC_PRESSURE = wp.constant(101325.0)
+
+
+@wp.struct
+class Oil:
+    """The fluid of all circuits (machine section ``oil``)."""
+
+    bulk_modulus: float  # [Pa] at 0 Pa gauge, without gas
+    bulk_modulus_slope: float  # [-] increase with pressure
+    gas_fraction: float  # [-] volume share of free gas at atmospheric pressure
+    polytropic_exponent: float  # [-]
+    laminar_pressure: float  # [Pa] below it an orifice is laminar
+    void_pressure: float  # [Pa] gauge pressure at which a void forms
+
+
+@wp.func
+def orifice(coefficient: float, drop: float, laminar_pressure: float):
+    """Flow [m³/s] through a restrictor: Q = C √Δp where turbulent, Q = C Δp/√Δp_lam below ``laminar_pressure``.
+
+    ``coefficient`` C = C_d A √(2/ρ) = Q_nom/√Δp_nom [m³/s/√Pa]. Continuous and odd in ``drop`` [Pa].
+    Valid for short orifices at Reynolds numbers where C_d is constant; the laminar branch keeps the slope finite.
+    """
+    return coefficient * drop / wp.sqrt(wp.max(wp.abs(drop), laminar_pressure))
+
+
+@wp.func
+def check_valve(coefficient: float, drop: float, crack: float, laminar_pressure: float):
+    """Flow [m³/s] through a spring-loaded check that opens at ``crack`` [Pa]; none backwards."""
+    return orifice(coefficient, wp.max(drop - crack, 0.0), laminar_pressure)
+
+
+@wp.func
+def relief_valve(drop: float, setting: float, ramp: float, nominal_flow: float):
+    """Flow [m³/s] of a direct-acting relief: zero up to ``setting``, ``nominal_flow`` at ``setting + ramp`` [Pa]."""
+    return nominal_flow * wp.max(drop - setting, 0.0) / ramp
+
+
+@wp.func
+def pressure(oil: Oil, content: float):
+    """Pressure [Pa] of a volume from its state ``content`` [Pa].
+
+    Above the void pressure the state is the pressure; below, the shortfall times the void compliance is the
+    void's volume, which has to be refilled before the pressure rises again.
+    """
+    return wp.max(content, oil.void_pressure)
+
+
+@wp.func
+def oil_bulk_modulus(oil: Oil, p: float):
+    """Effective bulk modulus [Pa] of oil with free gas at gauge pressure ``p`` [Pa].
+
+    1/β = [(1−α)/β_l + α e/(n P)] / [(1−α) + α e], e = (p_atm/P)^(1/n), β_l = β_0 + s·max(p, 0), P absolute.
+    The gas follows a polytrope and neither dissolves nor is released. P is bounded below by 5 kPa.
+    """
+    liquid = oil.bulk_modulus + oil.bulk_modulus_slope * wp.max(p, 0.0)
+    modulus = liquid
+    if oil.gas_fraction > 0.0:
+        absolute = wp.max(p + ATMOSPHERIC_PRESSURE, 5000.0)
+        expansion = wp.pow(ATMOSPHERIC_PRESSURE / absolute, 1.0 / oil.polytropic_exponent)
+        gas = oil.gas_fraction * expansion
+        rest = 1.0 - oil.gas_fraction
+        modulus = (rest + gas) / (rest / liquid + gas / (oil.polytropic_exponent * absolute))
+    return modulus
+
+
+@wp.func
+def fill(oil: Oil, content: float, net_flow: float, dt: float, volume: float, hose_compliance: float, nominal: float):
+    """State of a volume [Pa] after ``dt`` [s] of ``net_flow`` [m³/s]: ṗ = ΣQ / (V/β_oil(p) + V_hose/β_hose).
+
+    ``volume`` V [m³] is all the oil; ``hose_compliance`` V_hose/β_hose [m³/Pa] the walls' part (chambers are rigid).
+    A void is counted with the constant compliance ``nominal``/β_0, so that its volume is kept exactly.
+    """
+    compliance = volume / oil_bulk_modulus(oil, content) + hose_compliance
+    if content < oil.void_pressure:
+        compliance = nominal / oil.bulk_modulus
+    return content + dt * net_flow / compliance

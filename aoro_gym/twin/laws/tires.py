@@ -1,0 +1,170 @@
+"""Tire and hull contact with the ground.
+
+Five discs give the tire its shape; the deepest one carries one contact point with a penalty normal force and
+LuGre friction. Sources: Lehto et al. (Machines 2026, 14, 128) for the disc model; Canudas de Wit et al. (IEEE TAC 40,
+1995) for LuGre.
+"""
+
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
+import warp as wp
+
+from aoro_gym.twin.laws.ground import Ground, ground_height, ground_normal, penetration
+
+ROLLING_REGULARISATION = wp.constant(0.05)  # [rad/s] wheel rate below which rolling resistance fades
+HULL_REGULARISATION = wp.constant(0.05)  # [m/s] slip below which the hull's friction fades
+
+
+@wp.struct
+class Tire:
+    """Tire parameters (machine section ``tire``)."""
+
+    radius: float  # [m] of the middle disc, unloaded
+    disc_offset_inner: float  # [m] lateral
+    disc_offset_outer: float
+    disc_drop_inner: float  # [m] by which the disc is smaller than the middle one
+    disc_drop_outer: float
+    stiffness: float  # [N/m]
+    damping: float  # [N s/m]
+    sigma0_longitudinal: float  # [1/m] bristle stiffness a unit of load
+    sigma0_lateral: float
+    sigma1_longitudinal: float  # [s/m] bristle damping
+    sigma1_lateral: float
+    sigma2_longitudinal: float  # [s/m] viscous
+    sigma2_lateral: float
+    friction_coulomb: float  # [-]
+    friction_static: float  # [-]
+    stribeck_velocity: float  # [m/s]
+    rolling_resistance: float  # [-]
+
+
+@wp.struct
+class Hull:
+    """Contact of the frames' corners with the ground (machine section ``hull``)."""
+
+    stiffness: float  # [N/m] a corner
+    damping: float  # [N s/m]
+    friction: float  # [-]
+
+
+@wp.struct
+class TireContact:
+    """Result of one wheel's contact, in its frame's coordinates."""
+
+    force: wp.vec3  # [N] on the wheel
+    moment: wp.vec3  # [N m] on the wheel about its centre
+    load: float  # [N] normal force
+    bristle_x: float  # [m] longitudinal deflection
+    bristle_y: float  # [m] lateral
+
+
+@wp.func
+def lugre_capacity(m: Tire, speed: float, friction: float):
+    """Steady friction coefficient g(v) = μ (μ_c + (μ_s − μ_c) exp(−(v/v_s)²)) at slip ``speed`` [m/s]."""
+    ratio = speed / m.stribeck_velocity
+    return friction * (m.friction_coulomb + (m.friction_static - m.friction_coulomb) * wp.exp(-ratio * ratio))
+
+
+@wp.func
+def bristle_step(z: float, slip: float, unload: float, dt: float):
+    """Deflection [m] after ``dt``: ż = v − λ z with λ = σ₀|v|/g (``unload`` [1/s]); linearly implicit, so stable at
+    any slip speed. Signed: on reversal the bristle unloads before it bends the other way."""
+    return (z + dt * slip) / (1.0 + dt * unload)
+
+
+@wp.func
+def tire_contact(
+    # parameters
+    m: Tire,
+    ground: Ground,
+    # pose of the half: rotation frame → world, hinge origin in the world, wheel centre in the frame
+    rotation: wp.mat33,
+    origin: wp.vec3,
+    centre: wp.vec3,
+    # motion in the frame: wheel centre, frame's angular velocity, absolute spin
+    velocity: wp.vec3,
+    omega: wp.vec3,
+    spin: float,
+    # bristles
+    bristle_x: float,
+    bristle_y: float,
+    dt: float,
+):
+    """Contact of one wheel: F_n = max(0, k δ + c δ̇), F_j = F_n (σ₀ z_j + σ₁ ż_j + σ₂ v_j) for both directions.
+
+    The slip of both directions shares one capacity (σ₀_j |v| z_j/g with the resultant |v|). Bristles are taken at the
+    step's middle (mean of old and new), where the force acts. Valid for wheels whose discs meet the ground from above.
+    """
+    out = TireContact()
+    centre_world = origin + rotation * centre
+    normal_world = ground_normal(ground, centre_world[0], centre_world[1])
+    n = wp.transpose(rotation) * normal_world
+    tilt = wp.sqrt(n[0] * n[0] + n[2] * n[2])
+    down = wp.vec3(-n[0] / tilt, 0.0, -n[2] / tilt)
+
+    # deepest disc; on equal depth the middle one, then the inner, then the outer, right before left
+    point = centre + m.radius * down
+    depth = penetration(ground, origin + rotation * point, normal_world)
+    for side in range(2):
+        offset = wp.where(side == 0, m.disc_offset_inner, m.disc_offset_outer)
+        drop = wp.where(side == 0, m.disc_drop_inner, m.disc_drop_outer)
+        right = centre + wp.vec3(0.0, -offset, 0.0) + (m.radius - drop) * down
+        left = centre + wp.vec3(0.0, offset, 0.0) + (m.radius - drop) * down
+        depth_right = penetration(ground, origin + rotation * right, normal_world)
+        depth_left = penetration(ground, origin + rotation * left, normal_world)
+        if depth_right > depth:
+            depth = depth_right
+            point = right
+        if depth_left > depth:
+            depth = depth_left
+            point = left
+
+    if depth > 0.0:
+        arm = point - centre
+        slip = velocity + wp.cross(wp.vec3(omega[0], spin, omega[2]), arm)
+        load = wp.max(m.stiffness * depth - m.damping * wp.dot(n, slip), 0.0)
+        forward = wp.vec3(n[2] / tilt, 0.0, -n[0] / tilt)
+        sideways = wp.cross(n, forward)
+        slip_x = wp.dot(forward, slip)
+        slip_y = wp.dot(sideways, slip)
+        speed = wp.sqrt(slip_x * slip_x + slip_y * slip_y)
+        unload = speed / lugre_capacity(m, speed, ground.friction)
+        out.bristle_x = bristle_step(bristle_x, slip_x, m.sigma0_longitudinal * unload, dt)
+        out.bristle_y = bristle_step(bristle_y, slip_y, m.sigma0_lateral * unload, dt)
+        force_x = load * (
+            0.5 * m.sigma0_longitudinal * (bristle_x + out.bristle_x)
+            + m.sigma1_longitudinal * (out.bristle_x - bristle_x) / dt
+            + m.sigma2_longitudinal * slip_x
+        )
+        force_y = load * (
+            0.5 * m.sigma0_lateral * (bristle_y + out.bristle_y)
+            + m.sigma1_lateral * (out.bristle_y - bristle_y) / dt
+            + m.sigma2_lateral * slip_y
+        )
+        out.force = load * n - force_x * forward - force_y * sideways
+        rolling = (
+            m.rolling_resistance * ground.rolling_resistance * load * wp.length(arm)
+            * wp.tanh(spin / ROLLING_REGULARISATION)
+        )
+        out.moment = wp.cross(arm, out.force) - wp.vec3(0.0, rolling, 0.0)
+        out.load = load
+    return out
+
+
+@wp.func
+def hull_contact(
+    m: Hull, ground: Ground, rotation: wp.mat33, origin: wp.vec3, point: wp.vec3, velocity: wp.vec3, omega: wp.vec3
+):
+    """Force [N], frame coordinates, on one corner of a hull: penalty spring and damper that never pulls, with Coulomb
+    friction regularised below 5 cm/s."""
+    force = wp.vec3(0.0, 0.0, 0.0)
+    world = origin + rotation * point
+    depth = ground_height(ground, world[0], world[1]) - world[2]
+    if depth > 0.0:
+        n = wp.transpose(rotation) * ground_normal(ground, world[0], world[1])
+        v = velocity + wp.cross(omega, point)
+        v_n = wp.dot(n, v)
+        load = wp.max(m.stiffness * depth * (rotation * n)[2] - m.damping * v_n, 0.0)
+        slip = v - v_n * n
+        speed = wp.sqrt(wp.dot(slip, slip) + HULL_REGULARISATION * HULL_REGULARISATION)
+        force = load * n - (m.friction * load / speed) * slip
+    return force

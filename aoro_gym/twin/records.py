@@ -1,0 +1,224 @@
+"""What the device holds: the machine record, and the rows of the state, command and output arrays.
+
+State, commands and outputs are structures of arrays, float32, one row a quantity and one column a twin, so that the
+loads of neighbouring twins coalesce.
+"""
+
+from enum import IntEnum
+
+import numpy as np
+import warp as wp
+
+from aoro_gym.twin.laws.arms import Arm
+from aoro_gym.twin.laws.bodies import Corner, FrameBody
+from aoro_gym.twin.laws.cylinders import Linkage
+from aoro_gym.twin.laws.driveline import Driveline
+from aoro_gym.twin.laws.engine import Engine
+from aoro_gym.twin.laws.fluid import Oil
+from aoro_gym.twin.laws.steering import Steering
+from aoro_gym.twin.laws.tires import Hull, Tire
+from aoro_gym.twin.parameters import Machine
+from aoro_gym.twin.quantities import Quantity
+
+WHEELS = ("fl", "fr", "rl", "rr")
+"""Order of wheels and arms everywhere: front left, front right, rear left, rear right."""
+
+@wp.struct
+class Joint:
+    """The articulated joint (machine section ``joint``)."""
+
+    range: float  # [rad] half range
+    friction_torque: float  # [N m]
+    stop_torsional_stiffness: float  # [N m/rad]
+    stop_torsional_damping: float  # [N m s/rad]
+    presliding_stiffness: float  # [N m/rad]
+    presliding_damping: float  # [N m s/rad]
+
+
+@wp.struct
+class Rest:
+    """The rest pose on level ground (derived)."""
+
+    arm_angle_front: float  # [rad]
+    arm_angle_rear: float
+    bore_pressure_front: float  # [Pa]
+    bore_pressure_rear: float
+
+
+@wp.struct
+class MachineRecord:
+    """All parameters of one twin."""
+
+    oil: Oil
+    frame_front: FrameBody
+    frame_rear: FrameBody
+    hull: Hull
+    corner: Corner
+    arm: Arm
+    tire: Tire
+    joint: Joint
+    steering: Steering
+    driveline: Driveline
+    engine: Engine
+    rest: Rest
+    frame_ground_clearance: float  # [m]
+
+
+def _each(name: str) -> list[str]:
+    return [f"{name}_{wheel}" for wheel in WHEELS]
+
+
+State = IntEnum(
+    "State",
+    [
+        # pose: hinge origin [m] with its rounding remainder [m], quaternion of the front frame (x, y, z, w), angles [rad]
+        *("X", "Y", "Z", "REST_X", "REST_Y", "REST_Z", "QX", "QY", "QZ", "QW", "JOINT"),
+        *[n.upper() for n in (*_each("arm"), *_each("wheel"))],
+        # velocity: hinge origin [m/s] and angular [rad/s] in front-frame axes, joint, arms, absolute wheel spins
+        *("VX", "VY", "VZ", "WX", "WY", "WZ", "JOINT_RATE"),
+        *[n.upper() for n in (*_each("arm_rate"), *_each("spin"))],
+        # accelerations over the last main step, in the same order
+        *("AVX", "AVY", "AVZ", "AWX", "AWY", "AWZ", "JOINT_ACCELERATION"),
+        *[n.upper() for n in (*_each("arm_acceleration"), *_each("spin_acceleration"))],
+        # bristles and dry friction
+        *[n.upper() for n in (*_each("bristle_x"), *_each("bristle_y"))],
+        "JOINT_FRICTION",
+        *[n.upper() for n in (*_each("arm_friction"), *_each("wheel_friction"))],
+        # steering circuit
+        *("SUPPLY", "PORT_A", "PORT_B", "TANK_LINE", "LS_PRESSURE", "SPOOL", "PLAY", "COMPENSATOR", "SWASH"),
+        *("FLOW_IN", "FLOW_OUT"),
+        # arms
+        *[n.upper() for n in (*_each("arm_bore"), *_each("arm_rod"), *_each("arm_spool"))],
+        # driveline
+        *("FORWARD", "BACK", *[n.upper() for n in _each("hose")], "CHARGE", "DRIVE_SWASH", "SHIFT_FRONT", "SHIFT_REAR"),
+        *[n.upper() for n in _each("traction")],
+        # engine
+        *("ENGINE_SPEED", "GOVERNOR", "ENGINE_TORQUE"),
+    ],
+    start=0,
+)
+
+Command = IntEnum(
+    "Command",
+    [
+        "STEERING_SIGNAL",
+        "DRIVE_SIGNAL",
+        *[n.upper() for n in _each("arm")],
+        *[n.upper() for n in _each("traction")],
+        "GEAR",
+        "PARKING_BRAKE",
+    ],
+    start=0,
+)
+
+COMMAND_BOUNDS: dict[str, tuple[float, float, float]] = {
+    "steering_signal": (-1.0, 1.0, 0.0),
+    "drive_signal": (-1.0, 1.0, 0.0),
+    **{name: (-1.0, 1.0, 0.0) for name in _each("arm")},
+    **{name: (0.0, 1.0, 1.0) for name in _each("traction")},
+    "gear": (1.0, 3.0, 1.0),
+    "parking_brake": (0.0, 1.0, 0.0),
+}
+"""Lowest, highest and initial value of every command."""
+
+Output = IntEnum(
+    "Output",
+    [
+        n.upper()
+        for n in (
+            # commands as given
+            *("steering_signal", "drive_signal"),
+            # joint
+            *("joint_angle", "joint_rate", "joint_flow"),
+            # steering circuit
+            *("pressure_a", "pressure_b", "pump_pressure", "return_pressure", "ls_pressure", "spool", "compensator"),
+            *("pump_swash", "flow_in", "flow_out", "pump_flow"),
+            # driveline
+            *("drive_pressure_forward", "drive_pressure_return", "charge_pressure", "drive_swash"),
+            *("shift_front", "shift_rear"),
+            *_each("motor_pressure"),
+            *_each("wheel_rate"),
+            # arms
+            *_each("arm_angle"),
+            *_each("arm_pressure_bore"),
+            *_each("arm_pressure_rod"),
+            # engine
+            *("engine_speed", "engine_torque"),
+            # vehicle
+            *("position_x", "position_y", "position_z", "roll", "pitch", "yaw", "speed", "yaw_rate"),
+            *_each("wheel_load"),
+            "hull_force",
+        )
+    ],
+    start=0,
+)
+
+OUTPUT_UNITS: dict[str, str] = {}
+for _output in Output:
+    _name = _output.name.lower()
+    if "pressure" in _name:
+        OUTPUT_UNITS[_name] = "Pa"
+    elif "flow" in _name:
+        OUTPUT_UNITS[_name] = "m^3/s"
+    elif _name.endswith("rate") or "wheel_rate" in _name or _name == "engine_speed":
+        OUTPUT_UNITS[_name] = "rad/s"
+    elif "angle" in _name or _name in ("roll", "pitch", "yaw"):
+        OUTPUT_UNITS[_name] = "rad"
+    elif "position" in _name:
+        OUTPUT_UNITS[_name] = "m"
+    elif _name == "speed":
+        OUTPUT_UNITS[_name] = "m/s"
+    elif "load" in _name or "force" in _name:
+        OUTPUT_UNITS[_name] = "N"
+    elif "torque" in _name:
+        OUTPUT_UNITS[_name] = "N m"
+    else:
+        OUTPUT_UNITS[_name] = "1"
+
+
+def _geometry(machine: Machine) -> dict[str, Quantity]:
+    """Device fields that join several sections of the machine, by their path in the record."""
+    frame, arm = machine.frame, machine.arm
+    return {
+        "frame_front.pivot_x": frame.front.axle_distance - arm.length,
+        "frame_rear.pivot_x": arm.length - frame.rear.axle_distance,
+        "corner.wheel_lateral": 0.5 * frame.track,
+        "corner.arm_length": arm.length,
+        "corner.pivot_height": machine.rest.pivot_height,
+        "corner.spin_inertia": machine.wheel.inertia_spin,
+        "arm.stop_torsional_stiffness": arm.stop_stiffness * arm.cylinder.linkage.mean_lever**2,
+        "arm.stop_torsional_damping": arm.stop_damping * arm.cylinder.linkage.mean_lever**2,
+        "joint.stop_torsional_stiffness": 2.0 * machine.joint.stop_stiffness * machine.steering.cylinder.linkage.mean_lever**2,
+        "joint.stop_torsional_damping": 2.0 * machine.joint.stop_damping * machine.steering.cylinder.linkage.mean_lever**2,
+    }
+
+
+def _find(section: object, name: str) -> object:
+    """Attribute of ``section`` whose dotted path, joined by underscores, is ``name``."""
+    if hasattr(section, name):
+        return getattr(section, name)
+    for end in range(len(name) - 1, 0, -1):
+        if name[end] == "_" and hasattr(section, name[:end]):
+            try:
+                return _find(getattr(section, name[:end]), name[end + 1 :])
+            except AttributeError:
+                continue
+    raise AttributeError(f"the machine has no value for the device field '{name}' of {type(section).__name__}")
+
+
+def _fill(row: np.ndarray, section: object, geometry: dict[str, Quantity], path: str = "") -> None:
+    for name in row.dtype.names or ():
+        here = f"{path}{name}"
+        if here in geometry:
+            row[name] = geometry[here]
+        elif row.dtype[name].names:
+            _fill(row[name], _find(section, name), geometry, f"{here}.")
+        else:
+            row[name] = _find(section, name)
+
+
+def pack(machine: Machine) -> np.ndarray:
+    """Device records of ``machine``: structured float32 array of shape (machine.num_variants,)."""
+    rows = np.zeros(machine.num_variants, dtype=MachineRecord.numpy_dtype())
+    _fill(rows, machine, _geometry(machine))
+    return rows

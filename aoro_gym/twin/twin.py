@@ -1,0 +1,274 @@
+"""Host side of the twin: allocate, reset, step, watch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import warp as wp
+
+from aoro_gym.terrains.plane import Plane
+from aoro_gym.twin import kernels
+from aoro_gym.twin.laws.ground import Ground
+from aoro_gym.twin.parameters import Machine
+from aoro_gym.twin.records import COMMAND_BOUNDS, Command, MachineRecord, Output, State, pack
+
+LONGEST_COMMAND_DELAY = 0.06
+"""Upper bound [s] of ``steering.valve.command_delay``; that much of the steering command is kept."""
+
+STATUS = {kernels.NON_FINITE: "its state became non-finite"}
+"""Reasons for which a twin is frozen, by status code (0: running)."""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Sampled outputs of one :meth:`Twin.step`.
+
+    ``time`` [s] has shape (frames,); ``trace[name]`` (frames, num_twins), SI units as in ``OUTPUT_UNITS``.
+    """
+
+    time: npt.NDArray[np.float64]
+    values: npt.NDArray[np.float32]  # (frames, channels, num_twins)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of all channels."""
+        return tuple(output.name.lower() for output in Output)
+
+    def __getitem__(self, channel: str) -> npt.NDArray[np.float32]:
+        return self.values[:, _row(Output, channel, "output")]
+
+
+class Twin:
+    """Many copies of one articulated machine, advanced together.
+
+    Every call of :meth:`step` is one launch of one kernel; nothing returns to Python in between.
+
+    Args:
+        num_twins: Copies to simulate, at least 1.
+        machine: Name of a bundled machine, path of a machine file, or a :class:`Machine`; a machine whose values are
+            arrays of length ``num_twins`` gives every twin its own.
+        terrain: Ground; level asphalt by default. A plane whose values are arrays gives every twin its own.
+        device: ``"cpu"`` or ``"cuda:N"``.
+        main_step: Time step of the bodies [s].
+        substeps: Hydraulic substeps a main step.
+        gravity: [m/s²].
+
+    Raises:
+        ValueError: a value is out of its bound; the message names it.
+    """
+
+    def __init__(
+        self,
+        num_twins: int = 1,
+        *,
+        machine: str | Path | Machine = "aoro",
+        terrain: Plane | None = None,
+        device: str = "cpu",
+        main_step: float = 1e-3,
+        substeps: int = 30,
+        gravity: float = 9.81,
+    ):
+        if not isinstance(num_twins, int | np.integer) or num_twins < 1:
+            raise ValueError(f"num_twins is {num_twins}, but must be a whole number of at least 1")
+        if not isinstance(substeps, int | np.integer) or substeps < 1:
+            raise ValueError(f"substeps is {substeps}, but must be a whole number of at least 1")
+        if not 0.0 < main_step <= 2e-3:
+            raise ValueError(f"main_step is {main_step} s, but must be in (0, 0.002] s for the contacts to be stable")
+        if not np.isfinite(gravity):
+            raise ValueError(f"gravity is {gravity} m/s², but must be finite")
+        self.num_twins = int(num_twins)
+        self.machine = machine if isinstance(machine, Machine) else Machine.load(machine)
+        self.terrain = terrain if terrain is not None else Plane()
+        self.main_step = float(main_step)
+        self.substeps = int(substeps)
+        try:
+            self.device = wp.get_device(device)
+        except Exception as error:
+            known = ", ".join(d.alias for d in wp.get_devices())
+            raise ValueError(f"device '{device}' is not available here; choose one of: {known}") from error
+        _check_count("the machine", self.machine.num_variants, self.num_twins)
+        self._machines = wp.array(pack(self.machine), dtype=MachineRecord, device=self.device)
+        self._grounds = wp.array(self._pack_ground(gravity), dtype=Ground, device=self.device)
+
+        n = self.num_twins
+        self.state = wp.zeros((len(State), n), dtype=float, device=self.device)
+        """State rows (see :class:`State`) × twins, float32, on the device."""
+        self.commands = wp.zeros((len(Command), n), dtype=float, device=self.device)
+        """Command rows (see :class:`Command`) × twins, float32, on the device."""
+        kept = int(np.ceil(LONGEST_COMMAND_DELAY / self.main_step)) + 2
+        self._history = wp.zeros((kept, n), dtype=float, device=self.device)
+        self._clock = wp.zeros(n, dtype=int, device=self.device)
+        self._status = wp.zeros(n, dtype=int, device=self.device)
+        self._outputs = wp.zeros((1, len(Output), n), dtype=float, device=self.device)
+        self._mask = wp.ones(n, dtype=bool, device=self.device)
+        self._pose = wp.zeros((4, n), dtype=float, device=self.device)
+        self.reset()
+
+    def _pack_ground(self, gravity: float) -> np.ndarray:
+        normal = np.atleast_2d(np.asarray(self.terrain.normal, dtype=np.float64))
+        friction = np.atleast_1d(np.asarray(self.terrain.friction, dtype=np.float64))
+        rolling = np.atleast_1d(np.asarray(self.terrain.rolling_resistance, dtype=np.float64))
+        count = max(len(normal), len(friction), len(rolling))
+        _check_count("the terrain", count, self.num_twins)
+        rows = np.zeros(count, dtype=Ground.numpy_dtype())
+        rows["normal"] = normal
+        rows["friction"] = friction
+        rows["rolling_resistance"] = rolling
+        rows["gravity"] = gravity
+        return rows
+
+    def reset(
+        self,
+        mask: npt.ArrayLike | None = None,
+        *,
+        position: npt.ArrayLike = (0.0, 0.0),
+        heading: npt.ArrayLike = 0.0,
+        joint_angle: npt.ArrayLike = 0.0,
+    ) -> None:
+        """Put twins at rest on the ground with idle circuits and all commands at their initial values.
+
+        Args:
+            mask: Which twins, booleans of shape (num_twins,); all by default.
+            position: Plan position of the hinge [m], shape (2,) or (num_twins, 2).
+            heading: Heading of the front frame [rad], scalar or (num_twins,).
+            joint_angle: Joint angle [rad], positive left, scalar or (num_twins,).
+        """
+        n = self.num_twins
+        chosen = np.ones(n, dtype=bool) if mask is None else np.asarray(mask)
+        if chosen.shape != (n,) or chosen.dtype != bool:
+            raise ValueError(f"mask has shape {chosen.shape} and type {chosen.dtype}, but must be ({n},) of bool")
+        pose = np.empty((4, n), dtype=np.float32)
+        try:
+            pose[:2] = np.broadcast_to(np.asarray(position, dtype=np.float64), (n, 2)).T
+            pose[2] = np.broadcast_to(np.asarray(heading, dtype=np.float64), n)
+            pose[3] = np.broadcast_to(np.asarray(joint_angle, dtype=np.float64), n)
+        except ValueError as error:
+            raise ValueError(
+                f"position, heading and joint_angle must broadcast to ({n}, 2), ({n},) and ({n},): {error}"
+            ) from error
+        if not np.all(np.isfinite(pose)):
+            raise ValueError("position, heading and joint_angle must be finite")
+        limit = np.max(self.machine.joint.range)
+        if np.any(np.abs(pose[3]) > limit + 1e-6):
+            worst = pose[3][np.argmax(np.abs(pose[3]))]
+            raise ValueError(f"joint_angle is {worst:.4f} rad, but the joint reaches only ±{limit:.4f} rad (joint.range)")
+        self._mask.assign(chosen)
+        self._pose.assign(pose)
+        wp.launch(
+            kernels.reset,
+            dim=n,
+            inputs=[
+                self._machines, self._grounds, self._mask, self._pose, self.state, self.commands, self._history,
+                self._clock, self._status,
+            ],
+            device=self.device,
+        )  # fmt: skip
+
+    def set_commands(self, commands: Mapping[str, npt.ArrayLike]) -> None:
+        """Set commands by name, each a scalar or of shape (num_twins,); the others keep their last value.
+
+        Raises:
+            ValueError: unknown name, wrong shape, not finite or out of its bounds (``COMMAND_BOUNDS``).
+        """
+        rows: dict[int, npt.NDArray[np.float32]] = {}
+        for name, value in commands.items():
+            row = _row(Command, name, "command")
+            low, high, _ = COMMAND_BOUNDS[name]
+            array = np.asarray(value, dtype=np.float32)
+            if array.shape not in ((), (self.num_twins,)):
+                raise ValueError(f"{name} has shape {array.shape}, but must be a scalar or ({self.num_twins},)")
+            if not np.all((array >= low) & (array <= high)):  # false for NaN, too
+                wrong = array if array.ndim == 0 else array[~((array >= low) & (array <= high))][0]
+                raise ValueError(f"{name} is {wrong}, but must be in [{low:g}, {high:g}]")
+            if name == "gear" and np.any(array != np.round(array)):
+                wrong = array if array.ndim == 0 else array[array != np.round(array)][0]
+                raise ValueError(f"gear is {wrong}, but must be one of 1, 2, 3")
+            rows[row] = np.broadcast_to(array, self.num_twins)
+        for row, array in rows.items():
+            self.commands[row].assign(np.ascontiguousarray(array))
+
+    def step(
+        self,
+        commands: Mapping[str, npt.ArrayLike] | None = None,
+        duration: float = 0.02,
+        *,
+        sample_every: float | None = None,
+    ) -> Trace | None:
+        """Advance all twins by ``duration`` [s] in one launch.
+
+        Args:
+            commands: See :meth:`set_commands`; constant over the step.
+            duration: A whole number of main steps [s].
+            sample_every: Sampling interval of the returned trace [s], a whole number of main steps; no trace if None.
+
+        Returns:
+            The sampled outputs, if asked for; the last sample is also what :meth:`output` gives.
+        """
+        steps = self._whole(duration, "duration")
+        every = steps if sample_every is None else self._whole(sample_every, "sample_every")
+        if steps % every:
+            raise ValueError(f"duration is {duration} s, but must be a whole multiple of sample_every = {sample_every} s")
+        if commands:
+            self.set_commands(commands)
+        frames = steps // every
+        if self._outputs.shape[0] != frames:
+            self._outputs = wp.zeros((frames, len(Output), self.num_twins), dtype=float, device=self.device)
+        start = self.time
+        wp.launch(
+            kernels.advance,
+            dim=self.num_twins,
+            inputs=[
+                self._machines, self._grounds, self.commands, self.state, self._history, self._clock, self._status,
+                self._outputs, steps, self.substeps, self.main_step, every,
+            ],
+            device=self.device,
+        )  # fmt: skip
+        if sample_every is None:
+            return None
+        time = start.max() + self.main_step * every * np.arange(1, frames + 1)
+        return Trace(time=time, values=self._outputs.numpy().copy())
+
+    def _whole(self, seconds: float, name: str) -> int:
+        steps = round(seconds / self.main_step) if np.isfinite(seconds) else 0
+        if steps < 1 or abs(steps * self.main_step - seconds) > 1e-6 * self.main_step * steps:
+            raise ValueError(
+                f"{name} is {seconds} s, but must be a positive whole multiple of the main step {self.main_step} s"
+            )
+        return steps
+
+    @property
+    def time(self) -> npt.NDArray[np.float64]:
+        """Time since the last reset [s], shape (num_twins,)."""
+        return self._clock.numpy() * self.main_step
+
+    def output(self, channel: str) -> npt.NDArray[np.float32]:
+        """Last value of an output channel, SI, shape (num_twins,); zero before the first step."""
+        return self._outputs.numpy()[-1, _row(Output, channel, "output")]
+
+    @property
+    def status(self) -> npt.NDArray[np.int32]:
+        """Status of every twin, shape (num_twins,): 0 runs, else frozen (see ``STATUS``)."""
+        return self._status.numpy()
+
+    @property
+    def lost(self) -> list[tuple[int, str]]:
+        """Index and reason of every frozen twin; a reset revives it."""
+        status = self.status
+        return [(int(i), STATUS[int(status[i])]) for i in np.flatnonzero(status)]
+
+
+def _row(rows: type[Output] | type[Command], name: str, what: str) -> int:
+    try:
+        return int(rows[name.upper()])
+    except KeyError:
+        known = ", ".join(row.name.lower() for row in rows)
+        raise ValueError(f"there is no {what} '{name}'; choose one of: {known}") from None
+
+
+def _check_count(what: str, count: int, num_twins: int) -> None:
+    if count not in (1, num_twins):
+        raise ValueError(f"{what} has {count} variants, but must have 1 or num_twins = {num_twins}")

@@ -1,0 +1,1 @@
+"""Learning environments over a twin. None is written yet: this package only holds their place."""

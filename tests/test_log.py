@@ -1,0 +1,154 @@
+"""Logs: names, units and sampling of the columns, and reading back what was written."""
+
+import math
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aoro_gym import log
+from aoro_gym.twin.records import OUTPUT_UNITS, Output
+
+SI_OF_FIELD_UNIT = {
+    "bar": "Pa",
+    "L_per_min": "m^3/s",
+    "rpm": "rad/s",
+    "N_m": "N m",
+    "rad_per_s": "rad/s",
+    "deg_per_s": "rad/s",
+    "deg": "rad",
+    "m": "m",
+    "m_per_s": "m/s",
+    "kN": "N",
+    "": "1",
+}
+
+
+@pytest.mark.parametrize("channel", [output.name.lower() for output in Output])
+def test_every_output_has_a_field_unit_of_its_kind(channel):
+    assert SI_OF_FIELD_UNIT[log.field_unit(channel)[0]] == OUTPUT_UNITS[channel]
+
+
+def test_steering_voltage():
+    np.testing.assert_allclose(log.voltage_from_signal([1.0, 0.0, -1.0]), [0.5, 2.5, 4.5])
+    np.testing.assert_allclose(log.signal_from_voltage([0.5, 2.5, 4.5]), [1.0, 0.0, -1.0])
+
+
+def test_columns_are_sampled_at_100_hz_in_field_units():
+    time = np.arange(1, 1001) * 1e-3
+    channels = {
+        "steering_signal": np.where(time > 0.5, 1.0, 0.0),
+        "joint_angle": time,
+        "joint_flow": np.full(1000, 1e-3),
+        "pressure_a": np.full(1000, 2e5),
+        "engine_speed": np.full(1000, 10.0 * math.pi),
+        "wheel_rate_fl": -time,
+        "spool": time,
+    }
+    columns = log.log_columns(time, channels)
+    np.testing.assert_allclose(columns["time_s"], np.arange(1, 101) / 100)
+    np.testing.assert_allclose(columns["joint_angle_deg"], np.degrees(columns["time_s"]))
+    np.testing.assert_allclose(columns["steering_signal_V"], np.where(columns["time_s"] > 0.5, 0.5, 2.5))
+    np.testing.assert_allclose(columns["pressure_a_bar"], 2.0)
+    np.testing.assert_allclose(columns["engine_speed_rpm"], 300.0)
+    np.testing.assert_allclose(columns["wheel_speed_fl_rad_per_s"], -columns["time_s"])
+    np.testing.assert_allclose(columns["true_joint_flow_L_per_min"], 60.0)
+    np.testing.assert_allclose(columns["true_spool"], columns["time_s"])
+    measured = [name for name in columns if not name.startswith("true_")]
+    assert list(columns)[: len(measured)] == measured
+    assert not any(name.startswith("true_steering_signal") for name in columns)
+
+
+def test_a_sample_is_the_last_state_at_or_before_its_time():
+    time = np.array([0.004, 0.012, 0.02])
+    columns = log.log_columns(time, {"spool": np.array([1.0, 2.0, 3.0])})
+    np.testing.assert_allclose(columns["time_s"], [0.01, 0.02])
+    np.testing.assert_allclose(columns["true_spool"], [1.0, 3.0])
+
+
+def test_too_short_for_a_sample():
+    with pytest.raises(ValueError, match="hold no sample at 100 Hz"):
+        log.log_columns(np.array([0.001, 0.002]), {"spool": np.zeros(2)})
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_reads_back_what_it_wrote(tmp_path, suffix):
+    columns = {"time_s": np.array([0.01, 0.02]), "joint_angle_deg": np.array([-12.3456789, 1e-7])}
+    manifest = {
+        "manoeuvre": 'a "name"',
+        "filters": [],
+        "on": True,
+        "ground": {"slope_deg": 1.5},
+        "machine": {"set": ["a=1"]},
+    }
+    path = tmp_path / "new" / f"turn{suffix}"
+    written = log.write_log(path, columns, manifest)
+    assert [item.name for item in written] == [path.name, "turn.toml"]
+    table = log.read_table(path)
+    assert list(table.columns) == list(columns)
+    for name, values in columns.items():
+        np.testing.assert_allclose(table[name], values, rtol=1e-8)
+    assert tomllib.loads(written[1].read_text()) == manifest
+
+
+def test_comments_blank_lines_and_byte_order_marks_are_passed_over(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("\ufeff# made by hand\n\ntime_s, spool\n0, 1\n\n# more\n1, 2\n", encoding="utf-8")
+    table = log.read_table(path)
+    np.testing.assert_allclose(table["spool"], [1.0, 2.0])
+    assert table.where(1) == f"{path}, line 7"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "holds no rows"),
+        ("time_s,a\n", "holds no rows"),
+        ("a,b\n1,2\n", "no column time_s, only a, b"),
+        ("time_s,a,a\n1,2,3\n", "names the column 'a' twice"),
+        ("time_s,a\n0,1\n1\n", "line 3: 1 values where the header names 2 columns"),
+        ("time_s,a\n0,1\n1,x\n", "line 3: a = 'x' is not a finite number"),
+        ("time_s,a\n0,nan\n", "line 2: a = 'nan' is not a finite number"),
+        ("time_s,a\n0,inf\n", "line 2: a = 'inf' is not a finite number"),
+        ("time_s,a\n0,\n", "line 2: a = '' is not a finite number"),
+    ],
+)
+def test_a_broken_file_is_named_with_its_line(tmp_path, text, message):
+    path = tmp_path / "broken.csv"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=re.escape(message)) as caught:
+        log.read_table(path)
+    assert "broken.csv" in str(caught.value)
+
+
+def test_missing_and_binary_files(tmp_path):
+    with pytest.raises(ValueError, match="does not exist"):
+        log.read_table(tmp_path / "none.csv")
+    with pytest.raises(ValueError, match="is not a file"):
+        log.read_table(tmp_path)
+    for name, what in (("image.csv", "CSV text"), ("image.parquet", "Parquet")):
+        (tmp_path / name).write_bytes(b"\x89PNG\xff\xfe\x00")
+        with pytest.raises(ValueError, match=f"is not a {what} file"):
+            log.read_table(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("log.txt", "must end in .csv or .parquet"),
+        ("folder.csv", "is a folder"),
+        ("file/log.csv", "is a file, not a folder"),
+    ],
+)
+def test_refuses_to_write(tmp_path, name, message):
+    (tmp_path / "folder.csv").mkdir()
+    (tmp_path / "file").touch()
+    with pytest.raises(ValueError, match=re.escape(message)):
+        log.check_log_path(tmp_path / name)
+
+
+def test_a_relative_path_in_a_new_folder_can_be_written(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    log.check_log_path(Path("a/b/log.csv"))

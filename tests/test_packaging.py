@@ -1,0 +1,138 @@
+"""The wheel holds every package and data file, imports flow one way, and importing the package stays cheap."""
+
+import ast
+import fnmatch
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import aoro_gym
+
+ROOT = Path(__file__).resolve().parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+SETUPTOOLS = PROJECT["tool"]["setuptools"]
+LINKED = ("envs", "terrains", "agents")
+
+TOOLS = {"log", "figures", "manoeuvres", "report", "benchmark"}
+STUDIES = {"validation", "calibration", "diagnosis"}
+MAY_SEE = {
+    # data flows terrains -> twin -> sensors -> envs -> agents; studies see twin and sensors, never envs or agents
+    "terrains": set(),
+    "twin": {"terrains"},
+    "sensors": {"terrains", "twin"},
+    "envs": {"terrains", "twin", "sensors"},
+    "agents": {"terrains", "twin", "sensors", "envs", *TOOLS},
+    **{part: {"terrains", "twin", "sensors", *TOOLS} for part in TOOLS},
+    **{part: {"terrains", "twin", "sensors", *TOOLS, *STUDIES} for part in STUDIES},
+    "cli": {"terrains", "twin", "sensors", "envs", "agents", *TOOLS, *STUDIES},
+    "__main__": {"cli"},
+    "__init__": {"terrains", "twin"},
+}
+
+
+def folder_of(package: str) -> Path:
+    """Folder of a package by setuptools' mapping."""
+    mapping = SETUPTOOLS["package-dir"]
+    for name in sorted(mapping, key=len, reverse=True):
+        if package == name or package.startswith(f"{name}."):
+            return ROOT / mapping[name] / package[len(name) :].strip(".").replace(".", "/")
+    raise AssertionError(f"{package} has no folder")
+
+
+def modules() -> Iterator[tuple[str, Path]]:
+    """Dotted name and file of every module of the project."""
+    for package in SETUPTOOLS["packages"]:
+        for file in sorted(folder_of(package).glob("*.py")):
+            yield f"{package}.{file.stem}", file
+
+
+def test_every_package_is_listed():
+    found = set()
+    for top in ("aoro_gym", *LINKED):
+        for folder, subfolders, files in os.walk(ROOT / top):  # does not follow the links
+            subfolders[:] = [name for name in subfolders if name != "__pycache__"]
+            if any(name.endswith(".py") for name in files):
+                assert "__init__.py" in files, f"{folder} holds modules but no __init__.py"
+                dotted = Path(folder).relative_to(ROOT).as_posix().replace("/", ".")
+                found.add(dotted if top == "aoro_gym" else f"aoro_gym.{dotted}")
+    assert sorted(SETUPTOOLS["packages"]) == sorted(found)
+
+
+@pytest.mark.parametrize("name", LINKED)
+def test_folders_at_the_root_are_linked_into_the_package(name):
+    link = ROOT / "aoro_gym" / name
+    assert link.is_symlink()
+    assert os.readlink(link) == f"../{name}"
+    assert SETUPTOOLS["package-dir"][f"aoro_gym.{name}"] == name
+
+
+def test_every_data_file_is_in_the_wheel():
+    patterns = {folder_of(package): globs for package, globs in SETUPTOOLS["package-data"].items()}
+    for top in ("aoro_gym", *LINKED):
+        for folder, subfolders, files in os.walk(ROOT / top):
+            subfolders[:] = [name for name in subfolders if name != "__pycache__"]
+            for file in (Path(folder, name) for name in files if not name.endswith(".py")):
+                covered = any(
+                    file.is_relative_to(base)
+                    and any(fnmatch.fnmatch(str(file.relative_to(base)), glob) for glob in globs)
+                    for base, globs in patterns.items()
+                )
+                assert covered, f"{file.relative_to(ROOT)} matches no pattern of package-data"
+
+
+@pytest.mark.parametrize(("name", "file"), [pytest.param(*item, id=item[0]) for item in modules()])
+def test_imports_flow_one_way(name, file):
+    part = name.split(".")[1]
+    assert part in MAY_SEE, f"aoro_gym.{part} is new: say in MAY_SEE which parts it may import"
+    package = name.rpartition(".")[0]
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            targets = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = ".".join(package.split(".")[: len(package.split(".")) - node.level + 1]) if node.level else ""
+            source = ".".join(filter(None, [base, node.module]))
+            targets = [f"{source}.{alias.name}" for alias in node.names] if source == "aoro_gym" else [source]
+        else:
+            continue
+        for target in targets:
+            assert target.split(".")[0] not in LINKED, f"{name} imports {target}; write aoro_gym.{target}"
+            if target.startswith("aoro_gym."):
+                seen = target.split(".")[1]
+                allowed = seen == part or seen in MAY_SEE[part] or seen not in MAY_SEE
+                assert allowed, f"{name} imports {target}: aoro_gym.{part} may only see {sorted(MAY_SEE[part])}"
+
+
+def test_every_direct_dependency_is_pinned():
+    pins = re.findall(r"(?m)^([\w.-]+)==", (ROOT / "constraints.txt").read_text(encoding="utf-8"))
+    pinned = {re.sub(r"[-_.]+", "-", pin).lower() for pin in pins}
+    project = PROJECT["project"]
+    wanted = [
+        *project["dependencies"],
+        *(item for extra in project["optional-dependencies"].values() for item in extra),
+    ]
+    for requirement in [*wanted, *PROJECT["build-system"]["requires"]]:
+        name = re.sub(r"[-_.]+", "-", re.split(r"[\[<>=!~; ]", requirement)[0]).lower()
+        assert name == "aoro-gym" or name in pinned, f"{requirement} has no pin in constraints.txt"
+    assert len(pins) == len(set(pins))
+
+
+@pytest.mark.parametrize("module", ["aoro_gym", "aoro_gym.cli"])
+def test_importing_is_cheap(module):
+    heavy = ["numpy", "scipy", "warp", "gymnasium", "matplotlib", "plotly", "trimesh", "pandas", "pyarrow", "torch"]
+    code = f"import sys, {module}; print([name for name in {heavy} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_names_load_on_first_use():
+    for name in aoro_gym.__all__:
+        assert getattr(aoro_gym, name) is not None
+        assert name in dir(aoro_gym)
+    with pytest.raises(AttributeError, match="no attribute 'Tractor'"):
+        _ = aoro_gym.Tractor

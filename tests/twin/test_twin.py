@@ -1,0 +1,207 @@
+"""The host side of the twin: errors, resets, batches, and what happens to a twin that goes non-finite."""
+
+import numpy as np
+import pytest
+import warp as wp
+
+from aoro_gym.terrains.plane import Plane
+from aoro_gym.twin import Machine, Twin
+from aoro_gym.twin.records import COMMAND_BOUNDS, OUTPUT_UNITS, Command, MachineRecord, Output, State, pack
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"num_twins": 0}, "num_twins is 0"),
+        ({"num_twins": 2.5}, r"num_twins is 2\.5"),
+        ({"num_twins": -3}, "num_twins is -3"),
+        ({"substeps": 0}, "substeps is 0"),
+        ({"main_step": 0.0}, "main_step is 0"),
+        ({"main_step": 0.01}, r"main_step is 0\.01 s, but must be in \(0, 0\.002\]"),
+        ({"main_step": float("nan")}, "main_step is nan"),
+        ({"device": "cuda:77"}, "device 'cuda:77' is not available here; choose one of: cpu"),
+        ({"device": "tpu"}, "device 'tpu' is not available"),
+        ({"machine": "no-such-machine"}, "no-such-machine"),
+        ({"num_twins": 3, "terrain": Plane(slope_deg=np.zeros(2))}, "the terrain has 2 variants, but must have 1 or"),
+        ({"gravity": float("inf")}, "gravity is inf"),
+    ],
+)
+def test_bad_arguments_are_named(arguments, message):
+    with pytest.raises((ValueError, FileNotFoundError), match=message):
+        Twin(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("commands", "message"),
+    [
+        ({"steering_signal": float("nan")}, "steering_signal is nan"),
+        ({"steering_signal": 1.01}, r"steering_signal is 1\.0.*must be in \[-1, 1\]"),
+        ({"steering_signal": [0.0, -2.0, 0.0]}, r"steering_signal is -2\.0"),
+        ({"drive_signal": np.zeros(2)}, r"drive_signal has shape \(2,\), but must be a scalar or \(3,\)"),
+        ({"gear": 4}, "gear is 4"),
+        ({"gear": 1.5}, r"gear is 1\.5, but must be one of 1, 2, 3"),
+        ({"steer": 0.0}, "there is no command 'steer'; choose one of: steering_signal"),
+    ],
+)
+def test_bad_commands_are_named_and_change_nothing(commands, message):
+    twin = Twin(3)
+    before = twin.state.numpy().copy(), twin.commands.numpy().copy()
+    with pytest.raises(ValueError, match=message):
+        twin.step({"parking_brake": 1.0, **commands})
+    assert np.array_equal(before[0], twin.state.numpy())
+    assert np.array_equal(before[1], twin.commands.numpy())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"duration": 0.0}, "duration is 0"),
+        ({"duration": 0.0205}, r"duration is 0\.0205"),
+        ({"duration": float("nan")}, "duration is nan"),
+        ({"duration": 0.02, "sample_every": 0.003}, "whole multiple of sample_every"),
+    ],
+)
+def test_bad_durations_are_named(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        Twin(1).step({}, **arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"joint_angle": 0.8}, r"joint_angle is 0\.8000 rad, but the joint reaches only"),
+        ({"joint_angle": float("nan")}, "must be finite"),
+        ({"position": (0.0, 0.0, 1.0)}, "must broadcast"),
+        ({"mask": np.ones(3)}, "mask has shape"),
+        ({"mask": np.ones(2, dtype=bool)}, "mask has shape"),
+    ],
+)
+def test_bad_resets_are_named(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        Twin(3).reset(**arguments)
+
+
+def test_reset_of_some_leaves_the_others_alone():
+    twin = Twin(3)
+    twin.step({"steering_signal": [1.0, -1.0, 0.5]}, 0.2)
+    before = twin.state.numpy().copy()
+    twin.reset(np.array([False, True, False]), position=(5.0, -2.0), heading=0.3, joint_angle=0.1)
+    after = twin.state.numpy()
+    assert np.array_equal(before[:, [0, 2]], after[:, [0, 2]])
+    assert after[State.X, 1] == 5.0
+    assert after[State.Y, 1] == -2.0
+    assert after[State.JOINT, 1] == np.float32(0.1)
+    assert np.array_equal(twin.time, [0.2, 0.0, 0.2])
+    assert twin.commands.numpy()[Command.STEERING_SIGNAL].tolist() == [1.0, 0.0, 0.5]
+
+
+def test_reset_restores_initial_commands():
+    twin = Twin(1)
+    names = [command.name.lower() for command in Command]
+    twin.set_commands({name: COMMAND_BOUNDS[name][1] for name in names})
+    twin.reset()
+    assert twin.commands.numpy()[:, 0].tolist() == [COMMAND_BOUNDS[name][2] for name in names]
+
+
+def test_a_twin_does_not_depend_on_its_neighbours():
+    """Twins of one launch equal single twins to the bit, also with machines of their own."""
+    machine = Machine.load()
+    key = "steering.valve.compensator_pressure"
+    settings = np.array([5e5, 7e5, 9e5])
+    signals = np.array([1.0, -0.6, 0.8])
+    many = Twin(3, machine=machine.set({key: settings}, si=True))
+    trace = many.step({"steering_signal": signals}, 0.4, sample_every=0.01)
+    assert trace is not None
+    for i in range(3):
+        one = Twin(1, machine=machine.set({key: settings[i]}, si=True))
+        alone = one.step({"steering_signal": signals[i]}, 0.4, sample_every=0.01)
+        assert alone is not None
+        assert np.array_equal(alone.values[:, :, 0], trace.values[:, :, i])
+
+
+def test_one_long_launch_equals_many_short_ones():
+    long, short = Twin(1), Twin(1)
+    long.step({"steering_signal": 0.7, "drive_signal": 0.3}, 0.3)
+    for _ in range(15):
+        short.step({"steering_signal": 0.7, "drive_signal": 0.3}, 0.02)
+    assert np.array_equal(long.state.numpy(), short.state.numpy())
+
+
+def test_trace_samples_the_end_of_every_interval():
+    fine, coarse = Twin(2), Twin(2)
+    every = fine.step({"steering_signal": 1.0}, 0.06, sample_every=0.001)
+    tenth = coarse.step({"steering_signal": 1.0}, 0.06, sample_every=0.01)
+    assert every is not None and tenth is not None
+    assert np.allclose(tenth.time, 0.01 * np.arange(1, 7), rtol=0.0, atol=1e-12)
+    assert np.array_equal(tenth.values, every.values[9::10])
+    assert np.array_equal(coarse.output("joint_angle"), tenth["joint_angle"][-1])
+    with pytest.raises(ValueError, match="there is no output 'joint'"):
+        tenth["joint"]
+
+
+def test_a_non_finite_twin_is_frozen_and_named_while_the_others_go_on():
+    twin, reference = Twin(3), Twin(3)
+    for t in (twin, reference):
+        t.step({"steering_signal": 1.0}, 0.1)
+    state = twin.state.numpy()
+    state[State.PORT_A, 1] = np.nan
+    twin.state.assign(state)
+    twin.step({}, 0.1)
+    reference.step({}, 0.1)
+    assert twin.lost == [(1, "its state became non-finite")]
+    assert twin.status.tolist() == [0, 1, 0]
+    assert np.array_equal(twin.state.numpy()[:, [0, 2]], reference.state.numpy()[:, [0, 2]])
+    frozen = twin.state.numpy()[:, 1]
+    twin.step({}, 0.1)
+    assert np.array_equal(frozen, twin.state.numpy()[:, 1], equal_nan=True)
+    assert np.array_equal(twin.time, [0.3, 0.1, 0.3])
+    twin.reset(np.array([False, True, False]))
+    twin.step({}, 0.1)
+    assert twin.lost == []
+
+
+@pytest.mark.parametrize("row", [row for row in State if row.name not in ("FLOW_IN", "FLOW_OUT")])
+def test_no_non_finite_state_goes_unseen(row):
+    """Whatever state is spoilt, the twin is named within 20 ms, or the spoilt value is one that nothing depends on."""
+    twin = Twin(1)
+    twin.step({"steering_signal": 0.5, "drive_signal": 0.3}, 0.05)
+    state = twin.state.numpy()
+    state[row, 0] = np.nan
+    twin.state.assign(state)
+    twin.step({}, 0.02)
+    assert twin.lost or np.all(np.isfinite(twin.state.numpy())), row.name
+
+
+def test_a_far_away_twin_creeps_as_one_at_the_origin():
+    """At 1000 m a float32 resolves 6e-5 m, more than a main step of slow driving; the position keeps its remainder."""
+    near, far = Twin(1), Twin(1)
+    far.reset(position=(1000.0, -1000.0))
+    for twin in (near, far):
+        twin.step({"drive_signal": 0.02}, 20.0)
+    travelled = near.output("position_x")[0]
+    assert travelled > 0.2
+    # half a unit in the last place of the start and of the end
+    assert abs(far.output("position_x")[0] - 1000.0 - travelled) < 2 * np.spacing(np.float32(1000.0))
+
+
+def test_every_output_has_a_unit_and_every_device_field_a_value():
+    assert set(OUTPUT_UNITS) == {output.name.lower() for output in Output}
+    row = pack(Machine.load())[0]
+
+    def leaves(record, dtype, path=""):
+        for name in dtype.names:
+            if dtype[name].names:
+                yield from leaves(record[name], dtype[name], f"{path}{name}.")
+            else:
+                yield f"{path}{name}", record[name]
+
+    for name, value in leaves(row, row.dtype):
+        assert np.all(np.isfinite(value)), name
+
+
+def test_device_memory_of_a_twin_is_small():
+    """At most 8 KiB a twin, machine record of its own included."""
+    twin = Twin(100)
+    arrays = [value for value in vars(twin).values() if isinstance(value, wp.array)]
+    a_twin = sum(a.capacity / a.shape[-1] for a in arrays if a.shape[-1] == 100) + MachineRecord.numpy_dtype()["itemsize"]
+    assert a_twin < 8192
