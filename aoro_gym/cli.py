@@ -197,14 +197,12 @@ def simulate(
         terrain = Plane(slope_deg=slope, direction_deg=slope_direction, friction=friction, rolling_resistance=rolling)
         plan = _manoeuvre(manoeuvre, signal, duration, start_angle, chosen, out)
         twin = _twin(chosen, terrain, device, seed)
-    made_by = {
-        "machine": _machine_record(machine, set_, scale),
-        "device": device,
-        "seed": seed,
-    }
+    made_by = {"machine": _machine_record(machine, set_, scale), "device": device, "seed": seed}
     section = _run(twin, plan)
     written = _write(section, twin, out, made_by)
     _out().print(_figure_table(section))
+    if section.recording.manoeuvre.turn and section.figures["turn_time_s"] is None:
+        typer.echo("The turn did not reach its stop, so it has no key figures; a longer --duration may help.")
     _say(written)
 
 
@@ -415,7 +413,7 @@ def _twin(machine: Machine, terrain: Plane | None, device: str, seed: int) -> Tw
     _check_device(device)
     from aoro_gym.twin import Twin
 
-    with _err().status("preparing the twin (the first run on a computer compiles it, about a minute)"):
+    with _err().status("preparing the twin (the first run on a computer compiles it)"):
         twin = Twin(machine=machine, terrain=terrain, device=device)
         twin.step(duration=twin.main_step)
     return twin
@@ -530,9 +528,6 @@ def _figure_table(section: Section) -> Table:
     for key, value in section.figures.items():
         name, unit, _ = describe(key)
         table.add_row(name, show(key, value), unit)
-    if "turn_time_s" in section.figures and section.figures["turn_time_s"] is None:
-        table.caption = "The turn did not reach its stop; a longer --duration may."
-        table.caption_justify = "left"
     return table
 
 

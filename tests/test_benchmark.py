@@ -1,5 +1,7 @@
 """The benchmark counts what it says it counts."""
 
+from itertools import pairwise
+
 import pytest
 
 from aoro_gym import Twin, benchmark
@@ -24,7 +26,7 @@ def test_a_case(machine, monkeypatch):
     timed = counted[-per_run * benchmark.RUNS :]
     assert {duration for _, duration in timed} == {benchmark.CONTROL_STEP}
     if per_run > 1:
-        assert all(first[0] != second[0] for first, second in zip(timed[: per_run - 1], timed[1:per_run], strict=True))
+        assert all(first[0] != second[0] for first, second in pairwise(timed[:per_run]))
 
 
 def test_the_computer_is_named():

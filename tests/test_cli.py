@@ -178,8 +178,3 @@ def test_wrong_input_is_one_line_before_anything_runs(tmp_path, monkeypatch, arg
     assert message in lines[0]
     assert sorted(Path().iterdir()) == before
     assert Path("good.csv").read_text() == "time_s,steering_signal\n0,0\n1,0.5\n"
-
-
-@pytest.mark.parametrize("verb", ["calibrate", "validate", "terrain", "evaluate", "train", "diagnose", "blind"])
-def test_no_verb_that_does_nothing(verb):
-    assert call(verb).exit_code == 2

@@ -1,6 +1,7 @@
 """The wheel holds every package and data file, imports flow one way, and importing the package stays cheap."""
 
 import ast
+import doctest
 import fnmatch
 import os
 import re
@@ -136,3 +137,18 @@ def test_names_load_on_first_use():
         assert name in dir(aoro_gym)
     with pytest.raises(AttributeError, match="no attribute 'Tractor'"):
         _ = aoro_gym.Tractor
+
+
+def test_example_of_the_package():
+    tried = doctest.testmod(aoro_gym)
+    assert tried.attempted > 0
+    assert tried.failed == 0
+
+
+def test_examples_of_the_readme_run(capsys):
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", readme, flags=re.DOTALL)
+    assert blocks
+    for block in blocks:
+        exec(compile(block, "README.md", "exec"), {})
+    assert capsys.readouterr().out

@@ -18,18 +18,7 @@ does not drift. Flows through orifices are of first order in the substep.
 import warp as wp
 
 from aoro_gym.twin.laws.arms import Arm, ArmGeometry, ArmState, arm_displace, arm_geometry, arm_oil_torque, arm_step
-from aoro_gym.twin.laws.bodies import (
-    CornerLoad,
-    FrameBody,
-    arm_acceleration,
-    arm_tangent,
-    corner_inertia,
-    add,
-    frame_inertia,
-    hinge_rotation,
-    join,
-    wheel_centre,
-)
+from aoro_gym.twin.laws.bodies import CornerLoad, FrameBody, accelerate, arm_tangent, hinge_rotation, wheel_centre
 from aoro_gym.twin.laws.driveline import (
     DrivelineControl,
     DrivelineState,
@@ -699,35 +688,16 @@ def advance(
             hull_force = front_touch + rear_touch
 
             # ---- accelerations of the tree ---------------------------------------------------------------------------
-            half_fl, a_fl = corner_inertia(m.corner, m.frame_front.pivot_x, 1.0, 1.0, mid_omega, load_fl)
-            half_fr, a_fr = corner_inertia(m.corner, m.frame_front.pivot_x, 1.0, -1.0, mid_omega, load_fr)
-            half_rl, a_rl = corner_inertia(m.corner, m.frame_rear.pivot_x, -1.0, 1.0, mid_omega_rear, load_rl)
-            half_rr, a_rr = corner_inertia(m.corner, m.frame_rear.pivot_x, -1.0, -1.0, mid_omega_rear, load_rr)
-            front = add(frame_inertia(m.frame_front, mid_omega, front_force, front_moment), add(half_fl, half_fr))
-            rear = add(frame_inertia(m.frame_rear, mid_omega_rear, rear_force, rear_moment), add(half_rl, half_rr))
-            d_omega, linear, d_joint, d_omega_rear, linear_rear = join(
-                front, rear, to_rear, mid_omega, mid_joint_rate, joint_torque
+            weight = wp.transpose(rotation) * wp.vec3(0.0, 0.0, -ground.gravity)
+            change = accelerate(
+                m.frame_front, m.frame_rear, m.corner, weight, to_rear, mid_velocity, mid_omega, mid_joint_rate,
+                joint_torque, load_fl, load_fr, load_rl, load_rr, front_force, front_moment, rear_force, rear_moment,
             )
-            d_velocity = (
-                linear
-                - wp.cross(mid_omega, mid_velocity)
-                - wp.transpose(rotation) * wp.vec3(0.0, 0.0, ground.gravity)
-            )
-            d_arm = wp.vec4(
-                arm_acceleration(a_fl, d_omega, linear),
-                arm_acceleration(a_fr, d_omega, linear),
-                arm_acceleration(a_rl, d_omega_rear, linear_rear),
-                arm_acceleration(a_rr, d_omega_rear, linear_rear),
-            )
-            d_spin = (
-                wp.vec4(
-                    load_fl.wheel_torque + load_fl.moment[1],
-                    load_fr.wheel_torque + load_fr.moment[1],
-                    load_rl.wheel_torque + load_rl.moment[1],
-                    load_rr.wheel_torque + load_rr.moment[1],
-                )
-                / m.corner.spin_inertia
-            )
+            d_velocity = change.linear
+            d_omega = change.angular
+            d_joint = change.joint
+            d_arm = change.arms
+            d_spin = change.spins
 
             # ---- kick, and half a drift to the end of the step -------------------------------------------------------
             start_joint_rate = joint_rate

@@ -19,6 +19,9 @@ from aoro_gym.twin.records import COMMAND_BOUNDS, Command, MachineRecord, Output
 LONGEST_COMMAND_DELAY = 0.06
 """Upper bound [s] of ``steering.valve.command_delay``; that much of the steering command is kept."""
 
+BLOCK_DIM = 32
+"""Threads a block: one warp, so that a few thousand twins already reach every multiprocessor."""
+
 STATUS = {kernels.NON_FINITE: "its state became non-finite"}
 """Reasons for which a twin is frozen, by status code (0: running)."""
 
@@ -226,6 +229,7 @@ class Twin:
                 self._outputs, steps, self.substeps, self.main_step, every,
             ],
             device=self.device,
+            block_dim=BLOCK_DIM,
         )  # fmt: skip
         if sample_every is None:
             return None

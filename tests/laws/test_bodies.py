@@ -1,18 +1,13 @@
 """The bodies' float32 law against MuJoCo, in one launch over random machines, states and loads."""
 
+# Device code and records: their types are Warp's, not Python's.
+# pyright: reportInvalidTypeForm=false, reportArgumentType=false, reportCallIssue=false
 import numpy as np
 import pytest
 import warp as wp
 
-from aoro_gym.twin.laws.bodies import (
-    CornerLoad,
-    add,
-    arm_acceleration,
-    corner_inertia,
-    frame_inertia,
-    hinge_rotation,
-    join,
-)
+from aoro_gym.twin.laws.bodies import CornerLoad, hinge_rotation
+from aoro_gym.twin.laws.bodies import accelerate as tree_accelerations
 from aoro_gym.twin.parameters import Machine
 from aoro_gym.twin.records import WHEELS, MachineRecord, pack
 from tests.oracles.bodies import (
@@ -62,30 +57,19 @@ def accelerate(
 ):
     t = wp.tid()
     m = machines[t % machines.shape[0]]
-    w = omega[t]
-    to_rear = hinge_rotation(joint_angle[t])
-    w_rear = to_rear * w - wp.vec3(0.0, 0.0, joint_rate[t])
-    x_front = m.frame_front.pivot_x
-    x_rear = m.frame_rear.pivot_x
-    fl, arm_fl = corner_inertia(m.corner, x_front, 1.0, 1.0, w, corners[0, t])
-    fr, arm_fr = corner_inertia(m.corner, x_front, 1.0, -1.0, w, corners[1, t])
-    rl, arm_rl = corner_inertia(m.corner, x_rear, -1.0, 1.0, w_rear, corners[2, t])
-    rr, arm_rr = corner_inertia(m.corner, x_rear, -1.0, -1.0, w_rear, corners[3, t])
-    front = add(frame_inertia(m.frame_front, w, frame_force[0, t], frame_moment[0, t]), add(fl, fr))
-    rear = add(frame_inertia(m.frame_rear, w_rear, frame_force[1, t], frame_moment[1, t]), add(rl, rr))
-    d_omega, linear, d_joint, d_omega_rear, linear_rear = join(front, rear, to_rear, w, joint_rate[t], joint_torque[t])
-    weight = wp.quat_rotate_inv(attitude[t], wp.vec3(0.0, 0.0, gravity))
-    d_velocity = linear - wp.cross(w, velocity[t]) - weight
+    weight = wp.quat_rotate_inv(attitude[t], wp.vec3(0.0, 0.0, -gravity))
+    change = tree_accelerations(
+        m.frame_front, m.frame_rear, m.corner, weight, hinge_rotation(joint_angle[t]), velocity[t], omega[t],
+        joint_rate[t], joint_torque[t], corners[0, t], corners[1, t], corners[2, t], corners[3, t],
+        frame_force[0, t], frame_moment[0, t], frame_force[1, t], frame_moment[1, t],
+    )  # fmt: skip
     for i in range(3):
-        out[i, t] = d_velocity[i]
-        out[3 + i, t] = d_omega[i]
-    out[6, t] = d_joint
-    out[7, t] = arm_acceleration(arm_fl, d_omega, linear)
-    out[8, t] = arm_acceleration(arm_fr, d_omega, linear)
-    out[9, t] = arm_acceleration(arm_rl, d_omega_rear, linear_rear)
-    out[10, t] = arm_acceleration(arm_rr, d_omega_rear, linear_rear)
+        out[i, t] = change.linear[i]
+        out[3 + i, t] = change.angular[i]
+    out[6, t] = change.joint
     for i in range(4):
-        out[11 + i, t] = (corners[i, t].wheel_torque + corners[i, t].moment[1]) / m.corner.spin_inertia
+        out[7 + i, t] = change.arms[i]
+        out[11 + i, t] = change.spins[i]
 
 
 def _law(machines, sample, kin):

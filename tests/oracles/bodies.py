@@ -123,11 +123,12 @@ def machine_bodies(machine) -> list[Body]:
     return bodies
 
 
-def _joined(*parts):
+def _joined(*parts: tuple[float, np.ndarray, np.ndarray]) -> tuple[float, np.ndarray, np.ndarray]:
     """Mass, centre of mass and inertia of rigidly joined (mass, cog, inertia) in common axes."""
     mass = sum(m for m, _, _ in parts)
-    cog = sum(m * c for m, c, _ in parts) / mass
-    inertia = np.zeros((3, 3))
+    cog, inertia = np.zeros(3), np.zeros((3, 3))
+    for m, c, _ in parts:
+        cog += m / mass * c
     for m, c, own in parts:
         r = c - cog
         inertia += own + m * (r @ r * np.eye(3) - np.outer(r, r))

@@ -253,3 +253,69 @@ def join(front: Articulated, rear: Articulated, to_rear: wp.mat33, omega: wp.vec
     linear_rear = to_rear * linear
     joint = (u - wp.dot(u_angular, angular_rear) - wp.dot(u_linear, linear_rear)) / d
     return angular, linear, joint, angular_rear + turning - joint * z, linear_rear
+
+
+@wp.struct
+class Accelerations:
+    """Time derivatives of the tree's velocities."""
+
+    linear: wp.vec3  # [m/s²] of the hinge origin's velocity components, front frame
+    angular: wp.vec3  # [rad/s²] front frame
+    joint: float  # [rad/s²]
+    arms: wp.vec4  # [rad/s²]
+    spins: wp.vec4  # [rad/s²] absolute wheel spins
+
+
+@wp.func
+def accelerate(
+    # parameters
+    frame_front: FrameBody,
+    frame_rear: FrameBody,
+    corner: Corner,
+    # pose and motion: weight of a unit mass in front axes, hinge rotation, hinge origin's velocity, angular velocity
+    weight: wp.vec3,
+    to_rear: wp.mat33,
+    velocity: wp.vec3,
+    omega: wp.vec3,
+    joint_rate: float,
+    # loads
+    joint_torque: float,
+    fl: CornerLoad,
+    fr: CornerLoad,
+    rl: CornerLoad,
+    rr: CornerLoad,
+    front_force: wp.vec3,
+    front_moment: wp.vec3,
+    rear_force: wp.vec3,
+    rear_moment: wp.vec3,
+):
+    """Forward dynamics of the tree under torques, contact forces at the wheels, and wrenches on the frames (about the
+    hinge origin, in the axes of each frame)."""
+    omega_rear = to_rear * omega - wp.vec3(0.0, 0.0, joint_rate)
+    half_fl, arm_fl = corner_inertia(corner, frame_front.pivot_x, 1.0, 1.0, omega, fl)
+    half_fr, arm_fr = corner_inertia(corner, frame_front.pivot_x, 1.0, -1.0, omega, fr)
+    half_rl, arm_rl = corner_inertia(corner, frame_rear.pivot_x, -1.0, 1.0, omega_rear, rl)
+    half_rr, arm_rr = corner_inertia(corner, frame_rear.pivot_x, -1.0, -1.0, omega_rear, rr)
+    front = add(frame_inertia(frame_front, omega, front_force, front_moment), add(half_fl, half_fr))
+    rear = add(frame_inertia(frame_rear, omega_rear, rear_force, rear_moment), add(half_rl, half_rr))
+    angular, linear, joint, angular_rear, linear_rear = join(front, rear, to_rear, omega, joint_rate, joint_torque)
+    out = Accelerations()
+    out.linear = linear - wp.cross(omega, velocity) + weight
+    out.angular = angular
+    out.joint = joint
+    out.arms = wp.vec4(
+        arm_acceleration(arm_fl, angular, linear),
+        arm_acceleration(arm_fr, angular, linear),
+        arm_acceleration(arm_rl, angular_rear, linear_rear),
+        arm_acceleration(arm_rr, angular_rear, linear_rear),
+    )
+    out.spins = (
+        wp.vec4(
+            fl.wheel_torque + fl.moment[1],
+            fr.wheel_torque + fr.moment[1],
+            rl.wheel_torque + rl.moment[1],
+            rr.wheel_torque + rr.moment[1],
+        )
+        / corner.spin_inertia
+    )
+    return out
