@@ -7,10 +7,10 @@ the flow is derived from is the caller's choice: here it is the simulated one, u
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.log import BAR, DEGREE, LITRE_PER_MINUTE, RPM
 
@@ -24,9 +24,7 @@ TOLERANCE = math.radians(0.1)
 Figures = dict[str, float | None]
 
 
-def turn_flow(
-    cylinder: SteeringCylinder, angle: NDArray[np.float64], rate: NDArray[np.float64], direction: int
-) -> NDArray[np.float64]:
+def turn_flow(cylinder: SteeringCylinder, angle: ArrayLike, rate: ArrayLike, direction: int) -> Any:
     """Joint flow [m³/s] of a turn from the joint's motion: what the strokes draw through the pressurised port.
 
     A turn fills the bore of one cylinder and the annulus of the other, and the right turn is the mirrored left one:
@@ -34,12 +32,13 @@ def turn_flow(
 
     Args:
         cylinder: One of the two steering cylinders with its linkage.
-        angle: Joint angle [rad] (F,).
-        rate: Joint rate [rad/s] (F,).
+        angle: Joint angle [rad], scalar or (F,).
+        rate: Joint rate [rad/s], likewise.
         direction: +1 left, -1 right.
     """
-    extends, retracts = cylinder.linkage.lever(direction * angle), cylinder.linkage.lever(-direction * angle)
-    return (cylinder.bore_area * extends + cylinder.annulus_area * retracts) * direction * rate
+    turned = direction * np.asarray(angle, dtype=np.float64)
+    extends, retracts = cylinder.linkage.lever(turned), cylinder.linkage.lever(-turned)
+    return (cylinder.bore_area * extends + cylinder.annulus_area * retracts) * direction * np.asarray(rate)
 
 
 def turn_figures(

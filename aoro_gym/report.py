@@ -80,7 +80,7 @@ def panels(recording: Recording) -> list[Panel]:
     if steers:
         joint = Line("turn_flow", "joint", INK, LITRE_PER_MINUTE, strong=True)
         if not turn:
-            joint = Line("joint_flow", "joint (left positive)", INK, LITRE_PER_MINUTE, strong=True)
+            joint = Line("joint_flow", "joint (left +)", INK, LITRE_PER_MINUTE, strong=True)
         drawn += [
             Panel("Steering signal", "%, left positive", [Line("steering_signal", "signal", INK, 0.01, strong=True)]),
             Panel("Joint angle", "°, left positive", [Line("joint_angle", "angle", INK, DEGREE, strong=True)]),
@@ -89,8 +89,8 @@ def panels(recording: Recording) -> list[Panel]:
                 "L/min",
                 [
                     Line("pump_flow", "pump", SOFT, LITRE_PER_MINUTE),
-                    Line("flow_in", "valve, to the cylinders", RED, LITRE_PER_MINUTE),
-                    Line("flow_out", "valve, to the tank", BLUE, LITRE_PER_MINUTE, dashed=True),
+                    Line("flow_in", "into the cylinders", RED, LITRE_PER_MINUTE),
+                    Line("flow_out", "out of them", BLUE, LITRE_PER_MINUTE, dashed=True),
                     joint,
                 ],
             ),
@@ -110,7 +110,7 @@ def panels(recording: Recording) -> list[Panel]:
                 "Spool, compensator and pump swash",
                 "% of full stroke",
                 [
-                    Line("spool", "spool (left positive)", RED, 0.01),
+                    Line("spool", "spool (left +)", RED, 0.01),
                     Line("compensator", "compensator", BLUE, 0.01),
                     Line("pump_swash", "pump swash", AMBER, 0.01),
                 ],

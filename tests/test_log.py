@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from aoro_gym import log
-from aoro_gym.twin.records import OUTPUT_UNITS, Output
+from aoro_gym.twin.records import OUTPUT_UNITS
 
 SI_OF_FIELD_UNIT = {
     "bar": "Pa",
@@ -26,7 +26,7 @@ SI_OF_FIELD_UNIT = {
 }
 
 
-@pytest.mark.parametrize("channel", [output.name.lower() for output in Output])
+@pytest.mark.parametrize("channel", OUTPUT_UNITS)
 def test_every_output_has_a_field_unit_of_its_kind(channel):
     assert SI_OF_FIELD_UNIT[log.field_unit(channel)[0]] == OUTPUT_UNITS[channel]
 

@@ -314,6 +314,15 @@ def hull_loads(
 
 
 @wp.kernel(enable_backward=False)
+def exchange(
+    records: wp.array(dtype=MachineRecord), indices: wp.array(dtype=int), machines: wp.array(dtype=MachineRecord)
+):
+    """Write ``records`` into ``machines`` at ``indices``."""
+    i = wp.tid()
+    machines[indices[i]] = records[i]
+
+
+@wp.kernel(enable_backward=False)
 def reset(
     # parameters
     machines: wp.array(dtype=MachineRecord),

@@ -55,6 +55,8 @@ class Twin:
         machine: Name of a bundled machine, path of a machine file, or a :class:`Machine`; a machine whose values are
             arrays of length ``num_twins`` gives every twin its own.
         terrain: Ground; level asphalt by default. A plane whose values are arrays gives every twin its own.
+        own_machines: Keep a machine record for every twin even if all start alike, so that :meth:`set_machines` can
+            change them one by one.
         device: ``"cpu"`` or ``"cuda:N"``.
         main_step: Time step of the bodies [s].
         substeps: Hydraulic substeps a main step.
@@ -70,6 +72,7 @@ class Twin:
         *,
         machine: str | Path | Machine = "aoro",
         terrain: Plane | None = None,
+        own_machines: bool = False,
         device: str = "cpu",
         main_step: float = 1e-3,
         substeps: int = 30,
@@ -94,7 +97,10 @@ class Twin:
             known = ", ".join(d.alias for d in wp.get_devices())
             raise ValueError(f"device '{device}' is not available here; choose one of: {known}") from error
         _check_count("the machine", self.machine.num_variants, self.num_twins)
-        self._machines = wp.array(pack(self.machine), dtype=MachineRecord, device=self.device)
+        records = pack(self.machine)
+        if own_machines:
+            records = np.resize(records, self.num_twins)
+        self._machines = wp.array(records, dtype=MachineRecord, device=self.device)
         self._grounds = wp.array(self._pack_ground(gravity), dtype=Ground, device=self.device)
 
         n = self.num_twins
@@ -243,6 +249,44 @@ class Twin:
                 f"{name} is {seconds} s, but must be a positive whole multiple of the main step {self.main_step} s"
             )
         return steps
+
+    @property
+    def outputs(self) -> wp.array:
+        """Sampled outputs of the last step on the device: frames × channels (see :class:`Output`) × twins, float32.
+
+        Valid until the next step; the last frame is the end of the step.
+        """
+        return self._outputs
+
+    def set_machines(self, indices: npt.ArrayLike, machine: Machine) -> None:
+        """Give some twins other machines; takes effect at their next reset or step, reset them first.
+
+        Args:
+            indices: Which twins, integers of shape (K,).
+            machine: One machine for all of them, or K variants.
+
+        Raises:
+            ValueError: this twin shares one machine between all copies, or the numbers disagree.
+        """
+        chosen = np.atleast_1d(np.asarray(indices, dtype=np.int32))
+        if self._machines.shape[0] != self.num_twins:
+            raise ValueError(
+                "these twins share one machine record; construct them with own_machines=True to change it one by one"
+            )
+        if chosen.size and not (0 <= chosen.min() and chosen.max() < self.num_twins):
+            raise ValueError(f"indices must be in [0, {self.num_twins - 1}], but reach {chosen.min()} … {chosen.max()}")
+        _check_count("the machine", machine.num_variants, max(len(chosen), 1))
+        rows = np.resize(pack(machine), len(chosen))
+        wp.launch(
+            kernels.exchange,
+            dim=len(chosen),
+            inputs=[
+                wp.array(rows, dtype=MachineRecord, device=self.device),
+                wp.array(chosen, dtype=int, device=self.device),
+                self._machines,
+            ],
+            device=self.device,
+        )
 
     @property
     def time(self) -> npt.NDArray[np.float64]:

@@ -81,14 +81,18 @@ class Oil:
         gas = self.gas * (ATMOSPHERE / absolute) ** (1.0 / self.exponent)
         return ((1.0 - self.gas) * liquid + gas / (self.exponent * absolute)) / ((1.0 - self.gas) + gas)
 
-    def rate(self, x, inflow, volume, hose_volume=0.0, hose_modulus=1.0):
+    def rate(self, x, inflow, volume, hose_volume, hose_modulus, void_volume):
         """x' [Pa/s] of a volume: net inflow less the growth of the volume, over the compliance [m^3/Pa].
 
-        Below the void pressure the compliance is a constant, so that (void - x)*C is the void's volume; which constant
-        does not matter to any pressure, since the void must be refilled by what was drawn.
+        Below the void pressure the compliance is that of the constant `void_volume` [m^3] of oil, so that (void - x)*C
+        is the void's volume; which constant does not matter, as long as it is one: what was drawn must be refilled.
         """
         compliance = volume * self.compressibility(self.pressure(x)) + hose_volume / hose_modulus
-        return inflow / np.where(x > self.void, compliance, volume / self.bulk_modulus)
+        return inflow / np.where(x > self.void, compliance, void_volume / self.bulk_modulus)
+
+    def line(self, x, inflow, volume, hose_modulus):
+        """x' [Pa/s] of a line of constant volume, all of it hose."""
+        return self.rate(x, inflow, volume, volume, hose_modulus, volume)
 
 
 class Linkage:
@@ -214,6 +218,7 @@ class SteeringCircuit:
         self.cylinder_leakage = 2.0 * machine.steering.cylinder.leakage
         self.hose_volume = machine.steering.hose_volume
         self.hose_modulus = machine.steering.hose_bulk_modulus
+        self.mid_volume = self.cylinders.geometry(0.0)[2]
         self.cv_in = {"left": v.nominal_flow_left / np.sqrt(v.nominal_drop_in_left),
                       "right": v.nominal_flow_right / np.sqrt(v.nominal_drop_in_right)}
         self.cv_out = {"left": v.nominal_flow_left / np.sqrt(v.nominal_drop_out_left),
@@ -292,11 +297,10 @@ class SteeringCircuit:
         reference = v.compensator_pressure * (1.0 + v.compensator_droop * (0.5 - y))
         y_rate = (reference - drop_edge) / (v.compensator_pressure * v.compensator_time_constant)
         rates = {
-            "supply": oil.rate(s["supply"], into_supply, pump.line_volume, pump.line_volume, pump.hose_bulk_modulus),
-            "a": oil.rate(s["a"], into_a - slope_a * theta_rate, volume_a, hose, modulus),
-            "b": oil.rate(s["b"], into_b - slope_b * theta_rate, volume_b, hose, modulus),
-            "return_line": oil.rate(s["return_line"], into_return, self.tank.volume, self.tank.volume,
-                                    self.tank.hose_bulk_modulus),
+            "supply": oil.line(s["supply"], into_supply, pump.line_volume, pump.hose_bulk_modulus),
+            "a": oil.rate(s["a"], into_a - slope_a * theta_rate, volume_a, hose, modulus, self.mid_volume),
+            "b": oil.rate(s["b"], into_b - slope_b * theta_rate, volume_b, hose, modulus, self.mid_volume),
+            "return_line": oil.line(s["return_line"], into_return, self.tank.volume, self.tank.hose_bulk_modulus),
             "load_sensing": (target - p_ls) / pump.ls_time_constant,
             "spool": np.clip((signal - s["spool"]) / v.spool_time_constant, -v.spool_rate_limit, v.spool_rate_limit),
             "compensator": saturated(y_rate, y, 0.0, 1.0),
@@ -384,8 +388,9 @@ class ArmCircuit:
         into_rod = np.where(extend, -q_out, q_in) - relief_rod
         _, volume_bore, volume_rod, slope_bore, slope_rod = self.geometry(phi)
         hose, modulus = self.hose_volume, self.hose_modulus
-        rates = {"bore": oil.rate(s["bore"], into_bore - slope_bore * phi_rate, volume_bore, hose, modulus),
-                 "rod": oil.rate(s["rod"], into_rod - slope_rod * phi_rate, volume_rod, hose, modulus),
+        fixed = hose + self.cylinder.dead_volume
+        rates = {"bore": oil.rate(s["bore"], into_bore - slope_bore * phi_rate, volume_bore, hose, modulus, fixed),
+                 "rod": oil.rate(s["rod"], into_rod - slope_rod * phi_rate, volume_rod, hose, modulus, fixed),
                  "arm_spool": np.clip((signal - spool) / v.time_constant, -v.rate_limit, v.rate_limit)}
         load_pressure = np.where(opening > 0.0, loaded, 0.0).max(axis=0)
         drawn, given = q_in.sum(axis=0), (q_out + relief_bore + relief_rod).sum(axis=0)
@@ -450,10 +455,10 @@ class Driveline:
         target_front, target_rear = (half if gear >= 3 else 1.0), (half if gear >= 2 else 1.0)
         stroke = 1.0 / d.pump.stroke_time
         rates = {
-            "drive_forward": oil.rate(s["drive_forward"], into_f, main, main, modulus),
-            "drive_return": oil.rate(s["drive_return"], into_r, main, main, modulus),
-            "wheel_line": oil.rate(s["wheel_line"], q_traction - q_motor, hose, hose, modulus),
-            "charge": oil.rate(s["charge"], into_c, d.charge.volume, d.charge.volume, modulus),
+            "drive_forward": oil.line(s["drive_forward"], into_f, main, modulus),
+            "drive_return": oil.line(s["drive_return"], into_r, main, modulus),
+            "wheel_line": oil.line(s["wheel_line"], q_traction - q_motor, hose, modulus),
+            "charge": oil.line(s["charge"], into_c, d.charge.volume, modulus),
             "drive_swash": np.clip((drive_signal - swash) / d.pump.time_constant, -stroke, stroke),
             "fraction_front": (target_front - s["fraction_front"]) / d.motor.shift_time,
             "fraction_rear": (target_rear - s["fraction_rear"]) / d.motor.shift_time,

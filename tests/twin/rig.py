@@ -151,7 +151,8 @@ class LoopLedger:
             # ∫ dp/(β₀ + s p) for p > 0, p/β₀ below
             liquid = np.log1p(oil.slope * np.maximum(p, 0.0) / oil.bulk_modulus) / oil.slope
             liquid += np.minimum(p, 0.0) / oil.bulk_modulus
-            total += volume * (liquid + p / line.hose_bulk_modulus) - np.maximum(oil.void - x, 0.0) * volume / oil.bulk_modulus
+            total += volume * (liquid + p / line.hose_bulk_modulus)
+            total -= volume * np.maximum(oil.void - x, 0.0) / oil.bulk_modulus
         return total
 
 

@@ -205,3 +205,24 @@ def test_device_memory_of_a_twin_is_small():
     arrays = [value for value in vars(twin).values() if isinstance(value, wp.array)]
     a_twin = sum(a.capacity / a.shape[-1] for a in arrays if a.shape[-1] == 100) + MachineRecord.numpy_dtype()["itemsize"]
     assert a_twin < 8192
+
+
+def test_machines_can_be_exchanged_one_by_one():
+    machine = Machine.load()
+    key = "steering.valve.spool_time_constant"
+    slow = machine.set({key: 0.06}, si=True)
+    twin = Twin(3, own_machines=True)
+    twin.set_machines([1], slow)
+    twin.reset()
+    twin.step({"steering_signal": 1.0}, 0.3)
+    angle = twin.output("joint_angle")
+    assert angle[0] == angle[2]
+    alone = Twin(1, machine=slow)
+    alone.step({"steering_signal": 1.0}, 0.3)
+    assert angle[1] == alone.output("joint_angle")[0] != angle[0]
+    with pytest.raises(ValueError, match="own_machines=True"):
+        Twin(3).set_machines([0], slow)
+    with pytest.raises(ValueError, match=r"indices must be in \[0, 2\]"):
+        twin.set_machines([3], slow)
+    with pytest.raises(ValueError, match="the machine has 2 variants"):
+        twin.set_machines([0, 1, 2], machine.set({key: [0.01, 0.02]}, si=True))

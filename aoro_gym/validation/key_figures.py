@@ -1,0 +1,176 @@
+"""The seven key figures of a full turn, defined once for the twin and for the machine.
+
+t = 0 is the first sample whose unfiltered angle has left the start by 0.1°; the turn lasts until the first sample whose
+unfiltered angle is within 0.1° of the stop it goes to. Oil of a full turn over that time is the mean flow. The other
+figures are read from a flow curve, by default that of the measuring chain (:mod:`aoro_gym.sensors.chain`):
+
+* steady flow: mean over [0.48 T, 0.92 T]
+* first peak: largest flow in [0, 0.3 s), and its time
+* lowest undershoot: smallest flow between the first peak and 0.7 s
+* second peak: largest flow in [0.55, 0.85 s]
+
+All of it works on many turns at once, without a loop over them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from aoro_gym.sensors.chain import STANDSTILL, measured_flow, sampling_rate
+
+if TYPE_CHECKING:
+    from aoro_gym.twin import Machine
+    from aoro_gym.twin.sections import SteeringCylinder
+
+TOLERANCE = math.radians(0.1)
+"""Angle [rad] within which a joint has not left its start, or has reached its stop."""
+LITRE_PER_MINUTE = 1e-3 / 60.0
+
+FIGURES = (
+    "turn_time_s",
+    "mean_flow_L_per_min",
+    "steady_flow_L_per_min",
+    "first_peak_L_per_min",
+    "first_peak_time_s",
+    "lowest_undershoot_L_per_min",
+    "second_peak_L_per_min",
+)
+"""Names of the figures, the most important first; the columns of the published table."""
+
+STEADY = (0.48, 0.92)
+"""Steady period, as shares of the turn time."""
+FIRST_PEAK_END = 0.3
+"""End [s] of the search for the first peak."""
+UNDERSHOOT_END = 0.7
+"""End [s] of the search for the lowest undershoot."""
+SECOND_PEAK = (0.55, 0.85)
+"""Period [s] of the second peak."""
+
+_SLACK = 1e-6
+"""Share of a sample by which an instant may miss the end of a period and still count."""
+
+
+def key_figures_batch(
+    time: ArrayLike,
+    angle: ArrayLike,
+    machine: Machine | SteeringCylinder,
+    *,
+    flow: ArrayLike | None = None,
+    stop: ArrayLike | None = None,
+    interpolate: bool = False,
+) -> dict[str, NDArray[np.float64]]:
+    """Key figures of N full turns: one array (N,) a name of :data:`FIGURES`.
+
+    Left and right turns may be mixed: the direction of each follows from where it goes. A turn that never reaches its
+    stop, or never leaves its start, has NaN everywhere; one with less than 0.5 s of recording before t = 0 or after the
+    stop has NaN in the figures that the filter enters.
+
+    Args:
+        time: Evenly spaced instants [s] (F,); 100 samples a second for the published chain.
+        angle: Unfiltered joint angle [rad] (F, N) or (F,), at rest in the first and in the last 0.5 s.
+        machine: The machine, or one of its steering cylinders, with one variant or N.
+        flow: Joint flow [m³/s] like ``angle``, positive in the direction of the turn; by default the measuring chain's.
+        stop: Angle [rad] of the stop that each turn ends at, scalar or (N,); by default the machine's. Logs whose stop
+            is not known take the mean angle of their last half second.
+        interpolate: Instants and extremes between samples, by straight lines and parabolas: smooth functions of the
+            parameters, for optimisers. The published definition reads samples.
+    """
+    clock = np.asarray(time, dtype=np.float64)
+    theta = np.asarray(angle, dtype=np.float64)
+    theta = theta[:, None] if theta.ndim == 1 else theta
+    rate = sampling_rate(clock)
+    if theta.ndim != 2 or theta.shape[0] != clock.size:
+        raise ValueError(f"angle has shape {np.shape(angle)}, but must be ({clock.size},) or ({clock.size}, N)")
+    cylinder = machine.steering.cylinder if hasattr(machine, "steering") else machine  # type: ignore[union-attr]
+    frames, count = theta.shape
+    rest = min(max(round(STANDSTILL * rate), 1), frames)
+
+    start = theta[:rest].mean(axis=0)
+    direction = np.sign(theta[-1] - start)
+    end = direction * cylinder.half_range if stop is None else np.broadcast_to(np.asarray(stop, np.float64), count)
+    turned, to_go = direction * (theta - start), direction * (end - theta)
+    rows, each = np.arange(frames)[:, None], np.arange(count)
+
+    halfway = np.argmax(to_go < turned, axis=0)
+    first = np.where((turned <= TOLERANCE) & (rows < halfway), rows, -1).max(axis=0) + 1  # left for good, despite noise
+    there = (to_go <= TOLERANCE) & (rows >= first)
+    last = np.argmax(there, axis=0)
+    complete = (direction != 0) & there.any(axis=0) & (halfway > 0) & (last > first)
+    began, ended = clock[first], clock[last]
+    if interpolate:
+        before = np.maximum(first - 1, 0)
+        began -= _crossing(turned[before, each], turned[first, each], TOLERANCE) / rate
+        before = np.maximum(last - 1, 0)
+        ended -= _crossing(to_go[before, each], to_go[last, each], TOLERANCE) / rate
+    turn_time = np.where(complete, ended - began, np.nan)
+
+    if flow is None:
+        q = measured_flow(cylinder, theta, direction, rate=rate)
+        kept = (STANDSTILL - _SLACK) * rate
+        clear = complete & (first >= kept) & (frames - 1 - last >= kept)
+    else:
+        q = np.asarray(flow, dtype=np.float64).reshape(frames, -1)
+        clear = complete
+    since = clock[:, None] - began
+    slack = _SLACK / rate
+
+    def within(low: ArrayLike, high: ArrayLike) -> NDArray[np.bool_]:
+        return (since >= np.asarray(low) - slack) & (since <= np.minimum(high, turn_time) + slack)
+
+    onset = (since >= -slack) & (since < FIRST_PEAK_END - slack) & (since <= turn_time + slack)
+    first_peak, peak_row = _extreme(q, onset, interpolate)
+    valley, _ = _extreme(-q, within(since[peak_row.astype(int), each], UNDERSHOOT_END), interpolate)
+    second_peak, _ = _extreme(q, within(*SECOND_PEAK), interpolate)
+    period = within(STEADY[0] * turn_time, STEADY[1] * turn_time)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        steady = np.where(period, q, 0.0).sum(axis=0) / period.sum(axis=0)
+
+    volume = (cylinder.bore_area + cylinder.annulus_area) * cylinder.stroke
+    values = (
+        turn_time,
+        volume / turn_time / LITRE_PER_MINUTE,
+        *(
+            np.where(clear, value, np.nan)
+            for value in (
+                steady / LITRE_PER_MINUTE,
+                first_peak / LITRE_PER_MINUTE,
+                clock[0] + peak_row / rate - began,
+                -valley / LITRE_PER_MINUTE,
+                second_peak / LITRE_PER_MINUTE,
+            )
+        ),
+    )
+    return dict(zip(FIGURES, values, strict=True))
+
+
+def _crossing(before: NDArray[np.float64], at: NDArray[np.float64], level: float) -> NDArray[np.float64]:
+    """Share of a sample by which a straight line between two samples meets ``level`` before the second one."""
+    step = at - before
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.clip(np.where(step == 0.0, 0.0, (at - level) / step), 0.0, 1.0)
+
+
+def _extreme(
+    values: NDArray[np.float64], within: NDArray[np.bool_], interpolate: bool
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Largest value (N,) of ``values`` (F, N) ``within``, and its row, with a part of a row if interpolated.
+
+    NaN where there is nothing to look at. A maximum at the edge of the period stays a sample.
+    """
+    each = np.arange(values.shape[1])
+    masked = np.where(within, values, -np.inf)
+    row = np.argmax(masked, axis=0)
+    top = np.where(within.any(axis=0), values[row, each], np.nan)
+    if not interpolate:
+        return top, row.astype(np.float64)
+    below, above = np.maximum(row - 1, 0), np.minimum(row + 1, values.shape[0] - 1)
+    inside = within[below, each] & within[above, each] & (below < row) & (above > row)
+    rise, fall = values[row, each] - values[below, each], values[row, each] - values[above, each]
+    curvature = rise + fall
+    usable = inside & (curvature > 0.0)
+    shift = np.where(usable, 0.5 * (rise - fall) / np.where(usable, curvature, 1.0), 0.0)
+    return top + np.where(usable, 0.25 * (rise - fall) * shift, 0.0), row + shift

@@ -1,0 +1,57 @@
+"""Hydraulic elements in float64, written from their definitions: what the circuits' oracles are made of."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from aoro_gym.twin.laws.fluid import Oil
+from tests.laws.launch import record
+
+BAR = 1.0e5
+LITRE_A_MINUTE = 1.0e-3 / 60.0
+SUBSTEP = 1.0e-3 / 30.0
+
+OIL = record(
+    Oil,
+    bulk_modulus=1.4e9,
+    bulk_modulus_slope=10.0,
+    gas_fraction=0.0,
+    polytropic_exponent=1.4,
+    laminar_pressure=BAR,
+    void_pressure=-0.95 * BAR,
+)
+VOID = float(OIL["void_pressure"])
+
+
+def cv(flow: float, drop: float) -> float:
+    """Orifice coefficient [m³/s/√Pa] from a flow [L/min] at a drop [bar]."""
+    return flow * LITRE_A_MINUTE / np.sqrt(drop * BAR)
+
+
+def orifice(coefficient: Any, drop: Any) -> Any:
+    """Turbulent flow from 1 bar on, laminar below."""
+    return coefficient * np.where(np.abs(drop) < BAR, drop / np.sqrt(BAR), np.sign(drop) * np.sqrt(np.abs(drop)))
+
+
+def check_valve(coefficient: Any, drop: Any, crack: Any) -> Any:
+    """Orifice in one direction only, beyond its crack."""
+    return orifice(coefficient, np.maximum(drop - crack, 0.0))
+
+
+def relief(drop: Any, setting: Any, ramp: Any, flow: Any) -> Any:
+    """Line from ``setting`` that reaches ``flow`` a ``ramp`` later."""
+    return flow * np.maximum(drop - setting, 0.0) / ramp
+
+
+def compliance(oil: Any, content: Any, volume: Any, hose: Any, nominal: Any) -> Any:
+    """C of an oil volume without gas [m³/Pa]: by its modulus at its pressure, a void by its nominal volume."""
+    stiff = oil.bulk_modulus + oil.bulk_modulus_slope * np.maximum(content, 0.0)
+    return np.where(content < oil.void_pressure, nominal / oil.bulk_modulus, volume / stiff + hose)
+
+
+def pin_distance(linkage: Any, angle: Any) -> Any:
+    """Distance between the pins of a cylinder, from their coordinates about the hinge."""
+    gamma = linkage.g0 + angle
+    return np.hypot(linkage.b * np.cos(gamma) - linkage.a, linkage.b * np.sin(gamma))
