@@ -412,13 +412,14 @@ def advance(
     # outputs (frame, row, twin): one frame every ``sample_every`` main steps
     outputs: wp.array3d(dtype=float),
     # time stepping
+    first: int,
     num_steps: int,
     num_substeps: int,
     h: float,
     sample_every: int,
 ):
-    """Advance every twin by ``num_steps`` main steps of ``h`` [s], each with ``num_substeps`` hydraulic substeps."""
-    t = wp.tid()
+    """Advance the twins from ``first`` on by ``num_steps`` main steps of ``h`` [s] with ``num_substeps`` each."""
+    t = first + wp.tid()
     m = machines[t % machines.shape[0]]
     ground = grounds[t % grounds.shape[0]]
 
@@ -772,7 +773,9 @@ def advance(
             outputs[frame, Output.DRIVE_SIGNAL, t] = drive_signal
             outputs[frame, Output.JOINT_ANGLE, t] = joint
             outputs[frame, Output.JOINT_RATE, t] = joint_rate
-            outputs[frame, Output.JOINT_FLOW, t] = g.displacement_a * joint_rate
+            # oil into the port that the command pressurises
+            pressurised = wp.where(steering_signal < 0.0, g.displacement_b, g.displacement_a)
+            outputs[frame, Output.JOINT_FLOW, t] = pressurised * joint_rate
             outputs[frame, Output.PRESSURE_A, t] = pressure(oil, steering.port_a)
             outputs[frame, Output.PRESSURE_B, t] = pressure(oil, steering.port_b)
             outputs[frame, Output.PUMP_PRESSURE, t] = pressure(oil, steering.supply)

@@ -4,14 +4,15 @@ State, commands and outputs are structures of arrays, float32, one row a quantit
 loads of neighbouring twins coalesce.
 """
 
+# pyright: reportGeneralTypeIssues=false
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from aoro_gym.twin.laws.arms import Arm
 from aoro_gym.twin.laws.bodies import Corner, FrameBody
-from aoro_gym.twin.laws.cylinders import Linkage
 from aoro_gym.twin.laws.driveline import Driveline
 from aoro_gym.twin.laws.engine import Engine
 from aoro_gym.twin.laws.fluid import Oil
@@ -22,6 +23,7 @@ from aoro_gym.twin.quantities import Quantity
 
 WHEELS = ("fl", "fr", "rl", "rr")
 """Order of wheels and arms everywhere: front left, front right, rear left, rear right."""
+
 
 @wp.struct
 class Joint:
@@ -68,7 +70,7 @@ def _each(name: str) -> list[str]:
     return [f"{name}_{wheel}" for wheel in WHEELS]
 
 
-State = IntEnum(
+State: Any = IntEnum(
     "State",
     [
         # pose: hinge origin [m] with its rounding remainder [m], quaternion of the front frame (x, y, z, w), angles [rad]
@@ -98,7 +100,7 @@ State = IntEnum(
     start=0,
 )
 
-Command = IntEnum(
+Command: Any = IntEnum(
     "Command",
     [
         "STEERING_SIGNAL",
@@ -114,14 +116,14 @@ Command = IntEnum(
 COMMAND_BOUNDS: dict[str, tuple[float, float, float]] = {
     "steering_signal": (-1.0, 1.0, 0.0),
     "drive_signal": (-1.0, 1.0, 0.0),
-    **{name: (-1.0, 1.0, 0.0) for name in _each("arm")},
-    **{name: (0.0, 1.0, 1.0) for name in _each("traction")},
+    **dict.fromkeys(_each("arm"), (-1.0, 1.0, 0.0)),
+    **dict.fromkeys(_each("traction"), (0.0, 1.0, 1.0)),
     "gear": (1.0, 3.0, 1.0),
     "parking_brake": (0.0, 1.0, 0.0),
 }
 """Lowest, highest and initial value of every command."""
 
-Output = IntEnum(
+Output: Any = IntEnum(
     "Output",
     [
         n.upper()
@@ -188,8 +190,12 @@ def _geometry(machine: Machine) -> dict[str, Quantity]:
         "corner.spin_inertia": machine.wheel.inertia_spin,
         "arm.stop_torsional_stiffness": arm.stop_stiffness * arm.cylinder.linkage.mean_lever**2,
         "arm.stop_torsional_damping": arm.stop_damping * arm.cylinder.linkage.mean_lever**2,
-        "joint.stop_torsional_stiffness": 2.0 * machine.joint.stop_stiffness * machine.steering.cylinder.linkage.mean_lever**2,
-        "joint.stop_torsional_damping": 2.0 * machine.joint.stop_damping * machine.steering.cylinder.linkage.mean_lever**2,
+        "joint.stop_torsional_stiffness": 2.0
+        * machine.joint.stop_stiffness
+        * machine.steering.cylinder.linkage.mean_lever**2,
+        "joint.stop_torsional_damping": 2.0
+        * machine.joint.stop_damping
+        * machine.steering.cylinder.linkage.mean_lever**2,
     }
 
 
@@ -219,6 +225,7 @@ def _fill(row: np.ndarray, section: object, geometry: dict[str, Quantity], path:
 
 def pack(machine: Machine) -> np.ndarray:
     """Device records of ``machine``: structured float32 array of shape (machine.num_variants,)."""
-    rows = np.zeros(machine.num_variants, dtype=MachineRecord.numpy_dtype())
+    layout: Any = MachineRecord.numpy_dtype()
+    rows = np.zeros(machine.num_variants, dtype=layout)
     _fill(rows, machine, _geometry(machine))
     return rows

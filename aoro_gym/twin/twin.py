@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from enum import IntEnum
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +27,9 @@ LONGEST_COMMAND_DELAY = 0.06
 BLOCK_DIM = 32
 """Threads a block: one warp, so that a few thousand twins already reach every multiprocessor."""
 
+WORTH_THREADS = 200
+"""Twin-steps of a launch (about 4 µs each on a core) from which several CPU threads pay."""
+
 STATUS = {kernels.NON_FINITE: "its state became non-finite"}
 """Reasons for which a twin is frozen, by status code (0: running)."""
 
@@ -34,7 +42,7 @@ class Trace:
     """
 
     time: npt.NDArray[np.float64]
-    values: npt.NDArray[np.float32]  # (frames, channels, num_twins)
+    values: npt.NDArray[Any]  # float32, (frames, channels, num_twins)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -123,7 +131,8 @@ class Twin:
         rolling = np.atleast_1d(np.asarray(self.terrain.rolling_resistance, dtype=np.float64))
         count = max(len(normal), len(friction), len(rolling))
         _check_count("the terrain", count, self.num_twins)
-        rows = np.zeros(count, dtype=Ground.numpy_dtype())
+        layout: Any = Ground.numpy_dtype()
+        rows: Any = np.zeros(count, dtype=layout)
         rows["normal"] = normal
         rows["friction"] = friction
         rows["rolling_resistance"] = rolling
@@ -164,7 +173,9 @@ class Twin:
         limit = np.max(self.machine.joint.range)
         if np.any(np.abs(pose[3]) > limit + 1e-6):
             worst = pose[3][np.argmax(np.abs(pose[3]))]
-            raise ValueError(f"joint_angle is {worst:.4f} rad, but the joint reaches only ±{limit:.4f} rad (joint.range)")
+            raise ValueError(
+                f"joint_angle is {worst:.4f} rad, but the joint reaches only ±{limit:.4f} rad (joint.range)"
+            )
         self._mask.assign(chosen)
         self._pose.assign(pose)
         wp.launch(
@@ -220,27 +231,44 @@ class Twin:
         steps = self._whole(duration, "duration")
         every = steps if sample_every is None else self._whole(sample_every, "sample_every")
         if steps % every:
-            raise ValueError(f"duration is {duration} s, but must be a whole multiple of sample_every = {sample_every} s")
+            raise ValueError(
+                f"duration is {duration} s, but must be a whole multiple of sample_every = {sample_every} s"
+            )
         if commands:
             self.set_commands(commands)
         frames = steps // every
         if self._outputs.shape[0] != frames:
             self._outputs = wp.zeros((frames, len(Output), self.num_twins), dtype=float, device=self.device)
         start = self.time
-        wp.launch(
-            kernels.advance,
-            dim=self.num_twins,
-            inputs=[
-                self._machines, self._grounds, self.commands, self.state, self._history, self._clock, self._status,
-                self._outputs, steps, self.substeps, self.main_step, every,
-            ],
-            device=self.device,
-            block_dim=BLOCK_DIM,
-        )  # fmt: skip
+        self._advance(steps, every)
         if sample_every is None:
             return None
         time = start.max() + self.main_step * every * np.arange(1, frames + 1)
         return Trace(time=time, values=self._outputs.numpy().copy())
+
+    def _advance(self, steps: int, every: int) -> None:
+        """Launch ``steps`` main steps; on the CPU, whose backend is single-threaded, one slice of twins a thread."""
+        threads = 1
+        if self.device.is_cpu and self.num_twins * steps >= WORTH_THREADS:
+            threads = min(os.cpu_count() or 1, self.num_twins)
+
+        def launch(slot: int) -> None:
+            first = slot * self.num_twins // threads
+            wp.launch(
+                kernels.advance,
+                dim=(slot + 1) * self.num_twins // threads - first,
+                inputs=[
+                    self._machines, self._grounds, self.commands, self.state, self._history, self._clock,
+                    self._status, self._outputs, first, steps, self.substeps, self.main_step, every,
+                ],
+                device=self.device,
+                block_dim=BLOCK_DIM,
+            )  # fmt: skip
+
+        if threads == 1:
+            launch(0)
+        else:
+            list(_threads().map(launch, range(threads)))
 
     def _whole(self, seconds: float, name: str) -> int:
         steps = round(seconds / self.main_step) if np.isfinite(seconds) else 0
@@ -273,7 +301,7 @@ class Twin:
             raise ValueError(
                 "these twins share one machine record; construct them with own_machines=True to change it one by one"
             )
-        if chosen.size and not (0 <= chosen.min() and chosen.max() < self.num_twins):
+        if chosen.size and not (chosen.min() >= 0 and chosen.max() < self.num_twins):
             raise ValueError(f"indices must be in [0, {self.num_twins - 1}], but reach {chosen.min()} … {chosen.max()}")
         _check_count("the machine", machine.num_variants, max(len(chosen), 1))
         rows = np.resize(pack(machine), len(chosen))
@@ -298,7 +326,7 @@ class Twin:
         return self._outputs.numpy()[-1, _row(Output, channel, "output")]
 
     @property
-    def status(self) -> npt.NDArray[np.int32]:
+    def status(self) -> npt.NDArray[Any]:
         """Status of every twin, shape (num_twins,): 0 runs, else frozen (see ``STATUS``)."""
         return self._status.numpy()
 
@@ -309,7 +337,12 @@ class Twin:
         return [(int(i), STATUS[int(status[i])]) for i in np.flatnonzero(status)]
 
 
-def _row(rows: type[Output] | type[Command], name: str, what: str) -> int:
+@cache
+def _threads() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(os.cpu_count(), thread_name_prefix="twin")
+
+
+def _row(rows: type[IntEnum], name: str, what: str) -> int:
     try:
         return int(rows[name.upper()])
     except KeyError:

@@ -123,7 +123,7 @@ def key_figures_batch(
 
     onset = (since >= -slack) & (since < FIRST_PEAK_END - slack) & (since <= turn_time + slack)
     first_peak, peak_row = _extreme(q, onset, interpolate)
-    valley, _ = _extreme(-q, within(since[peak_row.astype(int), each], UNDERSHOOT_END), interpolate)
+    valley, _ = _extreme(-q, within(since[np.rint(peak_row).astype(int), each], UNDERSHOOT_END), interpolate)
     second_peak, _ = _extreme(q, within(*SECOND_PEAK), interpolate)
     period = within(STEADY[0] * turn_time, STEADY[1] * turn_time)
     with np.errstate(invalid="ignore", divide="ignore"):

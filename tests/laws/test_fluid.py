@@ -274,9 +274,7 @@ def test_modulus_is_the_compressibility_of_oil_and_polytropic_gas():
 def test_modulus_follows_its_equation():
     oils = random_oils(2000)
     p = rounded(np.random.default_rng(4).uniform(-1.5, 350.0, 2000) * BAR)
-    np.testing.assert_allclose(
-        launch(modulus_kernel, oils, p), mixture_modulus(columns(oils), p), rtol=MODULUS_ERROR
-    )
+    np.testing.assert_allclose(launch(modulus_kernel, oils, p), mixture_modulus(columns(oils), p), rtol=MODULUS_ERROR)
 
 
 def test_modulus_without_gas_is_the_liquids():

@@ -192,9 +192,7 @@ def test_element_is_a_spring_below_breakaway():
     limit = capacity / stiffness
     path = rng.uniform(-0.999 * limit, 0.999 * limit, (50, steps))
     rate = rounded(np.diff(path, axis=1, prepend=0.0) / 1e-3)
-    _, deflection = launch(
-        driven_kernel, rate, np.full((50, steps), capacity), stiffness, 0.0, 1e-3, length=steps
-    )
+    _, deflection = launch(driven_kernel, rate, np.full((50, steps), capacity), stiffness, 0.0, 1e-3, length=steps)
     # two roundings a step, each relative to a step of up to 2 limits
     np.testing.assert_allclose(deflection, np.cumsum(rate * rounded(1e-3), axis=1), atol=steps * 4 * ROUNDOFF * limit)
 
@@ -226,9 +224,7 @@ def test_hysteresis_loop_encloses_four_times_breakaway_by_slide(amplitude):
     limit = capacity / stiffness
     speed = amplitude * limit / (0.25e-3 * steps)
     rate = rounded(speed * np.repeat([1.0, -1.0, -1.0, 1.0, 1.0], steps // 4))[None]
-    torque, _ = launch(
-        driven_kernel, rate, np.full_like(rate, capacity), stiffness, 0.0, 1e-3, length=rate.shape[1]
-    )
+    torque, _ = launch(driven_kernel, rate, np.full_like(rate, capacity), stiffness, 0.0, 1e-3, length=rate.shape[1])
     cycle = slice(steps // 4, None)
     loss = np.sum(-torque[0, cycle] * rate[0, cycle]) * 1e-3
     # a step that meets the limit is cut once a reversal: T_c times a step's travel at most; float32: a rounding a step
@@ -279,18 +275,14 @@ def test_no_creep_under_an_oscillating_load_in_a_million_steps():
 def test_breakaway_at_the_capacity():
     """A load that grows slowly: not a hair of slide below T_c, and sliding right above."""
     stiffness, capacity, growth = 7e5, 3000.0, 500.0
-    _, rate, slide, load = launch(
-        loaded_kernel, 0.0, 0.0, 0.0, growth, 0.0, 1e4, stiffness, 5e4, capacity, 1e-3, 7000
-    )
+    _, rate, slide, load = launch(loaded_kernel, 0.0, 0.0, 0.0, growth, 0.0, 1e4, stiffness, 5e4, capacity, 1e-3, 7000)
     # the ramp excites the resonance (0.75 s, damping ratio 0.3): an overshoot of at most growth/k/ω₀ = growth · 0.12 s
     # in torque, and the damper holds c·growth/k = 36 N m of the load back
     resonance = growth * np.sqrt(1e4 / stiffness)
     assert capacity - resonance < load < capacity + resonance + 5e4 * growth / stiffness
     assert slide > 0.0
     assert rate > 0.0
-    below = launch(
-        loaded_kernel, 0.0, 0.0, 0.0, growth, 0.0, 1e4, stiffness, 5e4, capacity, 1e-3, 5500
-    )[2]
+    below = launch(loaded_kernel, 0.0, 0.0, 0.0, growth, 0.0, 1e4, stiffness, 5e4, capacity, 1e-3, 5500)[2]
     assert below == 0.0
 
 

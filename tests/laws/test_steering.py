@@ -140,7 +140,9 @@ def geometry_kernel(
 
 @wp.kernel(enable_backward=False)
 def play_kernel(
-    command: wp.array2d(dtype=float), width: wp.array(dtype=float), position: wp.array2d(dtype=float),
+    command: wp.array2d(dtype=float),
+    width: wp.array(dtype=float),
+    position: wp.array2d(dtype=float),
     output: wp.array2d(dtype=float),
 ):
     i = wp.tid()
@@ -153,7 +155,10 @@ def play_kernel(
 
 @wp.kernel(enable_backward=False)
 def opening_kernel(
-    spool: wp.array(dtype=float), dead_band: float, opening_1V0: float, opening_1V5: float,
+    spool: wp.array(dtype=float),
+    dead_band: float,
+    opening_1V0: float,
+    opening_1V5: float,
     opening: wp.array(dtype=float),
 ):
     i = wp.tid()
@@ -162,8 +167,12 @@ def opening_kernel(
 
 @wp.kernel(enable_backward=False)
 def swash_kernel(
-    m: wp.array(dtype=Steering), swash: wp.array(dtype=float), supply: wp.array(dtype=float),
-    ls_pressure: wp.array(dtype=float), dt: wp.array(dtype=float), out: wp.array(dtype=float),
+    m: wp.array(dtype=Steering),
+    swash: wp.array(dtype=float),
+    supply: wp.array(dtype=float),
+    ls_pressure: wp.array(dtype=float),
+    dt: wp.array(dtype=float),
+    out: wp.array(dtype=float),
 ):
     i = wp.tid()
     out[i] = swash_step(m[i], swash[i], supply[i], ls_pressure[i], dt[i])
@@ -171,9 +180,15 @@ def swash_kernel(
 
 @wp.kernel(enable_backward=False)
 def step_kernel(
-    m: wp.array(dtype=Steering), oil: wp.array(dtype=Oil), angle: wp.array(dtype=float),
-    demand: wp.array(dtype=float), engine_speed: wp.array(dtype=float), joint_rate: wp.array(dtype=float),
-    arms: wp.array(dtype=Exchange), start: wp.array(dtype=SteeringState), dt: wp.array(dtype=float),
+    m: wp.array(dtype=Steering),
+    oil: wp.array(dtype=Oil),
+    angle: wp.array(dtype=float),
+    demand: wp.array(dtype=float),
+    engine_speed: wp.array(dtype=float),
+    joint_rate: wp.array(dtype=float),
+    arms: wp.array(dtype=Exchange),
+    start: wp.array(dtype=SteeringState),
+    dt: wp.array(dtype=float),
     end: wp.array(dtype=SteeringState),
 ):
     i = wp.tid()
@@ -183,9 +198,16 @@ def step_kernel(
 
 @wp.kernel(enable_backward=False)
 def run_kernel(
-    m: wp.array(dtype=Steering), oil: wp.array(dtype=Oil), demand: wp.array(dtype=float),
-    arms: wp.array(dtype=Exchange), start: wp.array(dtype=SteeringState), dt: float, steps: int, hold_supply: int,
-    hold_ports: int, end: wp.array(dtype=SteeringState),
+    m: wp.array(dtype=Steering),
+    oil: wp.array(dtype=Oil),
+    demand: wp.array(dtype=float),
+    arms: wp.array(dtype=Exchange),
+    start: wp.array(dtype=SteeringState),
+    dt: float,
+    steps: int,
+    hold_supply: int,
+    hold_ports: int,
+    end: wp.array(dtype=SteeringState),
 ):
     """The circuit with a joint at rest; pressures may be held as if the volumes were endless."""
     i = wp.tid()
@@ -582,9 +604,7 @@ def random_case(count, seed, **fixed):
 
 
 def advance(case, dt=DT):
-    return launch(
-        step_kernel, case.m, OIL, case.angle, case.demand, case.speed, case.rate, case.arms, case.start, dt
-    )
+    return launch(step_kernel, case.m, OIL, case.angle, case.demand, case.speed, case.rate, case.arms, case.start, dt)
 
 
 def flow_tolerance(m, f, capacity, before, after):
@@ -677,9 +697,7 @@ def test_metering_edges_take_power():
     assert np.any(end.flow_in > 0.0)
 
 
-SYMMETRIC = {
-    name.replace("left", "right"): float(STEERING[name]) for name in STEERING.dtype.names if "left" in name
-}
+SYMMETRIC = {name.replace("left", "right"): float(STEERING[name]) for name in STEERING.dtype.names if "left" in name}
 
 
 def test_left_and_right_are_mirrored_when_their_parameters_are():
@@ -691,9 +709,7 @@ def test_left_and_right_are_mirrored_when_their_parameters_are():
     end = advance(case)
     s = case.start
     start = changed(s, port_a=s["port_b"], port_b=s["port_a"], spool=-s["spool"])
-    other = launch(
-        step_kernel, case.m, OIL, -case.angle, -case.demand, case.speed, -case.rate, case.arms, start, DT
-    )
+    other = launch(step_kernel, case.m, OIL, -case.angle, -case.demand, case.speed, -case.rate, case.arms, start, DT)
     mirrored = {"port_a": "port_b", "port_b": "port_a"}
     for name in SteeringState.vars:
         value = -other.spool if name == "spool" else getattr(other, mirrored.get(name, name))

@@ -126,7 +126,9 @@ class Linkage:
             if best is None or lever > best[0]:
                 best = (lever, g0, a)
         if best is None:
-            raise ValueError("the cylinder's linkage does not close: stroke, dead_length, mount_ratio and range disagree")
+            raise ValueError(
+                "the cylinder's linkage does not close: stroke, dead_length, mount_ratio and range disagree"
+            )
         _, self.middle, self.a = best
         self.b = ratio * self.a
 
@@ -219,25 +221,34 @@ class SteeringCircuit:
         self.hose_volume = machine.steering.hose_volume
         self.hose_modulus = machine.steering.hose_bulk_modulus
         self.mid_volume = self.cylinders.geometry(0.0)[2]
-        self.cv_in = {"left": v.nominal_flow_left / np.sqrt(v.nominal_drop_in_left),
-                      "right": v.nominal_flow_right / np.sqrt(v.nominal_drop_in_right)}
-        self.cv_out = {"left": v.nominal_flow_left / np.sqrt(v.nominal_drop_out_left),
-                       "right": v.nominal_flow_right / np.sqrt(v.nominal_drop_out_right)}
+        self.cv_in = {
+            "left": v.nominal_flow_left / np.sqrt(v.nominal_drop_in_left),
+            "right": v.nominal_flow_right / np.sqrt(v.nominal_drop_in_right),
+        }
+        self.cv_out = {
+            "left": v.nominal_flow_left / np.sqrt(v.nominal_drop_out_left),
+            "right": v.nominal_flow_right / np.sqrt(v.nominal_drop_out_right),
+        }
         self.cv_compensator = max(v.nominal_flow_left, v.nominal_flow_right) / np.sqrt(v.compensator_open_drop)
         self.cv_anticavitation = v.anticavitation_flow / np.sqrt(v.anticavitation_drop)
         self.cv_bleed = self.pump.bleed_flow / np.sqrt(self.pump.bleed_drop)
         self.cv_suction = self.tank.suction_flow / np.sqrt(self.tank.suction_drop)
         self.displacement = self.pump.displacement  # [m^3/rad]
         self.curve_signal = {"left": (v.dead_band_left, 1.0, 1.5, 2.0), "right": (v.dead_band_right, 1.0, 1.5, 2.0)}
-        self.curve_opening = {"left": (0.0, v.opening_left_1V0, v.opening_left_1V5, 1.0),
-                              "right": (0.0, v.opening_right_1V0, v.opening_right_1V5, 1.0)}
+        self.curve_opening = {
+            "left": (0.0, v.opening_left_1V0, v.opening_left_1V5, 1.0),
+            "right": (0.0, v.opening_right_1V0, v.opening_right_1V5, 1.0),
+        }
 
     def opening(self, spool):
         """Opening [0, 1] of the edges and whether the spool stands on the left side."""
         volts = 2.0 * np.abs(spool)
         left = spool > 0.0
-        opening = np.where(left, np.interp(volts, self.curve_signal["left"], self.curve_opening["left"]),
-                           np.interp(volts, self.curve_signal["right"], self.curve_opening["right"]))
+        opening = np.where(
+            left,
+            np.interp(volts, self.curve_signal["left"], self.curve_opening["left"]),
+            np.interp(volts, self.curve_signal["right"], self.curve_opening["right"]),
+        )
         return opening, left
 
     def valve_flows(self, spool, y, p_s, p_a, p_b, p_t):
@@ -285,15 +296,17 @@ class SteeringCircuit:
 
         to_tank = relief_valve(p_t, self.tank.back_pressure, self.tank.back_pressure_ramp, self.tank.back_flow)
         from_tank = check_valve(self.cv_suction, -p_t, 0.0, lam)
-        into_return = (q_out + shock_a + shock_b + leak_a + leak_b - suction_a - suction_b + arms_out
-                       - to_tank + from_tank)
+        into_return = (
+            q_out + shock_a + shock_b + leak_a + leak_b - suction_a - suction_b + arms_out - to_tank + from_tank
+        )
 
         _, _, volume_a, volume_b, slope_a, slope_b = self.cylinders.geometry(theta)
         hose, modulus = self.hose_volume, self.hose_modulus
         target = np.maximum(np.maximum(np.where(opening > 0.0, p_load, 0.0), arms_load), 0.0)
         error = np.minimum(p_ls + pump.margin - p_s, pump.cutoff - p_s)
-        swash_rate = np.clip(error / (pump.control_band * pump.stroke_up_time),
-                             -1.0 / pump.stroke_down_time, 1.0 / pump.stroke_up_time)
+        swash_rate = np.clip(
+            error / (pump.control_band * pump.stroke_up_time), -1.0 / pump.stroke_down_time, 1.0 / pump.stroke_up_time
+        )
         reference = v.compensator_pressure * (1.0 + v.compensator_droop * (0.5 - y))
         y_rate = (reference - drop_edge) / (v.compensator_pressure * v.compensator_time_constant)
         rates = {
@@ -307,12 +320,29 @@ class SteeringCircuit:
             "swash": saturated(swash_rate, swash, 0.0, 1.0),
         }
         load = swash * self.displacement * p_s / pump.mechanical_efficiency
-        flows = {"pump": pump_flow, "pump_leak": pump_leak, "bleed": bleed, "supply_relief": supply_relief,
-                 "valve_in": q_in, "valve_out": q_out, "shock_a": shock_a, "shock_b": shock_b,
-                 "suction_a": suction_a, "suction_b": suction_b, "leak_a": leak_a, "leak_b": leak_b,
-                 "cylinder_leak": cross_a, "to_tank": to_tank, "from_tank": from_tank,
-                 "into_a": into_a, "into_b": into_b, "into_supply": into_supply, "into_return": into_return,
-                 "opening": opening, "edge_drop": drop_edge}
+        flows = {
+            "pump": pump_flow,
+            "pump_leak": pump_leak,
+            "bleed": bleed,
+            "supply_relief": supply_relief,
+            "valve_in": q_in,
+            "valve_out": q_out,
+            "shock_a": shock_a,
+            "shock_b": shock_b,
+            "suction_a": suction_a,
+            "suction_b": suction_b,
+            "leak_a": leak_a,
+            "leak_b": leak_b,
+            "cylinder_leak": cross_a,
+            "to_tank": to_tank,
+            "from_tank": from_tank,
+            "into_a": into_a,
+            "into_b": into_b,
+            "into_supply": into_supply,
+            "into_return": into_return,
+            "opening": opening,
+            "edge_drop": drop_edge,
+        }
         return rates, load, flows
 
 
@@ -389,9 +419,11 @@ class ArmCircuit:
         _, volume_bore, volume_rod, slope_bore, slope_rod = self.geometry(phi)
         hose, modulus = self.hose_volume, self.hose_modulus
         fixed = hose + self.cylinder.dead_volume
-        rates = {"bore": oil.rate(s["bore"], into_bore - slope_bore * phi_rate, volume_bore, hose, modulus, fixed),
-                 "rod": oil.rate(s["rod"], into_rod - slope_rod * phi_rate, volume_rod, hose, modulus, fixed),
-                 "arm_spool": np.clip((signal - spool) / v.time_constant, -v.rate_limit, v.rate_limit)}
+        rates = {
+            "bore": oil.rate(s["bore"], into_bore - slope_bore * phi_rate, volume_bore, hose, modulus, fixed),
+            "rod": oil.rate(s["rod"], into_rod - slope_rod * phi_rate, volume_rod, hose, modulus, fixed),
+            "arm_spool": np.clip((signal - spool) / v.time_constant, -v.rate_limit, v.rate_limit),
+        }
         load_pressure = np.where(opening > 0.0, loaded, 0.0).max(axis=0)
         drawn, given = q_in.sum(axis=0), (q_out + relief_bore + relief_rod).sum(axis=0)
         flows = {"into_bore": into_bore, "into_rod": into_rod, "valve_in": q_in, "valve_out": q_out}
@@ -420,8 +452,11 @@ class Driveline:
         brake = self.d.brake
         p_w, p_r = self.oil.pressure(s["wheel_line"]), self.oil.pressure(s["drive_return"])
         motor = self.motor_size(s["fraction_front"], s["fraction_rear"]) * (p_w - p_r)
-        capacity = (brake.disc_torque + parking * brake.parking_torque
-                    + (1.0 - self.d.motor.mechanical_efficiency) * np.abs(motor))
+        capacity = (
+            brake.disc_torque
+            + parking * brake.parking_torque
+            + (1.0 - self.d.motor.mechanical_efficiency) * np.abs(motor)
+        )
         dry = bristle_force(s["wheel_bristle"], w, brake.presliding_stiffness, brake.presliding_damping, capacity)
         return motor, dry, bristle_rate(s["wheel_bristle"], w, capacity / brake.presliding_stiffness)
 
@@ -431,9 +466,11 @@ class Driveline:
         p_f, p_r, p_w, p_c = (oil.pressure(s[n]) for n in ("drive_forward", "drive_return", "wheel_line", "charge"))
         swash = s["drive_swash"]
         pumped = swash * self.pump_displacement * omega
-        cross = (d.pump.cross_leakage * (p_f - p_r)
-                 + relief_valve(p_f - p_r, d.relief.pressure, d.relief.ramp, d.relief.flow)
-                 - relief_valve(p_r - p_f, d.relief.pressure, d.relief.ramp, d.relief.flow))
+        cross = (
+            d.pump.cross_leakage * (p_f - p_r)
+            + relief_valve(p_f - p_r, d.relief.pressure, d.relief.ramp, d.relief.flow)
+            - relief_valve(p_r - p_f, d.relief.pressure, d.relief.ramp, d.relief.flow)
+        )
         case_f, case_r = d.pump.leakage * p_f, d.pump.leakage * p_r
         check_f = check_valve(self.cv_check, p_c - p_f, d.charge.check_crack, lam)
         check_r = check_valve(self.cv_check, p_c - p_r, d.charge.check_crack, lam)
@@ -465,12 +502,25 @@ class Driveline:
             "traction_opening": (traction - s["traction_opening"]) / d.traction.time_constant,
         }
         torque = swash * self.pump_displacement * (p_f - p_r)
-        load = (torque + (1.0 - d.pump.mechanical_efficiency) * np.abs(torque)
-                + self.charge_displacement * p_c / d.charge.mechanical_efficiency)
-        flows = {"pump": pumped, "case_forward": case_f, "case_return": case_r, "check_forward": check_f,
-                 "check_return": check_r, "flush": flush, "charge": charge_flow, "charge_relief": charge_relief,
-                 "into_forward": into_f, "into_return": into_r, "into_wheel": q_traction - q_motor,
-                 "into_charge": into_c}
+        load = (
+            torque
+            + (1.0 - d.pump.mechanical_efficiency) * np.abs(torque)
+            + self.charge_displacement * p_c / d.charge.mechanical_efficiency
+        )
+        flows = {
+            "pump": pumped,
+            "case_forward": case_f,
+            "case_return": case_r,
+            "check_forward": check_f,
+            "check_return": check_r,
+            "flush": flush,
+            "charge": charge_flow,
+            "charge_relief": charge_relief,
+            "into_forward": into_f,
+            "into_return": into_r,
+            "into_wheel": q_traction - q_motor,
+            "into_charge": into_c,
+        }
         return rates, load, flows
 
 
@@ -502,6 +552,8 @@ class Engine:
         error = e.set_speed - omega
         demand = np.clip(e.governor_proportional * error + integral, 0.0, ceiling)
         omega_rate = (torque - friction - load) / e.inertia
-        return {"engine_speed": np.where(omega > 0.0, omega_rate, np.maximum(omega_rate, 0.0)),
-                "governor": saturated(e.governor_integral * error, integral, 0.0, ceiling),
-                "engine_torque": np.minimum((demand - torque) / e.torque_time_constant, e.smoke_rate)}
+        return {
+            "engine_speed": np.where(omega > 0.0, omega_rate, np.maximum(omega_rate, 0.0)),
+            "governor": saturated(e.governor_integral * error, integral, 0.0, ceiling),
+            "engine_torque": np.minimum((demand - torque) / e.torque_time_constant, e.smoke_rate),
+        }

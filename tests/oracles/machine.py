@@ -23,16 +23,42 @@ from tests.oracles.tires import Plane, Tire, cross, hull_force
 
 # name: (number, scale in SI)
 LAYOUT = {
-    "position": (3, 0.1), "quaternion": (4, 0.1), "theta": (1, 0.1), "phi": (4, 0.1), "psi": (4, 0.1),
-    "velocity": (3, 0.1), "angular_velocity": (3, 0.1), "theta_rate": (1, 0.1), "phi_rate": (4, 0.1),
+    "position": (3, 0.1),
+    "quaternion": (4, 0.1),
+    "theta": (1, 0.1),
+    "phi": (4, 0.1),
+    "psi": (4, 0.1),
+    "velocity": (3, 0.1),
+    "angular_velocity": (3, 0.1),
+    "theta_rate": (1, 0.1),
+    "phi_rate": (4, 0.1),
     "wheel_rate": (4, 0.1),
-    "joint_bristle": (1, 1e-3), "arm_bristle": (4, 1e-3), "wheel_bristle": (4, 1e-3), "tire_bristle": (8, 1e-2),
-    "supply": (1, 1e6), "a": (1, 1e6), "b": (1, 1e6), "return_line": (1, 1e6), "load_sensing": (1, 1e6),
-    "spool": (1, 1.0), "compensator": (1, 1.0), "swash": (1, 1.0),
-    "bore": (4, 1e6), "rod": (4, 1e6), "arm_spool": (4, 1.0),
-    "drive_forward": (1, 1e6), "drive_return": (1, 1e6), "wheel_line": (4, 1e6), "charge": (1, 1e6),
-    "drive_swash": (1, 1.0), "fraction_front": (1, 1.0), "fraction_rear": (1, 1.0), "traction_opening": (4, 1.0),
-    "engine_speed": (1, 10.0), "governor": (1, 100.0), "engine_torque": (1, 100.0),
+    "joint_bristle": (1, 1e-3),
+    "arm_bristle": (4, 1e-3),
+    "wheel_bristle": (4, 1e-3),
+    "tire_bristle": (8, 1e-2),
+    "supply": (1, 1e6),
+    "a": (1, 1e6),
+    "b": (1, 1e6),
+    "return_line": (1, 1e6),
+    "load_sensing": (1, 1e6),
+    "spool": (1, 1.0),
+    "compensator": (1, 1.0),
+    "swash": (1, 1.0),
+    "bore": (4, 1e6),
+    "rod": (4, 1e6),
+    "arm_spool": (4, 1.0),
+    "drive_forward": (1, 1e6),
+    "drive_return": (1, 1e6),
+    "wheel_line": (4, 1e6),
+    "charge": (1, 1e6),
+    "drive_swash": (1, 1.0),
+    "fraction_front": (1, 1.0),
+    "fraction_rear": (1, 1.0),
+    "traction_opening": (4, 1.0),
+    "engine_speed": (1, 10.0),
+    "governor": (1, 100.0),
+    "engine_torque": (1, 100.0),
 }
 _STARTS = np.cumsum([0, *(count for count, _ in LAYOUT.values())])
 SLICES = {name: slice(a, b) for name, (a, b) in zip(LAYOUT, pairwise(_STARTS), strict=True)}
@@ -64,8 +90,10 @@ def unpack(y):
 
 def pack(states):
     """Solver vector (n, k) from states by name."""
-    k = max(np.atleast_1d(v).shape[-1] if np.ndim(v) == 2 or count == 1 else 1
-            for (count, _), v in zip(LAYOUT.values(), (states[name] for name in LAYOUT), strict=True))
+    k = max(
+        np.atleast_1d(v).shape[-1] if np.ndim(v) == 2 or count == 1 else 1
+        for (count, _), v in zip(LAYOUT.values(), (states[name] for name in LAYOUT), strict=True)
+    )
     y = np.empty((SIZE, k))
     for name, part in SLICES.items():
         value = np.asarray(states[name], float)
@@ -90,8 +118,14 @@ class MachineOracle:
         for s, part in ((1.0, machine.frame.front), (-1.0, machine.frame.rear)):
             middle = s * (part.axle_distance - part.cog_offset)
             low = machine.frame.ground_clearance
-            corners.append([(middle + dx * part.hull_length, dy * part.hull_width, low + dz * part.hull_height)
-                            for dx in (-0.5, 0.5) for dy in (-0.5, 0.5) for dz in (0.0, 1.0)])
+            corners.append(
+                [
+                    (middle + dx * part.hull_length, dy * part.hull_width, low + dz * part.hull_height)
+                    for dx in (-0.5, 0.5)
+                    for dy in (-0.5, 0.5)
+                    for dz in (0.0, 1.0)
+                ]
+            )
         self.hull_corners = np.array(corners).transpose(2, 0, 1)  # (3, 2, 8)
 
     # ------------------------------------------------------------------------------------------------------- contacts
@@ -104,10 +138,15 @@ class MachineOracle:
         velocity = kin.to_half(kin.wheel_velocity, HALF_OF_WHEEL)
         angular = kin.to_half(kin.frame_angular[:, HALF_OF_WHEEL], HALF_OF_WHEEL)
         z = bristles.reshape(4, 2, k).swapaxes(0, 1)
-        force, moment, z_rate, info = self.tire.contact(gap, n, n_world[2], z, velocity, angular, kin.spin,
-                                                        self.ground.friction, self.ground.rolling_resistance)
-        return (kin.to_world(force, HALF_OF_WHEEL), kin.to_world(moment, HALF_OF_WHEEL),
-                z_rate.swapaxes(0, 1).reshape(8, k), info)
+        force, moment, z_rate, info = self.tire.contact(
+            gap, n, n_world[2], z, velocity, angular, kin.spin, self.ground.friction, self.ground.rolling_resistance
+        )
+        return (
+            kin.to_world(force, HALF_OF_WHEEL),
+            kin.to_world(moment, HALF_OF_WHEEL),
+            z_rate.swapaxes(0, 1).reshape(8, k),
+            info,
+        )
 
     def hulls(self, kin):
         """World force and moment (about the hinge) of the ground on the two hulls (3, 2, k), or None without contact."""
@@ -131,31 +170,59 @@ class MachineOracle:
         p_s, p_t = oil.pressure(s["supply"]), oil.pressure(s["return_line"])
         theta, theta_rate, phi, phi_rate, w = (s[n] for n in ("theta", "theta_rate", "phi", "phi_rate", "wheel_rate"))
 
-        tau_theta, joint_z, joint_parts = self.steering.cylinders.torque(theta, theta_rate, s["joint_bristle"], p_a, p_b)
-        tau_phi, arm_z, arm_parts = self.arms.torque(phi, phi_rate, s["arm_bristle"],
-                                                     oil.pressure(s["bore"]), oil.pressure(s["rod"]))
+        tau_theta, joint_z, joint_parts = self.steering.cylinders.torque(
+            theta, theta_rate, s["joint_bristle"], p_a, p_b
+        )
+        tau_phi, arm_z, arm_parts = self.arms.torque(
+            phi, phi_rate, s["arm_bristle"], oil.pressure(s["bore"]), oil.pressure(s["rod"])
+        )
         motor, brake, wheel_z = self.driveline.wheel_torque(s, w, command.parking_brake)
         tire_force, tire_moment, tire_z, contact = self.tires(kin, s["tire_bristle"])
         hull_f, hull_m = self.hulls(kin)
-        acceleration = self.bodies.accelerations(q, v, tau_theta, tau_phi, motor + brake, tire_force, tire_moment,
-                                                 hull_f, hull_m)
+        acceleration = self.bodies.accelerations(
+            q, v, tau_theta, tau_phi, motor + brake, tire_force, tire_moment, hull_f, hull_m
+        )
         pose_rate = self.bodies.pose_rate(q, v)
 
-        arm_rates, drawn, given, arm_load, arm_flows = self.arms.rates(s, command.arms[:, None], phi, phi_rate, p_s, p_t)
+        arm_rates, drawn, given, arm_load, arm_flows = self.arms.rates(
+            s, command.arms[:, None], phi, phi_rate, p_s, p_t
+        )
         omega = s["engine_speed"]
-        steer_rates, steer_load, steer_flows = self.steering.rates(s, steering_signal, theta, theta_rate, omega,
-                                                                   drawn, given, arm_load)
-        drive_rates, drive_load, drive_flows = self.driveline.rates(s, command.drive_signal, command.traction[:, None],
-                                                                    command.gear, w, omega)
-        rates = {**arm_rates, **steer_rates, **drive_rates, **self.engine.rates(s, steer_load + drive_load),
-                 "joint_bristle": joint_z, "arm_bristle": arm_z, "wheel_bristle": wheel_z, "tire_bristle": tire_z}
+        steer_rates, steer_load, steer_flows = self.steering.rates(
+            s, steering_signal, theta, theta_rate, omega, drawn, given, arm_load
+        )
+        drive_rates, drive_load, drive_flows = self.driveline.rates(
+            s, command.drive_signal, command.traction[:, None], command.gear, w, omega
+        )
+        rates = {
+            **arm_rates,
+            **steer_rates,
+            **drive_rates,
+            **self.engine.rates(s, steer_load + drive_load),
+            "joint_bristle": joint_z,
+            "arm_bristle": arm_z,
+            "wheel_bristle": wheel_z,
+            "tire_bristle": tire_z,
+        }
         rate = np.empty_like(flat)
         rate[POSE], rate[VELOCITY] = pose_rate, acceleration
         for name, value in rates.items():
             rate[SLICES[name]] = value
-        info = {"kinematics": kin, "joint": joint_parts, "arms": arm_parts, "motor": motor, "brake": brake,
-                "contact": contact, "tire_force": tire_force, "tire_moment": tire_moment, "steering": steer_flows,
-                "arm_flows": arm_flows, "driveline": drive_flows, "steer_load": steer_load, "drive_load": drive_load}
+        info = {
+            "kinematics": kin,
+            "joint": joint_parts,
+            "arms": arm_parts,
+            "motor": motor,
+            "brake": brake,
+            "contact": contact,
+            "tire_force": tire_force,
+            "tire_moment": tire_moment,
+            "steering": steer_flows,
+            "arm_flows": arm_flows,
+            "driveline": drive_flows,
+            "steer_load": steer_load,
+            "drive_load": drive_load,
+        }
         return rate / SCALE[:, None], info
 
     def rhs(self, y, command, steering_signal):
@@ -205,8 +272,10 @@ class MachineOracle:
         s["fraction_front"][:] = s["fraction_rear"][:] = 1.0
         s["traction_opening"][:] = 1.0
         s["engine_speed"][:] = speed
-        load = (s["swash"] * pump.displacement * pump.margin / pump.mechanical_efficiency
-                + charge.displacement * p_c / charge.mechanical_efficiency)
+        load = (
+            s["swash"] * pump.displacement * pump.margin / pump.mechanical_efficiency
+            + charge.displacement * p_c / charge.mechanical_efficiency
+        )
         s["engine_torque"][:] = s["governor"][:] = self.engine.friction(speed) + load
         return s
 
@@ -240,9 +309,17 @@ class MachineOracle:
                 signal = hysteresis(command.steering_signal)
             wanted = times[(times >= left) & (times < right)]
             solution = solve_ivp(
-                lambda t, y, s=signal: self.rhs(y, command, s), (left, right), y, method=method,
-                t_eval=np.append(wanted, right), rtol=rtol, atol=atol, max_step=max_step, first_step=1e-6,
-                jac=lambda t, y, s=signal: self.jacobian(y, command, s))
+                lambda t, y, s=signal: self.rhs(y, command, s),
+                (left, right),
+                y,
+                method=method,
+                t_eval=np.append(wanted, right),
+                rtol=rtol,
+                atol=atol,
+                max_step=max_step,
+                first_step=1e-6,
+                jac=lambda t, y, s=signal: self.jacobian(y, command, s),
+            )
             if not solution.success:
                 raise RuntimeError(f"integration failed: {solution.message}")
             if stats is not None:
@@ -258,18 +335,40 @@ class MachineOracle:
         s = unpack(y)
         oil = self.oil
         _, _, _, _, slope_a, _ = self.steering.cylinders.geometry(s["theta"])
-        pressures = {name: oil.pressure(s[state]) for name, state in (
-            ("pump_pressure", "supply"), ("pressure_a", "a"), ("pressure_b", "b"), ("return_pressure", "return_line"),
-            ("bore_pressure", "bore"), ("rod_pressure", "rod"), ("drive_pressure_forward", "drive_forward"),
-            ("drive_pressure_return", "drive_return"), ("wheel_line_pressure", "wheel_line"),
-            ("charge_pressure", "charge"))}
+        pressures = {
+            name: oil.pressure(s[state])
+            for name, state in (
+                ("pump_pressure", "supply"),
+                ("pressure_a", "a"),
+                ("pressure_b", "b"),
+                ("return_pressure", "return_line"),
+                ("bore_pressure", "bore"),
+                ("rod_pressure", "rod"),
+                ("drive_pressure_forward", "drive_forward"),
+                ("drive_pressure_return", "drive_return"),
+                ("wheel_line_pressure", "wheel_line"),
+                ("charge_pressure", "charge"),
+            )
+        }
         return {
-            "time": np.asarray(times), "joint_angle": s["theta"], "joint_rate": s["theta_rate"],
-            "joint_flow": slope_a * s["theta_rate"], **pressures, "ls_pressure": s["load_sensing"],
-            "spool": s["spool"], "compensator": s["compensator"], "swash": s["swash"],
-            "wheel_rate": s["wheel_rate"], "position": s["position"], "quaternion": s["quaternion"],
-            "velocity": s["velocity"], "angular_velocity": s["angular_velocity"], "arm_angle": s["phi"],
-            "arm_rate": s["phi_rate"], "engine_speed": s["engine_speed"], "engine_torque": s["engine_torque"],
+            "time": np.asarray(times),
+            "joint_angle": s["theta"],
+            "joint_rate": s["theta_rate"],
+            "joint_flow": slope_a * s["theta_rate"],
+            **pressures,
+            "ls_pressure": s["load_sensing"],
+            "spool": s["spool"],
+            "compensator": s["compensator"],
+            "swash": s["swash"],
+            "wheel_rate": s["wheel_rate"],
+            "position": s["position"],
+            "quaternion": s["quaternion"],
+            "velocity": s["velocity"],
+            "angular_velocity": s["angular_velocity"],
+            "arm_angle": s["phi"],
+            "arm_rate": s["phi_rate"],
+            "engine_speed": s["engine_speed"],
+            "engine_torque": s["engine_torque"],
         }
 
 

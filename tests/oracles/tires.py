@@ -37,8 +37,9 @@ class Plane:
 
 def cross(a, b):
     """Cross product along the first axis, with broadcasting of the rest."""
-    return np.stack(np.broadcast_arrays(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2],
-                                        a[0] * b[1] - a[1] * b[0]))
+    return np.stack(
+        np.broadcast_arrays(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+    )
 
 
 class Tire:
@@ -49,8 +50,9 @@ class Tire:
         inner, outer = tire.disc_offset_inner, tire.disc_offset_outer
         # In the order in which ties are broken: middle, inner right, inner left, outer right, outer left.
         self.offsets = np.array([0.0, -inner, inner, -outer, outer])
-        self.radii = tire.radius - np.array([0.0, tire.disc_drop_inner, tire.disc_drop_inner,
-                                             tire.disc_drop_outer, tire.disc_drop_outer])
+        self.radii = tire.radius - np.array(
+            [0.0, tire.disc_drop_inner, tire.disc_drop_inner, tire.disc_drop_outer, tire.disc_drop_outer]
+        )
 
     def contact(self, center_gap, n, normal_z, z, center_velocity, angular, spin, friction, rolling):
         """Force and moment of one or more wheels.
@@ -81,8 +83,9 @@ class Tire:
         t_y = cross(n, t_x)
         v = np.stack([(t_x * velocity).sum(axis=0), (t_y * velocity).sum(axis=0)])
         slip = np.hypot(v[0], v[1])
-        g = friction * (p.friction_coulomb
-                        + (p.friction_static - p.friction_coulomb) * np.exp(-((slip / p.stribeck_velocity) ** 2)))
+        g = friction * (
+            p.friction_coulomb + (p.friction_static - p.friction_coulomb) * np.exp(-((slip / p.stribeck_velocity) ** 2))
+        )
         column = (2,) + (1,) * (n.ndim - 1)
         sigma0 = np.array([p.sigma0_longitudinal, p.sigma0_lateral]).reshape(column)
         sigma1 = np.array([p.sigma1_longitudinal, p.sigma1_lateral]).reshape(column)
@@ -94,8 +97,15 @@ class Tire:
         moment = cross(arm, force)
         resistance = -rolling * p.rolling_resistance * load * r * np.tanh(spin / ROLLING_SPEED)
         moment = np.stack([moment[0], moment[1] + resistance, moment[2]])
-        info = {"depth": depth, "load": load, "slip": v, "push": push, "arm": arm, "velocity": velocity,
-                "rolling_power": resistance * spin}
+        info = {
+            "depth": depth,
+            "load": load,
+            "slip": v,
+            "push": push,
+            "arm": arm,
+            "velocity": velocity,
+            "rolling_power": resistance * spin,
+        }
         return force, moment, z_rate, info
 
 

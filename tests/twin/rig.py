@@ -31,10 +31,10 @@ class Log:
         """The four channels ``prefix_fl`` ... ``prefix_rr`` as (frames, 4, num_twins)."""
         return np.stack([self[f"{prefix}_{wheel}"] for wheel in WHEELS], axis=1)
 
-    def after(self, time: float) -> Log:
-        """The frames later than ``time`` [s]."""
-        kept = self.time > time - 1e-9
-        return Log(self.time[kept], self.values[kept], self.rows)
+    def then(self, later: Log) -> Log:
+        """``later`` with the last frame of this log in front."""
+        time = np.concatenate([self.time[-1:], later.time])
+        return Log(time, np.concatenate([self.values[-1:], later.values]), self.rows)
 
 
 def drive(twin: Twin, *phases: tuple[float, Mapping[str, Any]], sample_every: float) -> Log:
@@ -118,41 +118,53 @@ class SteeringLedger:
 
 
 class LoopLedger:
-    """Oil that enters, leaves and lies in the closed loop of the driveline."""
+    """Flows [m³/s] that enter and leave the driveline's closed loop, from a log, and the oil in it, from states."""
 
     def __init__(self, machine, log: Log):
-        line = machine.driveline
-        self.machine = machine
-        forward, back, charge = (log[c] for c in ("drive_pressure_forward", "drive_pressure_return", "charge_pressure"))
-        self.charged = line.charge.displacement * log["engine_speed"]
-        self.charge_relief = relief_valve(
-            charge, line.charge.relief_pressure, line.charge.relief_ramp, line.charge.relief_flow
-        )
+        line, self.machine = machine.driveline, machine
+        laminar = machine.oil.laminar_pressure
+        names = ("drive_pressure_forward", "drive_pressure_return", "charge_pressure")
+        forward, back, charge = (log[name] for name in names)
+        supplied = line.charge.displacement * log["engine_speed"]
+        relief = relief_valve(charge, line.charge.relief_pressure, line.charge.relief_ramp, line.charge.relief_flow)
         shift = np.clip(np.abs(forward - back) / line.flush.shift_pressure - 1.0, 0.0, 1.0)
-        low = np.minimum(forward, back)
-        self.flush = shift * relief_valve(low, line.flush.pressure, line.flush.ramp, line.flush.flow)
-        self.case = line.pump.leakage * (forward + back)
+        flush = relief_valve(np.minimum(forward, back), line.flush.pressure, line.flush.ramp, line.flush.flow)
+        flush = shift * flush
+        self.net = supplied - relief - flush - line.pump.leakage * (forward + back)
+        """Into the whole loop."""
 
-    @property
-    def net(self) -> Array:
-        """Flow into the loop less flow out of it [m³/s]."""
-        return self.charged - self.charge_relief - self.flush - self.case
+        drop = log.wheels("motor_pressure")
+        share = np.stack([log["shift_front"]] * 2 + [log["shift_rear"]] * 2, axis=1)
+        self.swept = share * line.motor.displacement * log.wheels("wheel_rate")
+        """By each motor (frames, 4, twins)."""
+        check = check_valve(line.charge.cv_check, charge - forward, line.charge.check_crack, laminar)
+        pumped = log["drive_swash"] * line.pump.displacement * log["engine_speed"]
+        self.net_forward = (
+            pumped
+            + check
+            - np.where(forward < back, flush, 0.0)
+            - line.pump.leakage * forward
+            - line.pump.cross_leakage * (forward - back)
+            - (self.swept + line.motor.leakage * drop).sum(axis=1)
+        )
+        """Into the forward main and the motors' hoses."""
 
-    def content(self, state: Array) -> Array:
-        """Oil [m³] in the loop above that at 0 Pa, less its voids; from the states (rows, num_twins)."""
+    def content(self, state: Array, parts: tuple[str, ...] = ("forward", "back", "charge")) -> Array:
+        """Oil [m³] above that at 0 Pa, less the voids, in mains and charge line; the motors' hoses hang on ``forward``."""
         line = self.machine.driveline
+        volumes = {"forward": line.main_volume, "back": line.main_volume, "charge": line.charge.volume}
+        volumes = {name.upper(): volume for name, volume in volumes.items() if name in parts}
+        if "forward" in parts:
+            volumes |= {f"HOSE_{wheel.upper()}": line.wheel_hose_volume for wheel in WHEELS}
         oil = Oil(self.machine.oil)
-        volumes = {"FORWARD": line.main_volume, "BACK": line.main_volume, "CHARGE": line.charge.volume}
-        volumes |= {f"HOSE_{wheel.upper()}": line.wheel_hose_volume for wheel in WHEELS}
         total = np.zeros(state.shape[1])
         for name, volume in volumes.items():
-            x = state[State[name]]
-            p = np.maximum(x, oil.void)
+            p = np.maximum(state[State[name]], oil.void)
             # ∫ dp/(β₀ + s p) for p > 0, p/β₀ below
             liquid = np.log1p(oil.slope * np.maximum(p, 0.0) / oil.bulk_modulus) / oil.slope
             liquid += np.minimum(p, 0.0) / oil.bulk_modulus
             total += volume * (liquid + p / line.hose_bulk_modulus)
-            total -= volume * np.maximum(oil.void - x, 0.0) / oil.bulk_modulus
+            total -= volume * np.maximum(oil.void - state[State[name]], 0.0) / oil.bulk_modulus
         return total
 
 

@@ -203,7 +203,9 @@ def test_device_memory_of_a_twin_is_small():
     """At most 8 KiB a twin, machine record of its own included."""
     twin = Twin(100)
     arrays = [value for value in vars(twin).values() if isinstance(value, wp.array)]
-    a_twin = sum(a.capacity / a.shape[-1] for a in arrays if a.shape[-1] == 100) + MachineRecord.numpy_dtype()["itemsize"]
+    a_twin = (
+        sum(a.capacity / a.shape[-1] for a in arrays if a.shape[-1] == 100) + MachineRecord.numpy_dtype()["itemsize"]
+    )
     assert a_twin < 8192
 
 

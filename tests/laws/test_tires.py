@@ -1,0 +1,558 @@
+"""Tire and hull contact against brute-force geometry, closed forms of LuGre friction, and signs."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import warp as wp
+
+from aoro_gym.twin.laws.ground import Ground
+from aoro_gym.twin.laws.tires import Hull, Tire, TireContact, bristle_step, hull_contact, lugre_capacity, tire_contact
+from tests.laws.launch import ROUNDOFF, changed, columns, launch, record, rounded
+
+TIRE = record(
+    Tire,
+    radius=0.6,
+    disc_offset_inner=0.13,
+    disc_offset_outer=0.24,
+    disc_drop_inner=0.003,
+    disc_drop_outer=0.015,
+    stiffness=450e3,
+    damping=3.5e3,
+    sigma0_longitudinal=16.0,
+    sigma0_lateral=8.0,
+    sigma1_longitudinal=1.0,
+    sigma1_lateral=0.5,
+    sigma2_longitudinal=0.02,
+    sigma2_lateral=0.01,
+    friction_coulomb=0.7,
+    friction_static=0.8,
+    stribeck_velocity=0.1,
+    rolling_resistance=0.0125,
+)
+HULL = record(Hull, stiffness=2e6, damping=2e4, friction=0.5)
+LEVEL = record(Ground, normal=[0.0, 0.0, 1.0], friction=1.0, rolling_resistance=1.0, gravity=9.81)
+ZERO = np.zeros(3)
+LOAD = 24.5e3  # [N]
+
+
+@wp.kernel(enable_backward=False)
+def capacity_kernel(
+    m: wp.array(dtype=Tire), speed: wp.array(dtype=float), friction: wp.array(dtype=float), g: wp.array(dtype=float)
+):
+    i = wp.tid()
+    g[i] = lugre_capacity(m[i], speed[i], friction[i])
+
+
+@wp.kernel(enable_backward=False)
+def bristle_kernel(
+    start: wp.array(dtype=float),
+    slip: wp.array(dtype=float),
+    unload: wp.array(dtype=float),
+    dt: wp.array(dtype=float),
+    steps: wp.array(dtype=int),
+    end: wp.array(dtype=float),
+):
+    i = wp.tid()
+    z = start[i]
+    for _ in range(steps[i]):
+        z = bristle_step(z, slip[i], unload[i], dt[i])
+    end[i] = z
+
+
+@wp.kernel(enable_backward=False)
+def contact_kernel(
+    m: wp.array(dtype=Tire),
+    ground: wp.array(dtype=Ground),
+    rotation: wp.array(dtype=wp.mat33),
+    origin: wp.array(dtype=wp.vec3),
+    centre: wp.array(dtype=wp.vec3),
+    velocity: wp.array(dtype=wp.vec3),
+    omega: wp.array(dtype=wp.vec3),
+    spin: wp.array(dtype=float),
+    bristle_x: wp.array(dtype=float),
+    bristle_y: wp.array(dtype=float),
+    dt: wp.array(dtype=float),
+    steps: wp.array(dtype=int),
+    contact: wp.array(dtype=TireContact),
+):
+    """One contact, its bristles carried on for a number of steps of the same motion."""
+    i = wp.tid()
+    x = bristle_x[i]
+    y = bristle_y[i]
+    for _ in range(steps[i]):
+        c = tire_contact(
+            m[i], ground[i], rotation[i], origin[i], centre[i], velocity[i], omega[i], spin[i], x, y, dt[i]
+        )
+        x = c.bristle_x
+        y = c.bristle_y
+        contact[i] = c
+
+
+@wp.kernel(enable_backward=False)
+def hull_kernel(
+    m: wp.array(dtype=Hull),
+    ground: wp.array(dtype=Ground),
+    rotation: wp.array(dtype=wp.mat33),
+    origin: wp.array(dtype=wp.vec3),
+    point: wp.array(dtype=wp.vec3),
+    velocity: wp.array(dtype=wp.vec3),
+    omega: wp.array(dtype=wp.vec3),
+    force: wp.array(dtype=wp.vec3),
+):
+    i = wp.tid()
+    force[i] = hull_contact(m[i], ground[i], rotation[i], origin[i], point[i], velocity[i], omega[i])
+
+
+def touch(
+    tire=TIRE,
+    ground=LEVEL,
+    rotation=np.eye(3),  # noqa: B008
+    origin=ZERO,
+    centre=(0.0, 0.0, 0.55),
+    velocity=ZERO,
+    omega=ZERO,
+    spin=0.0,
+    bristle_x=0.0,
+    bristle_y=0.0,
+    dt=1e-3,
+    steps=1,
+):
+    """A wheel that is pressed 5 cm into level ground unless told otherwise."""
+    return launch(
+        contact_kernel, tire, ground, rotation, origin, centre, velocity, omega, spin, bristle_x, bristle_y, dt, steps
+    )
+
+
+def turned(roll, pitch, yaw):
+    """Rotation matrices R = Rz(yaw) Ry(pitch) Rx(roll), frame → world."""
+    roll, pitch, yaw = np.broadcast_arrays(roll, pitch, yaw)
+    zero, one = np.zeros_like(roll), np.ones_like(roll)
+
+    def matrix(*rows):
+        return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+    c, s = np.cos, np.sin
+    about_x = matrix((one, zero, zero), (zero, c(roll), -s(roll)), (zero, s(roll), c(roll)))
+    about_y = matrix((c(pitch), zero, s(pitch)), (zero, one, zero), (-s(pitch), zero, c(pitch)))
+    about_z = matrix((c(yaw), -s(yaw), zero), (s(yaw), c(yaw), zero), (zero, zero, one))
+    return about_z @ about_y @ about_x
+
+
+# ---- where the tire touches ----
+
+
+def deepest(tire, normal, centre):
+    """Brute force: every disc as a circle of points. Depth under a plane through the origin with ``normal`` (frame
+    coordinates), lever from the centre, and radius of the disc."""
+    angle = np.linspace(0.0, 2 * np.pi, 20001)
+    circle = np.stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)], axis=-1)
+    inner, outer = tire.disc_offset_inner, tire.disc_offset_outer
+    best = None
+    for offset, drop in (
+        (0.0, 0.0),
+        (-inner, tire.disc_drop_inner),
+        (inner, tire.disc_drop_inner),
+        (-outer, tire.disc_drop_outer),
+        (outer, tire.disc_drop_outer),
+    ):
+        radius = tire.radius - drop
+        lever = np.array([0.0, offset, 0.0]) + radius * circle
+        depth = -(centre + lever) @ normal
+        k = int(np.argmax(depth))
+        if best is None or depth[k] > best[0]:
+            best = depth[k], lever[k], radius, offset
+    return best
+
+
+# The brute circle misses the lowest point by up to r (1 − cos(π/20000)) = 7e-9 m in depth and r π/20000 = 9e-5 m
+# sideways. Float32: heights of some 0.6 m with a dozen roundings each.
+DEPTH_ERROR = 1e-8 + 16 * ROUNDOFF * 1.0
+SIDE_ERROR = 1e-4
+
+
+def random_poses(count, seed):
+    """Wheels rolled and pitched by up to 12 degrees, any heading, on slopes of up to 15 degrees."""
+    rng = np.random.default_rng(seed)
+    tilt, heading = rng.uniform(0.0, np.radians(15), count), rng.uniform(0, 2 * np.pi, count)
+    normal = np.stack([np.sin(tilt) * np.cos(heading), np.sin(tilt) * np.sin(heading), np.cos(tilt)], axis=-1)
+    ground = changed(LEVEL, normal=normal)
+    rotation = rounded(
+        turned(
+            rng.uniform(-0.2, 0.2, count), rng.uniform(-0.2, 0.2, count), rng.uniform(-np.pi, np.pi, count)
+        )
+    )
+    centre = rounded(rng.uniform([-1.5, -1.0, -0.2], [1.5, 1.0, 0.2], (count, 3)))
+    # the centre stands at 0.5 to 0.57 m over the plane: every tire touches (least radius 0.585 less camber)
+    world_normal = columns(ground).normal
+    height = rng.uniform(0.5, 0.57, count)
+    along = rng.uniform(-3.0, 3.0, (count, 3))
+    along -= np.sum(along * world_normal, axis=-1, keepdims=True) * world_normal
+    wheel = along + height[:, None] * world_normal
+    origin = rounded(wheel - np.einsum("nij,nj->ni", rotation, centre))
+    return SimpleNamespace(ground=ground, rotation=rotation, origin=origin, centre=centre)
+
+
+def in_frame(poses, i):
+    """Ground normal and wheel centre (from the plane's origin) in frame coordinates, float64."""
+    rotation = poses.rotation[i]
+    normal = rotation.T @ columns(poses.ground).normal[i]
+    return normal, rotation.T @ poses.origin[i] + poses.centre[i]
+
+
+def test_cambered_wheel_rests_on_its_deepest_disc():
+    count = 300
+    poses = random_poses(count, 1)
+    stiff = changed(TIRE, damping=0.0, rolling_resistance=0.0)
+    c = touch(stiff, poses.ground, poses.rotation, poses.origin, poses.centre)
+    tire = columns(TIRE)
+    seen = set()
+    for i in range(count):
+        normal, centre = in_frame(poses, i)
+        depth, lever, _, offset = deepest(tire, normal, centre)
+        seen.add(round(float(offset), 2))
+        # origin and centre are several metres: their products round
+        slack = DEPTH_ERROR + 16 * ROUNDOFF * 5.0
+        assert c.load[i] == pytest.approx(tire.stiffness * depth, abs=tire.stiffness * slack)
+        np.testing.assert_allclose(c.force[i], c.load[i] * normal, rtol=0, atol=c.load[i] * 16 * ROUNDOFF)
+        moment = np.cross(lever, c.force[i])
+        np.testing.assert_allclose(c.moment[i], moment, rtol=0, atol=2 * SIDE_ERROR * c.load[i])
+    assert seen == {-0.24, -0.13, 0.0, 0.13, 0.24}
+
+
+def test_upright_wheel_rests_on_its_middle_disc():
+    c = touch()
+    tire = columns(TIRE)
+    assert c.load == pytest.approx(tire.stiffness * 0.05, rel=16 * ROUNDOFF * 0.6 / 0.05)
+    np.testing.assert_allclose(c.force, [0.0, 0.0, c.load], atol=1e-9)
+    np.testing.assert_allclose(c.moment, 0.0, atol=1e-9)
+
+
+def test_equally_deep_discs_yield_to_the_middle_one_and_then_to_the_right():
+    """A tire without crown: all five discs touch at once; without a middle, both inner ones do."""
+    flat = changed(TIRE, disc_drop_inner=0.0, disc_drop_outer=0.0)
+    np.testing.assert_array_equal(touch(flat).moment, 0.0)
+    hollow = changed(TIRE, disc_drop_inner=-0.01, disc_drop_outer=-0.01)
+    c = touch(hollow)
+    # on the right inner disc: lever (0, −0.13, …) × (0, 0, F): about x negative
+    assert c.moment[0] == pytest.approx(-0.13 * c.load, rel=8 * ROUNDOFF)
+
+
+def test_depth_is_measured_along_the_slopes_normal():
+    """A wheel that stands upright on a slope of 20 degrees, heading up it."""
+    climb = np.radians(20.0)
+    normal = np.array([-np.sin(climb), 0.0, np.cos(climb)])
+    ground = changed(LEVEL, normal=normal)
+    c = touch(ground=ground, rotation=turned(0.0, -climb, 0.0), origin=2.0 * np.array([np.cos(climb), 0, np.sin(climb)]))
+    # the frame is parallel to the slope and the wheel's centre 0.55 m off it
+    assert c.load == pytest.approx(450e3 * 0.05, rel=32 * ROUNDOFF * 2.0 / 0.05)
+    np.testing.assert_allclose(c.force / c.load, [0.0, 0.0, 1.0], atol=8 * ROUNDOFF)
+    # with the frame level in the world, the force leans back and the contact lies in front of the centre
+    level = touch(ground=ground, centre=(0.0, 0.0, 0.55 / np.cos(climb)))
+    assert level.load == pytest.approx(450e3 * 0.05, rel=32 * ROUNDOFF * 0.6 / 0.05)
+    np.testing.assert_allclose(level.force / level.load, normal, atol=8 * ROUNDOFF)
+    np.testing.assert_allclose(level.moment / level.load, 0.0, atol=8 * ROUNDOFF)
+
+
+def test_no_contact_no_force_and_bristles_at_rest():
+    c = touch(centre=(0.0, 0.0, 0.601), velocity=(3.0, 1.0, -2.0), spin=5.0, bristle_x=0.02, bristle_y=-0.02)
+    for value in (c.force, c.moment, c.load, c.bristle_x, c.bristle_y):
+        np.testing.assert_array_equal(value, 0.0)
+
+
+# ---- normal force ----
+
+
+def test_load_is_spring_and_damper_and_never_pulls():
+    rng = np.random.default_rng(2)
+    depth, sink = rng.uniform(0.001, 0.1, 1000), rounded(rng.normal(0.0, 3.0, 1000))
+    height = rounded(0.6 - depth)
+    position = np.stack([0 * height, 0 * height, height], axis=-1)
+    c = touch(centre=position, velocity=np.stack([0 * sink, 0 * sink, -sink], axis=-1))
+    tire = columns(TIRE)
+    expected = np.maximum(tire.stiffness * (tire.radius - height) + tire.damping * sink, 0.0)
+    # the depth is a difference of 0.6 m
+    slack = tire.stiffness * 4 * ROUNDOFF * 0.6 + 8 * ROUNDOFF * (expected + tire.damping * np.abs(sink))
+    assert np.all(np.abs(c.load - expected) <= slack)
+    assert np.any(expected == 0.0)
+    lifted = c.load == 0.0
+    np.testing.assert_array_equal(c.force[lifted], 0.0)
+    np.testing.assert_array_equal(c.moment[lifted], 0.0)
+    np.testing.assert_allclose(c.force[:, 2], c.load, rtol=4 * ROUNDOFF)
+
+
+def test_spin_and_yaw_do_not_load_the_damper():
+    """The contact's normal speed is the centre's: turning about the axle or the vertical adds none."""
+    resting = touch()
+    for motion in ({"spin": 30.0}, {"omega": (0.0, 0.0, 2.0)}, {"omega": (0.0, 5.0, 0.0)}):
+        assert touch(**motion).load == resting.load
+
+
+# ---- friction ----
+
+
+def test_capacity_falls_from_static_to_coulomb_friction():
+    speed = rounded(np.array([0.0, 0.05, 0.1, 0.3, 5.0, -0.1]))
+    expected = 0.5 * (0.7 + 0.1 * np.exp(-((speed / 0.1) ** 2)))
+    np.testing.assert_allclose(launch(capacity_kernel, TIRE, speed, 0.5), expected, rtol=16 * ROUNDOFF)
+
+
+def test_bristle_follows_its_differential_equation():
+    """ż = v − λ z: z = v/λ + (z₀ − v/λ) exp(−λt), first order in the step."""
+    z0, slip, unload, span = 0.01, -0.3, 6.0, 0.2
+    exact = slip / unload + (z0 - slip / unload) * np.exp(-unload * span)
+    errors = [launch(bristle_kernel, z0, slip, unload, span / n, n) - exact for n in (100, 200)]
+    assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.02)
+    assert abs(errors[1]) < 1e-3 * abs(exact)
+
+
+def test_bristle_is_stable_at_any_step():
+    """Never beyond the larger of start and v/λ, on the way from one to the other."""
+    rng = np.random.default_rng(3)
+    count = 2000
+    start, slip = rounded(rng.normal(0.0, 0.05, count)), rounded(rng.normal(0.0, 10.0, count))
+    unload, dt = rounded(10.0 ** rng.uniform(-1, 4, count)), rounded(10.0 ** rng.uniform(-4, 1, count))
+    end = launch(bristle_kernel, start, slip, unload, dt, 1)
+    goal = slip / unload
+    slack = 8 * ROUNDOFF * (np.abs(start) + np.abs(goal))
+    assert np.all((end - start) * np.sign(goal - start) >= -slack)
+    assert np.all((goal - end) * np.sign(goal - start) >= -slack)
+
+
+SLIDES = np.array([0.02, 0.1, 0.5, 3.0])
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.7, np.pi / 2, 2.4, np.pi, -1.0])
+@pytest.mark.parametrize("ground_friction", [1.0, 0.3])
+def test_steady_slide_meets_capacity_and_viscous_part(heading, ground_friction):
+    """F = F_n (g(v) + σ₂ v) against the slip; both directions share one capacity."""
+    tire = columns(TIRE)
+    direction = np.array([np.cos(heading), np.sin(heading), 0.0])
+    speed = rounded(SLIDES)
+    ground = changed(LEVEL, friction=ground_friction)
+    velocity = speed[:, None] * direction
+    # 1.5 m of slide are 8·1.5/0.8 > 15 relaxation lengths g/σ₀ of the softer direction, in steps of 1/200 of one
+    steps = 3000
+    c = touch(ground=ground, velocity=velocity, dt=1.5 / steps / speed, steps=steps)
+    g = rounded(ground_friction) * (0.7 + 0.1 * np.exp(-((speed / 0.1) ** 2)))
+    viscous = np.array([tire.sigma2_longitudinal, tire.sigma2_lateral])
+    expected = -(g[:, None] + viscous * speed[:, None]) * direction[:2]
+    # e⁻¹⁵ of the capacity is left of the transient; steady float32: λ dt = 0.01, so a rounding of z counts hundredfold
+    slack = g * (np.exp(-15.0) + 200 * 4 * ROUNDOFF)
+    np.testing.assert_allclose(c.force[:, :2] / c.load[:, None], expected, atol=float(np.max(slack)))
+    along = np.linalg.norm(c.force[:, :2] / c.load[:, None] + viscous * velocity[:, :2], axis=-1)
+    assert np.all(along <= g * (1 + 1e-4))
+
+
+def test_small_deflection_is_elastic():
+    """Pushed by a tenth of a millimetre: F = −F_n σ₀ x, in either direction."""
+    tire = columns(TIRE)
+    for axis, sigma0 in ((0, tire.sigma0_longitudinal), (1, tire.sigma0_lateral)):
+        for sign in (1.0, -1.0):
+            velocity = np.zeros(3)
+            velocity[axis] = sign * 1e-4
+            moved = touch(velocity=velocity, dt=1e-3, steps=1000)
+            bristle = (moved.bristle_x, moved.bristle_y)[axis]
+            # it yields by σ₀ x/g: 16 · 1e-4/0.8 = 2e-3 at the end, half of it on the way; viscous terms σ₁ v / σ₀ x = 6e-2
+            assert bristle == pytest.approx(sign * 1e-4, rel=2e-3)
+            still = touch(
+                velocity=ZERO,
+                bristle_x=moved.bristle_x,
+                bristle_y=moved.bristle_y,
+            )
+            assert still.force[axis] == pytest.approx(-sign * still.load * sigma0 * 1e-4, rel=2e-3)
+            assert still.force[1 - axis] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_bristle_damping_and_viscous_part_act_at_once():
+    """First instant of a slip from rest: F = −F_n (σ₁ + σ₂) v."""
+    tire = columns(TIRE)
+    dt = 1e-6
+    for axis, name in ((0, "longitudinal"), (1, "lateral")):
+        velocity = np.zeros(3)
+        velocity[axis] = 0.01
+        c = touch(velocity=velocity, dt=dt)
+        expected = -(getattr(tire, f"sigma1_{name}") + getattr(tire, f"sigma2_{name}")) * float(rounded(0.01))
+        # the spring's part: σ₀ v dt/2, five orders below
+        assert c.force[axis] / c.load == pytest.approx(expected, rel=1e-4)
+
+
+def test_reversal_unloads_before_it_pulls_the_other_way():
+    """From a full slide back by s: z = (g/σ₀)(2 exp(−σ₀ s/g) − 1), zero after s = ln 2 · g/σ₀."""
+    smooth = changed(TIRE, sigma1_longitudinal=0.0, sigma2_longitudinal=0.0, friction_static=0.7)
+    reach = 0.7 / 16.0
+    speed, steps = 0.2, 4000
+    ahead = touch(smooth, velocity=(speed, 0.0, 0.0), dt=20 * reach / speed / steps, steps=steps)
+    assert ahead.force[0] == pytest.approx(-0.7 * ahead.load, rel=1e-3)
+    back = np.array([0.01, 0.3, np.log(2.0), 1.0, 3.0])
+    c = touch(
+        smooth, velocity=(-speed, 0.0, 0.0), bristle_x=ahead.bristle_x, dt=back * reach / speed / steps, steps=steps
+    )
+    expected = -0.7 * (2.0 * np.exp(-back) - 1.0)
+    # first order: λ dt/2 ≤ 3/4000/2 of the size 1.4; the force lies in the middle of the last step: the same again;
+    # float32: √steps roundings
+    np.testing.assert_allclose(c.force[:, 0] / c.load, expected, atol=1.4 * 3 / steps + np.sqrt(steps) * ROUNDOFF)
+    assert np.all(c.force[:2, 0] < 0.0)
+    assert np.all(c.force[3:, 0] > 0.0)
+
+
+def test_friction_does_not_depend_on_the_step():
+    """Half the step, nearly the same force: first order."""
+    velocity = (0.05, 0.03, 0.0)
+    forces = [touch(velocity=velocity, dt=0.5 / n, steps=n).force for n in (250, 500, 1000)]
+    np.testing.assert_allclose((forces[0] - forces[1])[:2] / (forces[1] - forces[2])[:2], 2.0, rtol=0.1)
+
+
+def test_rolling_wheel_has_no_slip():
+    """v = Ω r: neither bristle bends; at a slip of 1 % they do."""
+    spin = 3.0
+    c = touch(velocity=(0.6 * spin, 0.0, 0.0), spin=spin, steps=100)
+    # 0.6 · 3 m/s rounds to an ulp, over 0.1 s
+    assert abs(c.bristle_x) <= 0.1 * 4 * ROUNDOFF * 1.8
+    assert c.force[0] == pytest.approx(0.0, abs=c.load * 20 * 4 * ROUNDOFF * 1.8)
+    assert touch(velocity=(0.6 * spin * 1.01, 0.0, 0.0), spin=spin, steps=100).force[0] < -100.0
+
+
+def test_locked_wheel_is_braked_and_spun_up():
+    c = touch(velocity=(2.0, 0.0, 0.0), steps=200)
+    assert c.force[0] < -0.5 * c.load
+    assert c.moment[1] == pytest.approx(-0.6 * c.force[0], rel=8 * ROUNDOFF)
+    assert c.moment[1] > 0.0
+
+
+def test_spinning_wheel_drives_and_is_slowed():
+    c = touch(spin=5.0, steps=200)
+    assert c.force[0] > 0.5 * c.load
+    assert c.moment[1] < -0.5 * 0.6 * c.load
+    reverse = touch(spin=-5.0, steps=200)
+    assert reverse.force[0] == pytest.approx(-c.force[0], rel=16 * ROUNDOFF)
+    assert reverse.moment[1] == pytest.approx(-c.moment[1], rel=16 * ROUNDOFF)
+
+
+def test_side_slip_is_opposed_and_tips_the_wheel():
+    c = touch(velocity=(0.0, 1.0, 0.0), steps=2000)
+    assert c.force[1] < -0.5 * c.load
+    # lever (0, 0, −r) × (0, F, 0) = (r F, 0, 0)
+    assert c.moment[0] == pytest.approx(0.6 * c.force[1], rel=8 * ROUNDOFF)
+
+
+def test_slip_counts_the_frames_turning_at_the_contact():
+    """Roll rate moves the contact sideways by ω_x r; the pitch rate is not counted (the spin is absolute)."""
+    rolling = touch(omega=(1.0, 0.0, 0.0), dt=1e-6)
+    sliding = touch(velocity=(0.0, 0.6, 0.0), dt=1e-6)
+    np.testing.assert_allclose(rolling.force, sliding.force, rtol=1e-5)
+    np.testing.assert_array_equal(touch(omega=(0.0, 1.0, 0.0), steps=10).force, touch(steps=10).force)
+    # on the right outer disc of a cambered wheel a yaw rate moves the contact forwards: ω_z × (0, −y, 0) = (ω y, 0, 0)
+    pose = {"rotation": turned(0.15, 0.0, 0.0), "centre": (0.0, 0.0, 0.52)}
+    offset = -float(columns(TIRE).disc_offset_outer)
+    yawing = touch(**pose, omega=(0.0, 0.0, 1.0), dt=1e-6)
+    moving = touch(**pose, velocity=(-offset * 1.0, 0.0, 0.0), dt=1e-6)
+    assert moving.moment[0] != 0.0
+    np.testing.assert_allclose(yawing.force, moving.force, rtol=1e-5, atol=1e-2)
+
+
+def test_contact_turns_with_the_world():
+    """Objectivity: pose, ground and nothing else turned about the vertical and tilted leave the frame's view alone."""
+    rng = np.random.default_rng(4)
+    count = 200
+    poses = random_poses(count, 5)
+    motion = {
+        "velocity": rng.normal(0.0, 1.0, (count, 3)),
+        "omega": rng.normal(0.0, 0.5, (count, 3)),
+        "spin": rng.normal(0.0, 3.0, count),
+        "bristle_x": rng.normal(0.0, 0.02, count),
+        "bristle_y": rng.normal(0.0, 0.02, count),
+    }
+    first = touch(TIRE, poses.ground, poses.rotation, poses.origin, poses.centre, **motion)
+    turn = turned(rng.uniform(-0.2, 0.2, count), rng.uniform(-0.2, 0.2, count), rng.uniform(-3, 3, count))
+    ground = changed(poses.ground, normal=np.einsum("nij,nj->ni", turn, columns(poses.ground).normal))
+    origin = np.einsum("nij,nj->ni", turn, poses.origin)
+    second = touch(TIRE, ground, turn @ poses.rotation, origin, poses.centre, **motion)
+    # depths differ by the roundings of metres (stiffness · 64 · 2⁻²⁴ · 5 m = 9 N); on a tie of two discs the force may
+    # jump over: the poses' closest pair is far apart
+    np.testing.assert_allclose(second.load, first.load, atol=450e3 * 64 * ROUNDOFF * 5.0)
+    np.testing.assert_allclose(second.force, first.force, atol=450e3 * 128 * ROUNDOFF * 5.0)
+    np.testing.assert_allclose(second.moment, first.moment, atol=450e3 * 128 * ROUNDOFF * 5.0)
+
+
+# ---- rolling resistance ----
+
+
+def test_rolling_resistance_brakes_the_wheel():
+    """−c_rr F_n r tanh(Ω/0.05 rad/s) about the axle."""
+    spin = rounded(np.array([-4.0, -0.05, 0.0, 0.02, 0.05, 4.0]))
+    frictionless = changed(LEVEL, friction=1e-9)
+    for factor in (1.0, 3.0):
+        c = touch(ground=changed(frictionless, rolling_resistance=factor), spin=spin)
+        viscous = -0.02 * spin * 0.6 * 0.6 * c.load  # σ₂ of the tire acts without friction, too
+        viscous -= 1.0 * (c.bristle_x / 1e-3) * 0.6 * c.load
+        expected = -0.0125 * factor * c.load * 0.6 * np.tanh(spin / 0.05) + np.where(spin == 0.0, 0.0, viscous)
+        np.testing.assert_allclose(c.moment[:, 1], expected, rtol=32 * ROUNDOFF, atol=1e-3)
+
+
+def test_rolling_resistance_levers_the_touching_discs_radius():
+    """On a cambered wheel the torque about the axle is c_rr F_n r_i with the touching disc's radius."""
+    tire = columns(TIRE)
+    for roll, drop in ((0.0, 0.0), (0.05, 0.003), (-0.15, 0.015), (0.15, 0.015)):
+        pose = {"rotation": turned(roll, 0.0, 0.0), "centre": (0.0, 0.0, 0.52)}
+        rolling = touch(**pose, spin=5.0)
+        free = touch(changed(TIRE, rolling_resistance=0.0), **pose, spin=5.0)
+        torque = free.moment[1] - rolling.moment[1]
+        radius = tire.radius - drop
+        # a difference of moments of up to 25 kN · 0.6 m
+        slack = 8 * ROUNDOFF * 0.6 * rolling.load
+        assert torque == pytest.approx(tire.rolling_resistance * rolling.load * radius, abs=slack), f"roll {roll}"
+
+
+# ---- hull ----
+
+
+def test_hull_corner_is_free_above_the_ground():
+    np.testing.assert_array_equal(
+        launch(hull_kernel, HULL, LEVEL, np.eye(3), ZERO, (1.0, 0.5, 0.01), (1.0, 1.0, -5.0), ZERO), 0.0
+    )
+
+
+def test_hull_corner_is_pushed_out_by_spring_and_damper():
+    rng = np.random.default_rng(5)
+    sink = rounded(rng.normal(0.0, 5.0, 500))
+    depth = rounded(rng.uniform(0.001, 0.05, 500))
+    point = np.stack([np.full(500, 1.0), np.full(500, 0.5), -depth], axis=-1)
+    force = launch(hull_kernel, HULL, LEVEL, np.eye(3), ZERO, point, np.stack([0 * sink, 0 * sink, -sink], -1), ZERO)
+    expected = np.maximum(2e6 * depth + 2e4 * sink, 0.0)
+    np.testing.assert_allclose(force[:, 2], expected, atol=8 * ROUNDOFF * 2e5)
+    np.testing.assert_array_equal(force[:, :2], 0.0)
+    assert np.any(expected == 0.0)
+
+
+@pytest.mark.parametrize("heading", [0.0, 1.0, 2.5, -2.0])
+def test_hull_friction_opposes_the_slide(heading):
+    """μ F_n v/√(v² + (5 cm/s)²) against the slide."""
+    speed = rounded(np.array([0.0, 0.01, 0.05, 1.0, 10.0]))
+    direction = np.array([np.cos(heading), np.sin(heading), 0.0])
+    force = launch(hull_kernel, HULL, LEVEL, np.eye(3), ZERO, (1.0, 0.5, -0.01), speed[:, None] * direction, ZERO)
+    size = 0.5 * 2e4 * speed / np.sqrt(speed**2 + 0.05**2)
+    np.testing.assert_allclose(force[:, :2], -size[:, None] * direction[:2], rtol=16 * ROUNDOFF, atol=1e-3)
+    np.testing.assert_allclose(force[:, 2], 2e4, rtol=16 * ROUNDOFF)
+
+
+def test_hull_corner_moves_with_its_frame():
+    """ω × r of the corner counts: a roll rate drives the right corner down, a yaw rate moves it forwards."""
+    point = (1.0, -0.5, -0.01)
+    down = launch(hull_kernel, HULL, LEVEL, np.eye(3), ZERO, point, ZERO, (0.4, 0.0, 0.0))
+    np.testing.assert_allclose(down[2], 2e4 + 2e4 * 0.2, rtol=16 * ROUNDOFF)
+    yaw = launch(hull_kernel, HULL, LEVEL, np.eye(3), ZERO, point, ZERO, (0.0, 0.0, 20.0))
+    # velocity (10, 20, 0): Coulomb against it
+    np.testing.assert_allclose(yaw[:2], -0.5 * 2e4 * np.array([10.0, 20.0]) / np.hypot(10.0, 20.0), rtol=1e-5)
+
+
+def test_hull_force_stands_on_the_slope():
+    climb = np.radians(25.0)
+    normal = np.array([-np.sin(climb), 0.0, np.cos(climb)])
+    ground = changed(LEVEL, normal=normal)
+    rotation = turned(0.1, -0.3, 0.8)
+    depth = 0.02
+    point = rotation.T @ (-depth * normal + 1.5 * np.array([np.cos(climb), 0.0, np.sin(climb)]))
+    force = launch(hull_kernel, HULL, ground, rotation, ZERO, point, ZERO, ZERO)
+    # the depth is a difference of coordinates of 1.5 m
+    np.testing.assert_allclose(rotation @ force, 2e6 * depth * normal, atol=2e6 * 32 * ROUNDOFF * 1.5)
