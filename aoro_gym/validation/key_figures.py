@@ -15,6 +15,7 @@ All of it works on many turns at once, without a loop over them.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -87,31 +88,15 @@ def key_figures_batch(
         raise ValueError(f"angle has shape {np.shape(angle)}, but must be ({clock.size},) or ({clock.size}, N)")
     cylinder = machine.steering.cylinder if hasattr(machine, "steering") else machine  # type: ignore[union-attr]
     frames, count = theta.shape
-    rest = min(max(round(STANDSTILL * rate), 1), frames)
-
-    start = theta[:rest].mean(axis=0)
-    direction = np.sign(theta[-1] - start)
-    end = direction * cylinder.half_range if stop is None else np.broadcast_to(np.asarray(stop, np.float64), count)
-    turned, to_go = direction * (theta - start), direction * (end - theta)
-    rows, each = np.arange(frames)[:, None], np.arange(count)
-
-    halfway = np.argmax(to_go < turned, axis=0)
-    first = np.where((turned <= TOLERANCE) & (rows < halfway), rows, -1).max(axis=0) + 1  # left for good, despite noise
-    there = (to_go <= TOLERANCE) & (rows >= first)
-    last = np.argmax(there, axis=0)
-    complete = (direction != 0) & there.any(axis=0) & (halfway > 0) & (last > first)
-    began, ended = clock[first], clock[last]
-    if interpolate:
-        before = np.maximum(first - 1, 0)
-        began -= _crossing(turned[before, each], turned[first, each], TOLERANCE) / rate
-        before = np.maximum(last - 1, 0)
-        ended -= _crossing(to_go[before, each], to_go[last, each], TOLERANCE) / rate
-    turn_time = np.where(complete, ended - began, np.nan)
+    each = np.arange(count)
+    span = turn_span(clock, theta, cylinder.half_range, stop=stop, interpolate=interpolate)
+    complete, began = span.complete, span.began
+    turn_time = np.where(complete, span.ended - began, np.nan)
 
     if flow is None:
-        q = measured_flow(cylinder, theta, direction, rate=rate)
-        kept = (STANDSTILL - _SLACK) * rate
-        clear = complete & (first >= kept) & (frames - 1 - last >= kept)
+        q = measured_flow(cylinder, theta, span.direction, rate=rate)
+        kept = STANDSTILL * rate - _SLACK
+        clear = complete & (span.first >= kept) & (frames - 1 - span.last >= kept)
     else:
         q = np.asarray(flow, dtype=np.float64).reshape(frames, -1)
         clear = complete
@@ -145,6 +130,60 @@ def key_figures_batch(
         ),
     )
     return dict(zip(FIGURES, values, strict=True))
+
+
+@dataclass(frozen=True)
+class Span:
+    """Where N turns begin and end in their recordings; every attribute has shape (N,)."""
+
+    direction: NDArray[np.float64]  # +1 left, -1 right, 0 nowhere
+    first: NDArray[np.int64]  # sample at t = 0
+    last: NDArray[np.int64]  # sample at the stop
+    began: NDArray[np.float64]  # [s] instant of t = 0
+    ended: NDArray[np.float64]  # [s] instant at the stop
+    complete: NDArray[np.bool_]  # False: never left its start or never reached its stop; `last`, `ended` mean nothing
+
+
+def turn_span(
+    time: NDArray[np.float64],
+    angle: NDArray[np.float64],
+    half_range: ArrayLike,
+    *,
+    stop: ArrayLike | None = None,
+    interpolate: bool = False,
+) -> Span:
+    """Begin and end of full turns, from their unfiltered angles.
+
+    The start is the mean angle of the first half second, and the joint has left it when it does so for good: noise may
+    pass 0.1° at rest. Without noise these are the angle at rest, and the first sample beyond 0.1°.
+
+    Args:
+        time: Evenly spaced instants [s] (F,).
+        angle: Unfiltered joint angle [rad] (F, N).
+        half_range: Angle [rad] of the stops, scalar or (N,).
+        stop: Angle [rad] of the stop that each turn ends at, instead of ± ``half_range``.
+        interpolate: Instants between samples, by straight lines.
+    """
+    frames, count = angle.shape
+    rate = (frames - 1) / (time[-1] - time[0])
+    each, rows = np.arange(count), np.arange(frames)[:, None]
+    start = angle[: min(max(round(STANDSTILL * rate), 1), frames)].mean(axis=0)
+    direction = np.sign(angle[-1] - start)
+    end = direction * half_range if stop is None else np.broadcast_to(np.asarray(stop, dtype=np.float64), count)
+    turned, to_go = direction * (angle - start), direction * (end - angle)
+
+    second_half = to_go < turned
+    halfway = np.where(second_half.any(axis=0), np.argmax(second_half, axis=0), frames)
+    first = np.where((turned <= TOLERANCE) & (rows < halfway), rows, -1).max(axis=0) + 1
+    there = (to_go <= TOLERANCE) & (rows > first)
+    last = np.argmax(there, axis=0)
+    complete = (direction != 0) & (halfway > 0) & there.any(axis=0)
+    first = np.minimum(first, frames - 1)
+    began, ended = time[first], time[last]
+    if interpolate:
+        began = began - _crossing(turned[first - 1, each], turned[first, each], TOLERANCE) / rate
+        ended = ended - _crossing(to_go[last - 1, each], to_go[last, each], TOLERANCE) / rate
+    return Span(direction, first, last, began, ended, complete)
 
 
 def _crossing(before: NDArray[np.float64], at: NDArray[np.float64], level: float) -> NDArray[np.float64]:

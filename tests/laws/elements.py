@@ -55,3 +55,8 @@ def pin_distance(linkage: Any, angle: Any) -> Any:
     """Distance between the pins of a cylinder, from their coordinates about the hinge."""
     gamma = linkage.g0 + angle
     return np.hypot(linkage.b * np.cos(gamma) - linkage.a, linkage.b * np.sin(gamma))
+
+
+def uncrossed(before: Any, after: Any) -> Any:
+    """Whether a step stays on one side of the void pressure, so that one compliance holds throughout."""
+    return (before < VOID) == (after < VOID)

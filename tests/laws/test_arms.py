@@ -9,7 +9,19 @@ import warp as wp
 from aoro_gym.twin.laws.arms import Arm, ArmGeometry, ArmState, arm_geometry, arm_step, load_holding
 from aoro_gym.twin.laws.cylinders import Linkage
 from aoro_gym.twin.laws.fluid import Oil
-from tests.laws.elements import BAR, LITRE_A_MINUTE, OIL, SUBSTEP, VOID, compliance, cv, orifice, pin_distance, relief
+from tests.laws.elements import (
+    BAR,
+    LITRE_A_MINUTE,
+    OIL,
+    SUBSTEP,
+    VOID,
+    compliance,
+    cv,
+    orifice,
+    pin_distance,
+    relief,
+    uncrossed,
+)
 from tests.laws.launch import ROUNDOFF, changed, columns, launch, record, rounded
 
 SWING = np.radians(28.0)
@@ -231,7 +243,7 @@ def case():
         supply=rounded(rng.uniform(-0.5, 300.0, count) * BAR),
         tank=rounded(rng.uniform(-0.5, 8.0, count) * BAR),
         start=record(ArmState, bore=contents(), rod=contents()),
-        dt=1e-3,
+        dt=2e-4,
     )
     out.s = columns(out.start)
     out.geometry = launch(geometry_kernel, m, out.angle, out.spool)
@@ -265,8 +277,11 @@ def case():
 
 def test_chambers_gain_what_flows_into_them(case):
     for name in ("bore", "rod"):
-        gained = getattr(case.compliance, name) * (getattr(case.end, name) - getattr(case.s, name)) / case.dt
-        assert np.all(np.abs(gained - getattr(case.net, name)) <= getattr(case.slack, name)), name
+        before, after = getattr(case.s, name), getattr(case.end, name)
+        gained = getattr(case.compliance, name) * (after - before) / case.dt
+        same = uncrossed(before, after)
+        assert np.mean(same) > 0.8
+        assert np.all((np.abs(gained - getattr(case.net, name)) <= getattr(case.slack, name))[same]), name
     assert np.median(case.slack.bore) < 1e-6
     assert np.mean(case.flows.out > 0.0) > 0.1
 
@@ -275,7 +290,10 @@ def test_arm_neither_makes_nor_loses_oil(case):
     gained = case.flows.swept_b + case.flows.swept_r
     for name in ("bore", "rod"):
         gained = gained + getattr(case.compliance, name) * (getattr(case.end, name) - getattr(case.s, name)) / case.dt
-    assert np.all(np.abs(gained - (case.drawn - case.returned)) <= 2 * (case.slack.bore + case.slack.rod))
+    same = uncrossed(case.s.bore, case.end.bore) & uncrossed(case.s.rod, case.end.rod)
+    off = np.abs(gained - (case.drawn - case.returned)) > 2 * (case.slack.bore + case.slack.rod)
+    assert np.mean(same) > 0.7
+    assert not np.any(off & same)
 
 
 def test_valve_draws_and_returns_by_its_edges(case):

@@ -331,8 +331,10 @@ def test_fill_adds_the_flow_over_oil_and_hose():
     volume, hose = rounded(rng.uniform(0.3e-3, 4e-3, count)), rounded(rng.uniform(0.1e-12, 3e-12, count))
     change = dt * flow / (volume / mixture_modulus(oil, content) + hose)
     out = launch(fill_kernel, oils, content, flow, dt, volume, hose, 1.0)
-    error = np.abs(out - content - change)
-    assert np.all(error <= (MODULUS_ERROR + 4 * ROUNDOFF) * np.abs(change) + 2 * ROUNDOFF * np.abs(out))
+    above = out >= -0.95 * BAR  # below, the rest counts as void
+    assert np.mean(above) > 0.7
+    error = np.abs(out - content - change)[above]
+    assert np.all(error <= ((MODULUS_ERROR + 4 * ROUNDOFF) * np.abs(change) + 2 * ROUNDOFF * np.abs(out))[above])
 
 
 def test_closed_chamber_without_gas_follows_the_liquids_curve():

@@ -34,6 +34,7 @@ from tests.laws.elements import (
     orifice,
     pin_distance,
     relief,
+    uncrossed,
 )
 from tests.laws.launch import ROUNDOFF, changed, columns, launch, record, rounded
 
@@ -556,7 +557,7 @@ def compliances(m, oil, angle, s):
 
 
 VOLUMES = ("supply", "port_a", "port_b", "tank_line")
-DT = 1e-3  # one single step: large, so that the rounding of a pressure is a small flow
+DT = 2e-4  # one single step: large, so that the rounding of a pressure is a small flow
 
 
 def random_case(count, seed, **fixed):
@@ -632,8 +633,11 @@ def test_every_volume_gains_what_flows_into_it():
     for name in VOLUMES:
         before, after, c = getattr(s, name), getattr(end, name), getattr(capacity, name)
         slack = flow_tolerance(m, flows, c, before, after)
-        assert np.all(np.abs(c * (after - before) / dt - getattr(net, name)) <= slack), name
-    assert np.median(flow_tolerance(m, flows, capacity.supply, s.supply, end.supply)) < 2e-7
+        same = uncrossed(before, after)
+        assert np.mean(same) > 0.8
+        assert np.all((np.abs(c * (after - before) / dt - getattr(net, name)) <= slack)[same]), name
+    # sharp enough for the smallest element: a leakage of 2e-12 m³/s/Pa at 10 bar and more
+    assert np.median(flow_tolerance(m, flows, capacity.supply, s.supply, end.supply)) < 1e-6
     np.testing.assert_allclose(end.flow_in, flows.into, rtol=32 * ROUNDOFF, atol=1e-12)
     np.testing.assert_allclose(end.flow_out, flows.out, rtol=32 * ROUNDOFF, atol=1e-12)
 
@@ -645,14 +649,16 @@ def test_circuit_neither_makes_nor_loses_oil():
     end = advance(case)
     flows, _ = circuit(m, oil, case.angle, case.speed, case.rate, arms, s)
     capacity = compliances(m, oil, case.angle, s)
-    gained, slack = flows.swept_a + flows.swept_b, 0.0
+    gained, slack, same = flows.swept_a + flows.swept_b, 0.0, True
     for name in VOLUMES:
         before, after, c = getattr(s, name), getattr(end, name), getattr(capacity, name)
         gained = gained + c * (after - before) / float(rounded(DT))
         slack = slack + flow_tolerance(m, flows, c, before, after)
+        same = same & uncrossed(before, after)
+    assert np.mean(same) > 0.5
     crossing = flows.pump - flows.pump_leak - flows.bleed - flows.relief - flows.back + flows.tank_suction
     crossing += arms.tank_flow - arms.supply_flow
-    assert np.all(np.abs(gained - crossing) <= slack)
+    assert np.all((np.abs(gained - crossing) <= slack)[same])
 
 
 def test_circuit_without_pump_and_motion_only_loses_power():
@@ -673,13 +679,15 @@ def test_circuit_without_pump_and_motion_only_loses_power():
     end = advance(case)
     flows, _ = circuit(m, oil, case.angle, case.speed, 0.0, columns(NO_ARMS), s)
     capacity = compliances(m, oil, case.angle, s)
-    power, slack = 0.0, 0.0
+    power, slack, same = 0.0, 0.0, True
     for name in VOLUMES:
         before, after, c = getattr(s, name), getattr(end, name), getattr(capacity, name)
         p = np.maximum(before, VOID)
         power = power + p * c * (after - before) / float(rounded(DT))
         slack = slack + np.abs(p) * flow_tolerance(m, flows, c, before, after)
-    assert np.all(power <= slack)
+        same = same & uncrossed(before, after)
+    assert np.mean(same) > 0.5
+    assert np.all((power <= slack)[same])
     assert np.median(power) < -1e3
 
 

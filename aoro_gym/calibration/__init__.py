@@ -1,0 +1,13 @@
+"""Calibration: make a twin agree with a machine, by the published procedure or from logs.
+
+``space``      which parameters are free, mapped onto the unit cube
+``turns``      full turns of a whole population in one launch
+``procedure``  the published procedure: valve curve, dead band, pressure drops, disc brake
+``fit``        bounded least squares whose Jacobian is one population, resumable
+``ensemble``   parameter sets that fit as well and differ as far as the data allow
+"""
+
+from aoro_gym.calibration.fit import Fit, least_squares_fit
+from aoro_gym.calibration.space import Space
+
+__all__ = ["Fit", "Space", "least_squares_fit"]

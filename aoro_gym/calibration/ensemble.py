@@ -1,0 +1,81 @@
+"""Parameter sets that fit equally well and are as different as the data allow.
+
+Around a fitted point the residuals are nearly linear, so the directions that the data do not see are those of small
+singular values of the Jacobian. Candidates are drawn along all directions with the Gauss–Newton posterior's spread, are
+evaluated as one population, and of those that fit as well the farthest apart are kept (greedy max–min distance).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aoro_gym.calibration.fit import STEP, Residuals
+
+
+def posterior_factor(
+    residuals: Residuals, point: NDArray[np.float64], prior_std: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Gauss–Newton posterior at ``point`` (d,): factor L (d, d) with covariance L Lᵀ in the unit cube, and the Jacobian.
+
+    ``prior_std`` is the standard deviation of every parameter before the data (unit cube).
+    """
+    steps = np.where(point < 0.5, STEP, -STEP)
+    found = residuals(np.vstack([point, point + np.diag(steps)]))
+    jacobian = np.nan_to_num((found[:, 1:] - found[:, :1]) / steps)
+    information = jacobian.T @ jacobian + np.eye(len(point)) / prior_std**2
+    values, vectors = np.linalg.eigh(information)
+    return vectors / np.sqrt(values), jacobian
+
+
+def draw_ensemble(
+    residuals: Residuals,
+    fitted: NDArray[np.float64],
+    count: int,
+    *,
+    worst: float,
+    candidates: int = 256,
+    prior_std: float = 0.25,
+    seed: int = 0,
+) -> NDArray[np.float64]:
+    """``count`` points (count, d) that fit as well as ``fitted`` (K, d), whose first row is always kept.
+
+    Args:
+        residuals: See :data:`aoro_gym.calibration.fit.Residuals`.
+        fitted: Fitted points, the best first; the others are candidates, too.
+        count: Members wanted.
+        worst: Largest |residual| that a member may have beyond that of the best point.
+        candidates: Points drawn.
+        prior_std: Spread [unit cube] in directions that the data do not see.
+        seed: Seed of the draws.
+
+    Raises:
+        ValueError: fewer than ``count`` candidates fit as well.
+    """
+    rng = np.random.default_rng(seed)
+    best = fitted[0]
+    factor, _ = posterior_factor(residuals, best, prior_std)
+    # shrinking rounds: where the linear picture fails far from the best point, nearer draws still fit
+    kept = [best]
+    for shrink in (1.0, 0.6, 0.35):
+        drawn = np.clip(best + shrink * rng.standard_normal((candidates, len(best))) @ factor.T, 0.0, 1.0)
+        points = np.vstack([fitted[1:], drawn]) if shrink == 1.0 else drawn
+        found = np.abs(residuals(np.vstack([best, points])))
+        bound = found[:, :1] + worst
+        good = np.all(np.nan_to_num(found[:, 1:], nan=np.inf) <= bound, axis=0)
+        kept.extend(points[good])
+        if len(kept) > 3 * count:
+            break
+    if len(kept) < count:
+        raise ValueError(f"only {len(kept)} of the parameter sets tried fit as well as the best; ask for fewer members")
+    return farthest_apart(np.array(kept), count)
+
+
+def farthest_apart(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """``count`` of the ``points`` (K, d), the first included, chosen one by one as far as possible from those chosen."""
+    chosen = [0]
+    distance = np.linalg.norm(points - points[0], axis=1)
+    while len(chosen) < count:
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    return points[chosen]

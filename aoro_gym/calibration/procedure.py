@@ -1,0 +1,118 @@
+"""The published procedure, step by step (Lehto et al., Machines 2026, 14, 128).
+
+1. Mean flows of full turns at several levels are the nominal flow and the opening curve of each port.
+2. The dead band lies between the largest signal that moves nothing and the smallest that moves the joint.
+3. The pressure drop of each port's edge is found by iteration: until a full turn at full signal takes the measured time.
+4. The disc brake is found by iteration: until driving at 0.75 m/s needs the measured pressure over the motors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aoro_gym.calibration.turns import turn, turn_figures
+from aoro_gym.twin import Machine, Twin
+from aoro_gym.validation.key_figures import FIGURES
+from aoro_gym.validation.published import published, published_rows, valve_flow
+
+SIDES = {"left": 1.0, "right": -1.0}
+
+GRID = 9
+"""Machines a launch in a search along one parameter."""
+
+ROUNDS = 3
+"""Refinements of such a search: each narrows the bracket to a quarter."""
+
+
+def measured_curve(machine: Machine) -> Machine:
+    """``machine`` with the measured flows as its valve curve: mean flow at full signal, and its share at 1.0 and 1.5 V."""
+    table = valve_flow()
+    volts = table["signal_V"]
+    values: dict[str, float] = {}
+    for side in SIDES:
+        flow = dict(zip(volts, table[f"{side}_L_per_min"], strict=True))
+        values[f"steering.valve.nominal_flow_{side}"] = flow[2.0]
+        values[f"steering.valve.opening_{side}_1V0"] = flow[1.0] / flow[2.0]
+        values[f"steering.valve.opening_{side}_1V5"] = flow[1.5] / flow[2.0]
+    return machine.set(values, source="P: mean flows of full turns")
+
+
+def crossing(values: NDArray[np.float64], found: NDArray[np.float64], target: float) -> tuple[float, float] | None:
+    """Bracket of neighbouring ``values`` between which ``found`` passes ``target``; None if it never does."""
+    above = np.sign(found - target)
+    for i in range(len(values) - 1):
+        if np.isfinite(above[i : i + 2]).all() and above[i] != above[i + 1]:
+            return values[i], values[i + 1]
+    return None
+
+
+def solve(machine: Machine, key: str, target: float, measure: Callable[[Machine], NDArray[np.float64]]) -> Machine:
+    """``machine`` with ``key`` changed within its range so that ``measure`` gives ``target``.
+
+    A population spans the range and then the bracket, :data:`ROUNDS` times; the last step is a straight line.
+
+    Raises:
+        ValueError: no value within the range reaches the target; names the nearest.
+    """
+    low, high = machine.entries[key].range
+    for _ in range(ROUNDS):
+        values = np.linspace(low, high, GRID)
+        found = measure(machine.set({key: values}))
+        bracket = crossing(values, found, target)
+        if bracket is None:
+            nearest = int(np.nanargmin(np.abs(found - target)))
+            raise ValueError(
+                f"no {key} within its range [{low:.4g}, {high:.4g}] {machine.entries[key].unit} reaches {target:.4g}: "
+                f"the nearest, {values[nearest]:.4g}, gives {found[nearest]:.4g}; widen its range in the machine file"
+            )
+        low, high = bracket
+    ends = np.interp([low, high], values, found)
+    value = low + (high - low) * (target - ends[0]) / (ends[1] - ends[0])
+    return machine.set({key: float(value)}, source=f"calibrated: {target:.4g} reached by iteration")
+
+
+def turn_time(signal: float) -> Callable[[Machine], NDArray[np.float64]]:
+    """Measure of :func:`solve`: time [s] of a full turn at ``signal``."""
+
+    def measure(machine: Machine) -> NDArray[np.float64]:
+        return turn_figures(machine, [turn(signal)])[0, FIGURES.index("turn_time_s")]
+
+    return measure
+
+
+def motor_pressure(machine: Machine, speed: float = 0.75) -> NDArray[np.float64]:
+    """Pressure difference [bar] over the motors at ``speed`` [m/s] on level ground, shape (N,)."""
+    count = machine.num_variants
+    flow = 4.0 * np.asarray(machine.driveline.motor.displacement) * speed / np.asarray(machine.tire.radius)
+    full = np.asarray(machine.driveline.pump.displacement) * np.asarray(machine.engine.set_speed)
+    twin = Twin(count, machine=machine)
+    twin.step({"drive_signal": np.broadcast_to(flow / full, count)}, 6.0)
+    trace = twin.step({}, 2.0, sample_every=0.01)
+    assert trace is not None
+    mean = np.mean([trace[f"motor_pressure_{wheel}"].mean(axis=0) for wheel in ("fl", "fr", "rl", "rr")], axis=0)
+    return mean / 1e5
+
+
+def published_procedure(machine: Machine, progress: Callable[[str, float], None] = lambda s, x: None) -> Machine:
+    """``machine`` after all four steps; its other parameters stay."""
+    progress("valve curve from the measured flows", 0.0)
+    calibrated = measured_curve(machine)
+    for i, (side, sign) in enumerate(SIDES.items()):
+        progress(f"pressure drop of the {side} edge", 0.2 + 0.3 * i)
+        calibrated = solve(
+            calibrated, f"steering.valve.nominal_drop_in_{side}", published_turn_time(side), turn_time(sign)
+        )
+    progress("disc brake", 0.8)
+    return solve(calibrated, "driveline.brake.disc_torque", published("motor_pressure"), motor_pressure)
+
+
+def published_turn_time(side: str) -> float:
+    """Time [s] of the machine's full turn at full signal to ``side``."""
+    for row in published_rows():
+        time = row["turn_time_s"]
+        if (row["direction"], row["signal_percent"], row["source"]) == (side, 100.0, "physical") and time is not None:
+            return float(time)
+    raise KeyError(side)

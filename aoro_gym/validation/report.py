@@ -1,0 +1,632 @@
+"""A validation as tables, plots and one self-contained page."""
+
+from __future__ import annotations
+
+import base64
+import html
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from aoro_gym import __version__
+from aoro_gym.report import AMBER, BLUE, GREEN, GRID, INK, PLOTLY_CONFIG, RED, SHADE, SOFT, describe, show
+from aoro_gym.validation.key_figures import FIGURES, SECOND_PEAK, STEADY, UNDERSHOOT_END
+from aoro_gym.validation.published import Row
+from aoro_gym.validation.study import TARGETS, Curve, Validation
+from aoro_gym.validation.turns import TURNS, Turn
+
+SOURCES = {"physical": ("machine", INK, "D"), "mevea": ("published twin", AMBER, "o")}
+"""Label, colour and marker of what is published."""
+
+ZOOM = (-0.15, 1.05)
+"""Start of a turn [s] that is drawn large."""
+LARGEST_ERROR = 40.0
+"""Error [%] beyond which the chart shows an arrow."""
+
+_STYLE: dict[str, Any] = {
+    "font.size": 9.5,
+    "axes.edgecolor": SOFT,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.7,
+    "axes.titlecolor": INK,
+    "grid.color": GRID,
+    "grid.linewidth": 0.7,
+    "text.color": INK,
+    "xtick.color": SOFT,
+    "ytick.color": SOFT,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+}
+
+
+def write_report(result: Validation, folder: Path) -> list[Path]:
+    """Write ``validation.json``, three plots (PNG) and ``index.html`` into ``folder``; returns what was written."""
+    folder.mkdir(parents=True, exist_ok=True)
+    written = [folder / "validation.json"]
+    result.save(written[0])
+    for direction in ("left", "right"):
+        written.append(folder / f"{direction}_turns.png")
+        write_turns(result, direction, written[-1])
+    written.append(folder / "errors.png")
+    write_errors(result, written[-1])
+    written.append(folder / "index.html")
+    write_page(result, written[-1], errors_png=folder / "errors.png")
+    return written
+
+
+# --- tables ---
+
+
+@dataclass(frozen=True)
+class Line:
+    """One key figure of one turn, as text; ``mark`` says whether it is within its bound (None: there is none)."""
+
+    turn: Turn
+    figure: str
+    unit: str
+    published: tuple[str, str]  # machine, published twin
+    twin: str
+    errors: tuple[str, str]  # of the twin against these
+    mark: bool | None
+    noise: str
+    raw: str
+    uncalibrated: str
+    ensemble: str
+
+
+COLUMNS = (
+    "key figure",
+    "unit",
+    "machine",
+    "published twin",
+    "twin",
+    "vs machine",
+    "vs published twin",
+    "with sensor noise, 90 %",
+    "unfiltered",
+    "uncalibrated",
+    "ensemble",
+)
+
+
+def lines(result: Validation, direction: str) -> Iterator[Line]:
+    """The table of all turns to one side."""
+    for turn in TURNS:
+        if turn.direction != direction:
+            continue
+        rows = {source: result.row(source, turn) for source in ("physical", "mevea", "twin", "twin_raw", "twin_uncalibrated")}
+        noise, ensemble = result.entry(result.noise, turn), result.entry(result.ensemble, turn)
+        against = {name: result.entry(result.errors, turn, source="twin", reference=name) for name in SOURCES}
+        for name in FIGURES:
+            label, unit, _ = describe(name)
+            mevea = against["mevea"]
+            yield Line(
+                turn=turn,
+                figure=label,
+                unit=unit,
+                published=(_shown(rows["physical"], name), _shown(rows["mevea"], name)),
+                twin=_shown(rows["twin"], name),
+                errors=(_error(against["physical"], name), _error(mevea, name)),
+                mark=None if mevea is None else mevea["reached"][name],
+                noise=_range(noise, name, "low90", "high90"),
+                raw=_shown(rows["twin_raw"], name),
+                uncalibrated=_shown(rows["twin_uncalibrated"], name),
+                ensemble=_range(ensemble, name, "low", "high"),
+            )
+
+
+def print_tables(console: Console, result: Validation) -> None:
+    """Print the key figures of all turns, the checks and the notes."""
+    shown = _columns_in_use(result)
+    for direction in ("left", "right"):
+        table = Table(title=f"Full turns to the {direction}", title_justify="left", header_style="bold")
+        for index, column in enumerate(COLUMNS):
+            if index in shown:
+                table.add_column(column, justify="left" if index < 2 else "right", no_wrap=index < 2)
+        for turn in (turn for turn in TURNS if turn.direction == direction):
+            blank = [""] * (len(shown) - 1)
+            table.add_row(f"[bold]{turn.signal_percent:g} % signal[/]", *blank)
+            for line in (line for line in lines(result, direction) if line.turn == turn):
+                cells = _cells(line)
+                if line.mark is not None:
+                    cells[6] = f"[{'green' if line.mark else 'red'}]{cells[6]}[/]"
+                table.add_row(*(f"  {cells[0]}" if index == 0 else cells[index] for index in shown))
+            table.add_section()
+        console.print(table)
+    table = Table(title="Checks", title_justify="left", header_style="bold")
+    for column in ("what", "value", "published", "bound", "unit", ""):
+        table.add_column(column, justify="right" if column in ("value", "published", "bound") else "left")
+    for check in result.checks:
+        mark = "[green]reached[/]" if check["reached"] else "[red]missed[/]"
+        table.add_row(*_check_cells(check), mark)
+    console.print(table)
+    console.print(_verdict(result), highlight=False)
+    for note in result.notes:
+        console.print(f"[yellow]note:[/] {note}", highlight=False)
+
+
+def _verdict(result: Validation) -> str:
+    reached, of = result.reached()
+    filtered, raw = result.misfit(), result.misfit("twin_raw")
+    text = f"{reached} of {of} figures of the published twin are within their bounds"
+    if filtered is None or raw is None:
+        return text + "."
+    nearer = "filtered" if filtered <= raw else "unfiltered"
+    return (
+        f"{text}; error over bound, root mean square: {filtered:.2f} filtered, {raw:.2f} unfiltered, "
+        f"so the published twin's curve reads more like {nearer}."
+    )
+
+
+def _columns_in_use(result: Validation) -> list[int]:
+    sources = {row["source"] for row in result.rows}
+    unused = set()
+    if not result.noise:
+        unused.add(7)
+    if "twin_uncalibrated" not in sources:
+        unused.add(9)
+    if not result.ensemble:
+        unused.add(10)
+    return [index for index in range(len(COLUMNS)) if index not in unused]
+
+
+def _cells(line: Line) -> list[str]:
+    return [
+        *(line.figure, line.unit, *line.published, line.twin, *line.errors),
+        *(line.noise, line.raw, line.uncalibrated, line.ensemble),
+    ]
+
+
+def _check_cells(check: dict[str, Any]) -> list[str]:
+    digits = {"s": 3, "bar": 2}.get(check["unit"])
+    if digits is None:
+        value, bound = (f"{100 * number:.2f}" if number is not None else "-" for number in (check["value"], check["bound"]))
+        return [check["what"], value, "-", f"≤ {bound}", "%"]
+    value, known = (f"{n:.{digits}f}" if n is not None else "-" for n in (check["value"], check["published"]))
+    return [check["what"], value, known, f"± {check['bound']:.{digits}f}", check["unit"]]
+
+
+def _shown(row: Row | None, name: str) -> str:
+    value = None if row is None else row[name]
+    return _digits(name, value) if isinstance(value, float) else "-"
+
+
+def _digits(name: str, value: float) -> str:
+    """Times at full resolution of the sensor's clock, or of a main step."""
+    return f"{value:.2f}" if name.endswith("_s") and abs(value * 100 - round(value * 100)) < 1e-6 else show(name, value)
+
+
+def _error(entry: dict[str, Any] | None, name: str) -> str:
+    if entry is None or entry["relative"][name] is None:
+        return "-"
+    if TARGETS[name][0] == "difference":
+        return f"{entry['difference'][name]:+.2f} s"
+    return f"{100 * entry['relative'][name]:+.1f} %"
+
+
+def _range(entry: dict[str, Any] | None, name: str, low: str, high: str) -> str:
+    if entry is None or entry[name][low] is None:
+        return "-"
+    return f"{_digits(name, entry[name][low])} – {_digits(name, entry[name][high])}"
+
+
+# --- plots ---
+
+
+def write_turns(result: Validation, direction: str, path: Path) -> None:
+    """Draw the flow curves of the turns to one side, with what is published of them."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    curves = [curve for curve in result.curves if curve.turn.direction == direction]
+    with matplotlib.rc_context(_STYLE):
+        figure = Figure(figsize=(12.5, 1.1 + 3.15 * len(curves)), dpi=140, layout="constrained")
+        layout: Any = figure.get_layout_engine()
+        layout.set(w_pad=0.08, h_pad=0.08)
+        figure.suptitle(f"Joint flow of full turns to the {direction}", x=0.012, ha="left", fontsize=15, fontweight="bold")
+        if direction == "left":
+            text = "points: first peak      bars: level and the period that it belongs to      upright: end of the turn"
+            figure.text(0.992, 0.985, text, ha="right", va="top", fontsize=9.5, color="#5f6f7d")
+        grid = figure.subplots(len(curves), 2, squeeze=False, width_ratios=(1.15, 1.0))
+        handles: dict[str, Any] = {}
+        for (start, whole), curve in zip(grid, curves, strict=True):
+            for axis, zoomed in ((start, True), (whole, False)):
+                _draw_curve(axis, curve, zoomed, handles)
+                _draw_published(axis, result, curve.turn, zoomed, handles)
+                axis.grid(True)
+                axis.set_axisbelow(True)
+                axis.spines[["top", "right"]].set_visible(False)
+                axis.set_ylim(*_flow_limits(result, curve))
+            start.set_ylabel("L/min")
+            start.set_title(f"{curve.turn.signal_percent:g} % signal: start of the turn", loc="left", fontweight="bold")
+            whole.set_title("whole turn", loc="left", fontweight="bold")
+        for axis in grid[-1]:
+            axis.set_xlabel("time since the joint has moved by 0.1° [s]")
+        figure.legend(
+            handles.values(), handles.keys(), loc="outside lower left", ncols=len(handles), frameon=False, fontsize=9.5
+        )
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path)
+
+
+def _draw_curve(axis: Any, curve: Curve, zoomed: bool, handles: dict[str, Any]) -> None:
+    if curve.low.size:
+        handles["ensemble"] = axis.fill_between(curve.time, curve.low, curve.high, color=BLUE, alpha=0.18, lw=0)
+    if curve.uncalibrated_flow.size:
+        (handles["uncalibrated twin"],) = axis.plot(
+            curve.uncalibrated_time, curve.uncalibrated_flow, color=SOFT, lw=1.2, ls=(0, (5, 2))
+        )
+    (handles["twin, unfiltered"],) = axis.plot(curve.raw_time, curve.raw_flow, color=GREEN, lw=0.9)
+    (handles["twin, as measured"],) = axis.plot(curve.time, curve.flow, color=BLUE, lw=2.0)
+    axis.set_xlim(*(ZOOM if zoomed else (curve.time[0], curve.time[-1])))
+
+
+def _draw_published(axis: Any, result: Validation, turn: Turn, zoomed: bool, handles: dict[str, Any]) -> None:
+    """Points where time and flow are known; a bar where only the period is."""
+    for source, (label, colour, marker) in SOURCES.items():
+        row = result.row(source, turn)
+        if row is None:
+            continue
+        # the machine's lines stay visible on top of the published twin's
+        style: Any = {"color": colour, "lw": 1.2 if source == "physical" else 3.0, "solid_capstyle": "butt"}
+        style["zorder"] = 5 if source == "physical" else 4
+        for name, low, high in _periods(row):
+            value = row[name]
+            if isinstance(value, float) and zoomed != (name == "steady_flow_L_per_min"):
+                axis.plot([low, high], [value, value], marker="|", ms=8, mew=style["lw"], **style)
+                above = name == "second_peak_L_per_min"
+                other = result.row("mevea" if source == "physical" else "physical", turn)
+                rival = None if other is None else other[name]
+                if zoomed and (not isinstance(rival, float) or (value > rival) == above):  # of two, label the outer one
+                    axis.annotate(
+                        describe(name)[0],
+                        (high, value),
+                        (0, 4 if above else -5),
+                        textcoords="offset points",
+                        ha="right",
+                        va="bottom" if above else "top",
+                        fontsize=8.5,
+                        color=INK,
+                    )
+        peak, when, end = row["first_peak_L_per_min"], row["first_peak_time_s"], row["turn_time_s"]
+        point: Any = {"marker": marker, "color": colour, "ms": 7, "mec": "white", "mew": 0.9, "zorder": 6, "ls": ""}
+        if isinstance(peak, float):
+            axis.plot([when], [peak], **point)
+        if isinstance(end, float) and not zoomed:
+            axis.axvline(end, color=colour, lw=style["lw"], ls=(0, (3, 2)), zorder=style["zorder"] - 3, alpha=0.8)
+        mean = row["mean_flow_L_per_min"]
+        if peak is None and isinstance(mean, float) and not zoomed:
+            axis.plot([0.0, axis.get_xlim()[1]], [mean, mean], **(style | {"lw": 1.4, "ls": (0, (5, 3))}))
+            handles["machine's mean flow"] = axis.lines[-1]
+        if isinstance(peak, float):
+            (handles[label],) = axis.plot([], [], lw=style["lw"], **(point | {"ls": "-"}))
+
+
+def _periods(row: Row) -> Iterator[tuple[str, float, float]]:
+    """Figures that belong to a period: name, begin and end [s]."""
+    end, when = row["turn_time_s"], row["first_peak_time_s"]
+    if isinstance(when, float):
+        yield "lowest_undershoot_L_per_min", when, UNDERSHOOT_END
+    yield "second_peak_L_per_min", *SECOND_PEAK
+    if isinstance(end, float):
+        yield "steady_flow_L_per_min", STEADY[0] * end, STEADY[1] * end
+
+
+def _flow_limits(result: Validation, curve: Curve) -> tuple[float, float]:
+    parts = [curve.flow, curve.raw_flow, curve.uncalibrated_flow, curve.high]
+    peaks = [row["first_peak_L_per_min"] for row in (result.row(s, curve.turn) for s in SOURCES) if row is not None]
+    top = max(
+        [float(part.max()) for part in parts if part.size] + [peak for peak in peaks if isinstance(peak, float)] + [1.0]
+    )
+    return -0.06 * top, 1.08 * top
+
+
+def write_errors(result: Validation, path: Path) -> None:
+    """Draw the relative errors of the left turns' figures: against the published twin, and against the machine."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    turns = [turn for turn in TURNS if turn.direction == "left"]
+    with matplotlib.rc_context(_STYLE):
+        figure = Figure(figsize=(12.5, 6.2), dpi=140, layout="constrained")
+        layout: Any = figure.get_layout_engine()
+        layout.set(w_pad=0.1, h_pad=0.08)
+        figure.suptitle("Errors of the twin, left turns", x=0.012, ha="left", fontsize=15, fontweight="bold")
+        axes = figure.subplots(1, len(turns), sharey=True)
+        handles: dict[str, Any] = {}
+        for axis, turn in zip(axes, turns, strict=True):
+            for place, name in enumerate(FIGURES):
+                _draw_errors(axis, result, turn, name, place, handles)
+            axis.axvline(0.0, color=INK, lw=0.8, zorder=1)
+            axis.set_title(f"{turn.signal_percent:g} % signal", loc="left", fontweight="bold")
+            axis.set_xlim(-1.08 * LARGEST_ERROR, 1.08 * LARGEST_ERROR)
+            axis.set_ylim(len(FIGURES) - 0.45, -0.55)
+            axis.set_xlabel("relative error [%]")
+            axis.grid(True, axis="x")
+            axis.set_axisbelow(True)
+            axis.spines[["top", "right", "left"]].set_visible(False)
+            axis.tick_params(axis="y", length=0)
+            axis.set_yticks(range(len(FIGURES)), [describe(name)[0] for name in FIGURES], fontsize=10.5)
+        figure.legend(
+            handles.values(), handles.keys(), loc="outside lower left", ncols=4, frameon=False, fontsize=9.5
+        )
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path)
+
+
+def _draw_errors(axis: Any, result: Validation, turn: Turn, name: str, place: int, handles: dict[str, Any]) -> None:
+    mevea, machine = result.row("mevea", turn), result.row("physical", turn)
+    if mevea is None or machine is None:
+        return
+    upper, lower = place - 0.17, place + 0.2
+    if place % 2:
+        axis.axhspan(place - 0.5, place + 0.5, color=SHADE, lw=0, zorder=0)
+    kind, bound = TARGETS[name]
+    reference = _value(mevea, name)
+    half = 100 * (bound / reference if kind == "difference" else bound)
+    handles["asked for"] = axis.barh(upper, 2 * half, left=-half, height=0.3, color=GREEN, alpha=0.22, lw=0, zorder=1)
+
+    def dot(label: str, source: str, against: str, height: float, **style: Any) -> None:
+        entry = result.entry(result.errors, turn, source=source, reference=against)
+        error = None if entry is None else entry["relative"][name]
+        if error is None:
+            return
+        beyond = abs(100 * error) > LARGEST_ERROR
+        where = math.copysign(LARGEST_ERROR, error) if beyond else 100 * error
+        (line,) = axis.plot([where], [height], ls="", zorder=4, **style)
+        handles.setdefault(label, line)
+        if beyond:
+            axis.annotate(
+                f"{100 * error:+.0f} % →" if error > 0 else f"← −{-100 * error:.0f} %",
+                (where, height),
+                (6 if error > 0 else -6, 5),
+                textcoords="offset points",
+                ha="right" if error > 0 else "left",
+                va="bottom",
+                fontsize=8.5,
+            )
+
+    ensemble, noise = result.entry(result.ensemble, turn), result.entry(result.noise, turn)
+    if ensemble is not None:
+        _bar(axis, ensemble[name], ("low", "high"), reference, upper, BLUE, "ensemble", handles)
+    if noise is not None:
+        _bar(axis, noise[name], ("low90", "high90"), _value(machine, name), lower, SOFT, "with sensor noise, 90 %", handles)
+    if result.uncalibrated is not None:
+        dot("uncalibrated vs published twin", "twin_uncalibrated", "mevea", upper, marker="X", color=SOFT, ms=7, mew=0)
+    dot("unfiltered vs published twin", "twin_raw", "mevea", upper, marker="o", mfc="white", mec=GREEN, mew=1.5, ms=7)
+    dot("twin vs published twin", "twin", "mevea", upper, marker="o", color=BLUE, ms=8, mec="white", mew=0.8)
+    dot("twin vs machine", "twin", "physical", lower, marker="D", color=INK, ms=6, mec="white", mew=0.8)
+
+
+def _bar(
+    axis: Any,
+    entry: dict[str, float | None],
+    ends: tuple[str, str],
+    reference: float,
+    height: float,
+    colour: str,
+    label: str,
+    handles: dict[str, Any],
+) -> None:
+    low, high = entry[ends[0]], entry[ends[1]]
+    if low is None or high is None:
+        return
+    span = np.clip([100 * (low / reference - 1), 100 * (high / reference - 1)], -LARGEST_ERROR, LARGEST_ERROR)
+    (line,) = axis.plot(span, [height, height], color=colour, lw=3.0, alpha=0.55, solid_capstyle="butt", zorder=3)
+    handles.setdefault(label, line)
+
+
+def _value(row: Row, name: str) -> float:
+    value = row[name]
+    return value if isinstance(value, float) else math.nan
+
+
+# --- page ---
+
+
+_TABLE_STYLE = """<style>
+  table { border-collapse: collapse; width: 100%; font-size: 13.5px; font-variant-numeric: tabular-nums; }
+  th { text-align: right; padding: 5px 9px; border-bottom: 2px solid var(--line); vertical-align: bottom; }
+  td { text-align: right; padding: 3px 9px; border-bottom: 1px solid var(--line); white-space: nowrap; }
+  th:first-child, td:first-child { text-align: left; }
+  tr.level td { font-weight: 600; padding-top: 12px; background: none; }
+  td.twin { font-weight: 600; }
+  td.yes { color: #1d7a54; font-weight: 600; }
+  td.no { color: #c8423b; font-weight: 600; }
+  .card { overflow-x: auto; }
+  .card img { width: 100%; height: auto; display: block; }
+  .legend { color: var(--soft); font-size: 13px; margin: 8px 2px 0; }
+</style>"""
+
+
+def write_page(result: Validation, path: Path, *, errors_png: Path) -> None:
+    """Write one page with tables and plots; it needs no other file and no network."""
+    from plotly.offline import get_plotlyjs
+
+    template = Template(resources.files("aoro_gym").joinpath("templates/report.html").read_text(encoding="utf-8"))
+    picture = base64.b64encode(errors_png.read_bytes()).decode("ascii")
+    sections = [
+        _section("left", "Left turns", f'<div class="card">{_plotly(result, "left")}</div>'),
+        _section("errors", "Errors", f'<div class="card"><img alt="errors" src="data:image/png;base64,{picture}"></div>'),
+        _section("figures-left", "Key figures, left", f'<div class="card">{_html_table(result, "left")}</div>'),
+        _section("right", "Right turns", f'<div class="card">{_plotly(result, "right")}</div>'),
+        _section("figures-right", "Key figures, right", f'<div class="card">{_html_table(result, "right")}</div>'),
+        _section("notes", "How to read this", _explained(result)),
+    ]
+    names = [("left", "Left turns"), ("errors", "Errors"), ("figures-left", "Key figures"), ("right", "Right turns")]
+    page = template.substitute(
+        title="AORO twin: validation",
+        lead=html.escape(f"Machine {result.machine}. {_verdict(result)}"),
+        contents="".join(f'<a href="#{name}">{label}</a>' for name, label in names),
+        sections="\n".join([_TABLE_STYLE, _tiles(result), *sections]),
+        plotly=get_plotlyjs(),
+        footer=f"Drawn by aoro-gym {html.escape(__version__)}. Published figures: Lehto et al., Machines 2026, 14, 128.",
+    )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(page, encoding="utf-8")
+
+
+def _section(name: str, title: str, body: str) -> str:
+    return f'<section id="{name}"><h2>{html.escape(title)}</h2>{body}</section>'
+
+
+def _tiles(result: Validation) -> str:
+    tiles = []
+    for check in result.checks:
+        what, value, known, bound, unit = _check_cells(check)
+        colour = "#1d7a54" if check["reached"] else "#c8423b"
+        beside = bound if known == "-" else f"published {known}, {bound}"
+        tiles.append(
+            f'<div class="figure"><b style="color:{colour}">{value} <small>{unit}</small></b>'
+            f"<span>{html.escape(what)} ({beside})</span></div>"
+        )
+    return f'<div class="figures" style="margin-top:18px">{"".join(tiles)}</div>'
+
+
+def _html_table(result: Validation, direction: str) -> str:
+    shown = _columns_in_use(result)
+    head = "".join(f"<th>{html.escape(COLUMNS[index])}</th>" for index in shown)
+    body = []
+    level = None
+    for line in lines(result, direction):
+        if line.turn != level:
+            level = line.turn
+            body.append(f'<tr class="level"><td colspan="{len(shown)}">{level.signal_percent:g} % signal</td></tr>')
+        cells = _cells(line)
+        marks = {4: "twin"} | ({} if line.mark is None else {6: "yes" if line.mark else "no"})
+        body.append(
+            "<tr>"
+            + "".join(f'<td class="{marks.get(index, "")}">{html.escape(cells[index])}</td>' for index in shown)
+            + "</tr>"
+        )
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>"
+
+
+def _explained(result: Validation) -> str:
+    sentences = [
+        "Every figure of the twin goes through the machine's measuring chain: the joint angle at 100 samples a second, "
+        "a 4th-order Butterworth low-pass of 7 Hz forward and backward, the cylinders' strokes by geometry, and the oil "
+        "that they draw. “Unfiltered” is the simulated flow itself, at every millisecond.",
+        "Figures are without sensor noise. “With sensor noise” is where nine of ten recordings of this same twin would "
+        f"stand ({result.noise_runs} simulated recordings a turn, noise of the published kind, any phase of the "
+        "sensor's clock): peaks are read high and undershoots low, so the machine's single recordings are, too.",
+        "Colours tell whether the twin is as near to the published twin as asked for. Only the times at full signal are "
+        "calibrated to the machine; mean flows at 75 and 50 % follow from its valve curve and are no independent test.",
+        *result.notes,
+    ]
+    return '<div class="card">' + "".join(f"<p>{html.escape(text)}</p>" for text in sentences) + "</div>"
+
+
+def _plotly(result: Validation, direction: str) -> str:
+    """Flow curves of the turns to one side, to zoom into."""
+    import plotly.graph_objects as go
+    from plotly.subplots import make_subplots
+
+    curves = [curve for curve in result.curves if curve.turn.direction == direction]
+    titles = []
+    for curve in curves:
+        titles += [f"<b>{curve.turn.signal_percent:g} % signal</b>: start of the turn [L/min]", "whole turn [L/min]"]
+    figure: Any = make_subplots(
+        rows=len(curves),
+        cols=2,
+        subplot_titles=titles,
+        column_widths=[0.53, 0.47],
+        horizontal_spacing=0.06,
+        vertical_spacing=0.09,
+    )
+    known: set[str] = set()
+
+    def line(row: int, column: int, label: str, x: Any, y: Any, **style: Any) -> None:
+        figure.add_trace(
+            go.Scatter(
+                x=np.asarray(x, dtype=np.float32),
+                y=np.asarray(y, dtype=np.float32),
+                name=label,
+                legendgroup=label,
+                showlegend=label not in known,
+                hovertemplate="%{y:.1f}",
+                **({"mode": "lines"} | style),
+            ),
+            row=row,
+            col=column,
+        )
+        known.add(label)
+
+    for row, curve in enumerate(curves, start=1):
+        for column in (1, 2):
+            zoomed = column == 1
+            if curve.low.size:
+                both = np.concatenate([curve.time, curve.time[::-1]])
+                edge = np.concatenate([curve.high, curve.low[::-1]])
+                filled: Any = {"fill": "toself", "fillcolor": "rgba(31,119,180,0.18)", "line": {"width": 0}}
+                line(row, column, "ensemble", both, edge, hoverinfo="skip", **filled)
+            if curve.uncalibrated_flow.size:
+                dashed = {"color": SOFT, "width": 1.5, "dash": "dash"}
+                line(row, column, "uncalibrated twin", curve.uncalibrated_time, curve.uncalibrated_flow, line=dashed)
+            time, flow = _thinned(curve)
+            line(row, column, "twin, unfiltered", time, flow, line={"color": GREEN, "width": 1.2})
+            line(row, column, "twin, as measured", curve.time, curve.flow, line={"color": BLUE, "width": 2.4})
+            _plotly_published(line, result, curve.turn, row, column)
+            limits = ZOOM if zoomed else (float(curve.time[0]), float(curve.time[-1]))
+            figure.update_xaxes(range=limits, row=row, col=column)
+            figure.update_yaxes(range=_flow_limits(result, curve), row=row, col=column)
+    for column in (1, 2):
+        figure.update_xaxes(title_text="time since the joint has moved by 0.1° [s]", row=len(curves), col=column)
+    figure.update_annotations(xanchor="left", font={"size": 13.5, "color": INK})
+    for index, annotation in enumerate(figure.layout.annotations):
+        annotation.x = figure.layout["xaxis" + ("" if index == 0 else str(index + 1))].domain[0]
+    figure.update_xaxes(gridcolor=GRID, linecolor=SOFT, zeroline=False)
+    figure.update_yaxes(gridcolor=GRID, linecolor=SOFT, zerolinecolor=GRID)
+    figure.update_layout(
+        height=110 + 290 * len(curves),
+        margin={"l": 45, "r": 15, "t": 70, "b": 45},
+        paper_bgcolor="white",
+        plot_bgcolor="white",
+        hovermode="x unified",
+        legend={"orientation": "h", "x": 0.0, "y": 1.0 + 60 / (290 * len(curves)), "yanchor": "bottom"},
+        font={"color": INK, "family": "system-ui, -apple-system, Segoe UI, DejaVu Sans, sans-serif", "size": 12},
+    )
+    return figure.to_html(full_html=False, include_plotlyjs=False, config=PLOTLY_CONFIG)
+
+
+def _plotly_published(line: Any, result: Validation, turn: Turn, row: int, column: int) -> None:
+    for source, (label, colour, marker) in SOURCES.items():
+        figures = result.row(source, turn)
+        if figures is None:
+            continue
+        x: list[float | None] = []
+        y: list[float | None] = []
+        for name, low, high in _periods(figures):
+            value = figures[name]
+            if isinstance(value, float) and (column == 1 or name == "steady_flow_L_per_min"):
+                x += [low, high, None]
+                y += [value, value, None]
+        if not x and column == 2 and isinstance(figures["mean_flow_L_per_min"], float):
+            end = figures["turn_time_s"] if isinstance(figures["turn_time_s"], float) else None
+            x, y = [0.0, end or 100.0], [figures["mean_flow_L_per_min"]] * 2
+            label = f"{label}, mean flow"
+        line(row, column, label, _gaps(x), _gaps(y), line={"color": colour, "width": 3})
+        if isinstance(figures["first_peak_L_per_min"], float):
+            point = {"color": colour, "size": 10, "symbol": "diamond" if marker == "D" else "circle"}
+            point |= {"line": {"color": "white", "width": 1}}
+            peak = [figures["first_peak_time_s"]], [figures["first_peak_L_per_min"]]
+            line(row, column, label, *peak, mode="markers", marker=point)
+
+
+def _gaps(values: list[float | None]) -> NDArray[np.float64]:
+    return np.array([math.nan if value is None else value for value in values], dtype=np.float64)
+
+
+def _thinned(curve: Curve) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The unfiltered curve: every millisecond at its start, every tenth later."""
+    kept = (curve.raw_time < ZOOM[1]) | (np.arange(len(curve.raw_time)) % 10 == 0)
+    return curve.raw_time[kept], curve.raw_flow[kept]

@@ -1,0 +1,408 @@
+"""The validation: full turns of the twin beside the published machine and the published twin."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from aoro_gym.sensors.chain import SAMPLE_RATE, measured_flow, sample
+from aoro_gym.sensors.joint_angle import JointAngleNoise, JointAngleSensor
+from aoro_gym.twin import Machine
+from aoro_gym.validation.key_figures import FIGURES, key_figures_batch, turn_span
+from aoro_gym.validation.published import Row, published, published_rows
+from aoro_gym.validation.turns import TURNS, Recording, Turn, motor_pressure_at, run_turns, stacked
+
+BAR = 1e5
+
+TARGETS: Mapping[str, tuple[str, float]] = {
+    "turn_time_s": ("relative", 0.02),
+    "mean_flow_L_per_min": ("relative", 0.02),
+    "steady_flow_L_per_min": ("relative", 0.02),
+    "first_peak_L_per_min": ("relative", 0.05),
+    "first_peak_time_s": ("difference", 0.02),
+    "lowest_undershoot_L_per_min": ("relative", 0.08),
+    "second_peak_L_per_min": ("relative", 0.08),
+}
+"""How near the twin is to be to the published one: kind of error and its bound."""
+
+TURN_TIME_TARGET = 0.01
+"""How near [s] the times of full turns at full signal are to be to the machine's."""
+MOTOR_PRESSURE_TARGET = 0.02
+"""How near, relative, the motors' pressure drop is to be to the machine's; the disc brake is set by it."""
+BARE_PRESSURE_TARGET = 0.25
+"""The same without the disc brake: only its order is asked for."""
+HALF_STEP_TARGET = 0.005
+"""Largest relative change of any key figure that halving the hydraulic step may make."""
+
+_SLACK = 1e-9  # a published figure has few decimals: 1.98 + 0.01 must not fail by rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """What is drawn of one turn; time [s] counts from t = 0 of the key figures."""
+
+    turn: Turn
+    time: NDArray[np.float64]  # 100 samples a second
+    flow: NDArray[np.float64]  # [L/min] of the measuring chain
+    raw_time: NDArray[np.float64]
+    raw_flow: NDArray[np.float64]  # [L/min] unfiltered
+    uncalibrated_time: NDArray[np.float64]
+    uncalibrated_flow: NDArray[np.float64]  # [L/min] of the measuring chain; empty without a second machine
+    low: NDArray[np.float64]  # [L/min] on `time`: least and largest of the ensemble; empty without one
+    high: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """What :func:`validate` found; flows in L/min, times in s."""
+
+    machine: str
+    uncalibrated: str | None
+    rows: list[Row]
+    """Key figures: ``twin``, ``twin_raw``, ``twin_uncalibrated``, ``physical`` and ``mevea`` of every turn."""
+    errors: list[dict[str, Any]]
+    """For each row of a twin and each published row: ``relative``, ``difference`` and ``reached`` by figure."""
+    noise: list[dict[str, Any]]
+    """What the sensor's noise and clock do to the twin's figures: ``low90``, ``median`` and ``high90`` by figure."""
+    noise_runs: int
+    ensemble: list[dict[str, Any]]
+    """``low``, ``median`` and ``high`` of the ensemble's members by figure."""
+    ensemble_members: int
+    checks: list[dict[str, Any]]
+    """Single figures: ``value``, ``published``, ``bound`` and ``reached``."""
+    notes: list[str]
+    curves: list[Curve] = field(default_factory=list)
+
+    def row(self, source: str, turn: Turn) -> Row | None:
+        """The row of ``source`` for ``turn``, if there is one."""
+        wanted = (source, turn.direction, turn.signal_percent)
+        for row in self.rows:
+            if (row["source"], row["direction"], row["signal_percent"]) == wanted:
+                return row
+        return None
+
+    def entry(self, listed: list[dict[str, Any]], turn: Turn, **keys: str) -> dict[str, Any] | None:
+        """The entry of ``errors``, ``noise`` or ``ensemble`` for ``turn``."""
+        for item in listed:
+            if (item["direction"], item["signal_percent"]) == (turn.direction, turn.signal_percent) and all(
+                item[key] == value for key, value in keys.items()
+            ):
+                return item
+        return None
+
+    def reached(self, source: str = "twin") -> tuple[int, int]:
+        """How many of the published twin's figures ``source`` reaches, and how many there are."""
+        marks = [
+            mark
+            for item in self.errors
+            if item["source"] == source and item["reference"] == "mevea"
+            for mark in item["reached"].values()
+            if mark is not None
+        ]
+        return sum(marks), len(marks)
+
+    def misfit(self, source: str = "twin") -> float | None:
+        """Root mean square of error over bound against the published twin; below one is well within."""
+        shares = []
+        for item in self.errors:
+            if item["source"] == source and item["reference"] == "mevea":
+                shares += [item[kind][name] / bound for name, (kind, bound) in TARGETS.items()]
+        known = [share for share in shares if share is not None]
+        return math.sqrt(sum(share**2 for share in known) / len(known)) if known else None
+
+    def to_json(self) -> dict[str, Any]:
+        """Content of ``validation.json``."""
+        return {
+            "machine": self.machine,
+            "uncalibrated": self.uncalibrated,
+            "rows": self.rows,
+            "errors": self.errors,
+            "reached": {
+                source: dict(zip(("figures", "of"), self.reached(source), strict=True)) | {"misfit": self.misfit(source)}
+                for source in _sources(self.rows)
+                if source.startswith("twin")
+            },
+            "noise": {"runs": self.noise_runs, "rows": self.noise},
+            "ensemble": {"members": self.ensemble_members, "rows": self.ensemble},
+            "checks": self.checks,
+            "notes": self.notes,
+        }
+
+    def save(self, path: Path) -> None:
+        """Write :meth:`to_json` to ``path``."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        text = json.dumps(self.to_json(), indent=2, ensure_ascii=False, allow_nan=False)
+        path.write_text(text + "\n", encoding="utf-8")
+
+
+def validate(
+    machine: str | Path | Machine = "aoro",
+    *,
+    uncalibrated: str | Path | Machine | None = None,
+    ensemble: Machine | Sequence[str | Path | Machine] = (),
+    device: str = "cpu",
+    seed: int = 0,
+    noise: JointAngleNoise | None = None,
+    noise_runs: int = 200,
+    substeps: int = 30,
+    progress: Callable[[str], Any] | None = None,
+) -> Validation:
+    """Full turns to both sides at 100, 75 and 50 % signal, in one launch, and two straight drives.
+
+    Args:
+        machine: The machine asked for: name, file or :class:`Machine`. Of a machine with variants the first is taken,
+            and all of them make the ensemble.
+        uncalibrated: A second machine to compare with, in rows ``twin_uncalibrated``.
+        ensemble: Machines that are thought to fit equally well, or one with a variant each; their spread is reported.
+        device: ``"cpu"`` or ``"cuda:N"``.
+        seed: Of the sensor's noise.
+        noise: What the joint-angle sensor adds; the published kind by default.
+        noise_runs: How many noisy recordings of each turn show the spread; 0 for none.
+        substeps: Hydraulic substeps a main step.
+        progress: Called with what is being done.
+
+    The figures are without noise. Twins that were lost have none (null), and a note says why.
+    """
+    say = progress or (lambda _: None)
+    chosen = _machine(machine)
+    members = [ensemble] if isinstance(ensemble, Machine) else [_machine(member) for member in ensemble]
+    if chosen.num_variants > 1:
+        members = members or [chosen]
+        chosen = chosen.variant(0)
+    second = None if uncalibrated is None else _machine(uncalibrated)
+    family = [chosen, *([second] if second is not None else []), *members]
+
+    say(f"full turns, {len(TURNS) * sum(m.num_variants for m in family)} twins")
+    recording = run_turns(stacked(family), device=device, substeps=substeps)
+    exact, raw = _figures(recording), _raw_figures(recording)
+    rows: list[Row] = []
+    for index, turn in enumerate(TURNS):
+        rows.append(_row(turn, "twin", exact, index, 0))
+        rows.append(_row(turn, "twin_raw", raw, index, 0))
+        if second is not None:
+            rows.append(_row(turn, "twin_uncalibrated", exact, index, 1))
+    rows += published_rows()
+
+    first_member = 1 + (second is not None)
+    say("sensor noise")
+    spread = _noise(recording, noise or JointAngleNoise.published(), noise_runs, seed) if noise_runs else []
+    say("half the hydraulic step, and straight drives")
+    fine = run_turns(chosen, device=device, substeps=2 * substeps)
+    names = [chosen.name, *([second.name] if second is not None else [])]
+    return Validation(
+        machine=names[0],
+        uncalibrated=names[1] if second is not None else None,
+        rows=rows,
+        errors=_errors(rows),
+        noise=spread,
+        noise_runs=noise_runs,
+        ensemble=_ensemble(exact, first_member) if members else [],
+        ensemble_members=sum(member.num_variants for member in members),
+        checks=_checks(rows, chosen, exact, _figures(fine), device, substeps),
+        notes=_notes(recording, exact, names),
+        curves=_curves(recording, exact, second is not None, first_member if members else None),
+    )
+
+
+def _machine(machine: str | Path | Machine) -> Machine:
+    return machine if isinstance(machine, Machine) else Machine.load(machine)
+
+
+def _shaped(recording: Recording, flat: dict[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
+    return {name: values.reshape(recording.angle.shape[1:]) for name, values in flat.items()}
+
+
+def _figures(recording: Recording) -> dict[str, NDArray[np.float64]]:
+    """Key figures (T, V) through the measuring chain, from samples without noise."""
+    ticks, angle = sample(recording.time, recording.angle.reshape(len(recording.time), -1))
+    return _shaped(recording, key_figures_batch(ticks, angle, recording.machine))
+
+
+def _raw_figures(recording: Recording) -> dict[str, NDArray[np.float64]]:
+    """Key figures (T, V) of the simulated flow, unfiltered, at every main step."""
+    frames = len(recording.time)
+    angle, flow = recording.angle.reshape(frames, -1), recording.flow.reshape(frames, -1)
+    return _shaped(recording, key_figures_batch(recording.time, angle, recording.machine, flow=flow))
+
+
+def _row(turn: Turn, source: str, figures: dict[str, NDArray[np.float64]], index: int, variant: int) -> Row:
+    row: Row = {"direction": turn.direction, "signal_percent": turn.signal_percent, "source": source}
+    return row | {name: _number(figures[name][index, variant]) for name in FIGURES}
+
+
+def _number(value: ArrayLike) -> float | None:
+    """A figure for JSON: None where there is none; digits beyond a millionth are rounding of single precision."""
+    number = float(np.asarray(value))
+    return float(f"{number:.7g}") if math.isfinite(number) else None
+
+
+def _sources(rows: list[Row]) -> list[str]:
+    return list(dict.fromkeys(str(row["source"]) for row in rows))
+
+
+def _errors(rows: list[Row]) -> list[dict[str, Any]]:
+    errors = []
+    for row in rows:
+        for reference in rows:
+            if not str(row["source"]).startswith("twin") or reference["source"] not in ("physical", "mevea"):
+                continue
+            if any(row[key] != reference[key] for key in ("direction", "signal_percent")):
+                continue
+            difference: dict[str, float | None] = dict.fromkeys(FIGURES)
+            relative, reached = dict(difference), dict.fromkeys(FIGURES)
+            for name in FIGURES:
+                value, published_value = row[name], reference[name]
+                if isinstance(value, float) and isinstance(published_value, float):
+                    difference[name] = value - published_value
+                    relative[name] = value / published_value - 1.0
+                if isinstance(published_value, float) and reference["source"] == "mevea":
+                    kind, bound = TARGETS[name]
+                    error = difference[name] if kind == "difference" else relative[name]
+                    reached[name] = error is not None and abs(error) <= bound + _SLACK
+            errors.append(
+                {key: row[key] for key in ("direction", "signal_percent", "source")}
+                | {"reference": reference["source"]}
+                | {"relative": relative, "difference": difference, "reached": reached}
+            )
+    return errors
+
+
+def _noise(recording: Recording, noise: JointAngleNoise, runs: int, seed: int) -> list[dict[str, Any]]:
+    """Spread of the first machine's figures over noisy recordings, each with a clock that ticks at another instant."""
+    every = round(1.0 / (SAMPLE_RATE * (recording.time[1] - recording.time[0])))
+    sensor = JointAngleSensor(noise=noise)
+    machine = recording.machine.variant(0)
+    spread = []
+    for index, (turn, rng) in enumerate(zip(TURNS, np.random.default_rng(seed).spawn(len(TURNS)), strict=True)):
+        count = (len(recording.time) - every + 1) // every
+        picked = np.arange(count)[:, None] * every + rng.integers(every, size=runs)
+        ticks, measured = sensor.record(recording.angle[picked, index, 0], np.arange(count) / SAMPLE_RATE, rng)
+        figures = key_figures_batch(ticks, measured, machine)
+        entry: dict[str, Any] = {"direction": turn.direction, "signal_percent": turn.signal_percent}
+        for name in FIGURES:
+            known = figures[name][np.isfinite(figures[name])]
+            low, median, high = np.percentile(known, (5, 50, 95)) if known.size else (np.nan,) * 3
+            entry[name] = {"low90": _number(low), "median": _number(median), "high90": _number(high)}
+        spread.append(entry)
+    return spread
+
+
+def _ensemble(figures: dict[str, NDArray[np.float64]], first: int) -> list[dict[str, Any]]:
+    rows = []
+    for index, turn in enumerate(TURNS):
+        entry: dict[str, Any] = {"direction": turn.direction, "signal_percent": turn.signal_percent}
+        for name in FIGURES:
+            values = figures[name][index, first:]
+            known = values[np.isfinite(values)]
+            low, median, high = (known.min(), np.median(known), known.max()) if known.size else (np.nan,) * 3
+            entry[name] = {"low": _number(low), "median": _number(median), "high": _number(high)}
+        rows.append(entry)
+    return rows
+
+
+def _checks(
+    rows: list[Row],
+    machine: Machine,
+    coarse: dict[str, NDArray[np.float64]],
+    fine: dict[str, NDArray[np.float64]],
+    device: str,
+    substeps: int,
+) -> list[dict[str, Any]]:
+    def figure(source: str, direction: str) -> float | None:
+        for row in rows:
+            if (row["source"], row["direction"], row["signal_percent"]) == (source, direction, 100.0):
+                value = row["turn_time_s"]
+                return value if isinstance(value, float) else None
+        return None
+
+    checks = []
+    for direction in ("left", "right"):
+        value, known = figure("twin_raw", direction), figure("physical", direction)
+        checks.append(_check(f"full turn to the {direction}, full signal", "s", value, known, TURN_TIME_TARGET))
+    speed = published("drive_speed")
+    for brake, name, share in (
+        (True, "motor_pressure", MOTOR_PRESSURE_TARGET),
+        (False, "motor_pressure_without_brake", BARE_PRESSURE_TARGET),
+    ):
+        pressure = motor_pressure_at(speed, machine, brake=brake, device=device, substeps=substeps)
+        what = f"motor pressure at {speed:g} m/s, {'with' if brake else 'without'} the disc brake"
+        checks.append(_check(what, "bar", _number(pressure[0] / BAR), published(name), share * published(name)))
+    changes = [fine[name][:, 0] / coarse[name][:, 0] - 1.0 for name in FIGURES if not name.endswith("time_s")]
+    change = float(np.nanmax(np.abs(changes))) if np.isfinite(changes).any() else math.nan
+    what = "largest change of a flow figure by half the hydraulic step"
+    checks.append(_check(what, "1", _number(change), None, HALF_STEP_TARGET))
+    return checks
+
+
+def _check(what: str, unit: str, value: float | None, known: float | None, bound: float) -> dict[str, Any]:
+    reached = value is not None and abs(value - (known or 0.0)) <= bound + _SLACK
+    return {"what": what, "unit": unit, "value": value, "published": known, "bound": bound, "reached": reached}
+
+
+def _notes(recording: Recording, figures: dict[str, NDArray[np.float64]], names: list[str]) -> list[str]:
+    def who(variant: int) -> str:
+        return names[variant] if variant < len(names) else f"ensemble member {variant - len(names) + 1}"
+
+    notes = [
+        f"{who(variant)}, {TURNS[turn].title.lower()}: lost, {reason}" for turn, variant, reason in recording.lost
+    ]
+    lost = {(turn, variant) for turn, variant, _ in recording.lost}
+    for turn, variant in np.argwhere(~np.isfinite(figures["turn_time_s"])):
+        if (turn, variant) not in lost:
+            notes.append(f"{who(int(variant))}, {TURNS[turn].title.lower()}: did not reach its stop")
+    return notes
+
+
+def _curves(
+    recording: Recording,
+    exact: dict[str, NDArray[np.float64]],
+    second: bool,
+    first_member: int | None,
+) -> list[Curve]:
+    """Flow curves, each from its own t = 0: the start of a turn depends on the machine."""
+    cylinder = recording.machine.steering.cylinder
+    variants = recording.angle.shape[2]
+    sign = np.repeat([turn.sign for turn in TURNS], variants)
+    ticks, angle = sample(recording.time, recording.angle.reshape(len(recording.time), -1))
+    flow = (measured_flow(cylinder, angle, sign) * 6e4).reshape(len(ticks), len(TURNS), variants)
+    starts = turn_span(ticks, angle, cylinder.half_range).began.reshape(len(TURNS), variants)
+    rough = recording.angle.reshape(len(recording.time), -1)
+    raw_starts = turn_span(recording.time, rough, cylinder.half_range).began.reshape(len(TURNS), variants)
+    curves = []
+    nothing = np.empty(0)
+    for index, turn in enumerate(TURNS):
+        time = ticks - starts[index, 0]
+        longest = np.nanmax(exact["turn_time_s"][index]) if np.isfinite(exact["turn_time_s"][index]).any() else np.inf
+        shown = (time > -0.3) & (time < longest + 0.15)
+        low = high = nothing
+        if first_member is not None:
+            family = [
+                np.interp(time[shown], ticks - starts[index, v], flow[:, index, v])
+                for v in range(first_member, variants)
+            ]
+            low, high = np.min(family, axis=0), np.max(family, axis=0)
+        raw_time = recording.time - raw_starts[index, 0]
+        raw_shown = (raw_time > -0.3) & (raw_time < longest + 0.15)
+        other = ticks - starts[index, 1] if second else nothing
+        other_shown = (other > -0.3) & (other < longest + 0.15)
+        curves.append(
+            Curve(
+                turn=turn,
+                time=time[shown],
+                flow=flow[shown, index, 0],
+                raw_time=raw_time[raw_shown],
+                raw_flow=recording.flow[raw_shown, index, 0] * 6e4,
+                uncalibrated_time=other[other_shown],
+                uncalibrated_flow=flow[other_shown, index, 1] if second else nothing,
+                low=low,
+                high=high,
+            )
+        )
+    return curves

@@ -1,0 +1,177 @@
+"""The runs that a validation looks at: full turns at standstill, and a straight drive, many twins in one launch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aoro_gym.sensors.chain import turn_flow
+from aoro_gym.twin import Machine, Twin
+from aoro_gym.twin.records import WHEELS
+from aoro_gym.validation.key_figures import TOLERANCE
+
+REST_BEFORE = 0.6
+"""Standstill [s] before the signal's step: the machine settles, and the filter needs half a second."""
+REST_AFTER = 0.7
+"""Standstill [s] recorded after the last turn has reached its stop."""
+LONGEST_TURN = 30.0
+"""Time [s] after which a turn that has not reached its stop is given up."""
+CHUNK = 0.5
+"""Simulated time [s] of one launch."""
+
+DRIVE_SETTLE, DRIVE_MEAN = 8.0, 1.0
+"""Time [s] that the driveline takes to become steady, and that its pressure is averaged over."""
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A full turn from the opposite stop, at standstill."""
+
+    direction: str  # "left" or "right"
+    signal_percent: float
+
+    @property
+    def sign(self) -> int:
+        """+1 left, -1 right."""
+        return 1 if self.direction == "left" else -1
+
+    @property
+    def title(self) -> str:
+        return f"{self.direction.capitalize()} turn, {self.signal_percent:g} % signal"
+
+
+TURNS = tuple(Turn(direction, percent) for direction in ("left", "right") for percent in (100.0, 75.0, 50.0))
+"""The published levels, to both sides."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """T turns of V machines, exact: no sensor, no filter."""
+
+    turns: tuple[Turn, ...]
+    machine: Machine  # T x V variants, turn by turn; or one for all
+    time: NDArray[np.float64]  # [s] (F,)
+    angle: NDArray[np.float64]  # [rad] (F, T, V)
+    flow: NDArray[np.float64]  # [m³/s] (F, T, V), positive in the direction of the turn
+    lost: tuple[tuple[int, int, str], ...]  # turn, machine and reason of each twin that was frozen
+
+
+def stacked(machines: Sequence[Machine]) -> Machine:
+    """One machine whose variants are those of ``machines``, in order."""
+    first = machines[0]
+    counts = [machine.num_variants for machine in machines]
+    if sum(counts) == 1:
+        return first
+    values = {}
+    for key, entry in first.entries.items():
+        si = [np.broadcast_to(m.entries[key].si, n) for m, n in zip(machines, counts, strict=True)]
+        joined = np.concatenate(si)
+        if np.any(joined != joined[0]):
+            values[key] = joined
+    if not values:  # all alike: any array makes variants of them
+        key = next(iter(first.entries))
+        values[key] = np.full(sum(counts), first.entries[key].si)
+    return first.set(values, si=True)
+
+
+def repeated(machine: Machine, times: int) -> Machine:
+    """The variants of ``machine`` one after the other, ``times`` over; a machine with one variant stays as it is."""
+    return machine.set(
+        {key: np.tile(entry.value, times) for key, entry in machine.entries.items() if np.ndim(entry.value)}
+    )
+
+
+def run_turns(
+    machine: Machine,
+    turns: Sequence[Turn] = TURNS,
+    *,
+    device: str = "cpu",
+    main_step: float = 1e-3,
+    substeps: int = 30,
+    progress: Callable[[float], Any] | None = None,
+) -> Recording:
+    """Full turns of every variant of ``machine``, all side by side in one twin.
+
+    Args:
+        machine: One machine, or V variants.
+        turns: What to run.
+        device: ``"cpu"`` or ``"cuda:N"``.
+        main_step: Time step of the bodies [s]; the recording keeps every one.
+        substeps: Hydraulic substeps a main step.
+        progress: Called with the simulated time [s] so far.
+    """
+    variants, count = machine.num_variants, len(turns)
+    batch = repeated(machine, count)
+    sign = np.repeat([turn.sign for turn in turns], variants)
+    signal = sign * np.repeat([turn.signal_percent / 100.0 for turn in turns], variants)
+    reach = np.broadcast_to(batch.joint.range, sign.shape)
+    twin = Twin(len(sign), machine=batch, device=device, main_step=main_step, substeps=substeps)
+    twin.reset(joint_angle=-sign * reach)
+    traces = [twin.step({"steering_signal": 0.0}, REST_BEFORE, sample_every=main_step)]
+    rested, done = 0.0, REST_BEFORE
+    twin.set_commands({"steering_signal": signal})
+    while rested < REST_AFTER and done < LONGEST_TURN:
+        trace = twin.step(duration=CHUNK, sample_every=main_step)
+        assert trace is not None
+        traces.append(trace)
+        done += CHUNK
+        there = sign * (sign * reach - trace["joint_angle"]) <= TOLERANCE
+        there |= twin.status > 0
+        rested += main_step * float(np.count_nonzero(there.all(axis=1)))
+        if progress is not None:
+            progress(done)
+
+    def channel(name: str) -> NDArray[np.float64]:
+        return np.concatenate([trace[name] for trace in traces if trace is not None]).astype(np.float64)
+
+    angle, rate = channel("joint_angle"), channel("joint_rate")
+    shape = (-1, count, variants)
+    return Recording(
+        turns=tuple(turns),
+        machine=batch,
+        time=np.concatenate([trace.time for trace in traces if trace is not None]),
+        angle=angle.reshape(shape),
+        flow=turn_flow(batch.steering.cylinder, angle, rate, sign).reshape(shape),
+        lost=tuple((index // variants, index % variants, reason) for index, reason in twin.lost),
+    )
+
+
+def motor_pressure_at(
+    speed: float, machine: Machine, *, brake: bool = True, device: str = "cpu", substeps: int = 30
+) -> NDArray[np.float64]:
+    """Mean pressure drop over the wheel motors [Pa] (V,) of a machine that drives straight on at ``speed`` [m/s].
+
+    Level ground, first gear. NaN where full pump stroke does not reach the speed.
+
+    Args:
+        speed: Speed [m/s], positive.
+        machine: One machine, or V variants.
+        brake: With its disc brake, or without.
+        device: ``"cpu"`` or ``"cuda:N"``.
+        substeps: Hydraulic substeps a main step.
+    """
+    if not brake:
+        machine = machine.set({"driveline.brake.disc_torque": 0.0})
+    variants = machine.num_variants
+    tried = np.array([0.2, 0.4, 0.6, 0.8, 1.0])
+    batch = repeated(machine, len(tried))
+    speeds, _ = _drive(np.repeat(tried, variants), batch, device, substeps)
+    speeds = speeds.reshape(len(tried), variants)
+    signal = np.array([np.interp(speed, speeds[:, v], tried, right=np.nan) for v in range(variants)])
+    _, pressure = _drive(np.nan_to_num(signal), machine, device, substeps)
+    return np.where(np.isfinite(signal), pressure, np.nan)
+
+
+def _drive(signal: NDArray[np.float64], machine: Machine, device: str, substeps: int) -> tuple[NDArray, NDArray]:
+    """Steady speed [m/s] and pressure drop over the motors [Pa] by drive signal."""
+    twin = Twin(len(signal), machine=machine, device=device, substeps=substeps)
+    twin.step({"drive_signal": 0.0}, REST_BEFORE)
+    twin.step({"drive_signal": signal}, DRIVE_SETTLE)
+    trace = twin.step(duration=DRIVE_MEAN, sample_every=0.01)
+    assert trace is not None
+    pressure = np.mean([trace[f"motor_pressure_{wheel}"] for wheel in WHEELS], axis=(0, 1))
+    return trace["speed"].mean(axis=0).astype(np.float64), pressure.astype(np.float64)

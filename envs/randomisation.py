@@ -1,0 +1,123 @@
+"""What differs from episode to episode, as data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aoro_gym.envs.terms import Frozen
+from aoro_gym.twin import Machine
+from aoro_gym.twin.parameters import DECLARATIONS
+
+Range = tuple[float, float]
+"""Lowest and highest value of a uniform draw; equal ones draw nothing but that value."""
+
+FRICTION_KEYS = ("tire.friction_coulomb", "tire.friction_static")
+"""Keys that stand for the ground's friction: ground and tire enter as a product."""
+
+
+@dataclass(frozen=True)
+class Randomisation:
+    """Uniform ranges, drawn anew for every sub-environment at every reset from its own generator.
+
+    Raises ValueError naming the key, its value and the bound.
+    """
+
+    machine: Mapping[str, Range] = field(default_factory=Frozen)
+    """Dotted parameter key → range of values, in the unit of the machine file."""
+    machine_scale: Mapping[str, Range] = field(default_factory=Frozen)
+    """Dotted parameter key → range of factors on the machine's own value."""
+    ground_friction: Range = (1.0, 1.0)
+    """Multiplier [-] of the friction between tires and ground; 1 is dry asphalt."""
+    sensor_noise: Range = (1.0, 1.0)
+    """Multiplier [-] of the sensors' errors; 1 is as published, 0 is exact."""
+    joint_angle: Range = (-1.0, 1.0)
+    """Joint angle at the start as a share [-] of the largest angle that the task uses."""
+
+    def __post_init__(self) -> None:
+        for name in ("machine", "machine_scale"):
+            ranges = getattr(self, name)
+            for key, span in ranges.items():
+                if key not in DECLARATIONS:
+                    raise ValueError(
+                        f"randomisation.{name} has the unknown parameter {key!r}; `aoro-gym parameters` lists them"
+                    )
+                _checked(f"randomisation.{name}[{key!r}]", span, 0.0 if name == "machine_scale" else -np.inf, np.inf)
+            object.__setattr__(self, name, Frozen({key: (float(low), float(high)) for key, (low, high) in ranges.items()}))
+        both = sorted(set(self.machine) & set(self.machine_scale))
+        if both:
+            raise ValueError(f"randomisation.machine and .machine_scale both have {', '.join(both)}; keep one of them")
+        _checked("randomisation.ground_friction", self.ground_friction, 0.01, 2.0)
+        _checked("randomisation.sensor_noise", self.sensor_noise, 0.0, 100.0)
+        _checked("randomisation.joint_angle", self.joint_angle, -1.0, 1.0)
+
+    @property
+    def varies_machine(self) -> bool:
+        """Whether any episode's machine differs from the given one."""
+        return bool(self.machine) or bool(self.machine_scale) or self.ground_friction != (1.0, 1.0)
+
+    @property
+    def num_draws(self) -> int:
+        """Uniform numbers that one reset of one sub-environment takes."""
+        return 3 + len(self.machine) + len(self.machine_scale)
+
+    def draw(self, generators: Sequence[np.random.Generator]) -> Draws:
+        """One draw for each generator."""
+        uniform = np.stack([generator.random(self.num_draws) for generator in generators])
+        spans = [self.ground_friction, self.sensor_noise, self.joint_angle]
+        spans += [*self.machine.values(), *self.machine_scale.values()]
+        low, high = np.array(spans, dtype=np.float64).T
+        values = low + (high - low) * uniform
+        first = 3 + len(self.machine)
+        return Draws(
+            ground_friction=values[:, 0],
+            sensor_noise=values[:, 1],
+            joint_angle=values[:, 2],
+            machine=dict(zip(self.machine, values[:, 3:first].T, strict=True)),
+            machine_scale=dict(zip(self.machine_scale, values[:, first:].T, strict=True)),
+        )
+
+
+@dataclass(frozen=True)
+class Draws:
+    """What K resets drew: arrays of shape (K,), named as in :class:`Randomisation`."""
+
+    ground_friction: NDArray[np.float64]
+    sensor_noise: NDArray[np.float64]
+    joint_angle: NDArray[np.float64]
+    machine: Mapping[str, NDArray[np.float64]]
+    machine_scale: Mapping[str, NDArray[np.float64]]
+
+    def apply(self, machine: Machine) -> Machine:
+        """``machine``, of one or K variants, with what was drawn."""
+        scale = dict(self.machine_scale)
+        if np.any(self.ground_friction != 1.0):
+            for key in FRICTION_KEYS:
+                scale[key] = scale.get(key, 1.0) * self.ground_friction
+        try:
+            if self.machine:
+                machine = machine.set(self.machine)
+            return machine.scale(scale) if scale else machine
+        except ValueError as error:
+            raise ValueError(f"randomisation drew a machine that cannot be: {error}; narrow that key's range") from error
+
+
+def variants(machine: Machine, indices: NDArray[np.intp]) -> Machine:
+    """The machines of some sub-environments: ``machine`` itself if they share it, else its variants at ``indices``."""
+    if machine.num_variants == 1:
+        return machine
+    batched = {key: entry.value for key, entry in machine.entries.items() if isinstance(entry.value, np.ndarray)}
+    return machine.set({key: value[indices] for key, value in batched.items()})
+
+
+def _checked(name: str, span: Any, lowest: float, highest: float) -> None:
+    try:
+        low, high = (float(end) for end in span)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} is {span!r}, but must be a pair (low, high) of numbers") from None
+    if not (lowest <= low <= high <= highest) or not np.isfinite([low, high]).all():
+        raise ValueError(f"{name} is ({low:g}, {high:g}), but must be finite with {lowest:g} ≤ low ≤ high ≤ {highest:g}")

@@ -1,0 +1,38 @@
+"""The environments' ids, made known to Gymnasium. Only strings: nothing of the twin is imported here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Registration:
+    """Where an environment stands, and how long its episodes are."""
+
+    entry_point: str
+    vector_entry_point: str
+    max_episode_steps: int
+
+
+ENVIRONMENTS = {
+    "AORO/Turning-v0": Registration(
+        entry_point="aoro_gym.envs.turning:TurningEnv",
+        vector_entry_point="aoro_gym.envs.turning:TurningVectorEnv",
+        max_episode_steps=500,
+    ),
+}
+"""Every environment by id."""
+
+
+def register_envs() -> None:
+    """Register every environment with Gymnasium; those that are registered already are left alone."""
+    import gymnasium
+
+    for name, environment in ENVIRONMENTS.items():
+        if name not in gymnasium.registry:
+            gymnasium.register(
+                name,
+                entry_point=environment.entry_point,
+                vector_entry_point=environment.vector_entry_point,
+                max_episode_steps=environment.max_episode_steps,
+            )

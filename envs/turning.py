@@ -1,0 +1,562 @@
+"""``AORO/Turning-v0``: bring the articulated joint to a commanded angle, at standstill, at 50 Hz.
+
+Several targets follow each other in an episode of 10 s. Wanted is a fast turn without overshoot and with little
+oscillation of the joint flow, from what the real machine measures: the joint angle at 100 Hz with its noise, and, as an
+option, three pressures. The action is the valve's ``steering_signal`` in [-1, 1], positive to the left.
+
+The configuration, the terms and the judgement stand here; a default is changed by name when the environment is made.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from aoro_gym.envs.randomisation import Draws, Randomisation
+from aoro_gym.envs.single import TwinEnv
+from aoro_gym.envs.task import Outputs, Start
+from aoro_gym.envs.terms import Array, Frozen, ObservationTerm, RewardTerm, changed_observations, changed_rewards
+from aoro_gym.envs.vector import TwinVectorEnv
+from aoro_gym.twin import Machine
+
+FULL_FLOW = 1.2e-3
+"""Joint flow [m³/s] that stands for 1: about that of a turn at full signal."""
+TRACKING_SCALE = 0.2
+"""Error [rad] at which the tracking term has fallen to 1/e."""
+TARGETS_DRAWN = 32
+"""Targets drawn for an episode; the last one stays."""
+
+# ---- what the terms see ----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class TurningView:
+    """All sub-environments at the end of a control step; arrays of shape (N,) unless said otherwise, SI.
+
+    Angles are positive to the left. In reward terms ``target`` is the one that the step pursued; in observation terms
+    it is the one that the next step shall pursue.
+    """
+
+    xp: Any
+    """Array namespace of all arrays."""
+    control_step: float
+    """[s]"""
+    tolerance: float
+    """Error [rad] within which a target counts as reached."""
+    target: Array
+    """[rad]"""
+    target_age: Array
+    """Time since the target was set [s]."""
+    error: Array
+    """Target less true joint angle [rad]."""
+    overshoot: Array
+    """How far [rad] the joint is beyond the target, seen from where it stood when the target was set; at least 0."""
+    measured_angle: Array
+    """Joint angle [rad] as the sensor gives it."""
+    measured_rate: Array
+    """Joint rate [rad/s] as the controller can know it: slope of the line through the last measured angles."""
+    signals: Array
+    """Steering signals of the last steps, newest first, shape (N, M)."""
+    flows: Array
+    """True joint flow [m³/s] at the end of the last three steps, newest first, shape (3, N)."""
+    outputs: Outputs
+    """Exact output channels of the twins over the step."""
+
+    def output(self, channel: str) -> Array:
+        """Any exact output channel of the twin at the end of the step, SI; see ``aoro_gym.twin.records.Output``."""
+        return self.outputs.last(channel)
+
+    def samples(self, channel: str) -> Array:
+        """The channel's samples over the step, 100 a second, oldest first, shape (frames, N)."""
+        return self.outputs.samples(channel)
+
+
+# ---- reward terms: each a number a sub-environment, weighted below ---------------------------------------------------
+
+
+def tracking(view: TurningView) -> Array:
+    """1 on target, falling exponentially with the error: every moment away from the target costs."""
+    return view.xp.exp(-view.xp.abs(view.error) / TRACKING_SCALE)
+
+
+def precision(view: TurningView) -> Array:
+    """1 on target, 1/e at the tolerance, nothing beyond: worth the last degree."""
+    return view.xp.exp(-((view.error / view.tolerance) ** 2))
+
+
+def overshoot(view: TurningView) -> Array:
+    """How far the joint is beyond its target [rad]."""
+    return view.overshoot
+
+
+def flow_oscillation(view: TurningView) -> Array:
+    """Second difference of the joint flow over three steps, in units of the full flow: a steady ramp is free."""
+    newest, middle, oldest = view.flows
+    return view.xp.abs(newest - 2.0 * middle + oldest) / FULL_FLOW
+
+
+def signal_change(view: TurningView) -> Array:
+    """Square of the steering signal's change."""
+    return (view.signals[:, 0] - view.signals[:, 1]) ** 2
+
+
+REWARD_TERMS = Frozen(
+    {
+        "tracking": RewardTerm(0.6, tracking),
+        "precision": RewardTerm(0.4, precision),
+        "overshoot": RewardTerm(-10.0, overshoot),
+        "flow_oscillation": RewardTerm(-0.2, flow_oscillation),
+        "signal_change": RewardTerm(-0.02, signal_change),
+    }
+)
+"""The reward: at most 1 a step, so 500 an episode."""
+
+# ---- observation terms -----------------------------------------------------------------------------------------------
+
+
+def joint_angle(view: TurningView) -> Array:
+    """Measured joint angle [rad]."""
+    return view.measured_angle
+
+
+def joint_rate(view: TurningView) -> Array:
+    """Estimated joint rate [rad/s]."""
+    return view.measured_rate
+
+
+def target(view: TurningView) -> Array:
+    """Target [rad]."""
+    return view.target
+
+
+def target_error(view: TurningView) -> Array:
+    """Target less measured angle [rad]."""
+    return view.target - view.measured_angle
+
+
+def signals(view: TurningView) -> Array:
+    """The last steering signals, newest first (N, M)."""
+    return view.signals
+
+
+def pressures(view: TurningView) -> Array:
+    """Pressures of port A, port B and the pump, in units of 100 bar (N, 3)."""
+    channels = ("pressure_a", "pressure_b", "pump_pressure")
+    return view.xp.stack([view.output(channel) for channel in channels], -1) / 1e7
+
+
+OBSERVATION_TERMS = Frozen(
+    {
+        "joint_angle": ObservationTerm(joint_angle, -math.pi, math.pi),
+        "joint_rate": ObservationTerm(joint_rate, -5.0, 5.0),
+        "target": ObservationTerm(target, -math.pi, math.pi),
+        "error": ObservationTerm(target_error, -math.pi, math.pi),
+        "signals": ObservationTerm(signals, -1.0, 1.0),
+    }
+)
+"""What the real machine knows with its joint-angle sensor alone."""
+PRESSURE_TERMS = Frozen({"pressures": ObservationTerm(pressures, -1.0, 10.0)})
+"""What ``observe_pressures=True`` adds."""
+
+# ---- randomisation and configuration ---------------------------------------------------------------------------------
+
+FIXED = Randomisation()
+"""The machine as it is, with the published sensor noise; targets and the start angle still differ."""
+MILD = Randomisation(
+    machine_scale=Frozen(
+        {
+            "steering.valve.nominal_flow_left": (0.95, 1.05),
+            "steering.valve.nominal_flow_right": (0.95, 1.05),
+            "steering.valve.dead_band_left": (0.85, 1.15),
+            "steering.valve.dead_band_right": (0.85, 1.15),
+            "steering.valve.spool_time_constant": (0.7, 1.4),
+            "steering.valve.command_delay": (0.7, 1.4),
+            "steering.valve.compensator_time_constant": (0.7, 1.4),
+            "steering.pump.stroke_up_time": (0.8, 1.25),
+            "steering.pump.margin": (0.9, 1.1),
+            "steering.hose_volume": (0.8, 1.25),
+            "oil.bulk_modulus": (0.85, 1.15),
+            "joint.friction_torque": (0.5, 2.0),
+            "frame.front.mass": (0.9, 1.1),
+            "frame.rear.mass": (0.9, 1.1),
+        }
+    ),
+    ground_friction=(0.5, 1.1),
+    sensor_noise=(0.5, 1.5),
+)
+"""Spread of a commissioned machine over grounds and temperatures, within the ranges of the machine file."""
+
+
+@dataclass(frozen=True)
+class TurningConfig:
+    """The task as data; SI. Raises ValueError naming the field, its value and its bound."""
+
+    control_step: float = 0.02
+    """[s] between two actions."""
+    sample_step: float = 0.01
+    """[s] between two samples of the joint-angle sensor."""
+    target_clearance: float = math.radians(4.0)
+    """Targets and start angles keep this far [rad] from the joint's stops."""
+    target_change: float = math.radians(8.0)
+    """Successive targets, and the first one and the start angle, differ by at least this much [rad]."""
+    hold: tuple[float, float] = (2.5, 4.0)
+    """Shortest and longest time [s] until the next target."""
+    tolerance: float = math.radians(1.0)
+    """Error [rad] within which a target counts as reached."""
+    dwell: float = 0.3
+    """A target is settled when the error has stayed within the tolerance for this long [s]."""
+    rate_samples: int = 6
+    """Angle samples that the rate estimate takes its slope from."""
+    signal_memory: int = 4
+    """Past steering signals in the observation."""
+    reward_terms: Mapping[str, RewardTerm] = field(default_factory=lambda: REWARD_TERMS)
+    observation_terms: Mapping[str, ObservationTerm] = field(default_factory=lambda: OBSERVATION_TERMS)
+    randomisation: Randomisation = FIXED
+
+    def __post_init__(self) -> None:
+        low, high = self.hold
+        for holds, message in (
+            (self.control_step > 0, f"control_step is {self.control_step} s, but must be positive"),
+            (_divides(self.sample_step, self.control_step), f"sample_step is {self.sample_step} s, but must divide "
+             f"control_step = {self.control_step} s"),
+            (self.target_clearance >= 0, f"target_clearance is {self.target_clearance} rad, but must be at least 0"),
+            (self.target_change >= 0, f"target_change is {self.target_change} rad, but must be at least 0"),
+            (self.control_step <= low <= high < math.inf, f"hold is ({low}, {high}) s, but must be at least one control "
+             "step, low before high"),
+            (0 < self.tolerance < math.inf, f"tolerance is {self.tolerance} rad, but must be positive"),
+            (0 <= self.dwell <= low, f"dwell is {self.dwell} s, but must be in [0, {low}] s, the shortest hold"),
+            (self.rate_samples >= 2, f"rate_samples is {self.rate_samples}, but must be at least 2"),
+            (self.signal_memory >= 2, f"signal_memory is {self.signal_memory}, but must be at least 2"),
+        ):  # fmt: skip
+            if not holds:
+                raise ValueError(message)
+
+
+# ---- the task --------------------------------------------------------------------------------------------------------
+
+
+class ExactAngle:
+    """A joint-angle sensor without errors."""
+
+    def reset(self, indices: NDArray[np.intp], generators: list[np.random.Generator]) -> None:
+        """Begin the episodes of the sub-environments ``indices``."""
+
+    def measure(self, angle: Array, time: Array) -> Array:
+        """Measured angle [rad] (N,) at ``time`` (N,) [s]."""
+        return angle
+
+
+class Turning:
+    """Targets, measurements and judgement of N turning joints; see :class:`aoro_gym.envs.task.Task`."""
+
+    option_names: ClassVar[tuple[str, ...]] = ("joint_angle", "targets", "hold")
+    render_channels: ClassVar[tuple[str, ...]] = (
+        "time", "x", "y", "yaw", "joint_angle", "target", "steering_signal", "joint_flow",
+    )  # fmt: skip
+
+    def __init__(self, config: TurningConfig | None = None):
+        self.config = TurningConfig() if config is None else config
+        self.control_step = self.config.control_step
+        self.sample_step = self.config.sample_step
+        self.reward_terms = self.config.reward_terms
+        self.observation_terms = self.config.observation_terms
+        self.randomisation = self.config.randomisation
+        self.action_space = spaces.Box(-1.0, 1.0, (1,), np.float32)
+        self.sensor = ExactAngle()
+        # slope of the least-squares line through equally spaced samples, newest first
+        order = np.arange(self.config.rate_samples)[::-1] - 0.5 * (self.config.rate_samples - 1)
+        self._slope = [float(weight) for weight in order / (np.sum(order**2) * self.config.sample_step)]
+
+    def allocate(self, num_envs: int) -> None:
+        xp = self.xp = np
+        n, config = num_envs, self.config
+        self._frames = round(config.control_step / config.sample_step)
+        self._outputs = Outputs(np.zeros((self._frames, 64, n), dtype=np.float32))
+        # goals
+        self._table = xp.zeros((n, TARGETS_DRAWN), dtype=xp.float32)  # [rad]
+        self._until = xp.full((n, TARGETS_DRAWN), np.iinfo(np.int64).max, dtype=xp.int64)  # step that ends each target
+        self._cursor = xp.zeros(n, dtype=xp.int64)
+        self._step = xp.zeros(n, dtype=xp.int64)
+        self._set_at = xp.zeros(n, dtype=xp.int64)
+        self._target = xp.zeros(n, dtype=xp.float32)
+        self._approach = xp.ones(n, dtype=xp.float32)
+        # motion and measurement, newest first
+        self._angle = xp.zeros(n, dtype=xp.float32)
+        self._measured = xp.zeros((config.rate_samples, n), dtype=xp.float32)
+        self._signals = xp.zeros((config.signal_memory, n), dtype=xp.float32)
+        self._flows = xp.zeros((3, n), dtype=xp.float32)
+        self._noise = xp.ones(n, dtype=xp.float32)
+        # judgement
+        self._inside = xp.zeros(n, dtype=xp.int64)
+        self._settled = xp.zeros(n, dtype=xp.int64)
+        self._missed = xp.zeros(n, dtype=xp.int64)
+        self._largest_overshoot = xp.zeros(n, dtype=xp.float32)
+
+    # ---- start
+
+    def start(
+        self,
+        where: NDArray[np.intp],
+        generators: list[np.random.Generator],
+        draws: Draws,
+        machine: Machine,
+        options: Mapping[str, Any],
+    ) -> Start:
+        count, config = len(where), self.config
+        limit = np.broadcast_to(np.asarray(machine.joint.range, dtype=np.float64), count)
+        reach = limit - config.target_clearance
+        if np.any(2.0 * reach <= 2.0 * config.target_change):
+            raise ValueError(
+                f"target_change is {config.target_change:.3f} rad, but targets span only ±{reach.min():.3f} rad; lower it or "
+                "target_clearance"
+            )
+        uniform = np.stack([generator.random((2, TARGETS_DRAWN)) for generator in generators])
+        angle = draws.joint_angle * reach
+        if options.get("joint_angle") is not None:
+            angle = self._asked("joint_angle", options["joint_angle"], where, limit)
+
+        if options.get("targets") is not None:
+            targets = np.atleast_1d(np.asarray(options["targets"], dtype=np.float64))
+            if targets.ndim > 2 or (targets.ndim == 2 and len(targets) != len(self._target)) or targets.size == 0:
+                raise ValueError(
+                    f"options['targets'] has shape {targets.shape}, but must be (T,) or ({len(self._target)}, T) [rad]"
+                )
+            targets = targets[where] if targets.ndim == 2 else np.broadcast_to(targets, (count, len(targets)))
+            if not np.all(np.abs(targets) <= limit[:, None]):
+                worst = targets[~(np.abs(targets) <= limit[:, None])][0]
+                raise ValueError(
+                    f"options['targets'] has {worst:g} rad, but the joint reaches only ±{limit.min():.4f} rad (joint.range)"
+                )
+            targets = targets[:, :TARGETS_DRAWN]
+            hold = np.full(targets.shape, config.hold[0])
+        else:
+            targets = _apart(angle, reach, config.target_change, uniform[:, 0])
+            low, high = config.hold
+            hold = low + (high - low) * uniform[:, 1]
+        if options.get("hold") is not None:
+            asked = np.asarray(options["hold"], dtype=np.float64)
+            if asked.ndim or not asked >= config.control_step:
+                raise ValueError(f"options['hold'] is {options['hold']!r} s, but must be one number of at least a control step")
+            hold = np.full(targets.shape, float(asked))
+
+        drawn = targets.shape[1]
+        self._table[where, :drawn] = targets
+        self._table[where, drawn:] = targets[:, -1:]
+        self._until[where] = np.iinfo(np.int64).max
+        ends = np.cumsum(np.rint(hold / config.control_step).astype(np.int64), axis=1)
+        self._until[where, : drawn - 1] = ends[:, :-1]
+        for state in (
+            self._cursor, self._step, self._set_at, self._inside, self._settled, self._missed, self._largest_overshoot,
+        ):  # fmt: skip
+            state[where] = 0
+        self._target[where] = self._table[where, 0]
+        self._angle[where] = angle
+        self._approach[where] = np.sign(self._target[where] - self._angle[where])
+        self._noise[where] = draws.sensor_noise
+        self._signals[:, where] = 0.0
+        self._flows[:, where] = 0.0
+        self.sensor.reset(where, generators)
+        return Start(joint_angle=angle, heading=np.zeros(count), position=np.zeros((count, 2)))
+
+    def _asked(
+        self, name: str, value: Any, where: NDArray[np.intp], limit: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        array = np.asarray(value, dtype=np.float64)
+        if array.shape not in ((), (len(self._target),)):
+            raise ValueError(f"options['{name}'] has shape {array.shape}, but must be a number or ({len(self._target)},)")
+        array = array[where] if array.ndim else np.broadcast_to(array, len(where))
+        if not np.all(np.abs(array) <= limit):
+            worst = array[~(np.abs(array) <= limit)][0]
+            raise ValueError(
+                f"options['{name}'] is {worst:g} rad, but the joint reaches only ±{limit.min():.4f} rad (joint.range)"
+            )
+        return array
+
+    def rest(self, where: NDArray[np.intp], outputs: Outputs) -> None:
+        self._outputs = outputs
+        measured = self._measure(self._angle, self._step * self.control_step)
+        self._measured[:, where] = measured[where]
+
+    # ---- step
+
+    def commands(self, actions: Array) -> Mapping[str, Array]:
+        self._signals = self.xp.concatenate([actions.T, self._signals[:-1]])
+        return {"steering_signal": actions[:, 0]}
+
+    def advance(self, outputs: Outputs, time: Array) -> None:
+        xp, config = self.xp, self.config
+        self._outputs = outputs
+        angles = outputs.samples("joint_angle")
+        fresh = [
+            self._measure(angles[frame], time - (self._frames - 1 - frame) * config.sample_step)
+            for frame in range(self._frames)
+        ]
+        kept = max(config.rate_samples - self._frames, 0)
+        self._measured = xp.stack([*fresh[::-1], *self._measured[:kept]])[: config.rate_samples]
+        self._flows = xp.stack([outputs.last("joint_flow"), *self._flows[:-1]])
+        self._angle = angles[-1].copy()
+        self._step = self._step + 1
+
+        error = xp.abs(self._target - self._angle)
+        self._inside = xp.where(error <= config.tolerance, self._inside + 1, 0)
+        self._largest_overshoot = xp.maximum(self._largest_overshoot, self._overshoot())
+
+    def _measure(self, angle: Array, time: Array) -> Array:
+        return angle + self._noise * (self.sensor.measure(angle, time) - angle)
+
+    def _overshoot(self) -> Array:
+        return self.xp.clip(self._approach * (self._angle - self._target), 0.0, math.inf)
+
+    def failures(self) -> tuple[Array, list[str]]:
+        return self.xp.zeros_like(self._cursor), [""]
+
+    def renew(self) -> None:
+        xp = self.xp
+        rows = xp.arange(len(self._cursor))
+        due = self._step >= self._until[rows, self._cursor]
+        if not due.any():
+            return
+        settled = self._is_settled()
+        self._settled = self._settled + (due & settled)
+        self._missed = self._missed + (due & ~settled)
+        self._cursor = self._cursor + due
+        self._target = self._table[rows, self._cursor]
+        self._approach = xp.where(due, xp.sign(self._target - self._angle), self._approach)
+        self._set_at = xp.where(due, self._step, self._set_at)
+        self._inside = xp.where(due, 0, self._inside)
+
+    def _is_settled(self) -> Array:
+        return self._inside * self.control_step >= self.config.dwell - 1e-9
+
+    # ---- what others see
+
+    def view(self) -> TurningView:
+        rate = self._slope[0] * self._measured[0]
+        for weight, sample in zip(self._slope[1:], self._measured[1:], strict=True):
+            rate = rate + weight * sample
+        return TurningView(
+            xp=self.xp,
+            control_step=self.control_step,
+            tolerance=self.config.tolerance,
+            target=self._target,
+            target_age=(self._step - self._set_at) * self.control_step,
+            error=self._target - self._angle,
+            overshoot=self._overshoot(),
+            measured_angle=self._measured[0],
+            measured_rate=rate,
+            signals=self._signals.T,
+            flows=self._flows,
+            outputs=self._outputs,
+        )
+
+    def info(self) -> dict[str, Array]:
+        """``is_success``: at least one target was settled, and none was missed: replaced unsettled, or unsettled after
+        the shortest hold."""
+        settled = self._is_settled()
+        overdue = ~settled & ((self._step - self._set_at) * self.control_step >= self.config.hold[0])
+        done = self._settled + settled
+        missed = self._missed + overdue
+        return {
+            "target": self._target.copy(),
+            "joint_angle": self._angle.copy(),
+            "largest_overshoot": self._largest_overshoot.copy(),
+            "targets_settled": done,
+            "targets_missed": missed,
+            "is_success": (done > 0) & (missed == 0),
+        }
+
+    def traces(self) -> Array:
+        output = self._outputs.last
+        return self.xp.stack(
+            [
+                self._step * self.control_step,
+                *(output(channel) for channel in ("position_x", "position_y", "yaw")),
+                self._angle,
+                self._target,
+                self._signals[0],
+                self._flows[0],
+            ]
+        )
+
+    def scene(self, machine: Machine) -> Any:
+        from aoro_gym.envs.rendering import TurningScene
+
+        return TurningScene(machine, tolerance=self.config.tolerance)
+
+
+def _apart(
+    start: NDArray[np.float64], reach: NDArray[np.float64], apart: float, uniform: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Targets (K, T) [rad], uniform over ±``reach`` (K,) less what is nearer than ``apart`` to the one before."""
+    targets = np.empty_like(uniform)
+    before = start
+    for t in range(uniform.shape[1]):
+        below = np.maximum(before - apart + reach, 0.0)  # length of the free interval on either side
+        above = np.maximum(reach - before - apart, 0.0)
+        along = uniform[:, t] * (below + above)
+        before = targets[:, t] = np.where(along < below, along - reach, np.maximum(before + apart, -reach) + along - below)
+    return targets
+
+
+def _divides(part: float, whole: float) -> bool:
+    return part > 0 and abs(whole / part - round(whole / part)) < 1e-6 and round(whole / part) >= 1
+
+
+# ---- the environments ------------------------------------------------------------------------------------------------
+
+
+class TurningVectorEnv(TwinVectorEnv):
+    """``gymnasium.make_vec("AORO/Turning-v0", num_envs=N)``: N joints to turn, the twins of one launch.
+
+    **Action** (1,): steering signal, positive left. **Observation**: the terms of ``OBSERVATION_TERMS`` in their order;
+    ``observation_layout`` gives the columns. **Reward**: the weighted terms of ``REWARD_TERMS``.
+
+    **Episode**: truncated after 500 steps; terminated only when the twin is lost, with the reason in
+    ``info["termination"]``. ``info["is_success"]`` tells whether all targets so far were settled in time.
+
+    ``reset(options=...)`` also takes ``joint_angle`` [rad], ``targets`` [rad] of shape (T,) or (num_envs, T), the last
+    of which stays, and ``hold`` [s], the time each target but the last is held (the shortest hold if targets are given).
+
+    Args:
+        num_envs: Sub-environments.
+        config: The task; see :class:`TurningConfig`.
+        reward_terms: Changes to its reward terms by name; see :mod:`aoro_gym.envs.terms`.
+        observation_terms: Changes to its observation terms by name.
+        observe_pressures: Add the pressures of both ports and of the pump to the observation.
+        randomisation: Instead of the configuration's: ``FIXED``, ``MILD`` or an own one.
+        arguments: See :class:`TwinVectorEnv`: machine, terrain, device, own_machines, autoreset_mode,
+            max_episode_steps, render_mode.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        config: TurningConfig | None = None,
+        reward_terms: Mapping[str, RewardTerm | tuple[float, Callable[[Any], Array]] | float | None] | None = None,
+        observation_terms: Mapping[str, ObservationTerm | Callable[[Any], Array] | None] | None = None,
+        observe_pressures: bool = False,
+        randomisation: Randomisation | None = None,
+        **arguments: Any,
+    ):
+        config = TurningConfig() if config is None else config
+        observed = {**config.observation_terms, **(PRESSURE_TERMS if observe_pressures else {})}
+        config = replace(
+            config,
+            reward_terms=changed_rewards(config.reward_terms, reward_terms),
+            observation_terms=changed_observations(observed, observation_terms),
+            randomisation=config.randomisation if randomisation is None else randomisation,
+        )
+        super().__init__(Turning(config), num_envs, **arguments)
+
+
+class TurningEnv(TwinEnv):
+    """``gymnasium.make("AORO/Turning-v0")``: one joint to turn; see :class:`TurningVectorEnv`."""
+
+    vector_type = TurningVectorEnv

@@ -1,0 +1,131 @@
+"""Standing still: parking brakes on slopes, the limit of friction, the disc brake's own hold, drop-tight arms."""
+
+import numpy as np
+import pytest
+
+from aoro_gym.terrains.plane import Plane
+from aoro_gym.twin.records import WHEELS, State
+from aoro_gym.twin.twin import Twin
+from tests.twin.rig import Log, drive
+
+DIRECTIONS = np.arange(0.0, 360.0, 45.0)
+"""Of ascent [deg]: 0 stands uphill, 180 downhill, 90 and 270 sideways."""
+SETTLE = 60.0
+"""Time [s] to settle. Across the slope the joint folds by half a degree, as fast as oil leaks past its pistons, until
+the tires hold it."""
+GRAVITY = 9.81
+
+
+def positions(log: Log):
+    """Hinge in the world [m], (frames, 3, twins)."""
+    return np.stack([log[f"position_{axis}"] for axis in "xyz"], axis=1)
+
+
+def moved(log: Log):
+    """Distance [m] (twins,) between first and last frame."""
+    path = positions(log)
+    return np.linalg.norm(path[-1] - path[0], axis=0)
+
+
+def parked(machine, slope):
+    """Twins in all ``DIRECTIONS`` on a slope [deg], parked and settled, with the log of that."""
+    twin = Twin(len(DIRECTIONS), machine=machine, terrain=Plane(slope_deg=slope, direction_deg=DIRECTIONS))
+    log = drive(twin, (SETTLE, {"parking_brake": 1.0}), sample_every=1.0)
+    assert not twin.lost
+    return twin, log
+
+
+def test_parking_brakes_hold_on_twenty_degrees(machine):
+    """Up, down, across and between: less than a millimetre in a minute."""
+    twin, settling = parked(machine, 20.0)
+    log = drive(twin, (60.0, {}), sample_every=1.0)
+    assert np.all(moved(settling.then(log)) < 1e-3)
+    # it is a slope: the wheels below carry more, and the parking brakes are needed
+    front, rear = log.wheels("wheel_load")[-1, :2].sum(axis=0), log.wheels("wheel_load")[-1, 2:].sum(axis=0)
+    assert rear[0] > 1.5 * front[0]
+    assert front[4] > 1.2 * rear[4]
+    free = Twin(1, machine=machine, terrain=Plane(slope_deg=20.0))
+    assert moved(drive(free, (60.0, {}), sample_every=1.0))[0] > 1.0
+
+
+# ------------------------------------------------------------------------------------------------------------- friction
+SLOPE = 17.0
+MARGIN = 0.05
+
+
+@pytest.fixture(scope="module")
+def on_ice(machine):
+    """Settled on grip, put on ice, and given a nudge of 1 mm/s downhill: logs with friction above and below the slope's.
+
+    The nudge matters: a bristle that is bent beyond what slippery ground can hold lets go once it moves.
+    """
+    twin, _ = parked(machine, SLOPE)
+    state = twin.state.numpy()
+    heading = np.radians(DIRECTIONS)
+    state[State.VX] -= 1e-3 * np.cos(heading)
+    state[State.VY] -= 1e-3 * np.sin(heading)
+    logs = {}
+    for sign in (1.0, -1.0):
+        friction = np.tan(np.radians(SLOPE)) / machine.tire.friction_static * (1.0 + sign * MARGIN)
+        icy = Twin(
+            len(DIRECTIONS),
+            machine=machine,
+            terrain=Plane(slope_deg=SLOPE, direction_deg=DIRECTIONS, friction=friction),
+        )
+        icy.set_commands({"parking_brake": 1.0})
+        icy.state.assign(state)
+        logs[sign] = friction, drive(icy, (75.0, {}), sample_every=0.5)
+    return logs
+
+
+def test_holds_below_the_friction_angle(machine, on_ice):
+    """5 % of grip to spare: it stays within a fraction of what its bristles bend before they let go, 20 mm and more."""
+    friction, log = on_ice[1.0]
+    stiffness = max(machine.tire.sigma0_longitudinal, machine.tire.sigma0_lateral)
+    assert np.all(moved(log) < 0.25 * friction * machine.tire.friction_static / stiffness)
+
+
+def test_slides_above_the_friction_angle(machine, on_ice):
+    """5 % of grip missing: it goes, up to the speed at which Coulomb and viscous friction balance the slope.
+
+    The speed is approached with the time constant 1/(σ₂ g cos α), 5 s along and 11 s across: 75 s leave 0.1 %.
+    """
+    friction, log = on_ice[-1.0]
+    assert np.all(moved(log) > 50.0)
+    path = positions(log)
+    speed = np.linalg.norm(path[-1] - path[-3], axis=0) / (log.time[-1] - log.time[-3])
+    excess = np.tan(np.radians(SLOPE)) - friction * machine.tire.friction_coulomb
+    along, across = [0, 4], [2, 6]
+    assert speed[along] == pytest.approx(excess / machine.tire.sigma2_longitudinal, rel=5e-3)
+    assert speed[across] == pytest.approx(excess / machine.tire.sigma2_lateral, rel=2e-2)
+
+
+# ------------------------------------------------------------------------------------------------------------ the disc
+def test_disc_brake_holds_its_share_of_slope(machine):
+    """With the pump at zero and no parking brake, the disc holds up to m g sin α = 4 T/r, about 1.4°; steeper, the
+    machine creeps against the loop's leaks. Across the slope the wheels do not matter."""
+    tire, brake = machine.tire, machine.driveline.brake
+    limit = np.degrees(np.arcsin(4.0 * brake.disc_torque / tire.radius / (machine.mass * GRAVITY)))
+    assert limit == pytest.approx(1.4, abs=0.1)
+    slope = np.array([0.95, 0.95, 1.05, 1.05, 1.05]) * limit
+    direction = np.array([0.0, 180.0, 0.0, 180.0, 90.0])
+    twin = Twin(5, machine=machine, terrain=Plane(slope_deg=slope, direction_deg=direction))
+    settling = drive(twin, (20.0, {}), sample_every=1.0)
+    crept = moved(settling.then(drive(twin, (60.0, {}), sample_every=1.0)))
+    assert np.all(crept[[0, 1, 4]] < 1e-3)
+    assert np.all(crept[[2, 3]] > 2e-3)
+
+
+# ------------------------------------------------------------------------------------------------------------- the arms
+def test_arms_are_drop_tight(machine):
+    """Valves shut for ten minutes: less than a millimetre of sink at the wheels; so, too, with no seal to hold it."""
+    friction = {f"arm.cylinder.{name}": 0.0 for name in ("seal_preload", "seal_pressure_coefficient")}
+    for variant in (machine, machine.set(friction)):
+        twin = Twin(1, machine=variant)
+        start = drive(twin, (10.0, {}), sample_every=10.0)
+        log = start.then(drive(twin, (600.0, {}), sample_every=60.0))
+        sink = machine.arm.length * np.ptp(log.wheels("arm_angle"), axis=0)
+        assert np.all(sink < 1e-3)
+        assert np.ptp(log["position_z"]) < 1e-3
+    # they carry the machine on oil alone: the bore's pressure is there
+    assert all(log[f"arm_pressure_bore_{wheel}"][-1, 0] > 50e5 for wheel in WHEELS)
