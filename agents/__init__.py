@@ -1,1 +1,42 @@
-"""Agents that drive the twin, learned and classical. None is written yet: this package only holds their place."""
+"""Agents that drive the twin. So far: reference controllers for turning, how they are tuned, and what they reach.
+
+>>> import gymnasium
+>>> from aoro_gym.agents import ProportionalDerivative
+>>> from aoro_gym.envs import register_envs
+>>> register_envs()
+>>> envs = gymnasium.make_vec("AORO/Turning-v0", num_envs=2)
+>>> policy = ProportionalDerivative(envs.unwrapped.observation_layout)
+>>> observations, infos = envs.reset(seed=1)
+>>> policy(observations).shape
+(2, 1)
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from aoro_gym.agents.controllers import BangBang, Policy, ProportionalDerivative
+    from aoro_gym.agents.responses import Rollout, responses, rollout
+
+__all__ = ["BangBang", "Policy", "ProportionalDerivative", "Rollout", "responses", "rollout"]
+
+_HOME = {
+    "BangBang": "controllers",
+    "Policy": "controllers",
+    "ProportionalDerivative": "controllers",
+    "Rollout": "responses",
+    "responses": "responses",
+    "rollout": "responses",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"aoro_gym.agents.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -27,9 +27,9 @@ class Randomisation:
     Raises ValueError naming the key, its value and the bound.
     """
 
-    machine: Mapping[str, Range] = field(default_factory=Frozen)
+    machine: Mapping[str, Range] = field(default_factory=dict)
     """Dotted parameter key → range of values, in the unit of the machine file."""
-    machine_scale: Mapping[str, Range] = field(default_factory=Frozen)
+    machine_scale: Mapping[str, Range] = field(default_factory=dict)
     """Dotted parameter key → range of factors on the machine's own value."""
     ground_friction: Range = (1.0, 1.0)
     """Multiplier [-] of the friction between tires and ground; 1 is dry asphalt."""
@@ -47,7 +47,9 @@ class Randomisation:
                         f"randomisation.{name} has the unknown parameter {key!r}; `aoro-gym parameters` lists them"
                     )
                 _checked(f"randomisation.{name}[{key!r}]", span, 0.0 if name == "machine_scale" else -np.inf, np.inf)
-            object.__setattr__(self, name, Frozen({key: (float(low), float(high)) for key, (low, high) in ranges.items()}))
+            object.__setattr__(
+                self, name, Frozen({key: (float(low), float(high)) for key, (low, high) in ranges.items()})
+            )
         both = sorted(set(self.machine) & set(self.machine_scale))
         if both:
             raise ValueError(f"randomisation.machine and .machine_scale both have {', '.join(both)}; keep one of them")
@@ -103,7 +105,9 @@ class Draws:
                 machine = machine.set(self.machine)
             return machine.scale(scale) if scale else machine
         except ValueError as error:
-            raise ValueError(f"randomisation drew a machine that cannot be: {error}; narrow that key's range") from error
+            raise ValueError(
+                f"randomisation drew a machine that cannot be: {error}; narrow that key's range"
+            ) from error
 
 
 def variants(machine: Machine, indices: NDArray[np.intp]) -> Machine:
@@ -120,4 +124,6 @@ def _checked(name: str, span: Any, lowest: float, highest: float) -> None:
     except (TypeError, ValueError):
         raise ValueError(f"{name} is {span!r}, but must be a pair (low, high) of numbers") from None
     if not (lowest <= low <= high <= highest) or not np.isfinite([low, high]).all():
-        raise ValueError(f"{name} is ({low:g}, {high:g}), but must be finite with {lowest:g} ≤ low ≤ high ≤ {highest:g}")
+        raise ValueError(
+            f"{name} is ({low:g}, {high:g}), but must be finite with {lowest:g} ≤ low ≤ high ≤ {highest:g}"
+        )

@@ -7,12 +7,12 @@ from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
-from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from aoro_gym.envs.rendering import RENDER_MODES
 from aoro_gym.envs.vector import TwinVectorEnv
+from aoro_gym.twin import Twin
 
 
 class TwinEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -23,7 +23,7 @@ class TwinEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """
 
     vector_type: ClassVar[type[TwinVectorEnv]]
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": list(RENDER_MODES), "render_fps": 50}
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}  # noqa: RUF012
 
     def __init__(self, render_mode: str | None = None, **arguments: Any):
         for name in ("num_envs", "autoreset_mode"):
@@ -35,16 +35,18 @@ class TwinEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """The vector environment behind this one."""
         self.render_mode = render_mode
         self.metadata = {**type(self).metadata, "render_fps": self.vector.metadata["render_fps"]}
-        observation_space = self.vector.single_observation_space
-        action_space = self.vector.single_action_space
-        assert isinstance(observation_space, spaces.Box) and isinstance(action_space, spaces.Box)
-        self.observation_space = observation_space
-        self.action_space = action_space
+        self.observation_space = self.vector.single_observation_space
+        self.action_space = self.vector.single_action_space
 
     @property
     def observation_layout(self) -> dict[str, slice]:
         """Where each observation term stands in the observation."""
         return self.vector.observation_layout
+
+    @property
+    def twin(self) -> Twin:
+        """The one twin."""
+        return self.vector.twin
 
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None

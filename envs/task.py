@@ -75,7 +75,7 @@ class Task(Protocol):
     """[s] between two actions."""
     sample_step: float
     """[s] between two output samples."""
-    action_space: spaces.Box
+    action_space: spaces.Box[Any]
     """Of one sub-environment."""
     reward_terms: Mapping[str, RewardTerm]
     observation_terms: Mapping[str, ObservationTerm]

@@ -58,7 +58,9 @@ class ObservationTerm:
 
     def __post_init__(self) -> None:
         if not callable(self.function):
-            raise ValueError(f"an observation term's function is {self.function!r}, but must be callable: view → (N, K)")
+            raise ValueError(
+                f"an observation term's function is {self.function!r}, but must be callable: view → (N, K)"
+            )
         if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
             raise ValueError(
                 f"an observation term's bounds are [{self.low}, {self.high}], but must be finite with low < high"
@@ -158,7 +160,7 @@ def rewards_of(terms: Mapping[str, RewardTerm], view: Any, num_envs: int) -> dic
 
 
 def observations_of(terms: Mapping[str, ObservationTerm], view: Any, num_envs: int) -> list[Array]:
-    """Clipped parts of the observation, each of shape (num_envs, K).
+    """Parts of the observation, each of shape (num_envs, K), not clipped yet.
 
     Raises ValueError naming a term whose result has another shape.
     """
@@ -169,7 +171,7 @@ def observations_of(terms: Mapping[str, ObservationTerm], view: Any, num_envs: i
             value = _shaped(value, (num_envs, value.shape[1]), f"observation_terms[{name!r}]")
         else:
             value = _shaped(value, (num_envs,), f"observation_terms[{name!r}]")[:, None]
-        parts.append(view.xp.clip(value, term.low, term.high))
+        parts.append(value)
     return parts
 
 

@@ -23,7 +23,9 @@ from aoro_gym.envs.single import TwinEnv
 from aoro_gym.envs.task import Outputs, Start
 from aoro_gym.envs.terms import Array, Frozen, ObservationTerm, RewardTerm, changed_observations, changed_rewards
 from aoro_gym.envs.vector import TwinVectorEnv
+from aoro_gym.sensors import JointAngleNoise, JointAngleSensor, PressureNoise, PressureSensor
 from aoro_gym.twin import Machine
+from aoro_gym.twin.records import Output
 
 FULL_FLOW = 1.2e-3
 """Joint flow [m³/s] that stands for 1: about that of a turn at full signal."""
@@ -64,7 +66,9 @@ class TurningView:
     signals: Array
     """Steering signals of the last steps, newest first, shape (N, M)."""
     flows: Array
-    """True joint flow [m³/s] at the end of the last three steps, newest first, shape (3, N)."""
+    """True joint flow [m³/s], positive left, at the end of the last three steps, newest first, shape (3, N)."""
+    measured_pressures: Array
+    """Ports A and B and the pump [Pa] as their sensors give them, shape (N, 3); (N, 0) if they are not observed."""
     outputs: Outputs
     """Exact output channels of the twins over the step."""
 
@@ -146,9 +150,8 @@ def signals(view: TurningView) -> Array:
 
 
 def pressures(view: TurningView) -> Array:
-    """Pressures of port A, port B and the pump, in units of 100 bar (N, 3)."""
-    channels = ("pressure_a", "pressure_b", "pump_pressure")
-    return view.xp.stack([view.output(channel) for channel in channels], -1) / 1e7
+    """Measured pressures of port A, port B and the pump, in units of 100 bar (N, 3)."""
+    return view.measured_pressures / 1e7
 
 
 OBSERVATION_TERMS = Frozen(
@@ -163,6 +166,7 @@ OBSERVATION_TERMS = Frozen(
 """What the real machine knows with its joint-angle sensor alone."""
 PRESSURE_TERMS = Frozen({"pressures": ObservationTerm(pressures, -1.0, 10.0)})
 """What ``observe_pressures=True`` adds."""
+PRESSURE_CHANNELS = ("pressure_a", "pressure_b", "pump_pressure")
 
 # ---- randomisation and configuration ---------------------------------------------------------------------------------
 
@@ -215,6 +219,10 @@ class TurningConfig:
     """Angle samples that the rate estimate takes its slope from."""
     signal_memory: int = 4
     """Past steering signals in the observation."""
+    observe_pressures: bool = False
+    """Add the pressures of both ports and of the pump to the observation."""
+    joint_angle_noise: JointAngleNoise = field(default_factory=JointAngleNoise.published)
+    pressure_noise: PressureNoise = field(default_factory=PressureNoise.typical)
     reward_terms: Mapping[str, RewardTerm] = field(default_factory=lambda: REWARD_TERMS)
     observation_terms: Mapping[str, ObservationTerm] = field(default_factory=lambda: OBSERVATION_TERMS)
     randomisation: Randomisation = FIXED
@@ -241,23 +249,12 @@ class TurningConfig:
 # ---- the task --------------------------------------------------------------------------------------------------------
 
 
-class ExactAngle:
-    """A joint-angle sensor without errors."""
-
-    def reset(self, indices: NDArray[np.intp], generators: list[np.random.Generator]) -> None:
-        """Begin the episodes of the sub-environments ``indices``."""
-
-    def measure(self, angle: Array, time: Array) -> Array:
-        """Measured angle [rad] (N,) at ``time`` (N,) [s]."""
-        return angle
-
-
 class Turning:
     """Targets, measurements and judgement of N turning joints; see :class:`aoro_gym.envs.task.Task`."""
 
     option_names: ClassVar[tuple[str, ...]] = ("joint_angle", "targets", "hold")
     render_channels: ClassVar[tuple[str, ...]] = (
-        "time", "x", "y", "yaw", "joint_angle", "target", "steering_signal", "joint_flow",
+        "time", "x", "y", "yaw", "joint_angle", "target", "steering_signal", "joint_flow", "settled", "missed",
     )  # fmt: skip
 
     def __init__(self, config: TurningConfig | None = None):
@@ -267,8 +264,7 @@ class Turning:
         self.reward_terms = self.config.reward_terms
         self.observation_terms = self.config.observation_terms
         self.randomisation = self.config.randomisation
-        self.action_space = spaces.Box(-1.0, 1.0, (1,), np.float32)
-        self.sensor = ExactAngle()
+        self.action_space: spaces.Box[Any] = spaces.Box(-1.0, 1.0, (1,), np.float32)
         # slope of the least-squares line through equally spaced samples, newest first
         order = np.arange(self.config.rate_samples)[::-1] - 0.5 * (self.config.rate_samples - 1)
         self._slope = [float(weight) for weight in order / (np.sum(order**2) * self.config.sample_step)]
@@ -277,7 +273,7 @@ class Turning:
         xp = self.xp = np
         n, config = num_envs, self.config
         self._frames = round(config.control_step / config.sample_step)
-        self._outputs = Outputs(np.zeros((self._frames, 64, n), dtype=np.float32))
+        self._outputs = Outputs(np.zeros((self._frames, len(Output), n), dtype=np.float32))
         # goals
         self._table = xp.zeros((n, TARGETS_DRAWN), dtype=xp.float32)  # [rad]
         self._until = xp.full((n, TARGETS_DRAWN), np.iinfo(np.int64).max, dtype=xp.int64)  # step that ends each target
@@ -297,6 +293,12 @@ class Turning:
         self._settled = xp.zeros(n, dtype=xp.int64)
         self._missed = xp.zeros(n, dtype=xp.int64)
         self._largest_overshoot = xp.zeros(n, dtype=xp.float32)
+        # sensors
+        self._angle_sensor = JointAngleSensor(n, config.joint_angle_noise, interval=config.sample_step)
+        self._pressure_sensors = [
+            PressureSensor(n, config.pressure_noise) for _ in PRESSURE_CHANNELS if config.observe_pressures
+        ]
+        self._pressures = xp.zeros((n, len(self._pressure_sensors)), dtype=xp.float32)
 
     # ---- start
 
@@ -311,10 +313,10 @@ class Turning:
         count, config = len(where), self.config
         limit = np.broadcast_to(np.asarray(machine.joint.range, dtype=np.float64), count)
         reach = limit - config.target_clearance
-        if np.any(2.0 * reach <= 2.0 * config.target_change):
+        if np.any(reach <= config.target_change):
             raise ValueError(
-                f"target_change is {config.target_change:.3f} rad, but targets span only ±{reach.min():.3f} rad; lower it or "
-                "target_clearance"
+                f"target_change is {config.target_change:.3f} rad, but targets span only ±{reach.min():.3f} rad; lower "
+                "it, or target_clearance"
             )
         uniform = np.stack([generator.random((2, TARGETS_DRAWN)) for generator in generators])
         angle = draws.joint_angle * reach
@@ -342,7 +344,9 @@ class Turning:
         if options.get("hold") is not None:
             asked = np.asarray(options["hold"], dtype=np.float64)
             if asked.ndim or not asked >= config.control_step:
-                raise ValueError(f"options['hold'] is {options['hold']!r} s, but must be one number of at least a control step")
+                raise ValueError(
+                    f"options['hold'] is {options['hold']!r} s, but must be one number of at least a control step"
+                )
             hold = np.full(targets.shape, float(asked))
 
         drawn = targets.shape[1]
@@ -361,15 +365,16 @@ class Turning:
         self._noise[where] = draws.sensor_noise
         self._signals[:, where] = 0.0
         self._flows[:, where] = 0.0
-        self.sensor.reset(where, generators)
+        for sensor in (self._angle_sensor, *self._pressure_sensors):
+            sensor.reset(where, generators)
         return Start(joint_angle=angle, heading=np.zeros(count), position=np.zeros((count, 2)))
 
-    def _asked(
-        self, name: str, value: Any, where: NDArray[np.intp], limit: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _asked(self, name: str, value: Any, where: NDArray[np.intp], limit: NDArray[np.float64]) -> NDArray[np.float64]:
         array = np.asarray(value, dtype=np.float64)
         if array.shape not in ((), (len(self._target),)):
-            raise ValueError(f"options['{name}'] has shape {array.shape}, but must be a number or ({len(self._target)},)")
+            raise ValueError(
+                f"options['{name}'] has shape {array.shape}, but must be a number or ({len(self._target)},)"
+            )
         array = array[where] if array.ndim else np.broadcast_to(array, len(where))
         if not np.all(np.abs(array) <= limit):
             worst = array[~(np.abs(array) <= limit)][0]
@@ -380,8 +385,10 @@ class Turning:
 
     def rest(self, where: NDArray[np.intp], outputs: Outputs) -> None:
         self._outputs = outputs
-        measured = self._measure(self._angle, self._step * self.control_step)
-        self._measured[:, where] = measured[where]
+        time = self._step * self.control_step
+        # asks every sensor, those of running sub-environments a second time: without delay and low-pass they repeat
+        self._measured[:, where] = self._measure_angle(self._angle, time)[where]
+        self._pressures[where] = self._measure_pressures(time)[where]
 
     # ---- step
 
@@ -394,12 +401,15 @@ class Turning:
         self._outputs = outputs
         angles = outputs.samples("joint_angle")
         fresh = [
-            self._measure(angles[frame], time - (self._frames - 1 - frame) * config.sample_step)
+            self._measure_angle(angles[frame], time - (self._frames - 1 - frame) * config.sample_step)
             for frame in range(self._frames)
         ]
         kept = max(config.rate_samples - self._frames, 0)
         self._measured = xp.stack([*fresh[::-1], *self._measured[:kept]])[: config.rate_samples]
-        self._flows = xp.stack([outputs.last("joint_flow"), *self._flows[:-1]])
+        self._pressures = self._measure_pressures(time)
+        # the channel is positive in the direction of the commanded turn
+        flow = xp.abs(outputs.last("joint_flow")) * xp.sign(outputs.last("joint_rate"))
+        self._flows = xp.stack([flow, *self._flows[:-1]])
         self._angle = angles[-1].copy()
         self._step = self._step + 1
 
@@ -407,8 +417,15 @@ class Turning:
         self._inside = xp.where(error <= config.tolerance, self._inside + 1, 0)
         self._largest_overshoot = xp.maximum(self._largest_overshoot, self._overshoot())
 
-    def _measure(self, angle: Array, time: Array) -> Array:
-        return angle + self._noise * (self.sensor.measure(angle, time) - angle)
+    def _measure_angle(self, angle: Array, time: Array) -> Array:
+        return (angle + self._noise * (self._angle_sensor.measure(angle, time) - angle)).astype(self.xp.float32)
+
+    def _measure_pressures(self, time: Array) -> Array:
+        columns = []
+        for channel, sensor in zip(PRESSURE_CHANNELS, self._pressure_sensors, strict=False):
+            true = self._outputs.last(channel)
+            columns.append(true + self._noise * (sensor.measure(true, time) - true))
+        return self.xp.stack(columns, 1).astype(self.xp.float32) if columns else self._pressures
 
     def _overshoot(self) -> Array:
         return self.xp.clip(self._approach * (self._angle - self._target), 0.0, math.inf)
@@ -452,6 +469,7 @@ class Turning:
             measured_rate=rate,
             signals=self._signals.T,
             flows=self._flows,
+            measured_pressures=self._pressures,
             outputs=self._outputs,
         )
 
@@ -472,7 +490,7 @@ class Turning:
         }
 
     def traces(self) -> Array:
-        output = self._outputs.last
+        output, judged = self._outputs.last, self.info()
         return self.xp.stack(
             [
                 self._step * self.control_step,
@@ -481,6 +499,8 @@ class Turning:
                 self._target,
                 self._signals[0],
                 self._flows[0],
+                judged["targets_settled"],
+                judged["targets_missed"],
             ]
         )
 
@@ -497,10 +517,10 @@ def _apart(
     targets = np.empty_like(uniform)
     before = start
     for t in range(uniform.shape[1]):
-        below = np.maximum(before - apart + reach, 0.0)  # length of the free interval on either side
-        above = np.maximum(reach - before - apart, 0.0)
-        along = uniform[:, t] * (below + above)
-        before = targets[:, t] = np.where(along < below, along - reach, np.maximum(before + apart, -reach) + along - below)
+        below = np.clip(before - apart, -reach, reach) + reach  # length of the free interval on either side
+        above = np.clip(before + apart, -reach, reach)
+        along = uniform[:, t] * (below + reach - above)
+        before = targets[:, t] = np.where(along < below, along - reach, above + along - below)
     return targets
 
 
@@ -541,14 +561,16 @@ class TurningVectorEnv(TwinVectorEnv):
         config: TurningConfig | None = None,
         reward_terms: Mapping[str, RewardTerm | tuple[float, Callable[[Any], Array]] | float | None] | None = None,
         observation_terms: Mapping[str, ObservationTerm | Callable[[Any], Array] | None] | None = None,
-        observe_pressures: bool = False,
+        observe_pressures: bool | None = None,
         randomisation: Randomisation | None = None,
         **arguments: Any,
     ):
         config = TurningConfig() if config is None else config
+        observe_pressures = config.observe_pressures if observe_pressures is None else observe_pressures
         observed = {**config.observation_terms, **(PRESSURE_TERMS if observe_pressures else {})}
         config = replace(
             config,
+            observe_pressures=observe_pressures,
             reward_terms=changed_rewards(config.reward_terms, reward_terms),
             observation_terms=changed_observations(observed, observation_terms),
             randomisation=config.randomisation if randomisation is None else randomisation,

@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -24,7 +24,6 @@ from aoro_gym.envs.task import Outputs, Task, channel_row
 from aoro_gym.envs.terms import Array, observations_of, rewards_of
 from aoro_gym.terrains import Plane
 from aoro_gym.twin import Machine, Twin
-from aoro_gym.twin.records import Output
 from aoro_gym.twin.twin import STATUS
 
 Infos = dict[str, Any]
@@ -64,11 +63,13 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         ValueError: naming the argument, its value and its bound.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {
+    metadata: dict[str, Any] = {  # noqa: RUF012 (an instance replaces it)
         "render_modes": list(RENDER_MODES),
         "render_fps": 50,
         "autoreset_mode": AutoresetMode.SAME_STEP,
     }
+    single_observation_space: spaces.Box[Any]
+    single_action_space: spaces.Box[Any]
 
     def __init__(
         self,
@@ -106,9 +107,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
 
         self.generators: list[np.random.Generator | None] = [None] * self.num_envs
         with _compilation_announced(device):
-            self.twin = Twin(
-                self.num_envs, machine=machine, terrain=terrain, device=device, own_machines=own_machines
-            )
+            self.twin = Twin(self.num_envs, machine=machine, terrain=terrain, device=device, own_machines=own_machines)
             # compiles everything, and gives the outputs the size that they keep
             self.twin.step(duration=task.control_step, sample_every=task.sample_step)
         self._own_machines = own_machines
@@ -125,7 +124,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         self.single_observation_space = self._observation_space()
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self._observation = np.zeros((self.num_envs, *self.single_observation_space.shape), dtype=np.float32)
-        self._renderer: Renderer | None = None
+        self._renderer = Renderer(task, self.num_envs, self.twin.machine) if render_mode is not None else None
 
     def _observation_space(self) -> spaces.Box:
         parts = observations_of(self.task.observation_terms, self.task.view(), self.num_envs)
@@ -166,7 +165,9 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
                 raise ValueError(f"seed has {len(seeds)} entries, but must have num_envs = {self.num_envs}")
         for i in np.flatnonzero(mask):
             if seeds[i] is not None or self.generators[i] is None:
-                self.generators[i], _ = seeding.np_random(seeds[i])
+                self.generators[i], used = seeding.np_random(seeds[i])
+                if i == 0:
+                    self._np_random_seed = used
         self._np_random = self.generators[0]
 
     def _reset_mask(self, options: Mapping[str, Any]) -> NDArray[np.bool_]:
@@ -216,7 +217,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             values[:, channel_row(channel), where] = value
         self.task.rest(where, self._outputs)
         if self._renderer is not None:
-            self._renderer.restart(where)
+            self._renderer.restart(where, self.task.traces())
 
     def _machines(self, where: NDArray[np.intp], machine: Machine, options: Mapping[str, Any]) -> Machine:
         """Machines of the sub-environments ``where`` for their next episode, handed to the twins where they changed."""
@@ -259,15 +260,14 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             gymnasium.error.ResetNeeded: a sub-environment has not been reset, or its episode has ended.
         """
         actions = self._checked_actions(actions)
-        begun = np.array([generator is not None for generator in self.generators]) if self._done.any() else None
-        resetting = np.zeros(self.num_envs, dtype=bool)
-        if begun is not None:
-            if not begun.all() or self.autoreset_mode is not AutoresetMode.NEXT_STEP:
+        resetting = self._done.copy()
+        if resetting.any():
+            fresh = any(generator is None for generator in self.generators)
+            if fresh or self.autoreset_mode is not AutoresetMode.NEXT_STEP:
                 raise gymnasium.error.ResetNeeded(
                     f"sub-environment {int(np.argmax(self._done))} has no running episode; call reset() first, for some "
                     "with options={'reset_mask': mask}"
                 )
-            resetting = self._done.copy()
 
         self.twin.step(self.task.commands(actions), duration=self.task.control_step, sample_every=self.task.sample_step)
         self._steps += 1
@@ -351,10 +351,10 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         if actions.shape != self.action_space.shape:
             raise ValueError(f"actions have shape {actions.shape}, but must have {self.action_space.shape}")
         if not np.isfinite(actions).all():
-            raise ValueError(f"the action of sub-environment {int(np.argwhere(~np.isfinite(actions))[0, 0])} is not finite")
-        space = self.single_action_space
-        assert isinstance(space, spaces.Box)
-        return np.clip(actions, space.low, space.high)
+            raise ValueError(
+                f"the action of sub-environment {int(np.argwhere(~np.isfinite(actions))[0, 0])} is not finite"
+            )
+        return np.clip(actions, self.single_action_space.low, self.single_action_space.high)
 
     def _read_outputs(self) -> NDArray[np.int32]:
         """Take over the outputs of the step; returns the status (N,) of the twins."""
@@ -369,7 +369,9 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
     def _observe(self, mask: NDArray[np.bool_]) -> None:
         """Renew the observations where ``mask`` holds; the others keep their last one."""
         parts = observations_of(self.task.observation_terms, self.task.view(), self.num_envs)
+        space = self.single_observation_space
         observation = np.concatenate(parts, axis=1).astype(np.float32)
+        np.clip(observation, space.low, space.high, out=observation)
         if not mask.all():
             observation = np.where(mask[:, None], observation, self._observation)
         if not np.isfinite(observation).all():
@@ -387,8 +389,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         if self.render_mode is None:
             gymnasium.logger.warn('render() draws nothing: make the environment with render_mode="rgb_array"')
             return None
-        if self._renderer is None:
-            self._renderer = Renderer(self)
+        assert self._renderer is not None, "the environment is closed"
         if self.render_mode == "human":
             self._renderer.show()
             return None
@@ -405,7 +406,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         return self._outputs.last(channel).copy()
 
     @property
-    def time(self) -> NDArray[np.float64]:
+    def time(self) -> NDArray[np.floating]:
         """Time since the start of the episode [s], shape (num_envs,)."""
         return self._steps * self.task.control_step
 
@@ -440,7 +441,9 @@ def _replaced(
     values: dict[str, Array], masks: dict[str, Array], begun: dict[str, Array], where: NDArray[np.bool_]
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """Infos of a step, with those of a reset ``begun`` in its place where ``where`` holds."""
-    values = {name: np.where(where, begun[name], v) if name in begun else _where(~where, v) for name, v in values.items()}
+    values = {
+        name: np.where(where, begun[name], v) if name in begun else _where(~where, v) for name, v in values.items()
+    }
     masks = {name: mask | where if name in begun else mask & ~where for name, mask in masks.items()}
     return values, masks
 

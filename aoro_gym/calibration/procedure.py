@@ -13,15 +13,20 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym.calibration.turns import turn, turn_figures
-from aoro_gym.twin import Machine, Twin
+from aoro_gym.calibration.turns import population_figures
+from aoro_gym.twin import Machine
 from aoro_gym.validation.key_figures import FIGURES
 from aoro_gym.validation.published import published, published_rows, valve_flow
+from aoro_gym.validation.turns import Turn, motor_pressure_at
 
-SIDES = {"left": 1.0, "right": -1.0}
+SIDES = ("left", "right")
 
 GRID = 9
 """Machines a launch in a search along one parameter."""
+
+FLOW_ACCURACY = 0.02
+"""Half range, relative, that a measured flow and its share of the full one leave: they are quotients of rounded times
+and volumes, and the smallest is given to 0.1 L/min of 12.5."""
 
 ROUNDS = 3
 """Refinements of such a search: each narrows the bracket to a quarter."""
@@ -37,7 +42,8 @@ def measured_curve(machine: Machine) -> Machine:
         values[f"steering.valve.nominal_flow_{side}"] = flow[2.0]
         values[f"steering.valve.opening_{side}_1V0"] = flow[1.0] / flow[2.0]
         values[f"steering.valve.opening_{side}_1V5"] = flow[1.5] / flow[2.0]
-    return machine.set(values, source="P: mean flows of full turns")
+    ranges = {key: (value * (1.0 - FLOW_ACCURACY), value * (1.0 + FLOW_ACCURACY)) for key, value in values.items()}
+    return machine.set(values, source="P: mean flows of full turns", ranges=ranges)
 
 
 def crossing(values: NDArray[np.float64], found: NDArray[np.float64], target: float) -> tuple[float, float] | None:
@@ -74,39 +80,37 @@ def solve(machine: Machine, key: str, target: float, measure: Callable[[Machine]
     return machine.set({key: float(value)}, source=f"calibrated: {target:.4g} reached by iteration")
 
 
-def turn_time(signal: float) -> Callable[[Machine], NDArray[np.float64]]:
-    """Measure of :func:`solve`: time [s] of a full turn at ``signal``."""
+def turn_time(direction: str) -> Callable[[Machine], NDArray[np.float64]]:
+    """Measure of :func:`solve`: time [s] of a full turn at full signal."""
 
     def measure(machine: Machine) -> NDArray[np.float64]:
-        return turn_figures(machine, [turn(signal)])[0, FIGURES.index("turn_time_s")]
+        return population_figures(machine, [Turn(direction, 100.0)])[0, FIGURES.index("turn_time_s")]
 
     return measure
 
 
-def motor_pressure(machine: Machine, speed: float = 0.75) -> NDArray[np.float64]:
-    """Pressure difference [bar] over the motors at ``speed`` [m/s] on level ground, shape (N,)."""
-    count = machine.num_variants
-    flow = 4.0 * np.asarray(machine.driveline.motor.displacement) * speed / np.asarray(machine.tire.radius)
-    full = np.asarray(machine.driveline.pump.displacement) * np.asarray(machine.engine.set_speed)
-    twin = Twin(count, machine=machine)
-    twin.step({"drive_signal": np.broadcast_to(flow / full, count)}, 6.0)
-    trace = twin.step({}, 2.0, sample_every=0.01)
-    assert trace is not None
-    mean = np.mean([trace[f"motor_pressure_{wheel}"].mean(axis=0) for wheel in ("fl", "fr", "rl", "rr")], axis=0)
-    return mean / 1e5
+def motor_pressure(machine: Machine) -> NDArray[np.float64]:
+    """Measure of :func:`solve`: pressure difference [bar] over the motors at the published speed on level ground."""
+    return motor_pressure_at(published("drive_speed"), machine) / 1e5
+
+
+def meet_times_and_pressure(
+    machine: Machine, sides: tuple[str, ...] = SIDES, progress: Callable[[str, float], None] = lambda s, x: None
+) -> Machine:
+    """Steps 3 and 4: ``machine`` with the edges of ``sides`` and the disc brake set so that the measured times of full
+    turns and the measured driving pressure are met."""
+    for i, side in enumerate(sides):
+        progress(f"pressure drop of the {side} edge", i / (len(sides) + 1))
+        key = f"steering.valve.nominal_drop_in_{side}"
+        machine = solve(machine, key, published_turn_time(side), turn_time(side))
+    progress("disc brake", len(sides) / (len(sides) + 1))
+    return solve(machine, "driveline.brake.disc_torque", published("motor_pressure"), motor_pressure)
 
 
 def published_procedure(machine: Machine, progress: Callable[[str, float], None] = lambda s, x: None) -> Machine:
     """``machine`` after all four steps; its other parameters stay."""
     progress("valve curve from the measured flows", 0.0)
-    calibrated = measured_curve(machine)
-    for i, (side, sign) in enumerate(SIDES.items()):
-        progress(f"pressure drop of the {side} edge", 0.2 + 0.3 * i)
-        calibrated = solve(
-            calibrated, f"steering.valve.nominal_drop_in_{side}", published_turn_time(side), turn_time(sign)
-        )
-    progress("disc brake", 0.8)
-    return solve(calibrated, "driveline.brake.disc_torque", published("motor_pressure"), motor_pressure)
+    return meet_times_and_pressure(measured_curve(machine), progress=progress)
 
 
 def published_turn_time(side: str) -> float:

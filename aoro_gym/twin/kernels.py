@@ -3,7 +3,7 @@
 One thread is one twin. A main step is drift – hydraulics – kick – drift:
 
 1. half a step of the pose with the old velocity;
-2. slow actuators, then all hydraulic substeps, with the geometry of the middle pose and the old joint rates; the oil's
+2. slow actuators (arm spools, pump 1, gears, traction valves: once a main step), then all hydraulic substeps, with the geometry of the middle pose and the old joint rates; the oil's
    mean torques over the step are kept;
 3. contacts, friction and bodies at the middle pose, with velocities extrapolated to the middle of the step where a force
    depends on them: one kick of the velocity;
@@ -377,22 +377,38 @@ def reset(
             front, m.rest.bore_pressure_front, m.rest.bore_pressure_rear
         )
         state[int(State.ARM_ROD_FL) + wheel, t] = m.arm.rod_rest_pressure
-        state[int(State.HOSE_FL) + wheel, t] = m.driveline.charge_relief_pressure
 
-    # circuits idle: pump 2 at its margin, ports at the return line's pressure, the loop on charge pressure
-    state[State.SUPPLY, t] = m.steering.pump_margin
-    state[State.PORT_A, t] = m.steering.tank_line_back_pressure
-    state[State.PORT_B, t] = m.steering.tank_line_back_pressure
-    state[State.TANK_LINE, t] = m.steering.tank_line_back_pressure
+    # circuits idle: pump 2 holds its margin against its leakage, ports at the return line's pressure
+    st = m.steering
+    speed = m.engine.set_speed
+    swash = st.pump_leakage * st.pump_margin / (st.pump_displacement * speed)
+    state[State.SUPPLY, t] = st.pump_margin
+    state[State.SWASH, t] = swash
+    state[State.PORT_A, t] = st.tank_line_back_pressure
+    state[State.PORT_B, t] = st.tank_line_back_pressure
+    state[State.TANK_LINE, t] = st.tank_line_back_pressure
     state[State.COMPENSATOR, t] = 1.0
-    state[State.FORWARD, t] = m.driveline.charge_relief_pressure
-    state[State.BACK, t] = m.driveline.charge_relief_pressure
-    state[State.CHARGE, t] = m.driveline.charge_relief_pressure
+
+    # the loop on charge: what the pump's cases do not take goes over the relief
+    d = m.driveline
+    surplus = d.charge_displacement * speed - 2.0 * d.pump_leakage * d.charge_relief_pressure
+    charge = d.charge_relief_pressure + d.charge_relief_ramp * surplus / d.charge_relief_flow
+    main = charge - d.charge_check_crack - d.pump_leakage * charge * wp.sqrt(m.oil.laminar_pressure) / d.charge_cv_check
+    state[State.CHARGE, t] = charge
+    state[State.FORWARD, t] = main
+    state[State.BACK, t] = main
+    for wheel in range(4):
+        state[int(State.HOSE_FL) + wheel, t] = main
     state[State.SHIFT_FRONT, t] = 1.0
     state[State.SHIFT_REAR, t] = 1.0
-    load = m.engine.friction_0 + m.engine.friction_1 * m.engine.set_speed
-    load += m.driveline.charge_displacement * m.driveline.charge_relief_pressure
-    state[State.ENGINE_SPEED, t] = m.engine.set_speed
+
+    load = (
+        m.engine.friction_0
+        + m.engine.friction_1 * speed
+        + d.charge_displacement * charge / d.charge_mechanical_efficiency
+        + swash * st.pump_displacement * st.pump_margin / st.pump_mechanical_efficiency
+    )
+    state[State.ENGINE_SPEED, t] = speed
     state[State.GOVERNOR, t] = load
     state[State.ENGINE_TORQUE, t] = load
 

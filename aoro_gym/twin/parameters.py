@@ -71,10 +71,18 @@ class Machine:
             )
         write_machine(path, self.entries)
 
-    def set(self, values: Mapping[str, ArrayLike], *, si: bool = False, source: str | None = None) -> "Machine":
+    def set(
+        self,
+        values: Mapping[str, ArrayLike],
+        *,
+        si: bool = False,
+        source: str | None = None,
+        ranges: Mapping[str, tuple[float, float]] | None = None,
+    ) -> "Machine":
         """Machine with ``values`` by dotted key, each a number or shape (N,), in the file's unit or in SI.
 
-        ``source`` replaces the source of these parameters, say "calibrated on ...". Raises ValueError.
+        ``source`` replaces the source of these parameters, say "calibrated on ...", and ``ranges`` (in the file's unit)
+        their ranges, say after a measurement. Raises ValueError.
         """
         entries = dict(self.entries)
         for key, value in values.items():
@@ -84,6 +92,7 @@ class Machine:
                 entry,
                 value=as_quantity(number / UNITS[entry.unit][1]) if si else number,
                 source=entry.source if source is None else source,
+                range=(ranges or {}).get(key, entry.range),
             )
         return self._build(self.name, entries)
 

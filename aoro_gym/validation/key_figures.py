@@ -16,16 +16,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.sensors.chain import STANDSTILL, measured_flow, sampling_rate
-
-if TYPE_CHECKING:
-    from aoro_gym.twin import Machine
-    from aoro_gym.twin.sections import SteeringCylinder
+from aoro_gym.twin import Machine
+from aoro_gym.twin.sections import SteeringCylinder
 
 TOLERANCE = math.radians(0.1)
 """Angle [rad] within which a joint has not left its start, or has reached its stop."""
@@ -51,6 +48,10 @@ UNDERSHOOT_END = 0.7
 SECOND_PEAK = (0.55, 0.85)
 """Period [s] of the second peak."""
 
+_RESTLESS = math.radians(0.5)
+"""A joint whose angle strays that far [rad] in the first half second does not rest."""
+_STIRRED = 3.0
+"""Nor does one whose angle strays this many times further in the second quarter of a second than in the first."""
 _SLACK = 1e-6
 """Share of a sample by which an instant may miss the end of a period and still count."""
 
@@ -66,9 +67,9 @@ def key_figures_batch(
 ) -> dict[str, NDArray[np.float64]]:
     """Key figures of N full turns: one array (N,) a name of :data:`FIGURES`.
 
-    Left and right turns may be mixed: the direction of each follows from where it goes. A turn that never reaches its
-    stop, or never leaves its start, has NaN everywhere; one with less than 0.5 s of recording before t = 0 or after the
-    stop has NaN in the figures that the filter enters.
+    Left and right turns may be mixed: the direction of each follows from where it goes. NaN stands everywhere where the
+    joint never reaches its stop, or does not rest for half a second before t = 0; it stands in the figures that the
+    filter enters where less than half a second is recorded after the stop.
 
     Args:
         time: Evenly spaced instants [s] (F,); 100 samples a second for the published chain.
@@ -86,7 +87,7 @@ def key_figures_batch(
     rate = sampling_rate(clock)
     if theta.ndim != 2 or theta.shape[0] != clock.size:
         raise ValueError(f"angle has shape {np.shape(angle)}, but must be ({clock.size},) or ({clock.size}, N)")
-    cylinder = machine.steering.cylinder if hasattr(machine, "steering") else machine  # type: ignore[union-attr]
+    cylinder = machine.steering.cylinder if isinstance(machine, Machine) else machine
     frames, count = theta.shape
     each = np.arange(count)
     span = turn_span(clock, theta, cylinder.half_range, stop=stop, interpolate=interpolate)
@@ -95,8 +96,7 @@ def key_figures_batch(
 
     if flow is None:
         q = measured_flow(cylinder, theta, span.direction, rate=rate)
-        kept = STANDSTILL * rate - _SLACK
-        clear = complete & (span.first >= kept) & (frames - 1 - span.last >= kept)
+        clear = complete & (frames - 1 - span.last >= STANDSTILL * rate - _SLACK)
     else:
         q = np.asarray(flow, dtype=np.float64).reshape(frames, -1)
         clear = complete
@@ -132,6 +132,14 @@ def key_figures_batch(
     return dict(zip(FIGURES, values, strict=True))
 
 
+def key_figures(
+    time: ArrayLike, angle: ArrayLike, machine: Machine | SteeringCylinder, *, flow: ArrayLike | None = None
+) -> dict[str, float | None]:
+    """Key figures of one full turn, None where there is none; see :func:`key_figures_batch`."""
+    figures = key_figures_batch(time, angle, machine, flow=flow)
+    return {name: float(value[0]) if math.isfinite(value[0]) else None for name, value in figures.items()}
+
+
 @dataclass(frozen=True)
 class Span:
     """Where N turns begin and end in their recordings; every attribute has shape (N,)."""
@@ -141,7 +149,7 @@ class Span:
     last: NDArray[np.int64]  # sample at the stop
     began: NDArray[np.float64]  # [s] instant of t = 0
     ended: NDArray[np.float64]  # [s] instant at the stop
-    complete: NDArray[np.bool_]  # False: never left its start or never reached its stop; `last`, `ended` mean nothing
+    complete: NDArray[np.bool_]  # False: no rest before it, or never at its stop; `last` and `ended` mean nothing then
 
 
 def turn_span(
@@ -154,8 +162,9 @@ def turn_span(
 ) -> Span:
     """Begin and end of full turns, from their unfiltered angles.
 
-    The start is the mean angle of the first half second, and the joint has left it when it does so for good: noise may
-    pass 0.1° at rest. Without noise these are the angle at rest, and the first sample beyond 0.1°.
+    The start is the mean angle of the first half second. The joint has left it when it does so for good, and by more
+    than it ever did in that half second, where noise makes that more than 0.1°. Without noise these are the angle at
+    rest, and the first sample beyond 0.1°.
 
     Args:
         time: Evenly spaced instants [s] (F,).
@@ -167,30 +176,36 @@ def turn_span(
     frames, count = angle.shape
     rate = (frames - 1) / (time[-1] - time[0])
     each, rows = np.arange(count), np.arange(frames)[:, None]
-    start = angle[: min(max(round(STANDSTILL * rate), 1), frames)].mean(axis=0)
+    rest = round(STANDSTILL * rate)
+    begin = angle[:rest]
+    start = begin.mean(axis=0)
     direction = np.sign(angle[-1] - start)
     end = direction * half_range if stop is None else np.broadcast_to(np.asarray(stop, dtype=np.float64), count)
     turned, to_go = direction * (angle - start), direction * (end - angle)
+    early, late = (np.abs(half - start).max(axis=0, initial=0.0) for half in (begin[: rest // 2], begin[rest // 2 :]))
+    leaves = np.maximum(np.maximum(early, late), TOLERANCE)
+    rested = (leaves <= _RESTLESS) & (late <= _STIRRED * np.maximum(early, TOLERANCE))
 
     second_half = to_go < turned
     halfway = np.where(second_half.any(axis=0), np.argmax(second_half, axis=0), frames)
-    first = np.where((turned <= TOLERANCE) & (rows < halfway), rows, -1).max(axis=0) + 1
+    first = np.where((turned <= leaves) & (rows < halfway), rows, -1).max(axis=0) + 1
     there = (to_go <= TOLERANCE) & (rows > first)
     last = np.argmax(there, axis=0)
-    complete = (direction != 0) & (halfway > 0) & there.any(axis=0)
+    complete = rested & (first >= rest) & there.any(axis=0)
     first = np.minimum(first, frames - 1)
     began, ended = time[first], time[last]
     if interpolate:
-        began = began - _crossing(turned[first - 1, each], turned[first, each], TOLERANCE) / rate
-        ended = ended - _crossing(to_go[last - 1, each], to_go[last, each], TOLERANCE) / rate
+        began = began - np.clip(_crossing(turned[first - 1, each], turned[first, each], leaves), 0.0, 1.0) / rate
+        # by the speed before it: the sample after the crossing may already stand on the stop
+        two, one = to_go[last - 2, each], to_go[last - 1, each]
+        ended = time[last - 1] + np.clip(-_crossing(two, one, TOLERANCE), 0.0, 1.0) / rate
     return Span(direction, first, last, began, ended, complete)
 
 
-def _crossing(before: NDArray[np.float64], at: NDArray[np.float64], level: float) -> NDArray[np.float64]:
-    """Share of a sample by which a straight line between two samples meets ``level`` before the second one."""
+def _crossing(before: NDArray[np.float64], at: NDArray[np.float64], level: ArrayLike) -> NDArray[np.float64]:
+    """Samples by which the straight line through two samples meets ``level`` before the second one."""
     step = at - before
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.clip(np.where(step == 0.0, 0.0, (at - level) / step), 0.0, 1.0)
+    return np.where(step == 0.0, 0.0, (at - level) / np.where(step == 0.0, 1.0, step))
 
 
 def _extreme(

@@ -118,7 +118,7 @@ def lines(result: Validation, direction: str) -> Iterator[Line]:
                 errors=(_error(against["physical"], name), _error(mevea, name)),
                 mark=None if mevea is None else mevea["reached"][name],
                 noise=_range(noise, name, "low90", "high90"),
-                raw=_shown(rows["twin_raw"], name),
+                raw=_shown(rows["twin_raw"], name, fine=True),
                 uncalibrated=_shown(rows["twin_uncalibrated"], name),
                 ensemble=_range(ensemble, name, "low", "high"),
             )
@@ -162,8 +162,8 @@ def _verdict(result: Validation) -> str:
         return text + "."
     nearer = "filtered" if filtered <= raw else "unfiltered"
     return (
-        f"{text}; error over bound, root mean square: {filtered:.2f} filtered, {raw:.2f} unfiltered, "
-        f"so the published twin's curve reads more like {nearer}."
+        f"{text}; error over bound, root mean square: {filtered:.2f} filtered, {raw:.2f} unfiltered: with these "
+        f"parameters the published twin's curve agrees better {nearer}."
     )
 
 
@@ -190,19 +190,19 @@ def _check_cells(check: dict[str, Any]) -> list[str]:
     digits = {"s": 3, "bar": 2}.get(check["unit"])
     if digits is None:
         value, bound = (f"{100 * number:.2f}" if number is not None else "-" for number in (check["value"], check["bound"]))
-        return [check["what"], value, "-", f"≤ {bound}", "%"]
+        return [check["what"], value, "-", f"≤\N{NO-BREAK SPACE}{bound}", "%"]
     value, known = (f"{n:.{digits}f}" if n is not None else "-" for n in (check["value"], check["published"]))
-    return [check["what"], value, known, f"± {check['bound']:.{digits}f}", check["unit"]]
+    return [check["what"], value, known, f"±\N{NO-BREAK SPACE}{check['bound']:.{digits}f}", check["unit"]]
 
 
-def _shown(row: Row | None, name: str) -> str:
+def _shown(row: Row | None, name: str, *, fine: bool = False) -> str:
     value = None if row is None else row[name]
-    return _digits(name, value) if isinstance(value, float) else "-"
+    return _digits(name, value, fine=fine) if isinstance(value, float) else "-"
 
 
-def _digits(name: str, value: float) -> str:
-    """Times at full resolution of the sensor's clock, or of a main step."""
-    return f"{value:.2f}" if name.endswith("_s") and abs(value * 100 - round(value * 100)) < 1e-6 else show(name, value)
+def _digits(name: str, value: float, *, fine: bool = False) -> str:
+    """A figure at the resolution of the sensor's clock, or at that of a main step (``fine``)."""
+    return f"{value:.2f}" if name.endswith("_s") and not fine else show(name, value)
 
 
 def _error(entry: dict[str, Any] | None, name: str) -> str:
@@ -272,7 +272,7 @@ def _draw_curve(axis: Any, curve: Curve, zoomed: bool, handles: dict[str, Any]) 
 
 def _draw_published(axis: Any, result: Validation, turn: Turn, zoomed: bool, handles: dict[str, Any]) -> None:
     """Points where time and flow are known; a bar where only the period is."""
-    for source, (label, colour, marker) in SOURCES.items():
+    for source, (label, colour, marker) in reversed(SOURCES.items()):
         row = result.row(source, turn)
         if row is None:
             continue
@@ -543,7 +543,7 @@ def _plotly(result: Validation, direction: str) -> str:
         horizontal_spacing=0.06,
         vertical_spacing=0.09,
     )
-    known: set[str] = set()
+    known: set[str] = set()  # in the legend
 
     def line(row: int, column: int, label: str, x: Any, y: Any, **style: Any) -> None:
         figure.add_trace(
@@ -599,31 +599,23 @@ def _plotly(result: Validation, direction: str) -> str:
 
 
 def _plotly_published(line: Any, result: Validation, turn: Turn, row: int, column: int) -> None:
-    for source, (label, colour, marker) in SOURCES.items():
+    for source, (label, colour, marker) in reversed(SOURCES.items()):
         figures = result.row(source, turn)
         if figures is None:
             continue
-        x: list[float | None] = []
-        y: list[float | None] = []
+        stroke = {"color": colour, "width": 1.6 if source == "physical" else 4}
         for name, low, high in _periods(figures):
             value = figures[name]
-            if isinstance(value, float) and (column == 1 or name == "steady_flow_L_per_min"):
-                x += [low, high, None]
-                y += [value, value, None]
-        if not x and column == 2 and isinstance(figures["mean_flow_L_per_min"], float):
-            end = figures["turn_time_s"] if isinstance(figures["turn_time_s"], float) else None
-            x, y = [0.0, end or 100.0], [figures["mean_flow_L_per_min"]] * 2
-            label = f"{label}, mean flow"
-        line(row, column, label, _gaps(x), _gaps(y), line={"color": colour, "width": 3})
+            if isinstance(value, float) and (column == 1) != (name == "steady_flow_L_per_min"):
+                line(row, column, label, [low, high], [value, value], line=stroke)
+        mean = figures["mean_flow_L_per_min"]
+        if turn.direction == "right" and column == 2 and isinstance(mean, float):
+            line(row, column, f"{label}, mean flow", [0.0, 100.0], [mean, mean], line=stroke | {"dash": "dash"})
         if isinstance(figures["first_peak_L_per_min"], float):
             point = {"color": colour, "size": 10, "symbol": "diamond" if marker == "D" else "circle"}
             point |= {"line": {"color": "white", "width": 1}}
             peak = [figures["first_peak_time_s"]], [figures["first_peak_L_per_min"]]
             line(row, column, label, *peak, mode="markers", marker=point)
-
-
-def _gaps(values: list[float | None]) -> NDArray[np.float64]:
-    return np.array([math.nan if value is None else value for value in values], dtype=np.float64)
 
 
 def _thinned(curve: Curve) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

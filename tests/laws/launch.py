@@ -1,8 +1,8 @@
 """Calls device laws from tests.
 
-A test file wraps every law in a one-line kernel, inputs first, outputs last, and runs it with :func:`launch`. Parameters
-and states are structured float32 arrays made by :func:`record`; the oracles read the very same rounded numbers back in
-float64 through :func:`columns`, so that a difference is the law's and not the input's.
+A test file wraps every law in a one-line kernel, inputs first, outputs last, and runs it with :func:`launch`.
+Parameters and states are structured float32 arrays made by :func:`record`; the oracles read the very same rounded
+numbers back in float64 through :func:`columns`, so that a difference is the law's and not the input's.
 """
 
 from __future__ import annotations

@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 import warp as wp
 
-from aoro_gym.twin.laws.arms import Arm, ArmGeometry, ArmState, arm_geometry, arm_step, load_holding
+from aoro_gym.twin.laws.arms import (
+    Arm,
+    ArmGeometry,
+    ArmState,
+    arm_displace,
+    arm_geometry,
+    arm_oil_torque,
+    arm_step,
+    load_holding,
+)
 from aoro_gym.twin.laws.cylinders import Linkage
 from aoro_gym.twin.laws.fluid import Oil
 from tests.laws.elements import (
@@ -114,6 +123,26 @@ def step_kernel(
         drawn[i] = drawn_now
         returned[i] = returned_now
         load[i] = load_now
+    end[i] = s
+
+
+@wp.kernel(enable_backward=False)
+def lift_kernel(
+    m: wp.array(dtype=Arm),
+    oil: wp.array(dtype=Oil),
+    angle: wp.array(dtype=float),
+    risen: wp.array(dtype=float),
+    start: wp.array(dtype=ArmState),
+    end: wp.array(dtype=ArmState),
+    torque_before: wp.array(dtype=float),
+    torque_after: wp.array(dtype=float),
+):
+    """The arm raised by a small angle with its valve shut, and the oil's torque before and after."""
+    i = wp.tid()
+    g = arm_geometry(m[i], angle[i], 0.0)
+    s = arm_displace(m[i], oil[i], g, risen[i], start[i])
+    torque_before[i] = arm_oil_torque(oil[i], g, start[i])
+    torque_after[i] = arm_oil_torque(oil[i], g, s)
     end[i] = s
 
 
@@ -296,6 +325,39 @@ def test_arm_neither_makes_nor_loses_oil(case):
     assert not np.any(off & same)
 
 
+def test_oil_carries_the_arm_by_the_volumes_that_it_gains(case):
+    """Virtual work: τ dφ = p_b dV_b + p_r dV_r. Bore pressure pushes the wheel down."""
+    m, step = case.m, 1e-6
+    torque = launch(lift_kernel, case.record, OIL, case.angle, 0.0, case.start)[1]
+    gains = [
+        (up - down) / (2 * step)
+        for up, down in zip(chambers(m, case.angle + step), chambers(m, case.angle - step), strict=True)
+    ]
+    work = [np.maximum(getattr(case.s, n), VOID) * gain for n, gain in zip(("bore", "rod"), gains, strict=True)]
+    # levers with a dozen roundings, difference quotients of 2 L good to 2e-3 · 1e-16 / 1e-6, times 420 bar
+    slack = 16 * ROUNDOFF * (np.abs(work[0]) + np.abs(work[1])) + 4e-13 * 420 * BAR
+    assert np.all(np.abs(torque - work[0] - work[1]) <= slack)
+    loaded = record(ArmState, bore=80.0 * BAR, rod=0.0)
+    assert launch(lift_kernel, ARM, OIL, 0.0, 0.0, loaded)[1] < 0.0
+
+
+def test_raised_arm_squeezes_its_chambers(case):
+    """Shut: C Δp = −dV/dφ Δφ in either chamber; the torque falls by Σ (dV/dφ)²/C Δφ, a spring."""
+    risen = rounded(np.random.default_rng(2).normal(0.0, 1e-3, case.angle.size))
+    end, before, after = launch(lift_kernel, case.record, OIL, case.angle, risen, case.start)
+    whole = uncrossed(case.s.bore, end.bore) & uncrossed(case.s.rod, end.rod)
+    assert np.mean(whole) > 0.7
+    spring = 0.0
+    for name in ("bore", "rod"):
+        x, y, c = getattr(case.s, name), getattr(end, name), getattr(case.compliance, name)
+        gain = getattr(case.geometry, f"displacement_{name}")
+        slack = 16 * ROUNDOFF * np.abs(gain * risen / c) + 2 * ROUNDOFF * (np.abs(x) + np.abs(y))
+        assert np.all((np.abs(y - x + gain * risen / c) <= slack)[whole]), name
+        spring = spring + np.where(x > VOID, gain**2 / c, 0.0)
+    slack = 64 * ROUNDOFF * (spring * np.abs(risen) + 420 * BAR * 5e-3)
+    assert np.all((np.abs(after - before + spring * risen) <= slack)[whole])
+
+
 def test_valve_draws_and_returns_by_its_edges(case):
     open_ = case.geometry.opening != 0.0
     np.testing.assert_allclose(case.drawn, case.flows.into, rtol=32 * ROUNDOFF, atol=1e-12)
@@ -314,9 +376,7 @@ def test_valve_only_loses_power(case):
     assert np.all(case.returned * (np.maximum(case.s.bore, case.s.rod) - case.tank) >= 0.0)
     # chambers at rest, no oil from the pump: their power is never positive above the tank's pressure
     start = changed(case.start, bore=np.maximum(case.s.bore, 8 * BAR), rod=np.maximum(case.s.rod, 8 * BAR))
-    end, drawn, _, _ = launch(
-        step_kernel, case.record, OIL, case.angle, case.spool, 0.0, 0.0, 0.0, start, case.dt, 1
-    )
+    end, drawn, _, _ = launch(step_kernel, case.record, OIL, case.angle, case.spool, 0.0, 0.0, 0.0, start, case.dt, 1)
     np.testing.assert_array_equal(drawn, 0.0)
     assert np.all(end.bore <= columns(start).bore)
     assert np.all(end.rod <= columns(start).rod)

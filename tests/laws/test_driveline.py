@@ -10,6 +10,7 @@ from aoro_gym.twin.laws.driveline import (
     Driveline,
     DrivelineControl,
     DrivelineState,
+    driveline_displace,
     driveline_step,
     motor_hose_step,
     pump_torque,
@@ -120,6 +121,19 @@ def run_kernel(
 
 
 @wp.kernel(enable_backward=False)
+def roll_kernel(
+    m: wp.array(dtype=Driveline),
+    oil: wp.array(dtype=Oil),
+    control: wp.array(dtype=DrivelineControl),
+    angles: wp.array(dtype=wp.vec4),
+    start: wp.array(dtype=DrivelineState),
+    end: wp.array(dtype=DrivelineState),
+):
+    i = wp.tid()
+    end[i] = driveline_displace(m[i], oil[i], control[i], angles[i], start[i])
+
+
+@wp.kernel(enable_backward=False)
 def torque_kernel(
     displacement: wp.array(dtype=float),
     drop: wp.array(dtype=float),
@@ -200,7 +214,9 @@ def case():
     """Random parameters (±30 %), controls, wheel rates and states (voids included), and one large step of all."""
     rng = np.random.default_rng(1)
     count = 4000
-    record_ = changed(DRIVELINE, **{n: float(DRIVELINE[n]) * rng.uniform(0.7, 1.3, count) for n in DRIVELINE.dtype.names})
+    record_ = changed(
+        DRIVELINE, **{n: float(DRIVELINE[n]) * rng.uniform(0.7, 1.3, count) for n in DRIVELINE.dtype.names}
+    )
 
     def contents(high):
         return np.where(rng.random(count) < 0.1, rng.uniform(-30.0, -0.95, count), rng.uniform(0, high, count)) * BAR
@@ -212,9 +228,7 @@ def case():
         traction=rng.choice([0.0, 1.0, 0.3, 0.8], (count, 4)),
         speed=rng.uniform(80.0, 200.0, count),
     )
-    start = record(
-        DrivelineState, **{name: contents(40.0 if name == "charge" else 450.0) for name in VOLUMES}
-    )
+    start = record(DrivelineState, **{name: contents(40.0 if name == "charge" else 450.0) for name in VOLUMES})
     near = rng.random(count) < 0.3  # both mains low, where checks and flushing work
     for name in VOLUMES[:6]:
         start[name] = np.where(near, start[name] / 12.0, start[name])
@@ -243,7 +257,10 @@ def rounding(case):
             * (
                 16.0 * magnitude
                 + 4.0 * conductance
-                + 4.0 * getattr(case.compliance, name) * (abs(getattr(case.s, name)) + abs(getattr(case.end, name))) / case.dt
+                + 4.0
+                * getattr(case.compliance, name)
+                * (abs(getattr(case.s, name)) + abs(getattr(case.end, name)))
+                / case.dt
             )
             for name in VOLUMES
         }
@@ -304,6 +321,25 @@ def test_forward_and_back_are_mirrored(case):
         slack = 2 * getattr(case.slack, name) * case.dt / getattr(case.compliance, name)
         difference = np.abs(getattr(ahead, name) - getattr(astern, other))
         assert np.all(difference <= slack + 4 * ROUNDOFF * np.abs(getattr(ahead, name))), name
+
+
+def test_turned_wheels_pass_their_hoses_oil_to_the_return_main(case):
+    """Pump and valves shut: every hose loses D_i Δψ_i, the return main gains their sum, nothing else moves."""
+    angles = rounded(np.random.default_rng(3).normal(0.0, 1e-3, (4000, 4)))
+    end = launch(roll_kernel, case.record, OIL, case.control, angles, case.start)
+    turned = np.stack(
+        [(case.c.displacement_front if k < 2 else case.c.displacement_rear) * angles[:, k] for k in range(4)], axis=-1
+    )
+    gains = {**{name: -turned[:, k] for k, name in enumerate(HOSES)}, "back": turned.sum(axis=-1)}
+    size = np.abs(turned).sum(axis=-1)
+    for name, gain in gains.items():
+        x, y, c = getattr(case.s, name), getattr(end, name), getattr(case.compliance, name)
+        same = uncrossed(x, y)
+        assert np.mean(same) > 0.8
+        slack = 16 * ROUNDOFF * size + 2 * ROUNDOFF * c * (np.abs(x) + np.abs(y))
+        assert np.all((np.abs(c * (y - x) - gain) <= slack)[same]), name
+    for name in ("forward", "charge"):
+        np.testing.assert_array_equal(getattr(end, name), getattr(case.s, name))
 
 
 # ---- motors ----

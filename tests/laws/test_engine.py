@@ -10,7 +10,7 @@ from tests.laws.launch import ROUNDOFF, changed, columns, launch, record
 
 RPM = np.pi / 30.0
 CURVE_RPM = np.array([900.0, 1200.0, 1400.0, 1600.0, 1800.0, 2000.0, 2200.0, 2400.0])
-CURVE_TORQUE = np.array([430.0, 590.0, 635.0, 630.0, 605.0, 575.0, 545.0, 513.0])
+CURVE_TORQUE = np.array([430.0, 590.0, 635.0, 630.0, 605.0, 575.0, 540.0, 513.0])
 
 ENGINE = record(
     Engine,

@@ -125,7 +125,7 @@ def pump_out_and_in_kernel(
     end[i] = content
 
 
-# ---- orifice -----------------------------------------------------------------------------------------------------------
+# ---- orifice ----
 
 
 def test_orifice_passes_its_nominal_flow_at_its_nominal_drop():
@@ -180,7 +180,7 @@ def test_two_orifices_in_series_pass_the_same_flow():
     )
 
 
-# ---- check and relief --------------------------------------------------------------------------------------------------
+# ---- check and relief ----
 
 
 def test_check_never_passes_oil_backwards_or_below_its_crack():
@@ -208,7 +208,7 @@ def test_relief_opens_at_its_setting_and_reaches_its_flow_over_the_ramp():
     np.testing.assert_allclose(flow, nominal * share, rtol=240.0 * ROUNDOFF + 4.0 * ROUNDOFF)
 
 
-# ---- compressibility ---------------------------------------------------------------------------------------------------
+# ---- compressibility ----
 
 
 def liquid_modulus(oil, p):
@@ -313,7 +313,7 @@ def test_gas_is_bounded_at_five_kilopascal():
     assert below == pytest.approx(floor, rel=MODULUS_ERROR)
 
 
-# ---- volumes -----------------------------------------------------------------------------------------------------------
+# ---- volumes ----
 
 
 def test_pressure_is_the_content_above_the_void_pressure():
@@ -417,6 +417,23 @@ def test_void_is_the_volume_drawn():
         assert (start - turning) * volume / 1.4e9 == pytest.approx(drawn, rel=tolerance)
         assert launch(pressure_kernel, oil, turning) == pytest.approx(-0.95 * BAR, rel=2 * ROUNDOFF)
         assert end == pytest.approx(start, abs=tolerance * abs(turning))
+
+
+def test_step_over_the_void_pressure_splits_its_oil():
+    """One step of volume w from x₀ to x₁ across p_v: C (x₀ − p_v) + C_void (p_v − x₁) = w, with a constant C above.
+
+    Otherwise every crossing makes or loses oil, and a port that cavitates again and again drifts.
+    """
+    volume, hose, dt = 1e-3, 3.6e-13, 1e-4
+    void, above, below = -0.95 * BAR, volume / 1.4e9 + hose, volume / 1.4e9
+    gap = np.array([0.02, 0.3, 0.7]) * BAR
+    oil_above, oil_below = gap * above, gap * below
+    # out: from above the void pressure, as much oil again is drawn; in: a void is filled and as much oil again added
+    out = launch(fill_kernel, OIL, void + gap, -2.0 * oil_above / dt, dt, volume, hose, volume)
+    back = launch(fill_kernel, OIL, void - gap, 2.0 * oil_below / dt, dt, volume, hose, volume)
+    # contents of about 1 bar with a few roundings each
+    np.testing.assert_allclose((void - out) * below, oil_above, atol=16 * ROUNDOFF * 2 * BAR * above)
+    np.testing.assert_allclose((back - void) * above, oil_below, atol=16 * ROUNDOFF * 2 * BAR * above)
 
 
 @pytest.mark.parametrize("gas", [0.0, 0.01])

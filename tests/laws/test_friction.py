@@ -152,7 +152,7 @@ def lag_kernel(
     out[i] = lag(x[i], target[i], time_constant[i], rate_limit[i], dt[i])
 
 
-# ---- seals -------------------------------------------------------------------------------------------------------------
+# ---- seals ----
 
 
 def test_seal_friction_between_rest_and_sliding():
@@ -174,7 +174,7 @@ def test_seal_friction_is_even_in_speed_and_falls_from_breakaway():
     assert np.all(np.diff(forward) <= 0.0)
 
 
-# ---- the sticking element ----------------------------------------------------------------------------------------------
+# ---- the sticking element ----
 
 
 def test_friction_opposes_deflection_and_rate_up_to_its_capacity():
@@ -288,7 +288,7 @@ def test_breakaway_at_the_capacity():
 
 @pytest.mark.parametrize("start_rate", [0.3, -0.3])
 def test_sliding_mass_stops_after_its_energy_is_spent(start_rate):
-    """J v²/2 = T_c (x − T_c/2k): the element takes T_c, less while it winds up; then it swings back inside its limit."""
+    """The element winds up like a spring, ω = √(k/J), until it holds T_c; from there the mass loses T_c/J a second."""
     inertia, stiffness, capacity = 1e4, 7e5, 3000.0
     position, rate, slide, _ = launch(
         loaded_kernel, 0.0, 0.0, 0.0, 0.0, start_rate, inertia, stiffness, 0.0, capacity, 1e-4, 3000
@@ -307,7 +307,7 @@ def test_sliding_mass_stops_after_its_energy_is_spent(start_rate):
     assert slide == pytest.approx(abs(position) - limit, abs=1e-5)
 
 
-# ---- end stop ----------------------------------------------------------------------------------------------------------
+# ---- end stop ----
 
 
 def test_stop_is_silent_inside_and_pushes_back_outside():
@@ -354,7 +354,7 @@ def test_stop_returns_the_energy_that_its_damper_leaves(side):
     assert outermost[0] == pytest.approx(0.5 / omega, rel=1e-3)
 
 
-# ---- lag ---------------------------------------------------------------------------------------------------------------
+# ---- lag ----
 
 
 def test_lag_is_exact_without_a_limit():

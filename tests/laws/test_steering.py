@@ -1,5 +1,6 @@
 """The steering circuit: geometry, valve, compensator, pump, and the circuit's balances of oil and power."""
 
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,8 +18,10 @@ from aoro_gym.twin.laws.steering import (
     SteeringState,
     play,
     play_output,
+    steering_displace,
     steering_geometry,
     steering_step,
+    steering_torque,
     swash_step,
     valve_opening,
 )
@@ -198,6 +201,26 @@ def step_kernel(
 
 
 @wp.kernel(enable_backward=False)
+def turn_kernel(
+    m: wp.array(dtype=Steering),
+    oil: wp.array(dtype=Oil),
+    angle: wp.array(dtype=float),
+    turned: wp.array(dtype=float),
+    start: wp.array(dtype=SteeringState),
+    end: wp.array(dtype=SteeringState),
+    torque_before: wp.array(dtype=float),
+    torque_after: wp.array(dtype=float),
+):
+    """The joint turned by a small angle with everything shut, and the oil's torque before and after."""
+    i = wp.tid()
+    g = steering_geometry(m[i], angle[i])
+    s = steering_displace(m[i], oil[i], g, turned[i], start[i])
+    torque_before[i] = steering_torque(oil[i], g, start[i])
+    torque_after[i] = steering_torque(oil[i], g, s)
+    end[i] = s
+
+
+@wp.kernel(enable_backward=False)
 def run_kernel(
     m: wp.array(dtype=Steering),
     oil: wp.array(dtype=Oil),
@@ -226,7 +249,7 @@ def run_kernel(
     end[i] = s
 
 
-# ---- geometry ----------------------------------------------------------------------------------------------------------
+# ---- geometry ----
 
 
 def chambers(m, angle):
@@ -243,7 +266,7 @@ def chambers(m, angle):
 
 
 # Lengths of 0.5 to 0.8 m: squares of up to 0.8 m² with four roundings, over twice the length; γ's own rounding times
-# the lever. In sum an extension is good to 4 · 2⁻²⁴ · 0.8 m, times areas of 9e-3 m² in all; the volume rounds to 3 mL · u.
+# the lever. In sum an extension is good to 4 · 2⁻²⁴ · 0.8 m, times areas of 9e-3 m² in all; the volume of 3 L rounds too.
 VOLUME_ERROR = 8.0 * ROUNDOFF * 0.8 * 9e-3
 ANGLES = rounded(np.linspace(-HALF_RANGE, HALF_RANGE, 401))
 
@@ -290,7 +313,7 @@ def test_geometry_is_mirrored():
     np.testing.assert_allclose(left.lever_left, right.lever_right, rtol=2 * ROUNDOFF)
 
 
-# ---- play --------------------------------------------------------------------------------------------------------------
+# ---- play ----
 
 WIDTH = 0.03
 
@@ -319,7 +342,7 @@ def test_play_does_not_depend_on_the_rate():
     """The same turning points reached in 1 or in 200 steps leave the same position."""
     turns = rounded(np.array([0.0, 0.4, 0.385, 0.1, 0.7, 0.69, -0.5, 0.2]))
     quick, _ = follow(turns)
-    slow, _ = follow(np.concatenate([np.linspace(a, b, 200) for a, b in zip(turns[:-1], turns[1:], strict=True)]))
+    slow, _ = follow(np.concatenate([np.linspace(a, b, 200) for a, b in pairwise(turns)]))
     np.testing.assert_allclose(slow[199::200], quick[1:], atol=2 * ROUNDOFF)
 
 
@@ -345,7 +368,7 @@ def test_spool_demand_lags_a_falling_command_by_the_hysteresis():
     np.testing.assert_allclose(output[400:][command[400:] > 0.8 - 0.99 * WIDTH], 0.8, atol=4 * ROUNDOFF)
 
 
-# ---- valve, compensator, pump ------------------------------------------------------------------------------------------
+# ---- valve, compensator, pump ----
 
 
 @pytest.mark.parametrize(("dead_band", "at_1V0", "at_1V5"), [(0.27, 0.289, 0.783), (0.35, 0.191, 0.661)])
@@ -477,7 +500,7 @@ def test_swash_takes_its_stroke_times_from_stop_to_stop():
     assert launch(swash_kernel, STEERING, 0.5, 211.0 * BAR, 300.0 * BAR, 1e-3) < 0.5
 
 
-# ---- the circuit -------------------------------------------------------------------------------------------------------
+# ---- the circuit ----
 
 
 def circuit(m, oil, angle, speed, rate, arms, s):
@@ -726,6 +749,52 @@ def test_left_and_right_are_mirrored_when_their_parameters_are():
         assert np.all(np.abs(getattr(end, name) - value) <= 32 * ROUNDOFF * (scale + 1e7 * (name in VOLUMES))), name
 
 
+def swept_volumes(m, angle):
+    """dV_A/dθ and dV_B/dθ from the pins, float64."""
+    step = 1e-6
+    return [
+        (up - down) / (2.0 * step)
+        for up, down in zip(chambers(m, angle + step), chambers(m, angle - step), strict=True)
+    ]
+
+
+def test_oil_turns_the_joint_by_the_volumes_that_it_gains():
+    """Virtual work: τ dθ = p_A dV_A + p_B dV_B; pressure in A turns left. A void pulls with the void pressure."""
+    case = random_case(2000, 12)
+    m, s = columns(case.m), columns(case.start)
+    before = launch(turn_kernel, case.m, OIL, case.angle, 0.0, case.start)[1]
+    gain_a, gain_b = swept_volumes(m, case.angle)
+    p_a, p_b = np.maximum(s.port_a, VOID), np.maximum(s.port_b, VOID)
+    # levers with a dozen roundings, difference quotients of 4 L good to 4e-3 · 1e-16 / 1e-6
+    slack = 16 * ROUNDOFF * (np.abs(p_a * gain_a) + np.abs(p_b * gain_b)) + 1e-12 * (p_a + p_b + 2 * BAR)
+    assert np.all(np.abs(before - (p_a * gain_a + p_b * gain_b)) <= slack)
+    one_sided = state(port_a=100.0 * BAR, port_b=0.0)
+    assert launch(turn_kernel, STEERING, OIL, 0.0, 0.0, one_sided)[1] > 0.0
+
+
+def test_turned_joint_squeezes_its_ports_and_nothing_else():
+    """All shut: C Δp = −dV/dθ Δθ in either port; the torque falls by Σ (dV/dθ)²/C Δθ, a spring."""
+    case = random_case(2000, 13)
+    turned = rounded(np.random.default_rng(13).normal(0.0, 1e-3, 2000))
+    m, oil, s = columns(case.m), columns(OIL), columns(case.start)
+    end, before, after = launch(turn_kernel, case.m, OIL, case.angle, turned, case.start)
+    capacity = compliances(m, oil, case.angle, s)
+    whole = uncrossed(s.port_a, end.port_a) & uncrossed(s.port_b, end.port_b)
+    assert np.mean(whole) > 0.7
+    spring = 0.0
+    for name, gain in zip(("port_a", "port_b"), swept_volumes(m, case.angle), strict=True):
+        x, y, c = getattr(s, name), getattr(end, name), getattr(capacity, name)
+        expected = -gain * turned / c
+        slack = 32 * ROUNDOFF * np.abs(expected) + 2 * ROUNDOFF * (np.abs(x) + np.abs(y))
+        assert np.all((np.abs(y - x - expected) <= slack)[whole]), name
+        spring = spring + np.where(x > VOID, gain**2 / c, 0.0)
+    slack = 64 * ROUNDOFF * (spring * np.abs(turned) + 3e7 * 9e-3)
+    assert np.all((np.abs(after - before + spring * turned) <= slack)[whole])
+    for name in SteeringState.vars:
+        if name not in ("port_a", "port_b"):
+            np.testing.assert_array_equal(getattr(end, name), getattr(s, name))
+
+
 def test_spool_lags_its_demand_and_keeps_its_rate():
     case = random_case(1000, 9)
     s, m = columns(case.start), columns(case.m)
@@ -776,7 +845,7 @@ def test_compensator_of_the_circuit_sees_its_edge():
 @pytest.mark.parametrize("demand", [0.3, 0.6, 1.0, -0.3, -0.6, -1.0])
 @pytest.mark.parametrize("load", [30.0, 100.0, 170.0])
 def test_steady_turn_under_load(demand, load):
-    """Supply = load + margin; the compensator on its static curve; the pump gives what valve, leakage and bleed take."""
+    """Supply = load + margin; compensator on its static curve; the pump gives what valve, leakage and bleed take."""
     m = columns(STEERING)
     ports = {"port_a": load * BAR, "port_b": 6.0 * BAR} if demand > 0 else {"port_b": load * BAR, "port_a": 6.0 * BAR}
     start = state(**ports, spool=demand, supply=(load + 20.0) * BAR, ls_pressure=load * BAR, swash=0.3)

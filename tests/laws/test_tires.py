@@ -33,6 +33,7 @@ TIRE = record(
 HULL = record(Hull, stiffness=2e6, damping=2e4, friction=0.5)
 LEVEL = record(Ground, normal=[0.0, 0.0, 1.0], friction=1.0, rolling_resistance=1.0, gravity=9.81)
 ZERO = np.zeros(3)
+UPRIGHT = np.eye(3)
 LOAD = 24.5e3  # [N]
 
 
@@ -132,7 +133,7 @@ def hull_kernel(
 def touch(
     tire=TIRE,
     ground=LEVEL,
-    rotation=np.eye(3),  # noqa: B008
+    rotation=UPRIGHT,
     origin=ZERO,
     centre=(0.0, 0.0, 0.55),
     velocity=ZERO,
@@ -203,9 +204,7 @@ def random_poses(count, seed):
     normal = np.stack([np.sin(tilt) * np.cos(heading), np.sin(tilt) * np.sin(heading), np.cos(tilt)], axis=-1)
     ground = changed(LEVEL, normal=normal)
     rotation = rounded(
-        turned(
-            rng.uniform(-0.2, 0.2, count), rng.uniform(-0.2, 0.2, count), rng.uniform(-np.pi, np.pi, count)
-        )
+        turned(rng.uniform(-0.2, 0.2, count), rng.uniform(-0.2, 0.2, count), rng.uniform(-np.pi, np.pi, count))
     )
     centre = rounded(rng.uniform([-1.5, -1.0, -0.2], [1.5, 1.0, 0.2], (count, 3)))
     # the centre stands at 0.5 to 0.57 m over the plane: every tire touches (least radius 0.585 less camber)
@@ -268,7 +267,9 @@ def test_depth_is_measured_along_the_slopes_normal():
     climb = np.radians(20.0)
     normal = np.array([-np.sin(climb), 0.0, np.cos(climb)])
     ground = changed(LEVEL, normal=normal)
-    c = touch(ground=ground, rotation=turned(0.0, -climb, 0.0), origin=2.0 * np.array([np.cos(climb), 0, np.sin(climb)]))
+    c = touch(
+        ground=ground, rotation=turned(0.0, -climb, 0.0), origin=2.0 * np.array([np.cos(climb), 0, np.sin(climb)])
+    )
     # the frame is parallel to the slope and the wheel's centre 0.55 m off it
     assert c.load == pytest.approx(450e3 * 0.05, rel=32 * ROUNDOFF * 2.0 / 0.05)
     np.testing.assert_allclose(c.force / c.load, [0.0, 0.0, 1.0], atol=8 * ROUNDOFF)
@@ -563,7 +564,7 @@ def test_rolling_resistance_levers_the_touching_discs_radius(roll, drop):
 
 def test_hull_corner_is_free_above_the_ground():
     np.testing.assert_array_equal(
-        launch(hull_kernel, HULL, LEVEL, np.eye(3), ZERO, (1.0, 0.5, 0.01), (1.0, 1.0, -5.0), ZERO), 0.0
+        launch(hull_kernel, HULL, LEVEL, UPRIGHT, ZERO, (1.0, 0.5, 0.01), (1.0, 1.0, -5.0), ZERO), 0.0
     )
 
 
@@ -572,7 +573,7 @@ def test_hull_corner_is_pushed_out_by_spring_and_damper():
     sink = rounded(rng.normal(0.0, 5.0, 500))
     depth = rounded(rng.uniform(0.001, 0.05, 500))
     point = np.stack([np.full(500, 1.0), np.full(500, 0.5), -depth], axis=-1)
-    force = launch(hull_kernel, HULL, LEVEL, np.eye(3), ZERO, point, np.stack([0 * sink, 0 * sink, -sink], -1), ZERO)
+    force = launch(hull_kernel, HULL, LEVEL, UPRIGHT, ZERO, point, np.stack([0 * sink, 0 * sink, -sink], -1), ZERO)
     expected = np.maximum(2e6 * depth + 2e4 * sink, 0.0)
     np.testing.assert_allclose(force[:, 2], expected, atol=8 * ROUNDOFF * 2e5)
     np.testing.assert_array_equal(force[:, :2], 0.0)
@@ -584,7 +585,7 @@ def test_hull_friction_opposes_the_slide(heading):
     """μ F_n v/√(v² + (5 cm/s)²) against the slide."""
     speed = rounded(np.array([0.0, 0.01, 0.05, 1.0, 10.0]))
     direction = np.array([np.cos(heading), np.sin(heading), 0.0])
-    force = launch(hull_kernel, HULL, LEVEL, np.eye(3), ZERO, (1.0, 0.5, -0.01), speed[:, None] * direction, ZERO)
+    force = launch(hull_kernel, HULL, LEVEL, UPRIGHT, ZERO, (1.0, 0.5, -0.01), speed[:, None] * direction, ZERO)
     size = 0.5 * 2e4 * speed / np.sqrt(speed**2 + 0.05**2)
     np.testing.assert_allclose(force[:, :2], -size[:, None] * direction[:2], rtol=16 * ROUNDOFF, atol=1e-3)
     np.testing.assert_allclose(force[:, 2], 2e4, rtol=16 * ROUNDOFF)
@@ -593,9 +594,9 @@ def test_hull_friction_opposes_the_slide(heading):
 def test_hull_corner_moves_with_its_frame():
     """ω × r of the corner counts: a roll rate drives the right corner down, a yaw rate moves it forwards."""
     point = (1.0, -0.5, -0.01)
-    down = launch(hull_kernel, HULL, LEVEL, np.eye(3), ZERO, point, ZERO, (0.4, 0.0, 0.0))
+    down = launch(hull_kernel, HULL, LEVEL, UPRIGHT, ZERO, point, ZERO, (0.4, 0.0, 0.0))
     np.testing.assert_allclose(down[2], 2e4 + 2e4 * 0.2, rtol=16 * ROUNDOFF)
-    yaw = launch(hull_kernel, HULL, LEVEL, np.eye(3), ZERO, point, ZERO, (0.0, 0.0, 20.0))
+    yaw = launch(hull_kernel, HULL, LEVEL, UPRIGHT, ZERO, point, ZERO, (0.0, 0.0, 20.0))
     # velocity (10, 20, 0): Coulomb against it
     np.testing.assert_allclose(yaw[:2], -0.5 * 2e4 * np.array([10.0, 20.0]) / np.hypot(10.0, 20.0), rtol=1e-5)
 

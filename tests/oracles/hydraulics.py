@@ -14,6 +14,7 @@ Hard limits of a state (a spool at its end, a swash plate at zero) are written a
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -529,7 +530,7 @@ class Driveline:
 class Engine:
     """Diesel engine with an isochronous governor; torque states are indicated torque (brake torque + own friction)."""
 
-    parameters: object
+    parameters: Any  # section `engine` of the machine
     speeds: np.ndarray = field(init=False)
     torques: np.ndarray = field(init=False)
 

@@ -143,9 +143,7 @@ def chambers(machine, log):
     ):
         volume = fixed + area * stroke
         pressure = log.wheels(f"arm_pressure_{side}")
-        taken.append(
-            volume - volume[0] + squeezed(machine, pressure, volume, arm.hose_volume, arm.hose_bulk_modulus)
-        )
+        taken.append(volume - volume[0] + squeezed(machine, pressure, volume, arm.hose_volume, arm.hose_bulk_modulus))
     return taken
 
 

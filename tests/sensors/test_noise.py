@@ -1,0 +1,36 @@
+"""Repeatable noise: distribution and independence."""
+
+import numpy as np
+import pytest
+from scipy.stats import kstest
+
+from aoro_gym.sensors.noise import draw_seeds, quantised, tick, white
+
+
+def test_white_noise_is_standard_normal():
+    seeds = draw_seeds(np.random.default_rng(1).spawn(400))
+    values = white(seeds, np.arange(500)[:, None])
+    assert values.shape == (500, 400)
+    # Kolmogorov-Smirnov at the 0.1 % level; 1.95/√n is its bound
+    assert kstest(values.ravel(), "norm").statistic < 1.95 / np.sqrt(values.size)
+    # correlations of n independent pairs: 1/√n, five of them
+    for other in (values[1:, :], values[:, 1:]):
+        same = values[: other.shape[0], : other.shape[1]]
+        assert abs(np.corrcoef(same.ravel(), other.ravel())[0, 1]) < 5 / np.sqrt(same.size)
+
+
+def test_white_noise_depends_on_seed_and_number_only():
+    seeds = draw_seeds(np.random.default_rng(1).spawn(3))
+    np.testing.assert_array_equal(white(seeds, np.arange(9)[:, None])[4], white(seeds, 4))
+    np.testing.assert_array_equal(white(seeds[1:2], 4), white(seeds, 4)[1:2])
+
+
+def test_ticks_count_samples_wherever_the_clock_stands():
+    for offset in np.arange(10) * 1e-3:
+        np.testing.assert_array_equal(np.diff(tick(offset + np.arange(500) / 100.0, 100.0)), 1)
+
+
+def test_quantiser():
+    values = np.array([-0.26, 0.24, 0.1])
+    assert quantised(values, 0.5) == pytest.approx([-0.5, 0.0, 0.0])
+    assert quantised(values, 0.0) is values

@@ -1,0 +1,160 @@
+"""The whole validation, small: rows, errors, spreads, checks and files."""
+
+import io
+import json
+import re
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from aoro_gym.sensors.chain import sample
+from aoro_gym.validation import FIGURES, key_figures_batch, validate
+from aoro_gym.validation.report import print_tables, write_report
+from aoro_gym.validation.study import TARGETS, Validation
+from aoro_gym.validation.turns import TURNS
+
+KEY = "steering.valve.spool_time_constant"
+
+
+@pytest.fixture(scope="module")
+def result(machine) -> Validation:
+    """A validation with a second machine and an ensemble of two."""
+    said = []
+    found = validate(
+        machine,
+        uncalibrated=machine.scale({KEY: 1.5}),
+        ensemble=machine.scale({KEY: np.array([0.8, 1.2])}),
+        noise_runs=30,
+        progress=said.append,
+    )
+    assert said[0] == "full turns, 24 twins"
+    return found
+
+
+def test_rows_are_complete(result):
+    content = json.loads(json.dumps(result.to_json(), allow_nan=False))
+    assert content["machine"] == "aoro"
+    kinds = {(row["direction"], row["signal_percent"], row["source"]) for row in content["rows"]}
+    assert len(kinds) == len(content["rows"]) == 6 * 3 + 9
+    for row in content["rows"]:
+        assert set(row) == {"direction", "signal_percent", "source", *FIGURES}
+        if row["source"].startswith("twin"):
+            assert all(row[name] > 0 for name in FIGURES)
+    assert content["notes"] == []
+
+
+def test_rows_are_those_of_a_single_run(result, machine, left_turn):
+    ticks, angle = sample(left_turn.time, left_turn["joint_angle"])
+    alone = key_figures_batch(ticks, angle, machine)
+    raw = key_figures_batch(left_turn.time, left_turn["joint_angle"], machine, flow=left_turn["turn_flow"])
+    for source, figures in (("twin", alone), ("twin_raw", raw)):
+        row = result.row(source, TURNS[0])
+        # the ends of the recordings differ, by a joint that rests: far below the digits kept
+        assert [row[name] for name in FIGURES] == pytest.approx([figures[name][0] for name in FIGURES], rel=1e-6)
+
+
+def test_errors_follow_from_the_rows(result):
+    assert len(result.errors) == 3 * (3 * 2 + 3)
+    for item in result.errors:
+        turn = next(t for t in TURNS if (t.direction, t.signal_percent) == (item["direction"], item["signal_percent"]))
+        row, reference = result.row(item["source"], turn), result.row(item["reference"], turn)
+        for name in FIGURES:
+            if reference[name] is None:
+                assert item["relative"][name] is item["difference"][name] is None
+                continue
+            assert item["relative"][name] == pytest.approx((row[name] - reference[name]) / reference[name])
+            assert item["difference"][name] == pytest.approx(row[name] - reference[name])
+            if item["reference"] == "mevea":
+                kind, bound = TARGETS[name]
+                error = abs(item[kind][name])
+                if abs(error - bound) > 1e-6:
+                    assert item["reached"][name] is (error < bound)
+            else:
+                assert item["reached"][name] is None
+    reached, of = result.reached()
+    assert of == 21
+    assert 0 < reached <= 21
+    assert result.misfit() > 0
+
+
+def test_noise_surrounds_the_figures_without_it(result):
+    assert len(result.noise) == 6
+    for entry, turn in zip(result.noise, TURNS, strict=True):
+        exact = result.row("twin", turn)
+        for name in FIGURES:
+            assert entry[name]["low90"] <= entry[name]["median"] <= entry[name]["high90"]
+        # averages hardly feel the noise; extremes are pulled outward
+        assert entry["steady_flow_L_per_min"]["median"] == pytest.approx(exact["steady_flow_L_per_min"], rel=0.01)
+        assert entry["lowest_undershoot_L_per_min"]["median"] < exact["lowest_undershoot_L_per_min"]
+        assert entry["second_peak_L_per_min"]["median"] > exact["second_peak_L_per_min"]
+
+
+def test_ensemble_spans_its_members(result):
+    assert result.ensemble_members == 2
+    for entry, turn in zip(result.ensemble, TURNS, strict=True):
+        exact = result.row("twin", turn)["first_peak_L_per_min"]
+        assert entry["first_peak_L_per_min"]["low"] < exact < entry["first_peak_L_per_min"]["high"]
+
+
+def test_checks(result):
+    left, right, braked, bare, halved = result.checks
+    assert (left["published"], right["published"]) == (1.98, 2.14)
+    assert (braked["published"], bare["published"]) == (12.8, 4.6)
+    for check in (left, right, braked, bare):
+        assert check["reached"] is (abs(check["value"] - check["published"]) <= check["bound"])
+    assert bare["reached"]
+    assert halved["reached"]  # the substeps are fine enough for every flow figure
+
+
+def test_curves_begin_at_zero_and_show_the_figures(result):
+    for curve in result.curves:
+        row = result.row("twin", curve.turn)
+        peak = np.argmax(np.where((curve.time >= 0) & (curve.time < 0.295), curve.flow, -np.inf))
+        assert curve.flow[peak] == pytest.approx(row["first_peak_L_per_min"], rel=1e-6)
+        assert curve.time[peak] == pytest.approx(row["first_peak_time_s"], abs=1e-9)
+        assert curve.low.shape == curve.high.shape == curve.time.shape
+        assert (curve.low <= curve.high).all()
+
+
+def test_seed_decides_the_noise(machine, monkeypatch):
+    monkeypatch.setattr("aoro_gym.validation.study.motor_pressure_at", lambda *_, **__: np.array([12.8e5]))
+    first, again, other = (validate(machine, noise_runs=3, seed=seed) for seed in (1, 1, 2))
+    assert first.to_json() == again.to_json()
+    assert first.noise != other.noise
+    assert first.rows == other.rows
+    assert first.row("twin_uncalibrated", TURNS[0]) is None
+    assert first.ensemble == []
+
+
+def test_files(result, tmp_path):
+    written = write_report(result, tmp_path / "out")
+    assert [path.name for path in written] == [
+        "validation.json", "left_turns.png", "right_turns.png", "errors.png", "index.html",
+    ]  # fmt: skip
+    assert json.loads(written[0].read_text(encoding="utf-8")) == result.to_json()
+    for picture in written[1:4]:
+        assert picture.read_bytes().startswith(b"\x89PNG")
+    page = written[4].read_text(encoding="utf-8")
+    assert not re.search(r"""(?:src|href)=["']https?:""", page)
+    assert page.count('<tr class="level">') == 6
+    assert "with sensor noise" in page
+
+
+def test_tables(result):
+    stream = io.StringIO()
+    print_tables(Console(file=stream, width=220), result)
+    text = stream.getvalue()
+    for words in ("lowest undershoot", "published twin", "ensemble", "uncalibrated", "motor pressure at 0.75 m/s"):
+        assert words in text
+    assert "104.4" in text
+
+
+def test_a_report_without_second_machine_noise_and_ensemble(machine, tmp_path, monkeypatch):
+    monkeypatch.setattr("aoro_gym.validation.study.motor_pressure_at", lambda *_, **__: np.array([np.nan]))
+    plain = validate(machine, noise_runs=0)
+    write_report(plain, tmp_path)
+    assert [check["value"] for check in plain.checks[2:4]] == [None, None]
+    stream = io.StringIO()
+    print_tables(Console(file=stream, width=160), plain)
+    assert "ensemble" not in stream.getvalue()
