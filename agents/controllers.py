@@ -6,7 +6,6 @@ shape (N,) that give every sub-environment its own. The defaults come from :mod:
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
@@ -42,9 +41,9 @@ class BangBang:
 
     layout: Mapping[str, slice]
     """``env.unwrapped.observation_layout``"""
-    threshold: ArrayLike = math.radians(1.0)
+    threshold: ArrayLike = 0.0155
     """[rad]"""
-    lead_time: ArrayLike = 0.15
+    lead_time: ArrayLike = 0.063
     """[s]"""
 
     def __post_init__(self) -> None:
@@ -70,15 +69,15 @@ class ProportionalDerivative:
 
     layout: Mapping[str, slice]
     """``env.unwrapped.observation_layout``"""
-    gain: ArrayLike = 3.0
+    gain: ArrayLike = 13.0
     """K: signal per error [1/rad]."""
-    lead_time: ArrayLike = 0.15
+    lead_time: ArrayLike = 0.0155
     """T [s]"""
-    dead_band_left: ArrayLike = 0.12
+    dead_band_left: ArrayLike = 0.097
     """Signal [-] that is skipped to the left; the machine's own dead band is ``steering.valve.dead_band_left`` / 2 V."""
-    dead_band_right: ArrayLike = 0.14
+    dead_band_right: ArrayLike = 0.168
     """The same to the right."""
-    rest_error: ArrayLike = math.radians(0.3)
+    rest_error: ArrayLike = 0.00175
     """[rad]"""
 
     def __post_init__(self) -> None:
@@ -95,7 +94,9 @@ class ProportionalDerivative:
         """Nothing to forget."""
 
 
-def _predicted_error(layout: Mapping[str, slice], observations: Observations, lead_time: ArrayLike) -> NDArray[np.float64]:
+def _predicted_error(
+    layout: Mapping[str, slice], observations: Observations, lead_time: ArrayLike
+) -> NDArray[np.float64]:
     """Error [rad] (N,) after ``lead_time`` [s] at the present rate."""
     error = np.asarray(observations)[:, layout["error"]][:, 0]
     rate = np.asarray(observations)[:, layout["joint_rate"]][:, 0]

@@ -338,14 +338,14 @@ class Turning:
             targets = targets[:, :TARGETS_DRAWN]
             hold = np.full(targets.shape, config.hold[0])
         else:
-            targets = _apart(angle, reach, config.target_change, uniform[:, 0])
+            targets = apart(angle, reach, config.target_change, uniform[:, 0])
             low, high = config.hold
             hold = low + (high - low) * uniform[:, 1]
         if options.get("hold") is not None:
             asked = np.asarray(options["hold"], dtype=np.float64)
             if asked.ndim or not asked >= config.control_step:
                 raise ValueError(
-                    f"options['hold'] is {options['hold']!r} s, but must be one number of at least a control step"
+                    f"options['hold'] is {options['hold']!r} s, but must be one number, at least {config.control_step}"
                 )
             hold = np.full(targets.shape, float(asked))
 
@@ -510,7 +510,7 @@ class Turning:
         return TurningScene(machine, tolerance=self.config.tolerance)
 
 
-def _apart(
+def apart(
     start: NDArray[np.float64], reach: NDArray[np.float64], apart: float, uniform: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Targets (K, T) [rad], uniform over ±``reach`` (K,) less what is nearer than ``apart`` to the one before."""

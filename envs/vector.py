@@ -29,6 +29,8 @@ from aoro_gym.twin.twin import STATUS
 Infos = dict[str, Any]
 BASE_OPTIONS = ("reset_mask", "machine")
 """Keys of ``reset(options=...)`` that every task takes."""
+ANNOUNCE_AFTER = 1.0
+"""Time [s] after which a start that takes longer is explained."""
 
 
 class TwinVectorEnv(VectorEnv[Array, Array, Array]):
@@ -106,7 +108,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         }
 
         self.generators: list[np.random.Generator | None] = [None] * self.num_envs
-        with _compilation_announced(device):
+        with compilation_announced(device):
             self.twin = Twin(self.num_envs, machine=machine, terrain=terrain, device=device, own_machines=own_machines)
             # compiles everything, and gives the outputs the size that they keep
             self.twin.step(duration=task.control_step, sample_every=task.sample_step)
@@ -449,7 +451,7 @@ def _replaced(
 
 
 @contextmanager
-def _compilation_announced(device: str) -> Iterator[None]:
+def compilation_announced(device: str) -> Iterator[None]:
     """Says so on the standard error if what runs inside takes long, as the first compilation of the kernels does."""
     began = time.perf_counter()
     said = threading.Event()
@@ -458,7 +460,7 @@ def _compilation_announced(device: str) -> Iterator[None]:
         said.set()
         print(f"aoro-gym: compiling the twin for {device}, once for this computer ...", file=sys.stderr, flush=True)
 
-    timer = threading.Timer(1.0, announce)
+    timer = threading.Timer(ANNOUNCE_AFTER, announce)
     timer.daemon = True
     timer.start()
     try:

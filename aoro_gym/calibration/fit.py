@@ -47,7 +47,7 @@ def least_squares_fit(
     prior_weight: float,
     starts: int,
     population: int,
-    max_iterations: int = 30,
+    max_iterations: int = 40,
     spread: float = 0.25,
     seed: int = 0,
     checkpoint: Path | None = None,
@@ -118,7 +118,7 @@ def least_squares_fit(
 
         progress(f"refining start {i + 1} of {starts}", 0.3 + 0.7 * i / starts)
         result = least_squares(
-            fun, done["ranking"][i], jacobian, bounds=(0.0, 1.0), method="trf", ftol=1e-3, xtol=1e-4, gtol=1e-6,
+            fun, done["ranking"][i], jacobian, bounds=(0.0, 1.0), method="trf", ftol=1e-4, xtol=1e-4, gtol=1e-6,
             max_nfev=max_iterations,
         )  # fmt: skip
         data = result.fun[: len(result.fun) - dimension]

@@ -27,7 +27,7 @@ LEVELS = tuple(Turn("left", percent) for percent in (100.0, 75.0, 50.0))
 PRIOR_WEIGHT = 0.15
 """Pull to the data-sheet machine: a parameter at the end of its range costs as much as a figure 0.15 tolerances off."""
 
-FELT = 0.02
+FELT = 0.04
 """A parameter is searched if a quarter of its range moves the figures by more than this many tolerances."""
 
 EQUALLY_WELL = 0.3
@@ -50,7 +50,7 @@ def calibrate_published(
     *,
     ensemble: int = 0,
     starts: int = 3,
-    population: int = 192,
+    population: int = 256,
     seed: int = 0,
     device: str = "cpu",
     checkpoint: Path | None = None,

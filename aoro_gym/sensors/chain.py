@@ -91,7 +91,7 @@ def low_pass_gain(
     return 1.0 / (1.0 + warped ** (2 * order))
 
 
-def port_volume(cylinder: SteeringCylinder, angle: ArrayLike, direction: ArrayLike) -> NDArray[np.float64]:
+def port_volume(cylinder: SteeringCylinder, angle: ArrayLike, direction: ArrayLike) -> Any:
     """Oil [m³] on the side of the joint that a turn pressurises, less what it holds at the start of a full turn.
 
     A turn fills the bore of one cylinder and the annulus of the other, and a right turn is a mirrored left one:
@@ -120,7 +120,7 @@ def turn_flow(cylinder: SteeringCylinder, angle: ArrayLike, rate: ArrayLike, dir
     """
     turned = np.asarray(direction) * np.asarray(angle, dtype=np.float64)
     extends, retracts = cylinder.linkage.lever(turned), cylinder.linkage.lever(-turned)
-    return (cylinder.bore_area * extends + cylinder.annulus_area * retracts) * direction * np.asarray(rate)
+    return (cylinder.bore_area * extends + cylinder.annulus_area * retracts) * np.asarray(direction) * np.asarray(rate)
 
 
 def measured_flow(

@@ -222,7 +222,9 @@ class JointAngleSensor:
         values = true[:, None] if true.ndim == 1 else true
         count = values.shape[1]
         if self.num_twins not in (1, count):
-            raise ValueError(f"angle has {count} columns, but there are {self.num_twins} sensors; give as many, or use one")
+            raise ValueError(
+                f"angle has {count} columns, but there are {self.num_twins} sensors; give as many, or use one"
+            )
         if self.cutoff is not None:
             feedback, now, before = _first_order(self.cutoff, 1.0 / sampling_rate(instants))
             values = values[0] + lfilter([now, before], [1.0, -feedback], values - values[0], axis=0)

@@ -573,6 +573,8 @@ def advance(
             arm_sum_rl = 0.5 * arm_oil_torque(oil, g_rl, arm_rl)
             arm_sum_rr = 0.5 * arm_oil_torque(oil, g_rr, arm_rr)
             motor_sum = 0.5 * motor_pressures(oil, driveline)
+            steering.flow_in = 0.0
+            steering.flow_out = 0.0
             for substep in range(num_substeps):
                 supply = pressure(oil, steering.supply)
                 tank = pressure(oil, steering.tank_line)
@@ -610,6 +612,8 @@ def advance(
                 arm_sum_rl - 0.5 * arm_oil_torque(oil, g_rl, arm_rl),
                 arm_sum_rr - 0.5 * arm_oil_torque(oil, g_rr, arm_rr),
             )
+            steering.flow_in *= inverse_substeps
+            steering.flow_out *= inverse_substeps
             motor_mean = inverse_substeps * (motor_sum - 0.5 * motor_pressures(oil, driveline))
 
             # ---- motion in the middle of the step, extrapolated ------------------------------------------------------

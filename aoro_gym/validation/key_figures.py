@@ -205,7 +205,7 @@ def turn_span(
 def _crossing(before: NDArray[np.float64], at: NDArray[np.float64], level: ArrayLike) -> NDArray[np.float64]:
     """Samples by which the straight line through two samples meets ``level`` before the second one."""
     step = at - before
-    return np.where(step == 0.0, 0.0, (at - level) / np.where(step == 0.0, 1.0, step))
+    return np.where(step == 0.0, 0.0, (at - np.asarray(level)) / np.where(step == 0.0, 1.0, step))
 
 
 def _extreme(

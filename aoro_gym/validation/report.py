@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from aoro_gym import __version__
-from aoro_gym.report import AMBER, BLUE, GREEN, GRID, INK, PLOTLY_CONFIG, RED, SHADE, SOFT, describe, show
+from aoro_gym.report import AMBER, BLUE, GREEN, GRID, INK, PLOTLY_CONFIG, SHADE, SOFT, describe, show
 from aoro_gym.validation.key_figures import FIGURES, SECOND_PEAK, STEADY, UNDERSHOOT_END
 from aoro_gym.validation.published import Row
 from aoro_gym.validation.study import TARGETS, Curve, Validation
@@ -32,7 +32,7 @@ ZOOM = (-0.15, 1.05)
 LARGEST_ERROR = 40.0
 """Error [%] beyond which the chart shows an arrow."""
 
-_STYLE: dict[str, Any] = {
+_STYLE: Any = {
     "font.size": 9.5,
     "axes.edgecolor": SOFT,
     "axes.labelcolor": INK,
@@ -46,6 +46,7 @@ _STYLE: dict[str, Any] = {
     "xtick.labelcolor": INK,
     "ytick.labelcolor": INK,
 }
+_HEADING: Any = {"x": 0.012, "ha": "left", "fontsize": 15, "fontweight": "bold"}
 
 
 def write_report(result: Validation, folder: Path) -> list[Path]:
@@ -103,7 +104,7 @@ def lines(result: Validation, direction: str) -> Iterator[Line]:
     for turn in TURNS:
         if turn.direction != direction:
             continue
-        rows = {source: result.row(source, turn) for source in ("physical", "mevea", "twin", "twin_raw", "twin_uncalibrated")}
+        rows = {source: result.row(source, turn) for source in (*SOURCES, "twin", "twin_raw", "twin_uncalibrated")}
         noise, ensemble = result.entry(result.noise, turn), result.entry(result.ensemble, turn)
         against = {name: result.entry(result.errors, turn, source="twin", reference=name) for name in SOURCES}
         for name in FIGURES:
@@ -189,7 +190,7 @@ def _cells(line: Line) -> list[str]:
 def _check_cells(check: dict[str, Any]) -> list[str]:
     digits = {"s": 3, "bar": 2}.get(check["unit"])
     if digits is None:
-        value, bound = (f"{100 * number:.2f}" if number is not None else "-" for number in (check["value"], check["bound"]))
+        value, bound = (f"{100 * n:.2f}" if n is not None else "-" for n in (check["value"], check["bound"]))
         return [check["what"], value, "-", f"≤\N{NO-BREAK SPACE}{bound}", "%"]
     value, known = (f"{n:.{digits}f}" if n is not None else "-" for n in (check["value"], check["published"]))
     return [check["what"], value, known, f"±\N{NO-BREAK SPACE}{check['bound']:.{digits}f}", check["unit"]]
@@ -232,7 +233,7 @@ def write_turns(result: Validation, direction: str, path: Path) -> None:
         figure = Figure(figsize=(12.5, 1.1 + 3.15 * len(curves)), dpi=140, layout="constrained")
         layout: Any = figure.get_layout_engine()
         layout.set(w_pad=0.08, h_pad=0.08)
-        figure.suptitle(f"Joint flow of full turns to the {direction}", x=0.012, ha="left", fontsize=15, fontweight="bold")
+        figure.suptitle(f"Joint flow of full turns to the {direction}", **_HEADING)
         if direction == "left":
             text = "points: first peak      bars: level and the period that it belongs to      upright: end of the turn"
             figure.text(0.992, 0.985, text, ha="right", va="top", fontsize=9.5, color="#5f6f7d")
@@ -322,7 +323,7 @@ def _periods(row: Row) -> Iterator[tuple[str, float, float]]:
 
 
 def _flow_limits(result: Validation, curve: Curve) -> tuple[float, float]:
-    parts = [curve.flow, curve.raw_flow, curve.uncalibrated_flow, curve.high]
+    parts = [part[np.isfinite(part)] for part in (curve.flow, curve.raw_flow, curve.uncalibrated_flow, curve.high)]
     peaks = [row["first_peak_L_per_min"] for row in (result.row(s, curve.turn) for s in SOURCES) if row is not None]
     top = max(
         [float(part.max()) for part in parts if part.size] + [peak for peak in peaks if isinstance(peak, float)] + [1.0]
@@ -340,7 +341,7 @@ def write_errors(result: Validation, path: Path) -> None:
         figure = Figure(figsize=(12.5, 6.2), dpi=140, layout="constrained")
         layout: Any = figure.get_layout_engine()
         layout.set(w_pad=0.1, h_pad=0.08)
-        figure.suptitle("Errors of the twin, left turns", x=0.012, ha="left", fontsize=15, fontweight="bold")
+        figure.suptitle("Errors of the twin, left turns", **_HEADING)
         axes = figure.subplots(1, len(turns), sharey=True)
         handles: dict[str, Any] = {}
         for axis, turn in zip(axes, turns, strict=True):
@@ -356,9 +357,7 @@ def write_errors(result: Validation, path: Path) -> None:
             axis.spines[["top", "right", "left"]].set_visible(False)
             axis.tick_params(axis="y", length=0)
             axis.set_yticks(range(len(FIGURES)), [describe(name)[0] for name in FIGURES], fontsize=10.5)
-        figure.legend(
-            handles.values(), handles.keys(), loc="outside lower left", ncols=4, frameon=False, fontsize=9.5
-        )
+        figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=4, frameon=False, fontsize=9.5)
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path)
 
@@ -399,7 +398,8 @@ def _draw_errors(axis: Any, result: Validation, turn: Turn, name: str, place: in
     if ensemble is not None:
         _bar(axis, ensemble[name], ("low", "high"), reference, upper, BLUE, "ensemble", handles)
     if noise is not None:
-        _bar(axis, noise[name], ("low90", "high90"), _value(machine, name), lower, SOFT, "with sensor noise, 90 %", handles)
+        label = "with sensor noise, 90 %"
+        _bar(axis, noise[name], ("low90", "high90"), _value(machine, name), lower, SOFT, label, handles)
     if result.uncalibrated is not None:
         dot("uncalibrated vs published twin", "twin_uncalibrated", "mevea", upper, marker="X", color=SOFT, ms=7, mew=0)
     dot("unfiltered vs published twin", "twin_raw", "mevea", upper, marker="o", mfc="white", mec=GREEN, mew=1.5, ms=7)
@@ -456,7 +456,7 @@ def write_page(result: Validation, path: Path, *, errors_png: Path) -> None:
     picture = base64.b64encode(errors_png.read_bytes()).decode("ascii")
     sections = [
         _section("left", "Left turns", f'<div class="card">{_plotly(result, "left")}</div>'),
-        _section("errors", "Errors", f'<div class="card"><img alt="errors" src="data:image/png;base64,{picture}"></div>'),
+        _section("errors", "Errors", f'<div class="card"><img alt="" src="data:image/png;base64,{picture}"></div>'),
         _section("figures-left", "Key figures, left", f'<div class="card">{_html_table(result, "left")}</div>'),
         _section("right", "Right turns", f'<div class="card">{_plotly(result, "right")}</div>'),
         _section("figures-right", "Key figures, right", f'<div class="card">{_html_table(result, "right")}</div>'),
@@ -519,8 +519,8 @@ def _explained(result: Validation) -> str:
         "Figures are without sensor noise. “With sensor noise” is where nine of ten recordings of this same twin would "
         f"stand ({result.noise_runs} simulated recordings a turn, noise of the published kind, any phase of the "
         "sensor's clock): peaks are read high and undershoots low, so the machine's single recordings are, too.",
-        "Colours tell whether the twin is as near to the published twin as asked for. Only the times at full signal are "
-        "calibrated to the machine; mean flows at 75 and 50 % follow from its valve curve and are no independent test.",
+        "Colours tell whether the twin is as near to the published twin as asked for. The machine's mean flows at 75 and "
+        "50 % are the valve curve that either twin is made with, so times and mean flows there are no independent test.",
         *result.notes,
     ]
     return '<div class="card">' + "".join(f"<p>{html.escape(text)}</p>" for text in sentences) + "</div>"

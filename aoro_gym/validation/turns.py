@@ -67,7 +67,7 @@ def stacked(machines: Sequence[Machine]) -> Machine:
     if sum(counts) == 1:
         return first
     values = {}
-    for key, entry in first.entries.items():
+    for key in first.entries:
         si = [np.broadcast_to(m.entries[key].si, n) for m, n in zip(machines, counts, strict=True)]
         joined = np.concatenate(si)
         if np.any(joined != joined[0]):

@@ -17,7 +17,7 @@ from aoro_gym.sensors.chain import (
     turn_flow,
 )
 
-VOLUME = math.pi / 4 * (2 * 0.08**2 - 0.04**2) * 0.265  # [m³] of a full turn, 2.331 L: bore and annulus times the stroke
+VOLUME = math.pi / 4 * (2 * 0.08**2 - 0.04**2) * 0.265  # [m³] of a full turn: bore and annulus times the stroke
 RATE = 100.0
 
 

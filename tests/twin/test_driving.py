@@ -112,8 +112,11 @@ def test_steady_driving_solves_the_algebra(straight, case):
 
 
 def test_resistance_at_walking_speed(straight, machine):
-    """Published: 4.6 bar across the motors of the bare twin at 0.75 m/s, 12.8 bar with the brake that makes up for its
-    missing losses. In closed form rolling resistance and disc, over the motors' mechanical efficiency."""
+    """Rolling resistance and disc brake, over the motors' mechanical efficiency.
+
+    Published: the brake is set so that the twin needs 12.8 bar at 0.75 m/s, to the digit. Without it the published twin
+    needs 4.6 bar; a rounded rolling resistance keeps ours within 5 % of that.
+    """
     log, _ = straight
     assert log["speed"][-1, :2] == pytest.approx([0.75, 0.75], abs=0.01)
     motor, brake, tire = machine.driveline.motor, machine.driveline.brake, machine.tire
@@ -123,7 +126,7 @@ def test_resistance_at_walking_speed(straight, machine):
     assert pressure[0] == pytest.approx(rolling / per_bar, rel=5e-4)
     assert pressure[1] == pytest.approx((rolling + brake.disc_torque) / per_bar, rel=5e-4)
     assert pressure[0] == pytest.approx(4.6 * BAR, rel=0.05)
-    assert pressure[1] == pytest.approx(12.8 * BAR, rel=0.05)
+    assert pressure[1] == pytest.approx(12.8 * BAR, abs=0.05 * BAR)
 
 
 def test_top_speeds_are_pump_flow_over_displacement(straight, machine):

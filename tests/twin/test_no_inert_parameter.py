@@ -77,11 +77,17 @@ def lift(machine: Machine, **options) -> Log:
 
 
 def stall(machine: Machine, **options) -> Log:
-    """Against the parking brakes on a steep slope: up to the relief valves, and until the engine stalls."""
+    """Against the parking brakes on a steep slope: up to the relief valves, then so far that the engine lugs at full
+    load; let go, so that it races; and stalled."""
     twin = Twin(machine.num_variants, machine=machine, terrain=Plane(slope_deg=20.0), **options)
-    twin.set_commands({"parking_brake": 1.0})
-    signals = ((1.6, 0.55), (1.0, 0.8), (0.8, 0.0), (1.2, 1.0))
-    return drive(twin, *((t, {"drive_signal": u}) for t, u in signals), sample_every=FRAME)
+    phases = (
+        (1.6, {"parking_brake": 1.0, "drive_signal": 0.55}),
+        (1.2, {"drive_signal": 0.7}),
+        (0.6, {"parking_brake": 0.0}),
+        (0.5, {"parking_brake": 1.0, "drive_signal": 0.0}),
+        (1.3, {"drive_signal": 1.0}),
+    )
+    return drive(twin, *phases, sample_every=FRAME)
 
 
 def fall(machine: Machine, **options) -> Log:

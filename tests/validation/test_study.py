@@ -1,5 +1,6 @@
 """The whole validation, small: rows, errors, spreads, checks and files."""
 
+import dataclasses
 import io
 import json
 import re
@@ -8,11 +9,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from aoro_gym.sensors import JointAngleNoise
 from aoro_gym.sensors.chain import sample
 from aoro_gym.validation import FIGURES, key_figures_batch, validate
 from aoro_gym.validation.report import print_tables, write_report
-from aoro_gym.validation.study import TARGETS, Validation
-from aoro_gym.validation.turns import TURNS
+from aoro_gym.validation.study import TARGETS, Validation, noise_spread
+from aoro_gym.validation.turns import TURNS, run_turns
 
 KEY = "steering.valve.spool_time_constant"
 
@@ -117,14 +119,16 @@ def test_curves_begin_at_zero_and_show_the_figures(result):
         assert (curve.low <= curve.high).all()
 
 
-def test_seed_decides_the_noise(machine, monkeypatch):
-    monkeypatch.setattr("aoro_gym.validation.study.motor_pressure_at", lambda *_, **__: np.array([12.8e5]))
-    first, again, other = (validate(machine, noise_runs=3, seed=seed) for seed in (1, 1, 2))
-    assert first.to_json() == again.to_json()
-    assert first.noise != other.noise
-    assert first.rows == other.rows
-    assert first.row("twin_uncalibrated", TURNS[0]) is None
-    assert first.ensemble == []
+def test_seed_decides_the_noise(machine):
+    recording, noise = run_turns(machine), JointAngleNoise.published()
+    first, again, other = (noise_spread(recording, noise, 3, seed) for seed in (1, 1, 2))
+    assert first == again != other
+    silent = noise_spread(recording, JointAngleNoise(), 20, 1)
+    for entry, noisy in zip(silent, noise_spread(recording, noise, 20, 1), strict=True):
+        # without noise only the clock's phase is left: a sample at either end
+        assert entry["turn_time_s"]["high90"] - entry["turn_time_s"]["low90"] <= 0.0201
+        peak = "first_peak_L_per_min"
+        assert entry[peak]["high90"] - entry[peak]["low90"] < noisy[peak]["high90"] - noisy[peak]["low90"]
 
 
 def test_files(result, tmp_path):
@@ -136,7 +140,8 @@ def test_files(result, tmp_path):
     for picture in written[1:4]:
         assert picture.read_bytes().startswith(b"\x89PNG")
     page = written[4].read_text(encoding="utf-8")
-    assert not re.search(r"""(?:src|href)=["']https?:""", page)
+    markup = re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
+    assert not re.search(r"""(?:src|href)\s*=\s*["'](?!data:|#)""", markup)
     assert page.count('<tr class="level">') == 6
     assert "with sensor noise" in page
 
@@ -158,3 +163,28 @@ def test_a_report_without_second_machine_noise_and_ensemble(machine, tmp_path, m
     stream = io.StringIO()
     print_tables(Console(file=stream, width=160), plain)
     assert "ensemble" not in stream.getvalue()
+    assert plain.row("twin_uncalibrated", TURNS[0]) is None
+
+
+def test_a_lost_twin_and_one_that_does_not_arrive_leave_blanks(machine, tmp_path, monkeypatch):
+    whole = run_turns(machine)
+    angle, flow = whole.angle.copy(), whole.flow.copy()
+    angle[900:, 1] = flow[900:, 1] = np.nan  # 75 % to the left: lost
+    angle[1200:, 5], flow[1200:, 5] = angle[1200, 5], 0.0  # 50 % to the right: stuck
+    broken = dataclasses.replace(whole, angle=angle, flow=flow, lost=((1, 0, "its state became non-finite"),))
+    monkeypatch.setattr("aoro_gym.validation.study.run_turns", lambda *_, **__: broken)
+    monkeypatch.setattr("aoro_gym.validation.study.motor_pressure_at", lambda *_, **__: np.array([12.8e5]))
+    result = validate(machine, noise_runs=5)
+    assert result.notes == [
+        "aoro, left turn, 75 % signal: lost, its state became non-finite",
+        "aoro, right turn, 50 % signal: did not reach its stop",
+    ]
+    for index in (1, 5):
+        row = result.row("twin", TURNS[index])
+        assert row is not None
+        assert [row[name] for name in FIGURES] == [None] * 7
+        assert result.noise[index]["turn_time_s"] == {"low90": None, "median": None, "high90": None}
+    assert result.reached()[1] == 21
+    assert result.reached()[0] <= 14
+    write_report(result, tmp_path)
+    print_tables(Console(file=io.StringIO()), result)

@@ -81,11 +81,14 @@ def motor_hose_step(
 ):
     """Hose and motor of one wheel over one substep: state [Pa], flow from main F, flow into main R [m³/s].
 
-    Motor: Q = D ω + c Δp, so that shifting D neither makes nor loses oil; its torque D Δp uses the same D.
+    Motor: Q = D ω + c Δp, so that shifting D neither makes nor loses oil; its torque D Δp uses the same D. Out of a
+    void it passes on no more than what comes in.
     """
     p = pressure(oil, content)
     taken = orifice(opening * m.traction_cv, main - p, oil.laminar_pressure)
     given = displacement * rate + m.motor_leakage * (p - back)
+    if content < oil.void_pressure:
+        given = wp.min(given, taken)
     filled = fill(
         oil, content, taken - given, dt, m.wheel_hose_volume, m.wheel_hose_compliance, m.wheel_hose_volume
     )
@@ -112,7 +115,6 @@ def driveline_step(m: Driveline, oil: Oil, c: DrivelineControl, rates: wp.vec4, 
         m, oil, c.traction[3], c.displacement_rear, rates[3], p_f, p_r, s.wheel_rr, dt
     )
 
-    pumped = c.swash * m.pump_displacement * c.engine_speed - m.pump_cross_leakage * (p_f - p_r)
     crossed = relief_valve(p_f - p_r, m.relief_pressure, m.relief_ramp, m.relief_flow) - relief_valve(
         p_r - p_f, m.relief_pressure, m.relief_ramp, m.relief_flow
     )
@@ -123,11 +125,16 @@ def driveline_step(m: Driveline, oil: Oil, c: DrivelineControl, rates: wp.vec4, 
     flush = shift * relief_valve(wp.min(p_f, p_r), m.flush_pressure, m.flush_ramp, m.flush_flow)
     flush_f = wp.where(p_f < p_r, flush, 0.0)
 
-    q_f = pumped - crossed + charge_f - flush_f - m.pump_leakage * p_f - (taken_fl + taken_fr + taken_rl + taken_rr)
-    q_r = (
-        -pumped + crossed + charge_r - (flush - flush_f) - m.pump_leakage * p_r
-        + (given_fl + given_fr + given_rl + given_rr)
-    )
+    # all but the pump; out of a void the pump, like a motor, moves no more than what comes in
+    q_f = charge_f - crossed - flush_f - m.pump_leakage * p_f - (taken_fl + taken_fr + taken_rl + taken_rr)
+    q_r = charge_r + crossed - (flush - flush_f) - m.pump_leakage * p_r + (given_fl + given_fr + given_rl + given_rr)
+    pumped = c.swash * m.pump_displacement * c.engine_speed - m.pump_cross_leakage * (p_f - p_r)
+    if s.back < oil.void_pressure:
+        pumped = wp.min(pumped, wp.max(q_r, 0.0))
+    if s.forward < oil.void_pressure:
+        pumped = wp.max(pumped, -wp.max(q_f, 0.0))
+    q_f += pumped
+    q_r -= pumped
     q_c = (
         m.charge_displacement * c.engine_speed
         - charge_f

@@ -77,9 +77,19 @@ def fill(oil: Oil, content: float, net_flow: float, dt: float, volume: float, ho
     """State of a volume [Pa] after ``dt`` [s] of ``net_flow`` [m³/s]: ṗ = ΣQ / (V/β_oil(p) + V_hose/β_hose).
 
     ``volume`` V [m³] is all the oil; ``hose_compliance`` V_hose/β_hose [m³/Pa] the walls' part (chambers are rigid).
-    A void is counted with the constant compliance ``nominal``/β_0, so that its volume is kept exactly.
+    A void is counted with the constant compliance ``nominal``/β_0, so that its volume is kept exactly; a step that
+    crosses the void pressure is split there, so that no oil is made or lost.
     """
-    compliance = volume / oil_bulk_modulus(oil, content) + hose_compliance
-    if content < oil.void_pressure:
-        compliance = nominal / oil.bulk_modulus
-    return content + dt * net_flow / compliance
+    added = dt * net_flow
+    gap = content - oil.void_pressure
+    void_compliance = nominal / oil.bulk_modulus
+    end = content + added / void_compliance
+    if gap > 0.0 or (gap == 0.0 and added > 0.0):
+        compliance = volume / oil_bulk_modulus(oil, content) + hose_compliance
+        end = content + added / compliance
+        if end < oil.void_pressure:
+            end = oil.void_pressure + (added + gap * compliance) / void_compliance
+    elif end > oil.void_pressure:
+        compliance = volume / oil_bulk_modulus(oil, oil.void_pressure) + hose_compliance
+        end = oil.void_pressure + (added + gap * void_compliance) / compliance
+    return end

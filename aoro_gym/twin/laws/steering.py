@@ -89,8 +89,8 @@ class SteeringState:
     spool: float  # [-] −1 (right) … 1 (left)
     compensator: float  # [-] 0 (closed) … 1 (open)
     swash: float  # [-] 0 … 1 of pump 2
-    flow_in: float  # [m³/s] metered into the loaded port (diagnostic)
-    flow_out: float  # [m³/s] metered out of the other port (diagnostic)
+    flow_in: float  # [m³/s] metered into the loaded port, summed over substeps
+    flow_out: float  # [m³/s] metered out of the other port, summed over substeps
 
 
 @wp.struct
@@ -317,6 +317,6 @@ def steering_step(
     )
     out.compensator = compensator_step(m, s.compensator, edge_drop, edge_slope, dt)
     out.swash = swash_step(m, s.swash, p_s, s.ls_pressure, dt)
-    out.flow_in = flow_in
-    out.flow_out = flow_out
+    out.flow_in = s.flow_in + flow_in
+    out.flow_out = s.flow_out + flow_out
     return out

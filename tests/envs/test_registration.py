@@ -1,0 +1,60 @@
+"""Ids are known to Gymnasium, and both of its checkers find nothing."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import gymnasium
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from aoro_gym.envs import ENVIRONMENTS, TurningEnv, TurningVectorEnv, register_envs
+
+register_envs()
+
+
+@pytest.mark.parametrize("name", list(ENVIRONMENTS))
+def test_environment_passes_gymnasiums_checker(name):
+    check_env(gymnasium.make(name).unwrapped)
+
+
+@pytest.mark.parametrize("name", list(ENVIRONMENTS))
+def test_environment_passes_the_checker_of_stable_baselines3(name):
+    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    checker.check_env(gymnasium.make(name))
+
+
+def test_both_entry_points_make_the_task():
+    assert isinstance(gymnasium.make("AORO/Turning-v0").unwrapped, TurningEnv)
+    vector = gymnasium.make_vec("AORO/Turning-v0", num_envs=3)
+    assert isinstance(vector, TurningVectorEnv)
+    assert vector.num_envs == 3
+    assert vector.max_episode_steps == 500
+    assert vector.twin.num_twins == 3
+
+
+def test_registering_twice_is_silent():
+    register_envs()
+    assert gymnasium.spec("AORO/Turning-v0").max_episode_steps == 500
+
+
+def test_registration_imports_nothing_of_the_twin():
+    code = "import sys; from aoro_gym.envs import register_envs; register_envs(); print('warp' in sys.modules)"
+    root = Path(__file__).resolve().parents[2]
+    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+def test_a_spec_makes_the_environment_again():
+    env = gymnasium.make("AORO/Turning-v0", reward_terms={"overshoot": -1.0}, observe_pressures=True)
+    assert env.spec is not None
+    again = gymnasium.make(env.spec)
+    assert again.observation_space == env.observation_space
+    assert again.unwrapped.vector.task.reward_terms["overshoot"].weight == -1.0
+
+
+def test_gymnasiums_own_vectorisation_works_too():
+    envs = gymnasium.make_vec("AORO/Turning-v0", num_envs=2, vectorization_mode="sync")
+    envs.reset(seed=3)
+    observations, *_ = envs.step(envs.action_space.sample())
+    assert observations.shape == envs.observation_space.shape

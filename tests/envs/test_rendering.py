@@ -1,0 +1,95 @@
+"""Pictures without a display: their shape, that they show what happens, and that a video can be made of them."""
+
+import gymnasium
+import numpy as np
+import pytest
+
+from aoro_gym.envs import register_envs
+from aoro_gym.envs.rendering import SIZE
+from aoro_gym.envs.turning import TurningVectorEnv
+
+register_envs()
+
+
+def distinct(frame):
+    return len(np.unique(frame.reshape(-1, 3), axis=0))
+
+
+def test_a_frame_shows_the_machine_and_its_motion():
+    env = gymnasium.make("AORO/Turning-v0", render_mode="rgb_array")
+    env.reset(seed=0, options={"joint_angle": -0.4, "targets": [0.4]})
+    still = env.render()
+    assert still.shape == (SIZE, SIZE, 3)
+    assert still.dtype == np.uint8
+    assert distinct(still) > 100
+    np.testing.assert_array_equal(env.render(), still)
+    for _ in range(20):
+        env.step(np.ones(1, dtype=np.float32))
+    moved = env.render()
+    plan, traces = np.s_[:470, :450], np.s_[480:]
+    for part in (plan, traces):
+        assert np.any(moved[part] != still[part], axis=-1).mean() > 0.002
+    env.close()
+
+
+def test_every_sub_environment_has_its_frame():
+    env = TurningVectorEnv(2, render_mode="rgb_array")
+    env.reset(seed=0)
+    env.step(np.array([[1.0], [-1.0]], dtype=np.float32))
+    frames = env.render()
+    assert frames is not None and len(frames) == 2
+    assert np.any(frames[0] != frames[1])
+
+
+def test_traces_begin_anew_with_the_episode():
+    env = TurningVectorEnv(1, render_mode="rgb_array", autoreset_mode="Disabled")
+    options = {"joint_angle": 0.2, "targets": [0.3]}
+    env.reset(seed=0, options=options)
+    first = env.render()
+    for _ in range(10):
+        env.step(np.ones((1, 1), dtype=np.float32))
+    env.reset(seed=0, options=options)
+    again = env.render()
+    assert first is not None and again is not None
+    np.testing.assert_array_equal(again[0], first[0])
+
+
+def test_lists_of_frames_come_from_gymnasium():
+    env = gymnasium.make("AORO/Turning-v0", render_mode="rgb_array_list")
+    env.reset(seed=0)
+    for _ in range(2):
+        env.step(np.zeros(1, dtype=np.float32))
+    assert len(env.render()) == 3
+
+
+def test_human_rendering_says_so_once_where_there_is_no_display(monkeypatch, capsys):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr("sys.platform", "linux")
+    env = gymnasium.make("AORO/Turning-v0", render_mode="human")
+    env.reset(seed=0)
+    for _ in range(2):
+        env.step(np.zeros(1, dtype=np.float32))
+    assert env.render() is None
+    env.close()
+    said = capsys.readouterr().err
+    assert said.count('render_mode="human" needs a display') == 1
+
+
+def test_rendering_without_a_mode_warns():
+    env = TurningVectorEnv(1)
+    env.reset()
+    with pytest.warns(UserWarning, match='render_mode="rgb_array"'):
+        assert env.render() is None
+
+
+def test_a_video_can_be_recorded(tmp_path):
+    pytest.importorskip("moviepy")
+    env = gymnasium.make("AORO/Turning-v0", render_mode="rgb_array")
+    env = gymnasium.wrappers.RecordVideo(env, str(tmp_path / "video"), episode_trigger=lambda episode: True)
+    env.reset(seed=0)
+    for _ in range(5):
+        env.step(np.ones(1, dtype=np.float32))
+    env.close()
+    (video,) = (tmp_path / "video").glob("*.mp4")
+    assert video.stat().st_size > 1000

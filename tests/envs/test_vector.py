@@ -1,0 +1,328 @@
+"""Sub-environments are the single environment, to the bit; episodes end and begin as Gymnasium says."""
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers.vector import RecordEpisodeStatistics
+
+from aoro_gym.envs import register_envs
+from aoro_gym.envs.turning import MILD, TurningVectorEnv
+from aoro_gym.twin.records import State
+
+register_envs()
+TURNING = "AORO/Turning-v0"
+
+
+def make(num_envs=2, **arguments):
+    return TurningVectorEnv(num_envs, **arguments)
+
+
+def lose(env, index):
+    """Make the state of a twin non-finite."""
+    env.twin.state.numpy()[State.JOINT_RATE, index] = np.nan
+
+
+@pytest.mark.parametrize("arguments", [{}, {"randomisation": MILD, "observe_pressures": True}], ids=["default", "all"])
+def test_sub_environment_is_the_single_one_to_the_bit(arguments):
+    count, steps = 3, 45
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (steps, count, 1)).astype(np.float32)
+    vector = gymnasium.make_vec(TURNING, num_envs=count, max_episode_steps=20, **arguments)
+    log = [vector.reset(seed=7), *(vector.step(action) for action in actions)]
+    for i in range(count):
+        env = gymnasium.make(TURNING, max_episode_steps=20, **arguments)
+        observation, info = env.reset(seed=7 + i)
+        np.testing.assert_array_equal(observation, log[0][0][i])
+        for step, (observations, rewards, terminated, truncated, infos) in enumerate(log[1:]):
+            observation, reward, end, cut, info = env.step(actions[step, i])
+            assert (reward, end, cut) == (rewards[i], terminated[i], truncated[i])
+            where = infos
+            if cut:
+                np.testing.assert_array_equal(observation, infos["final_obs"][i])
+                where = infos["final_info"]
+            for name, value in info.items():
+                assert where[f"_{name}"][i]
+                assert where[name][i] == value, name
+            if cut:
+                observation, info = env.reset()
+            np.testing.assert_array_equal(observation, observations[i])
+
+
+def test_neighbours_do_not_matter():
+    one, many = make(1), make(5)
+    one.reset(seed=11)
+    many.reset(seed=[1, 2, 11, 3, 4])
+    for signal in (0.5, 1.0, -0.7):
+        action = np.full((1, 1), signal, dtype=np.float32)
+        alone = one.step(action)[0]
+        among = many.step(np.concatenate([-action, action, action, 0 * action, -action]))[0]
+        np.testing.assert_array_equal(alone[0], among[2])
+
+
+def test_same_seed_same_trajectory_and_another_seed_another():
+    env = make(3)
+    first, _ = env.reset(seed=5)
+    after = env.step(np.ones((3, 1), dtype=np.float32))[0]
+    second, _ = env.reset(seed=5)
+    np.testing.assert_array_equal(first, second)
+    np.testing.assert_array_equal(after, env.step(np.ones((3, 1), dtype=np.float32))[0])
+    third, _ = env.reset(seed=6)
+    np.testing.assert_array_equal(first[1:], third[:-1])  # seed + i
+    fourth, _ = env.reset()
+    assert np.any(third != fourth, axis=1).all()
+
+
+def test_same_step_resets_at_once_and_keeps_the_end():
+    env = make(2, max_episode_steps=4)
+    assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    env.reset(seed=0)
+    zero = np.zeros((2, 1), dtype=np.float32)
+    for _ in range(3):
+        *_, truncated, infos = env.step(zero)
+        assert not truncated.any()
+        assert "final_obs" not in infos
+    observations, _, terminated, truncated, infos = env.step(zero)
+    assert truncated.all() and not terminated.any()
+    assert infos["_final_obs"].all()
+    assert not np.array_equal(infos["final_obs"][0], observations[0])
+    assert not infos["_reward/tracking"].any()
+    assert infos["final_info"]["_reward/tracking"].all()
+    np.testing.assert_array_equal(env.time, 0.0)
+    assert not env.step(zero)[3].any()
+
+
+def test_next_step_resets_one_step_later():
+    env = make(2, max_episode_steps=3, autoreset_mode=AutoresetMode.NEXT_STEP)
+    env.reset(seed=0)
+    zero = np.zeros((2, 1), dtype=np.float32)
+    for _ in range(2):
+        env.step(zero)
+    last, _, _, truncated, _ = env.step(zero)
+    assert truncated.all()
+    begun, rewards, terminated, truncated, infos = env.step(np.ones((2, 1), dtype=np.float32))
+    np.testing.assert_array_equal(rewards, 0.0)
+    assert not (terminated | truncated).any()
+    assert not infos["_reward/tracking"].any()
+    assert infos["_target"].all()
+    assert not np.array_equal(last, begun)
+    np.testing.assert_array_equal(env.time, 0.0)
+    np.testing.assert_array_equal(begun[:, env.observation_layout["signals"]], 0.0)
+
+
+def test_disabled_leaves_resetting_to_the_user():
+    env = make(2, max_episode_steps=2, autoreset_mode="Disabled")
+    zero = np.zeros((2, 1), dtype=np.float32)
+    with pytest.raises(gymnasium.error.ResetNeeded, match="sub-environment 0 has no running episode"):
+        env.step(zero)
+    env.reset(seed=0)
+    env.step(zero)
+    observations, _, _, truncated, _ = env.step(zero)
+    assert truncated.all()
+    with pytest.raises(gymnasium.error.ResetNeeded, match="reset_mask"):
+        env.step(zero)
+    mask = np.array([False, True])
+    options = {"reset_mask": mask}
+    begun, infos = env.reset(options=options)
+    assert options["reset_mask"] is mask
+    np.testing.assert_array_equal(begun[0], observations[0])
+    assert not np.array_equal(begun[1], observations[1])
+    np.testing.assert_array_equal(infos["_target"], mask)
+    with pytest.raises(gymnasium.error.ResetNeeded, match="sub-environment 0"):
+        env.step(zero)
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_a_lost_twin_ends_its_episode_with_the_reason_and_recovers(mode):
+    env = make(3, autoreset_mode=mode)
+    before, _ = env.reset(seed=0)
+    zero = np.zeros((3, 1), dtype=np.float32)
+    lose(env, 1)
+    observations, rewards, terminated, truncated, infos = env.step(zero)
+    np.testing.assert_array_equal(terminated, [False, True, False])
+    assert not truncated.any()
+    end = infos["final_info"] if mode is AutoresetMode.SAME_STEP else infos
+    assert end["termination"][1] == "twin lost: its state became non-finite"
+    np.testing.assert_array_equal(end["_termination"], [False, True, False])
+    assert not end["is_success"][1]
+    assert rewards[1] == 0.0
+    final = infos["final_obs"][1] if mode is AutoresetMode.SAME_STEP else observations[1]
+    np.testing.assert_array_equal(final, before[1])  # the last that was known
+    assert np.isfinite(observations).all()
+    if mode is AutoresetMode.DISABLED:
+        env.reset(options={"reset_mask": terminated})
+    for _ in range(2):
+        observations, rewards, terminated, _, _ = env.step(zero)
+        assert not terminated.any()
+        assert np.isfinite(observations).all()
+        assert env.twin.lost == []
+
+
+def test_a_lost_single_twin_ends_its_episode_and_recovers():
+    env = gymnasium.make(TURNING)
+    env.reset(seed=0)
+    lose(env.unwrapped.vector, 0)
+    _, reward, terminated, truncated, info = env.step(np.zeros(1, dtype=np.float32))
+    assert terminated and not truncated
+    assert reward == 0.0
+    assert info["termination"] == "twin lost: its state became non-finite"
+    assert info["is_success"] is False
+    env.reset()
+    *_, terminated, _, info = env.step(np.zeros(1, dtype=np.float32))
+    assert not terminated
+    assert "termination" not in info
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP])
+def test_gymnasiums_statistics_count_the_reward_terms(mode):
+    env = RecordEpisodeStatistics(make(2, max_episode_steps=4, autoreset_mode=mode))
+    env.reset(seed=1)
+    total = np.zeros(2)
+    for _ in range(4):
+        _, rewards, _, _, infos = env.step(np.ones((2, 1), dtype=np.float32))
+        total += rewards
+    np.testing.assert_array_equal(infos["episode"]["l"], 4)
+    np.testing.assert_allclose(infos["episode"]["r"], total)
+
+
+def test_reward_is_the_sum_of_its_logged_terms():
+    env = make(2)
+    env.reset(seed=0)
+    _, rewards, _, _, infos = env.step(np.array([[1.0], [-0.4]], dtype=np.float32))
+    terms = [value for name, value in infos.items() if name.startswith("reward/")]
+    assert len(terms) == len(env.task.reward_terms)
+    np.testing.assert_allclose(rewards, np.sum(terms, axis=0), rtol=1e-6)
+
+
+def test_what_is_returned_is_not_touched_later():
+    env = make(2)
+    kept, first = env.reset(seed=0)
+    copies = kept.copy(), {name: value.copy() for name, value in first.items()}
+    for _ in range(3):
+        env.step(np.ones((2, 1), dtype=np.float32))
+    env.reset()
+    np.testing.assert_array_equal(kept, copies[0])
+    for name, value in first.items():
+        np.testing.assert_array_equal(value, copies[1][name])
+
+
+def test_machines_may_differ_between_sub_environments(machine):
+    flows = np.array([35.0, 70.0])
+    env = make(2, machine=machine.set({"steering.valve.nominal_flow_left": flows}))
+    env.reset(options={"joint_angle": 0.0})
+    for _ in range(40):
+        env.step(np.ones((2, 1), dtype=np.float32))
+    slow, fast = env.output("joint_angle")
+    assert fast > 1.4 * slow > 0.0
+
+
+def test_machine_option_holds_for_one_episode():
+    env = make(2, max_episode_steps=40)
+    full = np.ones((2, 1), dtype=np.float32)
+
+    def turn():
+        for _ in range(39):
+            env.step(full)
+        angles = env.output("joint_angle")
+        env.step(full)
+        return angles
+
+    env.reset(
+        seed=0, options={"joint_angle": 0.0, "machine": {"steering.valve.nominal_flow_left": np.array([35.0, 70.0])}}
+    )
+    slow, fast = turn()
+    env.reset(options={"joint_angle": 0.0})
+    np.testing.assert_allclose(turn(), [env_angle := turn_of_default(), env_angle], rtol=1e-6)
+    assert fast > 1.4 * slow
+
+
+def turn_of_default():
+    env = make(1)
+    env.reset(options={"joint_angle": 0.0})
+    for _ in range(39):
+        env.step(np.ones((1, 1), dtype=np.float32))
+    return env.output("joint_angle")[0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"num_envs": 0}, "num_envs is 0, but must be a whole number of at least 1"),
+        ({"max_episode_steps": 0}, "max_episode_steps is 0, but must be None or at least 1"),
+        ({"render_mode": "ascii"}, "render_mode is 'ascii'; choose None, 'rgb_array' or 'human'"),
+        ({"autoreset_mode": "never"}, "autoreset_mode is 'never'; choose one of: 'NextStep', 'SameStep', 'Disabled'"),
+        (
+            {"randomisation": MILD, "own_machines": False},
+            "own_machines is False, but the randomisation varies machines",
+        ),
+        ({"device": "cuda:99"}, "device 'cuda:99' is not available here"),
+    ],
+)
+def test_wrong_arguments_are_named(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        make(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"target": 0.1}, "unknown key 'target'; choose from: reset_mask, machine, joint_angle, targets, hold"),
+        ({"reset_mask": np.array([1, 0])}, "must be \\(2,\\) of bool"),
+        ({"reset_mask": np.zeros(2, dtype=bool)}, "selects no sub-environment"),
+        ({"joint_angle": 2.0}, "'joint_angle'\\] is 2 rad, but the joint reaches only"),
+        ({"joint_angle": [0.0, np.nan]}, "'joint_angle'\\] is nan rad"),
+        ({"joint_angle": [0.0, 0.1, 0.2]}, "shape \\(3,\\), but must be a number or \\(2,\\)"),
+        ({"targets": [0.1, 3.0]}, "'targets'\\] has 3 rad, but the joint reaches only"),
+        ({"targets": np.zeros((3, 2))}, "shape \\(3, 2\\), but must be \\(T,\\) or \\(2, T\\)"),
+        ({"hold": 0.0}, "'hold'\\] is 0.0 s, but must be one number, at least 0.02"),
+        ({"machine": 3}, "must map dotted keys to values"),
+        ({"machine": {"steering.valve.colour": 1.0}}, "unknown parameter 'steering.valve.colour'"),
+        ({"machine": {"joint.range": [38.0, 39.0, 40.0]}}, "shape \\(3,\\), but must be a number or \\(2,\\)"),
+    ],
+)
+def test_wrong_options_are_named(options, message):
+    env = make(2)
+    with pytest.raises(ValueError, match=message):
+        env.reset(options=options)
+
+
+def test_wrong_actions_are_named():
+    env = make(2)
+    env.reset()
+    with pytest.raises(ValueError, match="actions have shape \\(2,\\), but must have \\(2, 1\\)"):
+        env.step(np.zeros(2, dtype=np.float32))
+    with pytest.raises(ValueError, match="action of sub-environment 1 is not finite"):
+        env.step(np.array([[0.0], [np.nan]], dtype=np.float32))
+    with pytest.raises(ValueError, match="seed has 1 entries, but must have num_envs = 2"):
+        env.reset(seed=[1])
+
+
+def test_actions_beyond_the_space_saturate():
+    env = make(2)
+    env.reset(seed=0)
+    observations, *_ = env.step(np.array([[5.0], [-5.0]], dtype=np.float32))
+    np.testing.assert_array_equal(observations[:, env.observation_layout["signals"]][:, 0], [1.0, -1.0])
+
+
+def test_a_shared_machine_cannot_be_changed():
+    env = make(2, own_machines=False)
+    with pytest.raises(ValueError, match="drop own_machines=False"):
+        env.reset(options={"machine": {"joint.friction_torque": 100.0}})
+
+
+@pytest.mark.parametrize("name", ["num_envs", "autoreset_mode"])
+def test_a_single_environment_has_no_batch(name):
+    with pytest.raises(ValueError, match=f"{name} belongs to gymnasium.make_vec"):
+        gymnasium.make(TURNING, **{name: 2})
+    with pytest.raises(ValueError, match="'reset_mask'\\] belongs to vector environments"):
+        gymnasium.make(TURNING).reset(options={"reset_mask": np.array([True])})
+
+
+def test_long_compilations_are_announced(capsys, monkeypatch):
+    from aoro_gym.envs import vector
+
+    monkeypatch.setattr(vector, "ANNOUNCE_AFTER", 0.0)
+    with vector.compilation_announced("cpu"):
+        pass
+    said = capsys.readouterr().err
+    assert "compiling the twin for cpu" in said
+    assert "ready after" in said
