@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -94,16 +94,14 @@ class ProportionalDerivative:
         """Nothing to forget."""
 
 
-def _predicted_error(
-    layout: Mapping[str, slice], observations: Observations, lead_time: ArrayLike
-) -> NDArray[np.float64]:
+def _predicted_error(layout: Mapping[str, slice], observations: Observations, lead_time: ArrayLike) -> NDArray[Any]:
     """Error [rad] (N,) after ``lead_time`` [s] at the present rate."""
     error = np.asarray(observations)[:, layout["error"]][:, 0]
     rate = np.asarray(observations)[:, layout["joint_rate"]][:, 0]
     return error - np.asarray(lead_time) * rate
 
 
-def _actions(signal: NDArray[np.float64]) -> Actions:
+def _actions(signal: NDArray[Any]) -> Actions:
     return signal.astype(np.float32)[:, None]
 
 

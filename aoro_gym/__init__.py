@@ -7,11 +7,14 @@
 (50, 2)
 
 World and body frames: x forward, y left, z up, right-handed. SI units throughout. A positive joint angle, and a
-positive steering signal, is to the left. Names load on first use: ``import aoro_gym`` alone imports nothing heavy.
+positive steering signal, is to the left. Names load on first use: ``import aoro_gym`` alone imports nothing of the twin;
+it makes the environments known to Gymnasium, so that ``gymnasium.make("AORO/Turning-v0")`` works.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+from aoro_gym.envs.registration import register_envs
 
 if TYPE_CHECKING:
     from aoro_gym.terrains import Plane
@@ -33,3 +36,6 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
+
+
+register_envs()

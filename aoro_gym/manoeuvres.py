@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym.figures import turn_flow
 from aoro_gym.log import MEASURED_COLUMNS, RATE, Table, read_table, signal_from_voltage
 from aoro_gym.twin.records import COMMAND_BOUNDS
 
@@ -69,10 +68,7 @@ class Manoeuvre:
 
 @dataclass
 class Recording:
-    """What one twin did: ``time`` (F,) [s] and the twin's output channels (F,) in SI units.
-
-    A full turn has one channel more, ``turn_flow``: see :func:`aoro_gym.figures.turn_flow`.
-    """
+    """What one twin did: ``time`` (F,) [s] and the twin's output channels (F,) in SI units."""
 
     manoeuvre: Manoeuvre
     time: NDArray[np.float64]
@@ -227,9 +223,6 @@ def run(
             if progress is not None:
                 progress(done * main_step)
     channels = {name: np.concatenate(parts) for name, parts in rows.items()}
-    if manoeuvre.turn:
-        cylinder = twin.machine.steering.cylinder
-        channels["turn_flow"] = turn_flow(cylinder, channels["joint_angle"], channels["joint_rate"], manoeuvre.turn)
     return Recording(manoeuvre, np.concatenate(times), channels)
 
 

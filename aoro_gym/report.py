@@ -78,20 +78,17 @@ def panels(recording: Recording) -> list[Panel]:
 
     drawn: list[Panel] = []
     if steers:
-        joint = Line("turn_flow", "joint", INK, LITRE_PER_MINUTE, strong=True)
-        if not turn:
-            joint = Line("joint_flow", "joint (left +)", INK, LITRE_PER_MINUTE, strong=True)
         drawn += [
             Panel("Steering signal", "%, left positive", [Line("steering_signal", "signal", INK, 0.01, strong=True)]),
             Panel("Joint angle", "°, left positive", [Line("joint_angle", "angle", INK, DEGREE, strong=True)]),
             Panel(
                 "Flows of the steering circuit",
-                "L/min",
+                "L/min, joint positive as commanded",
                 [
                     Line("pump_flow", "pump", SOFT, LITRE_PER_MINUTE),
                     Line("flow_in", "into the cylinders", RED, LITRE_PER_MINUTE),
                     Line("flow_out", "out of them", BLUE, LITRE_PER_MINUTE, dashed=True),
-                    joint,
+                    Line("joint_flow", "joint", INK, LITRE_PER_MINUTE, strong=True),
                 ],
             ),
             Panel(

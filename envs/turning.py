@@ -116,7 +116,7 @@ REWARD_TERMS = Frozen(
         "precision": RewardTerm(0.4, precision),
         "overshoot": RewardTerm(-10.0, overshoot),
         "flow_oscillation": RewardTerm(-0.2, flow_oscillation),
-        "signal_change": RewardTerm(-0.02, signal_change),
+        "signal_change": RewardTerm(-0.1, signal_change),
     }
 )
 """The reward: at most 1 a step, so 500 an episode."""

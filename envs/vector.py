@@ -44,11 +44,11 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
     resets it in the following step, whose action is ignored. ``DISABLED`` leaves it to
     ``reset(options={"reset_mask": mask})``.
 
-    ``reset(options=...)`` takes for all tasks:
+    ``reset(options=...)`` holds for the episodes that this reset begins, and takes for all tasks:
 
     - ``reset_mask``: booleans (num_envs,), which sub-environments to reset; all by default;
-    - ``machine``: values by dotted key in the machine file's unit, each a number or of shape (num_envs,), for this
-      episode only; with ``own_machines=False`` there is but one machine and this fails.
+    - ``machine``: values by dotted key in the machine file's unit, each a number or of shape (num_envs,); with
+      ``own_machines=False`` there is but one machine and this fails.
 
     Args:
         task: What to do.

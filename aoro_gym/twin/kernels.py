@@ -573,8 +573,8 @@ def advance(
             arm_sum_rl = 0.5 * arm_oil_torque(oil, g_rl, arm_rl)
             arm_sum_rr = 0.5 * arm_oil_torque(oil, g_rr, arm_rr)
             motor_sum = 0.5 * motor_pressures(oil, driveline)
-            steering.flow_in = 0.0
-            steering.flow_out = 0.0
+            flow_in = float(0.0)
+            flow_out = float(0.0)
             for substep in range(num_substeps):
                 supply = pressure(oil, steering.supply)
                 tank = pressure(oil, steering.tank_line)
@@ -605,6 +605,8 @@ def advance(
                 arm_sum_rl += arm_oil_torque(oil, g_rl, arm_rl)
                 arm_sum_rr += arm_oil_torque(oil, g_rr, arm_rr)
                 motor_sum += motor_pressures(oil, driveline)
+                flow_in += steering.flow_in
+                flow_out += steering.flow_out
             joint_oil = inverse_substeps * (joint_sum - 0.5 * steering_torque(oil, g, steering))
             arm_oil = inverse_substeps * wp.vec4(
                 arm_sum_fl - 0.5 * arm_oil_torque(oil, g_fl, arm_fl),
@@ -612,8 +614,8 @@ def advance(
                 arm_sum_rl - 0.5 * arm_oil_torque(oil, g_rl, arm_rl),
                 arm_sum_rr - 0.5 * arm_oil_torque(oil, g_rr, arm_rr),
             )
-            steering.flow_in *= inverse_substeps
-            steering.flow_out *= inverse_substeps
+            steering.flow_in = inverse_substeps * flow_in
+            steering.flow_out = inverse_substeps * flow_out
             motor_mean = inverse_substeps * (motor_sum - 0.5 * motor_pressures(oil, driveline))
 
             # ---- motion in the middle of the step, extrapolated ------------------------------------------------------

@@ -1,10 +1,12 @@
 """Reference controllers do as their formula says, and reach their targets."""
 
+import doctest
 import math
 
 import numpy as np
 import pytest
 
+import aoro_gym.agents
 from aoro_gym.agents import BangBang, Policy, ProportionalDerivative
 from aoro_gym.agents.responses import responses, rollout
 from aoro_gym.envs.turning import TurningConfig, TurningVectorEnv
@@ -15,6 +17,12 @@ CONTROLLERS = [BangBang, ProportionalDerivative]
 
 def observe(rate, error):
     return np.stack(np.broadcast_arrays(np.float32(rate), np.float32(error)), axis=-1)
+
+
+def test_example_of_the_package():
+    tried = doctest.testmod(aoro_gym.agents)
+    assert tried.attempted > 0
+    assert tried.failed == 0
 
 
 def test_bang_bang_switches_at_its_threshold():

@@ -1,5 +1,7 @@
 """What is drawn stays within its range, differs from episode to episode and reaches the twins."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -53,7 +55,7 @@ def test_every_episode_gets_another_machine():
     env = TurningVectorEnv(3, randomisation=MILD, max_episode_steps=2)
     env.reset(seed=0)
     step = np.zeros((3, 1), dtype=np.float32)
-    records = [env.twin._machines.numpy().copy()]
+    records: list[Any] = [env.twin._machines.numpy().copy()]
     for _ in range(2):
         env.step(step)
     records.append(env.twin._machines.numpy().copy())

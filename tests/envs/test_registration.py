@@ -1,13 +1,16 @@
 """Ids are known to Gymnasium, and both of its checkers find nothing."""
 
+import doctest
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+import aoro_gym.envs
 from aoro_gym.envs import ENVIRONMENTS, TurningEnv, TurningVectorEnv, register_envs
 
 register_envs()
@@ -26,11 +29,17 @@ def test_environment_passes_the_checker_of_stable_baselines3(name):
 
 def test_both_entry_points_make_the_task():
     assert isinstance(gymnasium.make("AORO/Turning-v0").unwrapped, TurningEnv)
-    vector = gymnasium.make_vec("AORO/Turning-v0", num_envs=3)
+    vector: Any = gymnasium.make_vec("AORO/Turning-v0", num_envs=3)
     assert isinstance(vector, TurningVectorEnv)
     assert vector.num_envs == 3
     assert vector.max_episode_steps == 500
     assert vector.twin.num_twins == 3
+
+
+def test_example_of_the_package():
+    tried = doctest.testmod(aoro_gym.envs)
+    assert tried.attempted > 0
+    assert tried.failed == 0
 
 
 def test_registering_twice_is_silent():
@@ -46,15 +55,15 @@ def test_registration_imports_nothing_of_the_twin():
 
 
 def test_a_spec_makes_the_environment_again():
-    env = gymnasium.make("AORO/Turning-v0", reward_terms={"overshoot": -1.0}, observe_pressures=True)
+    env: Any = gymnasium.make("AORO/Turning-v0", reward_terms={"overshoot": -1.0}, observe_pressures=True)
     assert env.spec is not None
-    again = gymnasium.make(env.spec)
+    again: Any = gymnasium.make(env.spec)
     assert again.observation_space == env.observation_space
     assert again.unwrapped.vector.task.reward_terms["overshoot"].weight == -1.0
 
 
 def test_gymnasiums_own_vectorisation_works_too():
-    envs = gymnasium.make_vec("AORO/Turning-v0", num_envs=2, vectorization_mode="sync")
+    envs: Any = gymnasium.make_vec("AORO/Turning-v0", num_envs=2, vectorization_mode="sync")
     envs.reset(seed=3)
     observations, *_ = envs.step(envs.action_space.sample())
     assert observations.shape == envs.observation_space.shape

@@ -1,5 +1,7 @@
 """Pictures without a display: their shape, that they show what happens, and that a video can be made of them."""
 
+from typing import Any
+
 import gymnasium
 import numpy as np
 import pytest
@@ -16,7 +18,7 @@ def distinct(frame):
 
 
 def test_a_frame_shows_the_machine_and_its_motion():
-    env = gymnasium.make("AORO/Turning-v0", render_mode="rgb_array")
+    env: Any = gymnasium.make("AORO/Turning-v0", render_mode="rgb_array")
     env.reset(seed=0, options={"joint_angle": -0.4, "targets": [0.4]})
     still = env.render()
     assert still.shape == (SIZE, SIZE, 3)
@@ -55,7 +57,7 @@ def test_traces_begin_anew_with_the_episode():
 
 
 def test_lists_of_frames_come_from_gymnasium():
-    env = gymnasium.make("AORO/Turning-v0", render_mode="rgb_array_list")
+    env: Any = gymnasium.make("AORO/Turning-v0", render_mode="rgb_array_list")
     env.reset(seed=0)
     for _ in range(2):
         env.step(np.zeros(1, dtype=np.float32))
@@ -66,7 +68,7 @@ def test_human_rendering_says_so_once_where_there_is_no_display(monkeypatch, cap
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr("sys.platform", "linux")
-    env = gymnasium.make("AORO/Turning-v0", render_mode="human")
+    env: Any = gymnasium.make("AORO/Turning-v0", render_mode="human")
     env.reset(seed=0)
     for _ in range(2):
         env.step(np.zeros(1, dtype=np.float32))
@@ -85,7 +87,7 @@ def test_rendering_without_a_mode_warns():
 
 def test_a_video_can_be_recorded(tmp_path):
     pytest.importorskip("moviepy")
-    env = gymnasium.make("AORO/Turning-v0", render_mode="rgb_array")
+    env: Any = gymnasium.make("AORO/Turning-v0", render_mode="rgb_array")
     env = gymnasium.wrappers.RecordVideo(env, str(tmp_path / "video"), episode_trigger=lambda episode: True)
     env.reset(seed=0)
     for _ in range(5):

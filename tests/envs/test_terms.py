@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -23,7 +24,7 @@ def shake(view):
 
 
 def test_own_terms_come_in_by_name():
-    env = gymnasium.make(
+    env: Any = gymnasium.make(
         "AORO/Turning-v0",
         reward_terms={"pump_effort": (-0.5, pump_effort), "flow_oscillation": None, "overshoot": -1.0, "shake": shake},
         observation_terms={

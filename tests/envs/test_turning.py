@@ -1,6 +1,7 @@
 """The turning task: targets, measurements, judgement, terms."""
 
 import math
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -182,7 +183,7 @@ def test_targets_follow_their_schedule():
 
 
 def test_drawn_episodes_have_several_targets():
-    env = TurningVectorEnv(16)
+    env: Any = TurningVectorEnv(16)
     env.reset(seed=0)
     first = env.task._until[:, 0]
     assert first.min() >= 125 and first.max() <= 200
@@ -191,7 +192,7 @@ def test_drawn_episodes_have_several_targets():
 
 
 def test_success_is_told_apart_from_truncation():
-    env = gymnasium.make("AORO/Turning-v0", max_episode_steps=30)
+    env: Any = gymnasium.make("AORO/Turning-v0", max_episode_steps=30)
     still = np.zeros(1, dtype=np.float32)
     for target, expected in ((0.1, True), (0.4, False)):
         env.reset(seed=0, options={"joint_angle": 0.1, "targets": [target]})

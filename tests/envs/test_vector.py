@@ -1,5 +1,7 @@
 """Sub-environments are the single environment, to the bit; episodes end and begin as Gymnasium says."""
 
+from typing import Any
+
 import gymnasium
 import numpy as np
 import pytest
@@ -7,14 +9,14 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 from aoro_gym.envs import register_envs
-from aoro_gym.envs.turning import MILD, TurningVectorEnv
+from aoro_gym.envs.turning import MILD, TurningEnv, TurningVectorEnv
 from aoro_gym.twin.records import State
 
 register_envs()
 TURNING = "AORO/Turning-v0"
 
 
-def make(num_envs=2, **arguments):
+def make(num_envs=2, **arguments) -> Any:
     return TurningVectorEnv(num_envs, **arguments)
 
 
@@ -27,10 +29,10 @@ def lose(env, index):
 def test_sub_environment_is_the_single_one_to_the_bit(arguments):
     count, steps = 3, 45
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (steps, count, 1)).astype(np.float32)
-    vector = gymnasium.make_vec(TURNING, num_envs=count, max_episode_steps=20, **arguments)
+    vector: Any = gymnasium.make_vec(TURNING, num_envs=count, max_episode_steps=20, **arguments)
     log = [vector.reset(seed=7), *(vector.step(action) for action in actions)]
     for i in range(count):
-        env = gymnasium.make(TURNING, max_episode_steps=20, **arguments)
+        env: Any = gymnasium.make(TURNING, max_episode_steps=20, **arguments)
         observation, info = env.reset(seed=7 + i)
         np.testing.assert_array_equal(observation, log[0][0][i])
         for step, (observations, rewards, terminated, truncated, infos) in enumerate(log[1:]):
@@ -158,7 +160,7 @@ def test_a_lost_twin_ends_its_episode_with_the_reason_and_recovers(mode):
 
 
 def test_a_lost_single_twin_ends_its_episode_and_recovers():
-    env = gymnasium.make(TURNING)
+    env: Any = gymnasium.make(TURNING)
     env.reset(seed=0)
     lose(env.unwrapped.vector, 0)
     _, reward, terminated, truncated, info = env.step(np.zeros(1, dtype=np.float32))
@@ -174,7 +176,7 @@ def test_a_lost_single_twin_ends_its_episode_and_recovers():
 
 @pytest.mark.parametrize("mode", [AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP])
 def test_gymnasiums_statistics_count_the_reward_terms(mode):
-    env = RecordEpisodeStatistics(make(2, max_episode_steps=4, autoreset_mode=mode))
+    env: Any = RecordEpisodeStatistics(make(2, max_episode_steps=4, autoreset_mode=mode))
     env.reset(seed=1)
     total = np.zeros(2)
     for _ in range(4):
@@ -312,7 +314,7 @@ def test_a_shared_machine_cannot_be_changed():
 @pytest.mark.parametrize("name", ["num_envs", "autoreset_mode"])
 def test_a_single_environment_has_no_batch(name):
     with pytest.raises(ValueError, match=f"{name} belongs to gymnasium.make_vec"):
-        gymnasium.make(TURNING, **{name: 2})
+        TurningEnv(None, **{name: 2})
     with pytest.raises(ValueError, match="'reset_mask'\\] belongs to vector environments"):
         gymnasium.make(TURNING).reset(options={"reset_mask": np.array([True])})
 

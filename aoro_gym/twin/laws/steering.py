@@ -89,8 +89,8 @@ class SteeringState:
     spool: float  # [-] −1 (right) … 1 (left)
     compensator: float  # [-] 0 (closed) … 1 (open)
     swash: float  # [-] 0 … 1 of pump 2
-    flow_in: float  # [m³/s] metered into the loaded port, summed over substeps
-    flow_out: float  # [m³/s] metered out of the other port, summed over substeps
+    flow_in: float  # [m³/s] metered into the loaded port
+    flow_out: float  # [m³/s] metered out of the other port
 
 
 @wp.struct
@@ -188,17 +188,17 @@ def valve_opening(spool: float, dead_band: float, opening_1V0: float, opening_1V
 
 
 @wp.func
-def compensator_step(m: Steering, y: float, edge_drop: float, slope: float, dt: float):
+def compensator_step(m: Steering, y: float, edge_drop: float, dt: float):
     """Compensator opening after ``dt``: τ p_ref ẏ = p_ref (1 + κ(½ − y)) − Δp_edge, with stops at 0 and 1.
 
-    Spring against the drop over the metering edge, damped by its pilot orifice. ``slope`` = ∂Δp_edge/∂y [Pa] makes
-    the step linearly implicit, so that a fast compensator stays stable at any substep.
+    Spring against the drop over the metering edge, damped by its pilot orifice. Δp_edge vanishes with y, so it is taken
+    as (Δp_edge/y) y′ with the new y′: the step keeps y positive and converges to the static balance at any dt.
     """
     setting = m.valve_compensator_pressure
     rate = dt / (setting * m.valve_compensator_time_constant)
-    force = setting * (1.0 + m.valve_compensator_droop * (0.5 - y)) - edge_drop
-    stiffness = setting * m.valve_compensator_droop + slope
-    return wp.clamp(y + rate * force / (1.0 + rate * stiffness), 0.0, 1.0)
+    stiffness = setting * m.valve_compensator_droop + edge_drop / wp.max(y, 1.0e-6)
+    opened = y + rate * setting * (1.0 + 0.5 * m.valve_compensator_droop)
+    return wp.min(opened / (1.0 + rate * stiffness), 1.0)
 
 
 @wp.func
@@ -253,7 +253,6 @@ def steering_step(
     # meter-in: compensator and edge in series behind a load check
     flow_in = float(0.0)
     edge_drop = float(0.0)
-    edge_slope = float(0.0)
     ls_target = arms.load_pressure
     if opening > 0.0:
         ls_target = wp.max(ls_target, p_load)
@@ -262,7 +261,6 @@ def steering_step(
         c2 = opening * cv_in
         share = c1 * c1 / (c1 * c1 + c2 * c2)
         edge_drop = available * share
-        edge_slope = 2.0 * available * share * (1.0 - share) / wp.max(s.compensator, 1.0e-3)
         flow_in = orifice(c2 * wp.sqrt(share), available, lam)
     flow_out = orifice(opening * cv_out, p_unload - p_t, lam)
 
@@ -315,8 +313,8 @@ def steering_step(
     out.spool = s.spool + dt * wp.clamp(
         (spool_demand - s.spool) / m.valve_spool_time_constant, -m.valve_spool_rate_limit, m.valve_spool_rate_limit
     )
-    out.compensator = compensator_step(m, s.compensator, edge_drop, edge_slope, dt)
+    out.compensator = compensator_step(m, s.compensator, edge_drop, dt)
     out.swash = swash_step(m, s.swash, p_s, s.ls_pressure, dt)
-    out.flow_in = s.flow_in + flow_in
-    out.flow_out = s.flow_out + flow_out
+    out.flow_in = flow_in
+    out.flow_out = flow_out
     return out

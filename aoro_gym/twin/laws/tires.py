@@ -142,7 +142,7 @@ def tire_contact(
         )
         out.force = load * n - force_x * forward - force_y * sideways
         rolling = (
-            m.rolling_resistance * ground.rolling_resistance * load * wp.length(arm)
+            m.rolling_resistance * ground.rolling_resistance * load * wp.dot(arm, down)
             * wp.tanh(spin / ROLLING_REGULARISATION)
         )
         out.moment = wp.cross(arm, out.force) - wp.vec3(0.0, rolling, 0.0)
