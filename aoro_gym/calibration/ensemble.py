@@ -7,6 +7,8 @@ evaluated as one population, and of those that fit as well the farthest apart ar
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,7 +35,7 @@ def draw_ensemble(
     fitted: NDArray[np.float64],
     count: int,
     *,
-    worst: float,
+    accept: Callable[[NDArray[np.float64]], NDArray[np.bool_]],
     candidates: int = 256,
     prior_std: float = 0.25,
     seed: int = 0,
@@ -44,7 +46,7 @@ def draw_ensemble(
         residuals: See :data:`aoro_gym.calibration.fit.Residuals`.
         fitted: Fitted points, the best first; the others are candidates, too.
         count: Members wanted.
-        worst: Largest |residual| that a member may have beyond that of the best point.
+        accept: Residuals (R, N) → which of the N points fit as well as the best (N,); NaN residuals never do.
         candidates: Points drawn.
         prior_std: Spread [unit cube] in directions that the data do not see.
         seed: Seed of the draws.
@@ -59,10 +61,9 @@ def draw_ensemble(
     kept = [best]
     for shrink in (1.0, 0.6, 0.35):
         drawn = np.clip(best + shrink * rng.standard_normal((candidates, len(best))) @ factor.T, 0.0, 1.0)
-        points = np.vstack([fitted[1:], drawn]) if shrink == 1.0 else drawn
-        found = np.abs(residuals(np.vstack([best, points])))
-        bound = found[:, :1] + worst
-        good = np.all(np.nan_to_num(found[:, 1:], nan=np.inf) <= bound, axis=0)
+        points = np.vstack([fitted[1:], drawn]) if shrink == 1.0 else drawn  # the other fits count once
+        found = residuals(points)
+        good = np.all(np.isfinite(found), axis=0) & accept(np.nan_to_num(found))
         kept.extend(points[good])
         if len(kept) > 3 * count:
             break

@@ -27,8 +27,12 @@ LEVELS = tuple(Turn("left", percent) for percent in (100.0, 75.0, 50.0))
 PRIOR_WEIGHT = 0.15
 """Pull to the data-sheet machine: a parameter at the end of its range costs as much as a figure 0.15 tolerances off."""
 
-FELT = 0.04
-"""A parameter is searched if a quarter of its range moves the figures by more than this many tolerances."""
+FELT = 0.02
+"""A parameter is searched if a quarter of its range moves the figures by more than this many tolerances, at the start
+or at one of :data:`PROBES` random points: a relief valve is only felt where it is reached."""
+
+PROBES = 3
+"""Random points at which the parameters are tried as well."""
 
 EQUALLY_WELL = 0.3
 """Ensemble members may miss a figure by this much of its tolerance more than the best fit does."""
@@ -49,8 +53,8 @@ def calibrate_published(
     datasheet: Machine,
     *,
     ensemble: int = 0,
-    starts: int = 3,
-    population: int = 256,
+    starts: int = 4,
+    population: int = 512,
     seed: int = 0,
     device: str = "cpu",
     checkpoint: Path | None = None,
@@ -84,8 +88,13 @@ def calibrate_published(
     progress("which parameters the figures feel", 0.1)
     uncertain = [p.key for p in start.parameters() if p.role in ("nuisance", "both")]
     whole = Space(start, uncertain)
-    _, jacobian = posterior_factor(lambda points: misses(whole, points), whole.point(), 0.25)
-    felt = 0.25 * np.linalg.norm(jacobian, axis=0) / 2.0 > FELT
+    rng = np.random.default_rng(seed)
+    probes = [whole.point(), *rng.uniform(0.1, 0.9, (PROBES, len(uncertain)))]
+    felt = np.zeros(len(uncertain), dtype=bool)
+    for i, probe in enumerate(probes):
+        _, jacobian = posterior_factor(lambda points: misses(whole, points), probe, 0.25)
+        felt |= 0.25 * np.linalg.norm(jacobian, axis=0) / 2.0 > FELT
+        progress("which parameters the figures feel", 0.1 + 0.05 * (i + 1) / len(probes))
     space = Space(start, [key for key, is_felt in zip(uncertain, felt, strict=True) if is_felt])
 
     def residuals(points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -103,7 +112,10 @@ def calibrate_published(
     if ensemble:
         progress(f"an ensemble of {ensemble}", 0.82)
         fitted = np.array([fit.point for fit in fits])
-        points = draw_ensemble(residuals, fitted, ensemble + 1, worst=2.0 * EQUALLY_WELL, seed=seed)
+        allowed = np.abs(fits[0].residuals)[:, None] + 2.0 * EQUALLY_WELL
+        points = draw_ensemble(
+            residuals, fitted, ensemble + 1, accept=lambda found: np.all(np.abs(found) <= allowed, axis=0), seed=seed
+        )
 
     machines = []
     for i, point in enumerate(points):
@@ -145,7 +157,7 @@ def _finished(space: Space, point: NDArray[np.float64]) -> Machine:
     The figures of left turns do not see the right port's return edge; it is taken to be made like the left one's.
     """
     values = {key: float(value) for key, value in zip(space.keys, space.values(point), strict=True)}
-    machine = space.machine.set(values, source="calibrated: published key figures of left turns")
+    machine = space.machine.set(values, source="C: published key figures of left turns")
     out = machine.entries["steering.valve.nominal_drop_out_left"].value
-    machine = machine.set({"steering.valve.nominal_drop_out_right": float(out)}, source="calibrated: as the left edge")
+    machine = machine.set({"steering.valve.nominal_drop_out_right": float(out)}, source="C: taken to be made like the left edge")
     return meet_times_and_pressure(machine, ("left", "right"))

@@ -29,6 +29,7 @@ _HEADER = """\
 #             1D  inferred with a reduced model of the joint alone; neither measured nor published
 #             R   recalled from catalogues or textbooks, not verified
 #             E   engineering estimate
+#             C   calibrated: found by fitting the twin
 #   role    fixed     known hardware
 #           nuisance  uncertain: a calibration may move it
 #           effect    moved by an effect of the catalogue only

@@ -162,7 +162,7 @@ def test_every_parameter_is_documented(machine: Machine) -> None:
     listed = set(re.findall(r"\bS\d+\b", BUNDLED.split("\n[", 1)[0]))
     assert [parameter.key for parameter in machine.parameters()] == list(DECLARATIONS)
     for parameter in machine.parameters():
-        tags = re.match(r"((?:P|A|S\d+|D|1D|R|E)(?:, |\b))+", parameter.source)
+        tags = re.match(r"((?:P|A|S\d+|D|1D|R|E|C)(?:, |\b))+", parameter.source)
         assert tags, f"{parameter.key}: source {parameter.source!r} begins with no tag"
         assert set(re.findall(r"\bS\d+\b", parameter.source)) <= listed, parameter.key
         low, high = parameter.range

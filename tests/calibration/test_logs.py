@@ -1,0 +1,125 @@
+"""Calibration from logs: known parameters of a twin are found again, and what cannot be known is said."""
+
+import numpy as np
+import pytest
+
+from aoro_gym.calibration.logs import calibrate_logs, read_recording
+from aoro_gym.twin import Machine, Twin
+
+# Sought parameters, and the values of the machine that wrote the logs (file units).
+HIDDEN = {
+    "steering.valve.nominal_drop_in_left": 8.5,
+    "steering.valve.spool_time_constant": 0.035,
+    "steering.pump.stroke_up_time": 0.17,
+    "frame.front.inertia_zz": 2400.0,
+    "joint.friction_torque": 350.0,
+    # a standing turn does not feel it
+    "arm.valve.time_constant": 0.09,
+}
+NOISE = {"joint_angle_rad": 5e-4, "pressure_a_bar": 0.3, "pressure_b_bar": 0.3, "pump_pressure_bar": 0.3}
+
+
+def write_log(path, machine, signal, duration, seed):
+    """A turn of ``machine`` as its sensors see it: 100 Hz, white noise."""
+    twin = Twin(1, machine=machine)
+    twin.reset(joint_angle=-np.sign(signal) * machine.joint.range)
+    rest = twin.step({}, 0.6, sample_every=0.01)
+    move = twin.step({"steering_signal": signal}, duration, sample_every=0.01)
+    assert rest is not None and move is not None
+    rng = np.random.default_rng(seed)
+    time = np.concatenate([rest.time, move.time])
+    # a sample shows what the commands before it have done; the command of a row holds from that row on
+    command = np.where(time < 0.6 - 1e-9, 0.0, signal)
+    columns = {"time_s": time, "steering_signal": command}
+    for column, noise in NOISE.items():
+        name, unit = (column.removesuffix("_rad"), 1.0) if column.endswith("_rad") else (column[:-4], 1e5)
+        exact = np.concatenate([rest[name], move[name]])[:, 0] / unit
+        columns[column] = exact + noise * rng.standard_normal(len(time))
+    rows = np.column_stack(list(columns.values()))
+    np.savetxt(path, rows, delimiter=",", header=",".join(columns), comments="", fmt="%.7g")
+    return path
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("logs")
+    start = Machine.load("aoro_datasheet")
+    machine = start.set(HIDDEN)
+    logs = [
+        write_log(folder / f"turn{i}.csv", machine, signal, duration, i)
+        for i, (signal, duration) in enumerate([(1.0, 1.8), (-1.0, 1.5), (0.6, 1.5)])
+    ]
+    checkpoint = folder / "checkpoint.json"
+    result = calibrate_logs(start, logs, keys=list(HIDDEN), starts=1, population=16, ensemble=3, checkpoint=checkpoint)
+    return start, logs, result, checkpoint
+
+
+def test_identified_parameters_lie_within_their_intervals(found):
+    _, _, result, _ = found
+    entries = {entry["key"]: entry for entry in result.report["parameters"]}
+    identified = {key for key, entry in entries.items() if entry["identified"]}
+    assert {
+        "steering.valve.nominal_drop_in_left",
+        "steering.valve.spool_time_constant",
+        "steering.pump.stroke_up_time",
+        "frame.front.inertia_zz",
+    } <= identified
+    for key in identified:
+        entry = entries[key]
+        # the interval is a 95 % one; half its width more covers 99.7 % of such draws
+        slack = 0.25 * (entry["high95"] - entry["low95"])
+        assert entry["low95"] - slack <= HIDDEN[key] <= entry["high95"] + slack, entry
+
+
+def test_what_the_logs_do_not_feel_is_named(found):
+    _, _, result, _ = found
+    assert result.report["not_felt"] == ["arm.valve.time_constant"]
+    entry = result.machine.entries["arm.valve.time_constant"]
+    assert entry.value == Machine.load("aoro_datasheet").entries["arm.valve.time_constant"].value
+    assert not entry.source.startswith("C")
+
+
+def test_the_noise_is_all_that_is_left(found):
+    """Residuals of a converged fit are of the order of one standard deviation, less what the floors add."""
+    _, _, result, _ = found
+    assert 0.2 < result.report["rms_residual_std"] < 1.5
+
+
+def test_ensemble_fits_as_well_and_differs(found):
+    _, _, result, _ = found
+    assert len(result.ensemble) == 3
+    values = np.array([[float(m.entries[k].value) for k in HIDDEN] for m in (result.machine, *result.ensemble)])
+    assert len(np.unique(values, axis=0)) == 4
+
+
+def test_an_interrupted_calibration_resumes(found):
+    start, logs, result, checkpoint = found
+    kept = checkpoint.read_text()
+    sentences = []
+    again = calibrate_logs(
+        start, logs, keys=list(HIDDEN), starts=1, population=16, checkpoint=checkpoint,
+        progress=lambda sentence, share: sentences.append(sentence),
+    )  # fmt: skip
+    assert checkpoint.read_text() == kept
+    assert not any("refining" in sentence or "population" in sentence for sentence in sentences)
+    for key in set(HIDDEN) - set(result.report["not_felt"]):
+        assert again.machine.entries[key].value == result.machine.entries[key].value
+
+
+@pytest.mark.parametrize(
+    ("columns", "rows", "message"),
+    [
+        ("time_s,joint_angle_rad", [(0.01 * i, 0.0) for i in range(50)], "neither a column steering_signal"),
+        ("time_s,steering_signal", [(0.01 * i, 0.0) for i in range(50)], "no column joint_angle"),
+        ("time_s,steering_signal,joint_angle_rad", [(0.01 * i, 1.0, 0.0) for i in range(50)], "begins with 0.00 s"),
+        ("time_s,steering_signal,joint_angle_rad", [(0.01 * i, 0.0, 40.0) for i in range(50)], "degrees"),
+        ("time_s,steering_signal,joint_angle_rad", [(0.01 * (i % 7), 0.0, 0.0) for i in range(50)], "must increase"),
+        ("time_s,steering_signal,joint_angle_rad", [(0.1 * i, 0.0, 0.0) for i in range(50)], "a gap of 0.100 s"),
+        ("time_s,steering_signal,joint_angle_rad", [(0.01 * i, 2.0, 0.0) for i in range(50)], "steering_signal is 2"),
+    ],
+)
+def test_bad_logs_are_named(tmp_path, columns, rows, message):
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join([columns, *(",".join(map(str, row)) for row in rows)]))
+    with pytest.raises(ValueError, match=message):
+        read_recording(path)
