@@ -41,9 +41,9 @@ class BangBang:
 
     layout: Mapping[str, slice]
     """``env.unwrapped.observation_layout``"""
-    threshold: ArrayLike = 0.0155
+    threshold: ArrayLike = 0.0185
     """[rad]"""
-    lead_time: ArrayLike = 0.063
+    lead_time: ArrayLike = 0.0615
     """[s]"""
 
     def __post_init__(self) -> None:
@@ -69,15 +69,15 @@ class ProportionalDerivative:
 
     layout: Mapping[str, slice]
     """``env.unwrapped.observation_layout``"""
-    gain: ArrayLike = 13.0
+    gain: ArrayLike = 11.3
     """K: signal per error [1/rad]."""
-    lead_time: ArrayLike = 0.0155
+    lead_time: ArrayLike = 0.013
     """T [s]"""
-    dead_band_left: ArrayLike = 0.097
+    dead_band_left: ArrayLike = 0.102
     """Signal [-] that is skipped to the left; the machine's own dead band is ``steering.valve.dead_band_left`` / 2 V."""
-    dead_band_right: ArrayLike = 0.168
+    dead_band_right: ArrayLike = 0.19
     """The same to the right."""
-    rest_error: ArrayLike = 0.00175
+    rest_error: ArrayLike = 0.0027
     """[rad]"""
 
     def __post_init__(self) -> None:

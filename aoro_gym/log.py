@@ -1,8 +1,8 @@
 """Logs: what a twin did, or what the machine's logger wrote, as CSV or Parquet.
 
 Columns carry field units in their names. Measured columns come first, at 100 Hz as the machine logs them; columns named
-``true_*`` are the simulator's own state, for plots only. A manifest of the same name in TOML says how the log was made.
-The twin has no sensor models yet, so the measured columns are its exact outputs; the manifest says so.
+``true_*`` are the simulator's own state, for plots only. A manifest of the same name in TOML says how the log was made,
+and with which sensors.
 """
 
 from __future__ import annotations
@@ -20,7 +20,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-RATE = 100.0
+from aoro_gym.sensors.chain import SAMPLE_RATE, sample
+from aoro_gym.sensors.joint_angle import JointAngleSensor
+from aoro_gym.sensors.pressure import PressureSensor
+
+RATE = SAMPLE_RATE
 """Samples a second [Hz] of the machine's logger."""
 
 BAR = 1e5
@@ -43,20 +47,24 @@ _UNITS: list[tuple[str, str, float]] = [
     (r"wheel_load" + _CORNER + "|hull_force", "kN", 1e3),
 ]
 
-_MEASURED: list[tuple[str, str]] = [
-    # column, channel
-    ("joint_angle_deg", "joint_angle"),
-    ("pressure_a_bar", "pressure_a"),
-    ("pressure_b_bar", "pressure_b"),
-    ("pump_pressure_bar", "pump_pressure"),
-    ("drive_pressure_forward_bar", "drive_pressure_forward"),
-    ("drive_pressure_return_bar", "drive_pressure_return"),
-    ("engine_speed_rpm", "engine_speed"),
-    *((f"wheel_speed_{corner}_rad_per_s", f"wheel_rate_{corner}") for corner in ("fl", "fr", "rl", "rr")),
+_MEASURED: list[tuple[str, str, float]] = [
+    # column, channel, SI value of the column's unit
+    ("joint_angle_rad", "joint_angle", 1.0),
+    ("pressure_a_bar", "pressure_a", BAR),
+    ("pressure_b_bar", "pressure_b", BAR),
+    ("pump_pressure_bar", "pump_pressure", BAR),
+    ("drive_pressure_forward_bar", "drive_pressure_forward", BAR),
+    ("drive_pressure_return_bar", "drive_pressure_return", BAR),
+    ("engine_speed_rpm", "engine_speed", RPM),
+    *((f"wheel_speed_{corner}_rad_per_s", f"wheel_rate_{corner}", 1.0) for corner in ("fl", "fr", "rl", "rr")),
 ]
 
+IDEAL = "ideal"
+NOISY = "joint angle: published kind of noise; pressures: typical transmitters; the others: ideal"
+"""What a manifest says of the sensors."""
+
 MEASURED_COLUMNS = re.compile(
-    "|".join([*(re.escape(column) for column, _ in _MEASURED), "joint_angle_rad", "imu_.*", "gps_.*", "true_.*"])
+    "|".join([*(re.escape(column) for column, *_ in _MEASURED), "joint_angle_deg", "imu_.*", "gps_.*", "true_.*"])
 )
 """Names of the columns of a log that are no commands."""
 
@@ -79,19 +87,22 @@ def signal_from_voltage(voltage: ArrayLike) -> NDArray[np.float64]:
     return (2.5 - np.asarray(voltage, dtype=np.float64)) / 2.0
 
 
-def log_columns(time: ArrayLike, channels: Mapping[str, ArrayLike], *, rate: float = RATE) -> dict[str, NDArray]:
-    """The columns of a log, sampled at ``rate`` [Hz], from channels in SI units over ``time`` [s].
+def log_columns(
+    time: ArrayLike, channels: Mapping[str, ArrayLike], *, rng: np.random.Generator | None = None
+) -> dict[str, NDArray]:
+    """The columns of a log, 100 samples a second, from channels in SI units over ``time`` [s].
 
     A sample is the last state at or before its time, as a logger without an anti-alias filter takes it.
+
+    Args:
+        time: Instants [s] (F,).
+        channels: Exact values (F,) by name.
+        rng: Draws what is random about the sensors of joint angle and pressures; without it the measured columns are
+            exact, too.
     """
     instants = np.asarray(time, dtype=np.float64)
-    first = math.ceil(instants[0] * rate - 1e-6)
-    last = math.floor(instants[-1] * rate + 1e-6)
-    if last < first:
-        raise ValueError(f"{instants[-1] - instants[0]:g} s of recording hold no sample at {rate:g} Hz")
-    ticks = np.arange(first, last + 1) / rate
-    pick = np.searchsorted(instants, ticks + 1e-6 / rate, side="right") - 1
-    si = {name: np.asarray(values, dtype=np.float64)[pick] for name, values in channels.items()}
+    ticks, _ = sample(instants, instants)
+    si = {name: sample(instants, np.asarray(values, dtype=np.float64))[1] for name, values in channels.items()}
 
     columns: dict[str, NDArray] = {"time_s": ticks}
     if "steering_signal" in si:
@@ -99,14 +110,27 @@ def log_columns(time: ArrayLike, channels: Mapping[str, ArrayLike], *, rate: flo
         columns["steering_signal_V"] = voltage_from_signal(si["steering_signal"])
     if "drive_signal" in si:
         columns["drive_signal"] = si["drive_signal"]
-    for column, channel in _MEASURED:
+    streams = [None] * len(_MEASURED) if rng is None else rng.spawn(len(_MEASURED))  # one a column, whichever there are
+    for (column, channel, size), stream in zip(_MEASURED, streams, strict=True):
         if channel in si:
-            columns[column] = si[channel] / field_unit(channel)[1]
+            measured = si[channel] if stream is None else _measured(channel, instants, channels[channel], stream)
+            columns[column] = measured / size
     for channel, values in si.items():
         if channel not in ("time", "steering_signal", "drive_signal"):
             unit, size = field_unit(channel)
             columns[f"true_{channel}_{unit}" if unit else f"true_{channel}"] = values / size
     return columns
+
+
+def _measured(
+    channel: str, time: NDArray[np.float64], values: ArrayLike, rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """What the sensor of ``channel`` shows, SI; exact where the channel has no sensor model."""
+    if channel == "joint_angle":
+        return JointAngleSensor().record(values, time, rng)[1]
+    if "pressure" in channel:
+        return PressureSensor().record(values, time, rng)[1]
+    return sample(time, np.asarray(values, dtype=np.float64))[1]
 
 
 def write_log(path: Path, columns: Mapping[str, ArrayLike], manifest: Mapping[str, Any] | None = None) -> list[Path]:

@@ -5,6 +5,7 @@ Both are drawn from the same panels, so that a quantity has one name, one unit a
 
 from __future__ import annotations
 
+import base64
 import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -183,12 +184,38 @@ def write_png(path: Path, section: Section) -> None:
         figure.savefig(path)
 
 
-def write_html(path: Path, title: str, lead: str, sections: Sequence[Section]) -> None:
-    """Write one page with the key figures and the plots of every section; it needs no other file and no network."""
+@dataclass(frozen=True)
+class Passage:
+    """A part of a page that is no recording: text and pictures."""
+
+    title: str
+    text: str
+    pictures: Sequence[Path] = ()
+    """PNG or GIF files; the page holds copies."""
+    more: str = ""
+    """Address of a page that says more."""
+
+
+def write_html(
+    path: Path, title: str, lead: str, sections: Sequence[Section], passages: Sequence[Passage] = ()
+) -> None:
+    """Write one page: ``passages`` first, then the key figures and the plots of every section.
+
+    The page needs no other file and no network.
+    """
     from plotly.offline import get_plotlyjs
 
     template = Template(resources.files("aoro_gym").joinpath("templates/report.html").read_text(encoding="utf-8"))
     bodies, links = [], []
+    for index, passage in enumerate(passages):
+        name = f"passage-{index + 1}"
+        heading = html.escape(passage.title)
+        links.append(f'<a href="#{name}">{heading}</a>')
+        more = f' <a href="{html.escape(passage.more)}">All of it</a>' if passage.more else ""
+        pictures = "".join(f'<div class="card">{_picture(picture)}</div>' for picture in passage.pictures)
+        bodies.append(
+            f'<section id="{name}"><h2>{heading}</h2><p>{html.escape(passage.text)}{more}</p>{pictures}</section>'
+        )
     for index, section in enumerate(sections):
         name = f"section-{index + 1}"
         heading = html.escape(section.title)
@@ -211,6 +238,18 @@ def write_html(path: Path, title: str, lead: str, sections: Sequence[Section]) -
     path.write_text(page, encoding="utf-8")
 
 
+def write_gif(path: Path, frames: Sequence[NDArray[np.uint8]], *, frames_per_second: float) -> None:
+    """Write ``frames`` (height, width, 3) as an animation that repeats; a GIF counts in hundredths of a second."""
+    from PIL import Image
+
+    # one palette for all: of the last frame, whose traces are full
+    palette = Image.fromarray(frames[-1]).quantize(64)
+    pictures = [Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    hundredths = max(2, round(100.0 / frames_per_second))
+    pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=10 * hundredths, loop=0, optimize=False)
+
+
 def describe(key: str) -> tuple[str, str, int]:
     """Name, unit and decimals of a key figure, from its key: ``turn_time_s`` is ('turn time', 's', 3)."""
     units = {"L_per_min": ("L/min", 1), "m_per_s": ("m/s", 3), "bar": ("bar", 1), "deg": ("°", 2), "rpm": ("rpm", 0)}
@@ -224,6 +263,13 @@ def describe(key: str) -> tuple[str, str, int]:
 def show(key: str, value: float | None) -> str:
     """A key figure's value at its decimals, without the unit."""
     return "-" if value is None else f"{value:.{describe(key)[2]}f}"
+
+
+def _picture(path: Path) -> str:
+    """An image that stands in the page itself."""
+    content = base64.b64encode(path.read_bytes()).decode("ascii")
+    kind = path.suffix.removeprefix(".")
+    return f'<img alt="{html.escape(path.stem)}" src="data:image/{kind};base64,{content}">'
 
 
 def _corners(quantity: str, size: float) -> list[Line]:

@@ -29,7 +29,7 @@ from aoro_gym.twin.twin import STATUS
 Infos = dict[str, Any]
 BASE_OPTIONS = ("reset_mask", "machine")
 """Keys of ``reset(options=...)`` that every task takes."""
-ANNOUNCE_AFTER = 1.0
+ANNOUNCE_AFTER = 2.0
 """Time [s] after which a start that takes longer is explained."""
 
 
@@ -458,7 +458,11 @@ def compilation_announced(device: str) -> Iterator[None]:
 
     def announce() -> None:
         said.set()
-        print(f"aoro-gym: compiling the twin for {device}, once for this computer ...", file=sys.stderr, flush=True)
+        print(
+            f"aoro-gym: preparing the twin for {device}; the first time on a computer this compiles it ...",
+            file=sys.stderr,
+            flush=True,
+        )
 
     timer = threading.Timer(ANNOUNCE_AFTER, announce)
     timer.daemon = True

@@ -326,5 +326,5 @@ def test_long_compilations_are_announced(capsys, monkeypatch):
     with vector.compilation_announced("cpu"):
         pass
     said = capsys.readouterr().err
-    assert "compiling the twin for cpu" in said
+    assert "preparing the twin for cpu" in said
     assert "ready after" in said
