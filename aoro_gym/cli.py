@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
@@ -24,9 +24,10 @@ from aoro_gym import __version__
 
 if TYPE_CHECKING:
     from aoro_gym.manoeuvres import Manoeuvre, Recording
-    from aoro_gym.report import Section
+    from aoro_gym.report import Passage, Section
     from aoro_gym.terrains import Plane
     from aoro_gym.twin import Machine, Twin
+    from aoro_gym.validation import Validation
 
 app = typer.Typer(
     name="aoro-gym",
@@ -40,6 +41,14 @@ app = typer.Typer(
 MOST_TWINS = 1_000_000
 """Most twins that bench takes at once; more need more memory than one device has."""
 
+MACHINE, DATASHEET = "aoro", "aoro_datasheet"
+"""Bundled machines: the calibrated one, and the one before any calibration."""
+NONE = "none"
+"""What leaves an optional machine out."""
+SWING_TARGETS_DEG = (-22.0, 18.0, -8.0)
+"""Joint angles that the demo's episode asks for one after the other, from 15 degrees to the left."""
+SWING_HOLD_S = 2.5
+
 MachineOption = Annotated[
     str, typer.Option("--machine", metavar="NAME|FILE", help="Bundled machine, or a machine file (.toml).")
 ]
@@ -51,9 +60,7 @@ ScaleOption = Annotated[
     list[str] | None, typer.Option("--scale", metavar="KEY=FACTOR", help="Multiply a parameter. Repeatable.")
 ]
 DeviceOption = Annotated[str, typer.Option("--device", metavar="cpu|cuda:N", help="Where the twin runs.")]
-SeedOption = Annotated[
-    int, typer.Option("--seed", metavar="N", help="Seed of all that is random. The twin itself is deterministic.")
-]
+SeedOption = Annotated[int, typer.Option("--seed", metavar="N", help="Seed of all that is random: noise and searches.")]
 
 
 def main() -> None:
@@ -77,8 +84,10 @@ def _top(
 
     [bold]Try[/]
 
-      aoro-gym demo                         a turn and a drive, as one page of plots
+      aoro-gym demo                         validation, a controlled turn and a drive, as one page
       aoro-gym simulate --help              any other manoeuvre
+      aoro-gym validate                     the twin beside the published machine
+      aoro-gym calibrate --help             make a twin agree with your own logs
       aoro-gym parameters steering.valve    what the machine is made of, with sources
     """
 
@@ -89,7 +98,7 @@ def parameters(
         str | None, typer.Argument(metavar="[PATTERN]", help="Part of a key, or a glob such as 'steering.*.leakage'.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
-    machine: MachineOption = "aoro",
+    machine: MachineOption = MACHINE,
     set_: SetOption = None,
     scale: ScaleOption = None,
 ) -> None:
@@ -165,7 +174,10 @@ def simulate(
     rolling: Annotated[
         float, typer.Option("--terrain-rolling", metavar="FACTOR", help="Rolling resistance against asphalt.")
     ] = 1.0,
-    machine: MachineOption = "aoro",
+    ideal: Annotated[
+        bool, typer.Option("--ideal-sensors", help="Measured columns without noise, zero error and quantiser.")
+    ] = False,
+    machine: MachineOption = MACHINE,
     set_: SetOption = None,
     scale: ScaleOption = None,
     device: DeviceOption = "cpu",
@@ -177,8 +189,9 @@ def simulate(
     A FILE.csv has the column time_s and one or more of steering_signal (or steering_signal_V), drive_signal,
     arm_fl ... arm_rr, traction_fl ... traction_rr, gear, parking_brake; a row holds until the next. A log is one, too.
 
-    LOG.csv gets measured columns at 100 Hz and the simulator's own state as true_*; beside it come LOG.toml (how it was
-    made), LOG.json (key figures), LOG.png and LOG.html (plots).
+    LOG.csv gets measured columns at 100 Hz, joint angle and pressures with the noise of their sensors (drawn by --seed),
+    and the simulator's exact state as true_*. Beside it come LOG.toml (how it was made), LOG.json (key figures, without
+    noise), LOG.png and LOG.html (plots).
 
     [bold]Examples[/]
 
@@ -197,7 +210,7 @@ def simulate(
         terrain = Plane(slope_deg=slope, direction_deg=slope_direction, friction=friction, rolling_resistance=rolling)
         plan = _manoeuvre(manoeuvre, signal, duration, start_angle, chosen, out)
         twin = _twin(chosen, terrain, device, seed)
-    made_by = {"machine": _machine_record(machine, set_, scale), "device": device, "seed": seed}
+    made_by = _made_by(machine, set_, scale, device, seed, ideal=ideal)
     section = _run(twin, plan)
     written = _write(section, twin, out, made_by)
     _out().print(_figure_table(section))
@@ -209,13 +222,16 @@ def simulate(
 @app.command()
 def demo(
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to.")] = Path("demo"),
-    machine: MachineOption = "aoro",
+    machine: MachineOption = MACHINE,
     set_: SetOption = None,
     scale: ScaleOption = None,
     device: DeviceOption = "cpu",
     seed: SeedOption = 0,
 ) -> None:
-    """Turn fully left at full signal, then drive straight on: every plot on one page.
+    """Validate the twin, let a controller steer it, turn fully left and drive straight on: one page.
+
+    FOLDER/index.html holds it all; the whole validation stands in FOLDER/validation, as from 'aoro-gym validate'. The
+    controlled turn is an episode of the learning environment AORO/Turning-v0 with its reference controller.
 
     [bold]Examples[/]
 
@@ -223,16 +239,17 @@ def demo(
       aoro-gym demo --out cold --scale steering.valve.spool_time_constant=2
     """
     with _checking_input():
-        from aoro_gym.log import check_writable
         from aoro_gym.manoeuvres import standing_turn, straight_drive
 
-        if out.exists() and not out.is_dir():
-            raise ValueError(f"--out {out} is a file; name a folder")
-        check_writable(out / "index.html")
+        _check_folder(out, "index.html")
         chosen = _machine(machine, set_, scale)
         plans = {"left_turn": standing_turn(1, 1.0, float(chosen.joint.range)), "straight_drive": straight_drive(0.5)}
+        second = _second_machine(machine, set_, scale, DATASHEET)
+        family = _ensemble(None, bundled=_is_bundled(machine, set_, scale))
         twin = _twin(chosen, None, device, seed)
-    made_by = {"machine": _machine_record(machine, set_, scale), "device": device, "seed": seed}
+    made_by = _made_by(machine, set_, scale, device, seed)
+    result = _validated(chosen, second, family, device, seed)
+    passages = [_validation_passage(result, out / "validation"), _swing(chosen, device, seed, out / "turning.gif")]
     sections = []
     for name, plan in plans.items():
         sections.append(_run(twin, plan))
@@ -241,8 +258,158 @@ def demo(
     from aoro_gym.report import write_html
 
     page = out / "index.html"
-    write_html(page, "AORO twin: demo", _lead(made_by), sections)
+    write_html(page, "AORO twin: demo", _lead(made_by), sections, passages)
     _say([page.resolve()])
+
+
+@app.command()
+def validate(
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to.")] = Path(
+        "validation"
+    ),
+    uncalibrated: Annotated[
+        str, typer.Option("--uncalibrated", metavar="NAME|FILE", help="Second machine to compare with, or none.")
+    ] = DATASHEET,
+    ensemble: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--ensemble",
+            metavar="FILE|FOLDER",
+            help="Machines that fit as well: their spread is shown. Repeatable, or none. Default: the bundled ones.",
+        ),
+    ] = None,
+    recalibrate: Annotated[
+        bool,
+        typer.Option(
+            "--recalibrate", help="Calibrate the uncalibrated machine first, and validate the result. Takes minutes."
+        ),
+    ] = False,
+    machine: MachineOption = MACHINE,
+    set_: SetOption = None,
+    scale: ScaleOption = None,
+    device: DeviceOption = "cpu",
+    seed: SeedOption = 0,
+) -> None:
+    """Full turns of the twin beside the published machine and its published twin.
+
+    Left and right turns at 100, 75 and 50 % signal, each from the opposite stop, go through the published measuring
+    chain; their seven key figures stand beside the published ones with relative errors, then what the sensor's noise
+    does to them, the machine before its calibration, and the spread of machines that fit as well.
+
+    FOLDER gets validation.json, plots (PNG) and index.html.
+
+    [bold]Examples[/]
+
+      aoro-gym validate
+      aoro-gym validate --machine mine.toml --ensemble mine_ensemble --out mine
+      aoro-gym validate --scale steering.valve.spool_time_constant=2 --uncalibrated none
+      aoro-gym validate --recalibrate --out again
+    """
+    with _checking_input():
+        from aoro_gym.log import check_writable
+        from aoro_gym.twin import Machine
+
+        _check_folder(out, "index.html")
+        if recalibrate and (machine != MACHINE or set_ or scale):
+            raise ValueError("--recalibrate makes its machine from --uncalibrated; drop --machine, --set and --scale")
+        if recalibrate and uncalibrated == NONE:
+            raise ValueError("--recalibrate starts from --uncalibrated, which is none; name a machine")
+        chosen = _machine(machine, set_, scale)
+        second = _second_machine(machine, set_, scale, uncalibrated)
+        family = _ensemble(ensemble, bundled=_is_bundled(machine, set_, scale) and not recalibrate)
+        _check_seed(seed)
+        _check_device(device)
+        if recalibrate:
+            check_writable(out / "calibrated.toml")
+    written = []
+    if recalibrate:
+        from aoro_gym.calibration.published import calibrate_published
+
+        assert second is not None
+        file = out / "calibrated.toml"
+        written += _calibrate(lambda **options: calibrate_published(second, **options), file, seed=seed, device=device)
+        chosen = Machine.load(file)
+    from aoro_gym.validation.report import print_tables, write_report
+
+    result = _validated(chosen, second, family, device, seed)
+    with _running():
+        written += write_report(result, out)
+    print_tables(_out(), result)
+    _say(written)
+
+
+@app.command()
+def calibrate(
+    logs: Annotated[
+        list[Path] | None, typer.Argument(metavar="[LOG]...", help="Logs (.csv or .parquet), after --logs.")
+    ] = None,
+    published: Annotated[bool, typer.Option("--published", help="Calibrate against the published figures.")] = False,
+    use_logs: Annotated[bool, typer.Option("--logs", help="Calibrate against the LOGs that follow.")] = False,
+    ensemble: Annotated[
+        int, typer.Option("--ensemble", metavar="N", help="Further machines that fit as well, as different as can be.")
+    ] = 0,
+    starts: Annotated[
+        int | None, typer.Option("--starts", metavar="N", help="Searches that are refined. Default: 2.")
+    ] = None,
+    population: Annotated[
+        int | None,
+        typer.Option("--population", metavar="N", help="Machines tried at first. Default: 512, or 64 on logs."),
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Machine file to write, .toml.")] = Path(
+        "machine.toml"
+    ),
+    machine: MachineOption = DATASHEET,
+    set_: SetOption = None,
+    scale: ScaleOption = None,
+    device: DeviceOption = "cpu",
+    seed: SeedOption = 0,
+) -> None:
+    """Fit the machine's uncertain parameters within their ranges, to published figures or to your logs.
+
+    --published: the published procedure (valve curve, dead band, turn times, driving pressure), then all uncertain
+    parameters against the key figures of the published twin. --logs: the twin repeats the commands of each LOG, and its
+    joint angle and pressures are compared sample by sample. A LOG needs time_s, steering_signal (or steering_signal_V),
+    joint_angle_rad (or joint_angle_deg) and a rest at its begin; pressures help. Full turns and slow ramps say most.
+
+    Writes FILE, its report beside it (.json) and, with --ensemble, the folder FILE_ensemble. Ctrl-C is safe: the same
+    command goes on where it stopped.
+
+    [bold]Examples[/]
+
+      aoro-gym calibrate --published --out machine.toml
+      aoro-gym calibrate --published --ensemble 8 --out machine.toml
+      aoro-gym calibrate --logs turn_left.csv turn_right.csv ramp.csv --out mine.toml
+      aoro-gym validate --machine mine.toml
+    """
+    with _checking_input():
+        from aoro_gym.log import check_writable, read_table
+
+        if published == use_logs:
+            raise ValueError("give one of --published and --logs LOG...")
+        if published and logs:
+            raise ValueError(f"--published takes no logs, but got {logs[0]}; give --logs instead to calibrate on logs")
+        if use_logs and not logs:
+            raise ValueError("--logs needs the logs behind it, such as --logs turn_left.csv turn_right.csv")
+        for option, value, least in (("ensemble", ensemble, 0), ("starts", starts, 1), ("population", population, 2)):
+            if value is not None and value < least:
+                raise ValueError(f"--{option} = {value} is below {least}")
+        if out.suffix != ".toml":
+            raise ValueError(f"--out {out} must end in .toml")
+        check_writable(out)
+        chosen = _machine(machine, set_, scale)
+        _check_seed(seed)
+        _check_device(device)
+        for path in logs or []:
+            read_table(path)
+    from aoro_gym.calibration.logs import calibrate_logs
+    from aoro_gym.calibration.published import calibrate_published
+
+    sizes = {name: n for name, n in (("starts", starts), ("population", population)) if n is not None}
+
+    def fit(**options: Any) -> Any:
+        return calibrate_published(chosen, **options) if published else calibrate_logs(chosen, logs or [], **options)
+
+    _say(_calibrate(fit, out, ensemble=ensemble, seed=seed, device=device, **sizes))
 
 
 @app.command()
@@ -252,7 +419,7 @@ def bench(
     ] = "1,64,4096",
     seconds: Annotated[float, typer.Option("--seconds", metavar="S", help="Time to measure for, each number.")] = 5.0,
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the results here.")] = None,
-    machine: MachineOption = "aoro",
+    machine: MachineOption = MACHINE,
     set_: SetOption = None,
     scale: ScaleOption = None,
     device: DeviceOption = "cpu",
@@ -432,6 +599,45 @@ def _check_seed(seed: int) -> None:
         raise ValueError(f"--seed = {seed} is below 0")
 
 
+def _check_folder(path: Path, file: str) -> None:
+    from aoro_gym.log import check_writable
+
+    if path.exists() and not path.is_dir():
+        raise ValueError(f"--out {path} is a file; name a folder")
+    check_writable(path / file)
+
+
+def _is_bundled(machine: str, settings: list[str] | None, factors: list[str] | None) -> bool:
+    """Whether the machine is the calibrated one, as it is."""
+    return machine == MACHINE and not settings and not factors
+
+
+def _second_machine(
+    machine: str, settings: list[str] | None, factors: list[str] | None, uncalibrated: str
+) -> Machine | None:
+    """The machine to compare with; None for none, or if it is the first one itself."""
+    if uncalibrated == NONE or (machine == uncalibrated and not settings and not factors):
+        return None
+    return _machine(uncalibrated, None, None)
+
+
+def _ensemble(named: list[str] | None, *, bundled: bool) -> list[Machine]:
+    """Machines of the files and folders ``named``; the bundled ensemble if nothing is."""
+    if named == [NONE]:
+        return []
+    if named is None:
+        folder = Path(__file__).parent / "machines" / "ensemble"
+        files = sorted(folder.glob("*.toml")) if bundled else []
+    else:
+        files = []
+        for item in map(Path, named):
+            found = sorted(item.glob("*.toml")) if item.is_dir() else [item]
+            if not found:
+                raise ValueError(f"--ensemble {item} holds no machine file (.toml)")
+            files += found
+    return [_machine(str(file), None, None) for file in files]
+
+
 def _counts(text: str) -> list[int]:
     counts = []
     for part in text.split(","):
@@ -463,13 +669,16 @@ def _run(twin: Twin, plan: Manoeuvre) -> Section:
 
 def _write(section: Section, twin: Twin, out: Path, made_by: dict[str, Any], *, page: bool = True) -> list[Path]:
     """Log, manifest, key figures and plots; returns the paths."""
+    import numpy as np
+
     from aoro_gym.log import log_columns, write_log
     from aoro_gym.report import write_html, write_png
 
     plan = section.recording.manoeuvre
     about = _about(section.recording, twin, made_by)
+    rng = None if made_by["ideal"] else np.random.default_rng(made_by["seed"])
     with _running():
-        written = write_log(out, log_columns(section.recording.time, section.recording.channels), about)
+        written = write_log(out, log_columns(section.recording.time, section.recording.channels, rng=rng), about)
         _write_json(out.with_suffix(".json"), {**about, "figures": dict(section.figures)})
         write_png(out.with_suffix(".png"), section)
         written += [out.with_suffix(".json"), out.with_suffix(".png")]
@@ -481,6 +690,8 @@ def _write(section: Section, twin: Twin, out: Path, made_by: dict[str, Any], *, 
 
 def _about(recording: Recording, twin: Twin, made_by: dict[str, Any]) -> dict[str, Any]:
     """The manifest of a log."""
+    from aoro_gym.log import IDEAL, NOISY
+
     plan, terrain = recording.manoeuvre, twin.terrain
     about: dict[str, Any] = {"manoeuvre": plan.name}
     if plan.signal_percent is not None:
@@ -488,7 +699,7 @@ def _about(recording: Recording, twin: Twin, made_by: dict[str, Any]) -> dict[st
     return about | {
         "duration_s": round(float(recording.time[-1]), 9),
         "start_angle_deg": math.degrees(plan.start_angle),
-        "sensors": "ideal",
+        "sensors": IDEAL if made_by["ideal"] else NOISY,
         "filters": [],
         "engine_speed_rpm": float(twin.machine.engine.set_speed) * 30.0 / math.pi,
         "ground": {
@@ -508,8 +719,147 @@ def _about(recording: Recording, twin: Twin, made_by: dict[str, Any]) -> dict[st
     }
 
 
-def _machine_record(name: str, settings: list[str] | None, factors: list[str] | None) -> dict[str, Any]:
-    return {"file": name, "set": settings or [], "scale": factors or []}
+def _made_by(
+    name: str, settings: list[str] | None, factors: list[str] | None, device: str, seed: int, *, ideal: bool = False
+) -> dict[str, Any]:
+    machine = {"file": name, "set": settings or [], "scale": factors or []}
+    return {"machine": machine, "device": device, "seed": seed, "ideal": ideal}
+
+
+def _validated(chosen: Machine, second: Machine | None, family: list[Machine], device: str, seed: int) -> Validation:
+    from aoro_gym.validation import validate
+
+    with _progress() as progress, _running():
+        task = progress.add_task("validation", total=4)
+
+        def say(what: str) -> None:
+            progress.update(task, description=what, advance=1)
+
+        return validate(chosen, uncalibrated=second, ensemble=family, device=device, seed=seed, progress=say)
+
+
+def _validation_passage(result: Validation, folder: Path) -> Passage:
+    """The report of a validation in ``folder``, and what the demo shows of it."""
+    from aoro_gym.report import Passage
+    from aoro_gym.validation.report import print_tables, write_report
+
+    with _running():
+        write_report(result, folder)
+    print_tables(_out(), result)
+    reached, of = result.reached()
+    text = (
+        f"Full turns beside the published machine: {reached} of {of} figures of the published twin are within bounds."
+    )
+    pictures = [folder / "left_turns.png", folder / "errors.png"]
+    return Passage("Validation", text, pictures, more=f"{folder.name}/index.html")
+
+
+def _swing(chosen: Machine, device: str, seed: int, path: Path) -> Passage:
+    """An episode of ``AORO/Turning-v0`` under its reference controller, drawn into the GIF ``path``."""
+    import numpy as np
+
+    from aoro_gym.agents import ProportionalDerivative
+    from aoro_gym.envs import TurningEnv
+    from aoro_gym.report import Passage, write_gif
+
+    env = TurningEnv(machine=chosen, device=device, render_mode="rgb_array")
+    policy = ProportionalDerivative(env.observation_layout)
+    start = {"joint_angle": math.radians(15.0), "targets": np.radians(SWING_TARGETS_DEG), "hold": SWING_HOLD_S}
+    observation, info = env.reset(seed=seed, options=start)
+    steps = round(len(SWING_TARGETS_DEG) * SWING_HOLD_S * env.metadata["render_fps"])
+    frames = []
+    with _progress() as progress:
+        for step in progress.track(range(steps), description="AORO/Turning-v0"):
+            observation, _, terminated, _, info = env.step(policy(observation[None])[0])
+            if step % 5 == 0:
+                frames.append(env.render())
+            if terminated:
+                break
+    env.close()
+    with _running():
+        write_gif(path, frames, frames_per_second=env.metadata["render_fps"] / 5)
+    targets = ", ".join(f"{target:g}°" for target in SWING_TARGETS_DEG)
+    verdict = "settled on every one in time" if info["is_success"] else "did not settle on every one in time"
+    text = (
+        f"The reference controller of AORO/Turning-v0 (proportional-derivative, from the noisy angle sensor alone) is asked "
+        f"for joint angles of {targets}, left positive, and {verdict}."
+    )
+    return Passage("A controlled turn", text, [path])
+
+
+def _calibrate(fit: Callable[..., Any], out: Path, **options: Any) -> list[Path]:
+    """Calibrate, print what was found, and write the machine, its ensemble and the report; returns the paths."""
+    checkpoint = out.with_name(f"{out.name}.checkpoint.json")
+    with _checking_input():
+        out.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with _progress() as progress:
+                task = progress.add_task("calibration", total=1.0)
+                found = fit(
+                    checkpoint=checkpoint,
+                    progress=lambda what, share: progress.update(task, description=what, completed=share),
+                    **options,
+                )
+        except KeyboardInterrupt:
+            _err().print("[bold]interrupted:[/] the same command goes on from where it stopped", highlight=False)
+            raise typer.Exit(130) from None
+        found.machine.save(out)
+        written = [out]
+        if found.ensemble:
+            folder = out.with_name(f"{out.stem}_ensemble")
+            folder.mkdir(exist_ok=True)
+            for old in folder.glob("[0-9][0-9].toml"):
+                old.unlink()
+            for index, member in enumerate(found.ensemble):
+                written.append(folder / f"{index + 1:02d}.toml")
+                member.save(written[-1])
+        written.append(out.with_suffix(".json"))
+        _write_json(written[-1], found.report)
+        checkpoint.unlink(missing_ok=True)
+    for item in _calibration_tables(found.report):
+        _out().print(item, highlight=False)
+    return written
+
+
+def _calibration_tables(report: dict[str, Any]) -> Iterator[Table | str]:
+    """What a calibration found: misses of figures or intervals of parameters, then what it leaves open."""
+    from aoro_gym.report import describe
+
+    misses: dict[str, dict[str, float]] = report.get("misses_tolerances", {})
+    if misses:
+        table = Table(title="Misses of left turns, in tolerances", title_justify="left", header_style="bold")
+        table.add_column("key figure")
+        for level in misses:
+            table.add_column(f"{level} % signal", justify="right")
+        for name in next(iter(misses.values())):
+            row = [misses[level][name] for level in misses]
+            table.add_row(describe(name)[0], *(f"[{'green' if abs(m) <= 1 else 'red'}]{m:+.2f}[/]" for m in row))
+        yield table
+    if report.get("parameters"):
+        table = Table(title="Parameters that the logs feel", title_justify="left", header_style="bold")
+        for column in ("key", "value", "95 % interval", "unit", ""):
+            table.add_column(column, justify="right" if column == "value" else "left")
+        for p in report["parameters"]:
+            mark = "[green]identified[/]" if p["identified"] else "[yellow]not identified[/]"
+            unit = "" if p["unit"] == "1" else p["unit"]
+            table.add_row(p["key"], f"{p['value']:.4g}", f"{p['low95']:.4g} - {p['high95']:.4g}", unit, mark)
+        yield table
+    for key, text in (
+        ("largest_miss_tolerances", "largest miss: {:.2f} tolerances"),
+        ("largest_change_at_half_the_substep_tolerances", "largest change at half the substep: {:.2f} tolerances"),
+        ("rms_residual_std", "residuals: {:.2f} standard deviations, root mean square"),
+    ):
+        if report.get(key) is not None:
+            yield text.format(report[key])
+    leaning = [f"{item['key']} ({item['end']} end)" for item in report.get("leaning_on_a_bound", [])]
+    yield _listed("leaning on a bound of its range", leaning)
+    if report.get("ensemble_dropped"):
+        yield _listed("ensemble members that were dropped", report["ensemble_dropped"])
+    yield _listed("not felt, so left as they were", report.get("not_felt", []))
+
+
+def _listed(what: str, items: Sequence[str]) -> str:
+    return f"{what}: {', '.join(items) if items else 'none'}"
 
 
 def _lead(made_by: dict[str, Any]) -> str:
@@ -533,7 +883,17 @@ def _figure_table(section: Section) -> Table:
 
 def _write_json(path: Path, content: Any) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(content, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    text = json.dumps(_with_nulls(content), indent=2, ensure_ascii=False, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8")
+
+
+def _with_nulls(content: Any) -> Any:
+    """``content`` with null where a number is none: JSON has no NaN."""
+    if isinstance(content, dict):
+        return {key: _with_nulls(value) for key, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [_with_nulls(value) for value in content]
+    return None if isinstance(content, float) and not math.isfinite(content) else content
 
 
 def _say(written: list[Path]) -> None:

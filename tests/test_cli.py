@@ -1,23 +1,26 @@
 """The command line: every verb works, every wrong input is said in one line with exit code 2."""
 
 import json
+import math
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from aoro_gym import __version__
+from aoro_gym import Machine, __version__, validation
+from aoro_gym.calibration.published import Calibration
 from aoro_gym.cli import app
 from aoro_gym.log import read_table
 
 runner = CliRunner()
 
 
-def call(*arguments: str | Path) -> Result:
+def call(*arguments: str | int | Path) -> Result:
     """Run the command; its exceptions are ours."""
     return runner.invoke(app, [str(argument) for argument in arguments], catch_exceptions=False)
 
@@ -32,7 +35,7 @@ def turn(tmp_path_factory) -> tuple[Path, Result]:
 
 def test_version_and_help():
     assert call("--version").stdout == f"aoro-gym {__version__}\n"
-    for verb in ("parameters", "simulate", "demo", "bench"):
+    for verb in ("parameters", "simulate", "validate", "calibrate", "demo", "bench"):
         shown = call(verb, "--help")
         assert shown.exit_code == 0
         assert "Examples" in shown.stdout
@@ -69,11 +72,15 @@ def test_simulate_writes_log_manifest_figures_and_plots(turn):
         assert f"wrote {path.with_suffix(suffix)}" in shown.stdout
     table = read_table(path)
     np.testing.assert_allclose(table["time_s"], np.arange(1, 121) / 100)
-    assert table["joint_angle_deg"][0] == pytest.approx(-40.0, abs=0.1)
+    noise = table["joint_angle_rad"] - np.radians(table["true_joint_angle_deg"])
+    assert 0.0 < np.abs(noise).max() < np.radians(1.0)
+    assert np.any(table["pressure_a_bar"] != table["true_pressure_a_bar"])
+    np.testing.assert_array_equal(table["engine_speed_rpm"], table["true_engine_speed_rpm"])
     assert np.all(table["steering_signal_V"][table["time_s"] > 0.605] == 0.5)
     manifest = tomllib.loads(path.with_suffix(".toml").read_text())
     assert manifest["machine"]["scale"] == ["steering.valve.spool_time_constant=2"]
-    assert manifest["sensors"] == "ideal"
+    assert manifest["sensors"].startswith("joint angle: published kind of noise")
+    assert manifest["simulation"]["seed"] == 0
     figures = json.loads(path.with_suffix(".json").read_text())["figures"]
     assert figures["turn_time_s"] is None
     assert figures["highest_pressure_a_bar"] > 50
@@ -94,13 +101,35 @@ def test_simulate_a_file_on_a_slope(tmp_path):
     commands = tmp_path / "commands.csv"
     commands.write_text("time_s,drive_signal,steering_signal\n0,0,0\n0.2,0.4,-0.5\n0.6,0,0\n")
     out = tmp_path / "log.parquet"
-    options = ["--start-angle", "10", "--terrain-slope", "6", "--terrain-direction", "90", "--terrain-friction", "0.8"]
+    options = [
+        "--ideal-sensors",
+        "--start-angle",
+        "10",
+        "--terrain-slope",
+        "6",
+        "--terrain-direction",
+        "90",
+        "--terrain-friction",
+        "0.8",
+    ]
     shown = call("simulate", "-m", commands, "--out", out, *options)
     assert shown.exit_code == 0, shown.output
     table = read_table(out)
-    assert table["joint_angle_deg"][0] == pytest.approx(10.0, abs=0.1)
-    assert table["joint_angle_deg"][-1] < 10.0
+    angle = np.degrees(table["joint_angle_rad"])
+    np.testing.assert_allclose(angle, table["true_joint_angle_deg"], rtol=1e-12)
+    assert angle[0] == pytest.approx(10.0, abs=0.1)
+    assert angle[-1] < 10.0
+    assert tomllib.loads(out.with_suffix(".toml").read_text())["sensors"] == "ideal"
     assert tomllib.loads(out.with_suffix(".toml").read_text())["ground"]["slope_deg"] == 6.0
+
+
+def test_seed_draws_the_noise(turn, tmp_path):
+    slow = "steering.valve.spool_time_constant=2"
+    other = tmp_path / "other.csv"
+    call("simulate", "-m", "left", "--duration", "1.2", "--scale", slow, "--seed", "1", "--out", other)
+    first, second = read_table(turn[0]), read_table(other)
+    assert np.any(first["joint_angle_rad"] != second["joint_angle_rad"])
+    np.testing.assert_array_equal(first["true_joint_angle_deg"], second["true_joint_angle_deg"])
 
 
 def test_demo(tmp_path):
@@ -110,8 +139,138 @@ def test_demo(tmp_path):
     assert "Full turn left" in page
     assert "Straight drive" in page
     assert str(tmp_path / "demo" / "index.html") in shown.stdout
-    for name in ("left_turn", "straight_drive"):
-        assert (tmp_path / "demo" / f"{name}.png").exists()
+    assert "of 21 figures of the published twin are within bounds" in page
+    assert "AORO/Turning-v0" in page
+    assert page.count("data:image/gif;base64,") == 1
+    for name in ("left_turn.png", "straight_drive.png", "turning.gif", "validation/index.html"):
+        assert (tmp_path / "demo" / name).exists()
+    assert json.loads((tmp_path / "demo" / "validation" / "validation.json").read_text())["uncalibrated"]
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Calls of the heavy parts: machines that were validated, and options of calibrations."""
+    calls = SimpleNamespace(validated=[], calibrated=[], stop=False)
+    found = validation.validate
+
+    def quick_validate(machine, **options):
+        calls.validated.append((machine.name, options))
+        if not calls.validated[1:]:
+            options = {**options, "noise_runs": 2}
+        return found(machine, **options)
+
+    def quick_calibrate(what):
+        def calibrate(machine, *logs, ensemble=0, checkpoint, progress, **options):
+            calls.calibrated.append((what, machine.name, *logs, {"ensemble": ensemble, **options}))
+            progress("searching", 0.5)
+            checkpoint.write_text("{}")
+            if calls.stop:
+                raise KeyboardInterrupt
+            better = machine.set({"oil.gas_fraction": 0.01}, source="calibrated")
+            members = tuple(machine.set({"oil.gas_fraction": 0.01 + 0.001 * (i + 1)}) for i in range(ensemble))
+            return Calibration(better, members, REPORTS[what])
+
+        return calibrate
+
+    monkeypatch.setattr(validation, "validate", quick_validate)
+    monkeypatch.setattr("aoro_gym.calibration.published.calibrate_published", quick_calibrate("published"))
+    monkeypatch.setattr("aoro_gym.calibration.logs.calibrate_logs", quick_calibrate("logs"))
+    return calls
+
+
+REPORTS = {
+    "published": {
+        "misses_tolerances": {
+            "100": {"turn_time_s": 0.5, "mean_flow_L_per_min": -2.0},
+            "50": {"turn_time_s": 0.1, "mean_flow_L_per_min": 0.0},
+        },
+        "largest_miss_tolerances": 2.0,
+        "largest_change_at_half_the_substep_tolerances": math.nan,
+        "leaning_on_a_bound": [{"key": "oil.bulk_modulus", "end": "low"}],
+        "not_felt": ["wheel.mass"],
+    },
+    "logs": {
+        "rms_residual_std": 1.5,
+        "parameters": [
+            {"key": "a.b", "unit": "1", "value": 2.0, "low95": 1.0, "high95": 3.0, "identified": True},
+            {"key": "c.d", "unit": "Pa", "value": 5.0, "low95": 0.0, "high95": 9.0, "identified": False},
+        ],
+        "not_felt": [],
+        "leaning_on_a_bound": [],
+    },
+}
+
+
+def test_validate(tmp_path, quick):
+    shown = call("validate", "--out", tmp_path)
+    assert shown.exit_code == 0, shown.output
+    name, options = quick.validated[0]
+    assert (name, options["uncalibrated"].name) == ("aoro", "aoro_datasheet")
+    assert "Full turns to the left" in shown.stdout
+    for file in ("validation.json", "left_turns.png", "right_turns.png", "errors.png", "index.html"):
+        assert (tmp_path / file).stat().st_size > 0
+        assert f"wrote {tmp_path / file}" in shown.stdout
+
+
+def test_validate_takes_an_ensemble_and_no_second_machine(tmp_path, quick):
+    machine = Machine.load("aoro")
+    (tmp_path / "members").mkdir()
+    for name in ("members/01.toml", "members/02.toml", "third.toml"):
+        machine.save(tmp_path / name)
+    ensemble = ["--ensemble", tmp_path / "members", "--ensemble", tmp_path / "third.toml"]
+    shown = call("validate", "--uncalibrated", "none", *ensemble, "--out", tmp_path / "out")
+    assert shown.exit_code == 0, shown.output
+    result = json.loads((tmp_path / "out" / "validation.json").read_text())
+    assert result["uncalibrated"] is None
+    assert result["ensemble"]["members"] == 3
+
+
+def test_validate_recalibrates_first(tmp_path, quick):
+    shown = call("validate", "--recalibrate", "--out", tmp_path, "--seed", 4)
+    assert shown.exit_code == 0, shown.output
+    assert quick.calibrated == [("published", "aoro_datasheet", {"ensemble": 0, "seed": 4, "device": "cpu"})]
+    assert quick.validated[0][0] == "calibrated"
+    assert Machine.load(tmp_path / "calibrated.toml").entries["oil.gas_fraction"].value == 0.01
+
+
+def test_calibrate_against_the_published_figures(tmp_path, quick):
+    out = tmp_path / "new" / "mine.toml"
+    for members in (3, 2):
+        shown = call("calibrate", "--published", "--ensemble", members, "--starts", 1, "--out", out)
+        assert shown.exit_code == 0, shown.output
+    options = {"ensemble": 2, "starts": 1, "seed": 0, "device": "cpu"}
+    assert quick.calibrated[-1] == ("published", "aoro_datasheet", options)
+    assert Machine.load(out).entries["oil.gas_fraction"].value == 0.01
+    members = sorted((out.parent / "mine_ensemble").iterdir())
+    assert [member.name for member in members] == ["01.toml", "02.toml"]
+    report = json.loads(out.with_suffix(".json").read_text())
+    assert report["largest_change_at_half_the_substep_tolerances"] is None
+    assert sorted(path.name for path in out.parent.iterdir()) == ["mine.json", "mine.toml", "mine_ensemble"]
+    for text in (
+        "100 % signal",
+        "-2.00",
+        "largest miss: 2.00",
+        "oil.bulk_modulus (low end)",
+        "left as they were: wheel.mass",
+    ):
+        assert text in shown.stdout
+
+
+def test_calibrate_on_logs(turn, tmp_path, quick):
+    shown = call("calibrate", "--logs", turn[0], turn[0], "--machine", "aoro", "--out", tmp_path / "mine.toml")
+    assert shown.exit_code == 0, shown.output
+    assert quick.calibrated == [("logs", "aoro", [turn[0]] * 2, {"ensemble": 0, "seed": 0, "device": "cpu"})]
+    for text in ("a.b", "1 - 3", "not identified", "residuals: 1.50", "leaning on a bound of its range: none"):
+        assert text in shown.stdout
+
+
+def test_an_interrupted_calibration_says_that_it_resumes(tmp_path, quick):
+    quick.stop = True
+    shown = call("calibrate", "--published", "--out", tmp_path / "mine.toml")
+    assert shown.exit_code == 130
+    assert shown.stdout == ""
+    assert shown.stderr == "interrupted: the same command goes on from where it stopped\n"
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.toml.checkpoint.json"]
 
 
 def test_bench(tmp_path):
@@ -157,6 +316,23 @@ def test_bench(tmp_path):
         ("simulate -m left --terrain-slope 60", "terrain slope_deg = 60 is outside [-45, 45] deg"),
         ("parameters nothing.like.it", "no parameter matches 'nothing.like.it'"),
         ("demo --out good.csv", "--out good.csv is a file; name a folder"),
+        ("validate --out good.csv", "--out good.csv is a file; name a folder"),
+        ("validate --machine none.toml", "no machine file none.toml"),
+        ("validate --uncalibrated tractor", "no bundled machine 'tractor'"),
+        ("validate --ensemble none.toml", "no machine file none.toml"),
+        ("validate --ensemble empty", "--ensemble empty holds no machine file (.toml)"),
+        ("validate --seed -1", "--seed = -1 is below 0"),
+        ("validate --recalibrate --machine bad.toml", "drop --machine, --set and --scale"),
+        ("validate --recalibrate --uncalibrated none", "starts from --uncalibrated, which is none"),
+        ("calibrate", "give one of --published and --logs LOG..."),
+        ("calibrate --published --logs good.csv", "give one of --published and --logs LOG..."),
+        ("calibrate --published good.csv", "--published takes no logs, but got good.csv"),
+        ("calibrate --logs", "--logs needs the logs behind it"),
+        ("calibrate --logs none.csv", "file none.csv does not exist"),
+        ("calibrate --logs good.csv", "good.csv, line 3: time_s must increase from row to row, over ten rows"),
+        ("calibrate --published --out machine.json", "--out machine.json must end in .toml"),
+        ("calibrate --published --starts 0", "--starts = 0 is below 1"),
+        ("calibrate --published --device tpu", "--device 'tpu' is not available here"),
         ("bench --twins 0", "--twins '0': '0' is no whole number from 1"),
         ("bench --twins 1,many", "'many' is no whole number from 1"),
         ("bench --seconds nan", "--seconds = nan is outside (0, 600] s"),
@@ -168,6 +344,7 @@ def test_wrong_input_is_one_line_before_anything_runs(tmp_path, monkeypatch, arg
     Path("good.csv").write_text("time_s,steering_signal\n0,0\n1,0.5\n")
     Path("bad.csv").write_text("time_s,steering_signal\n0,0\n1,2\n")
     Path("bad.toml").write_text("value = [")
+    Path("empty").mkdir()
     before = sorted(Path().iterdir())
     shown = call(*arguments.split())
     assert shown.exit_code == 2

@@ -1,15 +1,14 @@
-"""Key figures against turns whose figures are known by construction."""
+"""Key figures of recordings: the published ones of a turn, and those of a drive."""
 
 import numpy as np
 import pytest
-from scipy.integrate import cumulative_trapezoid, quad
+from scipy.integrate import cumulative_trapezoid
 
-from aoro_gym.figures import TOLERANCE, Figures, key_figures, turn_figures, turn_flow
-
-LITRE_PER_MINUTE = 1e-3 / 60
-STOP = np.radians(40.0)
-REST = 0.6
-RISE = 0.01
+from aoro_gym.figures import Figures, key_figures, turn_start
+from aoro_gym.manoeuvres import STANDSTILL, Recording
+from aoro_gym.sensors.chain import sample
+from aoro_gym.validation.key_figures import FIGURES
+from aoro_gym.validation.key_figures import key_figures as published_figures
 
 
 def known(figures: Figures) -> dict[str, float]:
@@ -19,69 +18,36 @@ def known(figures: Figures) -> dict[str, float]:
     return values
 
 
-def made_turn(direction: int = 1, duration: float = 2.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Time, angle and a flow with known extremes, of a turn whose joint moves at a constant rate."""
-    time = np.arange(0.0, REST + duration + 1.0, 1e-3)
-    since = time - REST
-    angle = direction * np.clip(-STOP + 2 * STOP * since / duration, -STOP, STOP)
-    knots = [-1.0, 0.0, 0.1, 0.4, 0.7, 0.9, duration, duration + RISE, 9.0]
-    flow = np.interp(since, knots, [0, 0, 100, 50, 90, 70, 70, 0, 0]) * LITRE_PER_MINUTE
-    return time, angle, flow
+def test_a_turn_has_the_published_figures(left_turn, machine):
+    figures = known(key_figures(left_turn, machine.steering.cylinder))
+    ticks, angle = sample(left_turn.time, left_turn["joint_angle"])
+    assert {name: figures[name] for name in FIGURES} == published_figures(ticks, angle, machine)
+    # sampled ten times as fast, and unfiltered: an extreme can only grow
+    assert figures["raw_first_peak_L_per_min"] > figures["first_peak_L_per_min"]
+    assert figures["raw_lowest_undershoot_L_per_min"] < figures["lowest_undershoot_L_per_min"]
+    assert figures["raw_steady_flow_L_per_min"] == pytest.approx(figures["steady_flow_L_per_min"], rel=0.01)
 
 
-@pytest.mark.parametrize("direction", [1, -1])
-def test_figures_of_a_made_turn(direction):
-    duration = 2.0
-    made = made_turn(direction, duration)
-    figures = known(turn_figures(*made, stop=direction * STOP, volume=2.331e-3, prefix="raw_"))
-    rate = 2 * STOP / duration
-    late = TOLERANCE / rate  # the clock starts 0.1 deg after the start, and ends 0.1 deg before the stop
-    turn_time = duration - 2 * late
-    step = 1.001e-3  # each end of an interval is found to a sample
-    assert figures["turn_time_s"] == pytest.approx(turn_time, abs=2 * step)
-    assert figures["mean_flow_L_per_min"] == pytest.approx(2.331 * 60 / figures["turn_time_s"])
-    assert figures["raw_first_peak_L_per_min"] == pytest.approx(100.0)
-    assert figures["raw_first_peak_time_s"] == pytest.approx(0.1 - late, abs=step)
-    assert figures["raw_lowest_undershoot_L_per_min"] == pytest.approx(50.0)
-    assert figures["raw_second_peak_L_per_min"] == pytest.approx(90.0)
-    assert figures["raw_steady_flow_L_per_min"] == pytest.approx(70.0)
+def test_a_turn_that_does_not_arrive_has_no_figures_of_a_turn(left_turn, machine):
+    cut = left_turn.time < STANDSTILL + 1.0
+    channels = {name: values[cut] for name, values in left_turn.channels.items()}
+    figures = key_figures(Recording(left_turn.manoeuvre, left_turn.time[cut], channels), machine.steering.cylinder)
+    assert {figures[name] for name in FIGURES} == {None}
+    assert figures["highest_pressure_a_bar"] is not None
 
 
-def test_a_turn_that_does_not_arrive_has_no_figures():
-    time, angle, flow = made_turn()
-    cut = time < 2.0
-    figures = turn_figures(time[cut], angle[cut], flow[cut], stop=STOP, volume=2.331e-3)
-    assert set(figures.values()) == {None}
-    still = turn_figures(time, np.full_like(time, -STOP), 0 * time, stop=STOP, volume=2.331e-3)
-    assert set(still.values()) == {None}
-
-
-def test_beyond_the_stop_has_arrived():
-    time, angle, flow = made_turn()
-    pressed = np.where(angle >= STOP - TOLERANCE, STOP + 2 * TOLERANCE, angle)  # springs past the window in one sample
-    figures = turn_figures(time, pressed, flow, stop=STOP, volume=2.331e-3)
-    assert figures["turn_time_s"] == turn_figures(time, angle, flow, stop=STOP, volume=2.331e-3)["turn_time_s"]
-
-
-def test_a_full_turn_draws_both_full_strokes(machine):
-    cylinder = machine.steering.cylinder
-    volume, _ = quad(lambda angle: turn_flow(cylinder, angle, 1.0, 1), -cylinder.half_range, cylinder.half_range)
-    mirrored, _ = quad(lambda angle: turn_flow(cylinder, angle, -1.0, -1), -cylinder.half_range, cylinder.half_range)
-    assert volume == pytest.approx((cylinder.bore_area + cylinder.annulus_area) * cylinder.stroke, rel=1e-9)
-    assert mirrored == pytest.approx(volume, rel=1e-9)
-    assert volume == pytest.approx(2.331e-3, abs=0.5e-6)  # the published machine
-
-
-def test_flow_of_a_left_turn_is_the_twins_own(left_turn):
-    largest = np.abs(left_turn["joint_flow"]).max()
-    np.testing.assert_allclose(left_turn["turn_flow"], left_turn["joint_flow"], atol=1e-5 * largest)
+def test_a_turn_starts_after_its_signal(left_turn, drive):
+    start = turn_start(left_turn)
+    assert start is not None
+    assert STANDSTILL < start < STANDSTILL + 0.2
+    assert turn_start(drive) is None
 
 
 @pytest.mark.parametrize("turn", ["left_turn", "right_turn"])
 def test_the_twins_turn_closes_its_oil_balance(turn, machine, request):
     recording = request.getfixturevalue(turn)
     figures = known(key_figures(recording, machine.steering.cylinder))
-    drawn = cumulative_trapezoid(recording["turn_flow"], recording.time, initial=0.0).max()
+    drawn = cumulative_trapezoid(recording["joint_flow"], recording.time, initial=0.0).max()
     # the joint springs back from its stop by less than a degree of its 80
     assert drawn == pytest.approx(2.331e-3, rel=1 / 80)
     assert figures["raw_first_peak_L_per_min"] > figures["mean_flow_L_per_min"]

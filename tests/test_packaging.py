@@ -9,8 +9,10 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 
+import gymnasium
 import pytest
 
 import aoro_gym
@@ -29,11 +31,12 @@ MAY_SEE = {
     "sensors": {"terrains", "twin"},
     "envs": {"terrains", "twin", "sensors"},
     "agents": {"terrains", "twin", "sensors", "envs", *TOOLS},
-    **{part: {"terrains", "twin", "sensors", *TOOLS} for part in TOOLS},
+    # the key figures of a turn are defined in validation, for the machine and for every drawing of a twin
+    **{part: {"terrains", "twin", "sensors", "validation", *TOOLS} for part in TOOLS},
     **{part: {"terrains", "twin", "sensors", *TOOLS, *STUDIES} for part in STUDIES},
     "cli": {"terrains", "twin", "sensors", "envs", "agents", *TOOLS, *STUDIES},
     "__main__": {"cli"},
-    "__init__": {"terrains", "twin"},
+    "__init__": {"terrains", "twin", "envs"},
 }
 
 
@@ -125,10 +128,25 @@ def test_every_direct_dependency_is_pinned():
 
 @pytest.mark.parametrize("module", ["aoro_gym", "aoro_gym.cli"])
 def test_importing_is_cheap(module):
-    heavy = ["numpy", "scipy", "warp", "gymnasium", "matplotlib", "plotly", "trimesh", "pandas", "pyarrow", "torch"]
+    # gymnasium, and with it numpy, is there to register the environments
+    heavy = ["scipy", "warp", "matplotlib", "plotly", "trimesh", "pandas", "pyarrow", "torch"]
     code = f"import sys, {module}; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("name", ["AORO/Turning-v0", "aoro_gym:AORO/Turning-v0"])
+def test_importing_registers_the_environments(name):
+    alone = "" if ":" in name else "import aoro_gym; "
+    code = f"import gymnasium; {alone}print(gymnasium.make({name!r}).spec.id)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "AORO/Turning-v0"
+
+
+def test_plug_in_registers_the_environments():
+    module, _, function = PROJECT["project"]["entry-points"]["gymnasium.envs"]["__root__"].partition(":")
+    getattr(import_module(module), function)()
+    assert "AORO/Turning-v0" in gymnasium.registry
 
 
 def test_names_load_on_first_use():

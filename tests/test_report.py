@@ -2,10 +2,12 @@
 
 import re
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from aoro_gym.figures import key_figures
-from aoro_gym.report import Section, describe, panels, show, write_html, write_png
+from aoro_gym.report import Passage, Section, describe, panels, show, write_gif, write_html, write_png
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +51,28 @@ def test_page_is_self_contained(tmp_path, sections):
     assert page.count('class="plotly-graph-div"') == 2
     assert not re.search(r"""<(?:script|link|img)[^>]+(?:src|href)=["']?(?:https?:)?//""", page)
     assert "$" not in re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
+
+
+def test_page_holds_copies_of_pictures(tmp_path, sections):
+    moving = tmp_path / "moving.gif"
+    write_gif(moving, [np.full((8, 12, 3), shade, dtype=np.uint8) for shade in (0, 120, 255)], frames_per_second=10)
+    path = tmp_path / "page.html"
+    write_html(path, "T", "lead", sections[:1], [Passage("A & b", "more < less", [moving], more="other/index.html")])
+    page = path.read_text(encoding="utf-8")
+    assert 'A &amp; b</h2><p>more &lt; less <a href="other/index.html">' in page
+    assert 'src="data:image/gif;base64,' in page
+
+
+def test_gif_keeps_frames_and_time(tmp_path):
+    path = tmp_path / "new" / "moving.gif"
+    shades = (0, 120, 255)
+    frames = [np.full((8, 12, 3), shade, dtype=np.uint8) for shade in shades]
+    frames[-1][:4] = np.arange(12)[:, None] * 20  # the palette is that of the last frame
+    write_gif(path, frames, frames_per_second=10)
+    with Image.open(path) as gif:
+        assert gif.size == (12, 8)
+        assert getattr(gif, "n_frames") == 3  # noqa: B009
+        assert gif.info["duration"] == 100
 
 
 @pytest.mark.parametrize(

@@ -94,6 +94,18 @@ def motor_pressure(machine: Machine) -> NDArray[np.float64]:
     return motor_pressure_at(published("drive_speed"), machine) / 1e5
 
 
+def rolling_pressure(machine: Machine, *, brake: bool = True) -> NDArray[np.float64]:
+    """Pressure difference [bar] over the motors (N,) that steady driving on level ground takes, in closed form.
+
+    Each motor gives D Δp and loses (1 − η) D Δp in itself; what is left turns against the disc brake and a quarter of
+    the rolling resistance c W r. Leakage and valves do not enter: it is the motors' own difference.
+    """
+    load = 0.25 * 9.81 * np.asarray(machine.mass) * machine.tire.rolling_resistance * machine.tire.radius
+    torque = load + (np.asarray(machine.driveline.brake.disc_torque) if brake else 0.0)
+    motor = machine.driveline.motor
+    return np.atleast_1d(torque / (motor.mechanical_efficiency * motor.displacement)) / 1e5
+
+
 def meet_times_and_pressure(
     machine: Machine, sides: tuple[str, ...] = SIDES, progress: Callable[[str, float], None] = lambda s, x: None
 ) -> Machine:

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from aoro_gym.calibration.ensemble import draw_ensemble, posterior_factor
 from aoro_gym.calibration.fit import least_squares_fit
-from aoro_gym.calibration.procedure import meet_times_and_pressure, published_procedure
+from aoro_gym.calibration.procedure import meet_times_and_pressure, published_procedure, rolling_pressure
 from aoro_gym.calibration.space import Space
 from aoro_gym.calibration.turns import population_figures
 from aoro_gym.twin import Machine
 from aoro_gym.validation.key_figures import FIGURES
-from aoro_gym.validation.published import published_rows
-from aoro_gym.validation.study import TARGETS, TURN_TIME_TARGET
+from aoro_gym.validation.published import published, published_rows
+from aoro_gym.validation.study import BARE_PRESSURE_TARGET, MOTOR_PRESSURE_TARGET, TARGETS, TURN_TIME_TARGET
 from aoro_gym.validation.turns import Turn
 
 LEVELS = tuple(Turn("left", percent) for percent in (100.0, 75.0, 50.0))
@@ -53,7 +53,7 @@ def calibrate_published(
     datasheet: Machine,
     *,
     ensemble: int = 0,
-    starts: int = 4,
+    starts: int = 2,
     population: int = 512,
     seed: int = 0,
     device: str = "cpu",
@@ -81,9 +81,18 @@ def calibrate_published(
     target, tolerance = _targets()
 
     def misses(space: Space, points: NDArray[np.float64], substeps: int = 30) -> NDArray[np.float64]:
-        """Misses (figures, N) in half tolerances."""
-        found = population_figures(space.population(points), LEVELS, device=device, substeps=substeps)
-        return (2.0 * (found - target[:, :, None]) / tolerance[:, :, None]).reshape(target.size, -1)
+        """Misses (figures and two driving pressures, N) in half tolerances."""
+        machine = space.population(points)
+        found = population_figures(machine, LEVELS, device=device, substeps=substeps)
+        turning = ((found - target[:, :, None]) / tolerance[:, :, None]).reshape(target.size, -1)
+        driving = [
+            (rolling_pressure(machine, brake=brake) / published(name) - 1.0) / bound
+            for brake, name, bound in (
+                (True, "motor_pressure", MOTOR_PRESSURE_TARGET),
+                (False, "motor_pressure_without_brake", BARE_PRESSURE_TARGET),
+            )
+        ]
+        return 2.0 * np.vstack([turning, np.broadcast_to(driving, (2, turning.shape[1]))])
 
     progress("which parameters the figures feel", 0.1)
     uncertain = [p.key for p in start.parameters() if p.role in ("nuisance", "both")]
@@ -117,10 +126,15 @@ def calibrate_published(
             residuals, fitted, ensemble + 1, accept=lambda found: np.all(np.abs(found) <= allowed, axis=0), seed=seed
         )
 
-    machines = []
+    machines, dropped = [], []
     for i, point in enumerate(points):
         progress("right turn and disc brake", 0.88 + 0.12 * i / len(points))
-        machines.append(_finished(space, point))
+        try:
+            machines.append(_finished(space, point))
+        except ValueError as error:
+            if i == 0:
+                raise
+            dropped.append(str(error))
     report = {
         "method": "published procedure, then bounded least squares on the published twin's key figures of left turns",
         "starts": [{"cost": fit.cost, "evaluations": fit.evaluations} for fit in fits],
@@ -130,9 +144,11 @@ def calibrate_published(
         "largest_miss_tolerances": float(np.max(np.abs(fits[0].residuals)) / 2.0),
         "misses_tolerances": {
             f"{turn.signal_percent:g}": dict(zip(FIGURES, row, strict=True))
-            for turn, row in zip(LEVELS, (np.reshape(fits[0].residuals, target.shape) / 2.0).tolist(), strict=True)
+            for turn, row in zip(LEVELS, (np.reshape(fits[0].residuals[: target.size], target.shape) / 2.0).tolist(), strict=True)
         },
         "largest_change_at_half_the_substep_tolerances": float(np.max(np.abs(halved)) / 2.0),
+        "ensemble": len(machines) - 1,
+        "ensemble_dropped": dropped,
         "seed": seed,
     }
     progress("done", 1.0)

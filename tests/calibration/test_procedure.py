@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from aoro_gym.calibration.procedure import measured_curve, motor_pressure, published_procedure, solve, turn_time
+from aoro_gym.calibration.procedure import (
+    measured_curve,
+    motor_pressure,
+    published_procedure,
+    rolling_pressure,
+    solve,
+    turn_time,
+)
 from aoro_gym.twin import Machine
 from aoro_gym.validation.published import published, valve_flow
 
@@ -40,3 +47,10 @@ def test_what_cannot_be_reached_names_key_and_range(calibrated):
 
     with pytest.raises(ValueError, match=r"no steering\.pump\.margin within its range .* reaches 99"):
         solve(calibrated, "steering.pump.margin", 99.0, measure)
+
+
+def test_driving_pressure_has_a_closed_form(calibrated):
+    """The simulated drive against torque balance; tanh at 1.25 rad/s over 0.05 rad/s leaves rolling resistance whole."""
+    assert rolling_pressure(calibrated)[0] == pytest.approx(motor_pressure(calibrated)[0], rel=2e-3)
+    bare = calibrated.set({"driveline.brake.disc_torque": 0.0})
+    assert rolling_pressure(calibrated, brake=False)[0] == pytest.approx(motor_pressure(bare)[0], rel=2e-3)

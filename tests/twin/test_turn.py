@@ -5,10 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from aoro_gym.figures import turn_figures, turn_flow
+from aoro_gym.sensors.chain import turn_flow
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.twin.records import WHEELS, State
 from aoro_gym.twin.twin import Twin
+from aoro_gym.validation.key_figures import key_figures
 from tests.twin.rig import SteeringLedger, drive, integral, orifice, states
 
 SIGNALS = np.array([1.0, 0.75, 0.5, -1.0, -0.75, -0.5])  # positive left
@@ -51,8 +52,7 @@ def figures(machine, log, case):
     """The seven key figures; the first peak's time by a parabola through the samples around it, finer than a sample."""
     angle = log["joint_angle"][:, case]
     flow = turn_flow(machine.steering.cylinder, angle, log["joint_rate"][:, case], DIRECTIONS[case])
-    stop = DIRECTIONS[case] * machine.joint.range
-    found = turn_figures(log.time, angle, flow, stop=stop, volume=machine.steering.full_turn_volume)
+    found = key_figures(log.time, angle, machine, flow=flow)
     start = int(np.argmax(np.abs(angle - angle[0]) > math.radians(0.1)))
     peak = start + int(np.argmax(flow[start : start + 300]))
     before, top, after = flow[peak - 1 : peak + 2]
@@ -128,7 +128,8 @@ def test_left_and_right_mirror_each_other(machine):
     # Left and right are summed in another order. A float32 has 6e-8; over 2000 steps as a random walk that is 3e-6 of a
     # channel's largest value. The stiffest reading is an arm's pressure: 1.6 kPa per µrad where oil holds the arm
     # against its tire, and 2000 roundings of an angle of 0.17 rad walk 0.3 µrad: 0.5 kPa of the rod side's 2 MPa.
-    # Bouncing off the stop stretches all of it: check valves open a little earlier or later.
+    # Bouncing off the stop stretches all of it: a check valve that opens one substep earlier moves the return line by
+    # Q Δt/C = 1.7e-3 m³/s · 33 µs / 1.5e-12 m³/Pa = 36 kPa, 4 % of its peak. A quarter of that is allowed.
     free, commanded = log.time < 2.0, log["steering_signal"][:, 0] != 0.0
     for channel in log.rows:
         stem, _, wheel = channel.rpartition("_")
@@ -138,7 +139,7 @@ def test_left_and_right_mirror_each_other(machine):
             left, right = left * commanded, right * commanded
         error = np.abs(left - right) / max(np.abs(left).max(), 1e-30)
         assert error[free].max() <= 3e-4, channel
-        assert error.max() <= 1e-3, channel
+        assert error.max() <= 1e-2, channel
     assert np.ptp(log["joint_angle"][:, 0]) > 1.99 * even.joint.range
 
 

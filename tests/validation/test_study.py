@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from aoro_gym.sensors import JointAngleNoise
-from aoro_gym.sensors.chain import sample
+from aoro_gym.sensors.chain import sample, turn_flow
 from aoro_gym.validation import FIGURES, key_figures_batch, validate
 from aoro_gym.validation.report import print_tables, write_report
 from aoro_gym.validation.study import TARGETS, Validation, noise_spread
@@ -49,7 +49,8 @@ def test_rows_are_complete(result):
 def test_rows_are_those_of_a_single_run(result, machine, left_turn):
     ticks, angle = sample(left_turn.time, left_turn["joint_angle"])
     alone = key_figures_batch(ticks, angle, machine)
-    raw = key_figures_batch(left_turn.time, left_turn["joint_angle"], machine, flow=left_turn["turn_flow"])
+    flow = turn_flow(machine.steering.cylinder, left_turn["joint_angle"], left_turn["joint_rate"], 1)
+    raw = key_figures_batch(left_turn.time, left_turn["joint_angle"], machine, flow=flow)
     for source, figures in (("twin", alone), ("twin_raw", raw)):
         row = result.row(source, TURNS[0])
         # the ends of the recordings differ, by a joint that rests: far below the digits kept
