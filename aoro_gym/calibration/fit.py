@@ -6,6 +6,7 @@ one population: one twin a free parameter, all in one launch.
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -50,6 +51,7 @@ def least_squares_fit(
     max_iterations: int = 40,
     spread: float = 0.25,
     seed: int = 0,
+    problem: str = "",
     checkpoint: Path | None = None,
     progress: Progress = lambda sentence, share: None,
 ) -> list[Fit]:
@@ -68,13 +70,14 @@ def least_squares_fit(
         max_iterations: Jacobians a start.
         spread: Standard deviation of the population around the prior in the unit cube.
         seed: Seed of the population.
+        problem: What is fitted to what; a checkpoint of another problem is not resumed.
         checkpoint: File (JSON) to resume from and to write to.
         progress: Called as parts end.
     """
     dimension = len(prior)
     signature = {
         "prior": [float(u) for u in prior], "prior_weight": prior_weight, "population": population, "seed": seed,
-        "spread": spread, "max_iterations": max_iterations,
+        "spread": spread, "max_iterations": max_iterations, "problem": hashlib.sha256(problem.encode()).hexdigest(),
     }  # fmt: skip
     done = _resume(checkpoint, signature)
 

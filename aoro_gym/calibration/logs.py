@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -74,7 +75,9 @@ def read_recording(path: Path) -> Recording:
     widest = float(np.max(np.diff(time)))
     if widest > 0.05:
         row = int(np.argmax(np.diff(time))) + 1
-        raise ValueError(f"{table.where(row)}: a gap of {widest:.3f} s; a calibration needs at least 20 samples a second")
+        raise ValueError(
+            f"{table.where(row)}: a gap of {widest:.3f} s; a calibration needs at least 20 samples a second"
+        )
     if "steering_signal" in table.columns:
         signal = table["steering_signal"]
     elif "steering_signal_V" in table.columns:
@@ -122,7 +125,7 @@ def repeat(machine: Machine, recording: Recording, *, device: str = "cpu") -> di
     # the sample at a tick shows what the commands before it have done
     changes = np.flatnonzero(np.diff(recording.signal[:-1])) + 1
     edges = [0, *changes.tolist(), len(recording.signal) - 1]
-    for begin, end in zip(edges[:-1], edges[1:], strict=True):
+    for begin, end in pairwise(edges):
         trace = twin.step(
             {"steering_signal": recording.signal[begin]}, round((end - begin) * TICK, 6), sample_every=TICK
         )
@@ -210,6 +213,7 @@ def calibrate_logs(
 
     fits = least_squares_fit(
         residuals, space.point(), prior_weight=1.0, starts=starts, population=population, seed=seed,
+        problem=space.describe() + repr([(r.signal.tobytes(), r.channels["joint_angle_rad"].tobytes()) for r in recordings]),
         checkpoint=checkpoint, progress=lambda sentence, share: progress(sentence, 0.1 + 0.8 * share),
     )  # fmt: skip
     best = np.array(fits[0].point)

@@ -111,7 +111,8 @@ def calibrate_published(
 
     fits = least_squares_fit(
         residuals, space.point(), prior_weight=PRIOR_WEIGHT, starts=starts, population=population, seed=seed,
-        checkpoint=checkpoint, progress=lambda sentence, share: progress(sentence, 0.15 + 0.65 * share),
+        problem=space.describe() + repr((target.tolist(), tolerance.tolist())), checkpoint=checkpoint,
+        progress=lambda sentence, share: progress(sentence, 0.15 + 0.65 * share),
     )  # fmt: skip
     best = np.array(fits[0].point)
 
@@ -144,8 +145,17 @@ def calibrate_published(
         "largest_miss_tolerances": float(np.max(np.abs(fits[0].residuals)) / 2.0),
         "misses_tolerances": {
             f"{turn.signal_percent:g}": dict(zip(FIGURES, row, strict=True))
-            for turn, row in zip(LEVELS, (np.reshape(fits[0].residuals[: target.size], target.shape) / 2.0).tolist(), strict=True)
+            for turn, row in zip(
+                LEVELS, (np.reshape(fits[0].residuals[: target.size], target.shape) / 2.0).tolist(), strict=True
+            )
         },
+        "driving_misses_tolerances": dict(
+            zip(
+                ("motor_pressure", "motor_pressure_without_brake"),
+                np.divide(fits[0].residuals[-2:], 2.0).tolist(),
+                strict=True,
+            )
+        ),
         "largest_change_at_half_the_substep_tolerances": float(np.max(np.abs(halved)) / 2.0),
         "ensemble": len(machines) - 1,
         "ensemble_dropped": dropped,
@@ -158,7 +168,7 @@ def calibrate_published(
 def _targets() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Figures of the published twin and their tolerances, both (levels, figures)."""
     rows = {row["signal_percent"]: row for row in published_rows() if row["source"] == "mevea"}
-    target = np.array([[float(rows[turn.signal_percent][name]) for name in FIGURES] for turn in LEVELS])  # type: ignore[arg-type]
+    target = np.array([[rows[turn.signal_percent][name] for name in FIGURES] for turn in LEVELS], dtype=np.float64)
     bounds = np.array([[bound if kind == "difference" else np.nan for kind, bound in TARGETS.values()]] * len(LEVELS))
     relative = np.array([bound for _, bound in TARGETS.values()]) * np.abs(target)
     tolerance = np.where(np.isnan(bounds), relative, bounds)
@@ -175,5 +185,7 @@ def _finished(space: Space, point: NDArray[np.float64]) -> Machine:
     values = {key: float(value) for key, value in zip(space.keys, space.values(point), strict=True)}
     machine = space.machine.set(values, source="C: published key figures of left turns")
     out = machine.entries["steering.valve.nominal_drop_out_left"].value
-    machine = machine.set({"steering.valve.nominal_drop_out_right": float(out)}, source="C: taken to be made like the left edge")
+    machine = machine.set(
+        {"steering.valve.nominal_drop_out_right": float(out)}, source="C: taken to be made like the left edge"
+    )
     return meet_times_and_pressure(machine, ("left", "right"))

@@ -39,6 +39,11 @@ class Space:
         object.__setattr__(self, "_low", np.where(log, np.log(np.where(log, ends[:, 0], 1.0)), ends[:, 0]))
         object.__setattr__(self, "_high", np.where(log, np.log(np.where(log, ends[:, 1], 1.0)), ends[:, 1]))
 
+    def describe(self) -> str:
+        """Every parameter of the machine with its value and range, and which are free: what a search depends on."""
+        entries = self.machine.entries.values()
+        return repr([(e.key, float(e.value), e.range, e.key in self.keys) for e in entries])
+
     def values(self, points: ArrayLike) -> NDArray[np.float64]:
         """Parameter values in the file's units, shape (..., d), of points (..., d)."""
         inner = self._low + (self._high - self._low) * np.asarray(points, dtype=np.float64)  # type: ignore[attr-defined]

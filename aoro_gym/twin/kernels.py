@@ -3,8 +3,8 @@
 One thread is one twin. A main step is drift – hydraulics – kick – drift:
 
 1. half a step of the pose with the old velocity;
-2. slow actuators (arm spools, pump 1, gears, traction valves: once a main step), then all hydraulic substeps, with the geometry of the middle pose and the old joint rates; the oil's
-   mean torques over the step are kept;
+2. slow actuators (arm spools, pump 1, gears, traction valves: once a main step), then all hydraulic substeps, with the
+   geometry of the middle pose and the old joint rates; the oil's mean torques over the step are kept;
 3. contacts, friction and bodies at the middle pose, with velocities extrapolated to the middle of the step where a force
    depends on them: one kick of the velocity;
 4. half a step of the pose with the new velocity; the oil takes up the difference of volume between the old and the mean

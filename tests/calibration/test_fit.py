@@ -44,7 +44,7 @@ def test_leaning_names_key_and_end(space):
 
 
 def test_unknown_keys_are_named():
-    with pytest.raises(ValueError, match="'steering.valve.colour' is no parameter"):
+    with pytest.raises(ValueError, match=r"'steering\.valve\.colour' is no parameter"):
         Space(Machine.load("aoro_datasheet"), ["steering.valve.colour"])
 
 
