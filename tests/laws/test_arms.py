@@ -1,5 +1,8 @@
 """The pendulum arms' cylinders and valves: geometry, metering, load holding, balances of oil and power."""
 
+# Device code: its types are Warp's, not Python's.
+# pyright: reportInvalidTypeForm=false, reportGeneralTypeIssues=false, reportArgumentType=false
+
 from types import SimpleNamespace
 
 import numpy as np

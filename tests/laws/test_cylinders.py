@@ -1,5 +1,8 @@
 """A cylinder on a hinge against its pins' coordinates."""
 
+# Device code: its types are Warp's, not Python's.
+# pyright: reportInvalidTypeForm=false, reportGeneralTypeIssues=false, reportArgumentType=false
+
 import numpy as np
 import pytest
 import warp as wp

@@ -1,5 +1,8 @@
 """The hydrostatic driveline: balances of oil, symmetry, differential, gears and the pump's torque."""
 
+# Device code: its types are Warp's, not Python's.
+# pyright: reportInvalidTypeForm=false, reportGeneralTypeIssues=false, reportArgumentType=false
+
 from types import SimpleNamespace
 
 import numpy as np
@@ -180,6 +183,7 @@ def circuit(m, c, rates, s):
         given = displacement * rates[..., k] + m.motor_leakage * (hose - p.back)
         # there is no oil in a void: a motor passes on what its valve lets in
         given = np.where(getattr(s, f"wheel_{wheel}") < VOID, np.minimum(given, taken), given)
+        given = np.where(s.back <= VOID, np.maximum(given, 0.0), given)
         setattr(f, f"taken_{wheel}", taken)
         setattr(f, f"given_{wheel}", given)
     taken = sum(getattr(f, f"taken_{wheel}") for wheel in WHEELS)

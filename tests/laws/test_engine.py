@@ -1,5 +1,8 @@
 """The engine: torque curve, governor and speed against closed forms and SciPy."""
 
+# Device code: its types are Warp's, not Python's.
+# pyright: reportInvalidTypeForm=false, reportGeneralTypeIssues=false, reportArgumentType=false
+
 import numpy as np
 import pytest
 import warp as wp

@@ -1,28 +1,21 @@
 """Orifices, checks, reliefs and oil volumes against closed forms and SciPy."""
 
+# Device code: its types are Warp's, not Python's.
+# pyright: reportInvalidTypeForm=false, reportGeneralTypeIssues=false, reportArgumentType=false
+
 import numpy as np
 import pytest
 import warp as wp
 from scipy.integrate import solve_ivp
 
 from aoro_gym.twin.laws.fluid import Oil, check_valve, fill, oil_bulk_modulus, orifice, pressure, relief_valve
-from tests.laws.launch import ROUNDOFF, changed, columns, launch, record, rounded
+from tests.laws.elements import BAR, OIL
+from tests.laws.launch import ROUNDOFF, changed, columns, launch, rounded
 
-BAR = 1.0e5
 ATMOSPHERE = 101325.0
-LAMINAR = BAR
+LAMINAR = BAR  # also written into the kernels below
 # coefficient × drop, root and quotient: three roundings, and one more for roots that are not correctly rounded
 ORIFICE_ERROR = 4.0 * ROUNDOFF
-
-OIL = record(
-    Oil,
-    bulk_modulus=1.4e9,
-    bulk_modulus_slope=10.0,
-    gas_fraction=0.0,
-    polytropic_exponent=1.4,
-    laminar_pressure=LAMINAR,
-    void_pressure=-0.95 * BAR,
-)
 
 
 @wp.kernel(enable_backward=False)
@@ -250,6 +243,8 @@ def test_modulus_is_the_compressibility_of_oil_and_polytropic_gas():
     oil = columns(oils)
     p = rounded(np.random.default_rng(3).uniform(-0.9, 350.0, count) * BAR)
 
+    slope = np.maximum(oil.bulk_modulus_slope, 1e-9)
+
     def volume(p):
         """m³ of what fills 1 m³ at atmospheric pressure; the liquid's own curve is dV/V = −dp/(β₀ + s p), p ≥ 0."""
         shrunk = np.where(
@@ -260,7 +255,6 @@ def test_modulus_is_the_compressibility_of_oil_and_polytropic_gas():
         gas = (ATMOSPHERE / (p + ATMOSPHERE)) ** (1.0 / oil.polytropic_exponent)
         return (1.0 - oil.gas_fraction) * shrunk + oil.gas_fraction * gas
 
-    slope = np.maximum(oil.bulk_modulus_slope, 1e-9)
     step = 1e-4 * (p + ATMOSPHERE)
     compressibility = -(volume(p + step) - volume(p - step)) / (2.0 * step) / volume(p)
     loss = np.abs(p) / oil.bulk_modulus
@@ -364,7 +358,6 @@ def test_closed_chamber_with_gas_follows_the_polytrope():
     # first order: half the step, half the error; the second order's share is of the size of the relative error, < 2 %
     np.testing.assert_allclose(coarse / fine, 2.0, rtol=0.05)
     assert np.all(np.abs(fine) < 0.02 * np.abs(exact))
-    assert np.all(fine * np.sign(exact) < 0.0) or np.all(np.abs(fine) > 0.0)
 
 
 def test_chamber_with_gas_and_hose_converges_to_the_continuous_curve():

@@ -1,5 +1,8 @@
 """Seals, stiction, end stops and lags against closed forms and energy balances."""
 
+# Device code: its types are Warp's, not Python's.
+# pyright: reportInvalidTypeForm=false, reportGeneralTypeIssues=false, reportArgumentType=false
+
 import numpy as np
 import pytest
 import warp as wp

@@ -1,5 +1,8 @@
 """The plane: heights, normals and depths against analytic geometry."""
 
+# Device code: its types are Warp's, not Python's.
+# pyright: reportInvalidTypeForm=false, reportGeneralTypeIssues=false, reportArgumentType=false
+
 import numpy as np
 import warp as wp
 

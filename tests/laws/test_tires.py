@@ -1,5 +1,8 @@
 """Tire and hull contact against brute-force geometry, closed forms of LuGre friction, and signs."""
 
+# Device code: its types are Warp's, not Python's.
+# pyright: reportInvalidTypeForm=false, reportGeneralTypeIssues=false, reportArgumentType=false
+
 from types import SimpleNamespace
 
 import numpy as np
@@ -402,6 +405,30 @@ def test_bristle_damping_and_viscous_part_act_at_once():
         expected = -(getattr(tire, f"sigma1_{name}") + getattr(tire, f"sigma2_{name}")) * float(rounded(0.01))
         # the spring's part: σ₀ v dt/2, five orders below
         assert c.force[axis] / c.load == pytest.approx(expected, rel=1e-4)
+
+
+def test_friction_lies_in_the_grounds_plane_on_any_slope():
+    """First instant of a slide of a tilted wheel on a slope: F_t = −F_n σ₁ v_t for a tire alike in both directions, and
+    along the wheel's plane alone if it resists there only."""
+    count = 300
+    poses = random_poses(count, 7)
+    rng = np.random.default_rng(7)
+    bare = changed(TIRE, damping=0.0, sigma2_longitudinal=0.0, sigma2_lateral=0.0, rolling_resistance=0.0)
+    alike = changed(bare, sigma0_lateral=16.0, sigma1_lateral=1.0)
+    along = changed(bare, sigma0_lateral=0.0, sigma1_lateral=0.0)
+    velocity = rounded(rng.normal(0.0, 1.0, (count, 3)))
+    normal = np.einsum("nji,nj->ni", poses.rotation, columns(poses.ground).normal)
+    in_plane = velocity - np.sum(normal * velocity, axis=-1, keepdims=True) * normal
+    # across the wheel's axle and in the ground's plane
+    ahead = np.cross(np.array([0.0, 1.0, 0.0]), normal)
+    ahead /= np.linalg.norm(ahead, axis=-1, keepdims=True)
+    dt = 1e-6
+    for tire, slip in ((alike, in_plane), (along, np.sum(ahead * velocity, axis=-1, keepdims=True) * ahead)):
+        c = touch(tire, poses.ground, poses.rotation, poses.origin, poses.centre, velocity=velocity, dt=dt)
+        friction = c.force / c.load[:, None] - normal
+        # over dt the spring adds σ₀ v dt/2 and the bristle gives way by σ₀ |v| dt/g: 1e-5 and 2e-5 |v| of σ₁ v
+        speed = np.linalg.norm(velocity, axis=-1, keepdims=True)
+        assert np.all(np.abs(friction + slip) <= 4e-5 * (speed + speed**2) + 32 * ROUNDOFF)
 
 
 def test_reversal_unloads_before_it_pulls_the_other_way():

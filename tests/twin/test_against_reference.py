@@ -182,10 +182,12 @@ def test_driving_steering_shifting_and_braking(machine):
     twin, start = run_twin(machine, schedule, 3.3, 0.0)
     _, reference = run_reference(machine, schedule, 3.3, start, tolerance=1e-5)
     assert np.ptp(reference["position_x"]) > 0.5 and np.ptp(reference["joint_angle"]) > 0.2
+    # once the valve is shut the pump rings at idle, damped by little but its leakage: its phase drifts between the two
+    looser = {"compensator": 0.10, "pump_swash": 0.10, "pump_pressure": 0.03}
     for name in SIGNALS:
         if name == "joint_flow":  # meaningful only in the direction of a turn
             continue
-        assert deviation(twin, reference, name) < {"compensator": 0.10, "pump_swash": 0.05}.get(name, 0.02), name
+        assert deviation(twin, reference, name) < looser.get(name, 0.02), name
 
 
 def test_raising_the_machine_on_its_arms(machine):

@@ -59,8 +59,11 @@ def test_cylinder_chambers_hold_the_oil_of_a_full_turn(machine: Machine) -> None
 
 def test_displacements_are_volumes_per_radian(machine: Machine) -> None:
     assert machine.steering.pump.displacement * 2.0 * np.pi == pytest.approx(140e-6, rel=1e-14)
-    # 8.2 bar over one motor at full displacement is the published drop that the disc brake stands for: 367 N m
-    assert 8.2e5 * machine.driveline.motor.displacement == pytest.approx(machine.driveline.brake.disc_torque, abs=0.5)
+    # 8.2 bar over one motor at full displacement is the published drop that the disc brake stands for: 367 N m, of
+    # which the motor loses its own share
+    motor = machine.driveline.motor
+    brake = 8.2e5 * motor.displacement * motor.mechanical_efficiency
+    assert brake == pytest.approx(machine.driveline.brake.disc_torque, abs=1.0)
 
 
 @pytest.mark.parametrize(

@@ -82,13 +82,15 @@ def motor_hose_step(
     """Hose and motor of one wheel over one substep: state [Pa], flow from main F, flow into main R [m³/s].
 
     Motor: Q = D ω + c Δp, so that shifting D neither makes nor loses oil; its torque D Δp uses the same D. Out of a
-    void it passes on no more than what comes in.
+    void in its hose it passes on no more than what comes in, and out of a void in main R nothing.
     """
     p = pressure(oil, content)
     taken = orifice(opening * m.traction_cv, main - p, oil.laminar_pressure)
     given = displacement * rate + m.motor_leakage * (p - back)
     if content < oil.void_pressure:
         given = wp.min(given, taken)
+    if back <= oil.void_pressure:
+        given = wp.max(given, 0.0)
     filled = fill(
         oil, content, taken - given, dt, m.wheel_hose_volume, m.wheel_hose_compliance, m.wheel_hose_volume
     )

@@ -165,7 +165,7 @@ def play(position: float, command: float, width: float):
 
 @wp.func
 def play_output(position: float, width: float):
-    """Spool demand from the play's position, centred so that a rising command is met exactly.
+    """Spool demand from the play's position, centred so that a rising command beyond one ``width`` is met exactly.
 
     The opening curve was measured with rising commands; hysteresis shows on falling ones.
     """
@@ -188,17 +188,23 @@ def valve_opening(spool: float, dead_band: float, opening_1V0: float, opening_1V
 
 
 @wp.func
-def compensator_step(m: Steering, y: float, edge_drop: float, dt: float):
+def compensator_step(m: Steering, y: float, available: float, ratio: float, dt: float):
     """Compensator opening after ``dt``: τ p_ref ẏ = p_ref (1 + κ(½ − y)) − Δp_edge, with stops at 0 and 1.
 
-    Spring against the drop over the metering edge, damped by its pilot orifice. Δp_edge vanishes with y, so it is taken
-    as (Δp_edge/y) y′ with the new y′: the step keeps y positive and converges to the static balance at any dt.
+    Spring against the drop over the metering edge, damped by its pilot orifice; Δp_edge = Δp y²/(y² + ρ²) of the
+    ``available`` drop Δp [Pa], ``ratio`` ρ = edge over open compensator. Δp_edge vanishes with y, so it is taken as
+    (Δp_edge/y) y′ with the new y′: the step keeps y positive and converges to the static balance at any dt. The law is
+    faster than the volumes, hence two steps of dt/2.
     """
     setting = m.valve_compensator_pressure
-    rate = dt / (setting * m.valve_compensator_time_constant)
-    stiffness = setting * m.valve_compensator_droop + edge_drop / wp.max(y, 1.0e-6)
-    opened = y + rate * setting * (1.0 + 0.5 * m.valve_compensator_droop)
-    return wp.min(opened / (1.0 + rate * stiffness), 1.0)
+    droop = m.valve_compensator_droop
+    rate = 0.5 * dt / (setting * m.valve_compensator_time_constant)
+    opened = rate * setting * (1.0 + 0.5 * droop)
+    square = wp.max(ratio * ratio, 1.0e-12)
+    gain = available * y / (y * y + square)
+    half = wp.min((y + opened) / (1.0 + rate * (setting * droop + gain)), 1.0)
+    gain = available * half / (half * half + square)
+    return wp.min((half + opened) / (1.0 + rate * (setting * droop + gain)), 1.0)
 
 
 @wp.func
@@ -252,16 +258,15 @@ def steering_step(
 
     # meter-in: compensator and edge in series behind a load check
     flow_in = float(0.0)
-    edge_drop = float(0.0)
+    available = float(0.0)
+    ratio = float(0.0)
     ls_target = arms.load_pressure
     if opening > 0.0:
         ls_target = wp.max(ls_target, p_load)
         available = wp.max(p_s - p_load, 0.0)
-        c1 = s.compensator * m.valve_cv_compensator
-        c2 = opening * cv_in
-        share = c1 * c1 / (c1 * c1 + c2 * c2)
-        edge_drop = available * share
-        flow_in = orifice(c2 * wp.sqrt(share), available, lam)
+        ratio = opening * cv_in / m.valve_cv_compensator
+        share = s.compensator / wp.sqrt(s.compensator * s.compensator + ratio * ratio)
+        flow_in = orifice(opening * cv_in * share, available, lam)
     flow_out = orifice(opening * cv_out, p_unload - p_t, lam)
 
     # port reliefs, anti-cavitation, leakages
@@ -313,8 +318,8 @@ def steering_step(
     out.spool = s.spool + dt * wp.clamp(
         (spool_demand - s.spool) / m.valve_spool_time_constant, -m.valve_spool_rate_limit, m.valve_spool_rate_limit
     )
-    out.compensator = compensator_step(m, s.compensator, edge_drop, dt)
-    out.swash = swash_step(m, s.swash, p_s, s.ls_pressure, dt)
+    out.compensator = compensator_step(m, s.compensator, available, ratio, dt)
+    out.swash = swash_step(m, s.swash, pressure(oil, out.supply), s.ls_pressure, dt)
     out.flow_in = flow_in
     out.flow_out = flow_out
     return out
