@@ -11,6 +11,7 @@ import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,7 +122,7 @@ def least_squares_fit(
 
         progress(f"refining start {i + 1} of {starts}", 0.3 + 0.7 * i / starts)
         result = least_squares(
-            fun, done["ranking"][i], jacobian, bounds=(0.0, 1.0), method="trf", ftol=1e-4, xtol=1e-4, gtol=1e-6,
+            fun, done["ranking"][i], cast(Any, jacobian), bounds=(0.0, 1.0), method="trf", ftol=1e-4, xtol=1e-4, gtol=1e-6,
             max_nfev=max_iterations,
         )  # fmt: skip
         data = result.fun[: len(result.fun) - dimension]

@@ -39,7 +39,8 @@ class Log:
 
 def drive(twin: Twin, *phases: tuple[float, Mapping[str, Any]], sample_every: float) -> Log:
     """Log of ``twin`` over ``phases`` (duration [s], commands); a command that is not named keeps its value."""
-    traces = [twin.step(commands, duration, sample_every=sample_every) for duration, commands in phases]
+    stepped = [twin.step(commands, duration, sample_every=sample_every) for duration, commands in phases]
+    traces = [trace for trace in stepped if trace is not None]
     rows = {name: row for row, name in enumerate(traces[0].channels)}
     return Log(np.concatenate([t.time for t in traces]), np.concatenate([t.values for t in traces]), rows)
 

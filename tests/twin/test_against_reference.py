@@ -140,7 +140,9 @@ def test_up_to_the_stop_the_deviation_is_one_of_the_substep(turn, machine):
     quarter, _ = run_twin(machine, TURN, TURN_DURATION, -machine.joint.range, substeps=120)
     for name in ("pump_swash", "pump_pressure", "compensator", "ls_pressure"):
         usual = deviation(twin, reference, name, free)
-        assert 0.4 * usual < deviation(half, reference, name, free) < 0.6 * usual, name
+        # the compensator's own step, two halves of an implicit one, converges faster than the rest
+        least = 0.1 if name == "compensator" else 0.4
+        assert least * usual < deviation(half, reference, name, free) < 0.6 * usual, name
         assert deviation(quarter, reference, name, free) < 0.35 * usual, name
 
 

@@ -1,6 +1,7 @@
 """The standing turn: substep convergence, oil accounts, mirror symmetry, the stop, and voids."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -52,7 +53,7 @@ def figures(machine, log, case):
     """The seven key figures; the first peak's time by a parabola through the samples around it, finer than a sample."""
     angle = log["joint_angle"][:, case]
     flow = turn_flow(machine.steering.cylinder, angle, log["joint_rate"][:, case], DIRECTIONS[case])
-    found = key_figures(log.time, angle, machine, flow=flow)
+    found: dict[str, Any] = dict(key_figures(log.time, angle, machine, flow=flow))
     start = int(np.argmax(np.abs(angle - angle[0]) > math.radians(0.1)))
     peak = start + int(np.argmax(flow[start : start + 300]))
     before, top, after = flow[peak - 1 : peak + 2]

@@ -319,7 +319,7 @@ def steering_step(
         (spool_demand - s.spool) / m.valve_spool_time_constant, -m.valve_spool_rate_limit, m.valve_spool_rate_limit
     )
     out.compensator = compensator_step(m, s.compensator, available, ratio, dt)
-    out.swash = swash_step(m, s.swash, pressure(oil, out.supply), s.ls_pressure, dt)
+    out.swash = swash_step(m, s.swash, p_s, s.ls_pressure, dt)
     out.flow_in = flow_in
     out.flow_out = flow_out
     return out
