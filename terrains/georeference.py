@@ -1,0 +1,111 @@
+"""Where a terrain lies on the Earth: between its local frame, projected coordinates, and latitude and longitude.
+
+Local x and y are the axes of the terrain's coordinate reference system in metres, less its origin: grid north, not true
+north, and grid distances, which in UTM are up to 0.4 ‰ shorter than those on the ground. Heights stay as they are.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from aoro_gym.terrains.extras import extra
+from aoro_gym.terrains.terrain import Terrain
+
+GEOGRAPHIC = "EPSG:4326"
+"""Latitude and longitude as satellite receivers give them (WGS 84)."""
+
+Plan = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+
+def to_local(terrain: Terrain, latitude: ArrayLike, longitude: ArrayLike) -> Plan:
+    """Local x, y [m] of WGS 84 ``latitude`` and ``longitude`` [deg], which broadcast.
+
+    Raises ``ValueError`` if the terrain has no coordinate reference system, or a value cannot be projected into it.
+    """
+    return from_world(terrain, longitude, latitude, crs=GEOGRAPHIC)
+
+
+def to_geographic(terrain: Terrain, x: ArrayLike, y: ArrayLike) -> Plan:
+    """WGS 84 latitude and longitude [deg] of local ``x``, ``y`` [m], which broadcast; raises as :func:`to_local`."""
+    system = terrain_crs(terrain)
+    x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
+    metre = axis_unit(system)
+    first, second = (x + terrain.origin[0]) / metre, (y + terrain.origin[1]) / metre
+    longitude, latitude = _transform(system, horizontal(GEOGRAPHIC), first, second)
+    return latitude, longitude
+
+
+def from_world(terrain: Terrain, first: ArrayLike, second: ArrayLike, *, crs: str | None = None) -> Plan:
+    """Local x, y [m] of coordinates in ``crs``, which broadcast.
+
+    Args:
+        terrain: Gives the local frame.
+        first: Easting, or longitude [deg], in the unit of ``crs``.
+        second: Northing, or latitude [deg], in the unit of ``crs``.
+        crs: Anything that pyproj reads, such as ``"EPSG:32633"``; None for the terrain's own.
+
+    Raises ``ValueError`` naming the system or the value and its bound.
+    """
+    target = terrain_crs(terrain)
+    source = target if crs is None else horizontal(crs)
+    first, second = np.broadcast_arrays(np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64))
+    if source.is_geographic:
+        for name, value, bound in (("longitude", first, 180.0), ("latitude", second, 90.0)):
+            bad = ~(np.abs(value) <= bound)
+            if bad.any():
+                raise ValueError(f"{name} = {value[bad][0]:g} is outside [-{bound:g}, {bound:g}] deg")
+    elif not (np.isfinite(first).all() and np.isfinite(second).all()):
+        raise ValueError(f"coordinates in {crs or terrain.crs} must be finite")
+    x, y = _transform(source, target, first, second)
+    metre = axis_unit(target)
+    return x * metre - terrain.origin[0], y * metre - terrain.origin[1]
+
+
+def terrain_crs(terrain: Terrain) -> Any:
+    """The terrain's horizontal system (``pyproj.CRS``); ``ValueError`` if it has none."""
+    if terrain.crs is None:
+        raise ValueError(
+            f"terrain {terrain.name!r} has no coordinate reference system, so nobody knows where on Earth it lies;"
+            " load it with crs='EPSG:...'"
+        )
+    return horizontal(terrain.crs)
+
+
+@lru_cache(maxsize=64)
+def horizontal(crs: str) -> Any:
+    """``crs`` as a ``pyproj.CRS`` without its vertical part; ``ValueError`` if it says nothing of places on Earth."""
+    pyproj = extra("pyproj", f"the coordinate reference system {crs!r}")
+    try:
+        system = pyproj.CRS.from_user_input(crs)
+    except pyproj.exceptions.CRSError:
+        raise ValueError(f"crs {crs!r} is unknown; give a code such as 'EPSG:32633'") from None
+    flat = system.sub_crs_list[0] if system.is_compound else system
+    flat = flat.to_2d()
+    if not (flat.is_projected or flat.is_geographic):
+        raise ValueError(
+            f"crs {crs!r} ({flat.name}) is neither projected nor geographic; give a code such as 'EPSG:32633'"
+        )
+    return flat
+
+
+def axis_unit(system: Any) -> float:
+    """Size [m] of the unit of a projected system's axes."""
+    if not system.is_projected:
+        raise ValueError(f"crs {system.name} counts in degrees; a terrain needs a projected one, such as its UTM zone")
+    return float(system.axis_info[0].unit_conversion_factor)
+
+
+def _transform(source: Any, target: Any, first: NDArray[np.float64], second: NDArray[np.float64]) -> Plan:
+    """Coordinates (x or longitude first) from one system in the other."""
+    pyproj = extra("pyproj", "a change of coordinates")
+    if source != target:
+        change = pyproj.Transformer.from_crs(source, target, always_xy=True)
+        first, second = (np.asarray(part) for part in change.transform(first, second))
+        lost = ~(np.isfinite(first) & np.isfinite(second))
+        if lost.any():
+            raise ValueError(f"{int(lost.sum())} of {lost.size} points of {source.name} lie outside of {target.name}")
+    return first, second
