@@ -6,7 +6,8 @@ One thread is one twin. A main step is drift – hydraulics – kick – drift:
 2. slow actuators (arm spools, pump 1, gears, traction valves: once a main step), then all hydraulic substeps, with the
    geometry of the middle pose and the old joint rates; the oil's mean torques over the step are kept;
 3. contacts, friction and bodies at the middle pose, with velocities extrapolated to the middle of the step where a force
-   depends on them: one kick of the velocity;
+   depends on them: one kick of the velocity. Deflections of dry friction belong to the middle of the step, too, moved
+   there by the velocity between (leapfrog);
 4. half a step of the pose with the new velocity; the oil takes up the difference of volume between the old and the mean
    velocity.
 
@@ -192,6 +193,9 @@ class CornerMotion:
     rate: float  # [rad/s] arm
     spin: float  # [rad/s] wheel, absolute
     wheel_rate: float  # [rad/s] wheel relative to the arm
+    start_rate: float  # [rad/s] arm, at the start of the step
+    start_wheel_rate: float  # [rad/s] wheel relative to the arm, at the start of the step
+    acceleration: float  # [rad/s²] of the wheel in the last main step, absolute
 
 
 @wp.struct
@@ -244,7 +248,7 @@ def corner_load(
     out = CornerElements()
 
     capacity = arm_seal_capacity(m.arm, m.oil, g, cylinder, motion.rate)
-    out.arm = presliding(elements.arm, motion.rate, h, capacity, m.arm.presliding_stiffness)
+    out.arm = presliding(elements.arm, motion.start_rate, h, capacity, m.arm.presliding_stiffness)
 
     # brakes and the motor's own friction hold between arm and wheel
     torque = displacement * motor_pressure
@@ -253,7 +257,7 @@ def corner_load(
         + parking_brake * d.brake_parking_torque
         + (1.0 - d.motor_mechanical_efficiency) * wp.abs(torque)
     )
-    out.wheel = presliding(elements.wheel, motion.wheel_rate, h, brake, d.brake_presliding_stiffness)
+    out.wheel = presliding(elements.wheel, motion.start_wheel_rate, h, brake, d.brake_presliding_stiffness)
 
     centre = wheel_centre(m.corner, pivot_x, direction, side, motion.angle)
     hub_velocity = (
@@ -271,17 +275,25 @@ def corner_load(
     load.rate = motion.rate
     load.spin = motion.spin
     load.arm_torque = arm_torque(
-        m.arm, g, motion.angle, motion.rate, 0.5 * (elements.arm + out.arm), capacity, oil_torque
+        m.arm, g, motion.angle, motion.rate, out.arm, capacity, oil_torque
     )
-    load.wheel_torque = torque + dry_friction(
-        0.5 * (elements.wheel + out.wheel),
-        motion.wheel_rate,
-        brake,
-        d.brake_presliding_stiffness,
-        d.brake_presliding_damping,
-    )
+    stiffness = d.brake_presliding_stiffness
+    damping = d.brake_presliding_damping
+    load.wheel_torque = torque + dry_friction(out.wheel, motion.wheel_rate, brake, stiffness, damping)
     load.force = contact.force
     load.moment = contact.moment
+
+    # Brake and tire can damp a light wheel faster than one step: with c their damping, their torque is taken at the
+    # middle rate that this step's acceleration a brings, not the last one's: (I + c h/2) a = τ + c h/2 a_last.
+    if wp.abs(stiffness * out.wheel + damping * motion.wheel_rate) >= brake:
+        damping = 0.0
+    damping_tire = contact.damping * contact.lever * contact.lever
+    implicit = 0.5 * h * (damping + damping_tire)
+    lacking = motion.acceleration - (load.wheel_torque + load.moment[1]) / m.corner.spin_inertia
+    share = 0.5 * h * lacking * m.corner.spin_inertia / (m.corner.spin_inertia + implicit)
+    load.wheel_torque += share * damping
+    load.moment += wp.vec3(0.0, share * damping_tire, 0.0)
+    load.force -= (share * contact.damping * contact.lever) * contact.forward
     return load, out, contact.load
 
 
@@ -652,11 +664,11 @@ def advance(
                     g.lever_right * mid_joint_rate,
                 )
             )
-            deflected = presliding(joint_friction, mid_joint_rate, h, capacity, m.joint.presliding_stiffness)
+            joint_friction = presliding(joint_friction, joint_rate, h, capacity, m.joint.presliding_stiffness)
             joint_torque = (
                 joint_oil
                 + dry_friction(
-                    0.5 * (joint_friction + deflected),
+                    joint_friction,
                     mid_joint_rate,
                     capacity,
                     m.joint.presliding_stiffness,
@@ -673,13 +685,20 @@ def advance(
                     m.joint.stop_torsional_damping,
                 )
             )
-            joint_friction = deflected
 
             # ---- corners: arms, wheels, tires; hulls ----------------------------------------------------------------
-            c_fl = CornerMotion(arm[0], mid_arm_rate[0], mid_spin[0], mid_rate[0])
-            c_fr = CornerMotion(arm[1], mid_arm_rate[1], mid_spin[1], mid_rate[1])
-            c_rl = CornerMotion(arm[2], mid_arm_rate[2], mid_spin[2], mid_rate[2])
-            c_rr = CornerMotion(arm[3], mid_arm_rate[3], mid_spin[3], mid_rate[3])
+            c_fl = CornerMotion(
+                arm[0], mid_arm_rate[0], mid_spin[0], mid_rate[0], arm_rate[0], rate[0], d_spin[0]
+            )
+            c_fr = CornerMotion(
+                arm[1], mid_arm_rate[1], mid_spin[1], mid_rate[1], arm_rate[1], rate[1], d_spin[1]
+            )
+            c_rl = CornerMotion(
+                arm[2], mid_arm_rate[2], mid_spin[2], mid_rate[2], arm_rate[2], rate[2], d_spin[2]
+            )
+            c_rr = CornerMotion(
+                arm[3], mid_arm_rate[3], mid_spin[3], mid_rate[3], arm_rate[3], rate[3], d_spin[3]
+            )
             e_fl = CornerElements(bristle_x[0], bristle_y[0], arm_friction[0], wheel_friction[0])
             e_fr = CornerElements(bristle_x[1], bristle_y[1], arm_friction[1], wheel_friction[1])
             e_rl = CornerElements(bristle_x[2], bristle_y[2], arm_friction[2], wheel_friction[2])

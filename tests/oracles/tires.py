@@ -9,7 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import logsumexp, softmax
 
+DISC_BLEND = 0.002  # [m] of depth by which discs differ that share the contact
 ROLLING_SPEED = 0.05  # [rad/s] width of the rolling resistance's sign change
 HULL_SLIP_SPEED = 0.05  # [m/s] width of the hull friction's sign change
 
@@ -43,12 +45,11 @@ def cross(a, b):
 
 
 class Tire:
-    """Five discs, one active contact point, spring and damper along the normal, LuGre bristles in the tangent plane."""
+    """Five discs, one contact point on or between the deepest, spring and damper along the normal, LuGre bristles."""
 
     def __init__(self, tire):
         self.p = tire
         inner, outer = tire.disc_offset_inner, tire.disc_offset_outer
-        # In the order in which ties are broken: middle, inner right, inner left, outer right, outer left.
         self.offsets = np.array([0.0, -inner, inner, -outer, outer])
         self.radii = tire.radius - np.array(
             [0.0, tire.disc_drop_inner, tire.disc_drop_inner, tire.disc_drop_outer, tire.disc_drop_outer]
@@ -70,10 +71,11 @@ class Tire:
         y, r = self.offsets.reshape(shape), self.radii.reshape(shape)
         # On a plane: gap(P)*n_z = gap(centre)*n_z - n.(P - centre); exact, no world position needed.
         depths = center_gap * normal_z - (n[1] * y + (n[0] * down[0] + n[2] * down[2]) * r)
-        active = np.argmax(depths, axis=0)
-        depth = np.take_along_axis(depths, active[None], axis=0)[0]
-        y, r = self.offsets[active], self.radii[active]
-        arm = np.stack([r * down[0], y * np.ones_like(r), r * down[2]])
+        level = logsumexp((self.radii - p.radius) / DISC_BLEND)
+        depth = DISC_BLEND * (logsumexp(depths / DISC_BLEND, axis=0) - level)
+        share = softmax(depths / DISC_BLEND, axis=0)
+        y, r = (share * y).sum(axis=0), (share * r).sum(axis=0)
+        arm = np.stack([r * down[0], y * np.ones_like(r), r * down[2]]) - (depth - (share * depths).sum(axis=0)) * n
         rotation = np.stack(np.broadcast_arrays(angular[0], spin, angular[2]))
         velocity = center_velocity + cross(rotation, arm)
         n_velocity = (n * velocity).sum(axis=0)
@@ -95,7 +97,7 @@ class Tire:
         z_rate = np.where(touching, z_rate, -z / 1e-3)
         force = load * n - push[0] * t_x - push[1] * t_y
         moment = cross(arm, force)
-        resistance = -rolling * p.rolling_resistance * load * r * np.tanh(spin / ROLLING_SPEED)
+        resistance = -rolling * p.rolling_resistance * load * (arm * down).sum(axis=0) * np.tanh(spin / ROLLING_SPEED)
         moment = np.stack([moment[0], moment[1] + resistance, moment[2]])
         info = {
             "depth": depth,

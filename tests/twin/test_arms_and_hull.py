@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+from scipy.special import logsumexp, softmax
 
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.twin.records import WHEELS, State
 from aoro_gym.twin.twin import Twin
 from tests.oracles.bodies import HALF_OF_WHEEL, BodyModel
 from tests.oracles.hydraulics import orifice, relief_valve
+from tests.oracles.tires import DISC_BLEND
 from tests.twin.rig import all_wheels, drive, integral, squeezed, states
 
 GRAVITY = 9.81
@@ -52,10 +54,10 @@ def contacts(machine, kinematics, normal):
         local = offsets[:, None] * np.array([0.0, 1.0, 0.0]) + (tire.radius - drops)[:, None] * down
         world = kinematics.wheel_center[:, wheel] + local @ rotation.T
         depth = -(world @ normal)
-        deepest = int(np.argmax(depth))
+        share = softmax(depth / DISC_BLEND)
         x = np.array([n[2], 0.0, -n[0]]) / tilt
-        points.append(world[deepest])
-        depths.append(depth[deepest])
+        depths.append(DISC_BLEND * (logsumexp(depth / DISC_BLEND) - logsumexp(-drops / DISC_BLEND)))
+        points.append(share @ world - (depths[-1] - share @ depth) * normal)
         forward.append(rotation @ x)
         sideways.append(rotation @ np.cross(n, x))
     return np.array(points).T, np.array(depths), np.array(forward).T, np.array(sideways).T

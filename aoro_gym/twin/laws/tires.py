@@ -1,7 +1,11 @@
 """Tire and hull contact with the ground.
 
 Five discs give the tire its shape; the deepest one carries one contact point with a penalty normal force and
-LuGre friction. Sources: Lehto et al. (Machines 2026, 14, 128) for the disc model; Canudas de Wit et al. (IEEE TAC 40,
+LuGre friction. Where discs are equally deep to millimetres the point lies between them: with
+δ = ε ln Σ exp(δ_i/ε) − δ_level and the mean place by the weights exp(δ_i/ε), moved along the normal to the depth δ, the
+normal force derives from a potential, and a tire that leans does not chatter from disc to disc. δ_level makes δ the
+middle disc's depth on level ground.
+Sources: Lehto et al. (Machines 2026, 14, 128) for the disc model; Canudas de Wit et al. (IEEE TAC 40,
 1995) for LuGre.
 """
 
@@ -11,6 +15,7 @@ import warp as wp
 from aoro_gym.twin.laws.ground import Ground, ground_height, ground_normal, penetration
 
 ROLLING_REGULARISATION = wp.constant(0.05)  # [rad/s] wheel rate below which rolling resistance fades
+DISC_BLEND = wp.constant(0.002)  # [m] of depth by which discs differ that share the contact
 HULL_REGULARISATION = wp.constant(0.05)  # [m/s] slip below which the hull's friction fades
 
 
@@ -53,6 +58,9 @@ class TireContact:
     force: wp.vec3  # [N] on the wheel
     moment: wp.vec3  # [N m] on the wheel about its centre
     load: float  # [N] normal force
+    forward: wp.vec3  # unit, rolling direction in the ground's plane
+    lever: float  # [m] height of the wheel's centre over the contact
+    damping: float  # [N s/m] of the longitudinal force
     bristle_x: float  # [m] longitudinal deflection
     bristle_y: float  # [m] lateral
 
@@ -101,25 +109,34 @@ def tire_contact(
     tilt = wp.sqrt(n[0] * n[0] + n[2] * n[2])
     down = wp.vec3(-n[0] / tilt, 0.0, -n[2] / tilt)
 
-    # deepest disc; on equal depth the middle one, then the inner, then the outer, right before left
-    point = centre + m.radius * down
-    depth = penetration(ground, origin + rotation * point, normal_world)
-    for side in range(2):
-        offset = wp.where(side == 0, m.disc_offset_inner, m.disc_offset_outer)
-        drop = wp.where(side == 0, m.disc_drop_inner, m.disc_drop_outer)
-        right = centre + wp.vec3(0.0, -offset, 0.0) + (m.radius - drop) * down
-        left = centre + wp.vec3(0.0, offset, 0.0) + (m.radius - drop) * down
-        depth_right = penetration(ground, origin + rotation * right, normal_world)
-        depth_left = penetration(ground, origin + rotation * left, normal_world)
-        if depth_right > depth:
-            depth = depth_right
-            point = right
-        if depth_left > depth:
-            depth = depth_left
-            point = left
+    # depth and place of the contact: the deepest disc's, blended with those that are nearly as deep
+    middle = penetration(ground, origin + rotation * (centre + m.radius * down), normal_world)
+    inner = m.disc_offset_inner
+    outer = m.disc_offset_outer
+    inner_rim = centre + (m.radius - m.disc_drop_inner) * down
+    outer_rim = centre + (m.radius - m.disc_drop_outer) * down
+    inner_right = penetration(ground, origin + rotation * (inner_rim - wp.vec3(0.0, inner, 0.0)), normal_world)
+    inner_left = penetration(ground, origin + rotation * (inner_rim + wp.vec3(0.0, inner, 0.0)), normal_world)
+    outer_right = penetration(ground, origin + rotation * (outer_rim - wp.vec3(0.0, outer, 0.0)), normal_world)
+    outer_left = penetration(ground, origin + rotation * (outer_rim + wp.vec3(0.0, outer, 0.0)), normal_world)
+    deepest = wp.max(middle, wp.max(wp.max(inner_right, inner_left), wp.max(outer_right, outer_left)))
+    w_middle = wp.exp((middle - deepest) / DISC_BLEND)
+    w_inner_right = wp.exp((inner_right - deepest) / DISC_BLEND)
+    w_inner_left = wp.exp((inner_left - deepest) / DISC_BLEND)
+    w_outer_right = wp.exp((outer_right - deepest) / DISC_BLEND)
+    w_outer_left = wp.exp((outer_left - deepest) / DISC_BLEND)
+    w_inner = w_inner_right + w_inner_left
+    w_outer = w_outer_right + w_outer_left
+    total = w_middle + w_inner + w_outer
+    level = 1.0 + 2.0 * (wp.exp(-m.disc_drop_inner / DISC_BLEND) + wp.exp(-m.disc_drop_outer / DISC_BLEND))
+    depth = deepest + DISC_BLEND * wp.log(total / level)
 
     if depth > 0.0:
-        arm = point - centre
+        aside = (inner * (w_inner_left - w_inner_right) + outer * (w_outer_left - w_outer_right)) / total
+        drop = (m.disc_drop_inner * w_inner + m.disc_drop_outer * w_outer) / total
+        mean = w_middle * middle + w_inner_right * inner_right + w_inner_left * inner_left
+        mean = (mean + w_outer_right * outer_right + w_outer_left * outer_left) / total
+        arm = wp.vec3(0.0, aside, 0.0) + (m.radius - drop) * down - (depth - mean) * n
         slip = velocity + wp.cross(wp.vec3(omega[0], spin, omega[2]), arm)
         load = wp.max(m.stiffness * depth - m.damping * wp.dot(n, slip), 0.0)
         forward = wp.vec3(n[2] / tilt, 0.0, -n[0] / tilt)
@@ -141,8 +158,13 @@ def tire_contact(
             + m.sigma2_lateral * slip_y
         )
         out.force = load * n - force_x * forward - force_y * sideways
+        out.forward = forward
+        out.lever = wp.dot(arm, down)
+        out.damping = load * (
+            m.sigma1_longitudinal / (1.0 + dt * m.sigma0_longitudinal * unload) + m.sigma2_longitudinal
+        )
         rolling = (
-            m.rolling_resistance * ground.rolling_resistance * load * wp.dot(arm, down)
+            m.rolling_resistance * ground.rolling_resistance * load * out.lever
             * wp.tanh(spin / ROLLING_REGULARISATION)
         )
         out.moment = wp.cross(arm, out.force) - wp.vec3(0.0, rolling, 0.0)
