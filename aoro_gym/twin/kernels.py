@@ -1,4 +1,5 @@
-"""The kernels: ``reset`` puts twins at rest, ``advance`` moves them by many main steps in one launch.
+"""The kernels: ``reset`` puts twins at rest, ``advance`` moves them by many main steps in one launch. :func:`build` makes
+them for one kind of ground.
 
 One thread is one twin. A main step is drift – hydraulics – kick – drift:
 
@@ -16,10 +17,22 @@ does not drift. Flows through orifices are of first order in the substep.
 """
 
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
 import warp as wp
 
 from aoro_gym.twin.laws.arms import Arm, ArmGeometry, ArmState, arm_displace, arm_geometry, arm_oil_torque, arm_step
-from aoro_gym.twin.laws.bodies import CornerLoad, FrameBody, accelerate, arm_tangent, hinge_rotation, wheel_centre
+from aoro_gym.twin.laws.bodies import (
+    CornerLoad,
+    FrameBody,
+    accelerate,
+    arm_tangent,
+    hinge_rotation,
+    hull_corner,
+    wheel_centre,
+)
 from aoro_gym.twin.laws.driveline import (
     DrivelineControl,
     DrivelineState,
@@ -30,7 +43,8 @@ from aoro_gym.twin.laws.driveline import (
 from aoro_gym.twin.laws.engine import EngineState, engine_step
 from aoro_gym.twin.laws.fluid import Oil, pressure
 from aoro_gym.twin.laws.friction import dry_friction, end_stop, lag, presliding, seal_friction
-from aoro_gym.twin.laws.ground import Ground, ground_height, ground_normal
+from aoro_gym.twin.laws.ground import ceiling, footing, place
+from aoro_gym.twin.laws.stance import stance
 from aoro_gym.twin.laws.steering import (
     Exchange,
     SteeringState,
@@ -223,7 +237,8 @@ def wheel_rates(omega: wp.vec3, omega_rear: wp.vec3, arm_rate: wp.vec4, spin: wp
 def corner_load(
     # parameters
     m: MachineRecord,
-    ground: Ground,
+    terrain: Any,
+    ground: Any,
     pivot_x: float,
     direction: float,
     side: float,
@@ -243,7 +258,8 @@ def corner_load(
     omega: wp.vec3,
     h: float,
 ):
-    """Torques and contact force of one corner, its friction elements after the step, and the wheel's load [N]."""
+    """Torques and contact force of one corner, its friction elements after the step, the wheel's load [N], and the
+    share of its patch that lies on the map."""
     d = m.driveline
     out = CornerElements()
 
@@ -263,8 +279,9 @@ def corner_load(
     hub_velocity = (
         velocity + wp.cross(omega, centre) + motion.rate * arm_tangent(direction, motion.angle, m.corner.arm_length)
     )
+    under = footing(terrain, ground, origin + rotation * centre)
     contact = tire_contact(
-        m.tire, ground, rotation, origin, centre, hub_velocity, omega, motion.spin, elements.bristle_x,
+        m.tire, under, rotation, origin, centre, hub_velocity, omega, motion.spin, elements.bristle_x,
         elements.bristle_y, h,
     )
     out.bristle_x = contact.bristle_x
@@ -294,7 +311,7 @@ def corner_load(
     load.wheel_torque += share * damping
     load.moment += wp.vec3(0.0, share * damping_tire, 0.0)
     load.force -= (share * contact.damping * contact.lever) * contact.forward
-    return load, out, contact.load
+    return load, out, contact.load, under.known
 
 
 @wp.func
@@ -302,7 +319,8 @@ def hull_loads(
     m: Hull,
     frame: FrameBody,
     clearance: float,
-    ground: Ground,
+    terrain: Any,
+    ground: Any,
     rotation: wp.mat33,
     origin: wp.vec3,
     velocity: wp.vec3,
@@ -313,15 +331,13 @@ def hull_loads(
     moment = wp.vec3(0.0, 0.0, 0.0)
     touch = float(0.0)
     for i in range(8):
-        point = wp.vec3(
-            frame.cog_x + frame.hull_length * (float(i & 1) - 0.5),
-            frame.hull_width * (float((i >> 1) & 1) - 0.5),
-            clearance + frame.hull_height * float(i >> 2),
-        )
-        one = hull_contact(m, ground, rotation, origin, point, velocity, omega)
-        force += one
-        moment += wp.cross(point, one)
-        touch += wp.length(one)
+        point = hull_corner(frame, clearance, i)
+        world = origin + rotation * point
+        if world[2] < ceiling(terrain, ground, world[0], world[1]):
+            one = hull_contact(m, footing(terrain, ground, world), rotation, origin, point, velocity, omega)
+            force += one
+            moment += wp.cross(point, one)
+            touch += wp.length(one)
     return force, moment, touch
 
 
@@ -335,13 +351,25 @@ def exchange(
 
 
 @wp.kernel(enable_backward=False)
+def multiply(indices: wp.array(dtype=int), values: wp.array2d(dtype=float), twins: wp.array(dtype=Any)):
+    """Write multipliers of friction and rolling resistance into ``twins`` at ``indices``; negative ones leave the old."""
+    i = wp.tid()
+    one = twins[indices[i]]
+    if values[0, i] >= 0.0:
+        one.friction = values[0, i]
+    if values[1, i] >= 0.0:
+        one.rolling_resistance = values[1, i]
+    twins[indices[i]] = one
+
+
 def reset(
     # parameters
     machines: wp.array(dtype=MachineRecord),
-    grounds: wp.array(dtype=Ground),
+    terrain: Any,
     # what to reset, and to what
     mask: wp.array(dtype=wp.bool),
     pose: wp.array2d(dtype=float),
+    numbers: wp.array(dtype=int),
     # state out
     state: wp.array2d(dtype=float),
     commands: wp.array2d(dtype=float),
@@ -349,12 +377,15 @@ def reset(
     clock: wp.array(dtype=int),
     status: wp.array(dtype=int),
 ):
-    """Machine at rest on its wheels, upright on the ground; ``pose`` rows: x, y [m], heading, joint angle [rad]."""
+    """Machine at rest on its wheels; ``pose`` rows: x, y [m], heading, joint angle [rad]. Where ``numbers`` is not negative,
+    the twin moves to that terrain."""
     t = wp.tid()
     if not mask[t]:
         return
     m = machines[t % machines.shape[0]]
-    ground = grounds[t % grounds.shape[0]]
+    if numbers[t] >= 0:
+        place(terrain, t, numbers[t])
+    ground = terrain.twins[t]
     for row in range(state.shape[0]):
         state[row, t] = 0.0
     for row in range(history.shape[0]):
@@ -368,27 +399,20 @@ def reset(
     clock[t] = 0
     status[t] = OK
 
-    # the hinge's foot on the ground; upright on the ground's normal, then heading
-    normal = ground_normal(ground, pose[0, t], pose[1, t])
-    up = wp.vec3(0.0, 0.0, 1.0)
-    axis = wp.cross(up, normal)
-    tilt = wp.quat_identity()
-    if wp.length(axis) > 1.0e-6:
-        tilt = wp.quat_from_axis_angle(wp.normalize(axis), wp.acos(wp.clamp(normal[2], -1.0, 1.0)))
-    q = tilt * wp.quat_from_axis_angle(up, pose[2, t])
+    # what bears the machine: pose, arms, oil in their cylinders, bent tires
+    stand = stance(m, terrain, ground, pose[0, t], pose[1, t], pose[2, t], pose[3, t])
     state[State.X, t] = pose[0, t]
     state[State.Y, t] = pose[1, t]
-    state[State.Z, t] = ground_height(ground, pose[0, t], pose[1, t])
+    state[State.Z, t] = stand.height
     for i in range(4):
-        state[int(State.QX) + i, t] = q[i]
+        state[int(State.QX) + i, t] = stand.rotation[i]
     state[State.JOINT, t] = pose[3, t]
     for wheel in range(4):
-        front = wheel < 2
-        state[int(State.ARM_FL) + wheel, t] = wp.where(front, m.rest.arm_angle_front, m.rest.arm_angle_rear)
-        state[int(State.ARM_BORE_FL) + wheel, t] = wp.where(
-            front, m.rest.bore_pressure_front, m.rest.bore_pressure_rear
-        )
+        state[int(State.ARM_FL) + wheel, t] = stand.arm[wheel]
+        state[int(State.ARM_BORE_FL) + wheel, t] = stand.bore_pressure[wheel]
         state[int(State.ARM_ROD_FL) + wheel, t] = m.arm.rod_rest_pressure
+    store4(state, int(State.BRISTLE_X_FL), t, stand.bristle_x)
+    store4(state, int(State.BRISTLE_Y_FL), t, stand.bristle_y)
 
     # circuits idle: pump 2 holds its margin against its leakage, ports at the return line's pressure
     st = m.steering
@@ -425,11 +449,10 @@ def reset(
     state[State.ENGINE_TORQUE, t] = load
 
 
-@wp.kernel(enable_backward=False)
 def advance(
     # parameters
     machines: wp.array(dtype=MachineRecord),
-    grounds: wp.array(dtype=Ground),
+    terrain: Any,
     # commands, constant over the launch
     commands: wp.array2d(dtype=float),
     # state in and out
@@ -449,7 +472,7 @@ def advance(
     """Advance the twins from ``first`` on by ``num_steps`` main steps of ``h`` [s] with ``num_substeps`` each."""
     t = first + wp.tid()
     m = machines[t % machines.shape[0]]
-    ground = grounds[t % grounds.shape[0]]
+    ground = terrain.twins[t]
 
     # ---- load -------------------------------------------------------------------------------------------------------
     position = load3(state, int(State.X), t)
@@ -509,6 +532,7 @@ def advance(
     for step in range(steps):
         wheel_load = wp.vec4(0.0, 0.0, 0.0, 0.0)
         hull_force = float(0.0)
+        on_map = wp.vec4(1.0, 1.0, 1.0, 1.0)
         if alive and finite:
             # ---- half a drift: the middle pose -----------------------------------------------------------------------
             q = turn(q, omega, 0.5 * h)
@@ -704,22 +728,22 @@ def advance(
             e_rl = CornerElements(bristle_x[2], bristle_y[2], arm_friction[2], wheel_friction[2])
             e_rr = CornerElements(bristle_x[3], bristle_y[3], arm_friction[3], wheel_friction[3])
             drive = control.displacement_front
-            load_fl, e_fl, normal_fl = corner_load(
-                m, ground, m.frame_front.pivot_x, 1.0, 1.0, g_fl, arm_fl, arm_oil[0],
+            load_fl, e_fl, normal_fl, known_fl = corner_load(
+                m, terrain, ground, m.frame_front.pivot_x, 1.0, 1.0, g_fl, arm_fl, arm_oil[0],
                 drive, motor_mean[0], parking_brake, c_fl, e_fl, rotation, position, mid_velocity, mid_omega, h,
             )
-            load_fr, e_fr, normal_fr = corner_load(
-                m, ground, m.frame_front.pivot_x, 1.0, -1.0, g_fr, arm_fr, arm_oil[1],
+            load_fr, e_fr, normal_fr, known_fr = corner_load(
+                m, terrain, ground, m.frame_front.pivot_x, 1.0, -1.0, g_fr, arm_fr, arm_oil[1],
                 drive, motor_mean[1], parking_brake, c_fr, e_fr, rotation, position, mid_velocity, mid_omega, h,
             )
             drive = control.displacement_rear
-            load_rl, e_rl, normal_rl = corner_load(
-                m, ground, m.frame_rear.pivot_x, -1.0, 1.0, g_rl, arm_rl, arm_oil[2],
+            load_rl, e_rl, normal_rl, known_rl = corner_load(
+                m, terrain, ground, m.frame_rear.pivot_x, -1.0, 1.0, g_rl, arm_rl, arm_oil[2],
                 drive, motor_mean[2], parking_brake, c_rl, e_rl, rear_rotation, position, mid_velocity_rear,
                 mid_omega_rear, h,
             )
-            load_rr, e_rr, normal_rr = corner_load(
-                m, ground, m.frame_rear.pivot_x, -1.0, -1.0, g_rr, arm_rr, arm_oil[3],
+            load_rr, e_rr, normal_rr, known_rr = corner_load(
+                m, terrain, ground, m.frame_rear.pivot_x, -1.0, -1.0, g_rr, arm_rr, arm_oil[3],
                 drive, motor_mean[3], parking_brake, c_rr, e_rr, rear_rotation, position, mid_velocity_rear,
                 mid_omega_rear, h,
             )
@@ -730,13 +754,15 @@ def advance(
             wheel_load = wp.vec4(normal_fl, normal_fr, normal_rl, normal_rr)
 
             front_force, front_moment, front_touch = hull_loads(
-                m.hull, m.frame_front, m.frame_ground_clearance, ground, rotation, position, mid_velocity, mid_omega
+                m.hull, m.frame_front, m.frame_ground_clearance, terrain, ground, rotation, position, mid_velocity,
+                mid_omega,
             )
             rear_force, rear_moment, rear_touch = hull_loads(
-                m.hull, m.frame_rear, m.frame_ground_clearance, ground, rear_rotation, position, mid_velocity_rear,
-                mid_omega_rear,
+                m.hull, m.frame_rear, m.frame_ground_clearance, terrain, ground, rear_rotation, position,
+                mid_velocity_rear, mid_omega_rear,
             )
             hull_force = front_touch + rear_touch
+            on_map = wp.vec4(known_fl, known_fr, known_rl, known_rr)
 
             # ---- accelerations of the tree ---------------------------------------------------------------------------
             weight = wp.transpose(rotation) * wp.vec3(0.0, 0.0, -ground.gravity)
@@ -858,6 +884,10 @@ def advance(
             outputs[frame, Output.SPEED, t] = velocity[0]
             outputs[frame, Output.YAW_RATE, t] = omega[2]
             outputs[frame, Output.HULL_FORCE, t] = hull_force
+            off_map = float(0.0)
+            for i in range(4):
+                off_map += wp.where(on_map[i] < 0.5, 1.0, 0.0)
+            outputs[frame, Output.WHEELS_OFF_MAP, t] = off_map
 
     if not alive:
         return
@@ -915,3 +945,17 @@ def advance(
     state[State.GOVERNOR, t] = engine.integral
     state[State.ENGINE_TORQUE, t] = engine.torque
     clock[t] = tick
+
+
+@cache
+def build(kind: Any) -> tuple[Any, Any]:
+    """The kernels ``reset`` and ``advance`` for one kind of ground: ``Planes``, ``Rasters`` or ``Meshes``.
+
+    Each kind is a module of its own, compiled when first asked for.
+    """
+
+    def kernel(function: Callable[..., None]) -> Any:
+        generic = wp.kernel(function, enable_backward=False, module=f"{__name__}.{kind.key.lower()}")
+        return wp.overload(generic, {"terrain": kind})
+
+    return kernel(reset), kernel(advance)

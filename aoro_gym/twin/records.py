@@ -150,6 +150,7 @@ Output: Any = IntEnum(
             *("position_x", "position_y", "position_z", "roll", "pitch", "yaw", "speed", "yaw_rate"),
             *_each("wheel_load"),
             "hull_force",
+            "wheels_off_map",
         )
     ],
     start=0,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from enum import IntEnum
@@ -16,8 +16,10 @@ import numpy.typing as npt
 import warp as wp
 
 from aoro_gym.terrains.plane import Plane
+from aoro_gym.terrains.raster import CELL
+from aoro_gym.terrains.terrain import Terrain
 from aoro_gym.twin import kernels
-from aoro_gym.twin.laws.ground import Ground
+from aoro_gym.twin.grounds import Grounds
 from aoro_gym.twin.parameters import Machine
 from aoro_gym.twin.records import COMMAND_BOUNDS, Command, MachineRecord, Output, State, pack
 
@@ -62,7 +64,10 @@ class Twin:
         num_twins: Copies to simulate, at least 1.
         machine: Name of a bundled machine, path of a machine file, or a :class:`Machine`; a machine whose values are
             arrays of length ``num_twins`` gives every twin its own.
-        terrain: Ground; level asphalt by default. A plane whose values are arrays gives every twin its own.
+        terrain: Ground; level asphalt by default. A plane whose values are arrays gives every twin its own; of several
+            terrains, :meth:`reset` chooses.
+        ground: How twins feel a terrain: ``"raster"`` (fastest) or ``"mesh"`` (its very triangles, below overhangs).
+        cell: Distance of the raster's nodes [m].
         own_machines: Keep a machine record for every twin even if all start alike, so that :meth:`set_machines` can
             change them one by one.
         device: ``"cpu"`` or ``"cuda:N"``.
@@ -79,7 +84,9 @@ class Twin:
         num_twins: int = 1,
         *,
         machine: str | Path | Machine = "aoro",
-        terrain: Plane | None = None,
+        terrain: Plane | Terrain | Sequence[Terrain] | None = None,
+        ground: str = "raster",
+        cell: float = CELL,
         own_machines: bool = False,
         device: str = "cpu",
         main_step: float = 1e-3,
@@ -109,7 +116,10 @@ class Twin:
         if own_machines:
             records = np.resize(records, self.num_twins)
         self._machines = wp.array(records, dtype=MachineRecord, device=self.device)
-        self._grounds = wp.array(self._pack_ground(gravity), dtype=Ground, device=self.device)
+        self._grounds = Grounds(
+            self.terrain, num_twins=self.num_twins, kind=ground, cell=cell, gravity=gravity, device=self.device
+        )
+        self._reset_kernel, self._advance_kernel = kernels.build(type(self.ground)._cls)
 
         n = self.num_twins
         self.state = wp.zeros((len(State), n), dtype=float, device=self.device)
@@ -123,21 +133,13 @@ class Twin:
         self._outputs = wp.zeros((1, len(Output), n), dtype=float, device=self.device)
         self._mask = wp.ones(n, dtype=bool, device=self.device)
         self._pose = wp.zeros((4, n), dtype=float, device=self.device)
+        self._numbers = wp.zeros(n, dtype=int, device=self.device)
         self.reset()
 
-    def _pack_ground(self, gravity: float) -> np.ndarray:
-        normal = np.atleast_2d(np.asarray(self.terrain.normal, dtype=np.float64))
-        friction = np.atleast_1d(np.asarray(self.terrain.friction, dtype=np.float64))
-        rolling = np.atleast_1d(np.asarray(self.terrain.rolling_resistance, dtype=np.float64))
-        count = max(len(normal), len(friction), len(rolling))
-        _check_count("the terrain", count, self.num_twins)
-        layout: Any = Ground.numpy_dtype()
-        rows: Any = np.zeros(count, dtype=layout)
-        rows["normal"] = normal
-        rows["friction"] = friction
-        rows["rolling_resistance"] = rolling
-        rows["gravity"] = gravity
-        return rows
+    @property
+    def ground(self) -> Any:
+        """What the twins stand on, on the device: the ``terrain`` of :func:`aoro_gym.twin.laws.ground.footing`."""
+        return self._grounds.device_struct
 
     def reset(
         self,
@@ -146,14 +148,20 @@ class Twin:
         position: npt.ArrayLike = (0.0, 0.0),
         heading: npt.ArrayLike = 0.0,
         joint_angle: npt.ArrayLike = 0.0,
+        terrain: npt.ArrayLike | None = None,
     ) -> None:
         """Put twins at rest on the ground with idle circuits and all commands at their initial values.
+
+        On a terrain the frames lie as the ground under the four wheels does, and every arm swings until its wheel bears
+        its share; over a pit deeper than the arm's swing it hangs.
 
         Args:
             mask: Which twins, booleans of shape (num_twins,); all by default.
             position: Plan position of the hinge [m], shape (2,) or (num_twins, 2).
             heading: Heading of the front frame [rad], scalar or (num_twins,).
             joint_angle: Joint angle [rad], positive left, scalar or (num_twins,).
+            terrain: Which of the terrains each twin stands on, whole numbers, scalar or (num_twins,); by default where it
+                stood.
         """
         n = self.num_twins
         chosen = np.ones(n, dtype=bool) if mask is None else np.asarray(mask)
@@ -176,14 +184,29 @@ class Twin:
             raise ValueError(
                 f"joint_angle is {worst:.4f} rad, but the joint reaches only ±{limit:.4f} rad (joint.range)"
             )
+        numbers = np.full(n, -1, dtype=np.int32)
+        if terrain is not None:
+            asked = np.asarray(terrain)
+            if asked.shape not in ((), (n,)) or not np.issubdtype(asked.dtype, np.integer):
+                raise ValueError(
+                    f"terrain has shape {asked.shape} and type {asked.dtype}, but must be ({n},) of integers"
+                )
+            if not np.all((asked >= 0) & (asked < self._grounds.count)):
+                raise ValueError(
+                    f"terrain reaches {asked.min()} … {asked.max()}, but must be in [0, {self._grounds.count - 1}]"
+                    if self._grounds.count
+                    else "terrain is given, but these twins stand on a plane; construct them with terrains to choose from"
+                )
+            numbers[:] = asked
         self._mask.assign(chosen)
+        self._numbers.assign(numbers)
         self._pose.assign(pose)
         wp.launch(
-            kernels.reset,
+            self._reset_kernel,
             dim=n,
             inputs=[
-                self._machines, self._grounds, self._mask, self._pose, self.state, self.commands, self._history,
-                self._clock, self._status,
+                self._machines, self.ground, self._mask, self._pose, self._numbers, self.state, self.commands,
+                self._history, self._clock, self._status,
             ],
             device=self.device,
         )  # fmt: skip
@@ -255,10 +278,10 @@ class Twin:
         def launch(slot: int) -> None:
             first = slot * self.num_twins // threads
             wp.launch(
-                kernels.advance,
+                self._advance_kernel,
                 dim=(slot + 1) * self.num_twins // threads - first,
                 inputs=[
-                    self._machines, self._grounds, self.commands, self.state, self._history, self._clock,
+                    self._machines, self.ground, self.commands, self.state, self._history, self._clock,
                     self._status, self._outputs, first, steps, self.substeps, self.main_step, every,
                 ],
                 device=self.device,
@@ -286,6 +309,31 @@ class Twin:
         """
         return self._outputs
 
+    def set_ground(
+        self,
+        indices: npt.ArrayLike,
+        *,
+        friction: npt.ArrayLike | None = None,
+        rolling_resistance: npt.ArrayLike | None = None,
+    ) -> None:
+        """Change the grip of the ground for some twins; it stays so over resets and terrains.
+
+        Args:
+            indices: Which twins, integers of shape (K,).
+            friction: Multiplier of the tires' friction in [0.01, 2], scalar or (K,); on a terrain, on top of its own.
+            rolling_resistance: Multiplier of the tires' rolling resistance in [0, 50], likewise.
+
+        Raises:
+            ValueError: an index or a value is out of its bound; the message names it.
+        """
+        self._grounds.set_multipliers(self._chosen(indices), friction, rolling_resistance)
+
+    def _chosen(self, indices: npt.ArrayLike) -> npt.NDArray[np.int32]:
+        chosen = np.atleast_1d(np.asarray(indices, dtype=np.int32))
+        if chosen.size and not (chosen.min() >= 0 and chosen.max() < self.num_twins):
+            raise ValueError(f"indices must be in [0, {self.num_twins - 1}], but reach {chosen.min()} … {chosen.max()}")
+        return chosen
+
     def set_machines(self, indices: npt.ArrayLike, machine: Machine) -> None:
         """Give some twins other machines; takes effect at their next reset or step, reset them first.
 
@@ -296,13 +344,11 @@ class Twin:
         Raises:
             ValueError: this twin shares one machine between all copies, or the numbers disagree.
         """
-        chosen = np.atleast_1d(np.asarray(indices, dtype=np.int32))
         if self._machines.shape[0] != self.num_twins:
             raise ValueError(
                 "these twins share one machine record; construct them with own_machines=True to change it one by one"
             )
-        if chosen.size and not (chosen.min() >= 0 and chosen.max() < self.num_twins):
-            raise ValueError(f"indices must be in [0, {self.num_twins - 1}], but reach {chosen.min()} … {chosen.max()}")
+        chosen = self._chosen(indices)
         _check_count("the machine", machine.num_variants, max(len(chosen), 1))
         rows = np.resize(pack(machine), len(chosen))
         wp.launch(

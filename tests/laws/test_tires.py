@@ -10,7 +10,7 @@ import pytest
 import warp as wp
 from scipy.special import logsumexp, softmax
 
-from aoro_gym.twin.laws.ground import Ground
+from aoro_gym.twin.laws.ground import Footing
 from aoro_gym.twin.laws.tires import Hull, Tire, TireContact, bristle_step, hull_contact, lugre_capacity, tire_contact
 from tests.laws.launch import ROUNDOFF, changed, columns, launch, record, rounded
 
@@ -35,7 +35,9 @@ TIRE = record(
     rolling_resistance=0.0125,
 )
 HULL = record(Hull, stiffness=2e6, damping=2e4, friction=0.5)
-LEVEL = record(Ground, normal=[0.0, 0.0, 1.0], friction=1.0, rolling_resistance=1.0, gravity=9.81)
+LEVEL = record(
+    Footing, x=0.0, y=0.0, height=0.0, normal=[0.0, 0.0, 1.0], friction=1.0, rolling_resistance=1.0, known=1.0
+)
 BLEND = 0.002  # [m]
 ZERO = np.zeros(3)
 UPRIGHT = np.eye(3)
@@ -69,7 +71,7 @@ def bristle_kernel(
 @wp.kernel(enable_backward=False)
 def contact_kernel(
     m: wp.array(dtype=Tire),
-    ground: wp.array(dtype=Ground),
+    ground: wp.array(dtype=Footing),
     rotation: wp.array(dtype=wp.mat33),
     origin: wp.array(dtype=wp.vec3),
     centre: wp.array(dtype=wp.vec3),
@@ -98,7 +100,7 @@ def contact_kernel(
 @wp.kernel(enable_backward=False)
 def drag_kernel(
     m: wp.array(dtype=Tire),
-    ground: wp.array(dtype=Ground),
+    ground: wp.array(dtype=Footing),
     slip_x: wp.array2d(dtype=float),
     slip_y: wp.array2d(dtype=float),
     dt: float,
@@ -123,7 +125,7 @@ def drag_kernel(
 @wp.kernel(enable_backward=False)
 def hull_kernel(
     m: wp.array(dtype=Hull),
-    ground: wp.array(dtype=Ground),
+    ground: wp.array(dtype=Footing),
     rotation: wp.array(dtype=wp.mat33),
     origin: wp.array(dtype=wp.vec3),
     point: wp.array(dtype=wp.vec3),

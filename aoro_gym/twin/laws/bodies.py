@@ -91,6 +91,16 @@ def wheel_centre(corner: Corner, pivot_x: float, direction: float, side: float, 
 
 
 @wp.func
+def hull_corner(frame: FrameBody, clearance: float, i: int):
+    """Corner ``i`` (0 … 7) [m] of a frame's hull, whose belly is ``clearance`` over the design ground plane."""
+    return wp.vec3(
+        frame.cog_x + frame.hull_length * (float(i & 1) - 0.5),
+        frame.hull_width * (float((i >> 1) & 1) - 0.5),
+        clearance + frame.hull_height * float(i >> 2),
+    )
+
+
+@wp.func
 def arm_tangent(direction: float, angle: float, radius: float):
     """Derivative [m/rad] of a point at ``radius`` on the arm with respect to the arm angle."""
     return wp.vec3(-direction * radius * wp.sin(angle), 0.0, radius * wp.cos(angle))

@@ -12,7 +12,7 @@ Sources: Lehto et al. (Machines 2026, 14, 128) for the disc model; Canudas de Wi
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
 import warp as wp
 
-from aoro_gym.twin.laws.ground import Ground, ground_height, ground_normal, penetration
+from aoro_gym.twin.laws.ground import Footing, ground_height, penetration
 
 ROLLING_REGULARISATION = wp.constant(0.05)  # [rad/s] wheel rate below which rolling resistance fades
 DISC_BLEND = wp.constant(0.002)  # [m] of depth by which discs differ that share the contact
@@ -83,7 +83,7 @@ def bristle_step(z: float, slip: float, unload: float, dt: float):
 def tire_contact(
     # parameters
     m: Tire,
-    ground: Ground,
+    ground: Footing,
     # pose of the half: rotation frame → world, hinge origin in the world, wheel centre in the frame
     rotation: wp.mat33,
     origin: wp.vec3,
@@ -100,25 +100,24 @@ def tire_contact(
     """Contact of one wheel: F_n = max(0, k δ + c δ̇), F_j = F_n (σ₀ z_j + σ₁ ż_j + σ₂ v_j) for both directions.
 
     The slip of both directions shares one capacity (σ₀_j |v| z_j/g with the resultant |v|). Bristles are taken at the
-    step's middle (mean of old and new), where the force acts. Valid for wheels whose discs meet the ground from above.
+    step's middle (mean of old and new), where the force acts. ``ground`` is the footing under the wheel's centre, a plane
+    for all five discs. Valid for wheels whose discs meet it from above.
     """
     out = TireContact()
-    centre_world = origin + rotation * centre
-    normal_world = ground_normal(ground, centre_world[0], centre_world[1])
-    n = wp.transpose(rotation) * normal_world
+    n = wp.transpose(rotation) * ground.normal
     tilt = wp.sqrt(n[0] * n[0] + n[2] * n[2])
     down = wp.vec3(-n[0] / tilt, 0.0, -n[2] / tilt)
 
     # depth and place of the contact: the deepest disc's, blended with those that are nearly as deep
-    middle = penetration(ground, origin + rotation * (centre + m.radius * down), normal_world)
+    middle = penetration(ground, origin + rotation * (centre + m.radius * down))
     inner = m.disc_offset_inner
     outer = m.disc_offset_outer
     inner_rim = centre + (m.radius - m.disc_drop_inner) * down
     outer_rim = centre + (m.radius - m.disc_drop_outer) * down
-    inner_right = penetration(ground, origin + rotation * (inner_rim - wp.vec3(0.0, inner, 0.0)), normal_world)
-    inner_left = penetration(ground, origin + rotation * (inner_rim + wp.vec3(0.0, inner, 0.0)), normal_world)
-    outer_right = penetration(ground, origin + rotation * (outer_rim - wp.vec3(0.0, outer, 0.0)), normal_world)
-    outer_left = penetration(ground, origin + rotation * (outer_rim + wp.vec3(0.0, outer, 0.0)), normal_world)
+    inner_right = penetration(ground, origin + rotation * (inner_rim - wp.vec3(0.0, inner, 0.0)))
+    inner_left = penetration(ground, origin + rotation * (inner_rim + wp.vec3(0.0, inner, 0.0)))
+    outer_right = penetration(ground, origin + rotation * (outer_rim - wp.vec3(0.0, outer, 0.0)))
+    outer_left = penetration(ground, origin + rotation * (outer_rim + wp.vec3(0.0, outer, 0.0)))
     deepest = wp.max(middle, wp.max(wp.max(inner_right, inner_left), wp.max(outer_right, outer_left)))
     w_middle = wp.exp((middle - deepest) / DISC_BLEND)
     w_inner_right = wp.exp((inner_right - deepest) / DISC_BLEND)
@@ -174,7 +173,7 @@ def tire_contact(
 
 @wp.func
 def hull_contact(
-    m: Hull, ground: Ground, rotation: wp.mat33, origin: wp.vec3, point: wp.vec3, velocity: wp.vec3, omega: wp.vec3
+    m: Hull, ground: Footing, rotation: wp.mat33, origin: wp.vec3, point: wp.vec3, velocity: wp.vec3, omega: wp.vec3
 ):
     """Force [N], frame coordinates, on one corner of a hull: penalty spring and damper that never pulls, with Coulomb
     friction regularised below 5 cm/s."""
@@ -182,7 +181,7 @@ def hull_contact(
     world = origin + rotation * point
     depth = ground_height(ground, world[0], world[1]) - world[2]
     if depth > 0.0:
-        n = wp.transpose(rotation) * ground_normal(ground, world[0], world[1])
+        n = wp.transpose(rotation) * ground.normal
         v = velocity + wp.cross(omega, point)
         v_n = wp.dot(n, v)
         load = wp.max(m.stiffness * depth * (rotation * n)[2] - m.damping * v_n, 0.0)

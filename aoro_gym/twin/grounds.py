@@ -1,0 +1,142 @@
+"""Grounds on the device: planes, or terrains as rasters or triangles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import warp as wp
+
+from aoro_gym.terrains.plane import Plane
+from aoro_gym.terrains.raster import CELL, rasterise
+from aoro_gym.terrains.terrain import Terrain
+from aoro_gym.twin.kernels import multiply
+from aoro_gym.twin.laws.ground import Ground, Meshes, Planes, Rasters, Site
+
+KINDS = {"raster": Rasters, "mesh": Meshes}
+"""How twins feel a terrain, by name."""
+
+
+class Grounds:
+    """What the twins stand on.
+
+    Args:
+        terrain: One plane (its arrays hold one value a twin), one terrain, or several.
+        num_twins: Twins that stand on it; on the first terrain, to begin with.
+        kind: ``"raster"`` or ``"mesh"``; planes need neither.
+        cell: Distance of the rasters' nodes [m].
+        gravity: [m/s²].
+        device: Warp device.
+
+    Raises:
+        ValueError: a value is out of its bound; the message names it.
+    """
+
+    def __init__(
+        self,
+        terrain: Plane | Terrain | Sequence[Terrain],
+        *,
+        num_twins: int,
+        kind: str = "raster",
+        cell: float = CELL,
+        gravity: float = 9.81,
+        device: Any = "cpu",
+    ):
+        if kind not in KINDS:
+            raise ValueError(f"ground is '{kind}'; choose one of: {', '.join(KINDS)}")
+        self.count = 0
+        """Terrains to choose from; 0 for planes."""
+        if isinstance(terrain, Plane):
+            self.device_struct: Any = _planes(terrain, num_twins, gravity, device)
+            """What kernels take as their ``terrain`` (see :mod:`aoro_gym.twin.laws.ground`)."""
+            return
+        terrains = [terrain] if isinstance(terrain, Terrain) else list(terrain)
+        wrong = [type(one).__name__ for one in terrains if not isinstance(one, Terrain)]
+        if wrong or not terrains:
+            listed = f"holds a {wrong[0]}" if wrong else "is empty"
+            raise ValueError(f"terrain {listed}; give a Plane, a Terrain, or a sequence of Terrains")
+        self.count = len(terrains)
+        self.device_struct, self._meshes = _terrains(terrains, num_twins, KINDS[kind], cell, gravity, device)
+
+    def set_multipliers(
+        self, chosen: npt.NDArray[np.int32], friction: npt.ArrayLike | None, rolling_resistance: npt.ArrayLike | None
+    ) -> None:
+        """See :meth:`Twin.set_ground`, for indices that are checked."""
+        rows = []
+        for name, value, low, high in (
+            ("friction", friction, 0.01, 2.0),
+            ("rolling_resistance", rolling_resistance, 0.0, 50.0),
+        ):
+            # what is not given stays: a negative multiplier
+            array = np.asarray(-1.0 if value is None else value, dtype=np.float32)
+            if array.shape not in ((), chosen.shape):
+                raise ValueError(f"{name} has shape {array.shape}, but must be a scalar or {chosen.shape}")
+            if value is not None and not np.all((array >= low) & (array <= high)):
+                worst = np.atleast_1d(array)[~((np.atleast_1d(array) >= low) & (np.atleast_1d(array) <= high))][0]
+                raise ValueError(f"{name} is {worst:g}, but must be in [{low:g}, {high:g}] x the ground's own")
+            rows.append(np.broadcast_to(array, chosen.shape))
+        twins = self.device_struct.twins
+        wp.launch(
+            multiply,
+            dim=len(chosen),
+            inputs=[
+                wp.array(chosen, dtype=int, device=twins.device),
+                wp.array(np.stack(rows), dtype=float, device=twins.device),
+                twins,
+            ],
+            device=twins.device,
+        )
+
+
+def _planes(plane: Plane, num_twins: int, gravity: float, device: Any) -> Any:
+    normal = np.atleast_2d(np.asarray(plane.normal, dtype=np.float64))
+    friction = np.atleast_1d(np.asarray(plane.friction, dtype=np.float64))
+    rolling = np.atleast_1d(np.asarray(plane.rolling_resistance, dtype=np.float64))
+    count = max(len(normal), len(friction), len(rolling))
+    if count not in (1, num_twins):
+        raise ValueError(f"the terrain has {count} variants, but must have 1 or num_twins = {num_twins}")
+    layout: Any = Ground.numpy_dtype()
+    rows: Any = np.zeros(num_twins, dtype=layout)
+    rows["normal"] = normal
+    rows["friction"] = friction
+    rows["rolling_resistance"] = rolling
+    rows["gravity"] = gravity
+    out: Any = Planes()
+    out.twins = wp.array(rows, dtype=Ground, device=device)
+    return out
+
+
+def _terrains(
+    terrains: list[Terrain], num_twins: int, kind: Any, cell: float, gravity: float, device: Any
+) -> tuple[Any, list[wp.Mesh]]:
+    layout: Any = Site.numpy_dtype()
+    sites: Any = np.zeros(len(terrains), dtype=layout)
+    rasters, meshes, first = [], [], 0
+    for site, terrain in zip(sites, terrains, strict=True):
+        mesh = wp.Mesh(
+            points=wp.array(terrain.vertices, dtype=wp.vec3, device=device),
+            indices=wp.array(terrain.faces.ravel(), dtype=int, device=device),
+        )
+        raster = rasterise(terrain, mesh, cell)
+        rows, columns = raster.ceilings.shape
+        site["x"], site["y"] = raster.corner
+        site["inverse_cell"] = 1.0 / raster.cell
+        site["columns"], site["rows"], site["first"] = columns, rows, first
+        site["mesh"] = mesh.id
+        site["friction"], site["rolling_resistance"], site["gravity"] = 1.0, 1.0, gravity
+        first += rows * columns
+        rasters.append(raster)
+        meshes.append(mesh)
+    if first >= 2**31:
+        raise ValueError(
+            f"cell is {cell} m, which makes {first:.3g} nodes in all, but 2^31 is the limit; take larger cells"
+        )
+    out: Any = kind()
+    out.terrains = wp.array(sites, dtype=Site, device=device)
+    out.twins = wp.array(np.repeat(sites[:1], num_twins), dtype=Site, device=device)
+    out.nodes = wp.array(np.concatenate([r.nodes.reshape(-1, 4) for r in rasters]), dtype=wp.vec4, device=device)
+    out.cover = wp.array(np.concatenate([r.cover.reshape(-1, 2) for r in rasters]), dtype=wp.vec2, device=device)
+    out.ceilings = wp.array(np.concatenate([r.ceilings.ravel() for r in rasters]), dtype=float, device=device)
+    return out, meshes
