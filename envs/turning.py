@@ -385,10 +385,8 @@ class Turning:
 
     def rest(self, where: NDArray[np.intp], outputs: Outputs) -> None:
         self._outputs = outputs
-        time = self._step * self.control_step
-        # asks every sensor, those of running sub-environments a second time: without delay and low-pass they repeat
-        self._measured[:, where] = self._measure_angle(self._angle, time)[where]
-        self._pressures[where] = self._measure_pressures(time)[where]
+        self._measured[:, where] = self._measure_angle(self._angle[where], 0.0, where)
+        self._pressures[where] = self._measure_pressures(0.0, where)
 
     # ---- step
 
@@ -417,15 +415,17 @@ class Turning:
         self._inside = xp.where(error <= config.tolerance, self._inside + 1, 0)
         self._largest_overshoot = xp.maximum(self._largest_overshoot, self._overshoot())
 
-    def _measure_angle(self, angle: Array, time: Array) -> Array:
-        return (angle + self._noise * (self._angle_sensor.measure(angle, time) - angle)).astype(self.xp.float32)
+    def _measure_angle(self, angle: Array, time: Array, where: Any = None) -> Array:
+        noise = self._noise if where is None else self._noise[where]
+        return (angle + noise * (self._angle_sensor.measure(angle, time, where) - angle)).astype(self.xp.float32)
 
-    def _measure_pressures(self, time: Array) -> Array:
+    def _measure_pressures(self, time: Array, where: Any = None) -> Array:
+        rows = slice(None) if where is None else where
         columns = []
         for channel, sensor in zip(PRESSURE_CHANNELS, self._pressure_sensors, strict=False):
-            true = self._outputs.last(channel)
-            columns.append(true + self._noise * (sensor.measure(true, time) - true))
-        return self.xp.stack(columns, 1).astype(self.xp.float32) if columns else self._pressures
+            true = self._outputs.last(channel)[rows]
+            columns.append(true + self._noise[rows] * (sensor.measure(true, time, where) - true))
+        return self.xp.stack(columns, 1).astype(self.xp.float32) if columns else self._pressures[rows]
 
     def _overshoot(self) -> Array:
         return self.xp.clip(self._approach * (self._angle - self._target), 0.0, math.inf)

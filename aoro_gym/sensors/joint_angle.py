@@ -15,7 +15,16 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.signal import lfilter
 
 from aoro_gym.sensors.chain import SAMPLE_RATE, sample, sampling_rate
-from aoro_gym.sensors.noise import Seeds, draw_seeds, quantised, tick, white
+from aoro_gym.sensors.noise import (
+    Seeds,
+    checked_generators,
+    chosen_rows,
+    columns,
+    draw_seeds,
+    quantised,
+    tick,
+    white,
+)
 
 
 @dataclass(frozen=True)
@@ -163,46 +172,47 @@ class JointAngleSensor:
             indices: Which, integers (K,).
             rngs: One generator each: draws the frequencies and phases of the lines, and the white noise.
         """
-        chosen = np.atleast_1d(np.asarray(indices, dtype=np.int64))
-        if len(rngs) != len(chosen):
-            raise ValueError(f"{len(rngs)} generators for {len(chosen)} twins; give one each")
+        chosen = chosen_rows(indices, self.num_twins)
+        checked_generators(rngs, chosen)
         draw = self.noise.draw(rngs)
         self._draw.frequency[:, chosen] = draw.frequency
         self._draw.phase[:, chosen] = draw.phase
         self._draw.seeds[chosen] = draw.seeds
         self._fresh[chosen] = True
 
-    def measure(self, angle: ArrayLike, time: ArrayLike) -> NDArray[np.float64]:
-        """One sample of each twin.
+    def measure(self, angle: ArrayLike, time: ArrayLike, indices: ArrayLike | None = None) -> NDArray[np.float64]:
+        """One sample of each twin, or of some: the memory of the others stays as it is.
 
         Args:
-            angle: True joint angle [rad] (N,).
-            time: Time [s] since the twin's reset, scalar or (N,).
+            angle: True joint angle [rad] (K,).
+            time: Time [s] since the twin's reset, scalar or (K,).
+            indices: Which twins, integers (K,); all by default.
 
         Returns:
-            Measured angle [rad] (N,). The first sample after a reset finds the joint at rest.
+            Measured angle [rad] (K,). The first sample after a reset finds the joint at rest.
         """
-        true = np.asarray(angle, dtype=np.float64)
-        if true.shape != (self.num_twins,):
-            raise ValueError(f"angle has shape {true.shape}, but must be ({self.num_twins},)")
-        if self._fresh.any():
-            self._past[:, self._fresh] = true[self._fresh]
-            self._before[self._fresh] = true[self._fresh]
-            self._fresh[:] = False
+        rows = chosen_rows(indices, self.num_twins)
+        true = columns("angle", angle, rows.shape)
+        fresh = self._fresh[rows]
+        if fresh.any():
+            self._past[:, rows[fresh]] = true[fresh]
+            self._before[rows[fresh]] = true[fresh]
+            self._fresh[rows] = False
         value = true
         if self.cutoff is not None:
             feedback, now, before = _first_order(self.cutoff, self.interval)
-            value = feedback * self._past[0] + now * true + before * self._before
-            self._before = true
-        self._past[1:] = self._past[:-1]
-        self._past[0] = value
+            value = feedback * self._past[0, rows] + now * true + before * self._before[rows]
+            self._before[rows] = true
+        self._past[1:, rows] = self._past[:-1, rows]
+        self._past[0, rows] = value
         if len(self._past) > 1:
-            age = self.delay / self.interval
+            age = self.delay[rows] / self.interval
             whole = np.minimum(age.astype(np.int64), len(self._past) - 2)
-            each = np.arange(self.num_twins)
-            newer, older = self._past[whole, each], self._past[whole + 1, each]
+            newer, older = self._past[whole, rows], self._past[whole + 1, rows]
             value = newer + (age - whole) * (older - newer)
-        return self._sampled(value, self._draw, time)
+        draw = self._draw
+        draw = NoiseDraw(draw.frequency[:, rows], draw.phase[:, rows], draw.seeds[rows])
+        return self._sampled(value, draw, time, self.gain[rows])
 
     def record(
         self, angle: ArrayLike, time: ArrayLike, rng: np.random.Generator, *, offset: float = 0.0
@@ -235,11 +245,13 @@ class JointAngleSensor:
             whole = np.minimum(row.astype(np.int64), len(instants) - 2)
             each = np.arange(count)
             sampled = values[whole, each] + (row - whole) * (values[whole + 1, each] - values[whole, each])
-        measured = self._sampled(sampled, self.noise.draw(rng.spawn(count)), ticks[:, None])
+        measured = self._sampled(sampled, self.noise.draw(rng.spawn(count)), ticks[:, None], self.gain)
         return ticks, measured[:, 0] if true.ndim == 1 else measured
 
-    def _sampled(self, value: NDArray[np.float64], draw: NoiseDraw, time: ArrayLike) -> NDArray[np.float64]:
-        return quantised(self.gain * value + self.noise.at(draw, time), self.noise.resolution)
+    def _sampled(
+        self, value: NDArray[np.float64], draw: NoiseDraw, time: ArrayLike, gain: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        return quantised(gain * value + self.noise.at(draw, time), self.noise.resolution)
 
 
 def _first_order(cutoff: float, step: float) -> tuple[float, float, float]:

@@ -13,7 +13,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.sensors.chain import SAMPLE_RATE, sample
-from aoro_gym.sensors.noise import Seeds, draw_seeds, quantised, tick, white
+from aoro_gym.sensors.noise import (
+    Seeds,
+    checked_generators,
+    chosen_rows,
+    columns,
+    draw_seeds,
+    quantised,
+    tick,
+    white,
+)
 
 
 @dataclass(frozen=True)
@@ -57,17 +66,15 @@ class PressureSensor:
 
     def reset(self, indices: ArrayLike, rngs: Sequence[np.random.Generator]) -> None:
         """Begin a new run of the twins ``indices`` (K,), with one generator each."""
-        chosen = np.atleast_1d(np.asarray(indices, dtype=np.int64))
-        if len(rngs) != len(chosen):
-            raise ValueError(f"{len(rngs)} generators for {len(chosen)} twins; give one each")
+        chosen = chosen_rows(indices, self.num_twins)
+        checked_generators(rngs, chosen)
         self._zero[chosen], self._seeds[chosen] = self._drawn(rngs)
 
-    def measure(self, pressure: ArrayLike, time: ArrayLike) -> NDArray[np.float64]:
-        """Measured pressure [Pa] (N,) of the true one [Pa] (N,) at ``time`` [s], scalar or (N,)."""
-        true = np.asarray(pressure, dtype=np.float64)
-        if true.shape != (self.num_twins,):
-            raise ValueError(f"pressure has shape {true.shape}, but must be ({self.num_twins},)")
-        return self._sampled(true, self._zero, self._seeds, time)
+    def measure(self, pressure: ArrayLike, time: ArrayLike, indices: ArrayLike | None = None) -> NDArray[np.float64]:
+        """Measured pressure [Pa] (K,) of the true one [Pa] (K,) at ``time`` [s], scalar or (K,), on the twins
+        ``indices`` (K,), all by default."""
+        rows = chosen_rows(indices, self.num_twins)
+        return self._sampled(columns("pressure", pressure, rows.shape), self._zero[rows], self._seeds[rows], time)
 
     def record(
         self, pressure: ArrayLike, time: ArrayLike, rng: np.random.Generator
