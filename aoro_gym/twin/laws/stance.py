@@ -1,7 +1,8 @@
 """How a machine stands at rest on its ground: pose of the frames, angles and oil of the arms, bend of the tires.
 
 The frames are rigid but for the joint, so they lie on the plane that fits the ground under the four wheels best; each arm
-then swings until its wheel bears its share of the weight, or up to its end: a wheel over a pit hangs.
+then swings until its wheel bears its share of the weight, or up to its end. Where that is not enough, over a pit or beside a
+boulder, one wheel hangs, and the frames lie on the other three with their arms as at rest on level ground.
 """
 
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
@@ -15,7 +16,7 @@ from aoro_gym.twin.laws.ground import Footing, Ground, Planes, Site, footing, ra
 from aoro_gym.twin.laws.tires import Tire
 from aoro_gym.twin.records import MachineRecord
 
-FITS = wp.constant(6)  # Newton steps of the frames' pose, and then of the arms; each gains two digits or more
+FITS = wp.constant(6)  # Newton steps of the frames' pose, then as many of frames and arms; each gains two digits or more
 UP = wp.constant(wp.vec3(0.0, 0.0, 1.0))
 
 
@@ -42,15 +43,19 @@ def upright_on(normal: wp.vec3, heading: float):
 
 
 @wp.func
+def level_arms(m: MachineRecord):
+    """Arm angles [rad] at rest on level ground."""
+    return wp.vec4(m.rest.arm_angle_front, m.rest.arm_angle_front, m.rest.arm_angle_rear, m.rest.arm_angle_rear)
+
+
+@wp.func
 def stance(m: MachineRecord, terrain: Planes, ground: Ground, x: float, y: float, heading: float, joint: float):
     """The rest pose on level ground, laid on the plane; hinge at (x, y)."""
     out = Stance()
     under = footing(terrain, ground, wp.vec3(x, y, 0.0))
     out.height = -(under.normal[0] * x + under.normal[1] * y) / under.normal[2]
     out.rotation = upright_on(under.normal, heading)
-    front = m.rest.arm_angle_front
-    rear = m.rest.arm_angle_rear
-    out.arm = wp.vec4(front, front, rear, rear)
+    out.arm = level_arms(m)
     front = m.rest.bore_pressure_front
     rear = m.rest.bore_pressure_rear
     out.bore_pressure = wp.vec4(front, front, rear, rear)
@@ -89,21 +94,18 @@ def stance(m: MachineRecord, terrain: Any, ground: Site, x: float, y: float, hea
     """Rest on the terrain around the hinge's plan position (x, y).
 
     Wheel loads N = α + β x + γ y are the ones of least squares that carry the weight: ΣN = W, and their centre is where
-    the weight's line of action from the CoG meets the ground.
+    the weight's line of action from the CoG meets the ground. On three wheels that is the only solution.
     """
     out = Stance()
     to_rear = hinge_rotation(joint)
     to_front = wp.transpose(to_rear)
-    arm = wp.vec4(m.rest.arm_angle_front, m.rest.arm_angle_front, m.rest.arm_angle_rear, m.rest.arm_angle_rear)
+    arm = level_arms(m)
 
     # mass and first moments at the rest pose, front axes; the rest pose stands on z = 0
     mass = m.frame_front.mass + m.frame_rear.mass + 4.0 * m.corner.mass
     moment = m.frame_front.mass * wp.vec3(m.frame_front.cog_x, 0.0, m.frame_front.cog_height)
     moment += to_front * (m.frame_rear.mass * wp.vec3(m.frame_rear.cog_x, 0.0, m.frame_rear.cog_height))
-    # positions of the wheels: sums of 1, x, y and their products
-    spread = wp.mat33()
     for wheel in range(4):
-        centre, tangent = wheel_place(m.corner, m.frame_front, m.frame_rear, to_front, wheel, arm[wheel])
         side = 1.0 - 2.0 * float(wheel & 1)
         lengthwise = m.corner.rho * wp.cos(arm[wheel])
         high = m.corner.pivot_height + m.corner.rho * wp.sin(arm[wheel])
@@ -113,10 +115,7 @@ def stance(m: MachineRecord, terrain: Any, ground: Site, x: float, y: float, hea
             moment += to_front * (
                 m.corner.mass * wp.vec3(m.frame_rear.pivot_x - lengthwise, side * m.corner.lateral, high)
             )
-        one = wp.vec3(1.0, centre[0], centre[1])
-        spread += wp.outer(one, one)
     cog = moment / mass
-    fit = wp.inverse(spread)
 
     height = raster_height(terrain, ground, x, y)
     slope_x = float(0.0)
@@ -124,18 +123,33 @@ def stance(m: MachineRecord, terrain: Any, ground: Site, x: float, y: float, hea
     q = wp.quat_identity()
     load = wp.vec4()
     bent = wp.vec3()
+    weight = wp.vec3()
+    hanging = int(-1)
     for step in range(2 * FITS):
         q = upright_on(wp.normalize(wp.vec3(-slope_x, -slope_y, 1.0)), heading)
         rotation = wp.quat_to_matrix(q)
         weight = wp.transpose(rotation) * wp.vec3(0.0, 0.0, -ground.gravity * mass)
         bent = -weight / weight[2]
-        share = fit * (-weight[2] * wp.vec3(1.0, cog[0] + bent[0] * cog[2], cog[1] + bent[1] * cog[2]))
-        # surplus depths of the wheels, as heights, and the plane through them in the world
+        # sums of 1, x, y and their products, over the wheels that stand
+        spread = wp.mat33()
+        for wheel in range(4):
+            if wheel != hanging:
+                centre, tangent = wheel_place(m.corner, m.frame_front, m.frame_rear, to_front, wheel, arm[wheel])
+                one = wp.vec3(1.0, centre[0], centre[1])
+                spread += wp.outer(one, one)
+        share = wp.inverse(spread) * (
+            -weight[2] * wp.vec3(1.0, cog[0] + bent[0] * cog[2], cog[1] + bent[1] * cog[2])
+        )
+        # by how much each wheel is too deep; as heights, and the plane through them in the world
         sums = wp.vec3()
         around = wp.mat33()
+        lacking = float(0.0)
+        lowest = int(-1)
         for wheel in range(4):
             centre, tangent = wheel_place(m.corner, m.frame_front, m.frame_rear, to_front, wheel, arm[wheel])
-            load[wheel] = wp.max(share[0] + share[1] * centre[0] + share[2] * centre[1], 0.0)
+            load[wheel] = wp.where(
+                wheel == hanging, 0.0, wp.max(share[0] + share[1] * centre[0] + share[2] * centre[1], 0.0)
+            )
             offset = rotation * centre
             world = wp.vec3(x, y, height) + offset
             stands = raster_height(terrain, ground, world[0], world[1]) + m.tire.radius
@@ -144,23 +158,30 @@ def stance(m: MachineRecord, terrain: Any, ground: Site, x: float, y: float, hea
             if wheel >= 2:
                 axle = to_front * axle
             surplus = overlap(m.tire, under, world, rotation * axle) - load[wheel] / m.tire.stiffness
-            if step < FITS:
+            if wheel != hanging:
                 one = wp.vec3(1.0, offset[0], offset[1])
                 around += wp.outer(one, one)
                 sums += (surplus / under.normal[2]) * one
-            else:
+            if step >= FITS and hanging < 0:
+                if arm[wheel] <= -m.arm.swing and surplus < lacking:
+                    lacking = surplus
+                    lowest = wheel
                 arm[wheel] = wp.clamp(
                     arm[wheel] + surplus / wp.max(wp.dot(under.normal, rotation * tangent), 0.1 * m.corner.arm_length),
                     -m.arm.swing,
                     m.arm.swing,
                 )
-        if step < FITS:
-            plane = wp.inverse(around) * sums
-            height += plane[0]
-            slope_x += plane[1]
-            slope_y += plane[2]
+        plane = wp.inverse(around) * sums
+        height += plane[0]
+        slope_x += plane[1]
+        slope_y += plane[2]
+        if hanging < 0 and lowest >= 0:
+            hanging = lowest
+            arm = level_arms(m)
+            arm[hanging] = -m.arm.swing
 
-    # arms at their ends, or a mound between the wheels: up until nothing is pressed in deeper than at rest
+    # a mound between the wheels: up until nothing is pressed in deeper than at rest
+    q = upright_on(wp.normalize(wp.vec3(-slope_x, -slope_y, 1.0)), heading)
     rotation = wp.quat_to_matrix(q)
     rear_rotation = rotation * to_front
     lift = float(0.0)
