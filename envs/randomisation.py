@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +24,17 @@ FRICTION_KEYS = ("tire.friction_coulomb", "tire.friction_static")
 class Randomisation:
     """Uniform ranges, drawn anew for every sub-environment at every reset from its own generator.
 
+    A task with ranges of its own derives a class from this one: each a field, with its bounds in ``BOUNDS``.
+
     Raises ValueError naming the key, its value and the bound.
     """
+
+    BOUNDS: ClassVar[Mapping[str, Range]] = {
+        "ground_friction": (0.01, 2.0),
+        "sensor_noise": (0.0, 100.0),
+        "joint_angle": (-1.0, 1.0),
+    }
+    """Lowest and highest value that a range may have, by field, in the order in which they are drawn."""
 
     machine: Mapping[str, Range] = field(default_factory=dict)
     """Dotted parameter key → range of values, in the unit of the machine file."""
@@ -53,9 +62,8 @@ class Randomisation:
         both = sorted(set(self.machine) & set(self.machine_scale))
         if both:
             raise ValueError(f"randomisation.machine and .machine_scale both have {', '.join(both)}; keep one of them")
-        _checked("randomisation.ground_friction", self.ground_friction, 0.01, 2.0)
-        _checked("randomisation.sensor_noise", self.sensor_noise, 0.0, 100.0)
-        _checked("randomisation.joint_angle", self.joint_angle, -1.0, 1.0)
+        for name, (lowest, highest) in self.BOUNDS.items():
+            _checked(f"randomisation.{name}", getattr(self, name), lowest, highest)
 
     @property
     def varies_machine(self) -> bool:
@@ -65,22 +73,24 @@ class Randomisation:
     @property
     def num_draws(self) -> int:
         """Uniform numbers that one reset of one sub-environment takes."""
-        return 3 + len(self.machine) + len(self.machine_scale)
+        return len(self.BOUNDS) + len(self.machine) + len(self.machine_scale)
 
     def draw(self, generators: Sequence[np.random.Generator]) -> Draws:
         """One draw for each generator."""
         uniform = np.stack([generator.random(self.num_draws) for generator in generators])
-        spans = [self.ground_friction, self.sensor_noise, self.joint_angle]
+        spans = [getattr(self, name) for name in self.BOUNDS]
         spans += [*self.machine.values(), *self.machine_scale.values()]
         low, high = np.array(spans, dtype=np.float64).T
         values = low + (high - low) * uniform
-        first = 3 + len(self.machine)
+        own = dict(zip(self.BOUNDS, values.T, strict=False))
+        first = len(own) + len(self.machine)
         return Draws(
-            ground_friction=values[:, 0],
-            sensor_noise=values[:, 1],
-            joint_angle=values[:, 2],
-            machine=dict(zip(self.machine, values[:, 3:first].T, strict=True)),
+            ground_friction=own.pop("ground_friction"),
+            sensor_noise=own.pop("sensor_noise"),
+            joint_angle=own.pop("joint_angle"),
+            machine=dict(zip(self.machine, values[:, len(self.BOUNDS) : first].T, strict=True)),
             machine_scale=dict(zip(self.machine_scale, values[:, first:].T, strict=True)),
+            task=own,
         )
 
 
@@ -93,6 +103,8 @@ class Draws:
     joint_angle: NDArray[np.float64]
     machine: Mapping[str, NDArray[np.float64]]
     machine_scale: Mapping[str, NDArray[np.float64]]
+    task: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    """The ranges that a task adds."""
 
     def apply(self, machine: Machine) -> Machine:
         """``machine``, of one or K variants, with what was drawn."""

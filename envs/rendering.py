@@ -24,7 +24,7 @@ RENDER_MODES = ("rgb_array", "human")
 SIZE = 720
 """Width and height of a picture [px]."""
 SPAN = 6.0
-"""Time [s] that the traces show."""
+"""Time [s] that the strips of traces show."""
 
 RED, BLUE, GREEN, AMBER = "#c8423b", "#1f77b4", "#2a9d6f", "#e0962b"
 INK, SOFT, GRID, PAPER, GROUND = "#22303c", "#8795a1", "#e3e8ec", "#ffffff", "#f1f3ee"
@@ -48,23 +48,24 @@ class Renderer:
     def __init__(self, task: Task, num_envs: int, machine: Machine):
         self._scene: Scene = task.scene(machine)
         self._control_step = task.control_step
-        frames = round(SPAN / task.control_step) + 1
-        self._history = np.full((frames, len(task.render_channels), num_envs), np.nan, dtype=np.float32)
+        frames = round(task.render_span / task.control_step) + 1
+        self._history = np.full((frames, len(task.render_channels), num_envs), np.nan, dtype=np.float32)  # a ring
+        self._newest = frames - 1
         self._window: Window | None = None
 
     def restart(self, where: NDArray[np.intp], traces: NDArray[np.float32]) -> None:
         """Forget the sub-environments ``where``; ``traces`` (channels, N) are their first."""
         self._history[:, :, where] = np.nan
-        self._history[-1][:, where] = traces[:, where]
+        self._history[self._newest][:, where] = traces[:, where]
 
     def record(self, traces: NDArray[np.float32]) -> None:
         """Append the traces (channels, N) of a control step."""
-        self._history[:-1] = self._history[1:]
-        self._history[-1] = traces
+        self._newest = (self._newest + 1) % len(self._history)
+        self._history[self._newest] = traces
 
     def frame(self, index: int) -> NDArray[np.uint8]:
         """Picture (height, width, 3) of a sub-environment."""
-        return self._scene.draw(self._history[:, :, index])
+        return self._scene.draw(np.roll(self._history[:, :, index], -1 - self._newest, axis=0))
 
     def show(self) -> None:
         """Draw the first sub-environment into the window, in real time."""

@@ -12,8 +12,12 @@ from numpy.typing import NDArray
 
 from aoro_gym.envs.randomisation import Draws, Randomisation
 from aoro_gym.envs.terms import Array, ObservationTerm, RewardTerm
+from aoro_gym.terrains import Plane, Terrain
 from aoro_gym.twin import Machine
-from aoro_gym.twin.records import Output
+from aoro_gym.twin.records import Output, State
+
+Terrains = Plane | tuple[Terrain, ...]
+"""What the twins stand on: one plane, or terrains to choose from."""
 
 
 @dataclass(frozen=True)
@@ -25,6 +29,8 @@ class Outputs:
     """
 
     values: Array
+    state: Array | None = None
+    """Rows of the twins' exact state at the end of the step, (rows, N), as in ``aoro_gym.twin.records.State``."""
 
     def last(self, channel: str) -> Array:
         """Channel at the end of the step, shape (N,)."""
@@ -34,6 +40,13 @@ class Outputs:
         """All samples of the channel over the step, oldest first, shape (frames, N)."""
         return self.values[:, channel_row(channel)]
 
+    def states(self, first: str, count: int) -> Array:
+        """``count`` rows of the state from the row ``first`` on, shape (count, N)."""
+        if self.state is None:
+            raise ValueError("these outputs come without the twins' state")
+        row = int(State[first])
+        return self.state[row : row + count]
+
 
 def channel_row(channel: str) -> int:
     """Row of an output channel; ValueError that lists the channels if there is none of that name."""
@@ -42,6 +55,33 @@ def channel_row(channel: str) -> int:
     except KeyError:
         known = ", ".join(row.name.lower() for row in Output)
         raise ValueError(f"there is no output '{channel}'; choose one of: {known}") from None
+
+
+def chosen(
+    options: Mapping[str, Any],
+    name: str,
+    count: NDArray[np.intp] | int,
+    where: NDArray[np.intp],
+    num_envs: int,
+    generators: list[np.random.Generator],
+) -> NDArray[np.intp]:
+    """Which of ``count`` things (for all, or (K,) for each) the sub-environments ``where`` (K,) take: that of
+    ``options[name]``, a whole number or (num_envs,), or drawn. Where there is but one, nothing is drawn.
+
+    Raises ValueError that names the option and its bound.
+    """
+    counts = np.broadcast_to(count, where.shape)
+    if options.get(name) is None:
+        drawn = [int(generator.integers(c)) if c > 1 else 0 for generator, c in zip(generators, counts, strict=True)]
+        return np.array(drawn, dtype=np.intp)
+    asked = np.asarray(options[name])
+    if asked.shape not in ((), (num_envs,)) or not np.issubdtype(asked.dtype, np.integer):
+        raise ValueError(f"options[{name!r}] is {options[name]!r}, but must be a whole number or ({num_envs},) of them")
+    asked = asked[where] if asked.ndim else np.broadcast_to(asked, where.shape)
+    if not np.all((asked >= 0) & (asked < counts)):
+        bad = int(np.argmin((asked >= 0) & (asked < counts)))
+        raise ValueError(f"options[{name!r}] is {asked[bad]}, but must be in [0, {counts[bad] - 1}]")
+    return asked.astype(np.intp)
 
 
 @dataclass(frozen=True)
@@ -54,13 +94,15 @@ class Start:
     """Of the front frame [rad]."""
     position: NDArray[np.float64]
     """Of the hinge in the plan [m]."""
+    terrain: NDArray[np.intp] | None = None
+    """Which of the terrains to stand on; None where there is nothing to choose from."""
 
 
 class Task(Protocol):
     """A task for N twins. The environment calls, in this order:
 
     ``allocate`` once; then ``start`` and ``rest`` for those that reset; and every control step ``commands``,
-    ``advance``, the reward terms, ``failures``, ``renew``, ``info``, the observation terms.
+    ``advance``, the reward terms, ``endings``, ``overdue``, ``renew``, ``info``, the observation terms.
 
     Everything random is drawn in ``start``, from one generator a sub-environment, so that no sub-environment depends
     on its neighbours.
@@ -70,6 +112,8 @@ class Task(Protocol):
     """Keys of ``reset(options=...)`` that the task takes."""
     render_channels: ClassVar[tuple[str, ...]]
     """Names of what :meth:`traces` gives."""
+    render_span: ClassVar[float]
+    """Time [s] of the traces that rendering keeps."""
 
     control_step: float
     """[s] between two actions."""
@@ -81,8 +125,8 @@ class Task(Protocol):
     observation_terms: Mapping[str, ObservationTerm]
     randomisation: Randomisation
 
-    def allocate(self, num_envs: int) -> None:
-        """Make the arrays of the state."""
+    def allocate(self, num_envs: int, terrains: Terrains) -> None:
+        """Make the arrays of the state, for twins on ``terrains``."""
         ...
 
     def start(
@@ -111,8 +155,13 @@ class Task(Protocol):
         """Take in what happened over a control step that ended at ``time`` (N,) [s]; goals stay as they were."""
         ...
 
-    def failures(self) -> tuple[Array, list[str]]:
-        """Reason by which each sub-environment ends, as an index (N,) into the list of reasons; 0 goes on."""
+    def endings(self) -> tuple[Array, list[str]]:
+        """Reason by which each sub-environment terminates, well or badly, as an index (N,) into the list of reasons; 0
+        goes on."""
+        ...
+
+    def overdue(self) -> Array:
+        """Which sub-environments (N,) have used up the time that the task gives them: they are truncated."""
         ...
 
     def renew(self) -> None:
@@ -124,7 +173,8 @@ class Task(Protocol):
         ...
 
     def info(self) -> dict[str, Array]:
-        """What is logged beside the reward, by name, each a fresh array of shape (N,)."""
+        """What is logged beside the reward, by name, each a fresh array of shape (N,). ``is_success`` is set false
+        where the twin is lost."""
         ...
 
     def traces(self) -> Array:

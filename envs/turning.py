@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 
 from aoro_gym.envs.randomisation import Draws, Randomisation
 from aoro_gym.envs.single import TwinEnv
-from aoro_gym.envs.task import Outputs, Start
+from aoro_gym.envs.task import Outputs, Start, Terrains, chosen
 from aoro_gym.envs.terms import Array, Frozen, ObservationTerm, RewardTerm, changed_observations, changed_rewards
 from aoro_gym.envs.vector import TwinVectorEnv
 from aoro_gym.sensors import JointAngleNoise, JointAngleSensor, PressureNoise, PressureSensor
+from aoro_gym.terrains import Plane
 from aoro_gym.twin import Machine
 from aoro_gym.twin.records import Output
 
@@ -252,10 +253,11 @@ class TurningConfig:
 class Turning:
     """Targets, measurements and judgement of N turning joints; see :class:`aoro_gym.envs.task.Task`."""
 
-    option_names: ClassVar[tuple[str, ...]] = ("joint_angle", "targets", "hold")
+    option_names: ClassVar[tuple[str, ...]] = ("joint_angle", "targets", "hold", "position", "heading")
     render_channels: ClassVar[tuple[str, ...]] = (
         "time", "x", "y", "yaw", "joint_angle", "target", "steering_signal", "joint_flow", "settled", "missed",
     )  # fmt: skip
+    render_span: ClassVar[float] = 6.0
 
     def __init__(self, config: TurningConfig | None = None):
         self.config = TurningConfig() if config is None else config
@@ -269,9 +271,10 @@ class Turning:
         order = np.arange(self.config.rate_samples)[::-1] - 0.5 * (self.config.rate_samples - 1)
         self._slope = [float(weight) for weight in order / (np.sum(order**2) * self.config.sample_step)]
 
-    def allocate(self, num_envs: int) -> None:
+    def allocate(self, num_envs: int, terrains: Terrains) -> None:
         xp = self.xp = np
         n, config = num_envs, self.config
+        self._terrains = terrains
         self._frames = round(config.control_step / config.sample_step)
         self._outputs = Outputs(np.zeros((self._frames, len(Output), n), dtype=np.float32))
         # goals
@@ -367,7 +370,34 @@ class Turning:
         self._flows[:, where] = 0.0
         for sensor in (self._angle_sensor, *self._pressure_sensors):
             sensor.reset(where, generators)
-        return Start(joint_angle=angle, heading=np.zeros(count), position=np.zeros((count, 2)))
+        return Start(angle, self._heading(options, where), *self._standpoint(where, generators, options))
+
+    def _heading(self, options: Mapping[str, Any], where: NDArray[np.intp]) -> NDArray[np.float64]:
+        heading = np.asarray(options.get("heading", 0.0), dtype=np.float64)
+        if heading.shape not in ((), (len(self._target),)) or not np.isfinite(heading).all():
+            raise ValueError(
+                f"options['heading'] is {options['heading']!r}, but must be finite, a number or ({len(self._target)},) [rad]"
+            )
+        return heading[where] if heading.ndim else np.full(len(where), float(heading))
+
+    def _standpoint(
+        self, where: NDArray[np.intp], generators: list[np.random.Generator], options: Mapping[str, Any]
+    ) -> tuple[NDArray[np.float64], NDArray[np.intp] | None]:
+        """Where in the plan (K, 2), and on which terrain (K,): the middle of the one that was asked for or drawn."""
+        middle, terrain = np.zeros((len(where), 2)), None
+        if not isinstance(self._terrains, Plane):
+            terrain = chosen(options, "terrain", len(self._terrains), where, len(self._target), generators)
+            middle = np.array([0.5 * np.add(*one.extent)[:2] for one in self._terrains])[terrain]
+        elif options.get("terrain") is not None:
+            raise ValueError("options['terrain'] chooses a terrain, but the twins stand on a plane; give terrain=[...]")
+        if options.get("position") is not None:
+            asked = np.asarray(options["position"], dtype=np.float64)
+            if asked.shape not in ((2,), (len(self._target), 2)) or not np.isfinite(asked).all():
+                raise ValueError(
+                    f"options['position'] is {options['position']!r}, but must be (2,) or ({len(self._target)}, 2) [m]"
+                )
+            middle = asked[where] if asked.ndim == 2 else np.tile(asked, (len(where), 1))
+        return middle, terrain
 
     def _asked(self, name: str, value: Any, where: NDArray[np.intp], limit: NDArray[np.float64]) -> NDArray[np.float64]:
         array = np.asarray(value, dtype=np.float64)
@@ -430,8 +460,11 @@ class Turning:
     def _overshoot(self) -> Array:
         return self.xp.clip(self._approach * (self._angle - self._target), 0.0, math.inf)
 
-    def failures(self) -> tuple[Array, list[str]]:
+    def endings(self) -> tuple[Array, list[str]]:
         return self.xp.zeros_like(self._cursor), [""]
+
+    def overdue(self) -> Array:
+        return self.xp.zeros(len(self._cursor), dtype=bool)
 
     def renew(self) -> None:
         xp = self.xp
@@ -541,7 +574,9 @@ class TurningVectorEnv(TwinVectorEnv):
     ``info["termination"]``. ``info["is_success"]`` tells whether all targets so far were settled in time.
 
     ``reset(options=...)`` also takes ``joint_angle`` [rad], ``targets`` [rad] of shape (T,) or (num_envs, T), the last
-    of which stays, and ``hold`` [s], the time each target but the last is held (the shortest hold if targets are given).
+    of which stays, and ``hold`` [s], the time each target but the last is held (the shortest hold if targets are given);
+    ``position`` [m] of the hinge in the plan and ``heading`` [rad], by default the terrain's middle, or a plane's origin,
+    and 0.
 
     Args:
         num_envs: Sub-environments.

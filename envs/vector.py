@@ -22,12 +22,14 @@ from aoro_gym.envs.randomisation import variants
 from aoro_gym.envs.rendering import RENDER_MODES, Renderer
 from aoro_gym.envs.task import Outputs, Task, channel_row
 from aoro_gym.envs.terms import Array, observations_of, rewards_of
-from aoro_gym.terrains import Plane
+from aoro_gym.sensors.attitude import angles_of
+from aoro_gym.terrains import Plane, Terrain
 from aoro_gym.twin import Machine, Twin
+from aoro_gym.twin.records import WHEELS
 from aoro_gym.twin.twin import STATUS
 
 Infos = dict[str, Any]
-BASE_OPTIONS = ("reset_mask", "machine")
+BASE_OPTIONS = ("reset_mask", "machine", "terrain")
 """Keys of ``reset(options=...)`` that every task takes."""
 ANNOUNCE_AFTER = 2.0
 """Time [s] after which a start that takes longer is explained."""
@@ -48,13 +50,15 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
 
     - ``reset_mask``: booleans (num_envs,), which sub-environments to reset; all by default;
     - ``machine``: values by dotted key in the machine file's unit, each a number or of shape (num_envs,); with
-      ``own_machines=False`` there is but one machine and this fails.
+      ``own_machines=False`` there is but one machine and this fails;
+    - ``terrain``: which of the terrains, a whole number or (num_envs,) of them; drawn by default.
 
     Args:
         task: What to do.
         num_envs: Sub-environments, at least 1.
         machine: Bundled name, machine file or :class:`Machine`; one machine, or ``num_envs`` variants.
-        terrain: Ground; level asphalt by default.
+        terrain: Ground: a plane (level asphalt by default), a terrain, or several that episodes choose from.
+        ground: How twins feel a terrain, ``"raster"`` or ``"mesh"``; see :class:`~aoro_gym.twin.Twin`.
         device: ``"cpu"`` or ``"cuda:N"``.
         own_machines: Give every twin its own machine record, as randomised machines need it.
         autoreset_mode: See above; an :class:`AutoresetMode` or its value.
@@ -79,7 +83,8 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         num_envs: int = 1,
         *,
         machine: str | Path | Machine = "aoro",
-        terrain: Plane | None = None,
+        terrain: Plane | Terrain | Sequence[Terrain] | None = None,
+        ground: str = "raster",
         device: str = "cpu",
         own_machines: bool = True,
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
@@ -109,7 +114,14 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
 
         self.generators: list[np.random.Generator | None] = [None] * self.num_envs
         with compilation_announced(device):
-            self.twin = Twin(self.num_envs, machine=machine, terrain=terrain, device=device, own_machines=own_machines)
+            self.twin = Twin(
+                self.num_envs,
+                machine=machine,
+                terrain=terrain,
+                ground=ground,
+                device=device,
+                own_machines=own_machines,
+            )
             # compiles everything, and gives the outputs the size that they keep
             self.twin.step(duration=task.control_step, sample_every=task.sample_step)
         self._own_machines = own_machines
@@ -118,7 +130,10 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         self._steps = np.zeros(self.num_envs, dtype=np.int64)
         self._done = np.ones(self.num_envs, dtype=bool)
 
-        self.task.allocate(self.num_envs)
+        ground_of = self.twin.terrain
+        if isinstance(ground_of, Terrain):
+            ground_of = (ground_of,)
+        self.task.allocate(self.num_envs, ground_of if isinstance(ground_of, Plane) else tuple(ground_of))
         self.single_action_space = task.action_space
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_layout: dict[str, slice] = {}
@@ -199,18 +214,28 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         mask[where] = True
         position, heading, joint_angle = np.zeros((self.num_envs, 2)), np.zeros(self.num_envs), np.zeros(self.num_envs)
         position[where], heading[where], joint_angle[where] = start.position, start.heading, start.joint_angle
-        self.twin.reset(mask, position=position, heading=heading, joint_angle=joint_angle)
+        terrain = None
+        if start.terrain is not None:
+            terrain = np.zeros(self.num_envs, dtype=np.int32)
+            terrain[where] = start.terrain
+        self.twin.reset(mask, position=position, heading=heading, joint_angle=joint_angle, terrain=terrain)
         self._steps[where] = 0
         self._done[where] = False
 
         # the twin's outputs come with its first step: until then, what is known of a machine at rest
+        self._outputs = Outputs(self._outputs.values, self.twin.state.numpy())
         values = self._outputs.values
         values[:, :, where] = 0.0
+        pose = self._outputs.states("X", 3)[:, where]
+        roll, pitch, yaw = angles_of(self._outputs.states("QX", 4)[:, where])
+        arms = self._outputs.states("ARM_FL", len(WHEELS))[:, where]
         for channel, value in {
             "joint_angle": start.joint_angle,
-            "position_x": start.position[:, 0],
-            "position_y": start.position[:, 1],
-            "yaw": start.heading,
+            **dict(zip(("position_x", "position_y", "position_z"), pose, strict=True)),
+            "roll": roll,
+            "pitch": pitch,
+            "yaw": yaw,
+            **{f"arm_angle_{wheel}": angle for wheel, angle in zip(WHEELS, arms, strict=True)},
             "pressure_a": machine.steering.tank_line.back_pressure,
             "pressure_b": machine.steering.tank_line.back_pressure,
             "pump_pressure": machine.steering.pump.margin,
@@ -291,21 +316,22 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             rewards += value
             infos[f"reward/{name}"] = value
 
-        failed, reasons = self.task.failures()
-        terminated = (frozen | (failed != 0)) & ~resetting
-        truncated = np.zeros(self.num_envs, dtype=bool)
+        ending, reasons = self.task.endings()
+        terminated = (frozen | (ending != 0)) & ~resetting
+        truncated = self.task.overdue()
         if self.max_episode_steps is not None:
-            truncated = (self._steps >= self.max_episode_steps) & ~terminated & ~resetting
+            truncated = truncated | (self._steps >= self.max_episode_steps)
+        truncated = truncated & ~terminated & ~resetting
         self.task.renew()
         infos |= self.task.info()
         ended = np.flatnonzero(terminated)
         if ended.size:
             reason = np.full(self.num_envs, None, dtype=object)
             for i in ended:
-                reason[i] = f"twin lost: {STATUS[int(status[i])]}" if frozen[i] else reasons[int(failed[i])]
+                reason[i] = f"twin lost: {STATUS[int(status[i])]}" if frozen[i] else reasons[int(ending[i])]
             infos["termination"] = reason
             if "is_success" in infos:
-                infos["is_success"] &= ~terminated
+                infos["is_success"] &= ~frozen
         if self._renderer is not None:
             self._renderer.record(self.task.traces())
 
@@ -365,7 +391,10 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         lost = np.flatnonzero(status)
         if lost.size:
             values[:, :, lost] = np.nan_to_num(values[:, :, lost], nan=0.0, posinf=0.0, neginf=0.0)
-        self._outputs = Outputs(values)
+        state = self.twin.state.numpy()
+        if lost.size:
+            state = np.nan_to_num(state, nan=0.0, posinf=0.0, neginf=0.0)
+        self._outputs = Outputs(values, state)
         return status
 
     def _observe(self, mask: NDArray[np.bool_]) -> None:

@@ -29,3 +29,12 @@ def in_world(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike, vector: ArrayLik
 def wrapped(angle: ArrayLike) -> NDArray[np.float64]:
     """``angle`` [rad] in [−π, π)."""
     return (np.asarray(angle, dtype=np.float64) + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def angles_of(quaternion: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Roll, pitch and yaw [rad] (N,) of unit quaternions x, y, z, w (4, N) from the frame's axes to the world's."""
+    x, y, z, w = np.asarray(quaternion, dtype=np.float64)
+    roll = np.arctan2(2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y))
+    pitch = -np.arcsin(np.clip(2.0 * (x * z - w * y), -1.0, 1.0))
+    yaw = np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
+    return roll, pitch, yaw

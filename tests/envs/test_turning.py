@@ -21,6 +21,7 @@ from aoro_gym.envs.turning import (
     precision,
     tracking,
 )
+from aoro_gym.terrains import Plane, Terrain
 from aoro_gym.twin.records import Output
 
 register_envs()
@@ -91,7 +92,7 @@ def outputs(angles, flow=0.0, rate=0.0):
 def task(machine, *, angle=0.0, targets=(0.5,), hold=1.0, **config):
     """One turning task at rest, without sensor noise."""
     turning = Turning(TurningConfig(randomisation=EXACT, **config))
-    turning.allocate(1)
+    turning.allocate(1, Plane())
     generators = [np.random.default_rng(0)]
     turning.start(
         np.arange(1),
@@ -234,3 +235,42 @@ def test_other_rates_of_control_and_sampling_work():
     observations, *_ = drive(env, 1.0, 4)
     assert env.time == pytest.approx(0.2)
     assert observations.shape == env.observation_space.shape
+
+
+def hill(slope, *, half=12.0):
+    """A terrain that rises toward x by ``slope``, centred at x = 20 m."""
+    corners = np.array([[x, y, slope * x] for x, y in ((8.0, -half), (32.0, -half), (32.0, half), (8.0, half))])
+    return Terrain(corners, np.array([[0, 1, 2], [0, 2, 3]]))
+
+
+def test_turning_on_a_terrain_stands_in_its_middle_or_where_it_is_asked_to():
+    slopes = (0.0, math.tan(math.radians(10.0)))
+    env = TurningVectorEnv(2, terrain=[hill(slope) for slope in slopes])
+    env.reset(seed=0, options={"terrain": np.array([0, 1])})
+    np.testing.assert_allclose(env.output("position_x"), 20.0, atol=1e-5)
+    # nose up where the ground rises ahead; the arms' springs leave a small rest
+    np.testing.assert_allclose(env.output("pitch"), [0.0, -math.radians(10.0)], atol=math.radians(0.5))
+    drive(env, 0.5, 5)
+    assert np.isfinite(env.output("joint_angle")).all()
+    env.reset(options={"terrain": 1, "position": (14.0, 3.0), "heading": 1.0})
+    np.testing.assert_allclose(env.output("position_y"), 3.0, atol=1e-5)
+    np.testing.assert_allclose(env.output("yaw"), 1.0, atol=0.1)  # headings and yaw differ on a slope
+    drawn = set()
+    for seed in range(0, 20, 2):
+        env.reset(seed=seed)
+        drawn |= set(np.round(env.output("pitch"), 2))
+    assert len(drawn) == 2
+
+
+def test_wrong_places_are_named():
+    env = TurningVectorEnv(2, terrain=[hill(0.0), hill(0.1)])
+    for options, message in (
+        ({"terrain": 2}, r"options\['terrain'\] is 2, but must be in \[0, 1\]"),
+        ({"terrain": 0.5}, r"options\['terrain'\] is 0\.5, but must be a whole number"),
+        ({"position": (1.0, 2.0, 3.0)}, r"options\['position'\] is"),
+        ({"heading": np.nan}, r"options\['heading'\] is nan"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            env.reset(options=options)
+    with pytest.raises(ValueError, match="the twins stand on a plane"):
+        TurningVectorEnv(1).reset(options={"terrain": 0})

@@ -267,7 +267,10 @@ def test_wrong_arguments_are_named(arguments, message):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"target": 0.1}, "unknown key 'target'; choose from: reset_mask, machine, joint_angle, targets, hold"),
+        (
+            {"target": 0.1},
+            "unknown key 'target'; choose from: reset_mask, machine, terrain, joint_angle, targets, hold, position, heading",
+        ),
         ({"reset_mask": np.array([1, 0])}, "must be \\(2,\\) of bool"),
         ({"reset_mask": np.zeros(2, dtype=bool)}, "selects no sub-environment"),
         ({"joint_angle": 2.0}, "'joint_angle'\\] is 2 rad, but the joint reaches only"),
