@@ -2,6 +2,7 @@
 
 from aoro_gym.terrains.path import Path
 from aoro_gym.terrains.plane import Plane
+from aoro_gym.terrains.planning import drivable_path
 from aoro_gym.terrains.terrain import Terrain
 
-__all__ = ["Path", "Plane", "Terrain"]
+__all__ = ["Path", "Plane", "Terrain", "drivable_path"]
