@@ -27,15 +27,19 @@ def inclined(slope: float, direction: float = 0.0, **options: Any) -> Terrain:
     return landscape(lambda x, y: rise[0] * x + rise[1] * y, cell=1.0, **options)
 
 
+def noise(rng: np.random.Generator, shape: tuple[int, ...], length: float) -> np.ndarray:
+    """Smooth noise of unit standard deviation and a correlation ``length`` in cells."""
+    smooth = gaussian_filter(rng.standard_normal(shape), length, mode="wrap")
+    return smooth / smooth.std()
+
+
 def rough(seed: int, *, bumps: float, hills: float, cell: float = 0.5) -> Terrain:
     """Bumps of 1 m and hills of 8 m: standard deviation of the bumps [m], and of the hills' heights over 8 m [-]."""
     rng = np.random.default_rng(seed)
-    count = round(2.0 * MIDDLE / cell) + 1
-    z = np.zeros((count, count))
-    for length, deviation in ((1.0, bumps), (8.0, 8.0 * hills)):
-        noise = gaussian_filter(rng.standard_normal((count, count)), length / cell, mode="wrap")
-        z += deviation / noise.std() * noise
-    return Terrain.from_heights(z, cell=cell)
+    shape = (round(2.0 * MIDDLE / cell) + 1,) * 2
+    return Terrain.from_heights(
+        bumps * noise(rng, shape, 1.0 / cell) + 8.0 * hills * noise(rng, shape, 8.0 / cell), cell=cell
+    )
 
 
 def raised(where: Any, height: float, *, radius: float, shoulder: float = 0.3) -> Callable[[Any, Any], Any]:
