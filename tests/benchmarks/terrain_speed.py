@@ -32,9 +32,9 @@ def scan(seed: int = 0) -> Terrain:
 
 def measure(name: str, twins: int, device: str, seconds: float, runs: int) -> dict:
     """One row: median, fastest and slowest of ``runs``; commands change every 20 ms."""
-    options = {} if name == "plane" else {"ground": name}
     began = time.perf_counter()
-    twin = Twin(twins, terrain=Plane() if name == "plane" else scan(), device=device, **options)
+    level = name == "plane"
+    twin = Twin(twins, terrain=Plane() if level else scan(), ground="raster" if level else name, device=device)
     built = time.perf_counter() - began
     rng = np.random.default_rng(0)
     pose = {
