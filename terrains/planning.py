@@ -24,6 +24,8 @@ HALF_WHEELBASE = 1.7
 """Hinge to either axle [m]."""
 JOINT_RANGE_DEG = 40.0
 """Largest joint angle to either side [deg]."""
+TRACK = 1.97
+"""Middle of the left to middle of the right tire [m]."""
 WIDTH = 2.5
 """Over the tires [m]."""
 TURNING_RADIUS = 7.0
@@ -79,8 +81,8 @@ class DrivableGround:
 
     heights: Heights
     """The ground; its grid is that of the other fields."""
-    slopes: Array
-    """(2, rows, columns) slopes [-] along x and y of the mean ground under the vehicle."""
+    rolled: Array
+    """(rows, columns) height [m] that a tire rolls at: the ground without what is smaller than its contact."""
     clear: Array
     """(rows, columns) distance [m] to the nearest edge of what the swept width must not touch; 0 where no middle can be."""
     turning_radius: float
@@ -97,13 +99,22 @@ class DrivableGround:
         return self.clear > 0.0
 
     def passable(self, x: ArrayLike, y: ArrayLike, heading: ArrayLike) -> NDArray[np.bool_]:
-        """Whether the vehicle can be at ``x``, ``y`` [m] with ``heading`` [rad], which broadcast."""
-        row, column, inside = self._node(np.asarray(x), np.asarray(y))
-        along_x, along_y = self.slopes[:, row, column]
+        """Whether the vehicle can be at ``x``, ``y`` [m] with ``heading`` [rad], which broadcast.
+
+        Its slope is that of a wheelbase, its cross slope that of an axle, each between the places where tires stand.
+        """
+        x, y, heading = np.broadcast_arrays(x, y, heading)
         cosine, sine = np.cos(heading), np.sin(heading)
-        level = np.abs(cosine * along_x + sine * along_y) <= self.max_slope
-        upright = np.abs(cosine * along_y - sine * along_x) <= self.max_cross_slope
+        row, column, inside = self._node(x, y)
+        level = np.abs(self._rise(x, y, cosine, sine, HALF_WHEELBASE)) <= self.max_slope
+        upright = np.abs(self._rise(x, y, -sine, cosine, 0.5 * TRACK)) <= self.max_cross_slope
         return inside & level & upright & (self.clear[row, column] > 0.0)
+
+    def _rise(self, x: Array, y: Array, ahead_x: Array, ahead_y: Array, reach: float) -> Array:
+        """Slope [-] between the places ``reach`` [m] before and behind (x, y) in a direction."""
+        after = self._node(x + reach * ahead_x, y + reach * ahead_y)[:2]
+        before = self._node(x - reach * ahead_x, y - reach * ahead_y)[:2]
+        return (self.rolled[after] - self.rolled[before]) / (2.0 * reach)
 
     def room(self, x: ArrayLike, y: ArrayLike) -> Array:
         """``clear`` [m] at ``x``, ``y`` [m], which broadcast."""
@@ -200,10 +211,11 @@ def drivable_ground(
         filled = filled[tuple(nearest)]
     # the mean of a window that the grid's edge cuts leans to its other side: mirror the ground point by point
     pad = int(np.ceil(4.0 * FOOTPRINT / cell))
-    mean: Any = ndimage.gaussian_filter(np.pad(filled, pad, mode="reflect", reflect_type="odd"), FOOTPRINT / cell)
-    along_y, along_x = np.gradient(mean, cell)
     inner = (slice(pad, -pad), slice(pad, -pad))
-    slopes = np.stack([along_x[inner], along_y[inner]])
+    mirrored = np.pad(filled, pad, mode="reflect", reflect_type="odd")
+    mean: Any = ndimage.gaussian_filter(mirrored, FOOTPRINT / cell)
+    rolled: Any = ndimage.gaussian_filter(mirrored, 0.5 * STEP_WINDOW / cell)
+    steepness = np.hypot(*np.gradient(mean, cell))[inner]
     max_slope, max_cross = np.tan(np.radians([max_slope_deg, max_cross_slope_deg]))
 
     rough = filled - mean[inner]
@@ -215,14 +227,14 @@ def drivable_ground(
         touched |= _under(np.asarray(obstacles, dtype=np.float64), heights)
     swept = 0.5 * WIDTH + np.hypot(turning_radius, HALF_WHEELBASE) - turning_radius + clearance
     causes = {
-        "slope": np.hypot(*slopes) > np.hypot(max_slope, max_cross),
+        "slope": steepness > np.hypot(max_slope, max_cross),
         "obstacles": _distance(touched, cell) <= swept,
         "edge and holes": _distance(~np.pad(known, 1), cell)[1:-1, 1:-1] <= margin,
     }
     free = known & ~np.logical_or.reduce(list(causes.values()))
     clear = np.where(free, np.minimum(_distance(touched, cell) - swept, _distance(~free, cell)), 0.0)
     barred = {cause: float(np.mean(mask[known])) for cause, mask in causes.items()}
-    return DrivableGround(heights, slopes, clear, turning_radius, float(max_slope), float(max_cross), barred)
+    return DrivableGround(heights, rolled[inner], clear, turning_radius, float(max_slope), float(max_cross), barred)
 
 
 def drivable_path(

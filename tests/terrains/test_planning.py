@@ -9,6 +9,7 @@ from aoro_gym.terrains.planning import (
     JOINT_RANGE_DEG,
     PIECE,
     SHARPNESS,
+    TRACK,
     TURNING_RADIUS,
     WIDTH,
     DrivableGround,
@@ -27,6 +28,10 @@ def grid() -> tuple[np.ndarray, np.ndarray]:
     return np.meshgrid(x, y)
 
 
+def waves(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return 2.0 * np.sin(x / 8.0) * np.cos(y / 8.0) + 0.1 * x
+
+
 @pytest.fixture(scope="module")
 def boulders() -> np.ndarray:
     """(K, 2) middles on nodes."""
@@ -38,7 +43,7 @@ def boulders() -> np.ndarray:
 def rolling(boulders) -> Terrain:
     """Waves of up to 19° with boulders of one cell around."""
     x, y = grid()
-    z = 2.0 * np.sin(x / 8.0) * np.cos(y / 8.0) + 0.1 * x
+    z = waves(x, y)
     for bx, by in boulders:
         z[np.abs(x - bx) + np.abs(y - by) < 0.1] += 0.6
     return Terrain.from_heights(z, cell=CELL)
@@ -65,6 +70,7 @@ def test_vehicle_is_the_machine():
     machine = Machine.load("aoro")
     assert machine.frame.front.axle_distance == machine.frame.rear.axle_distance == HALF_WHEELBASE
     assert np.degrees(machine.joint.range) == pytest.approx(JOINT_RANGE_DEG)
+    assert machine.frame.track == TRACK
     assert machine.frame.track + 2.0 * machine.tire.disc_offset_outer <= WIDTH
     assert turning_radius(JOINT_RANGE_DEG) * 1.4 < TURNING_RADIUS < turning_radius(JOINT_RANGE_DEG) * 1.6
 
@@ -89,15 +95,19 @@ def test_keeps_clear_of_boulders_and_edges(path, boulders):
 
 def test_slopes_stay_within_limits(path, ground):
     s = np.linspace(0.0, path.length, 1000)
-    (x, y), heading = path.position(s).T, path.heading(s)
-    # the waves lose 1 - exp(-(1/8)²) = 1.6 % of their slope in the mean over a footprint of 1 m
-    slope_x = 0.25 * np.cos(x / 8.0) * np.cos(y / 8.0) + 0.1
-    slope_y = -0.25 * np.sin(x / 8.0) * np.sin(y / 8.0)
-    along = slope_x * np.cos(heading) + slope_y * np.sin(heading)
-    across = slope_y * np.cos(heading) - slope_x * np.sin(heading)
-    assert np.abs(along).max() < np.tan(np.radians(15.0)) * 1.03
-    assert np.abs(across).max() < np.tan(np.radians(10.0)) * 1.03 + 0.02  # boulders lean the mean a little
-    assert not ground.passable(x, y, heading + np.pi / 2).all()  # another heading would not do
+    middle, heading = path.position(s), path.heading(s)
+    ahead = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    left = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
+
+    def rise(direction: np.ndarray, reach: float) -> np.ndarray:
+        front, back = waves(*(middle + reach * direction).T), waves(*(middle - reach * direction).T)
+        return np.abs(front - back) / (2.0 * reach)
+
+    # either foot is looked up within half a diagonal of the grid, on ground as steep as 0.4
+    slack = 0.4 * np.sqrt(0.5) * 0.25
+    assert rise(ahead, HALF_WHEELBASE).max() < np.tan(np.radians(15.0)) + slack / HALF_WHEELBASE
+    assert rise(left, TRACK / 2).max() < np.tan(np.radians(10.0)) + slack / (TRACK / 2)
+    assert not ground.passable(*middle.T, heading + np.pi / 2).all()  # another heading would not do
 
 
 def test_same_seed_same_path(rolling, ground):
