@@ -162,6 +162,7 @@ def test_a_wheel_over_a_deep_pit_hangs(machine):
     log = drive(twin, (15.0, PARKED), sample_every=1e-2)
     load = log.wheels("wheel_load")[:, :, 0]
     assert np.all(load[:, 0] == 0.0)
+    assert log["arm_angle_fl"][:, 0] == pytest.approx(-machine.arm.swing, abs=0.02)
     assert load.max() < 1.5 * load[-1].max()
     assert log["hull_force"].max() == 0.0
     pose = poses(states(twin))[0]
