@@ -64,6 +64,28 @@ def test_steady_turning_radius(machine, kind):
     np.testing.assert_allclose(radius, expected, rtol=0.02)
 
 
+# ------------------------------------------------------------------------------------------------------- steps and walls
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_step_is_climbed_and_a_wall_stops(machine, kind):
+    """At full speed against a step of 10 cm and a wall of 3 m: over the one; at the other the hull's four front corners
+    take the impact, no harder than all their springs take all the kinetic energy, v √(k m), and the machine stays before
+    it. A wheel's force grows over the 40 cm of its patch, no further than its own spring takes the same energy."""
+    walls = [landscape(lambda x, y, h=h: h * (x > 0.0) + 0.0 * y) for h in (0.1, 3.0)]
+    twin = Twin(2, machine=machine, terrain=walls, ground=kind)
+    twin.reset(position=(8.0, MIDDLE), terrain=(0, 1))
+    log = drive(twin, (9.0, {"drive_signal": 1.0, "gear": 3}), sample_every=0.005)
+    assert log["position_x"][-1, 0] > MIDDLE + 3.0
+    assert log["position_z"][-1, 0] == pytest.approx(0.1, abs=0.02)
+    front = machine.frame.front
+    reach = front.axle_distance - front.cog_offset + 0.5 * front.hull_length
+    assert log["position_x"][:, 1].max() < MIDDLE - 0.8 * reach
+    fastest = log["speed"].max()
+    assert fastest > 2.0
+    assert 0.1 < log["hull_force"][:, 1].max() / (fastest * np.sqrt(4.0 * machine.hull.stiffness * machine.mass)) < 1.0
+    assert log["hull_force"][:, 0].max() == 0.0
+    assert log.wheels("wheel_load").max() < fastest * np.sqrt(machine.tire.stiffness * machine.mass)
+
+
 # --------------------------------------------------------------------------------------------------------------- climbing
 def front_share(machine, slope: float) -> float:
     """Share of a front wheel in the load normal to the ground, uphill, by the lever rule."""
