@@ -92,6 +92,12 @@ def horizontal(crs: str) -> Any:
     return flat
 
 
+def utm_zone(latitude: float, longitude: float) -> Any:
+    """The projected system (``pyproj.CRS``, WGS 84) of the UTM zone around a place [deg]."""
+    zone = int(np.floor((longitude + 180.0) / 6.0)) % 60 + 1
+    return horizontal(f"EPSG:{32600 + zone if latitude >= 0.0 else 32700 + zone}")
+
+
 def axis_unit(system: Any) -> float:
     """Size [m] of the unit of a projected system's axes."""
     if not system.is_projected:

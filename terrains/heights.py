@@ -42,7 +42,7 @@ class Heights:
         """(K, 3) x, y, z of the nodes with ground."""
         row, column = np.nonzero(self.known)
         x, y = self.corner[0] + self.cell * column, self.corner[1] + self.cell * row
-        return np.stack([x, y, self.z[row, column]], axis=1)
+        return np.array([x, y, self.z[row, column]], dtype=np.float64).T
 
     def replaced(self, z: NDArray[np.float64]) -> Heights:
         """The same grid with other heights."""
@@ -53,7 +53,7 @@ class Heights:
         z = self.z
         along_x = (z[:-1, 1:] - z[:-1, :-1] + z[1:, 1:] - z[1:, :-1]) / (2.0 * self.cell)
         along_y = (z[1:, :-1] - z[:-1, :-1] + z[1:, 1:] - z[:-1, 1:]) / (2.0 * self.cell)
-        return np.hypot(along_x, along_y)
+        return np.asarray(np.hypot(along_x, along_y), dtype=np.float64)
 
 
 def grid_shape(low: NDArray[np.float64], high: NDArray[np.float64], cell: float) -> tuple[int, int]:

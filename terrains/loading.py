@@ -1,0 +1,244 @@
+"""The front door: a mesh, an elevation raster, a point cloud or heights become a terrain, with a report of what was done.
+
+>>> import numpy as np
+>>> from aoro_gym.terrains import load
+>>> x = np.arange(0.0, 20.0, 0.5)
+>>> terrain, report = load(0.1 * x[:, None] + 0.02 * x[None, :], cell=0.5)
+>>> report.triangles, round(report.slope_median_deg, 1)
+(3042, 5.8)
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from aoro_gym.terrains.check import SMALLEST_PIECE, Report, TerrainError, measure
+from aoro_gym.terrains.frame import GroundRule, Request
+from aoro_gym.terrains.ground import Ground
+from aoro_gym.terrains.ground_filter import ground_points
+from aoro_gym.terrains.heights import Heights
+from aoro_gym.terrains.read_cloud import read_las, read_text
+from aoro_gym.terrains.read_mesh import read_mesh
+from aoro_gym.terrains.read_raster import SUFFIXES as RASTERS
+from aoro_gym.terrains.read_raster import read_heights, read_raster
+from aoro_gym.terrains.repair import drop_pieces, fill_holes, remove_spikes
+from aoro_gym.terrains.terrain import LARGEST_COORDINATE, Terrain
+
+CLOUDS = (".las", ".laz")
+TEXTS = (".xyz", ".csv", ".txt", ".pts", ".asc_xyz")
+MESHES = (".ply", ".obj", ".stl", ".glb", ".gltf", ".off", ".3mf", ".dae")
+ARRAYS = (".npy",)
+
+UPRIGHT = 60.0
+"""Median slope [deg] at which heights are in another unit than the plan, rather than ground."""
+
+
+class Loaded(NamedTuple):
+    """A terrain, and what was done to get it."""
+
+    terrain: Terrain
+    report: Report
+
+
+def load(
+    source: str | os.PathLike[str] | ArrayLike,
+    *,
+    units: str | None = None,
+    z_units: str | None = None,
+    up: str | None = None,
+    crs: str | None = None,
+    cell: float | None = None,
+    window: tuple[float, float, float, float] | None = None,
+    hole_limit: float = 5.0,
+    spike_limit: float = 0.5,
+    ground: GroundRule | None = None,
+    friction: float = 1.0,
+    rolling_resistance: float = 1.0,
+    name: str | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Loaded:
+    """Load, check and repair ground to drive on.
+
+    What the caller says wins over what the file says, and that over what is recognised; the report tells which it was.
+
+    Args:
+        source: A mesh (.ply .obj .stl .glb .gltf .off .3mf .dae), an elevation raster (.tif .asc .img .dem .hgt), a point
+            cloud (.las .laz .xyz .csv .txt .pts, or a mesh without faces), or heights (.npy, or an array (rows, columns)
+            with row 0 in the south).
+        units: Unit of the source: m, km, cm, mm, ft, us-ft or in.
+        z_units: Unit of its heights, where it is another one.
+        up: Its axis that points up: x, y or z.
+        crs: Its coordinate reference system, as pyproj reads it, such as ``"EPSG:32633"``. Degrees become metres of their
+            UTM zone.
+        cell: Distance [m] of heights; by default the raster's own, or after the distance of points. Needed by arrays.
+        window: West, south, east, north [m] of what is wanted, in the source's (projected) coordinates.
+        hole_limit: Widest gap [m] that is bridged; wider ones stay open and are named in the report.
+        spike_limit: Height [m] of spikes that are removed.
+        ground: What of a cloud is ground: points of the ground ``class``, what a ``filter`` takes for it, or ``all``;
+            by default the class if there is one. ``filter`` also takes vegetation and buildings off rasters and meshes.
+        friction: Multiplier of the tires' friction; 1 is dry asphalt.
+        rolling_resistance: Multiplier of the tires' rolling resistance; 1 is asphalt.
+        name: Name of the terrain; the file's by default.
+        progress: Told the share that is done, in [0, 1].
+
+    Raises:
+        TerrainError: (a ``ValueError``) if the source is broken, or cannot be driven on, in one sentence with the reason.
+        OSError: if the file cannot be opened.
+    """
+    started = time.perf_counter()
+    request = Request(
+        units=units,
+        z_units=z_units,
+        up=up,
+        crs=crs,
+        cell=cell,
+        window=window,
+        hole_limit=hole_limit,
+        spike_limit=spike_limit,
+        ground=ground,
+        progress=progress,
+    )
+    path = Path(source) if isinstance(source, str | os.PathLike) else None
+    report = Report(source=str(path) if path else "array of heights")
+    if up is not None:
+        report.up = f"{up} (as asked)"
+    found = _read(path, source, request, report)
+    found = _upright_heights(found, request, report)
+    found = _repaired(found, request, report)
+    try:
+        terrain = _terrain(found, report, friction, rolling_resistance, name or (path.stem if path else "heights"))
+    except TerrainError:
+        raise
+    except ValueError as error:  # what a terrain itself refuses
+        raise TerrainError(f"{report.source}: {error}") from None
+    request.tell(1.0)
+    report.seconds = time.perf_counter() - started
+    return Loaded(terrain, report)
+
+
+def _read(path: Path | None, source: Any, request: Request, report: Report) -> Ground:
+    if path is None:
+        return read_heights(source, request, report)
+    suffix = path.suffix.lower()
+    readers = {
+        **dict.fromkeys(RASTERS, read_raster),
+        **dict.fromkeys(CLOUDS, read_las),
+        **dict.fromkeys(TEXTS, read_text),
+        **dict.fromkeys(MESHES, read_mesh),
+        **dict.fromkeys(ARRAYS, _read_array),
+    }
+    if suffix not in readers:
+        raise TerrainError(f"{path}: terrains end in one of {' '.join(readers)}")
+    with path.open("rb") as file:  # one clear OSError, before any library meets the name
+        if not file.read(1):
+            raise TerrainError(f"{path}: the file is empty")
+    return readers[suffix](path, request, report)
+
+
+def _read_array(path: Path, request: Request, report: Report) -> Ground:
+    try:
+        array = np.load(path, allow_pickle=False)
+    except Exception as error:  # whatever numpy finds wrong with a broken file
+        raise TerrainError(f"{path}: cannot be read as an array: {error}") from None
+    return read_heights(array, request, report)
+
+
+def _upright_heights(found: Ground, request: Request, report: Report) -> Ground:
+    """Heights a thousand times too large brought to metres, if nobody said otherwise."""
+    steepness = found.heights.gradient()
+    steepness = steepness[np.isfinite(steepness)]
+    if not len(steepness):
+        return found
+    median = float(np.median(steepness))
+    if median <= np.tan(np.radians(UPRIGHT)) or request.z_units is not None:
+        return found
+    slope = np.degrees(np.arctan(median)), np.degrees(np.arctan(median / 1000.0))
+    if slope[1] > 45.0:
+        return found  # refused with the other figures
+    report.change(
+        "z_units",
+        1,
+        f"heights read as mm: half of the ground would be steeper than {slope[0]:.0f}°, so it is {slope[1]:.1f}°",
+    )
+    report.units += "; heights in mm (recognised by their slope)"
+    return found.with_z_times(1e-3)
+
+
+def _repaired(found: Ground, request: Request, report: Report) -> Ground:
+    """Spikes, small pieces and holes of heights; what keeps its own triangles is whole already."""
+    if found.mesh is not None and request.ground != "filter":
+        measure(found.heights, report)
+        return found
+    heights = found.heights
+    if request.ground == "filter" and report.kind != "points":
+        heights, taken = _without_obstacles(heights, request)
+        report.change(
+            "obstacles_removed", taken, f"{taken:,} heights of vegetation and buildings removed (cloth simulation)"
+        )
+    heights, spikes = remove_spikes(heights, request.spike_limit)
+    report.change(
+        "spikes_removed", spikes, f"{spikes:,} heights that stuck out by more than {request.spike_limit:g} m removed"
+    )
+    before = int(heights.known.sum())
+    heights, filled = fill_holes(heights, request.hole_limit)
+    share = filled / max(before + filled, 1)
+    report.change(
+        "holes_filled",
+        filled,
+        f"{filled:,} heights ({share:.1%}) bridged over gaps up to {request.hole_limit:g} m wide",
+    )
+    if share > 0.5:
+        report.warnings.append(
+            f"{share:.0%} of the heights are bridged over gaps; a larger cell, or more points, say more"
+        )
+    heights, dropped = drop_pieces(heights, SMALLEST_PIECE)
+    report.change(
+        "pieces_removed", len(dropped), f"pieces of ground below {SMALLEST_PIECE:g} m² removed: {len(dropped):,}"
+    )
+    measure(heights, report)
+    return Ground(heights, found.frame)
+
+
+def _without_obstacles(heights: Heights, request: Request) -> tuple[Heights, int]:
+    """What the filter of clouds leaves, and how many heights it took."""
+    mask = ground_points(heights.points, progress=request.tell)
+    z = heights.z.copy()
+    z[heights.known] = np.where(mask, z[heights.known], np.nan)
+    return heights.replaced(z), int((~mask).sum())
+
+
+def _terrain(found: Ground, report: Report, friction: float, rolling_resistance: float, name: str) -> Terrain:
+    heights, frame = found.heights, found.frame
+    lowest, highest = float(np.nanmin(heights.z)), float(np.nanmax(heights.z))
+    moved = any(frame.origin) or max(abs(lowest), abs(highest)) > LARGEST_COORDINATE
+    base = float(np.floor(lowest)) if moved else 0.0
+    rest: dict[str, Any] = {
+        "friction": friction,
+        "rolling_resistance": rolling_resistance,
+        "origin": (*frame.origin, base),
+        "crs": frame.crs,
+        "name": name,
+    }
+    if found.mesh is not None:
+        vertices, faces = found.mesh
+        terrain = Terrain(vertices=vertices - [0.0, 0.0, base], faces=faces, **rest)
+    else:
+        terrain = Terrain.from_heights(heights.z - base, cell=heights.cell, corner=heights.corner, **rest)
+        report.cell_m = heights.cell
+    low, high = terrain.extent
+    report.crs, report.origin_m = terrain.crs, terrain.origin
+    report.triangles, report.vertices = len(terrain.faces), len(terrain.vertices)
+    x, y, z = (float(value) for value in high - low)
+    report.extent_m = (x, y, z)
+    if moved:
+        x, y, z = terrain.origin
+        text = f"the local origin lies at ({x:.0f}, {y:.0f}, {z:.0f}) m, so that float32 keeps millimetres"
+        report.change("shifted", 1, text)
+    return terrain
