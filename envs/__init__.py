@@ -7,9 +7,11 @@
 >>> observation, info = env.reset(seed=1)
 >>> observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
 
-A task stands in one file: its configuration, its reward and observation terms, and how it is judged. What tasks share
-is in ``vector`` (twins of one launch, autoreset, seeds, logging), ``single`` (one of them as an ``Env``), ``terms``,
-``randomisation`` and ``rendering``. Names load on first use.
+A task stands in one file, ``turning`` or ``path_tracking``: its configuration, its reward and observation terms, and how
+it is judged. What tasks share is in ``vector`` (twins of one launch, autoreset, seeds, logging), ``single`` (one of them
+as an ``Env``), ``terms``, ``randomisation`` and ``rendering``. Path tracking also has ``courses`` (terrains with their
+paths), ``path_table`` (projections), ``assistance`` (gear, traction, arms) and ``chase`` (its pictures). Names load on
+first use.
 """
 
 from importlib import import_module
@@ -18,13 +20,31 @@ from typing import TYPE_CHECKING, Any
 from aoro_gym.envs.registration import ENVIRONMENTS, register_envs
 
 if TYPE_CHECKING:
+    from aoro_gym.envs.assistance import ArmControl
+    from aoro_gym.envs.courses import Course, forest_course
+    from aoro_gym.envs.path_tracking import (
+        PathTracking,
+        PathTrackingConfig,
+        PathTrackingEnv,
+        PathTrackingRandomisation,
+        PathTrackingVectorEnv,
+        PathTrackingView,
+    )
     from aoro_gym.envs.randomisation import Randomisation
     from aoro_gym.envs.terms import ObservationTerm, RewardTerm
     from aoro_gym.envs.turning import Turning, TurningConfig, TurningEnv, TurningVectorEnv, TurningView
 
 __all__ = [
     "ENVIRONMENTS",
+    "ArmControl",
+    "Course",
     "ObservationTerm",
+    "PathTracking",
+    "PathTrackingConfig",
+    "PathTrackingEnv",
+    "PathTrackingRandomisation",
+    "PathTrackingVectorEnv",
+    "PathTrackingView",
     "Randomisation",
     "RewardTerm",
     "Turning",
@@ -32,11 +52,20 @@ __all__ = [
     "TurningEnv",
     "TurningVectorEnv",
     "TurningView",
+    "forest_course",
     "register_envs",
 ]
 
 _HOME = {
+    "ArmControl": "assistance",
+    "Course": "courses",
     "ObservationTerm": "terms",
+    "PathTracking": "path_tracking",
+    "PathTrackingConfig": "path_tracking",
+    "PathTrackingEnv": "path_tracking",
+    "PathTrackingRandomisation": "path_tracking",
+    "PathTrackingVectorEnv": "path_tracking",
+    "PathTrackingView": "path_tracking",
     "Randomisation": "randomisation",
     "RewardTerm": "terms",
     "Turning": "turning",
@@ -44,6 +73,7 @@ _HOME = {
     "TurningEnv": "turning",
     "TurningVectorEnv": "turning",
     "TurningView": "turning",
+    "forest_course": "courses",
 }
 
 

@@ -11,7 +11,8 @@ class Registration:
 
     entry_point: str
     vector_entry_point: str
-    max_episode_steps: int
+    max_episode_steps: int | None
+    """None: the task itself says when the time is up."""
 
 
 ENVIRONMENTS = {
@@ -19,6 +20,11 @@ ENVIRONMENTS = {
         entry_point="aoro_gym.envs.turning:TurningEnv",
         vector_entry_point="aoro_gym.envs.turning:TurningVectorEnv",
         max_episode_steps=500,
+    ),
+    "AORO/PathTracking-v0": Registration(
+        entry_point="aoro_gym.envs.path_tracking:PathTrackingEnv",
+        vector_entry_point="aoro_gym.envs.path_tracking:PathTrackingVectorEnv",
+        max_episode_steps=None,
     ),
 }
 """Every environment by id."""

@@ -37,6 +37,9 @@ Points = NDArray[np.float64]
 class Scene(Protocol):
     """Draws one sub-environment."""
 
+    size: tuple[int, int]
+    """Width and height of its pictures [px]."""
+
     def draw(self, history: NDArray[np.float32]) -> NDArray[np.uint8]:
         """Picture (height, width, 3) of ``history`` (frames, channels), oldest first; rows before the start are NaN."""
         ...
@@ -70,7 +73,7 @@ class Renderer:
     def show(self) -> None:
         """Draw the first sub-environment into the window, in real time."""
         if self._window is None:
-            self._window = Window(self._control_step)
+            self._window = Window(self._control_step, self._scene.size)
         if self._window.open:
             self._window.show(self.frame(0))
 
@@ -83,7 +86,7 @@ class Renderer:
 class Window:
     """A window of matplotlib's interactive backend. Without a display it says so once and draws nothing."""
 
-    def __init__(self, control_step: float):
+    def __init__(self, control_step: float, size: tuple[int, int]):
         self._control_step = control_step
         self._next = 0.0
         self._image: Any = None
@@ -97,7 +100,7 @@ class Window:
         )
         if not headless:
             try:
-                self._figure = pyplot.figure("aoro-gym", figsize=(SIZE / 100, SIZE / 100), dpi=100)
+                self._figure = pyplot.figure("aoro-gym", figsize=(size[0] / 100, size[1] / 100), dpi=100)
                 self.open = matplotlib.get_backend().lower() in {name.lower() for name in _interactive_backends()}
             except ImportError:
                 pass
@@ -145,24 +148,30 @@ def _interactive_backends() -> Sequence[str]:
 class Canvas:
     """A picture whose standing parts are drawn once: a frame draws only the artists that :meth:`moving` was told of."""
 
-    def __init__(self) -> None:
+    def __init__(self, size: tuple[int, int] = (SIZE, SIZE)) -> None:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
-        self.figure = Figure(figsize=(SIZE / 100, SIZE / 100), dpi=100, facecolor=PAPER)
+        self.size = size
+        self.figure = Figure(figsize=(size[0] / 100, size[1] / 100), dpi=100, facecolor=PAPER)
         self._canvas = FigureCanvasAgg(self.figure)
         self._moving: list[Artist] = []
         self._background: Any = None
 
     def axes(self, left: float, bottom: float, width: float, height: float) -> Axes:
         """Axes in pixels from the lower left corner."""
-        return self.figure.add_axes((left / SIZE, bottom / SIZE, width / SIZE, height / SIZE))
+        across, up = self.size
+        return self.figure.add_axes((left / across, bottom / up, width / across, height / up))
 
     def moving(self, artist: Any) -> Any:
         """Draw ``artist`` anew in every frame, after those that came before it; returns it."""
         artist.set_animated(True)
         self._moving.append(artist)
         return artist
+
+    def forget(self) -> None:
+        """Draw the standing parts anew: they have changed."""
+        self._background = None
 
     def picture(self) -> NDArray[np.uint8]:
         """The frame as it stands, (height, width, 3)."""
@@ -267,13 +276,37 @@ class MachineFromAbove:
 
 
 class Traces:
-    """A strip of lines over the last seconds, the present at its right end."""
+    """A strip of lines over the last seconds, the present at its right end.
 
-    def __init__(self, canvas: Canvas, axes: Axes, title: str, limit: float, ticks: Sequence[float]):
-        self._canvas, self._axes = canvas, axes
-        axes.set_xlim(-SPAN, 0.0)
-        axes.set_ylim(-limit, limit)
-        axes.set_xticks(np.arange(-SPAN, 0.5), labels=[f"{t:.0f} s" if t else "now" for t in np.arange(-SPAN, 0.5)])
+    Args:
+        canvas: Where it stands.
+        axes: Its own.
+        title: Over it.
+        limit: Largest value, or lowest and largest.
+        ticks: On the vertical axis.
+        span: How far back it reaches [s].
+        every: Distance of the ticks of time [s].
+        gap: Distance of the lines' names, as a share of the width.
+    """
+
+    def __init__(
+        self,
+        canvas: Canvas,
+        axes: Axes,
+        title: str,
+        limit: float | tuple[float, float],
+        ticks: Sequence[float],
+        *,
+        span: float = SPAN,
+        every: float = 1.0,
+        gap: float = 0.09,
+    ):
+        self._canvas, self._axes, self._gap = canvas, axes, gap
+        low, high = limit if isinstance(limit, tuple) else (-limit, limit)
+        axes.set_xlim(-span, 0.0)
+        axes.set_ylim(low, high)
+        times = np.arange(-span, 0.5 * every, every)
+        axes.set_xticks(times, labels=[f"{t:.0f} s" if t else "now" for t in times])
         axes.set_yticks(list(ticks))
         axes.tick_params(length=0, labelsize=8, labelcolor=SOFT)
         axes.grid(color=GRID, linewidth=0.8)
@@ -287,7 +320,7 @@ class Traces:
         """A line, named in the legend."""
         (line,) = self._axes.plot([], [], color=colour, **{"linewidth": 1.8, "solid_joinstyle": "round", **style})
         self._axes.text(
-            1.0 - 0.09 * self._labels, 1.03, label, color=colour, fontsize=9, ha="right", va="bottom",
+            1.0 - self._gap * self._labels, 1.03, label, color=colour, fontsize=9, ha="right", va="bottom",
             transform=self._axes.transAxes,
         )  # fmt: skip
         self._labels += 1
@@ -301,6 +334,7 @@ class TurningScene:
         from matplotlib.patches import Polygon, Rectangle, Wedge
 
         canvas = self._canvas = Canvas()
+        self.size = canvas.size
         self._tolerance = tolerance
         limit = float(np.max(machine.joint.range))
         valve = machine.steering.valve

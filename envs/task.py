@@ -84,6 +84,41 @@ def chosen(
     return asked.astype(np.intp)
 
 
+def given(
+    options: Mapping[str, Any],
+    name: str,
+    where: NDArray[np.intp],
+    num_envs: int,
+    default: NDArray[np.float64],
+    low: Array,
+    high: Array,
+    unit: str,
+) -> NDArray[np.float64]:
+    """Values (K,) for the sub-environments ``where`` (K,): of ``options[name]``, a number or (num_envs,), or ``default``.
+
+    Raises ValueError that names the option unless low ≤ value ≤ high, each a number or (K,).
+    """
+    if options.get(name) is None:
+        return default
+    array = np.asarray(options[name], dtype=np.float64)
+    if array.shape not in ((), (num_envs,)):
+        raise ValueError(f"options[{name!r}] has shape {array.shape}, but must be a number or ({num_envs},)")
+    array = array[where] if array.ndim else np.full(len(where), float(array))
+    within = (array >= low) & (array <= high)
+    if not within.all():
+        bad = int(np.argmin(within))
+        ends = (float(np.broadcast_to(end, where.shape)[bad]) for end in (low, high))
+        raise ValueError(
+            f"options[{name!r}] is {array[bad]:g} {unit}, but must be in [{', '.join(f'{e:.4g}' for e in ends)}] {unit}"
+        )
+    return array
+
+
+def divides(part: float, whole: float) -> bool:
+    """Whether the time ``whole`` is a whole number of ``part``."""
+    return part > 0 and abs(whole / part - round(whole / part)) < 1e-6 and round(whole / part) >= 1
+
+
 @dataclass(frozen=True)
 class Start:
     """Where K sub-environments start: arrays of shape (K,), ``position`` (K, 2)."""
@@ -123,7 +158,11 @@ class Task(Protocol):
     """Of one sub-environment."""
     reward_terms: Mapping[str, RewardTerm]
     observation_terms: Mapping[str, ObservationTerm]
-    randomisation: Randomisation
+
+    @property
+    def randomisation(self) -> Randomisation:
+        """What differs from episode to episode."""
+        ...
 
     def allocate(self, num_envs: int, terrains: Terrains) -> None:
         """Make the arrays of the state, for twins on ``terrains``."""

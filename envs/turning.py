@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 
 from aoro_gym.envs.randomisation import Draws, Randomisation
 from aoro_gym.envs.single import TwinEnv
-from aoro_gym.envs.task import Outputs, Start, Terrains, chosen
+from aoro_gym.envs.task import Outputs, Start, Terrains, chosen, divides, given
 from aoro_gym.envs.terms import Array, Frozen, ObservationTerm, RewardTerm, changed_observations, changed_rewards
 from aoro_gym.envs.vector import TwinVectorEnv
 from aoro_gym.sensors import JointAngleNoise, JointAngleSensor, PressureNoise, PressureSensor
+from aoro_gym.sensors.joint_angle import slope_weights
 from aoro_gym.terrains import Plane
 from aoro_gym.twin import Machine
 from aoro_gym.twin.records import Output
@@ -232,7 +233,7 @@ class TurningConfig:
         low, high = self.hold
         for holds, message in (
             (self.control_step > 0, f"control_step is {self.control_step} s, but must be positive"),
-            (_divides(self.sample_step, self.control_step), f"sample_step is {self.sample_step} s, but must divide "
+            (divides(self.sample_step, self.control_step), f"sample_step is {self.sample_step} s, but must divide "
              f"control_step = {self.control_step} s"),
             (self.target_clearance >= 0, f"target_clearance is {self.target_clearance} rad, but must be at least 0"),
             (self.target_change >= 0, f"target_change is {self.target_change} rad, but must be at least 0"),
@@ -267,9 +268,7 @@ class Turning:
         self.observation_terms = self.config.observation_terms
         self.randomisation = self.config.randomisation
         self.action_space: spaces.Box[Any] = spaces.Box(-1.0, 1.0, (1,), np.float32)
-        # slope of the least-squares line through equally spaced samples, newest first
-        order = np.arange(self.config.rate_samples)[::-1] - 0.5 * (self.config.rate_samples - 1)
-        self._slope = [float(weight) for weight in order / (np.sum(order**2) * self.config.sample_step)]
+        self._slope = slope_weights(self.config.rate_samples, self.config.sample_step)
 
     def allocate(self, num_envs: int, terrains: Terrains) -> None:
         xp = self.xp = np
@@ -323,8 +322,7 @@ class Turning:
             )
         uniform = np.stack([generator.random((2, TARGETS_DRAWN)) for generator in generators])
         angle = draws.joint_angle * reach
-        if options.get("joint_angle") is not None:
-            angle = self._asked("joint_angle", options["joint_angle"], where, limit)
+        angle = given(options, "joint_angle", where, len(self._target), angle, -limit, limit, "rad")
 
         if options.get("targets") is not None:
             targets = np.atleast_1d(np.asarray(options["targets"], dtype=np.float64))
@@ -370,15 +368,8 @@ class Turning:
         self._flows[:, where] = 0.0
         for sensor in (self._angle_sensor, *self._pressure_sensors):
             sensor.reset(where, generators)
-        return Start(angle, self._heading(options, where), *self._standpoint(where, generators, options))
-
-    def _heading(self, options: Mapping[str, Any], where: NDArray[np.intp]) -> NDArray[np.float64]:
-        heading = np.asarray(options.get("heading", 0.0), dtype=np.float64)
-        if heading.shape not in ((), (len(self._target),)) or not np.isfinite(heading).all():
-            raise ValueError(
-                f"options['heading'] is {options['heading']!r}, but must be finite, a number or ({len(self._target)},) [rad]"
-            )
-        return heading[where] if heading.ndim else np.full(len(where), float(heading))
+        heading = given(options, "heading", where, len(self._target), np.zeros(count), -math.tau, math.tau, "rad")
+        return Start(angle, heading, *self._standpoint(where, generators, options))
 
     def _standpoint(
         self, where: NDArray[np.intp], generators: list[np.random.Generator], options: Mapping[str, Any]
@@ -398,20 +389,6 @@ class Turning:
                 )
             middle = asked[where] if asked.ndim == 2 else np.tile(asked, (len(where), 1))
         return middle, terrain
-
-    def _asked(self, name: str, value: Any, where: NDArray[np.intp], limit: NDArray[np.float64]) -> NDArray[np.float64]:
-        array = np.asarray(value, dtype=np.float64)
-        if array.shape not in ((), (len(self._target),)):
-            raise ValueError(
-                f"options['{name}'] has shape {array.shape}, but must be a number or ({len(self._target)},)"
-            )
-        array = array[where] if array.ndim else np.broadcast_to(array, len(where))
-        if not np.all(np.abs(array) <= limit):
-            worst = array[~(np.abs(array) <= limit)][0]
-            raise ValueError(
-                f"options['{name}'] is {worst:g} rad, but the joint reaches only ±{limit.min():.4f} rad (joint.range)"
-            )
-        return array
 
     def rest(self, where: NDArray[np.intp], outputs: Outputs) -> None:
         self._outputs = outputs
@@ -555,10 +532,6 @@ def apart(
         along = uniform[:, t] * (below + reach - above)
         before = targets[:, t] = np.where(along < below, along - reach, above + along - below)
     return targets
-
-
-def _divides(part: float, whole: float) -> bool:
-    return part > 0 and abs(whole / part - round(whole / part)) < 1e-6 and round(whole / part) >= 1
 
 
 # ---- the environments ------------------------------------------------------------------------------------------------

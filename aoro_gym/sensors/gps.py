@@ -170,6 +170,8 @@ class Gps:
         self.antennas = Antennas() if antennas is None else antennas
         self.latency = latency
         n = num_twins
+        self.scale = np.ones(n)
+        """Multiplier [-] of each receiver's errors (N,); 0 leaves clock and latency."""
         kept = math.ceil(latency / interval) + 2
         self._past = np.zeros((kept, n, 6))  # [m] both antennas, newest first
         self._instants = np.zeros((kept, n))  # [s] of them
@@ -199,6 +201,11 @@ class Gps:
         self._number[rows] = -1
         self._state[rows] = FIXED
         self._fresh[rows] = True
+
+    @property
+    def quality(self) -> NDArray[np.int64]:
+        """Of the newest solutions (N,): ``NONE``, ``FLOAT`` or ``FIXED``."""
+        return self._state
 
     def measure(
         self,
@@ -270,7 +277,8 @@ class Gps:
         scale = np.array([1.0, 1.0, noise.vertical])
         seeds = self._seeds[rows]
         error = drift + noise.white * scale * np.stack([white(channel(seeds, 3 + i), number) for i in range(3)], axis=1)
-        relative = np.where(fixed, noise.relative, noise.float_relative)
+        error = self.scale[rows][:, None] * error
+        relative = self.scale[rows] * np.where(fixed, noise.relative, noise.float_relative)
         line = places[:, 3:5] - places[:, 0:2]
         line = line + relative[:, None] * np.stack([white(channel(seeds, 6 + i), number) for i in range(2)], axis=1)
         heading = wrapped(np.arctan2(line[:, 1], line[:, 0]) - self.antennas.direction)

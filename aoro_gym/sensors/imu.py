@@ -89,6 +89,8 @@ class Imu:
             raise ValueError(f"num_twins is {num_twins}, but must be at least 1")
         self.num_twins = num_twins
         self.noise = ImuNoise.typical() if noise is None else noise
+        self.scale = np.ones(num_twins)
+        """Multiplier [-] of each unit's errors (N,)."""
         self._seeds: Seeds = np.zeros(num_twins, dtype=np.uint64)
         drift = {"rate": SAMPLE_RATE, "num_twins": num_twins}
         bias = [self.noise.rate_bias] * 3 + [self.noise.force_bias] * 3
@@ -128,9 +130,10 @@ class Imu:
         k, noise = len(rows), self.noise
         number = tick(np.broadcast_to(np.asarray(time, dtype=np.float64), (k,)), SAMPLE_RATE)
         seeds = self._seeds[rows]
-        bias = self._bias.at(rows, number)
-        attitude = self._attitude.at(rows, number)
-        random = np.stack([white(channel(seeds, 2 + i), number) for i in range(8)])
+        scale = self.scale[rows]
+        bias = scale * self._bias.at(rows, number)
+        attitude = scale * self._attitude.at(rows, number)
+        random = scale * np.stack([white(channel(seeds, 2 + i), number) for i in range(8)])
         return ImuReading(
             rates=columns("rates", rates, (k, 3)) + (bias[:3] + noise.rate_white * random[:3]).T,
             force=columns("force", force, (k, 3)) + (bias[3:] + noise.force_white * random[3:6]).T,

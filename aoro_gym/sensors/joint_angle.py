@@ -254,6 +254,13 @@ class JointAngleSensor:
         return quantised(gain * value + self.noise.at(draw, time), self.noise.resolution)
 
 
+def slope_weights(count: int, interval: float) -> list[float]:
+    """Weights [1/s] of ``count`` samples ``interval`` [s] apart, newest first, whose sum is the slope of the least-squares
+    line through them: the joint rate as a controller can know it."""
+    order = np.arange(count)[::-1] - 0.5 * (count - 1)
+    return [float(weight) for weight in order / (np.sum(order**2) * interval)]
+
+
 def _first_order(cutoff: float, step: float) -> tuple[float, float, float]:
     """Weights of the last output, the input now and the input before: exact for inputs that are straight lines."""
     decay = math.exp(-2.0 * math.pi * cutoff * step)

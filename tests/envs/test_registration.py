@@ -11,7 +11,14 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import aoro_gym.envs
-from aoro_gym.envs import ENVIRONMENTS, TurningEnv, TurningVectorEnv, register_envs
+from aoro_gym.envs import (
+    ENVIRONMENTS,
+    PathTrackingEnv,
+    PathTrackingVectorEnv,
+    TurningEnv,
+    TurningVectorEnv,
+    register_envs,
+)
 
 register_envs()
 
@@ -34,6 +41,22 @@ def test_both_entry_points_make_the_task():
     assert vector.num_envs == 3
     assert vector.max_episode_steps == 500
     assert vector.twin.num_twins == 3
+
+
+def test_path_tracking_says_itself_when_time_is_up():
+    vector: Any = gymnasium.make_vec("AORO/PathTracking-v0", num_envs=3)
+    assert isinstance(vector, PathTrackingVectorEnv)
+    assert vector.max_episode_steps is None
+    single: Any = gymnasium.make("AORO/PathTracking-v0")
+    assert isinstance(single.unwrapped, PathTrackingEnv)
+    assert not any(isinstance(layer, gymnasium.wrappers.TimeLimit) for layer in layers(single))
+
+
+def layers(env):
+    """The environment's wrappers."""
+    while isinstance(env, gymnasium.Wrapper):
+        yield env
+        env = env.env
 
 
 def test_example_of_the_package():

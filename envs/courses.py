@@ -1,0 +1,165 @@
+"""Where a vehicle drives: a terrain with paths over it, and a small library of them that is made once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from functools import cache, lru_cache
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from aoro_gym.terrains import Path, Plane, Terrain
+from aoro_gym.terrains.forest import forest
+from aoro_gym.terrains.planning import drivable_ground
+from aoro_gym.terrains.raster import CELL, Raster, rasterise
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """A terrain and the paths that lead over it."""
+
+    terrain: Terrain | Plane
+    paths: tuple[Path, ...]
+    name: str = "course"
+    trees: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 4)))
+    """(K, 4) x, y, radius and height [m] of what pictures show beside the ground; the machine does not feel them."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "paths", tuple(self.paths))
+        if not self.paths:
+            raise ValueError(f"course {self.name!r} has no path; give at least one")
+        for path in self.paths:
+            if not isinstance(path, Path):
+                raise ValueError(f"course {self.name!r} has {path!r} for a path; give aoro_gym.terrains.Path")
+        if isinstance(self.terrain, Plane):
+            for entry in fields(self.terrain):
+                if np.ndim(getattr(self.terrain, entry.name)):
+                    raise ValueError(
+                        f"course {self.name!r}: the plane's {entry.name} is an array, but must be a number"
+                    )
+
+
+class HeightMap:
+    """Heights of several grounds, as the wheels feel them: rasters of the terrains, or one plane.
+
+    Args:
+        grounds: Terrains, or planes without arrays.
+    """
+
+    def __init__(self, grounds: Sequence[Terrain | Plane]):
+        self._grounds = list(grounds)
+        self._planes = [isinstance(ground, Plane) for ground in self._grounds]
+        count, first, nodes = len(self._grounds), 0, []
+        self._corner, self._shape = np.zeros((count, 2)), np.zeros((count, 2), dtype=np.intp)
+        self._first = np.zeros(count, dtype=np.intp)
+        self.low, self.high = np.full((count, 2), -np.inf), np.full((count, 2), np.inf)
+        """Extent of each ground in the plan [m] (G, 2); infinite for planes."""
+        for i, ground in enumerate(self._grounds):
+            if isinstance(ground, Plane):
+                continue
+            raster = surface(ground)
+            low, high = ground.extent
+            self.low[i], self.high[i] = low[:2], high[:2]
+            self._corner[i], self._shape[i], self._first[i] = raster.corner, raster.nodes.shape[:2], first
+            nodes.append(raster.nodes[..., [0, 3]].reshape(-1, 2))
+            first += len(nodes[-1])
+        self._nodes = np.concatenate(nodes).astype(np.float64) if nodes else np.zeros((0, 2))
+
+    def height(self, ground: NDArray[np.intp], xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Height [m] (...) at ``xy`` (..., 2) of the grounds whose numbers ``ground`` broadcasts against it."""
+        return self._read(ground, xy)[..., 0]
+
+    def known(self, ground: NDArray[np.intp], xy: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether there is ground at ``xy`` (..., 2): within the extent, and not over a hole."""
+        inside = np.all((xy >= self.low[ground]) & (xy <= self.high[ground]), axis=-1)
+        return inside & (self._read(ground, xy)[..., 1] >= 0.5)
+
+    def _read(self, ground: NDArray[np.intp], xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Height [m] and share known (..., 2), bilinear between the nodes."""
+        if any(self._planes):
+            # planes do not mix with terrains, nor with one another
+            plane = self._grounds[0]
+            assert isinstance(plane, Plane)
+            z = np.asarray(plane.height(xy[..., 0], xy[..., 1]), dtype=np.float64)
+            return np.stack([z, np.ones_like(z)], axis=-1)
+        shape = self._shape[ground]
+        place = (xy - self._corner[ground]) / CELL
+        column = np.clip(place[..., 0], 0.0, shape[..., 1] - 1.001)
+        row = np.clip(place[..., 1], 0.0, shape[..., 0] - 1.001)
+        i, j = row.astype(np.intp), column.astype(np.intp)
+        v, u = (row - i)[..., None], (column - j)[..., None]
+        node = self._first[ground] + i * shape[..., 1] + j
+        south = (1.0 - u) * self._nodes[node] + u * self._nodes[node + 1]
+        node = node + shape[..., 1]
+        return (1.0 - v) * south + v * ((1.0 - u) * self._nodes[node] + u * self._nodes[node + 1])
+
+
+@cache
+def surface(terrain: Terrain) -> Raster:
+    """The terrain's raster on the host, made once."""
+    mesh = wp.Mesh(
+        points=wp.array(terrain.vertices, dtype=wp.vec3, device="cpu"),
+        indices=wp.array(terrain.faces.ravel(), dtype=int, device="cpu"),
+    )
+    return rasterise(terrain, mesh)
+
+
+def as_courses(
+    courses: Sequence[Course] | None, terrain: Terrain | Plane | None, path: Path | None
+) -> tuple[Course, ...]:
+    """What an environment's arguments ask for: ``courses``, or one ``terrain`` with ``path`` or with generated ones.
+
+    Raises ValueError if they contradict each other.
+    """
+    if courses is not None:
+        if terrain is not None or path is not None:
+            raise ValueError("courses is given, and terrain or path, too; put them into a Course of their own")
+        courses = tuple(courses)
+        if not courses:
+            raise ValueError("courses is empty; give at least one Course")
+        for course in courses:
+            if not isinstance(course, Course):
+                raise ValueError(f"courses holds {course!r}; give aoro_gym.envs.Course(terrain, paths)")
+        if len(courses) > 1 and any(isinstance(course.terrain, Plane) for course in courses):
+            raise ValueError("courses holds a plane beside others; give one plane with all paths, or terrains")
+        return courses
+    if terrain is None:
+        if path is None:
+            return library()
+        terrain = Plane()
+    paths = (path,) if path is not None else generated_paths(terrain)
+    return (Course(terrain, paths, name=getattr(terrain, "name", "plane")),)
+
+
+@lru_cache(maxsize=16)
+def generated_paths(terrain: Terrain | Plane, count: int = 4, length: float = 60.0) -> tuple[Path, ...]:
+    """Drivable paths over ``terrain``, always the same.
+
+    Raises ValueError if there is no room for them.
+    """
+    ground = drivable_ground(terrain)
+    return tuple(ground.path(seed, length=length) for seed in range(count))
+
+
+LIBRARY_SEEDS, LIBRARY_SIZE, LIBRARY_PATHS = (1, 2, 3), (60.0, 60.0), 4
+"""Of :func:`library`: the forests' seeds, their size [m], and the paths over each, 60 m long."""
+
+
+@cache
+def library() -> tuple[Course, ...]:
+    """The courses that an environment draws from by default: forests with drivable paths between the trees, made once in a
+    process and shared by all environments."""
+    return tuple(forest_course(seed, size=LIBRARY_SIZE, count=LIBRARY_PATHS) for seed in LIBRARY_SEEDS)
+
+
+def forest_course(
+    seed: int, *, size: tuple[float, float] = LIBRARY_SIZE, count: int = 4, length: float = 60.0
+) -> Course:
+    """A generated forest of ``size`` [m] with ``count`` drivable paths of ``length`` [m]; the same for the same seed."""
+    grown = forest(seed, size=size)
+    ground = drivable_ground(grown.terrain, obstacles=grown.circles("tree"))
+    paths = tuple(ground.path(number, length=length) for number in range(count))
+    trees = np.array([(o.x, o.y, o.radius, o.height) for o in grown.obstacles if o.kind == "tree"]).reshape(-1, 4)
+    return Course(grown.terrain, paths, name=f"forest {seed}", trees=trees)
