@@ -385,6 +385,7 @@ class PathTrackingScene:
         from matplotlib.collections import PolyCollection
         from matplotlib.patches import PathPatch, Polygon, Rectangle
         from matplotlib.path import Path as Outline
+        from matplotlib.patheffects import withStroke
 
         self._task = task
         self._solid = SolidMachine(machine)
@@ -426,17 +427,15 @@ class PathTrackingScene:
         self._faces = polygons(linewidths=0.4)
         self._trees_before = polygons(edgecolors="none")
         self._flags = polygons(facecolors=RED, edgecolors="none")
-        self._titles = [
-            canvas.moving(
-                view.text(-0.965, self._aspect - 0.062, "AORO", fontsize=15, color=INK, fontweight="bold", va="center")
-            ),
-            canvas.moving(
-                view.text(-0.765, self._aspect - 0.062, "Path tracking", fontsize=15, color=INK, va="center")
-            ),
-        ]
-        self._clock = canvas.moving(
-            view.text(0.965, self._aspect - 0.062, "", fontsize=13, color=INK, ha="right", va="center")
-        )
+        top = self._aspect - 0.062
+        style: dict[str, Any] = {
+            "color": INK,
+            "va": "center",
+            "path_effects": [withStroke(linewidth=3, foreground="#ffffffb0")],
+        }
+        canvas.moving(view.text(-0.965, top, "AORO", fontsize=15, fontweight="bold", **style))
+        canvas.moving(view.text(-0.765, top, "Path tracking", fontsize=15, **style))
+        self._clock = canvas.moving(view.text(0.965, top, "", fontsize=13, ha="right", **style))
 
         # the map
         side = 250
@@ -661,7 +660,7 @@ class PathTrackingScene:
         """Spruces as flat shapes that face the camera: a trunk and three tiers, lit from the sun's side."""
         trees = self._task.courses[course].trees
         gone = np.hypot(*(trees[:, :2] - camera.eye[:2]).T)
-        trees, gone = trees[gone > 3.0], gone[gone > 3.0]
+        trees, gone = trees[gone > 6.0], gone[gone > 6.0]
         aside = np.array([math.sin(camera.heading), -math.cos(camera.heading)])
         order = np.argsort(-gone)
         shapes: dict[bool, tuple[list[Points], list[Points]]] = {True: ([], []), False: ([], [])}
@@ -686,7 +685,7 @@ class PathTrackingScene:
                 if depth.min() < 1.0 or np.abs(seen[:, 0]).min() > 1.1:
                     break
                 squares.append(seen)
-                near = 0.45 if gone[i] < apart else 1.0  # see the machine through what stands before it
+                near = 0.2 if gone[i] < apart else 1.0  # see the machine through what stands before it
                 colours.append(np.append(paint + (HAZE - paint) * haze, near))
         for collection, key in ((self._trees_behind, True), (self._trees_before, False)):
             collection.set_verts(shapes[key][0])
