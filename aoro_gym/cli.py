@@ -25,7 +25,7 @@ from aoro_gym import __version__
 if TYPE_CHECKING:
     from aoro_gym.manoeuvres import Manoeuvre, Recording
     from aoro_gym.report import Passage, Section
-    from aoro_gym.terrains import Plane
+    from aoro_gym.terrains import Plane, Report
     from aoro_gym.twin import Machine, Twin
     from aoro_gym.validation import Validation
 
@@ -48,6 +48,8 @@ NONE = "none"
 SWING_TARGETS_DEG = (-22.0, 18.0, -8.0)
 """Joint angles that the demo's episode asks for one after the other, from 15 degrees to the left."""
 SWING_HOLD_S = 2.5
+MOST_HOLES = 8
+"""Places without ground that are listed; the JSON names all."""
 
 MachineOption = Annotated[
     str, typer.Option("--machine", metavar="NAME|FILE", help="Bundled machine, or a machine file (.toml).")
@@ -410,6 +412,89 @@ def calibrate(
         return calibrate_published(chosen, **options) if published else calibrate_logs(chosen, logs or [], **options)
 
     _say(_calibrate(fit, out, ensemble=ensemble, seed=seed, device=device, **sizes))
+
+
+@app.command()
+def terrain(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Mesh, elevation raster, point cloud or .npy heights to drive on.")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="MESH", help="Terrain to write (.ply). Default: FILE_terrain.ply, here."),
+    ] = None,
+    units: Annotated[
+        str | None, typer.Option("--units", metavar="UNIT", help="m, km, cm, mm, ft, us-ft or in.")
+    ] = None,
+    z_units: Annotated[str | None, typer.Option("--z-units", metavar="UNIT", help="Of heights, if another.")] = None,
+    up: Annotated[str | None, typer.Option("--up", metavar="AXIS", help="Axis that points up: x, y or z.")] = None,
+    crs: Annotated[
+        str | None, typer.Option("--crs", metavar="CODE", help="Coordinate system, such as EPSG:32633.")
+    ] = None,
+    cell: Annotated[float | None, typer.Option("--cell", metavar="M", help="Distance of heights [m].")] = None,
+    window: Annotated[
+        tuple[float, float, float, float] | None,
+        typer.Option("--window", metavar="W S E N", help="West, south, east, north of the part to take [m]."),
+    ] = None,
+    hole_limit: Annotated[
+        float, typer.Option("--hole-limit", metavar="M", help="Widest gap that is bridged [m].")
+    ] = 5.0,
+    spike_limit: Annotated[
+        float, typer.Option("--spike-limit", metavar="M", help="Height of spikes to remove [m].")
+    ] = 0.5,
+    ground: Annotated[
+        str | None,
+        typer.Option("--ground", metavar="class|filter|all", help="What is ground. Default: the class, if given."),
+    ] = None,
+) -> None:
+    """Load ground to drive on, check and repair it, and say what was done.
+
+    Units, up axis and coordinate system are taken from the options, the file, or recognised. Trees and buildings are
+    told from the ground, gaps up to --hole-limit are bridged, wider ones are named. What cannot be driven on is refused.
+
+    Writes MESH in local metres, and beside it the report (.json, with the origin of the local frame) and a hillshade (.png).
+
+    [bold]Examples[/]
+
+      aoro-gym terrain dem.tif
+      aoro-gym terrain forest.laz --hole-limit 10 --out forest.ply
+      aoro-gym terrain scan.obj --units mm --up y
+      aoro-gym terrain big.tif --window 430000 5150000 430400 5150400
+    """
+    with _checking_input():
+        from aoro_gym.log import check_writable
+        from aoro_gym.terrains.hillshade import write_hillshade
+        from aoro_gym.terrains.loading import load, save
+
+        mesh = out if out is not None else Path(f"{file.stem}_terrain.ply")
+        if mesh.suffix != ".ply":
+            raise ValueError(f"--out {mesh} must end in .ply")
+        for path in (mesh, mesh.with_suffix(".json"), mesh.with_suffix(".png")):
+            if path.resolve() == file.resolve():
+                raise ValueError(f"--out {mesh} would overwrite {file}; choose another name")
+            check_writable(path)
+        with _progress() as progress:
+            task = progress.add_task(file.name, total=1.0)
+            loaded = load(
+                file,
+                units=units,
+                z_units=z_units,
+                up=up,
+                crs=crs,
+                cell=cell,
+                window=window,
+                hole_limit=hole_limit,
+                spike_limit=spike_limit,
+                ground=ground,  # pyright: ignore[reportArgumentType]  load checks it
+                progress=lambda share: progress.update(task, completed=share),
+            )
+    with _running():
+        written = save(loaded, mesh)
+        written.append(mesh.with_suffix(".png"))
+        write_hillshade(*loaded, written[-1])
+    for item in _terrain_tables(loaded.report):
+        _out().print(item, highlight=False)
+    _say(written)
 
 
 @app.command()
@@ -815,7 +900,8 @@ def _calibrate(fit: Callable[..., Any], out: Path, **options: Any) -> list[Path]
                 member.save(written[-1])
         written.append(out.with_suffix(".json"))
         _write_json(written[-1], found.report)
-        checkpoint.unlink(missing_ok=True)
+        for part in checkpoint.parent.glob(f"{checkpoint.stem}*.json"):
+            part.unlink()
     for item in _calibration_tables(found.report):
         _out().print(item, highlight=False)
     return written
@@ -834,6 +920,14 @@ def _calibration_tables(report: dict[str, Any]) -> Iterator[Table | str]:
         for name in next(iter(misses.values())):
             row = [misses[level][name] for level in misses]
             table.add_row(describe(name)[0], *(f"[{'green' if abs(m) <= 1 else 'red'}]{m:+.2f}[/]" for m in row))
+        yield table
+    single: dict[str, float] = report.get("single_misses_tolerances", {})
+    if single:
+        table = Table(title="Misses of single figures, in tolerances", title_justify="left", header_style="bold")
+        table.add_column("figure")
+        table.add_column("miss", justify="right")
+        for name, miss in single.items():
+            table.add_row(name.replace("_", " "), f"[{'green' if abs(miss) <= 1 else 'red'}]{miss:+.2f}[/]")
         yield table
     if report.get("parameters"):
         table = Table(title="Parameters that the logs feel", title_justify="left", header_style="bold")
@@ -856,6 +950,46 @@ def _calibration_tables(report: dict[str, Any]) -> Iterator[Table | str]:
     if report.get("ensemble_dropped"):
         yield _listed("ensemble members that were dropped", report["ensemble_dropped"])
     yield _listed("not felt, so left as they were", report.get("not_felt", []))
+
+
+def _terrain_tables(report: Report) -> Iterator[Table | str]:
+    """What was read, what was changed on the way, and what to mind."""
+    table = Table(title=f"Ground of {report.source}", title_justify="left", header_style="bold")
+    table.add_column("what")
+    table.add_column("value")
+    size_x, size_y, size_z = report.extent_m
+    spacing = f"one every {report.cell_m:.3g} m" if report.cell_m is not None else "as in the file"
+    for name, value in (
+        ("read as", f"{report.kind}: {report.points_read:,}"),
+        ("units", report.units),
+        ("up", report.up),
+        ("coordinate system", report.crs or "unknown"),
+        ("local origin", "{:.0f}, {:.0f}, {:.0f} m".format(*report.origin_m)),
+        ("extent", f"{size_x:.4g} m x {size_y:.4g} m, {size_z:.3g} m high"),
+        ("triangles", f"{report.triangles:,} over {report.vertices:,} heights, {spacing}"),
+        ("with ground", f"{report.ground_m2:,.0f} m², {report.ground_share:.1%} of the extent"),
+        ("slope", f"median {report.slope_median_deg:.1f}°, 95 % below {report.slope_95_deg:.1f}°"),
+        ("steepest", f"{report.slope_max_deg:.1f}°"),
+        ("drivable (up to 45°)", f"{report.drivable_share:.1%} of the ground"),
+        ("roughness", f"{report.roughness_m * 1e3:.0f} mm root mean square, within 2 m"),
+    ):
+        table.add_row(name, escape(value))
+    yield table
+    yield "changed:" if report.changes else _listed("changed", [])
+    for change in report.changes:
+        yield f"  {escape(change.text)}"
+    for warning in report.warnings:
+        yield f"[yellow]mind:[/] {escape(warning)}"
+    if report.holes:
+        inside = [hole for hole in report.holes if not hole.at_edge]
+        area = sum(hole.area_m2 for hole in report.holes)
+        count = f"{len(report.holes)} places without ground, {len(inside)} of them inside"
+        yield f"[yellow]mind:[/] {count}; {area:,.0f} m² in all"
+        for hole in report.holes[:MOST_HOLES]:
+            where = f"x {hole.west:.1f} to {hole.east:.1f} m, y {hole.south:.1f} to {hole.north:.1f} m"
+            yield f"  {hole.area_m2:,.1f} m² at {where}{' (at the edge)' if hole.at_edge else ''}"
+        if len(report.holes) > MOST_HOLES:
+            yield f"  and {len(report.holes) - MOST_HOLES} smaller ones, in the JSON"
 
 
 def _listed(what: str, items: Sequence[str]) -> str:

@@ -10,6 +10,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import time
 from collections.abc import Callable
@@ -113,7 +114,14 @@ def load(
     found = _upright_heights(found, request, report)
     found = _repaired(found, request, report)
     try:
-        terrain = _terrain(found, report, friction, rolling_resistance, name or (path.stem if path else "heights"))
+        terrain = _terrain(
+            found,
+            report,
+            friction,
+            rolling_resistance,
+            name or (path.stem if path else "heights"),
+            _report_beside(path),
+        )
     except TerrainError:
         raise
     except ValueError as error:  # what a terrain itself refuses
@@ -121,6 +129,23 @@ def load(
     request.tell(1.0)
     report.seconds = time.perf_counter() - started
     return Loaded(terrain, report)
+
+
+def save(loaded: Loaded, path: Path) -> list[Path]:
+    """Write the terrain as a mesh (``path``, .ply) and its report beside it (.json); returns both paths.
+
+    :func:`load` finds the origin and the coordinate system again in the report.
+    """
+    import trimesh
+
+    terrain, report = loaded
+    path.parent.mkdir(parents=True, exist_ok=True)
+    trimesh.Trimesh(np.array(terrain.vertices), np.array(terrain.faces), process=False).export(path)
+    beside = path.with_suffix(".json")
+    beside.write_text(
+        json.dumps(report.to_json(), indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8"
+    )
+    return [path, beside]
 
 
 def _read(path: Path | None, source: Any, request: Request, report: Report) -> Ground:
@@ -214,7 +239,27 @@ def _without_obstacles(heights: Heights, request: Request) -> tuple[Heights, int
     return heights.replaced(z), int((~mask).sum())
 
 
-def _terrain(found: Ground, report: Report, friction: float, rolling_resistance: float, name: str) -> Terrain:
+def _report_beside(path: Path | None) -> dict[str, Any] | None:
+    """Origin and coordinate system in the report that ``save`` wrote beside a mesh; None without one."""
+    if path is None or path.suffix.lower() != ".ply":
+        return None
+    try:
+        content = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+        x, y, z = (float(value) for value in content["origin_m"])
+        return {"origin": (x, y, z), "crs": content["crs"]} if content["crs"] is not None else None
+    except (OSError, ValueError, TypeError, KeyError):
+        return None  # some other file, or none
+
+
+def _terrain(
+    found: Ground,
+    report: Report,
+    friction: float,
+    rolling_resistance: float,
+    name: str,
+    beside: dict[str, Any] | None,
+) -> Terrain:
+    """The terrain, and its figures in ``report``."""
     heights, frame = found.heights, found.frame
     lowest, highest = float(np.nanmin(heights.z)), float(np.nanmax(heights.z))
     moved = any(frame.origin) or max(abs(lowest), abs(highest)) > LARGEST_COORDINATE
@@ -226,6 +271,9 @@ def _terrain(found: Ground, report: Report, friction: float, rolling_resistance:
         "crs": frame.crs,
         "name": name,
     }
+    if beside is not None and not moved and frame.crs is None:
+        rest |= beside
+        report.change("georeferenced", 1, "origin and coordinate system taken from the report beside the mesh")
     if found.mesh is not None:
         vertices, faces = found.mesh
         terrain = Terrain(vertices=vertices - [0.0, 0.0, base], faces=faces, **rest)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import logging
+import struct
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -61,10 +62,13 @@ def read_las(path: Path, request: Request, report: Report) -> Ground:
     extra("lazrs", f"the point cloud {path.name}")
     logging.getLogger("laspy").addHandler(logging.NullHandler())  # its errors are raised here, not printed
     with _broken(path, "a point cloud (LAS)"):
+        _check_header(path)
         with laspy.open(path) as file:
             header = file.header
             low, high, count = np.array(header.mins), np.array(header.maxs), int(header.point_count)
             crs = header.parse_crs()
+            if header.are_points_compressed:
+                _check_chunk_table(path, header.offset_to_point_data)
 
         def chunks() -> Iterator[Chunk]:
             read = 0
@@ -73,11 +77,64 @@ def read_las(path: Path, request: Request, report: Report) -> Ground:
                     classes = np.asarray(points.classification, dtype=np.uint8)
                     xyz = np.stack([points.x, points.y, points.z], axis=1)
                     read += len(xyz)
+                    if not len(xyz):
+                        break
                     yield xyz, classes
             if read < count:
                 raise TerrainError(f"{path}: {read:,} of {count:,} points, so it is cut off; get it again")
 
     return read_cloud(Cloud(low, high, count, chunks, crs), request, report)
+
+
+def _check_header(path: Path) -> None:
+    """``TerrainError`` for a LAS or LAZ file whose header promises more records than the file can hold.
+
+    Fields and offsets: LAS 1.4 R15, table 3. laspy would look for what is not there for hours.
+    """
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        head = file.read(375)
+    if len(head) < 227 or head[:4] != b"LASF":
+        raise TerrainError(f"{path}: it does not begin as a point cloud (LAS) does")
+    minor, point_format = head[25], head[104]
+    offset, records, length, count = struct.unpack_from("<II", head, 96) + struct.unpack_from("<HI", head, 105)
+    if minor >= 4 and len(head) >= 255:
+        first, extended, wide = struct.unpack_from("<QIQ", head, 235)
+        count = max(count, wide)
+        if extended and first + 60 * extended > size:
+            raise TerrainError(
+                f"{path}: its header promises {extended:,} extended records, but it is cut off or broken"
+            )
+    if offset > size or 54 * records > size:
+        raise TerrainError(
+            f"{path}: its header promises {records:,} records and points from byte {offset:,} on, but it is broken"
+        )
+    if not point_format & 0x80 and offset + length * count > size:  # the highest bit marks compression
+        held = (size - offset) // max(length, 1)
+        raise TerrainError(f"{path}: {held:,} of {count:,} points, so it is cut off or broken; get it again")
+
+
+def _check_chunk_table(path: Path, start: int) -> None:
+    """``TerrainError`` for a LAZ file whose table of chunks cannot be true: lazrs would reserve memory after it, and abort.
+
+    The compressed points begin with the table's position (int64), or -1 if that stands in the last eight bytes; the
+    table begins with a version and the number of chunks (uint32 each), and no chunk is shorter than a byte.
+    """
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        file.seek(start)
+        (table,) = struct.unpack("<q", file.read(8))
+        if table == -1:
+            file.seek(size - 8)
+            (table,) = struct.unpack("<q", file.read(8))
+        if not start + 8 <= table <= size - 8:
+            raise TerrainError(
+                f"{path}: its table of chunks is not in the file, so it is cut off or broken; get it again"
+            )
+        file.seek(table)
+        _, chunks = struct.unpack("<II", file.read(8))
+    if chunks > size:
+        raise TerrainError(f"{path}: it claims {chunks:,} chunks in {size:,} bytes, so it is broken; get it again")
 
 
 def read_text(path: Path, request: Request, report: Report) -> Ground:
@@ -313,8 +370,10 @@ def _broken(path: Path, what: str) -> Iterator[None]:
     """Turn whatever a library finds wrong with a broken file into one error."""
     try:
         yield
-    except (TerrainError, KeyboardInterrupt, SystemExit, GeneratorExit):
+    except TerrainError:
         raise
-    except BaseException as error:  # lazrs panics with what is no Exception
+    except BaseException as error:
+        if not isinstance(error, Exception) and type(error).__name__ != "PanicException":  # lazrs panics in Rust's way
+            raise
         text = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise TerrainError(f"{path}: cannot be read as {what}: {text}") from None

@@ -35,7 +35,7 @@ def turn(tmp_path_factory) -> tuple[Path, Result]:
 
 def test_version_and_help():
     assert call("--version").stdout == f"aoro-gym {__version__}\n"
-    for verb in ("parameters", "simulate", "validate", "calibrate", "demo", "bench"):
+    for verb in ("parameters", "simulate", "validate", "calibrate", "demo", "terrain", "bench"):
         shown = call(verb, "--help")
         assert shown.exit_code == 0
         assert "Examples" in shown.stdout
@@ -286,6 +286,24 @@ def test_bench(tmp_path):
     assert set(result) == {"machine", "cases", "peers", "ratios"}
 
 
+def test_terrain(tmp_path):
+    slope = np.add.outer(np.zeros(41), 0.1 * np.arange(51.0))
+    slope[20:30, 20:30] = np.nan
+    np.save(tmp_path / "ground.npy", slope)
+    shown = call(
+        "terrain", tmp_path / "ground.npy", "--cell", 1, "--hole-limit", 4, "--out", tmp_path / "made" / "fine.ply"
+    )
+    assert shown.exit_code == 0, shown.output
+    assert "median 5.7°" in shown.stdout
+    assert "1 places without ground, 1 of them inside" in shown.stdout
+    report = json.loads((tmp_path / "made" / "fine.json").read_text())
+    assert report["slope_max_deg"] == pytest.approx(math.degrees(math.atan(0.1)))
+    assert report["extent_m"] == pytest.approx([50.0, 40.0, 5.0])
+    assert [hole["at_edge"] for hole in report["holes"]] == [False]
+    for suffix in (".ply", ".png"):
+        assert (tmp_path / "made" / f"fine{suffix}").stat().st_size > 1000
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -333,6 +351,11 @@ def test_bench(tmp_path):
         ("calibrate --published --out machine.json", "--out machine.json must end in .toml"),
         ("calibrate --published --starts 0", "--starts = 0 is below 1"),
         ("calibrate --published --device tpu", "--device 'tpu' is not available here"),
+        ("terrain none.tif", "none.tif: No such file or directory"),
+        ("terrain good.csv", "good.csv, line 2: 2 numbers; a point has x, y and z"),
+        ("terrain bad.toml", "bad.toml: terrains end in one of"),
+        ("terrain good.csv --out fine.stl", "--out fine.stl must end in .ply"),
+        ("terrain good.csv --units yards", "units = 'yards' is none of"),
         ("bench --twins 0", "--twins '0': '0' is no whole number from 1"),
         ("bench --twins 1,many", "'many' is no whole number from 1"),
         ("bench --seconds nan", "--seconds = nan is outside (0, 600] s"),

@@ -9,9 +9,11 @@ import pyproj
 import pytest
 import rasterio
 import trimesh
+from PIL import Image
 
 from aoro_gym.terrains import Terrain, TerrainError, load, loading, to_local
 from aoro_gym.terrains.frame import UNITS
+from aoro_gym.terrains.hillshade import write_hillshade
 
 CELL, SIZE = 0.5, 40.0
 UTM = (430_000.0, 5_150_000.0)
@@ -45,7 +47,9 @@ def surface() -> trimesh.Trimesh:
     return trimesh.Trimesh(whole.vertices.copy(), whole.faces.copy(), process=False)
 
 
-def write_raster(path: Path, z=None, *, crs="EPSG:32632", driver="GTiff", pixel=CELL, corner=UTM, **more) -> Path:
+def write_raster(
+    path: Path, z=None, *, crs: str | None = "EPSG:32632", driver="GTiff", pixel=CELL, corner=UTM, **more
+) -> Path:
     z = grid() if z is None else z
     top = corner[1] + pixel * (z.shape[0] - 0.5)
     place = rasterio.Affine(pixel, 0.0, corner[0] - 0.5 * pixel, 0.0, -pixel, top)
@@ -85,7 +89,7 @@ def write_las(path: Path, points, classes=None, crs="EPSG:32632", shift=(*UTM, 3
     file = laspy.LasData(header)
     file.x, file.y, file.z = (points + np.array(shift)).T
     file.classification = np.zeros(len(points), dtype=np.uint8) if classes is None else classes
-    file.write(path)
+    file.write(str(path))
     return path
 
 
@@ -180,6 +184,7 @@ def test_cloud_by_class(tmp_path, suffix):
     assert told[-1] == 1.0
     inside = np.abs(terrain.vertices[:, :2] + terrain.origin[:2] - UTM - SIZE / 2).max(axis=1) < SIZE / 2 - 1.0
     # means of about four points of 2 cm noise, and a cell's curvature; five standard deviations
+    assert report.cell_m is not None
     bound = 5.0 * 0.02 + CURVATURE * report.cell_m**2
     assert np.abs(errors(terrain, (*UTM, 300.0))[inside]).max() < bound
     assert_no_silent_hole(terrain, report)
@@ -312,6 +317,27 @@ def test_larger_than_single_precision_is_cropped(tmp_path):
     assert "cropped" in changes(report)
     assert np.abs(terrain.vertices).max() <= 5000.0
     assert report.extent_m[0] == pytest.approx(10_000.0, abs=20.0)
+
+
+def test_saved_terrain_keeps_its_place_on_earth(tmp_path):
+    loaded = load(write_raster(tmp_path / "ground.tif"))
+    loading.save(loaded, tmp_path / "again.ply")
+    again, report = load(tmp_path / "again.ply")
+    assert (again.crs, again.origin) == (loaded.terrain.crs, loaded.terrain.origin)
+    assert "georeferenced" in changes(report)
+    assert np.abs(errors(again, (*UTM, 0.0))).max() < 1e-4
+    (tmp_path / "again.json").write_text("[]")
+    assert load(tmp_path / "again.ply").terrain.crs is None
+
+
+def test_hillshade(tmp_path):
+    terrain, report = load(without(grid(), slice(30, 60), slice(30, 60)), cell=CELL)
+    write_hillshade(terrain, report, tmp_path / "ground.png")
+    picture = np.asarray(Image.open(tmp_path / "ground.png").convert("RGB")).astype(int)
+    red = (picture[..., 0] > picture[..., 1] + 60) & (picture[..., 0] > picture[..., 2] + 60)
+    rows, columns = np.nonzero(red)
+    share = red.sum() / ((np.ptp(rows) + 1) * (np.ptp(columns) + 1))
+    assert share > 0.8  # one block of red: the hole
 
 
 # --- repair ---
@@ -448,7 +474,7 @@ def broken_files(folder: Path) -> dict[str, tuple[Path, str]]:
     whole = (folder / "whole.ply").read_bytes()
     put("empty.ply", b"", "the file is empty")
     put("cut.ply", whole[: len(whole) // 2], "cannot be read as a mesh")
-    put("noise.laz", rng.bytes(5000), "cannot be read as a point cloud")
+    put("noise.laz", rng.bytes(5000), "does not begin as a point cloud")
     las = write_las(folder / "whole.laz", *cloud()).read_bytes()
     put("cut.laz", las[: len(las) // 2], "cut off|cannot be read as a point cloud")
     write_raster(put("voids.tif", None, "there is no ground in it"), np.full((20, 20), np.nan))
