@@ -1,4 +1,4 @@
-"""Agents that drive the twin. So far: reference controllers for turning, how they are tuned, and what they reach.
+"""Agents that drive the twin. So far: reference controllers, how they are tuned, and what they reach.
 
 >>> import gymnasium
 >>> from aoro_gym.agents import ProportionalDerivative
@@ -16,15 +16,38 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from aoro_gym.agents.controllers import BangBang, Policy, ProportionalDerivative
+    from aoro_gym.agents.path_controllers import FullSpeedSteering, PreviewRegulator, PurePursuit, Stanley, Vehicle
+    from aoro_gym.agents.reference import REFERENCE_POLICIES, reference_policy
     from aoro_gym.agents.responses import Rollout, responses, rollout
 
-__all__ = ["BangBang", "Policy", "ProportionalDerivative", "Rollout", "responses", "rollout"]
+__all__ = [
+    "REFERENCE_POLICIES",
+    "BangBang",
+    "FullSpeedSteering",
+    "Policy",
+    "PreviewRegulator",
+    "ProportionalDerivative",
+    "PurePursuit",
+    "Rollout",
+    "Stanley",
+    "Vehicle",
+    "reference_policy",
+    "responses",
+    "rollout",
+]
 
 _HOME = {
+    "REFERENCE_POLICIES": "reference",
     "BangBang": "controllers",
+    "FullSpeedSteering": "path_controllers",
     "Policy": "controllers",
+    "PreviewRegulator": "path_controllers",
     "ProportionalDerivative": "controllers",
+    "PurePursuit": "path_controllers",
     "Rollout": "responses",
+    "Stanley": "path_controllers",
+    "Vehicle": "path_controllers",
+    "reference_policy": "reference",
     "responses": "responses",
     "rollout": "responses",
 }

@@ -1,4 +1,4 @@
-"""Reference controllers, and the protocol that they share with learned policies.
+"""Reference controllers for ``AORO/Turning-v0``, and the protocol that they share with learned policies.
 
 A controller sees what a policy sees, the observation, and nothing of the twin. Its gains are numbers, or arrays of
 shape (N,) that give every sub-environment its own. The defaults come from :mod:`aoro_gym.agents.tuning`.
@@ -47,7 +47,7 @@ class BangBang:
     """[s]"""
 
     def __post_init__(self) -> None:
-        _needs(self.layout, "error", "joint_rate")
+        needs(self.layout, "error", "joint_rate")
 
     def __call__(self, observations: Observations) -> Actions:
         left = _predicted_error(self.layout, observations, self.lead_time)
@@ -81,17 +81,22 @@ class ProportionalDerivative:
     """[rad]"""
 
     def __post_init__(self) -> None:
-        _needs(self.layout, "error", "joint_rate")
+        needs(self.layout, "error", "joint_rate")
 
     def __call__(self, observations: Observations) -> Actions:
         left = _predicted_error(self.layout, observations, self.lead_time)
-        demand = np.clip(np.asarray(self.gain) * left, -1.0, 1.0)
-        skipped = np.where(demand > 0.0, self.dead_band_left, self.dead_band_right)
-        signal = np.sign(demand) * (skipped + (1.0 - skipped) * np.abs(demand))
+        signal = lifted(np.asarray(self.gain) * left, self.dead_band_left, self.dead_band_right)
         return _actions(np.where(np.abs(left) > self.rest_error, signal, 0.0))
 
     def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
         """Nothing to forget."""
+
+
+def lifted(demand: NDArray[Any], dead_band_left: ArrayLike, dead_band_right: ArrayLike) -> NDArray[Any]:
+    """Signal (N,) for a demand (N,), clipped at ±1: what is not 0 is lifted over the dead band of its side."""
+    demand = np.clip(demand, -1.0, 1.0)
+    skipped = np.where(demand > 0.0, dead_band_left, dead_band_right)
+    return np.sign(demand) * (skipped + (1.0 - skipped) * np.abs(demand))
 
 
 def _predicted_error(layout: Mapping[str, slice], observations: Observations, lead_time: ArrayLike) -> NDArray[Any]:
@@ -105,7 +110,8 @@ def _actions(signal: NDArray[Any]) -> Actions:
     return signal.astype(np.float32)[:, None]
 
 
-def _needs(layout: Mapping[str, slice], *names: str) -> None:
+def needs(layout: Mapping[str, slice], *names: str) -> None:
+    """Raises ValueError that says which of the observation terms ``names`` is missing."""
     for name in names:
         if name not in layout:
             raise ValueError(
