@@ -26,6 +26,9 @@ COARSEST = {"mesh": 10.0, "points": 10.0, "raster": 100.0, "heights": 100.0}
 ANY_SPACING = 1000.0
 """Extent [m] up to which even few, large triangles are ground: a plane to try things on."""
 
+FARTHEST = 1e12
+"""Coordinate, in any unit, beyond which a number is damage: the Earth is 1.3e10 mm wide."""
+
 Array = NDArray[np.float64]
 Window = tuple[float, float, float, float]
 GroundRule = Literal["class", "filter", "all"]
@@ -136,7 +139,7 @@ def find_frame(
     """
     corners = turned(np.stack([raw_low, raw_high]), up)
     low, high = corners.min(axis=0), corners.max(axis=0)
-    if not (np.isfinite(low).all() and np.isfinite(high).all()) or np.abs(corners).max() > 1e12:
+    if not (np.isfinite(low).all() and np.isfinite(high).all()) or np.abs(corners).max() > FARTHEST:
         raise TerrainError(
             f"{report.source}: its coordinates reach from {low.tolist()} to {high.tolist()}; it is broken"
         )
@@ -173,6 +176,11 @@ def find_frame(
         authority = system.to_authority(min_confidence=70)
         name = ":".join(authority) if authority else system.to_wkt()
     return Frame(up, scale, z_scale, origin, low - origin, high - origin, name, projection)
+
+
+def sound(points: Array) -> NDArray[np.bool_]:
+    """(N,) whether all coordinates of each of ``points`` (N, 3) are numbers of this world."""
+    return np.asarray(np.all(np.abs(points) <= FARTHEST, axis=1))  # False for NaN
 
 
 def choose_cell(request: Request, report: Report, low: Array, high: Array, natural: float) -> float:

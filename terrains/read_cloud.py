@@ -17,7 +17,7 @@ from scipy import ndimage
 
 from aoro_gym.terrains.check import Report, TerrainError
 from aoro_gym.terrains.extras import extra
-from aoro_gym.terrains.frame import Frame, Request, choose_cell, find_frame, turned
+from aoro_gym.terrains.frame import Frame, Request, choose_cell, find_frame, sound, turned
 from aoro_gym.terrains.ground import Ground
 from aoro_gym.terrains.ground_filter import ground_points
 from aoro_gym.terrains.heights import Heights, grid_shape
@@ -154,7 +154,7 @@ def read_text(path: Path, request: Request, report: Report) -> Ground:
 
     low, high, count = np.full(3, np.inf), np.full(3, -np.inf), 0
     for points, _ in chunks():
-        finite = points[np.isfinite(points).all(axis=1)]
+        finite = points[sound(points)]
         if len(finite):
             low, high = np.minimum(low, finite.min(axis=0)), np.maximum(high, finite.max(axis=0))
         count += len(points)
@@ -163,7 +163,7 @@ def read_text(path: Path, request: Request, report: Report) -> Ground:
 
 def read_points(points: Array, request: Request, report: Report) -> Ground:
     """A cloud in memory: (N, 3)."""
-    finite = points[np.isfinite(points).all(axis=1)]
+    finite = points[sound(points)]
     low, high = (finite.min(axis=0), finite.max(axis=0)) if len(finite) else (np.full(3, np.inf), np.full(3, -np.inf))
 
     def chunks() -> Iterator[Chunk]:
@@ -177,7 +177,10 @@ def read_cloud(cloud: Cloud, request: Request, report: Report) -> Ground:
     """Heights of the cloud's ground: by its ground class, or else by a filter, as ``request.ground`` says."""
     report.kind = "points"
     report.points_read = cloud.count
-    if cloud.count < FEWEST or not np.isfinite(cloud.low).all():
+    if not sound(np.stack([cloud.low, cloud.high])).all() and cloud.count >= FEWEST:
+        reach = f"from {cloud.low.tolist()} to {cloud.high.tolist()}"
+        raise TerrainError(f"{report.source}: its coordinates reach {reach}; it is broken")
+    if cloud.count < FEWEST:
         raise TerrainError(f"{report.source}: {cloud.count} points are no ground; it takes {FEWEST}")
     up = request.up or _guess_up(cloud, report)
     corners = turned(np.stack([cloud.low, cloud.high]), up)
@@ -229,7 +232,7 @@ def _thin(
     for raw, classes in cloud.chunks():
         done += len(raw)
         request.tell(min(0.7, 0.7 * done / cloud.count))
-        keep = np.isfinite(raw).all(axis=1)
+        keep = sound(raw)
         broken += int((~keep).sum())
         if classes is not None:
             noisy = np.isin(classes, NOISE_CLASSES)

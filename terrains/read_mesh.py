@@ -12,7 +12,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from aoro_gym.terrains.check import SMALLEST_PIECE, Report, TerrainError
-from aoro_gym.terrains.frame import Request, choose_cell, find_frame
+from aoro_gym.terrains.frame import Request, choose_cell, find_frame, sound
 from aoro_gym.terrains.ground import Ground
 from aoro_gym.terrains.heights import sample_triangles
 from aoro_gym.terrains.read_cloud import read_points
@@ -101,15 +101,15 @@ def _loaded(path: Path) -> tuple[Array, Faces, str | None]:
 
 def _finite(vertices: Array, faces: Faces, report: Report) -> tuple[Array, Faces]:
     """Faces whose corners exist and are finite."""
-    sound = np.asarray(np.isfinite(vertices).all(axis=1))
+    whole = sound(vertices)
     there = np.asarray(np.all((faces >= 0) & (faces < len(vertices)), axis=1))
     good = there.copy()
-    good[there] = sound[faces[there]].all(axis=1)
+    good[there] = whole[faces[there]].all(axis=1)
     lost = int((~good).sum())
     if lost == len(faces):
         raise TerrainError(f"{report.source}: none of its {len(faces):,} triangles has finite corners; it is broken")
     report.change("broken_triangles", lost, f"{lost:,} triangles with corners that are missing or not finite removed")
-    return np.where(sound[:, None], vertices, 0.0), faces[good]
+    return np.where(whole[:, None], vertices, 0.0), faces[good]
 
 
 def _guess_up(path: Path, vertices: Array, faces: Faces, report: Report) -> str:
