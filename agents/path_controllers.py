@@ -30,12 +30,12 @@ from aoro_gym.agents.controllers import Actions, Observations, lifted, needs
 
 Floats = NDArray[np.float64]
 
-NEEDED = ("cross_track", "heading_error", "preview", "curvature", "speed", "joint_angle", "joint_rate", "actions")
+NEEDED = ("cross_track", "heading_error", "preview", "curvature", "speed", "joint_angle", "joint_rate")
 """Observation terms that the controllers read."""
 SLOWEST = 0.3
 """Speed [m/s] below which the controllers steer as at this one: at rest, no steering leads back to a path."""
-DRIVE_SIGNAL = 0.65
-"""Drive signal [-] that drives at the published working speed of 0.75 m/s in first gear on level ground."""
+DRIVE_SIGNAL = 0.67
+"""Drive signal [-] that drives at the published working speed of 0.75 m/s in first gear, on the mean over forest ground."""
 
 
 def turn_curvature(joint_angle: ArrayLike, front: float, rear: float) -> Floats:

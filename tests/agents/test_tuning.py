@@ -1,6 +1,15 @@
 """Tuning improves on a random draw, and repeats."""
 
+import numpy as np
+import pytest
+
 from aoro_gym.agents import tuning
+from aoro_gym.agents.path_controllers import PurePursuit, Vehicle
+from aoro_gym.envs.courses import Course
+from aoro_gym.envs.path_tracking import END_OF_PATH, FIXED, PathTrackingVectorEnv
+from aoro_gym.terrains import Path, Plane
+
+SHORT = Path(np.stack([np.arange(15.0), np.zeros(15)], axis=1))
 
 
 def test_tuning_repeats_and_keeps_to_its_bounds():
@@ -18,6 +27,60 @@ def test_tuning_repeats_and_keeps_to_its_bounds():
     ]
     assert gains[0] == gains[1]
     assert best[:2] == best[2:]
-    assert best[1] >= best[0]
-    for name, (low, high) in tuning.CONTROLLERS["bang-bang"].bounds.items():
+    assert best[1] <= best[0]
+    for name, (low, high) in tuning.STUDIES["AORO/Turning-v0"].controllers["bang-bang"].bounds.items():
         assert low <= gains[0][name] <= high
+
+
+def test_tuning_starts_from_what_was_found_by_hand_and_searches_logarithms():
+    study = tuning.STUDIES["AORO/PathTracking-v0"]
+    for name, controller in study.controllers.items():
+        assert set(controller.start) == set(controller.bounds), name
+        assert set(controller.logarithmic) <= set(controller.bounds)
+        for gain, (low, high) in controller.bounds.items():
+            assert low <= controller.start[gain] <= high, (name, gain)
+            assert low > 0.0 or gain not in controller.logarithmic
+    # one step, from which nothing is learnt: the first candidate is as good as any
+    found = tuning.tune("pure-pursuit", "AORO/PathTracking-v0", population=5, generations=0, episodes=1, steps=1)
+    for gain, (low, high) in study.controllers["pure-pursuit"].bounds.items():
+        assert low <= found[gain] <= high
+
+
+class Straight:
+    def __call__(self, observations):
+        actions = np.zeros((len(observations), 2), dtype=np.float32)
+        actions[:, 1] = 0.65
+        return actions
+
+    def reset(self, mask=None):
+        pass
+
+
+class Aside(Straight):
+    def __call__(self, observations):
+        actions = super().__call__(observations)
+        actions[:, 0] = 1.0
+        return actions
+
+
+def test_drives_are_judged_by_error_travel_and_failure():
+    env = PathTrackingVectorEnv(2, courses=[Course(Plane(), (SHORT,))], randomisation=FIXED)
+    lost = tuning.drive(env, Aside(), 0)
+    assert lost.ending == ["lost the path"] * 2
+    assert lost.failed.all() and not lost.success.any()
+    assert (lost.cross_track_max > 2.9).all()  # of 3 m
+    np.testing.assert_allclose(
+        tuning.tracking_cost(env, Aside(), [0, 1], 400) - lost.cross_track_rms - tuning.FAILURE,
+        tuning.VALVE_TRAVEL * lost.valve_travel,
+    )
+
+    begun = tuning.drive(env, Straight(), 0, 100)
+    assert begun.ending == ["", ""] and not begun.failed.any()
+    np.testing.assert_array_equal(begun.valve_travel, 0.0)
+    np.testing.assert_allclose(tuning.tracking_cost(env, Straight(), [0, 1], 100), begun.cross_track_rms)
+    assert (begun.cross_track_rms <= begun.cross_track_max).all()
+
+    done = tuning.drive(env, PurePursuit(Vehicle.of(env)), 0)
+    assert done.ending == [END_OF_PATH] * 2
+    assert done.success.all() and not done.failed.any()
+    assert done.speed == pytest.approx(0.75, rel=0.1)
