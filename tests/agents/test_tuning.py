@@ -1,5 +1,7 @@
 """Tuning improves on a random draw, and repeats."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -40,10 +42,25 @@ def test_tuning_starts_from_what_was_found_by_hand_and_searches_logarithms():
         for gain, (low, high) in controller.bounds.items():
             assert low <= controller.start[gain] <= high, (name, gain)
             assert low > 0.0 or gain not in controller.logarithmic
-    # one step, from which nothing is learnt: the first candidate is as good as any
-    found = tuning.tune("pure-pursuit", "AORO/PathTracking-v0", population=5, generations=0, episodes=1, steps=1)
-    for gain, (low, high) in study.controllers["pure-pursuit"].bounds.items():
-        assert low <= found[gain] <= high
+
+
+def test_tuning_finds_the_least_cost_and_tries_what_was_found_by_hand(monkeypatch):
+    tried = []
+
+    def cost(env, policy, seeds, steps):
+        """Least, 0, at a look-ahead of 1.3 m and a lead time of 0.2 s."""
+        tried.append(policy)
+        return np.log(policy.look_ahead / 1.3) ** 2 + (policy.lead_time - 0.2) ** 2
+
+    name = "AORO/PathTracking-v0"
+    env = PathTrackingVectorEnv(24, courses=[Course(Plane(), (SHORT,))])
+    study = replace(tuning.STUDIES[name], make=lambda num_envs, device: env, cost=cost)
+    monkeypatch.setitem(tuning.STUDIES, name, study)
+    found = tuning.tune("pure-pursuit", name, population=24, generations=40, episodes=1)
+    assert found["look_ahead"] == pytest.approx(1.3, rel=0.05)
+    assert found["lead_time"] == pytest.approx(0.2, abs=0.02)
+    for gain, value in study.controllers["pure-pursuit"].start.items():
+        assert getattr(tried[0], gain)[0] == pytest.approx(value), gain
 
 
 class Straight:
