@@ -26,8 +26,10 @@ from aoro_gym.twin.records import COMMAND_BOUNDS, Command, MachineRecord, Output
 LONGEST_COMMAND_DELAY = 0.06
 """Upper bound [s] of ``steering.valve.command_delay``; that much of the steering command is kept."""
 
-BLOCK_DIM = 32
-"""Threads a block: one warp, so that a few thousand twins already reach every multiprocessor."""
+BLOCK_DIM, FULL_BLOCK_DIM = 32, 64
+"""Threads a block. One warp, so that a few thousand twins already reach every multiprocessor; from ``FULL`` twins on, when
+all of them are full, two."""
+FULL = 16_384
 
 WORTH_THREADS = 200
 """Twin-steps of a launch (about 4 µs each on a core) from which several CPU threads pay."""
@@ -285,7 +287,7 @@ class Twin:
                     self._status, self._outputs, first, steps, self.substeps, self.main_step, every,
                 ],
                 device=self.device,
-                block_dim=BLOCK_DIM,
+                block_dim=BLOCK_DIM if self.num_twins < FULL else FULL_BLOCK_DIM,
             )  # fmt: skip
 
         if threads == 1:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logsumexp, softmax
 
 DISC_BLEND = 0.002  # [m] of depth by which discs differ that share the contact
 ROLLING_SPEED = 0.05  # [rad/s] width of the rolling resistance's sign change
@@ -71,9 +70,11 @@ class Tire:
         y, r = self.offsets.reshape(shape), self.radii.reshape(shape)
         # On a plane: gap(P)*n_z = gap(centre)*n_z - n.(P - centre); exact, no world position needed.
         depths = center_gap * normal_z - (n[1] * y + (n[0] * down[0] + n[2] * down[2]) * r)
-        level = logsumexp((self.radii - p.radius) / DISC_BLEND)
-        depth = DISC_BLEND * (logsumexp(depths / DISC_BLEND, axis=0) - level)
-        share = softmax(depths / DISC_BLEND, axis=0)
+        deepest = depths.max(axis=0)
+        weight = np.exp((depths - deepest) / DISC_BLEND)
+        level = np.exp((self.radii - p.radius) / DISC_BLEND).sum()
+        depth = deepest + DISC_BLEND * np.log(weight.sum(axis=0) / level)
+        share = weight / weight.sum(axis=0)
         y, r = (share * y).sum(axis=0), (share * r).sum(axis=0)
         arm = np.stack([r * down[0], y * np.ones_like(r), r * down[2]]) - (depth - (share * depths).sum(axis=0)) * n
         rotation = np.stack(np.broadcast_arrays(angular[0], spin, angular[2]))

@@ -175,10 +175,7 @@ def test_rolling_away_against_a_pump_at_zero(machine):
 
 # ------------------------------------------------------------------------------------------------- wheels and their oil
 def test_standing_turn_counter_rotates_the_wheels(machine):
-    """Fully open traction valves make an open differential: what one wheel takes, the others give.
-
-    Published: at full signal the rim reaches 0.74 m/s (two digits; 2 % leave room for the first flow peak's height).
-    """
+    """Fully open traction valves make an open differential: what one wheel takes, the others give."""
     twin = Twin(2, machine=machine)
     side = np.array([1.0, -1.0])
     twin.reset(joint_angle=-side * machine.joint.range)
@@ -195,7 +192,6 @@ def test_standing_turn_counter_rotates_the_wheels(machine):
         outer, inner = ((fr, rl), (fl, rr)) if side[case] > 0 else ((fl, rr), (fr, rl))
         assert min(outer) > 0.1
         assert max(inner) < -0.1
-    assert machine.tire.radius * np.abs(rate[..., 0]).max() == pytest.approx(0.74, rel=0.02)
 
     # The books of the forward main: 0.5 % of what the wheels moved. Logged at 1 ms, a check valve that opens between two
     # frames may hide 0.5 ms of the charge pump's 0.9 L/s, each time a pressure passes it: of the order of 1 mL.

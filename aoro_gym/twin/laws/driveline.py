@@ -123,7 +123,7 @@ def driveline_step(m: Driveline, oil: Oil, c: DrivelineControl, rates: wp.vec4, 
     charge_f = check_valve(m.charge_cv_check, p_c - p_f, m.charge_check_crack, lam)
     charge_r = check_valve(m.charge_cv_check, p_c - p_r, m.charge_check_crack, lam)
     # the shuttle opens the low side to the flushing relief once both sides differ
-    shift = wp.clamp((wp.abs(p_f - p_r) - m.flush_shift_pressure) / m.flush_shift_pressure, 0.0, 1.0)
+    shift = wp.clamp((1.0 / m.flush_shift_pressure) * wp.abs(p_f - p_r) - 1.0, 0.0, 1.0)
     flush = shift * relief_valve(wp.min(p_f, p_r), m.flush_pressure, m.flush_ramp, m.flush_flow)
     flush_f = wp.where(p_f < p_r, flush, 0.0)
 

@@ -29,7 +29,7 @@ def orifice(coefficient: float, drop: float, laminar_pressure: float):
     ``coefficient`` C = C_d A √(2/ρ) = Q_nom/√Δp_nom [m³/s/√Pa]. Continuous and odd in ``drop`` [Pa].
     Valid for short orifices at Reynolds numbers where C_d is constant; the laminar branch keeps the slope finite.
     """
-    return coefficient * drop / wp.sqrt(wp.max(wp.abs(drop), laminar_pressure))
+    return coefficient * drop * (1.0 / wp.sqrt(wp.max(wp.abs(drop), laminar_pressure)))
 
 
 @wp.func
@@ -41,7 +41,7 @@ def check_valve(coefficient: float, drop: float, crack: float, laminar_pressure:
 @wp.func
 def relief_valve(drop: float, setting: float, ramp: float, nominal_flow: float):
     """Flow [m³/s] of a direct-acting relief: zero up to ``setting``, ``nominal_flow`` at ``setting + ramp`` [Pa]."""
-    return nominal_flow * wp.max(drop - setting, 0.0) / ramp
+    return (nominal_flow / ramp) * wp.max(drop - setting, 0.0)
 
 
 @wp.func
@@ -68,7 +68,8 @@ def oil_bulk_modulus(oil: Oil, p: float):
         expansion = wp.pow(ATMOSPHERIC_PRESSURE / absolute, 1.0 / oil.polytropic_exponent)
         gas = oil.gas_fraction * expansion
         rest = 1.0 - oil.gas_fraction
-        modulus = (rest + gas) / (rest / liquid + gas / (oil.polytropic_exponent * absolute))
+        spring = oil.polytropic_exponent * absolute
+        modulus = (rest + gas) * liquid * spring / (rest * spring + gas * liquid)
     return modulus
 
 
@@ -81,15 +82,13 @@ def fill(oil: Oil, content: float, net_flow: float, dt: float, volume: float, ho
     crosses the void pressure is split there, so that no oil is made or lost.
     """
     added = dt * net_flow
+    modulus = oil_bulk_modulus(oil, pressure(oil, content))
+    stiffness = modulus / (volume + hose_compliance * modulus)  # [Pa/m³]
+    void_stiffness = oil.bulk_modulus / nominal
     gap = content - oil.void_pressure
-    void_compliance = nominal / oil.bulk_modulus
-    end = content + added / void_compliance
-    if gap > 0.0 or (gap == 0.0 and added > 0.0):
-        compliance = volume / oil_bulk_modulus(oil, content) + hose_compliance
-        end = content + added / compliance
-        if end < oil.void_pressure:
-            end = oil.void_pressure + (added + gap * compliance) / void_compliance
-    elif end > oil.void_pressure:
-        compliance = volume / oil_bulk_modulus(oil, oil.void_pressure) + hose_compliance
-        end = oil.void_pressure + (added + gap * void_compliance) / compliance
+    full = gap > 0.0 or (gap == 0.0 and added > 0.0)
+    end = content + added * wp.where(full, stiffness, void_stiffness)
+    over = end - oil.void_pressure
+    if full != (over > 0.0):
+        end = oil.void_pressure + over * wp.where(full, void_stiffness / stiffness, stiffness / void_stiffness)
     return end

@@ -179,11 +179,11 @@ def valve_opening(spool: float, dead_band: float, opening_1V0: float, opening_1V
     volts = 2.0 * wp.abs(spool)
     opening = float(0.0)
     if volts > 1.5:
-        opening = opening_1V5 + (1.0 - opening_1V5) * (volts - 1.5) / 0.5
+        opening = opening_1V5 + 2.0 * (1.0 - opening_1V5) * (volts - 1.5)
     elif volts > 1.0:
-        opening = opening_1V0 + (opening_1V5 - opening_1V0) * (volts - 1.0) / 0.5
+        opening = opening_1V0 + 2.0 * (opening_1V5 - opening_1V0) * (volts - 1.0)
     elif volts > dead_band:
-        opening = opening_1V0 * (volts - dead_band) / (1.0 - dead_band)
+        opening = opening_1V0 / (1.0 - dead_band) * (volts - dead_band)
     return wp.min(opening, 1.0)
 
 
@@ -212,7 +212,7 @@ def swash_step(m: Steering, swash: float, supply: float, ls_pressure: float, dt:
     """Pump 2's swash after ``dt``: rate ∝ the smaller of the load-sensing and the cut-off error, within stroke times."""
     error = wp.min(ls_pressure + m.pump_margin - supply, m.pump_cutoff - supply)
     rate = wp.clamp(
-        error / (m.pump_control_band * m.pump_stroke_up_time),
+        error * (1.0 / (m.pump_control_band * m.pump_stroke_up_time)),
         -1.0 / m.pump_stroke_down_time,
         1.0 / m.pump_stroke_up_time,
     )
@@ -264,8 +264,8 @@ def steering_step(
     if opening > 0.0:
         ls_target = wp.max(ls_target, p_load)
         available = wp.max(p_s - p_load, 0.0)
-        ratio = opening * cv_in / m.valve_cv_compensator
-        share = s.compensator / wp.sqrt(s.compensator * s.compensator + ratio * ratio)
+        ratio = opening * (cv_in / m.valve_cv_compensator)
+        share = s.compensator * (1.0 / wp.sqrt(s.compensator * s.compensator + ratio * ratio))
         flow_in = orifice(opening * cv_in * share, available, lam)
     flow_out = orifice(opening * cv_out, p_unload - p_t, lam)
 
@@ -314,10 +314,9 @@ def steering_step(
     out.port_a = fill(oil, s.port_a, q_a, dt, g.volume_a, m.hose_compliance, nominal)
     out.port_b = fill(oil, s.port_b, q_b, dt, g.volume_b, m.hose_compliance, nominal)
     out.tank_line = fill(oil, s.tank_line, q_tank, dt, m.tank_line_volume, m.tank_line_compliance, m.tank_line_volume)
-    out.ls_pressure = s.ls_pressure + dt * (wp.max(ls_target, 0.0) - s.ls_pressure) / m.pump_ls_time_constant
-    out.spool = s.spool + dt * wp.clamp(
-        (spool_demand - s.spool) / m.valve_spool_time_constant, -m.valve_spool_rate_limit, m.valve_spool_rate_limit
-    )
+    out.ls_pressure = s.ls_pressure + (dt / m.pump_ls_time_constant) * (wp.max(ls_target, 0.0) - s.ls_pressure)
+    fastest = dt * m.valve_spool_rate_limit
+    out.spool = s.spool + wp.clamp((dt / m.valve_spool_time_constant) * (spool_demand - s.spool), -fastest, fastest)
     out.compensator = compensator_step(m, s.compensator, available, ratio, dt)
     out.swash = swash_step(m, s.swash, p_s, s.ls_pressure, dt)
     out.flow_in = flow_in
