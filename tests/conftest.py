@@ -4,6 +4,7 @@ import pytest
 import warp
 
 from aoro_gym import Machine, Twin
+from aoro_gym.calibration.procedure import measured_curve
 from aoro_gym.manoeuvres import Recording, run, standing_turn, straight_drive
 
 warp.config.log_level = warp.LOG_ERROR
@@ -11,8 +12,12 @@ warp.config.log_level = warp.LOG_ERROR
 
 @pytest.fixture(scope="session")
 def machine() -> Machine:
-    """The bundled machine."""
-    return Machine.load("aoro")
+    """The nominal machine: data sheets, derived figures and estimates, with the measured valve curve.
+
+    Tests of laws mean its round numbers; the calibrated machine that is the default has tests of its own in
+    ``validation/test_shipped_machine.py``.
+    """
+    return measured_curve(Machine.load("aoro_datasheet"))
 
 
 @pytest.fixture(scope="session")

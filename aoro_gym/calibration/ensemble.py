@@ -1,8 +1,9 @@
 """Parameter sets that fit equally well and are as different as the data allow.
 
 Around a fitted point the residuals are nearly linear, so the directions that the data do not see are those of small
-singular values of the Jacobian. Candidates are drawn along all directions with the Gauss–Newton posterior's spread, are
-evaluated as one population, and of those that fit as well the farthest apart are kept (greedy max–min distance).
+singular values of the Jacobian. Candidates are drawn with the prior's spread along those and with next to none along the
+others, are evaluated as one population, and of those that fit as well the farthest apart are kept (greedy max–min
+distance).
 """
 
 from __future__ import annotations
@@ -40,7 +41,9 @@ def draw_ensemble(
     prior_std: float = 0.25,
     seed: int = 0,
 ) -> NDArray[np.float64]:
-    """``count`` points (count, d) that fit as well as ``fitted`` (K, d), whose first row is always kept.
+    """Up to ``count`` points (count, d) that fit as well as ``fitted`` (K, d), whose first row is always kept.
+
+    Fewer where no more of the candidates fit as well.
 
     Args:
         residuals: See :data:`aoro_gym.calibration.fit.Residuals`.
@@ -50,16 +53,16 @@ def draw_ensemble(
         candidates: Points drawn.
         prior_std: Spread [unit cube] in directions that the data do not see.
         seed: Seed of the draws.
-
-    Raises:
-        ValueError: fewer than ``count`` candidates fit as well.
     """
     rng = np.random.default_rng(seed)
     best = fitted[0]
     factor, _ = posterior_factor(residuals, best, prior_std)
+    # from the posterior's spread to one whose share the data cannot see: prior_std along blind directions, and along
+    # seen ones so little that residuals change by half a standard deviation at most, to first order
+    factor *= np.linalg.norm(factor, axis=0) / prior_std
     # shrinking rounds: where the linear picture fails far from the best point, nearer draws still fit
     kept = [best]
-    for shrink in (1.0, 0.6, 0.35):
+    for shrink in (1.0, 0.6, 0.35, 0.2):
         drawn = np.clip(best + shrink * rng.standard_normal((candidates, len(best))) @ factor.T, 0.0, 1.0)
         points = np.vstack([fitted[1:], drawn]) if shrink == 1.0 else drawn  # the other fits count once
         found = residuals(points)
@@ -67,9 +70,7 @@ def draw_ensemble(
         kept.extend(points[good])
         if len(kept) > 3 * count:
             break
-    if len(kept) < count:
-        raise ValueError(f"only {len(kept)} of the parameter sets tried fit as well as the best; ask for fewer members")
-    return farthest_apart(np.array(kept), count)
+    return farthest_apart(np.array(kept), min(count, len(kept)))
 
 
 def farthest_apart(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:

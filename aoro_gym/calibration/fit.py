@@ -1,7 +1,10 @@
 """Bounded nonlinear least squares over a population of twins.
 
-SciPy's trust-region reflective algorithm (Branch, Coleman, Li, SIAM J. Sci. Comput. 21, 1999) drives; every Jacobian is
-one population: one twin a free parameter, all in one launch.
+Gauss–Newton steps within the bounds and within a box around the point: each is a linear least-squares problem with
+bounds, solved by SciPy (``lsq_linear``: Branch, Coleman, Li, SIAM J. Sci. Comput. 21, 1999). Twins are cheap side by
+side: a Jacobian is one launch with a twin a free parameter, and the steps of boxes of all sizes are another, so that no
+trust region has to be guessed. On the published figures this ended at a quarter of the cost at which ``least_squares``
+ended from the same point.
 """
 
 from __future__ import annotations
@@ -11,11 +14,10 @@ import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import lsq_linear
 from scipy.stats import qmc
 
 STEP = 0.02
@@ -29,6 +31,13 @@ Residuals = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 Progress = Callable[[str, float], None]
 """Called with a sentence and the share in [0, 1] that is done."""
+
+
+BOXES = (0.01, 0.03, 0.1, 0.2, 0.4)
+"""Half widths, in the unit cube, of the boxes within which a step is tried."""
+
+ENOUGH = 1e-3
+"""A step that lowers the cost by less than this share ends a search."""
 
 
 @dataclass(frozen=True)
@@ -49,9 +58,10 @@ def least_squares_fit(
     prior_weight: float,
     starts: int,
     population: int,
-    max_iterations: int = 40,
+    max_iterations: int = 25,
     spread: float = 0.25,
     seed: int = 0,
+    initial: NDArray[np.float64] | None = None,
     problem: str = "",
     checkpoint: Path | None = None,
     progress: Progress = lambda sentence, share: None,
@@ -71,6 +81,7 @@ def least_squares_fit(
         max_iterations: Jacobians a start.
         spread: Standard deviation of the population around the prior in the unit cube.
         seed: Seed of the population.
+        initial: Point (d,) to refine, in place of a population.
         problem: What is fitted to what; a checkpoint of another problem is not resumed.
         checkpoint: File (JSON) to resume from and to write to.
         progress: Called as parts end.
@@ -78,7 +89,8 @@ def least_squares_fit(
     dimension = len(prior)
     signature = {
         "prior": [float(u) for u in prior], "prior_weight": prior_weight, "population": population, "seed": seed,
-        "spread": spread, "max_iterations": max_iterations, "problem": hashlib.sha256(problem.encode()).hexdigest(),
+        "initial": None if initial is None else initial.tolist(), "spread": spread,
+        "max_iterations": max_iterations, "problem": hashlib.sha256(problem.encode()).hexdigest(),
     }  # fmt: skip
     done = _resume(checkpoint, signature)
 
@@ -89,6 +101,8 @@ def least_squares_fit(
         found = residuals(np.atleast_2d(points))
         return np.clip(np.where(np.isfinite(found), found, FAILED), -FAILED, FAILED)
 
+    if "ranking" not in done and initial is not None:
+        done["ranking"] = [initial.tolist()]
     if "ranking" not in done:
         progress(f"evaluating a population of {population}", 0.0)
         normal = qmc.MultivariateNormalQMC(np.zeros(dimension), rng=np.random.default_rng(seed)).random(population)
@@ -104,32 +118,44 @@ def least_squares_fit(
         done["ranking"] = points[ranking].tolist()
         _save(checkpoint, signature, done)
 
-    for i in range(len(done["fits"]), starts):
-        evaluations = 0
-
-        def fun(point: NDArray[np.float64]) -> NDArray[np.float64]:
-            nonlocal evaluations
-            evaluations += 1
-            return full(point, evaluate(point)[:, 0])
-
-        def jacobian(point: NDArray[np.float64]) -> NDArray[np.float64]:
-            nonlocal evaluations
-            evaluations += dimension + 1
-            steps = np.where(point < 0.5, STEP, -STEP)
+    def refine(start: list[float], told: Callable[[int], None]) -> Fit:
+        """Gauss–Newton within the bounds and a box around the point; boxes of all sizes are tried in one launch."""
+        point = np.array(start)
+        pull = prior_weight / 0.25
+        step, reach, evaluations = STEP, np.array(BOXES), 0
+        data = np.empty(0)
+        for iteration in range(max_iterations):
+            told(iteration)
+            steps = np.where(point < 0.5, step, -step)
             found = evaluate(np.vstack([point, point + np.diag(steps)]))
-            slopes = (found[:, 1:] - found[:, :1]) / steps
-            return np.vstack([slopes, np.eye(dimension) * prior_weight / 0.25])
+            data = found[:, 0]
+            slopes = np.vstack([(found[:, 1:] - found[:, :1]) / steps, np.eye(dimension) * pull])
+            aim = -np.concatenate([data, pull * (point - prior)])
+            tried = [point]
+            for box in reach:
+                ends = np.maximum(-point, -box) - 1e-9, np.minimum(1.0 - point, box) + 1e-9
+                tried.append(np.clip(point + lsq_linear(slopes, aim, ends).x, 0.0, 1.0))
+            found = evaluate(np.array(tried))
+            evaluations += dimension + 1 + len(tried)
+            costs = np.sum(np.square(found), axis=0) + np.sum(np.square(pull * (np.array(tried) - prior)), axis=1)
+            best = int(np.argmin(costs))
+            data, point = found[:, best], tried[best]
+            if costs[best] > (1.0 - ENOUGH) * costs[0]:
+                if step < STEP:
+                    break
+                step, reach = 0.5 * step, reach / 3.0  # once more, nearer: the figures are not quite smooth
+        cost = float(np.sum(np.square(data)) + np.sum(np.square(pull * (point - prior))))
+        return Fit(tuple(map(float, point)), tuple(map(float, data)), cost, evaluations)
 
-        progress(f"refining start {i + 1} of {starts}", 0.3 + 0.7 * i / starts)
-        result = least_squares(
-            fun, done["ranking"][i], cast(Any, jacobian), bounds=(0.0, 1.0), method="trf", ftol=1e-4, xtol=1e-4, gtol=1e-6,
-            max_nfev=max_iterations,
-        )  # fmt: skip
-        data = result.fun[: len(result.fun) - dimension]
-        fit = Fit(tuple(map(float, result.x)), tuple(map(float, data)), float(2.0 * result.cost), evaluations)
-        done["fits"].append(asdict(fit))
+    for i in range(len(done["fits"]), starts):
+
+        def told(iteration: int, start: int = i) -> None:
+            share = (start + iteration / max_iterations) / starts
+            progress(f"start {start + 1} of {starts}, step {iteration + 1}", 0.3 + 0.7 * share)
+
+        done["fits"].append(asdict(refine(done["ranking"][i], told)))
         _save(checkpoint, signature, done)
-        progress(f"refining start {i + 1} of {starts}", 0.3 + 0.7 * (i + 1) / starts)
+    progress("refined", 1.0)
     fits = [Fit(tuple(f["point"]), tuple(f["residuals"]), f["cost"], f["evaluations"]) for f in done["fits"]]
     return sorted(fits, key=lambda fit: fit.cost)
 

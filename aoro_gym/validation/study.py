@@ -17,7 +17,7 @@ from aoro_gym.sensors.joint_angle import JointAngleNoise, JointAngleSensor
 from aoro_gym.twin import Machine
 from aoro_gym.validation.key_figures import FIGURES, key_figures_batch, turn_span
 from aoro_gym.validation.published import Row, published, published_rows
-from aoro_gym.validation.turns import TURNS, Recording, Turn, motor_pressure_at, run_turns, stacked
+from aoro_gym.validation.turns import TURNS, Recording, Turn, motor_pressure_at, rim_speed, run_turns, stacked
 
 BAR = 1e5
 
@@ -38,6 +38,10 @@ MOTOR_PRESSURE_TARGET = 0.02
 """How near, relative, the motors' pressure drop is to be to the machine's; the disc brake is set by it."""
 BARE_PRESSURE_TARGET = 0.25
 """The same without the disc brake: only its order is asked for."""
+RIM_SPEED_TARGET = 0.02
+"""How near, relative, the rims' largest speed in the full left turn is to be to the machine's, given in two digits."""
+MASS_TARGET = 0.05
+"""How near, relative, the mass is to be to the machine's, given in one digit."""
 HALF_STEP_TARGET = 0.005
 """Largest relative change of any key figure that halving the hydraulic step may make."""
 
@@ -338,6 +342,12 @@ def _checks(
         pressure = motor_pressure_at(speed, machine, brake=brake, device=device, substeps=substeps)
         what = f"motor pressure at {speed:g} m/s, {'with' if brake else 'without'} the disc brake"
         checks.append(_check(what, "bar", _number(pressure[0] / BAR), published(name), share * published(name)))
+    rim = rim_speed(machine, device=device, substeps=substeps)
+    known = published("rim_speed")
+    what = "fastest tire rim in the full left turn, full signal"
+    checks.append(_check(what, "m/s", _number(rim[0]), known, RIM_SPEED_TARGET * known))
+    known = published("mass")
+    checks.append(_check("mass", "kg", _number(machine.mass), known, MASS_TARGET * known))
     what = "largest change of a flow figure by half the hydraulic step"
     checks.append(_check(what, "1", change, None, HALF_STEP_TARGET))
     return checks

@@ -27,6 +27,10 @@ DRIVE_SETTLE, DRIVE_MEAN = 8.0, 1.0
 """Time [s] that the driveline takes to become steady, and that its pressure is averaged over."""
 
 
+RIM_TURN = 1.8
+"""Time [s] of a full left turn in which the wheels are watched: up to short of the stop, whose bounce is no turn."""
+
+
 @dataclass(frozen=True)
 class Turn:
     """A full turn from the opposite stop, at standstill."""
@@ -164,6 +168,23 @@ def motor_pressure_at(
     signal = np.array([np.interp(speed, speeds[:, v], tried, right=np.nan) for v in range(variants)])
     _, pressure = _drive(np.nan_to_num(signal), machine, device, substeps)
     return np.where(np.isfinite(signal), pressure, np.nan)
+
+
+def rim_speed(machine: Machine, *, device: str = "cpu", substeps: int = 30) -> NDArray[np.float64]:
+    """Largest rim speed [m/s] (V,) of any wheel in a full left turn at full signal: tire radius times wheel rate.
+
+    Args:
+        machine: One machine, or V variants.
+        device: ``"cpu"`` or ``"cuda:N"``.
+        substeps: Hydraulic substeps a main step.
+    """
+    twin = Twin(machine.num_variants, machine=machine, device=device, substeps=substeps)
+    twin.reset(joint_angle=-np.asarray(machine.joint.range))
+    twin.step(duration=REST_BEFORE)
+    trace = twin.step({"steering_signal": 1.0}, RIM_TURN, sample_every=0.01)
+    assert trace is not None
+    fastest = np.max([np.abs(trace[f"wheel_rate_{wheel}"]) for wheel in WHEELS], axis=(0, 1)).astype(np.float64)
+    return np.where(twin.status == 0, machine.tire.radius * fastest, np.nan)
 
 
 def _drive(signal: NDArray[np.float64], machine: Machine, device: str, substeps: int) -> tuple[NDArray, NDArray]:

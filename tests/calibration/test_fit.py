@@ -108,14 +108,13 @@ def test_ensemble_spreads_where_the_data_are_blind():
     assert across @ covariance @ across == pytest.approx(1.0 / (2.0 * 50.0**2 + 16.0))
 
 
-def test_too_few_members_is_an_error():
+def test_where_nothing_else_fits_the_best_stays_alone():
     def sharp(points):
         return 1e6 * (points - 0.5).T
 
-    with pytest.raises(ValueError, match="of the parameter sets tried fit as well"):
-        draw_ensemble(
-            sharp, np.array([[0.5, 0.5]]), 5, accept=lambda found: np.all(np.abs(found) < 1e-9, axis=0), candidates=8
-        )
+    best = np.array([[0.5, 0.5]])
+    members = draw_ensemble(sharp, best, 5, accept=lambda found: np.all(np.abs(found) < 1e-9, axis=0), candidates=8)
+    assert np.array_equal(members, best)
 
 
 def test_farthest_apart_takes_the_corners_first():

@@ -125,7 +125,7 @@ def _relative(a, sample):
 @pytest.fixture(scope="module")
 def machines():
     rng = np.random.default_rng(2008)
-    return uneven_machines(Machine.load("aoro"), rng, NUM_MACHINES)
+    return uneven_machines(Machine.load("aoro_datasheet"), rng, NUM_MACHINES)
 
 
 def test_accelerations_equal_mujoco(machines):

@@ -30,7 +30,7 @@ ROUNDING = 1e-12
 
 @pytest.fixture(scope="module")
 def machine():
-    return Machine.load("aoro")
+    return Machine.load("aoro_datasheet")
 
 
 @pytest.fixture(scope="module")

@@ -36,7 +36,7 @@ def result(machine) -> Validation:
 
 def test_rows_are_complete(result):
     content = json.loads(json.dumps(result.to_json(), allow_nan=False))
-    assert content["machine"] == "aoro"
+    assert content["machine"] == "aoro_datasheet"
     kinds = {(row["direction"], row["signal_percent"], row["source"]) for row in content["rows"]}
     assert len(kinds) == len(content["rows"]) == 6 * 3 + 9
     for row in content["rows"]:
@@ -101,10 +101,11 @@ def test_ensemble_spans_its_members(result):
 
 
 def test_checks(result):
-    left, right, braked, bare, halved = result.checks
+    left, right, braked, bare, rim, mass, halved = result.checks
     assert (left["published"], right["published"]) == (1.98, 2.14)
     assert (braked["published"], bare["published"]) == (12.8, 4.6)
-    for check in (left, right, braked, bare):
+    assert (rim["published"], mass["published"]) == (0.74, 10_000)
+    for check in (left, right, braked, bare, rim, mass):
         assert check["reached"] is (abs(check["value"] - check["published"]) <= check["bound"])
     assert bare["reached"]
     assert halved["reached"]  # the substeps are fine enough for every flow figure
@@ -177,8 +178,8 @@ def test_a_lost_twin_and_one_that_does_not_arrive_leave_blanks(machine, tmp_path
     monkeypatch.setattr("aoro_gym.validation.study.motor_pressure_at", lambda *_, **__: np.array([12.8e5]))
     result = validate(machine, noise_runs=5)
     assert result.notes == [
-        "aoro, left turn, 75 % signal: lost, its state became non-finite",
-        "aoro, right turn, 50 % signal: did not reach its stop",
+        "aoro_datasheet, left turn, 75 % signal: lost, its state became non-finite",
+        "aoro_datasheet, right turn, 50 % signal: did not reach its stop",
     ]
     for index in (1, 5):
         row = result.row("twin", TURNS[index])
