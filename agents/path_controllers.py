@@ -12,10 +12,10 @@ for a center-articulated mobile robot", IEEE Trans. Robotics and Automation 17, 
 All of them see nothing but the observation; what a driver knows of the vehicle stands in :class:`Vehicle`. Gains are
 numbers, or arrays (N,) that give every sub-environment its own.
 
-The defaults of PurePursuit, Stanley, PreviewRegulator and FullSpeedSteering are what ``python -m aoro_gym.agents.tuning --env
-AORO/PathTracking-v0`` finds for the machine ``aoro`` (seed 0, 70 candidates each), to three digits; only the drive signal
-and the dead bands are the machine's own figures. The drive signal is constant: on these paths at this speed, no slowing
-down was needed.
+The defaults of PurePursuit, Stanley, PreviewRegulator and FullSpeedSteering are what ``python -m aoro_gym.agents.tuning
+--env AORO/PathTracking-v0`` finds for the machine ``aoro`` (seed 0, 70 candidates each), to three digits; only the drive
+signal and the dead bands are the machine's own figures. The drive signal is constant: on these paths at this speed, no
+slowing down was needed.
 """
 
 from __future__ import annotations
