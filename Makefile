@@ -16,7 +16,7 @@ help: ## show this list
 
 install: $(VENV)/.core ## set up .venv with the package and its command line
 
-demo: $(VENV)/.core ## validation, a controlled turn and a straight drive, as one page (OUT=folder, default demo)
+demo: $(VENV)/.core ## validation, a controlled turn and a forest drive, as one page (OUT=folder, default demo)
 	$(BIN)/aoro-gym demo --out $(OUT)
 
 test: $(VENV)/.test ## run the tests

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,6 +46,7 @@ def rollout(
     seed: int | list[int],
     steps: int = EPISODE_STEPS,
     options: Mapping[str, Any] | None = None,
+    watch: Callable[[], Any] | None = None,
 ) -> Rollout:
     """Drive every sub-environment through one episode.
 
@@ -55,6 +56,7 @@ def rollout(
         seed: Of sub-environment 0, or one each.
         steps: Control steps.
         options: Of the reset.
+        watch: Called after the reset and after every step.
 
     Raises:
         ValueError: the environment resets by itself.
@@ -66,6 +68,8 @@ def rollout(
     policy.reset()
     observations, infos = env.reset(seed=seed, options=options)
     start = infos["joint_angle"]
+    if watch is not None:
+        watch()
     for _ in range(steps):
         actions = policy(observations)
         rows["target"].append(infos["target"])
@@ -76,6 +80,8 @@ def rollout(
         rows["angle"].append(infos["joint_angle"])
         rows["signal"].append(actions[:, 0])
         rows["reward"].append(rewards)
+        if watch is not None:
+            watch()
     return Rollout(
         control_step=env.task.control_step,
         joint_angle=np.array(rows["angle"]),

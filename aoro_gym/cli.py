@@ -23,6 +23,7 @@ from rich.table import Table
 from aoro_gym import __version__
 
 if TYPE_CHECKING:
+    from aoro_gym.envs import Course
     from aoro_gym.manoeuvres import Manoeuvre, Recording
     from aoro_gym.report import Passage, Section
     from aoro_gym.terrains import Plane, Report
@@ -48,6 +49,12 @@ NONE = "none"
 SWING_TARGETS_DEG = (-22.0, 18.0, -8.0)
 """Joint angles that the demo's episode asks for one after the other, from 15 degrees to the left."""
 SWING_HOLD_S = 2.5
+FOREST_SEED, FOREST_SIZE, SCAN_DENSITY = 7, (60.0, 60.0), 15.0
+"""The demo's forest, its sides [m], and how its scan sees it [points/m²]."""
+DRIVE, DRIVE_LENGTH, DRIVER = "AORO/PathTracking-v0", 40.0, "preview"
+"""The demo's path over it [m], and the reference controller that follows it."""
+MOST_EPISODES = 100_000
+"""Of one evaluation."""
 MOST_HOLES = 8
 """Places without ground that are listed; the JSON names all."""
 
@@ -86,11 +93,12 @@ def _top(
 
     [bold]Try[/]
 
-      aoro-gym demo                         validation, a controlled turn and a drive, as one page
+      aoro-gym demo                         validation, a controlled turn and a forest drive, as one page
       aoro-gym simulate --help              any other manoeuvre
       aoro-gym validate                     the twin beside the published machine
       aoro-gym calibrate --help             make a twin agree with your own logs
       aoro-gym parameters steering.valve    what the machine is made of, with sources
+      aoro-gym evaluate --help              reference controllers side by side, on any ground
     """
 
 
@@ -230,10 +238,11 @@ def demo(
     device: DeviceOption = "cpu",
     seed: SeedOption = 0,
 ) -> None:
-    """Validate the twin, let a controller steer it, turn fully left and drive straight on: one page.
+    """Validate the twin, let controllers steer and drive it, turn fully left and drive straight on: one page.
 
     FOLDER/index.html holds it all; the whole validation stands in FOLDER/validation, as from 'aoro-gym validate'. The
-    controlled turn is an episode of the learning environment AORO/Turning-v0 with its reference controller.
+    controlled turn is an episode of the learning environment AORO/Turning-v0 with its reference controller, the drive one
+    of AORO/PathTracking-v0: over a forest that is scanned with noise and holes, saved, loaded back and repaired.
 
     [bold]Examples[/]
 
@@ -251,7 +260,11 @@ def demo(
         twin = _twin(chosen, None, device, seed)
     made_by = _made_by(machine, set_, scale, device, seed)
     result = _validated(chosen, second, family, device, seed)
-    passages = [_validation_passage(result, out / "validation"), _swing(chosen, device, seed, out / "turning.gif")]
+    passages = [
+        _validation_passage(result, out / "validation"),
+        _swing(chosen, device, seed, out / "turning.gif"),
+        _forest_drive(chosen, device, seed, out / "drive"),
+    ]
     sections = []
     for name, plan in plans.items():
         sections.append(_run(twin, plan))
@@ -498,6 +511,89 @@ def terrain(
 
 
 @app.command()
+def evaluate(
+    env: Annotated[
+        str, typer.Option("--env", metavar="ID", help="AORO/PathTracking-v0 or AORO/Turning-v0.")
+    ] = "AORO/PathTracking-v0",
+    policy: Annotated[
+        list[str] | None,
+        typer.Option("--policy", metavar="NAME", help="Who drives. Repeatable. Default: every reference controller."),
+    ] = None,
+    terrain: Annotated[
+        Path | None,
+        typer.Option("--terrain", metavar="FILE", help="Ground: a mesh, raster or cloud. Default: generated forests."),
+    ] = None,
+    path: Annotated[
+        Path | None,
+        typer.Option("--path", metavar="FILE", help="Path on it (.gpx, .csv). Default: generated, drivable ones."),
+    ] = None,
+    path_length: Annotated[
+        float, typer.Option("--path-length", metavar="M", help="Of the paths that are generated on --terrain [m].")
+    ] = 60.0,
+    episodes: Annotated[int, typer.Option("--episodes", metavar="N", help="Episodes a policy.")] = 32,
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to.")] = Path(
+        "evaluation"
+    ),
+    films: Annotated[bool, typer.Option("--films/--no-films", help="Draw each policy's first episode.")] = True,
+    machine: MachineOption = MACHINE,
+    set_: SetOption = None,
+    scale: ScaleOption = None,
+    device: DeviceOption = "cpu",
+    seed: SeedOption = 0,
+) -> None:
+    """Drive the same episodes under several policies, and compare them.
+
+    Means over the episodes with 95 % intervals: success, cross-track error, speed, energy, tilt, return and how episodes
+    ended; of turning, the joint's responses. Episode i has the seed --seed + i for every policy. A terrain file is loaded,
+    checked and repaired as 'aoro-gym terrain' does it.
+
+    FOLDER gets evaluation.json, plots, films (MP4 with the extra [video], else GIF) and index.html.
+
+    [bold]Examples[/]
+
+      aoro-gym evaluate
+      aoro-gym evaluate --policy preview --policy stanley --episodes 64
+      aoro-gym evaluate --terrain forest.laz --path lap.gpx --policy preview
+      aoro-gym evaluate --env AORO/Turning-v0 --scale steering.valve.spool_time_constant=2
+    """
+    with _checking_input():
+        from aoro_gym.agents import evaluation
+        from aoro_gym.agents.reference import REFERENCE_POLICIES
+
+        _check_folder(out, "index.html")
+        if env not in evaluation.TRIALS:
+            raise ValueError(f"--env {env!r} cannot be evaluated; choose one of: {', '.join(evaluation.TRIALS)}")
+        policies = {name: evaluation.policy_factory(env, name) for name in policy or REFERENCE_POLICIES[env]}
+        if not 1 <= episodes <= MOST_EPISODES:
+            raise ValueError(f"--episodes = {episodes} is outside [1, {MOST_EPISODES}]")
+        chosen = _machine(machine, set_, scale)
+        _check_seed(seed)
+        _check_device(device)
+        courses = _courses(env, terrain, path, path_length)
+    from aoro_gym.agents.evaluation_report import table, write_report
+
+    with _progress() as progress, _running():
+        task = progress.add_task(env, total=1.0)
+
+        def say(what: str, share: float) -> None:
+            progress.update(task, description=what, completed=share)
+
+        result = evaluation.evaluate(
+            env,
+            policies,
+            episodes=episodes,
+            seed=seed,
+            courses=courses,
+            machine=chosen,
+            device=device,
+            progress=say,
+        )
+        written = write_report(result, out, films=films, progress=say)
+    _out().print(table(result))
+    _say(written)
+
+
+@app.command()
 def bench(
     twins: Annotated[
         str, typer.Option("--twins", metavar="N[,N...]", help="Numbers of twins stepped together.")
@@ -669,6 +765,34 @@ def _twin(machine: Machine, terrain: Plane | None, device: str, seed: int) -> Tw
         twin = Twin(machine=machine, terrain=terrain, device=device)
         twin.step(duration=twin.main_step)
     return twin
+
+
+def _courses(env: str, terrain: Path | None, path: Path | None, path_length: float) -> list[Course] | None:
+    """Where to drive: a terrain from a file, with the path of a file or with paths that are generated; None leaves it to
+    the environment."""
+    if terrain is None and path is None:
+        return None
+    if env != "AORO/PathTracking-v0":
+        given = "--terrain" if path is None else "--path"
+        raise ValueError(f"{given} is for AORO/PathTracking-v0; {env} turns on level ground")
+    from aoro_gym.envs.courses import Course, generated_paths
+    from aoro_gym.terrains import Plane, Terrain, load, load_path
+
+    ground: Plane | Terrain = Plane()
+    if terrain is not None:
+        with _progress() as progress:
+            task = progress.add_task(f"loading {terrain.name}", total=1.0)
+            ground, report = load(terrain, progress=lambda share: progress.update(task, completed=share))
+        for warning in report.warnings:
+            _err().print(f"[yellow]mind:[/] {escape(warning)}", highlight=False)
+    if path is None:
+        paths = generated_paths(ground, length=path_length)
+    else:
+        found, about = load_path(path, ground if isinstance(ground, Terrain) else None)
+        for warning in about.warnings:
+            _err().print(f"[yellow]mind:[/] {escape(warning)}", highlight=False)
+        paths = (found,)
+    return [Course(ground, paths, name="level ground" if isinstance(ground, Plane) else ground.name)]
 
 
 def _check_device(device: str) -> None:
@@ -870,6 +994,60 @@ def _swing(chosen: Machine, device: str, seed: int, path: Path) -> Passage:
         f"for joint angles of {targets}, left positive, and {verdict}."
     )
     return Passage("A controlled turn", text, [path])
+
+
+def _forest_drive(chosen: Machine, device: str, seed: int, folder: Path) -> Passage:
+    """An episode of ``AORO/PathTracking-v0`` on the scan of a generated forest; the scan, a plan view and a film of it stand
+    in ``folder``."""
+    import numpy as np
+
+    from aoro_gym.agents.evaluation import evaluate, policy_factory
+    from aoro_gym.agents.evaluation_report import write_film, write_plans
+    from aoro_gym.envs import Course
+    from aoro_gym.report import Passage
+    from aoro_gym.terrains import drivable_path, load
+    from aoro_gym.terrains.forest import forest
+    from aoro_gym.terrains.scan import scan
+
+    with _progress() as progress, _running():
+        task = progress.add_task("scanning a forest", total=1.0)
+        grown = forest(FOREST_SEED, size=FOREST_SIZE)
+        file = folder / "scan.ply"
+        folder.mkdir(parents=True, exist_ok=True)
+        scan(grown, FOREST_SEED, density=SCAN_DENSITY).save_mesh(file)
+        progress.update(task, description="loading the scan")
+        terrain, report = load(
+            file, name="scanned forest", progress=lambda share: progress.update(task, completed=share)
+        )
+        trees = [(tree.x, tree.y, tree.radius, tree.height) for tree in grown.obstacles if tree.kind == "tree"]
+        path = drivable_path(terrain, FOREST_SEED, length=DRIVE_LENGTH, obstacles=grown.circles("tree"))
+        result = evaluate(
+            DRIVE,
+            {DRIVER: policy_factory(DRIVE, DRIVER)},
+            episodes=1,
+            seed=seed,
+            courses=[Course(terrain, (path,), name=terrain.name, trees=np.array(trees))],
+            machine=chosen,
+            device=device,
+            progress=lambda _, share: progress.update(task, description=DRIVE, completed=share),
+        )
+        run = result.runs[DRIVER]
+        film = write_film(
+            result,
+            run,
+            folder / "drive",
+            progress=lambda share: progress.update(task, description="drawing the drive", completed=share),
+        )
+        plans = write_plans(result, folder)
+    figures = {name: float(values[0]) for name, values in run.figures.items()}
+    changes = "; ".join(change.text for change in report.changes)
+    text = (
+        f"A generated forest is scanned with noise and holes, saved as a mesh and loaded back ({changes}). The reference "
+        f"controller {DRIVER} of {DRIVE} follows a generated path by the machine's own sensors: "
+        f"{figures['driven_m']:.1f} m at {figures['speed_m_per_s']:.2f} m/s, {figures['cross_track_rms_m']:.3f} m off the "
+        f"path (root mean square). It ended so: {run.endings[0]}."
+    )
+    return Passage("A drive over scanned ground", text, [film, *plans])
 
 
 def _calibrate(fit: Callable[..., Any], out: Path, **options: Any) -> list[Path]:

@@ -186,14 +186,16 @@ def write_png(path: Path, section: Section) -> None:
 
 @dataclass(frozen=True)
 class Passage:
-    """A part of a page that is no recording: text and pictures."""
+    """A part of a page that is no recording: text, a table and pictures."""
 
     title: str
     text: str
     pictures: Sequence[Path] = ()
-    """PNG or GIF files; the page holds copies."""
+    """PNG, GIF or MP4 files; the page holds copies."""
     more: str = ""
     """Address of a page that says more."""
+    table: Sequence[Sequence[str]] = ()
+    """Rows of cells; the first one is the head."""
 
 
 def write_html(
@@ -214,7 +216,8 @@ def write_html(
         more = f' <a href="{html.escape(passage.more)}">All of it</a>' if passage.more else ""
         pictures = "".join(f'<div class="card">{_picture(picture)}</div>' for picture in passage.pictures)
         bodies.append(
-            f'<section id="{name}"><h2>{heading}</h2><p>{html.escape(passage.text)}{more}</p>{pictures}</section>'
+            f'<section id="{name}"><h2>{heading}</h2><p>{html.escape(passage.text)}{more}</p>'
+            f"{_table(passage.table)}{pictures}</section>"
         )
     for index, section in enumerate(sections):
         name = f"section-{index + 1}"
@@ -230,7 +233,7 @@ def write_html(
         lead=html.escape(lead),
         contents="".join(links) if len(links) > 1 else "",
         sections="\n".join(bodies),
-        plotly=get_plotlyjs(),
+        plotly=get_plotlyjs() if sections else "",
         footer=f"Drawn by aoro-gym {html.escape(__version__)} from the simulated state. "
         "World and body frames: x forward, y left, z up. Left is positive.",
     )
@@ -266,10 +269,23 @@ def show(key: str, value: float | None) -> str:
 
 
 def _picture(path: Path) -> str:
-    """An image that stands in the page itself."""
+    """An image or a film that stands in the page itself."""
     content = base64.b64encode(path.read_bytes()).decode("ascii")
     kind = path.suffix.removeprefix(".")
+    if kind == "mp4":
+        return f'<video controls autoplay muted loop playsinline src="data:video/mp4;base64,{content}"></video>'
     return f'<img alt="{html.escape(path.stem)}" src="data:image/{kind};base64,{content}">'
+
+
+def _table(rows: Sequence[Sequence[str]]) -> str:
+    if not rows:
+        return ""
+    head, *body = (
+        "".join(f"<{cell}>{html.escape(text)}</{cell}>" for text in row)
+        for cell, row in zip(("th", *("td" for _ in rows[1:])), rows, strict=True)
+    )
+    lines = "".join(f"<tr>{line}</tr>" for line in body)
+    return f'<div class="card"><table><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table></div>'
 
 
 def _corners(quantity: str, size: float) -> list[Line]:

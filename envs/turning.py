@@ -562,6 +562,8 @@ class TurningVectorEnv(TwinVectorEnv):
             max_episode_steps, render_mode.
     """
 
+    task: Turning
+
     def __init__(
         self,
         num_envs: int = 1,

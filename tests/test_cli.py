@@ -35,7 +35,7 @@ def turn(tmp_path_factory) -> tuple[Path, Result]:
 
 def test_version_and_help():
     assert call("--version").stdout == f"aoro-gym {__version__}\n"
-    for verb in ("parameters", "simulate", "validate", "calibrate", "demo", "terrain", "bench"):
+    for verb in ("parameters", "simulate", "validate", "calibrate", "demo", "terrain", "evaluate", "bench"):
         shown = call(verb, "--help")
         assert shown.exit_code == 0
         assert "Examples" in shown.stdout
@@ -48,10 +48,10 @@ def test_runs_as_a_module():
 
 
 def test_parameters_table():
-    shown = call("parameters", "steering.valve.nominal_flow*")
+    shown = call("parameters", "steering.valve.nominal_flow*", "--machine", "aoro_datasheet")
     assert shown.exit_code == 0
     assert "steering.valve.nominal_flow_left" in shown.stdout
-    assert "70.6" in shown.stdout
+    assert " 62 " in shown.stdout
     assert "L/min" in shown.stdout
 
 
@@ -142,9 +142,46 @@ def test_demo(tmp_path):
     assert "of 21 figures of the published twin are within bounds" in page
     assert "AORO/Turning-v0" in page
     assert page.count("data:image/gif;base64,") == 1
-    for name in ("left_turn.png", "straight_drive.png", "turning.gif", "validation/index.html"):
+    assert page.count("data:video/mp4;base64,") == 1
+    assert "bridged over gaps" in page
+    assert "It ended so: end of path reached." in page
+    pictures = ("left_turn.png", "straight_drive.png", "turning.gif", "drive/drive.mp4", "drive/plan_1.png")
+    for name in (*pictures, "drive/scan.ply", "validation/index.html"):
         assert (tmp_path / "demo" / name).exists()
     assert json.loads((tmp_path / "demo" / "validation" / "validation.json").read_text())["uncalibrated"]
+
+
+def test_evaluate_a_terrain_and_a_path(tmp_path):
+    """Heights of a gentle slope, and 9 m of path across it."""
+    x = np.arange(0.0, 20.0, 0.5)
+    heights = 0.05 * x[:, None] + np.zeros(len(x))
+    np.savetxt(
+        tmp_path / "slope.csv",
+        [(a, b, z) for row, b in zip(heights, x, strict=True) for a, z in zip(x, row, strict=True)],
+        delimiter=",",
+        header="x,y,z",
+        comments="",
+    )
+    (tmp_path / "lane.csv").write_text("x,y\n5,10\n8,10\n11,10\n14,10\n")
+    options = ["--terrain", tmp_path / "slope.csv", "--path", tmp_path / "lane.csv", "--policy", "stanley"]
+    out = tmp_path / "evaluation"
+    shown = call("evaluate", *options, "--policy", "preview", "--episodes", 2, "--seed", 3, "--no-films", "--out", out)
+    assert shown.exit_code == 0, shown.output
+    content = json.loads((out / "evaluation.json").read_text())
+    assert (content["env"], content["episodes"], content["seed"]) == ("AORO/PathTracking-v0", 2, 3)
+    assert list(content["policies"]) == ["stanley", "preview"]
+    assert content["courses"] == ["slope"]
+    figures = content["policies"]["preview"]
+    assert figures["success_rate"]["mean"] == 1.0
+    assert 0.0 < figures["cross_track_rms_m"]["mean"] < 0.5
+    # 9 m of lane, less 4 m before the start and 0.25 m before the end; a step covers less than 0.1 m
+    assert figures["driven_m"]["mean"] == pytest.approx(4.75, abs=0.1)
+    # of a machine across a slope of atan 0.05
+    assert figures["worst_tilt_deg"]["mean"] > math.degrees(math.atan(0.04))
+    for name in ("stanley", "cross track rms", "success rate", "ended: end of path reached"):
+        assert name in shown.stdout
+    for name in ("evaluation.json", "figures.png", "errors.png", "plan_1.png", "index.html"):
+        assert f"wrote {out / name}" in shown.stdout
 
 
 @pytest.fixture
@@ -313,7 +350,10 @@ def test_terrain(tmp_path):
         ("simulate -m good.csv --out good.csv", "would overwrite the commands in good.csv"),
         ("simulate -m good.csv --out good.parquet", "would overwrite the commands in good.csv"),
         ("simulate -m good.csv --signal 50", "--signal = 50 serves left, right and drive"),
-        ("simulate -m good.csv --start-angle 41", "--start-angle = 41 is outside [-40, 40] deg"),
+        (
+            "simulate -m good.csv --machine aoro_datasheet --start-angle 41",
+            "--start-angle = 41 is outside [-40, 40] deg",
+        ),
         ("simulate -m good.csv --start-angle nan", "--start-angle = nan is outside"),
         ("simulate -m left --start-angle 5", "--start-angle serves a command file only"),
         ("simulate -m left --signal nan", "--signal = nan is outside (0, 100] %"),
@@ -330,10 +370,18 @@ def test_terrain(tmp_path):
         ("simulate -m left --set joint.range=wide", "--set joint.range=wide: 'wide' is not a finite number"),
         ("simulate -m left --set joint.range=1 --set joint.range=2", "--set names joint.range twice"),
         ("simulate -m left --set joint.range=1 --scale joint.range=2", "given to both --set and --scale"),
-        ("simulate -m left --scale wheel.mass=-1", "wheel.mass = -220 kg"),
+        ("simulate -m left --machine aoro_datasheet --scale wheel.mass=-1", "wheel.mass = -220 kg"),
         ("simulate -m left --terrain-slope 60", "terrain slope_deg = 60 is outside [-45, 45] deg"),
         ("parameters nothing.like.it", "no parameter matches 'nothing.like.it'"),
         ("demo --out good.csv", "--out good.csv is a file; name a folder"),
+        ("evaluate --out good.csv", "--out good.csv is a file; name a folder"),
+        ("evaluate --env X", "--env 'X' cannot be evaluated; choose one of: AORO/Turning-v0, AORO/PathTracking-v0"),
+        ("evaluate --policy x.zip", "'x.zip' is no policy for AORO/PathTracking-v0; choose from: pure-pursuit"),
+        ("evaluate --episodes 0", "--episodes = 0 is outside [1, 100000]"),
+        ("evaluate --seed -1", "--seed = -1 is below 0"),
+        ("evaluate --env AORO/Turning-v0 --path x.csv", "--path is for AORO/PathTracking-v0"),
+        ("evaluate --terrain none.ply", "none.ply: No such file or directory"),
+        ("evaluate --path none.gpx", "none.gpx: No such file or directory"),
         ("validate --out good.csv", "--out good.csv is a file; name a folder"),
         ("validate --machine none.toml", "no machine file none.toml"),
         ("validate --uncalibrated tractor", "no bundled machine 'tractor'"),

@@ -1,0 +1,458 @@
+"""How well policies do: the same episodes for every one of them, and figures with 95 % intervals.
+
+>>> from aoro_gym.agents.evaluation import evaluate
+>>> from aoro_gym.agents.reference import REFERENCE_POLICIES
+>>> policies = REFERENCE_POLICIES["AORO/Turning-v0"]
+>>> found = evaluate("AORO/Turning-v0", policies, episodes=4)  # doctest: +SKIP
+>>> found.summary["bang-bang"]["settling_time_s"].mean  # doctest: +SKIP
+
+Episode i has the seed ``seed`` + i whoever drives, and with it its course, its machine, its start and its noise. Figures
+say their unit in their name; of an episode that failed they are over what was driven.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+from scipy.stats import binomtest, bootstrap
+
+from aoro_gym.agents.controllers import Policy
+from aoro_gym.agents.reference import REFERENCE_POLICIES, Factory
+from aoro_gym.agents.responses import EPISODE_STEPS, Rollout, responses, rollout
+from aoro_gym.envs.courses import Course, library
+from aoro_gym.envs.path_tracking import PathTrackingVectorEnv
+from aoro_gym.envs.turning import TurningVectorEnv
+from aoro_gym.twin import Machine
+
+AT_ONCE = 64
+"""Episodes that are driven together."""
+CONFIDENCE = 0.95
+RESAMPLES = 9999
+"""Of a bootstrap."""
+TIME_IS_UP = "time is up"
+"""Ending of an episode that was truncated."""
+STATION = 0.25
+"""Distance [m] at which the error of a drive is kept."""
+RATES = ("success_rate",)
+"""Figures that count episodes."""
+
+Floats = NDArray[np.float64]
+
+
+class Interval(NamedTuple):
+    """Mean of a figure over the episodes, and where the mean of all possible episodes lies with 95 % confidence."""
+
+    mean: float
+    low95: float
+    """NaN, as ``high95``, with fewer than two episodes; only of a rate one episode says something."""
+    high95: float
+
+
+@dataclass(frozen=True)
+class Episodes:
+    """What one policy did in N episodes."""
+
+    figures: Mapping[str, Floats]
+    """By name, (N,); NaN where an episode has none."""
+    endings: list[str]
+    """(N,)"""
+    course: NDArray[np.intp]
+    """(N, 2) which course, and which of its paths."""
+    errors: Floats
+    """(N, K) magnitude of the error along the episode, at multiples of the trial's ``interval``; NaN beyond the end."""
+    places: Floats
+    """(N, K, 2) where the vehicle's reference point was [m]; no rows where the task is no drive."""
+    film: NDArray[np.float32]
+    """(T, channels) of the first episode, as a task's scene draws them."""
+
+    def joined(self, other: Episodes) -> Episodes:
+        """These episodes, then the ``other`` ones; the film is the first one's."""
+        width = max(self.errors.shape[1], other.errors.shape[1])
+
+        def wide(values: Floats) -> Floats:
+            lacking = [(0, width - n if axis == 1 else 0) for axis, n in enumerate(values.shape)]
+            return np.pad(values, lacking, constant_values=np.nan)
+
+        return Episodes(
+            {name: np.concatenate([values, other.figures[name]]) for name, values in self.figures.items()},
+            self.endings + other.endings,
+            np.concatenate([self.course, other.course]),
+            np.concatenate([wide(self.errors), wide(other.errors)]),
+            np.concatenate([wide(self.places), wide(other.places)]),
+            self.film,
+        )
+
+
+@dataclass(frozen=True)
+class Trial:
+    """How an environment's episodes are driven and judged."""
+
+    make: Callable[..., Any]
+    """Its vector environment."""
+    drive: Callable[[Any, Policy, list[int], Callable[[float], Any]], Episodes]
+    """Drives one episode each of all sub-environments, and is told whom to tell the share that is done."""
+    interval: float
+    """Between the columns of ``Episodes.errors``."""
+    along: str
+    """What they lie along, with its unit."""
+    error: str
+    """What they are, with its unit."""
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Episodes of several policies."""
+
+    env: str
+    episodes: int
+    seed: int
+    courses: tuple[Course, ...]
+    """Where was driven; none where the task is no drive."""
+    runs: Mapping[str, Episodes]
+    """By policy."""
+    machine: Machine
+    control_step: float
+    """[s]"""
+    scene: Callable[[], Any]
+    """Makes what draws ``Episodes.film``."""
+
+    @property
+    def trial(self) -> Trial:
+        return TRIALS[self.env]
+
+    @property
+    def summary(self) -> dict[str, dict[str, Interval]]:
+        """Every figure by policy and name."""
+        return {
+            policy: {name: interval(values, rate=name in RATES) for name, values in run.figures.items()}
+            for policy, run in self.runs.items()
+        }
+
+    @property
+    def endings(self) -> dict[str, dict[str, Interval]]:
+        """Share of episodes by policy and ending, the most frequent ending first."""
+        known = [ending for ending, _ in Counter(e for run in self.runs.values() for e in run.endings).most_common()]
+        return {
+            policy: {
+                ending: interval(np.array([ended == ending for ended in run.endings], dtype=np.float64), rate=True)
+                for ending in known
+            }
+            for policy, run in self.runs.items()
+        }
+
+    @property
+    def differences(self) -> dict[str, dict[str, Interval]]:
+        """Every figure of the other policies less that of the first one, episode by episode: what they share cancels."""
+        first, *others = self.runs
+        return {
+            policy: {
+                name: interval(values - self.runs[first].figures[name])
+                for name, values in self.runs[policy].figures.items()
+            }
+            for policy in others
+        }
+
+    def to_json(self) -> dict[str, Any]:
+        """Content of ``evaluation.json``; None where an interval says nothing."""
+        return {
+            "env": self.env,
+            "episodes": self.episodes,
+            "seed": self.seed,
+            "machine": self.machine.name,
+            "courses": [course.name for course in self.courses],
+            "policies": _dicts(self.summary),
+            "endings": _dicts(self.endings),
+            "differences": {"from": next(iter(self.runs)), "policies": _dicts(self.differences)},
+        }
+
+
+def policy_factory(env: str, name: str) -> Factory:
+    """What makes the policy that is called ``name`` for an environment.
+
+    Raises ValueError if there is none of this name, naming those that there are.
+    """
+    known = REFERENCE_POLICIES.get(env)
+    if known is None:
+        raise ValueError(f"{env!r} cannot be evaluated; choose one of: {', '.join(TRIALS)}")
+    if name not in known:
+        raise ValueError(f"{name!r} is no policy for {env}; choose from: {', '.join(known)}")
+    return known[name]
+
+
+def evaluate(
+    env: str,
+    policies: Mapping[str, Factory],
+    *,
+    episodes: int = 32,
+    seed: int = 0,
+    courses: Sequence[Course] | None = None,
+    machine: str | Machine = "aoro",
+    device: str = "cpu",
+    progress: Callable[[str, float], Any] | None = None,
+) -> Evaluation:
+    """Drive the same episodes under every policy.
+
+    Args:
+        env: Id of the environment, a key of :data:`TRIALS`.
+        policies: What makes each policy for a vector environment, by a name of your choice.
+        episodes: A policy.
+        seed: Of the first episode.
+        courses: Where to drive; by default the environment's own. Not for the turning task.
+        machine: Bundled name, machine file or Machine.
+        device: ``"cpu"`` or ``"cuda:N"``.
+        progress: Called with a policy's name and the share of everything that is done.
+
+    Raises:
+        ValueError: naming what is wrong.
+        RuntimeError: a twin was lost in the turning task.
+    """
+    if env not in TRIALS:
+        raise ValueError(f"{env!r} cannot be evaluated; choose one of: {', '.join(TRIALS)}")
+    if episodes < 1:
+        raise ValueError(f"episodes is {episodes}, but must be at least 1")
+    if not policies:
+        raise ValueError("policies is empty; give at least one")
+    trial = TRIALS[env]
+    machine = machine if isinstance(machine, Machine) else Machine.load(machine)
+    # of nearly the same size: a small last part would take as long as a large one
+    parts = np.array_split(seed + np.arange(episodes), math.ceil(episodes / AT_ONCE))
+    runs: dict[str, Episodes] = {}
+    vector: Any = None
+    done = 0
+    for part in parts:
+        if vector is None or vector.num_envs != len(part):
+            vector = trial.make(len(part), courses, machine=machine, device=device, autoreset_mode="Disabled")
+        for name, make in policies.items():
+
+            def tell(share: float, name: str = name, before: int = done, size: int = len(part)) -> None:
+                if progress is not None:
+                    progress(name, (before + share * size) / (episodes * len(policies)))
+
+            run = trial.drive(vector, make(vector), part.tolist(), tell)
+            runs[name] = runs[name].joined(run) if name in runs else run
+            done += len(part)
+    task = vector.task
+    return Evaluation(
+        env,
+        episodes,
+        seed,
+        tuple(getattr(task, "courses", ())),
+        runs,
+        machine,
+        task.control_step,
+        lambda: task.scene(vector.twin.machine),
+    )
+
+
+def interval(values: Floats, *, rate: bool = False) -> Interval:
+    """Mean and 95 % interval of ``values`` (N,), those that are NaN left out.
+
+    The interval is the percentiles' of a bootstrap over the episodes, always with the same draws; of a ``rate``, whose
+    values are 0 and 1, it is the exact one of Clopper and Pearson.
+    """
+    values = values[np.isfinite(values)]
+    if not values.size:
+        return Interval(math.nan, math.nan, math.nan)
+    mean = float(values.mean())
+    if rate:
+        low, high = binomtest(round(values.sum()), values.size).proportion_ci(CONFIDENCE)
+        return Interval(mean, float(low), float(high))
+    if values.size < 2:
+        return Interval(mean, math.nan, math.nan)
+    found = bootstrap(
+        (values,),
+        np.mean,
+        n_resamples=RESAMPLES,
+        confidence_level=CONFIDENCE,
+        method="percentile",
+        batch=max(1, 1_000_000 // values.size),
+        rng=np.random.default_rng(0),
+    ).confidence_interval
+    return Interval(mean, float(found.low), float(found.high))
+
+
+def _dicts(figures: Mapping[str, Mapping[str, Interval]]) -> dict[str, dict[str, dict[str, float | None]]]:
+    return {
+        policy: {
+            name: {key: number if math.isfinite(number) else None for key, number in value._asdict().items()}
+            for name, value in found.items()
+        }
+        for policy, found in figures.items()
+    }
+
+
+# ---- AORO/PathTracking-v0 --------------------------------------------------------------------------------------------
+
+
+def _make_tracking(num_envs: int, courses: Sequence[Course] | None, **arguments: Any) -> PathTrackingVectorEnv:
+    return PathTrackingVectorEnv(num_envs, courses=library() if courses is None else courses, **arguments)
+
+
+KEPT = ("s", "cross_track", "reference_x", "reference_y", "roll", "pitch")
+"""Channels of a drive that its figures and plots need."""
+
+
+def drive_paths(
+    env: PathTrackingVectorEnv, policy: Policy, seeds: list[int], tell: Callable[[float], Any] = lambda share: None
+) -> Episodes:
+    """Drive every sub-environment through one episode.
+
+    Args:
+        env: Made with ``autoreset_mode="Disabled"``.
+        policy: Who drives; reset first.
+        seeds: One each.
+        tell: Called with the share that is done.
+
+    Raises ValueError if the environment resets by itself.
+    """
+    if env.autoreset_mode is not AutoresetMode.DISABLED:
+        raise ValueError(f"autoreset_mode is {env.autoreset_mode.value!r}, but an evaluation needs 'Disabled'")
+    n = env.num_envs
+    rows = [env.task.render_channels.index(name) for name in KEPT]
+    policy.reset()
+    observations, infos = env.reset(seed=seeds)
+    course, whole = np.stack([infos["terrain"], infos["path"]], axis=1), infos["remaining"]
+    running, returns, steps = np.ones(n, dtype=bool), np.zeros(n), np.zeros(n, dtype=np.intp)
+    endings, last = [""] * n, {name: np.zeros(n) for name in ("is_success", "mean_speed", "engine_work", "remaining")}
+    first = np.array(env.task.traces(), dtype=np.float32)
+    kept, film = [first[rows]], [first[:, 0]]
+    while running.any():
+        observations, rewards, terminated, truncated, infos = env.step(policy(observations))
+        returns += running * rewards
+        steps += running
+        traces = np.asarray(env.task.traces(), dtype=np.float32)
+        kept.append(traces[rows])
+        if running[0]:
+            film.append(traces[:, 0].copy())
+        ended = terminated | truncated
+        for i in np.flatnonzero(ended & running):
+            endings[i] = infos["termination"][i] if terminated[i] else TIME_IS_UP
+            for name, values in last.items():
+                values[i] = infos[name][i]
+        running &= ~ended
+        tell(float(np.where(running, 1.0 - infos["remaining"] / whole, 1.0).mean()))
+        if ended.any() and running.any():  # who is done drives on, unseen
+            observations, _ = env.reset(options={"reset_mask": ended})
+            policy.reset(ended)
+    data = dict(zip(KEPT, np.array(kept, dtype=np.float64).transpose(1, 2, 0), strict=True))  # (N, 1 + T) each
+    tilt = np.degrees(np.arccos(np.clip(np.cos(data["roll"]) * np.cos(data["pitch"]), -1.0, 1.0)))
+    parts = [slice(1, 1 + count) for count in steps]
+    error = [np.abs(data["cross_track"][i, part]) for i, part in enumerate(parts)]
+    figures = {
+        "success_rate": last["is_success"],
+        "cross_track_rms_m": np.array([np.sqrt((e**2).mean()) for e in error]),
+        "cross_track_mean_m": np.array([e.mean() for e in error]),
+        "cross_track_p95_m": np.array([np.quantile(e, 0.95) for e in error]),
+        "speed_m_per_s": last["mean_speed"],
+        "energy_kJ": last["engine_work"] / 1e3,
+        "worst_tilt_deg": np.array([tilt[i, part].max() for i, part in enumerate(parts)]),
+        "driven_m": whole - last["remaining"],
+        "duration_s": steps * env.task.control_step,
+        "return": returns,
+    }
+    stations = STATION * np.arange(1 + math.ceil(float(whole.max()) / STATION))
+    errors, places = np.full((n, len(stations)), np.nan), np.full((n, len(stations), 2), np.nan)
+    for i, part in enumerate(parts):
+        # a vehicle may slide back: the first time that it came so far counts
+        ahead = np.maximum.accumulate(data["s"][i, part]) - data["s"][i, 0]
+        there = stations <= ahead[-1]
+        when = np.searchsorted(ahead, stations[there])
+        errors[i, there] = error[i][when]
+        for axis, name in enumerate(("reference_x", "reference_y")):
+            places[i, there, axis] = data[name][i, part][when]
+    return Episodes(figures, endings, course, errors, places, np.array(film))
+
+
+# ---- AORO/Turning-v0 -------------------------------------------------------------------------------------------------
+
+
+def _make_turning(num_envs: int, courses: Sequence[Course] | None, **arguments: Any) -> TurningVectorEnv:
+    if courses is not None:
+        raise ValueError("courses are for AORO/PathTracking-v0; AORO/Turning-v0 turns on level ground")
+    return TurningVectorEnv(num_envs, **arguments)
+
+
+RESPONSE = 2.0
+"""Time [s] after a new target over which the error is kept: every target is held for as long."""
+
+
+def turn_joints(
+    env: TurningVectorEnv, policy: Policy, seeds: list[int], tell: Callable[[float], Any] = lambda share: None
+) -> Episodes:
+    """Steer every sub-environment through one episode; the arguments are those of :func:`drive_paths`."""
+    film: list[NDArray[np.float32]] = []
+
+    def watch() -> None:
+        film.append(np.array(env.task.traces()[:, 0], dtype=np.float32))
+        tell((len(film) - 1) / EPISODE_STEPS)
+
+    run = rollout(env, policy, seed=seeds, watch=watch)
+    found = [responses(_only(run, i), tolerance=env.task.config.tolerance) for i in range(env.num_envs)]
+    figures = {
+        "success_rate": run.success.astype(np.float64),
+        "settling_time_s": np.array([_mean(each["settling_time"]) for each in found]),
+        "settled_share": np.array([np.isfinite(each["settling_time"]).mean() for each in found]),
+        "rise_time_s": np.array([_mean(each["rise_time"]) for each in found]),
+        "overshoot_deg": np.degrees([each["overshoot"].mean() for each in found]),
+        "worst_overshoot_deg": np.degrees([each["overshoot"].max() for each in found]),
+        "final_error_deg": np.degrees([each["final_error"].mean() for each in found]),
+        "return": run.returns,
+    }
+    error = np.degrees(np.abs(run.target.astype(np.float64) - run.joint_angle))
+    fresh = np.diff(run.target, axis=0, prepend=np.nan) != 0.0
+    count = round(RESPONSE / run.control_step)
+    # the mean over the targets of an episode that stood so long
+    errors = np.array(
+        [
+            np.mean(
+                [error[start : start + count, i] for start in np.flatnonzero(fresh[: len(error) - count, i])], axis=0
+            )
+            for i in range(env.num_envs)
+        ]
+    )
+    return Episodes(
+        figures,
+        [TIME_IS_UP] * env.num_envs,
+        np.zeros((env.num_envs, 2), dtype=np.intp),
+        errors,
+        np.zeros((env.num_envs, 0, 2)),
+        np.array(film),
+    )
+
+
+def _only(run: Rollout, i: int) -> Rollout:
+    """One episode."""
+    one = slice(i, i + 1)
+    return replace(
+        run,
+        joint_angle=run.joint_angle[:, one],
+        target=run.target[:, one],
+        start_angle=run.start_angle[one],
+        steering_signal=run.steering_signal[:, one],
+        reward=run.reward[:, one],
+        success=run.success[one],
+    )
+
+
+def _mean(values: Floats) -> float:
+    """Of those that are not NaN; NaN if all are."""
+    finite = values[np.isfinite(values)]
+    return float(finite.mean()) if finite.size else math.nan
+
+
+TRIALS: Mapping[str, Trial] = {
+    "AORO/Turning-v0": Trial(
+        _make_turning, turn_joints, 0.02, "time since the target was set [s]", "distance from the target [°]"
+    ),
+    "AORO/PathTracking-v0": Trial(
+        _make_tracking, drive_paths, STATION, "distance driven along the path [m]", "cross-track error [m]"
+    ),
+}
+"""What can be evaluated, by the environment's id."""

@@ -1,0 +1,360 @@
+"""An evaluation as a table, plots, films and one self-contained page."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from aoro_gym.agents.evaluation import RATES, Episodes, Evaluation, Interval
+from aoro_gym.envs.courses import Course
+from aoro_gym.report import AMBER, BLUE, GREEN, GRID, INK, PURPLE, RED, SOFT, Passage, write_gif, write_html
+from aoro_gym.terrains import Plane
+from aoro_gym.terrains.figures import draw_terrain
+from aoro_gym.terrains.forest import Obstacle
+
+COLOURS = (BLUE, AMBER, GREEN, PURPLE, RED, "#6b4a2b", INK, SOFT)
+"""Of the policies, in their order."""
+UNITS = {"m_per_s": "m/s", "kJ": "kJ", "deg": "°", "m": "m", "s": "s", "rate": "%", "share": "%"}
+"""By the last words of a figure's name."""
+MOST_FRAMES, FILM_RATE = 120, 15.0
+"""Of a film, and how many a second it shows at least."""
+MOST_PLANS = 3
+"""Courses that are drawn, those with most episodes."""
+
+_STYLE: Any = {
+    "font.size": 9.5,
+    "axes.edgecolor": SOFT,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.7,
+    "axes.titlecolor": INK,
+    "grid.color": GRID,
+    "grid.linewidth": 0.7,
+    "text.color": INK,
+    "xtick.color": SOFT,
+    "ytick.color": SOFT,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+}
+
+
+def write_report(
+    result: Evaluation, folder: Path, *, films: bool = True, progress: Callable[[str, float], Any] | None = None
+) -> list[Path]:
+    """Write ``evaluation.json``, plots (PNG), films and ``index.html``.
+
+    Args:
+        result: What to report on.
+        folder: Made if it is not there.
+        films: Whether to draw each policy's first episode, which takes most of the time.
+        progress: Called with what is drawn and the share of it that is done.
+
+    Returns what was written.
+    """
+    tell = progress or (lambda what, share: None)
+    tell("plots", 0.0)
+    folder.mkdir(parents=True, exist_ok=True)
+    summary, figures, errors, page = (
+        folder / name for name in ("evaluation.json", "figures.png", "errors.png", "index.html")
+    )
+    content = json.dumps(result.to_json(), indent=2, ensure_ascii=False, allow_nan=False)
+    summary.write_text(content + "\n", encoding="utf-8")
+    write_figures(result, figures)
+    write_errors(result, errors)
+    plans = write_plans(result, folder)
+    passages = [
+        Passage("Figures", _explained(result), [figures], table=figure_rows(result)),
+        Passage("Errors", f"Of all episodes: {result.trial.error} against the {result.trial.along}.", [errors]),
+    ]
+    if plans:
+        text = "Where each policy drove; the paths are dashed, a cross marks an episode that ended badly."
+        passages.append(Passage("From above", text, plans))
+    drawn = []
+    for policy, run in result.runs.items() if films else ():
+        stem = folder / _file_name(policy)
+        drawn.append(write_film(result, run, stem, progress=lambda share, name=policy: tell(f"film: {name}", share)))
+        passages.append(Passage(policy, film_caption(result, run), [drawn[-1]]))
+    lead = (
+        f"{result.env}, {_count(result.episodes, 'episode')} a policy from seed {result.seed}; {result.machine.name}."
+    )
+    write_html(page, "AORO: evaluation", lead, [], passages)
+    return [summary, figures, errors, *plans, *drawn, page]
+
+
+# ---- table -----------------------------------------------------------------------------------------------------------
+
+
+def describe(name: str) -> tuple[str, str]:
+    """Words and unit of a figure: ``cross_track_rms_m`` is ('cross track rms', 'm')."""
+    for end, unit in UNITS.items():
+        if name.endswith(f"_{end}"):
+            words = name if unit == "%" else name.removesuffix(f"_{end}")
+            return words.replace("_", " "), unit
+    return name.replace("_", " "), ""
+
+
+def shown(value: Interval, unit: str) -> str:
+    """``mean [low, high]`` to three digits of the mean; shares in per cent."""
+    if not math.isfinite(value.mean):
+        return "-"
+    scale = 100.0 if unit == "%" else 1.0
+    size = abs(scale * value.mean)
+    digits = 0 if unit == "%" or size >= 100.0 else 1 if size >= 10.0 else 2 if size >= 1.0 else 3
+    mean, low, high = (f"{scale * number:.{digits}f}" for number in value)
+    return mean if not math.isfinite(value.low95) else f"{mean} [{low}, {high}]"
+
+
+def figure_rows(result: Evaluation) -> list[list[str]]:
+    """The figures and endings, a column for each policy; the first row is the head."""
+    summary, endings = result.summary, result.endings
+    rows = [["mean [95 % interval]", "unit", *result.runs]]
+    for name in next(iter(summary.values())):
+        words, unit = describe(name)
+        rows.append([words, unit, *(shown(summary[policy][name], unit) for policy in result.runs)])
+    if len(next(iter(endings.values()))) > 1 or result.courses:
+        for ending in next(iter(endings.values())):
+            rows.append([f"ended: {ending}", "%", *(shown(endings[policy][ending], "%") for policy in result.runs)])
+    return rows
+
+
+def table(result: Evaluation) -> Table:
+    """The same for a terminal."""
+    head, *rows = figure_rows(result)
+    title = f"{result.env}: {_count(result.episodes, 'episode')} a policy"
+    drawn = Table(title=title, title_justify="left", header_style="bold")
+    for index, name in enumerate(head):
+        drawn.add_column(name, justify="left" if index < 2 else "right")
+    for row in rows:
+        drawn.add_row(*row)
+    return drawn
+
+
+def _explained(result: Evaluation) -> str:
+    text = (
+        "Every policy drove the same episodes: same seeds, courses, starts and noise. Means over the episodes with 95 % "
+        "intervals: bootstrap over the episodes, of rates exact (Clopper and Pearson)."
+    )
+    if result.courses:
+        text += " Errors are true ones of the front axle's middle; of a failed episode, up to its end."
+        names = [course.name for course in result.courses]
+        text += f" Driven on: {', '.join(names)}."
+    return text
+
+
+# ---- plots -----------------------------------------------------------------------------------------------------------
+
+
+def write_figures(result: Evaluation, path: Path) -> None:
+    """A panel for each figure: its mean and interval for every policy, single episodes behind."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    summary, policies = result.summary, list(result.runs)
+    names = list(next(iter(summary.values())))
+    columns = 2 if len(names) < 5 else 3
+    rows = math.ceil(len(names) / columns)
+    with matplotlib.rc_context(_STYLE):
+        figure = Figure(figsize=(12.0, 0.5 + rows * (0.75 + 0.3 * len(policies))), dpi=130, layout="constrained")
+        axes = figure.subplots(rows, columns, squeeze=False).ravel()
+        spread = np.random.default_rng(0).uniform(-0.25, 0.25, result.episodes)
+        for index, name in enumerate(names):
+            axis = axes[index]
+            words, unit = describe(name)
+            scale = 100.0 if unit == "%" else 1.0
+            for height, policy in enumerate(policies):
+                value = summary[policy][name]
+                colour = COLOURS[height % len(COLOURS)]
+                if name not in RATES:
+                    single = scale * result.runs[policy].figures[name]
+                    axis.plot(single, height + spread, "o", color=colour, ms=3.5, alpha=0.25, mew=0, zorder=2)
+                if math.isfinite(value.low95):
+                    ends = [scale * value.low95, scale * value.high95]
+                    axis.plot(ends, [height, height], color=colour, lw=3.2, solid_capstyle="butt", zorder=3)
+                axis.plot([scale * value.mean], [height], "o", color=colour, ms=7.5, mec="white", mew=1.0, zorder=4)
+            axis.set_title(f"{words} [{unit}]" if unit else words, loc="left", fontsize=10.5, fontweight="bold")
+            first = index % columns == 0
+            axis.set_yticks(range(len(policies)), labels=policies if first else [""] * len(policies))
+            axis.set_ylim(len(policies) - 0.5, -0.5)
+            if unit == "%":
+                axis.set_xlim(-3.0, 103.0)
+            axis.grid(True, axis="x")
+            axis.tick_params(axis="y", length=0)
+            axis.spines[["top", "right", "left"]].set_visible(False)
+        for axis in axes[len(names) :]:
+            axis.set_visible(False)
+        figure.savefig(path)
+
+
+def write_errors(result: Evaluation, path: Path) -> None:
+    """Error along the episodes: median, half and nine tenths of them, a panel for each policy."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    count = len(result.runs)
+    columns = min(count, 2)
+    rows = math.ceil(count / columns)
+    with matplotlib.rc_context(_STYLE):
+        figure = Figure(figsize=(12.0, 0.6 + 2.9 * rows), dpi=130, layout="constrained")
+        axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+        highest = 0.0
+        for index, (policy, run) in enumerate(result.runs.items()):
+            axis, colour = axes[index], COLOURS[index % len(COLOURS)]
+            known = np.isfinite(run.errors)
+            there = known.sum(axis=0)
+            errors = run.errors[:, there > 0]
+            along = result.trial.interval * np.flatnonzero(there)
+            bands = np.nanquantile(errors, [0.05, 0.25, 0.5, 0.75, 0.95], axis=0)
+            axis.fill_between(along, bands[0], bands[4], color=colour, alpha=0.16, lw=0, label="nine tenths")
+            axis.fill_between(along, bands[1], bands[3], color=colour, alpha=0.32, lw=0, label="half")
+            axis.plot(along, bands[2], color=colour, lw=1.8, label="median")
+            few = np.flatnonzero(there[there > 0] < result.episodes)
+            note = f"  (fewer episodes from {along[few[0]]:.3g} on)" if few.size else ""
+            axis.set_title(policy, loc="left", fontsize=10.5, fontweight="bold")
+            axis.set_title(note, loc="right", fontsize=8.5, color=SOFT)
+            axis.grid(True)
+            axis.set_axisbelow(True)
+            axis.spines[["top", "right"]].set_visible(False)
+            highest = max(highest, float(bands[4].max()))
+            if index % columns == 0:
+                axis.set_ylabel(result.trial.error)
+            if index >= count - columns:
+                axis.set_xlabel(result.trial.along)
+                axis.tick_params(labelbottom=True)
+        axes[0].set_ylim(0.0, 1.08 * highest if highest > 0.0 else 1.0)
+        axes[0].set_xlim(left=0.0)
+        axes[0].legend(frameon=False, fontsize=8.5, ncols=3, loc="upper right")
+        for axis in axes[count:]:
+            axis.set_visible(False)
+        figure.savefig(path)
+
+
+def write_plans(result: Evaluation, folder: Path) -> list[Path]:
+    """Plan views of the courses that were driven most: ground, paths and where every policy drove; returns the files."""
+    if not result.courses:
+        return []
+    episodes = next(iter(result.runs.values())).course[:, 0]
+    driven, times = np.unique(episodes, return_counts=True)
+    written = []
+    for number in driven[np.argsort(-times, kind="stable")][:MOST_PLANS]:
+        written.append(folder / f"plan_{number + 1}.png")
+        _write_plan(result, int(number), written[-1])
+    return written
+
+
+def _write_plan(result: Evaluation, number: int, path: Path) -> None:
+    import matplotlib
+    from matplotlib.lines import Line2D
+
+    course = result.courses[number]
+    with matplotlib.rc_context(_STYLE):
+        figure = _ground(course)
+        axis = figure.axes[0]
+        old = axis.get_legend()
+        handles = [] if old is None else list(old.legend_handles)
+        rows = next(iter(result.runs.values())).course
+        used = np.unique(rows[rows[:, 0] == number, 1])
+        for row in used:
+            way = course.paths[row]
+            around = np.concatenate([way.points, way.points[:1]]) if way.closed else way.points
+            axis.plot(*around.T, color="white", lw=5.0, alpha=0.75, solid_capstyle="round", zorder=5)
+            axis.plot(*around.T, color=INK, lw=1.0, ls=(0, (4, 3)), zorder=6)
+        handles.append(Line2D([], [], color=INK, lw=1.0, ls=(0, (4, 3)), label="path"))
+        for index, (policy, run) in enumerate(result.runs.items()):
+            colour = COLOURS[index % len(COLOURS)]
+            width = 1.2 + 1.3 * (len(result.runs) - 1 - index)  # good ones drive in each other's tracks: all shall show
+            for i in np.flatnonzero(run.course[:, 0] == number):
+                trace = run.places[i][np.isfinite(run.places[i, :, 0])]
+                axis.plot(*trace.T, color=colour, lw=width, zorder=7 + index)
+                if not run.figures["success_rate"][i]:
+                    axis.plot(*trace[-1], "X", color=colour, ms=8, mec="white", mew=0.8, zorder=30)
+            handles.append(Line2D([], [], color=colour, lw=1.8, label=policy))
+        if len(figure.axes) > 1:  # a bar of heights stands beside the ground
+            axis.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=4, frameon=False)
+        else:
+            axis.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), frameon=False, fontsize=8.5)
+        figure.savefig(path, dpi=110, bbox_inches="tight")
+
+
+def _ground(course: Course) -> Any:
+    """The course's ground without its paths."""
+    from matplotlib.figure import Figure
+
+    if isinstance(course.terrain, Plane):
+        figure = Figure(figsize=(10.0, 6.0), dpi=130, layout="constrained")
+        axis = figure.add_subplot()
+        axis.set_aspect("equal", adjustable="datalim")
+        axis.grid(True)
+        axis.set_xlabel("x, east [m]")
+        axis.set_ylabel("y, north [m]")
+        axis.set_title(course.name, loc="left", fontsize=11, fontweight="bold")
+        return figure
+    trees = [Obstacle("tree", *(float(value) for value in tree)) for tree in course.trees]
+    return draw_terrain(course.terrain, obstacles=trees, title=course.name)
+
+
+# ---- films -----------------------------------------------------------------------------------------------------------
+
+
+def write_film(
+    result: Evaluation, run: Episodes, stem: Path, *, progress: Callable[[float], Any] | None = None
+) -> Path:
+    """Draw the first episode: an MP4 where moviepy is installed (``pip install 'aoro-gym[video]'``), else a GIF.
+
+    Args:
+        result: To which the episode belongs.
+        run: Of one policy.
+        stem: Of the file to write, without its suffix.
+        progress: Called with the share that is drawn.
+
+    Returns the file.
+    """
+    scene = result.scene()
+    stride, rate = _pace(result, run)
+    frames = []
+    last = np.append(np.arange(0, len(run.film) - 1, stride), len(run.film) - 1)
+    for done, index in enumerate(last):
+        frames.append(scene.draw(run.film[: index + 1]))
+        if progress is not None:
+            progress((done + 1) / len(last))
+    try:
+        from moviepy import ImageSequenceClip
+    except ImportError:
+        path = stem.with_name(f"{stem.name}.gif")
+        write_gif(path, frames, frames_per_second=rate)
+        return path
+    path = stem.with_name(f"{stem.name}.mp4")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    clip = ImageSequenceClip(frames, fps=rate)
+    clip.write_videofile(str(path), codec="libx264", audio=False, logger=None, pixel_format="yuv420p")
+    clip.close()
+    return path
+
+
+def film_caption(result: Evaluation, run: Episodes) -> str:
+    """What the film of ``run`` shows, and how fast."""
+    stride, rate = _pace(result, run)
+    speed = rate * stride * result.control_step
+    text = f"Its first episode, {speed:.2g} x real time; it ended so: {run.endings[0]}."
+    if "cross_track_rms_m" in run.figures:
+        driven, error = run.figures["driven_m"][0], run.figures["cross_track_rms_m"][0]
+        text += f" {driven:.1f} m driven, {error:.3f} m off the path (root mean square)."
+    return text
+
+
+def _pace(result: Evaluation, run: Episodes) -> tuple[int, float]:
+    """Control steps from frame to frame, and frames a second: never slower than real time."""
+    stride = max(math.ceil((len(run.film) - 1) / MOST_FRAMES), 1)
+    return stride, max(FILM_RATE, 1.0 / (stride * result.control_step))
+
+
+def _file_name(policy: str) -> str:
+    return "".join(c if c.isalnum() or c in "-_" else "_" for c in policy)
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
