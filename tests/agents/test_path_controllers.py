@@ -229,7 +229,7 @@ EXACT = PathTrackingRandomisation(
 )
 RADIUS = 8.0
 SLIP = 0.02
-"""Share [-] by which tires that scrub may change the curvature of a turn; see ``test_the_twin_turns_as_the_kinematics_says``."""
+"""Share [-] by which tires that scrub may change a turn's curvature: ``test_the_twin_turns_as_the_kinematics_says``."""
 DELAY = 0.15
 """A control step, the valve's delay and the oil's until the joint follows a signal [s]."""
 ROCKING = SPEED * 0.5 * max(VALVE_RATE_LEFT) * DELAY / math.pi
