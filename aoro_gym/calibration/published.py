@@ -215,7 +215,10 @@ def _finished(space: Space, point: NDArray[np.float64]) -> Machine:
 
     The figures of left turns do not see the right port's return edge; it is taken to be made like the left one's.
     """
-    values = {key: float(value) for key, value in zip(space.keys, space.values(point), strict=True)}
+    values = {}
+    for key, value in zip(space.keys, space.values(point), strict=True):
+        low, high = space.machine.entries[key].range
+        values[key] = min(max(float(f"{value:.6g}"), low), high)
     machine = space.machine.set(values, source="C: published key figures of left turns")
     out = machine.entries["steering.valve.nominal_drop_out_left"].value
     machine = machine.set(

@@ -302,7 +302,7 @@ def test_tipping_margin_is_the_share_of_the_lighter_side():
         courses=[Course(Plane(slope_deg=12.0, direction_deg=90.0), (LINE,))], config=PathTrackingConfig(arms=None)
     )
     env.reset(seed=0)
-    *_, infos = drive(env, steps=20)
+    *_, infos = drive(env, steps=100)
     loads = {w: float(env.output(f"wheel_load_{w}")[0]) for w in ("fl", "fr", "rl", "rr")}
     left, right = loads["fl"] + loads["rl"], loads["fr"] + loads["rr"]
     assert left < right  # the left side is up

@@ -15,12 +15,7 @@ from aoro_gym.twin.machine_file import ROLES, bundled_machines
 from aoro_gym.twin.parameters import DECLARATIONS, Machine
 from aoro_gym.twin.quantities import UNITS
 
-BUNDLED = files("aoro_gym").joinpath("machines", "aoro.toml").read_text(encoding="utf-8")
-
-
-@pytest.fixture(scope="module")
-def machine() -> Machine:
-    return Machine.load()
+BUNDLED = files("aoro_gym").joinpath("machines", "aoro_datasheet.toml").read_text(encoding="utf-8")
 
 
 def _edited(tmp_path: Path, key: str, **changes: str | None) -> Path:
@@ -173,9 +168,11 @@ def test_every_parameter_is_documented(machine: Machine) -> None:
         assert parameter.role in ROLES
 
 
-def test_bundled_file_is_in_the_form_that_save_writes(machine: Machine, tmp_path: Path) -> None:
-    machine.save(tmp_path / "copy.toml")
-    assert (tmp_path / "copy.toml").read_text(encoding="utf-8") == BUNDLED
+@pytest.mark.parametrize("name", ["aoro", "aoro_datasheet"])
+def test_bundled_files_are_in_the_form_that_save_writes(name: str, tmp_path: Path) -> None:
+    Machine.load(name).save(tmp_path / "copy.toml")
+    bundled = files("aoro_gym").joinpath("machines", f"{name}.toml").read_text(encoding="utf-8")
+    assert (tmp_path / "copy.toml").read_text(encoding="utf-8") == bundled
 
 
 def test_any_sample_of_the_ranges_is_a_valid_machine(machine: Machine) -> None:

@@ -1,0 +1,90 @@
+"""The calibrated machine that is the default: what it reaches of the published figures, and what it is made of."""
+
+from importlib.resources import files
+
+import numpy as np
+import pytest
+
+from aoro_gym import Machine, Plane, Twin
+from aoro_gym.validation.study import Validation, validate
+from aoro_gym.validation.turns import Turn
+from tests.twin.test_against_reference import TURN, TURN_DURATION, deviation, run_reference, run_twin
+
+
+@pytest.fixture(scope="module")
+def aoro() -> Machine:
+    return Machine.load()
+
+
+@pytest.fixture(scope="module")
+def ensemble() -> list[Machine]:
+    folder = files("aoro_gym").joinpath("machines", "ensemble")
+    return [Machine.load(str(file)) for file in sorted(folder.iterdir(), key=str)]
+
+
+@pytest.fixture(scope="module")
+def result(aoro, ensemble) -> Validation:
+    return validate(aoro, uncalibrated="aoro_datasheet", ensemble=ensemble, noise_runs=0)
+
+
+def test_every_figure_of_the_published_twin_is_met(result):
+    assert result.reached("twin") == (21, 21)
+    assert result.reached("twin_uncalibrated")[0] < 21
+    assert result.notes == []
+
+
+def test_times_pressures_rim_and_mass_are_met(result):
+    missed = [check["what"] for check in result.checks if not check["reached"]]
+    assert missed == []
+    assert len(result.checks) == 7
+
+
+def test_it_stays_within_its_ranges_and_says_where_it_comes_from(aoro):
+    before = Machine.load("aoro_datasheet").entries
+    changed = 0
+    for key, entry in aoro.entries.items():
+        low, high = entry.range
+        assert low <= entry.value <= high, key
+        if entry.value != before[key].value:
+            changed += 1
+            assert entry.source.startswith(("C: ", "P: ")), key
+            assert before[key].role in ("nuisance", "both"), key
+    assert changed > 20
+
+
+def test_the_ensemble_fits_as_well_and_differs(aoro, ensemble, result):
+    """Members were kept if no figure is missed by 0.3 tolerances more than the best does; then each had its turn times
+    and its brake set once more, by a step of the order of a tolerance of the time."""
+    assert len(ensemble) == 8
+    for entry in result.ensemble:
+        if entry["direction"] == "left":
+            row = result.row("mevea", Turn("left", entry["signal_percent"]))
+            assert row is not None
+            for name, bound in (("mean_flow_L_per_min", 0.03), ("first_peak_L_per_min", 0.08)):
+                for end in ("low", "high"):
+                    assert entry[name][end] == pytest.approx(row[name], rel=bound)
+    family = [aoro, *ensemble]
+    uncertain = [p.key for p in aoro.parameters() if p.role in ("nuisance", "both")]
+    span = np.array([np.ptp(aoro.entries[key].range) for key in uncertain])
+    points = np.array([[m.entries[key].value for key in uncertain] for m in family]) / span
+    apart = np.linalg.norm(points[:, None] - points[None], axis=-1)[np.triu_indices(len(family), 1)]
+    assert apart.min() > 0.5  # in ranges, over all parameters: nowhere the same machine twice
+
+
+def test_parked_on_twenty_degrees_it_stays(aoro):
+    """Along and across the slope. Oil that leaks through the steering valve lets the joint settle at first (some 0.5
+    degrees, over a minute); from then on nothing moves by more than a tenth of a millimetre in ten seconds."""
+    twin = Twin(2, machine=aoro, terrain=Plane(slope_deg=20.0, direction_deg=np.array([0.0, 90.0])))
+    twin.step({"parking_brake": 1.0}, 180.0)
+    before = np.array([twin.output(f"position_{axis}") for axis in "xyz"])
+    twin.step(duration=10.0)
+    after = np.array([twin.output(f"position_{axis}") for axis in "xyz"])
+    assert np.linalg.norm(after - before, axis=0) == pytest.approx([0.0, 0.0], abs=1e-4)
+
+
+def test_it_turns_as_the_float64_reference_does(aoro):
+    twin, start = run_twin(aoro, TURN, TURN_DURATION, -aoro.joint.range)
+    times, reference = run_reference(aoro, TURN, TURN_DURATION, start)
+    moving = times < times[np.argmax(reference["joint_angle"] > aoro.joint.range)]
+    for name, bound in (("joint_flow", 0.01), ("pressure_a", 0.02), ("pump_pressure", 0.02)):
+        assert deviation(twin, reference, name, moving) < bound, name
