@@ -1,4 +1,4 @@
-"""Agents that drive the twin. So far: reference controllers, how they are tuned, and what they reach.
+"""Agents that drive the twin. So far: reference controllers, how they are tuned, and how well policies do.
 
 >>> import gymnasium
 >>> from aoro_gym.agents import ProportionalDerivative
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from aoro_gym.agents.controllers import BangBang, Policy, ProportionalDerivative
+    from aoro_gym.agents.evaluation import Evaluation, evaluate
     from aoro_gym.agents.path_controllers import FullSpeedSteering, PreviewRegulator, PurePursuit, Stanley, Vehicle
     from aoro_gym.agents.reference import REFERENCE_POLICIES, reference_policy
     from aoro_gym.agents.responses import Rollout, responses, rollout
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = [
     "REFERENCE_POLICIES",
     "BangBang",
+    "Evaluation",
     "FullSpeedSteering",
     "Policy",
     "PreviewRegulator",
@@ -31,6 +33,7 @@ __all__ = [
     "Rollout",
     "Stanley",
     "Vehicle",
+    "evaluate",
     "reference_policy",
     "responses",
     "rollout",
@@ -39,6 +42,7 @@ __all__ = [
 _HOME = {
     "REFERENCE_POLICIES": "reference",
     "BangBang": "controllers",
+    "Evaluation": "evaluation",
     "FullSpeedSteering": "path_controllers",
     "Policy": "controllers",
     "PreviewRegulator": "path_controllers",
@@ -47,6 +51,7 @@ _HOME = {
     "Rollout": "responses",
     "Stanley": "path_controllers",
     "Vehicle": "path_controllers",
+    "evaluate": "evaluation",
     "reference_policy": "reference",
     "responses": "responses",
     "rollout": "responses",

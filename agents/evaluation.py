@@ -211,7 +211,7 @@ def evaluate(
 
     Raises:
         ValueError: naming what is wrong.
-        RuntimeError: a twin was lost in the turning task.
+        TwinLost: a twin was lost in the turning task.
     """
     if env not in TRIALS:
         raise ValueError(f"{env!r} cannot be evaluated; choose one of: {', '.join(TRIALS)}")
@@ -331,7 +331,7 @@ def drive_paths(
         kept.append(traces[rows])
         if running[0]:
             film.append(traces[:, 0].copy())
-        ended = terminated | truncated
+        ended = np.asarray(terminated | truncated)
         for i in np.flatnonzero(ended & running):
             endings[i] = infos["termination"][i] if terminated[i] else TIME_IS_UP
             for name, values in last.items():

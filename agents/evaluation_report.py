@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +44,13 @@ _STYLE: Any = {
 
 
 def write_report(
-    result: Evaluation, folder: Path, *, films: bool = True, progress: Callable[[str, float], Any] | None = None
+    result: Evaluation,
+    folder: Path,
+    *,
+    films: bool = True,
+    lead: str | None = None,
+    made_by: Mapping[str, Any] | None = None,
+    progress: Callable[[str, float], Any] | None = None,
 ) -> list[Path]:
     """Write ``evaluation.json``, plots (PNG), films and ``index.html``.
 
@@ -52,6 +58,8 @@ def write_report(
         result: What to report on.
         folder: Made if it is not there.
         films: Whether to draw each policy's first episode, which takes most of the time.
+        lead: What the page says of the machine; its name by default.
+        made_by: Put into the JSON under this name.
         progress: Called with what is drawn and the share of it that is done.
 
     Returns what was written.
@@ -62,7 +70,8 @@ def write_report(
     summary, figures, errors, page = (
         folder / name for name in ("evaluation.json", "figures.png", "errors.png", "index.html")
     )
-    content = json.dumps(result.to_json(), indent=2, ensure_ascii=False, allow_nan=False)
+    content = result.to_json() | ({} if made_by is None else {"made_by": dict(made_by)})
+    content = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
     summary.write_text(content + "\n", encoding="utf-8")
     write_figures(result, figures)
     write_errors(result, errors)
@@ -71,6 +80,12 @@ def write_report(
         Passage("Figures", _explained(result), [figures], table=figure_rows(result)),
         Passage("Errors", f"Of all episodes: {result.trial.error} against the {result.trial.along}.", [errors]),
     ]
+    if len(result.runs) > 1:
+        text = (
+            f"Each policy less {next(iter(result.runs))}, episode by episode: what the episodes share cancels, so these "
+            "intervals tell policies apart whose own overlap. Those that leave out 0 are beyond chance."
+        )
+        passages.insert(1, Passage("Differences", text, table=difference_rows(result)))
     if plans:
         text = "Where each policy drove; the paths are dashed, a cross marks an episode that ended badly."
         passages.append(Passage("From above", text, plans))
@@ -119,6 +134,16 @@ def figure_rows(result: Evaluation) -> list[list[str]]:
     if len(next(iter(endings.values()))) > 1 or result.courses:
         for ending in next(iter(endings.values())):
             rows.append([f"ended: {ending}", "%", *(shown(endings[policy][ending], "%") for policy in result.runs)])
+    return rows
+
+
+def difference_rows(result: Evaluation) -> list[list[str]]:
+    """Every figure of the other policies less that of the first one, a column for each; the first row is the head."""
+    differences = result.differences
+    rows = [["mean difference [95 % interval]", "unit", *differences]]
+    for name in next(iter(result.runs.values())).figures:
+        words, unit = describe(name)
+        rows.append([words, unit, *(shown(found[name], unit) for found in differences.values())])
     return rows
 
 
@@ -182,6 +207,7 @@ def write_figures(result: Evaluation, path: Path) -> None:
             axis.set_ylim(len(policies) - 0.5, -0.5)
             if unit == "%":
                 axis.set_xlim(-3.0, 103.0)
+            axis.locator_params(axis="x", nbins=5)
             axis.grid(True, axis="x")
             axis.tick_params(axis="y", length=0)
             axis.spines[["top", "right", "left"]].set_visible(False)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from aoro_gym.agents.controllers import Policy
 from aoro_gym.envs.turning import TurningVectorEnv
+from aoro_gym.manoeuvres import TwinLost
 
 EPISODE_STEPS = 500
 """Control steps of an episode of ``AORO/Turning-v0``."""
@@ -60,7 +61,7 @@ def rollout(
 
     Raises:
         ValueError: the environment resets by itself.
-        RuntimeError: a twin was lost.
+        TwinLost: a twin was lost.
     """
     if env.autoreset_mode is not AutoresetMode.DISABLED:
         raise ValueError(f"autoreset_mode is {env.autoreset_mode.value!r}, but a rollout needs 'Disabled'")
@@ -76,7 +77,7 @@ def rollout(
         observations, rewards, terminated, _, infos = env.step(actions)
         if terminated.any():
             index = int(np.argmax(terminated))
-            raise RuntimeError(f"sub-environment {index} ended early: {infos['termination'][index]}")
+            raise TwinLost(f"sub-environment {index} ended early: {infos['termination'][index]}")
         rows["angle"].append(infos["joint_angle"])
         rows["signal"].append(actions[:, 0])
         rows["reward"].append(rewards)

@@ -570,6 +570,8 @@ def evaluate(
         _check_seed(seed)
         _check_device(device)
         courses = _courses(env, terrain, path, path_length)
+    made_by = _made_by(machine, set_, scale, device, seed)
+    made_by |= {"terrain": None if terrain is None else str(terrain), "path": None if path is None else str(path)}
     from aoro_gym.agents.evaluation_report import table, write_report
 
     with _progress() as progress, _running():
@@ -578,17 +580,18 @@ def evaluate(
         def say(what: str, share: float) -> None:
             progress.update(task, description=what, completed=share)
 
-        result = evaluation.evaluate(
-            env,
-            policies,
-            episodes=episodes,
-            seed=seed,
-            courses=courses,
-            machine=chosen,
-            device=device,
-            progress=say,
-        )
-        written = write_report(result, out, films=films, progress=say)
+        with _checking_input():  # such as paths that leave the ground
+            result = evaluation.evaluate(
+                env,
+                policies,
+                episodes=episodes,
+                seed=seed,
+                courses=courses,
+                machine=chosen,
+                device=device,
+                progress=say,
+            )
+        written = write_report(result, out, films=films, lead=_lead(made_by), made_by=made_by, progress=say)
     _out().print(table(result))
     _say(written)
 
@@ -900,8 +903,10 @@ def _write(section: Section, twin: Twin, out: Path, made_by: dict[str, Any], *, 
 def _about(recording: Recording, twin: Twin, made_by: dict[str, Any]) -> dict[str, Any]:
     """The manifest of a log."""
     from aoro_gym.log import IDEAL, NOISY
+    from aoro_gym.terrains import Plane
 
     plan, terrain = recording.manoeuvre, twin.terrain
+    assert isinstance(terrain, Plane), "manoeuvres are run on planes"
     about: dict[str, Any] = {"manoeuvre": plan.name}
     if plan.signal_percent is not None:
         about["signal_percent"] = plan.signal_percent

@@ -183,6 +183,12 @@ def test_evaluate_a_terrain_and_a_path(tmp_path):
     for name in ("evaluation.json", "figures.png", "errors.png", "plan_1.png", "index.html"):
         assert f"wrote {out / name}" in shown.stdout
 
+    (tmp_path / "short.csv").write_text("x,y\n5,10\n8,10\n")
+    options = ["--terrain", tmp_path / "slope.csv", "--path", tmp_path / "short.csv", "--out", out]
+    shown = call("evaluate", *options)
+    assert shown.exit_code == 2
+    assert "path 'short' is 3.00 m long, but must be at least 6.00 m" in " ".join(shown.stderr.split())
+
 
 @pytest.fixture
 def quick(monkeypatch):

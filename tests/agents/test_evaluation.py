@@ -243,10 +243,12 @@ def test_report_holds_everything(found, tmp_path, monkeypatch):
     page = written[-1].read_text(encoding="utf-8")
     assert page.count("data:video/mp4;base64,") == 2
     assert page.count("data:image/png;base64,") == 3
-    for row in evaluation_report.figure_rows(found):
+    for row in (*evaluation_report.figure_rows(found), *evaluation_report.difference_rows(found)):
         for cell in row:
             assert cell.replace("'", "&#x27;") in page
     assert "two lines" in page
+    rate = next(row for row in evaluation_report.difference_rows(found) if row[0] == "success rate")
+    assert rate == ["success rate", "%", "-100 [-100, -100]"]
 
 
 def test_film_without_moviepy_is_a_gif(turned, tmp_path, monkeypatch):
