@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.table import Table
 
 from aoro_gym.agents.evaluation import RATES, Episodes, Evaluation, Interval
 from aoro_gym.envs.courses import Course
 from aoro_gym.report import AMBER, BLUE, GREEN, GRID, INK, PURPLE, RED, SOFT, Passage, write_gif, write_html
 from aoro_gym.terrains import Plane
-from aoro_gym.terrains.figures import draw_terrain
+from aoro_gym.terrains.figures import draw_terrain, place_legend
 from aoro_gym.terrains.forest import Obstacle
 
 COLOURS = (BLUE, AMBER, GREEN, PURPLE, RED, "#6b4a2b", INK, SOFT)
@@ -24,6 +25,8 @@ UNITS = {"m_per_s": "m/s", "kJ": "kJ", "deg": "°", "m": "m", "s": "s", "rate": 
 """By the last words of a figure's name."""
 MOST_FRAMES, FILM_RATE = 120, 15.0
 """Of a film, and how many a second it shows at least."""
+GIF_WIDTH = 720
+"""Of a film that is no MP4 [px], at most."""
 MOST_PLANS = 3
 """Courses that are drawn, those with most episodes."""
 
@@ -239,7 +242,8 @@ def write_errors(result: Evaluation, path: Path) -> None:
             axis.fill_between(along, bands[1], bands[3], color=colour, alpha=0.32, lw=0, label="half")
             axis.plot(along, bands[2], color=colour, lw=1.8, label="median")
             few = np.flatnonzero(there[there > 0] < result.episodes)
-            note = f"  (fewer episodes from {along[few[0]]:.3g} on)" if few.size else ""
+            # paths end within a step or two of one another: not worth a word
+            note = f"fewer episodes from {along[few[0]]:.3g} on" if few.size > 2 else ""
             axis.set_title(policy, loc="left", fontsize=10.5, fontweight="bold")
             axis.set_title(note, loc="right", fontsize=8.5, color=SOFT)
             axis.grid(True)
@@ -299,10 +303,7 @@ def _write_plan(result: Evaluation, number: int, path: Path) -> None:
                 if not run.figures["success_rate"][i]:
                     axis.plot(*trace[-1], "X", color=colour, ms=8, mec="white", mew=0.8, zorder=30)
             handles.append(Line2D([], [], color=colour, lw=1.8, label=policy))
-        if len(figure.axes) > 1:  # a bar of heights stands beside the ground
-            axis.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=4, frameon=False)
-        else:
-            axis.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), frameon=False, fontsize=8.5)
+        place_legend(axis, handles)
         figure.savefig(path, dpi=110, bbox_inches="tight")
 
 
@@ -351,7 +352,7 @@ def write_film(
         from moviepy import ImageSequenceClip
     except ImportError:
         path = stem.with_name(f"{stem.name}.gif")
-        write_gif(path, frames, frames_per_second=rate)
+        write_gif(path, _lighter(frames), frames_per_second=0.5 * rate)
         return path
     path = stem.with_name(f"{stem.name}.mp4")
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -359,6 +360,16 @@ def write_film(
     clip.write_videofile(str(path), codec="libx264", audio=False, logger=None, pixel_format="yuv420p")
     clip.close()
     return path
+
+
+def _lighter(frames: list[NDArray[np.uint8]]) -> list[NDArray[np.uint8]]:
+    """Every other picture, no wider than a GIF should be, which hardly compresses."""
+    from PIL import Image
+
+    height, width = frames[0].shape[:2]
+    scale = min(GIF_WIDTH / width, 1.0)
+    size = round(scale * width), round(scale * height)
+    return [np.asarray(Image.fromarray(frame).resize(size, Image.Resampling.LANCZOS)) for frame in frames[::-2][::-1]]
 
 
 def film_caption(result: Evaluation, run: Episodes) -> str:

@@ -210,14 +210,22 @@ def _finish(axes: Axes, low: NDArray[np.float64], high: NDArray[np.float64], han
     axes.set_title(title, loc="left", color=INK, fontsize=11, fontweight="bold", pad=8)
     note = f"{high[0] - low[0]:.0f} m x {high[1] - low[1]:.0f} m, relief {relief:.1f} m"
     if handles:
-        axes.legend(
-            handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), frameon=False, fontsize=8.5, labelcolor=INK
-        )
+        place_legend(axes, handles)
+    if handles and len(axes.figure.axes) == 1:
         axes.annotate(
             note.replace(", ", "\n"), (1.05, 0.0), xycoords="axes fraction", fontsize=8, color=SOFT, va="bottom"
         )
     else:
         axes.annotate(note, (1.0, 1.01), xycoords="axes fraction", fontsize=8, color=SOFT, ha="right")
+
+
+def place_legend(axes: Axes, handles: list[Any]) -> None:
+    """Right of the ground, or below it where a bar of heights stands there; it replaces the one before."""
+    if len(axes.figure.axes) == 1:
+        place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.02, 1.0)}
+    else:
+        place = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.07), "ncols": 4}
+    axes.legend(handles=handles, frameon=False, fontsize=8.5, labelcolor=INK, **place)
 
 
 def _round_step(step: float) -> float:
