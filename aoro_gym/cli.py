@@ -53,7 +53,7 @@ FOREST_SEED, FOREST_SIZE, SCAN_DENSITY = 7, (60.0, 60.0), 15.0
 """The demo's forest, its sides [m], and how its scan sees it [points/m²]."""
 DRIVE, DRIVE_LENGTH, DRIVER = "AORO/PathTracking-v0", 40.0, "preview"
 """The demo's path over it [m], and the reference controller that follows it."""
-MOST_EPISODES = 100_000
+MOST_EPISODES = 10_000
 """Of one evaluation."""
 MOST_HOLES = 8
 """Places without ground that are listed; the JSON names all."""

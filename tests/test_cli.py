@@ -383,7 +383,7 @@ def test_terrain(tmp_path):
         ("evaluate --out good.csv", "--out good.csv is a file; name a folder"),
         ("evaluate --env X", "--env 'X' cannot be evaluated; choose one of: AORO/Turning-v0, AORO/PathTracking-v0"),
         ("evaluate --policy x.zip", "'x.zip' is no policy for AORO/PathTracking-v0; choose from: pure-pursuit"),
-        ("evaluate --episodes 0", "--episodes = 0 is outside [1, 100000]"),
+        ("evaluate --episodes 0", "--episodes = 0 is outside [1, 10000]"),
         ("evaluate --seed -1", "--seed = -1 is below 0"),
         ("evaluate --env AORO/Turning-v0 --path x.csv", "--path is for AORO/PathTracking-v0"),
         ("evaluate --terrain none.ply", "none.ply: No such file or directory"),
