@@ -41,9 +41,9 @@ class BangBang:
 
     layout: Mapping[str, slice]
     """``env.unwrapped.observation_layout``"""
-    threshold: ArrayLike = 0.0185
+    threshold: ArrayLike = 0.0377
     """[rad]"""
-    lead_time: ArrayLike = 0.0615
+    lead_time: ArrayLike = 0.0172
     """[s]"""
 
     def __post_init__(self) -> None:
@@ -69,15 +69,15 @@ class ProportionalDerivative:
 
     layout: Mapping[str, slice]
     """``env.unwrapped.observation_layout``"""
-    gain: ArrayLike = 11.3
+    gain: ArrayLike = 7.76
     """K: signal per error [1/rad]."""
-    lead_time: ArrayLike = 0.013
+    lead_time: ArrayLike = 0.0125
     """T [s]"""
-    dead_band_left: ArrayLike = 0.102
+    dead_band_left: ArrayLike = 0.106
     """Signal [-] that is skipped to the left; the machine's own dead band is ``steering.valve.dead_band_left`` / 2 V."""
-    dead_band_right: ArrayLike = 0.19
+    dead_band_right: ArrayLike = 0.168
     """The same to the right."""
-    rest_error: ArrayLike = 0.0027
+    rest_error: ArrayLike = 0.0013
     """[rad]"""
 
     def __post_init__(self) -> None:

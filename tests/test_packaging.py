@@ -163,7 +163,8 @@ def test_example_of_the_package():
     assert tried.failed == 0
 
 
-def test_examples_of_the_readme_run(capsys):
+def test_examples_of_the_readme_run(capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     blocks = re.findall(r"```python\n(.*?)```", readme, flags=re.DOTALL)
     assert blocks
