@@ -1,6 +1,7 @@
 """Controllers that follow paths: their formulas against closed forms, and the twin that they steer."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -43,7 +44,15 @@ KINDS = [PurePursuit, Stanley, PreviewRegulator, FullSpeedSteering]
 SPEED = 0.75
 
 
-def on_circle(curvature, *, cross_track=0.0, heading_error=0.0, joint_angle=0.0, joint_rate=0.0, speed=SPEED):
+def on_circle(
+    curvature: Any,
+    *,
+    cross_track: Any = 0.0,
+    heading_error: Any = 0.0,
+    joint_angle: Any = 0.0,
+    joint_rate: Any = 0.0,
+    speed: Any = SPEED,
+) -> Any:
     """Observations (N, 21) of vehicles at a path of constant curvature; what is given broadcasts."""
     curvature, offset, turned, *rest = np.broadcast_arrays(
         *map(np.atleast_1d, (curvature, cross_track, heading_error, speed, joint_angle, joint_rate))
@@ -261,7 +270,7 @@ def driven(env, options, steps):
 
 def test_the_twin_turns_as_the_kinematics_says(env):
     env.reset(seed=0, options={"path": 1, "joint_angle": np.array([0.2, 0.4, 0.6, 0.42])})
-    action = np.tile(np.float32([0.0, 0.65]), (env.num_envs, 1))
+    action = np.tile(np.array([0.0, 0.65], dtype=np.float32), (env.num_envs, 1))
     rows = []
     for _ in range(80):
         env.step(action)
@@ -277,21 +286,22 @@ def offset(policy):
     The slip needs the joint angle off by SLIP of the turn's, and the inner loop leaves ``rest_error``, to which a joint at
     full signal adds what it turns in the delay.
     """
+    gains: Any = policy
     vehicle = policy.vehicle
     wheelbase = vehicle.front + vehicle.rear
     slip = SLIP * wheelbase / RADIUS
     if isinstance(policy, PreviewRegulator):
-        feedback, _ = preview_gains(vehicle, SPEED, policy.heading_weight, policy.rate_weight, policy.lag)
-        return (feedback[2] * slip + policy.rest_rate) / feedback[0]
-    angle = slip + policy.rest_error
+        feedback, _ = preview_gains(vehicle, SPEED, gains.heading_weight, gains.rate_weight, gains.lag)
+        return (feedback[2] * slip + gains.rest_rate) / feedback[0]
+    angle = slip + gains.rest_error
     if isinstance(policy, Stanley):
-        return SPEED * math.tan(angle / policy.heading_gain) / policy.cross_track_gain
+        return SPEED * math.tan(angle / gains.heading_gain) / gains.cross_track_gain
     if isinstance(policy, FullSpeedSteering):
-        angle += max(VALVE_RATE_LEFT) * max(DELAY - policy.lead_time, 0.0)
+        angle += max(VALVE_RATE_LEFT) * max(DELAY - gains.lead_time, 0.0)
     # a circle of another curvature through the place ahead; that place is on a chord between two of the preview's
     nodes = (0.0, *vehicle.preview)
-    gap = np.diff(nodes)[np.searchsorted(nodes, policy.look_ahead) - 1]
-    return angle / wheelbase * policy.look_ahead**2 / 2.0 + gap**2 / (8.0 * RADIUS)
+    gap = np.diff(nodes)[np.searchsorted(nodes, gains.look_ahead) - 1]
+    return angle / wheelbase * gains.look_ahead**2 / 2.0 + gap**2 / (8.0 * RADIUS)
 
 
 def test_every_controller_stays_on_a_circle(env):
