@@ -67,7 +67,7 @@ def test_turning_radius_of_equal_halves():
 
 
 def test_vehicle_is_the_machine():
-    machine = Machine.load("aoro")
+    machine = Machine.load("aoro_datasheet")
     assert machine.frame.front.axle_distance == machine.frame.rear.axle_distance == HALF_WHEELBASE
     assert np.degrees(machine.joint.range) == pytest.approx(JOINT_RANGE_DEG)
     assert machine.frame.track == TRACK

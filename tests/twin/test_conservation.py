@@ -38,7 +38,7 @@ LOSSLESS = {
 @pytest.fixture(scope="module")
 def machine():
     # a vanishing motor displacement leaves the wheels free
-    return Machine.load().set(LOSSLESS, si=True).set({"driveline.motor.displacement": 1e-9})
+    return Machine.load("aoro_datasheet").set(LOSSLESS, si=True).set({"driveline.motor.displacement": 1e-9})
 
 
 def fly(machine, main_step, duration, samples):

@@ -80,7 +80,7 @@ def test_scalars_give_floats() -> None:
 
 def test_effective_lever_in_a_left_turn() -> None:
     """Derived elsewhere from pins at (0.40, ±0.194) m behind and (0.28, ±0.194) m ahead of the hinge, to 1 mm."""
-    cylinder = Machine.load().steering.cylinder
+    cylinder = Machine.load("aoro_datasheet").steering.cylinder
     angles = np.radians([-40.0, -20.0, 0.0, 20.0, 40.0])
     swept = cylinder.bore_area * cylinder.linkage.lever(angles) + cylinder.annulus_area * cylinder.linkage.lever(
         -angles

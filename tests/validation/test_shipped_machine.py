@@ -8,7 +8,7 @@ import pytest
 from aoro_gym import Machine, Plane, Twin
 from aoro_gym.validation.study import Validation, validate
 from aoro_gym.validation.turns import Turn
-from tests.twin.test_against_reference import TURN, TURN_DURATION, deviation, run_reference, run_twin
+from tests.twin.test_against_reference import TURN, deviation, run_reference, run_twin
 
 
 @pytest.fixture(scope="module")
@@ -83,8 +83,9 @@ def test_parked_on_twenty_degrees_it_stays(aoro):
 
 
 def test_it_turns_as_the_float64_reference_does(aoro):
-    twin, start = run_twin(aoro, TURN, TURN_DURATION, -aoro.joint.range)
-    times, reference = run_reference(aoro, TURN, TURN_DURATION, start)
-    moving = times < times[np.argmax(reference["joint_angle"] > aoro.joint.range)]
+    """A full left turn but for its last eighth: the bounce off the stop has its own test, on the nominal machine."""
+    twin, start = run_twin(aoro, TURN, 1.9, -aoro.joint.range)
+    _, reference = run_reference(aoro, TURN, 1.9, start, tolerance=1e-5)
+    assert 0.7 * aoro.joint.range < reference["joint_angle"][-1] < aoro.joint.range
     for name, bound in (("joint_flow", 0.01), ("pressure_a", 0.02), ("pump_pressure", 0.02)):
-        assert deviation(twin, reference, name, moving) < bound, name
+        assert deviation(twin, reference, name) < bound, name
