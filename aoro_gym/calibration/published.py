@@ -132,7 +132,8 @@ def calibrate_published(
     def residuals(points: NDArray[np.float64]) -> NDArray[np.float64]:
         return misses(space, points)
 
-    problem = space.describe() + repr((target.tolist(), tolerance.tolist()))
+    single = [(name, published(name), bound) for name, (_, bound) in SINGLE_FIGURES.items()]
+    problem = space.describe() + repr((target.tolist(), tolerance.tolist(), single))
     fits = least_squares_fit(
         residuals, space.point(), prior_weight=PRIOR_WEIGHTS[0], starts=starts, population=population, seed=seed,
         problem=problem, checkpoint=checkpoint,
