@@ -13,7 +13,7 @@ import warp as wp
 from aoro_gym.twin.laws.bodies import Corner, FrameBody, arm_tangent, hinge_rotation, hull_corner, wheel_centre
 from aoro_gym.twin.laws.cylinders import cylinder_extension
 from aoro_gym.twin.laws.ground import Footing, Ground, Planes, Site, footing, raster_height
-from aoro_gym.twin.laws.tires import Tire
+from aoro_gym.twin.laws.tires import Tire, disc_contact
 from aoro_gym.twin.records import MachineRecord
 
 FITS = wp.constant(6)  # Newton steps of the frames' pose, then as many of frames and arms; each gains two digits or more
@@ -74,19 +74,11 @@ def wheel_place(corner: Corner, front: FrameBody, rear: FrameBody, to_front: wp.
 
 @wp.func
 def overlap(tire: Tire, under: Footing, centre: wp.vec3, axle: wp.vec3):
-    """Depth [m] of the deepest disc of an unloaded wheel under its footing; negative above it."""
+    """Depth [m] of an unloaded wheel under its footing; negative above it."""
     across = wp.dot(under.normal, axle)
     tilt = wp.sqrt(wp.max(1.0 - across * across, 0.0))
-    across = wp.abs(across)
-    reach = wp.max(
-        tire.radius * tilt,
-        wp.max(
-            (tire.radius - tire.disc_drop_inner) * tilt + tire.disc_offset_inner * across,
-            (tire.radius - tire.disc_drop_outer) * tilt + tire.disc_offset_outer * across,
-        ),
-    )
     distance = (centre[2] - under.height) * under.normal[2]
-    return reach - distance
+    return disc_contact(tire, wp.vec3(0.0, across, tilt), tire.radius * tilt - distance).depth
 
 
 @wp.func

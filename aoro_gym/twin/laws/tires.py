@@ -52,6 +52,14 @@ class Hull:
 
 
 @wp.struct
+class DiscContact:
+    """Where a wheel's discs meet a plane."""
+
+    depth: float  # [m] under the plane, along its normal; negative above it
+    place: wp.vec3  # [m] from the wheel's centre, frame axes
+
+
+@wp.struct
 class TireContact:
     """Result of one wheel's contact, in its frame's coordinates."""
 
@@ -77,6 +85,36 @@ def bristle_step(z: float, slip: float, unload: float, dt: float):
     """Deflection [m] after ``dt``: ż = v − λ z with λ = σ₀|v|/g (``unload`` [1/s]); linearly implicit, so stable at
     any slip speed. Signed: on reversal the bristle unloads before it bends the other way."""
     return (z + dt * slip) / (1.0 + dt * unload)
+
+
+@wp.func
+def disc_contact(m: Tire, n: wp.vec3, middle: float):
+    """Contact of the five discs with a plane of unit normal ``n`` (frame axes) that the middle disc dips into by
+    ``middle`` [m]: the deepest disc's, blended with those that are nearly as deep."""
+    tilt = wp.sqrt(n[0] * n[0] + n[2] * n[2])
+    down = wp.vec3(-n[0] / tilt, 0.0, -n[2] / tilt)
+    inner_right = middle - m.disc_drop_inner * tilt + m.disc_offset_inner * n[1]
+    inner_left = middle - m.disc_drop_inner * tilt - m.disc_offset_inner * n[1]
+    outer_right = middle - m.disc_drop_outer * tilt + m.disc_offset_outer * n[1]
+    outer_left = middle - m.disc_drop_outer * tilt - m.disc_offset_outer * n[1]
+    deepest = wp.max(middle, wp.max(wp.max(inner_right, inner_left), wp.max(outer_right, outer_left)))
+    w_middle = wp.exp((middle - deepest) / DISC_BLEND)
+    w_inner_right = wp.exp((inner_right - deepest) / DISC_BLEND)
+    w_inner_left = wp.exp((inner_left - deepest) / DISC_BLEND)
+    w_outer_right = wp.exp((outer_right - deepest) / DISC_BLEND)
+    w_outer_left = wp.exp((outer_left - deepest) / DISC_BLEND)
+    w_inner = w_inner_right + w_inner_left
+    w_outer = w_outer_right + w_outer_left
+    total = w_middle + w_inner + w_outer
+    level = 1.0 + 2.0 * (wp.exp(-m.disc_drop_inner / DISC_BLEND) + wp.exp(-m.disc_drop_outer / DISC_BLEND))
+    aside = m.disc_offset_inner * (w_inner_left - w_inner_right) + m.disc_offset_outer * (w_outer_left - w_outer_right)
+    drop = m.disc_drop_inner * w_inner + m.disc_drop_outer * w_outer
+    mean = w_middle * middle + w_inner_right * inner_right + w_inner_left * inner_left
+    mean = (mean + w_outer_right * outer_right + w_outer_left * outer_left) / total
+    out = DiscContact()
+    out.depth = deepest + DISC_BLEND * wp.log(total / level)
+    out.place = wp.vec3(0.0, aside / total, 0.0) + (m.radius - drop / total) * down - (out.depth - mean) * n
+    return out
 
 
 @wp.func
@@ -108,36 +146,12 @@ def tire_contact(
     tilt = wp.sqrt(n[0] * n[0] + n[2] * n[2])
     down = wp.vec3(-n[0] / tilt, 0.0, -n[2] / tilt)
 
-    # depth and place of the contact: the deepest disc's, blended with those that are nearly as deep
-    middle = penetration(ground, origin + rotation * (centre + m.radius * down))
-    inner = m.disc_offset_inner
-    outer = m.disc_offset_outer
-    inner_rim = centre + (m.radius - m.disc_drop_inner) * down
-    outer_rim = centre + (m.radius - m.disc_drop_outer) * down
-    inner_right = penetration(ground, origin + rotation * (inner_rim - wp.vec3(0.0, inner, 0.0)))
-    inner_left = penetration(ground, origin + rotation * (inner_rim + wp.vec3(0.0, inner, 0.0)))
-    outer_right = penetration(ground, origin + rotation * (outer_rim - wp.vec3(0.0, outer, 0.0)))
-    outer_left = penetration(ground, origin + rotation * (outer_rim + wp.vec3(0.0, outer, 0.0)))
-    deepest = wp.max(middle, wp.max(wp.max(inner_right, inner_left), wp.max(outer_right, outer_left)))
-    w_middle = wp.exp((middle - deepest) / DISC_BLEND)
-    w_inner_right = wp.exp((inner_right - deepest) / DISC_BLEND)
-    w_inner_left = wp.exp((inner_left - deepest) / DISC_BLEND)
-    w_outer_right = wp.exp((outer_right - deepest) / DISC_BLEND)
-    w_outer_left = wp.exp((outer_left - deepest) / DISC_BLEND)
-    w_inner = w_inner_right + w_inner_left
-    w_outer = w_outer_right + w_outer_left
-    total = w_middle + w_inner + w_outer
-    level = 1.0 + 2.0 * (wp.exp(-m.disc_drop_inner / DISC_BLEND) + wp.exp(-m.disc_drop_outer / DISC_BLEND))
-    depth = deepest + DISC_BLEND * wp.log(total / level)
+    touch = disc_contact(m, n, penetration(ground, origin + rotation * (centre + m.radius * down)))
 
-    if depth > 0.0:
-        aside = (inner * (w_inner_left - w_inner_right) + outer * (w_outer_left - w_outer_right)) / total
-        drop = (m.disc_drop_inner * w_inner + m.disc_drop_outer * w_outer) / total
-        mean = w_middle * middle + w_inner_right * inner_right + w_inner_left * inner_left
-        mean = (mean + w_outer_right * outer_right + w_outer_left * outer_left) / total
-        arm = wp.vec3(0.0, aside, 0.0) + (m.radius - drop) * down - (depth - mean) * n
+    if touch.depth > 0.0:
+        arm = touch.place
         slip = velocity + wp.cross(wp.vec3(omega[0], spin, omega[2]), arm)
-        load = wp.max(m.stiffness * depth - m.damping * wp.dot(n, slip), 0.0)
+        load = wp.max(m.stiffness * touch.depth - m.damping * wp.dot(n, slip), 0.0)
         forward = wp.vec3(n[2] / tilt, 0.0, -n[0] / tilt)
         sideways = wp.cross(n, forward)
         slip_x = wp.dot(forward, slip)
