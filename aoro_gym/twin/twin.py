@@ -265,16 +265,16 @@ class Twin:
         if self._outputs.shape[0] != frames:
             self._outputs = wp.zeros((frames, len(Output), self.num_twins), dtype=float, device=self.device)
         start = self.time
-        self._advance(steps, every)
+        self._advance(frames, every)
         if sample_every is None:
             return None
         time = start.max() + self.main_step * every * np.arange(1, frames + 1)
         return Trace(time=time, values=self._outputs.numpy().copy())
 
-    def _advance(self, steps: int, every: int) -> None:
-        """Launch ``steps`` main steps; on the CPU, whose backend is single-threaded, one slice of twins a thread."""
+    def _advance(self, frames: int, every: int) -> None:
+        """Launch ``frames`` times ``every`` main steps; on the CPU, whose backend is single-threaded, one slice of twins a thread."""
         threads = 1
-        if self.device.is_cpu and self.num_twins * steps >= WORTH_THREADS:
+        if self.device.is_cpu and self.num_twins * frames * every >= WORTH_THREADS:
             threads = min(os.cpu_count() or 1, self.num_twins)
 
         def launch(slot: int) -> None:
@@ -284,7 +284,7 @@ class Twin:
                 dim=(slot + 1) * self.num_twins // threads - first,
                 inputs=[
                     self._machines, self.ground, self.commands, self.state, self._history, self._clock,
-                    self._status, self._outputs, first, steps, self.substeps, self.main_step, every,
+                    self._status, self._outputs, first, frames, every, self.substeps, self.main_step,
                 ],
                 device=self.device,
                 block_dim=BLOCK_DIM if self.num_twins < FULL else FULL_BLOCK_DIM,
