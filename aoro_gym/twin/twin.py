@@ -26,10 +26,9 @@ from aoro_gym.twin.records import COMMAND_BOUNDS, Command, MachineRecord, Output
 LONGEST_COMMAND_DELAY = 0.06
 """Upper bound [s] of ``steering.valve.command_delay``; that much of the steering command is kept."""
 
-BLOCK_DIM, FULL_BLOCK_DIM = 32, 64
-"""Threads a block. One warp, so that a few thousand twins already reach every multiprocessor; from ``FULL`` twins on, when
-all of them are full, two."""
-FULL = 16_384
+BLOCK_DIM = 32
+"""Threads a block: one warp, so that a few thousand twins already reach every multiprocessor. Every other number would
+compile the kernels again."""
 
 WORTH_THREADS = 200
 """Twin-steps of a launch (about 4 µs each on a core) from which several CPU threads pay."""
@@ -73,6 +72,7 @@ class Twin:
         own_machines: Keep a machine record for every twin even if all start alike, so that :meth:`set_machines` can
             change them one by one.
         device: ``"cpu"`` or ``"cuda:N"``.
+        threads: CPU threads that share the twins, at most :func:`cores`, which is the default; a GPU needs none.
         main_step: Time step of the bodies [s].
         substeps: Hydraulic substeps a main step.
         gravity: [m/s²].
@@ -91,6 +91,7 @@ class Twin:
         cell: float = CELL,
         own_machines: bool = False,
         device: str = "cpu",
+        threads: int | None = None,
         main_step: float = 1e-3,
         substeps: int = 30,
         gravity: float = 9.81,
@@ -99,11 +100,14 @@ class Twin:
             raise ValueError(f"num_twins is {num_twins}, but must be a whole number of at least 1")
         if not isinstance(substeps, int | np.integer) or substeps < 1:
             raise ValueError(f"substeps is {substeps}, but must be a whole number of at least 1")
+        if threads is not None and (not isinstance(threads, int | np.integer) or not 1 <= threads <= cores()):
+            raise ValueError(f"threads is {threads}, but must be a whole number from 1 to {cores()}, the cores here")
         if not 0.0 < main_step <= 2e-3:
             raise ValueError(f"main_step is {main_step} s, but must be in (0, 0.002] s for the contacts to be stable")
         if not np.isfinite(gravity):
             raise ValueError(f"gravity is {gravity} m/s², but must be finite")
         self.num_twins = int(num_twins)
+        self.threads = cores() if threads is None else int(threads)
         self.machine = machine if isinstance(machine, Machine) else Machine.load(machine)
         self.terrain = terrain if terrain is not None else Plane()
         self.main_step = float(main_step)
@@ -211,6 +215,7 @@ class Twin:
                 self._history, self._clock, self._status,
             ],
             device=self.device,
+            block_dim=BLOCK_DIM,
         )  # fmt: skip
 
     def set_commands(self, commands: Mapping[str, npt.ArrayLike]) -> None:
@@ -272,10 +277,11 @@ class Twin:
         return Trace(time=time, values=self._outputs.numpy().copy())
 
     def _advance(self, frames: int, every: int) -> None:
-        """Launch ``frames`` times ``every`` main steps; on the CPU, whose backend is single-threaded, one slice of twins a thread."""
+        """Launch ``frames`` times ``every`` main steps; on the CPU, whose backend is single-threaded, one slice of twins a
+        thread."""
         threads = 1
         if self.device.is_cpu and self.num_twins * frames * every >= WORTH_THREADS:
-            threads = min(os.cpu_count() or 1, self.num_twins)
+            threads = min(self.threads, self.num_twins)
 
         def launch(slot: int) -> None:
             first = slot * self.num_twins // threads
@@ -287,7 +293,7 @@ class Twin:
                     self._status, self._outputs, first, frames, every, self.substeps, self.main_step,
                 ],
                 device=self.device,
-                block_dim=BLOCK_DIM if self.num_twins < FULL else FULL_BLOCK_DIM,
+                block_dim=BLOCK_DIM,
             )  # fmt: skip
 
         if threads == 1:
@@ -385,9 +391,14 @@ class Twin:
         return [(int(i), STATUS[int(status[i])]) for i in np.flatnonzero(status)]
 
 
+def cores() -> int:
+    """CPU cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 @cache
 def _threads() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(os.cpu_count(), thread_name_prefix="twin")
+    return ThreadPoolExecutor(cores(), thread_name_prefix="twin")
 
 
 def _row(rows: type[IntEnum], name: str, what: str) -> int:

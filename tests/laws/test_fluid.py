@@ -456,7 +456,7 @@ def test_void_is_the_volume_drawn():
 
 
 def test_step_over_the_void_pressure_splits_its_oil():
-    """One step of a chamber's volume w from x₀ to x₁ across p_v: C (x₀ − p_v) + C_void (p_v − x₁) = w, with a constant C above.
+    """A chamber's step of volume w from x₀ to x₁ across p_v: C (x₀ − p_v) + C_void (p_v − x₁) = w, with a constant C above.
 
     Otherwise every crossing makes or loses oil, and a port that cavitates again and again drifts.
     """
