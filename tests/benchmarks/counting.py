@@ -144,6 +144,13 @@ class Number:
         return bool(self.value)
 
 
+class Builtins(types.SimpleNamespace):
+    """What stands for the module ``wp`` in a counted function."""
+
+    def __getattr__(self, name: str) -> Any:
+        raise AttributeError(f"wp.{name} is not counted yet; say in Tally._builtins what it computes and costs")
+
+
 def plain(x: Any) -> Any:
     """The value of a number or literal."""
     return x.value if isinstance(x, Number) else x
@@ -420,7 +427,7 @@ class Tally:
 
     # ---- Warp's built-in functions ---------------------------------------------------------------------------------
 
-    def _builtins(self) -> types.SimpleNamespace:
+    def _builtins(self) -> Builtins:
         def unary(kind: str, name: str, function: Callable[[Any], Any]) -> Callable[[Any], Any]:
             return lambda x: self.apply(kind, name, function(plain(x)), x)
 
@@ -452,7 +459,7 @@ class Tally:
             name: unary("transcendental", name, getattr(math, name))
             for name in ("exp", "log", "sin", "cos", "tanh", "asin")
         }
-        return types.SimpleNamespace(
+        return Builtins(
             **transcendental,
             pow=binary("transcendental", "pow", math.pow),
             atan2=binary("transcendental", "atan2", math.atan2),
@@ -578,7 +585,10 @@ def advance(twin: Twin, steps: int, tally: Tally) -> np.ndarray:
         "h": tally.number(twin.main_step),
         "sample_every": steps,
     }
-    tally.of(kernels.advance)(*(known[name] for name in inspect.signature(kernels.advance).parameters))
+    asked = list(inspect.signature(kernels.advance).parameters)
+    if unknown := [name for name in asked if name not in known]:
+        raise TypeError(f"the kernel takes {unknown}, which is not counted yet; add it here")
+    tally.of(kernels.advance)(*(known[name] for name in asked))
     return state
 
 

@@ -301,7 +301,7 @@ def bounds(limits: dict[str, Any], count: Cost, *, fuses: bool) -> dict[str, flo
 
 def spans(twins: int, device: str) -> dict[str, float]:
     """Where a twin's time [s] goes while it drives in a circle: one substep, the rest of a main step; and, of all ``twins``
-    together, a launch and the upload of two new commands.
+    together, a launch and the upload of two new commands (0 where they are lost in the time of many twins).
 
     Raises:
         RuntimeError: other work on the computer made differences of times negative.
@@ -324,16 +324,18 @@ def spans(twins: int, device: str) -> dict[str, float]:
     short, long, fine = launch(30, LAUNCH), launch(30, 5 * LAUNCH), launch(60, 5 * LAUNCH)
     step = (long - short) / (4 * LAUNCH * twins)
     substep = (fine - long) / (5 * LAUNCH * 30 * twins)
-    out = {
+    rest = step - 30 * substep
+    if min(substep, rest) <= 0.0:
+        raise RuntimeError(
+            f"a substep takes {substep:.3g} s and the rest of a step {rest:.3g} s, but both must be positive: the computer "
+            "is too busy with other work, measure again"
+        )
+    return {
         "substep": substep,
-        "rest": step - 30 * substep,
-        "launch": short - LAUNCH * twins * step,
-        "upload": launch(30, LAUNCH, upload=True) - short,
+        "rest": rest,
+        "launch": max(short - LAUNCH * twins * step, 0.0),
+        "upload": max(launch(30, LAUNCH, upload=True) - short, 0.0),
     }
-    wrong = {name: span for name, span in out.items() if span <= 0.0}
-    if wrong:
-        raise RuntimeError(f"{wrong} s, but must be positive: the computer is too busy with other work, measure again")
-    return out
 
 
 def measure(device: str, name: str, twins: int, seconds: float) -> dict[str, Any]:
