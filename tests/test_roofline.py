@@ -10,7 +10,7 @@ import pytest
 import warp as wp
 
 from aoro_gym import Twin
-from aoro_gym.twin.laws.fluid import Oil, fill, orifice
+from aoro_gym.twin.laws.fluid import Oil, fill_chamber, orifice
 from aoro_gym.twin.records import Command, Output, State, pack
 from tests.benchmarks import roofline
 from tests.benchmarks.counting import (
@@ -112,13 +112,16 @@ def test_decisions(x, y, result, counts):
     assert kinds(tally) == counts
 
 
-def test_an_orifice():
-    tally = Tally()
+@pytest.mark.parametrize(
+    ("gpu", "inverse_root", "chain"), [(True, {"root": 1}, 3.0), (False, {"root": 1, "division": 1}, 4.0)]
+)
+def test_an_orifice(gpu, inverse_root, chain):
+    tally = Tally(gpu=gpu)
     coefficient, drop, laminar = numbers(tally, (1e-6, -4e6, 1e5))
     flow = tally.of(orifice)(coefficient, drop, laminar)
     assert flow.value == pytest.approx(-1e-6 * 2000.0, rel=1e-12)
-    assert kinds(tally) == {"compare": 1, "root": 1, "division": 1, "multiply": 2}
-    assert flow.ready == 4.0  # max, root, division, product: the other product is ready before
+    assert kinds(tally) == {"compare": 1, "multiply": 2} | inverse_root
+    assert flow.ready == chain  # maximum, inverse root, product: the other product is ready before
 
 
 def test_invariants_of_a_volume_are_counted_once(machine):
@@ -126,7 +129,7 @@ def test_invariants_of_a_volume_are_counted_once(machine):
     tally = Tally()
     oil = tally.leaf(pack(machine)["oil"][0], Oil)
     content, flow, volume, walls = numbers(tally, (5e6, 1e-4, 1e-3, 1e-13))
-    law = tally.of(fill)
+    law = tally.of(fill_chamber)
     content = law(oil, content, flow, 1e-5, volume, walls, volume)
     first = kinds(tally)["division"]
     law(oil, content, flow, 1e-5, volume, walls, volume)
@@ -183,8 +186,7 @@ def test_the_step_costs_no_less_than_its_orifices(step):
     bleed, two anti-cavitation checks."""
     distinct = roofline.by_class(step.distinct)
     assert distinct["root"] >= 30 * 10
-    assert distinct["division"] >= 30 * 10
-    assert sum(step.written.values()) > sum(step.distinct.values()) > 30 * 10 * 5
+    assert sum(step.written.values()) > sum(step.distinct.values()) > 30 * 10 * 4
     for (part, kind), n in step.distinct.items():
         assert 0 < n <= step.written[part, kind], (part, kind)
     # the first substep's chain at least: every volume's next content needs its last
@@ -195,13 +197,13 @@ def test_bounds_follow_from_ceilings(step):
     """Every operation 1 ns: the bounds are the counts."""
     probe = dict.fromkeys(("latency", "resident", "full"), 1e-9)
     limits = {"probes": dict.fromkeys(roofline.PROBES, probe), "resident_twins": 7, "bytes_per_s": 1e9}
-    found = roofline.bounds(limits, step, fuses=True)
+    found = roofline.bounds(limits, step, gpu=True)
     classes = roofline.by_class(step.distinct)
     special = classes["division"] + classes["root"] + classes["transcendental"]
     assert found["divisions, roots, transcendentals"] == pytest.approx(1e9 / special)
     total = sum(classes.values()) - step.fused
     assert found["all instructions at that rate"] == pytest.approx(1e9 / total)
-    assert found["the laws' mixture, full"] == pytest.approx(1e9 * roofline.mixture_instructions(fuses=True) / total)
+    assert found["the laws' mixture, full"] == pytest.approx(1e9 * roofline.mixture_instructions(gpu=True) / total)
     assert found["longest chain, resident"] == pytest.approx(7.0 / step.chain)
     per_step = sum(step.step_bytes.values()) + sum(step.launch_bytes.values()) / roofline.LAUNCH
     assert found["memory"] == pytest.approx(1e9 / per_step)
@@ -213,7 +215,7 @@ def test_the_report_takes_every_computer(tmp_path, monkeypatch, step):
     report = tmp_path / "report.md"
     report.write_text("a\n<!-- counts -->\nold\n<!-- /counts -->\nb\n<!-- computers -->\n<!-- /computers -->\nc\n")
     monkeypatch.setattr(roofline, "REPORT", report)
-    monkeypatch.setattr(roofline, "mean_cost", lambda latency, fuses: step)
+    monkeypatch.setattr(roofline, "mean_cost", lambda latency, gpu: step)
     roofline.write([results[0], results[0]])
     text = report.read_text(encoding="utf-8")
     step_s = 30.0 * results[0]["spans_s"]["substep"] + results[0]["spans_s"]["rest"]

@@ -328,11 +328,11 @@ class Tally:
 
     Args:
         latency: Time of an operation of each class from operands to result; one each by default.
-        fuses: An addition takes up a product in one instruction.
+        gpu: As on a GPU, an addition takes up a product in one instruction, and an inverse root is one.
     """
 
-    def __init__(self, latency: dict[str, float] | None = None, *, fuses: bool = True):
-        self.fuses = fuses
+    def __init__(self, latency: dict[str, float] | None = None, *, gpu: bool = True):
+        self.gpu = gpu
         self.latency = dict.fromkeys(CLASSES, 1.0) | (latency or {})
         self.written: Counter[tuple[str, str]] = Counter()
         """Operations by (part, class), as written."""
@@ -421,7 +421,7 @@ class Tally:
         known = self._keys
         start = _ready((a, b))
         out = self._operate("multiply", "*", value, tuple(sorted((a, b), key=_order)), start, False)
-        if self.fuses and out.key > known:
+        if self.gpu and out.key > known:
             out.product, out.before = True, start
         return out
 
@@ -495,6 +495,19 @@ class Tally:
     def _to_int(self, x: Any) -> Any:
         return self.apply("integer", "int", int(plain(x)), x)
 
+    def _native(self, name: str) -> Callable[..., Any]:
+        """A function that the device code spells in C++."""
+
+        def inverse_root(x: Any) -> Any:
+            if self.gpu:
+                return self.apply("root", "inverse root", 1.0 / math.sqrt(plain(x)), x)
+            return 1.0 / self.apply("root", "sqrt", math.sqrt(plain(x)), x)
+
+        known = {"inverse_root": inverse_root}
+        if name not in known:
+            raise TypeError(f"{name} is C++ and not counted yet; say in Tally._native what it computes and costs")
+        return known[name]
+
     # ---- the code ---------------------------------------------------------------------------------------------------
 
     def of(self, thing: Any) -> Any:
@@ -502,6 +515,8 @@ class Tally:
         if id(thing) not in self._shadows:
             if thing is wp:
                 made = self._builtins()
+            elif isinstance(thing, wp.Function) and thing.native_snippet:
+                made = self._native(thing.key)
             elif isinstance(thing, wp.Function):
                 made = self._overloaded(thing)
             elif isinstance(thing, types.FunctionType):
@@ -580,10 +595,10 @@ def advance(twin: Twin, steps: int, tally: Tally) -> np.ndarray:
         "status": Array(tally, "status", twin._status.numpy().copy()),
         "outputs": Array(tally, "outputs", np.zeros_like(twin._outputs.numpy()[:1])),
         "first": 0,
-        "num_steps": steps,
+        "num_frames": 1,
+        "frame_steps": steps,
         "num_substeps": twin.substeps,
         "h": tally.number(twin.main_step),
-        "sample_every": steps,
     }
     asked = list(inspect.signature(kernels.advance).parameters)
     if unknown := [name for name in asked if name not in known]:
@@ -610,9 +625,9 @@ class Cost:
     """Longest chain of dependent operations in the units of the latencies."""
 
 
-def cost(twin: Twin, latency: dict[str, float] | None = None, *, fuses: bool = True) -> Cost:
+def cost(twin: Twin, latency: dict[str, float] | None = None, *, gpu: bool = True) -> Cost:
     """Cost of a main step from where a one-twin ``twin`` stands: what two steps take more than one."""
-    one, two = Tally(latency, fuses=fuses), Tally(latency, fuses=fuses)
+    one, two = Tally(latency, gpu=gpu), Tally(latency, gpu=gpu)
     advance(twin, 1, one)
     advance(twin, 2, two)
     step_bytes = two.bytes - one.bytes

@@ -21,7 +21,9 @@ from rich.console import Console
 from rich.progress import track
 
 from aoro_gym import Machine, Twin
-from aoro_gym.twin.laws.fluid import Oil, fill, orifice, pressure
+from aoro_gym.manoeuvres import TwinLost
+from aoro_gym.terrains.plane import Plane
+from aoro_gym.twin.laws.fluid import Oil, fill, orifice, pressure, without_gas
 from aoro_gym.twin.records import pack
 from tests.benchmarks import terrain_speed
 from tests.benchmarks.counting import CLASSES, FLOATING, Cost, Tally, cost
@@ -39,7 +41,8 @@ WIDTH = 8
 """Independent chains a thread, where units shall be full; one chain shows their latency."""
 REPEATS = 8
 """Operations of a chain in one turn of the loop."""
-RUNS = 5
+RUNS = 15
+"""Runs of 50 ms, of which the best counts."""
 
 
 # ---- what the probes do ---------------------------------------------------------------------------------------------
@@ -87,9 +90,10 @@ def exponential(x: float, p: Probe):
 @wp.func
 def oil_volume(x: float, p: Probe):
     """The laws' own mixture: a volume filled through an orifice, state in units of its supply."""
+    oil = without_gas(p.oil)
     content = x * p.supply
-    flow = orifice(p.coefficient, p.supply - pressure(p.oil, content), p.oil.laminar_pressure)
-    return fill(p.oil, content, flow, p.dt, p.volume, p.compliance, p.volume) / p.supply
+    flow = orifice(p.coefficient, p.supply - pressure(oil, content), oil.laminar_pressure)
+    return fill(oil, content, flow, p.dt, p.volume, p.compliance) / p.supply
 
 
 PROBES = {f.key: f for f in (multiply_add, maximum, division, root, exponential, oil_volume)}
@@ -140,14 +144,16 @@ def copy(source: wp.array(dtype=float), target: wp.array(dtype=float), b: float)
 
 
 def best(launch: Any, device: Any) -> float:
-    """Shortest wall time [s] of a turn: ``launch(turns)`` with turns enough for 50 ms, :data:`RUNS` times."""
+    """Shortest time [s] of a turn: ``launch(turns)`` with turns enough for 50 ms, :data:`RUNS` times. On a CPU the process's
+    own time, in which waiting for other work does not count."""
+    clock = time.process_time if device.is_cpu else time.perf_counter
 
     def timed(turns: int) -> float:
         wp.synchronize_device(device)
-        began = time.perf_counter()
+        began = clock()
         launch(turns)
         wp.synchronize_device(device)
-        return time.perf_counter() - began
+        return clock() - began
 
     turns = 1
     timed(turns)
@@ -158,7 +164,7 @@ def best(launch: Any, device: Any) -> float:
 
 
 def probe_time(operation: Any, width: int, threads: int, device: Any, *, simd: bool = False) -> float:
-    """Wall time [s] of one operation of each of ``threads`` x ``width`` chains.
+    """Time [s] of one operation of each of ``threads`` x ``width`` chains.
 
     Raises:
         RuntimeError: a result is not what chains that stay near 1 give.
@@ -213,14 +219,14 @@ def ceilings(device: Any) -> dict[str, Any]:
 # ---- count ----------------------------------------------------------------------------------------------------------
 
 
-def mean_cost(latency: dict[str, float], *, fuses: bool) -> Cost:
+def mean_cost(latency: dict[str, float], *, gpu: bool) -> Cost:
     """Mean cost of a main step over :data:`INSTANTS` of a loaded turn over rough ground, on a raster."""
     twin = Twin(terrain=rough(0, bumps=0.05, hills=0.1))
     twin.reset(position=(MIDDLE, MIDDLE))
     found = []
     for since, instant in zip((0.0, *INSTANTS), INSTANTS, strict=False):
         twin.step({"steering_signal": 1.0, "drive_signal": 0.5}, duration=instant - since)
-        found.append(cost(twin, latency, fuses=fuses))
+        found.append(cost(twin, latency, gpu=gpu))
     if twin.lost:
         raise RuntimeError(f"the counted twin was lost: {twin.lost[0][1]}")
 
@@ -243,13 +249,13 @@ def by_class(counts: Counter, part: str | None = None) -> dict[str, float]:
 
 
 def instructions(counts: Counter, fused: float) -> float:
-    """All operations, a fused multiplication and addition as one."""
+    """All operations, a multiplication and addition that fuse as one."""
     return sum(counts.values()) - fused
 
 
-def mixture_instructions(*, fuses: bool) -> float:
+def mixture_instructions(*, gpu: bool) -> float:
     """Instructions of one :func:`oil_volume`, without what stays the same from one to the next."""
-    tally = Tally(fuses=fuses)
+    tally = Tally(gpu=gpu)
     probe = tally.leaf(probe_values("cpu").numpy()[0], Probe)
     step = tally.of(oil_volume)
     x = step(tally.number(0.9), probe)
@@ -261,10 +267,10 @@ def mixture_instructions(*, fuses: bool) -> float:
 # ---- bounds ---------------------------------------------------------------------------------------------------------
 
 
-def latencies(limits: dict[str, Any], *, fuses: bool) -> dict[str, float]:
+def latencies(limits: dict[str, Any], *, gpu: bool) -> dict[str, float]:
     """Time [s] from operands to result of an operation of each class."""
     times = {name: one["latency"] for name, one in limits["probes"].items()}
-    add = times["multiply_add"] * (1.0 if fuses else 0.5)
+    add = times["multiply_add"] * (1.0 if gpu else 0.5)
     return {
         "add": add,
         "multiply": add,
@@ -277,13 +283,13 @@ def latencies(limits: dict[str, Any], *, fuses: bool) -> dict[str, float]:
     }
 
 
-def bounds(limits: dict[str, Any], count: Cost, *, fuses: bool) -> dict[str, float]:
+def bounds(limits: dict[str, Any], count: Cost, *, gpu: bool) -> dict[str, float]:
     """Highest rates [steps/s] that each resource of the computer allows, were it the only one that is short."""
     probes = limits["probes"]
-    fused = count.fused if fuses else 0.0
+    fused = count.fused if gpu else 0.0
     one = by_class(count.distinct)
-    instruction = probes["multiply_add"]["full"] / (1.0 if fuses else 2.0)
-    mixture = instructions(count.distinct, fused) / mixture_instructions(fuses=fuses)
+    instruction = probes["multiply_add"]["full"] / (1.0 if gpu else 2.0)
+    mixture = instructions(count.distinct, fused) / mixture_instructions(gpu=gpu)
     special = {"division": "division", "root": "root", "transcendental": "exponential"}
     moved = sum(count.step_bytes.values()) + sum(count.launch_bytes.values()) / LAUNCH
     return {
@@ -299,29 +305,54 @@ def bounds(limits: dict[str, Any], count: Cost, *, fuses: bool) -> dict[str, flo
     }
 
 
+def drive(
+    twins: int, ground: str, device: str, *, steps: int = LAUNCH, substeps: int = 30, upload: bool = False
+) -> float:
+    """Time [s] of a launch of ``steps`` main steps of twins that steer and drive at random, each its own way; with
+    ``upload``, two new commands before each launch.
+
+    Raises:
+        TwinLost: a state stopped being finite.
+    """
+    level = ground == "plane"
+    terrain = Plane() if level else terrain_speed.scan()
+    twin = Twin(twins, terrain=terrain, ground="raster" if level else ground, substeps=substeps, device=device)
+    rng = np.random.default_rng(0)
+    twin.reset(
+        position=rng.uniform(0.3, 0.7, (twins, 2)) * (terrain_speed.WIDTH, terrain_speed.LENGTH),
+        heading=rng.uniform(-np.pi, np.pi, twins),
+    )
+    schedule = [
+        {
+            "steering_signal": rng.uniform(-1.0, 1.0, twins).astype(np.float32),
+            "drive_signal": rng.uniform(-0.5, 0.5, twins).astype(np.float32),
+        }
+        for _ in range(16)
+    ]
+    twin.step(schedule[0], duration=0.5)
+    duration = steps * twin.main_step
+
+    def run(turns: int) -> None:
+        for turn in range(turns):
+            twin.step(schedule[turn % len(schedule)] if upload else None, duration=duration)
+
+    spent = best(run, twin.device)
+    if twin.lost:
+        index, reason = twin.lost[0]
+        raise TwinLost(f"{len(twin.lost)} of {twins} twins were lost, first {index}: {reason}")
+    return spent
+
+
 def spans(twins: int, device: str) -> dict[str, float]:
-    """Where a twin's time [s] goes while it drives in a circle: one substep, the rest of a main step; and, of all ``twins``
-    together, a launch and the upload of two new commands (0 where they are lost in the time of many twins).
+    """Where a twin's time [s] on a raster goes: one substep, the rest of a main step; and, of all ``twins`` together, a
+    launch and the upload of two commands (0 where they are lost in the time of many twins).
 
     Raises:
         RuntimeError: other work on the computer made differences of times negative.
     """
-    signals = {
-        name: np.full(twins, value, np.float32) for name, value in (("steering_signal", 1.0), ("drive_signal", 0.5))
-    }
-
-    def launch(substeps: int, steps: int, *, upload: bool = False) -> float:
-        twin = Twin(twins, terrain=rough(0, bumps=0.05, hills=0.1), substeps=substeps, device=device)
-        twin.reset(position=(MIDDLE, MIDDLE))
-        twin.step(signals, duration=3.0)
-
-        def run(turns: int) -> None:
-            for _ in range(turns):
-                twin.step(signals if upload else None, duration=steps * twin.main_step)
-
-        return best(run, twin.device)
-
-    short, long, fine = launch(30, LAUNCH), launch(30, 5 * LAUNCH), launch(60, 5 * LAUNCH)
+    short = drive(twins, "raster", device)
+    long = drive(twins, "raster", device, steps=5 * LAUNCH)
+    fine = drive(twins, "raster", device, steps=5 * LAUNCH, substeps=60)
     step = (long - short) / (4 * LAUNCH * twins)
     substep = (fine - long) / (5 * LAUNCH * 30 * twins)
     rest = step - 30 * substep
@@ -334,30 +365,29 @@ def spans(twins: int, device: str) -> dict[str, float]:
         "substep": substep,
         "rest": rest,
         "launch": max(short - LAUNCH * twins * step, 0.0),
-        "upload": max(launch(30, LAUNCH, upload=True) - short, 0.0),
+        "upload": max(drive(twins, "raster", device, upload=True) - short, 0.0),
     }
 
 
-def measure(device: str, name: str, twins: int, seconds: float) -> dict[str, Any]:
-    """All of one computer: ceilings, counts, bounds, and the twin on a plane and on a raster; the best of several runs,
-    so that other work on the computer weighs on none of them."""
+def measure(device: str, name: str, twins: int) -> dict[str, Any]:
+    """All of one computer: ceilings, counts, bounds, and the twin on a plane and on a raster."""
     here = wp.get_device(device)
-    fuses = here.is_cuda  # the twin's code on a CPU is not contracted
+    gpu = here.is_cuda
     limits = ceilings(here)
-    count = mean_cost(latencies(limits, fuses=fuses), fuses=fuses)
-    timed = {g: 1e6 / terrain_speed.measure(g, twins, device, seconds, RUNS)["min"] for g in ("plane", "raster")}
+    count = mean_cost(latencies(limits, gpu=gpu), gpu=gpu)
+    timed = {g: LAUNCH * twins / drive(twins, g, device, upload=True) for g in ("plane", "raster")}
     return {
         "name": name,
         "warp": wp.__version__,
         "twins": twins,
         "operations": by_class(count.distinct),
-        "fused": count.fused if fuses else 0.0,
+        "fused": count.fused if gpu else 0.0,
         "bytes": {"step": dict(count.step_bytes), "launch": dict(count.launch_bytes)},
         "chain_s": count.chain,
         "ceilings": limits,
         "steps_per_s": timed,
         "spans_s": spans(twins, device),
-        "bounds": bounds(limits, count, fuses=fuses),
+        "bounds": bounds(limits, count, gpu=gpu),
     }
 
 
@@ -370,7 +400,7 @@ def table(head: list[str], rows: list[list[str]]) -> str:
 
 def count_tables() -> str:
     """Operations by part and class, bytes by array."""
-    count = mean_cost({}, fuses=True)
+    count = mean_cost({}, gpu=True)
     parts = sorted({p for p, _ in count.distinct}, key=lambda p: -sum(by_class(count.distinct, p).values()))
     rows = []
     for name, part in [*((p, p) for p in parts), ("**all**", None)]:
@@ -440,7 +470,6 @@ def main() -> None:
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--name", help="of the computer in the tables; by default the device's")
     parser.add_argument("--twins", type=int, help="timed together; by default 1 on a CPU and 32,768 on a GPU")
-    parser.add_argument("--seconds", type=float, default=5.0, help="of timing the twin on each ground")
     parser.add_argument("--json", type=Path, help="file for the result")
     parser.add_argument("--write", action="store_true", help=f"write the tables of {REPORT.name} from {RESULTS.name}/")
     asked = parser.parse_args()
@@ -453,7 +482,7 @@ def main() -> None:
         return
     device = wp.get_device(asked.device)
     twins = asked.twins or (1 if device.is_cpu else 32_768)
-    result = measure(asked.device, asked.name or device.name, twins, asked.seconds)
+    result = measure(asked.device, asked.name or device.name, twins)
     text = json.dumps(result, indent=2, ensure_ascii=False)
     if asked.json:
         asked.json.parent.mkdir(parents=True, exist_ok=True)
