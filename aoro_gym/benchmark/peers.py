@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from aoro_gym.benchmark.scene import CELL, CHANGES, CONTROL_STEP, heights, signals, starts
 from aoro_gym.benchmark.timing import Subject
@@ -17,6 +18,8 @@ from aoro_gym.twin import Machine
 WORLDS = {"mujoco": (1, 16, 64), "mujoco_warp": (1024, 4096, 8192, 16384, 32768, 65536)}
 """Peers by name, and the batches among which each has its best."""
 STEPS = round(CONTROL_STEP / TIME_STEP)
+SETTLE = 1.5
+"""Time [s] in which vehicles drop onto the ground and come to rest before anything is timed: in the air they are cheap."""
 CHUNK = 25
 """Control steps that MuJoCo rolls out at once; it writes the state of every step."""
 CONTACTS, CONSTRAINTS = 24, 80
@@ -38,13 +41,20 @@ def mujoco(worlds: int, *, machine: Machine, ground: str = "raster", threads: in
     model = load(machine, surface, CELL)
     datas = [mj.MjData(model) for _ in range(threads)]
     kind = mj.mjtState.mjSTATE_FULLPHYSICS
-    start = np.empty((worlds, mj.mj_stateSize(model, kind)))
-    for row, pose in zip(start, poses(model, surface, CELL, *starts(worlds, seed)), strict=True):
+    state = np.empty((worlds, mj.mj_stateSize(model, kind)))
+    for row, pose in zip(state, poses(model, surface, CELL, *starts(worlds, seed)), strict=True):
         datas[0].qpos[:] = pose
         mj.mj_getState(model, datas[0], row, kind)
     schedule = controls(model, signals(worlds, seed))  # (CHANGES, worlds, nu)
     pool = package("mujoco.rollout").Rollout(nthread=threads if threads > 1 else 0)
-    state = start.copy()
+
+    def roll(control: NDArray[np.float64]) -> None:
+        """On from ``state`` under ``control`` (worlds, steps, nu)."""
+        states, _ = pool.rollout(model, datas, state, control)
+        state[:] = states[:, -1]
+
+    roll(np.zeros((worlds, round(SETTLE / TIME_STEP), model.nu)))
+    start = state.copy()
 
     def restart() -> None:
         state[:] = start
@@ -52,9 +62,7 @@ def mujoco(worlds: int, *, machine: Machine, ground: str = "raster", threads: in
     def advance(steps: int) -> None:
         for first in range(0, steps, CHUNK):
             indices = np.arange(first, min(first + CHUNK, steps)) % CHANGES
-            control = np.repeat(schedule[indices].swapaxes(0, 1), STEPS, axis=1)
-            states, _ = pool.rollout(model, datas, state, control)
-            state[:] = states[:, -1]
+            roll(np.repeat(schedule[indices].swapaxes(0, 1), STEPS, axis=1))
 
     return Subject(
         description=_described("mujoco", mj.__version__, "cpu", worlds, ground) | {"threads": threads},
@@ -79,7 +87,7 @@ def mujoco_warp(
         model = mjw.put_model(host)
         model.opt.warn_overflow = 0  # `check` says what was dropped, nothing is printed
         data = mjw.put_data(host, mj.MjData(host), nworld=worlds, nconmax=CONTACTS, njmax=CONSTRAINTS)
-        start = wp.array(pose, dtype=float)
+        wp.copy(data.qpos, wp.array(pose, dtype=float))
         schedule = [wp.array(c.astype(np.float32), dtype=float) for c in controls(host, signals(worlds, seed))]
         mjw.step(model, data)  # compiles
         graph = None
@@ -88,21 +96,29 @@ def mujoco_warp(
                 mjw.step(model, data)
             graph = capture.graph
 
+    def step(count: int) -> None:
+        for _ in range(count):
+            if graph is None:
+                mjw.step(model, data)
+            else:
+                wp.capture_launch(graph)
+
+    with wp.ScopedDevice(device):
+        step(round(SETTLE / TIME_STEP))
+        start = wp.clone(data.qpos), wp.clone(data.qvel)
+
     def restart() -> None:
         with wp.ScopedDevice(device):
             mjw.reset_data(model, data)
-            wp.copy(data.qpos, start)
+            wp.copy(data.qpos, start[0])
+            wp.copy(data.qvel, start[1])
             wp.synchronize_device(device)
 
     def advance(steps: int) -> None:
         with wp.ScopedDevice(device):
             for index in range(steps):
                 wp.copy(data.ctrl, schedule[index % CHANGES])
-                for _ in range(STEPS):
-                    if graph is None:
-                        mjw.step(model, data)
-                    else:
-                        wp.capture_launch(graph)
+                step(STEPS)
             wp.synchronize_device(device)
 
     def check() -> dict[str, Any]:
