@@ -100,7 +100,8 @@ def run(plan: Plan, machine: Machine, progress: Callable[[str, float], Any] | No
     subjects = []
     for index, (make, options) in enumerate([*cases, *others]):
         if progress is not None:
-            progress(f"preparing {make.__name__}", index / (len(cases) + len(others)))
+            copies = options.get("count", options.get("worlds"))
+            progress(f"preparing {copies} x {make.__name__}", index / (len(cases) + len(others)))
         subjects.append(make(**options, machine=machine, ground=plan.ground, seed=plan.seed))
     rows = measure(subjects, seconds=plan.seconds, progress=progress)
     timed, compared = rows[: len(cases)], rows[len(cases) :]

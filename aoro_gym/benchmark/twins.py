@@ -36,8 +36,9 @@ def twins(
 ) -> Subject:
     """``count`` twins that steer and drive at random over ``ground``, one of :data:`~aoro_gym.benchmark.scene.GROUNDS`.
 
-    What is timed is :meth:`Twin.step`, as every study calls it: commands come from NumPy and are uploaded within the timed
-    span.
+    What is timed is :meth:`Twin.step`, as every study calls it, and so the one kernel that
+    :func:`aoro_gym.twin.kernels.build` keeps for a kind of ground: on the plane the one that ``validate`` runs. Commands
+    come from NumPy and are uploaded within the timed span.
     """
     options: dict[str, Any] = {"device": device, "threads": threads}
     if ground == "plane":
@@ -89,7 +90,8 @@ def twins(
 def count_memory(twin: Twin) -> dict[str, int]:
     """Bytes of the arrays that ``twin`` holds: ``bytes_per_twin`` of its own, ``shared_bytes`` of ground and machine.
 
-    The tree over a mesh's triangles is Warp's and not counted; what the device has less afterwards includes it.
+    The tree over a mesh's triangles is Warp's and not counted. :func:`twins` adds ``device_bytes``, by which the free
+    memory of a GPU has shrunk: all of it, in the allocator's blocks.
     """
     ground = twin.ground
     fields = {name: getattr(ground, name) for name in type(ground)._cls.vars}
