@@ -68,7 +68,8 @@ class Arrays:
         dtype = self.xp.float64 if dtype is None else dtype
         if self.on_host:
             return np.asarray(values, dtype=dtype)
-        tensor = self.xp.asarray(values, copy=True) if namespace(values) is np else values
+        # by NumPy, as torch makes Python's floats float32
+        tensor = self.xp.asarray(np.asarray(values), copy=True) if namespace(values) is np else values
         # what is not pinned is read before the call returns, so that the host may go on at once
         return tensor.to(self.device, dtype, non_blocking=True)
 

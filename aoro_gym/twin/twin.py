@@ -258,25 +258,34 @@ class Twin:
         Returns:
             The sampled outputs, if asked for; the last sample is also what :meth:`output` gives.
         """
+        if commands:
+            self.set_commands(commands)
+        start = None if sample_every is None else self.time.max()
+        self.advance(duration, sample_every=sample_every)
+        if start is None or sample_every is None:
+            return None
+        values = self._outputs.numpy().copy()
+        return Trace(time=start + sample_every * np.arange(1, len(values) + 1), values=values)
+
+    def advance(self, duration: float = 0.02, *, sample_every: float | None = None) -> None:
+        """Advance all twins under the commands that :attr:`commands` holds, unchecked, and copy nothing to the host.
+
+        Args:
+            duration: A whole number of main steps [s].
+            sample_every: Sampling interval of :attr:`outputs` [s], a whole number of main steps; only the end if None.
+        """
         steps = self._whole(duration, "duration")
         every = steps if sample_every is None else self._whole(sample_every, "sample_every")
         if steps % every:
             raise ValueError(
                 f"duration is {duration} s, but must be a whole multiple of sample_every = {sample_every} s"
             )
-        if commands:
-            self.set_commands(commands)
         frames = steps // every
         if self._outputs.shape[0] != frames:
             self._outputs = wp.zeros((frames, len(Output), self.num_twins), dtype=float, device=self.device)
-        start = self.time
-        self._advance(frames, every)
-        if sample_every is None:
-            return None
-        time = start.max() + self.main_step * every * np.arange(1, frames + 1)
-        return Trace(time=time, values=self._outputs.numpy().copy())
+        self._launch(frames, every)
 
-    def _advance(self, frames: int, every: int) -> None:
+    def _launch(self, frames: int, every: int) -> None:
         """Launch ``frames`` times ``every`` main steps; on the CPU, whose backend is single-threaded, one slice of twins a
         thread."""
         threads = 1
@@ -382,7 +391,12 @@ class Twin:
     @property
     def status(self) -> npt.NDArray[Any]:
         """Status of every twin, shape (num_twins,): 0 runs, else frozen (see ``STATUS``)."""
-        return self._status.numpy()
+        return self.status_codes.numpy()
+
+    @property
+    def status_codes(self) -> wp.array:
+        """The same on the device, int32."""
+        return self._status
 
     @property
     def lost(self) -> list[tuple[int, str]]:
