@@ -8,6 +8,7 @@ from aoro_gym import Machine, Twin
 from aoro_gym.benchmark.scene import CELL, CHANGES, CONTROL_STEP, NODES, heights, signals, starts, terrain
 from aoro_gym.benchmark.twins import SPREAD, count_memory, randomised, twins
 from aoro_gym.terrains import Terrain
+from aoro_gym.twin.records import MachineRecord
 from aoro_gym.validation.turns import Turn, run_turns
 
 
@@ -88,13 +89,17 @@ SIDE = 30
 def test_memory_of_a_twin(machine, ground):
     """Every byte that grows with the twins is a twin's own, and none of the others is."""
 
-    def held(count):
+    def held(count, own=True):
         surface = None if ground == "plane" else Terrain.from_heights(np.zeros((SIDE, SIDE)), cell=CELL)
-        return count_memory(Twin(count, machine=machine, terrain=surface, own_machines=True))
+        return count_memory(Twin(count, machine=machine, terrain=surface, own_machines=own))
 
     few, many = held(40), held(SIDE**2)  # as many twins as the raster has nodes
     assert few == many
     assert few["bytes_per_twin"] < 8192
+    record = MachineRecord.numpy_dtype()["itemsize"]
+    alike = held(40, own=False)  # all twins share one record
+    assert alike["bytes_per_twin"] == few["bytes_per_twin"] - record
+    assert alike["shared_bytes"] == few["shared_bytes"] + record
 
 
 def test_memory_on_the_device_agrees(machine):

@@ -61,6 +61,9 @@ def test_stands_as_the_twin_stands(machine):
     for name, angle in (("fl", rest.arm_angle_front), ("rr", rest.arm_angle_rear)):
         assert data.joint(f"arm_{name}").qpos[0] == pytest.approx(angle, abs=SINK / machine.arm.length)
     assert np.abs(data.qvel).max() < 1e-3
+    assert [contact.friction[0] for contact in data.contact] == pytest.approx(
+        [machine.tire.friction_coulomb] * data.ncon
+    )
     normal = [data.efc_force[4 * i : 4 * i + 4].sum() for i in range(data.ncon)]
     assert sum(normal) == pytest.approx(machine.mass * 9.81, rel=1e-3)
     twin = Twin(machine=machine)
