@@ -131,8 +131,8 @@ class Twin:
         self.state = wp.zeros((len(State), n), dtype=float, device=self.device)
         """State rows (see :class:`State`) × twins, float32, on the device."""
         self.commands = wp.zeros((len(Command), n), dtype=float, device=self.device)
-        self._host_commands = self.commands.numpy() if self.device.is_cpu else None  # the same memory
         """Command rows (see :class:`Command`) × twins, float32, on the device."""
+        self._host_commands = self.commands.numpy() if self.device.is_cpu else None  # the same memory
         kept = int(np.ceil(LONGEST_COMMAND_DELAY / self.main_step)) + 2
         self._history = wp.zeros((kept, n), dtype=float, device=self.device)
         self._clock = wp.zeros(n, dtype=int, device=self.device)
