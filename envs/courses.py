@@ -60,7 +60,7 @@ class HeightMap:
                 normal = ground.normal
                 self._slope = arrays.asarray(-normal[:2] / normal[2])
                 continue
-            raster = surface(ground)
+            raster = surface(ground, str(arrays.device))
             low, high = ground.extent
             rows, columns = raster.nodes.shape[:2]
             extents.append([*raster.corner, *low[:2], *high[:2], columns - 1.001, rows - 1.001])
@@ -100,11 +100,11 @@ class HeightMap:
 
 
 @cache
-def surface(terrain: Terrain) -> Raster:
-    """The terrain's raster on the host, made once."""
+def surface(terrain: Terrain, device: str) -> Raster:
+    """The terrain's raster, on the host, made once on each ``device`` that needs it."""
     mesh = wp.Mesh(
-        points=wp.array(terrain.vertices, dtype=wp.vec3, device="cpu"),
-        indices=wp.array(terrain.faces.ravel(), dtype=int, device="cpu"),
+        points=wp.array(terrain.vertices, dtype=wp.vec3, device=device),
+        indices=wp.array(terrain.faces.ravel(), dtype=int, device=device),
     )
     return rasterise(terrain, mesh)
 
