@@ -296,6 +296,13 @@ def _check_components(machine: Machine) -> None:
     ):
         keys = [f"steering.valve.opening_{side}_1V0", f"steering.valve.opening_{side}_1V5"]
         _require(machine, np.less_equal(first, second), keys, f"the opening curve rises; raise {keys[1]}")
+        keys = [f"steering.valve.dead_band_{side}", "steering.valve.overlap"]
+        _require(
+            machine,
+            np.greater_equal(machine.value(keys[0]) + np.asarray(valve.overlap), 0.0),
+            keys,
+            f"the spool would be open in its middle; raise {keys[1]}",
+        )
     for prefix, cylinder in (("arm", arm.cylinder), ("steering", machine.steering.cylinder)):
         keys = [f"{prefix}.cylinder.rod", f"{prefix}.cylinder.bore"]
         _require(machine, np.less(cylinder.rod, cylinder.bore), keys, f"the rod fits into the bore; lower {keys[0]}")
