@@ -30,7 +30,14 @@ A new effect is one more entry. Where parameters of the machine file can bring i
 Where it needs a law of its own, write a ``wp.func`` in ``twin/laws`` with a parameter that switches it off, give the
 parameter a place in ``sections.py`` and the machine files (role ``effect``), and let the effect move it.
 
-Source tags are those of the machine file.
+Source tags are those of the machine file, and:
+
+- S13 Project Chrono, 335/65 R22.5 tire; S15 Simscape excavator model, parameter scripts
+- S19 Sharp & Granger, On car steering torques at parking speeds; S20 Mateichyk et al., Appl. Sci. 14, 2024, 10925;
+  S21 doi:10.1177/1687814016668765: steering torque of a standing wheel
+- S24 Yuan et al., Chin. J. Mech. Eng. 2022: bulk modulus of oil with air; S26 Johnston, Drew & Longmore, J. Vib. Acoust.
+  132, 2010, 021011: dynamic modulus of hoses
+- S34 Novotechnik, RFC-4800 rotary sensors, data sheets
 """
 
 from __future__ import annotations
@@ -155,8 +162,11 @@ class Effect:
         affected = self.apply(machine, *values)
         return tuple(as_quantity(one.measure(affected, *values)) for one in self.operational)
 
-    def describe(self) -> dict[str, Any]:
-        """The entry as plain values, for JSON."""
+    def describe(self, machine: Machine) -> dict[str, Any]:
+        """The entry as plain values, for JSON, with the operational magnitudes of one ``machine`` without the effect and at
+        the ends of the magnitudes' ranges."""
+        low, high = (tuple(getattr(one, end) for one in self.magnitudes) for end in ("low", "high"))
+        without, least, most = (self.measured(machine, *magnitude) for magnitude in (self.none, low, high))
         return {
             "id": self.id,
             "component": self.component,
@@ -169,7 +179,13 @@ class Effect:
                 }
                 for one in self.magnitudes
             ],
-            "operational": [{"quantity": one.quantity, "unit": one.unit} for one in self.operational],
+            "operational": [
+                {
+                    "quantity": one.quantity, "unit": one.unit, "none": float(without[i]), "low": float(least[i]),
+                    "high": float(most[i]),
+                }
+                for i, one in enumerate(self.operational)
+            ],
             "hidden": self.hidden,
         }  # fmt: skip
 
@@ -789,3 +805,11 @@ EFFECTS: Mapping[str, Effect] = {
     )
 }
 """Every effect by its id."""
+
+
+def matching(pattern: str | None = None) -> list[Effect]:
+    """Effects whose id or component holds ``pattern``, all if None; raises ValueError if there is none."""
+    found = [one for one in EFFECTS.values() if pattern is None or pattern in one.id or pattern in one.component]
+    if not found:
+        raise ValueError(f"no effect matches {pattern!r}; choose from: {', '.join(EFFECTS)}")
+    return found

@@ -164,11 +164,13 @@ def drive(shipped: Machine, cases: list[Case]) -> Mapping[str, np.ndarray]:
 # ---- the whole ----
 
 
-def test_every_id_is_there_and_no_other():
+def test_every_id_is_there_and_no_other(shipped: Machine):
     assert list(EFFECTS) == IDS
     assert all(effect.id == key for key, effect in EFFECTS.items())
     assert {effect.component for effect in EFFECTS.values()} == set(COMPONENTS)
-    assert json.loads(json.dumps([effect.describe() for effect in EFFECTS.values()]))[0]["id"] == IDS[0]
+    rows = json.loads(json.dumps([effect.describe(shipped) for effect in EFFECTS.values()]))
+    assert [row["id"] for row in rows] == IDS
+    assert next(row for row in rows if row["id"] == "payload")["operational"][0]["high"] == shipped.mass + 1500.0
 
 
 def test_roles_say_what_effects_move(shipped: Machine):
