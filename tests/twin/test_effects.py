@@ -441,3 +441,67 @@ def test_wrong_entries_are_named(options: Any, message: str):
         Effect(component="wings", magnitudes=(Magnitude("size", "1", 0.0, 1.0, "E"),), **entry)
     with pytest.raises(ValueError, match="has 0 magnitudes, but must have one or two"):
         Effect(component="valve", magnitudes=(), **entry)
+
+
+# ---- on the twin ----
+
+
+def test_the_cut_off_and_the_back_pressure_are_what_is_measured(shipped: Machine):
+    """Held against the stop the pump's pressure comes to rest at the cut-off; in the turn the return line is as high as its
+    flow asks for."""
+    limits, lines = EFFECTS["pump_limit"], EFFECTS["back_pressure"]
+    machine = lines.apply(limits.apply(shipped, np.array([1.0, 0.6])), np.array([8e5, 0.0]))
+    twin = Twin(2, machine=machine)
+    twin.reset(joint_angle=-float(shipped.joint.range))
+    turning = twin.step({"steering_signal": 1.0}, 1.4, sample_every=0.01)
+    held = twin.step({}, 3.0, sample_every=0.5)
+    assert turning is not None
+    assert held is not None
+    cutoff = limits.measured(shipped, np.array([1.0, 0.6]))[0]
+    # ε̇ vanishes with the error; the last tenth of a bar takes the swash's integrator some seconds
+    np.testing.assert_allclose(held["pump_pressure"][-1], cutoff, rtol=5e-3)
+    line = machine.steering.tank_line
+    flow = turning["flow_out"][90:130]
+    expected = line.back_pressure + line.back_pressure_ramp * flow / line.back_flow
+    # all of it comes through the outer edge but for leaks and a quasi-steady line: below 1 L/min, 2 % of the ramp of 1 bar
+    np.testing.assert_allclose(turning["return_pressure"][90:130], expected, atol=0.05e5)
+
+
+def test_compliance_lowers_the_joints_frequency(shipped: Machine):
+    """Shut-in oil of stiffness K = Σ D²/C, and a mount in series: ω² falls by 1 + c K, as the inertia is the same.
+
+    No friction, no leaks, no grip; small enough that no valve opens.
+    """
+    losses = (
+        "joint.friction_torque", "steering.cylinder.seal_preload", "steering.cylinder.seal_pressure_coefficient",
+        "steering.cylinder.seal_viscous", "steering.cylinder.leakage", "steering.valve.leakage", "tire.rolling_resistance",
+        "tire.sigma1_longitudinal", "tire.sigma1_lateral", "tire.sigma2_longitudinal", "tire.sigma2_lateral",
+    )  # fmt: skip
+    grip = dict.fromkeys(("tire.sigma0_longitudinal", "tire.sigma0_lateral"), 1e-3)
+    free = shipped.set({**dict.fromkeys(losses, 0.0), **grip})
+    compliance = np.array([0.0, 1e-7, 3e-7, 5e-7])
+    twin = Twin(4, machine=EFFECTS["frame_compliance"].apply(free, compliance))
+    state = twin.state.numpy()
+    state[State.JOINT_RATE] = state[State.MOUNT_RATE] = 0.01
+    twin.state.assign(state)
+    trace = twin.step({}, 0.6, sample_every=1e-3)
+    assert trace is not None
+    assert trace["pressure_a"].min() > 0.0
+    rate = trace["joint_rate"].astype(float)
+    omega = []
+    for column in rate.T:
+        crossing = np.flatnonzero(np.diff(np.sign(column)))
+        times = trace.time[crossing] + 1e-3 * column[crossing] / (column[crossing] - column[crossing + 1])
+        omega.append(np.pi / np.mean(np.diff(times)))
+    steering, cylinder = free.steering, free.steering.cylinder
+    lever = cylinder.linkage.lever(0.0)
+    swept = (cylinder.bore_area + cylinder.annulus_area) * lever
+    half_stroke = [cylinder.linkage.extension(0.0), cylinder.stroke - cylinder.linkage.extension(0.0)]
+    volume = steering.hose_volume + 2.0 * cylinder.dead_volume
+    volume += cylinder.bore_area * half_stroke[0] + cylinder.annulus_area * half_stroke[1]
+    modulus = free.oil.effective_modulus(free.steering.tank_line.back_pressure)
+    stiffness = 2.0 * swept**2 / (volume / modulus + steering.hose_compliance)
+    expected = np.sqrt(1.0 / (1.0 + compliance * stiffness))
+    # the modulus changes by 1e-3 over the swing of 1 bar, the mount's losses shift ω by ζ²/2 < 1e-3, seven half periods are
+    # timed to some µs
+    np.testing.assert_allclose(np.array(omega) / omega[0], expected, rtol=3e-3)
