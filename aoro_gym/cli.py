@@ -39,9 +39,6 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-MOST_TWINS = 1_000_000
-"""Most twins that bench takes at once; more need more memory than one device has."""
-
 MACHINE, DATASHEET = "aoro", "aoro_datasheet"
 """Bundled machines: the calibrated one, and the one before any calibration."""
 NONE = "none"
@@ -646,9 +643,34 @@ def evaluate(
 @app.command()
 def bench(
     twins: Annotated[
-        str, typer.Option("--twins", metavar="N[,N...]", help="Numbers of twins stepped together.")
+        str, typer.Option("--twins", metavar="N[,N...]", help="Numbers of twins, or of environments, stepped together.")
     ] = "1,64,4096",
-    seconds: Annotated[float, typer.Option("--seconds", metavar="S", help="Time to measure for, each number.")] = 5.0,
+    what: Annotated[
+        str, typer.Option("--what", metavar="twin|env[,...]", help="Twins, path-tracking environments, or both.")
+    ] = "twin",
+    ground: Annotated[
+        str, typer.Option("--ground", metavar="plane|raster|mesh", help="Level asphalt, or a generated forest.")
+    ] = "plane",
+    randomise: Annotated[
+        bool, typer.Option("--randomise", help="Give every twin parameters of its own, 5 % to either side.")
+    ] = False,
+    output: Annotated[
+        str, typer.Option("--output", metavar="numpy|torch", help="What environments take and give.")
+    ] = "numpy",
+    threads: Annotated[
+        str | None, typer.Option("--threads", metavar="N[,N...]", help="CPU threads. Default: one, and all cores.")
+    ] = None,
+    peer: Annotated[
+        list[str] | None,
+        typer.Option("--peer", metavar="mujoco|mujoco_warp", help="Time the vehicle in this engine, too. Repeatable."),
+    ] = None,
+    worlds: Annotated[
+        str | None, typer.Option("--worlds", metavar="N[,N...]", help="Batches of the peers. Default: several.")
+    ] = None,
+    startup: Annotated[
+        bool, typer.Option("--startup", help="Time fresh processes, too, with compiled kernels and without.")
+    ] = False,
+    seconds: Annotated[float, typer.Option("--seconds", metavar="S", help="Time to measure for, each case.")] = 5.0,
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the results here.")] = None,
     machine: MachineOption = MACHINE,
     set_: SetOption = None,
@@ -656,60 +678,55 @@ def bench(
     device: DeviceOption = "cpu",
     seed: SeedOption = 0,
 ) -> None:
-    """Measure how fast the twin steps.
+    """Measure how fast twins and environments step, beside other engines.
 
-    Twins steer and drive at random, with new commands every 20 ms. Five runs a number, compilation excluded:
-    the table shows the median, the slowest and the fastest.
+    Twins steer and drive at random, with new commands every 20 ms; environments take random actions. Five runs a case, in
+    rounds over all cases, compilation excluded: the table shows the median, the slowest and the fastest.
+
+    A peer is the same vehicle without hydraulics (two frames, four sprung arms, four driven spheres as wheels, the forest
+    as a height field of 256 x 256, steps of 1 ms) in MuJoCo on the CPU or in MuJoCo Warp on a GPU; each counts at its
+    best batch. Peers need pip install 'aoro-gym[bench]'.
 
     [bold]Examples[/]
 
       aoro-gym bench
-      aoro-gym bench --twins 1,1024 --device cuda:0 --json bench.json
+      aoro-gym bench --ground raster --randomise --twins 1,64 --peer mujoco --startup
+      aoro-gym bench --what twin,env --ground raster --device cuda:0 --twins 4096,65536 --peer mujoco_warp --json b.json
     """
     with _checking_input():
         from aoro_gym.log import check_writable
 
-        counts = _counts(twins)
-        if not (math.isfinite(seconds) and 0.0 < seconds <= 600.0):
-            raise ValueError(f"--seconds = {seconds:g} is outside (0, 600] s")
+        counts = _counts("--twins", twins)
         if json_file is not None:
             check_writable(json_file)
         chosen = _machine(machine, set_, scale)
         _check_seed(seed)
         _check_device(device)
-    from aoro_gym.benchmark import computer, time_twin
+        from aoro_gym.benchmark.run import Plan, run
 
-    cases = []
-    with _progress() as progress:
-        task = progress.add_task("stepping", total=len(counts))
-        for done, count in enumerate(counts):
-            progress.update(task, description=f"{count} twin{'s' * (count > 1)}")
-            with _running():
-                case = time_twin(
-                    count,
-                    machine=chosen,
-                    device=device,
-                    seconds=seconds,
-                    seed=seed,
-                    progress=lambda share, done=done: progress.update(task, completed=done + share),
-                )
-            cases.append(case)
-    on = computer(device)
-    table = Table(
-        title=f"Main steps of {cases[0]['main_step_s'] * 1e3:g} ms, {cases[0]['substeps']} substeps, on {on['device']}",
-        title_justify="left",
-        header_style="bold",
-    )
-    for column in ("twins", "steps/s (median)", "slowest", "fastest", "x real time, each", "x real time, all"):
-        table.add_column(column, justify="right")
-    for case in cases:
-        factor = case["real_time_factor"]
-        cells = (case["steps_per_s"], case["min"], case["max"])
-        everything = factor * case["twins"]
-        table.add_row(f"{case['twins']}", *(f"{cell:,.0f}" for cell in cells), f"{factor:.3g}", f"{everything:,.1f}")
-    _out().print(table)
+        plan = Plan(
+            twins=counts,
+            what=tuple(part.strip() for part in what.split(",")),
+            ground=ground,
+            randomise=randomise,
+            output=output,
+            device=device,
+            threads=_counts("--threads", threads) if threads else (),
+            peers=tuple(peer or ()),
+            worlds=_counts("--worlds", worlds) if worlds else (),
+            startup=startup,
+            seconds=seconds,
+            seed=seed,
+        )
+    from aoro_gym.benchmark.report import tables
+
+    with _progress() as progress, _running():
+        task = progress.add_task("bench", total=1.0)
+        result = run(plan, chosen, lambda what, share: progress.update(task, description=what, completed=share))
+    for table in tables(result):
+        _out().print(table)
     if json_file is not None:
-        _write_json(json_file, {"machine": on, "cases": cases, "peers": [], "ratios": {}})
+        _write_json(json_file, result)
         _say([json_file])
 
 
@@ -897,13 +914,12 @@ def _ensemble(named: list[str] | None, *, bundled: bool) -> list[Machine]:
     return [_machine(str(file), None, None) for file in files]
 
 
-def _counts(text: str) -> list[int]:
-    counts = []
-    for part in text.split(","):
-        if not part.strip().isdecimal() or not 1 <= int(part) <= MOST_TWINS:
-            raise ValueError(f"--twins {text!r}: {part.strip()!r} is no whole number from 1 to {MOST_TWINS}")
-        counts.append(int(part))
-    return counts
+def _counts(option: str, text: str) -> tuple[int, ...]:
+    parts = [part.strip() for part in text.split(",")]
+    for part in parts:
+        if not part.isdecimal() or int(part) < 1:
+            raise ValueError(f"{option} {text!r}: {part!r} is no whole number from 1")
+    return tuple(int(part) for part in parts)
 
 
 # --- running and writing ---

@@ -10,9 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from aoro_gym.arrays import HOST, Array, Arrays, Index, namespace
 
 GEAR_DISPLACEMENT = (1.0, 0.75, 0.5)
 """Displacement of all motors in gears 1, 2 and 3, as a share of the full one: half on one axle, then on both."""
@@ -55,20 +54,23 @@ class AutomaticGear:
     Args:
         num_envs: N.
         shift: When to shift.
+        arrays: Where they live.
     """
 
-    def __init__(self, num_envs: int, shift: GearShift | None = None):
+    def __init__(self, num_envs: int, shift: GearShift | None = None, arrays: Arrays = HOST):
         self._shift = GearShift() if shift is None else shift
-        self.gear = np.ones(num_envs)
+        self._arrays = arrays
+        self._share = arrays.asarray(GEAR_DISPLACEMENT)
+        self.gear = arrays.ones(num_envs)
         """1, 2 or 3 (N,)."""
-        self._held = np.zeros(num_envs)  # [s]
+        self._held = arrays.zeros(num_envs)  # [s]
 
-    def reset(self, where: NDArray[np.intp]) -> None:
+    def reset(self, where: Index) -> None:
         """First gear for the sub-environments ``where``."""
         self.gear[where] = 1.0
         self._held[where] = 0.0
 
-    def update(self, drive_signal: Floats, speed: Floats, pressure: Floats, top_speed: Floats, step: float) -> Floats:
+    def update(self, drive_signal: Array, speed: Array, pressure: Array, top_speed: Array, step: float) -> Array:
         """Gears (N,) for the next ``step`` [s].
 
         Args:
@@ -78,22 +80,23 @@ class AutomaticGear:
             top_speed: Of first gear [m/s] (N,): that of the pump's full flow through the full displacement.
             step: Time [s] since the last call.
         """
-        shift, share = self._shift, np.array(GEAR_DISPLACEMENT)
+        xp, shift, share = self._arrays.xp, self._shift, self._share
         self._held = self._held + step
-        index = self.gear.astype(np.intp) - 1
-        above, below = np.minimum(index + 1, 2), np.maximum(index - 1, 0)
-        speed, pressure = np.abs(speed), np.abs(pressure)
+        index = xp.astype(self.gear, xp.int64) - 1
+        above, below = xp.clip(index + 1, None, 2), xp.clip(index - 1, 0, None)
+        speed, pressure = xp.abs(speed), xp.abs(pressure)
         up = (
             (index < 2)
             & (speed > shift.up_speed * top_speed / share[index])
-            & (np.abs(drive_signal) >= shift.up_signal)
+            & (xp.abs(drive_signal) >= shift.up_signal)
             & (pressure * share[index] / share[above] < shift.up_pressure)
         )
         slow = speed < shift.down_speed * top_speed / share[below]
         down = (index > 0) & (slow | (pressure > shift.down_pressure))
-        change = np.where(down, -1.0, np.where(up, 1.0, 0.0)) * (self._held >= shift.hold)
-        self.gear = self.gear + change
-        self._held = np.where(change != 0.0, 0.0, self._held)
+        due = self._held >= shift.hold
+        down, up = due & down, due & up & ~down
+        self.gear = xp.where(down, self.gear - 1.0, xp.where(up, self.gear + 1.0, self.gear))
+        self._held = xp.where(down | up, 0.0, self._held)
         return self.gear
 
 
@@ -118,12 +121,14 @@ class TractionControl:
         if not 0.0 <= self.least <= 1.0:
             raise ValueError(f"least is {self.least}, but must be in [0, 1]")
 
-    def openings(self, openings: Floats, wheel_rates: Floats, step: float) -> Floats:
+    def openings(self, openings: Array, wheel_rates: Array, step: float) -> Array:
         """Openings (N, 4) [-] for the next ``step`` [s], after ``openings``, from measured wheel speeds (N, 4) [rad/s]."""
-        turning = np.abs(wheel_rates)
+        xp = namespace(wheel_rates)
+        turning = xp.abs(wheel_rates)
         others = (turning[:, 0] + turning[:, 1] + turning[:, 2] + turning[:, 3])[:, None] - turning
         spins = turning > self.excess * others / 3.0 + self.slack
-        return np.clip(openings + step * np.where(spins, -self.close, self.open), self.least, 1.0)
+        moved = xp.where(spins, openings - step * self.close, openings + step * self.open)
+        return xp.clip(moved, self.least, 1.0)
 
 
 @dataclass(frozen=True)
@@ -173,15 +178,15 @@ TWIST = np.array([1.0, -1.0, -1.0, 1.0])[:, None]
 class Stance:
     """Measures of N machines, each (N,) [m] unless said otherwise."""
 
-    front: Floats
+    front: Array
     """Hinge to front axle."""
-    rear: Floats
+    rear: Array
     """Hinge to rear axle."""
-    half_track: Floats
-    arm_length: Floats
-    rest: Floats
+    half_track: Array
+    arm_length: Array
+    rest: Array
     """Arm angles [rad] (4, N) that the mean returns to."""
-    dead_band: Floats
+    dead_band: Array
     """Of the arm valves [-]."""
 
 
@@ -191,26 +196,29 @@ class ArmController:
     Args:
         num_envs: N.
         control: How they move.
+        arrays: Where they live.
     """
 
-    def __init__(self, num_envs: int, control: ArmControl | None = None):
+    def __init__(self, num_envs: int, control: ArmControl | None = None, arrays: Arrays = HOST):
         self._control = ArmControl.sharing() if control is None else control
-        self._twist = np.zeros(num_envs)  # [Pa] smoothed
+        self._arrays = arrays
+        self._signs = arrays.asarray(TWIST)
+        self._twist = arrays.zeros(num_envs)  # [Pa] smoothed
 
-    def reset(self, where: NDArray[np.intp]) -> None:
+    def reset(self, where: Index) -> None:
         """Forget the past of the sub-environments ``where``."""
         self._twist[where] = 0.0
 
     def update(
         self,
-        pressures: Floats,
-        arm_angles: Floats,
-        roll: Floats,
-        pitch: Floats,
-        joint_angle: Floats,
+        pressures: Array,
+        arm_angles: Array,
+        roll: Array,
+        pitch: Array,
+        joint_angle: Array,
         stance: Stance,
         step: float,
-    ) -> Floats:
+    ) -> Array:
         """Arm signals (4, N) for the next ``step`` [s]; positive extends the cylinder and raises the frame.
 
         A corner at (x, y) of the front frame's axes stands y sin(roll) − x sin(pitch) above the hinge on level frames:
@@ -226,23 +234,24 @@ class ArmController:
             stance: The machine's measures.
             step: Time [s] since the last call.
         """
-        control, m = self._control, stance
+        xp, control, m = self._arrays.xp, self._control, stance
         twist = 0.25 * (pressures[0] - pressures[1] - pressures[2] + pressures[3])
         self._twist = self._twist + step / (step + control.share_time) * (twist - self._twist)
-        demand = -TWIST * control.share_gain * beyond(self._twist, control.share_band)
+        demand = -self._signs * control.share_gain * beyond(self._twist, control.share_band)
         sunk = m.arm_length * (arm_angles - m.rest)  # an arm that points higher than at rest carries its frame too low
         demand = demand + control.height_gain * 0.25 * (sunk[0] + sunk[1] + sunk[2] + sunk[3])
         if control.level_gain > 0.0:
-            s, c = np.sin(joint_angle), np.cos(joint_angle)
+            s, c = xp.sin(joint_angle), xp.cos(joint_angle)
             # the rear frame is turned by −θ against the front one
-            x = np.stack([m.front, m.front, m.half_track * s - m.rear * c, -m.half_track * s - m.rear * c])
-            y = np.stack([m.half_track, -m.half_track, m.rear * s + m.half_track * c, m.rear * s - m.half_track * c])
-            demand = demand + control.level_gain * beyond(x * np.sin(pitch) - y * np.sin(roll), control.level_band)
-        demand = np.clip(demand, -1.0, 1.0)
-        signal = np.sign(demand) * (m.dead_band + (1.0 - m.dead_band) * np.abs(demand))
-        return np.clip(np.where(np.abs(demand) > 0.02, signal, 0.0), -control.largest, control.largest)
+            x = xp.stack([m.front, m.front, m.half_track * s - m.rear * c, -m.half_track * s - m.rear * c])
+            y = xp.stack([m.half_track, -m.half_track, m.rear * s + m.half_track * c, m.rear * s - m.half_track * c])
+            demand = demand + control.level_gain * beyond(x * xp.sin(pitch) - y * xp.sin(roll), control.level_band)
+        demand = xp.clip(demand, -1.0, 1.0)
+        size = xp.abs(demand)
+        signal = xp.copysign(m.dead_band + (1.0 - m.dead_band) * size, demand)
+        return xp.clip(xp.where(size > 0.02, signal, 0.0), -control.largest, control.largest)
 
 
-def beyond(value: Floats, band: float) -> Floats:
+def beyond(value: Array, band: float) -> Array:
     """What of ``value`` lies outside of ±``band``."""
-    return np.sign(value) * np.maximum(np.abs(value) - band, 0.0)
+    return value - namespace(value).clip(value, -band, band)

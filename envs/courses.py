@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from aoro_gym.arrays import HOST, Array, Arrays
 from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.terrains.forest import forest
 from aoro_gym.terrains.planning import drivable_ground
@@ -45,55 +46,57 @@ class HeightMap:
     """Heights of several grounds, as the wheels feel them: rasters of the terrains, or one plane.
 
     Args:
-        grounds: Terrains, or planes without arrays.
+        grounds: Terrains, or one plane without arrays.
+        arrays: Where the heights live, and what is asked for.
     """
 
-    def __init__(self, grounds: Sequence[Terrain | Plane]):
-        self._grounds = list(grounds)
-        self._planes = [isinstance(ground, Plane) for ground in self._grounds]
-        count, first, nodes = len(self._grounds), 0, []
-        self._corner, self._shape = np.zeros((count, 2)), np.zeros((count, 2), dtype=np.intp)
-        self._first = np.zeros(count, dtype=np.intp)
-        self.low, self.high = np.full((count, 2), -np.inf), np.full((count, 2), np.inf)
-        """Extent of each ground in the plan [m] (G, 2); infinite for planes."""
-        for i, ground in enumerate(self._grounds):
+    def __init__(self, grounds: Sequence[Terrain | Plane], arrays: Arrays = HOST):
+        self._arrays = arrays
+        self._slope = arrays.zeros(2)  # of a plane
+        # of each terrain: corner, lowest and highest place [m], last place between nodes [cells]; columns, first node
+        extents, shapes, nodes = [], [], [np.zeros((0, 2), dtype=np.float32)]
+        for ground in grounds:
             if isinstance(ground, Plane):
+                normal = ground.normal
+                self._slope = arrays.asarray(-normal[:2] / normal[2])
                 continue
             raster = surface(ground)
             low, high = ground.extent
-            self.low[i], self.high[i] = low[:2], high[:2]
-            self._corner[i], self._shape[i], self._first[i] = raster.corner, raster.nodes.shape[:2], first
+            rows, columns = raster.nodes.shape[:2]
+            extents.append([*raster.corner, *low[:2], *high[:2], columns - 1.001, rows - 1.001])
+            shapes.append([columns, sum(map(len, nodes))])
             nodes.append(raster.nodes[..., [0, 3]].reshape(-1, 2))
-            first += len(nodes[-1])
-        self._nodes = np.concatenate(nodes).astype(np.float64) if nodes else np.zeros((0, 2))
+        self._level = not shapes
+        self._extents, self._shapes = arrays.asarray(extents), arrays.asarray(shapes, arrays.xp.int64)
+        self._heights, self._known = (arrays.asarray(column) for column in np.concatenate(nodes).T)
 
-    def height(self, ground: NDArray[np.intp], xy: NDArray[np.float64]) -> NDArray[np.float64]:
+    def height(self, ground: Array, xy: Array) -> Array:
         """Height [m] (...) at ``xy`` (..., 2) of the grounds whose numbers ``ground`` broadcasts against it."""
-        return self._read(ground, xy)[..., 0]
+        if self._level:
+            return self._slope[0] * xy[..., 0] + self._slope[1] * xy[..., 1]
+        return self._between(self._heights, ground, xy)
 
-    def known(self, ground: NDArray[np.intp], xy: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def known(self, ground: Array, xy: Array) -> Array:
         """Whether there is ground at ``xy`` (..., 2): within the extent, and not over a hole."""
-        inside = np.all((xy >= self.low[ground]) & (xy <= self.high[ground]), axis=-1)
-        return inside & (self._read(ground, xy)[..., 1] >= 0.5)
+        if self._level:
+            return self._arrays.xp.isfinite(xy[..., 0])
+        extent = self._extents[ground]
+        low, high = extent[..., 2:4], extent[..., 4:6]
+        inside = self._arrays.xp.all((xy >= low) & (xy <= high), axis=-1)
+        return inside & (self._between(self._known, ground, xy) >= 0.5)
 
-    def _read(self, ground: NDArray[np.intp], xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Height [m] and share known (..., 2), bilinear between the nodes."""
-        if any(self._planes):
-            # planes do not mix with terrains, nor with one another
-            plane = self._grounds[0]
-            assert isinstance(plane, Plane)
-            z = np.asarray(plane.height(xy[..., 0], xy[..., 1]), dtype=np.float64)
-            return np.stack([z, np.ones_like(z)], axis=-1)
-        shape = self._shape[ground]
-        place = (xy - self._corner[ground]) / CELL
-        column = np.clip(place[..., 0], 0.0, shape[..., 1] - 1.001)
-        row = np.clip(place[..., 1], 0.0, shape[..., 0] - 1.001)
-        i, j = row.astype(np.intp), column.astype(np.intp)
-        v, u = (row - i)[..., None], (column - j)[..., None]
-        node = self._first[ground] + i * shape[..., 1] + j
-        south = (1.0 - u) * self._nodes[node] + u * self._nodes[node + 1]
-        node = node + shape[..., 1]
-        return (1.0 - v) * south + v * ((1.0 - u) * self._nodes[node] + u * self._nodes[node + 1])
+    def _between(self, nodes: Array, ground: Array, xy: Array) -> Array:
+        """Values of the nodes of all rasters, bilinear between the nodes."""
+        xp, extent, shape = self._arrays.xp, self._extents[ground], self._shapes[ground]
+        columns = shape[..., 0]
+        place = xp.clip(xp.minimum((xy - extent[..., :2]) / CELL, extent[..., 6:]), 0.0, None)
+        before = xp.astype(place, xp.int64)
+        share = place - before
+        u, v = share[..., 0], share[..., 1]
+        node = shape[..., 1] + before[..., 1] * columns + before[..., 0]
+        south = (1.0 - u) * nodes[node] + u * nodes[node + 1]
+        node = node + columns
+        return (1.0 - v) * south + v * ((1.0 - u) * nodes[node] + u * nodes[node + 1])
 
 
 @cache

@@ -8,10 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.arrays import HOST, Array, Arrays
 from aoro_gym.terrains import Path
-
-Floats = NDArray[np.float64]
-Rows = NDArray[np.intp]
 
 
 class PathTable:
@@ -24,9 +22,10 @@ class PathTable:
         paths: At least one.
         spacing: Distance [m] of the points; a chord cuts κ spacing²/8 off a bend, 1.6 mm at 5 m of radius.
         ahead: How far [m] beyond a path's end, and before its start, places may be asked for.
+        arrays: Where the points live, and what is asked for.
     """
 
-    def __init__(self, paths: Sequence[Path], *, spacing: float = 0.25, ahead: float = 12.0):
+    def __init__(self, paths: Sequence[Path], *, spacing: float = 0.25, ahead: float = 12.0, arrays: Arrays = HOST):
         if not paths:
             raise ValueError("there is no path; give at least one")
         self.spacing = spacing
@@ -34,8 +33,9 @@ class PathTable:
         self.paths: list[Path] = []
         """In the order of the rows."""
         self.lengths = np.zeros(0)
-        """Of each path [m]; of one lap if it is closed."""
-        self._points = np.zeros((0, 0, 5))  # (paths, points): x, y [m], cosine and sine of the heading, curvature [1/m]
+        """Of each path [m], on the host; of one lap if it is closed."""
+        self._arrays = arrays
+        self._rows: list[NDArray[np.float64]] = []
         self.add(paths)
 
     def __len__(self) -> int:
@@ -43,20 +43,23 @@ class PathTable:
 
     def add(self, paths: Sequence[Path]) -> None:
         """More rows, after those there are."""
-        rows = [self._row(path) for path in paths]
-        longest = max([self._points.shape[1], *(len(row) for row in rows)])
-        # what follows a shorter path's points is never asked for
-        stacked = [np.pad(row, ((0, longest - len(row)), (0, 0)), mode="edge") for row in (*self._points, *rows)]
-        self._points = np.stack(stacked)
+        self._rows += [self._row(path) for path in paths]
         self.paths += paths
-        self.lengths = np.array([path.length for path in self.paths])
+        self._stack()
 
     def shortened(self, count: int) -> None:
         """Keep the first ``count`` rows only."""
-        del self.paths[count:]
-        self._points, self.lengths = self._points[:count], self.lengths[:count]
+        del self.paths[count:], self._rows[count:]
+        self._stack()
 
-    def _row(self, path: Path) -> Floats:
+    def _stack(self) -> None:
+        self.lengths = np.array([path.length for path in self.paths])
+        self._count = max(len(row) for row in self._rows)
+        # what follows a shorter path's points is never asked for
+        stacked = [np.pad(row, ((0, self._count - len(row)), (0, 0)), mode="edge") for row in self._rows]
+        self._points = self._arrays.asarray(np.ascontiguousarray(np.concatenate(stacked).T))  # as in places()
+
+    def _row(self, path: Path) -> NDArray[np.float64]:
         number = np.arange(-self._beyond, math.ceil(path.length / self.spacing) + self._beyond + 1)
         s = number * self.spacing
         xy, heading, curvature = path.position(s), path.heading(s), path.curvature(s)
@@ -68,7 +71,7 @@ class PathTable:
                 curvature[end] = 0.0
         return np.column_stack([xy, np.cos(heading), np.sin(heading), curvature])
 
-    def project(self, row: Rows, xy: Floats, near: Floats, *, reach: float) -> tuple[Floats, Floats]:
+    def project(self, row: Array, xy: Array, near: Array, *, reach: float) -> tuple[Array, Array]:
         """Arc length and cross-track offset [m] (N,) of points on their paths, the offset positive left of the path.
 
         Args:
@@ -77,31 +80,35 @@ class PathTable:
             near: Last known arc length [m] (N,).
             reach: How far [m] around it to look.
         """
+        arrays, xp = self._arrays, self._arrays.xp
         half = math.ceil(reach / self.spacing)
-        middle = np.rint(near / self.spacing).astype(np.intp) + self._beyond
-        segment = middle[:, None] + np.arange(-half, half)
-        segment = np.clip(segment, 0, self._points.shape[1] - 2)
-        start = self._points[row[:, None], segment, :2]
-        side = self._points[row[:, None], segment + 1, :2] - start
-        apart = xy[:, None] - start
-        length = side[..., 0] ** 2 + side[..., 1] ** 2
-        along = np.clip(
-            (apart[..., 0] * side[..., 0] + apart[..., 1] * side[..., 1]) / np.maximum(length, 1e-12), 0.0, 1.0
-        )
-        gap = apart - along[..., None] * side
-        best = np.argmin(gap[..., 0] ** 2 + gap[..., 1] ** 2, axis=1)
-        each = np.arange(len(row))
-        s = (segment[each, best] + along[each, best] - self._beyond) * self.spacing
-        off, on = gap[each, best], side[each, best]
-        distance = np.sqrt(off[:, 0] ** 2 + off[:, 1] ** 2)
-        return s, np.where(on[:, 0] * off[:, 1] - on[:, 1] * off[:, 0] < 0.0, -distance, distance)
+        middle = xp.astype(xp.round(near / self.spacing), xp.int64) + self._beyond
+        first = xp.clip(middle - half, 0, max(self._count - 1 - 2 * half, 0))
+        around = (row * self._count + first)[:, None] + arrays.arange(min(2 * half + 1, self._count))
+        x, y = self._points[0][around], self._points[1][around]
+        side_x, side_y = x[:, 1:] - x[:, :-1], y[:, 1:] - y[:, :-1]
+        apart_x, apart_y = xy[:, :1] - x[:, :-1], xy[:, 1:] - y[:, :-1]
+        length = xp.clip(side_x**2 + side_y**2, 1e-12, None)
+        along = xp.clip((apart_x * side_x + apart_y * side_y) / length, 0.0, 1.0)
+        gap_x, gap_y = apart_x - along * side_x, apart_y - along * side_y
+        gap = gap_x**2 + gap_y**2
+        best, each = xp.argmin(gap, axis=1), arrays.arange(len(row))
+        s = (first + best + along[each, best] - self._beyond) * self.spacing
+        distance = xp.sqrt(gap[each, best])
+        right = (side_x * gap_y - side_y * gap_x)[each, best] < 0.0
+        return s, xp.where(right, -distance, distance)
 
-    def at(self, row: Rows, s: Floats) -> tuple[Floats, Floats, Floats]:
-        """Position (..., 2) [m], heading (...) [rad] and curvature (...) [1/m] at arc lengths ``s`` [m] of the paths
-        ``row``, which broadcasts against it."""
-        place = np.clip(s / self.spacing + self._beyond, 0.0, self._points.shape[1] - 1.001)
-        before = place.astype(np.intp)
-        share = (place - before)[..., None]
-        first, second = self._points[row, before], self._points[row, before + 1]
-        between = first + share * (second - first)
-        return between[..., :2], np.arctan2(between[..., 3], between[..., 2]), between[..., 4]
+    def places(self, row: Array, s: Array) -> Array:
+        """What stands at arc lengths ``s`` (...) [m] of the paths ``row``, which broadcasts against it, (5, ...): x, y [m],
+        cosine and sine of the heading, curvature [1/m]."""
+        xp = self._arrays.xp
+        place = xp.clip(s / self.spacing + self._beyond, 0.0, self._count - 1.001)
+        before = xp.astype(place, xp.int64)
+        first, second = (self._points[:, row * self._count + before + step] for step in (0, 1))
+        return first + (place - before) * (second - first)
+
+    def at(self, row: Array, s: Array) -> tuple[Array, Array, Array]:
+        """Position (..., 2) [m], heading (...) [rad] and curvature (...) [1/m] there."""
+        xp = self._arrays.xp
+        x, y, cosine, sine, curvature = self.places(row, s)
+        return xp.stack([x, y], axis=-1), xp.atan2(sine, cosine), curvature

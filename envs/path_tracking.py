@@ -23,18 +23,20 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from aoro_gym.arrays import HOST, Array, Arrays, Index, floats
 from aoro_gym.envs.assistance import ArmControl, ArmController, AutomaticGear, GearShift, Stance, TractionControl
 from aoro_gym.envs.courses import Course, HeightMap, as_courses
 from aoro_gym.envs.path_table import PathTable
 from aoro_gym.envs.randomisation import Draws, Randomisation, Range
 from aoro_gym.envs.single import TwinEnv
 from aoro_gym.envs.task import Outputs, Start, Terrains, chosen, divides, given
-from aoro_gym.envs.terms import Array, Frozen, ObservationTerm, RewardTerm, changed_observations, changed_rewards
+from aoro_gym.envs.terms import Frozen, ObservationTerm, RewardTerm, changed_observations, changed_rewards
 from aoro_gym.envs.vector import TwinVectorEnv
 from aoro_gym.sensors import (
     Antennas,
     Gps,
     GpsNoise,
+    GpsReading,
     Imu,
     ImuNoise,
     JointAngleNoise,
@@ -62,6 +64,8 @@ FULL_POWER = 1e5
 """Engine power [W] that stands for 1: about what the engine gives at its governed speed."""
 PROJECTION_REACH = 1.5
 """Distance [m] along the path from the last projection within which the next one is looked for: 30 m/s at 20 Hz."""
+ALL = slice(None)
+"""Rows of all sub-environments."""
 STEERING, DRIVE, ARMS, TRACTION, GEAR = "steering_signal", "drive_signal", "arms", "traction", "gear"
 
 END_OF_PATH = "end of path reached"
@@ -153,7 +157,7 @@ def progress(view: PathTrackingView) -> Array:
 
 def cross_track_cost(view: PathTrackingView) -> Array:
     """Square of the cross-track error in units of 0.5 m, at most 4."""
-    return view.xp.minimum((view.cross_track / CROSS_TRACK_SCALE) ** 2, 4.0)
+    return view.xp.clip((view.cross_track / CROSS_TRACK_SCALE) ** 2, None, 4.0)
 
 
 def signal_change(view: PathTrackingView) -> Array:
@@ -279,7 +283,7 @@ def gear(view: PathTrackingView) -> Array:
 
 def inertial(view: PathTrackingView) -> Array:
     """Roll rate and pitch rate [rad/s], then the specific force in units of 9.81 m/s² (N, 5)."""
-    return view.xp.concatenate([view.measured_rates[:, :2], view.measured_force / 9.81], axis=1)
+    return view.xp.concat([view.measured_rates[:, :2], view.measured_force / 9.81], axis=1)
 
 
 def heights(view: PathTrackingView) -> Array:
@@ -487,69 +491,74 @@ class PathTracking:
         paths = [path for course in self.courses for path in course.paths]
         for path in paths:
             self._check_length(path)
-        self.table = PathTable(paths, ahead=max(*config.preview, 10.0) + 2.0)
-        """All paths, those of a course after those of the course before."""
         self._library = len(paths)
         self._num_paths = np.array([len(course.paths) for course in self.courses])
         self._first_path = np.cumsum(self._num_paths) - self._num_paths
-        self.height_map = HeightMap([course.terrain for course in self.courses])
         self._slope = slope_weights(config.rate_samples, config.sample_step)
-        self._scan = np.array([(x, y) for x in config.scan_x for y in config.scan_y]).reshape(-1, 2)
 
     def _check_length(self, path: Path) -> None:
         least = (0.0 if path.closed else self.config.start_distance) + 2.0
         if path.length < least:
             raise ValueError(f"path {path.name!r} is {path.length:.2f} m long, but must be at least {least:.2f} m")
 
-    def allocate(self, num_envs: int, terrains: Terrains) -> None:
-        xp = self.xp = np
+    def allocate(self, num_envs: int, terrains: Terrains, arrays: Arrays = HOST) -> None:
+        self._arrays, xp = arrays, arrays.xp
         n, config = num_envs, self.config
+        paths = [path for course in self.courses for path in course.paths]
+        self.table = PathTable(paths, ahead=max(*config.preview, 10.0) + 2.0, arrays=arrays)
+        """All paths, those of a course after those of the course before."""
+        self.height_map = HeightMap([course.terrain for course in self.courses], arrays)
         self._frames = round(config.control_step / config.sample_step)
         self._outputs = Outputs(
-            np.zeros((self._frames, len(Output), n), dtype=np.float32), np.zeros((len(State), n), dtype=np.float32)
+            arrays.zeros((self._frames, len(Output), n), xp.float32), arrays.zeros((len(State), n), xp.float32)
         )
+        self._ages = arrays.asarray(config.sample_step * np.arange(self._frames)[::-1, None])  # [s] of the samples
+        self._distances = arrays.asarray([0.0, *config.preview])
+        self._scan = arrays.asarray([(x, y) for x in config.scan_x for y in config.scan_y])
         # where to drive
-        self._course = xp.zeros(n, dtype=np.intp)
-        self._path = xp.zeros(n, dtype=np.intp)
-        self._length = xp.zeros(n)
-        self._steps_allowed = xp.ones(n, dtype=xp.int64)
-        self._step = xp.zeros(n, dtype=xp.int64)
+        self._course, self._path = arrays.zeros(n, xp.int64), arrays.zeros(n, xp.int64)
+        self._path_number = arrays.zeros(n, xp.int64)  # among the course's own
+        self._length = arrays.zeros(n)
+        self._steps_allowed = arrays.ones(n, xp.int64)
+        self._step = arrays.zeros(n, xp.int64)
         # the machine
-        self._front, self._rear, self._half_track = xp.ones(n), xp.ones(n), xp.ones(n)
-        self._rolling_radius, self._top_speed = xp.ones(n), xp.ones(n)
-        self._rod_share, self._arm_length, self._arm_dead_band = xp.ones(n), xp.ones(n), xp.zeros(n)
-        self._arm_rest = xp.zeros((4, n))
+        self._front, self._rear, self._half_track = arrays.ones(n), arrays.ones(n), arrays.ones(n)
+        self._rolling_radius, self._top_speed = arrays.ones(n), arrays.ones(n)
+        self._rod_share, self._arm_length, self._arm_dead_band = arrays.ones(n), arrays.ones(n), arrays.zeros(n)
+        self._arm_rest = arrays.zeros((4, n))
         # true motion
-        self._s, self._start_s, self._progress = xp.zeros(n), xp.zeros(n), xp.zeros(n)
-        self._reference = xp.zeros((n, 2))
-        self._cross_track, self._heading_error = xp.zeros(n), xp.zeros(n)
-        self._tipping_margin, self._power, self._work = xp.ones(n), xp.zeros(n), xp.zeros(n)
-        self._squares = xp.zeros(n)  # [m²] sum of the squared cross-track errors
-        self._mark_s, self._mark_step = xp.zeros(n), xp.zeros(n, dtype=xp.int64)
-        self._ending = xp.zeros(n, dtype=xp.int64)
+        self._s, self._start_s, self._progress = arrays.zeros(n), arrays.zeros(n), arrays.zeros(n)
+        self._reference, self._rear_axle = arrays.zeros((n, 2)), arrays.zeros((n, 2))
+        self._cross_track, self._heading_error = arrays.zeros(n), arrays.zeros(n)
+        self._tipping_margin, self._power, self._work = arrays.ones(n), arrays.zeros(n), arrays.zeros(n)
+        self._squares = arrays.zeros(n)  # [m²] sum of the squared cross-track errors
+        self._mark_s, self._mark_step = arrays.zeros(n), arrays.zeros(n, xp.int64)
+        self._ending = arrays.zeros(n, xp.int64)
         # measurement
-        self._noise = xp.ones(n)
-        self._measured_s, self._measured_cross_track = xp.zeros(n), xp.zeros(n)
-        self._angles = xp.zeros((config.rate_samples, n))  # newest first
-        self._roll, self._pitch = xp.zeros(n), xp.zeros(n)
-        self._rates, self._force = xp.zeros((n, 3)), xp.zeros((n, 3))
-        self._wheel_rates, self._speed = xp.zeros((n, 4)), xp.zeros(n)
-        self._actions = xp.zeros((config.action_memory, n, self.action_space.shape[0]), dtype=xp.float32)
+        self._noise = arrays.ones(n)
+        self._measured_s, self._measured_cross_track = arrays.zeros(n), arrays.zeros(n)
+        self._measured_heading_error = arrays.zeros(n)
+        self._angles = arrays.zeros((config.rate_samples, n))  # newest first
+        self._roll, self._pitch = arrays.zeros(n), arrays.zeros(n)
+        self._rates, self._force = arrays.zeros((n, 3)), arrays.zeros((n, 3))
+        self._wheel_rates, self._speed = arrays.zeros((n, 4)), arrays.zeros(n)
+        self._actions = arrays.zeros((config.action_memory, n, self.action_space.shape[0]), xp.float32)
+        self._view: PathTrackingView | None = None
         # sensors and controllers
-        self._joint_sensor = JointAngleSensor(n, config.joint_angle_noise, interval=config.sample_step)
-        self._imu = Imu(n, config.imu_noise)
-        self._wheel_sensor = WheelSpeedSensor(n, config.wheel_speed_noise)
+        self._joint_sensor = JointAngleSensor(n, config.joint_angle_noise, interval=config.sample_step, arrays=arrays)
+        self._imu = Imu(n, config.imu_noise, accelerometers=config.observe_inertial, arrays=arrays)
+        self._wheel_sensor = WheelSpeedSensor(n, config.wheel_speed_noise, arrays=arrays)
         self._gps = Gps(
-            n, config.gps_noise, antennas=config.antennas, latency=config.gps_latency, interval=config.control_step
-        )
-        self._localisation = Localisation(n, antennas=config.antennas, gains=config.localisation)
-        self._pressure_sensors = {
-            channel: PressureSensor(n, config.pressure_noise) for channel in self._pressures_used()
-        }
-        self._pressures = {channel: xp.zeros(n) for channel in self._pressure_sensors}
-        self._gear = AutomaticGear(n, config.gear_shift)
-        self._arms = ArmController(n, config.arms)
-        self._openings = xp.ones((n, 4))
+            n, config.gps_noise, antennas=config.antennas, latency=config.gps_latency, interval=config.control_step,
+            arrays=arrays,
+        )  # fmt: skip
+        self._localisation = Localisation(n, antennas=config.antennas, gains=config.localisation, arrays=arrays)
+        self._pressure_rows = {channel: row for row, channel in enumerate(self._pressures_used())}
+        self._pressures = arrays.zeros((len(self._pressure_rows), n))
+        self._pressure_sensor = PressureSensor(n, config.pressure_noise, count=len(self._pressure_rows), arrays=arrays)
+        self._gear = AutomaticGear(n, config.gear_shift, arrays)
+        self._arms = ArmController(n, config.arms, arrays)
+        self._openings = arrays.ones((n, 4))
 
     def _pressures_used(self) -> list[str]:
         """Channels of the pressure sensors that a controller reads."""
@@ -568,10 +577,10 @@ class PathTracking:
         machine: Machine,
         options: Mapping[str, Any],
     ) -> Start:
-        config, n = self.config, len(self._s)
+        config, arrays, n = self.config, self._arrays, len(self._s)
         course = chosen(options, "terrain", len(self.courses), where, n, generators)
         path = self._asked_path(options, course, where, generators)
-        self._know(machine, where)
+        front, rear = self._know(machine, where)
 
         # the front axle's middle and, one machine behind, the rear one's
         length = self.table.lengths[path]
@@ -585,16 +594,17 @@ class PathTracking:
             )
         offset = given(options, "lateral_offset", where, n, draws.task["lateral_offset"], -np.inf, np.inf, "m")
         turned = given(options, "heading_offset", where, n, draws.task["heading_offset"], -np.pi, np.pi, "rad")
-        place, along, bend = self.table.at(path, s)
+        place, along, bend = map(arrays.host, self.table.at(arrays.index(path), arrays.asarray(s)))
         heading = wrapped(along + turned)
         reference = place + offset[:, None] * np.stack([-np.sin(along), np.cos(along)], axis=1)
-        hinge = reference - self._front[where][:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
+        hinge = reference - front[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
         limit = np.broadcast_to(np.asarray(machine.joint.range, dtype=np.float64), len(where))
         # a steady turn of curvature κ bends the joint by κ times the wheelbase, at small angles
-        angle = bend * (self._front + self._rear)[where] + draws.joint_angle * limit
+        angle = bend * (front + rear) + draws.joint_angle * limit
         angle = given(options, "joint_angle", where, n, np.clip(angle, -limit, limit), -limit, limit, "rad")
-        rear = hinge - self._rear[where][:, None] * np.stack([np.cos(heading - angle), np.sin(heading - angle)], axis=1)
-        there = self.height_map.known(course, reference) & self.height_map.known(course, rear)
+        behind = hinge - rear[:, None] * np.stack([np.cos(heading - angle), np.sin(heading - angle)], axis=1)
+        axles = arrays.asarray(np.stack([reference, behind]))
+        there = arrays.host(self.height_map.known(arrays.index(course), axles)).all(axis=0)
         if not there.all():
             bad = int(np.argmin(there))
             raise ValueError(
@@ -603,26 +613,33 @@ class PathTracking:
                 f"terrain {course[bad]} has no ground for both axles; give a path within it"
             )
 
-        self._course[where], self._path[where], self._length[where] = course, path, length
-        self._s[where] = self._start_s[where] = self._mark_s[where] = self._measured_s[where] = s
+        rows = arrays.index(where)
         duration = (length - s) / config.working_speed * config.time_margin
-        self._steps_allowed[where] = np.maximum(np.ceil(duration / config.control_step), 1).astype(np.int64)
+        allowed = np.maximum(np.ceil(duration / config.control_step), 1)
+        number = np.where(path < self._library, path - self._first_path[course], path)
+        values = arrays.asarray(np.stack([course, path, number, length, s, allowed, draws.sensor_noise]))
+        for states, value in zip(
+            (
+                (self._course,), (self._path,), (self._path_number,), (self._length,), (self._s, self._measured_s),
+                (self._steps_allowed,), (self._noise, self._gps.scale, self._imu.scale),
+            ),
+            values, strict=True,
+        ):  # fmt: skip
+            for state in states:
+                arrays.put(state, rows, value)
         for state in (
             self._step, self._mark_step, self._ending, self._progress, self._power, self._work, self._squares,
         ):  # fmt: skip
-            state[where] = 0
-        self._tipping_margin[where] = 1.0
-        self._noise[where] = draws.sensor_noise
-        for sensor in (self._gps, self._imu):
-            sensor.scale[where] = draws.sensor_noise
-        for sensor in (self._joint_sensor, self._imu, self._wheel_sensor, self._gps, *self._pressure_sensors.values()):
-            sensor.reset(where, generators)
-        self._actions[:, where] = 0.0
-        self._gear.reset(where)
-        self._arms.reset(where)
-        self._openings[where] = 1.0
+            state[rows] = 0
+        self._tipping_margin[rows] = 1.0
+        for sensor in (self._joint_sensor, self._imu, self._wheel_sensor, self._gps, self._pressure_sensor):
+            sensor.reset(rows, generators)
+        self._actions[:, rows] = 0.0
+        self._gear.reset(rows)
+        self._arms.reset(rows)
+        self._openings[rows] = 1.0
         if config.gear != "automatic":
-            self._gear.gear[where] = 1.0 if config.act_gear else float(config.gear)
+            self._gear.gear[rows] = 1.0 if config.act_gear else float(config.gear)
         return Start(
             joint_angle=angle,
             heading=heading,
@@ -641,7 +658,7 @@ class PathTracking:
         asked = options.get("path")
         if isinstance(asked, Path):
             self._check_length(asked)
-            others = np.delete(self._path, where)
+            others = np.delete(self._arrays.host(self._path), where)
             if self.table.paths[-1] is not asked:
                 if not np.any(others >= self._library):  # nobody drives on what was brought before
                     self.table.shortened(self._library)
@@ -651,14 +668,19 @@ class PathTracking:
             options, "path", self._num_paths[course], where, len(self._s), generators
         )
 
-    def _know(self, machine: Machine, where: NDArray[np.intp]) -> None:
-        """Take over the machine's measures: the controller knows its vehicle."""
-        driveline, tire = machine.driveline, machine.tire
+    def _know(self, machine: Machine, where: NDArray[np.intp]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Take over the machine's measures: the controller knows its vehicle. Gives the distances (K,) [m] of the front and
+        of the rear axle from the hinge."""
+        arrays, rows, driveline, tire = self._arrays, self._arrays.index(where), machine.driveline, machine.tire
         radius = tire.radius  # the rims of the twin's discs roll where the ground is pressed in: calibrated, as it were
         flow = driveline.pump.displacement * machine.engine.set_speed
+        front, rear = (
+            np.broadcast_to(np.asarray(frame.axle_distance, dtype=np.float64), where.shape)
+            for frame in (machine.frame.front, machine.frame.rear)
+        )
         for state, value in (
-            (self._front, machine.frame.front.axle_distance),
-            (self._rear, machine.frame.rear.axle_distance),
+            (self._front, front),
+            (self._rear, rear),
             (self._half_track, 0.5 * machine.frame.track),
             (self._rolling_radius, radius),
             (self._top_speed, flow / (4.0 * driveline.motor.displacement) * radius),
@@ -666,35 +688,34 @@ class PathTracking:
             (self._arm_dead_band, machine.arm.valve.dead_band),
             (self._rod_share, machine.arm.cylinder.annulus_area / machine.arm.cylinder.bore_area),
         ):
-            state[where] = value
-        self._arm_rest[:2, where] = machine.rest.arm_angle_front
-        self._arm_rest[2:, where] = machine.rest.arm_angle_rear
+            arrays.put(state, rows, value)
+        arrays.put(self._arm_rest, (slice(0, 2), rows), machine.rest.arm_angle_front)
+        arrays.put(self._arm_rest, (slice(2, 4), rows), machine.rest.arm_angle_rear)
+        return front, rear
 
-    def rest(self, where: NDArray[np.intp], outputs: Outputs) -> None:
-        self._outputs = outputs
+    def rest(self, where: Index, outputs: Outputs) -> None:
+        self._outputs, self._view = outputs, None
         angle = outputs.last("joint_angle")[where]
         self._angles[:, where] = self._measured_angle(angle, 0.0, where)
-        self._sense(where, np.zeros(len(where)))
-        self._localisation.begin(self._fix, self._roll[where], self._pitch[where], self._place()[where], where)
+        fix = self._sense(where, self._arrays.zeros(len(where)))
+        self._localisation.begin(fix, self._roll[where], self._pitch[where], self._place()[where], where)
         self._follow(where)
-        reference = self._reference_point()[where]
-        self._reference[where] = reference
-        self._s[where], self._cross_track[where] = self._projected(where, reference, self._s[where])
-        self._heading_error[where] = self._error_of(where, outputs.last("yaw")[where], self._s[where])
         self._start_s[where] = self._mark_s[where] = self._s[where]
 
     # ---- step
 
     def commands(self, actions: Array) -> Mapping[str, Array]:
         config, layout = self.config, self.action_layout
-        self._actions = self.xp.concatenate([actions[None], self._actions[:-1]])
+        xp = self._arrays.xp
+        self._actions = xp.concat([actions[None], self._actions[:-1]])
         drive = actions[:, layout[DRIVE]][:, 0]
         commands = {STEERING: actions[:, layout[STEERING]][:, 0], DRIVE: drive}
         if config.act_gear:
             part = actions[:, layout[GEAR]][:, 0]
-            self._gear.gear = self.xp.where(part < -1.0 / 3.0, 1.0, self.xp.where(part < 1.0 / 3.0, 2.0, 3.0))
+            self._gear.gear = 1.0 + floats(part >= -1.0 / 3.0) + floats(part >= 1.0 / 3.0)
         elif config.gear == "automatic":
-            drop = self._pressures["drive_pressure_forward"] - self._pressures["drive_pressure_return"]
+            rows = self._pressure_rows
+            drop = self._pressures[rows["drive_pressure_forward"]] - self._pressures[rows["drive_pressure_return"]]
             self._gear.update(drive, self._speed, drop, self._top_speed, self.control_step)
         commands[GEAR] = self._gear.gear
         if config.act_arms:
@@ -702,7 +723,7 @@ class PathTracking:
         elif config.arms is not None:
             commands |= _each("arm", self._arm_signals())
         if config.act_traction:
-            commands |= _each("traction", self.xp.minimum(1.0 + actions[:, layout[TRACTION]], 1.0).T)
+            commands |= _each("traction", xp.clip(1.0 + actions[:, layout[TRACTION]], None, 1.0).T)
         elif config.traction is not None:
             self._openings = config.traction.openings(self._openings, self._wheel_rates, self.control_step)
             commands |= _each("traction", self._openings.T)
@@ -712,66 +733,54 @@ class PathTracking:
         stance = Stance(
             self._front, self._rear, self._half_track, self._arm_length, self._arm_rest, self._arm_dead_band
         )
-        bore, rod = (
-            self.xp.stack([self._pressures[f"arm_pressure_{end}_{wheel}"] for wheel in WHEELS])
-            for end in ("bore", "rod")
-        )
+        # the channels of the four corners follow each other
+        first = (self._pressure_rows[f"arm_pressure_{end}_{WHEELS[0]}"] for end in ("bore", "rod"))
+        bore, rod = (self._pressures[row : row + len(WHEELS)] for row in first)
         return self._arms.update(
             bore - self._rod_share * rod, self._arm_angles(), self._roll, self._pitch, self._angles[0], stance,
             self.control_step,
         )  # fmt: skip
 
     def advance(self, outputs: Outputs, time: Array) -> None:
-        xp, config = self.xp, self.config
-        self._outputs = outputs
+        xp, config = self._arrays.xp, self.config
+        self._outputs, self._view = outputs, None
         self._step = self._step + 1
-        everyone = xp.arange(len(self._s))
+
+        # what is measured
+        angles = self._measured_angle(outputs.samples("joint_angle"), time - self._ages)
+        self._angles = xp.concat([xp.flip(angles, axis=0), self._angles])[: config.rate_samples]
+        fix = self._sense(ALL, time)
+        self._localisation.update(
+            fix, self._roll, self._pitch, self._place(),
+            speed=self._speed, yaw_rate=self._rates[:, 2], step=config.control_step,
+        )  # fmt: skip
 
         # what happened
-        yaw = outputs.last("yaw")
-        self._reference = self._reference_point()
-        s, self._cross_track = self._projected(everyone, self._reference, self._s)
-        self._progress, self._s = s - self._s, s
-        self._heading_error = self._error_of(everyone, yaw, s)
-        loads = [_mean(outputs.samples(f"wheel_load_{wheel}")) for wheel in WHEELS]
-        fl, fr, rl, rr = loads
-        total = xp.maximum(fl + fr + rl + rr, 1.0)
+        before = xp.asarray(self._s, copy=True)
+        self._follow(ALL)
+        self._progress = self._s - before
+        fl, fr, rl, rr = _mean(outputs.group("wheel_load_fl", len(WHEELS)))
+        total = xp.clip(fl + fr + rl + rr, 1.0, None)
         self._tipping_margin = 1.0 - xp.maximum(xp.abs(fl + rl - fr - rr), xp.abs(fl + fr - rl - rr)) / total
         self._power = _mean(outputs.samples("engine_torque") * outputs.samples("engine_speed"))
         self._work = self._work + self._power * config.control_step
         self._squares = self._squares + self._cross_track**2
-
-        # what is measured of it
-        angles = outputs.samples("joint_angle")
-        fresh = [
-            self._measured_angle(angles[frame], time - (self._frames - 1 - frame) * config.sample_step)
-            for frame in range(self._frames)
-        ]
-        kept = max(config.rate_samples - self._frames, 0)
-        self._angles = xp.stack([*fresh[::-1], *self._angles[:kept]])[: config.rate_samples]
-        self._sense(everyone, time)
-        self._localisation.update(
-            self._fix, self._roll, self._pitch, self._place(),
-            speed=self._speed, yaw_rate=self._rates[:, 2], step=config.control_step,
-        )  # fmt: skip
-        self._follow(everyone)
         self._judge()
 
     def _judge(self) -> None:
         """How episodes end; of several reasons the worst."""
-        xp, config = self.xp, self.config
+        xp, config = self._arrays.xp, self.config
         gained = self._s >= self._mark_s + config.stuck_distance
         self._mark_s = xp.where(gained, self._s, self._mark_s)
         self._mark_step = xp.where(gained, self._step, self._mark_step)
         roll, pitch = self._outputs.last("roll"), self._outputs.last("pitch")
-        rear = self._rear_point()
-        on_ground = self.height_map.known(self._course, self._reference) & self.height_map.known(self._course, rear)
+        on_ground = self.height_map.known(self._course, xp.stack([self._reference, self._rear_axle]))
         ending = xp.zeros_like(self._ending)
         for reason, holds in (
             (END_OF_PATH, self._s >= self._length - config.end_tolerance),
-            ("stuck", (self._step - self._mark_step) * config.control_step >= config.stuck_time),
+            ("stuck", floats(self._step - self._mark_step) * config.control_step >= config.stuck_time),
             ("lost the path", xp.abs(self._cross_track) > config.path_limit),
-            ("left the terrain", ~on_ground),
+            ("left the terrain", ~(on_ground[0] & on_ground[1])),
             ("rolled over", xp.cos(roll) * xp.cos(pitch) < math.cos(config.rollover)),
         ):
             ending = xp.where(holds, ENDINGS.index(reason), ending)
@@ -790,83 +799,89 @@ class PathTracking:
 
     def _place(self) -> Array:
         """The reference point in the front frame's axes [m] (N, 3)."""
-        zero = self.xp.zeros_like(self._front)
-        return self.xp.stack([self._front, zero, zero], axis=1)
+        zero = self._arrays.xp.zeros_like(self._front)
+        return self._arrays.xp.stack([self._front, zero, zero], axis=1)
 
-    def _true_pose(self) -> tuple[Array, Array, Array, Array]:
-        """Position of the hinge [m] (N, 3), roll, pitch and yaw [rad] (N,)."""
-        last = self._outputs.last
-        position = self.xp.stack([last(f"position_{axis}") for axis in "xyz"], axis=1).astype(np.float64)
-        return position, *(last(name).astype(np.float64) for name in ("roll", "pitch", "yaw"))
+    def _true_pose(self, rows: Index) -> tuple[Array, Array, Array, Array]:
+        """Position of the hinge [m] (K, 3), roll, pitch and yaw [rad] (K,) of the sub-environments ``rows``."""
+        values = floats(self._outputs.group("position_x", 6)[-1][:, rows])
+        return values[:3].T, values[3], values[4], values[5]
 
-    def _reference_point(self) -> Array:
-        position, roll, pitch, yaw = self._true_pose()
-        return (position + in_world(roll, pitch, yaw, self._place()))[:, :2]
+    def _follow(self, rows: Index) -> None:
+        """Where the sub-environments ``rows`` are, and where on their paths they are and believe to be."""
+        xp = self._arrays.xp
+        position, roll, pitch, yaw = self._true_pose(rows)
+        reference = (position + in_world(roll, pitch, yaw, self._place()[rows]))[:, :2]
+        rear = yaw - self._outputs.last("joint_angle")[rows]
+        behind = self._rear[rows][:, None] * xp.stack([xp.cos(rear), xp.sin(rear)], axis=1)
+        self._reference[rows], self._rear_axle[rows] = reference, position[:, :2] - behind
 
-    def _rear_point(self) -> Array:
-        position, _, _, yaw = self._true_pose()
-        rear = yaw - self._outputs.last("joint_angle")
-        return position[:, :2] - self._rear[:, None] * self.xp.stack([self.xp.cos(rear), self.xp.sin(rear)], axis=1)
-
-    def _projected(self, rows: Array, xy: Array, near: Array) -> tuple[Array, Array]:
-        return self.table.project(self._path[rows], xy, near, reach=PROJECTION_REACH)
-
-    def _error_of(self, rows: Array, heading: Array, s: Array) -> Array:
-        return wrapped(heading - self.table.at(self._path[rows], s)[1])
-
-    def _follow(self, rows: Array) -> None:
-        """Project the measured reference point."""
-        position = self._localisation.position[rows]
-        s, cross_track = self._projected(rows, position, self._measured_s[rows])
-        self._measured_s[rows], self._measured_cross_track[rows] = s, cross_track
+        path = xp.concat([self._path[rows]] * 2)
+        s, cross_track = self.table.project(
+            path,
+            xp.concat([reference, self._localisation.position[rows]]),
+            xp.concat([self._s[rows], self._measured_s[rows]]),
+            reach=PROJECTION_REACH,
+        )
+        _, _, cosine, sine, _ = self.table.places(path, s)
+        error = wrapped(xp.concat([yaw, self._localisation.heading[rows]]) - xp.atan2(sine, cosine))
+        for value, (true, measured) in (
+            (s, (self._s, self._measured_s)),
+            (cross_track, (self._cross_track, self._measured_cross_track)),
+            (error, (self._heading_error, self._measured_heading_error)),
+        ):
+            true[rows], measured[rows] = value[: len(yaw)], value[len(yaw) :]
 
     def _arm_angles(self) -> Array:
-        return self.xp.stack([self._outputs.last(f"arm_angle_{wheel}") for wheel in WHEELS])
+        return self._outputs.group(f"arm_angle_{WHEELS[0]}", len(WHEELS))[-1]
 
-    def _measured_angle(self, angle: Array, time: Array, where: Any = None) -> Array:
+    def _measured_angle(self, angle: Array, time: Array, where: Index = None) -> Array:
         noise = self._noise if where is None else self._noise[where]
         return angle + noise * (self._joint_sensor.measure(angle, time, where) - angle)
 
-    def _sense(self, rows: Array, time: Array) -> None:
-        """One reading of every other sensor of the sub-environments ``rows``."""
-        xp, config, outputs = self.xp, self.config, self._outputs
-        position, roll, pitch, yaw = (value[rows] for value in self._true_pose())
+    def _sense(self, rows: Index, time: Array) -> GpsReading:
+        """One reading of every other sensor of the sub-environments ``rows``; gives that of the GPS."""
+        xp, config, outputs = self._arrays.xp, self.config, self._outputs
+        asked = None if rows is ALL else rows
+        position, roll, pitch, yaw = self._true_pose(rows)
         noise = self._noise[rows]
 
-        rates = outputs.states("WX", 3)[:, rows].T.astype(np.float64)
-        force = xp.zeros((len(rows), 3))
+        rates, force = floats(outputs.states("WX", 3)[:, rows]).T, None
         if config.observe_inertial:
             force = specific_force(
                 outputs.states("VX", 3)[:, rows].T, outputs.states("AVX", 3)[:, rows].T, rates,
                 outputs.states("AWX", 3)[:, rows].T, roll, pitch,
             )  # fmt: skip
-        inertial = self._imu.measure(rates, force, roll, pitch, time, rows)
+        inertial = self._imu.measure(rates, force, roll, pitch, time, asked)
         self._roll[rows], self._pitch[rows], self._rates[rows] = inertial.roll, inertial.pitch, inertial.rates
-        if config.observe_inertial:
+        if inertial.force is not None:
             self._force[rows] = inertial.force
 
-        true = xp.stack([outputs.last(f"wheel_rate_{wheel}")[rows] for wheel in WHEELS], axis=1).astype(np.float64)
-        shown = self._wheel_sensor.measure(true, time, rows)
-        self._wheel_rates[rows] = true + noise[:, None] * (shown - true)
-        self._speed[rows] = ground_speed(self._wheel_rates[rows], self._rolling_radius[rows])
-        for channel, sensor in self._pressure_sensors.items():
-            level = outputs.last(channel)[rows].astype(np.float64)
-            self._pressures[channel][rows] = level + noise * (sensor.measure(level, time, rows) - level)
-        self._fix = self._gps.measure(position, roll, pitch, yaw, time, rows)
+        true = floats(outputs.group(f"wheel_rate_{WHEELS[0]}", len(WHEELS))[-1][:, rows]).T
+        shown = true + noise[:, None] * (self._wheel_sensor.measure(true, time, asked) - true)
+        self._wheel_rates[rows] = shown
+        self._speed[rows] = ground_speed(shown, self._rolling_radius[rows])
+        if self._pressure_rows:
+            level = floats(xp.stack([outputs.last(channel)[rows] for channel in self._pressure_rows]))
+            self._pressures[:, rows] = level + noise * (self._pressure_sensor.measure(level, time, asked) - level)
+        return self._gps.measure(position, roll, pitch, yaw, time, asked)
 
     # ---- what others see
 
     def view(self) -> PathTrackingView:
-        xp, config, table = self.xp, self.config, self.table
+        if self._view is None:
+            self._view = self._seen()
+        return self._view
+
+    def _seen(self) -> PathTrackingView:
+        xp, config = self._arrays.xp, self.config
         rate = self._slope[0] * self._angles[0]
         for weight, sample in zip(self._slope[1:], self._angles[1:], strict=True):
             rate = rate + weight * sample
         here, heading = self._localisation.position, self._localisation.heading
-        distances = xp.array([0.0, *config.preview])
-        places, along, bends = table.at(self._path[:, None], self._measured_s[:, None] + distances)
-        apart = places[:, 1:] - here[:, None]
+        x, y, _, _, bends = self.table.places(self._path[:, None], self._measured_s[:, None] + self._distances)
+        x, y = x[:, 1:] - here[:, :1], y[:, 1:] - here[:, 1:]
         s, c = xp.sin(heading)[:, None], xp.cos(heading)[:, None]
-        ahead = xp.stack([c * apart[..., 0] + s * apart[..., 1], c * apart[..., 1] - s * apart[..., 0]], axis=-1)
         return PathTrackingView(
             xp=xp,
             control_step=self.control_step,
@@ -881,9 +896,9 @@ class PathTracking:
             finished=self._ending == ENDINGS.index(END_OF_PATH),
             failed=self._ending > ENDINGS.index(END_OF_PATH),
             measured_cross_track=self._measured_cross_track,
-            measured_heading_error=wrapped(heading - along[:, 0]),
+            measured_heading_error=self._measured_heading_error,
             measured_remaining=self._length - self._measured_s,
-            preview=ahead,
+            preview=xp.stack([c * x + s * y, c * y - s * x], axis=-1),
             curvature=bends,
             measured_speed=self._speed,
             measured_angle=self._angles[0],
@@ -894,46 +909,45 @@ class PathTracking:
             measured_force=self._force,
             measured_wheel_rates=self._wheel_rates,
             gear=self._gear.gear,
-            actions=self._actions.transpose(1, 0, 2),
+            actions=xp.permute_dims(self._actions, (1, 0, 2)),
             heights=self._heights(),
             outputs=self._outputs,
         )
 
     def _heights(self) -> Array:
         """Ground at the scan's places over that at the reference point [m] (N, G), at the true pose."""
-        n = len(self._s)
         if not len(self._scan):
-            return self.xp.zeros((n, 0))
-        yaw = self._outputs.last("yaw").astype(np.float64)[:, None]
-        s, c = self.xp.sin(yaw), self.xp.cos(yaw)
+            return self._arrays.zeros((len(self._s), 0))
+        xp, yaw = self._arrays.xp, floats(self._outputs.last("yaw"))[:, None]
+        s, c = xp.sin(yaw), xp.cos(yaw)
         x, y = self._scan[:, 0], self._scan[:, 1]
-        places = self._reference[:, None] + self.xp.stack([c * x - s * y, s * x + c * y], axis=-1)
+        places = self._reference[:, None] + xp.stack([c * x - s * y, s * x + c * y], axis=-1)
         base = self.height_map.height(self._course, self._reference)
         return self.height_map.height(self._course[:, None], places) - base[:, None]
 
     def info(self) -> dict[str, Array]:
         """``is_success``: the end of the path was reached. Errors are true ones; ``cross_track_rms`` is over the episode,
         ``engine_work`` [J], too; ``mean_speed`` is path gained over time."""
-        steps = self.xp.maximum(self._step, 1)
+        xp, steps = self._arrays.xp, floats(self._arrays.xp.clip(self._step, 1, None))
         return {
-            "cross_track": self._cross_track.copy(),
-            "heading_error": self._heading_error.copy(),
-            "cross_track_rms": self.xp.sqrt(self._squares / steps),
+            "cross_track": xp.asarray(self._cross_track, copy=True),
+            "heading_error": xp.asarray(self._heading_error, copy=True),
+            "cross_track_rms": xp.sqrt(self._squares / steps),
             "mean_speed": (self._s - self._start_s) / (steps * self.control_step),
             "remaining": self._length - self._s,
-            "tipping_margin": self._tipping_margin.copy(),
-            "engine_work": self._work.copy(),
-            "gear": self._gear.gear.astype(np.int64),
-            "gps_quality": self._gps.quality.copy(),
-            "terrain": self._course.copy(),
-            "path": self._path - self.xp.where(self._path < self._library, self._first_path[self._course], 0),
+            "tipping_margin": xp.asarray(self._tipping_margin, copy=True),
+            "engine_work": xp.asarray(self._work, copy=True),
+            "gear": xp.astype(self._gear.gear, xp.int64),
+            "gps_quality": xp.asarray(self._gps.quality, copy=True),
+            "terrain": xp.asarray(self._course, copy=True),
+            "path": xp.asarray(self._path_number, copy=True),
             "is_success": self._ending == ENDINGS.index(END_OF_PATH),
         }
 
     def traces(self) -> Array:
         last, layout = self._outputs.last, self.action_layout
         newest = self._actions[0]
-        return self.xp.stack(
+        return self._arrays.xp.stack(
             [
                 self._step * self.control_step, self._course, self._path, self._s,
                 *(last(name) for name in ("position_x", "position_y", "position_z", "roll", "pitch", "yaw", "joint_angle")),
@@ -955,8 +969,8 @@ def _each(name: str, rows: Array) -> dict[str, Array]:
 
 
 def _mean(samples: Array) -> Array:
-    """Mean over the frames (F, N), in an order that does not depend on N."""
-    total = samples[0].astype(np.float64)
+    """Mean over the frames (F, ...), in an order that does not depend on their number of columns."""
+    total = floats(samples[0])
     for frame in samples[1:]:
         total = total + frame
     return total / len(samples)

@@ -18,15 +18,15 @@ from aoro_gym.twin import Twin
 class TwinEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """A vector environment with one sub-environment and no autoreset, without its batch axis.
 
-    Takes the same arguments as ``vector_type``, less ``num_envs`` and ``autoreset_mode``. ``reset(options=...)`` takes
-    the same keys, less ``reset_mask``.
+    Takes the same arguments as ``vector_type``, less ``num_envs``, ``autoreset_mode`` and ``output``.
+    ``reset(options=...)`` takes the same keys, less ``reset_mask``.
     """
 
     vector_type: ClassVar[type[TwinVectorEnv]]
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}  # noqa: RUF012
 
     def __init__(self, render_mode: str | None = None, **arguments: Any):
-        for name in ("num_envs", "autoreset_mode"):
+        for name in ("num_envs", "autoreset_mode", "output"):
             if name in arguments:
                 raise ValueError(f"{name} belongs to gymnasium.make_vec; one environment has none")
         self.vector = self.vector_type(

@@ -10,8 +10,9 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from aoro_gym.arrays import HOST, Array, Arrays, Index
 from aoro_gym.envs.randomisation import Draws, Randomisation
-from aoro_gym.envs.terms import Array, ObservationTerm, RewardTerm
+from aoro_gym.envs.terms import ObservationTerm, RewardTerm
 from aoro_gym.terrains import Plane, Terrain
 from aoro_gym.twin import Machine
 from aoro_gym.twin.records import Output, State
@@ -24,8 +25,8 @@ Terrains = Plane | tuple[Terrain, ...]
 class Outputs:
     """Sampled outputs of the twins over one control step.
 
-    ``values`` has shape (frames, channels, N), SI units as in ``aoro_gym.twin.records.OUTPUT_UNITS``. They may alias
-    the twins' memory: they hold until the next step.
+    ``values`` has shape (frames, channels, N), float32, SI units as in ``aoro_gym.twin.records.OUTPUT_UNITS``. They alias
+    the twins' memory, as all that the methods give: they hold until the next step or reset.
     """
 
     values: Array
@@ -39,6 +40,11 @@ class Outputs:
     def samples(self, channel: str) -> Array:
         """All samples of the channel over the step, oldest first, shape (frames, N)."""
         return self.values[:, channel_row(channel)]
+
+    def group(self, first: str, count: int) -> Array:
+        """Samples of ``count`` channels from the channel ``first`` on, shape (frames, count, N)."""
+        row = channel_row(first)
+        return self.values[:, row : row + count]
 
     def states(self, first: str, count: int) -> Array:
         """``count`` rows of the state from the row ``first`` on, shape (count, N)."""
@@ -136,11 +142,12 @@ class Start:
 class Task(Protocol):
     """A task for N twins. The environment calls, in this order:
 
-    ``allocate`` once; then ``start`` and ``rest`` for those that reset; and every control step ``commands``,
+    ``allocate`` once, then ``start`` and ``rest`` for those that reset; and every control step ``commands``,
     ``advance``, the reward terms, ``endings``, ``overdue``, ``renew``, ``info``, the observation terms.
 
-    Everything random is drawn in ``start``, from one generator a sub-environment, so that no sub-environment depends
-    on its neighbours.
+    Everything random is drawn in ``start``, on the host, from one generator a sub-environment, so that no sub-environment
+    depends on its neighbours. All other arrays are those of ``allocate``: what runs every control step may neither look at
+    their values nor select rows by booleans, as either waits for the device.
     """
 
     option_names: ClassVar[tuple[str, ...]]
@@ -164,8 +171,8 @@ class Task(Protocol):
         """What differs from episode to episode."""
         ...
 
-    def allocate(self, num_envs: int, terrains: Terrains) -> None:
-        """Make the arrays of the state, for twins on ``terrains``."""
+    def allocate(self, num_envs: int, terrains: Terrains, arrays: Arrays = HOST) -> None:
+        """Make the arrays of the state, for twins on ``terrains``, where ``arrays`` live."""
         ...
 
     def start(
@@ -182,7 +189,7 @@ class Task(Protocol):
         """
         ...
 
-    def rest(self, where: NDArray[np.intp], outputs: Outputs) -> None:
+    def rest(self, where: Index, outputs: Outputs) -> None:
         """First measurements of the sub-environments ``where``, at rest."""
         ...
 

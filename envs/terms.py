@@ -2,8 +2,8 @@
 
 A term is a function of one argument, the view of all sub-environments at the end of a control step (for turning:
 :class:`aoro_gym.envs.turning.TurningView`). It returns one number a sub-environment, shape (N,); an observation term
-may also return (N, K). The view's ``xp`` is the array namespace: terms that call ``view.xp.abs`` and the like, instead
-of ``numpy.abs``, work on whatever arrays the environment holds.
+may also return (N, K). The view's ``xp`` is the namespace of its arrays, by the names of the array API standard: terms that
+call ``view.xp.abs`` and the like, instead of ``numpy.abs``, work with ``output="torch"``, too.
 
 Terms are changed by name when an environment is made, without subclassing:
 
@@ -27,8 +27,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-Array = Any
-"""A batched array: ``numpy.ndarray`` now; terms that keep to ``view.xp`` are ready for other namespaces."""
+from aoro_gym.arrays import Array
 
 LARGEST = 1e6
 """Bound of an observation term that states none; check_env wants finite spaces."""
@@ -178,8 +177,8 @@ def observations_of(terms: Mapping[str, ObservationTerm], view: Any, num_envs: i
 def _shaped(value: Array, shape: tuple[int, ...], what: str) -> Array:
     if tuple(getattr(value, "shape", ())) != shape:
         raise ValueError(
-            f"{what} returned {getattr(value, 'shape', value)!r}, but must return an array of shape {shape}: one value a "
-            "sub-environment"
+            f"{what} returned {tuple(value.shape) if hasattr(value, 'shape') else value!r}, but must return an array of "
+            f"shape {shape}: one value a sub-environment"
         )
     return value
 

@@ -18,10 +18,11 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from aoro_gym.arrays import HOST, Array, Arrays, Index, floats
 from aoro_gym.envs.randomisation import Draws, Randomisation
 from aoro_gym.envs.single import TwinEnv
 from aoro_gym.envs.task import Outputs, Start, Terrains, chosen, divides, given
-from aoro_gym.envs.terms import Array, Frozen, ObservationTerm, RewardTerm, changed_observations, changed_rewards
+from aoro_gym.envs.terms import Frozen, ObservationTerm, RewardTerm, changed_observations, changed_rewards
 from aoro_gym.envs.vector import TwinVectorEnv
 from aoro_gym.sensors import JointAngleNoise, JointAngleSensor, PressureNoise, PressureSensor
 from aoro_gym.sensors.joint_angle import slope_weights
@@ -35,6 +36,8 @@ TRACKING_SCALE = 0.2
 """Error [rad] at which the tracking term has fallen to 1/e."""
 TARGETS_DRAWN = 32
 """Targets drawn for an episode; the last one stays."""
+LAST_STEP = 2**62
+"""Step that never comes."""
 
 # ---- what the terms see ----------------------------------------------------------------------------------------------
 
@@ -270,37 +273,40 @@ class Turning:
         self.action_space: spaces.Box[Any] = spaces.Box(-1.0, 1.0, (1,), np.float32)
         self._slope = slope_weights(self.config.rate_samples, self.config.sample_step)
 
-    def allocate(self, num_envs: int, terrains: Terrains) -> None:
-        xp = self.xp = np
+    def allocate(self, num_envs: int, terrains: Terrains, arrays: Arrays = HOST) -> None:
+        self._arrays, xp = arrays, arrays.xp
         n, config = num_envs, self.config
         self._terrains = terrains
         self._frames = round(config.control_step / config.sample_step)
-        self._outputs = Outputs(np.zeros((self._frames, len(Output), n), dtype=np.float32))
+        self._outputs = Outputs(arrays.zeros((self._frames, len(Output), n), xp.float32))
+        self._ages = arrays.asarray(config.sample_step * np.arange(self._frames)[::-1, None])  # [s] of the samples
         # goals
-        self._table = xp.zeros((n, TARGETS_DRAWN), dtype=xp.float32)  # [rad]
-        self._until = xp.full((n, TARGETS_DRAWN), np.iinfo(np.int64).max, dtype=xp.int64)  # step that ends each target
-        self._cursor = xp.zeros(n, dtype=xp.int64)
-        self._step = xp.zeros(n, dtype=xp.int64)
-        self._set_at = xp.zeros(n, dtype=xp.int64)
-        self._target = xp.zeros(n, dtype=xp.float32)
-        self._approach = xp.ones(n, dtype=xp.float32)
+        self._table = arrays.zeros((n, TARGETS_DRAWN), xp.float32)  # [rad]
+        self._until = arrays.full((n, TARGETS_DRAWN), LAST_STEP, xp.int64)  # step that ends each target
+        self._cursor = arrays.zeros(n, xp.int64)
+        self._step = arrays.zeros(n, xp.int64)
+        self._set_at = arrays.zeros(n, xp.int64)
+        self._target = arrays.zeros(n, xp.float32)
+        self._approach = arrays.ones(n, xp.float32)
         # motion and measurement, newest first
-        self._angle = xp.zeros(n, dtype=xp.float32)
-        self._measured = xp.zeros((config.rate_samples, n), dtype=xp.float32)
-        self._signals = xp.zeros((config.signal_memory, n), dtype=xp.float32)
-        self._flows = xp.zeros((3, n), dtype=xp.float32)
-        self._noise = xp.ones(n, dtype=xp.float32)
+        self._angle = arrays.zeros(n, xp.float32)
+        self._measured = arrays.zeros((config.rate_samples, n), xp.float32)
+        self._signals = arrays.zeros((config.signal_memory, n), xp.float32)
+        self._flows = arrays.zeros((3, n), xp.float32)
+        self._noise = arrays.ones(n, xp.float32)
         # judgement
-        self._inside = xp.zeros(n, dtype=xp.int64)
-        self._settled = xp.zeros(n, dtype=xp.int64)
-        self._missed = xp.zeros(n, dtype=xp.int64)
-        self._largest_overshoot = xp.zeros(n, dtype=xp.float32)
+        self._inside = arrays.zeros(n, xp.int64)
+        self._settled = arrays.zeros(n, xp.int64)
+        self._missed = arrays.zeros(n, xp.int64)
+        self._largest_overshoot = arrays.zeros(n, xp.float32)
         # sensors
-        self._angle_sensor = JointAngleSensor(n, config.joint_angle_noise, interval=config.sample_step)
-        self._pressure_sensors = [
-            PressureSensor(n, config.pressure_noise) for _ in PRESSURE_CHANNELS if config.observe_pressures
-        ]
-        self._pressures = xp.zeros((n, len(self._pressure_sensors)), dtype=xp.float32)
+        self._angle_sensor = JointAngleSensor(n, config.joint_angle_noise, interval=config.sample_step, arrays=arrays)
+        self._pressure_sensor = (
+            PressureSensor(n, config.pressure_noise, count=len(PRESSURE_CHANNELS), arrays=arrays)
+            if config.observe_pressures
+            else None
+        )
+        self._pressures = arrays.zeros((n, 3 * config.observe_pressures), xp.float32)
 
     # ---- start
 
@@ -350,24 +356,29 @@ class Turning:
                 )
             hold = np.full(targets.shape, float(asked))
 
-        drawn = targets.shape[1]
-        self._table[where, :drawn] = targets
-        self._table[where, drawn:] = targets[:, -1:]
-        self._until[where] = np.iinfo(np.int64).max
-        ends = np.cumsum(np.rint(hold / config.control_step).astype(np.int64), axis=1)
-        self._until[where, : drawn - 1] = ends[:, :-1]
+        missing = TARGETS_DRAWN - targets.shape[1]
+        table = np.pad(targets, ((0, 0), (0, missing)), mode="edge").astype(np.float32)
+        ends = np.cumsum(np.rint(hold / config.control_step).astype(np.int64), axis=1)[:, :-1]
+        until = np.pad(ends, ((0, 0), (0, missing + 1)), constant_values=LAST_STEP)
+        rows, put = self._arrays.index(where), self._arrays.put
+        for state, value in (
+            (self._table, table),
+            (self._until, until),
+            (self._target, table[:, 0]),
+            (self._angle, angle),
+            (self._approach, np.sign(table[:, 0] - angle.astype(np.float32))),
+            (self._noise, draws.sensor_noise),
+        ):
+            put(state, rows, value)
         for state in (
             self._cursor, self._step, self._set_at, self._inside, self._settled, self._missed, self._largest_overshoot,
         ):  # fmt: skip
-            state[where] = 0
-        self._target[where] = self._table[where, 0]
-        self._angle[where] = angle
-        self._approach[where] = np.sign(self._target[where] - self._angle[where])
-        self._noise[where] = draws.sensor_noise
-        self._signals[:, where] = 0.0
-        self._flows[:, where] = 0.0
-        for sensor in (self._angle_sensor, *self._pressure_sensors):
-            sensor.reset(where, generators)
+            state[rows] = 0
+        self._signals[:, rows] = 0.0
+        self._flows[:, rows] = 0.0
+        for sensor in (self._angle_sensor, self._pressure_sensor):
+            if sensor is not None:
+                sensor.reset(rows, generators)
         heading = given(options, "heading", where, len(self._target), np.zeros(count), -math.tau, math.tau, "rad")
         return Start(angle, heading, *self._standpoint(where, generators, options))
 
@@ -390,7 +401,7 @@ class Turning:
             middle = asked[where] if asked.ndim == 2 else np.tile(asked, (len(where), 1))
         return middle, terrain
 
-    def rest(self, where: NDArray[np.intp], outputs: Outputs) -> None:
+    def rest(self, where: Index, outputs: Outputs) -> None:
         self._outputs = outputs
         self._measured[:, where] = self._measure_angle(self._angle[where], 0.0, where)
         self._pressures[where] = self._measure_pressures(0.0, where)
@@ -398,68 +409,67 @@ class Turning:
     # ---- step
 
     def commands(self, actions: Array) -> Mapping[str, Array]:
-        self._signals = self.xp.concatenate([actions.T, self._signals[:-1]])
+        self._signals = self._arrays.xp.concat([actions.T, self._signals[:-1]])
         return {"steering_signal": actions[:, 0]}
 
     def advance(self, outputs: Outputs, time: Array) -> None:
-        xp, config = self.xp, self.config
+        xp, config = self._arrays.xp, self.config
         self._outputs = outputs
         angles = outputs.samples("joint_angle")
-        fresh = [
-            self._measure_angle(angles[frame], time - (self._frames - 1 - frame) * config.sample_step)
-            for frame in range(self._frames)
-        ]
-        kept = max(config.rate_samples - self._frames, 0)
-        self._measured = xp.stack([*fresh[::-1], *self._measured[:kept]])[: config.rate_samples]
+        fresh = self._measure_angle(angles, time - self._ages)
+        self._measured = xp.concat([xp.flip(fresh, axis=0), self._measured])[: config.rate_samples]
         self._pressures = self._measure_pressures(time)
         # the channel is positive in the direction of the commanded turn
         flow = xp.abs(outputs.last("joint_flow")) * xp.sign(outputs.last("joint_rate"))
         self._flows = xp.stack([flow, *self._flows[:-1]])
-        self._angle = angles[-1].copy()
+        self._angle = xp.asarray(angles[-1], copy=True)
         self._step = self._step + 1
 
         error = xp.abs(self._target - self._angle)
         self._inside = xp.where(error <= config.tolerance, self._inside + 1, 0)
         self._largest_overshoot = xp.maximum(self._largest_overshoot, self._overshoot())
 
-    def _measure_angle(self, angle: Array, time: Array, where: Any = None) -> Array:
-        noise = self._noise if where is None else self._noise[where]
-        return (angle + noise * (self._angle_sensor.measure(angle, time, where) - angle)).astype(self.xp.float32)
+    def _measure_angle(self, angle: Array, time: Array, where: Index = None) -> Array:
+        xp, noise = self._arrays.xp, self._noise if where is None else self._noise[where]
+        return xp.astype(angle + noise * (self._angle_sensor.measure(angle, time, where) - angle), xp.float32)
 
-    def _measure_pressures(self, time: Array, where: Any = None) -> Array:
-        rows = slice(None) if where is None else where
-        columns = []
-        for channel, sensor in zip(PRESSURE_CHANNELS, self._pressure_sensors, strict=False):
-            true = self._outputs.last(channel)[rows]
-            columns.append(true + self._noise[rows] * (sensor.measure(true, time, where) - true))
-        return self.xp.stack(columns, 1).astype(self.xp.float32) if columns else self._pressures[rows]
+    def _measure_pressures(self, time: Array, where: Index = None) -> Array:
+        xp, rows = self._arrays.xp, slice(None) if where is None else where
+        if self._pressure_sensor is None:
+            return self._pressures[rows]
+        true = xp.stack([self._outputs.last(channel)[rows] for channel in PRESSURE_CHANNELS])
+        shown = true + self._noise[rows] * (self._pressure_sensor.measure(true, time, where) - true)
+        return xp.astype(shown.T, xp.float32)
 
     def _overshoot(self) -> Array:
-        return self.xp.clip(self._approach * (self._angle - self._target), 0.0, math.inf)
+        return self._arrays.xp.clip(self._approach * (self._angle - self._target), 0.0, None)
 
     def endings(self) -> tuple[Array, list[str]]:
-        return self.xp.zeros_like(self._cursor), [""]
+        return self._arrays.xp.zeros_like(self._cursor), [""]
 
     def overdue(self) -> Array:
-        return self.xp.zeros(len(self._cursor), dtype=bool)
+        return self._arrays.xp.zeros_like(self._cursor, dtype=self._arrays.xp.bool)
 
     def renew(self) -> None:
-        xp = self.xp
-        rows = xp.arange(len(self._cursor))
+        xp, rows = self._arrays.xp, self._arrays.arange(len(self._cursor))
         due = self._step >= self._until[rows, self._cursor]
-        if not due.any():
+        if self._arrays.surely_none(due):
             return
         settled = self._is_settled()
-        self._settled = self._settled + (due & settled)
-        self._missed = self._missed + (due & ~settled)
-        self._cursor = self._cursor + due
+        self._settled = self._settled + xp.astype(due & settled, xp.int64)
+        self._missed = self._missed + xp.astype(due & ~settled, xp.int64)
+        self._cursor = self._cursor + xp.astype(due, xp.int64)
         self._target = self._table[rows, self._cursor]
         self._approach = xp.where(due, xp.sign(self._target - self._angle), self._approach)
         self._set_at = xp.where(due, self._step, self._set_at)
         self._inside = xp.where(due, 0, self._inside)
 
     def _is_settled(self) -> Array:
-        return self._inside * self.control_step >= self.config.dwell - 1e-9
+        return self._inside >= math.ceil(self.config.dwell / self.control_step - 1e-6)
+
+    def _age(self) -> Array:
+        """Time since the target was set [s]."""
+        return floats(self._step - self._set_at) * self.control_step
 
     # ---- what others see
 
@@ -468,11 +478,11 @@ class Turning:
         for weight, sample in zip(self._slope[1:], self._measured[1:], strict=True):
             rate = rate + weight * sample
         return TurningView(
-            xp=self.xp,
+            xp=self._arrays.xp,
             control_step=self.control_step,
             tolerance=self.config.tolerance,
             target=self._target,
-            target_age=(self._step - self._set_at) * self.control_step,
+            target_age=self._age(),
             error=self._target - self._angle,
             overshoot=self._overshoot(),
             measured_angle=self._measured[0],
@@ -486,14 +496,14 @@ class Turning:
     def info(self) -> dict[str, Array]:
         """``is_success``: at least one target was settled, and none was missed: replaced unsettled, or unsettled after
         the shortest hold."""
-        settled = self._is_settled()
-        overdue = ~settled & ((self._step - self._set_at) * self.control_step >= self.config.hold[0])
-        done = self._settled + settled
-        missed = self._missed + overdue
+        xp, settled = self._arrays.xp, self._is_settled()
+        overdue = ~settled & (self._age() >= self.config.hold[0])
+        done = self._settled + xp.astype(settled, xp.int64)
+        missed = self._missed + xp.astype(overdue, xp.int64)
         return {
-            "target": self._target.copy(),
-            "joint_angle": self._angle.copy(),
-            "largest_overshoot": self._largest_overshoot.copy(),
+            "target": xp.asarray(self._target, copy=True),
+            "joint_angle": xp.asarray(self._angle, copy=True),
+            "largest_overshoot": xp.asarray(self._largest_overshoot, copy=True),
             "targets_settled": done,
             "targets_missed": missed,
             "is_success": (done > 0) & (missed == 0),
@@ -501,7 +511,7 @@ class Turning:
 
     def traces(self) -> Array:
         output, judged = self._outputs.last, self.info()
-        return self.xp.stack(
+        return self._arrays.xp.stack(
             [
                 self._step * self.control_step,
                 *(output(channel) for channel in ("position_x", "position_y", "yaw")),

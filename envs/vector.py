@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -18,19 +18,22 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from aoro_gym.arrays import HOST, Array, Arrays, floats, namespace
 from aoro_gym.envs.randomisation import variants
 from aoro_gym.envs.rendering import RENDER_MODES, Renderer
 from aoro_gym.envs.task import Outputs, Task, channel_row
-from aoro_gym.envs.terms import Array, observations_of, rewards_of
+from aoro_gym.envs.terms import observations_of, rewards_of
 from aoro_gym.sensors.attitude import angles_of
 from aoro_gym.terrains import Plane, Terrain
 from aoro_gym.twin import Machine, Twin
-from aoro_gym.twin.records import WHEELS
+from aoro_gym.twin.records import WHEELS, Command
 from aoro_gym.twin.twin import STATUS
 
 Infos = dict[str, Any]
 BASE_OPTIONS = ("reset_mask", "machine", "terrain")
 """Keys of ``reset(options=...)`` that every task takes."""
+OUTPUTS = ("numpy", "torch")
+"""Kinds of arrays that environments hand out."""
 ANNOUNCE_AFTER = 2.0
 """Time [s] after which a start that takes longer is explained."""
 
@@ -53,6 +56,20 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
       ``own_machines=False`` there is but one machine and this fails;
     - ``terrain``: which of the terrains, a whole number or (num_envs,) of them; drawn by default.
 
+    With ``output="torch"`` all that :meth:`reset` and :meth:`step` hand out are tensors on the twins' device, and actions
+    may be such tensors; nothing of it comes to the host, which reads a few flags a step, and what ended if something did.
+    What differs from NumPy's arrays:
+
+    - Observations are not copied: the environment reads its tensor once more in the next step. Keep it as long as you
+      like, but do not write to it. Rewards, terminations, truncations and infos are yours.
+    - What :meth:`output` gives, and ``view.output`` in a term, aliases the twins' memory: it holds until the next step or
+      reset.
+    - ``info["termination"]`` are numbers, indices into :attr:`termination_reasons`; ``info["final_obs"]`` is a tensor like
+      the observations, which holds where ``info["_final_obs"]`` does.
+    - Masks of infos (``info["_NAME"]``) that are equal may be one tensor.
+    - Actions that are not finite count as 0 until the error is raised at the end of the step.
+    - Launches run on torch's current stream.
+
     Args:
         task: What to do.
         num_envs: Sub-environments, at least 1.
@@ -60,6 +77,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         terrain: Ground: a plane (level asphalt by default), a terrain, or several that episodes choose from.
         ground: How twins feel a terrain, ``"raster"`` or ``"mesh"``; see :class:`~aoro_gym.twin.Twin`.
         device: ``"cpu"`` or ``"cuda:N"``.
+        output: ``"numpy"``, or ``"torch"`` for tensors on the device (needs ``aoro-gym[torch]``).
         own_machines: Give every twin its own machine record, as randomised machines need it.
         autoreset_mode: See above; an :class:`AutoresetMode` or its value.
         max_episode_steps: Control steps after which an episode is truncated; never by default.
@@ -86,6 +104,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         terrain: Plane | Terrain | Sequence[Terrain] | None = None,
         ground: str = "raster",
         device: str = "cpu",
+        output: str = "numpy",
         own_machines: bool = True,
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
         max_episode_steps: int | None = None,
@@ -101,6 +120,10 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             raise ValueError(f"render_mode is {render_mode!r}; choose None, {' or '.join(map(repr, RENDER_MODES))}")
         if task.randomisation.varies_machine and not own_machines:
             raise ValueError("own_machines is False, but the randomisation varies machines; drop one of the two")
+        if output not in OUTPUTS:
+            raise ValueError(f"output is {output!r}; choose one of: {', '.join(map(repr, OUTPUTS))}")
+        if render_mode is not None and output != "numpy":
+            raise ValueError(f"render_mode is {render_mode!r}, but pictures are drawn on the host: take output='numpy'")
         self.task = task
         self.num_envs = int(num_envs)
         self.max_episode_steps = max_episode_steps
@@ -124,24 +147,40 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             )
             # compiles everything, and gives the outputs the size that they keep
             self.twin.step(duration=task.control_step, sample_every=task.sample_step)
+        self.arrays = HOST if output == "numpy" else Arrays.torch(str(self.twin.device))
+        """Where the arrays live that the task calculates with."""
         self._own_machines = own_machines
-        self._outputs = Outputs(np.zeros_like(self.twin.outputs.numpy()))
         self._machine_changed = np.zeros(self.num_envs, dtype=bool)
-        self._steps = np.zeros(self.num_envs, dtype=np.int64)
-        self._done = np.ones(self.num_envs, dtype=bool)
+        self._done = np.ones(self.num_envs, dtype=bool)  # the host knows who waits for a reset
+        with self.arrays.ordered():
+            self._allocate()
+        self._renderer = Renderer(task, self.num_envs, self.twin.machine) if render_mode is not None else None
+
+    def _allocate(self) -> None:
+        arrays, n = self.arrays, self.num_envs
+        self._outputs = self._read_outputs()
+        self._commands = arrays.alias(self.twin.commands)
+        self._steps = arrays.zeros(n, arrays.xp.int64)
 
         ground_of = self.twin.terrain
         if isinstance(ground_of, Terrain):
             ground_of = (ground_of,)
-        self.task.allocate(self.num_envs, ground_of if isinstance(ground_of, Plane) else tuple(ground_of))
-        self.single_action_space = task.action_space
-        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.task.allocate(n, ground_of if isinstance(ground_of, Plane) else tuple(ground_of), arrays)
+        self._endings = self.task.endings()[1]
+        self.termination_reasons = [*self._endings, *(f"twin lost: {reason}" for reason in STATUS.values())]
+        """Why episodes terminate; the first one, which is empty, goes on."""
+        self.single_action_space = self.task.action_space
+        self.action_space = batch_space(self.single_action_space, n)
         self.observation_layout: dict[str, slice] = {}
         """Columns of the observation by term."""
         self.single_observation_space = self._observation_space()
-        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
-        self._observation = np.zeros((self.num_envs, *self.single_observation_space.shape), dtype=np.float32)
-        self._renderer = Renderer(task, self.num_envs, self.twin.machine) if render_mode is not None else None
+        self.observation_space = batch_space(self.single_observation_space, n)
+        self._observation = arrays.zeros((n, *self.single_observation_space.shape), arrays.xp.float32)
+        self._lowest, self._highest, self._least_action, self._largest_action = (
+            arrays.asarray(bound, arrays.xp.float32)
+            for space in (self.single_observation_space, self.single_action_space)
+            for bound in (space.low, space.high)
+        )
 
     def _observation_space(self) -> spaces.Box:
         parts = observations_of(self.task.observation_terms, self.task.view(), self.num_envs)
@@ -167,11 +206,17 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         options = {} if options is None else options
         mask = self._reset_mask(options)
         self._seed(seed, mask)
-        self._start(np.flatnonzero(mask), options)
-        self._observe(mask)
+        with self.arrays.ordered():
+            self._start(np.flatnonzero(mask), options)
+            chosen = self.arrays.asarray(mask, self.arrays.xp.bool)
+            self._observe(chosen)
+            if self.arrays.host(self._wrong_observation()):
+                self._complain_of_observation()
+            infos = self.task.info()
+            infos = _with_masks(_where(chosen, infos), dict.fromkeys(infos, chosen))
         if self.render_mode == "human":
             self.render()
-        return self._observation.copy(), _masked(self.task.info(), mask)
+        return self._handed_out(self._observation), infos
 
     def _seed(self, seed: int | Sequence[int | None] | None, mask: NDArray[np.bool_]) -> None:
         if seed is None or isinstance(seed, int | np.integer):
@@ -219,30 +264,27 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             terrain = np.zeros(self.num_envs, dtype=np.int32)
             terrain[where] = start.terrain
         self.twin.reset(mask, position=position, heading=heading, joint_angle=joint_angle, terrain=terrain)
-        self._steps[where] = 0
+        rows = self.arrays.index(where)
+        self._steps[rows] = 0
         self._done[where] = False
 
         # the twin's outputs come with its first step: until then, what is known of a machine at rest
-        self._outputs = Outputs(self._outputs.values, self.twin.state.numpy())
         values = self._outputs.values
-        values[:, :, where] = 0.0
-        pose = self._outputs.states("X", 3)[:, where]
-        roll, pitch, yaw = angles_of(self._outputs.states("QX", 4)[:, where])
-        arms = self._outputs.states("ARM_FL", len(WHEELS))[:, where]
+        self._outputs = Outputs(values, self.arrays.alias(self.twin.state))
+        values[:, :, rows] = 0.0
         for channel, value in {
+            "position_x": self._outputs.states("X", 3)[:, rows],
+            "roll": self.arrays.xp.stack(angles_of(self._outputs.states("QX", 4)[:, rows])),
+            f"arm_angle_{WHEELS[0]}": self._outputs.states("ARM_FL", len(WHEELS))[:, rows],
             "joint_angle": start.joint_angle,
-            **dict(zip(("position_x", "position_y", "position_z"), pose, strict=True)),
-            "roll": roll,
-            "pitch": pitch,
-            "yaw": yaw,
-            **{f"arm_angle_{wheel}": angle for wheel, angle in zip(WHEELS, arms, strict=True)},
             "pressure_a": machine.steering.tank_line.back_pressure,
             "pressure_b": machine.steering.tank_line.back_pressure,
             "pump_pressure": machine.steering.pump.margin,
             "engine_speed": machine.engine.set_speed,
         }.items():
-            values[:, channel_row(channel), where] = value
-        self.task.rest(where, self._outputs)
+            row, count = channel_row(channel), len(value) if getattr(value, "ndim", 0) == 2 else 1
+            self.arrays.put(values, (slice(None), slice(row, row + count), rows), value)
+        self.task.rest(rows, self._outputs)
         if self._renderer is not None:
             self._renderer.restart(where, self.task.traces())
 
@@ -286,7 +328,6 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             ValueError: actions of the wrong shape, or not finite; a term that returns what it must not.
             gymnasium.error.ResetNeeded: a sub-environment has not been reset, or its episode has ended.
         """
-        actions = self._checked_actions(actions)
         resetting = self._done.copy()
         if resetting.any():
             fresh = any(generator is None for generator in self.generators)
@@ -295,123 +336,165 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
                     f"sub-environment {int(np.argmax(self._done))} has no running episode; call reset() first, for some "
                     "with options={'reset_mask': mask}"
                 )
+        actions, meant = self._taken_actions(actions)
+        with self.arrays.ordered():
+            result = self._advance(actions, meant, resetting)
+        if self.render_mode == "human":
+            self.render()
+        return result
 
-        self.twin.step(self.task.commands(actions), duration=self.task.control_step, sample_every=self.task.sample_step)
+    def _advance(
+        self, actions: Array, meant: Array, resetting: NDArray[np.bool_]
+    ) -> tuple[Array, Array, Array, Array, Infos]:
+        """A control step; those that are ``resetting`` begin an episode in it. ``meant`` (N,): whose actions are finite."""
+        arrays, xp = self.arrays, self.arrays.xp
+        for name, command in self.task.commands(actions).items():
+            self._commands[int(Command[name.upper()])] = command
+        if arrays.on_host and self.twin.device.is_cuda:
+            self.twin.commands.assign(self._commands)
+        self.twin.advance(self.task.control_step, sample_every=self.task.sample_step)
         self._steps += 1
-        status = self._read_outputs()
-        self.task.advance(self._outputs, self._steps * self.task.control_step)
+        self._outputs = self._read_outputs()
+        lost = self._status != 0
+        self.task.advance(self._outputs, floats(self._steps) * self.task.control_step)
 
+        running = xp.ones_like(lost)
+        if resetting.any():
+            running = ~arrays.asarray(resetting, xp.bool)
         contributions = rewards_of(self.task.reward_terms, self.task.view(), self.num_envs)
-        frozen = status != 0
-        counted = ~(frozen | resetting)
-        rewards = np.zeros(self.num_envs, dtype=np.float32)
-        infos: Infos = {}
-        for name, value in contributions.items():
-            value = np.where(counted, value, 0.0).astype(np.float32)
-            if not np.isfinite(value).all():
-                raise ValueError(
-                    f"reward_terms[{name!r}] is {value[~np.isfinite(value)][0]} in sub-environment "
-                    f"{int(np.argmax(~np.isfinite(value)))}; return finite numbers"
-                )
-            rewards += value
-            infos[f"reward/{name}"] = value
+        values = xp.stack([xp.astype(value, xp.float32) for value in contributions.values()])
+        values = xp.where(running & ~lost, values, 0.0)
+        rewards = values[0]
+        for value in values[1:]:
+            rewards = rewards + value
+        infos = {f"reward/{name}": value for name, value in zip(contributions, values, strict=True)}
 
-        ending, reasons = self.task.endings()
-        terminated = (frozen | (ending != 0)) & ~resetting
+        ending = xp.where(lost, self._status + (len(self._endings) - 1), self.task.endings()[0])
+        ending = xp.where(running, ending, 0)
+        terminated = ending != 0
         truncated = self.task.overdue()
         if self.max_episode_steps is not None:
             truncated = truncated | (self._steps >= self.max_episode_steps)
-        truncated = truncated & ~terminated & ~resetting
+        truncated = truncated & running & ~terminated
+        done = terminated | truncated
         self.task.renew()
         infos |= self.task.info()
-        ended = np.flatnonzero(terminated)
-        if ended.size:
-            reason = np.full(self.num_envs, None, dtype=object)
-            for i in ended:
-                reason[i] = f"twin lost: {STATUS[int(status[i])]}" if frozen[i] else reasons[int(ending[i])]
-            infos["termination"] = reason
-            if "is_success" in infos:
-                infos["is_success"] &= ~frozen
+        if "is_success" in infos:
+            infos["is_success"] &= ~lost
         if self._renderer is not None:
             self._renderer.record(self.task.traces())
+        masks = dict.fromkeys(infos, running)
 
         if resetting.any():
             self._start(np.flatnonzero(resetting), {})
-        self._observe(~frozen | resetting)
-        self._done = terminated | truncated
-        masks = dict.fromkeys(infos, ~resetting)
+        self._observe(~(lost & running))
+        # all that the host waits for
+        unmeant, wrong_reward = ~xp.all(meant), ~xp.all(xp.isfinite(rewards))
+        flags = xp.stack([unmeant, wrong_reward, self._wrong_observation(), xp.any(terminated), xp.any(done)])
+        unmeant, wrong_reward, wrong_observation, any_terminated, any_done = arrays.host(flags)
+        if unmeant:
+            self._complain_of_action(meant)
+        if wrong_reward:
+            self._complain_of_reward(values)
+        if wrong_observation:
+            self._complain_of_observation()
         if resetting.any():
-            infos, masks = _replaced(infos, masks, self.task.info(), resetting)
-        infos = _with_masks(infos, masks)
-        if "termination" in infos:
-            infos["_termination"] = terminated.copy()
-        if self._done.any() and self.autoreset_mode is AutoresetMode.SAME_STEP:
-            infos = self._same_step(infos)
-        if self.render_mode == "human":
-            self.render()
-        return self._observation.copy(), rewards, terminated, truncated, infos
+            infos, masks = _replaced(infos, masks, self.task.info(), ~running)
+        if any_terminated:
+            infos["termination"], masks["termination"] = self._reasons(ending), terminated
+        self._done = np.array(arrays.host(done)) if any_done else np.zeros(self.num_envs, dtype=bool)
+        if any_done and self.autoreset_mode is AutoresetMode.SAME_STEP:
+            infos = self._same_step(infos, masks, done)
+        else:
+            infos = _with_masks(infos, masks)
+        return self._handed_out(self._observation), rewards, terminated, truncated, infos
 
-    def _same_step(self, infos: Infos) -> Infos:
+    def _same_step(self, infos: Infos, masks: dict[str, Array], done: Array) -> Infos:
         """Reset the sub-environments whose episode just ended, and put the end of the old one into the infos."""
-        done = self._done.copy()
-        where = np.flatnonzero(done)
-        final = np.full(self.num_envs, None, dtype=object)
-        for i in where:
-            final[i] = self._observation[i].copy()
-        values = {name: value for name, value in infos.items() if not name.startswith("_")}
-        masks = {name: infos[f"_{name}"] for name in values}
-        final_info = _with_masks(
-            {name: _where(done, value) for name, value in values.items()}, {n: m & done for n, m in masks.items()}
-        )
-        self._start(where, {})
+        final = self._observation  # a new one follows
+        if self.arrays.on_host:
+            final = np.full(self.num_envs, None, dtype=object)
+            for i in np.flatnonzero(done):
+                final[i] = self._observation[i].copy()
+        final_info = _with_masks(_where(done, infos), _each(masks, lambda mask: mask & done))
+        self._start(np.flatnonzero(self._done), {})
         self._observe(done)
-        values, masks = _replaced(values, masks, self.task.info(), done)
+        if self.arrays.host(self._wrong_observation()):
+            self._complain_of_observation()
+        infos, masks = _replaced(infos, masks, self.task.info(), done)
         return {
-            **_with_masks(values, masks),
+            **_with_masks(infos, masks),
             "final_obs": final,
             "_final_obs": done,
             "final_info": final_info,
-            "_final_info": done.copy(),
+            "_final_info": done,
         }
 
-    def _checked_actions(self, actions: Array) -> NDArray[np.float32]:
-        actions = np.asarray(actions, dtype=np.float32)
-        if actions.shape != self.action_space.shape:
-            raise ValueError(f"actions have shape {actions.shape}, but must have {self.action_space.shape}")
-        if not np.isfinite(actions).all():
-            raise ValueError(
-                f"the action of sub-environment {int(np.argwhere(~np.isfinite(actions))[0, 0])} is not finite"
-            )
-        return np.clip(actions, self.single_action_space.low, self.single_action_space.high)
+    def _taken_actions(self, actions: Array) -> tuple[Array, Array]:
+        """Actions (N, A) within the action space, and which of them (N,) were finite; the others are 0."""
+        arrays, xp = self.arrays, self.arrays.xp
+        on_host = namespace(actions) is np
+        actions = np.asarray(actions, dtype=np.float32) if on_host else actions
+        if tuple(actions.shape) != self.action_space.shape:
+            raise ValueError(f"actions have shape {tuple(actions.shape)}, but must have {self.action_space.shape}")
+        if on_host and not np.isfinite(actions).all():
+            self._complain_of_action(np.isfinite(actions).all(axis=1))
+        actions = arrays.asarray(actions, xp.float32)
+        finite = xp.isfinite(actions)
+        actions = xp.clip(xp.where(finite, actions, 0.0), self._least_action, self._largest_action)
+        return actions, xp.all(finite, axis=1)
 
-    def _read_outputs(self) -> NDArray[np.int32]:
-        """Take over the outputs of the step; returns the status (N,) of the twins."""
-        values = self.twin.outputs.numpy()  # aliases on the CPU, copies from a GPU
-        status = self.twin.status.copy()
-        lost = np.flatnonzero(status)
-        if lost.size:
-            values[:, :, lost] = np.nan_to_num(values[:, :, lost], nan=0.0, posinf=0.0, neginf=0.0)
-        state = self.twin.state.numpy()
-        if lost.size:
-            state = np.nan_to_num(state, nan=0.0, posinf=0.0, neginf=0.0)
-        self._outputs = Outputs(values, state)
-        return status
+    def _complain_of_action(self, meant: Array) -> None:
+        meant = meant if isinstance(meant, np.ndarray) else self.arrays.host(meant)
+        raise ValueError(f"the action of sub-environment {int(np.argmin(meant))} is not finite")
 
-    def _observe(self, mask: NDArray[np.bool_]) -> None:
+    def _complain_of_reward(self, values: Array) -> None:
+        values = self.arrays.host(values)
+        term, i = np.argwhere(~np.isfinite(values))[0]
+        name = list(self.task.reward_terms)[term]
+        raise ValueError(f"reward_terms[{name!r}] is {values[term, i]} in sub-environment {i}; return finite numbers")
+
+    def _complain_of_observation(self) -> None:
+        observation = self.arrays.host(self._observation)
+        row, column = np.argwhere(~np.isfinite(observation))[0]
+        name = next(name for name, span in self.observation_layout.items() if span.start <= column < span.stop)
+        raise ValueError(
+            f"observation_terms[{name!r}] is {observation[row, column]} in sub-environment {row}; return finite numbers"
+        )
+
+    def _read_outputs(self) -> Outputs:
+        """The outputs and the status of the twins at the end of a step."""
+        arrays, xp = self.arrays, self.arrays.xp
+        values = arrays.alias(self.twin.outputs)
+        self._status = arrays.alias(self.twin.status_codes)
+        if not arrays.surely_none(self._status != 0):  # a lost twin shows what is no number
+            values[...] = xp.where(xp.isfinite(values), values, 0.0)
+        return Outputs(values, arrays.alias(self.twin.state))  # which stays at the last good one
+
+    def _observe(self, mask: Array) -> None:
         """Renew the observations where ``mask`` holds; the others keep their last one."""
+        arrays, xp = self.arrays, self.arrays.xp
         parts = observations_of(self.task.observation_terms, self.task.view(), self.num_envs)
-        space = self.single_observation_space
-        observation = np.concatenate(parts, axis=1).astype(np.float32)
-        np.clip(observation, space.low, space.high, out=observation)
-        if not mask.all():
-            observation = np.where(mask[:, None], observation, self._observation)
-        if not np.isfinite(observation).all():
-            row, column = np.argwhere(~np.isfinite(observation))[0]
-            name = next(name for name, span in self.observation_layout.items() if span.start <= column < span.stop)
-            raise ValueError(
-                f"observation_terms[{name!r}] is {observation[row, column]} in sub-environment {row}; return finite numbers"
-            )
+        observation = xp.clip(xp.astype(xp.concat(parts, axis=1), xp.float32), self._lowest, self._highest)
+        if not arrays.surely_none(~mask):
+            observation = xp.where(mask[:, None], observation, self._observation)
         self._observation = observation
+
+    def _wrong_observation(self) -> Array:
+        """Whether any observation is not finite."""
+        return ~self.arrays.xp.all(self.arrays.xp.isfinite(self._observation))
+
+    def _handed_out(self, observation: Array) -> Array:
+        return observation.copy() if self.arrays.on_host else observation
+
+    def _reasons(self, ending: Array) -> Array:
+        """Why episodes terminate (N,): words, or None for those that go on; indices on a device."""
+        if not self.arrays.on_host:
+            return ending
+        reasons = np.full(self.num_envs, None, dtype=object)
+        for i in np.flatnonzero(ending):
+            reasons[i] = self.termination_reasons[ending[i]]
+        return reasons
 
     # ---- rendering ---------------------------------------------------------------------------------------------------
 
@@ -432,14 +515,15 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             self._renderer.close()
             self._renderer = None
 
-    def output(self, channel: str) -> NDArray[np.float32]:
-        """The twins' exact output channel at the end of the last control step, SI, shape (num_envs,)."""
-        return self._outputs.last(channel).copy()
+    def output(self, channel: str) -> Array:
+        """The twins' exact output channel at the end of the last control step, SI, float32 (num_envs,); a tensor aliases the
+        twins' memory."""
+        return self._handed_out(self._outputs.last(channel))
 
     @property
-    def time(self) -> NDArray[np.floating]:
+    def time(self) -> Array:
         """Time since the start of the episode [s], shape (num_envs,)."""
-        return self._steps * self.task.control_step
+        return floats(self._steps) * self.task.control_step
 
 
 def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
@@ -450,33 +534,37 @@ def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
         raise ValueError(f"autoreset_mode is {mode!r}; choose one of: {known}") from None
 
 
-def _where(mask: NDArray[np.bool_], values: Array) -> Array:
+def _where(mask: Array, values: Mapping[str, Array]) -> dict[str, Array]:
     """``values`` where ``mask`` holds, else zero, or None for objects."""
-    return np.where(mask, values, None if values.dtype == object else np.zeros((), values.dtype))
+    xp = namespace(mask)
+    return {
+        name: xp.where(mask, value, None if value.dtype == object else xp.zeros_like(value))
+        for name, value in values.items()
+    }
 
 
-def _masked(values: dict[str, Array], mask: NDArray[np.bool_]) -> Infos:
-    return _with_masks({name: _where(mask, value) for name, value in values.items()}, dict.fromkeys(values, mask))
+def _each(masks: Mapping[str, Array], change: Callable[[Array], Array]) -> dict[str, Array]:
+    """``change`` of every mask, calculated once for those that are one array."""
+    changed = {id(mask): change(mask) for mask in {id(mask): mask for mask in masks.values()}.values()}
+    return {name: changed[id(mask)] for name, mask in masks.items()}
 
 
-def _with_masks(values: dict[str, Array], masks: dict[str, Array]) -> Infos:
+def _with_masks(values: Mapping[str, Array], masks: Mapping[str, Array]) -> Infos:
     """Gymnasium's vector infos: every key has a mask that says which sub-environments it holds for."""
-    infos: Infos = {}
-    for name, value in values.items():
-        infos[name] = value
-        infos[f"_{name}"] = masks[name].copy()
-    return infos
+    return {key: entry for name, value in values.items() for key, entry in ((name, value), (f"_{name}", masks[name]))}
 
 
 def _replaced(
-    values: dict[str, Array], masks: dict[str, Array], begun: dict[str, Array], where: NDArray[np.bool_]
+    values: Mapping[str, Array], masks: Mapping[str, Array], begun: Mapping[str, Array], where: Array
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """Infos of a step, with those of a reset ``begun`` in its place where ``where`` holds."""
-    values = {
-        name: np.where(where, begun[name], v) if name in begun else _where(~where, v) for name, v in values.items()
+    xp = namespace(where)
+    kept = {name: value for name, value in values.items() if name not in begun}
+    renewed = {name: xp.where(where, begun[name], values[name]) for name in values if name in begun}
+    return {**_where(~where, kept), **renewed}, {
+        **_each({name: masks[name] for name in kept}, lambda mask: mask & ~where),
+        **_each({name: masks[name] for name in renewed}, lambda mask: mask | where),
     }
-    masks = {name: mask | where if name in begun else mask & ~where for name, mask in masks.items()}
-    return values, masks
 
 
 @contextmanager

@@ -22,19 +22,21 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 SETUPTOOLS = PROJECT["tool"]["setuptools"]
 LINKED = ("envs", "terrains", "agents")
 
-TOOLS = {"log", "figures", "manoeuvres", "report", "benchmark"}
+TOOLS = {"log", "figures", "manoeuvres", "report"}
 STUDIES = {"validation", "calibration", "diagnosis"}
 MAY_SEE = {
     # data flows terrains -> twin -> sensors -> envs -> agents; studies see twin and sensors, never envs or agents
+    "arrays": set(),
     "terrains": set(),
     "twin": {"terrains"},
-    "sensors": {"terrains", "twin"},
-    "envs": {"terrains", "twin", "sensors"},
+    "sensors": {"arrays", "terrains", "twin"},
+    "envs": {"arrays", "terrains", "twin", "sensors"},
     "agents": {"terrains", "twin", "sensors", "envs", *TOOLS},
     # the key figures of a turn are defined in validation, for the machine and for every drawing of a twin
     **{part: {"terrains", "twin", "sensors", "validation", *TOOLS} for part in TOOLS},
     **{part: {"terrains", "twin", "sensors", *TOOLS, *STUDIES} for part in STUDIES},
-    "cli": {"terrains", "twin", "sensors", "envs", "agents", *TOOLS, *STUDIES},
+    "benchmark": {"terrains", "twin", "sensors", "envs", *TOOLS},
+    "cli": {"terrains", "twin", "sensors", "envs", "agents", "benchmark", *TOOLS, *STUDIES},
     "__main__": {"cli"},
     "__init__": {"terrains", "twin", "envs"},
 }

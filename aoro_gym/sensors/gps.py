@@ -12,17 +12,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from aoro_gym.arrays import HOST, Array, Arrays, Index
 from aoro_gym.sensors.attitude import in_world, wrapped
 from aoro_gym.sensors.noise import (
     Drift,
     Seeds,
     channel,
+    channels,
     checked_generators,
     chosen_rows,
     columns,
     draw_seeds,
+    instants,
     uniform,
     white,
 )
@@ -124,15 +126,15 @@ class GpsNoise:
 class GpsReading:
     """The newest solutions of K receivers. Without satellites the last solution stays, with its age."""
 
-    position: NDArray[np.float64]
+    position: Array
     """Of the main antenna [m] (K, 3)."""
-    heading: NDArray[np.float64]
+    heading: Array
     """Of the front frame [rad] (K,), in [−π, π)."""
-    quality: NDArray[np.int64]
+    quality: Array
     """``NONE``, ``FLOAT`` or ``FIXED`` (K,)."""
-    age: NDArray[np.float64]
+    age: Array
     """Time [s] (K,) since the instant that position and heading show."""
-    fresh: NDArray[np.bool_]
+    fresh: Array
     """Whether a solution came in with this call (K,)."""
 
 
@@ -146,6 +148,7 @@ class Gps:
         latency: Time [s] from the instant of a solution until it comes out.
         interval: Longest time [s] between two calls of :meth:`measure`; between them the antennas move on straight
             lines.
+        arrays: Where they live.
 
     Raises ValueError naming the argument, its value and its bound.
     """
@@ -158,6 +161,7 @@ class Gps:
         antennas: Antennas | None = None,
         latency: float = 0.04,
         interval: float = 0.05,
+        arrays: Arrays = HOST,
     ):
         if num_twins < 1:
             raise ValueError(f"num_twins is {num_twins}, but must be at least 1")
@@ -169,52 +173,61 @@ class Gps:
         self.noise = GpsNoise.typical() if noise is None else noise
         self.antennas = Antennas() if antennas is None else antennas
         self.latency = latency
-        n = num_twins
-        self.scale = np.ones(n)
+        n, xp = num_twins, arrays.xp
+        self._arrays = arrays
+        self.scale = arrays.ones(n)
         """Multiplier [-] of each receiver's errors (N,); 0 leaves clock and latency."""
+        self._places = arrays.asarray([self.antennas.main, self.antennas.auxiliary])
         kept = math.ceil(latency / interval) + 2
-        self._past = np.zeros((kept, n, 6))  # [m] both antennas, newest first
-        self._instants = np.zeros((kept, n))  # [s] of them
-        self._seeds: Seeds = np.zeros(n, dtype=np.uint64)
-        self._phase = np.zeros(n)  # share of a period by which the receiver's clock is late
-        self._number = np.full(n, -1, dtype=np.int64)  # of the last solution
-        self._fresh = np.ones(n, dtype=bool)  # not asked since the reset
-        self._state = np.full(n, FIXED, dtype=np.int64)
-        self._position = np.zeros((n, 3))
-        self._heading = np.zeros(n)
-        self._instant = np.zeros(n)
-        drift = {"rate": RATE, "num_twins": n}
+        self._past = arrays.zeros((kept, n, 2, 3))  # [m] both antennas, newest first
+        self._instants = arrays.zeros((kept, n))  # [s] of them
+        # of the white errors x, y, z of the position and x, y of the line, then of losses: when, and of what kind
+        self._seeds: Seeds = arrays.zeros((7, n), xp.int64)
+        self._phase = arrays.zeros(n)  # share of a period by which the receiver's clock is late
+        self._number = arrays.full(n, -1, xp.int64)  # of the last solution
+        self._fresh = arrays.ones(n, xp.bool)  # not asked since the reset
+        self._state = arrays.full(n, FIXED, xp.int64)
+        self._position = arrays.zeros((n, 3))
+        self._heading = arrays.zeros(n)
+        self._instant = arrays.zeros(n)
         scale = np.array([1.0, 1.0, self.noise.vertical])
+        drift = {"rate": RATE, "num_twins": n, "arrays": arrays}
+        self._white = arrays.asarray(self.noise.white * scale)[:, None]
+        # by quality
+        loss = self.noise.loss
+        self._loses = math.isfinite(loss.interval)
+        self._relative = arrays.asarray([self.noise.float_relative, self.noise.float_relative, self.noise.relative])
+        self._durations = arrays.asarray([loss.none_duration, loss.float_duration, loss.interval])  # [s]
         self._drift = Drift(self.noise.drift * scale, time=self.noise.drift_time, **drift)
         self._float_drift = Drift(self.noise.float_drift * scale, time=self.noise.float_drift_time, **drift)
         self.reset(np.arange(n), np.random.default_rng(0).spawn(n))
 
-    def reset(self, indices: ArrayLike, rngs: Sequence[np.random.Generator]) -> None:
+    def reset(self, indices: Index, rngs: Sequence[np.random.Generator]) -> None:
         """Begin a new run of the twins ``indices`` (K,), with one generator each: fixed, and standing still."""
-        rows = chosen_rows(indices, self.num_twins)
-        checked_generators(rngs, rows)
-        seeds = draw_seeds(rngs)
-        self._seeds[rows] = seeds
+        rows, k = chosen_rows(indices, self.num_twins, self._arrays)
+        checked_generators(rngs, k)
+        seeds = self._arrays.asarray(draw_seeds(rngs), self._arrays.xp.int64)
+        self._seeds[:, rows] = channels(seeds, range(3, 10))
         self._phase[rows] = uniform(channel(seeds, 0), 0)
-        self._drift.reset(rows, channel(seeds, 1))
-        self._float_drift.reset(rows, channel(seeds, 2))
+        self._drift.reset(rows, channels(channel(seeds, 1), range(3)))
+        self._float_drift.reset(rows, channels(channel(seeds, 2), range(3)))
         self._number[rows] = -1
         self._state[rows] = FIXED
         self._fresh[rows] = True
 
     @property
-    def quality(self) -> NDArray[np.int64]:
+    def quality(self) -> Array:
         """Of the newest solutions (N,): ``NONE``, ``FLOAT`` or ``FIXED``."""
         return self._state
 
     def measure(
         self,
-        position: ArrayLike,
-        roll: ArrayLike,
-        pitch: ArrayLike,
-        yaw: ArrayLike,
-        time: ArrayLike,
-        indices: ArrayLike | None = None,
+        position: Array,
+        roll: Array,
+        pitch: Array,
+        yaw: Array,
+        time: Array,
+        indices: Index | None = None,
     ) -> GpsReading:
         """What the receivers show.
 
@@ -226,75 +239,64 @@ class Gps:
             time: Time [s] since the twin's reset, scalar or (K,), not before that of the last call.
             indices: Which twins, integers (K,); all by default. The others stay as they are.
         """
-        rows = chosen_rows(indices, self.num_twins)
-        k = len(rows)
-        origin = columns("position", position, (k, 3))
-        now = np.broadcast_to(np.asarray(time, dtype=np.float64), (k,))
-        places = np.concatenate(
-            [origin + in_world(roll, pitch, yaw, place) for place in (self.antennas.main, self.antennas.auxiliary)],
-            axis=1,
+        arrays, xp = self._arrays, self._arrays.xp
+        rows, k = chosen_rows(indices, self.num_twins, arrays)
+        origin, now = columns("position", position, (k, 3), arrays), instants(time, k, arrays)
+        roll, pitch, yaw = (
+            columns(name, angle, (k,), arrays)[:, None]
+            for name, angle in (("roll", roll), ("pitch", pitch), ("yaw", yaw))
         )
+        places = origin[:, None] + in_world(roll, pitch, yaw, self._places)
+        past, times = self._past[:, rows], self._instants[:, rows]
         begun = self._fresh[rows]
-        if begun.any():  # at rest until now
-            self._past[:, rows[begun]] = places[begun]
-            self._instants[:, rows[begun]] = now[begun]
+        if not arrays.surely_none(begun):  # at rest until now
+            past, times = xp.where(begun[:, None, None], places, past), xp.where(begun, now, times)
             self._fresh[rows] = False
-        self._past[1:, rows] = self._past[:-1, rows]
-        self._instants[1:, rows] = self._instants[:-1, rows]
-        self._past[0, rows] = places
-        self._instants[0, rows] = now
+        past, times = xp.concat([places[None], past[:-1]]), xp.concat([now[None], times[:-1]])
+        self._past[:, rows], self._instants[:, rows] = past, times
 
-        number = np.floor((now - self.latency) * RATE - self._phase[rows] + 1e-9).astype(np.int64) + 1
-        number = np.maximum(number, 0)  # the first solution is there from the start
-        due = number > self._number[rows]
-        if due.any():
-            self._solve(rows[due], number[due])
-        return GpsReading(
-            position=self._position[rows],
-            heading=self._heading[rows],
-            quality=self._state[rows],
-            age=now - self._instant[rows],
-            fresh=due & (self._state[rows] != NONE),
-        )
+        number = xp.astype(xp.floor((now - self.latency) * RATE - self._phase[rows] + 1e-9), xp.int64) + 1
+        number = xp.clip(number, 0, None)  # the first solution is there from the start
+        return self._solved(rows, number, now, past, times)
 
-    def _solve(self, rows: NDArray[np.int64], number: NDArray[np.int64]) -> None:
-        """New solutions, each for the instant of its tick."""
-        noise = self.noise
+    def _solved(self, rows: Index, number: Array, now: Array, past: Array, times: Array) -> GpsReading:
+        """The solutions of the ticks ``number`` (K,), which may have been there before, ``now`` (K,) [s]; ``past``
+        (kept, K, 2, 3) [m] and ``times`` (kept, K) [s] are the antennas' places, newest first."""
+        arrays, xp = self._arrays, self._arrays.xp
         instant = (number - 1 + self._phase[rows]) / RATE
         state = self._next_state(rows, number)
-        self._number[rows] = number
-        self._state[rows] = state
+        fresh = (number > self._number[rows]) & (state != NONE)
+        self._number[rows], self._state[rows] = number, state
         # the antennas at that instant, on the straight line between the two calls around it
-        instants = self._instants[:, rows]
-        after = np.clip(np.sum(instants > instant, axis=0) - 1, 0, len(instants) - 2)
-        each = np.arange(len(rows))
-        late, early = instants[after, each], instants[after + 1, each]
-        share = np.clip((late - instant) / np.where(late > early, late - early, 1.0), 0.0, 1.0)[:, None]
-        places = self._past[after, rows] + share * (self._past[after + 1, rows] - self._past[after, rows])
+        after = xp.clip(xp.sum(times > instant, axis=0) - 1, 0, len(times) - 2)
+        each = arrays.arange(len(number))
+        late, early = times[after, each], times[after + 1, each]
+        share = xp.clip((late - instant) / xp.where(late > early, late - early, 1.0), 0.0, 1.0)[:, None, None]
+        before, places = past[after + 1, each], past[after, each]
+        places = places + share * (before - places)
 
-        fixed = state == FIXED
-        drift = np.where(fixed, self._drift.at(rows, number), self._float_drift.at(rows, number)).T
-        scale = np.array([1.0, 1.0, noise.vertical])
-        seeds = self._seeds[rows]
-        error = drift + noise.white * scale * np.stack([white(channel(seeds, 3 + i), number) for i in range(3)], axis=1)
-        error = self.scale[rows][:, None] * error
-        relative = self.scale[rows] * np.where(fixed, noise.relative, noise.float_relative)
-        line = places[:, 3:5] - places[:, 0:2]
-        line = line + relative[:, None] * np.stack([white(channel(seeds, 6 + i), number) for i in range(2)], axis=1)
-        heading = wrapped(np.arctan2(line[:, 1], line[:, 0]) - self.antennas.direction)
+        drift = self._drift.at(rows, number)
+        if self._loses:
+            drift = xp.where(state == FIXED, drift, self._float_drift.at(rows, number))
+        random = white(self._seeds[:5, rows], number)
+        scale = self.scale[rows]
+        position = places[:, 0] + (scale * (drift + self._white * random[:3])).T
+        line = (places[:, 1, :2] - places[:, 0, :2]) + (scale * self._relative[state] * random[3:]).T
+        heading = wrapped(xp.atan2(line[:, 1], line[:, 0]) - self.antennas.direction)
 
-        there = state != NONE
-        self._position[rows[there]] = (places[:, :3] + error)[there]
-        self._heading[rows[there]] = heading[there]
-        self._instant[rows[there]] = np.maximum(instant, 0.0)[there]
+        position = xp.where(fresh[:, None], position, self._position[rows])
+        heading = xp.where(fresh, heading, self._heading[rows])
+        instant = xp.where(fresh, xp.clip(instant, 0.0, None), self._instant[rows])
+        self._position[rows], self._heading[rows], self._instant[rows] = position, heading, instant
+        return GpsReading(position=position, heading=heading, quality=state, age=now - instant, fresh=fresh)
 
-    def _next_state(self, rows: NDArray[np.int64], number: NDArray[np.int64]) -> NDArray[np.int64]:
-        loss, state = self.noise.loss, self._state[rows]
-        if not math.isfinite(loss.interval):
+    def _next_state(self, rows: Index, number: Array) -> Array:
+        """Qualities (K,) of the solutions ``number``; of one that was there before, as it was."""
+        xp, state = self._arrays.xp, self._state[rows]
+        if not self._loses:
             return state
-        seeds = self._seeds[rows]
-        change, kind = uniform(channel(seeds, 8), number), uniform(channel(seeds, 9), number)
-        durations = np.array([loss.none_duration, loss.float_duration, loss.interval])
-        leaves = change < -np.expm1(-(number - np.maximum(self._number[rows], 0)) / (RATE * durations[state]))
-        lost = np.where(kind < loss.none_share, NONE, FLOAT)
-        return np.where(leaves, np.where(state == FIXED, lost, FIXED), state)
+        change, kind = uniform(self._seeds[5:, rows], number)
+        passed = number - xp.clip(self._number[rows], 0, None)
+        leaves = change < -xp.expm1(-passed / (RATE * self._durations[state]))
+        lost = xp.where(kind < self.noise.loss.none_share, NONE, FLOAT)
+        return xp.where(leaves, xp.where(state == FIXED, lost, FIXED), state)

@@ -7,18 +7,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from aoro_gym.sensors.attitude import in_world
+from aoro_gym.arrays import HOST, Array, Arrays, Index, floats, namespace
 from aoro_gym.sensors.chain import SAMPLE_RATE
 from aoro_gym.sensors.noise import (
     Drift,
     Seeds,
     channel,
+    channels,
     checked_generators,
     chosen_rows,
     columns,
     draw_seeds,
+    instants,
     tick,
     white,
 )
@@ -66,13 +67,13 @@ class ImuNoise:
 class ImuReading:
     """One sample of K units, in the front frame's axes."""
 
-    rates: NDArray[np.float64]
+    rates: Array
     """Angular velocity [rad/s] (K, 3)."""
-    force: NDArray[np.float64]
+    force: Array | None
     """Specific force [m/s²] (K, 3): acceleration less gravity, so (0, 0, 9.81) at rest on level ground."""
-    roll: NDArray[np.float64]
+    roll: Array
     """[rad] (K,), positive where the left side is up."""
-    pitch: NDArray[np.float64]
+    pitch: Array
     """[rad] (K,), positive where the nose is down."""
 
 
@@ -82,77 +83,91 @@ class Imu:
     Args:
         num_twins: How many.
         noise: Their errors; :meth:`ImuNoise.typical` by default, ``ImuNoise()`` for none.
+        accelerometers: Whether they show the specific force, too.
+        arrays: Where they live.
     """
 
-    def __init__(self, num_twins: int = 1, noise: ImuNoise | None = None):
+    def __init__(
+        self,
+        num_twins: int = 1,
+        noise: ImuNoise | None = None,
+        *,
+        accelerometers: bool = True,
+        arrays: Arrays = HOST,
+    ):
         if num_twins < 1:
             raise ValueError(f"num_twins is {num_twins}, but must be at least 1")
         self.num_twins = num_twins
         self.noise = ImuNoise.typical() if noise is None else noise
-        self.scale = np.ones(num_twins)
+        self.scale = arrays.ones(num_twins)
         """Multiplier [-] of each unit's errors (N,)."""
-        self._seeds: Seeds = np.zeros(num_twins, dtype=np.uint64)
-        drift = {"rate": SAMPLE_RATE, "num_twins": num_twins}
-        bias = [self.noise.rate_bias] * 3 + [self.noise.force_bias] * 3
-        self._bias = Drift(bias, time=self.noise.bias_time, **drift)
-        self._attitude = Drift([self.noise.attitude_drift] * 2, time=self.noise.attitude_time, **drift)
+        self._arrays = arrays
+        self._axes = 6 if accelerometers else 3  # rates, then forces; the attitude follows them
+        drifts = (
+            [self.noise.rate_bias] * 3 + [self.noise.force_bias] * (self._axes - 3) + [self.noise.attitude_drift] * 2
+        )
+        times = [self.noise.bias_time] * self._axes + [self.noise.attitude_time] * 2
+        whites = (
+            [self.noise.rate_white] * 3 + [self.noise.force_white] * (self._axes - 3) + [self.noise.attitude_white] * 2
+        )
+        self._drift = Drift(drifts, time=times, rate=SAMPLE_RATE, num_twins=num_twins, arrays=arrays)
+        self._white = arrays.asarray(whites)[:, None]
+        self._seeds: Seeds = arrays.zeros((self._axes + 2, num_twins), arrays.xp.int64)
         self.reset(np.arange(num_twins), np.random.default_rng(0).spawn(num_twins))
 
-    def reset(self, indices: ArrayLike, rngs: Sequence[np.random.Generator]) -> None:
+    def reset(self, indices: Index, rngs: Sequence[np.random.Generator]) -> None:
         """Begin a new run of the twins ``indices`` (K,), with one generator each."""
-        rows = chosen_rows(indices, self.num_twins)
-        checked_generators(rngs, rows)
-        seeds = draw_seeds(rngs)
-        self._seeds[rows] = seeds
-        self._bias.reset(rows, channel(seeds, 0))
-        self._attitude.reset(rows, channel(seeds, 1))
+        rows, k = chosen_rows(indices, self.num_twins, self._arrays)
+        checked_generators(rngs, k)
+        xp, seeds = self._arrays.xp, self._arrays.asarray(draw_seeds(rngs), self._arrays.xp.int64)
+        bias, attitude = channels(channel(seeds, 0), range(self._axes)), channels(channel(seeds, 1), range(2))
+        self._drift.reset(rows, xp.concat([bias, attitude]))
+        self._seeds[:, rows] = channels(seeds, [2 + axis for axis in (*range(self._axes), 6, 7)])
 
     def measure(
         self,
-        rates: ArrayLike,
-        force: ArrayLike,
-        roll: ArrayLike,
-        pitch: ArrayLike,
-        time: ArrayLike,
-        indices: ArrayLike | None = None,
+        rates: Array,
+        force: Array | None,
+        roll: Array,
+        pitch: Array,
+        time: Array,
+        indices: Index | None = None,
     ) -> ImuReading:
         """One sample of each unit.
 
         Args:
             rates: True angular velocity [rad/s] (K, 3) in the front frame's axes.
-            force: True specific force [m/s²] (K, 3) where the unit sits; see :func:`specific_force`.
+            force: True specific force [m/s²] (K, 3) where the unit sits; see :func:`specific_force`. None for units
+                without accelerometers.
             roll: True attitude [rad] (K,).
             pitch: Likewise.
             time: Time [s] since the twin's reset, scalar or (K,), not before that of the last call.
             indices: Which twins, integers (K,); all by default. The others stay as they are.
         """
-        rows = chosen_rows(indices, self.num_twins)
-        k, noise = len(rows), self.noise
-        number = tick(np.broadcast_to(np.asarray(time, dtype=np.float64), (k,)), SAMPLE_RATE)
-        seeds = self._seeds[rows]
-        scale = self.scale[rows]
-        bias = scale * self._bias.at(rows, number)
-        attitude = scale * self._attitude.at(rows, number)
-        random = scale * np.stack([white(channel(seeds, 2 + i), number) for i in range(8)])
+        arrays = self._arrays
+        rows, k = chosen_rows(indices, self.num_twins, arrays)
+        number = tick(instants(time, k, arrays), SAMPLE_RATE)
+        error = self._drift.at(rows, number) + self._white * white(self._seeds[:, rows], number)
+        error = self.scale[rows] * error
         return ImuReading(
-            rates=columns("rates", rates, (k, 3)) + (bias[:3] + noise.rate_white * random[:3]).T,
-            force=columns("force", force, (k, 3)) + (bias[3:] + noise.force_white * random[3:6]).T,
-            roll=columns("roll", roll, (k,)) + attitude[0] + noise.attitude_white * random[6],
-            pitch=columns("pitch", pitch, (k,)) + attitude[1] + noise.attitude_white * random[7],
+            rates=columns("rates", rates, (k, 3), arrays) + error[:3].T,
+            force=None if self._axes == 3 else columns("force", force, (k, 3), arrays) + error[3:6].T,
+            roll=columns("roll", roll, (k,), arrays) + error[-2],
+            pitch=columns("pitch", pitch, (k,), arrays) + error[-1],
         )
 
 
 def specific_force(
-    velocity: ArrayLike,
-    acceleration: ArrayLike,
-    rates: ArrayLike,
-    angular_acceleration: ArrayLike,
-    roll: ArrayLike,
-    pitch: ArrayLike,
+    velocity: Array,
+    acceleration: Array,
+    rates: Array,
+    angular_acceleration: Array,
+    roll: Array,
+    pitch: Array,
     *,
-    place: ArrayLike = (0.0, 0.0, 0.0),
+    place: tuple[float, float, float] = (0.0, 0.0, 0.0),
     gravity: float = 9.81,
-) -> NDArray[np.float64]:
+) -> Array:
     """Specific force [m/s²] (N, 3) at a point of the front frame, in its axes: v̇ + ω×v + ω̇×r + ω×(ω×r) − g.
 
     Args:
@@ -162,13 +177,15 @@ def specific_force(
         angular_acceleration: ω̇ [rad/s²] (N, 3).
         roll: [rad] (N,).
         pitch: [rad] (N,).
-        place: r [m], the point in the frame's axes (3,).
+        place: r [m], the point in the frame's axes.
         gravity: [m/s²].
     """
-    omega = np.asarray(rates, dtype=np.float64)
-    lever = np.broadcast_to(np.asarray(place, dtype=np.float64), omega.shape)
-    inertial = np.asarray(acceleration) + np.cross(omega, np.asarray(velocity))
-    inertial = inertial + np.cross(np.asarray(angular_acceleration), lever) + np.cross(omega, np.cross(omega, lever))
-    # the world's vertical in the frame's axes: the third row of R, which yaw leaves alone
-    vertical = np.stack([in_world(roll, pitch, np.zeros_like(omega[:, 0]), axis)[:, 2] for axis in np.eye(3)], axis=1)
+    xp, cross = namespace(rates), namespace(rates).linalg.cross
+    omega, roll, pitch = floats(rates), floats(roll), floats(pitch)
+    inertial = floats(acceleration) + cross(omega, floats(velocity))
+    if any(place):
+        lever = xp.stack([xp.full_like(roll, coordinate) for coordinate in place], axis=1)
+        inertial = inertial + cross(floats(angular_acceleration), lever) + cross(omega, cross(omega, lever))
+    # the world's vertical in the frame's axes: the third row of R, see in_world
+    vertical = xp.stack([-xp.sin(pitch), xp.sin(roll) * xp.cos(pitch), xp.cos(roll) * xp.cos(pitch)], axis=1)
     return inertial + gravity * vertical

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import lfilter
 
+from aoro_gym.arrays import HOST, Array, Arrays, Index, floats, namespace
 from aoro_gym.sensors.chain import SAMPLE_RATE, sample, sampling_rate
 from aoro_gym.sensors.noise import (
     Seeds,
@@ -89,17 +90,19 @@ class JointAngleNoise:
             uniform[:, :, index] = rng.random((2, len(self.lines)))
         return NoiseDraw(low + (high - low) * uniform[0], 2.0 * np.pi * uniform[1], draw_seeds(rngs))
 
-    def at(self, draw: NoiseDraw, time: ArrayLike, *, rate: float = SAMPLE_RATE) -> NDArray[np.float64]:
-        """Noise [rad] without the quantiser: (N,) at one ``time`` [s] or one a run (N,), (F, N) at times (F, 1).
+    def at(self, draw: NoiseDraw, time: Array, *, rate: float = SAMPLE_RATE) -> Array:
+        """Noise [rad] without the quantiser: (N,) at one ``time`` [s] or one a run (N,), (F, N) at times (F, 1) or (F, N).
 
         White noise changes with every sample at ``rate`` [Hz] and depends on the number of the sample only.
         """
-        instants = np.asarray(time, dtype=np.float64)
-        total = np.zeros(np.broadcast_shapes(instants.shape, draw.seeds.shape))
-        for line, frequency, phase in zip(self.lines, draw.frequency, draw.phase, strict=True):
-            total += line.amplitude * np.sin(2.0 * np.pi * frequency * instants + phase)
+        xp = namespace(draw.seeds)
+        instants = floats(time)
+        shape = np.broadcast_shapes(instants.shape, draw.seeds.shape)
+        total = xp.zeros(shape, dtype=xp.float64, device=draw.seeds.device)
+        for line, frequency, phase in zip(self.lines, 2.0 * np.pi * draw.frequency, draw.phase, strict=True):
+            total = total + line.amplitude * xp.sin(frequency * instants + phase)
         if self.white > 0.0:
-            total += self.white * white(draw.seeds, tick(instants, rate))
+            total = total + self.white * white(draw.seeds, tick(instants, rate))
         return total
 
 
@@ -111,8 +114,8 @@ _BEFORE_THE_FILTER = ((14.0, 15.0), (15.0, 16.0), (26.3, 26.9), (28.0, 31.0), (3
 class NoiseDraw:
     """What is random about a run, for N runs."""
 
-    frequency: NDArray[np.float64]  # [Hz] (lines, N)
-    phase: NDArray[np.float64]  # [rad] (lines, N)
+    frequency: Array  # [Hz] (lines, N)
+    phase: Array  # [rad] (lines, N)
     seeds: Seeds  # (N,)
 
 
@@ -125,7 +128,8 @@ class JointAngleSensor:
         delay: Age [s] of the angle that a sample shows, scalar or (N,).
         gain: Measured angle per true angle, scalar or (N,).
         cutoff: Corner [Hz] of a first-order low-pass before the sampler; None for none.
-        interval: Time [s] between two calls of :meth:`measure`.
+        interval: Time [s] between two samples of :meth:`measure`.
+        arrays: Where they live.
 
     Between two samples the angle is taken as a straight line, by delay and low-pass.
     """
@@ -139,6 +143,7 @@ class JointAngleSensor:
         gain: ArrayLike = 1.0,
         cutoff: float | None = None,
         interval: float = 1.0 / SAMPLE_RATE,
+        arrays: Arrays = HOST,
     ):
         if num_twins < 1:
             raise ValueError(f"num_twins is {num_twins}, but must be at least 1")
@@ -152,67 +157,79 @@ class JointAngleSensor:
         self.gain = _one_a_twin("gain", gain, num_twins)
         if not np.all(self.delay >= 0.0):
             raise ValueError(f"delay is {self.delay.min():g} s, but must be at least 0")
+        self._arrays = arrays
+        self._own_gain = arrays.asarray(self.gain)
         self.cutoff = cutoff
         self.interval = float(interval)
-        self._draw = NoiseDraw(
-            np.zeros((len(self.noise.lines), num_twins)),
-            np.zeros((len(self.noise.lines), num_twins)),
-            np.zeros(num_twins, dtype=np.uint64),
-        )
+        lines = len(self.noise.lines), num_twins
+        self._draw = NoiseDraw(arrays.zeros(lines), arrays.zeros(lines), arrays.zeros(num_twins, arrays.xp.int64))
         kept = math.ceil(self.delay.max() / self.interval - 1e-9) + 1
-        self._past = np.zeros((kept, num_twins))  # newest first
-        self._before = np.zeros(num_twins)  # true angle at the last sample
-        self._fresh = np.ones(num_twins, dtype=bool)
+        self._age = arrays.asarray(self.delay / self.interval)  # [samples] of what is shown
+        self._past = arrays.zeros((kept, num_twins))  # newest first
+        self._before = arrays.zeros(num_twins)  # true angle at the last sample
+        self._fresh = arrays.ones(num_twins, arrays.xp.bool)
         self.reset(np.arange(num_twins), np.random.default_rng(0).spawn(num_twins))
 
-    def reset(self, indices: ArrayLike, rngs: Sequence[np.random.Generator]) -> None:
+    def reset(self, indices: Index, rngs: Sequence[np.random.Generator]) -> None:
         """Begin a new run of some twins.
 
         Args:
             indices: Which, integers (K,).
             rngs: One generator each: draws the frequencies and phases of the lines, and the white noise.
         """
-        chosen = chosen_rows(indices, self.num_twins)
-        checked_generators(rngs, chosen)
+        rows, k = chosen_rows(indices, self.num_twins, self._arrays)
+        checked_generators(rngs, k)
         draw = self.noise.draw(rngs)
-        self._draw.frequency[:, chosen] = draw.frequency
-        self._draw.phase[:, chosen] = draw.phase
-        self._draw.seeds[chosen] = draw.seeds
-        self._fresh[chosen] = True
+        self._arrays.put(self._draw.frequency, (slice(None), rows), draw.frequency)
+        self._arrays.put(self._draw.phase, (slice(None), rows), draw.phase)
+        self._arrays.put(self._draw.seeds, rows, draw.seeds)
+        self._fresh[rows] = True
 
-    def measure(self, angle: ArrayLike, time: ArrayLike, indices: ArrayLike | None = None) -> NDArray[np.float64]:
+    def measure(self, angle: Array, time: Array, indices: Index | None = None) -> Array:
         """One sample of each twin, or of some: the memory of the others stays as it is.
 
         Args:
-            angle: True joint angle [rad] (K,).
-            time: Time [s] since the twin's reset, scalar or (K,).
+            angle: True joint angle [rad] (K,); or (F, K), F samples that follow each other.
+            time: Time [s] since the twin's reset, scalar or (K,); (F, K) of as many samples.
             indices: Which twins, integers (K,); all by default.
 
         Returns:
-            Measured angle [rad] (K,). The first sample after a reset finds the joint at rest.
+            Measured angle [rad], as many. The first sample after a reset finds the joint at rest.
         """
-        rows = chosen_rows(indices, self.num_twins)
-        true = columns("angle", angle, rows.shape)
-        fresh = self._fresh[rows]
-        if fresh.any():
-            self._past[:, rows[fresh]] = true[fresh]
-            self._before[rows[fresh]] = true[fresh]
+        arrays = self._arrays
+        rows, k = chosen_rows(indices, self.num_twins, arrays)
+        true = arrays.asarray(angle)
+        if true.ndim != 2:
+            true = columns("angle", true, (k,), arrays)
+        value = true
+        if self.cutoff is not None or len(self._past) > 1:
+            shown = [self._followed(sample, rows) for sample in (true if true.ndim == 2 else true[None])]
+            value = arrays.xp.stack(shown) if true.ndim == 2 else shown[0]
+        draw = self._draw
+        draw = NoiseDraw(draw.frequency[:, rows], draw.phase[:, rows], draw.seeds[rows])
+        return self._sampled(value, draw, arrays.asarray(time), self._own_gain[rows])
+
+    def _followed(self, true: Array, rows: Index) -> Array:
+        """What low-pass and delay make of the next true angle [rad] (K,)."""
+        arrays, xp = self._arrays, self._arrays.xp
+        past, earlier, fresh = self._past[:, rows], self._before[rows], self._fresh[rows]
+        if not arrays.surely_none(fresh):
+            past, earlier = xp.where(fresh, true, past), xp.where(fresh, true, earlier)
             self._fresh[rows] = False
         value = true
         if self.cutoff is not None:
             feedback, now, before = _first_order(self.cutoff, self.interval)
-            value = feedback * self._past[0, rows] + now * true + before * self._before[rows]
+            value = feedback * past[0] + now * true + before * earlier
             self._before[rows] = true
-        self._past[1:, rows] = self._past[:-1, rows]
-        self._past[0, rows] = value
-        if len(self._past) > 1:
-            age = self.delay[rows] / self.interval
-            whole = np.minimum(age.astype(np.int64), len(self._past) - 2)
-            newer, older = self._past[whole, rows], self._past[whole + 1, rows]
+        past = xp.concat([value[None], past[:-1]])
+        self._past[:, rows] = past
+        if len(past) > 1:
+            age = self._age[rows]
+            whole = xp.clip(xp.astype(age, xp.int64), None, len(past) - 2)
+            each = arrays.arange(len(true))
+            newer, older = past[whole, each], past[whole + 1, each]
             value = newer + (age - whole) * (older - newer)
-        draw = self._draw
-        draw = NoiseDraw(draw.frequency[:, rows], draw.phase[:, rows], draw.seeds[rows])
-        return self._sampled(value, draw, time, self.gain[rows])
+        return value
 
     def record(
         self, angle: ArrayLike, time: ArrayLike, rng: np.random.Generator, *, offset: float = 0.0
@@ -248,9 +265,7 @@ class JointAngleSensor:
         measured = self._sampled(sampled, self.noise.draw(rng.spawn(count)), ticks[:, None], self.gain)
         return ticks, measured[:, 0] if true.ndim == 1 else measured
 
-    def _sampled(
-        self, value: NDArray[np.float64], draw: NoiseDraw, time: ArrayLike, gain: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _sampled(self, value: Array, draw: NoiseDraw, time: Array, gain: Array) -> Array:
         return quantised(gain * value + self.noise.at(draw, time), self.noise.resolution)
 
 

@@ -9,11 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
+from aoro_gym.arrays import HOST, Array, Arrays, Index, floats
 from aoro_gym.sensors.attitude import in_world, wrapped
-from aoro_gym.sensors.gps import FIXED, FLOAT, Antennas, GpsReading
+from aoro_gym.sensors.gps import Antennas, GpsReading
 from aoro_gym.sensors.noise import chosen_rows
 
 
@@ -39,32 +37,49 @@ class Localisation:
         num_twins: How many.
         antennas: Where the antennas stand, as the controller was told.
         gains: How much a solution counts.
+        arrays: Where they live.
     """
 
-    def __init__(self, num_twins: int = 1, *, antennas: Antennas | None = None, gains: LocalisationGains | None = None):
+    def __init__(
+        self,
+        num_twins: int = 1,
+        *,
+        antennas: Antennas | None = None,
+        gains: LocalisationGains | None = None,
+        arrays: Arrays = HOST,
+    ):
         self.num_twins = num_twins
-        self._antennas = Antennas() if antennas is None else antennas
-        self._gains = LocalisationGains() if gains is None else gains
-        self.position = np.zeros((num_twins, 2))
+        self._arrays = arrays
+        self._antenna = arrays.asarray((Antennas() if antennas is None else antennas).main)
+        gains = LocalisationGains() if gains is None else gains
+        self._gains = arrays.asarray([0.0, gains.floating, gains.fixed])  # by quality
+        self.position = arrays.zeros((num_twins, 2))
         """[m] (N, 2)"""
-        self.heading = np.zeros(num_twins)
+        self.heading = arrays.zeros(num_twins)
         """[rad] (N,), in [−π, π)"""
 
-    def begin(self, gps: GpsReading, roll: ArrayLike, pitch: ArrayLike, place: ArrayLike, indices: ArrayLike) -> None:
+    def begin(
+        self,
+        gps: GpsReading,
+        roll: Array,
+        pitch: Array,
+        place: Array,
+        indices: Index,
+    ) -> None:
         """Take the first solutions as they are, for the twins ``indices`` (K,); arguments as in :meth:`update`."""
-        rows = chosen_rows(indices, self.num_twins)
+        rows, _ = chosen_rows(indices, self.num_twins, self._arrays)
         self.position[rows] = self._brought_down(gps, roll, pitch, place)
         self.heading[rows] = gps.heading
 
     def update(
         self,
         gps: GpsReading,
-        roll: ArrayLike,
-        pitch: ArrayLike,
-        place: ArrayLike,
+        roll: Array,
+        pitch: Array,
+        place: Array,
         *,
-        speed: ArrayLike,
-        yaw_rate: ArrayLike,
+        speed: Array,
+        yaw_rate: Array,
         step: float,
     ) -> None:
         """Move all poses on by ``step`` [s], and toward fresh solutions.
@@ -78,25 +93,24 @@ class Localisation:
             yaw_rate: Measured [rad/s] (N,).
             step: Time [s] since the last call.
         """
-        speed, rate = np.asarray(speed, dtype=np.float64), np.asarray(yaw_rate, dtype=np.float64)
+        xp, speed, rate = self._arrays.xp, floats(speed), floats(yaw_rate)
         self._move(speed, rate, step)
-        gain = np.where(gps.quality == FIXED, self._gains.fixed, self._gains.floating) * (gps.quality >= FLOAT)
-        gain = np.where(gps.fresh, gain, 0.0)
+        gain = xp.where(gps.fresh, self._gains[gps.quality], 0.0)
         # the solution's pose, moved on by its age
         turned = rate * gps.age
         then = self._brought_down(gps, roll, pitch, place)
         direction = gps.heading + 0.5 * turned
-        then = then + (speed * gps.age)[:, None] * np.stack([np.cos(direction), np.sin(direction)], axis=1)
+        then = then + (speed * gps.age)[:, None] * xp.stack([xp.cos(direction), xp.sin(direction)], axis=1)
         self.position = self.position + gain[:, None] * (then - self.position)
         self.heading = wrapped(self.heading + gain * wrapped(gps.heading + turned - self.heading))
 
-    def _move(self, speed: NDArray[np.float64], rate: NDArray[np.float64], step: float) -> None:
-        direction = self.heading + 0.5 * step * rate
-        self.position = self.position + (step * speed)[:, None] * np.stack([np.cos(direction), np.sin(direction)], 1)
+    def _move(self, speed: Array, rate: Array, step: float) -> None:
+        xp, direction = self._arrays.xp, self.heading + 0.5 * step * rate
+        self.position = self.position + (step * speed)[:, None] * xp.stack(
+            [xp.cos(direction), xp.sin(direction)], axis=1
+        )
         self.heading = self.heading + step * rate
 
-    def _brought_down(
-        self, gps: GpsReading, roll: ArrayLike, pitch: ArrayLike, place: ArrayLike
-    ) -> NDArray[np.float64]:
-        lever = np.asarray(place, dtype=np.float64) - np.asarray(self._antennas.main)
+    def _brought_down(self, gps: GpsReading, roll: Array, pitch: Array, place: Array) -> Array:
+        lever = floats(place) - self._antenna
         return gps.position[:, :2] + in_world(roll, pitch, gps.heading, lever)[:, :2]

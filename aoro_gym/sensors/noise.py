@@ -1,50 +1,62 @@
 """Repeatable noise: a function of a seed and of the sample's number, not of what was asked for before.
 
-So a thousand twins need no loop over a thousand generators, and a recording made at once agrees to the bit with one
-measured sample by sample.
+So a thousand twins need no loop over a thousand generators, a recording made at once agrees to the bit with one measured
+sample by sample, and a device shows what the host does, up to the rounding of logarithm and cosine.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Seeds = NDArray[np.uint64]
-Rows = NDArray[np.int64]
+from aoro_gym.arrays import HOST, Array, Arrays, Index, namespace
+
+Seeds = Array
+"""int64 (N,), or (C, N) for C channels: 64 bits each. Signed, as torch calculates with no others."""
 
 
-def draw_seeds(rngs: Sequence[np.random.Generator]) -> Seeds:
+def draw_seeds(rngs: Sequence[np.random.Generator]) -> NDArray[np.int64]:
     """A seed for :func:`white` from each generator, shape (len(rngs),)."""
-    return np.array([rng.integers(0, 2**63) for rng in rngs], dtype=np.uint64)
+    return np.array([draw_seed(rng) for rng in rngs], dtype=np.int64)
 
 
-def white(seeds: Seeds, number: ArrayLike) -> NDArray[np.float64]:
+def draw_seed(rng: np.random.Generator) -> np.int64:
+    """A seed for :func:`white`."""
+    return rng.integers(0, 2**63)
+
+
+def white(seeds: Seeds, number: Array) -> Array:
     """Standard normal noise, independent from sample to sample and from seed to seed.
 
     Counters go through the SplitMix64 finaliser (Steele, Lea, Flood 2014) and through the Box-Muller transform.
 
     Args:
-        seeds: One a channel, shape (N,).
-        number: Number of the sample, whole, of a shape that broadcasts with (N,).
+        seeds: One a channel, shape (N,) or (C, N).
+        number: Number of the sample, whole, of a shape that broadcasts with the seeds'.
     """
-    counter = np.atleast_1d(np.asarray(number)).astype(np.int64).view(np.uint64)
-    first = _mixed(np.atleast_1d(seeds) ^ _mixed(counter))
+    xp = namespace(seeds)
+    first = _bits(seeds, number)
     second = _mixed(first)
-    radius = np.sqrt(-2.0 * np.log(_uniform(first)))
-    return radius * np.cos(2.0 * np.pi * _uniform(second))
+    radius = xp.sqrt(-2.0 * xp.log(_uniform(first)))
+    return radius * xp.cos(2.0 * np.pi * _uniform(second))
 
 
-def uniform(seeds: Seeds, number: ArrayLike) -> NDArray[np.float64]:
+def uniform(seeds: Seeds, number: Array) -> Array:
     """Uniform numbers in (0, 1), as repeatable as :func:`white` and with the same arguments."""
-    counter = np.atleast_1d(np.asarray(number)).astype(np.int64).view(np.uint64)
-    return _uniform(_mixed(np.atleast_1d(seeds) ^ _mixed(counter)))
+    return _uniform(_bits(seeds, number))
 
 
 def channel(seeds: Seeds, number: int) -> Seeds:
     """Seeds (N,) for one of a sensor's channels, each independent of the others."""
-    return _mixed(seeds + _mixed(np.array([number], dtype=np.uint64)))
+    return _mixed(seeds + _mixed_number(number))
+
+
+def channels(seeds: Seeds, numbers: Iterable[int]) -> Seeds:
+    """Seeds (C, N) for several of them."""
+    return namespace(seeds).stack([channel(seeds, number) for number in numbers])
 
 
 class Drift:
@@ -55,85 +67,118 @@ class Drift:
 
     Args:
         rms: Standard deviation of each channel (C,).
-        time: Correlation time [s], above 0.
+        time: Correlation time [s] of all, or of each channel (C,), above 0.
         rate: Samples a second [Hz].
         num_twins: N.
+        arrays: Where they live.
     """
 
-    def __init__(self, rms: ArrayLike, *, time: float, rate: float, num_twins: int):
-        self._rms = np.atleast_1d(np.asarray(rms, dtype=np.float64))[:, None]
-        self._decay = float(np.exp(-1.0 / (rate * time)))
-        self._seeds: Seeds = np.zeros((len(self._rms), num_twins), dtype=np.uint64)
-        self._number = np.zeros(num_twins, dtype=np.int64)
-        self._value = np.zeros((len(self._rms), num_twins))
+    def __init__(self, rms: ArrayLike, *, time: ArrayLike, rate: float, num_twins: int, arrays: Arrays = HOST):
+        spread = np.atleast_1d(np.asarray(rms, dtype=np.float64))
+        count = len(spread)
+        self._arrays = arrays
+        self._rms = arrays.asarray(spread[:, None])
+        self._damping = arrays.asarray(np.broadcast_to(-1.0 / (rate * np.asarray(time)), count)[:, None])  # a sample
+        self._seeds: Seeds = arrays.zeros((count, num_twins), arrays.xp.int64)
+        self._number = arrays.zeros(num_twins, arrays.xp.int64)
+        self._value = arrays.zeros((count, num_twins))
 
-    def reset(self, rows: Rows, seeds: Seeds) -> None:
-        """Begin anew for the twins ``rows`` (K,), with one seed each."""
-        for c in range(len(self._rms)):
-            self._seeds[c, rows] = channel(seeds, c)
+    def reset(self, rows: Index, seeds: Seeds) -> None:
+        """Begin anew for the twins ``rows`` (K,), with the seeds (C, K) of their channels."""
+        self._seeds[:, rows] = seeds
         self._number[rows] = 0
-        self._value[:, rows] = self._rms * self._white(rows, np.full(len(rows), -1))
+        self._value[:, rows] = self._rms * white(seeds, -1)
 
-    def at(self, rows: Rows, number: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Values (C, K) of the twins ``rows`` at their samples ``number`` (K,), not before the last ones asked for."""
-        decay = self._decay ** np.maximum(number - self._number[rows], 0)
-        fresh = np.sqrt(1.0 - decay**2)
-        value = decay * self._value[:, rows] + self._rms * fresh * self._white(rows, number)
+    def at(self, rows: Index, number: Array) -> Array:
+        """Values (C, K) of the twins ``rows`` at their samples ``number`` (K,), not before the last ones asked for.
+
+        A sample that was asked for before stays as it is.
+        """
+        xp = self._arrays.xp
+        passed = xp.clip(number - self._number[rows], 0, None)
+        decay = xp.exp(self._damping * passed)
+        fresh = self._rms * xp.sqrt(1.0 - decay**2)
+        value = decay * self._value[:, rows] + fresh * white(self._seeds[:, rows], number)
         self._value[:, rows] = value
-        self._number[rows] = np.maximum(number, self._number[rows])
+        self._number[rows] += passed
         return value
 
-    def _white(self, rows: Rows, number: NDArray[np.int64]) -> NDArray[np.float64]:
-        return np.stack([white(seeds[rows], number) for seeds in self._seeds])
 
+def chosen_rows(indices: Array | None, num_twins: int, arrays: Arrays = HOST) -> tuple[Index, int]:
+    """Rows that ``indices`` stands for, all of them for None, and their number K.
 
-def chosen_rows(indices: ArrayLike | None, num_twins: int) -> Rows:
-    """Rows (K,) that ``indices`` stands for: all of them for None.
-
-    Raises ValueError if one is outside the sensor's twins or stands there twice.
+    Raises ValueError if one is outside the sensor's twins or stands there twice. An index that lies on a device already is
+    taken as it is.
     """
     if indices is None:
-        return np.arange(num_twins)
+        return slice(None), num_twins
+    if namespace(indices) is not np:
+        return indices, len(indices)  # type: ignore[arg-type]
     rows = np.atleast_1d(np.asarray(indices, dtype=np.int64))
     if rows.size and not (rows.min() >= 0 and rows.max() < num_twins):
         raise ValueError(f"indices reach from {rows.min()} to {rows.max()}, but must be in [0, {num_twins - 1}]")
     if len(np.unique(rows)) != len(rows):
         raise ValueError("indices name a twin twice; name each once")
-    return rows
+    return arrays.index(rows), len(rows)
 
 
-def columns(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+def columns(name: str, value: Array, shape: tuple[int, ...], arrays: Arrays = HOST) -> Array:
     """``value`` as floats of the given shape; ValueError that names it otherwise."""
-    array = np.asarray(value, dtype=np.float64)
+    array = arrays.asarray(value)
     if array.shape != shape:
-        raise ValueError(f"{name} has shape {array.shape}, but must be {shape}")
+        raise ValueError(f"{name} has shape {tuple(array.shape)}, but must be {shape}")
     return array
 
 
-def checked_generators(rngs: Sequence[np.random.Generator], rows: Rows) -> None:
-    """ValueError unless there is one generator for each row."""
-    if len(rngs) != len(rows):
-        raise ValueError(f"{len(rngs)} generators for {len(rows)} twins; give one each")
+def instants(time: Array, count: int, arrays: Arrays = HOST) -> Array:
+    """``time``, a number or (count,), as floats (count,)."""
+    return arrays.xp.broadcast_to(arrays.asarray(time), (count,))
 
 
-def _mixed(bits: Seeds) -> Seeds:
-    bits = bits + np.uint64(0x9E3779B97F4A7C15)
-    bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    bits = (bits ^ (bits >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return bits ^ (bits >> np.uint64(31))
+def checked_generators(rngs: Sequence[np.random.Generator], count: int) -> None:
+    """ValueError unless there are ``count`` generators, one for each row."""
+    if len(rngs) != count:
+        raise ValueError(f"{len(rngs)} generators for {count} twins; give one each")
 
 
-def _uniform(bits: Seeds) -> NDArray[np.float64]:
+def _bits(seeds: Seeds, number: Array) -> Array:
+    if isinstance(number, int):
+        return _mixed(seeds ^ _mixed_number(number))
+    xp = namespace(number)
+    counter = (
+        np.atleast_1d(np.asarray(number)).astype(np.int64) if xp is np else xp.astype(number, xp.int64, copy=False)
+    )
+    return _mixed(seeds ^ _mixed(counter))
+
+
+def _mixed(bits: Array) -> Array:
+    """The SplitMix64 finaliser on int64 arrays: products wrap, and right shifts are made logical by masks."""
+    bits = bits + -0x61C8864680B583EB  # 0x9E3779B97F4A7C15
+    bits = (bits ^ ((bits >> 30) & (2**34 - 1))) * -0x40A7B892E31B1A47  # 0xBF58476D1CE4E5B9
+    bits = (bits ^ ((bits >> 27) & (2**37 - 1))) * -0x6B2FB644ECCEEE15  # 0x94D049BB133111EB
+    return bits ^ ((bits >> 31) & (2**33 - 1))
+
+
+@cache
+def _mixed_number(number: int) -> int:
+    return int(_mixed(np.array([number]))[0])
+
+
+def _uniform(bits: Array) -> Array:
     """In (0, 1), both ends excluded."""
-    return ((bits >> np.uint64(12)).astype(np.float64) + 0.5) * 2.0**-52
+    xp = namespace(bits)
+    return (xp.astype((bits >> 12) & (2**52 - 1), xp.float64) + 0.5) * 2.0**-52
 
 
-def tick(time: ArrayLike, rate: float) -> NDArray[np.int64]:
+def tick(time: Array, rate: float) -> Array:
     """Number of the sample taken at ``time`` [s] by a clock of ``rate`` [Hz], wherever between two seconds it ticks."""
     # just below one half: neither clocks on whole milliseconds nor rounded time stamps meet the edge
-    return np.floor(np.asarray(time, dtype=np.float64) * rate + 0.499).astype(np.int64)
+    xp = namespace(time)
+    if xp is np:
+        return np.floor(np.asarray(time, dtype=np.float64) * rate + 0.499).astype(np.int64)
+    return xp.astype(xp.floor(time * rate + 0.499), xp.int64)
 
 
-def quantised(values: NDArray[np.float64], resolution: float) -> NDArray[np.float64]:
+def quantised(values: Array, resolution: float) -> Array:
     """``values`` rounded to whole multiples of ``resolution``; as they are for zero."""
-    return np.round(values / resolution) * resolution if resolution > 0.0 else values
+    return namespace(values).round(values / resolution) * resolution if resolution > 0.0 else values

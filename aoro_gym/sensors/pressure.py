@@ -12,13 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from aoro_gym.arrays import HOST, Array, Arrays, Index, namespace
 from aoro_gym.sensors.chain import SAMPLE_RATE, sample
 from aoro_gym.sensors.noise import (
     Seeds,
     checked_generators,
     chosen_rows,
     columns,
-    draw_seeds,
+    draw_seed,
     quantised,
     tick,
     white,
@@ -48,33 +49,47 @@ class PressureNoise:
 
 
 class PressureSensor:
-    """One pressure sensor on each of N twins.
+    """One pressure sensor, or several, on each of N twins.
 
     Args:
         num_twins: How many.
         noise: What they do; :meth:`PressureNoise.typical` by default.
+        count: Sensors on each twin, C; None: one, whose arrays have no axis for it.
+        arrays: Where they live.
     """
 
-    def __init__(self, num_twins: int = 1, noise: PressureNoise | None = None):
+    def __init__(
+        self,
+        num_twins: int = 1,
+        noise: PressureNoise | None = None,
+        *,
+        count: int | None = None,
+        arrays: Arrays = HOST,
+    ):
         if num_twins < 1:
             raise ValueError(f"num_twins is {num_twins}, but must be at least 1")
         self.num_twins = num_twins
         self.noise = PressureNoise.typical() if noise is None else noise
-        self._zero = np.zeros(num_twins)
-        self._seeds: Seeds = np.zeros(num_twins, dtype=np.uint64)
+        self._each = () if count is None else (count,)
+        self._arrays = arrays
+        self._zero = arrays.zeros((*self._each, num_twins))
+        self._seeds: Seeds = arrays.zeros((*self._each, num_twins), arrays.xp.int64)
         self.reset(np.arange(num_twins), np.random.default_rng(0).spawn(num_twins))
 
-    def reset(self, indices: ArrayLike, rngs: Sequence[np.random.Generator]) -> None:
+    def reset(self, indices: Index, rngs: Sequence[np.random.Generator]) -> None:
         """Begin a new run of the twins ``indices`` (K,), with one generator each."""
-        chosen = chosen_rows(indices, self.num_twins)
-        checked_generators(rngs, chosen)
-        self._zero[chosen], self._seeds[chosen] = self._drawn(rngs)
+        rows, k = chosen_rows(indices, self.num_twins, self._arrays)
+        checked_generators(rngs, k)
+        zero, seeds = self._drawn(rngs, *self._each)
+        self._arrays.put(self._zero, (..., rows), zero)
+        self._arrays.put(self._seeds, (..., rows), seeds)
 
-    def measure(self, pressure: ArrayLike, time: ArrayLike, indices: ArrayLike | None = None) -> NDArray[np.float64]:
+    def measure(self, pressure: Array, time: Array, indices: Index | None = None) -> Array:
         """Measured pressure [Pa] (K,) of the true one [Pa] (K,) at ``time`` [s], scalar or (K,), on the twins
-        ``indices`` (K,), all by default."""
-        rows = chosen_rows(indices, self.num_twins)
-        return self._sampled(columns("pressure", pressure, rows.shape), self._zero[rows], self._seeds[rows], time)
+        ``indices`` (K,), all by default. Pressures are (C, K) where each twin has C sensors."""
+        rows, k = chosen_rows(indices, self.num_twins, self._arrays)
+        true = columns("pressure", pressure, (*self._each, k), self._arrays)
+        return self._sampled(true, self._zero[..., rows], self._seeds[..., rows], self._arrays.asarray(time))
 
     def record(
         self, pressure: ArrayLike, time: ArrayLike, rng: np.random.Generator
@@ -85,15 +100,20 @@ class PressureSensor:
         """
         true = np.asarray(pressure, dtype=np.float64)
         ticks, values = sample(time, true[:, None] if true.ndim == 1 else true)
-        measured = self._sampled(values, *self._drawn(rng.spawn(values.shape[1])), ticks[:, None])
+        zero, seeds = self._drawn(rng.spawn(values.shape[1]))
+        measured = self._sampled(values, zero[0], seeds[0], ticks[:, None])
         return ticks, measured[:, 0] if true.ndim == 1 else measured
 
-    def _drawn(self, rngs: Sequence[np.random.Generator]) -> tuple[NDArray[np.float64], Seeds]:
-        zero = np.array([rng.standard_normal() for rng in rngs]) * self.noise.zero_error
-        return zero, draw_seeds(rngs)
+    def _drawn(
+        self, rngs: Sequence[np.random.Generator], count: int = 1
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Zero errors [Pa] and seeds (count, K) of ``count`` sensors for each of the K generators."""
+        zero, seeds = np.empty((count, len(rngs))), np.empty((count, len(rngs)), dtype=np.int64)
+        for column, rng in enumerate(rngs):
+            for row in range(count):
+                zero[row, column], seeds[row, column] = rng.standard_normal(), draw_seed(rng)
+        return zero * self.noise.zero_error, seeds
 
-    def _sampled(
-        self, value: NDArray[np.float64], zero: NDArray[np.float64], seeds: Seeds, time: ArrayLike
-    ) -> NDArray[np.float64]:
+    def _sampled(self, value: Array, zero: Array, seeds: Seeds, time: Array) -> Array:
         noisy = value + zero + self.noise.white * white(seeds, tick(time, SAMPLE_RATE))
-        return np.clip(quantised(noisy, self.noise.resolution), self.noise.low, self.noise.high)
+        return namespace(noisy).clip(quantised(noisy, self.noise.resolution), self.noise.low, self.noise.high)

@@ -11,15 +11,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
+from aoro_gym.arrays import HOST, Array, Arrays, Index, floats, namespace
 from aoro_gym.sensors.noise import (
     Seeds,
-    channel,
+    channels,
     checked_generators,
     chosen_rows,
     columns,
     draw_seeds,
+    instants,
+    quantised,
     uniform,
     white,
 )
@@ -55,36 +57,37 @@ class WheelSpeedSensor:
     Args:
         num_twins: How many.
         noise: What they do; :meth:`WheelSpeedNoise.typical` by default, ``WheelSpeedNoise()`` for the exact speeds.
+        arrays: Where they live.
     """
 
-    def __init__(self, num_twins: int = 1, noise: WheelSpeedNoise | None = None):
+    def __init__(self, num_twins: int = 1, noise: WheelSpeedNoise | None = None, *, arrays: Arrays = HOST):
         if num_twins < 1:
             raise ValueError(f"num_twins is {num_twins}, but must be at least 1")
         self.num_twins = num_twins
         self.noise = WheelSpeedNoise.typical() if noise is None else noise
         shape = (num_twins, WHEELS)
-        self._seeds: Seeds = np.zeros(num_twins, dtype=np.uint64)
-        self._turned = np.zeros(shape)  # [pitches] since a tooth stood at the sensor
-        self._rate = np.zeros(shape)  # [rad/s] true, at the last call
-        self._time = np.zeros(num_twins)  # [s] of the last call
-        self._edge = np.zeros(shape)  # [pitches] place of the last pulse, with its error
-        self._edge_time = np.zeros(shape)  # [s] of it
-        self._shown = np.zeros(shape)  # [rad/s]
+        self._arrays = arrays
+        self._seeds: Seeds = arrays.zeros(shape, arrays.xp.int64)  # of the teeth's errors
+        self._turned = arrays.zeros(shape)  # [pitches] since a tooth stood at the sensor
+        self._rate = arrays.zeros(shape)  # [rad/s] true, at the last call
+        self._time = arrays.zeros(num_twins)  # [s] of the last call
+        self._edge = arrays.zeros(shape)  # [pitches] place of the last pulse, with its error
+        self._edge_time = arrays.zeros(shape)  # [s] of it
+        self._shown = arrays.zeros(shape)  # [rad/s]
         self.reset(np.arange(num_twins), np.random.default_rng(0).spawn(num_twins))
 
-    def reset(self, indices: ArrayLike, rngs: Sequence[np.random.Generator]) -> None:
+    def reset(self, indices: Index, rngs: Sequence[np.random.Generator]) -> None:
         """Begin a new run of the twins ``indices`` (K,), with one generator each: the wheels stand."""
-        rows = chosen_rows(indices, self.num_twins)
-        checked_generators(rngs, rows)
-        seeds = draw_seeds(rngs)
-        self._seeds[rows] = seeds
-        for wheel in range(WHEELS):
-            self._turned[rows, wheel] = uniform(channel(seeds, wheel), 0)
+        rows, k = chosen_rows(indices, self.num_twins, self._arrays)
+        checked_generators(rngs, k)
+        seeds = self._arrays.asarray(draw_seeds(rngs), self._arrays.xp.int64)
+        self._turned[rows] = uniform(channels(seeds, range(WHEELS)), 0).T
+        self._seeds[rows] = channels(seeds, range(WHEELS, 2 * WHEELS)).T
         self._edge[rows] = np.nan  # no pulse yet
         for state in (self._rate, self._time, self._edge_time, self._shown):
             state[rows] = 0.0
 
-    def measure(self, rate: ArrayLike, time: ArrayLike, indices: ArrayLike | None = None) -> NDArray[np.float64]:
+    def measure(self, rate: Array, time: Array, indices: Index | None = None) -> Array:
         """Measured speeds [rad/s] (K, 4), positive forward.
 
         Args:
@@ -92,11 +95,12 @@ class WheelSpeedSensor:
             time: Time [s] since the twin's reset, scalar or (K,), not before that of the last call.
             indices: Which twins, integers (K,); all by default. The others stay as they are.
         """
-        rows = chosen_rows(indices, self.num_twins)
-        true = columns("rate", rate, (len(rows), WHEELS))
+        arrays, xp = self._arrays, self._arrays.xp
+        rows, k = chosen_rows(indices, self.num_twins, arrays)
+        true = columns("rate", rate, (k, WHEELS), arrays)
         if not self.noise.pulses:
-            return true.copy()
-        now = np.broadcast_to(np.asarray(time, dtype=np.float64), (len(rows),))
+            return xp.asarray(true, copy=True)
+        now = instants(time, k, arrays)
         began = self._time[rows][:, None]
         step = now[:, None] - began
         before, pitch = self._turned[rows], 2.0 * np.pi / self.noise.pulses
@@ -104,37 +108,31 @@ class WheelSpeedSensor:
         moved = after - before
         # the last tooth that passed: its number, and when it did
         forward = moved > 0.0
-        tooth = np.where(forward, np.floor(after), np.ceil(after))
-        passed = np.where(forward, tooth > before, tooth < before)
-        share = np.where(passed, (tooth - before) / np.where(moved == 0.0, 1.0, moved), 0.0)
-        instant = began + share * step
-        if self.noise.timer > 0.0:
-            instant = np.round(instant / self.noise.timer) * self.noise.timer
-        place = tooth + self.noise.tooth_error * self._tooth_errors(rows, tooth)
+        tooth = xp.where(forward, xp.floor(after), xp.ceil(after))
+        passed = xp.where(forward, tooth > before, tooth < before)
+        share = xp.where(passed, (tooth - before) / xp.where(moved == 0.0, 1.0, moved), 0.0)
+        instant = quantised(began + share * step, self.noise.timer)
+        # the same error of a tooth in every turn
+        place = tooth + self.noise.tooth_error * white(self._seeds[rows], tooth % self.noise.pulses)
 
         edge, edge_time, shown = self._edge[rows], self._edge_time[rows], self._shown[rows]
-        known = passed & np.isfinite(edge)
-        taken = np.maximum(instant - edge_time, max(self.noise.timer, 1e-9))
-        shown = np.where(known, (place - edge) * pitch / taken, shown)
-        waited = now[:, None] - np.where(passed, instant, edge_time)
-        fastest = np.where(waited < self.noise.standstill, pitch / np.maximum(waited, 1e-9), 0.0)
-        shown = np.clip(shown, -fastest, fastest)
+        known = passed & xp.isfinite(edge)
+        taken = xp.clip(instant - edge_time, max(self.noise.timer, 1e-9), None)
+        shown = xp.where(known, (place - edge) * pitch / taken, shown)
+        edge_time = xp.where(passed, instant, edge_time)
+        waited = now[:, None] - edge_time
+        fastest = xp.where(waited < self.noise.standstill, pitch / xp.clip(waited, 1e-9, None), 0.0)
+        shown = xp.clip(shown, -fastest, fastest)
 
         self._turned[rows], self._rate[rows], self._time[rows] = after, true, now
-        self._edge[rows] = np.where(passed, place, edge)
-        self._edge_time[rows] = np.where(passed, instant, edge_time)
+        self._edge[rows] = xp.where(passed, place, edge)
+        self._edge_time[rows] = edge_time
         self._shown[rows] = shown
         return shown
 
-    def _tooth_errors(self, rows: NDArray[np.int64], tooth: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Standard normal errors of the teeth, the same one in every turn."""
-        number = np.mod(tooth, self.noise.pulses).astype(np.int64)
-        seeds = self._seeds[rows]
-        return np.stack([white(channel(seeds, WHEELS + wheel), number[:, wheel]) for wheel in range(WHEELS)], axis=1)
 
-
-def ground_speed(rates: ArrayLike, radius: ArrayLike) -> NDArray[np.float64]:
+def ground_speed(rates: Array, radius: Array) -> Array:
     """Speed over ground [m/s] (N,) from wheel speeds (N, 4) [rad/s] and the rolling radius [m]: by the mean of the two
     middle ones, so that neither one wheel that spins nor one that is blocked tells."""
-    ordered = np.sort(np.asarray(rates, dtype=np.float64), axis=1)
-    return np.asarray(radius) * 0.5 * (ordered[:, 1] + ordered[:, 2])
+    ordered = namespace(rates).sort(floats(rates), axis=1)
+    return floats(radius) * 0.5 * (ordered[:, 1] + ordered[:, 2])

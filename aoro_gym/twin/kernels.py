@@ -41,13 +41,14 @@ from aoro_gym.twin.laws.driveline import (
     pump_torque,
 )
 from aoro_gym.twin.laws.engine import EngineState, engine_step, full_load_torque, governed_speed
-from aoro_gym.twin.laws.fluid import Oil, pressure
+from aoro_gym.twin.laws.fluid import Oil, pressure, without_gas
 from aoro_gym.twin.laws.friction import dry_friction, end_stop, lag, presliding, seal_friction
 from aoro_gym.twin.laws.ground import ceiling, footing, place
 from aoro_gym.twin.laws.mount import MountState, mount_step, mount_torque
 from aoro_gym.twin.laws.stance import stance
 from aoro_gym.twin.laws.steering import (
     Exchange,
+    SteeringGeometry,
     SteeringState,
     play,
     play_output,
@@ -198,6 +199,97 @@ def arm_torque(m: Arm, g: ArmGeometry, angle: float, rate: float, deflection: fl
         - m.cylinder_seal_viscous * g.lever * g.lever * rate
         + end_stop(angle, rate, m.swing, m.stop_torsional_stiffness, m.stop_torsional_damping)
     )
+
+
+@wp.func
+def hydraulics(
+    # parameters
+    m: MachineRecord,
+    oil: Oil,
+    # at this main step: chambers, controls, rates
+    g: SteeringGeometry,
+    g_fl: ArmGeometry,
+    g_fr: ArmGeometry,
+    g_rl: ArmGeometry,
+    g_rr: ArmGeometry,
+    control: DrivelineControl,
+    spool_demand: float,
+    joint_rate: float,
+    arm_rate: wp.vec4,
+    wheel_rate: wp.vec4,
+    mount_stiffness: float,
+    # state
+    steering: SteeringState,
+    arm_fl: ArmState,
+    arm_fr: ArmState,
+    arm_rl: ArmState,
+    arm_rr: ArmState,
+    driveline: DrivelineState,
+    mount: MountState,
+    h: float,
+    num_substeps: int,
+):
+    """All circuits over one main step of ``h`` [s]: their states, and the mean torques on joint [N m] and arms [N m] and
+    mean motor pressures [Pa], by the trapezoidal rule over the substeps.
+
+    Where there is a mount (``mount_stiffness`` > 0 [N m/rad]), the cylinders move on their own and it bears on the joint.
+    """
+    dt = h / float(num_substeps)
+    backlash = m.joint.backlash
+    cylinder_rate = float(joint_rate)
+    joint_end = steering_torque(oil, g, steering)
+    if mount_stiffness > 0.0:
+        cylinder_rate = mount.rate
+        joint_end = mount_torque(mount_stiffness, backlash, mount.deflection, mount.rate - joint_rate)
+    joint_sum = 0.5 * joint_end
+    arm_sum_fl = 0.5 * arm_oil_torque(oil, g_fl, arm_fl)
+    arm_sum_fr = 0.5 * arm_oil_torque(oil, g_fr, arm_fr)
+    arm_sum_rl = 0.5 * arm_oil_torque(oil, g_rl, arm_rl)
+    arm_sum_rr = 0.5 * arm_oil_torque(oil, g_rr, arm_rr)
+    motor_sum = 0.5 * motor_pressures(oil, driveline)
+    flow_in = float(0.0)
+    flow_out = float(0.0)
+    for substep in range(num_substeps):
+        supply = pressure(oil, steering.supply)
+        tank = pressure(oil, steering.tank_line)
+        arm_fl, in_fl, out_fl, ls_fl = arm_step(m.arm, oil, g_fl, arm_rate[0], supply, tank, arm_fl, dt)
+        arm_fr, in_fr, out_fr, ls_fr = arm_step(m.arm, oil, g_fr, arm_rate[1], supply, tank, arm_fr, dt)
+        arm_rl, in_rl, out_rl, ls_rl = arm_step(m.arm, oil, g_rl, arm_rate[2], supply, tank, arm_rl, dt)
+        arm_rr, in_rr, out_rr, ls_rr = arm_step(m.arm, oil, g_rr, arm_rate[3], supply, tank, arm_rr, dt)
+        exchange = Exchange()
+        exchange.supply_flow = in_fl + in_fr + in_rl + in_rr
+        exchange.tank_flow = out_fl + out_fr + out_rl + out_rr
+        exchange.load_pressure = wp.max(wp.max(ls_fl, ls_fr), wp.max(ls_rl, ls_rr))
+        steering = steering_step(
+            m.steering, oil, g, spool_demand, control.engine_speed, cylinder_rate, exchange, steering, dt
+        )
+        driveline = driveline_step(m.driveline, oil, control, wheel_rate, driveline, dt)
+
+        joint_end = steering_torque(oil, g, steering)
+        if mount_stiffness > 0.0:
+            mount = mount_step(g, mount_stiffness, backlash, joint_end, joint_rate, mount, dt)
+            cylinder_rate = mount.rate
+            joint_end = mount_torque(mount_stiffness, backlash, mount.deflection, mount.rate - joint_rate)
+        joint_sum += joint_end
+        arm_sum_fl += arm_oil_torque(oil, g_fl, arm_fl)
+        arm_sum_fr += arm_oil_torque(oil, g_fr, arm_fr)
+        arm_sum_rl += arm_oil_torque(oil, g_rl, arm_rl)
+        arm_sum_rr += arm_oil_torque(oil, g_rr, arm_rr)
+        motor_sum += motor_pressures(oil, driveline)
+        flow_in += steering.flow_in
+        flow_out += steering.flow_out
+    share = 1.0 / float(num_substeps)
+    joint_oil = share * (joint_sum - 0.5 * joint_end)
+    arm_oil = share * wp.vec4(
+        arm_sum_fl - 0.5 * arm_oil_torque(oil, g_fl, arm_fl),
+        arm_sum_fr - 0.5 * arm_oil_torque(oil, g_fr, arm_fr),
+        arm_sum_rl - 0.5 * arm_oil_torque(oil, g_rl, arm_rl),
+        arm_sum_rr - 0.5 * arm_oil_torque(oil, g_rr, arm_rr),
+    )
+    motor_mean = share * (motor_sum - 0.5 * motor_pressures(oil, driveline))
+    steering.flow_in = share * flow_in
+    steering.flow_out = share * flow_out
+    return steering, arm_fl, arm_fr, arm_rl, arm_rr, driveline, mount, joint_oil, arm_oil, motor_mean
 
 
 @wp.struct
@@ -465,17 +557,20 @@ def advance(
     history: wp.array2d(dtype=float),
     clock: wp.array(dtype=int),
     status: wp.array(dtype=int),
-    # outputs (frame, row, twin): one frame every ``sample_every`` main steps
+    # outputs (frame, row, twin): one frame every ``frame_steps`` main steps
     outputs: wp.array3d(dtype=float),
     # time stepping
     first: int,
-    num_steps: int,
+    num_frames: int,
+    frame_steps: int,
     num_substeps: int,
     h: float,
-    sample_every: int,
 ):
-    """Advance the twins from ``first`` on by ``num_steps`` main steps of ``h`` [s] with ``num_substeps`` each."""
+    """Advance the twins from ``first`` on by ``num_frames`` times ``frame_steps`` main steps of ``h`` [s] with
+    ``num_substeps`` each."""
     t = first + wp.tid()
+    if status[t] != OK:
+        return
     m = machines[t % machines.shape[0]]
     ground = terrain.twins[t]
 
@@ -531,18 +626,13 @@ def advance(
     parking_brake = commands[Command.PARKING_BRAKE, t]
 
     oil = m.oil
-    dt = h / float(num_substeps)
-    inverse_substeps = 1.0 / float(num_substeps)
     z_axis = wp.vec3(0.0, 0.0, 1.0)
-    steps = num_steps
-    alive = status[t] == OK
-    finite = bool(True)
 
-    for step in range(steps):
+    for frame in range(num_frames):
         wheel_load = wp.vec4(0.0, 0.0, 0.0, 0.0)
         hull_force = float(0.0)
         on_map = wp.vec4(1.0, 1.0, 1.0, 1.0)
-        if alive and finite:
+        for step in range(frame_steps):
             # ---- half a drift: the middle pose -----------------------------------------------------------------------
             q = turn(q, omega, 0.5 * h)
             rotation = wp.quat_to_matrix(q)
@@ -611,69 +701,16 @@ def advance(
             g_fr = arm_geometry(m.arm, arm[1], 0.5 * (spool_old[1] + arm_spool[1]))
             g_rl = arm_geometry(m.arm, arm[2], 0.5 * (spool_old[2] + arm_spool[2]))
             g_rr = arm_geometry(m.arm, arm[3], 0.5 * (spool_old[3] + arm_spool[3]))
-            # torques on the bodies are averaged by the trapezoidal rule over the substeps
-            soft = m.joint.mount_stiffness
-            play_width = m.joint.backlash
-            cylinder_rate = joint_rate
-            joint_end = steering_torque(oil, g, steering)
-            if soft > 0.0:
-                cylinder_rate = mount.rate
-                joint_end = mount_torque(soft, play_width, mount.deflection, mount.rate - joint_rate)
-            joint_sum = 0.5 * joint_end
-            arm_sum_fl = 0.5 * arm_oil_torque(oil, g_fl, arm_fl)
-            arm_sum_fr = 0.5 * arm_oil_torque(oil, g_fr, arm_fr)
-            arm_sum_rl = 0.5 * arm_oil_torque(oil, g_rl, arm_rl)
-            arm_sum_rr = 0.5 * arm_oil_torque(oil, g_rr, arm_rr)
-            motor_sum = 0.5 * motor_pressures(oil, driveline)
-            flow_in = float(0.0)
-            flow_out = float(0.0)
-            for substep in range(num_substeps):
-                supply = pressure(oil, steering.supply)
-                tank = pressure(oil, steering.tank_line)
-                arm_fl, in_fl, out_fl, ls_fl = arm_step(
-                    m.arm, oil, g_fl, arm_rate[0], supply, tank, arm_fl, dt
+            if oil.gas_fraction > 0.0 or m.joint.mount_stiffness > 0.0:
+                steering, arm_fl, arm_fr, arm_rl, arm_rr, driveline, mount, joint_oil, arm_oil, motor_mean = hydraulics(
+                    m, oil, g, g_fl, g_fr, g_rl, g_rr, control, spool_demand, joint_rate, arm_rate, rate,
+                    m.joint.mount_stiffness, steering, arm_fl, arm_fr, arm_rl, arm_rr, driveline, mount, h, num_substeps,
                 )
-                arm_fr, in_fr, out_fr, ls_fr = arm_step(
-                    m.arm, oil, g_fr, arm_rate[1], supply, tank, arm_fr, dt
+            else:  # compiled without gas and mount
+                steering, arm_fl, arm_fr, arm_rl, arm_rr, driveline, mount, joint_oil, arm_oil, motor_mean = hydraulics(
+                    m, without_gas(oil), g, g_fl, g_fr, g_rl, g_rr, control, spool_demand, joint_rate, arm_rate, rate,
+                    0.0, steering, arm_fl, arm_fr, arm_rl, arm_rr, driveline, mount, h, num_substeps,
                 )
-                arm_rl, in_rl, out_rl, ls_rl = arm_step(
-                    m.arm, oil, g_rl, arm_rate[2], supply, tank, arm_rl, dt
-                )
-                arm_rr, in_rr, out_rr, ls_rr = arm_step(
-                    m.arm, oil, g_rr, arm_rate[3], supply, tank, arm_rr, dt
-                )
-                exchange = Exchange()
-                exchange.supply_flow = in_fl + in_fr + in_rl + in_rr
-                exchange.tank_flow = out_fl + out_fr + out_rl + out_rr
-                exchange.load_pressure = wp.max(wp.max(ls_fl, ls_fr), wp.max(ls_rl, ls_rr))
-                steering = steering_step(
-                    m.steering, oil, g, spool_demand, engine.speed, cylinder_rate, exchange, steering, dt
-                )
-                driveline = driveline_step(m.driveline, oil, control, rate, driveline, dt)
-
-                joint_end = steering_torque(oil, g, steering)
-                if soft > 0.0:
-                    mount = mount_step(g, soft, play_width, joint_end, joint_rate, mount, dt)
-                    cylinder_rate = mount.rate
-                    joint_end = mount_torque(soft, play_width, mount.deflection, mount.rate - joint_rate)
-                joint_sum += joint_end
-                arm_sum_fl += arm_oil_torque(oil, g_fl, arm_fl)
-                arm_sum_fr += arm_oil_torque(oil, g_fr, arm_fr)
-                arm_sum_rl += arm_oil_torque(oil, g_rl, arm_rl)
-                arm_sum_rr += arm_oil_torque(oil, g_rr, arm_rr)
-                motor_sum += motor_pressures(oil, driveline)
-                flow_in += steering.flow_in
-                flow_out += steering.flow_out
-            joint_oil = inverse_substeps * (joint_sum - 0.5 * joint_end)
-            arm_oil = inverse_substeps * wp.vec4(
-                arm_sum_fl - 0.5 * arm_oil_torque(oil, g_fl, arm_fl),
-                arm_sum_fr - 0.5 * arm_oil_torque(oil, g_fr, arm_fr),
-                arm_sum_rl - 0.5 * arm_oil_torque(oil, g_rl, arm_rl),
-                arm_sum_rr - 0.5 * arm_oil_torque(oil, g_rr, arm_rr),
-            )
-            steering.flow_in = inverse_substeps * flow_in
-            steering.flow_out = inverse_substeps * flow_out
-            motor_mean = inverse_substeps * (motor_sum - 0.5 * motor_pressures(oil, driveline))
 
             # ---- motion in the middle of the step, extrapolated ------------------------------------------------------
             mid_velocity = velocity + 0.5 * h * d_velocity
@@ -848,71 +885,69 @@ def advance(
                 + wp.length(motor_mean) + driveline.charge + wp.length(arm_oil)
                 + engine.speed
             )
-            finite = wp.isfinite(watch)
+            if not wp.isfinite(watch):
+                status[t] = NON_FINITE
+                return
 
         # ---- record ------------------------------------------------------------------------------------------------
-        if (step + 1) % sample_every == 0:
-            frame = step / sample_every
-            omega_rear = hinge_rotation(joint) * omega - joint_rate * z_axis
-            rate = wheel_rates(omega, omega_rear, arm_rate, spin)
-            g = steering_geometry(m.steering, joint)
-            rotation = wp.quat_to_matrix(q)
-            drop = motor_pressures(oil, driveline)
-            outputs[frame, Output.STEERING_SIGNAL, t] = steering_signal
-            outputs[frame, Output.DRIVE_SIGNAL, t] = drive_signal
-            outputs[frame, Output.JOINT_ANGLE, t] = joint
-            outputs[frame, Output.JOINT_RATE, t] = joint_rate
-            # oil into the port that the command pressurises
-            pressurised = wp.where(steering_signal < 0.0, g.displacement_b, g.displacement_a)
-            outputs[frame, Output.JOINT_FLOW, t] = pressurised * joint_rate
-            outputs[frame, Output.PRESSURE_A, t] = pressure(oil, steering.port_a)
-            outputs[frame, Output.PRESSURE_B, t] = pressure(oil, steering.port_b)
-            outputs[frame, Output.PUMP_PRESSURE, t] = pressure(oil, steering.supply)
-            outputs[frame, Output.RETURN_PRESSURE, t] = pressure(oil, steering.tank_line)
-            outputs[frame, Output.LS_PRESSURE, t] = steering.ls_pressure
-            outputs[frame, Output.SPOOL, t] = steering.spool
-            outputs[frame, Output.COMPENSATOR, t] = steering.compensator
-            outputs[frame, Output.PUMP_SWASH, t] = steering.swash
-            outputs[frame, Output.FLOW_IN, t] = steering.flow_in
-            outputs[frame, Output.FLOW_OUT, t] = steering.flow_out
-            outputs[frame, Output.PUMP_FLOW, t] = steering.swash * m.steering.pump_displacement * engine.speed
-            outputs[frame, Output.DRIVE_PRESSURE_FORWARD, t] = pressure(oil, driveline.forward)
-            outputs[frame, Output.DRIVE_PRESSURE_RETURN, t] = pressure(oil, driveline.back)
-            outputs[frame, Output.CHARGE_PRESSURE, t] = pressure(oil, driveline.charge)
-            outputs[frame, Output.DRIVE_SWASH, t] = drive_swash
-            outputs[frame, Output.SHIFT_FRONT, t] = shift_front
-            outputs[frame, Output.SHIFT_REAR, t] = shift_rear
-            outputs[frame, Output.ARM_PRESSURE_BORE_FL, t] = pressure(oil, arm_fl.bore)
-            outputs[frame, Output.ARM_PRESSURE_BORE_FR, t] = pressure(oil, arm_fr.bore)
-            outputs[frame, Output.ARM_PRESSURE_BORE_RL, t] = pressure(oil, arm_rl.bore)
-            outputs[frame, Output.ARM_PRESSURE_BORE_RR, t] = pressure(oil, arm_rr.bore)
-            outputs[frame, Output.ARM_PRESSURE_ROD_FL, t] = pressure(oil, arm_fl.rod)
-            outputs[frame, Output.ARM_PRESSURE_ROD_FR, t] = pressure(oil, arm_fr.rod)
-            outputs[frame, Output.ARM_PRESSURE_ROD_RL, t] = pressure(oil, arm_rl.rod)
-            outputs[frame, Output.ARM_PRESSURE_ROD_RR, t] = pressure(oil, arm_rr.rod)
-            for i in range(4):
-                outputs[frame, int(Output.MOTOR_PRESSURE_FL) + i, t] = drop[i]
-                outputs[frame, int(Output.WHEEL_RATE_FL) + i, t] = rate[i]
-                outputs[frame, int(Output.ARM_ANGLE_FL) + i, t] = arm[i]
-                outputs[frame, int(Output.WHEEL_LOAD_FL) + i, t] = wheel_load[i]
-            outputs[frame, Output.ENGINE_SPEED, t] = engine.speed
-            outputs[frame, Output.ENGINE_TORQUE, t] = engine.torque
-            outputs[frame, Output.POSITION_X, t] = position[0]
-            outputs[frame, Output.POSITION_Y, t] = position[1]
-            outputs[frame, Output.POSITION_Z, t] = position[2]
-            outputs[frame, Output.ROLL, t] = wp.atan2(rotation[2, 1], rotation[2, 2])
-            outputs[frame, Output.PITCH, t] = -wp.asin(wp.clamp(rotation[2, 0], -1.0, 1.0))
-            outputs[frame, Output.YAW, t] = wp.atan2(rotation[1, 0], rotation[0, 0])
-            outputs[frame, Output.SPEED, t] = velocity[0]
-            outputs[frame, Output.YAW_RATE, t] = omega[2]
-            outputs[frame, Output.HULL_FORCE, t] = hull_force
-            off_map = float(0.0)
-            for i in range(4):
-                off_map += wp.where(on_map[i] < 0.5, 1.0, 0.0)
-            outputs[frame, Output.WHEELS_OFF_MAP, t] = off_map
+        omega_rear = hinge_rotation(joint) * omega - joint_rate * z_axis
+        rate = wheel_rates(omega, omega_rear, arm_rate, spin)
+        g = steering_geometry(m.steering, joint)
+        rotation = wp.quat_to_matrix(q)
+        drop = motor_pressures(oil, driveline)
+        outputs[frame, Output.STEERING_SIGNAL, t] = steering_signal
+        outputs[frame, Output.DRIVE_SIGNAL, t] = drive_signal
+        outputs[frame, Output.JOINT_ANGLE, t] = joint
+        outputs[frame, Output.JOINT_RATE, t] = joint_rate
+        # oil into the port that the command pressurises
+        pressurised = wp.where(steering_signal < 0.0, g.displacement_b, g.displacement_a)
+        outputs[frame, Output.JOINT_FLOW, t] = pressurised * joint_rate
+        outputs[frame, Output.PRESSURE_A, t] = pressure(oil, steering.port_a)
+        outputs[frame, Output.PRESSURE_B, t] = pressure(oil, steering.port_b)
+        outputs[frame, Output.PUMP_PRESSURE, t] = pressure(oil, steering.supply)
+        outputs[frame, Output.RETURN_PRESSURE, t] = pressure(oil, steering.tank_line)
+        outputs[frame, Output.LS_PRESSURE, t] = steering.ls_pressure
+        outputs[frame, Output.SPOOL, t] = steering.spool
+        outputs[frame, Output.COMPENSATOR, t] = steering.compensator
+        outputs[frame, Output.PUMP_SWASH, t] = steering.swash
+        outputs[frame, Output.FLOW_IN, t] = steering.flow_in
+        outputs[frame, Output.FLOW_OUT, t] = steering.flow_out
+        outputs[frame, Output.PUMP_FLOW, t] = steering.swash * m.steering.pump_displacement * engine.speed
+        outputs[frame, Output.DRIVE_PRESSURE_FORWARD, t] = pressure(oil, driveline.forward)
+        outputs[frame, Output.DRIVE_PRESSURE_RETURN, t] = pressure(oil, driveline.back)
+        outputs[frame, Output.CHARGE_PRESSURE, t] = pressure(oil, driveline.charge)
+        outputs[frame, Output.DRIVE_SWASH, t] = drive_swash
+        outputs[frame, Output.SHIFT_FRONT, t] = shift_front
+        outputs[frame, Output.SHIFT_REAR, t] = shift_rear
+        outputs[frame, Output.ARM_PRESSURE_BORE_FL, t] = pressure(oil, arm_fl.bore)
+        outputs[frame, Output.ARM_PRESSURE_BORE_FR, t] = pressure(oil, arm_fr.bore)
+        outputs[frame, Output.ARM_PRESSURE_BORE_RL, t] = pressure(oil, arm_rl.bore)
+        outputs[frame, Output.ARM_PRESSURE_BORE_RR, t] = pressure(oil, arm_rr.bore)
+        outputs[frame, Output.ARM_PRESSURE_ROD_FL, t] = pressure(oil, arm_fl.rod)
+        outputs[frame, Output.ARM_PRESSURE_ROD_FR, t] = pressure(oil, arm_fr.rod)
+        outputs[frame, Output.ARM_PRESSURE_ROD_RL, t] = pressure(oil, arm_rl.rod)
+        outputs[frame, Output.ARM_PRESSURE_ROD_RR, t] = pressure(oil, arm_rr.rod)
+        for i in range(4):
+            outputs[frame, int(Output.MOTOR_PRESSURE_FL) + i, t] = drop[i]
+            outputs[frame, int(Output.WHEEL_RATE_FL) + i, t] = rate[i]
+            outputs[frame, int(Output.ARM_ANGLE_FL) + i, t] = arm[i]
+            outputs[frame, int(Output.WHEEL_LOAD_FL) + i, t] = wheel_load[i]
+        outputs[frame, Output.ENGINE_SPEED, t] = engine.speed
+        outputs[frame, Output.ENGINE_TORQUE, t] = engine.torque
+        outputs[frame, Output.POSITION_X, t] = position[0]
+        outputs[frame, Output.POSITION_Y, t] = position[1]
+        outputs[frame, Output.POSITION_Z, t] = position[2]
+        outputs[frame, Output.ROLL, t] = wp.atan2(rotation[2, 1], rotation[2, 2])
+        outputs[frame, Output.PITCH, t] = -wp.asin(wp.clamp(rotation[2, 0], -1.0, 1.0))
+        outputs[frame, Output.YAW, t] = wp.atan2(rotation[1, 0], rotation[0, 0])
+        outputs[frame, Output.SPEED, t] = velocity[0]
+        outputs[frame, Output.YAW_RATE, t] = omega[2]
+        outputs[frame, Output.HULL_FORCE, t] = hull_force
+        off_map = float(0.0)
+        for i in range(4):
+            off_map += wp.where(on_map[i] < 0.5, 1.0, 0.0)
+        outputs[frame, Output.WHEELS_OFF_MAP, t] = off_map
 
-    if not alive:
-        return
     # the rest of the state, which a clamp could have hidden above
     rest = (
         joint + wp.length(arm) + wp.length(wheel) + wp.length(remainder) + q[0] + q[1] + q[2] + q[3]
@@ -925,7 +960,7 @@ def advance(
         + driveline.back + driveline.wheel_fl + driveline.wheel_fr + driveline.wheel_rl + driveline.wheel_rr
         + drive_swash + shift_front + shift_rear + wp.length(traction) + engine.integral + engine.torque
     )
-    if not (finite and wp.isfinite(rest)):
+    if not wp.isfinite(rest):
         status[t] = NON_FINITE
         return
 

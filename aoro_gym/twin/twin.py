@@ -26,10 +26,9 @@ from aoro_gym.twin.records import COMMAND_BOUNDS, Command, MachineRecord, Output
 LONGEST_COMMAND_DELAY = 0.1
 """Upper bound [s] of ``steering.valve.command_delay``; that much of the steering command is kept."""
 
-BLOCK_DIM, FULL_BLOCK_DIM = 32, 64
-"""Threads a block. One warp, so that a few thousand twins already reach every multiprocessor; from ``FULL`` twins on, when
-all of them are full, two."""
-FULL = 16_384
+BLOCK_DIM = 32
+"""Threads a block: one warp, so that a few thousand twins already reach every multiprocessor. Every other number would
+compile the kernels again."""
 
 WORTH_THREADS = 200
 """Twin-steps of a launch (about 4 µs each on a core) from which several CPU threads pay."""
@@ -73,6 +72,7 @@ class Twin:
         own_machines: Keep a machine record for every twin even if all start alike, so that :meth:`set_machines` can
             change them one by one.
         device: ``"cpu"`` or ``"cuda:N"``.
+        threads: CPU threads that share the twins, at most :func:`cores`, which is the default; a GPU needs none.
         main_step: Time step of the bodies [s].
         substeps: Hydraulic substeps a main step.
         gravity: [m/s²].
@@ -91,6 +91,7 @@ class Twin:
         cell: float = CELL,
         own_machines: bool = False,
         device: str = "cpu",
+        threads: int | None = None,
         main_step: float = 1e-3,
         substeps: int = 30,
         gravity: float = 9.81,
@@ -99,11 +100,14 @@ class Twin:
             raise ValueError(f"num_twins is {num_twins}, but must be a whole number of at least 1")
         if not isinstance(substeps, int | np.integer) or substeps < 1:
             raise ValueError(f"substeps is {substeps}, but must be a whole number of at least 1")
+        if threads is not None and (not isinstance(threads, int | np.integer) or not 1 <= threads <= cores()):
+            raise ValueError(f"threads is {threads}, but must be a whole number from 1 to {cores()}, the cores here")
         if not 0.0 < main_step <= 2e-3:
             raise ValueError(f"main_step is {main_step} s, but must be in (0, 0.002] s for the contacts to be stable")
         if not np.isfinite(gravity):
             raise ValueError(f"gravity is {gravity} m/s², but must be finite")
         self.num_twins = int(num_twins)
+        self.threads = cores() if threads is None else int(threads)
         self.machine = machine if isinstance(machine, Machine) else Machine.load(machine)
         self.terrain = terrain if terrain is not None else Plane()
         self.main_step = float(main_step)
@@ -211,6 +215,7 @@ class Twin:
                 self._history, self._clock, self._status,
             ],
             device=self.device,
+            block_dim=BLOCK_DIM,
         )  # fmt: skip
 
     def set_commands(self, commands: Mapping[str, npt.ArrayLike]) -> None:
@@ -253,29 +258,39 @@ class Twin:
         Returns:
             The sampled outputs, if asked for; the last sample is also what :meth:`output` gives.
         """
+        if commands:
+            self.set_commands(commands)
+        start = None if sample_every is None else self.time.max()
+        self.advance(duration, sample_every=sample_every)
+        if start is None or sample_every is None:
+            return None
+        values = self._outputs.numpy().copy()
+        return Trace(time=start + sample_every * np.arange(1, len(values) + 1), values=values)
+
+    def advance(self, duration: float = 0.02, *, sample_every: float | None = None) -> None:
+        """Advance all twins under the commands that :attr:`commands` holds, unchecked, and copy nothing to the host.
+
+        Args:
+            duration: A whole number of main steps [s].
+            sample_every: Sampling interval of :attr:`outputs` [s], a whole number of main steps; only the end if None.
+        """
         steps = self._whole(duration, "duration")
         every = steps if sample_every is None else self._whole(sample_every, "sample_every")
         if steps % every:
             raise ValueError(
                 f"duration is {duration} s, but must be a whole multiple of sample_every = {sample_every} s"
             )
-        if commands:
-            self.set_commands(commands)
         frames = steps // every
         if self._outputs.shape[0] != frames:
             self._outputs = wp.zeros((frames, len(Output), self.num_twins), dtype=float, device=self.device)
-        start = self.time
-        self._advance(steps, every)
-        if sample_every is None:
-            return None
-        time = start.max() + self.main_step * every * np.arange(1, frames + 1)
-        return Trace(time=time, values=self._outputs.numpy().copy())
+        self._launch(frames, every)
 
-    def _advance(self, steps: int, every: int) -> None:
-        """Launch ``steps`` main steps; on the CPU, whose backend is single-threaded, one slice of twins a thread."""
+    def _launch(self, frames: int, every: int) -> None:
+        """Launch ``frames`` times ``every`` main steps; on the CPU, whose backend is single-threaded, one slice of twins a
+        thread."""
         threads = 1
-        if self.device.is_cpu and self.num_twins * steps >= WORTH_THREADS:
-            threads = min(os.cpu_count() or 1, self.num_twins)
+        if self.device.is_cpu and self.num_twins * frames * every >= WORTH_THREADS:
+            threads = min(self.threads, self.num_twins)
 
         def launch(slot: int) -> None:
             first = slot * self.num_twins // threads
@@ -284,10 +299,10 @@ class Twin:
                 dim=(slot + 1) * self.num_twins // threads - first,
                 inputs=[
                     self._machines, self.ground, self.commands, self.state, self._history, self._clock,
-                    self._status, self._outputs, first, steps, self.substeps, self.main_step, every,
+                    self._status, self._outputs, first, frames, every, self.substeps, self.main_step,
                 ],
                 device=self.device,
-                block_dim=BLOCK_DIM if self.num_twins < FULL else FULL_BLOCK_DIM,
+                block_dim=BLOCK_DIM,
             )  # fmt: skip
 
         if threads == 1:
@@ -376,7 +391,12 @@ class Twin:
     @property
     def status(self) -> npt.NDArray[Any]:
         """Status of every twin, shape (num_twins,): 0 runs, else frozen (see ``STATUS``)."""
-        return self._status.numpy()
+        return self.status_codes.numpy()
+
+    @property
+    def status_codes(self) -> wp.array:
+        """The same on the device, int32."""
+        return self._status
 
     @property
     def lost(self) -> list[tuple[int, str]]:
@@ -385,9 +405,14 @@ class Twin:
         return [(int(i), STATUS[int(status[i])]) for i in np.flatnonzero(status)]
 
 
+def cores() -> int:
+    """CPU cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 @cache
 def _threads() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(os.cpu_count(), thread_name_prefix="twin")
+    return ThreadPoolExecutor(cores(), thread_name_prefix="twin")
 
 
 def _row(rows: type[IntEnum], name: str, what: str) -> int:

@@ -45,10 +45,15 @@ def relief(drop: Any, setting: Any, ramp: Any, flow: Any) -> Any:
     return flow * np.maximum(drop - setting, 0.0) / ramp
 
 
-def compliance(oil: Any, content: Any, volume: Any, hose: Any, nominal: Any) -> Any:
-    """C of an oil volume without gas [m³/Pa]: by its modulus at its pressure, a void by its nominal volume."""
-    stiff = oil.bulk_modulus + oil.bulk_modulus_slope * np.maximum(content, 0.0)
-    return np.where(content < oil.void_pressure, nominal / oil.bulk_modulus, volume / stiff + hose)
+def compliance(oil: Any, content: Any, volume: Any, hose: Any) -> Any:
+    """C of a rigid oil volume without gas [m³/Pa], by its modulus at its pressure."""
+    return volume / (oil.bulk_modulus + oil.bulk_modulus_slope * np.maximum(content, 0.0)) + hose
+
+
+def chamber_compliance(oil: Any, content: Any, volume: Any, hose: Any, nominal: Any) -> Any:
+    """C of an oil volume behind a piston [m³/Pa]: as :func:`compliance`, but a void by its nominal volume."""
+    void = content < oil.void_pressure
+    return np.where(void, nominal / oil.bulk_modulus, compliance(oil, content, volume, hose))
 
 
 def pin_distance(linkage: Any, angle: Any) -> Any:

@@ -27,7 +27,7 @@ from tests.laws.elements import (
     OIL,
     SUBSTEP,
     VOID,
-    compliance,
+    chamber_compliance,
     cv,
     orifice,
     pin_distance,
@@ -288,8 +288,8 @@ def case():
     stroke = m.cylinder_linkage.stroke
     nominal = fixed + 0.5 * m.cylinder_bore_area * stroke, fixed + 0.5 * m.cylinder_annulus_area * stroke
     out.compliance = SimpleNamespace(
-        bore=compliance(oil, out.s.bore, g.volume_bore, m.hose_compliance, nominal[0]),
-        rod=compliance(oil, out.s.rod, g.volume_rod, m.hose_compliance, nominal[1]),
+        bore=chamber_compliance(oil, out.s.bore, g.volume_bore, m.hose_compliance, nominal[0]),
+        rod=chamber_compliance(oil, out.s.rod, g.volume_rod, m.hose_compliance, nominal[1]),
     )
     # Rounding of a net flow: every element by its own flow; load holding by (1 + R) p over its ramp, reliefs by p over
     # theirs, of the flow that they pass fully open; the content by half an ulp, over the step.

@@ -207,7 +207,7 @@ def compliances(m, s):
     oil = columns(OIL)
 
     def one(name, volume, hose):
-        return compliance(oil, getattr(s, name), volume, hose, volume)
+        return compliance(oil, getattr(s, name), volume, hose)
 
     return SimpleNamespace(
         forward=one("forward", m.main_volume, m.main_compliance),

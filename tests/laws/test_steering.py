@@ -34,6 +34,7 @@ from tests.laws.elements import (
     OIL,
     SUBSTEP,
     VOID,
+    chamber_compliance,
     check_valve,
     compliance,
     cv,
@@ -588,10 +589,10 @@ def compliances(m, oil, angle, s):
     )
     line, tank = m.pump_line_volume, m.tank_line_volume
     return SimpleNamespace(
-        supply=compliance(oil, s.supply, line, m.pump_line_compliance, line),
-        port_a=compliance(oil, s.port_a, volume_a, m.hose_compliance, middle),
-        port_b=compliance(oil, s.port_b, volume_b, m.hose_compliance, middle),
-        tank_line=compliance(oil, s.tank_line, tank, m.tank_line_compliance, tank),
+        supply=compliance(oil, s.supply, line, m.pump_line_compliance),
+        port_a=chamber_compliance(oil, s.port_a, volume_a, m.hose_compliance, middle),
+        port_b=chamber_compliance(oil, s.port_b, volume_b, m.hose_compliance, middle),
+        tank_line=compliance(oil, s.tank_line, tank, m.tank_line_compliance),
     )
 
 

@@ -7,6 +7,7 @@ import warp as wp
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.twin import Machine, Twin
 from aoro_gym.twin.records import COMMAND_BOUNDS, OUTPUT_UNITS, Command, MachineRecord, Output, State, pack
+from aoro_gym.twin.twin import WORTH_THREADS, cores
 
 
 @pytest.mark.parametrize(
@@ -16,6 +17,8 @@ from aoro_gym.twin.records import COMMAND_BOUNDS, OUTPUT_UNITS, Command, Machine
         ({"num_twins": 2.5}, r"num_twins is 2\.5"),
         ({"num_twins": -3}, "num_twins is -3"),
         ({"substeps": 0}, "substeps is 0"),
+        ({"threads": 0}, "threads is 0, but must be a whole number from 1 to"),
+        ({"threads": 10_000}, "threads is 10000, but must be a whole number from 1 to"),
         ({"main_step": 0.0}, "main_step is 0"),
         ({"main_step": 0.01}, r"main_step is 0\.01 s, but must be in \(0, 0\.002\]"),
         ({"main_step": float("nan")}, "main_step is nan"),
@@ -125,6 +128,16 @@ def test_one_long_launch_equals_many_short_ones():
     for _ in range(15):
         short.step({"steering_signal": 0.7, "drive_signal": 0.3}, 0.02)
     assert np.array_equal(long.state.numpy(), short.state.numpy())
+
+
+@pytest.mark.skipif(cores() < 2, reason="one core")
+def test_threads_share_the_twins_and_change_nothing():
+    alone, shared = Twin(21, threads=1), Twin(21, threads=2)
+    signals = np.linspace(-1.0, 1.0, 21)
+    for twin in (alone, shared):
+        twin.step({"steering_signal": signals, "drive_signal": signals[::-1]}, 0.1)
+    assert alone.num_twins * 100 >= WORTH_THREADS
+    assert np.array_equal(alone.state.numpy(), shared.state.numpy())
 
 
 def test_trace_samples_the_end_of_every_interval():

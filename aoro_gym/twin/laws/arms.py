@@ -7,7 +7,7 @@ Positive command extends the cylinder: the wheel goes down, the frame up. Machin
 import warp as wp
 
 from aoro_gym.twin.laws.cylinders import Linkage, cylinder_extension
-from aoro_gym.twin.laws.fluid import Oil, fill, orifice, pressure, relief_valve
+from aoro_gym.twin.laws.fluid import Oil, fill_chamber, orifice, pressure, relief_valve
 
 
 @wp.struct
@@ -98,8 +98,8 @@ def arm_fill(m: Arm, oil: Oil, g: ArmGeometry, s: ArmState, bore_flow: float, ro
     mid_bore = fixed + 0.5 * m.cylinder_bore_area * m.cylinder_linkage.stroke
     mid_rod = fixed + 0.5 * m.cylinder_annulus_area * m.cylinder_linkage.stroke
     out = ArmState()
-    out.bore = fill(oil, s.bore, bore_flow, dt, g.volume_bore, m.hose_compliance, mid_bore)
-    out.rod = fill(oil, s.rod, rod_flow, dt, g.volume_rod, m.hose_compliance, mid_rod)
+    out.bore = fill_chamber(oil, s.bore, bore_flow, dt, g.volume_bore, m.hose_compliance, mid_bore)
+    out.rod = fill_chamber(oil, s.rod, rod_flow, dt, g.volume_rod, m.hose_compliance, mid_rod)
     return out
 
 

@@ -91,9 +91,7 @@ def motor_hose_step(
         given = wp.min(given, taken)
     if back <= oil.void_pressure:
         given = wp.max(given, 0.0)
-    filled = fill(
-        oil, content, taken - given, dt, m.wheel_hose_volume, m.wheel_hose_compliance, m.wheel_hose_volume
-    )
+    filled = fill(oil, content, taken - given, dt, m.wheel_hose_volume, m.wheel_hose_compliance)
     return filled, taken, given
 
 
@@ -148,9 +146,9 @@ def driveline_step(m: Driveline, oil: Oil, c: DrivelineControl, rates: wp.vec4, 
     out.wheel_fr = hose_fr
     out.wheel_rl = hose_rl
     out.wheel_rr = hose_rr
-    out.forward = fill(oil, s.forward, q_f, dt, m.main_volume, m.main_compliance, m.main_volume)
-    out.back = fill(oil, s.back, q_r, dt, m.main_volume, m.main_compliance, m.main_volume)
-    out.charge = fill(oil, s.charge, q_c, dt, m.charge_volume, m.charge_compliance, m.charge_volume)
+    out.forward = fill(oil, s.forward, q_f, dt, m.main_volume, m.main_compliance)
+    out.back = fill(oil, s.back, q_r, dt, m.main_volume, m.main_compliance)
+    out.charge = fill(oil, s.charge, q_c, dt, m.charge_volume, m.charge_compliance)
     return out
 
 
@@ -163,11 +161,11 @@ def driveline_displace(m: Driveline, oil: Oil, c: DrivelineControl, angles: wp.v
     rear = c.displacement_rear
     given = front * (angles[0] + angles[1]) + rear * (angles[2] + angles[3])
     out = s
-    out.wheel_fl = fill(oil, s.wheel_fl, -front * angles[0], 1.0, hose, walls, hose)
-    out.wheel_fr = fill(oil, s.wheel_fr, -front * angles[1], 1.0, hose, walls, hose)
-    out.wheel_rl = fill(oil, s.wheel_rl, -rear * angles[2], 1.0, hose, walls, hose)
-    out.wheel_rr = fill(oil, s.wheel_rr, -rear * angles[3], 1.0, hose, walls, hose)
-    out.back = fill(oil, s.back, given, 1.0, m.main_volume, m.main_compliance, m.main_volume)
+    out.wheel_fl = fill(oil, s.wheel_fl, -front * angles[0], 1.0, hose, walls)
+    out.wheel_fr = fill(oil, s.wheel_fr, -front * angles[1], 1.0, hose, walls)
+    out.wheel_rl = fill(oil, s.wheel_rl, -rear * angles[2], 1.0, hose, walls)
+    out.wheel_rr = fill(oil, s.wheel_rr, -rear * angles[3], 1.0, hose, walls)
+    out.back = fill(oil, s.back, given, 1.0, m.main_volume, m.main_compliance)
     return out
 
 

@@ -37,36 +37,26 @@ class EngineState:
 
 
 @wp.func
-def between(x: float, x0: float, y0: float, x1: float, y1: float):
-    """Linear interpolation through (x0, y0) and (x1, y1)."""
-    return y0 + (y1 - y0) * (x - x0) / (x1 - x0)
+def rise(n: float, n0: float, n1: float, height: float):
+    """Ramp from 0 at ``n0`` and below to ``height`` at ``n1`` and above."""
+    return height * wp.clamp((n - n0) / (n1 - n0), 0.0, 1.0)
 
 
 @wp.func
 def full_load_torque(m: Engine, speed: float):
     """Brake torque [N m] at full load and ``speed`` [rad/s]: linear between the curve's points, 0 below 300 rpm
-    and above 2600 rpm."""
+    and above 2600 rpm. The sum of the ramps between them."""
     n = speed / RPM
-    torque = float(0.0)
-    if n > 2400.0:
-        torque = wp.max(between(n, 2400.0, m.torque_rpm_2400, 2600.0, 0.0), 0.0)
-    elif n > 2200.0:
-        torque = between(n, 2200.0, m.torque_rpm_2200, 2400.0, m.torque_rpm_2400)
-    elif n > 2000.0:
-        torque = between(n, 2000.0, m.torque_rpm_2000, 2200.0, m.torque_rpm_2200)
-    elif n > 1800.0:
-        torque = between(n, 1800.0, m.torque_rpm_1800, 2000.0, m.torque_rpm_2000)
-    elif n > 1600.0:
-        torque = between(n, 1600.0, m.torque_rpm_1600, 1800.0, m.torque_rpm_1800)
-    elif n > 1400.0:
-        torque = between(n, 1400.0, m.torque_rpm_1400, 1600.0, m.torque_rpm_1600)
-    elif n > 1200.0:
-        torque = between(n, 1200.0, m.torque_rpm_1200, 1400.0, m.torque_rpm_1400)
-    elif n > 900.0:
-        torque = between(n, 900.0, m.torque_rpm_900, 1200.0, m.torque_rpm_1200)
-    elif n > 300.0:
-        torque = between(n, 300.0, 0.0, 900.0, m.torque_rpm_900)
-    return torque
+    torque = rise(n, 300.0, 900.0, m.torque_rpm_900)
+    torque += rise(n, 900.0, 1200.0, m.torque_rpm_1200 - m.torque_rpm_900)
+    torque += rise(n, 1200.0, 1400.0, m.torque_rpm_1400 - m.torque_rpm_1200)
+    torque += rise(n, 1400.0, 1600.0, m.torque_rpm_1600 - m.torque_rpm_1400)
+    torque += rise(n, 1600.0, 1800.0, m.torque_rpm_1800 - m.torque_rpm_1600)
+    torque += rise(n, 1800.0, 2000.0, m.torque_rpm_2000 - m.torque_rpm_1800)
+    torque += rise(n, 2000.0, 2200.0, m.torque_rpm_2200 - m.torque_rpm_2000)
+    torque += rise(n, 2200.0, 2400.0, m.torque_rpm_2400 - m.torque_rpm_2200)
+    torque += rise(n, 2400.0, 2600.0, -m.torque_rpm_2400)
+    return wp.max(torque, 0.0)
 
 
 @wp.func

@@ -10,6 +10,17 @@ import warp as wp
 ATMOSPHERIC_PRESSURE = wp.constant(101325.0)
 
 
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return rsqrtf(x);
+#else
+    return 1.0f / wp::sqrt(x);
+#endif
+""")
+def inverse_root(x: float) -> float:
+    """1/√x: one instruction on CUDA."""
+
+
 @wp.struct
 class Oil:
     """The fluid of all circuits (machine section ``oil``)."""
@@ -29,7 +40,7 @@ def orifice(coefficient: float, drop: float, laminar_pressure: float):
     ``coefficient`` C = C_d A √(2/ρ) = Q_nom/√Δp_nom [m³/s/√Pa]. Continuous and odd in ``drop`` [Pa].
     Valid for short orifices at Reynolds numbers where C_d is constant; the laminar branch keeps the slope finite.
     """
-    return coefficient * drop * (1.0 / wp.sqrt(wp.max(wp.abs(drop), laminar_pressure)))
+    return coefficient * drop * inverse_root(wp.max(wp.abs(drop), laminar_pressure))
 
 
 @wp.func
@@ -65,7 +76,7 @@ def oil_bulk_modulus(oil: Oil, p: float):
     modulus = liquid
     if oil.gas_fraction > 0.0:
         absolute = wp.max(p + ATMOSPHERIC_PRESSURE, 5000.0)
-        expansion = wp.pow(ATMOSPHERIC_PRESSURE / absolute, 1.0 / oil.polytropic_exponent)
+        expansion = wp.pow(absolute * (1.0 / ATMOSPHERIC_PRESSURE), -1.0 / oil.polytropic_exponent)
         gas = oil.gas_fraction * expansion
         rest = 1.0 - oil.gas_fraction
         spring = oil.polytropic_exponent * absolute
@@ -74,21 +85,46 @@ def oil_bulk_modulus(oil: Oil, p: float):
 
 
 @wp.func
-def fill(oil: Oil, content: float, net_flow: float, dt: float, volume: float, hose_compliance: float, nominal: float):
-    """State of a volume [Pa] after ``dt`` [s] of ``net_flow`` [m³/s]: ṗ = ΣQ / (V/β_oil(p) + V_hose/β_hose).
+def without_gas(oil: Oil):
+    """``oil`` that the compiler knows to be free of gas: its laws shrink to the liquid's."""
+    liquid = oil
+    liquid.gas_fraction = 0.0
+    return liquid
 
-    ``volume`` V [m³] is all the oil; ``hose_compliance`` V_hose/β_hose [m³/Pa] the walls' part (chambers are rigid).
-    A void is counted with the constant compliance ``nominal``/β_0, so that its volume is kept exactly; a step that
-    crosses the void pressure is split there, so that no oil is made or lost.
+
+@wp.func
+def volume_stiffness(oil: Oil, content: float, volume: float, hose_compliance: float):
+    """dp/dV [Pa/m³] of a volume in the state ``content`` [Pa]: 1 / (V/β_oil(p) + V_hose/β_hose)."""
+    modulus = oil_bulk_modulus(oil, pressure(oil, content))
+    return modulus / (volume + hose_compliance * modulus)
+
+
+@wp.func
+def fill(oil: Oil, content: float, net_flow: float, dt: float, volume: float, hose_compliance: float):
+    """State of a rigid volume [Pa] after ``dt`` [s] of ``net_flow`` [m³/s]: ṗ = ΣQ / (V/β_oil(p) + V_hose/β_hose).
+
+    ``volume`` V [m³] is all the oil; ``hose_compliance`` V_hose/β_hose [m³/Pa] the walls' part. Below the void pressure
+    β is constant: the void's volume is kept exactly.
+    """
+    return content + dt * net_flow * volume_stiffness(oil, content, volume, hose_compliance)
+
+
+@wp.func
+def fill_chamber(
+    oil: Oil, content: float, net_flow: float, dt: float, volume: float, hose_compliance: float, nominal: float
+):
+    """:func:`fill` for a volume that a piston changes.
+
+    A void is counted with the constant compliance ``nominal``/β_0, so that its volume is kept exactly while the piston
+    moves; a step that crosses the void pressure is split there, so that no oil is made or lost.
     """
     added = dt * net_flow
-    modulus = oil_bulk_modulus(oil, pressure(oil, content))
-    stiffness = modulus / (volume + hose_compliance * modulus)  # [Pa/m³]
+    stiffness = volume_stiffness(oil, content, volume, hose_compliance)
     void_stiffness = oil.bulk_modulus / nominal
     gap = content - oil.void_pressure
-    full = gap > 0.0 or (gap == 0.0 and added > 0.0)
+    full = gap >= 0.0
     end = content + added * wp.where(full, stiffness, void_stiffness)
     over = end - oil.void_pressure
-    if full != (over > 0.0):
+    if full != (over >= 0.0):
         end = oil.void_pressure + over * wp.where(full, void_stiffness / stiffness, stiffness / void_stiffness)
     return end

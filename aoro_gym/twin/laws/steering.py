@@ -9,7 +9,7 @@ for the measured opening curve and the laminar limit.
 import warp as wp
 
 from aoro_gym.twin.laws.cylinders import Linkage, cylinder_extension
-from aoro_gym.twin.laws.fluid import Oil, check_valve, fill, orifice, pressure, relief_valve
+from aoro_gym.twin.laws.fluid import Oil, check_valve, fill, fill_chamber, inverse_root, orifice, pressure, relief_valve
 
 
 @wp.struct
@@ -154,8 +154,8 @@ def steering_displace(m: Steering, oil: Oil, g: SteeringGeometry, angle: float, 
     """State after the joint has turned by ``angle`` [rad] with all valves shut."""
     nominal = port_nominal_volume(m)
     out = s
-    out.port_a = fill(oil, s.port_a, -g.displacement_a * angle, 1.0, g.volume_a, m.hose_compliance, nominal)
-    out.port_b = fill(oil, s.port_b, -g.displacement_b * angle, 1.0, g.volume_b, m.hose_compliance, nominal)
+    out.port_a = fill_chamber(oil, s.port_a, -g.displacement_a * angle, 1.0, g.volume_a, m.hose_compliance, nominal)
+    out.port_b = fill_chamber(oil, s.port_b, -g.displacement_b * angle, 1.0, g.volume_b, m.hose_compliance, nominal)
     return out
 
 
@@ -179,14 +179,10 @@ def valve_opening(spool: float, overlap: float, dead_band: float, opening_1V0: f
     """Opening [0…1] of the section's edges at ``spool`` [share of the 2 V signal]: the measured curve, linear between
     the end of the dead band, 1.0 V, 1.5 V and 2.0 V, moved out by ``overlap`` [V]."""
     volts = 2.0 * wp.abs(spool) - overlap
-    opening = float(0.0)
-    if volts > 1.5:
-        opening = opening_1V5 + 2.0 * (1.0 - opening_1V5) * (volts - 1.5)
-    elif volts > 1.0:
-        opening = opening_1V0 + 2.0 * (opening_1V5 - opening_1V0) * (volts - 1.0)
-    elif volts > dead_band:
-        opening = opening_1V0 / (1.0 - dead_band) * (volts - dead_band)
-    return wp.min(opening, 1.0)
+    first = opening_1V0 * wp.clamp((volts - dead_band) / (1.0 - dead_band), 0.0, 1.0)
+    second = (opening_1V5 - opening_1V0) * wp.clamp(2.0 * volts - 2.0, 0.0, 1.0)
+    third = (1.0 - opening_1V5) * wp.clamp(2.0 * volts - 3.0, 0.0, 1.0)
+    return first + second + third
 
 
 @wp.func
@@ -202,11 +198,12 @@ def compensator_step(m: Steering, y: float, available: float, ratio: float, dt: 
     droop = m.valve_compensator_droop
     rate = 0.5 * dt / (setting * m.valve_compensator_time_constant)
     opened = rate * setting * (1.0 + 0.5 * droop)
+    held = 1.0 + rate * setting * droop
     square = wp.max(ratio * ratio, 1.0e-12)
-    gain = available * y / (y * y + square)
-    half = wp.min((y + opened) / (1.0 + rate * (setting * droop + gain)), 1.0)
-    gain = available * half / (half * half + square)
-    return wp.min((half + opened) / (1.0 + rate * (setting * droop + gain)), 1.0)
+    wide = y * y + square
+    half = wp.min((y + opened) * wide / (held * wide + rate * available * y), 1.0)
+    wide = half * half + square
+    return wp.min((half + opened) * wide / (held * wide + rate * available * half), 1.0)
 
 
 @wp.func
@@ -244,36 +241,26 @@ def steering_step(
     p_t = pressure(oil, s.tank_line)
 
     # valve section: one side works at a time
-    opening = float(0.0)
-    cv_in = m.valve_cv_in_left
-    cv_out = m.valve_cv_out_left
-    p_load = p_a
-    p_unload = p_b
-    if s.spool > 0.0:
-        opening = valve_opening(
-            s.spool, m.valve_overlap, m.valve_dead_band_left, m.valve_opening_left_1V0, m.valve_opening_left_1V5
-        )
-    else:
-        opening = valve_opening(
-            s.spool, m.valve_overlap, m.valve_dead_band_right, m.valve_opening_right_1V0, m.valve_opening_right_1V5
-        )
-        cv_in = m.valve_cv_in_right
-        cv_out = m.valve_cv_out_right
-        p_load = p_b
-        p_unload = p_a
+    left = s.spool > 0.0
+    opening = valve_opening(
+        s.spool,
+        m.valve_overlap,
+        wp.where(left, m.valve_dead_band_left, m.valve_dead_band_right),
+        wp.where(left, m.valve_opening_left_1V0, m.valve_opening_right_1V0),
+        wp.where(left, m.valve_opening_left_1V5, m.valve_opening_right_1V5),
+    )
+    cv_in = wp.where(left, m.valve_cv_in_left, m.valve_cv_in_right)
+    cv_out = wp.where(left, m.valve_cv_out_left, m.valve_cv_out_right)
+    p_load = wp.where(left, p_a, p_b)
+    p_unload = wp.where(left, p_b, p_a)
 
     # meter-in: compensator and edge in series behind a load check
-    flow_in = float(0.0)
-    available = float(0.0)
-    ratio = float(0.0)
-    ls_target = arms.load_pressure
-    if opening > 0.0:
-        ls_target = wp.max(ls_target, p_load)
-        available = wp.max(p_s - p_load, 0.0)
-        ratio = opening * (cv_in / m.valve_cv_compensator)
-        share = s.compensator * (1.0 / wp.sqrt(s.compensator * s.compensator + ratio * ratio))
-        flow_in = orifice(opening * cv_in * share, available, lam)
+    available = wp.where(opening > 0.0, wp.max(p_s - p_load, 0.0), 0.0)
+    ratio = opening * (cv_in / m.valve_cv_compensator)
+    share = s.compensator * inverse_root(wp.max(s.compensator * s.compensator + ratio * ratio, 1.0e-12))
+    flow_in = orifice(opening * cv_in * share, available, lam)
     flow_out = orifice(opening * cv_out, p_unload - p_t, lam)
+    ls_target = wp.max(arms.load_pressure, wp.where(opening > 0.0, p_load, 0.0))
 
     # port reliefs, anti-cavitation, leakages
     shock_a = relief_valve(p_a - p_t, m.valve_shock_pressure, m.valve_shock_ramp, m.valve_shock_flow)
@@ -288,14 +275,8 @@ def steering_step(
     to_tank_a = shock_a + leak_a - suction_a
     to_tank_b = shock_b + leak_b - suction_b
 
-    q_a = -to_tank_a - across - g.displacement_a * cylinder_rate
-    q_b = -to_tank_b + across - g.displacement_b * cylinder_rate
-    if s.spool > 0.0:
-        q_a += flow_in
-        q_b -= flow_out
-    else:
-        q_b += flow_in
-        q_a -= flow_out
+    q_a = wp.where(left, flow_in, -flow_out) - to_tank_a - across - g.displacement_a * cylinder_rate
+    q_b = wp.where(left, -flow_out, flow_in) - to_tank_b + across - g.displacement_b * cylinder_rate
 
     q_supply = (
         s.swash * m.pump_displacement * engine_speed
@@ -318,10 +299,10 @@ def steering_step(
 
     nominal = port_nominal_volume(m)
     out = SteeringState()
-    out.supply = fill(oil, s.supply, q_supply, dt, m.pump_line_volume, m.pump_line_compliance, m.pump_line_volume)
-    out.port_a = fill(oil, s.port_a, q_a, dt, g.volume_a, m.hose_compliance, nominal)
-    out.port_b = fill(oil, s.port_b, q_b, dt, g.volume_b, m.hose_compliance, nominal)
-    out.tank_line = fill(oil, s.tank_line, q_tank, dt, m.tank_line_volume, m.tank_line_compliance, m.tank_line_volume)
+    out.supply = fill(oil, s.supply, q_supply, dt, m.pump_line_volume, m.pump_line_compliance)
+    out.port_a = fill_chamber(oil, s.port_a, q_a, dt, g.volume_a, m.hose_compliance, nominal)
+    out.port_b = fill_chamber(oil, s.port_b, q_b, dt, g.volume_b, m.hose_compliance, nominal)
+    out.tank_line = fill(oil, s.tank_line, q_tank, dt, m.tank_line_volume, m.tank_line_compliance)
     out.ls_pressure = s.ls_pressure + (dt / m.pump_ls_time_constant) * (wp.max(ls_target, 0.0) - s.ls_pressure)
     fastest = dt * m.valve_spool_rate_limit
     out.spool = s.spool + wp.clamp((dt / m.valve_spool_time_constant) * (spool_demand - s.spool), -fastest, fastest)

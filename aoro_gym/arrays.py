@@ -1,0 +1,127 @@
+"""Where the arrays beside the twins live: NumPy's on the host, or torch's on the twins' device.
+
+Sensors and tasks are written once, in the names that NumPy 2 and the array API standard
+(https://data-apis.org/array-api/2024.12) share, for either. On a device nothing waits for it: no value is looked at, no
+boolean selects rows (their number would have to be known), and what the host uploads is small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = Any
+"""``numpy.ndarray`` or ``torch.Tensor``; as an argument on the host, also what NumPy makes an array of."""
+Index = Any
+"""Rows of an array: a slice, or an array of whole numbers where the array lives."""
+
+
+class Arrays:
+    """An array namespace, and the device that its arrays are made on.
+
+    Floats are float64 unless said otherwise: clocks count ticks of hours, phases and world coordinates have to keep
+    their millimetres, and what noise is made of are integers of 52 bits.
+    """
+
+    def __init__(self, xp: ModuleType = np, device: Any = "cpu"):
+        self.xp: Any = xp
+        """The namespace, by the names of the array API standard."""
+        self.device = device
+        self.on_host = xp is np
+        """Whether values can be looked at without waiting for a device."""
+
+    @classmethod
+    def torch(cls, device: str) -> Arrays:
+        """Tensors on a Warp device, ``"cpu"`` or ``"cuda:N"``; ValueError that names the extra if torch is missing."""
+        try:
+            import array_api_compat.torch as xp
+            import torch
+        except ImportError as error:
+            raise ValueError(
+                f"output is 'torch', but {error.name} is missing: pip install 'aoro-gym[torch]', or take output='numpy'"
+            ) from error
+        return cls(xp, torch.device(device))
+
+    def zeros(self, shape: int | tuple[int, ...], dtype: Any = None) -> Array:
+        """Float64, unless ``dtype`` says otherwise."""
+        return self.full(shape, 0, dtype)
+
+    def ones(self, shape: int | tuple[int, ...], dtype: Any = None) -> Array:
+        """Likewise."""
+        return self.full(shape, 1, dtype)
+
+    def full(self, shape: int | tuple[int, ...], value: float, dtype: Any = None) -> Array:
+        """Likewise."""
+        return self.xp.full(shape, value, dtype=self.xp.float64 if dtype is None else dtype, device=self.device)
+
+    def arange(self, count: int) -> Array:
+        """0 … ``count`` − 1, int64."""
+        return self.xp.arange(count, dtype=self.xp.int64, device=self.device)
+
+    def asarray(self, values: Array, dtype: Any = None) -> Array:
+        """``values`` as an array here, float64 unless ``dtype`` says otherwise; not copied if it is one."""
+        dtype = self.xp.float64 if dtype is None else dtype
+        if self.on_host:
+            return np.asarray(values, dtype=dtype)
+        # by NumPy, as torch makes Python's floats float32
+        tensor = self.xp.asarray(np.asarray(values), copy=True) if namespace(values) is np else values
+        # what is not pinned is read before the call returns, so that the host may go on at once
+        return tensor.to(self.device, dtype, non_blocking=True)
+
+    def index(self, rows: NDArray[np.integer]) -> Index:
+        """Rows known to the host, as an index of arrays here."""
+        return self.asarray(rows, self.xp.int64)
+
+    def put(self, array: Array, index: Any, values: Array) -> None:
+        """``array[index] = values`` for values of the host or from here, of any type."""
+        array[index] = values if isinstance(values, int | float) else self.asarray(values, array.dtype)
+
+    def host(self, array: Array) -> NDArray[Any]:
+        """A copy on the host, for which it waits; on the host the array itself."""
+        return array if self.on_host else array.numpy(force=True)
+
+    def alias(self, array: Any) -> Array:
+        """The memory of a Warp array, not copied."""
+        if self.on_host:
+            return array.numpy()  # copies from a GPU
+        import warp
+
+        return warp.to_torch(array)
+
+    def surely_none(self, mask: Array) -> bool:
+        """Whether ``mask`` is known to be false everywhere, so that what it is for can be left out. On a device one would
+        have to wait to know: there, never."""
+        return self.on_host and not mask.any()
+
+    def ordered(self) -> AbstractContextManager[Any]:
+        """Within it, Warp's launches and torch's on the same GPU follow each other as they are called."""
+        if self.on_host or self.device.type == "cpu":
+            return nullcontext()
+        import warp
+
+        return warp.ScopedStream(warp.stream_from_torch(self.device))
+
+
+HOST = Arrays()
+"""NumPy."""
+
+
+def namespace(*values: Any) -> Any:
+    """The namespace of the first tensor among ``values``; NumPy for its arrays, numbers and sequences."""
+    for value in values:
+        if not isinstance(value, np.ndarray | np.generic | int | float | Sequence):
+            from array_api_compat import array_namespace
+
+            return array_namespace(value)
+    return np
+
+
+def floats(value: Array) -> Array:
+    """``value`` as float64, where it lives."""
+    xp = namespace(value)
+    return np.asarray(value, dtype=np.float64) if xp is np else xp.astype(value, xp.float64, copy=False)

@@ -1,0 +1,1 @@
+"""How fast twins and environments step here, beside peers: what ``aoro-gym bench`` runs."""

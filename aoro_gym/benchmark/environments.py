@@ -1,0 +1,84 @@
+"""Learning environments under random actions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import warp as wp
+
+import aoro_gym  # noqa: F401 (registers the environments)
+from aoro_gym.benchmark.scene import CHANGES
+from aoro_gym.benchmark.timing import Subject
+from aoro_gym.benchmark.twins import randomised
+from aoro_gym.terrains import Plane
+from aoro_gym.twin import Machine
+
+ENVIRONMENT = "AORO/PathTracking-v0"
+OUTPUTS = ("numpy", "torch")
+"""Where actions and observations live: on the host, or as tensors on the device."""
+
+
+def environments(
+    count: int,
+    *,
+    machine: Machine,
+    ground: str = "raster",
+    randomise: bool = False,
+    device: str = "cpu",
+    threads: int | None = None,
+    output: str = "numpy",
+    seed: int = 0,
+) -> Subject:
+    """``count`` sub-environments of :data:`ENVIRONMENT` with its default courses (``plane``: paths over level asphalt),
+    stepped with random actions. Episodes that end begin anew within the timed span, as in training."""
+    options: dict[str, Any] = {"terrain": Plane()} if ground == "plane" else {"ground": ground}
+    if output != "numpy":
+        options["output"] = output
+    env = gymnasium.make_vec(
+        ENVIRONMENT,
+        num_envs=count,
+        machine=randomised(machine, count, seed) if randomise else machine,
+        device=device,
+        **options,
+    )
+    vector: Any = env.unwrapped
+    if threads is not None:
+        vector.twin.threads = threads
+    rng = np.random.default_rng((seed, 3))
+    space: Any = vector.single_action_space
+    schedule: list[Any] = list(rng.uniform(space.low, space.high, (CHANGES, count, *space.shape)).astype(np.float32))
+    if output == "torch":
+        import torch
+
+        schedule = [torch.as_tensor(actions, device=device) for actions in schedule]
+    env.reset(seed=seed)
+    control_step = float(vector.task.control_step)
+
+    def advance(steps: int) -> None:
+        for index in range(steps):
+            env.step(schedule[index % CHANGES])
+        wp.synchronize_device(device)
+
+    return Subject(
+        description={
+            "what": "env",
+            "environment": ENVIRONMENT,
+            "device": device,
+            "twins": count,
+            "threads": min(vector.twin.threads, count) if device == "cpu" else None,
+            "ground": ground,
+            "randomised": randomise,
+            "output": output,
+            "main_step_s": vector.twin.main_step,
+            "substeps": vector.twin.substeps,
+            "control_step_s": control_step,
+        },
+        copies=count,
+        steps=1,
+        step_time=control_step,
+        restart=lambda: None,  # episodes go on: they end at times of their own
+        advance=advance,
+        check=dict,
+    )

@@ -1,0 +1,70 @@
+"""A benchmark as tables."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.table import Table
+
+from aoro_gym.benchmark.peers import sound
+
+
+def tables(result: dict[str, Any]) -> list[Table]:
+    """Tables of the benchmark ``result``: cases, then what there is of peers, ratios and start-up."""
+    on = result["machine"]
+    cases = _table(
+        f"{on['device']}, {on['cores']} cores",
+        ("what", "ground", "copies", "threads", *_RATES, "x real time, each", "x real time, all", "bytes a twin"),
+    )
+    for case in result["cases"]:
+        factor = case["real_time_factor"]
+        memory = case.get("memory", {}).get("bytes_per_twin")
+        cases.add_row(
+            case["what"],
+            case["ground"] + ", randomised" * case["randomised"],
+            f"{case['twins']}",
+            _count(case["threads"]),
+            *_rates(case),
+            f"{factor:.3g}",
+            f"{factor * case['twins']:,.0f}",
+            _count(memory),
+        )
+    shown = [cases]
+    if result["peers"]:
+        peers = _table("The same vehicle without hydraulics", ("peer", "worlds", "threads", *_RATES, "sound"))
+        good = sound(result["peers"])
+        for row in result["peers"]:
+            verdict = "yes" if row in good else ", ".join([*row["dropped"], f"{row['finite']} finite"])
+            name = f"{row['what']} {row['version']}"
+            peers.add_row(name, f"{row['worlds']}", _count(row.get("threads")), *_rates(row), verdict)
+        shown.append(peers)
+    if result["ratios"]:
+        compared = _table("", ("ratio", ""))
+        for name, ratio in result["ratios"].items():
+            compared.add_row(name.replace("_", " "), f"{ratio:.3g}")
+        shown.append(compared)
+    if "startup" in result:
+        startup = _table("Fresh processes", ("start-up", "s"))
+        for name, value in result["startup"].items():
+            if name.endswith("_s"):
+                startup.add_row(name.removesuffix("_s").replace("_", " "), f"{value:.2f}")
+        shown.append(startup)
+    return shown
+
+
+_RATES = ("steps/s (median)", "slowest", "fastest", "a core second")
+
+
+def _rates(row: dict[str, Any]) -> list[str]:
+    return [_count(row.get(name)) for name in ("steps_per_s", "min", "max", "steps_per_core_s")]
+
+
+def _count(value: float | None) -> str:
+    return "" if value is None else f"{value:,.0f}"
+
+
+def _table(title: str, columns: tuple[str, ...]) -> Table:
+    table = Table(title=title, title_justify="left", header_style="bold")
+    for index, column in enumerate(columns):
+        table.add_column(column, justify="right" if index else "left")
+    return table

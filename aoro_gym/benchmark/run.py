@@ -1,0 +1,146 @@
+"""A whole benchmark: what is asked for, timed in one run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from aoro_gym.benchmark import peers
+from aoro_gym.benchmark.environments import OUTPUTS, environments
+from aoro_gym.benchmark.ratios import ratios
+from aoro_gym.benchmark.scene import GROUNDS
+from aoro_gym.benchmark.startup import time_startup
+from aoro_gym.benchmark.timing import Subject, computer, measure
+from aoro_gym.benchmark.twins import twins
+from aoro_gym.twin import Machine
+from aoro_gym.twin.twin import cores
+
+WHAT = ("twin", "env")
+MOST_TWINS = 1_000_000
+"""Most twins at once; more need more memory than one device has."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to time. Raises ``ValueError`` naming the option, its value and its bound."""
+
+    twins: tuple[int, ...] = (1, 64, 4096)
+    """Numbers of twins, or of sub-environments, that step together."""
+    what: tuple[str, ...] = ("twin",)
+    """``twin``, ``env`` or both."""
+    ground: str = "plane"
+    """One of :data:`GROUNDS`."""
+    randomise: bool = False
+    """Whether every twin has a machine of its own."""
+    output: str = "numpy"
+    """Where environments take actions and give observations, one of :data:`OUTPUTS`."""
+    device: str = "cpu"
+    threads: tuple[int, ...] = ()
+    """Numbers of CPU threads; one, and all cores, by default."""
+    peers: tuple[str, ...] = ()
+    """``mujoco``, ``mujoco_warp`` or both."""
+    worlds: tuple[int, ...] = ()
+    """Batches of the peers; by default those of :data:`peers.WORLDS`."""
+    startup: bool = False
+    """Whether to time fresh processes, too."""
+    seconds: float = 5.0
+    """To measure for, each case."""
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        on_cpu = self.device == "cpu"
+        for name, known in (("what", WHAT), ("peers", tuple(peers.WORLDS))):
+            for value in getattr(self, name):
+                if value not in known:
+                    raise ValueError(f"{name} {value!r} is unknown; choose from: {', '.join(known)}")
+        for name, known in (("ground", GROUNDS), ("output", OUTPUTS)):
+            if getattr(self, name) not in known:
+                raise ValueError(f"{name} {getattr(self, name)!r} is unknown; choose one of: {', '.join(known)}")
+        for name, most in (("twins", MOST_TWINS), ("worlds", MOST_TWINS), ("threads", cores())):
+            for count in getattr(self, name):
+                if not 1 <= count <= most:
+                    raise ValueError(f"{name} holds {count}, but must be whole numbers from 1 to {most}")
+        if self.threads and not on_cpu:
+            raise ValueError(f"threads is given, but {self.device} needs none; drop it, or take device cpu")
+        if not (math.isfinite(self.seconds) and 0.0 < self.seconds <= 600.0):
+            raise ValueError(f"seconds = {self.seconds:g} is outside (0, 600] s")
+        if not self.twins or not self.what:
+            raise ValueError("there is nothing to time; give twins and what")
+        for peer in self.peers:
+            for package in dict.fromkeys(("mujoco", peer)):
+                peers.package(package)
+        if on_cpu and "mujoco_warp" in self.peers:
+            raise ValueError("peer mujoco_warp is timed on a GPU, but the device is cpu; take cuda:0")
+
+    @property
+    def thread_counts(self) -> tuple[int | None, ...]:
+        """Numbers of threads to sweep; a GPU has None."""
+        if self.device != "cpu":
+            return (None,)
+        return self.threads or tuple(dict.fromkeys((1, cores())))
+
+
+def run(plan: Plan, machine: Machine, progress: Callable[[str, float], Any] | None = None) -> dict[str, Any]:
+    """Time all that ``plan`` asks for of copies of ``machine``.
+
+    Args:
+        plan: What to time.
+        machine: One machine.
+        progress: Called with what is happening and the share in [0, 1] of it that is done.
+
+    Raises:
+        TwinLost: a twin's state stopped being finite.
+
+    Returns:
+        The benchmark file: ``machine`` (the computer), ``cases``, ``peers``, ``ratios`` and, if asked for, ``startup``.
+    """
+    cases, others = _cases(plan), _others(plan)
+    subjects = []
+    for index, (make, options) in enumerate([*cases, *others]):
+        if progress is not None:
+            copies = options.get("count", options.get("worlds"))
+            progress(f"preparing {copies} x {make.__name__}", index / (len(cases) + len(others)))
+        subjects.append(make(**options, machine=machine, ground=plan.ground, seed=plan.seed))
+    rows = measure(subjects, seconds=plan.seconds, progress=progress)
+    timed, compared = rows[: len(cases)], rows[len(cases) :]
+    result = {
+        "machine": computer(plan.device),
+        "cases": timed,
+        "peers": compared,
+        "ratios": ratios(timed, compared),
+    }
+    if plan.startup:
+        result["startup"] = time_startup(plan.device, plan.ground, progress)
+    return result
+
+
+Made = tuple[Callable[..., Subject], dict[str, Any]]
+"""What makes a subject, and with what."""
+
+
+def _cases(plan: Plan) -> list[Made]:
+    made: list[Made] = []
+    for count in plan.twins:
+        for threads in plan.thread_counts:
+            if threads is not None and threads > count and threads != plan.thread_counts[0]:
+                continue  # as many threads as twins at most: it would be timed twice
+            options = {"count": count, "randomise": plan.randomise, "device": plan.device, "threads": threads}
+            if "twin" in plan.what:
+                made.append((twins, options))
+            if "env" in plan.what:
+                made.append((environments, options | {"output": plan.output}))
+    return made
+
+
+def _others(plan: Plan) -> list[Made]:
+    made: list[Made] = []
+    for peer in plan.peers:
+        for worlds in plan.worlds or peers.WORLDS[peer]:
+            if peer == "mujoco_warp":
+                made.append((peers.mujoco_warp, {"worlds": worlds, "device": plan.device}))
+                continue
+            threads = plan.threads or tuple(dict.fromkeys((1, cores())))
+            made += [(peers.mujoco, {"worlds": worlds, "threads": n}) for n in threads if n == 1 or n <= worlds]
+    return made

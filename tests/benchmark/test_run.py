@@ -1,0 +1,84 @@
+"""A plan is checked before anything runs, and says what runs."""
+
+import json
+import os
+
+import pytest
+
+from aoro_gym.benchmark import run as running
+from aoro_gym.benchmark import startup
+from aoro_gym.benchmark.report import tables
+from aoro_gym.benchmark.run import Plan, run
+from aoro_gym.twin.twin import cores
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"what": ("twins",)}, "what 'twins' is unknown; choose from: twin, env"),
+        ({"ground": "mud"}, "ground 'mud' is unknown; choose one of: plane, raster, mesh"),
+        ({"output": "jax"}, "output 'jax' is unknown; choose one of: numpy, torch"),
+        ({"twins": (2_000_000,)}, "twins holds 2000000, but must be whole numbers from 1 to 1000000"),
+        ({"twins": ()}, "there is nothing to time"),
+        ({"threads": (cores() + 1,)}, f"threads holds {cores() + 1}, but must be whole numbers from 1 to {cores()}"),
+        ({"threads": (1,), "device": "cuda:0"}, "threads is given, but cuda:0 needs none"),
+        ({"seconds": float("nan")}, r"seconds = nan is outside \(0, 600\] s"),
+        ({"seconds": 601.0}, "seconds = 601 is outside"),
+        ({"peers": ("bullet",)}, "peers 'bullet' is unknown; choose from: mujoco, mujoco_warp"),
+    ],
+)
+def test_bad_plans_are_named(options, message):
+    with pytest.raises(ValueError, match=message):
+        Plan(**options)
+
+
+def test_mujoco_warp_wants_a_gpu(monkeypatch):
+    monkeypatch.setattr(running.peers, "package", lambda name: None)
+    with pytest.raises(ValueError, match="peer mujoco_warp is timed on a GPU, but the device is cpu"):
+        Plan(peers=("mujoco_warp",))
+    assert Plan(peers=("mujoco_warp",), device="cuda:0").thread_counts == (None,)
+
+
+def test_all_of_it(machine):
+    plan = Plan(
+        twins=(1, 2), what=("twin", "env"), threads=(1,), peers=("mujoco",), worlds=(2,), seconds=0.02, randomise=True
+    )
+    seen = []
+    result = run(plan, machine, lambda what, share: seen.append(share))
+    assert seen[-1] == 1.0
+    made = [(what, count) for count in (1, 2) for what in ("twin", "env")]
+    assert [(case["what"], case["twins"]) for case in result["cases"]] == made
+    for row in (*result["cases"], *result["peers"]):
+        assert 0.0 < row["min"] <= row["steps_per_s"] <= row["max"]
+        # simulated time of all copies
+        step = row["control_step_s"] if row["what"] == "env" else 1e-3
+        copies = row.get("twins", row.get("worlds"))
+        assert row["real_time_factor"] * copies == pytest.approx(row["steps_per_s"] * step)
+    (peer,) = result["peers"]
+    assert (peer["what"], peer["worlds"], peer["threads"], peer["finite"]) == ("mujoco", 2, 1, 2)
+    assert set(result["ratios"]) >= {"twin_over_mujoco_per_core_second"}
+    assert json.loads(json.dumps(result)) == result
+    assert [table.row_count for table in tables(result)] == [4, 1, len(result["ratios"])]
+
+
+def test_startup_tells_cold_from_warm(monkeypatch):
+    asked = []
+
+    def pretend(device, ground, environment):
+        asked.append(environment.get("WARP_CACHE_PATH") != os.environ.get("WARP_CACHE_PATH"))
+        time = 40.0 if asked[-1] else 1.0 + len(asked)
+        return {"import_s": 0.5, "first_twin_s": time, "process_s": time + 1.0}
+
+    monkeypatch.setattr(startup, "_first_step", pretend)
+    found = startup.time_startup("cpu", "plane")
+    assert asked == [False] * 4 + [True]
+    assert (found["first_twin_s"], found["warm_s"]) == (4.0, 5.0)  # of 3, 4 and 5: the first only fills the cache
+    assert (found["cold_first_twin_s"], found["cold_s"]) == (40.0, 41.0)
+
+
+@pytest.mark.parametrize("ground", ["plane", "raster"])
+def test_a_fresh_process_steps_a_twin(ground):
+    times = startup._first_step("cpu", ground, os.environ)
+    assert 0.0 < times["import_s"] + times["first_twin_s"] < times["process_s"]
+    with pytest.raises(RuntimeError, match="ended with 1: "):
+        startup._first_step("cuda:77", ground, os.environ)
