@@ -1019,8 +1019,8 @@ class PathTrackingVectorEnv(TwinVectorEnv):
         act_gear: See there.
         observe_inertial: Add roll rate, pitch rate and specific force to the observation.
         scan_x: Places ahead [m] whose ground is scanned.
-        arguments: See :class:`TwinVectorEnv`: machine, ground, device, own_machines, autoreset_mode, max_episode_steps,
-            render_mode.
+        arguments: See :class:`TwinVectorEnv`: machine, ground, device, output, own_machines, autoreset_mode,
+            max_episode_steps, render_mode.
     """
 
     task: PathTracking

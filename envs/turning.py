@@ -568,7 +568,7 @@ class TurningVectorEnv(TwinVectorEnv):
         observation_terms: Changes to its observation terms by name.
         observe_pressures: Add the pressures of both ports and of the pump to the observation.
         randomisation: Instead of the configuration's: ``FIXED``, ``MILD`` or an own one.
-        arguments: See :class:`TwinVectorEnv`: machine, terrain, device, own_machines, autoreset_mode,
+        arguments: See :class:`TwinVectorEnv`: machine, terrain, device, output, own_machines, autoreset_mode,
             max_episode_steps, render_mode.
     """
 

@@ -26,7 +26,8 @@ def in_world(roll: Array, pitch: Array, yaw: Array, vector: Array) -> Array:
     s, c = xp.sin(pitch), xp.cos(pitch)
     x, z = c * x + s * z, c * z - s * x
     s, c = xp.sin(yaw), xp.cos(yaw)
-    return xp.stack(xp.broadcast_arrays(c * x - s * y, s * x + c * y, z), axis=-1)
+    x, y = c * x - s * y, s * x + c * y
+    return xp.stack([x, y, xp.broadcast_to(z, x.shape)], axis=-1)
 
 
 def wrapped(angle: Array) -> Array:

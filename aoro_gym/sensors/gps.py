@@ -206,9 +206,9 @@ class Gps:
         """Begin a new run of the twins ``indices`` (K,), with one generator each: fixed, and standing still."""
         rows, k = chosen_rows(indices, self.num_twins, self._arrays)
         checked_generators(rngs, k)
-        seeds = self._arrays.asarray(draw_seeds(rngs), self._arrays.xp.int64)
-        self._seeds[:, rows] = channels(seeds, range(3, 10))
-        self._phase[rows] = uniform(channel(seeds, 0), 0)
+        seeds = draw_seeds(rngs)
+        self._arrays.put(self._seeds, (slice(None), rows), channels(seeds, range(3, 10)))
+        self._arrays.put(self._phase, rows, uniform(channel(seeds, 0), 0))
         self._drift.reset(rows, channels(channel(seeds, 1), range(3)))
         self._float_drift.reset(rows, channels(channel(seeds, 2), range(3)))
         self._number[rows] = -1

@@ -119,10 +119,11 @@ class Imu:
         """Begin a new run of the twins ``indices`` (K,), with one generator each."""
         rows, k = chosen_rows(indices, self.num_twins, self._arrays)
         checked_generators(rngs, k)
-        xp, seeds = self._arrays.xp, self._arrays.asarray(draw_seeds(rngs), self._arrays.xp.int64)
+        seeds = draw_seeds(rngs)
         bias, attitude = channels(channel(seeds, 0), range(self._axes)), channels(channel(seeds, 1), range(2))
-        self._drift.reset(rows, xp.concat([bias, attitude]))
-        self._seeds[:, rows] = channels(seeds, [2 + axis for axis in (*range(self._axes), 6, 7)])
+        self._drift.reset(rows, np.concatenate([bias, attitude]))
+        numbers = [2 + axis for axis in (*range(self._axes), 6, 7)]
+        self._arrays.put(self._seeds, (slice(None), rows), channels(seeds, numbers))
 
     def measure(
         self,

@@ -7,7 +7,6 @@ sample by sample, and a device shows what the host does, up to the rounding of l
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -49,14 +48,14 @@ def uniform(seeds: Seeds, number: Array) -> Array:
     return _uniform(_bits(seeds, number))
 
 
-def channel(seeds: Seeds, number: int) -> Seeds:
-    """Seeds (N,) for one of a sensor's channels, each independent of the others."""
-    return _mixed(seeds + _mixed_number(number))
+def channel(seeds: NDArray[np.int64], number: int) -> NDArray[np.int64]:
+    """Seeds (N,) for one of a sensor's channels, each independent of the others; drawn ones, on the host."""
+    return channels(seeds, [number])[0]
 
 
-def channels(seeds: Seeds, numbers: Iterable[int]) -> Seeds:
+def channels(seeds: NDArray[np.int64], numbers: Iterable[int]) -> NDArray[np.int64]:
     """Seeds (C, N) for several of them."""
-    return namespace(seeds).stack([channel(seeds, number) for number in numbers])
+    return _mixed(seeds + _mixed(np.array([*numbers], dtype=np.int64))[:, None])
 
 
 class Drift:
@@ -77,17 +76,18 @@ class Drift:
         spread = np.atleast_1d(np.asarray(rms, dtype=np.float64))
         count = len(spread)
         self._arrays = arrays
-        self._rms = arrays.asarray(spread[:, None])
+        self._spread = spread[:, None]
+        self._rms = arrays.asarray(self._spread)
         self._damping = arrays.asarray(np.broadcast_to(-1.0 / (rate * np.asarray(time)), count)[:, None])  # a sample
         self._seeds: Seeds = arrays.zeros((count, num_twins), arrays.xp.int64)
         self._number = arrays.zeros(num_twins, arrays.xp.int64)
         self._value = arrays.zeros((count, num_twins))
 
-    def reset(self, rows: Index, seeds: Seeds) -> None:
-        """Begin anew for the twins ``rows`` (K,), with the seeds (C, K) of their channels."""
-        self._seeds[:, rows] = seeds
+    def reset(self, rows: Index, seeds: NDArray[np.int64]) -> None:
+        """Begin anew for the twins ``rows`` (K,), with the seeds (C, K) of their channels, on the host."""
+        self._arrays.put(self._seeds, (slice(None), rows), seeds)
+        self._arrays.put(self._value, (slice(None), rows), self._spread * white(seeds, -1))
         self._number[rows] = 0
-        self._value[:, rows] = self._rms * white(seeds, -1)
 
     def at(self, rows: Index, number: Array) -> Array:
         """Values (C, K) of the twins ``rows`` at their samples ``number`` (K,), not before the last ones asked for.
@@ -142,8 +142,6 @@ def checked_generators(rngs: Sequence[np.random.Generator], count: int) -> None:
 
 
 def _bits(seeds: Seeds, number: Array) -> Array:
-    if isinstance(number, int):
-        return _mixed(seeds ^ _mixed_number(number))
     xp = namespace(number)
     counter = (
         np.atleast_1d(np.asarray(number)).astype(np.int64) if xp is np else xp.astype(number, xp.int64, copy=False)
@@ -157,11 +155,6 @@ def _mixed(bits: Array) -> Array:
     bits = (bits ^ ((bits >> 30) & (2**34 - 1))) * -0x40A7B892E31B1A47  # 0xBF58476D1CE4E5B9
     bits = (bits ^ ((bits >> 27) & (2**37 - 1))) * -0x6B2FB644ECCEEE15  # 0x94D049BB133111EB
     return bits ^ ((bits >> 31) & (2**33 - 1))
-
-
-@cache
-def _mixed_number(number: int) -> int:
-    return int(_mixed(np.array([number]))[0])
 
 
 def _uniform(bits: Array) -> Array:

@@ -80,9 +80,9 @@ class WheelSpeedSensor:
         """Begin a new run of the twins ``indices`` (K,), with one generator each: the wheels stand."""
         rows, k = chosen_rows(indices, self.num_twins, self._arrays)
         checked_generators(rngs, k)
-        seeds = self._arrays.asarray(draw_seeds(rngs), self._arrays.xp.int64)
-        self._turned[rows] = uniform(channels(seeds, range(WHEELS)), 0).T
-        self._seeds[rows] = channels(seeds, range(WHEELS, 2 * WHEELS)).T
+        seeds = draw_seeds(rngs)
+        self._arrays.put(self._turned, rows, uniform(channels(seeds, range(WHEELS)), 0).T)
+        self._arrays.put(self._seeds, rows, channels(seeds, range(WHEELS, 2 * WHEELS)).T)
         self._edge[rows] = np.nan  # no pulse yet
         for state in (self._rate, self._time, self._edge_time, self._shown):
             state[rows] = 0.0

@@ -1,0 +1,1 @@
+"""Diagnosis of the gap between a machine and its twin."""
