@@ -106,6 +106,19 @@ class Machine:
             scaled[key] = value * number
         return self.set(scaled)
 
+    def levelled(self) -> "Machine":
+        """Machine whose pivots are as high on its frames as lets the design ground plane lie on the ground at rest.
+
+        For a calibration, which looks for the tires and masses of a machine whose stance is known; afterwards the pivots
+        stay, and other tires let the machine sink.
+        """
+        height = self.arm.pivot_height + self.rest.height
+        return self.set(
+            {"arm.pivot_height": height},
+            si=True,
+            source="C: the calibrated machine stands level on its tires, arms at rest",
+        )
+
     def variant(self, index: int) -> "Machine":
         """One machine out of a batched one."""
         count = self.num_variants

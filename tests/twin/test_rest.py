@@ -153,6 +153,19 @@ def test_rest_pose_equals_an_independent_solution(machine: Any) -> None:
     np.testing.assert_allclose(found, solution.x * scale, rtol=1e-10)
 
 
+def test_a_levelled_machine_stands_on_its_design_plane(machine: Any) -> None:
+    """Only the pivots move, and by what it stood too high."""
+    other = machine.scale({"tire.stiffness": 0.7})
+    level = other.levelled()
+    assert abs(other.rest.height) > 5e-3
+    assert level.rest.height == pytest.approx(0.0, abs=1e-15)
+    assert level.arm.pivot_height == pytest.approx(other.arm.pivot_height + other.rest.height, abs=1e-15)
+    changed = {key for key, entry in level.entries.items() if entry.value != other.entries[key].value}
+    assert changed == {"arm.pivot_height"}
+    # as before levelling: statics know no heights
+    assert level.rest.arm_angle_rear == pytest.approx(other.rest.arm_angle_rear, abs=1e-15)
+
+
 def test_nominal_axle_loads_and_pressures_are_those_of_the_budget() -> None:
     rest = Machine.load().rest
     axle_loads = np.array([rest.wheel_load_front, rest.wheel_load_rear]) * 2.0 / GRAVITY
