@@ -82,7 +82,7 @@ class Arrays:
         array[index] = values if isinstance(values, int | float) else self.asarray(values, array.dtype)
 
     def host(self, array: Array) -> NDArray[Any]:
-        """A copy on the host, for which it waits; on the host the array itself."""
+        """The values on the host, for which it waits; to be read only."""
         return array if self.on_host else array.numpy(force=True)
 
     def alias(self, array: Any) -> Array:

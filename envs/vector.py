@@ -58,6 +58,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
 
     With ``output="torch"`` all that :meth:`reset` and :meth:`step` hand out are tensors on the twins' device, and actions
     may be such tensors; nothing of it comes to the host, which reads a few flags a step, and what ended if something did.
+    Starts are drawn on the host, by each sub-environment's generator, and uploaded for those that begin.
     What differs from NumPy's arrays:
 
     - Observations are not copied: the environment reads its tensor once more in the next step. Keep it as long as you

@@ -132,6 +132,7 @@ class Twin:
         """State rows (see :class:`State`) × twins, float32, on the device."""
         self.commands = wp.zeros((len(Command), n), dtype=float, device=self.device)
         """Command rows (see :class:`Command`) × twins, float32, on the device."""
+        self._host_commands = self.commands.numpy() if self.device.is_cpu else None  # the same memory
         kept = int(np.ceil(LONGEST_COMMAND_DELAY / self.main_step)) + 2
         self._history = wp.zeros((kept, n), dtype=float, device=self.device)
         self._clock = wp.zeros(n, dtype=int, device=self.device)
@@ -239,7 +240,10 @@ class Twin:
                 raise ValueError(f"gear is {wrong}, but must be one of 1, 2, 3")
             rows[row] = np.broadcast_to(array, self.num_twins)
         for row, array in rows.items():
-            self.commands[row].assign(np.ascontiguousarray(array))
+            if self._host_commands is not None:
+                self._host_commands[row] = array
+            else:
+                self.commands[row].assign(np.ascontiguousarray(array))
 
     def step(
         self,
