@@ -104,6 +104,9 @@ def parameters(
     pattern: Annotated[
         str | None, typer.Argument(metavar="[PATTERN]", help="Part of a key, or a glob such as 'steering.*.leakage'.")
     ] = None,
+    effects: Annotated[
+        bool, typer.Option("--effects", help="List the effects that may part a machine from its twin instead.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
     machine: MachineOption = MACHINE,
     set_: SetOption = None,
@@ -111,15 +114,20 @@ def parameters(
 ) -> None:
     """List the machine's parameters: value, unit, range, role and source.
 
-    A range is a soft prior of about 95 %. Keys are what --set and --scale take.
+    A range is a soft prior of about 95 %. Keys are what --set and --scale take. With --effects: what each effect does, its
+    magnitudes with their ranges, and what can be measured of it on any machine.
 
     [bold]Examples[/]
 
       aoro-gym parameters
+      aoro-gym parameters --effects
       aoro-gym parameters steering.valve
       aoro-gym parameters 'driveline.*.displacement' --json
       aoro-gym parameters oil --set oil.gas_fraction=0.01
     """
+    if effects:
+        _list_effects(pattern, as_json, machine, set_, scale)
+        return
     with _checking_input():
         found = _machine(machine, set_, scale).parameters(pattern)
         if not found:
@@ -143,6 +151,45 @@ def parameters(
         limits = f"{p.range[0]:.6g} - {p.range[1]:.6g}"
         source = f"{p.source} ({p.note})" if p.note else p.source
         table.add_row(p.key, f"{p.value:.6g}", "" if p.unit == "1" else p.unit, limits, p.role, escape(source))
+    _out().print(table)
+
+
+def _list_effects(
+    pattern: str | None, as_json: bool, machine: str, set_: list[str] | None, scale: list[str] | None
+) -> None:
+    """The catalogue of effects, with what they measure without and at the ends of their ranges."""
+    with _checking_input():
+        from aoro_gym.twin.effects import matching
+
+        chosen = _machine(machine, set_, scale)
+        rows = [effect.describe(chosen) for effect in matching(pattern)]
+    if as_json:
+        typer.echo(json.dumps(rows, indent=2, ensure_ascii=False))
+        return
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column("effect", style="cyan", no_wrap=True)
+    table.add_column("component", no_wrap=True)
+    table.add_column("magnitude and range", overflow="fold")
+    table.add_column("what is measured: without, at the ends", overflow="fold")
+    table.add_column("physics", style="dim", overflow="fold")
+    for row in rows:
+        magnitudes = [
+            f"{one['name']} {one['range'][0]:g} - {one['range'][1]:g}"
+            + ("" if one["unit"] == "1" else f" {one['unit']}")
+            for one in row["magnitudes"]
+        ]
+        measured = [
+            f"{one['quantity']}: {one['none']:.4g}, {one['low']:.4g} - {one['high']:.4g}"
+            + ("" if one["unit"] == "1" else f" {one['unit']}")
+            for one in row["operational"]
+        ]
+        table.add_row(
+            row["id"],
+            row["component"],
+            escape("\n".join(magnitudes)),
+            escape("\n".join(measured)),
+            escape(row["physics"]),
+        )
     _out().print(table)
 
 

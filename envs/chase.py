@@ -223,7 +223,7 @@ class SolidMachine:
         self._bodies = {False: _front(machine), True: _rear(machine)}
         self._half_width = _number(tire.disc_offset_outer) + 0.025
         self._wheel = _wheel(_number(tire.radius), 2.0 * self._half_width)
-        self._arm_length, self._pivot_height = _number(arm.length), _number(machine.rest.pivot_height)
+        self._arm_length, self._pivot_height = _number(arm.length), _number(arm.pivot_height)
         self._pivot_lateral, self._half_track = _number(arm.pivot_lateral), 0.5 * _number(frame.track)
         self._axles = (_number(frame.front.axle_distance), -_number(frame.rear.axle_distance))
         self._packed = {key: solid.packed() for key, solid in (*self._bodies.items(), ("wheel", self._wheel))}

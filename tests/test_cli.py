@@ -55,6 +55,19 @@ def test_parameters_table():
     assert "L/min" in shown.stdout
 
 
+def test_effects_are_listed_with_what_they_measure():
+    shown = call("parameters", "--effects", "joint")
+    assert "joint_backlash" in shown.stdout
+    assert "pump_response" not in shown.stdout
+    options = ("--json", "--scale", "driveline.brake.disc_torque=2")
+    doubled, plain = (
+        json.loads(call("parameters", "driveline", "--effects", *more).stdout)[0] for more in (options, options[:1])
+    )
+    assert doubled["id"] == plain["id"] == "driveline_resistance"
+    assert doubled["operational"][0]["none"] == pytest.approx(2.0 * plain["operational"][0]["none"])
+    assert doubled["operational"][0]["high"] - doubled["operational"][0]["none"] == pytest.approx(1000.0)
+
+
 def test_parameters_json_follows_set_and_scale():
     shown = call("parameters", "oil.*", "--json", "--set", "oil.gas_fraction=0.01", "--scale", "oil.bulk_modulus=0.5")
     rows = {row["key"]: row for row in json.loads(shown.stdout)}
@@ -379,6 +392,7 @@ def test_terrain(tmp_path):
         ("simulate -m left --machine aoro_datasheet --scale wheel.mass=-1", "wheel.mass = -220 kg"),
         ("simulate -m left --terrain-slope 60", "terrain slope_deg = 60 is outside [-45, 45] deg"),
         ("parameters nothing.like.it", "no parameter matches 'nothing.like.it'"),
+        ("parameters --effects nothing", "no effect matches 'nothing'; choose from: sensor_delay"),
         ("demo --out good.csv", "--out good.csv is a file; name a folder"),
         ("evaluate --out good.csv", "--out good.csv is a file; name a folder"),
         ("evaluate --env X", "--env 'X' cannot be evaluated; choose one of: AORO/Turning-v0, AORO/PathTracking-v0"),

@@ -45,7 +45,7 @@ def mjcf(machine: Machine, ground: NDArray[np.float64], cell: float) -> str:
         raise ValueError(f"the machine has {machine.num_variants} variants, but a MuJoCo model is one; give variant(i)")
     frame, joint, rest = machine.frame, machine.joint, machine.rest
     arms = {"fl": rest.arm_angle_front, "fr": rest.arm_angle_front} | dict.fromkeys(("rl", "rr"), rest.arm_angle_rear)
-    pose = [0, 0, 0, 1, 0, 0, 0, 0, *(value for name in _ORDER for value in (arms[name], 0.0))]
+    pose = [0, 0, rest.height, 1, 0, 0, 0, 0, *(value for name in _ORDER for value in (arms[name], 0.0))]
     corners = {name: _corner(machine, name) for name in WHEELS}
     servos = "".join(
         _servo(f"wheel_{name}", RIM_SPEED / machine.tire.radius, _spinning_torque(machine, name)) for name in WHEELS
@@ -100,7 +100,7 @@ def poses(
         rows, columns = (
             slice(max(int(middle + (at - reach) / cell), 0), int(middle + (at + reach) / cell) + 2) for at in (y, x)
         )
-        pose[2] = ground[rows, columns].max()
+        pose[2] += ground[rows, columns].max()
     out[:, 3], out[:, 6] = np.cos(0.5 * heading), np.sin(0.5 * heading)
     return out
 
@@ -124,7 +124,7 @@ def _corner(machine: Machine, name: str) -> str:
     torque = load * lever - GRAVITY * machine.corner.mass * machine.corner.rho * np.cos(angle)
     slack = angle - torque / stiffness
     outward = 0.5 * machine.frame.track - arm.pivot_lateral
-    pivot = s * (section.axle_distance - arm.length), side * arm.pivot_lateral, rest.pivot_height
+    pivot = s * (section.axle_distance - arm.length), side * arm.pivot_lateral, arm.pivot_height
     axle = _numbers(s * arm.length, side * outward, 0.0)
     middle = s * arm.cog_fraction * arm.length, side * 0.5 * outward, 0.0
     return f"""

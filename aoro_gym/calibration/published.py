@@ -107,7 +107,7 @@ def calibrate_published(
 
     def misses(space: Space, points: NDArray[np.float64], substeps: int = 30) -> NDArray[np.float64]:
         """Misses (figures of the turns, then single ones, N) in half tolerances."""
-        machine = space.population(points)
+        machine = space.population(points).levelled()
         found = population_figures(machine, LEVELS, device=device, substeps=substeps)
         turning = ((found - target[:, :, None]) / tolerance[:, :, None]).reshape(target.size, -1)
         count = turning.shape[1]
@@ -220,7 +220,7 @@ def _finished(space: Space, point: NDArray[np.float64]) -> Machine:
     for key, value in zip(space.keys, space.values(point), strict=True):
         low, high = space.machine.entries[key].range
         values[key] = min(max(float(f"{value:.6g}"), low), high)
-    machine = space.machine.set(values, source="C: published key figures of left turns")
+    machine = space.machine.set(values, source="C: published key figures of left turns").levelled()
     out = machine.entries["steering.valve.nominal_drop_out_left"].value
     machine = machine.set(
         {"steering.valve.nominal_drop_out_right": float(out)}, source="C: taken to be made like the left edge"

@@ -40,10 +40,11 @@ from aoro_gym.twin.laws.driveline import (
     driveline_step,
     pump_torque,
 )
-from aoro_gym.twin.laws.engine import EngineState, engine_step
+from aoro_gym.twin.laws.engine import EngineState, engine_step, full_load_torque, governed_speed
 from aoro_gym.twin.laws.fluid import Oil, pressure, without_gas
 from aoro_gym.twin.laws.friction import dry_friction, end_stop, lag, presliding, seal_friction
 from aoro_gym.twin.laws.ground import ceiling, footing, place
+from aoro_gym.twin.laws.mount import MountState, mount_step, mount_torque
 from aoro_gym.twin.laws.stance import stance
 from aoro_gym.twin.laws.steering import (
     Exchange,
@@ -216,6 +217,7 @@ def hydraulics(
     joint_rate: float,
     arm_rate: wp.vec4,
     wheel_rate: wp.vec4,
+    mount_stiffness: float,
     # state
     steering: SteeringState,
     arm_fl: ArmState,
@@ -223,13 +225,23 @@ def hydraulics(
     arm_rl: ArmState,
     arm_rr: ArmState,
     driveline: DrivelineState,
+    mount: MountState,
     h: float,
     num_substeps: int,
 ):
-    """All circuits over one main step of ``h`` [s]: their states, and the oil's mean torques on joint [N m] and arms
-    [N m] and mean motor pressures [Pa], by the trapezoidal rule over the substeps."""
+    """All circuits over one main step of ``h`` [s]: their states, and the mean torques on joint [N m] and arms [N m] and
+    mean motor pressures [Pa], by the trapezoidal rule over the substeps.
+
+    Where there is a mount (``mount_stiffness`` > 0 [N m/rad]), the cylinders move on their own and it bears on the joint.
+    """
     dt = h / float(num_substeps)
-    joint_sum = 0.5 * steering_torque(oil, g, steering)
+    backlash = m.joint.backlash
+    cylinder_rate = float(joint_rate)
+    joint_end = steering_torque(oil, g, steering)
+    if mount_stiffness > 0.0:
+        cylinder_rate = mount.rate
+        joint_end = mount_torque(mount_stiffness, backlash, mount.deflection, mount.rate - joint_rate)
+    joint_sum = 0.5 * joint_end
     arm_sum_fl = 0.5 * arm_oil_torque(oil, g_fl, arm_fl)
     arm_sum_fr = 0.5 * arm_oil_torque(oil, g_fr, arm_fr)
     arm_sum_rl = 0.5 * arm_oil_torque(oil, g_rl, arm_rl)
@@ -249,11 +261,16 @@ def hydraulics(
         exchange.tank_flow = out_fl + out_fr + out_rl + out_rr
         exchange.load_pressure = wp.max(wp.max(ls_fl, ls_fr), wp.max(ls_rl, ls_rr))
         steering = steering_step(
-            m.steering, oil, g, spool_demand, control.engine_speed, joint_rate, exchange, steering, dt
+            m.steering, oil, g, spool_demand, control.engine_speed, cylinder_rate, exchange, steering, dt
         )
         driveline = driveline_step(m.driveline, oil, control, wheel_rate, driveline, dt)
 
-        joint_sum += steering_torque(oil, g, steering)
+        joint_end = steering_torque(oil, g, steering)
+        if mount_stiffness > 0.0:
+            mount = mount_step(g, mount_stiffness, backlash, joint_end, joint_rate, mount, dt)
+            cylinder_rate = mount.rate
+            joint_end = mount_torque(mount_stiffness, backlash, mount.deflection, mount.rate - joint_rate)
+        joint_sum += joint_end
         arm_sum_fl += arm_oil_torque(oil, g_fl, arm_fl)
         arm_sum_fr += arm_oil_torque(oil, g_fr, arm_fr)
         arm_sum_rl += arm_oil_torque(oil, g_rl, arm_rl)
@@ -262,7 +279,7 @@ def hydraulics(
         flow_in += steering.flow_in
         flow_out += steering.flow_out
     share = 1.0 / float(num_substeps)
-    joint_oil = share * (joint_sum - 0.5 * steering_torque(oil, g, steering))
+    joint_oil = share * (joint_sum - 0.5 * joint_end)
     arm_oil = share * wp.vec4(
         arm_sum_fl - 0.5 * arm_oil_torque(oil, g_fl, arm_fl),
         arm_sum_fr - 0.5 * arm_oil_torque(oil, g_fr, arm_fr),
@@ -272,7 +289,7 @@ def hydraulics(
     motor_mean = share * (motor_sum - 0.5 * motor_pressures(oil, driveline))
     steering.flow_in = share * flow_in
     steering.flow_out = share * flow_out
-    return steering, arm_fl, arm_fr, arm_rl, arm_rr, driveline, joint_oil, arm_oil, motor_mean
+    return steering, arm_fl, arm_fr, arm_rl, arm_rr, driveline, mount, joint_oil, arm_oil, motor_mean
 
 
 @wp.struct
@@ -296,6 +313,7 @@ class CornerElements:
     bristle_y: float
     arm: float  # [rad] seal of the arm's cylinder
     wheel: float  # [rad] brakes
+    twist: float  # [rad] of the tire's patch
 
 
 @wp.func
@@ -358,10 +376,11 @@ def corner_load(
     under = footing(terrain, ground, origin + rotation * centre)
     contact = tire_contact(
         m.tire, under, rotation, origin, centre, hub_velocity, omega, motion.spin, elements.bristle_x,
-        elements.bristle_y, h,
+        elements.bristle_y, elements.twist, h,
     )
     out.bristle_x = contact.bristle_x
     out.bristle_y = contact.bristle_y
+    out.twist = contact.twist
 
     load = CornerLoad()
     load.angle = motion.angle
@@ -520,7 +539,9 @@ def reset(
         + d.charge_displacement * charge / d.charge_mechanical_efficiency
         + swash * st.pump_displacement * st.pump_margin / st.pump_mechanical_efficiency
     )
-    state[State.ENGINE_SPEED, t] = speed
+    full = full_load_torque(m.engine, speed)
+    idle = load - m.engine.friction_0 - m.engine.friction_1 * speed
+    state[State.ENGINE_SPEED, t] = governed_speed(m.engine, idle, full)
     state[State.GOVERNOR, t] = load
     state[State.ENGINE_TORQUE, t] = load
 
@@ -575,8 +596,12 @@ def advance(
     joint_friction = state[State.JOINT_FRICTION, t]
     arm_friction = load4(state, int(State.ARM_FRICTION_FL), t)
     wheel_friction = load4(state, int(State.WHEEL_FRICTION_FL), t)
+    twist = load4(state, int(State.TWIST_FL), t)
     steering = load_steering(state, t)
     spool_play = state[State.PLAY, t]
+    mount = MountState()
+    mount.deflection = state[State.MOUNT, t]
+    mount.rate = state[State.MOUNT_RATE, t]
     arm_fl = load_arm(state, 0, t)
     arm_fr = load_arm(state, 1, t)
     arm_rl = load_arm(state, 2, t)
@@ -676,15 +701,15 @@ def advance(
             g_fr = arm_geometry(m.arm, arm[1], 0.5 * (spool_old[1] + arm_spool[1]))
             g_rl = arm_geometry(m.arm, arm[2], 0.5 * (spool_old[2] + arm_spool[2]))
             g_rr = arm_geometry(m.arm, arm[3], 0.5 * (spool_old[3] + arm_spool[3]))
-            if oil.gas_fraction > 0.0:
-                steering, arm_fl, arm_fr, arm_rl, arm_rr, driveline, joint_oil, arm_oil, motor_mean = hydraulics(
+            if oil.gas_fraction > 0.0 or m.joint.mount_stiffness > 0.0:
+                steering, arm_fl, arm_fr, arm_rl, arm_rr, driveline, mount, joint_oil, arm_oil, motor_mean = hydraulics(
                     m, oil, g, g_fl, g_fr, g_rl, g_rr, control, spool_demand, joint_rate, arm_rate, rate,
-                    steering, arm_fl, arm_fr, arm_rl, arm_rr, driveline, h, num_substeps,
+                    m.joint.mount_stiffness, steering, arm_fl, arm_fr, arm_rl, arm_rr, driveline, mount, h, num_substeps,
                 )
-            else:  # compiled without the gas
-                steering, arm_fl, arm_fr, arm_rl, arm_rr, driveline, joint_oil, arm_oil, motor_mean = hydraulics(
+            else:  # compiled without gas and mount
+                steering, arm_fl, arm_fr, arm_rl, arm_rr, driveline, mount, joint_oil, arm_oil, motor_mean = hydraulics(
                     m, without_gas(oil), g, g_fl, g_fr, g_rl, g_rr, control, spool_demand, joint_rate, arm_rate, rate,
-                    steering, arm_fl, arm_fr, arm_rl, arm_rr, driveline, h, num_substeps,
+                    0.0, steering, arm_fl, arm_fr, arm_rl, arm_rr, driveline, mount, h, num_substeps,
                 )
 
             # ---- motion in the middle of the step, extrapolated ------------------------------------------------------
@@ -756,10 +781,10 @@ def advance(
             c_rr = CornerMotion(
                 arm[3], mid_arm_rate[3], mid_spin[3], mid_rate[3], arm_rate[3], rate[3], d_spin[3]
             )
-            e_fl = CornerElements(bristle_x[0], bristle_y[0], arm_friction[0], wheel_friction[0])
-            e_fr = CornerElements(bristle_x[1], bristle_y[1], arm_friction[1], wheel_friction[1])
-            e_rl = CornerElements(bristle_x[2], bristle_y[2], arm_friction[2], wheel_friction[2])
-            e_rr = CornerElements(bristle_x[3], bristle_y[3], arm_friction[3], wheel_friction[3])
+            e_fl = CornerElements(bristle_x[0], bristle_y[0], arm_friction[0], wheel_friction[0], twist[0])
+            e_fr = CornerElements(bristle_x[1], bristle_y[1], arm_friction[1], wheel_friction[1], twist[1])
+            e_rl = CornerElements(bristle_x[2], bristle_y[2], arm_friction[2], wheel_friction[2], twist[2])
+            e_rr = CornerElements(bristle_x[3], bristle_y[3], arm_friction[3], wheel_friction[3], twist[3])
             drive = control.displacement_front
             load_fl, e_fl, normal_fl, known_fl = corner_load(
                 m, terrain, ground, m.frame_front.pivot_x, 1.0, 1.0, g_fl, arm_fl, arm_oil[0],
@@ -784,6 +809,7 @@ def advance(
             bristle_y = wp.vec4(e_fl.bristle_y, e_fr.bristle_y, e_rl.bristle_y, e_rr.bristle_y)
             arm_friction = wp.vec4(e_fl.arm, e_fr.arm, e_rl.arm, e_rr.arm)
             wheel_friction = wp.vec4(e_fl.wheel, e_fr.wheel, e_rl.wheel, e_rr.wheel)
+            twist = wp.vec4(e_fl.twist, e_fr.twist, e_rl.twist, e_rr.twist)
             wheel_load = wp.vec4(normal_fl, normal_fr, normal_rl, normal_rr)
 
             front_force, front_moment, front_touch = hull_loads(
@@ -927,7 +953,8 @@ def advance(
         joint + wp.length(arm) + wp.length(wheel) + wp.length(remainder) + q[0] + q[1] + q[2] + q[3]
         + wp.length(d_velocity) + wp.length(d_omega) + d_joint + wp.length(d_arm) + wp.length(d_spin)
         + wp.length(bristle_x) + wp.length(bristle_y) + joint_friction + wp.length(arm_friction)
-        + wp.length(wheel_friction) + steering.ls_pressure + steering.spool + spool_play + steering.compensator
+        + wp.length(wheel_friction) + wp.length(twist) + mount.deflection + mount.rate
+        + steering.ls_pressure + steering.spool + spool_play + steering.compensator
         + steering.swash + steering.flow_in + steering.flow_out + arm_fl.bore + arm_fl.rod + arm_fr.bore + arm_fr.rod
         + arm_rl.bore + arm_rl.rod + arm_rr.bore + arm_rr.rod + wp.length(arm_spool) + driveline.forward
         + driveline.back + driveline.wheel_fl + driveline.wheel_fr + driveline.wheel_rl + driveline.wheel_rr
@@ -960,8 +987,11 @@ def advance(
     state[State.JOINT_FRICTION, t] = joint_friction
     store4(state, int(State.ARM_FRICTION_FL), t, arm_friction)
     store4(state, int(State.WHEEL_FRICTION_FL), t, wheel_friction)
+    store4(state, int(State.TWIST_FL), t, twist)
     store_steering(state, t, steering)
     state[State.PLAY, t] = spool_play
+    state[State.MOUNT, t] = mount.deflection
+    state[State.MOUNT_RATE, t] = mount.rate
     store_arm(state, 0, t, arm_fl)
     store_arm(state, 1, t, arm_fr)
     store_arm(state, 2, t, arm_rl)

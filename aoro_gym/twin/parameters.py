@@ -106,6 +106,19 @@ class Machine:
             scaled[key] = value * number
         return self.set(scaled)
 
+    def levelled(self) -> "Machine":
+        """Machine whose pivots are as high on its frames as lets the design ground plane lie on the ground at rest.
+
+        For a calibration, which looks for the tires and masses of a machine whose stance is known; afterwards the pivots
+        stay, and other tires let the machine sink.
+        """
+        height = self.arm.pivot_height + self.rest.height
+        return self.set(
+            {"arm.pivot_height": height},
+            si=True,
+            source="C: the calibrated machine stands level on its tires, arms at rest",
+        )
+
     def variant(self, index: int) -> "Machine":
         """One machine out of a batched one."""
         count = self.num_variants
@@ -296,6 +309,13 @@ def _check_components(machine: Machine) -> None:
     ):
         keys = [f"steering.valve.opening_{side}_1V0", f"steering.valve.opening_{side}_1V5"]
         _require(machine, np.less_equal(first, second), keys, f"the opening curve rises; raise {keys[1]}")
+        keys = [f"steering.valve.dead_band_{side}", "steering.valve.overlap"]
+        _require(
+            machine,
+            np.greater_equal(machine.value(keys[0]) + np.asarray(valve.overlap), 0.0),
+            keys,
+            f"the spool would be open in its middle; raise {keys[1]}",
+        )
     for prefix, cylinder in (("arm", arm.cylinder), ("steering", machine.steering.cylinder)):
         keys = [f"{prefix}.cylinder.rod", f"{prefix}.cylinder.bore"]
         _require(machine, np.less(cylinder.rod, cylinder.bore), keys, f"the rod fits into the bore; lower {keys[0]}")

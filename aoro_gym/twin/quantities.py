@@ -40,6 +40,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "N*m": ("N*m", 1.0),
     "N*m/s": ("N*m/s", 1.0),
     "N*m/rad": ("N*m/rad", 1.0),
+    "rad/N/m": ("rad/N/m", 1.0),
     "N*m*s/rad": ("N*m*s/rad", 1.0),
     "Pa": ("Pa", 1.0),
     "bar": ("Pa", 1e5),

@@ -31,6 +31,8 @@ class Joint:
 
     range: float  # [rad] half range
     friction_torque: float  # [N m]
+    backlash: float  # [rad] between cylinders and frames, full width
+    mount_stiffness: float  # [N m/rad] between cylinders and frames; 0: rigid, and no play
     stop_torsional_stiffness: float  # [N m/rad]
     stop_torsional_damping: float  # [N m s/rad]
     presliding_stiffness: float  # [N m/rad]
@@ -41,6 +43,7 @@ class Joint:
 class Rest:
     """The rest pose on level ground (derived)."""
 
+    height: float  # [m] of the frames' design ground plane over the ground
     arm_angle_front: float  # [rad]
     arm_angle_rear: float
     bore_pressure_front: float  # [Pa]
@@ -85,10 +88,10 @@ State: Any = IntEnum(
         # bristles and dry friction
         *[n.upper() for n in (*_each("bristle_x"), *_each("bristle_y"))],
         "JOINT_FRICTION",
-        *[n.upper() for n in (*_each("arm_friction"), *_each("wheel_friction"))],
+        *[n.upper() for n in (*_each("arm_friction"), *_each("wheel_friction"), *_each("twist"))],
         # steering circuit
         *("SUPPLY", "PORT_A", "PORT_B", "TANK_LINE", "LS_PRESSURE", "SPOOL", "PLAY", "COMPENSATOR", "SWASH"),
-        *("FLOW_IN", "FLOW_OUT"),
+        *("FLOW_IN", "FLOW_OUT", "MOUNT", "MOUNT_RATE"),
         # arms
         *[n.upper() for n in (*_each("arm_bore"), *_each("arm_rod"), *_each("arm_spool"))],
         # driveline
@@ -179,6 +182,18 @@ for _output in Output:
         OUTPUT_UNITS[_name] = "1"
 
 
+STIFFEST_MOUNT = 2e8
+"""Torsional stiffness [N m/rad] between cylinders and frames that the main step resolves, 40 times the oil's. What
+is stiffer is taken as that: between no mount and the least one the twin jumps by 5e-9 rad/(N m), 1 % of a soft frame."""
+
+
+def _mount_stiffness(machine: Machine) -> Quantity:
+    """Stiffness [N m/rad] between cylinders and frames; 0 where they are one, without compliance and play."""
+    joint = machine.joint
+    is_there = np.greater(joint.compliance, 0.0) | np.greater(joint.backlash, 0.0)
+    return np.where(is_there, 1.0 / np.maximum(joint.compliance, 1.0 / STIFFEST_MOUNT), 0.0)
+
+
 def _geometry(machine: Machine) -> dict[str, Quantity]:
     """Device fields that join several sections of the machine, by their path in the record."""
     frame, arm = machine.frame, machine.arm
@@ -187,10 +202,11 @@ def _geometry(machine: Machine) -> dict[str, Quantity]:
         "frame_rear.pivot_x": arm.length - frame.rear.axle_distance,
         "corner.wheel_lateral": 0.5 * frame.track,
         "corner.arm_length": arm.length,
-        "corner.pivot_height": machine.rest.pivot_height,
+        "corner.pivot_height": arm.pivot_height,
         "corner.spin_inertia": machine.wheel.inertia_spin,
         "arm.stop_torsional_stiffness": arm.stop_stiffness * arm.cylinder.linkage.mean_lever**2,
         "arm.stop_torsional_damping": arm.stop_damping * arm.cylinder.linkage.mean_lever**2,
+        "joint.mount_stiffness": _mount_stiffness(machine),
         "joint.stop_torsional_stiffness": 2.0
         * machine.joint.stop_stiffness
         * machine.steering.cylinder.linkage.mean_lever**2,

@@ -1,7 +1,8 @@
 """Bodies and pose that follow from the machine's parameters: the composite corner, and the static rest pose.
 
-Frame coordinates: x forward, y left, z up, origin on the hinge axis at the height of the ground on which the machine
-stands with level frames and straight joint, front arms at ``arm.rest_angle``.
+Frame coordinates: x forward, y left, z up, origin on the hinge axis in the design ground plane, ``arm.pivot_height`` below
+the pivots. The machine stands with level frames and straight joint, front arms at ``arm.rest_angle``; how high, its load
+and its tires decide, and the frames' own geometry does not change with them.
 """
 
 from dataclasses import dataclass
@@ -42,7 +43,7 @@ class Corner:
 class RestPose:
     """Static equilibrium on level ground with level frames and straight joint; floats or arrays of shape (N,)."""
 
-    pivot_height: Quantity  # [m] arm pivots over the ground
+    height: Quantity  # [m] of the design ground plane over the ground
     arm_angle_front: Quantity  # [rad] elevation of the wheel over the pivot
     arm_angle_rear: Quantity
     wheel_load_front: Quantity  # [N] on one wheel
@@ -79,7 +80,7 @@ def composite_corner(machine: "Machine") -> Corner:
 def rest_pose(machine: "Machine") -> RestPose:
     """Rest pose of ``machine``.
 
-    The front arms' angle is given and sets the height of the pivots; the rear arms' angle follows from it and from the
+    The front arms' angle is given and sets the frames' height; the rear arms' angle follows from it and from the
     difference of tire deflections. Loads depend on that angle through the wheels' position, weakly (below 0.01 rad per
     rad), so iterating converges in a few rounds.
 
@@ -103,8 +104,8 @@ def rest_pose(machine: "Machine") -> RestPose:
         load_rear = 0.5 * weight - load_front
         deflection_front = load_front / tire.stiffness
         deflection_rear = load_rear / tire.stiffness
-        pivot_height = tire.radius - deflection_front - arm.length * np.sin(front)
-        reach = (tire.radius - deflection_rear - pivot_height) / arm.length
+        pivots = tire.radius - deflection_front - arm.length * np.sin(front)
+        reach = (tire.radius - deflection_rear - pivots) / arm.length
         previous, rear = rear, np.arcsin(np.clip(reach, -1.0, 1.0))
         if np.all(np.abs(rear - previous) < _CONVERGED):
             break
@@ -120,7 +121,7 @@ def rest_pose(machine: "Machine") -> RestPose:
         return (force + rod * arm.cylinder.annulus_area) / arm.cylinder.bore_area
 
     return RestPose(
-        pivot_height=pivot_height,
+        height=pivots - arm.pivot_height,
         arm_angle_front=front,
         arm_angle_rear=rear,
         wheel_load_front=load_front,

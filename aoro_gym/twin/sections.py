@@ -103,6 +103,8 @@ class Joint:
 
     range: Quantity = within("rad", 0.0, _RIGHT_ANGLE, low_open=True, high_open=True)  # to either side
     friction_torque: Quantity = non_negative("N*m")
+    backlash: Quantity = non_negative("rad")  # free play between cylinders and frames, full width
+    compliance: Quantity = non_negative("rad/N/m")  # of mounts and frames, in series with the cylinders
     stop_stiffness: Quantity = positive("N/m")  # of one bottomed cylinder
     stop_damping: Quantity = non_negative("N*s/m")
     presliding_stiffness: Quantity = positive("N*m/rad")
@@ -139,6 +141,8 @@ class Tire:
     friction_static: Quantity = positive("1")
     stribeck_velocity: Quantity = positive("m/s")
     rolling_resistance: Quantity = non_negative("1")
+    scrub_radius: Quantity = non_negative("m")  # lever of the friction that resists swivelling
+    scrub_angle: Quantity = positive("rad")  # by which the patch twists before it slides
 
 
 # --- cylinders ---
@@ -227,6 +231,7 @@ class Arm:
         "rad", -_RIGHT_ANGLE, _RIGHT_ANGLE, low_open=True, high_open=True
     )  # of the front arms
     pivot_lateral: Quantity = positive("m")
+    pivot_height: Quantity = positive("m")  # of the frame that stands on design tires and arms at rest
     mass: Quantity = positive("kg")
     motor_mass: Quantity = non_negative("kg")  # non-rotating part, at the wheel centre
     cog_fraction: Quantity = fraction()  # of the length, from the pivot
@@ -262,6 +267,17 @@ class Oil:
     laminar_pressure: Quantity = positive("Pa")
     void_pressure: Quantity = within("Pa", -_ATMOSPHERE, 0.0, low_open=True)
 
+    def effective_modulus(self, pressure: Quantity) -> Quantity:
+        """Tangent bulk modulus [Pa] of the oil with its gas at gauge ``pressure`` [Pa] ≥ 0, without any walls.
+
+        1/β = [(1−α)/β_l + α e/(n P)] / [(1−α) + α e], e = (p_atm/P)^(1/n): the law of :mod:`aoro_gym.twin.laws.fluid`.
+        """
+        absolute = pressure + _ATMOSPHERE
+        gas = self.gas_fraction * (_ATMOSPHERE / absolute) ** (1.0 / self.polytropic_exponent)
+        liquid = 1.0 - self.gas_fraction
+        compliance = liquid / (self.bulk_modulus + self.bulk_modulus_slope * pressure)
+        return (liquid + gas) / (compliance + gas / (self.polytropic_exponent * absolute))
+
 
 @section
 class SteeringValve:
@@ -281,9 +297,11 @@ class SteeringValve:
     opening_right_1V5: Quantity = fraction()
     spool_time_constant: Quantity = positive("s")
     spool_rate_limit: Quantity = positive("1/s")
-    command_delay: Quantity = within("s", 0.0, 0.060)  # the twin's command buffer holds 60 ms
+    command_delay: Quantity = within("s", 0.0, 0.100)  # the twin's command buffer holds 100 ms
     hysteresis: Quantity = within("1", 0.0, 1.0, high_open=True)  # width of the play
+    overlap: Quantity = within("V", -0.5, 1.0)  # by which the whole opening curve lies farther out, both sides
     leakage: Quantity = non_negative("m^3/s/Pa")  # port to tank
+    cross_port_leakage: Quantity = non_negative("m^3/s")  # port to port through the block, at 100 bar
     compensator_pressure: Quantity = positive("Pa")
     compensator_droop: Quantity = within("1", 0.0, 2.0, high_open=True)
     compensator_time_constant: Quantity = positive("s")
@@ -319,6 +337,11 @@ class SteeringValve:
     def cv_compensator(self) -> Quantity:
         """Compensator, fully open [m³/s/√Pa]; passes the larger nominal flow."""
         return _orifice(np.maximum(self.nominal_flow_left, self.nominal_flow_right), self.compensator_open_drop)
+
+    @property
+    def cv_cross_port(self) -> Quantity:
+        """Leak from port to port [m³/s/√Pa]."""
+        return _orifice(self.cross_port_leakage, 100e5)
 
     @property
     def cv_anticavitation(self) -> Quantity:
@@ -546,6 +569,7 @@ class Engine:
     friction_1: Quantity = non_negative("N*m*s/rad")
     governor_proportional: Quantity = positive("N*m*s/rad")
     governor_integral: Quantity = non_negative("N*m/rad")
+    droop: Quantity = within("1", 0.0, 0.5)  # relative fall of the governed speed from no load to full load
     torque_time_constant: Quantity = positive("s")
     smoke_rate: Quantity = positive("N*m/s")
     torque: TorqueCurve

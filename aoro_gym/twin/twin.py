@@ -23,7 +23,7 @@ from aoro_gym.twin.grounds import Grounds
 from aoro_gym.twin.parameters import Machine
 from aoro_gym.twin.records import COMMAND_BOUNDS, Command, MachineRecord, Output, State, pack
 
-LONGEST_COMMAND_DELAY = 0.06
+LONGEST_COMMAND_DELAY = 0.1
 """Upper bound [s] of ``steering.valve.command_delay``; that much of the steering command is kept."""
 
 BLOCK_DIM = 32

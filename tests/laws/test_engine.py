@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import warp as wp
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from aoro_gym.twin.laws.engine import Engine, EngineState, engine_step, full_load_torque
 from tests.laws.launch import ROUNDOFF, changed, columns, launch, record
@@ -23,6 +24,7 @@ ENGINE = record(
     friction_1=0.2122,
     governor_proportional=8.0,
     governor_integral=40.0,
+    droop=0.0,
     torque_time_constant=0.05,
     smoke_rate=1500.0,
     **{f"torque_rpm_{rpm:.0f}": torque for rpm, torque in zip(CURVE_RPM, CURVE_TORQUE, strict=True)},
@@ -111,6 +113,20 @@ def test_governor_holds_the_set_speed_under_any_load(load):
     torque_error = 2 * ROUNDOFF * 170.0 * 1.4 / 1e-3
     assert end.torque == pytest.approx(friction(engine, engine.set_speed) + load, abs=2 * torque_error)
     assert end.integral == pytest.approx(end.torque, abs=2 * torque_error + 8.0 * 2 * dead_zone)
+
+
+@pytest.mark.parametrize("load", [0.0, 150.0, 550.0, -30.0])
+def test_droop_lowers_the_speed_by_the_share_of_full_load(load):
+    """n = n₀ (1 − δ T/T_full(n)) with T the brake torque; a machine that drives its engine does not raise it."""
+    engine = columns(changed(ENGINE, droop=0.05))
+
+    def excess(speed):
+        return speed - engine.set_speed * (1.0 - engine.droop * np.clip(load / brake_curve(speed), 0.0, 1.0))
+
+    expected = brentq(excess, 0.9 * engine.set_speed, engine.set_speed + 1e-9, xtol=1e-12)
+    end, *_ = launch(run_kernel, changed(ENGINE, droop=0.05), running(max(0.7 * load, load)), load, 1e-3, 20000)
+    # as without droop: the integral rests where a step no longer moves it
+    assert end.speed == pytest.approx(expected, abs=4 * ROUNDOFF * 620.0 / (1e-3 * 40.0))
 
 
 def test_steps_converge_to_the_continuous_engine():

@@ -33,6 +33,8 @@ TIRE = record(
     friction_static=0.8,
     stribeck_velocity=0.1,
     rolling_resistance=0.0125,
+    scrub_radius=0.0,
+    scrub_angle=0.15,
 )
 HULL = record(Hull, stiffness=2e6, damping=2e4, friction=0.5)
 LEVEL = record(
@@ -80,6 +82,7 @@ def contact_kernel(
     spin: wp.array(dtype=float),
     bristle_x: wp.array(dtype=float),
     bristle_y: wp.array(dtype=float),
+    twist: wp.array(dtype=float),
     dt: wp.array(dtype=float),
     steps: wp.array(dtype=int),
     contact: wp.array(dtype=TireContact),
@@ -88,12 +91,14 @@ def contact_kernel(
     i = wp.tid()
     x = bristle_x[i]
     y = bristle_y[i]
+    w = twist[i]
     for _ in range(steps[i]):
         c = tire_contact(
-            m[i], ground[i], rotation[i], origin[i], centre[i], velocity[i], omega[i], spin[i], x, y, dt[i]
+            m[i], ground[i], rotation[i], origin[i], centre[i], velocity[i], omega[i], spin[i], x, y, w, dt[i]
         )
         x = c.bristle_x
         y = c.bristle_y
+        w = c.twist
         contact[i] = c
 
 
@@ -115,7 +120,7 @@ def drag_kernel(
     zero = wp.vec3(0.0, 0.0, 0.0)
     for k in range(slip_x.shape[1]):
         v = wp.vec3(slip_x[i, k], slip_y[i, k], 0.0)
-        c = tire_contact(m[i], ground[i], unturned, zero, wp.vec3(0.0, 0.0, 0.55), v, zero, 0.0, x, y, dt)
+        c = tire_contact(m[i], ground[i], unturned, zero, wp.vec3(0.0, 0.0, 0.55), v, zero, 0.0, x, y, 0.0, dt)
         x = c.bristle_x
         y = c.bristle_y
         total -= wp.dot(c.force, v) / c.load * dt
@@ -148,13 +153,15 @@ def touch(
     spin=0.0,
     bristle_x=0.0,
     bristle_y=0.0,
+    twist=0.0,
     dt=1e-3,
     steps=1,
 ):
     """A wheel that is pressed 5 cm into level ground unless told otherwise."""
     return launch(
-        contact_kernel, tire, ground, rotation, origin, centre, velocity, omega, spin, bristle_x, bristle_y, dt, steps
-    )
+        contact_kernel, tire, ground, rotation, origin, centre, velocity, omega, spin, bristle_x, bristle_y, twist, dt,
+        steps,
+    )  # fmt: skip
 
 
 def turned(roll, pitch, yaw):
@@ -333,6 +340,46 @@ def test_spin_and_yaw_do_not_load_the_damper():
     resting = touch()
     for motion in ({"spin": 30.0}, {"omega": (0.0, 0.0, 2.0)}, {"omega": (0.0, 5.0, 0.0)}):
         assert touch(**motion).load == resting.load
+
+
+# ---- swivelling ----
+
+SCRUB = changed(TIRE, scrub_radius=0.12)
+
+
+def test_slow_swivel_twists_the_patch_up_to_its_angle():
+    """A wheel that stands and is swivelled to ψ: w = ψ₀ (1 − exp(−ψ/ψ₀)), M = −μ_c F_n r w/ψ₀ about the normal."""
+    psi, steps = np.array([0.02, 0.1, 0.349, 1.0]), 2000
+    for sense in (1.0, -1.0):
+        omega = np.stack([0.0 * psi, 0.0 * psi, rounded(sense * psi)], axis=-1)  # one second
+        moved = touch(tire=SCRUB, omega=omega, dt=1.0 / steps, steps=steps)
+        expected = sense * 0.15 * (1.0 - np.exp(-psi / 0.15))
+        # implicit Euler: half a step's share of the angle, λ dt/2 with λ = ψ̇/ψ₀ ≤ 6.7, at most 1/e of the goal
+        np.testing.assert_allclose(moved.twist, expected, atol=0.15 * psi.max() / 0.15 / steps / 2 / np.e + 1e-6)
+        held = touch(tire=SCRUB, twist=moved.twist)
+        torque = -0.7 * held.load * 0.12 * moved.twist / 0.15
+        np.testing.assert_allclose(held.moment[:, 2], torque, rtol=16 * ROUNDOFF, atol=1e-3)
+    assert np.all(touch(omega=(0.0, 0.0, 1.0), steps=100).moment[..., 2] == 0.0)
+
+
+def test_grip_of_the_ground_scales_the_torque_of_swivelling():
+    full, wet = (
+        touch(tire=SCRUB, ground=changed(LEVEL, friction=grip), twist=0.1).moment[..., 2] for grip in (1.0, 0.3)
+    )
+    assert wet == pytest.approx(0.3 * full, rel=8 * ROUNDOFF)
+
+
+def test_rolling_renews_the_patch():
+    """On a circle of curvature κ: w = κ/(κ/ψ₀ + 1/ℓ), ℓ the chord of the pressed-in disc; straight on it dies out."""
+    speed, steps = 0.75, 8000
+    chord = 2.0 * np.sqrt(0.6**2 - (0.6 - 0.05) ** 2)
+    for curvature in (0.1, 1.0):
+        rolling = {"velocity": (speed, 0.0, 0.0), "spin": speed / 0.55}
+        circle = touch(tire=SCRUB, omega=(0.0, 0.0, speed * curvature), dt=1e-3, steps=steps, **rolling)
+        # ℓ = 2 √(2Rδ) is the chord to first order in δ/R: 2 √(2Rδ − δ²) is shorter by δ/4R = 2 %, and counts in part
+        assert circle.twist == pytest.approx(curvature / (curvature / 0.15 + 1.0 / chord), rel=0.03)
+        straight = touch(tire=SCRUB, twist=circle.twist, dt=1e-3, steps=steps, **rolling)
+        assert abs(straight.twist) < 1e-4 * circle.twist
 
 
 # ---- friction ----

@@ -88,10 +88,10 @@ class Kinematics:
 def machine_bodies(machine) -> list[Body]:
     """The ten bodies of ``machine``: front, rear, arms (each with its motor), wheels.
 
-    Uses independent parameters and, for the height of the pivots, ``machine.rest.pivot_height``.
+    Uses independent parameters only.
     """
     frame, arm, wheel = machine.frame, machine.arm, machine.wheel
-    height = machine.rest.pivot_height
+    height = machine.arm.pivot_height
     zero, y, z = np.zeros(3), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
     half = 0.5 * frame.track
 

@@ -244,6 +244,7 @@ class MachineOracle:
         m, rest = self.machine, self.machine.rest
         s = {name: np.zeros(count) for name, (count, _) in LAYOUT.items()}
         s["quaternion"][0] = 1.0
+        s["position"][2] = rest.height
         s["theta"][:] = theta
         s["phi"][:] = np.array([rest.arm_angle_front] * 2 + [rest.arm_angle_rear] * 2)
         pump, tank, charge = m.steering.pump, m.steering.tank_line, m.driveline.charge

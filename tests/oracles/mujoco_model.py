@@ -40,7 +40,7 @@ def mjcf(machine, gravity: float = 9.81) -> str:
 
     def corner(name, section, s, side):
         """Arm with motor and wheel; ``s`` +1 front, -1 rear; ``side`` +1 left, -1 right."""
-        pivot = (s * (section.axle_distance - arm.length), side * arm.pivot_lateral, machine.rest.pivot_height)
+        pivot = (s * (section.axle_distance - arm.length), side * arm.pivot_lateral, arm.pivot_height)
         axle = vector(s * arm.length, side * outward, 0.0)
         middle = (s * arm.cog_fraction * arm.length, side * 0.5 * outward, 0.0)
         link = inertial(arm.mass, middle, arm.inertia_axial, arm.inertia_transverse, arm.inertia_transverse)

@@ -99,7 +99,7 @@ def test_kinematics_follow_the_machine_conventions(machine, model, rng):
         [
             s * (axle - arm.length + arm.length * np.cos(phi)),
             np.broadcast_to(SIDE_OF_WHEEL[:, None] * 0.5 * frame.track, phi.shape),
-            machine.rest.pivot_height + arm.length * np.sin(phi),
+            arm.pivot_height + arm.length * np.sin(phi),
         ]
     )
     from_hinge = kin.to_half(kin.wheel_center - kin.hinge[:, None], HALF_OF_WHEEL)
@@ -225,6 +225,7 @@ def test_machine_at_rest_is_in_equilibrium(machine, rng):
         one = machines.variant(i)
         rest, arm = one.rest, one.arm
         q = _upright(0.0)
+        q[2] = rest.height
         q[8:12] = np.array([rest.arm_angle_front, rest.arm_angle_rear])[HALF_OF_WHEEL]
         model = BodyModel(one)
         force = np.zeros((3, 4))

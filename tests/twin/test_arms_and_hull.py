@@ -230,8 +230,8 @@ def test_the_belly_carries_what_the_wheels_do_not(machine):
     The design's 0.6 m of clearance is more than the arms can lower, so the hulls are taken deeper: by 3 cm too little
     for the wheels to come off the ground, and far enough that they do.
     """
-    arm, rest, tire = machine.arm, machine.rest, machine.tire
-    lowest = rest.pivot_height + arm.length * np.sin(arm.swing) - tire.radius  # free wheels' lowest points
+    arm, tire = machine.arm, machine.tire
+    lowest = arm.pivot_height + arm.length * np.sin(arm.swing) - tire.radius  # free wheels' lowest points
     clearance = np.array([lowest + 0.03, lowest - 0.10, 0.6])
     twin = Twin(3, machine=machine.set({"frame.ground_clearance": clearance}, si=True))
     drive(twin, (1.0, {"parking_brake": 1.0}), (20.0, all_wheels("arm", -1.0)), sample_every=1.0)

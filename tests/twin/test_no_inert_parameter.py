@@ -22,7 +22,15 @@ SEEN = 1e-5
 """Share of a channel's range from which a difference counts."""
 FRAME = 0.02
 """Time [s] between frames."""
-FROM_ZERO = {"oil.gas_fraction": 0.002}
+FROM_ZERO = {
+    "oil.gas_fraction": 0.002,
+    "joint.backlash": 0.002,
+    "joint.compliance": 1e-7,
+    "tire.scrub_radius": 0.02,
+    "steering.valve.overlap": 0.05,
+    "steering.valve.cross_port_leakage": 1.0,
+    "engine.droop": 0.02,
+}
 """Values [file unit] for parameters that are zero and cannot be scaled."""
 
 
@@ -139,6 +147,7 @@ def strength(machine: Machine, keys: Sequence[str], manoeuvres: Sequence[Callabl
 # ---------------------------------------------------------------------------------------------------------------- tests
 SPECIAL: Mapping[str, tuple[Mapping[str, float], Callable[..., Log]]] = {
     "oil.polytropic_exponent": ({"oil.gas_fraction": 0.005}, steer),
+    "tire.scrub_angle": ({"tire.scrub_radius": 0.1}, steer),
     "engine.torque.rpm_2000": ({"engine.set_speed": 2350.0}, stall),
     "engine.torque.rpm_2200": ({"engine.set_speed": 2350.0}, stall),
     "engine.torque.rpm_2400": ({"engine.set_speed": 2350.0}, stall),

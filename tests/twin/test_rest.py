@@ -65,7 +65,7 @@ def test_corner_equals_a_sum_of_point_masses(machine: Any) -> None:
     np.testing.assert_allclose(tensor, expected, rtol=1e-12, atol=1e-12 * corner.inertia_nn)
 
 
-def _bodies(machine: Any, front: float, rear: float, height: float) -> tuple[list[tuple[float, float]], list[float]]:
+def _bodies(machine: Any, front: float, rear: float) -> tuple[list[tuple[float, float]], list[float]]:
     """(mass, x) of every body, and x of the front and rear wheels; in frame coordinates."""
     frame, arm = machine.frame, machine.arm
     bodies = [
@@ -86,7 +86,7 @@ def _bodies(machine: Any, front: float, rear: float, height: float) -> tuple[lis
 
 def test_forces_and_moments_balance(machine: Any) -> None:
     rest = machine.rest
-    bodies, wheels = _bodies(machine, rest.arm_angle_front, rest.arm_angle_rear, rest.pivot_height)
+    bodies, wheels = _bodies(machine, rest.arm_angle_front, rest.arm_angle_rear)
     loads = 2.0 * np.array([rest.wheel_load_front, rest.wheel_load_rear])
     weights = GRAVITY * np.array([m for m, _ in bodies])
     assert loads.sum() == pytest.approx(weights.sum(), rel=1e-13)
@@ -102,7 +102,7 @@ def test_wheels_press_into_the_ground_by_their_deflection(machine: Any) -> None:
         (rest.arm_angle_front, rest.deflection_front, rest.wheel_load_front),
         (rest.arm_angle_rear, rest.deflection_rear, rest.wheel_load_rear),
     ):
-        lowest = rest.pivot_height + arm.length * np.sin(angle) - tire.radius
+        lowest = rest.height + arm.pivot_height + arm.length * np.sin(angle) - tire.radius
         assert lowest == pytest.approx(-deflection, abs=1e-13)
         assert tire.stiffness * deflection == pytest.approx(load, rel=1e-13)
 
@@ -136,7 +136,7 @@ def test_rest_pose_equals_an_independent_solution(machine: Any) -> None:
 
     def residual(unknowns: np.ndarray) -> list[float]:
         load_front, load_rear, height, rear = unknowns * scale
-        bodies, wheels = _bodies(machine, arm.rest_angle, rear, height)
+        bodies, wheels = _bodies(machine, arm.rest_angle, rear)
         weight = GRAVITY * sum(m for m, _ in bodies)
         return [
             (2.0 * (load_front + load_rear) - weight) / weight,
@@ -149,8 +149,21 @@ def test_rest_pose_equals_an_independent_solution(machine: Any) -> None:
     solution = root(residual, np.array([1.0, 1.0, 0.6, -0.1]), tol=1e-13)
     assert solution.success
     rest = machine.rest
-    found = [rest.wheel_load_front, rest.wheel_load_rear, rest.pivot_height, rest.arm_angle_rear]
+    found = [rest.wheel_load_front, rest.wheel_load_rear, rest.height + arm.pivot_height, rest.arm_angle_rear]
     np.testing.assert_allclose(found, solution.x * scale, rtol=1e-10)
+
+
+def test_a_levelled_machine_stands_on_its_design_plane(machine: Any) -> None:
+    """Only the pivots move, and by what it stood too high."""
+    other = machine.scale({"tire.stiffness": 0.7})
+    level = other.levelled()
+    assert abs(other.rest.height) > 5e-3
+    assert level.rest.height == pytest.approx(0.0, abs=1e-15)
+    assert level.arm.pivot_height == pytest.approx(other.arm.pivot_height + other.rest.height, abs=1e-15)
+    changed = {key for key, entry in level.entries.items() if entry.value != other.entries[key].value}
+    assert changed == {"arm.pivot_height"}
+    # as before levelling: statics know no heights
+    assert level.rest.arm_angle_rear == pytest.approx(other.rest.arm_angle_rear, abs=1e-15)
 
 
 def test_nominal_axle_loads_and_pressures_are_those_of_the_budget() -> None:

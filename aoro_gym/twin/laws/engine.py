@@ -16,6 +16,7 @@ class Engine:
     friction_1: float  # [N m s/rad]
     governor_proportional: float  # [N m s/rad]
     governor_integral: float  # [N m/rad]
+    droop: float  # [-] relative fall of the governed speed from no load to full load
     torque_time_constant: float  # [s]
     smoke_rate: float  # [N m/s]
     torque_rpm_900: float  # [N m]
@@ -59,15 +60,23 @@ def full_load_torque(m: Engine, speed: float):
 
 
 @wp.func
+def governed_speed(m: Engine, brake_torque: float, full: float):
+    """Speed [rad/s] that the governor holds under ``brake_torque`` [N m] of ``full`` load: n_0 (1 − δ T/T_full), down to
+    full load and no higher than without load (speed droop as of ISO 8528-2)."""
+    return m.set_speed * (1.0 - m.droop * wp.clamp(brake_torque / wp.max(full, 1.0), 0.0, 1.0))
+
+
+@wp.func
 def engine_step(m: Engine, s: EngineState, load: float, dt: float):
     """Engine after ``dt`` [s] under ``load`` [N m]: J ω̇ = T − T_f(ω) − load, with T_f = f₀ + f₁ω.
 
-    The governor is isochronous: PI on the speed error, clamped to what the curve gives (the integral too, so
-    that it never winds up); the torque follows with a lag and rises no faster than the smoke limit.
+    The governor is a PI on the speed error, clamped to what the curve gives (the integral too, so that it never winds
+    up); the torque follows with a lag and rises no faster than the smoke limit. Without droop it is isochronous.
     """
     friction = m.friction_0 + m.friction_1 * s.speed
-    limit = full_load_torque(m, s.speed) + friction
-    error = m.set_speed - s.speed
+    full = full_load_torque(m, s.speed)
+    limit = full + friction
+    error = governed_speed(m, s.integral - friction, full) - s.speed
     integral = wp.clamp(s.integral + dt * m.governor_integral * error, 0.0, limit)
     demand = wp.clamp(m.governor_proportional * error + integral, 0.0, limit)
     torque = s.torque + dt * wp.min((demand - s.torque) / m.torque_time_constant, m.smoke_rate)

@@ -53,7 +53,7 @@ def stance(m: MachineRecord, terrain: Planes, ground: Ground, x: float, y: float
     """The rest pose on level ground, laid on the plane; hinge at (x, y)."""
     out = Stance()
     under = footing(terrain, ground, wp.vec3(x, y, 0.0))
-    out.height = -(under.normal[0] * x + under.normal[1] * y) / under.normal[2]
+    out.height = (m.rest.height - under.normal[0] * x - under.normal[1] * y) / under.normal[2]
     out.rotation = upright_on(under.normal, heading)
     out.arm = level_arms(m)
     front = m.rest.bore_pressure_front
@@ -93,7 +93,7 @@ def stance(m: MachineRecord, terrain: Any, ground: Site, x: float, y: float, hea
     to_front = wp.transpose(to_rear)
     arm = level_arms(m)
 
-    # mass and first moments at the rest pose, front axes; the rest pose stands on z = 0
+    # mass and first moments at the rest pose, front axes; the ground lies rest.height below z = 0
     mass = m.frame_front.mass + m.frame_rear.mass + 4.0 * m.corner.mass
     moment = m.frame_front.mass * wp.vec3(m.frame_front.cog_x, 0.0, m.frame_front.cog_height)
     moment += to_front * (m.frame_rear.mass * wp.vec3(m.frame_rear.cog_x, 0.0, m.frame_rear.cog_height))
@@ -107,9 +107,9 @@ def stance(m: MachineRecord, terrain: Any, ground: Site, x: float, y: float, hea
             moment += to_front * (
                 m.corner.mass * wp.vec3(m.frame_rear.pivot_x - lengthwise, side * m.corner.lateral, high)
             )
-    cog = moment / mass
+    cog = moment / mass + m.rest.height * UP
 
-    height = raster_height(terrain, ground, x, y)
+    height = raster_height(terrain, ground, x, y) + m.rest.height
     slope_x = float(0.0)
     slope_y = float(0.0)
     q = wp.quat_identity()

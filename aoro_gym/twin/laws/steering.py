@@ -31,7 +31,9 @@ class Steering:
     valve_spool_rate_limit: float  # [1/s] full strokes a second
     valve_command_delay: float  # [s]
     valve_hysteresis: float  # [-] width, share of the full signal
+    valve_overlap: float  # [V] by which the opening curve lies farther out
     valve_leakage: float  # [m³/s/Pa] port to tank
+    valve_cv_cross_port: float  # leak from port to port
     valve_cv_compensator: float  # fully open
     valve_compensator_pressure: float  # [Pa]
     valve_compensator_droop: float  # [-] of the setting over the stroke
@@ -173,10 +175,10 @@ def play_output(position: float, width: float):
 
 
 @wp.func
-def valve_opening(spool: float, dead_band: float, opening_1V0: float, opening_1V5: float):
+def valve_opening(spool: float, overlap: float, dead_band: float, opening_1V0: float, opening_1V5: float):
     """Opening [0…1] of the section's edges at ``spool`` [share of the 2 V signal]: the measured curve, linear between
-    the end of the dead band, 1.0 V, 1.5 V and 2.0 V."""
-    volts = 2.0 * wp.abs(spool)
+    the end of the dead band, 1.0 V, 1.5 V and 2.0 V, moved out by ``overlap`` [V]."""
+    volts = 2.0 * wp.abs(spool) - overlap
     first = opening_1V0 * wp.clamp((volts - dead_band) / (1.0 - dead_band), 0.0, 1.0)
     second = (opening_1V5 - opening_1V0) * wp.clamp(2.0 * volts - 2.0, 0.0, 1.0)
     third = (1.0 - opening_1V5) * wp.clamp(2.0 * volts - 3.0, 0.0, 1.0)
@@ -225,8 +227,8 @@ def steering_step(
     g: SteeringGeometry,
     spool_demand: float,
     engine_speed: float,
-    # at this substep
-    joint_rate: float,
+    # at this substep: what the cylinders see as the joint rate, what the arms draw
+    cylinder_rate: float,
     arms: Exchange,
     s: SteeringState,
     dt: float,
@@ -242,6 +244,7 @@ def steering_step(
     left = s.spool > 0.0
     opening = valve_opening(
         s.spool,
+        m.valve_overlap,
         wp.where(left, m.valve_dead_band_left, m.valve_dead_band_right),
         wp.where(left, m.valve_opening_left_1V0, m.valve_opening_right_1V0),
         wp.where(left, m.valve_opening_left_1V5, m.valve_opening_right_1V5),
@@ -267,11 +270,13 @@ def steering_step(
     leak_a = m.valve_leakage * (p_a - p_t)
     leak_b = m.valve_leakage * (p_b - p_t)
     across = 2.0 * m.cylinder_leakage * (p_a - p_b)
+    if m.valve_cv_cross_port > 0.0:
+        across += orifice(m.valve_cv_cross_port, p_a - p_b, lam)
     to_tank_a = shock_a + leak_a - suction_a
     to_tank_b = shock_b + leak_b - suction_b
 
-    q_a = wp.where(left, flow_in, -flow_out) - to_tank_a - across - g.displacement_a * joint_rate
-    q_b = wp.where(left, -flow_out, flow_in) - to_tank_b + across - g.displacement_b * joint_rate
+    q_a = wp.where(left, flow_in, -flow_out) - to_tank_a - across - g.displacement_a * cylinder_rate
+    q_b = wp.where(left, -flow_out, flow_in) - to_tank_b + across - g.displacement_b * cylinder_rate
 
     q_supply = (
         s.swash * m.pump_displacement * engine_speed

@@ -40,6 +40,8 @@ class Tire:
     friction_static: float  # [-]
     stribeck_velocity: float  # [m/s]
     rolling_resistance: float  # [-]
+    scrub_radius: float  # [m] lever of the friction that resists swivelling
+    scrub_angle: float  # [rad] twist at which the patch slides
 
 
 @wp.struct
@@ -71,6 +73,7 @@ class TireContact:
     damping: float  # [N s/m] of the longitudinal force
     bristle_x: float  # [m] longitudinal deflection
     bristle_y: float  # [m] lateral
+    twist: float  # [rad] of the patch about the ground's normal
 
 
 @wp.func
@@ -85,6 +88,25 @@ def bristle_step(z: float, slip: float, unload: float, dt: float):
     """Deflection [m] after ``dt``: ż = v − λ z with λ = σ₀|v|/g (``unload`` [1/s]); linearly implicit, so stable at
     any slip speed. Signed: on reversal the bristle unloads before it bends the other way."""
     return (z + dt * slip) / (1.0 + dt * unload)
+
+
+@wp.func
+def scrub_step(m: Tire, twist: float, swivel: float, roll: float, depth: float, dt: float):
+    """Twist [rad] of the contact patch after ``dt``: ẇ = ψ̇ − |ψ̇| w/ψ₀ − |v| w/ℓ.
+
+    ``swivel`` ψ̇ [rad/s] about the ground's normal winds it up to ψ₀ = ``scrub_angle`` (Dahl; Sharp & Granger, *On car
+    steering torques at parking speeds*), and tread that rolls in at ``roll`` v [m/s] is not twisted: it is renewed over
+    the patch's length ℓ = 2 √(2 R δ), the chord at ``depth`` δ [m].
+    """
+    length = 2.0 * wp.sqrt(2.0 * m.radius * depth)
+    return bristle_step(twist, swivel, wp.abs(swivel) / m.scrub_angle + wp.abs(roll) / length, dt)
+
+
+@wp.func
+def scrub_torque(m: Tire, twist: float, load: float, friction: float):
+    """Torque [N m] about the ground's normal against the twist: μ F_n r w/ψ₀, r the ``scrub_radius`` (2/3 of the radius
+    of a round patch of even pressure)."""
+    return -friction * m.friction_coulomb * load * m.scrub_radius * twist / m.scrub_angle
 
 
 @wp.func
@@ -133,6 +155,7 @@ def tire_contact(
     # bristles
     bristle_x: float,
     bristle_y: float,
+    twist: float,
     dt: float,
 ):
     """Contact of one wheel: F_n = max(0, k δ + c δ̇), F_j = F_n (σ₀ z_j + σ₁ ż_j + σ₂ v_j) for both directions.
@@ -181,6 +204,10 @@ def tire_contact(
             * wp.tanh(spin / ROLLING_REGULARISATION)
         )
         out.moment = wp.cross(arm, out.force) - wp.vec3(0.0, rolling, 0.0)
+        if m.scrub_radius > 0.0:
+            roll = wp.dot(forward, velocity)
+            out.twist = scrub_step(m, twist, wp.dot(n, omega), roll, touch.depth, dt)
+            out.moment += scrub_torque(m, 0.5 * (twist + out.twist), load, ground.friction) * n
         out.load = load
     return out
 
