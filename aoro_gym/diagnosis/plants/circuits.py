@@ -96,13 +96,14 @@ class Chebyshev:
 
 @dataclass
 class Side:
-    """What depends on the side that the spool stands on, for the length of one call (R,)."""
+    """What stays for the length of one call, such as what belongs to the side that the spool stands on; (R,)."""
 
     left: Array
     inlet: Array  # conductance of the open edges
     outlet: Array
     start: Array  # [V] signal at which the curve begins
     slopes: tuple[Array, Array, Array]  # of the opening curve [1/V]
+    full_load: Array  # brake torque [N m] that the engine can give; half a millisecond changes it by 0.1 N m
 
 
 class Circuits:
@@ -321,8 +322,8 @@ class Circuits:
         return sliding, sliding * self.static_ratio
 
     def bearing_torque(self, angle: Array) -> Array:
-        """Breakaway torque of the joint's bearing [N m]; a damaged spot 0.1 rad wide lies at 0.15 rad to the left."""
-        return self.bearing + self.bump * np.exp(-(((angle - 0.15) / 0.1) ** 2))
+        """Breakaway torque of the joint's bearing [N m]; a damaged spot 0.1 rad wide lies at 0.4 rad to the right."""
+        return self.bearing + self.bump * np.exp(-(((angle + 0.4) / 0.1) ** 2))
 
     def cylinder_torque(
         self, at: Displacement, angle: Array, rate: Array, stretch: Array, p_a: Array, p_b: Array
@@ -350,12 +351,13 @@ class Circuits:
             total = total + stribeck_level(sliding, self.static_ratio, lever * rate, self.stribeck)
         return total
 
-    def side(self, left: Array) -> Side:
-        """What belongs to a spool that stands on its left side where ``left`` (R,) says so, else on its right one."""
+    def side(self, left: Array, engine_speed: Array) -> Side:
+        """What belongs to a spool on its left side where ``left`` (R,) says so, else on its right one, and to the engine's
+        speed [rad/s]."""
         sides = self.curve["left"], self.curve["right"]
         start, *slopes = (np.where(left, one, other) for one, other in zip(*sides, strict=True))
         inlet, outlet = (np.where(left, *self.edges[name]) for name in ("inlet", "outlet"))
-        return Side(left, inlet, outlet, start, (slopes[0], slopes[1], slopes[2]))
+        return Side(left, inlet, outlet, start, (slopes[0], slopes[1], slopes[2]), self.ceiling(engine_speed))
 
     def opening(self, volts: Array, side: Side) -> Array:
         """Opening [0, 1] of the edges at the spool's ``volts`` [V] from the middle: three straight lines."""
@@ -397,7 +399,7 @@ class Circuits:
         The frames' joint starts at ``angle`` and turns at ``rate``, wheels turn at ``wheel_rate`` (4, R); ``steer`` and
         ``drive`` (R,) are what reaches spool and drive pump.
         """
-        side = self.side(y[SPOOL] > 0.0)
+        side = self.side(y[SPOOL] > 0.0, y[ENGINE])
         pin = np.where(self.elastic, y[PIN_ANGLE], angle) if self.elastic.any() else angle
         at = self.cylinders.at(pin)
         step = duration / steps
@@ -553,7 +555,7 @@ class Circuits:
         friction = self.engine_friction[0] + self.engine_friction[1] * speed
         load = self.loads(swash, supply, drive_swash, forward, back, charge)
         torque = y[TORQUE]
-        most = self.ceiling(speed) + friction
+        most = side.full_load + friction
         slow = self.set_speed - self.engine_droop * np.maximum(torque - friction, 0.0) - speed
         demand = np.minimum(np.maximum(self.proportional * slow + y[GOVERNOR], 0.0), most)
         out[ENGINE] = (torque - friction - load) / self.engine_inertia

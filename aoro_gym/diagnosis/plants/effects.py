@@ -45,7 +45,7 @@ class Effect:
         measure: Q (R,), or (2, R), of a plant with these constants.
         parts: Names of the parts of a magnitude that has several.
         relative: Whether low and high are shares of Q.
-        standing: Whether it shows in a standing turn.
+        standing: Whether angle and pressures of a standing turn show it above their noise at full severity.
     """
 
     id: str
@@ -174,7 +174,7 @@ def _hysteresis(constants: Constants, level: int) -> Array:
 
 def _dead_band(constants: Constants, level: int) -> Array:
     circuits = _circuits(constants, level)
-    side = circuits.side(np.ones(circuits.runs, dtype=bool))
+    side = circuits.side(np.ones(circuits.runs, dtype=bool), circuits.set_speed)
     low, high = np.full(circuits.runs, -0.5), np.full(circuits.runs, 1.5)
     for _ in range(50):  # bisection: the smallest signal that opens the port, as far as the spool lets it
         middle = 0.5 * (low + high)
@@ -222,7 +222,7 @@ def _seal(constants: Constants, level: int) -> Array:
 
 
 def _bearing(constants: Constants, level: int) -> Array:
-    torque = _circuits(constants, level).bearing_torque(np.full_like(constants["joint.bump"], -0.5))
+    torque = _circuits(constants, level).bearing_torque(np.full_like(constants["joint.bump"], 0.5))
     if level == 0:
         return torque
     return -brown_mcphee(_SPEEDS, torque / BEARING_RATIO, torque).min(axis=0)
@@ -232,7 +232,7 @@ def _bump(constants: Constants, level: int) -> Array:
     circuits = _circuits(constants, level)
     angles = np.linspace(-0.5, 0.5, 401)[:, None]
     torque = circuits.bearing_torque(angles)
-    return torque.max(axis=0) - torque[0]
+    return torque.max(axis=0) - torque[-1]
 
 
 def _play(constants: Constants, level: int) -> Array:
@@ -257,19 +257,15 @@ def _compliance(constants: Constants, level: int) -> Array:
     return np.where(circuits.elastic, 0.01 / np.where(circuits.elastic, rise, 1.0), 0.0)
 
 
-def _standing_tire(constants: Constants, level: int) -> Tires:
-    return Tires(constants, level)
-
-
 def _lateral_stiffness(constants: Constants, level: int) -> Array:
-    tires, travel = _standing_tire(constants, level), 1e-6
+    tires, travel = Tires(constants, level), 1e-6
     zero = np.zeros_like(tires.twist)
     tires.advance(zero, zero + travel, zero, zero, 1.0)
     return -tires.forces(zero + NOMINAL_LOAD, zero, zero, zero, zero)[1][0] / travel
 
 
 def _swivel(constants: Constants, level: int) -> Array:
-    tires, steps = _standing_tire(constants, level), 200
+    tires, steps = Tires(constants, level), 200
     zero = np.zeros_like(tires.twist)
     for _ in range(steps):
         tires.advance(zero, zero, zero + SWIVEL / steps, zero, 1.0)
@@ -277,7 +273,7 @@ def _swivel(constants: Constants, level: int) -> Array:
 
 
 def _towing(constants: Constants, level: int) -> Array:
-    tires = _standing_tire(constants, level)
+    tires = Tires(constants, level)
     one = np.ones_like(tires.twist)
     return -tires.rolling_moment(one, one, 10.0 * one)[0]
 
@@ -419,6 +415,7 @@ _CATALOGUE = (
         "engine_droop", "engine", "relative fall of the steady speed from no load to full load", "1", 0.01, 0.07,
         "D: droop 0 to 7 %", _add("engine.droop"),
         lambda p, level: (lambda c: c.engine_droop * c.ceiling(c.set_speed) / c.set_speed)(_circuits(p, level)),
+        standing=False,
     ),
     Effect(
         "pump_response", "pump", "time of pump 2's swash from zero to full at saturated error; down alike", "s", -0.6, 2.0,
@@ -454,8 +451,9 @@ _CATALOGUE = (
         "m^3/s", -0.25, 0.3, "P: 62 L/min in the data sheet, 70.6 measured", _apply_valve_gain, _valve_gain, relative=True,
     ),
     Effect(
-        "valve_hysteresis", "valve", "width of the play between command and spool, share of the full signal", "1", 0.02, 0.2,
-        "C: 1 to 6 %; worn linkages more; shows where the signal falls, but not to zero", _add("steering.valve.hysteresis"), _hysteresis,
+        "valve_hysteresis", "valve", "width of the play between command and spool, share of the full signal; shows where "
+        "the signal falls short of zero", "1", 0.02, 0.2, "C: 1 to 6 %; worn linkages more",
+        _add("steering.valve.hysteresis"), _hysteresis,
     ),
     Effect(
         "compensator_lag", "valve", "time of the compensator's full stroke under an excess of one setting", "s", -0.9, 4.0,
@@ -576,7 +574,7 @@ _CATALOGUE = (
         "estimate: an eccentric magnet", _add("sensor.wobble"), lambda p, level: p["sensor.wobble"] + 0.0,
     ),
     Effect(
-        "x_hinge_bump", "joint", "extra breakaway torque of the bearing at a spot 0.15 rad to the left", "N*m", 800.0,
+        "x_hinge_bump", "joint", "extra breakaway torque of the bearing at a spot 0.4 rad to the right", "N*m", 800.0,
         8000.0, "estimate: a damaged race", _add("joint.bump"), _bump,
     ),
     Effect(

@@ -22,7 +22,9 @@ def stribeck_level(sliding: Array, ratio: Array, speed: Array, stribeck: Array) 
     return sliding * (1.0 + (ratio - 1.0) * np.exp(-((speed / stribeck) ** 2)))
 
 
-def prandtl_force(stretch: Array, speed: Array, stiffness: Array, damping: Array, capacity: Array) -> Array:
+def prandtl_force(
+    stretch: Array, speed: Array, stiffness: Array | float, damping: Array | float, capacity: Array | float
+) -> Array:
     """Force or torque on the moving part, −clip(k z + c v, ±capacity)."""
     return -np.minimum(np.maximum(stiffness * stretch + damping * speed, -capacity), capacity)
 
@@ -32,7 +34,7 @@ def clipped(stretch: Array, limit: Array) -> Array:
     return np.minimum(np.maximum(stretch, -limit), limit)
 
 
-def brown_mcphee(speed: Array, sliding: Array, static: Array) -> Array:
+def brown_mcphee(speed: Array, sliding: Array | float, static: Array | float) -> Array:
     """Friction on the moving part [N], without the viscous part::
 
         F = −F_c tanh(4x) − (F_s − F_c) x / (x²/4 + 3/4)²,   x = v / v_t

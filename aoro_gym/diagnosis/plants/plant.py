@@ -247,7 +247,8 @@ def simulate(
 
 
 def delay(signal: Array, age: Array, step: float) -> Array:
-    """Means (2 K, R) over half steps of ``signal`` (K, R), held over steps of ``step`` [s], ``age`` [s] (R,) earlier."""
+    """Means (2 K, R) over half steps of ``signal`` (K, R), held over steps of ``step`` [s], ``age`` [s] (R,) earlier; it was
+    zero before its start."""
     count = len(signal)
     total = np.concatenate([np.zeros((1, signal.shape[1])), np.cumsum(signal, axis=0)]) * step
     edges = 0.5 * step * np.arange(2 * count + 1)[:, None] - age
@@ -255,5 +256,4 @@ def delay(signal: Array, age: Array, step: float) -> Array:
     whole = np.minimum(place.astype(np.int64), count - 1)
     each = np.arange(signal.shape[1])
     integral = total[whole, each] + (place - whole) * step * signal[whole, each]
-    before = np.minimum(edges, 0.0) * signal[0]  # before its start the signal stood at its first value
-    return np.diff(integral + before, axis=0) / (0.5 * step)
+    return np.diff(integral, axis=0) / (0.5 * step)

@@ -20,7 +20,7 @@ TICK = 0.01
 """Interval [s] over which commands are held."""
 
 CHUNK = 500
-"""Runs stepped together: 130 MB for 3 s, and arrays that stay in a core's cache."""
+"""Runs stepped together: 130 MB of outputs for 3 s, and arrays that stay in a core's cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Run:
     effects: Mapping[str, ArrayLike] = field(default_factory=dict)
     drive: Array | None = None
     joint_angle: float = 0.0
-    seed: int | np.random.SeedSequence = 0
+    seed: int = 0
     noise: Noise | None = None
 
     def __post_init__(self) -> None:

@@ -103,7 +103,7 @@ def measured(
     outputs: Mapping[str, Array],
     constants: Constants,
     level: int,
-    seeds: Sequence[int | np.random.SeedSequence],
+    seeds: Sequence[int],
     noise: Noise | None = None,
 ) -> tuple[Array, dict[str, Array]]:
     """Ticks [s] (K,) and what the sensors show of ``outputs`` (F, R), SI, each (K, R).
@@ -123,13 +123,13 @@ def measured(
         raise ValueError(f"outputs every {step:g} s do not hold the logger's {RATE:g} Hz; keep one a millisecond")
     ticks = time[::every]
     runs = len(seeds)
-    rngs = [np.random.default_rng(seed) for seed in seeds]
     turned = np.concatenate([np.zeros((1, runs)), np.cumsum(outputs["engine_speed"][:-1] * step, axis=0)])[::every]
     shown: dict[str, Array] = {}
-    for name in sorted(outputs):
+    for name in outputs:
         value = angle_chain(time, outputs[name], constants) if name == "joint_angle" else outputs[name].copy()
         value = value[::every]
-        for run, rng in enumerate(rngs):
+        for run, seed in enumerate(seeds):
+            rng = np.random.default_rng([seed, *name.encode()])  # a stream a channel, whichever others there are
             value[:, run] += _noise(name, added, ticks, turned[:, run], rng)
         if name == "joint_angle" or "pressure" in name:
             if "pressure" in name and added.pressure_step:
@@ -142,18 +142,19 @@ def measured(
 
 
 def _noise(name: str, noise: Noise, ticks: Array, turned: Array, rng: np.random.Generator) -> Array:
-    white = rng.standard_normal(len(ticks))
+    """Draws what holds for a run first, then a number a sample, so that a longer run begins as a shorter one."""
     if name == "joint_angle":
-        total = noise.angle_white * white
+        total = np.zeros(len(ticks))
         for order, amplitude in noise.angle_orders:
             total += amplitude * np.sin(order * turned + rng.uniform(0.0, 2.0 * np.pi))
         for low, high, amplitude in noise.angle_lines:
             frequency, phase = rng.uniform(low, high), rng.uniform(0.0, 2.0 * np.pi)
             total += amplitude * np.sin(2.0 * np.pi * frequency * ticks + phase)
-        return total
+        return total + noise.angle_white * rng.standard_normal(len(ticks))
     if "pressure" in name:
-        return noise.pressure_white * white + noise.pressure_zero * rng.standard_normal()
-    return noise.wheel_white * white if name.startswith("wheel_rate") else np.zeros(len(ticks))
+        zero = noise.pressure_zero * rng.standard_normal()
+        return zero + noise.pressure_white * rng.standard_normal(len(ticks))
+    return (noise.wheel_white if name.startswith("wheel_rate") else 0.0) * rng.standard_normal(len(ticks))
 
 
 def _resolution(name: str, noise: Noise) -> float:
