@@ -681,7 +681,14 @@ def bench(
     """Measure how fast twins and environments step, beside other engines.
 
     Twins steer and drive at random, with new commands every 20 ms; environments take random actions. Five runs a case, in
-    rounds over all cases, compilation excluded: the table shows the median, the slowest and the fastest.
+    rounds over all cases, compilation excluded: the table shows the median, the slowest and the fastest. The file of --json
+    is written anew after each run ("runs" says how many a case has had), so that an interrupted benchmark keeps what it has.
+
+    The share of the ceiling sets twins beside a roofline: operations and bytes of a step, counted from the kernel's code,
+    over what small kernels reach here in the same run. On a CPU it is of one core without SIMD, as one thread is one twin,
+    and steps count by core seconds; on a GPU it is of the whole device. In the file: "ceiling" of the machine; of a case
+    "operations_per_step", "bytes_per_step", "ceiling_steps_per_s" by resource, and "share_of_ceiling", of the lower of them.
+    Triangles (--ground mesh) have none: their query is not counted.
 
     A peer is the same vehicle without hydraulics (two frames, four sprung arms, four driven spheres as wheels, the forest
     as a height field of 256 x 256, steps of 1 ms) in MuJoCo on the CPU or in MuJoCo Warp on a GPU; each counts at its
@@ -720,13 +727,16 @@ def bench(
         )
     from aoro_gym.benchmark.report import tables
 
+    def save(so_far: dict[str, Any]) -> None:
+        if json_file is not None:
+            _write_json(json_file, so_far)
+
     with _progress() as progress, _running():
         task = progress.add_task("bench", total=1.0)
-        result = run(plan, chosen, lambda what, share: progress.update(task, description=what, completed=share))
+        result = run(plan, chosen, lambda what, share: progress.update(task, description=what, completed=share), save)
     for table in tables(result):
         _out().print(table)
     if json_file is not None:
-        _write_json(json_file, result)
         _say([json_file])
 
 
@@ -1264,7 +1274,9 @@ def _figure_table(section: Section) -> Table:
 def _write_json(path: Path, content: Any) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     text = json.dumps(_with_nulls(content), indent=2, ensure_ascii=False, allow_nan=False)
-    path.write_text(text + "\n", encoding="utf-8")
+    partial = path.with_name(f"{path.name}.partial")
+    partial.write_text(text + "\n", encoding="utf-8")
+    partial.replace(path)  # whole or not at all
 
 
 def _with_nulls(content: Any) -> Any:

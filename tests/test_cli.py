@@ -339,7 +339,10 @@ def test_bench(tmp_path):
         assert case["what"] == "twin"
         assert case["device"] == "cpu"
         assert 0 < case["min"] <= case["steps_per_s"] <= case["max"]
+        share = 100.0 * case["share_of_ceiling"]
+        assert 0 < share < 100 and f"{share:.3g} %" in shown.output
     assert set(result) == {"machine", "cases", "peers", "ratios"}
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_terrain(tmp_path):

@@ -236,18 +236,3 @@ def test_what_is_not_counted_yet_is_named():
 @wp.func
 def unknown(x: float):
     return wp.erf(x)
-
-
-def test_a_probe_runs_and_is_checked():
-    device = wp.get_device("cpu")
-    assert 0.0 < roofline.probe_time(roofline.multiply_add, 2, 1, device) < 1e-6
-
-
-def test_a_probe_whose_chains_leave_is_refused():
-    with pytest.raises(RuntimeError, match="must stay near 1"):
-        roofline.probe_time(halve, 1, 1, wp.get_device("cpu"))
-
-
-@wp.func
-def halve(x: float, p: roofline.Probe):
-    return 0.5 * x

@@ -14,10 +14,18 @@ def tables(result: dict[str, Any]) -> list[Table]:
     on = result["machine"]
     cases = _table(
         f"{on['device']}, {on['cores']} cores",
-        ("what", "ground", "copies", "threads", *_RATES, "x real time, each", "x real time, all", "bytes a twin"),
+        ("what", "ground", "copies", "threads", *_RATES, *_SHARES, "bytes a twin"),
     )
+    own = next((case for case in result["cases"] if "share_of_ceiling" in case), None)
+    if own is not None:
+        per_s, whose = on["ceiling"], "a core" if own["device"] == "cpu" else "the device"
+        cases.caption = (
+            f"ceiling of {whose}: {per_s['operations_per_s']:.3g} scalar operations and {per_s['bytes_per_s']:.3g} bytes a "
+            f"second; a step takes {own['operations_per_step']:,} and {own['bytes_per_step']:,.0f}"
+        )
     for case in result["cases"]:
         factor = case["real_time_factor"]
+        share = case.get("share_of_ceiling")
         memory = case.get("memory", {}).get("bytes_per_twin")
         cases.add_row(
             case["what"],
@@ -25,6 +33,7 @@ def tables(result: dict[str, Any]) -> list[Table]:
             f"{case['twins']}",
             _count(case["threads"]),
             *_rates(case),
+            "" if share is None else f"{100.0 * share:.3g} %",
             f"{factor:.3g}",
             f"{factor * case['twins']:,.0f}",
             _count(memory),
@@ -52,6 +61,7 @@ def tables(result: dict[str, Any]) -> list[Table]:
     return shown
 
 
+_SHARES = ("share of ceiling", "x real time, each", "x real time, all")
 _RATES = ("steps/s (median)", "slowest", "fastest", "a core second")
 
 

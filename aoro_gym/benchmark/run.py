@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from aoro_gym.benchmark import peers
+from aoro_gym.benchmark.ceiling import beside, counted, measure_ceiling
 from aoro_gym.benchmark.environments import OUTPUTS, environments
 from aoro_gym.benchmark.ratios import ratios
 from aoro_gym.benchmark.scene import GROUNDS
@@ -82,19 +83,26 @@ class Plan:
         return self.threads or tuple(dict.fromkeys((1, cores())))
 
 
-def run(plan: Plan, machine: Machine, progress: Callable[[str, float], Any] | None = None) -> dict[str, Any]:
+def run(
+    plan: Plan,
+    machine: Machine,
+    progress: Callable[[str, float], Any] | None = None,
+    save: Callable[[dict[str, Any]], Any] | None = None,
+) -> dict[str, Any]:
     """Time all that ``plan`` asks for of copies of ``machine``.
 
     Args:
         plan: What to time.
         machine: One machine.
         progress: Called with what is happening and the share in [0, 1] of it that is done.
+        save: Called after every timed run with the benchmark file as far as it goes, and when all is done.
 
     Raises:
         TwinLost: a twin's state stopped being finite.
 
     Returns:
-        The benchmark file: ``machine`` (the computer), ``cases``, ``peers``, ``ratios`` and, if asked for, ``startup``.
+        The benchmark file: ``machine`` (the computer, with its ``ceiling``), ``cases``, ``peers``, ``ratios`` and, if asked
+        for, ``startup``.
     """
     cases, others = _cases(plan), _others(plan)
     subjects = []
@@ -103,16 +111,29 @@ def run(plan: Plan, machine: Machine, progress: Callable[[str, float], Any] | No
             copies = options.get("count", options.get("worlds"))
             progress(f"preparing {copies} x {make.__name__}", index / (len(cases) + len(others)))
         subjects.append(make(**options, machine=machine, ground=plan.ground, seed=plan.seed))
-    rows = measure(subjects, seconds=plan.seconds, progress=progress)
-    timed, compared = rows[: len(cases)], rows[len(cases) :]
-    result = {
-        "machine": computer(plan.device),
-        "cases": timed,
-        "peers": compared,
-        "ratios": ratios(timed, compared),
-    }
+    on = computer(plan.device)
+    ceiling = None
+    if "twin" in plan.what and plan.ground in counted():
+        if progress is not None:
+            progress("measuring the computer's ceiling", 1.0)
+        ceiling = measure_ceiling(plan.device)
+        on["ceiling"] = asdict(ceiling)
+
+    def gathered(rows: list[dict[str, Any]]) -> dict[str, Any]:
+        timed, compared = rows[: len(cases)], rows[len(cases) :]
+        if ceiling is not None:
+            timed = [case | beside(case, ceiling) if case["what"] == "twin" else case for case in timed]
+        return {"machine": on, "cases": timed, "peers": compared, "ratios": ratios(timed, compared)}
+
+    def keep(rows: list[dict[str, Any]]) -> None:
+        if save is not None:
+            save(gathered(rows))
+
+    result = gathered(measure(subjects, seconds=plan.seconds, progress=progress, save=keep))
     if plan.startup:
         result["startup"] = time_startup(plan.device, plan.ground, progress)
+        if save is not None:
+            save(result)
     return result
 
 

@@ -37,7 +37,11 @@ class Subject:
 
 
 def measure(
-    subjects: Sequence[Subject], *, seconds: float, progress: Callable[[str, float], Any] | None = None
+    subjects: Sequence[Subject],
+    *,
+    seconds: float,
+    progress: Callable[[str, float], Any] | None = None,
+    save: Callable[[list[dict[str, Any]]], Any] | None = None,
 ) -> list[dict[str, Any]]:
     """Time each of ``subjects`` in :data:`RUNS` runs, one round after the other.
 
@@ -47,11 +51,12 @@ def measure(
         subjects: What to time.
         seconds: Time [s] to measure each of them for.
         progress: Called with the subject's description in a word and the share in [0, 1] that is done.
+        save: Called after every run with the rows so far, in order: in the first round they are the first few.
 
     Returns:
         Rows of the benchmark file: ``steps_per_s`` counts the steps of all copies in a second of wall time,
         ``steps_per_core_s`` (on the CPU) in a second of processor time, ``real_time_factor`` is the simulated time of each
-        copy in a second.
+        copy in a second; ``runs`` is how many of them are done.
     """
     turns = (RUNS + 1) * len(subjects)
     done = 0
@@ -68,32 +73,35 @@ def measure(
         say(subject)
     wall: list[list[float]] = [[] for _ in subjects]
     processor: list[list[float]] = [[] for _ in subjects]
-    checked: list[dict[str, Any]] = [{} for _ in subjects]
+    rows: list[dict[str, Any]] = [{} for _ in subjects]
     for _ in range(RUNS):
         for i, (subject, count) in enumerate(zip(subjects, counts, strict=True)):
             spent = _run(subject, count)
             steps = count * subject.steps * subject.copies
             wall[i].append(steps / spent[0])
             processor[i].append(steps / spent[1])
-            checked[i] = subject.check()
+            rows[i] = _row(subject, steps, wall[i], processor[i]) | subject.check()
+            if save is not None:
+                save([row for row in rows if row])
             say(subject)
-    rows = []
-    for i, subject in enumerate(subjects):
-        median = statistics.median(wall[i])
-        row = {
-            **subject.description,
-            "steps_per_s": median,
-            "min": min(wall[i]),
-            "max": max(wall[i]),
-            "real_time_factor": median * subject.step_time / subject.copies,
-            "runs": RUNS,
-            "steps_per_run": counts[i] * subject.steps * subject.copies,
-            **checked[i],
-        }
-        if row["device"] == "cpu":
-            row["steps_per_core_s"] = statistics.median(processor[i])
-        rows.append(row)
     return rows
+
+
+def _row(subject: Subject, steps: int, wall: list[float], processor: list[float]) -> dict[str, Any]:
+    """What runs of ``steps`` each, with these rates [steps/s] by wall and processor time, say of ``subject``."""
+    median = statistics.median(wall)
+    row = {
+        **subject.description,
+        "steps_per_s": median,
+        "min": min(wall),
+        "max": max(wall),
+        "real_time_factor": median * subject.step_time / subject.copies,
+        "runs": len(wall),
+        "steps_per_run": steps,
+    }
+    if row["device"] == "cpu":
+        row["steps_per_core_s"] = statistics.median(processor)
+    return row
 
 
 def _control_steps(subject: Subject, seconds: float) -> int:

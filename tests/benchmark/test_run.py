@@ -9,6 +9,7 @@ from aoro_gym.benchmark import run as running
 from aoro_gym.benchmark import startup
 from aoro_gym.benchmark.report import tables
 from aoro_gym.benchmark.run import Plan, run
+from aoro_gym.benchmark.timing import RUNS
 from aoro_gym.twin.twin import cores
 
 
@@ -43,9 +44,12 @@ def test_all_of_it(machine):
     plan = Plan(
         twins=(1, 2), what=("twin", "env"), threads=(1,), peers=("mujoco",), worlds=(2,), seconds=0.02, randomise=True
     )
-    seen = []
-    result = run(plan, machine, lambda what, share: seen.append(share))
+    seen, kept = [], []
+    result = run(plan, machine, lambda what, share: seen.append(share), kept.append)
     assert seen[-1] == 1.0
+    assert len(kept) == 5 * RUNS
+    assert (len(kept[0]["cases"]), len(kept[3]["cases"]), len(kept[4]["peers"])) == (1, 4, 1)
+    assert kept[-1] == result
     made = [(what, count) for count in (1, 2) for what in ("twin", "env")]
     assert [(case["what"], case["twins"]) for case in result["cases"]] == made
     for row in (*result["cases"], *result["peers"]):
@@ -54,11 +58,27 @@ def test_all_of_it(machine):
         step = row["control_step_s"] if row["what"] == "env" else 1e-3
         copies = row.get("twins", row.get("worlds"))
         assert row["real_time_factor"] * copies == pytest.approx(row["steps_per_s"] * step)
+        assert ("share_of_ceiling" in row) == (row["what"] == "twin")
+        assert 0.0 < row.get("share_of_ceiling", 0.5) < 1.0
     (peer,) = result["peers"]
     assert (peer["what"], peer["worlds"], peer["threads"], peer["finite"]) == ("mujoco", 2, 1, 2)
     assert set(result["ratios"]) >= {"twin_over_mujoco_per_core_second"}
     assert json.loads(json.dumps(result)) == result
     assert [table.row_count for table in tables(result)] == [4, 1, len(result["ratios"])]
+
+
+def test_triangles_have_no_ceiling(machine):
+    result = run(Plan(twins=(1,), threads=(1,), ground="mesh", seconds=0.02), machine)
+    assert "ceiling" not in result["machine"]
+    assert "share_of_ceiling" not in result["cases"][0]
+    assert tables(result)[0].row_count == 1
+
+
+def test_start_up_is_kept(machine, monkeypatch):
+    monkeypatch.setattr(running, "time_startup", lambda *asked: {"warm_s": 1.0})
+    kept = []
+    result = run(Plan(twins=(1,), threads=(1,), seconds=0.02, startup=True), machine, save=kept.append)
+    assert kept[-1] == result and "startup" in result
 
 
 def test_startup_tells_cold_from_warm(monkeypatch):

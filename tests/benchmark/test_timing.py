@@ -61,6 +61,19 @@ def test_rounds_over_all(clock):
     assert seen[-1] == ("8 x b", 1.0)
 
 
+def test_an_interrupted_run_keeps_what_it_has(clock):
+    kept = []
+
+    def save(rows):
+        kept.append([(row["what"], row["runs"]) for row in rows])
+        if len(kept) == 4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        measure([clock.subject(name, 0.1) for name in "abc"], seconds=5.0, save=save)
+    assert kept == [[("a", 1)], [("a", 1), ("b", 1)], [("a", 1), ("b", 1), ("c", 1)], [("a", 2), ("b", 1), ("c", 1)]]
+
+
 def test_nobody_drives_longer_than_an_episode(clock):
     timing.measure([clock.subject("a", 0.001)], seconds=10.0)
     assert max(steps for _, steps in clock.calls) == EPISODE

@@ -2,15 +2,14 @@
 measured by small kernels, the twin timed in the same run.
 
 `python -m tests.benchmarks.roofline --device cuda:0 --json tests/benchmarks/roofline/h200.json` measures a computer;
-`python -m tests.benchmarks.roofline --write` puts all files of that folder into the tables of `roofline.md`. A CPU is
-measured on one core (`taskset -c 0`), with one twin.
+`python -m tests.benchmarks.roofline --write` puts all files of that folder into the tables of `roofline.md`, and the counts
+into the file that `aoro-gym bench` reads. A CPU is measured on one core (`taskset -c 0`), with one twin.
 """
 
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
 import argparse
 import json
 import re
-import time
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -21,8 +20,10 @@ from rich.console import Console
 from rich.progress import track
 
 from aoro_gym import Machine, Twin
+from aoro_gym.benchmark.ceiling import OPERATIONS
+from aoro_gym.benchmark.probes import WIDTH, bandwidth, best, full, multiply_add, probe_time
 from aoro_gym.manoeuvres import TwinLost
-from aoro_gym.terrains.plane import Plane
+from aoro_gym.terrains import Plane, Terrain
 from aoro_gym.twin.laws.fluid import Oil, fill, orifice, pressure, without_gas
 from aoro_gym.twin.records import pack
 from tests.benchmarks import terrain_speed
@@ -37,12 +38,6 @@ INSTANTS = (0.3, 0.5, 0.7, 0.9, 1.1)
 """Times [s] into a drive over rough ground, turning left at full signal, at which a main step is counted."""
 LAUNCH = 20
 """Main steps a launch, over which what a launch moves is shared."""
-WIDTH = 8
-"""Independent chains a thread, where units shall be full; one chain shows their latency."""
-REPEATS = 8
-"""Operations of a chain in one turn of the loop."""
-RUNS = 15
-"""Runs of 50 ms, of which the best counts."""
 
 
 # ---- what the probes do ---------------------------------------------------------------------------------------------
@@ -50,7 +45,7 @@ RUNS = 15
 
 @wp.struct
 class Probe:
-    """Opaque operands, so that no compiler knows a result beforehand."""
+    """Opaque operands of all probes."""
 
     a: float
     b: float
@@ -60,11 +55,6 @@ class Probe:
     volume: float  # [m³]
     compliance: float  # [m³/Pa]
     dt: float  # [s]
-
-
-@wp.func
-def multiply_add(x: float, p: Probe):
-    return x * p.a + p.b
 
 
 @wp.func
@@ -113,90 +103,7 @@ def probe_values(device: Any) -> Any:
     return wp.array(out, dtype=Probe, device=device)
 
 
-def chains(operation: Any, width: int, *, simd: bool = False) -> Any:
-    """Kernel of ``width`` independent chains of ``operation`` a thread; on a CPU scalar, as the twin is, or SIMD."""
-    lanes = wp.types.vector(length=width, dtype=float)
-
-    def run(probes: wp.array(dtype=Probe), turns: int, last: wp.array(dtype=float)):
-        t = wp.tid()
-        p = probes[t % probes.shape[0]]
-        x = lanes()
-        for lane in range(width):
-            x[lane] = 1.0 + p.b * float(t % 7 + lane)  # pyright: ignore[reportOperatorIssue]
-        for _turn in range(turns):
-            for _repeat in range(REPEATS):
-                for lane in range(width):
-                    x[lane] = operation(x[lane], p)
-        last[t] = wp.dot(x, x)  # pyright: ignore
-
-    flags = "-march=native" if simd else "-march=native -fno-slp-vectorize"
-    options = {"fast_math": True, "default_grid_stride": False, "cpu_compiler_flags": flags}
-    return wp.kernel(run, enable_backward=False, module="unique", module_options=options)
-
-
-@wp.kernel(enable_backward=False)
-def copy(source: wp.array(dtype=float), target: wp.array(dtype=float), b: float):
-    t = wp.tid()
-    target[t] = source[t] + b
-
-
 # ---- measure --------------------------------------------------------------------------------------------------------
-
-
-def best(launch: Any, device: Any) -> float:
-    """Shortest time [s] of a turn: ``launch(turns)`` with turns enough for 50 ms, :data:`RUNS` times. On a CPU the process's
-    own time, in which waiting for other work does not count."""
-    clock = time.process_time if device.is_cpu else time.perf_counter
-
-    def timed(turns: int) -> float:
-        wp.synchronize_device(device)
-        began = clock()
-        launch(turns)
-        wp.synchronize_device(device)
-        return clock() - began
-
-    turns = 1
-    timed(turns)
-    while (spent := timed(turns)) < 0.01:
-        turns *= 2
-    turns = max(1, round(turns * 0.05 / spent))
-    return min(timed(turns) for _ in range(RUNS)) / turns
-
-
-def probe_time(operation: Any, width: int, threads: int, device: Any, *, simd: bool = False) -> float:
-    """Time [s] of one operation of each of ``threads`` x ``width`` chains.
-
-    Raises:
-        RuntimeError: a result is not what chains that stay near 1 give.
-    """
-    kernel = chains(operation, width, simd=simd)
-    probes = probe_values(device)
-    last = wp.zeros(threads, dtype=float, device=device)
-    block = 256  # two warps for each of a multiprocessor's four schedulers
-
-    def launch(turns: int) -> None:
-        wp.launch(kernel, dim=threads, inputs=[probes, turns, last], device=device, block_dim=block)
-
-    spent = best(launch, device) / REPEATS
-    mean = last.numpy() / width  # square
-    if not (np.all(mean > 0.3) and np.all(mean < 3.0)):
-        raise RuntimeError(f"{operation.key} ended between {mean.min()} and {mean.max()}, but must stay near 1")
-    return spent
-
-
-def bandwidth(device: Any) -> float:
-    """Bytes [1/s] of a stream read and written."""
-    size = 2**24 if device.is_cpu else 2**27
-    source, target = (wp.ones(size, dtype=float, device=device) for _ in range(2))
-
-    def launch(turns: int) -> None:
-        for _ in range(turns):
-            wp.launch(copy, dim=size, inputs=[source, target, 1.0], device=device)
-
-    spent = best(launch, device)
-    if target.numpy()[:: size // 8].tolist() != [2.0] * 8:
-        raise RuntimeError("the copied stream is not what was written")
-    return 8.0 * size / spent
 
 
 def ceilings(device: Any) -> dict[str, Any]:
@@ -204,14 +111,14 @@ def ceilings(device: Any) -> dict[str, Any]:
     the same with as many threads as twins stay on the device (on a CPU one core has one)."""
     resident = 1 if device.is_cpu else 256 * device.sm_count  # 255 registers leave room for two warps a scheduler
     out: dict[str, Any] = {"resident_twins": resident, "probes": {}}
-    full = 1 if device.is_cpu else 4096 * device.sm_count
+    operands = probe_values(device)
     for name, operation in track(PROBES.items(), "ceilings", console=Console(stderr=True)):
-        times = {"latency": probe_time(operation, 1, resident, device)}
-        for kind, threads in (("resident", resident), ("full", full)):
-            times[kind] = probe_time(operation, WIDTH, threads, device) / (threads * WIDTH)
+        times = {"latency": probe_time(operation, operands, 1, resident)}
+        for kind, threads in (("resident", resident), ("full", full(device))):
+            times[kind] = probe_time(operation, operands, WIDTH, threads) / (threads * WIDTH)
         out["probes"][name] = times
     if device.is_cpu:
-        out["simd_multiply_add"] = probe_time(multiply_add, 4 * WIDTH, 1, device, simd=True) / (4 * WIDTH)
+        out["simd_multiply_add"] = probe_time(multiply_add, operands, 4 * WIDTH, 1, simd=True) / (4 * WIDTH)
     out["bytes_per_s"] = bandwidth(device)
     return out
 
@@ -219,9 +126,9 @@ def ceilings(device: Any) -> dict[str, Any]:
 # ---- count ----------------------------------------------------------------------------------------------------------
 
 
-def mean_cost(latency: dict[str, float], *, gpu: bool) -> Cost:
-    """Mean cost of a main step over :data:`INSTANTS` of a loaded turn over rough ground, on a raster."""
-    twin = Twin(terrain=rough(0, bumps=0.05, hills=0.1))
+def mean_cost(latency: dict[str, float], *, gpu: bool, terrain: Terrain | Plane | None = None) -> Cost:
+    """Mean cost of a main step over :data:`INSTANTS` of a loaded turn over ``terrain``, by default rough, as a raster."""
+    twin = Twin(terrain=terrain or rough(0, bumps=0.05, hills=0.1))
     twin.reset(position=(MIDDLE, MIDDLE))
     found = []
     for since, instant in zip((0.0, *INSTANTS), INSTANTS, strict=False):
@@ -262,6 +169,24 @@ def mixture_instructions(*, gpu: bool) -> float:
     first, fused = tally.distinct.copy(), tally.fused
     step(x, probe)
     return instructions(tally.distinct - first, tally.fused - fused)
+
+
+def operations() -> dict[str, Any]:
+    """What ``aoro-gym bench`` knows of a main step: by ground the operations of each class that a CPU and CUDA carry out, a
+    multiplication that an addition takes up as one ``multiply_add``, and the bytes of a step and of a launch."""
+    found: dict[str, Any] = {}
+    for ground, terrain in (("plane", Plane()), ("raster", None)):
+        cpu, cuda = (mean_cost({}, gpu=gpu, terrain=terrain) for gpu in (False, True))
+        moved = {"step": round(sum(cuda.step_bytes.values())), "launch": round(sum(cuda.launch_bytes.values()))}
+        found[ground] = {"cpu": executed(cpu), "cuda": executed(cuda), "bytes": moved}
+    return found
+
+
+def executed(count: Cost) -> dict[str, int]:
+    """Operations of each class, with the additions that take up a product in a class of their own."""
+    fused = round(count.fused)
+    classes = {name: round(n) for name, n in by_class(count.distinct).items()}
+    return {"multiply_add": fused} | {n: c - fused if n in ("add", "multiply") else c for n, c in classes.items()}
 
 
 # ---- bounds ---------------------------------------------------------------------------------------------------------
@@ -471,7 +396,7 @@ def main() -> None:
     parser.add_argument("--name", help="of the computer in the tables; by default the device's")
     parser.add_argument("--twins", type=int, help="timed together; by default 1 on a CPU and 32,768 on a GPU")
     parser.add_argument("--json", type=Path, help="file for the result")
-    parser.add_argument("--write", action="store_true", help=f"write the tables of {REPORT.name} from {RESULTS.name}/")
+    parser.add_argument("--write", action="store_true", help=f"count again: {REPORT.name} and {OPERATIONS.name}")
     asked = parser.parse_args()
     wp.config.log_level = wp.LOG_ERROR
     if asked.write:
@@ -479,6 +404,7 @@ def main() -> None:
         if not files:
             raise SystemExit(f"{RESULTS} holds no result; measure one: --json {RESULTS.name}/NAME.json")
         write([json.loads(file.read_text(encoding="utf-8")) for file in files])
+        OPERATIONS.write_text(json.dumps(operations(), indent=2) + "\n", encoding="utf-8")
         return
     device = wp.get_device(asked.device)
     twins = asked.twins or (1 if device.is_cpu else 32_768)
