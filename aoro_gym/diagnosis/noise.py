@@ -1,0 +1,121 @@
+"""What may part a recording from a perfect twin without a cause: noise of the sensors, and the twin's own error.
+
+Residuals are whitened with the covariance of both. Noise is an autoregressive process, fitted to the standstill that
+every recording begins with (Burg 1975: short stretches, sharp lines). The twin's own error is taken as relative: of the joint's rate, which the angle then integrates, and of each pressure's excursion, both wandering
+as Ornstein–Uhlenbeck processes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cholesky, solve_triangular, toeplitz
+from scipy.ndimage import maximum_filter1d
+
+from aoro_gym.diagnosis.recording import TICK, Recording
+
+ORDER = 12
+"""Of the autoregressive noise: holds a line at 6 Hz and its neighbours at 100 samples a second."""
+
+LEAST: Mapping[str, float] = {
+    "joint_angle": np.radians(0.01),
+    "pressure_a": 0.1e5,
+    "pressure_b": 0.1e5,
+    "pump_pressure": 0.1e5,
+    "drive_pressure_forward": 0.1e5,
+    "drive_pressure_return": 0.1e5,
+    "engine_speed": 0.2,
+}
+"""Least white noise [SI]: rounding of logs and of the twin's single precision."""
+
+RATE_MEMORY = 0.15
+"""Time [s] over which the twin's error of the joint's rate wanders."""
+PRESSURE_MEMORY = 0.04
+"""The same of its pressures."""
+
+
+@dataclass(frozen=True)
+class ModelError:
+    """Relative standard deviations of the twin's own error."""
+
+    rate: float
+    pressure: float
+
+    def scaled(self, factor: float) -> ModelError:
+        return ModelError(factor * self.rate, factor * self.pressure)
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Autocovariance [SI²] of one channel's noise, from lag 0 on."""
+
+    covariance: NDArray[np.float64]
+
+    @property
+    def std(self) -> float:
+        return float(np.sqrt(self.covariance[0]))
+
+
+def noise_of(recordings: Sequence[Recording], channel: str, lags: int) -> Noise:
+    """Noise of a channel from the standstill of all ``recordings`` together, for at least ``lags`` lags."""
+    segments = [r.channels[channel][: r.rest] for r in recordings if channel in r.channels]
+    segments = [segment - np.mean(segment) for segment in segments if len(segment) >= 8]
+    least = LEAST[channel] ** 2
+    order = min(ORDER, min((len(segment) for segment in segments), default=0) // 3)
+    if order < 1:
+        return Noise(np.r_[least, np.zeros(lags)])
+    measured, weights = _burg(segments, order)
+    covariance = np.concatenate([measured, np.zeros(max(lags - order, 0))])
+    for k in range(order + 1, len(covariance)):
+        covariance[k] = weights @ covariance[k - order : k][::-1]
+    covariance[0] += least
+    return Noise(covariance)
+
+
+def _burg(segments: Sequence[NDArray[np.float64]], order: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Autocovariance (order + 1,) and weights (order,) of the autoregressive process of several segments."""
+    forward, backward = list(segments), list(segments)
+    power = sum(float(s @ s) for s in segments) / sum(len(s) for s in segments)
+    covariance, left = [power], power
+    polynomial = np.ones(1)
+    for m in range(1, order + 1):
+        ahead, behind = [f[1:] for f in forward], [b[:-1] for b in backward]
+        both = sum(float(f @ f + b @ b) for f, b in zip(ahead, behind, strict=True))
+        reflection = -2.0 * sum(float(f @ b) for f, b in zip(ahead, behind, strict=True)) / both if both > 0.0 else 0.0
+        covariance.append(-reflection * left - float(polynomial[1:] @ np.array(covariance[m - 1 : 0 : -1])))
+        padded = np.append(polynomial, 0.0)
+        polynomial = padded + reflection * padded[::-1]
+        left *= 1.0 - reflection**2
+        forward = [f + reflection * b for f, b in zip(ahead, behind, strict=True)]
+        backward = [b + reflection * f for f, b in zip(ahead, behind, strict=True)]
+    return np.array(covariance), -polynomial[1:]
+
+
+@dataclass(frozen=True)
+class Whitener:
+    """Makes the residual (F,) or (F, N) of one channel of one recording white with unit variance."""
+
+    factor: NDArray[np.float64]  # lower Cholesky factor of the covariance (F, F)
+
+    def __call__(self, residual: NDArray[np.float64]) -> NDArray[np.float64]:
+        return solve_triangular(self.factor, residual, lower=True, check_finite=False)
+
+
+def whitener(noise: Noise, channel: str, predicted: NDArray[np.float64], error: ModelError) -> Whitener:
+    """Whitener of a channel whose twin shows ``predicted`` (F,) SI."""
+    count = len(predicted)
+    covariance = toeplitz(noise.covariance[:count])
+    lag = TICK * np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
+    if channel == "joint_angle":
+        moved = np.abs(np.gradient(predicted))  # a tick
+        spread = error.rate * moved
+        rates = np.outer(spread, spread) * np.exp(-lag / RATE_MEMORY)
+        covariance = covariance + np.cumsum(np.cumsum(rates, axis=0), axis=1)
+    else:
+        excursion = maximum_filter1d(np.abs(predicted - predicted[0]), 9)
+        spread = error.pressure * excursion
+        covariance = covariance + np.outer(spread, spread) * np.exp(-lag / PRESSURE_MEMORY)
+    return Whitener(cholesky(covariance, lower=True))

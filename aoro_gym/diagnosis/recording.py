@@ -1,0 +1,243 @@
+"""Recordings: what a machine's logger wrote, checked, on an even time grid. Faults are named, never silently used.
+
+What cannot be used at all is a ``ValueError``; what limits what can be said stands in ``Recording.limitations``.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aoro_gym.log import BAR, RPM, Table, read_table, signal_from_voltage
+from aoro_gym.twin.records import Command
+
+TICK = 0.01
+"""Interval [s] of the grid, and of the machine's logger."""
+
+COMMANDS = {"steering_signal": Command.STEERING_SIGNAL, "drive_signal": Command.DRIVE_SIGNAL}
+"""Columns that command the machine; zero where a log has none."""
+
+CHANNELS: dict[str, tuple[str, float]] = {
+    # column: twin's output, SI value of the column's unit
+    "joint_angle_rad": ("joint_angle", 1.0),
+    "pressure_a_bar": ("pressure_a", BAR),
+    "pressure_b_bar": ("pressure_b", BAR),
+    "pump_pressure_bar": ("pump_pressure", BAR),
+    "drive_pressure_forward_bar": ("drive_pressure_forward", BAR),
+    "drive_pressure_return_bar": ("drive_pressure_return", BAR),
+    "engine_speed_rpm": ("engine_speed", RPM),
+}
+"""Measured columns that a diagnosis compares."""
+
+REST = 0.3
+"""Standstill [s] that a recording must begin with: it gives the start angle and the noise."""
+SHORTEST = 1.5
+"""Time [s] below which nothing can be said of a manoeuvre."""
+COARSEST = 0.051
+"""Sampling interval [s] above which peaks are lost."""
+LONGEST_GAP = 0.1
+"""Gap [s] in the samples that is bridged, and named; across a longer one a log is refused."""
+LARGEST_ANGLE = 1.2
+"""Joint angle [rad] that no machine of this kind reaches: a larger one was logged in degrees."""
+SATURATED = 12
+"""Equal extreme samples in a row, while the joint is commanded to move on, that make a sensor look saturated."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One manoeuvre on an even grid of :data:`TICK`; F samples, F − 1 ticks between them."""
+
+    name: str
+    commands: NDArray[np.float64]  # (F − 1, len(COMMANDS)), each held from one sample to the next
+    channels: dict[str, NDArray[np.float64]]  # (F,) SI, by the twin's output names
+    rest: int  # samples of standstill at the beginning
+    start_angle: float  # [rad] mean over them
+    limitations: tuple[str, ...] = ()
+    manifest: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def ticks(self) -> int:
+        return len(self.commands)
+
+    @property
+    def signature(self) -> bytes:
+        """Equal for two recordings of the same commands."""
+        return np.round(self.commands, 3).tobytes()
+
+    def only(self, names: Sequence[str]) -> Recording:
+        """This recording with some of its channels."""
+        return replace(self, channels={name: self.channels[name] for name in names if name in self.channels})
+
+
+def read_recording(path: Path) -> Recording:
+    """Read a log (CSV or Parquet) and the manifest beside it.
+
+    Columns named ``true_*`` are never read.
+
+    Raises:
+        ValueError: the log cannot be used; names the file, the line or column, the value, and what is needed.
+    """
+    table = read_table(path)
+    manifest = _manifest(path)
+    limitations: list[str] = []
+    time, keep = _instants(table, limitations)
+    columns = {name: values[keep] for name, values in table.columns.items() if not name.startswith("true_")}
+    commands = _commands(path, columns)
+    channels = _channels(path, columns, limitations)
+
+    grid = np.arange(0.0, time[-1] + 1e-9, TICK)
+    held = commands[np.searchsorted(time, grid[:-1] + 1e-6, side="right") - 1]
+    sampled = {name: np.interp(grid, time, values) for name, values in channels.items()}
+    moving = np.flatnonzero(np.any(held != held[0] * 0.0, axis=1))
+    rest = int(moving[0]) + 1 if moving.size else len(grid)
+    if rest * TICK < REST:
+        raise ValueError(
+            f"{path} begins with {rest * TICK:.2f} s of zero commands; a diagnosis needs {REST} s of standstill, which "
+            "gives the start angle and the noise"
+        )
+    if not moving.size:
+        raise ValueError(f"{path} commands no motion: steering_signal is zero throughout")
+    angle = sampled["joint_angle"]
+    start = float(np.mean(angle[:rest]))
+    _look_over(path, held, sampled, rest, limitations)
+    return Recording(path.stem, held, sampled, rest, start, tuple(limitations), manifest)
+
+
+def _manifest(path: Path) -> dict[str, Any]:
+    beside = path.with_suffix(".toml")
+    if not beside.is_file():
+        return {}
+    try:
+        return tomllib.loads(beside.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"manifest {beside} is not TOML: {error}") from None
+
+
+def _instants(table: Table, limitations: list[str]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Rising instants from zero [s], and the rows that they belong to."""
+    time = table["time_s"]
+    # a repeated or reversed stamp belongs to a row that is left out
+    latest = np.maximum.accumulate(time)
+    keep = np.flatnonzero(np.r_[True, time[1:] > latest[:-1]])
+    if len(keep) < len(time):
+        bad = int(np.setdiff1d(np.arange(len(time)), keep)[0])
+        share = 1.0 - len(keep) / len(time)
+        if share > 0.05:
+            raise ValueError(
+                f"{table.where(bad)}: time_s repeats or runs backwards, here and in {share:.0%} of the rows; sort them"
+            )
+        limitations.append(f"{table.where(bad)}: time_s repeats or runs backwards; {len(time) - len(keep)} rows left out")
+    time = time[keep] - time[keep[0]]
+    if len(time) < 10 or time[-1] < SHORTEST:
+        raise ValueError(
+            f"{table.path} covers {time[-1]:.2f} s with {len(time)} samples; a diagnosis needs {SHORTEST} s at least"
+        )
+    steps = np.diff(time)
+    usual = float(np.median(steps))
+    if usual > COARSEST:
+        raise ValueError(
+            f"{table.path} has {1.0 / usual:.3g} samples a second; a diagnosis needs {1.0 / COARSEST:.0f} at least: the "
+            "first peak of a turn lasts a tenth of a second"
+        )
+    widest = int(np.argmax(steps))
+    if steps[widest] > LONGEST_GAP:
+        raise ValueError(
+            f"{table.where(int(keep[widest]))}: a gap of {steps[widest]:.2f} s; split the log there, or log without gaps"
+        )
+    if steps[widest] > 2.5 * usual:
+        limitations.append(f"{table.where(int(keep[widest]))}: a gap of {steps[widest]:.3f} s, bridged by a straight line")
+    return time, keep
+
+
+def _commands(path: Path, columns: dict[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Commands (K, len(COMMANDS)) of the rows."""
+    if "steering_signal" not in columns and "steering_signal_V" not in columns:
+        raise ValueError(f"{path} has neither a column steering_signal nor steering_signal_V")
+    steering = columns.get("steering_signal")
+    if "steering_signal_V" in columns:
+        by_voltage = signal_from_voltage(columns["steering_signal_V"])
+        if steering is None:
+            steering = by_voltage
+        elif np.max(np.abs(by_voltage - steering)) > 0.02:
+            row = int(np.argmax(np.abs(by_voltage - steering)))
+            raise ValueError(
+                f"{path}: steering_signal is {steering[row]:.3g} where steering_signal_V says {by_voltage[row]:.3g} "
+                f"(row {row + 1}); positive is left, 0.5 V is full left"
+            )
+    assert steering is not None
+    drive = columns.get("drive_signal", np.zeros_like(steering))
+    for name, values in (("steering_signal", steering), ("drive_signal", drive)):
+        row = int(np.argmax(np.abs(values)))
+        if abs(values[row]) > 1.0 + 1e-6:
+            raise ValueError(f"{path}: {name} is {values[row]:.4g} in row {row + 1}, but must be in [-1, 1]")
+    return np.clip(np.stack([steering, drive], axis=1), -1.0, 1.0)
+
+
+def _channels(
+    path: Path, columns: dict[str, NDArray[np.float64]], limitations: list[str]
+) -> dict[str, NDArray[np.float64]]:
+    """Measured channels in SI."""
+    if "joint_angle_rad" not in columns and "joint_angle_deg" in columns:
+        columns["joint_angle_rad"] = np.radians(columns["joint_angle_deg"])
+    if "joint_angle_rad" not in columns:
+        raise ValueError(f"{path} has no column joint_angle_rad or joint_angle_deg")
+    largest = float(np.max(np.abs(columns["joint_angle_rad"])))
+    if largest > LARGEST_ANGLE:
+        raise ValueError(f"{path}: joint_angle_rad reaches {largest:.3g}; that is degrees: name it joint_angle_deg")
+    channels = {}
+    for column, (name, unit) in CHANNELS.items():
+        if column not in columns:
+            continue
+        values = columns[column]
+        if np.ptp(values) == 0.0:
+            if name == "joint_angle":
+                raise ValueError(f"{path}: {column} is {values[0]:.6g} throughout: the sensor or its logger stands still")
+            limitations.append(f"{path.name}: {column} is {values[0]:.6g} throughout and was not used")
+            continue
+        if column.endswith("_bar") and np.max(np.abs(values)) > 2000.0:
+            raise ValueError(f"{path}: {column} reaches {np.max(np.abs(values)):.3g} bar; was it logged in Pa?")
+        channels[name] = values * unit
+    return channels
+
+
+def _look_over(
+    path: Path,
+    commands: NDArray[np.float64],
+    channels: dict[str, NDArray[np.float64]],
+    rest: int,
+    limitations: list[str],
+) -> None:
+    """What commands and channels say of each other."""
+    angle = channels["joint_angle"]
+    effort = np.cumsum(np.r_[0.0, commands[:, 0]]) * TICK
+    travel = angle - angle[0]
+    if np.max(np.abs(travel)) < np.radians(0.5):
+        limitations.append(f"{path.name}: the joint hardly moves under its commands")
+    elif np.ptp(effort) > 0.05:
+        # the joint follows the integral of the signal until it meets a stop
+        begin = slice(rest, min(rest + 60, len(angle)))
+        follow = float(np.sum(np.sign(effort[begin]) * (angle[begin] - angle[rest - 1])))
+        if follow < -0.5 * float(np.sum(np.abs(angle[begin] - angle[rest - 1]))):
+            raise ValueError(
+                f"{path}: the joint turns against its command: positive signals and angles are to the left; swap one sign"
+            )
+    for name, values in channels.items():
+        top, bottom = np.max(values), np.min(values)
+        for extreme in (top, bottom):
+            run = _longest_run(values == extreme)
+            if run >= SATURATED and name != "joint_angle" and top > bottom:
+                limitations.append(
+                    f"{path.name}: {name} stays at exactly {extreme:.6g} for {run * TICK:.2f} s: saturated sensor?"
+                )
+                break
+
+
+def _longest_run(flags: NDArray[np.bool_]) -> int:
+    edges = np.flatnonzero(np.diff(np.r_[False, flags, False].astype(np.int8)))
+    return int(np.max(edges[1::2] - edges[::2])) if edges.size else 0

@@ -1,0 +1,135 @@
+"""Logs as a diagnosis reads them: good ones on an even grid, bad ones refused or limited, each with its reason."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aoro_gym.diagnosis.recording import REST, TICK, read_recording
+from aoro_gym.log import write_log
+
+
+def columns(duration: float = 3.0, rate: float = 100.0, rest: float = 0.5, level: float = 0.8) -> dict:
+    """A left turn: the angle follows the integral of the signal."""
+    time = np.arange(round(duration * rate) + 1) / rate
+    signal = np.where((time >= rest) & (time < duration - 0.5), level, 0.0)
+    angle = -0.6 + 0.5 * np.cumsum(np.r_[0.0, signal[:-1]]) / rate
+    rng = np.random.default_rng(0)
+    return {
+        "time_s": time,
+        "steering_signal": signal,
+        "joint_angle_rad": angle + 1e-4 * rng.standard_normal(len(time)),
+        "pressure_a_bar": 20.0 + 60.0 * signal + 0.1 * rng.standard_normal(len(time)),
+    }
+
+
+def written(folder: Path, table: dict, manifest: dict | None = None) -> Path:
+    path = folder / "log.csv"
+    write_log(path, table, manifest)
+    return path
+
+
+def test_good_log_lies_on_an_even_grid(tmp_path):
+    table = columns()
+    recording = read_recording(written(tmp_path, table, {"oil_temperature_C": 35.0}))
+    assert recording.ticks == len(table["time_s"]) - 1
+    np.testing.assert_allclose(recording.commands[:, 0], table["steering_signal"][:-1])
+    np.testing.assert_allclose(recording.channels["joint_angle"], table["joint_angle_rad"], atol=1e-8)
+    np.testing.assert_allclose(recording.channels["pressure_a"], 1e5 * table["pressure_a_bar"], rtol=1e-8)
+    assert recording.rest == round(0.5 / TICK) + 1
+    assert recording.start_angle == pytest.approx(-0.6, abs=1e-4)
+    assert recording.manifest == {"oil_temperature_C": 35.0}
+    assert recording.limitations == ()
+
+
+@pytest.mark.parametrize("rate", [25.0, 50.0, 250.0, 1000.0])
+def test_any_rate_gives_the_same_motion(tmp_path, rate):
+    """A sample of the grid lies within one interval of the log's own: it is off by no more than the way in that time."""
+    even = read_recording(written(tmp_path, columns()))
+    other = read_recording(written(tmp_path, columns(rate=rate)))
+    way = 0.5 * 0.8 * max(1.0 / rate, TICK)
+    difference = np.abs(even.channels["joint_angle"] - other.channels["joint_angle"])
+    assert np.max(difference) <= way + 1e-3  # and the noise of both
+
+
+def test_degrees_and_volts_are_read_as_such(tmp_path):
+    table = columns()
+    even = read_recording(written(tmp_path, table))
+    table["joint_angle_deg"] = np.degrees(table.pop("joint_angle_rad"))
+    table["steering_signal_V"] = 2.5 - 2.0 * table.pop("steering_signal")
+    other = read_recording(written(tmp_path, table))
+    np.testing.assert_allclose(even.channels["joint_angle"], other.channels["joint_angle"], atol=1e-8)
+    np.testing.assert_allclose(even.commands, other.commands, atol=1e-8)
+
+
+def test_exact_state_is_never_read(tmp_path):
+    table = columns()
+    table["true_joint_angle_deg"] = np.degrees(table["joint_angle_rad"]) + 5.0
+    recording = read_recording(written(tmp_path, table))
+    assert set(recording.channels) == {"joint_angle", "pressure_a"}
+    del table["joint_angle_rad"]
+    with pytest.raises(ValueError, match="joint_angle_rad"):
+        read_recording(written(tmp_path, table))
+
+
+def changed(**replacements) -> dict:
+    table = columns()
+    for name, change in replacements.items():
+        table[name] = change(table[name])
+    return table
+
+
+def without(name: str) -> dict:
+    table = columns()
+    del table[name]
+    return table
+
+
+@pytest.mark.parametrize(
+    ("table", "says"),
+    [
+        (columns(duration=1.0), r"covers 1\.00 s .* needs 1\.5 s"),
+        (columns(duration=30.0, rate=1.0, rest=5.0), r"has 1 samples a second; a diagnosis needs 20"),
+        (columns(rest=0.1), f"needs {REST} s of standstill"),
+        (columns(level=0.0), "commands no motion|standstill|stands still"),
+        (without("steering_signal"), "neither a column steering_signal nor steering_signal_V"),
+        (changed(joint_angle_rad=np.degrees), "joint_angle_rad reaches .*degrees"),
+        (changed(joint_angle_rad=lambda x: 0.0 * x + 0.1), "joint_angle_rad is 0.1 throughout"),
+        (changed(joint_angle_rad=lambda x: -x), "turns against its command"),
+        (changed(steering_signal=lambda x: 100.0 * x), r"steering_signal is 80 in row .* must be in \[-1, 1\]"),
+        (changed(pressure_a_bar=lambda x: 1e5 * x), "logged in Pa"),
+        (changed(time_s=lambda t: t + np.where(t > 1.0, 0.4, 0.0)), "a gap of 0.41 s"),
+        (changed(time_s=lambda t: np.where(np.arange(len(t)) % 10 == 5, t - 0.02, t)), "repeats or runs backwards"),
+        ({**columns(), "steering_signal_V": 2.5 + 2.0 * columns()["steering_signal"]}, "positive is left"),
+    ],
+    ids=[
+        "short", "coarse", "no rest", "no command", "no signal", "degrees", "constant", "mirrored", "percent", "pascal",
+        "gap", "unsorted", "contradicting",
+    ],
+)  # fmt: skip
+def test_bad_log_is_refused_with_its_reason(tmp_path, table, says):
+    with pytest.raises(ValueError, match=says):
+        read_recording(written(tmp_path, table))
+
+
+@pytest.mark.parametrize(
+    ("table", "says"),
+    [
+        (changed(time_s=lambda t: np.where(np.arange(len(t)) == 150, t - 0.02, t)), "1 rows left out"),
+        (changed(time_s=lambda t: t + np.where(t > 1.0, 0.05, 0.0)), "a gap of 0.060 s, bridged"),
+        (changed(pressure_a_bar=lambda p: 0.0 * p + 3.0), "pressure_a_bar is 3 throughout and was not used"),
+        (changed(pressure_a_bar=lambda p: np.minimum(p, 50.0)), "saturated"),
+        (changed(joint_angle_rad=lambda x: -0.6 + 0.01 * (x + 0.6)), "hardly moves"),
+    ],
+    ids=["one stamp", "small gap", "dead sensor", "saturated", "stuck"],
+)
+def test_poor_log_is_used_with_its_limitation_named(tmp_path, table, says):
+    recording = read_recording(written(tmp_path, table))
+    assert any(says in sentence for sentence in recording.limitations), recording.limitations
+
+
+def test_manifest_that_is_no_toml_is_named(tmp_path):
+    path = written(tmp_path, columns())
+    path.with_suffix(".toml").write_text("a = = 1")
+    with pytest.raises(ValueError, match="not TOML"):
+        read_recording(path)
