@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.style import INK, SOFT
 from aoro_gym.terrains.forest import COVERS, Obstacle, Zone
 from aoro_gym.terrains.heights import Heights, sample_triangles
 from aoro_gym.terrains.path import Path
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-INK, SOFT, PATH = "#22303c", "#8795a1", "#d6322a"
+PATH = "#d6322a"
 ZONE_COLOURS = {
     Zone.ASPHALT: "#8d9299",
     Zone.GRAVEL: "#cbb994",
