@@ -493,12 +493,8 @@ def terrain(
         tuple[float, float, float, float] | None,
         typer.Option("--window", metavar="W S E N", help="West, south, east, north of the part to take, in metres."),
     ] = None,
-    hole_limit: Annotated[
-        float, typer.Option("--hole-limit", metavar="M", help="Widest gap that is bridged.")
-    ] = 5.0,
-    spike_limit: Annotated[
-        float, typer.Option("--spike-limit", metavar="M", help="Height of spikes to remove.")
-    ] = 0.5,
+    hole_limit: Annotated[float, typer.Option("--hole-limit", metavar="M", help="Widest gap that is bridged.")] = 5.0,
+    spike_limit: Annotated[float, typer.Option("--spike-limit", metavar="M", help="Height of spikes to remove.")] = 0.5,
     ground: Annotated[
         str | None,
         typer.Option("--ground", metavar="class|filter|all", help="What is ground. Default: the class, if given."),
@@ -1078,9 +1074,7 @@ def _forest_drive(chosen: Machine, device: str, seed: int, folder: Path) -> Pass
         file = folder / "scan.ply"
         folder.mkdir(parents=True, exist_ok=True)
         scan(grown, FOREST_SEED, density=SCAN_DENSITY).save_mesh(file)
-        terrain, report = load(
-            file, name="scanned forest", progress=lambda share: tell("loading the scan", share)
-        )
+        terrain, report = load(file, name="scanned forest", progress=lambda share: tell("loading the scan", share))
         trees = [(tree.x, tree.y, tree.radius, tree.height) for tree in grown.obstacles if tree.kind == "tree"]
         path = drivable_path(terrain, FOREST_SEED, length=DRIVE_LENGTH, obstacles=grown.circles("tree"))
         result = evaluate(
@@ -1091,7 +1085,7 @@ def _forest_drive(chosen: Machine, device: str, seed: int, folder: Path) -> Pass
             courses=[Course(terrain, (path,), name=terrain.name, trees=np.array(trees))],
             machine=chosen,
             device=device,
-            progress=tell,
+            progress=lambda _, share: tell(DRIVE, share),
         )
         run = result.runs[DRIVER]
         film = write_film(
