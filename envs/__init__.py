@@ -9,9 +9,9 @@
 
 A task stands in one file, ``turning`` or ``path_tracking``: its configuration, its reward and observation terms, and how
 it is judged. What tasks share is in ``vector`` (twins of one launch, autoreset, seeds, logging), ``single`` (one of them
-as an ``Env``), ``terms``, ``randomisation`` and ``rendering``. Path tracking also has ``courses`` (terrains with their
-paths), ``path_table`` (projections), ``assistance`` (gear, traction, arms) and ``chase`` (its pictures). Names load on
-first use.
+as an ``Env``), ``terms``, ``randomisation``, ``joint`` (its measured angle and rate) and ``rendering``. Path tracking also
+has ``courses`` (terrains with their paths), ``path_table`` (projections), ``assistance`` (gear, traction, arms) and
+``chase`` (its pictures). Names load on first use.
 """
 
 from typing import TYPE_CHECKING
