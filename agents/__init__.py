@@ -11,8 +11,9 @@
 (2, 1)
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from aoro_gym.lazy import on_first_use
 
 if TYPE_CHECKING:
     from aoro_gym.agents.controllers import BangBang, Policy, ProportionalDerivative
@@ -39,32 +40,13 @@ __all__ = [
     "rollout",
 ]
 
-_HOME = {
-    "REFERENCE_POLICIES": "reference",
-    "BangBang": "controllers",
-    "Evaluation": "evaluation",
-    "FullSpeedSteering": "path_controllers",
-    "Policy": "controllers",
-    "PreviewRegulator": "path_controllers",
-    "ProportionalDerivative": "controllers",
-    "PurePursuit": "path_controllers",
-    "Rollout": "responses",
-    "Stanley": "path_controllers",
-    "Vehicle": "path_controllers",
-    "evaluate": "evaluation",
-    "reference_policy": "reference",
-    "responses": "responses",
-    "rollout": "responses",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"aoro_gym.agents.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+__getattr__, __dir__ = on_first_use(
+    __name__,
+    {
+        "controllers": ("BangBang", "Policy", "ProportionalDerivative"),
+        "evaluation": ("Evaluation", "evaluate"),
+        "path_controllers": ("FullSpeedSteering", "PreviewRegulator", "PurePursuit", "Stanley", "Vehicle"),
+        "reference": ("REFERENCE_POLICIES", "reference_policy"),
+        "responses": ("Rollout", "responses", "rollout"),
+    },
+)

@@ -14,7 +14,8 @@ from rich.table import Table
 
 from aoro_gym.agents.evaluation import RATES, Episodes, Evaluation, Interval
 from aoro_gym.envs.courses import Course
-from aoro_gym.report import AMBER, BLUE, GREEN, GRID, INK, PURPLE, RED, SOFT, Passage, write_gif, write_html
+from aoro_gym.report import Passage, write_gif, write_html
+from aoro_gym.style import AMBER, BLUE, GREEN, INK, PLOT_STYLE, PURPLE, RED, SOFT
 from aoro_gym.terrains import Plane
 from aoro_gym.terrains.figures import draw_terrain, place_legend
 from aoro_gym.terrains.forest import Obstacle
@@ -29,21 +30,6 @@ GIF_WIDTH = 720
 """Of a film that is no MP4 [px], at most."""
 MOST_PLANS = 3
 """Courses that are drawn, those with most episodes."""
-
-_STYLE: Any = {
-    "font.size": 9.5,
-    "axes.edgecolor": SOFT,
-    "axes.labelcolor": INK,
-    "axes.linewidth": 0.7,
-    "axes.titlecolor": INK,
-    "grid.color": GRID,
-    "grid.linewidth": 0.7,
-    "text.color": INK,
-    "xtick.color": SOFT,
-    "ytick.color": SOFT,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-}
 
 
 def write_report(
@@ -97,10 +83,8 @@ def write_report(
         stem = folder / _file_name(policy)
         drawn.append(write_film(result, run, stem, progress=lambda share, name=policy: tell(f"film: {name}", share)))
         passages.append(Passage(policy, film_caption(result, run), [drawn[-1]]))
-    lead = (
-        f"{result.env}, {_count(result.episodes, 'episode')} a policy from seed {result.seed}; {result.machine.name}."
-    )
-    write_html(page, "AORO: evaluation", lead, [], passages)
+    about = f"{result.env}, {_count(result.episodes, 'episode')} a policy from seed {result.seed}."
+    write_html(page, "AORO: evaluation", f"{about} {lead or f'Machine {result.machine.name}.'}", [], passages)
     return [summary, figures, errors, *plans, *drawn, page]
 
 
@@ -186,7 +170,7 @@ def write_figures(result: Evaluation, path: Path) -> None:
     names = list(next(iter(summary.values())))
     columns = 2 if len(names) < 5 else 3
     rows = math.ceil(len(names) / columns)
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(PLOT_STYLE):
         figure = Figure(figsize=(12.0, 0.5 + rows * (0.75 + 0.3 * len(policies))), dpi=130, layout="constrained")
         axes = figure.subplots(rows, columns, squeeze=False).ravel()
         spread = np.random.default_rng(0).uniform(-0.25, 0.25, result.episodes)
@@ -227,7 +211,7 @@ def write_errors(result: Evaluation, path: Path) -> None:
     count = len(result.runs)
     columns = min(count, 2)
     rows = math.ceil(count / columns)
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(PLOT_STYLE):
         figure = Figure(figsize=(12.0, 0.6 + 2.9 * rows), dpi=130, layout="constrained")
         axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
         highest = 0.0
@@ -281,7 +265,7 @@ def _write_plan(result: Evaluation, number: int, path: Path) -> None:
     from matplotlib.lines import Line2D
 
     course = result.courses[number]
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(PLOT_STYLE):
         figure = _ground(course)
         axis = figure.axes[0]
         old = axis.get_legend()

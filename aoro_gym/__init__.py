@@ -11,10 +11,10 @@ positive steering signal, is to the left. Names load on first use: ``import aoro
 it makes the environments known to Gymnasium, so that ``gymnasium.make("AORO/Turning-v0")`` works.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from aoro_gym.envs.registration import register_envs
+from aoro_gym.lazy import on_first_use
 
 if TYPE_CHECKING:
     from aoro_gym.terrains import Plane
@@ -23,19 +23,13 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 __all__ = ["Machine", "Plane", "Twin", "__version__"]
 
-_HOME = {"Machine": "aoro_gym.twin", "Plane": "aoro_gym.terrains", "Twin": "aoro_gym.twin"}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(_HOME[name]), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+__getattr__, __dir__ = on_first_use(
+    __name__,
+    {
+        "terrains": ("Plane",),
+        "twin": ("Machine", "Twin"),
+    },
+)
 
 
 register_envs()

@@ -204,14 +204,14 @@ def simulate(
     ] = Path("log.csv"),
     signal: Annotated[
         float | None,
-        typer.Option("--signal", metavar="PERCENT", help="Share of the full signal [%]; 100, or 50 to drive."),
+        typer.Option("--signal", metavar="PERCENT", help="Share of the full signal; 100, or 50 to drive."),
     ] = None,
     duration: Annotated[
         float | None,
         typer.Option(
             "--duration",
             metavar="S",
-            help="Simulated time [s]. Default: 0.7 s past a turn's stop, 6 s of drive, a file's end.",
+            help="Simulated time. Default: 0.7 s past a turn's stop, 6 s of drive, a file's end.",
         ),
     ] = None,
     start_angle: Annotated[
@@ -488,17 +488,13 @@ def terrain(
     crs: Annotated[
         str | None, typer.Option("--crs", metavar="CODE", help="Coordinate system, such as EPSG:32633.")
     ] = None,
-    cell: Annotated[float | None, typer.Option("--cell", metavar="M", help="Distance of heights [m].")] = None,
+    cell: Annotated[float | None, typer.Option("--cell", metavar="M", help="Distance of heights.")] = None,
     window: Annotated[
         tuple[float, float, float, float] | None,
-        typer.Option("--window", metavar="W S E N", help="West, south, east, north of the part to take [m]."),
+        typer.Option("--window", metavar="W S E N", help="West, south, east, north of the part to take, in metres."),
     ] = None,
-    hole_limit: Annotated[
-        float, typer.Option("--hole-limit", metavar="M", help="Widest gap that is bridged [m].")
-    ] = 5.0,
-    spike_limit: Annotated[
-        float, typer.Option("--spike-limit", metavar="M", help="Height of spikes to remove [m].")
-    ] = 0.5,
+    hole_limit: Annotated[float, typer.Option("--hole-limit", metavar="M", help="Widest gap that is bridged.")] = 5.0,
+    spike_limit: Annotated[float, typer.Option("--spike-limit", metavar="M", help="Height of spikes to remove.")] = 0.5,
     ground: Annotated[
         str | None,
         typer.Option("--ground", metavar="class|filter|all", help="What is ground. Default: the class, if given."),
@@ -509,7 +505,7 @@ def terrain(
     Units, up axis and coordinate system are taken from the options, the file, or recognised. Trees and buildings are
     told from the ground, gaps up to --hole-limit are bridged, wider ones are named. What cannot be driven on is refused.
 
-    Writes MESH in local metres, and beside it the report (.json, with the origin of the local frame) and a hillshade (.png).
+    Writes MESH in local metres, and beside it the report (.json, with the origin of the local frame) and a plan (.png).
 
     [bold]Examples[/]
 
@@ -520,7 +516,7 @@ def terrain(
     """
     with _checking_input():
         from aoro_gym.log import check_writable
-        from aoro_gym.terrains.hillshade import write_hillshade
+        from aoro_gym.terrains.figures import draw_terrain
         from aoro_gym.terrains.loading import load, save
 
         mesh = out if out is not None else Path(f"{file.stem}_terrain.ply")
@@ -530,8 +526,7 @@ def terrain(
             if path.resolve() == file.resolve():
                 raise ValueError(f"--out {mesh} would overwrite {file}; choose another name")
             check_writable(path)
-        with _progress() as progress:
-            task = progress.add_task(file.name, total=1.0)
+        with _bar(file.name) as tell:
             loaded = load(
                 file,
                 units=units,
@@ -543,12 +538,12 @@ def terrain(
                 hole_limit=hole_limit,
                 spike_limit=spike_limit,
                 ground=ground,  # pyright: ignore[reportArgumentType]  load checks it
-                progress=lambda share: progress.update(task, completed=share),
+                progress=lambda share: tell(file.name, share),
             )
     with _running():
         written = save(loaded, mesh)
         written.append(mesh.with_suffix(".png"))
-        write_hillshade(*loaded, written[-1])
+        draw_terrain(loaded.terrain).savefig(written[-1], bbox_inches="tight")
     for item in _terrain_tables(loaded.report):
         _out().print(item, highlight=False)
     _say(written)
@@ -572,7 +567,7 @@ def evaluate(
         typer.Option("--path", metavar="FILE", help="Path on it (.gpx, .csv). Default: generated, drivable ones."),
     ] = None,
     path_length: Annotated[
-        float, typer.Option("--path-length", metavar="M", help="Of the paths that are generated on --terrain [m].")
+        float, typer.Option("--path-length", metavar="M", help="Of the paths that are generated on --terrain.")
     ] = 60.0,
     episodes: Annotated[int, typer.Option("--episodes", metavar="N", help="Episodes a policy.")] = 32,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to.")] = Path(
@@ -591,7 +586,7 @@ def evaluate(
     ended; of turning, the joint's responses. Episode i has the seed --seed + i for every policy. A terrain file is loaded,
     checked and repaired as 'aoro-gym terrain' does it.
 
-    FOLDER gets evaluation.json, plots, films (MP4 with the extra [video], else GIF) and index.html.
+    FOLDER gets evaluation.json, plots, films (MP4 with the extra 'video', else GIF) and index.html.
 
     [bold]Examples[/]
 
@@ -618,12 +613,7 @@ def evaluate(
     made_by |= {"terrain": None if terrain is None else str(terrain), "path": None if path is None else str(path)}
     from aoro_gym.agents.evaluation_report import table, write_report
 
-    with _progress() as progress, _running():
-        task = progress.add_task(env, total=1.0)
-
-        def say(what: str, share: float) -> None:
-            progress.update(task, description=what, completed=share)
-
+    with _bar(env) as tell, _running():
         with _checking_input():  # such as paths that leave the ground
             result = evaluation.evaluate(
                 env,
@@ -633,9 +623,9 @@ def evaluate(
                 courses=courses,
                 machine=chosen,
                 device=device,
-                progress=say,
+                progress=tell,
             )
-        written = write_report(result, out, films=films, lead=_lead(made_by), made_by=made_by, progress=say)
+        written = write_report(result, out, films=films, lead=_lead(made_by), made_by=made_by, progress=tell)
     _out().print(table(result))
     _say(written)
 
@@ -692,7 +682,7 @@ def bench(
 
     A peer is the same vehicle without hydraulics (two frames, four sprung arms, four driven spheres as wheels, the forest
     as a height field of 256 x 256, steps of 1 ms) in MuJoCo on the CPU or in MuJoCo Warp on a GPU; each counts at its
-    best batch. Peers need pip install 'aoro-gym[bench]'.
+    best batch. Peers need pip install 'aoro-gym\\[bench]'.
 
     [bold]Examples[/]
 
@@ -731,9 +721,8 @@ def bench(
         if json_file is not None:
             _write_json(json_file, so_far)
 
-    with _progress() as progress, _running():
-        task = progress.add_task("bench", total=1.0)
-        result = run(plan, chosen, lambda what, share: progress.update(task, description=what, completed=share), save)
+    with _bar("bench") as tell, _running():
+        result = run(plan, chosen, tell, save)
     for table in tables(result):
         _out().print(table)
     if json_file is not None:
@@ -857,9 +846,9 @@ def _courses(env: str, terrain: Path | None, path: Path | None, path_length: flo
 
     ground: Plane | Terrain = Plane()
     if terrain is not None:
-        with _progress() as progress:
-            task = progress.add_task(f"loading {terrain.name}", total=1.0)
-            ground, report = load(terrain, progress=lambda share: progress.update(task, completed=share))
+        doing = f"loading {terrain.name}"
+        with _bar(doing) as tell:
+            ground, report = load(terrain, progress=lambda share: tell(doing, share))
         for warning in report.warnings:
             _err().print(f"[yellow]mind:[/] {escape(warning)}", highlight=False)
     if path is None:
@@ -940,15 +929,13 @@ def _run(twin: Twin, plan: Manoeuvre) -> Section:
     from aoro_gym.manoeuvres import run
     from aoro_gym.report import Section
 
-    with _progress() as progress, _running():
-        task = progress.add_task(plan.title, total=plan.duration)
+    with _bar(plan.title) as tell, _running():
         recording = run(
             twin,
             plan,
             keep_every=1e-3 if plan.duration <= 120.0 else 1e-2,
-            progress=lambda now: progress.update(task, completed=now),
+            progress=lambda now: tell(plan.title, now / plan.duration),
         )
-        progress.update(task, completed=plan.duration)
     return Section(recording, key_figures(recording, twin.machine.steering.cylinder))
 
 
@@ -1016,13 +1003,8 @@ def _made_by(
 def _validated(chosen: Machine, second: Machine | None, family: list[Machine], device: str, seed: int) -> Validation:
     from aoro_gym.validation import validate
 
-    with _progress() as progress, _running():
-        task = progress.add_task("validation", total=4)
-
-        def say(what: str) -> None:
-            progress.update(task, description=what, advance=1)
-
-        return validate(chosen, uncalibrated=second, ensemble=family, device=device, seed=seed, progress=say)
+    with _bar("validation") as tell, _running():
+        return validate(chosen, uncalibrated=second, ensemble=family, device=device, seed=seed, progress=tell)
 
 
 def _validation_passage(result: Validation, folder: Path) -> Passage:
@@ -1087,16 +1069,12 @@ def _forest_drive(chosen: Machine, device: str, seed: int, folder: Path) -> Pass
     from aoro_gym.terrains.forest import forest
     from aoro_gym.terrains.scan import scan
 
-    with _progress() as progress, _running():
-        task = progress.add_task("scanning a forest", total=1.0)
+    with _bar("scanning a forest") as tell, _running():
         grown = forest(FOREST_SEED, size=FOREST_SIZE)
         file = folder / "scan.ply"
         folder.mkdir(parents=True, exist_ok=True)
         scan(grown, FOREST_SEED, density=SCAN_DENSITY).save_mesh(file)
-        progress.update(task, description="loading the scan")
-        terrain, report = load(
-            file, name="scanned forest", progress=lambda share: progress.update(task, completed=share)
-        )
+        terrain, report = load(file, name="scanned forest", progress=lambda share: tell("loading the scan", share))
         trees = [(tree.x, tree.y, tree.radius, tree.height) for tree in grown.obstacles if tree.kind == "tree"]
         path = drivable_path(terrain, FOREST_SEED, length=DRIVE_LENGTH, obstacles=grown.circles("tree"))
         result = evaluate(
@@ -1107,14 +1085,14 @@ def _forest_drive(chosen: Machine, device: str, seed: int, folder: Path) -> Pass
             courses=[Course(terrain, (path,), name=terrain.name, trees=np.array(trees))],
             machine=chosen,
             device=device,
-            progress=lambda _, share: progress.update(task, description=DRIVE, completed=share),
+            progress=lambda _, share: tell(DRIVE, share),
         )
         run = result.runs[DRIVER]
         film = write_film(
             result,
             run,
             folder / "drive",
-            progress=lambda share: progress.update(task, description="drawing the drive", completed=share),
+            progress=lambda share: tell("drawing the drive", share),
         )
         plans = write_plans(result, folder)
     figures = {name: float(values[0]) for name, values in run.figures.items()}
@@ -1134,13 +1112,8 @@ def _calibrate(fit: Callable[..., Any], out: Path, **options: Any) -> list[Path]
     with _checking_input():
         out.parent.mkdir(parents=True, exist_ok=True)
         try:
-            with _progress() as progress:
-                task = progress.add_task("calibration", total=1.0)
-                found = fit(
-                    checkpoint=checkpoint,
-                    progress=lambda what, share: progress.update(task, description=what, completed=share),
-                    **options,
-                )
+            with _bar("calibration") as tell:
+                found = fit(checkpoint=checkpoint, progress=tell, **options)
         except KeyboardInterrupt:
             _err().print("[bold]interrupted:[/] the same command goes on from where it stopped", highlight=False)
             raise typer.Exit(130) from None
@@ -1310,3 +1283,11 @@ def _progress() -> Progress:
     console = _err()
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn(compact=True))
     return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+
+
+@contextmanager
+def _bar(what: str) -> Iterator[Callable[[str, float], None]]:
+    """A bar of progress; what it gives is told what is being done, and the share that is."""
+    with _progress() as progress:
+        task = progress.add_task(what, total=1.0)
+        yield lambda what, share: progress.update(task, description=what, completed=share)

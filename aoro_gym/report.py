@@ -21,16 +21,14 @@ from aoro_gym import __version__
 from aoro_gym.figures import turn_start
 from aoro_gym.log import BAR, DEGREE, LITRE_PER_MINUTE, RPM
 from aoro_gym.manoeuvres import Recording
+from aoro_gym.style import AMBER, BLUE, GREEN, GRID, INK, PLOT_STYLE, RED, SHADE, SOFT
 
-RED, BLUE, GREEN, AMBER, PURPLE = "#c8423b", "#1f77b4", "#2a9d6f", "#e0962b", "#7b5ea7"
-INK, SOFT, GRID, SHADE = "#22303c", "#8795a1", "#e3e8ec", "#eef3f7"
 CORNER_LINES = {
     "fl": ("front left", RED),
     "fr": ("front right", BLUE),
     "rl": ("rear left", AMBER),
     "rr": ("rear right", GREEN),
 }
-PLOTLY_CONFIG = {"displaylogo": False, "responsive": True, "modeBarButtonsToRemove": ["sendChartToCloud"]}
 MOST_POINTS = 4000
 """Points of a line in the HTML page; longer recordings are thinned evenly."""
 
@@ -152,21 +150,7 @@ def write_png(path: Path, section: Section) -> None:
 
     drawn = panels(section.recording)
     rows = (len(drawn) + 1) // 2
-    style: Any = {
-        "font.size": 9,
-        "axes.edgecolor": SOFT,
-        "axes.labelcolor": INK,
-        "axes.linewidth": 0.7,
-        "axes.titlecolor": INK,
-        "grid.color": GRID,
-        "grid.linewidth": 0.7,
-        "text.color": INK,
-        "xtick.color": SOFT,
-        "ytick.color": SOFT,
-        "xtick.labelcolor": INK,
-        "ytick.labelcolor": INK,
-    }
-    with matplotlib.rc_context(style):
+    with matplotlib.rc_context(PLOT_STYLE | {"font.size": 9.0}):
         figure = Figure(figsize=(11.5, 0.9 + 2.35 * rows), dpi=130, layout="constrained")
         layout: Any = figure.get_layout_engine()
         layout.set(w_pad=0.08, h_pad=0.06)
@@ -201,44 +185,95 @@ class Passage:
 def write_html(
     path: Path, title: str, lead: str, sections: Sequence[Section], passages: Sequence[Passage] = ()
 ) -> None:
-    """Write one page: ``passages`` first, then the key figures and the plots of every section.
+    """Write one page: ``passages`` first, then the key figures and the plots of every section."""
+    bodies = []
+    for passage in passages:
+        more = f' <a href="{html.escape(passage.more)}">All of it</a>' if passage.more else ""
+        pictures = "".join(card(picture(file)) for file in passage.pictures)
+        bodies.append((passage.title, f"<p>{html.escape(passage.text)}{more}</p>{_table(passage.table)}{pictures}"))
+    for section in sections:
+        tiles = "".join(_tile(key, value) for key, value in section.figures.items())
+        bodies.append((section.title, f'<div class="figures">{tiles}</div>{card(_plotly(section))}'))
+    footer = "Plots show the simulated state. World and body frames: x forward, y left, z up. Left is positive."
+    write_page(path, title, lead, bodies, footer=footer, interactive=bool(sections))
 
-    The page needs no other file and no network.
+
+def write_page(
+    path: Path,
+    title: str,
+    lead: str,
+    sections: Sequence[tuple[str, str]],
+    *,
+    top: str = "",
+    footer: str = "",
+    interactive: bool = True,
+) -> None:
+    """Write one page; it needs no other file and no network.
+
+    Args:
+        path: File to write.
+        title: Of the page.
+        lead: A sentence below it.
+        sections: Title and HTML of each.
+        top: HTML that stands above them.
+        footer: A sentence at the end.
+        interactive: Whether it holds plots of plotly, whose code takes megabytes.
     """
     from plotly.offline import get_plotlyjs
 
     template = Template(resources.files("aoro_gym").joinpath("templates/report.html").read_text(encoding="utf-8"))
     bodies, links = [], []
-    for index, passage in enumerate(passages):
-        name = f"passage-{index + 1}"
-        heading = html.escape(passage.title)
+    for index, (heading, body) in enumerate(sections):
+        name, heading = f"section-{index + 1}", html.escape(heading)
         links.append(f'<a href="#{name}">{heading}</a>')
-        more = f' <a href="{html.escape(passage.more)}">All of it</a>' if passage.more else ""
-        pictures = "".join(f'<div class="card">{_picture(picture)}</div>' for picture in passage.pictures)
-        bodies.append(
-            f'<section id="{name}"><h2>{heading}</h2><p>{html.escape(passage.text)}{more}</p>'
-            f"{_table(passage.table)}{pictures}</section>"
-        )
-    for index, section in enumerate(sections):
-        name = f"section-{index + 1}"
-        heading = html.escape(section.title)
-        links.append(f'<a href="#{name}">{heading}</a>')
-        tiles = "".join(_tile(key, value) for key, value in section.figures.items())
-        bodies.append(
-            f'<section id="{name}"><h2>{heading}</h2><div class="figures">{tiles}</div>'
-            f'<div class="card">{_plotly(section)}</div></section>'
-        )
+        bodies.append(f'<section id="{name}"><h2>{heading}</h2>{body}</section>')
     page = template.substitute(
         title=html.escape(title),
         lead=html.escape(lead),
         contents="".join(links) if len(links) > 1 else "",
-        sections="\n".join(bodies),
-        plotly=get_plotlyjs() if sections else "",
-        footer=f"Drawn by aoro-gym {html.escape(__version__)} from the simulated state. "
-        "World and body frames: x forward, y left, z up. Left is positive.",
+        sections="\n".join([top, *bodies]),
+        plotly=get_plotlyjs() if interactive else "",
+        footer=html.escape(f"Drawn by aoro-gym {__version__}. {footer}"),
     )
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(page, encoding="utf-8")
+
+
+def card(content: str) -> str:
+    """HTML on a card of its own."""
+    return f'<div class="card">{content}</div>'
+
+
+def picture(path: Path) -> str:
+    """HTML of an image or a film that stands in the page itself."""
+    content = base64.b64encode(path.read_bytes()).decode("ascii")
+    kind = path.suffix.removeprefix(".")
+    if kind == "mp4":
+        return f'<video controls autoplay muted loop playsinline src="data:video/mp4;base64,{content}"></video>'
+    return f'<img alt="{html.escape(path.stem)}" src="data:image/{kind};base64,{content}">'
+
+
+def interactive_plot(figure: Any, **layout: Any) -> str:
+    """HTML of a figure of plotly's in the colours of all others, with titles left above their plots.
+
+    Args:
+        figure: Of subplots with titles.
+        layout: Of the figure besides.
+    """
+    for index, annotation in enumerate(figure.layout.annotations):
+        annotation.x = figure.layout["xaxis" + ("" if index == 0 else str(index + 1))].domain[0]
+    figure.update_annotations(xanchor="left", font={"size": 14, "color": INK})
+    figure.update_xaxes(gridcolor=GRID, linecolor=SOFT, zeroline=False)
+    figure.update_yaxes(gridcolor=GRID, linecolor=SOFT, zerolinecolor=GRID)
+    figure.update_layout(
+        paper_bgcolor="white",
+        plot_bgcolor="white",
+        hovermode="x unified",
+        font={"color": INK, "family": "system-ui, -apple-system, Segoe UI, DejaVu Sans, sans-serif", "size": 12},
+        **layout,
+    )
+    config = {"displaylogo": False, "responsive": True, "modeBarButtonsToRemove": ["sendChartToCloud"]}
+    return figure.to_html(full_html=False, include_plotlyjs=False, config=config)
 
 
 def write_gif(path: Path, frames: Sequence[NDArray[np.uint8]], *, frames_per_second: float) -> None:
@@ -268,15 +303,6 @@ def show(key: str, value: float | None) -> str:
     return "-" if value is None else f"{value:.{describe(key)[2]}f}"
 
 
-def _picture(path: Path) -> str:
-    """An image or a film that stands in the page itself."""
-    content = base64.b64encode(path.read_bytes()).decode("ascii")
-    kind = path.suffix.removeprefix(".")
-    if kind == "mp4":
-        return f'<video controls autoplay muted loop playsinline src="data:video/mp4;base64,{content}"></video>'
-    return f'<img alt="{html.escape(path.stem)}" src="data:image/{kind};base64,{content}">'
-
-
 def _table(rows: Sequence[Sequence[str]]) -> str:
     if not rows:
         return ""
@@ -285,7 +311,7 @@ def _table(rows: Sequence[Sequence[str]]) -> str:
         for cell, row in zip(("th", *("td" for _ in rows[1:])), rows, strict=True)
     )
     lines = "".join(f"<tr>{line}</tr>" for line in body)
-    return f'<div class="card"><table><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table></div>'
+    return card(f"<table><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table>")
 
 
 def _corners(quantity: str, size: float) -> list[Line]:
@@ -421,20 +447,9 @@ def _plotly(section: Section) -> str:
         span = _marks(section)
         if span is not None:
             figure.add_vrect(x0=span[0], x1=span[1], fillcolor=SHADE, line_width=0, layer="below", row=row, col=column)
-    figure.update_annotations(xanchor="left", yshift=20, font={"size": 14, "color": INK})
-    for index, annotation in enumerate(figure.layout.annotations):
-        annotation.x = figure.layout["xaxis" + ("" if index == 0 else str(index + 1))].domain[0]
-    figure.update_xaxes(gridcolor=GRID, linecolor=SOFT, zeroline=False, range=[0.0, float(recording.time[-1])])
-    figure.update_yaxes(gridcolor=GRID, linecolor=SOFT, zerolinecolor=GRID)
-    figure.update_layout(
-        height=70 + 285 * rows,
-        margin={"l": 50, "r": 15, "t": 60, "b": 45},
-        paper_bgcolor="white",
-        plot_bgcolor="white",
-        hovermode="x unified",
-        font={"color": INK, "family": "system-ui, -apple-system, Segoe UI, DejaVu Sans, sans-serif", "size": 12},
-    )
-    return figure.to_html(full_html=False, include_plotlyjs=False, config=PLOTLY_CONFIG)
+    figure.update_annotations(yshift=20)
+    figure.update_xaxes(range=[0.0, float(recording.time[-1])])
+    return interactive_plot(figure, height=70 + 285 * rows, margin={"l": 50, "r": 15, "t": 60, "b": 45})
 
 
 def _thin(values: NDArray[np.float64], stride: int) -> NDArray[np.float32]:

@@ -9,15 +9,15 @@
 
 A task stands in one file, ``turning`` or ``path_tracking``: its configuration, its reward and observation terms, and how
 it is judged. What tasks share is in ``vector`` (twins of one launch, autoreset, seeds, logging), ``single`` (one of them
-as an ``Env``), ``terms``, ``randomisation`` and ``rendering``. Path tracking also has ``courses`` (terrains with their
-paths), ``path_table`` (projections), ``assistance`` (gear, traction, arms) and ``chase`` (its pictures). Names load on
-first use.
+as an ``Env``), ``terms``, ``randomisation``, ``joint`` (its measured angle and rate) and ``rendering``. Path tracking also
+has ``courses`` (terrains with their paths), ``path_table`` (projections), ``assistance`` (gear, traction, arms) and
+``chase`` (its pictures). Names load on first use.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from aoro_gym.envs.registration import ENVIRONMENTS, register_envs
+from aoro_gym.lazy import on_first_use
 
 if TYPE_CHECKING:
     from aoro_gym.envs.assistance import ArmControl
@@ -56,34 +56,21 @@ __all__ = [
     "register_envs",
 ]
 
-_HOME = {
-    "ArmControl": "assistance",
-    "Course": "courses",
-    "ObservationTerm": "terms",
-    "PathTracking": "path_tracking",
-    "PathTrackingConfig": "path_tracking",
-    "PathTrackingEnv": "path_tracking",
-    "PathTrackingRandomisation": "path_tracking",
-    "PathTrackingVectorEnv": "path_tracking",
-    "PathTrackingView": "path_tracking",
-    "Randomisation": "randomisation",
-    "RewardTerm": "terms",
-    "Turning": "turning",
-    "TurningConfig": "turning",
-    "TurningEnv": "turning",
-    "TurningVectorEnv": "turning",
-    "TurningView": "turning",
-    "forest_course": "courses",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"aoro_gym.envs.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+__getattr__, __dir__ = on_first_use(
+    __name__,
+    {
+        "assistance": ("ArmControl",),
+        "courses": ("Course", "forest_course"),
+        "path_tracking": (
+            "PathTracking",
+            "PathTrackingConfig",
+            "PathTrackingEnv",
+            "PathTrackingRandomisation",
+            "PathTrackingVectorEnv",
+            "PathTrackingView",
+        ),
+        "randomisation": ("Randomisation",),
+        "terms": ("ObservationTerm", "RewardTerm"),
+        "turning": ("Turning", "TurningConfig", "TurningEnv", "TurningVectorEnv", "TurningView"),
+    },
+)

@@ -26,8 +26,9 @@ from numpy.typing import NDArray
 from aoro_gym.arrays import HOST, Array, Arrays, Index, floats
 from aoro_gym.envs.assistance import ArmControl, ArmController, AutomaticGear, GearShift, Stance, TractionControl
 from aoro_gym.envs.courses import Course, HeightMap, as_courses
+from aoro_gym.envs.joint import MeasuredJoint
 from aoro_gym.envs.path_table import PathTable
-from aoro_gym.envs.randomisation import Draws, Randomisation, Range
+from aoro_gym.envs.randomisation import COMMISSIONED, Draws, Randomisation, Range
 from aoro_gym.envs.single import TwinEnv
 from aoro_gym.envs.task import Outputs, Start, Terrains, chosen, divides, given
 from aoro_gym.envs.terms import Frozen, ObservationTerm, RewardTerm, changed_observations, changed_rewards
@@ -40,7 +41,6 @@ from aoro_gym.sensors import (
     Imu,
     ImuNoise,
     JointAngleNoise,
-    JointAngleSensor,
     Localisation,
     LocalisationGains,
     PressureNoise,
@@ -50,7 +50,6 @@ from aoro_gym.sensors import (
 )
 from aoro_gym.sensors.attitude import in_world, wrapped
 from aoro_gym.sensors.imu import specific_force
-from aoro_gym.sensors.joint_angle import slope_weights
 from aoro_gym.sensors.wheel_speed import ground_speed
 from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.twin import Machine
@@ -343,18 +342,7 @@ class PathTrackingRandomisation(Randomisation):
 FIXED = PathTrackingRandomisation()
 """The machine as it is, with typical sensor noise; terrain, path and start still differ."""
 MILD = PathTrackingRandomisation(
-    machine_scale=Frozen(
-        {
-            "steering.valve.nominal_flow_left": (0.95, 1.05),
-            "steering.valve.nominal_flow_right": (0.95, 1.05),
-            "steering.valve.dead_band_left": (0.85, 1.15),
-            "steering.valve.dead_band_right": (0.85, 1.15),
-            "steering.valve.command_delay": (0.7, 1.4),
-            "frame.front.mass": (0.9, 1.1),
-            "frame.rear.mass": (0.9, 1.1),
-            "tire.stiffness": (0.8, 1.25),
-        }
-    ),
+    machine_scale=Frozen({**COMMISSIONED, "tire.stiffness": (0.8, 1.25)}),
     ground_friction=(0.5, 1.1),
     sensor_noise=(0.5, 1.5),
     start=(0.0, 0.8),
@@ -494,7 +482,6 @@ class PathTracking:
         self._library = len(paths)
         self._num_paths = np.array([len(course.paths) for course in self.courses])
         self._first_path = np.cumsum(self._num_paths) - self._num_paths
-        self._slope = slope_weights(config.rate_samples, config.sample_step)
 
     def _check_length(self, path: Path) -> None:
         least = (0.0 if path.closed else self.config.start_distance) + 2.0
@@ -508,11 +495,10 @@ class PathTracking:
         self.table = PathTable(paths, ahead=max(*config.preview, 10.0) + 2.0, arrays=arrays)
         """All paths, those of a course after those of the course before."""
         self.height_map = HeightMap([course.terrain for course in self.courses], arrays)
-        self._frames = round(config.control_step / config.sample_step)
+        frames = round(config.control_step / config.sample_step)
         self._outputs = Outputs(
-            arrays.zeros((self._frames, len(Output), n), xp.float32), arrays.zeros((len(State), n), xp.float32)
+            arrays.zeros((frames, len(Output), n), xp.float32), arrays.zeros((len(State), n), xp.float32)
         )
-        self._ages = arrays.asarray(config.sample_step * np.arange(self._frames)[::-1, None])  # [s] of the samples
         self._distances = arrays.asarray([0.0, *config.preview])
         self._scan = arrays.asarray([(x, y) for x in config.scan_x for y in config.scan_y])
         # where to drive
@@ -538,14 +524,20 @@ class PathTracking:
         self._noise = arrays.ones(n)
         self._measured_s, self._measured_cross_track = arrays.zeros(n), arrays.zeros(n)
         self._measured_heading_error = arrays.zeros(n)
-        self._angles = arrays.zeros((config.rate_samples, n))  # newest first
         self._roll, self._pitch = arrays.zeros(n), arrays.zeros(n)
         self._rates, self._force = arrays.zeros((n, 3)), arrays.zeros((n, 3))
         self._wheel_rates, self._speed = arrays.zeros((n, 4)), arrays.zeros(n)
         self._actions = arrays.zeros((config.action_memory, n, self.action_space.shape[0]), xp.float32)
         self._view: PathTrackingView | None = None
         # sensors and controllers
-        self._joint_sensor = JointAngleSensor(n, config.joint_angle_noise, interval=config.sample_step, arrays=arrays)
+        self._joint = MeasuredJoint(
+            n,
+            config.joint_angle_noise,
+            interval=config.sample_step,
+            frames=frames,
+            kept=config.rate_samples,
+            arrays=arrays,
+        )
         self._imu = Imu(n, config.imu_noise, accelerometers=config.observe_inertial, arrays=arrays)
         self._wheel_sensor = WheelSpeedSensor(n, config.wheel_speed_noise, arrays=arrays)
         self._gps = Gps(
@@ -621,7 +613,7 @@ class PathTracking:
         for states, value in zip(
             (
                 (self._course,), (self._path,), (self._path_number,), (self._length,), (self._s, self._measured_s),
-                (self._steps_allowed,), (self._noise, self._gps.scale, self._imu.scale),
+                (self._steps_allowed,), (self._noise, self._joint.scale, self._gps.scale, self._imu.scale),
             ),
             values, strict=True,
         ):  # fmt: skip
@@ -632,7 +624,7 @@ class PathTracking:
         ):  # fmt: skip
             state[rows] = 0
         self._tipping_margin[rows] = 1.0
-        for sensor in (self._joint_sensor, self._imu, self._wheel_sensor, self._gps, self._pressure_sensor):
+        for sensor in (self._joint, self._imu, self._wheel_sensor, self._gps, self._pressure_sensor):
             sensor.reset(rows, generators)
         self._actions[:, rows] = 0.0
         self._gear.reset(rows)
@@ -695,8 +687,7 @@ class PathTracking:
 
     def rest(self, where: Index, outputs: Outputs) -> None:
         self._outputs, self._view = outputs, None
-        angle = outputs.last("joint_angle")[where]
-        self._angles[:, where] = self._measured_angle(angle, 0.0, where)
+        self._joint.begin(outputs.last("joint_angle")[where], where)
         fix = self._sense(where, self._arrays.zeros(len(where)))
         self._localisation.begin(fix, self._roll[where], self._pitch[where], self._place()[where], where)
         self._follow(where)
@@ -737,7 +728,7 @@ class PathTracking:
         first = (self._pressure_rows[f"arm_pressure_{end}_{WHEELS[0]}"] for end in ("bore", "rod"))
         bore, rod = (self._pressures[row : row + len(WHEELS)] for row in first)
         return self._arms.update(
-            bore - self._rod_share * rod, self._arm_angles(), self._roll, self._pitch, self._angles[0], stance,
+            bore - self._rod_share * rod, self._arm_angles(), self._roll, self._pitch, self._joint.angle, stance,
             self.control_step,
         )  # fmt: skip
 
@@ -747,8 +738,7 @@ class PathTracking:
         self._step = self._step + 1
 
         # what is measured
-        angles = self._measured_angle(outputs.samples("joint_angle"), time - self._ages)
-        self._angles = xp.concat([xp.flip(angles, axis=0), self._angles])[: config.rate_samples]
+        self._joint.update(outputs.samples("joint_angle"), time)
         fix = self._sense(ALL, time)
         self._localisation.update(
             fix, self._roll, self._pitch, self._place(),
@@ -835,10 +825,6 @@ class PathTracking:
     def _arm_angles(self) -> Array:
         return self._outputs.group(f"arm_angle_{WHEELS[0]}", len(WHEELS))[-1]
 
-    def _measured_angle(self, angle: Array, time: Array, where: Index = None) -> Array:
-        noise = self._noise if where is None else self._noise[where]
-        return angle + noise * (self._joint_sensor.measure(angle, time, where) - angle)
-
     def _sense(self, rows: Index, time: Array) -> GpsReading:
         """One reading of every other sensor of the sub-environments ``rows``; gives that of the GPS."""
         xp, config, outputs = self._arrays.xp, self.config, self._outputs
@@ -875,9 +861,6 @@ class PathTracking:
 
     def _seen(self) -> PathTrackingView:
         xp, config = self._arrays.xp, self.config
-        rate = self._slope[0] * self._angles[0]
-        for weight, sample in zip(self._slope[1:], self._angles[1:], strict=True):
-            rate = rate + weight * sample
         here, heading = self._localisation.position, self._localisation.heading
         x, y, _, _, bends = self.table.places(self._path[:, None], self._measured_s[:, None] + self._distances)
         x, y = x[:, 1:] - here[:, :1], y[:, 1:] - here[:, 1:]
@@ -901,8 +884,8 @@ class PathTracking:
             preview=xp.stack([c * x + s * y, c * y - s * x], axis=-1),
             curvature=bends,
             measured_speed=self._speed,
-            measured_angle=self._angles[0],
-            measured_rate=rate,
+            measured_angle=self._joint.angle,
+            measured_rate=self._joint.rate,
             measured_roll=self._roll,
             measured_pitch=self._pitch,
             measured_rates=self._rates,

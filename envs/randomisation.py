@@ -19,6 +19,19 @@ Range = tuple[float, float]
 FRICTION_KEYS = ("tire.friction_coulomb", "tire.friction_static")
 """Keys that stand for the ground's friction: ground and tire enter as a product."""
 
+COMMISSIONED: Mapping[str, Range] = Frozen(
+    {
+        "steering.valve.nominal_flow_left": (0.95, 1.05),
+        "steering.valve.nominal_flow_right": (0.95, 1.05),
+        "steering.valve.dead_band_left": (0.85, 1.15),
+        "steering.valve.dead_band_right": (0.85, 1.15),
+        "steering.valve.command_delay": (0.7, 1.4),
+        "frame.front.mass": (0.9, 1.1),
+        "frame.rear.mass": (0.9, 1.1),
+    }
+)
+"""Factors by which a commissioned machine may differ from its file, whatever its task: steering and payload."""
+
 
 @dataclass(frozen=True)
 class Randomisation:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from aoro_gym.style import AMBER, BLUE, GREEN, GRID, INK, RED, SOFT
 from aoro_gym.twin import Machine
 
 if TYPE_CHECKING:
@@ -26,8 +27,7 @@ SIZE = 720
 SPAN = 6.0
 """Time [s] that the strips of traces show."""
 
-RED, BLUE, GREEN, AMBER = "#c8423b", "#1f77b4", "#2a9d6f", "#e0962b"
-INK, SOFT, GRID, PAPER, GROUND = "#22303c", "#8795a1", "#e3e8ec", "#ffffff", "#f1f3ee"
+PAPER, GROUND = "#ffffff", "#f1f3ee"
 RUBBER, TREAD, STEEL, ROD = "#2c3238", "#59636c", "#5c6873", "#c3cbd2"
 FRONT_PAINT, REAR_PAINT, PAINT_EDGE = "#f0b23c", "#e7a52b", "#9a6b12"
 

@@ -19,13 +19,13 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from aoro_gym.arrays import HOST, Array, Arrays, Index, floats
-from aoro_gym.envs.randomisation import Draws, Randomisation
+from aoro_gym.envs.joint import MeasuredJoint
+from aoro_gym.envs.randomisation import COMMISSIONED, Draws, Randomisation
 from aoro_gym.envs.single import TwinEnv
 from aoro_gym.envs.task import Outputs, Start, Terrains, chosen, divides, given
 from aoro_gym.envs.terms import Frozen, ObservationTerm, RewardTerm, changed_observations, changed_rewards
 from aoro_gym.envs.vector import TwinVectorEnv
-from aoro_gym.sensors import JointAngleNoise, JointAngleSensor, PressureNoise, PressureSensor
-from aoro_gym.sensors.joint_angle import slope_weights
+from aoro_gym.sensors import JointAngleNoise, PressureNoise, PressureSensor
 from aoro_gym.terrains import Plane
 from aoro_gym.twin import Machine
 from aoro_gym.twin.records import Output
@@ -180,20 +180,14 @@ FIXED = Randomisation()
 MILD = Randomisation(
     machine_scale=Frozen(
         {
-            "steering.valve.nominal_flow_left": (0.95, 1.05),
-            "steering.valve.nominal_flow_right": (0.95, 1.05),
-            "steering.valve.dead_band_left": (0.85, 1.15),
-            "steering.valve.dead_band_right": (0.85, 1.15),
+            **COMMISSIONED,
             "steering.valve.spool_time_constant": (0.7, 1.4),
-            "steering.valve.command_delay": (0.7, 1.4),
             "steering.valve.compensator_time_constant": (0.7, 1.4),
             "steering.pump.stroke_up_time": (0.8, 1.25),
             "steering.pump.margin": (0.9, 1.1),
             "steering.hose_volume": (0.8, 1.25),
             "oil.bulk_modulus": (0.85, 1.15),
             "joint.friction_torque": (0.5, 2.0),
-            "frame.front.mass": (0.9, 1.1),
-            "frame.rear.mass": (0.9, 1.1),
         }
     ),
     ground_friction=(0.5, 1.1),
@@ -271,15 +265,13 @@ class Turning:
         self.observation_terms = self.config.observation_terms
         self.randomisation = self.config.randomisation
         self.action_space: spaces.Box[Any] = spaces.Box(-1.0, 1.0, (1,), np.float32)
-        self._slope = slope_weights(self.config.rate_samples, self.config.sample_step)
 
     def allocate(self, num_envs: int, terrains: Terrains, arrays: Arrays = HOST) -> None:
         self._arrays, xp = arrays, arrays.xp
         n, config = num_envs, self.config
         self._terrains = terrains
-        self._frames = round(config.control_step / config.sample_step)
-        self._outputs = Outputs(arrays.zeros((self._frames, len(Output), n), xp.float32))
-        self._ages = arrays.asarray(config.sample_step * np.arange(self._frames)[::-1, None])  # [s] of the samples
+        frames = round(config.control_step / config.sample_step)
+        self._outputs = Outputs(arrays.zeros((frames, len(Output), n), xp.float32))
         # goals
         self._table = arrays.zeros((n, TARGETS_DRAWN), xp.float32)  # [rad]
         self._until = arrays.full((n, TARGETS_DRAWN), LAST_STEP, xp.int64)  # step that ends each target
@@ -290,7 +282,6 @@ class Turning:
         self._approach = arrays.ones(n, xp.float32)
         # motion and measurement, newest first
         self._angle = arrays.zeros(n, xp.float32)
-        self._measured = arrays.zeros((config.rate_samples, n), xp.float32)
         self._signals = arrays.zeros((config.signal_memory, n), xp.float32)
         self._flows = arrays.zeros((3, n), xp.float32)
         self._noise = arrays.ones(n, xp.float32)
@@ -300,7 +291,14 @@ class Turning:
         self._missed = arrays.zeros(n, xp.int64)
         self._largest_overshoot = arrays.zeros(n, xp.float32)
         # sensors
-        self._angle_sensor = JointAngleSensor(n, config.joint_angle_noise, interval=config.sample_step, arrays=arrays)
+        self._joint = MeasuredJoint(
+            n,
+            config.joint_angle_noise,
+            interval=config.sample_step,
+            frames=frames,
+            kept=config.rate_samples,
+            arrays=arrays,
+        )
         self._pressure_sensor = (
             PressureSensor(n, config.pressure_noise, count=len(PRESSURE_CHANNELS), arrays=arrays)
             if config.observe_pressures
@@ -368,6 +366,7 @@ class Turning:
             (self._angle, angle),
             (self._approach, np.sign(table[:, 0] - angle.astype(np.float32))),
             (self._noise, draws.sensor_noise),
+            (self._joint.scale, draws.sensor_noise),
         ):
             put(state, rows, value)
         for state in (
@@ -376,7 +375,7 @@ class Turning:
             state[rows] = 0
         self._signals[:, rows] = 0.0
         self._flows[:, rows] = 0.0
-        for sensor in (self._angle_sensor, self._pressure_sensor):
+        for sensor in (self._joint, self._pressure_sensor):
             if sensor is not None:
                 sensor.reset(rows, generators)
         heading = given(options, "heading", where, len(self._target), np.zeros(count), -math.tau, math.tau, "rad")
@@ -403,7 +402,7 @@ class Turning:
 
     def rest(self, where: Index, outputs: Outputs) -> None:
         self._outputs = outputs
-        self._measured[:, where] = self._measure_angle(self._angle[where], 0.0, where)
+        self._joint.begin(self._angle[where], where)
         self._pressures[where] = self._measure_pressures(0.0, where)
 
     # ---- step
@@ -416,8 +415,7 @@ class Turning:
         xp, config = self._arrays.xp, self.config
         self._outputs = outputs
         angles = outputs.samples("joint_angle")
-        fresh = self._measure_angle(angles, time - self._ages)
-        self._measured = xp.concat([xp.flip(fresh, axis=0), self._measured])[: config.rate_samples]
+        self._joint.update(angles, time)
         self._pressures = self._measure_pressures(time)
         # the channel is positive in the direction of the commanded turn
         flow = xp.abs(outputs.last("joint_flow")) * xp.sign(outputs.last("joint_rate"))
@@ -428,10 +426,6 @@ class Turning:
         error = xp.abs(self._target - self._angle)
         self._inside = xp.where(error <= config.tolerance, self._inside + 1, 0)
         self._largest_overshoot = xp.maximum(self._largest_overshoot, self._overshoot())
-
-    def _measure_angle(self, angle: Array, time: Array, where: Index = None) -> Array:
-        xp, noise = self._arrays.xp, self._noise if where is None else self._noise[where]
-        return xp.astype(angle + noise * (self._angle_sensor.measure(angle, time, where) - angle), xp.float32)
 
     def _measure_pressures(self, time: Array, where: Index = None) -> Array:
         xp, rows = self._arrays.xp, slice(None) if where is None else where
@@ -474,9 +468,6 @@ class Turning:
     # ---- what others see
 
     def view(self) -> TurningView:
-        rate = self._slope[0] * self._measured[0]
-        for weight, sample in zip(self._slope[1:], self._measured[1:], strict=True):
-            rate = rate + weight * sample
         return TurningView(
             xp=self._arrays.xp,
             control_step=self.control_step,
@@ -485,8 +476,8 @@ class Turning:
             target_age=self._age(),
             error=self._target - self._angle,
             overshoot=self._overshoot(),
-            measured_angle=self._measured[0],
-            measured_rate=rate,
+            measured_angle=self._joint.angle,
+            measured_rate=self._joint.rate,
             signals=self._signals.T,
             flows=self._flows,
             measured_pressures=self._pressures,

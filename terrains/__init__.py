@@ -4,9 +4,9 @@
 :func:`to_local` brings latitude and longitude into a terrain's frame. These load on first use.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from aoro_gym.lazy import on_first_use
 from aoro_gym.terrains.path import Path
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.terrains.planning import drivable_path
@@ -36,28 +36,12 @@ __all__ = [
     "to_local",
 ]
 
-_HOME = {
-    "Loaded": "loading",
-    "LoadedPath": "path_files",
-    "PathReport": "path_files",
-    "Report": "check",
-    "TerrainError": "check",
-    "from_world": "georeference",
-    "load": "loading",
-    "load_path": "path_files",
-    "save_path": "path_files",
-    "to_geographic": "georeference",
-    "to_local": "georeference",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"aoro_gym.terrains.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+__getattr__, __dir__ = on_first_use(
+    __name__,
+    {
+        "check": ("Report", "TerrainError"),
+        "georeference": ("from_world", "to_geographic", "to_local"),
+        "loading": ("Loaded", "load"),
+        "path_files": ("LoadedPath", "PathReport", "load_path", "save_path"),
+    },
+)

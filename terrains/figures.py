@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.style import INK, SOFT
 from aoro_gym.terrains.forest import COVERS, Obstacle, Zone
 from aoro_gym.terrains.heights import Heights, sample_triangles
 from aoro_gym.terrains.path import Path
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-INK, SOFT, PATH = "#22303c", "#8795a1", "#d6322a"
+PATH = "#d6322a"
 ZONE_COLOURS = {
     Zone.ASPHALT: "#8d9299",
     Zone.GRAVEL: "#cbb994",
@@ -42,7 +43,8 @@ def draw_terrain(
 ) -> Figure:
     """A plan view of ``terrain``, with ``path`` and what stands on it; ``savefig`` writes it.
 
-    Ground whose multipliers are those of the generated covers is coloured by cover, other ground by height.
+    Ground whose multipliers are those of the generated covers is coloured by cover, other ground by height; what has no
+    ground stays white.
 
     Args:
         terrain: Drawn as its lowest surface.
@@ -107,7 +109,9 @@ def _draw_ground(figure: Figure, axes: Axes, heights: Heights, zones: NDArray[np
         colour = palette[zones]
         present = [zone for zone in ZONE_COLOURS if np.any(zones == zone)]
         handles = [Patch(facecolor=ZONE_COLOURS[zone], label=zone.name.lower()) for zone in present]
-    image = np.concatenate([_shaded(colour, heights), np.isfinite(z)[..., None]], axis=2)
+    if not heights.known.all():
+        handles.append(Patch(facecolor="white", edgecolor=SOFT, linewidth=0.7, label="no ground"))
+    image = np.concatenate([_shaded(colour, heights), heights.known[..., None]], axis=2)
     edge = 0.5 * heights.cell
     extent = (x[0] - edge, x[-1] + edge, y[0] - edge, y[-1] + edge)
     axes.imshow(np.clip(image, 0.0, 1.0), origin="lower", extent=extent, interpolation="bilinear")

@@ -237,36 +237,20 @@ def drivable_ground(
     return DrivableGround(heights, rolled[inner], clear, turning_radius, float(max_slope), float(max_cross), barred)
 
 
-def drivable_path(
-    terrain: Terrain | Plane,
-    seed: int = 0,
-    *,
-    length: float = 60.0,
-    turning_radius: float = TURNING_RADIUS,
-    max_slope_deg: float = 15.0,
-    max_cross_slope_deg: float = 10.0,
-    obstacle_height: float = 0.2,
-    clearance: float = 0.3,
-    margin: float = 3.5,
-    obstacles: ArrayLike | None = None,
-) -> Path:
+def drivable_path(terrain: Terrain | Plane, seed: int = 0, *, length: float = 60.0, **limits: Any) -> Path:
     """A smooth random path that the vehicle can follow on ``terrain``; it starts straight, for the vehicle to stand on.
 
-    For many paths on one terrain make its :func:`drivable_ground` once, which explains the arguments.
+    For many paths on one terrain make its :func:`drivable_ground` once.
+
+    Args:
+        terrain: Triangles, or a plane with one slope.
+        seed: Another one, another path.
+        length: Of the path [m].
+        limits: Of slopes, clearance, margin and the like, with ``obstacles``: see :func:`drivable_ground`.
 
     Raises ``ValueError`` that names a wrong value, or says what bars the ground if no path of this length is found.
     """
-    ground = drivable_ground(
-        terrain,
-        turning_radius=turning_radius,
-        max_slope_deg=max_slope_deg,
-        max_cross_slope_deg=max_cross_slope_deg,
-        obstacle_height=obstacle_height,
-        clearance=clearance,
-        margin=margin,
-        obstacles=obstacles,
-    )
-    return ground.path(seed, length=length)
+    return drivable_ground(terrain, **limits).path(seed, length=length)
 
 
 def _tightest() -> float:

@@ -10,6 +10,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import typer
+from rich.text import Text
+from typer.core import TyperGroup
 from typer.testing import CliRunner, Result
 
 from aoro_gym import Machine, __version__, validation
@@ -40,6 +43,16 @@ def test_version_and_help():
         assert shown.exit_code == 0
         assert "Examples" in shown.stdout
         assert f"aoro-gym {verb}" in shown.stdout
+
+
+def test_help_shows_every_word():
+    # rich takes words in brackets for styles and leaves them out
+    group = typer.main.get_command(app)
+    assert isinstance(group, TyperGroup)
+    for verb, command in group.commands.items():
+        for text in (command.help, *(getattr(parameter, "help", None) for parameter in command.params)):
+            styles = {str(span.style) for span in Text.from_markup(text or "").spans}
+            assert styles <= {"bold"}, f"{verb}: {text}"
 
 
 def test_runs_as_a_module():

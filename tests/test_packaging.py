@@ -27,18 +27,20 @@ STUDIES = {"validation", "calibration", "diagnosis"}
 MAY_SEE = {
     # data flows terrains -> twin -> sensors -> envs -> agents; studies see twin and sensors, never envs or agents
     "arrays": set(),
-    "terrains": set(),
+    "lazy": set(),
+    "style": set(),
+    "terrains": {"lazy", "style"},
     "twin": {"terrains"},
     "sensors": {"arrays", "terrains", "twin"},
-    "envs": {"arrays", "terrains", "twin", "sensors"},
-    "agents": {"terrains", "twin", "sensors", "envs", *TOOLS},
+    "envs": {"arrays", "lazy", "style", "terrains", "twin", "sensors"},
+    "agents": {"lazy", "style", "terrains", "twin", "sensors", "envs", *TOOLS},
     # the key figures of a turn are defined in validation, for the machine and for every drawing of a twin
-    **{part: {"terrains", "twin", "sensors", "validation", *TOOLS} for part in TOOLS},
-    **{part: {"terrains", "twin", "sensors", *TOOLS, *STUDIES} for part in STUDIES},
+    **{part: {"style", "terrains", "twin", "sensors", "validation", *TOOLS} for part in TOOLS},
+    **{part: {"style", "terrains", "twin", "sensors", *TOOLS, *STUDIES} for part in STUDIES},
     "benchmark": {"terrains", "twin", "sensors", "envs", *TOOLS},
     "cli": {"terrains", "twin", "sensors", "envs", "agents", "benchmark", *TOOLS, *STUDIES},
     "__main__": {"cli"},
-    "__init__": {"terrains", "twin", "envs"},
+    "__init__": {"lazy", "terrains", "twin", "envs"},
 }
 
 

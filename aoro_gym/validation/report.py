@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import base64
 import html
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import numpy as np
@@ -17,8 +14,8 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from aoro_gym import __version__
-from aoro_gym.report import AMBER, BLUE, GREEN, GRID, INK, PLOTLY_CONFIG, SHADE, SOFT, describe, show
+from aoro_gym.report import card, describe, interactive_plot, picture, show, write_page
+from aoro_gym.style import AMBER, BLUE, GREEN, INK, PLOT_STYLE, SHADE, SOFT
 from aoro_gym.validation.key_figures import FIGURES, SECOND_PEAK, STEADY, UNDERSHOOT_END
 from aoro_gym.validation.published import Row
 from aoro_gym.validation.study import TARGETS, Curve, Validation
@@ -32,20 +29,6 @@ ZOOM = (-0.15, 1.05)
 LARGEST_ERROR = 40.0
 """Error [%] beyond which the chart shows an arrow."""
 
-_STYLE: Any = {
-    "font.size": 9.5,
-    "axes.edgecolor": SOFT,
-    "axes.labelcolor": INK,
-    "axes.linewidth": 0.7,
-    "axes.titlecolor": INK,
-    "grid.color": GRID,
-    "grid.linewidth": 0.7,
-    "text.color": INK,
-    "xtick.color": SOFT,
-    "ytick.color": SOFT,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-}
 _HEADING: Any = {"x": 0.012, "ha": "left", "fontsize": 15, "fontweight": "bold"}
 
 
@@ -60,7 +43,7 @@ def write_report(result: Validation, folder: Path) -> list[Path]:
     written.append(folder / "errors.png")
     write_errors(result, written[-1])
     written.append(folder / "index.html")
-    write_page(result, written[-1], errors_png=folder / "errors.png")
+    write_index(result, written[-1], errors_png=folder / "errors.png")
     return written
 
 
@@ -229,7 +212,7 @@ def write_turns(result: Validation, direction: str, path: Path) -> None:
     from matplotlib.figure import Figure
 
     curves = [curve for curve in result.curves if curve.turn.direction == direction]
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(PLOT_STYLE):
         figure = Figure(figsize=(12.5, 1.1 + 3.15 * len(curves)), dpi=140, layout="constrained")
         layout: Any = figure.get_layout_engine()
         layout.set(w_pad=0.08, h_pad=0.08)
@@ -337,7 +320,7 @@ def write_errors(result: Validation, path: Path) -> None:
     from matplotlib.figure import Figure
 
     turns = [turn for turn in TURNS if turn.direction == "left"]
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(PLOT_STYLE):
         figure = Figure(figsize=(12.5, 6.2), dpi=140, layout="constrained")
         layout: Any = figure.get_layout_engine()
         layout.set(w_pad=0.1, h_pad=0.08)
@@ -433,63 +416,37 @@ def _value(row: Row, name: str) -> float:
 # --- page ---
 
 
-_TABLE_STYLE = """<style>
-  table { border-collapse: collapse; width: 100%; font-size: 13.5px; font-variant-numeric: tabular-nums; }
-  th { text-align: right; padding: 5px 9px; border-bottom: 2px solid var(--line); vertical-align: bottom; }
-  td { text-align: right; padding: 3px 9px; border-bottom: 1px solid var(--line); white-space: nowrap; }
-  th:first-child, td:first-child { text-align: left; }
-  tr.level td { font-weight: 600; padding-top: 12px; background: none; }
-  td.twin { font-weight: 600; }
-  td.yes { color: #1d7a54; font-weight: 600; }
-  td.no { color: #c8423b; font-weight: 600; }
-  .card { overflow-x: auto; }
-  .card img { width: 100%; height: auto; display: block; }
-  .legend { color: var(--soft); font-size: 13px; margin: 8px 2px 0; }
-</style>"""
-
-
-def write_page(result: Validation, path: Path, *, errors_png: Path) -> None:
-    """Write one page with tables and plots; it needs no other file and no network."""
-    from plotly.offline import get_plotlyjs
-
-    template = Template(resources.files("aoro_gym").joinpath("templates/report.html").read_text(encoding="utf-8"))
-    picture = base64.b64encode(errors_png.read_bytes()).decode("ascii")
+def write_index(result: Validation, path: Path, *, errors_png: Path) -> None:
+    """Write one page with tables and plots."""
     sections = [
-        _section("left", "Left turns", f'<div class="card">{_plotly(result, "left")}</div>'),
-        _section("errors", "Errors", f'<div class="card"><img alt="" src="data:image/png;base64,{picture}"></div>'),
-        _section("figures-left", "Key figures, left", f'<div class="card">{_html_table(result, "left")}</div>'),
-        _section("right", "Right turns", f'<div class="card">{_plotly(result, "right")}</div>'),
-        _section("figures-right", "Key figures, right", f'<div class="card">{_html_table(result, "right")}</div>'),
-        _section("notes", "How to read this", _explained(result)),
+        ("Left turns", card(_plotly(result, "left"))),
+        ("Errors", card(picture(errors_png))),
+        ("Key figures, left", card(_html_table(result, "left"))),
+        ("Right turns", card(_plotly(result, "right"))),
+        ("Key figures, right", card(_html_table(result, "right"))),
+        ("How to read this", _explained(result)),
     ]
-    names = [("left", "Left turns"), ("errors", "Errors"), ("figures-left", "Key figures"), ("right", "Right turns")]
-    page = template.substitute(
-        title="AORO twin: validation",
-        lead=html.escape(f"Machine {result.machine}. {_verdict(result)}"),
-        contents="".join(f'<a href="#{name}">{label}</a>' for name, label in names),
-        sections="\n".join([_TABLE_STYLE, _tiles(result), *sections]),
-        plotly=get_plotlyjs(),
-        footer=f"Drawn by aoro-gym {html.escape(__version__)}. Published figures: Lehto et al., Machines 2026, 14, 128.",
+    write_page(
+        path,
+        "AORO twin: validation",
+        f"Machine {result.machine}. {_verdict(result)}",
+        sections,
+        top=_tiles(result),
+        footer="Published figures: Lehto et al., Machines 2026, 14, 128.",
     )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(page, encoding="utf-8")
-
-
-def _section(name: str, title: str, body: str) -> str:
-    return f'<section id="{name}"><h2>{html.escape(title)}</h2>{body}</section>'
 
 
 def _tiles(result: Validation) -> str:
     tiles = []
     for check in result.checks:
         what, value, known, bound, unit = _check_cells(check)
-        colour = "#1d7a54" if check["reached"] else "#c8423b"
+        mark = "yes" if check["reached"] else "no"
         beside = bound if known == "-" else f"published {known}, {bound}"
         tiles.append(
-            f'<div class="figure"><b style="color:{colour}">{value} <small>{unit}</small></b>'
+            f'<div class="figure"><b class="{mark}">{value} <small>{unit}</small></b>'
             f"<span>{html.escape(what)} ({beside})</span></div>"
         )
-    return f'<div class="figures" style="margin-top:18px">{"".join(tiles)}</div>'
+    return f'<div class="figures">{"".join(tiles)}</div>'
 
 
 def _html_table(result: Validation, direction: str) -> str:
@@ -523,7 +480,7 @@ def _explained(result: Validation) -> str:
         "50 % are the valve curve that either twin is made with, so times and mean flows there are no independent test.",
         *result.notes,
     ]
-    return '<div class="card">' + "".join(f"<p>{html.escape(text)}</p>" for text in sentences) + "</div>"
+    return card("".join(f"<p>{html.escape(text)}</p>" for text in sentences))
 
 
 def _plotly(result: Validation, direction: str) -> str:
@@ -581,21 +538,12 @@ def _plotly(result: Validation, direction: str) -> str:
             figure.update_yaxes(range=_flow_limits(result, curve), row=row, col=column)
     for column in (1, 2):
         figure.update_xaxes(title_text="time since the joint has moved by 0.1° [s]", row=len(curves), col=column)
-    figure.update_annotations(xanchor="left", font={"size": 13.5, "color": INK})
-    for index, annotation in enumerate(figure.layout.annotations):
-        annotation.x = figure.layout["xaxis" + ("" if index == 0 else str(index + 1))].domain[0]
-    figure.update_xaxes(gridcolor=GRID, linecolor=SOFT, zeroline=False)
-    figure.update_yaxes(gridcolor=GRID, linecolor=SOFT, zerolinecolor=GRID)
-    figure.update_layout(
+    return interactive_plot(
+        figure,
         height=110 + 290 * len(curves),
         margin={"l": 45, "r": 15, "t": 70, "b": 45},
-        paper_bgcolor="white",
-        plot_bgcolor="white",
-        hovermode="x unified",
         legend={"orientation": "h", "x": 0.0, "y": 1.0 + 60 / (290 * len(curves)), "yanchor": "bottom"},
-        font={"color": INK, "family": "system-ui, -apple-system, Segoe UI, DejaVu Sans, sans-serif", "size": 12},
     )
-    return figure.to_html(full_html=False, include_plotlyjs=False, config=PLOTLY_CONFIG)
 
 
 def _plotly_published(line: Any, result: Validation, turn: Turn, row: int, column: int) -> None:

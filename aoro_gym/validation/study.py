@@ -162,7 +162,7 @@ def validate(
     noise: JointAngleNoise | None = None,
     noise_runs: int = 200,
     substeps: int = 30,
-    progress: Callable[[str], Any] | None = None,
+    progress: Callable[[str, float], Any] | None = None,
 ) -> Validation:
     """Full turns to both sides at 100, 75 and 50 % signal, in one launch, and two straight drives.
 
@@ -176,11 +176,11 @@ def validate(
         noise: What the joint-angle sensor adds; the published kind by default.
         noise_runs: How many noisy recordings of each turn show the spread; 0 for none.
         substeps: Hydraulic substeps a main step.
-        progress: Called with what is being done.
+        progress: Called with what is being done and the share that is.
 
     The figures are without noise. Twins that were lost have none (null), and a note says why.
     """
-    say = progress or (lambda _: None)
+    tell = progress or (lambda what, share: None)
     chosen = _machine(machine)
     members = [ensemble] if isinstance(ensemble, Machine) else [_machine(member) for member in ensemble]
     if chosen.num_variants > 1:
@@ -189,7 +189,7 @@ def validate(
     second = None if uncalibrated is None else _machine(uncalibrated)
     family = [chosen, *([second] if second is not None else []), *members]
 
-    say(f"full turns, {len(TURNS) * sum(m.num_variants for m in family)} twins")
+    tell(f"full turns, {len(TURNS) * sum(m.num_variants for m in family)} twins", 0.0)
     recording = run_turns(stacked(family), device=device, substeps=substeps)
     exact, raw = _figures(recording), _raw_figures(recording)
     rows: list[Row] = []
@@ -201,9 +201,9 @@ def validate(
     rows += published_rows()
 
     first_member = 1 + (second is not None)
-    say("sensor noise")
+    tell("sensor noise", 0.3)
     spread = noise_spread(recording, noise or JointAngleNoise.published(), noise_runs, seed) if noise_runs else []
-    say("half the hydraulic step, and straight drives")
+    tell("half the hydraulic step, and straight drives", 0.6)
     fine = run_turns(chosen, device=device, substeps=2 * substeps)
     names = [chosen.name, *([second.name] if second is not None else [])]
     return Validation(

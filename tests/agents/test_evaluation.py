@@ -229,7 +229,7 @@ def test_wrong_arguments_are_named(call, message):
 
 def test_report_holds_everything(found, tmp_path, monkeypatch):
     monkeypatch.setattr(evaluation_report, "MOST_FRAMES", 3)
-    written = evaluation_report.write_report(found, tmp_path)
+    written = evaluation_report.write_report(found, tmp_path, lead="Machine mine, as it is.")
     names = [path.name for path in written]
     assert names[:4] == ["evaluation.json", "figures.png", "errors.png", "plan_1.png"]
     assert names[4:] == ["preview.mp4", "asleep.mp4", "index.html"]
@@ -247,6 +247,7 @@ def test_report_holds_everything(found, tmp_path, monkeypatch):
         for cell in row:
             assert cell.replace("'", "&#x27;") in page
     assert "two lines" in page
+    assert "3 episodes a policy from seed 5. Machine mine, as it is.<" in page
     rate = next(row for row in evaluation_report.difference_rows(found) if row[0] == "success rate")
     assert rate == ["success rate", "%", "-100 [-100, -100]"]
 

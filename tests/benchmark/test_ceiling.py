@@ -8,6 +8,7 @@ import warp as wp
 from aoro_gym import Twin
 from aoro_gym.benchmark.ceiling import Ceiling, beside, counted, measure_ceiling
 from aoro_gym.benchmark.probes import Factors, bandwidth, factors, multiply_add, probe_time
+from aoro_gym.benchmark.run import Plan, run
 from aoro_gym.benchmark.scene import CONTROL_STEP, signals, starts, terrain
 from tests.benchmarks import roofline
 from tests.benchmarks.counting import cost
@@ -72,6 +73,15 @@ def test_the_ceiling_is_that_of_the_probes():
     assert found.bytes_per_s == pytest.approx(bandwidth(device), rel=0.5)
     # one chain waits for each result, eight overlap
     assert probe_time(multiply_add, factors(device), 1, 1) > 2.0 * a_pair
+
+
+def test_on_a_gpu(machine):
+    if not wp.is_cuda_available():
+        pytest.skip("no CUDA device")
+    on, (case,) = (run(Plan(twins=(4096,), device="cuda:0", seconds=0.5), machine)[key] for key in ("machine", "cases"))
+    assert 0.0 < case["share_of_ceiling"] < 1.0
+    a_processor = on["ceiling"]["operations_per_s"] / wp.get_device("cuda:0").sm_count
+    assert 64 * 1e9 < a_processor < 128 * 3e9  # 64 or 128 lanes, each an instruction a cycle, at 1 to 3 GHz
 
 
 @wp.func

@@ -126,9 +126,12 @@ def ceilings(device: Any) -> dict[str, Any]:
 # ---- count ----------------------------------------------------------------------------------------------------------
 
 
-def mean_cost(latency: dict[str, float], *, gpu: bool, terrain: Terrain | Plane | None = None) -> Cost:
-    """Mean cost of a main step over :data:`INSTANTS` of a loaded turn over ``terrain``, by default rough, as a raster."""
-    twin = Twin(terrain=terrain or rough(0, bumps=0.05, hills=0.1))
+def mean_cost(
+    latency: dict[str, float], *, gpu: bool, terrain: Terrain | Plane | None = None, device: str = "cpu"
+) -> Cost:
+    """Mean cost of a main step over :data:`INSTANTS` of a loaded turn over ``terrain``, by default rough, as a raster; the
+    twin turns on ``device``."""
+    twin = Twin(terrain=terrain or rough(0, bumps=0.05, hills=0.1), device=device)
     twin.reset(position=(MIDDLE, MIDDLE))
     found = []
     for since, instant in zip((0.0, *INSTANTS), INSTANTS, strict=False):
@@ -299,7 +302,7 @@ def measure(device: str, name: str, twins: int) -> dict[str, Any]:
     here = wp.get_device(device)
     gpu = here.is_cuda
     limits = ceilings(here)
-    count = mean_cost(latencies(limits, gpu=gpu), gpu=gpu)
+    count = mean_cost(latencies(limits, gpu=gpu), gpu=gpu, device=str(device))
     timed = {g: LAUNCH * twins / drive(twins, g, device, upload=True) for g in ("plane", "raster")}
     return {
         "name": name,

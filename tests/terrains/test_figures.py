@@ -81,6 +81,9 @@ def test_holes_stay_white():
     z[10:20, 10:20] = np.nan
     figure = draw_terrain(Terrain.from_heights(z, cell=1.0))
     np.testing.assert_allclose(pixel(figure, 14.5, 14.5), 1.0)
+    legend = figure.axes[0].get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["no ground"]
 
 
 def test_can_be_written():

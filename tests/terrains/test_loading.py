@@ -9,11 +9,9 @@ import pyproj
 import pytest
 import rasterio
 import trimesh
-from PIL import Image
 
 from aoro_gym.terrains import Terrain, TerrainError, load, loading, to_local
 from aoro_gym.terrains.frame import UNITS
-from aoro_gym.terrains.hillshade import write_hillshade
 
 CELL, SIZE = 0.5, 40.0
 UTM = (430_000.0, 5_150_000.0)
@@ -328,16 +326,6 @@ def test_saved_terrain_keeps_its_place_on_earth(tmp_path):
     assert np.abs(errors(again, (*UTM, 0.0))).max() < 1e-4
     (tmp_path / "again.json").write_text("[]")
     assert load(tmp_path / "again.ply").terrain.crs is None
-
-
-def test_hillshade(tmp_path):
-    terrain, report = load(without(grid(), slice(30, 60), slice(30, 60)), cell=CELL)
-    write_hillshade(terrain, report, tmp_path / "ground.png")
-    picture = np.asarray(Image.open(tmp_path / "ground.png").convert("RGB")).astype(int)
-    red = (picture[..., 0] > picture[..., 1] + 60) & (picture[..., 0] > picture[..., 2] + 60)
-    rows, columns = np.nonzero(red)
-    share = red.sum() / ((np.ptp(rows) + 1) * (np.ptp(columns) + 1))
-    assert share > 0.8  # one block of red: the hole
 
 
 # --- repair ---

@@ -28,9 +28,9 @@ def result(machine) -> Validation:
         uncalibrated=machine.scale({KEY: 1.5}),
         ensemble=machine.scale({KEY: np.array([0.8, 1.2])}),
         noise_runs=30,
-        progress=said.append,
+        progress=lambda *told: said.append(told),
     )
-    assert said[0] == "full turns, 24 twins"
+    assert said[0] == ("full turns, 24 twins", 0.0)
     return found
 
 
