@@ -20,6 +20,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,7 @@ from scipy.special import logsumexp, ndtr
 from scipy.stats import chi2
 
 from aoro_gym.calibration.space import Space
-from aoro_gym.diagnosis.noise import ModelError, Noise, noise_of, whitener
+from aoro_gym.diagnosis.noise import ModelError, Noise, Whitener, noise_of, whitener
 from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.diagnosis.replay import Replay, Variants
 from aoro_gym.twin import Machine
@@ -44,15 +45,22 @@ STEP = 0.5
 """Finite-difference step of nuisances, in prior standard deviations."""
 PAIRS = 16
 """Pairs that are refined with the twin: the likeliest of all that were screened. Nothing and every single effect are."""
-SETTLING = 4
-"""Jacobians of the nuisances, each at the best point so far."""
+SETTLING = 12
+"""Most Jacobians of the nuisances, each at the best point so far."""
+BOXES = (0.3, 1.0, 3.0, 10.0)
+"""Half widths [prior standard deviations] of the boxes within which a step of all nuisances is tried."""
+EASING = (20.0, 8.0, 3.0, 1.0)
+"""Multiples of the twin's own error under which the first steps are taken: the cost has fewer valleys then."""
+ENOUGH = 0.003
+"""A step that lowers the cost by less than this share is the last."""
 ROUNDS = 6
 """Gauss–Newton steps of each."""
 FELT = 0.1
 """Whitened length of what one standard deviation of a nuisance does, below which it is left alone."""
 START_JITTER = 1e-3
 """Standard deviation [s] of a recording's clock against its commands."""
-BIAS: Mapping[str, float] = {"joint_angle": np.radians(0.03)}
+ANGLE_BIAS = np.radians(0.03)
+"""Standard deviation [rad] of the angle's zero, anew in each recording."""
 PRESSURE_BIAS = 0.3e5
 """Standard deviation [Pa] of a pressure sensor's zero, one for all recordings."""
 SURPRISES = (3.0, 6.0, 12.0)
@@ -168,6 +176,7 @@ class Problem:
             self.noise.setdefault(name, noise_of(recordings, name, longest))
         self.blocks = [(index, name) for index, r in enumerate(self.recordings) for name in r.channels]
         """Recording and channel of every part of a stacked residual."""
+        self._whiteners = self.whiteners(error)
 
     # ---- predictions ----
 
@@ -191,7 +200,9 @@ class Problem:
             column += len(effect.magnitudes)
         return Variants.of(machine, magnitudes, count)
 
-    def simulate(self, variants: Sequence[Variants], progress: Callable[[float], None] = lambda s: None):
+    def simulate(
+        self, variants: Sequence[Variants], progress: Callable[[float], None] = lambda share: None
+    ) -> NDArray[np.float64]:
         """Stacked predictions (D, N), SI."""
         found = self.replay.run(variants, progress)
         return np.concatenate([found[index][name] for index, name in self.blocks]).astype(np.float64)
@@ -217,11 +228,7 @@ class Problem:
         ends = np.cumsum([len(self.recordings[index].channels[name]) for index, name in self.blocks])
         return np.split(stacked, ends[:-1])
 
-    @cached_property
-    def _whiteners(self):
-        return self.whiteners(self.error)
-
-    def whiteners(self, error: ModelError):
+    def whiteners(self, error: ModelError) -> list[Whitener]:
         """One a block."""
         parts = self.split(self.base)
         out = []
@@ -238,28 +245,22 @@ class Problem:
     def own(self) -> NDArray[np.float64]:
         """Whitened shifts (D, c) by one standard deviation of what belongs to the recordings themselves: each one's clock
         and zero of the angle, each pressure sensor's zero."""
-        columns = []
         parts = self.split(self.base)
-        for k, (index, name) in enumerate(self.blocks):
-            if name == "joint_angle":
-                slope = np.gradient(parts[k]) / TICK
-                for shift in (START_JITTER * slope, np.full(len(slope), BIAS["joint_angle"])):
-                    column = [np.zeros(len(part)) for part in parts]
-                    column[k] = shift
-                    for j, (other, channel) in enumerate(self.blocks):
-                        if other == index and channel != name and shift is not None and np.ptp(shift) > 0.0:
-                            column[j] = START_JITTER * np.gradient(parts[j]) / TICK
-                    columns.append(np.concatenate(column))
+
+        def stacked(shift: Callable[[int, str, NDArray[np.float64]], Any]) -> NDArray[np.float64]:
+            """Column (D,) of what ``shift`` gives for each block's recording, channel and prediction."""
+            blocks = zip(self.blocks, parts, strict=True)
+            return np.concatenate([np.broadcast_to(shift(i, name, part), part.shape) for (i, name), part in blocks])
+
+        columns = []
+        for k in range(len(self.recordings)):
+            columns.append(
+                stacked(lambda i, name, part, k=k: START_JITTER * np.gradient(part) / TICK if i == k else 0.0)
+            )
+            columns.append(stacked(lambda i, name, part, k=k: ANGLE_BIAS if (i, name) == (k, "joint_angle") else 0.0))
         for channel in self.replay.signals:
             if "pressure" in channel:
-                columns.append(
-                    np.concatenate(
-                        [
-                            np.full(len(part), PRESSURE_BIAS if name == channel else 0.0)
-                            for (_, name), part in zip(self.blocks, parts, strict=True)
-                        ]
-                    )
-                )
+                columns.append(stacked(lambda i, name, part, c=channel: PRESSURE_BIAS if name == c else 0.0))
         return self.white(np.stack(columns, axis=1))
 
     # ---- linear model ----
@@ -299,11 +300,16 @@ class Problem:
         self.felt = np.arange(len(self.space.keys))
         own = self.own.shape[1]
         self.centre = np.zeros(len(self.felt) + own)
+        last = False
         for step in range(SETTLING):
+            self.__dict__.pop("own", None)
+            self._whiteners = self.whiteners(self.error.scaled(EASING[min(step, len(EASING) - 1)]))
             d = len(self.felt)
             h = np.where(self.space.point()[self.felt] + STEP * self.spread[self.felt] <= 1.0, STEP, -STEP)
             points = np.vstack([self.centre, self.centre + np.eye(d, d + own) * h[:, None]])
-            found = self.simulate([self._at(points)], lambda share, step=step: progress((step + 0.8 * share) / SETTLING))
+            found = self.simulate(
+                [self._at(points)], lambda share, step=step: progress((step + 0.8 * share) / SETTLING)
+            )
             slopes = self.white(np.nan_to_num(found[:, 1:] - found[:, :1])) / h
             if step == 0:
                 shown = np.linalg.norm(slopes, axis=0) > FELT
@@ -313,16 +319,27 @@ class Problem:
             self.jacobian = np.concatenate([slopes, self.own], axis=1)
             residual = self.white(self.measured - found[:, 0]) - self.own @ self.centre[d:]
             self.residual = residual + self.jacobian @ self.centre
-            if step == SETTLING - 1:
+            if last or step == SETTLING - 1:
                 break
-            inner = np.eye(d + own) + self.jacobian.T @ self.jacobian
-            target = np.linalg.solve(inner, self.jacobian.T @ self.residual)
-            tried = self.centre + np.array([0.0, 0.1, 0.3, 0.6, 1.0])[:, None] * (target - self.centre)
+            tried = np.array([self.centre, *(self._boxed(residual, box) for box in BOXES)])
             found = self.simulate([self._at(tried)])
             white = self.white(self.measured[:, None] - found) - self.own @ tried[:, d:].T
-            costs = np.sum(white**2, axis=0) + np.sum(tried**2, axis=1)
-            self.centre = tried[int(np.nanargmin(costs))]
+            costs = np.nan_to_num(np.sum(white**2, axis=0) + np.sum(tried**2, axis=1), nan=np.inf)
+            best = int(np.argmin(costs))
+            self.centre = tried[best]
+            last = step >= len(EASING) - 1 and costs[best] > (1.0 - ENOUGH) * costs[0]
         progress(1.0)
+
+    def _boxed(self, residual: NDArray[np.float64], box: float) -> NDArray[np.float64]:
+        """Least cost of the linear model within ``box`` standard deviations of the centre, and within the ranges."""
+        d, whole = len(self.felt), len(self.centre)
+        place, width = self.space.point()[self.felt], self.spread[self.felt]
+        low, high = np.full(whole, -np.inf), np.full(whole, np.inf)
+        low[:d] = np.maximum(-box, np.minimum(-place / width - self.centre[:d], 0.0) - 1e-9)
+        high[:d] = np.minimum(box, np.maximum((1.0 - place) / width - self.centre[:d], 0.0) + 1e-9)
+        slopes = np.vstack([self.jacobian, np.eye(whole)])
+        inner = np.linalg.qr(np.column_stack([slopes, np.r_[residual, -self.centre]]), "r")
+        return self.centre + lsq_linear(inner[:, :-1], inner[:, -1], (low, high)).x
 
     def shift(self, effects: Sequence[str], places: NDArray[np.float64]) -> NDArray[np.float64]:
         """Whitened shift (D,) of ``effects`` at ``places``, interpolated and added up."""
@@ -373,15 +390,16 @@ class Problem:
         self,
         candidates: Sequence[tuple[tuple[str, ...], tuple[float, ...]]],
         progress: Progress = lambda sentence, share: None,
+        start: NDArray[np.float64] | None = None,
     ) -> list[Hypothesis]:
         """The best fit of every candidate (effects, first places) in nuisances and magnitudes, the same effort for each.
 
-        Gauss–Newton steps whose slopes are those at the given machine, corrected by what each step did (Broyden 1965);
+        Nuisances begin at ``start``, or where the linear model has them. Gauss–Newton steps whose slopes are those at the given machine, corrected by what each step did (Broyden 1965);
         within the span of all slopes and shifts, which is where a step can change anything.
         """
         slopes = np.concatenate([self.jacobian, *self.shifts.values()], axis=1)
         self._span = np.linalg.qr(np.column_stack([slopes, self.residual]))[0]
-        searches = [Search(self, effects, places) for effects, places in candidates]
+        searches = [Search(self, effects, places, start) for effects, places in candidates]
         for step in range(ROUNDS + 1):
             batch = [search.variants() for search in searches]
             found = self.simulate(batch, lambda share, step=step: progress("refining", (step + share) / (ROUNDS + 1)))
@@ -392,22 +410,30 @@ class Problem:
 
     def surprise(self) -> float:
         """Log evidence of an unknown cause, on the scale of :meth:`screen`: the same residuals under larger errors."""
-        stacked = self.measured - self.base
-        columns = np.concatenate([_unwhitened(self._whiteners, self.split(self.jacobian)), stacked[:, None]], axis=1)
+        columns = self._plain(np.column_stack([self.jacobian, self.residual]))
 
         def evidence(error: ModelError) -> float:
             whiteners = self.whiteners(error)
             white = np.concatenate([w(part) for w, part in zip(whiteners, self.split(columns), strict=True)])
             jacobian, residual = white[:, :-1], white[:, -1]
             inner = np.eye(jacobian.shape[1]) + jacobian.T @ jacobian
-            fit = residual @ residual - (jacobian.T @ residual) @ np.linalg.solve(inner, jacobian.T @ residual)
+            pull = jacobian.T @ residual
+            fit = residual @ residual - pull @ np.linalg.solve(inner, pull)
             volume = sum(float(np.sum(np.log(np.diag(w.factor)))) for w in whiteners)
             return -0.5 * fit - volume - 0.5 * np.linalg.slogdet(inner)[1]
 
-        own = evidence(self.error)
         larger = [evidence(self.error.scaled(factor)) for factor in SURPRISES]
         nothing = -0.5 * float(self.projected(self.residual[:, None], self.residual[:, None])[0, 0])
-        return nothing + float(logsumexp(larger) - np.log(len(larger))) - own
+        return nothing + float(logsumexp(larger)) - np.log(len(larger)) - evidence(self.error)
+
+    def _plain(self, white: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Whitened columns (D, N) back in SI."""
+        return np.concatenate([w.factor @ part for w, part in zip(self._whiteners, self.split(white), strict=True)])
+
+    def apart(self, hypothesis: Hypothesis) -> list[tuple[float, ...]]:
+        """The places of a hypothesis, effect by effect."""
+        ends = np.cumsum([len(self.axes[name]) for name in hypothesis.effects])
+        return [tuple(part) for part in np.split(np.array(hypothesis.places), ends[:-1])] if hypothesis.effects else []
 
     def fit_p(self, hypothesis: Hypothesis) -> float:
         """Probability of residuals at least as large as those of a fitted hypothesis, if it holds."""
@@ -421,21 +447,25 @@ KNOWN = 0.3
 """Share of the twin's own error that is left where the healthy machine's residual of the same manoeuvre is subtracted."""
 
 
-def _unwhitened(whiteners, parts: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-    return np.concatenate([w.factor @ part for w, part in zip(whiteners, parts, strict=True)])
-
-
 class Search:
     """The best fit of one hypothesis: nuisances u (standard deviations) and places z of its axes."""
 
-    def __init__(self, problem: Problem, effects: tuple[str, ...], places: tuple[float, ...]):
+    def __init__(
+        self,
+        problem: Problem,
+        effects: tuple[str, ...],
+        places: tuple[float, ...],
+        start: NDArray[np.float64] | None,
+    ):
         self.problem = problem
         self.effects = effects
         span = problem._span
         z = np.array(places, dtype=np.float64)
         jacobian = span.T @ problem.jacobian
-        left = span.T @ (problem.residual - problem.shift(effects, z))
-        u = np.linalg.solve(np.eye(jacobian.shape[1]) + jacobian.T @ jacobian, jacobian.T @ left)
+        u = start
+        if u is None:
+            left = span.T @ (problem.residual - problem.shift(effects, z))
+            u = np.linalg.solve(np.eye(jacobian.shape[1]) + jacobian.T @ jacobian, jacobian.T @ left)
         self.nuisances = len(u)
         self.tried = np.concatenate([u, z])
         self.point, self.cost = self.tried, np.inf
@@ -583,10 +613,23 @@ def attribute(problem: Problem, progress: Progress = lambda sentence, share: Non
     ranked = sorted(screened, key=lambda effects: -(screened[effects][0] + log_prior[effects]))
     pairs = [effects for effects in ranked if len(effects) == 2][:PAIRS]
     chosen = [*(effects for effects in ranked if len(effects) < 2), *pairs]
-    hypotheses = problem.refine(
+    first = problem.refine(
         [(effects, screened[effects][1]) for effects in chosen],
-        lambda sentence, share: progress(sentence, 0.4 + 0.6 * share),
+        lambda sentence, share: progress(sentence, 0.4 + 0.3 * share),
     )
+    # a valley that one has found is shown to all: no hypothesis may win because another was lost on its way
+    best = min(first, key=lambda h: h.cost)
+    found = dict(zip(best.effects, problem.apart(best), strict=True))
+    again = []
+    for h in first:
+        own = dict(zip(h.effects, problem.apart(h), strict=True))
+        again.append((h.effects, tuple(place for name in h.effects for place in found.get(name, own[name]))))
+    second = problem.refine(again, lambda sentence, share: progress(sentence, 0.7 + 0.3 * share), best.nuisances)
+    kept: dict[tuple[str, ...], Hypothesis] = {}
+    for h in [*first, *second]:
+        if h.effects not in kept or h.cost < kept[h.effects].cost:
+            kept[h.effects] = h
+    hypotheses = list(kept.values())
     unknown = Hypothesis(("unknown",), problem.surprise())
     everything = [*hypotheses, unknown]
     log_prior[("unknown",)] = np.log(PRIOR["unknown"])

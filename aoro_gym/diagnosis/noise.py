@@ -1,8 +1,9 @@
 """What may part a recording from a perfect twin without a cause: noise of the sensors, and the twin's own error.
 
 Residuals are whitened with the covariance of both. Noise is an autoregressive process, fitted to the standstill that
-every recording begins with (Burg 1975: short stretches, sharp lines). The twin's own error is taken as relative: of the joint's rate, which the angle then integrates, and of each pressure's excursion, both wandering
-as Ornstein–Uhlenbeck processes.
+every recording begins with (Burg 1975: short stretches, sharp lines). The twin's own error is taken as relative: of the
+joint's rate, which the angle then integrates and which shifts the pressures in time, and of each pressure's excursion, both
+wandering as Ornstein–Uhlenbeck processes.
 """
 
 from __future__ import annotations
@@ -109,13 +110,15 @@ def whitener(noise: Noise, channel: str, predicted: NDArray[np.float64], error: 
     count = len(predicted)
     covariance = toeplitz(noise.covariance[:count])
     lag = TICK * np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
+    wander = error.rate**2 * np.exp(-lag / RATE_MEMORY)
+    change = np.gradient(predicted)  # a tick
     if channel == "joint_angle":
-        moved = np.abs(np.gradient(predicted))  # a tick
-        spread = error.rate * moved
-        rates = np.outer(spread, spread) * np.exp(-lag / RATE_MEMORY)
-        covariance = covariance + np.cumsum(np.cumsum(rates, axis=0), axis=1)
+        rates = np.outer(change, change) * wander
+        covariance += np.cumsum(np.cumsum(rates, axis=0), axis=1)
     else:
-        excursion = maximum_filter1d(np.abs(predicted - predicted[0]), 9)
-        spread = error.pressure * excursion
-        covariance = covariance + np.outer(spread, spread) * np.exp(-lag / PRESSURE_MEMORY)
+        # a motion that runs late shows its pressures late, by the integral of the rate's error
+        late = np.cumsum(np.cumsum(wander, axis=0), axis=1)
+        covariance += np.outer(change, change) * late
+        spread = error.pressure * maximum_filter1d(np.abs(predicted - predicted[0]), 9)
+        covariance += np.outer(spread, spread) * np.exp(-lag / PRESSURE_MEMORY)
     return Whitener(cholesky(covariance, lower=True))

@@ -132,7 +132,9 @@ def _instants(table: Table, limitations: list[str]) -> tuple[NDArray[np.float64]
             raise ValueError(
                 f"{table.where(bad)}: time_s repeats or runs backwards, here and in {share:.0%} of the rows; sort them"
             )
-        limitations.append(f"{table.where(bad)}: time_s repeats or runs backwards; {len(time) - len(keep)} rows left out")
+        limitations.append(
+            f"{table.where(bad)}: time_s repeats or runs backwards; {len(time) - len(keep)} rows left out"
+        )
     time = time[keep] - time[keep[0]]
     if len(time) < 10 or time[-1] < SHORTEST:
         raise ValueError(
@@ -151,7 +153,9 @@ def _instants(table: Table, limitations: list[str]) -> tuple[NDArray[np.float64]
             f"{table.where(int(keep[widest]))}: a gap of {steps[widest]:.2f} s; split the log there, or log without gaps"
         )
     if steps[widest] > 2.5 * usual:
-        limitations.append(f"{table.where(int(keep[widest]))}: a gap of {steps[widest]:.3f} s, bridged by a straight line")
+        limitations.append(
+            f"{table.where(int(keep[widest]))}: a gap of {steps[widest]:.3f} s, bridged by a straight line"
+        )
     return time, keep
 
 
@@ -197,7 +201,9 @@ def _channels(
         values = columns[column]
         if np.ptp(values) == 0.0:
             if name == "joint_angle":
-                raise ValueError(f"{path}: {column} is {values[0]:.6g} throughout: the sensor or its logger stands still")
+                raise ValueError(
+                    f"{path}: {column} is {values[0]:.6g} throughout: the sensor or its logger stands still"
+                )
             limitations.append(f"{path.name}: {column} is {values[0]:.6g} throughout and was not used")
             continue
         if column.endswith("_bar") and np.max(np.abs(values)) > 2000.0:

@@ -3,6 +3,7 @@
 A variant is a machine with effects: parameters, the plane under it, and what the measuring chain does to its signals.
 """
 
+# pyright: reportInvalidTypeForm=false
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence

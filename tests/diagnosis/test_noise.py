@@ -1,5 +1,7 @@
 """Noise and the twin's own error: fitted to standstill, and whitened away."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -23,7 +25,7 @@ def recording(angle: np.ndarray, rest: int) -> Recording:
     return Recording("log", np.zeros((len(angle) - 1, 2)), {"joint_angle": angle}, rest, float(angle[0]))
 
 
-def autoregressive(rng: np.random.Generator, count: int, runs: int) -> np.ndarray:
+def autoregressive(rng: np.random.Generator, count: int, runs: int) -> Any:
     """x_k = 1.5 x_{k−1} − 0.9 x_{k−2} + w: a line near 11 Hz at 100 samples a second."""
     return lfilter([1.0], [1.0, -1.5, 0.9], 1e-2 * rng.standard_normal((count + 500, runs)), axis=0)[500:]
 
@@ -74,7 +76,7 @@ def test_relative_error_of_the_rate_wanders_the_angle():
     """Angle error of a steady turn with rate ω and relative error e of memory T after a time t ≪ T: e ω t; after t ≫ T:
     e ω √(2 T t − 2 T² (1 − exp(−t/T)))."""
     omega, e, count = 0.4, 0.01, 401
-    predicted = omega * TICK * np.arange(count)
+    predicted = np.asarray(omega * TICK * np.arange(count), dtype=np.float64)
     quiet = Noise(np.r_[1e-16, np.zeros(count - 1)])
     factor = whitener(quiet, "joint_angle", predicted, ModelError(e, 0.0)).factor
     std = np.linalg.norm(factor, axis=1)
