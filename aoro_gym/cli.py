@@ -252,7 +252,7 @@ def simulate(
       aoro-gym simulate --manoeuvre left --out turn.csv
       aoro-gym simulate --manoeuvre right --signal 50 --out right50.csv
       aoro-gym simulate --manoeuvre drive --signal 40 --duration 8 --terrain-slope 5 --out hill.csv
-      aoro-gym simulate --manoeuvre left --scale steering.valve.spool_time_constant=2 --out slow_spool.csv
+      aoro-gym simulate --manoeuvre left --scale steering.valve.spool_time_constant=5 --out slow_spool.csv
       aoro-gym simulate --manoeuvre my_commands.csv --start-angle 10 --out mine.csv
     """
     with _checking_input():
@@ -291,7 +291,7 @@ def demo(
     [bold]Examples[/]
 
       aoro-gym demo
-      aoro-gym demo --out cold --scale steering.valve.spool_time_constant=2
+      aoro-gym demo --out cold --scale steering.valve.spool_time_constant=5
     """
     with _checking_input():
         from aoro_gym.manoeuvres import standing_turn, straight_drive
@@ -361,7 +361,7 @@ def validate(
 
       aoro-gym validate
       aoro-gym validate --machine mine.toml --ensemble mine_ensemble --out mine
-      aoro-gym validate --scale steering.valve.spool_time_constant=2 --uncalibrated none
+      aoro-gym validate --scale steering.valve.spool_time_constant=5 --uncalibrated none
       aoro-gym validate --recalibrate --out again
     """
     with _checking_input():
@@ -593,7 +593,7 @@ def evaluate(
       aoro-gym evaluate
       aoro-gym evaluate --policy preview --policy stanley --episodes 64
       aoro-gym evaluate --terrain forest.laz --path lap.gpx --policy preview
-      aoro-gym evaluate --env AORO/Turning-v0 --scale steering.valve.spool_time_constant=2
+      aoro-gym evaluate --env AORO/Turning-v0 --scale steering.valve.spool_time_constant=5
     """
     with _checking_input():
         from aoro_gym.agents import evaluation
@@ -763,7 +763,7 @@ def _fail(error: Exception, code: int) -> NoReturn:
 def _machine(name: str, settings: list[str] | None, factors: list[str] | None) -> Machine:
     import warp
 
-    warp.config.log_level = warp.LOG_ERROR  # no banner, no compile times and no missing-driver notes between the tables
+    warp.config.log_level = warp.LOG_ERROR  # no banner and no compile times between the tables
     from aoro_gym.twin import Machine
 
     chosen = Machine.load(name)
@@ -1059,8 +1059,6 @@ def _swing(chosen: Machine, device: str, seed: int, path: Path) -> Passage:
 def _forest_drive(chosen: Machine, device: str, seed: int, folder: Path) -> Passage:
     """An episode of ``AORO/PathTracking-v0`` on the scan of a generated forest; the scan, a plan view and a film of it stand
     in ``folder``."""
-    import numpy as np
-
     from aoro_gym.agents.evaluation import evaluate, policy_factory
     from aoro_gym.agents.evaluation_report import write_film, write_plans
     from aoro_gym.envs import Course
@@ -1075,14 +1073,13 @@ def _forest_drive(chosen: Machine, device: str, seed: int, folder: Path) -> Pass
         folder.mkdir(parents=True, exist_ok=True)
         scan(grown, FOREST_SEED, density=SCAN_DENSITY).save_mesh(file)
         terrain, report = load(file, name="scanned forest", progress=lambda share: tell("loading the scan", share))
-        trees = [(tree.x, tree.y, tree.radius, tree.height) for tree in grown.obstacles if tree.kind == "tree"]
         path = drivable_path(terrain, FOREST_SEED, length=DRIVE_LENGTH, obstacles=grown.circles("tree"))
         result = evaluate(
             DRIVE,
             {DRIVER: policy_factory(DRIVE, DRIVER)},
             episodes=1,
             seed=seed,
-            courses=[Course(terrain, (path,), name=terrain.name, trees=np.array(trees))],
+            courses=[Course(terrain, (path,), name=terrain.name, trees=grown.trees)],
             machine=chosen,
             device=device,
             progress=lambda _, share: tell(DRIVE, share),
