@@ -67,6 +67,8 @@ ScaleOption = Annotated[
 ]
 DeviceOption = Annotated[str, typer.Option("--device", metavar="cpu|cuda:N", help="Where the twin runs.")]
 SeedOption = Annotated[int, typer.Option("--seed", metavar="N", help="Seed of all that is random: noise and searches.")]
+blind = typer.Typer(no_args_is_help=True, help="The blind check: a diagnosis on machines whose deviation is withheld.")
+app.add_typer(blind, name="blind")
 
 
 def main() -> None:
@@ -96,6 +98,7 @@ def _top(
       aoro-gym calibrate --help             make a twin agree with your own logs
       aoro-gym parameters steering.valve    what the machine is made of, with sources
       aoro-gym evaluate --help              reference controllers side by side, on any ground
+      aoro-gym blind seal --help            machines with a withheld deviation, to check a diagnosis on
     """
 
 
@@ -729,6 +732,78 @@ def bench(
         _say([json_file])
 
 
+@blind.command()
+def seal(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write to.")],
+    suite: Annotated[
+        str, typer.Option("--suite", metavar="quick|standard|full", help="12, 240 or 800 cases.")
+    ] = "quick",
+    mode: Annotated[
+        str,
+        typer.Option(
+            "--mode", metavar="day-one|commissioned", help="Without logs of the healthy machine, or with them."
+        ),
+    ] = "commissioned",
+    sensors: Annotated[
+        str, typer.Option("--sensors", metavar="angle|full", help="Joint angle alone, or three pressures besides.")
+    ] = "full",
+    family: Annotated[
+        str,
+        typer.Option(
+            "--family", metavar="score|development", help="Cases that score, or others to develop a diagnosis on."
+        ),
+    ] = "score",
+    answers: Annotated[
+        Path | None,
+        typer.Option("--answers", metavar="FILE", help="Answers (.json). Default: beside DIR, DIR.answers.json."),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option("--seed", metavar="N", help="Makes the same cases again, which are then not blind.")
+    ] = None,
+) -> None:
+    """Make cases whose answers are withheld, and publish the digest of the answers.
+
+    A case is a plant, a machine whose laws share no code with the twin: with nothing wrong, one effect, two, one that the
+    catalogue lacks, or only other nuisances. DIR/cases/NNN gets what a user has: machine.toml, logs/*.csv, and for
+    commissioned machines healthy/*.csv. DIR/seal.json gets SHA-256 digests. The answers, with the secret seed and a salt, go
+    to FILE, and logs without noise, with and without the deviation, to the folder FILE.exact beside it.
+
+    Takes ten minutes or less for the quick suite, and hours for the full one. Ctrl-C is safe: the same command goes on where
+    it stopped.
+
+    [bold]Examples[/]
+
+      aoro-gym blind seal blind_quick
+      aoro-gym blind seal --suite standard --mode day-one --sensors angle blind_day_one
+      aoro-gym blind seal --suite quick --family development --seed 1 tuning
+    """
+    with _checking_input():
+        from aoro_gym.diagnosis.cases import FAMILIES, SUITES
+        from aoro_gym.diagnosis.sealing import write_cases
+
+        for option, value, known in (("suite", suite, SUITES), ("family", family, FAMILIES)):
+            if value not in known:
+                raise ValueError(f"--{option} {value!r} is unknown; choose one of: {', '.join(known)}")
+        if seed is not None:
+            _check_seed(seed)
+        _check_folder(folder, "seal.json")
+        file = folder.with_name(f"{folder.name}.answers.json") if answers is None else answers
+        if file.suffix != ".json":
+            raise ValueError(f"--answers {file} must end in .json")
+        with _resumable(), _bar("simulating plants") as tell:
+            write_cases(
+                SUITES[suite],
+                folder,
+                file,
+                mode=mode,
+                sensors=sensors,
+                family=FAMILIES[family],
+                seed=seed,
+                progress=tell,
+            )
+    _say([folder / "seal.json", file])
+
+
 # --- input ---
 
 
@@ -750,6 +825,16 @@ def _running() -> Iterator[None]:
         yield
     except (TwinLost, OSError) as error:
         _fail(error, 1)
+
+
+@contextmanager
+def _resumable() -> Iterator[None]:
+    """Turn Ctrl-C into one line and exit code 130, where the same command goes on later."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        _err().print("[bold]interrupted:[/] the same command goes on from where it stopped", highlight=False)
+        raise typer.Exit(130) from None
 
 
 def _fail(error: Exception, code: int) -> NoReturn:
@@ -1108,12 +1193,8 @@ def _calibrate(fit: Callable[..., Any], out: Path, **options: Any) -> list[Path]
     checkpoint = out.with_name(f"{out.name}.checkpoint.json")
     with _checking_input():
         out.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            with _bar("calibration") as tell:
-                found = fit(checkpoint=checkpoint, progress=tell, **options)
-        except KeyboardInterrupt:
-            _err().print("[bold]interrupted:[/] the same command goes on from where it stopped", highlight=False)
-            raise typer.Exit(130) from None
+        with _resumable(), _bar("calibration") as tell:
+            found = fit(checkpoint=checkpoint, progress=tell, **options)
         found.machine.save(out)
         written = [out]
         if found.ensemble:
