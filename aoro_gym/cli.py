@@ -1290,7 +1290,8 @@ def _terrain_tables(report: Report) -> Iterator[Table | str]:
     if report.holes:
         inside = [hole for hole in report.holes if not hole.at_edge]
         area = sum(hole.area_m2 for hole in report.holes)
-        count = f"{len(report.holes)} places without ground, {len(inside)} of them inside"
+        plural = "" if len(report.holes) == 1 else "s"
+        count = f"{len(report.holes)} place{plural} without ground, {len(inside)} of them inside"
         yield f"[yellow]mind:[/] {count}; {area:,.0f} m² in all"
         for hole in report.holes[:MOST_HOLES]:
             where = f"x {hole.west:.1f} to {hole.east:.1f} m, y {hole.south:.1f} to {hole.north:.1f} m"
