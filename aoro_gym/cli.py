@@ -780,16 +780,18 @@ def seal(
     with _checking_input():
         from aoro_gym.diagnosis.cases import FAMILIES, SUITES
         from aoro_gym.diagnosis.sealing import write_cases
+        from aoro_gym.log import check_writable
 
         for option, value, known in (("suite", suite, SUITES), ("family", family, FAMILIES)):
             if value not in known:
                 raise ValueError(f"--{option} {value!r} is unknown; choose one of: {', '.join(known)}")
         if seed is not None:
             _check_seed(seed)
-        _check_folder(folder, "seal.json")
         file = folder.with_name(f"{folder.name}.answers.json") if answers is None else answers
         if file.suffix != ".json":
             raise ValueError(f"--answers {file} must end in .json")
+        check_writable(folder / "seal.json")
+        check_writable(file)
         with _resumable(), _bar("simulating plants") as tell:
             write_cases(
                 SUITES[suite],

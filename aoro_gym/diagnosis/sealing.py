@@ -85,8 +85,8 @@ def write_cases(
     if answers.exists():
         sealed = json.loads(answers.read_text(encoding="utf-8"))
         for name, value in {**asked, **({} if seed is None else {"seed": seed})}.items():
-            if sealed[name] != value:
-                raise ValueError(f"answers {answers} are of {name} {sealed[name]}, not {value}; name another file")
+            if sealed.get(name) != value:
+                raise ValueError(f"answers {answers} are of {name} {sealed.get(name)}, not {value}; name another file")
         if (folder / "seal.json").exists():
             return open_seal(folder, answers)
         cases = plan(suite, mode=mode, family=family, seed=sealed["seed"])
