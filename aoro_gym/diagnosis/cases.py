@@ -259,7 +259,7 @@ def protocol(
         (0.6 * side * first, rng.uniform(0.4, 0.7)),  # falls short of zero, which a play of the spool shows in
         (-side * second, rng.uniform(0.7, 1.1)),
     )
-    trials.append(Trial("steps", rng.uniform(-0.3, 0.3), _held(*steps)))
+    trials.append(Trial("steps", side * rng.uniform(-0.7, -0.3), _held(*steps)))  # clear of the stop ahead
     side, length, height = either(), rng.uniform(0.15, 0.4), rng.uniform(*reach)
     pulses = ((side * height, length), (0.0, rng.uniform(0.5, 0.8)), (-side * height, length))
     trials.append(Trial("pulse", rng.uniform(-0.2, 0.2), _held(*pulses)))
