@@ -67,6 +67,8 @@ ScaleOption = Annotated[
 ]
 DeviceOption = Annotated[str, typer.Option("--device", metavar="cpu|cuda:N", help="Where the twin runs.")]
 SeedOption = Annotated[int, typer.Option("--seed", metavar="N", help="Seed of all that is random: noise and searches.")]
+blind = typer.Typer(no_args_is_help=True, help="The blind check: a diagnosis on machines whose deviation is withheld.")
+app.add_typer(blind, name="blind")
 
 
 def main() -> None:
@@ -96,6 +98,7 @@ def _top(
       aoro-gym calibrate --help             make a twin agree with your own logs
       aoro-gym parameters steering.valve    what the machine is made of, with sources
       aoro-gym evaluate --help              reference controllers side by side, on any ground
+      aoro-gym blind seal --help            machines with a withheld deviation, to check a diagnosis on
     """
 
 
@@ -252,7 +255,7 @@ def simulate(
       aoro-gym simulate --manoeuvre left --out turn.csv
       aoro-gym simulate --manoeuvre right --signal 50 --out right50.csv
       aoro-gym simulate --manoeuvre drive --signal 40 --duration 8 --terrain-slope 5 --out hill.csv
-      aoro-gym simulate --manoeuvre left --scale steering.valve.spool_time_constant=2 --out slow_spool.csv
+      aoro-gym simulate --manoeuvre left --scale steering.valve.spool_time_constant=5 --out slow_spool.csv
       aoro-gym simulate --manoeuvre my_commands.csv --start-angle 10 --out mine.csv
     """
     with _checking_input():
@@ -291,7 +294,7 @@ def demo(
     [bold]Examples[/]
 
       aoro-gym demo
-      aoro-gym demo --out cold --scale steering.valve.spool_time_constant=2
+      aoro-gym demo --out cold --scale steering.valve.spool_time_constant=5
     """
     with _checking_input():
         from aoro_gym.manoeuvres import standing_turn, straight_drive
@@ -361,7 +364,7 @@ def validate(
 
       aoro-gym validate
       aoro-gym validate --machine mine.toml --ensemble mine_ensemble --out mine
-      aoro-gym validate --scale steering.valve.spool_time_constant=2 --uncalibrated none
+      aoro-gym validate --scale steering.valve.spool_time_constant=5 --uncalibrated none
       aoro-gym validate --recalibrate --out again
     """
     with _checking_input():
@@ -593,7 +596,7 @@ def evaluate(
       aoro-gym evaluate
       aoro-gym evaluate --policy preview --policy stanley --episodes 64
       aoro-gym evaluate --terrain forest.laz --path lap.gpx --policy preview
-      aoro-gym evaluate --env AORO/Turning-v0 --scale steering.valve.spool_time_constant=2
+      aoro-gym evaluate --env AORO/Turning-v0 --scale steering.valve.spool_time_constant=5
     """
     with _checking_input():
         from aoro_gym.agents import evaluation
@@ -729,6 +732,80 @@ def bench(
         _say([json_file])
 
 
+@blind.command()
+def seal(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write to.")],
+    suite: Annotated[
+        str, typer.Option("--suite", metavar="quick|standard|full", help="12, 240 or 800 cases.")
+    ] = "quick",
+    mode: Annotated[
+        str,
+        typer.Option(
+            "--mode", metavar="day-one|commissioned", help="Without logs of the healthy machine, or with them."
+        ),
+    ] = "commissioned",
+    sensors: Annotated[
+        str, typer.Option("--sensors", metavar="angle|full", help="Joint angle alone, or three pressures besides.")
+    ] = "full",
+    family: Annotated[
+        str,
+        typer.Option(
+            "--family", metavar="score|development", help="Cases that score, or others to develop a diagnosis on."
+        ),
+    ] = "score",
+    answers: Annotated[
+        Path | None,
+        typer.Option("--answers", metavar="FILE", help="Answers (.json). Default: beside DIR, DIR.answers.json."),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option("--seed", metavar="N", help="Makes the same cases again, which are then not blind.")
+    ] = None,
+) -> None:
+    """Make cases whose answers are withheld, and publish the digest of the answers.
+
+    A case is a plant, a machine whose laws share no code with the twin: with nothing wrong, one effect, two, one that the
+    catalogue lacks, or only other nuisances. DIR/cases/NNN gets what a user has: machine.toml, logs/*.csv, and for
+    commissioned machines healthy/*.csv. DIR/seal.json gets SHA-256 digests. The answers, with the secret seed and a salt, go
+    to FILE, and logs without noise, with and without the deviation, to the folder FILE.exact beside it.
+
+    Takes ten minutes or less for the quick suite, and hours for the full one. Ctrl-C is safe: the same command goes on where
+    it stopped.
+
+    [bold]Examples[/]
+
+      aoro-gym blind seal blind_quick
+      aoro-gym blind seal --suite standard --mode day-one --sensors angle blind_day_one
+      aoro-gym blind seal --suite quick --family development --seed 1 tuning
+    """
+    with _checking_input():
+        from aoro_gym.diagnosis.cases import FAMILIES, SUITES
+        from aoro_gym.diagnosis.sealing import write_cases
+        from aoro_gym.log import check_writable
+
+        for option, value, known in (("suite", suite, SUITES), ("family", family, FAMILIES)):
+            if value not in known:
+                raise ValueError(f"--{option} {value!r} is unknown; choose one of: {', '.join(known)}")
+        if seed is not None:
+            _check_seed(seed)
+        file = folder.with_name(f"{folder.name}.answers.json") if answers is None else answers
+        if file.suffix != ".json":
+            raise ValueError(f"--answers {file} must end in .json")
+        check_writable(folder / "seal.json")
+        check_writable(file)
+        with _resumable(), _bar("simulating plants") as tell:
+            write_cases(
+                SUITES[suite],
+                folder,
+                file,
+                mode=mode,
+                sensors=sensors,
+                family=FAMILIES[family],
+                seed=seed,
+                progress=tell,
+            )
+    _say([folder / "seal.json", file])
+
+
 # --- input ---
 
 
@@ -752,6 +829,16 @@ def _running() -> Iterator[None]:
         _fail(error, 1)
 
 
+@contextmanager
+def _resumable() -> Iterator[None]:
+    """Turn Ctrl-C into one line and exit code 130, where the same command goes on later."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        _err().print("[bold]interrupted:[/] the same command goes on from where it stopped", highlight=False)
+        raise typer.Exit(130) from None
+
+
 def _fail(error: Exception, code: int) -> NoReturn:
     message = str(error)
     if isinstance(error, OSError) and error.strerror:
@@ -763,7 +850,7 @@ def _fail(error: Exception, code: int) -> NoReturn:
 def _machine(name: str, settings: list[str] | None, factors: list[str] | None) -> Machine:
     import warp
 
-    warp.config.log_level = warp.LOG_ERROR  # no banner, no compile times and no missing-driver notes between the tables
+    warp.config.log_level = warp.LOG_ERROR  # no banner and no compile times between the tables
     from aoro_gym.twin import Machine
 
     chosen = Machine.load(name)
@@ -1059,8 +1146,6 @@ def _swing(chosen: Machine, device: str, seed: int, path: Path) -> Passage:
 def _forest_drive(chosen: Machine, device: str, seed: int, folder: Path) -> Passage:
     """An episode of ``AORO/PathTracking-v0`` on the scan of a generated forest; the scan, a plan view and a film of it stand
     in ``folder``."""
-    import numpy as np
-
     from aoro_gym.agents.evaluation import evaluate, policy_factory
     from aoro_gym.agents.evaluation_report import write_film, write_plans
     from aoro_gym.envs import Course
@@ -1075,14 +1160,13 @@ def _forest_drive(chosen: Machine, device: str, seed: int, folder: Path) -> Pass
         folder.mkdir(parents=True, exist_ok=True)
         scan(grown, FOREST_SEED, density=SCAN_DENSITY).save_mesh(file)
         terrain, report = load(file, name="scanned forest", progress=lambda share: tell("loading the scan", share))
-        trees = [(tree.x, tree.y, tree.radius, tree.height) for tree in grown.obstacles if tree.kind == "tree"]
         path = drivable_path(terrain, FOREST_SEED, length=DRIVE_LENGTH, obstacles=grown.circles("tree"))
         result = evaluate(
             DRIVE,
             {DRIVER: policy_factory(DRIVE, DRIVER)},
             episodes=1,
             seed=seed,
-            courses=[Course(terrain, (path,), name=terrain.name, trees=np.array(trees))],
+            courses=[Course(terrain, (path,), name=terrain.name, trees=grown.trees)],
             machine=chosen,
             device=device,
             progress=lambda _, share: tell(DRIVE, share),
@@ -1111,12 +1195,8 @@ def _calibrate(fit: Callable[..., Any], out: Path, **options: Any) -> list[Path]
     checkpoint = out.with_name(f"{out.name}.checkpoint.json")
     with _checking_input():
         out.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            with _bar("calibration") as tell:
-                found = fit(checkpoint=checkpoint, progress=tell, **options)
-        except KeyboardInterrupt:
-            _err().print("[bold]interrupted:[/] the same command goes on from where it stopped", highlight=False)
-            raise typer.Exit(130) from None
+        with _resumable(), _bar("calibration") as tell:
+            found = fit(checkpoint=checkpoint, progress=tell, **options)
         found.machine.save(out)
         written = [out]
         if found.ensemble:
@@ -1212,7 +1292,8 @@ def _terrain_tables(report: Report) -> Iterator[Table | str]:
     if report.holes:
         inside = [hole for hole in report.holes if not hole.at_edge]
         area = sum(hole.area_m2 for hole in report.holes)
-        count = f"{len(report.holes)} places without ground, {len(inside)} of them inside"
+        plural = "" if len(report.holes) == 1 else "s"
+        count = f"{len(report.holes)} place{plural} without ground, {len(inside)} of them inside"
         yield f"[yellow]mind:[/] {count}; {area:,.0f} m² in all"
         for hole in report.holes[:MOST_HOLES]:
             where = f"x {hole.west:.1f} to {hole.east:.1f} m, y {hole.south:.1f} to {hole.north:.1f} m"

@@ -164,5 +164,4 @@ def forest_course(
     grown = forest(seed, size=size)
     ground = drivable_ground(grown.terrain, obstacles=grown.circles("tree"))
     paths = tuple(ground.path(number, length=length) for number in range(count))
-    trees = np.array([(o.x, o.y, o.radius, o.height) for o in grown.obstacles if o.kind == "tree"]).reshape(-1, 4)
-    return Course(grown.terrain, paths, name=f"forest {seed}", trees=trees)
+    return Course(grown.terrain, paths, name=f"forest {seed}", trees=grown.trees)

@@ -150,6 +150,11 @@ class Forest:
         chosen = [(o.x, o.y, o.radius) for o in self.obstacles if not kinds or o.kind in kinds]
         return np.array(chosen, dtype=np.float64).reshape(-1, 3)
 
+    @property
+    def trees(self) -> Array:
+        """(K, 4) x, y, radius and height [m] of the trees."""
+        return np.array([o[1:] for o in self.obstacles if o.kind == "tree"], dtype=np.float64).reshape(-1, 4)
+
 
 def forest(seed: int = 0, settings: ForestSettings | None = None, **changes: Any) -> Forest:
     """A random forest; the same for the same seed and settings, up to rounding on every platform.

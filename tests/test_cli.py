@@ -367,7 +367,7 @@ def test_terrain(tmp_path):
     )
     assert shown.exit_code == 0, shown.output
     assert "median 5.7°" in shown.stdout
-    assert "1 places without ground, 1 of them inside" in shown.stdout
+    assert "1 place without ground, 1 of them inside" in shown.stdout
     report = json.loads((tmp_path / "made" / "fine.json").read_text())
     assert report["slope_max_deg"] == pytest.approx(math.degrees(math.atan(0.1)))
     assert report["extent_m"] == pytest.approx([50.0, 40.0, 5.0])
