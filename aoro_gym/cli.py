@@ -766,9 +766,9 @@ def seal(
     A case is a plant, a machine whose laws share no code with the twin: with nothing wrong, one effect, two, one that the
     catalogue lacks, or only other nuisances. DIR/cases/NNN gets what a user has: machine.toml, logs/*.csv, and for
     commissioned machines healthy/*.csv. DIR/seal.json gets SHA-256 digests. The answers, with the secret seed and a salt, go
-    to FILE, and logs without noise, with and without the deviation, to the folder FILE.exact beside it.
+    to FILE, and logs without noise, with and without the deviation, to a folder beside it that ends in .exact.
 
-    Takes ten minutes or less for the quick suite, and hours for the full one. Ctrl-C is safe: the same command goes on where
+    Takes five to ten minutes for the quick suite, and hours for the full one. Ctrl-C is safe: the same command goes on where
     it stopped.
 
     [bold]Examples[/]

@@ -91,7 +91,10 @@ def write_cases(
             return open_seal(folder, answers)
         cases = plan(suite, mode=mode, family=family, seed=sealed["seed"])
         if sealed["cases"] != {case.name: case.answer() for case in cases}:
-            raise ValueError(f"answers {answers} were changed: they do not follow from their seed; begin a new folder")
+            raise ValueError(
+                f"answers {answers} do not follow from their seed: they, or the code that draws them, were changed; begin "
+                "a new folder"
+            )
     elif (folder / "cases").exists():
         raise ValueError(f"{folder} holds cases, but their answers are not in {answers}; name the right file")
     else:

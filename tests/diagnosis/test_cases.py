@@ -215,6 +215,12 @@ def test_an_interrupted_suite_goes_on_to_the_same_files(sealed, tmp_path):
     torn = next(name for name in ("001", "002", "003", "004", "005") if name not in finished)
     (tmp_path / "check" / "cases" / f".{torn}.partial").mkdir()
     (tmp_path / "check" / "cases" / f".{torn}.partial" / "half_a_log.csv").write_text("time_s,")
+    file = tmp_path / "answers.json"
+    drawn = file.read_text()
+    file.write_text(drawn.replace('"single"', '"null"'))
+    with pytest.raises(ValueError, match="do not follow from their seed"):
+        seal(tmp_path)
+    file.write_text(drawn)
     answers = seal(tmp_path, seed=None)
     for name, time in finished.items():
         assert (tmp_path / "check" / "cases" / name).stat().st_mtime_ns == time, "a finished case was made again"
