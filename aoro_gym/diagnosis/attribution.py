@@ -394,9 +394,9 @@ class Problem:
     ) -> list[Hypothesis]:
         """The best fit of every candidate (effects, first places) in nuisances and magnitudes, the same effort for each.
 
-        Nuisances begin at ``start``, or where the linear model has them. Gauss–Newton steps whose slopes are those around the
-        fit of the nuisances alone, corrected by what each step did (Broyden 1965); within the span of all slopes and shifts,
-        which is where a step can change anything.
+        Nuisances begin at ``start``, or where the linear model has them. Gauss–Newton steps, whose slopes are those around
+        the fit of the nuisances alone, corrected by what each step did (Broyden 1965); within the span of all slopes and
+        shifts, which is where a step can change anything.
         """
         slopes = np.concatenate([self.jacobian, *self.shifts.values()], axis=1)
         self._span = np.linalg.qr(np.column_stack([slopes, self.residual]))[0]
