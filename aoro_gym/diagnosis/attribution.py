@@ -31,7 +31,7 @@ from scipy.special import logsumexp, ndtr
 from scipy.stats import chi2
 
 from aoro_gym.calibration.space import Space
-from aoro_gym.diagnosis.noise import ModelError, Noise, Whitener, noise_of, whitener
+from aoro_gym.diagnosis.noise import Floats, ModelError, Noise, Whitener, noise_of, whitener
 from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.diagnosis.replay import Replay, Variants
 from aoro_gym.twin import Machine
@@ -87,19 +87,19 @@ class Axis:
     def none(self) -> float:
         return float(self.place(self.magnitude.none))
 
-    def value(self, place: NDArray[np.float64] | float) -> NDArray[np.float64]:
+    def value(self, place: Floats | float) -> Floats:
         """Magnitude at ``place`` in [0, 1]."""
         low, high = self.magnitude.low, self.magnitude.high
         z = np.asarray(place, dtype=np.float64)
         return low * (high / low) ** z if self.magnitude.scale == "log" else low + (high - low) * z
 
-    def place(self, value: NDArray[np.float64] | float) -> NDArray[np.float64]:
+    def place(self, value: Floats | float) -> Floats:
         low, high = self.magnitude.low, self.magnitude.high
         v = np.asarray(value, dtype=np.float64)
         return np.log(v / low) / np.log(high / low) if self.magnitude.scale == "log" else (v - low) / (high - low)
 
     @cached_property
-    def nodes(self) -> NDArray[np.float64]:
+    def nodes(self) -> Floats:
         """Places that are simulated; denser near ``none``."""
         shares = np.array([0.1, 0.3, 0.6, 1.0])
         below = self.none - self.none * shares if self.none > 1e-9 else np.empty(0)
@@ -107,7 +107,7 @@ class Axis:
         return np.sort(np.concatenate([below, above]))
 
     @cached_property
-    def fine(self) -> NDArray[np.float64]:
+    def fine(self) -> Floats:
         return np.linspace(0.0, 1.0, FINE)
 
     @cached_property
@@ -115,7 +115,7 @@ class Axis:
         places = np.sort(np.append(self.nodes, self.none))
         return CubicSpline(places, np.eye(len(places))), int(np.searchsorted(places, self.none))
 
-    def spline(self, place: NDArray[np.float64] | float, derivative: int = 0) -> NDArray[np.float64]:
+    def spline(self, place: Floats | float, derivative: int = 0) -> Floats:
         """Weights (…, nodes) of the shifts at the nodes in the shift at ``place``; that at ``none`` is zero."""
         basis, where = self._basis
         return np.delete(basis(place, derivative), where, axis=-1)
@@ -128,8 +128,8 @@ class Hypothesis:
     effects: tuple[str, ...]
     log_evidence: float
     places: tuple[float, ...] = ()  # of every axis, at the best fit
-    nuisances: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))  # standard deviations
-    covariance: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))  # of the places
+    nuisances: Floats = field(default_factory=lambda: np.empty(0))  # standard deviations
+    covariance: Floats = field(default_factory=lambda: np.empty((0, 0)))  # of the places
     cost: float = np.nan  # whitened squares at the best fit, priors included
     probability: float = 0.0
 
@@ -156,9 +156,9 @@ class Problem:
         effects: Mapping[str, Effect],
         *,
         keys: Sequence[str],
-        spread: NDArray[np.float64],
+        spread: Floats,
         error: ModelError,
-        reference: Mapping[tuple[bytes, str], NDArray[np.float64]] | None = None,
+        reference: Mapping[tuple[bytes, str], Floats] | None = None,
         noise: Mapping[str, Noise] | None = None,
         device: str = "cpu",
     ):
@@ -177,10 +177,21 @@ class Problem:
         self.blocks = [(index, name) for index, r in enumerate(self.recordings) for name in r.channels]
         """Recording and channel of every part of a stacked residual."""
         self._whiteners = self.whiteners(error)
+        self.axes: dict[str, list[Axis]] = {}
+        self.felt: NDArray[np.intp] = np.arange(len(self.space.keys))
+        """Nuisances that show; the others stay where they are."""
+        self.centre: Floats = np.zeros(0)
+        """Best fit of the nuisances alone, in standard deviations: the felt ones, then the recordings' own."""
+        self.jacobian: Floats = np.empty((0, 0))
+        """Whitened change (D, u) of the predictions a standard deviation of each."""
+        self.residual: Floats = np.empty(0)
+        """Whitened r₀ (D,) of the linear model r(u) = r₀ − J u."""
+        self.shifts: dict[tuple[str, int], Floats] = {}
+        """Whitened shifts (D, nodes) by effect and number of its axis."""
 
     # ---- predictions ----
 
-    def variants(self, nuisances: NDArray[np.float64], effects: Sequence[str], places: NDArray[np.float64]) -> Variants:
+    def variants(self, nuisances: Floats, effects: Sequence[str], places: Floats) -> Variants:
         """N machines: ``nuisances`` (N, d) in prior standard deviations, ``places`` (N, axes) of the ``effects``."""
         count = len(nuisances)
         moved = np.flatnonzero(np.any(nuisances != 0.0, axis=0))
@@ -200,15 +211,13 @@ class Problem:
             column += len(effect.magnitudes)
         return Variants.of(machine, magnitudes, count)
 
-    def simulate(
-        self, variants: Sequence[Variants], progress: Callable[[float], None] = lambda share: None
-    ) -> NDArray[np.float64]:
+    def simulate(self, variants: Sequence[Variants], progress: Callable[[float], None] = lambda share: None) -> Floats:
         """Stacked predictions (D, N), SI."""
         found = self.replay.run(variants, progress)
         return np.concatenate([found[index][name] for index, name in self.blocks]).astype(np.float64)
 
     @cached_property
-    def measured(self) -> NDArray[np.float64]:
+    def measured(self) -> Floats:
         """Stacked measurements (D,), SI, less what the healthy machine did otherwise than its twin."""
         parts = []
         for index, name in self.blocks:
@@ -219,11 +228,11 @@ class Problem:
         return np.concatenate(parts)
 
     @cached_property
-    def base(self) -> NDArray[np.float64]:
+    def base(self) -> Floats:
         """Stacked prediction (D,) of the given machine."""
         return self.simulate([Variants(self.machine)])[:, 0]
 
-    def split(self, stacked: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    def split(self, stacked: Floats) -> list[Floats]:
         """Parts of a stacked array by block."""
         ends = np.cumsum([len(self.recordings[index].channels[name]) for index, name in self.blocks])
         return np.split(stacked, ends[:-1])
@@ -237,17 +246,17 @@ class Problem:
             out.append(whitener(self.noise[name], name, predicted, error.scaled(KNOWN) if known else error))
         return out
 
-    def white(self, stacked: NDArray[np.float64]) -> NDArray[np.float64]:
+    def white(self, stacked: Floats) -> Floats:
         """``stacked`` (D,) or (D, N) of differences, whitened."""
         return np.concatenate([w(part) for w, part in zip(self._whiteners, self.split(stacked), strict=True)])
 
     @cached_property
-    def own(self) -> NDArray[np.float64]:
+    def own(self) -> Floats:
         """Whitened shifts (D, c) by one standard deviation of what belongs to the recordings themselves: each one's clock
         and zero of the angle, each pressure sensor's zero."""
         parts = self.split(self.base)
 
-        def stacked(shift: Callable[[int, str, NDArray[np.float64]], Any]) -> NDArray[np.float64]:
+        def stacked(shift: Callable[[int, str, Floats], Any]) -> Floats:
             """Column (D,) of what ``shift`` gives for each block's recording, channel and prediction."""
             blocks = zip(self.blocks, parts, strict=True)
             return np.concatenate([np.broadcast_to(shift(i, name, part), part.shape) for (i, name), part in blocks])
@@ -279,16 +288,13 @@ class Problem:
                 batch.append(self._at(np.tile(self.centre, (len(places), 1)), (name,), places))
         found = self.simulate(batch, lambda share: progress("what every effect does", 0.6 + 0.4 * share))
         shifts = self.white(np.nan_to_num(found - found[:, :1]))
-        self.shifts: dict[tuple[str, int], NDArray[np.float64]] = {}
         column = 1
         for name, axes in self.axes.items():
             for axis in axes:
                 self.shifts[name, axis.index] = shifts[:, column : column + len(axis.nodes)]
                 column += len(axis.nodes)
 
-    def _at(
-        self, points: NDArray[np.float64], effects: Sequence[str] = (), places: NDArray[np.float64] | None = None
-    ) -> Variants:
+    def _at(self, points: Floats, effects: Sequence[str] = (), places: Floats | None = None) -> Variants:
         """Machines at ``points`` (N, u) of the felt nuisances (what lies beyond them is the recordings' own)."""
         nuisances = np.zeros((len(points), len(self.space.keys)))
         nuisances[:, self.felt] = points[:, : len(self.felt)]
@@ -297,7 +303,6 @@ class Problem:
     def _settle(self, progress: Callable[[float], None]) -> None:
         """Gauss–Newton in the nuisances alone: ``centre``, and there the Jacobian (D, u) and the residual r₀ of the
         linear model r(u) = r₀ − J u."""
-        self.felt = np.arange(len(self.space.keys))
         own = self.own.shape[1]
         self.centre = np.zeros(len(self.felt) + own)
         last = False
@@ -310,12 +315,13 @@ class Problem:
             found = self.simulate(
                 [self._at(points)], lambda share, step=step: progress((step + 0.8 * share) / SETTLING)
             )
-            slopes = self.white(np.nan_to_num(found[:, 1:] - found[:, :1])) / h
+            slopes: Floats = self.white(np.nan_to_num(found[:, 1:] - found[:, :1])) / h
             if step == 0:
-                shown = np.linalg.norm(slopes, axis=0) > FELT
-                self.felt, slopes = self.felt[shown], slopes[:, shown]
+                shown = np.flatnonzero(np.linalg.norm(slopes, axis=0) > FELT)
+                slopes = slopes[:, shown]
+                self.felt = self.felt[shown]
                 self.centre = np.concatenate([self.centre[:d][shown], self.centre[d:]])
-                d = len(self.felt)
+                d = len(shown)
             self.jacobian = np.concatenate([slopes, self.own], axis=1)
             residual = self.white(self.measured - found[:, 0]) - self.own @ self.centre[d:]
             self.residual = residual + self.jacobian @ self.centre
@@ -330,7 +336,7 @@ class Problem:
             last = step >= len(EASING) - 1 and costs[best] > (1.0 - ENOUGH) * costs[0]
         progress(1.0)
 
-    def _boxed(self, residual: NDArray[np.float64], box: float) -> NDArray[np.float64]:
+    def _boxed(self, residual: Floats, box: float) -> Floats:
         """Least cost of the linear model within ``box`` standard deviations of the centre, and within the ranges."""
         d, whole = len(self.felt), len(self.centre)
         place, width = self.space.point()[self.felt], self.spread[self.felt]
@@ -338,10 +344,11 @@ class Problem:
         low[:d] = np.maximum(-box, np.minimum(-place / width - self.centre[:d], 0.0) - 1e-9)
         high[:d] = np.minimum(box, np.maximum((1.0 - place) / width - self.centre[:d], 0.0) + 1e-9)
         slopes = np.vstack([self.jacobian, np.eye(whole)])
-        inner = np.linalg.qr(np.column_stack([slopes, np.r_[residual, -self.centre]]), "r")
+        target = np.concatenate([residual, -self.centre])
+        inner: Any = np.linalg.qr(np.column_stack([slopes, target]), "r")
         return self.centre + lsq_linear(inner[:, :-1], inner[:, -1], (low, high)).x
 
-    def shift(self, effects: Sequence[str], places: NDArray[np.float64]) -> NDArray[np.float64]:
+    def shift(self, effects: Sequence[str], places: Floats) -> Floats:
         """Whitened shift (D,) of ``effects`` at ``places``, interpolated and added up."""
         total = np.zeros(len(self.residual))
         axes = [(name, axis) for name in effects for axis in self.axes[name]]
@@ -349,13 +356,13 @@ class Problem:
             total += self.shifts[name, axis.index] @ axis.spline(place)
         return total
 
-    def slope(self, effects: Sequence[str], places: NDArray[np.float64]) -> NDArray[np.float64]:
+    def slope(self, effects: Sequence[str], places: Floats) -> Floats:
         """Its derivatives (D, axes) by the places."""
         axes = [(name, axis) for name in effects for axis in self.axes[name]]
         columns = [self.shifts[name, a.index] @ a.spline(z, 1) for (name, a), z in zip(axes, places, strict=True)]
         return np.stack(columns, axis=1) if columns else np.empty((len(self.residual), 0))
 
-    def projected(self, columns: NDArray[np.float64], against: NDArray[np.float64]) -> NDArray[np.float64]:
+    def projected(self, columns: Floats, against: Floats) -> Floats:
         """columnsᵀ A⁻¹ against."""
         inner = cho_factor(np.eye(self.jacobian.shape[1]) + self.jacobian.T @ self.jacobian)
         return columns.T @ against - (self.jacobian.T @ columns).T @ cho_solve(inner, self.jacobian.T @ against)
@@ -390,7 +397,7 @@ class Problem:
         self,
         candidates: Sequence[tuple[tuple[str, ...], tuple[float, ...]]],
         progress: Progress = lambda sentence, share: None,
-        start: NDArray[np.float64] | None = None,
+        start: Floats | None = None,
     ) -> list[Hypothesis]:
         """The best fit of every candidate (effects, first places) in nuisances and magnitudes, the same effort for each.
 
@@ -425,9 +432,9 @@ class Problem:
 
         larger = [evidence(self.error.scaled(factor)) for factor in SURPRISES]
         nothing = -0.5 * float(self.projected(self.residual[:, None], self.residual[:, None])[0, 0])
-        return nothing + float(logsumexp(larger)) - np.log(len(larger)) - evidence(self.error)
+        return nothing + float(np.logaddexp.reduce(larger)) - float(np.log(len(larger))) - evidence(self.error)
 
-    def _plain(self, white: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _plain(self, white: Floats) -> Floats:
         """Whitened columns (D, N) back in SI."""
         return np.concatenate([w.factor @ part for w, part in zip(self._whiteners, self.split(white), strict=True)])
 
@@ -439,7 +446,7 @@ class Problem:
     def fit_p(self, hypothesis: Hypothesis) -> float:
         """Probability of residuals at least as large as those of a fitted hypothesis, if it holds."""
         free = len(hypothesis.places)
-        return float(chi2.sf(hypothesis.cost, len(self.measured) - free))
+        return float(np.asarray(chi2.sf(hypothesis.cost, len(self.measured) - free)))
 
 
 PRIOR_INFORMATION = 12.0
@@ -456,7 +463,7 @@ class Search:
         problem: Problem,
         effects: tuple[str, ...],
         places: tuple[float, ...],
-        start: NDArray[np.float64] | None,
+        start: Floats | None,
     ):
         self.problem = problem
         self.effects = effects
@@ -473,7 +480,7 @@ class Search:
         self.residual = np.empty(0)  # in the span, at ``point``
         # what the prediction does, in the span
         self.slopes = np.concatenate([jacobian, span.T @ problem.slope(effects, z)], axis=1)
-        self.last: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+        self.last: tuple[Floats, Floats] | None = None
         self.reach = 1.0
 
     def variants(self) -> Variants:
@@ -484,7 +491,7 @@ class Search:
         problem = self.problem
         return problem._at(np.tile(u, (len(places), 1)), self.effects, places)
 
-    def learn(self, found: NDArray[np.float64]) -> None:
+    def learn(self, found: Floats) -> None:
         """Take in what was simulated, and choose the next point."""
         problem = self.problem
         u = self.tried[: self.nuisances]
@@ -512,7 +519,7 @@ class Search:
         if np.isfinite(self.cost):
             self.tried = self.point + self.reach * self._step()
 
-    def _step(self) -> NDArray[np.float64]:
+    def _step(self) -> Floats:
         """To the least cost of the linear model within the ranges of the places."""
         n = self.nuisances
         u, z = self.point[:n], self.point[n:]
@@ -535,7 +542,7 @@ class Search:
             jacobian, slopes = np.split(self.slopes, [self.nuisances], axis=1)
             inner = np.eye(self.nuisances) + jacobian.T @ jacobian
             information = slopes.T @ slopes - (jacobian.T @ slopes).T @ np.linalg.solve(inner, jacobian.T @ slopes)
-            log_evidence += _volume(z, information)
+            log_evidence += _volume(z.tolist(), information)
             covariance = np.linalg.inv(information + PRIOR_INFORMATION * np.eye(len(z)))
         return Hypothesis(self.effects, log_evidence, tuple(map(float, z)), u, covariance, self.cost)
 
@@ -549,7 +556,7 @@ class Shift:
         linear: b (n,).
     """
 
-    def __init__(self, axes: Sequence[Axis], gram: NDArray[np.float64], linear: NDArray[np.float64]):
+    def __init__(self, axes: Sequence[Axis], gram: Floats, linear: Floats):
         self.axes = axes
         self.gram = gram
         self.linear = linear
@@ -565,7 +572,7 @@ class Shift:
             out.append(float(axis.fine[int(np.argmin(cost))]))
         return tuple(out)
 
-    def at(self, places: NDArray[np.float64]) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+    def at(self, places: Floats) -> tuple[float, Floats, Floats]:
         """Cost, half its gradient (a,), and the information (a, a) at ``places`` (a,)."""
         weights = np.concatenate([axis.spline(z) for axis, z in zip(self.axes, places, strict=True)])
         slopes = np.zeros((len(self.axes), len(weights)))
@@ -575,7 +582,7 @@ class Shift:
         cost = float(weights @ (pull - self.linear))
         return cost, slopes @ pull, slopes @ self.gram @ slopes.T
 
-    def descend(self, first: tuple[float, ...]) -> tuple[float, tuple[float, ...], NDArray[np.float64]]:
+    def descend(self, first: tuple[float, ...]) -> tuple[float, tuple[float, ...], Floats]:
         """Least cost near ``first``, its places, and the information there (Gauss–Newton within the ranges)."""
         places = np.array(first)
         cost, gradient, information = self.at(places)
@@ -595,7 +602,7 @@ class Shift:
         return cost, tuple(map(float, places)), information
 
 
-def _volume(places: Sequence[float], information: NDArray[np.float64]) -> float:
+def _volume(places: Sequence[float], information: Floats) -> float:
     """Log of the share of a uniform prior over the ranges that a best fit's normal occupies (Laplace)."""
     if not len(places):
         return 0.0

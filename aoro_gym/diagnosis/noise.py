@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,9 @@ from scipy.linalg import cholesky, solve_triangular, toeplitz
 from scipy.ndimage import maximum_filter1d
 
 from aoro_gym.diagnosis.recording import TICK, Recording
+
+Floats = NDArray[np.floating[Any]]
+"""Arrays of float64."""
 
 ORDER = 12
 """Of the autoregressive noise: holds a line at 6 Hz and its neighbours at 100 samples a second."""
@@ -53,7 +57,7 @@ class ModelError:
 class Noise:
     """Autocovariance [SI²] of one channel's noise, from lag 0 on."""
 
-    covariance: NDArray[np.float64]
+    covariance: Floats
 
     @property
     def std(self) -> float:
@@ -76,7 +80,7 @@ def noise_of(recordings: Sequence[Recording], channel: str, lags: int) -> Noise:
     return Noise(covariance)
 
 
-def _burg(segments: Sequence[NDArray[np.float64]], order: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _burg(segments: Sequence[Floats], order: int) -> tuple[Floats, Floats]:
     """Autocovariance (order + 1,) and weights (order,) of the autoregressive process of several segments."""
     forward, backward = list(segments), list(segments)
     power = sum(float(s @ s) for s in segments) / sum(len(s) for s in segments)
@@ -99,13 +103,13 @@ def _burg(segments: Sequence[NDArray[np.float64]], order: int) -> tuple[NDArray[
 class Whitener:
     """Makes the residual (F,) or (F, N) of one channel of one recording white with unit variance."""
 
-    factor: NDArray[np.float64]  # lower Cholesky factor of the covariance (F, F)
+    factor: Floats  # lower Cholesky factor of the covariance (F, F)
 
-    def __call__(self, residual: NDArray[np.float64]) -> NDArray[np.float64]:
+    def __call__(self, residual: Floats) -> Floats:
         return solve_triangular(self.factor, residual, lower=True, check_finite=False)
 
 
-def whitener(noise: Noise, channel: str, predicted: NDArray[np.float64], error: ModelError) -> Whitener:
+def whitener(noise: Noise, channel: str, predicted: Floats, error: ModelError) -> Whitener:
     """Whitener of a channel whose twin shows ``predicted`` (F,) SI."""
     count = len(predicted)
     covariance = toeplitz(noise.covariance[:count])

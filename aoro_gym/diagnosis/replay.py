@@ -13,6 +13,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.recording import COMMANDS, TICK, Recording
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.twin import Machine, Twin
@@ -43,12 +44,10 @@ class Variants:
     machine: Machine
     count: int = 1
     plane: Plane = field(default_factory=Plane)
-    chain: tuple[tuple[Effect, tuple[NDArray[np.float64] | float, ...]], ...] = ()
+    chain: tuple[tuple[Effect, tuple[Floats | float, ...]], ...] = ()
 
     @classmethod
-    def of(
-        cls, machine: Machine, effects: Sequence[tuple[Effect, tuple[NDArray[np.float64] | float, ...]]], count: int
-    ) -> Variants:
+    def of(cls, machine: Machine, effects: Sequence[tuple[Effect, tuple[Floats | float, ...]]], count: int) -> Variants:
         """``machine`` (one, or ``count`` variants) with ``effects`` at their magnitudes, numbers or shape (count,)."""
         plane = Plane()
         for effect, magnitudes in effects:
@@ -60,13 +59,13 @@ class Variants:
 @wp.kernel(enable_backward=False)
 def _hold(schedule: wp.array3d(dtype=float), rows: wp.array(dtype=int), tick: int, commands: wp.array2d(dtype=float)):
     """Commands of one tick: schedule (recordings, ticks, rows) to twins, whose recordings take turns."""
-    row, t = wp.tid()
+    row, t = wp.tid()  # pyright: ignore
     commands[rows[row], t] = schedule[t % schedule.shape[0], tick, row]
 
 
 @wp.kernel(enable_backward=False)
 def _keep(outputs: wp.array3d(dtype=float), rows: wp.array(dtype=int), first: int, kept: wp.array3d(dtype=float)):
-    frame, row, t = wp.tid()
+    frame, row, t = wp.tid()  # pyright: ignore
     kept[first + frame, row, t] = outputs[frame, rows[row], t]
 
 
@@ -135,7 +134,7 @@ class Replay:
             )
             twin.advance(TICK, sample_every=TICK / FRAMES)
             wp.launch(_keep, frames, [twin.outputs, output_rows, 1 + tick * FRAMES, kept], device=device)
-        values = kept.numpy()
+        values: NDArray[np.float32] = np.asarray(kept.numpy(), dtype=np.float32)
         values[0] = at_rest
         values[:, :, twin.status != 0] = np.nan
         return [self._measured(batch, index, values[:, :, index::logs]) for index in range(logs)]
@@ -195,7 +194,7 @@ _PLANE = ("slope_deg", "direction_deg", "friction", "rolling_resistance")
 
 
 def _stacked_planes(batch: Sequence[Variants], repeats: int) -> Plane:
-    def whole(name: str) -> NDArray[np.float64] | float:
+    def whole(name: str) -> Floats | float:
         parts = [np.broadcast_to(getattr(one.plane, name), one.count) for one in batch]
         values = np.repeat(np.concatenate(parts), repeats)
         return values if np.ptp(values) > 0.0 else float(values[0])

@@ -1,5 +1,7 @@
 """Replays: the twin itself, whatever it is batched with."""
 
+from typing import Any
+
 import numpy as np
 
 from aoro_gym.diagnosis.recording import TICK
@@ -28,7 +30,10 @@ def test_a_replay_is_the_twin_under_the_same_commands():
 
 def test_variants_do_not_depend_on_their_company():
     """Machines, planes and chains of different kinds in one launch give to the bit what each gives alone."""
-    effects = [("spool_lag", (np.array([0.01, 0.03]),)), ("sensor_delay", (np.array([0.0, 0.02]),))]
+    effects: list[tuple[str, tuple[Any, ...]]] = [
+        ("spool_lag", (np.array([0.01, 0.03]),)),
+        ("sensor_delay", (np.array([0.0, 0.02]),)),
+    ]
     effects.append(("ground_slope", (np.array([0.0, 0.05]), np.array([0.02, 0.0]))))
     many = [Variants(MACHINE)]
     many += [Variants.of(MACHINE, [(EFFECTS[name], values)], 2) for name, values in effects]
