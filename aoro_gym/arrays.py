@@ -39,8 +39,8 @@ class Arrays:
     def torch(cls, device: str) -> Arrays:
         """Tensors on a Warp device, ``"cpu"`` or ``"cuda:N"``; ValueError that names the extra if torch is missing."""
         try:
-            import array_api_compat.torch as xp
-            import torch
+            import array_api_compat.torch as xp  # pyright: ignore[reportMissingImports]
+            import torch  # pyright: ignore[reportMissingImports]
         except ImportError as error:
             raise ValueError(
                 f"output is 'torch', but {error.name} is missing: pip install 'aoro-gym[torch]', or take output='numpy'"
@@ -115,7 +115,7 @@ def namespace(*values: Any) -> Any:
     """The namespace of the first tensor among ``values``; NumPy for its arrays, numbers and sequences."""
     for value in values:
         if not isinstance(value, np.ndarray | np.generic | int | float | Sequence):
-            from array_api_compat import array_namespace
+            from array_api_compat import array_namespace  # pyright: ignore[reportMissingImports]
 
             return array_namespace(value)
     return np

@@ -50,7 +50,7 @@ def environments(
     space: Any = vector.single_action_space
     schedule: list[Any] = list(rng.uniform(space.low, space.high, (CHANGES, count, *space.shape)).astype(np.float32))
     if output == "torch":
-        import torch
+        import torch  # pyright: ignore[reportMissingImports]
 
         schedule = [torch.as_tensor(actions, device=device) for actions in schedule]
     env.reset(seed=seed)

@@ -73,11 +73,11 @@ class Shares:
 def launches(env: Any, step: Callable[[], Any]) -> dict[str, Any]:
     """Kernels and copies that one step gives to a GPU, and where the host waits for it: once, in ``arrays.py``, where no
     episode ends. On a CPU the operators of torch that would be kernels."""
-    import torch
-    from torch.utils._python_dispatch import TorchDispatchMode
+    import torch  # pyright: ignore[reportMissingImports]
+    from torch.utils._python_dispatch import TorchDispatchMode  # pyright: ignore[reportMissingImports]
 
     if env.twin.device.is_cuda:
-        from torch.profiler import ProfilerActivity, profile
+        from torch.profiler import ProfilerActivity, profile  # pyright: ignore[reportMissingImports]
 
         with profile(activities=[ProfilerActivity.CUDA]) as profiled:
             step()

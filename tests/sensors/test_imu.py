@@ -14,6 +14,7 @@ def test_errors_have_their_rms():
     imu = Imu(runs, noise)
     reading = imu.measure(np.zeros((runs, 3)), np.zeros((runs, 3)), np.zeros(runs), np.zeros(runs), 1.0)
     rel = 4 / math.sqrt(2 * runs)  # of a standard deviation, four of its own
+    assert reading.force is not None
     assert reading.rates.std() == pytest.approx(math.hypot(noise.rate_white, noise.rate_bias), rel=rel)
     assert reading.force.std() == pytest.approx(math.hypot(noise.force_white, noise.force_bias), rel=rel)
     for angle in (reading.roll, reading.pitch):

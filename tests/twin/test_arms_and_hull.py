@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.special import logsumexp, softmax
+from scipy.special import softmax
 
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.twin.records import WHEELS, State
@@ -56,7 +56,7 @@ def contacts(machine, kinematics, normal):
         depth = -(world @ normal)
         share = softmax(depth / DISC_BLEND)
         x = np.array([n[2], 0.0, -n[0]]) / tilt
-        depths.append(DISC_BLEND * (logsumexp(depth / DISC_BLEND) - logsumexp(-drops / DISC_BLEND)))
+        depths.append(DISC_BLEND * (np.logaddexp.reduce(depth / DISC_BLEND) - np.logaddexp.reduce(-drops / DISC_BLEND)))
         points.append(share @ world - (depths[-1] - share @ depth) * normal)
         forward.append(rotation @ x)
         sideways.append(rotation @ np.cross(n, x))
