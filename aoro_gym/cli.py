@@ -1326,11 +1326,9 @@ def _figure_table(section: Section) -> Table:
 
 
 def _write_json(path: Path, content: Any) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(_with_nulls(content), indent=2, ensure_ascii=False, allow_nan=False)
-    partial = path.with_name(f"{path.name}.partial")
-    partial.write_text(text + "\n", encoding="utf-8")
-    partial.replace(path)  # whole or not at all
+    from aoro_gym.log import write_whole
+
+    write_whole(path, json.dumps(_with_nulls(content), indent=2, ensure_ascii=False, allow_nan=False))
 
 
 def _with_nulls(content: Any) -> Any:

@@ -159,6 +159,14 @@ def write_log(path: Path, columns: Mapping[str, ArrayLike], manifest: Mapping[st
     return written
 
 
+def write_whole(path: Path, text: str) -> None:
+    """Write ``text`` and a line's end to ``path``, whole or not at all; folders that are missing are made."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f"{path.name}.partial")
+    partial.write_text(text + "\n", encoding="utf-8")
+    partial.replace(path)
+
+
 def check_writable(path: Path) -> None:
     """``ValueError`` unless a file can be written to ``path``; folders that are missing can be made."""
     if path.is_dir():

@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 from scipy.stats import qmc
 
+from aoro_gym.log import write_whole
+
 STEP = 0.02
 """Finite-difference step in the unit cube: large against float32 noise, small against the curvature."""
 
@@ -167,7 +169,4 @@ def _resume(checkpoint: Path | None, signature: dict) -> dict:
 
 def _save(checkpoint: Path | None, signature: dict, done: dict) -> None:
     if checkpoint is not None:
-        whole = json.dumps({"signature": signature, "done": done})
-        partial = checkpoint.with_suffix(".partial")
-        partial.write_text(whole, encoding="utf-8")
-        partial.replace(checkpoint)
+        write_whole(checkpoint, json.dumps({"signature": signature, "done": done}))

@@ -37,10 +37,10 @@ from aoro_gym.diagnosis.replay import Replay, Variants
 from aoro_gym.twin import Machine
 from aoro_gym.twin.effects import Effect, Magnitude
 
-NODES = 4
-"""Magnitudes simulated on either side of ``none``."""
+NODES = (0.1, 0.3, 0.6, 1.0)
+"""Magnitudes simulated on either side of ``none``: shares of the way to the end of the range."""
 FINE = 41
-"""Magnitudes of the interpolated grid."""
+"""Places of the grid on which a search begins."""
 STEP = 0.5
 """Finite-difference step of nuisances, in prior standard deviations."""
 PAIRS = 16
@@ -54,7 +54,7 @@ EASING = (20.0, 8.0, 3.0, 1.0)
 ENOUGH = 0.003
 """A step that lowers the cost by less than this share is the last."""
 ROUNDS = 6
-"""Gauss–Newton steps of each."""
+"""Gauss–Newton steps of every hypothesis, twice."""
 FELT = 0.1
 """Whitened length of what one standard deviation of a nuisance does, below which it is left alone."""
 START_JITTER = 1e-3
@@ -101,13 +101,14 @@ class Axis:
     @cached_property
     def nodes(self) -> Floats:
         """Places that are simulated; denser near ``none``."""
-        shares = np.array([0.1, 0.3, 0.6, 1.0])
+        shares = np.array(NODES)
         below = self.none - self.none * shares if self.none > 1e-9 else np.empty(0)
         above = self.none + (1.0 - self.none) * shares if self.none < 1.0 - 1e-9 else np.empty(0)
         return np.sort(np.concatenate([below, above]))
 
     @cached_property
     def fine(self) -> Floats:
+        """Places of the grid on which a search begins."""
         return np.linspace(0.0, 1.0, FINE)
 
     @cached_property
@@ -176,7 +177,7 @@ class Problem:
             self.noise.setdefault(name, noise_of(recordings, name, longest))
         self.blocks = [(index, name) for index, r in enumerate(self.recordings) for name in r.channels]
         """Recording and channel of every part of a stacked residual."""
-        self._whiteners = self.whiteners(error)
+        self._whiteners: list[Whitener] = []  # of the error that the search has come down to
         self.axes: dict[str, list[Axis]] = {}
         self.felt: NDArray[np.intp] = np.arange(len(self.space.keys))
         """Nuisances that show; the others stay where they are."""

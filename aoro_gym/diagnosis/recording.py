@@ -6,8 +6,7 @@ What cannot be used at all is a ``ValueError``; what limits what can be said sta
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -69,10 +68,6 @@ class Recording:
     def signature(self) -> bytes:
         """Equal for two recordings of the same commands."""
         return np.round(self.commands, 3).tobytes()
-
-    def only(self, names: Sequence[str]) -> Recording:
-        """This recording with some of its channels."""
-        return replace(self, channels={name: self.channels[name] for name in names if name in self.channels})
 
 
 def read_recording(path: Path) -> Recording:

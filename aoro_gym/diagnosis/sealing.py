@@ -22,7 +22,7 @@ from aoro_gym import __version__
 from aoro_gym.diagnosis.cases import Case, Family, Suite, plan
 from aoro_gym.diagnosis.plants.constants import COMMISSIONED_CELSIUS
 from aoro_gym.diagnosis.plants.runs import Recorded, Run, record
-from aoro_gym.log import BAR, NOISY, RPM, voltage_from_signal, write_log
+from aoro_gym.log import BAR, NOISY, RPM, voltage_from_signal, write_log, write_whole
 
 COLUMNS = {
     "joint_angle": ("joint_angle_rad", 1.0), "pressure_a": ("pressure_a_bar", BAR), "pressure_b": ("pressure_b_bar", BAR),
@@ -216,10 +216,7 @@ def _write_exact(path: Path, case: Case, found: Mapping[str, Sequence[Recorded]]
 
 
 def _write_json(path: Path, content: Mapping[str, Any]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f"{path.name}.partial")
-    partial.write_text(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
-    partial.replace(path)  # whole or not at all
+    write_whole(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False))
 
 
 def _digests(folder: Path, answers: Path) -> dict[str, str]:
