@@ -178,6 +178,8 @@ class Problem:
         self.blocks = [(index, name) for index, r in enumerate(self.recordings) for name in r.channels]
         """Recording and channel of every part of a stacked residual."""
         self._whiteners: list[Whitener] = []  # of the error that the search has come down to
+        self.own: Floats = np.empty((0, 0))
+        """Whitened shifts (D, c) of the recordings' own nuisances."""
         self.axes: dict[str, list[Axis]] = {}
         self.felt: NDArray[np.intp] = np.arange(len(self.space.keys))
         """Nuisances that show; the others stay where they are."""
@@ -252,8 +254,8 @@ class Problem:
         return np.concatenate([w(part) for w, part in zip(self._whiteners, self.split(stacked), strict=True)])
 
     @cached_property
-    def own(self) -> Floats:
-        """Whitened shifts (D, c) by one standard deviation of what belongs to the recordings themselves: each one's clock
+    def _own(self) -> Floats:
+        """Shifts (D, c), SI, by one standard deviation of what belongs to the recordings themselves: each one's clock
         and zero of the angle, each pressure sensor's zero."""
         parts = self.split(self.base)
 
@@ -271,7 +273,7 @@ class Problem:
         for channel in self.replay.signals:
             if "pressure" in channel:
                 columns.append(stacked(lambda i, name, part, c=channel: PRESSURE_BIAS if name == c else 0.0))
-        return self.white(np.stack(columns, axis=1))
+        return np.stack(columns, axis=1)
 
     # ---- linear model ----
 
@@ -304,12 +306,13 @@ class Problem:
     def _settle(self, progress: Callable[[float], None]) -> None:
         """Gauss–Newton in the nuisances alone: ``centre``, and there the Jacobian (D, u) and the residual r₀ of the
         linear model r(u) = r₀ − J u."""
-        own = self.own.shape[1]
+        own = self._own.shape[1]
         self.centre = np.zeros(len(self.felt) + own)
         last = False
         for step in range(SETTLING):
-            self.__dict__.pop("own", None)
-            self._whiteners = self.whiteners(self.error.scaled(EASING[min(step, len(EASING) - 1)]))
+            if step < len(EASING):
+                self._whiteners = self.whiteners(self.error.scaled(EASING[step]))
+                self.own = self.white(self._own)
             d = len(self.felt)
             h = np.where(self.space.point()[self.felt] + STEP * self.spread[self.felt] <= 1.0, STEP, -STEP)
             points = np.vstack([self.centre, self.centre + np.eye(d, d + own) * h[:, None]])
