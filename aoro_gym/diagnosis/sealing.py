@@ -83,7 +83,7 @@ def write_cases(
         "suite": suite.name, "mode": mode, "sensors": sensors, "family": family.name, "aoro_gym": __version__,
     }  # fmt: skip
     if answers.exists():
-        sealed = json.loads(answers.read_text(encoding="utf-8"))
+        sealed = _read_json(answers)
         for name, value in {**asked, **({} if seed is None else {"seed": seed})}.items():
             if sealed.get(name) != value:
                 raise ValueError(f"answers {answers} are of {name} {sealed.get(name)}, not {value}; name another file")
@@ -135,7 +135,7 @@ def open_seal(folder: Path, answers: Path) -> dict[str, Any]:
     Raises:
         ValueError: cases or answers are not those that were sealed.
     """
-    seal = json.loads((folder / "seal.json").read_text(encoding="utf-8"))
+    seal = _read_json(folder / "seal.json")
     found = _digests(folder, answers)
     for what, digest in seal["sha256"].items():
         if found[what] != digest:
@@ -143,7 +143,7 @@ def open_seal(folder: Path, answers: Path) -> dict[str, Any]:
                 f"the {what} have the digest {found[what]}, but {digest} was sealed: they were changed since, or belong "
                 "to another suite"
             )
-    return json.loads(answers.read_text(encoding="utf-8"))
+    return _read_json(answers)
 
 
 def exact_folder(answers: Path) -> Path:
@@ -217,6 +217,17 @@ def _write_exact(path: Path, case: Case, found: Mapping[str, Sequence[Recorded]]
 
 def _write_json(path: Path, content: Mapping[str, Any]) -> None:
     write_whole(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    """ValueError that names the file if it holds no JSON object."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path} is not JSON: {error}; restore it, or name another file") from None
+    if not isinstance(content, dict):
+        raise ValueError(f"{path} holds no JSON object; restore it, or name another file")
+    return content
 
 
 def _digests(folder: Path, answers: Path) -> dict[str, str]:

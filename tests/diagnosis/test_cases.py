@@ -254,6 +254,17 @@ def test_the_seal_shows_what_was_changed(sealed, what):
     assert open_seal(check, file) == answers
 
 
+@pytest.mark.parametrize("text", ["{broken", "[]", b"\xff\xfe"], ids=["cut", "list", "bytes"])
+def test_broken_answers_are_named_and_kept(tmp_path, text):
+    answers = tmp_path / "answers.json"
+    answers.write_bytes(text if isinstance(text, bytes) else text.encode())
+    before = answers.read_bytes()
+    with pytest.raises(ValueError, match=r"answers\.json (is not JSON|holds no JSON object).*restore it"):
+        write_cases(TINY, tmp_path / "suite", answers, mode="commissioned", sensors="full", family=SHORT, seed=1)
+    assert answers.read_bytes() == before
+    assert not (tmp_path / "suite").exists()
+
+
 def test_what_belongs_to_another_suite_is_refused(sealed, tmp_path):
     folder, _ = sealed
     with pytest.raises(ValueError, match=r"are of sensors full, not angle; name another file"):
