@@ -67,6 +67,9 @@ ScaleOption = Annotated[
 ]
 DeviceOption = Annotated[str, typer.Option("--device", metavar="cpu|cuda:N", help="Where the twin runs.")]
 SeedOption = Annotated[int, typer.Option("--seed", metavar="N", help="Seed of all that is random: noise and searches.")]
+WorkersOption = Annotated[
+    int | None, typer.Option("--workers", metavar="N", help="Processes at once. Default: the number of cores.")
+]
 blind = typer.Typer(no_args_is_help=True, help="The blind check: a diagnosis on machines whose deviation is withheld.")
 app.add_typer(blind, name="blind")
 
@@ -760,6 +763,7 @@ def seal(
     seed: Annotated[
         int | None, typer.Option("--seed", metavar="N", help="Makes the same cases again, which are then not blind.")
     ] = None,
+    workers: WorkersOption = None,
 ) -> None:
     """Make cases whose answers are withheld, and publish the digest of the answers.
 
@@ -768,8 +772,8 @@ def seal(
     commissioned machines healthy/*.csv. DIR/seal.json gets SHA-256 digests. The answers, with the secret seed and a salt, go
     to FILE, and logs without noise, with and without the deviation, to a folder beside it that ends in .exact.
 
-    Takes five to ten minutes for the quick suite, and hours for the full one. Ctrl-C is safe: the same command goes on where
-    it stopped.
+    Takes five to ten core minutes for the quick suite, and hours for the full one, shared by --workers; files are the same
+    however many there are. Ctrl-C is safe: the same command goes on where it stopped.
 
     [bold]Examples[/]
 
@@ -792,7 +796,8 @@ def seal(
             raise ValueError(f"--answers {file} must end in .json")
         check_writable(folder / "seal.json")
         check_writable(file)
-        with _resumable(), _bar("simulating plants") as tell:
+        processes = _workers(workers)
+        with _running(), _resumable(), _bar("simulating plants") as tell:
             write_cases(
                 SUITES[suite],
                 folder,
@@ -801,6 +806,7 @@ def seal(
                 sensors=sensors,
                 family=FAMILIES[family],
                 seed=seed,
+                workers=processes,
                 progress=tell,
             )
     _say([folder / "seal.json", file])
@@ -954,6 +960,14 @@ def _check_device(device: str) -> None:
     known = [known.alias for known in warp.get_devices()]
     if device not in (*known, *(["cuda"] if warp.is_cuda_available() else [])):
         raise ValueError(f"--device {device!r} is not available here; choose one of: {', '.join(known)}")
+
+
+def _workers(asked: int | None) -> int:
+    from aoro_gym.twin.twin import cores
+
+    if asked is not None and asked < 1:
+        raise ValueError(f"--workers = {asked} is below 1")
+    return cores() if asked is None else asked
 
 
 def _check_seed(seed: int) -> None:

@@ -13,6 +13,7 @@ import json
 import secrets
 import shutil
 from collections.abc import Callable, Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from aoro_gym import __version__
 from aoro_gym.diagnosis.cases import Case, Family, Suite, plan
 from aoro_gym.diagnosis.plants.constants import COMMISSIONED_CELSIUS
 from aoro_gym.diagnosis.plants.runs import Recorded, Run, record
+from aoro_gym.diagnosis.workers import Tell, spread
 from aoro_gym.log import BAR, NOISY, RPM, voltage_from_signal, write_log, write_whole
 
 COLUMNS = {
@@ -53,6 +55,7 @@ def write_cases(
     family: Family,
     seed: int | None = None,
     batch: int = BATCH,
+    workers: int = 1,
     progress: Callable[[str, float], Any] = lambda sentence, share: None,
 ) -> dict[str, Any]:
     """Draw, simulate, write and seal the cases of a suite; goes on where an interrupted call stopped.
@@ -67,6 +70,7 @@ def write_cases(
         seed: Of all draws; by default the operating system's chance. Who gives one can know the answers, so such a suite is
             not called blind.
         batch: Cases simulated together.
+        workers: Processes that share the batches; the files are the same however many.
         progress: Called with a sentence and the share done.
 
     Returns:
@@ -74,6 +78,7 @@ def write_cases(
 
     Raises:
         ValueError: ``answers`` lies in ``folder``, or what is there belongs to another suite.
+        ChildProcessError: a batch failed; the others that ended are kept.
     """
     if sensors not in SENSORS:
         raise ValueError(f"sensors {sensors!r}: choose one of {', '.join(SENSORS)}")
@@ -106,22 +111,21 @@ def write_cases(
         _write_json(answers, sealed)  # before the first case, so that an interrupted suite has its seed
 
     missing = [part for part in _batches(cases, batch) if not all(_place(folder, case).exists() for case in part)]
-    ticks = [sum(len(run.steering) for case in part for run in _flat(case.runs())) for part in missing]
+    ticks = sum(len(run.steering) for part in missing for case in part for run in _flat(case.runs()))
     done = 0
 
     def tell(more: int) -> None:
         nonlocal done
         done += more
-        progress("simulating plants", done / sum(ticks))
+        progress("simulating plants", done / ticks)
 
-    for part in missing:
-        runs = [case.runs() for case in part]
-        logs = iter(record([run for each in runs for run in _flat(each)], progress=tell))
-        for case, each in zip(part, runs, strict=True):
-            found = {purpose: [next(logs) for _ in group] for purpose, group in each.items()}
-            if not _place(folder, case).exists():
-                _write_exact(exact_folder(answers) / f"{case.name}.npz", case, found, sensors)
-                _write_case(_place(folder, case), case, found, sensors)
+    # those of the costliest laws first, lest one process work on when the others have ended
+    jobs = {
+        f"cases {', '.join(case.name for case in part)}": (part, folder, answers, sensors) for part in missing[::-1]
+    }
+    for names, failure in spread(_make, jobs, workers=workers, tell=tell):
+        if failure is not None:
+            raise ChildProcessError(f"{names} could not be simulated: {failure.reason}")
     seal = {**asked, "cases": len(cases), "blind": sealed["blind"], "sha256": _digests(folder, answers)}
     if not sealed["blind"]:
         seal["seed"] = sealed["seed"]
@@ -152,11 +156,30 @@ def exact_folder(answers: Path) -> Path:
     return answers.with_name(f"{answers.stem}.exact")
 
 
+def _make(tell: Tell, part: Sequence[Case], folder: Path, answers: Path, sensors: str) -> None:
+    """Simulate cases together, and write them."""
+    runs = [case.runs() for case in part]
+    logs = iter(record([run for each in runs for run in _flat(each)], progress=tell))
+    for case, each in zip(part, runs, strict=True):
+        found = {purpose: [next(logs) for _ in group] for purpose, group in each.items()}
+        if not _place(folder, case).exists():
+            _write_exact(exact_folder(answers) / f"{case.name}.npz", case, found, sensors)
+            _write_case(_place(folder, case), case, found, sensors)
+
+
 def _batches(cases: Sequence[Case], size: int) -> list[list[Case]]:
     """Cases that are simulated together: alike in the laws that they need, and the same whatever is done already."""
 
-    ordered = sorted(cases, key=lambda case: (case.level, sorted(APART.intersection(one.id for one in case.hidden))))
-    return [ordered[first : first + size] for first in range(0, len(ordered), size)]
+    def laws(case: Case) -> tuple[int, list[str]]:
+        return case.level, sorted(APART.intersection(one.id for one in case.hidden))
+
+    levels = groupby(sorted(cases, key=laws), key=lambda case: case.level)  # simulated apart anyway
+    return [
+        alike[first : first + size]
+        for _, members in levels
+        for alike in [list(members)]
+        for first in range(0, len(alike), size)
+    ]
 
 
 def _flat(runs: Mapping[str, Sequence[Run]]) -> list[Run]:

@@ -231,6 +231,16 @@ def test_an_interrupted_suite_goes_on_to_the_same_files(sealed, tmp_path):
     assert answers["salt"] != expected["salt"]
 
 
+def test_more_workers_write_the_same_files(sealed, tmp_path):
+    folder, expected = sealed
+    told = []
+    answers = seal(tmp_path, workers=2, progress=lambda sentence, share: told.append(share))
+    assert contents(tmp_path / "check" / "cases") == contents(folder / "check" / "cases")
+    assert contents(exact_folder(tmp_path / "answers.json")) == contents(exact_folder(folder / "answers.json"))
+    assert {**answers, "salt": ""} == {**expected, "salt": ""}
+    assert told == sorted(told) and told[-1] == 1.0
+
+
 @pytest.mark.parametrize("what", ["answers", "exact logs", "cases"])
 def test_the_seal_shows_what_was_changed(sealed, what):
     folder, answers = sealed
@@ -303,6 +313,8 @@ def test_the_command_seals(tmp_path, monkeypatch):
 
     wrong = runner.invoke(app, ["blind", "seal", "--suite", "huge", str(check)])
     assert wrong.exit_code == 2 and "quick, standard, full" in wrong.output
+    wrong = runner.invoke(app, ["blind", "seal", "--workers", "0", str(tmp_path / "other")])
+    assert wrong.exit_code == 2 and "--workers = 0 is below 1" in wrong.output
     assert "Examples" in runner.invoke(app, ["blind", "seal", "--help"]).output
 
 
