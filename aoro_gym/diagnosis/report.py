@@ -1,0 +1,551 @@
+"""A diagnosis for people: a page that needs no network, and a short summary for the terminal.
+
+Both answer first what anyone asks of a gap, in the same words (:mod:`.words`): where it lies, why, how much, how sure, how
+far it shrinks, and what to do next.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from urllib.parse import quote
+
+import numpy as np
+from rich.console import RenderableType
+from rich.markup import escape
+from rich.table import Table
+
+from aoro_gym.diagnosis.result import PHASES, Cause, Curve, Diagnosis, Shrinkage
+from aoro_gym.diagnosis.words import (
+    WITHOUT_CAUSE,
+    Spoken,
+    capital,
+    control,
+    count,
+    gone,
+    listed,
+    machine_file,
+    number,
+    p_value,
+    probability,
+    readable,
+    signal_unit,
+    signed,
+    sizes,
+    spoken,
+    summed,
+    suspects,
+    three_digits,
+    title,
+    twin_with,
+    with_unit,
+)
+from aoro_gym.report import card, describe, show, write_page
+from aoro_gym.style import AMBER, BLUE, GREEN, GRID, INK, PLOT_STYLE, PURPLE, RED, SOFT
+from aoro_gym.twin.effects import EFFECTS, Effect
+
+COLOURS: Mapping[str, str] = {
+    "no_gap": GREEN, "calibration": BLUE, "cause": RED, "ambiguous": AMBER, "unknown": PURPLE, "inconclusive": SOFT,
+}  # fmt: skip
+"""By verdict."""
+BEHIND = ("#4f6b84", "#8fa6b8", "#bccad5")
+"""Of the likeliest causes behind the first in the bar of probabilities; all others share what is left."""
+MOST_CURVES, MOST_PLACES = 4, 6
+"""That are shown, the most telling first."""
+BAND = 1.645
+"""Standard deviations on either side that hold 90 % of a normal distribution."""
+DARKEST = 0.6
+"""Opacity of the largest share's cell: text on it stays easy to read."""
+
+KINDS = ("left out of the fit", "left out, own clock and zero refitted", "fitted")
+"""Of manoeuvres, by how much their shrinkage proves."""
+
+
+def _kind(one: Shrinkage) -> int:
+    """Place in :data:`KINDS`."""
+    return int(one.refitted) if one.held_out else 2
+
+
+def _range(one: Shrinkage) -> str:
+    """The 90 % interval in per cent."""
+    return f"{number(100.0 * one.low90, 0)} to {number(100.0 * one.high90, 0)}"
+
+
+# --- terminal ---
+
+
+def summary(diagnosis: Diagnosis, *, effects: Mapping[str, Effect] = EFFECTS) -> list[RenderableType]:
+    """What to print: the verdict in words, the causes, how much of the gap is gone, and limitations."""
+    said = spoken(diagnosis, effects=effects)
+    answers = Table(box=None, show_header=False, pad_edge=False)
+    answers.add_column(style="bold", no_wrap=True)
+    answers.add_column(overflow="fold")
+    for question, answer in said.answers.items():
+        answers.add_row(question, escape(answer))
+    items: list[RenderableType] = [f"[bold]{escape(said.headline)}[/] ({readable(diagnosis.verdict)})", answers]
+    if diagnosis.causes:
+        items.append(_cause_summary(diagnosis.causes))
+    if diagnosis.shrinkage:
+        items.append(_shrinkage_summary(diagnosis.shrinkage))
+    return [*items, *(f"[yellow]note:[/] {escape(text)}" for text in diagnosis.limitations)]
+
+
+def _cause_summary(causes: Sequence[Cause]) -> Table:
+    table = Table(title="Causes", title_justify="left", header_style="bold")
+    for column in ("cause", "probability", "component", "size against the twin (90 %)", "machine file"):
+        table.add_column(column, justify="right" if column == "probability" else "left", overflow="fold")
+    for one in causes:
+        table.add_row(
+            escape(title(one.effects)),
+            probability(one.probability),
+            ", ".join(readable(name) for name in one.components),
+            escape("\n".join(f"{median} ({interval}): {quantity}" for quantity, median, interval in sizes(one))),
+            escape(one.machine_file),
+        )
+    return table
+
+
+def _shrinkage_summary(found: Sequence[Shrinkage]) -> Table:
+    """A row a manoeuvre, a column a signal."""
+    signals = list(dict.fromkeys(one.signal for one in found))
+    table = Table(
+        title="Share of the gap that is gone, with its 90 % interval", title_justify="left", header_style="bold"
+    )
+    table.add_column("manoeuvre")
+    table.add_column("part")
+    for signal in signals:
+        table.add_column(readable(signal), justify="right")
+    rows: dict[tuple[str, str], dict[str, str]] = {}
+    for one in sorted(found, key=_kind):
+        row = rows.setdefault((one.manoeuvre, KINDS[_kind(one)]), {})
+        row[one.signal] = f"{gone(one.S)} ({_range(one)})"
+    for (manoeuvre, part), row in rows.items():
+        table.add_row(escape(manoeuvre), part, *(row.get(signal, "-") for signal in signals))
+    return table
+
+
+# --- page ---
+
+
+def write_report(diagnosis: Diagnosis, folder: Path, *, effects: Mapping[str, Effect] = EFFECTS) -> Path:
+    """Write ``report.html`` into ``folder``: one page that needs no other file and no network.
+
+    Args:
+        diagnosis: Of any verdict; parts may be empty.
+        folder: Made if it is not there; machine files are linked relative to it.
+        effects: Catalogue that the causes are from.
+    """
+    sections = [
+        ("Where the gap lies", _where_html(diagnosis)),
+        ("Curves", _curves_html(diagnosis)),
+        ("Causes", _causes_html(diagnosis, effects)),
+        ("How far the gap shrinks", _shrinkage_html(diagnosis)),
+        ("Key figures", _key_figures_html(diagnosis)),
+        ("Next experiments", _experiments_html(diagnosis)),
+        ("What calibration moved", _calibration_html(diagnosis)),
+        ("Limitations", _limitations_html(diagnosis)),
+        ("How to go on", _onward_html(diagnosis, folder)),
+    ]
+    path = folder / "report.html"
+    write_page(
+        path,
+        "AORO: diagnosis",
+        _lead(diagnosis),
+        [(heading, body) for heading, body in sections if body],
+        top=_verdict_html(diagnosis, spoken(diagnosis, effects=effects)),
+        footer="Intervals hold 90 %. Left is positive; port A is the one under pressure in a left turn.",
+        interactive=False,
+    )
+    return path
+
+
+def _lead(diagnosis: Diagnosis) -> str:
+    state = f"commissioned on {count(len(diagnosis.healthy), 'healthy log')}" if diagnosis.healthy else diagnosis.mode
+    compared = f" Compared: {listed([readable(name) for name in diagnosis.signals])}." if diagnosis.signals else ""
+    return f"{count(len(diagnosis.logs), 'log')} against the twin {diagnosis.machine} ({state}).{compared}"
+
+
+class _Html(str):
+    """Text that is HTML already."""
+
+
+def _cell(text: str) -> str:
+    return text if isinstance(text, _Html) else html.escape(text)
+
+
+def _table(
+    head: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    *,
+    text: Sequence[int] = (),
+    long: Sequence[int] = (),
+    heading: str = "",
+) -> str:
+    """HTML of a table on a card.
+
+    Args:
+        head: Names of the columns.
+        rows: Cells; a row of one cell heads those below it.
+        text: Columns of words, which stand left.
+        long: Columns of sentences, which may also wrap.
+        heading: Above the table.
+    """
+
+    def line(tag: str, row: Sequence[str]) -> str:
+        if len(row) == 1:
+            return f'<tr class="level"><td colspan="{len(head)}">{_cell(row[0])}</td></tr>'
+        kinds = ["long" if index in long else "text" if index in text else "" for index in range(len(row))]
+        cells = (f'<{tag} class="{kind}">{_cell(cell)}</{tag}>' for kind, cell in zip(kinds, row, strict=True))
+        return f"<tr>{''.join(cells)}</tr>"
+
+    body = "".join(line("td", row) for row in rows)
+    above = f"<h3>{html.escape(heading)}</h3>" if heading else ""
+    return card(f"{above}<table><thead>{line('th', head)}</thead><tbody>{body}</tbody></table>")
+
+
+def _lines(items: Iterable[str]) -> str:
+    """Cell with a line for each item; a dash if there is none."""
+    return _Html("<br>".join(_cell(item) for item in items) or "-")
+
+
+def _bars(title: str, rows: Iterable[tuple[str, float, str]]) -> str:
+    """HTML of bars on a card: name, share, and how it is written."""
+
+    def line(name: str, share: float, text: str) -> str:
+        bar = f'<i style="width: {100.0 * min(share, 1.0):.1f}%; background: {BLUE}"></i>' if share > 0.0 else ""
+        name, text = html.escape(name), html.escape(text)
+        return f'<div class="line"><span>{name}</span><div class="bar">{bar}</div><b>{text}</b></div>'
+
+    lines = "".join(line(*row) for row in rows)
+    return card(f"<h3>{html.escape(title)}</h3>{lines}")
+
+
+def _grid(cards: Iterable[str]) -> str:
+    return f'<div class="grid">{"".join(cards)}</div>'
+
+
+def _paragraph(text: str) -> str:
+    return f"<p>{html.escape(text)}</p>"
+
+
+def _verdict_html(diagnosis: Diagnosis, said: Spoken) -> str:
+    """What one reads first."""
+    found = dict.fromkeys(size for one in suspects(diagnosis) for size in sizes(one))
+    big = "".join(
+        f'<div class="size"><b>{html.escape(median)}</b>'
+        f"<span>{html.escape(quantity)}, against the twin (90 %: {html.escape(interval)})</span></div>"
+        for quantity, median, interval in found
+    )
+    above = {"Why", "How much"} if found else {"Why"}
+    answers = "".join(
+        f'<div class="card"><h3>{question}</h3>{_paragraph(answer)}</div>'
+        for question, answer in said.answers.items()
+        if question not in above
+    )
+    colour = COLOURS[diagnosis.verdict]
+    return (
+        f'<div class="card verdict" style="border-left-color: {colour}">'
+        f'<span class="tag" style="border-color: {colour}">{readable(diagnosis.verdict)}</span>'
+        f"<h2>{html.escape(said.headline)}</h2>{_paragraph(said.why)}"
+        f'{big}{_probabilities_html(diagnosis.causes, colour)}</div><div class="grid answers">{answers}</div>'
+    )
+
+
+def _probabilities_html(causes: Sequence[Cause], first: str) -> str:
+    """One bar of the likeliest hypotheses and of all others together."""
+    if not causes:
+        return ""
+    parts = [
+        (title(one.effects), one.probability, colour) for one, colour in zip(causes, (first, *BEHIND), strict=False)
+    ]
+    rest = 1.0 - sum(p for _, p, _ in parts)
+    if rest >= 0.001:
+        parts.append(("everything else", rest, GRID))
+    bar = "".join(f'<i style="width: {100.0 * p:.2f}%; background: {colour}"></i>' for _, p, colour in parts)
+    legend = "".join(
+        f'<li><i style="background: {colour}"></i>{html.escape(name)} <b>{html.escape(probability(p))}</b></li>'
+        for name, p, colour in parts
+    )
+    told = html.escape(", ".join(f"{name} {probability(p)}" for name, p, _ in parts))
+    return f'<div class="bar" role="img" aria-label="Probabilities: {told}">{bar}</div><ul class="key">{legend}</ul>'
+
+
+def _where_html(diagnosis: Diagnosis) -> str:
+    """Heat maps of the gap, over all manoeuvres and one by one."""
+    if diagnosis.verdict in WITHOUT_CAUSE or not diagnosis.where:
+        return ""  # shares of what noise leaves say nothing
+    places = sorted(diagnosis.where, key=lambda place: -place.share)
+    signals = list(dict.fromkeys(place.signal for place in diagnosis.where))
+    text = (
+        "Share [%] of the gap that calibration cannot absorb, weighed by noise and the twin's own error, by the time since "
+        "the command last changed; a dot is less than half a per cent."
+    )
+    if diagnosis.where_p is not None:
+        text += f" Without any cause a gap as large as this comes with {p_value(diagnosis.where_p)}."
+    manoeuvres = dict.fromkeys(place.manoeuvre for place in diagnosis.where)
+    overall = summed(diagnosis.where)
+    cards = [_heat_html("All manoeuvres" if len(manoeuvres) > 1 else places[0].manoeuvre, overall, signals, overall)]
+    rows = [
+        (probability(p.share), readable(p.signal), readable(p.phase), p.manoeuvre, readable(p.component) or "-")
+        for p in places[:MOST_PLACES]
+    ]
+    cards.append(
+        _table(("share", "signal", "phase", "manoeuvre", "component"), rows, text=range(1, 5), heading="Largest parts")
+    )
+    if len(manoeuvres) > 1:
+        single = {(place.manoeuvre, place.signal, place.phase): place.share for place in diagnosis.where}
+        for name in manoeuvres:
+            shares = {(s, phase): share for (manoeuvre, s, phase), share in single.items() if manoeuvre == name}
+            cards.append(_heat_html(name, shares, signals, single))
+    if suspects(diagnosis) and diagnosis.components:
+        likely = [(readable(name), p, probability(p)) for name, p in diagnosis.components.items()]
+        cards.append(_bars("Component that a cause lies in", likely))
+    return _paragraph(text) + _grid(cards)
+
+
+def _heat_html(
+    name: str, shares: Mapping[tuple[str, str], float], signals: Sequence[str], scale: Mapping[tuple[str, ...], float]
+) -> str:
+    """HTML of shares by signal and phase, on a card; the colour is full at the largest of ``scale``."""
+    most = max(scale.values())
+    red, green, blue = (int(RED[i : i + 2], 16) for i in (1, 3, 5))
+
+    def cell(share: float) -> str:
+        text = f"{100.0 * share:.0f}" if share >= 0.005 else "·"
+        alpha = DARKEST * share / most if most > 0.0 else 0.0
+        return f'<td style="background: rgba({red}, {green}, {blue}, {alpha:.3f})">{text}</td>'
+
+    head = "".join(f"<th>{readable(phase).replace('undershoot', 'under&shy;shoot')}</th>" for phase in PHASES)
+    rows = "".join(
+        f"<tr><th>{html.escape(readable(signal))}</th>"
+        f"{''.join(cell(shares.get((signal, phase), 0.0)) for phase in PHASES)}</tr>"
+        for signal in signals
+    )
+    table = f'<table class="heat"><thead><tr><th></th>{head}</tr></thead><tbody>{rows}</tbody></table>'
+    return card(f"<h3>{html.escape(name)}</h3>{table}")
+
+
+def telling(curves: Sequence[Curve]) -> list[Curve]:
+    """The curves that show most of the gap; one that took no part in the fit is among them if there is any."""
+
+    def gap(curve: Curve) -> float:
+        return float(np.mean(((curve.measured - curve.before) / curve.spread) ** 2))
+
+    ranked = sorted(curves, key=gap, reverse=True)
+    chosen, rest = ranked[:MOST_CURVES], ranked[MOST_CURVES:]
+    if not any(curve.held_out for curve in chosen):
+        chosen[-1:] = next(([curve] for curve in rest if curve.held_out), chosen[-1:])
+    return chosen
+
+
+def _curves_html(diagnosis: Diagnosis) -> str:
+    curves = telling(diagnosis.curves)
+    if not curves:
+        return ""
+    after = twin_with(diagnosis.causes)
+    text = (
+        f"Above: what was measured, the twin as it was given, and the {after}. Below: what was measured less either twin, "
+        "with the band that noise and the twin's own error stay in for 90 % of the time."
+    )
+    if len(diagnosis.curves) > len(curves):
+        text += f" Shown are the {len(curves)} of {len(diagnosis.curves)} signals with the largest gap."
+    return _paragraph(text) + _grid(card(_curve_html(curve, after)) for curve in curves)
+
+
+def _curve_html(curve: Curve, after: str) -> str:
+    """HTML of an image that stands in the page itself."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    unit, size = signal_unit(curve.signal)
+    name = f"{curve.manoeuvre}: {readable(curve.signal)}"
+    part = KINDS[0] if curve.held_out else "fitted"
+    legend = {"frameon": False, "fontsize": 8.5, "loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderpad": 0.0}
+    legend |= {"borderaxespad": 0.3, "handlelength": 1.5, "handletextpad": 0.5, "columnspacing": 1.2}
+    with matplotlib.rc_context(PLOT_STYLE | {"svg.hashsalt": "aoro-gym"}):
+        figure = Figure(figsize=(5.4, 4.1), layout="constrained")
+        over, under = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+        over.plot(curve.time, curve.measured / size, color=INK, lw=2.4, label="measured")
+        band = BAND * curve.spread / size
+        under.fill_between(curve.time, -band, band, color=SOFT, alpha=0.3, lw=0, label="noise, 90 %")
+        for label, values, colour in (("twin", curve.before, RED), (after, curve.after, BLUE)):
+            over.plot(curve.time, values / size, color=colour, lw=1.2, label=label)
+            under.plot(curve.time, (curve.measured - values) / size, color=colour, lw=1.0)
+        over.set_title(name, loc="left", fontsize=10, fontweight="bold", pad=20)
+        over.set_title(part, loc="right", fontsize=8.5, color=SOFT, pad=20)
+        over.set_ylabel(f"[{unit}]")
+        over.legend(ncols=3, **legend)
+        under.set_ylabel(f"measured − twin [{unit}]")
+        under.set_xlabel("time [s]")
+        under.legend(**legend)
+        for axis in (over, under):
+            axis.grid(True)
+            axis.set_axisbelow(True)
+            axis.spines[["top", "right"]].set_visible(False)
+            axis.set_xlim(float(curve.time[0]), float(curve.time[-1]))
+        content = io.StringIO()
+        figure.savefig(content, format="svg", metadata={"Date": None})
+    before, left = (
+        with_unit(three_digits(float(np.sqrt(np.mean((curve.measured - values) ** 2))) / size), unit)
+        for values in (curve.before, curve.after)
+    )
+    alt = html.escape(f"{name}, {part}: the twin is off by {before}, the {after} by {left} (root mean square)")
+    data = base64.b64encode(content.getvalue().encode("utf-8")).decode("ascii")
+    return f'<img alt="{alt}" src="data:image/svg+xml;base64,{data}">'
+
+
+def _causes_html(diagnosis: Diagnosis, effects: Mapping[str, Effect]) -> str:
+    if not diagnosis.causes:
+        return ""
+    rows = [
+        (
+            capital(title(one.effects)),
+            probability(one.probability),
+            _lines(
+                _Html(f"{html.escape(quantity)}: <b>{html.escape(median)}</b> ({html.escape(interval)})")
+                for quantity, median, interval in sizes(one)
+            ),
+            _lines(_settings(one, effects)),
+            _lines(readable(name) for name in one.components),
+            _link(one.machine_file),
+        )
+        for one in diagnosis.causes
+    ]
+    head = (
+        "cause",
+        "probability",
+        "size against the twin (90 %)",
+        "magnitude in the twin (SI)",
+        "component",
+        "machine file",
+    )
+    text = []
+    if diagnosis.declared_set:
+        names = listed([title([name]) for name in diagnosis.declared_set])
+        text.append(f"The least set of effects that holds the truth with 95 %: {names}.")
+    if diagnosis.alike:
+        pairs = [f"{title([one])} and {title([other])}" for one, other in diagnosis.alike]
+        text.append(f"These logs cannot tell apart: {'; '.join(pairs)}.")
+    return _table(head, rows, text=(3, 4, 5), long=(0, 2)) + "".join(_paragraph(sentence) for sentence in text)
+
+
+def _settings(cause: Cause, effects: Mapping[str, Effect]) -> list[str]:
+    """Name and value of every magnitude that the twin takes."""
+    lines = []
+    for name, values in cause.settings.items():
+        known = effects[name].magnitudes if name in effects else ()
+        for index, value in enumerate(values):
+            what = known[index] if index < len(known) else None
+            text = f"{readable(what.name if what else name)} {value:.4g}"
+            lines.append(text if what is None or what.unit == "1" else f"{text} {what.unit}")
+    return lines
+
+
+def _link(file: str) -> str:
+    return _Html(f'<a href="{quote(file)}">{html.escape(file)}</a>') if file else "-"
+
+
+def _shrinkage_html(diagnosis: Diagnosis) -> str:
+    if diagnosis.verdict == "no_gap" or not diagnosis.shrinkage:
+        return ""
+    text = (
+        "100 %: nothing but noise is left; 0 %: nothing is gained; below: the gap has grown. What proves something are "
+        "manoeuvres that took no part in the fit."
+    )
+    rows: list[Sequence[str]] = []
+    for index, kind in enumerate(KINDS):
+        found = [one for one in diagnosis.shrinkage if _kind(one) == index]
+        rows += [[capital(kind)]] if found else []
+        rows += [_shrinkage_row(one) for one in found]
+    head = ("manoeuvre", "signal", "error before, rms", "after", "noise", "unit", "gap gone", "90 %")
+    compared = [
+        (capital(control(name)), value or 0.0, "not tried" if value is None else gone(value))
+        for name, value in diagnosis.controls.items()
+    ]
+    bars = _bars("Gone on manoeuvres left out, median", compared) if compared else ""
+    return _paragraph(text) + bars + _table(head, rows, text=(1, 5))
+
+
+def _shrinkage_row(one: Shrinkage) -> list[str]:
+    unit, size = signal_unit(one.signal)
+    errors = (three_digits(value / size) for value in (one.before, one.after, one.noise))
+    mark = "yes" if one.low90 > 0.0 else "no" if one.high90 < 0.0 else ""
+    part = _Html(f'<span class="{mark}">{gone(one.S)}</span>')
+    return [one.manoeuvre, readable(one.signal), *errors, unit, part, _range(one)]
+
+
+def _key_figures_html(diagnosis: Diagnosis) -> str:
+    rows: list[Sequence[str]] = []
+    for turn, figures in diagnosis.key_figures.items():
+        rows.append([turn])
+        for name, values in figures.items():
+            found, unit, _ = describe(name)
+            rows.append([found, unit, *(show(name, values.get(of)) for of in ("measured", "before", "after"))])
+    return (
+        _table(("key figure", "unit", "measured", "twin", twin_with(diagnosis.causes)), rows, text=(1,)) if rows else ""
+    )
+
+
+def _experiments_html(diagnosis: Diagnosis) -> str:
+    if not diagnosis.next_experiments:
+        return ""
+    rows = [
+        (
+            capital(readable(one.name)),
+            one.description,
+            f"{one.gain:.2f}",
+            _lines(" from ".join(readable(name) for name in pair) for pair in one.apart),
+        )
+        for one in diagnosis.next_experiments
+    ]
+    head = ("manoeuvre", "what to do", "expected gain [bit]", "tells")
+    text = "Manoeuvres by how much they should tell. One bit settles two equally likely causes."
+    return _paragraph(text) + _table(head, rows, text=(3,), long=(1,))
+
+
+def _calibration_html(diagnosis: Diagnosis) -> str:
+    if not diagnosis.calibration:
+        return ""
+    rows = [
+        (
+            one["key"],
+            f"{one['before']:.4g}",
+            f"{one['after']:.4g}",
+            "" if one["unit"] == "1" else one["unit"],
+            signed(one["deviations"], 1),
+        )
+        for one in diagnosis.calibration
+    ]
+    text = (
+        "Every hypothesis may move uncertain parameters. Under the first one these moved most; the last column counts "
+        "standard deviations of what was known of each before."
+    )
+    return _paragraph(text) + _table(("parameter", "before", "after", "unit", "moved [σ]"), rows, text=(3,))
+
+
+def _limitations_html(diagnosis: Diagnosis) -> str:
+    texts = diagnosis.limitations or ("None was noted.",)
+    items = "".join(f"<li>{html.escape(text)}</li>" for text in texts)
+    logs = {"Logs": diagnosis.logs, "Healthy logs": diagnosis.healthy}
+    read = "".join(_paragraph(f"{name}: {', '.join(files)}") for name, files in logs.items() if files)
+    return card(f"<ul>{items}</ul>{read}{_paragraph(f'Found in {diagnosis.seconds:.0f} s.')}")
+
+
+def _onward_html(diagnosis: Diagnosis, folder: Path) -> str:
+    file = machine_file(diagnosis)
+    machine = str(folder / file) if file else diagnosis.machine
+    if file:
+        text = "This machine file can be used like any other, by the twin, its environments and training:"
+    elif diagnosis.verdict == "no_gap":
+        text = "The machine file that you have agrees with these logs:"
+    else:
+        text = "No machine file is better founded than the one that you have:"
+    shell = f"aoro-gym simulate --manoeuvre left --machine {machine}\naoro-gym evaluate --machine {machine}"
+    python = (
+        "import gymnasium as gym\n\nimport aoro_gym  # registers the environments\n\n"
+        f'envs = gym.make_vec("AORO/PathTracking-v0", num_envs=64, machine="{machine}")'
+    )
+    return card(_paragraph(text) + "".join(f"<pre>{html.escape(code)}</pre>" for code in (shell, python)))
