@@ -375,7 +375,7 @@ def _curve_html(curve: Curve, after: str) -> str:
             over.plot(curve.time, values / size, color=colour, lw=1.2, label=label)
             under.plot(curve.time, (curve.measured - values) / size, color=colour, lw=1.0)
         over.set_title(name, loc="left", fontsize=10, fontweight="bold", pad=20)
-        over.set_title(part, loc="right", fontsize=8.5, color=SOFT, pad=20)
+        over.set_title(part, loc="right", fontsize=8.5, pad=20)
         over.set_ylabel(f"[{unit}]")
         over.legend(ncols=3, **legend)
         under.set_ylabel(f"measured − twin [{unit}]")
@@ -537,7 +537,9 @@ def _limitations_html(diagnosis: Diagnosis) -> str:
 def _onward_html(diagnosis: Diagnosis, folder: Path) -> str:
     file = machine_file(diagnosis)
     machine = str(folder / file) if file else diagnosis.machine
-    if file:
+    if diagnosis.verdict == "ambiguous" and file:
+        text = "Nothing is settled yet. The likeliest machine file can be used like any other:"
+    elif file:
         text = "This machine file can be used like any other, by the twin, its environments and training:"
     elif diagnosis.verdict == "no_gap":
         text = "The machine file that you have agrees with these logs:"

@@ -76,6 +76,7 @@ def shown(interval: Interval) -> tuple[str, str]:
 
 
 def with_unit(text: str, unit: str) -> str:
+    """A number with its unit; degrees stand next to it."""
     return f"{text}{unit}" if unit.startswith("°") else f"{text}{SPACE}{unit}"
 
 
@@ -100,10 +101,12 @@ def title(effects: Sequence[str]) -> str:
 
 
 def readable(name: str) -> str:
+    """A signal, phase, component or manoeuvre in words."""
     return _SIGNALS.get(name) or name.replace("_", " ")
 
 
 def capital(text: str) -> str:
+    """``text`` as a sentence or a cell begins."""
     return text[:1].upper() + text[1:]
 
 
@@ -113,11 +116,13 @@ def _decimals(value: float, digits: int) -> int:
 
 
 def number(value: float, decimals: int) -> str:
+    """``value`` with a real minus sign, and none before zero."""
     text = f"{value:.{decimals}f}"
     return text.replace("-", "−") if float(text) else text.removeprefix("-")
 
 
 def signed(value: float, decimals: int) -> str:
+    """The same with a plus, too."""
     text = number(value, decimals)
     return text if text.startswith("−") or not float(text) else f"+{text}"
 
@@ -128,11 +133,13 @@ def three_digits(value: float) -> str:
 
 
 def p_value(value: float) -> str:
+    """A tail probability, which no line parts."""
     text = "p < 0.001" if value < 0.001 else f"p = {value:.{3 if value < 0.1 else 2}f}"
     return text.replace(" ", SPACE)
 
 
 def count(how_many: int, what: str) -> str:
+    """``3 logs``, ``1 log``."""
     return f"{how_many} {what}{'' if how_many == 1 else 's'}"
 
 
@@ -142,10 +149,12 @@ def control(name: str) -> str:
 
 
 def listed(names: Sequence[str], last: str = "and") -> str:
+    """At least one name: ``a, b and c``."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {last} {names[-1]}"
 
 
 def signal_unit(signal: str) -> tuple[str, float]:
+    """Field unit of a signal and its SI value."""
     unit, size = log.field_unit(signal)
     return {"deg": "°"}.get(unit, unit), size
 
@@ -243,7 +252,7 @@ def spoken(diagnosis: Diagnosis, *, effects: Mapping[str, Effect] = EFFECTS) -> 
 def _headline(diagnosis: Diagnosis) -> str:
     blamed = [title(one.effects) for one in suspects(diagnosis)]
     if blamed:
-        more = [f"one of {len(blamed) - MOST_NAMED} others"] if len(blamed) > MOST_NAMED else []
+        more = ["others"] if len(blamed) > MOST_NAMED else []
         return capital(listed([*blamed[:MOST_NAMED], *more], "or"))
     return {
         "no_gap": "No gap",
