@@ -70,7 +70,10 @@ SeedOption = Annotated[int, typer.Option("--seed", metavar="N", help="Seed of al
 WorkersOption = Annotated[
     int | None, typer.Option("--workers", metavar="N", help="Processes at once. Default: the number of cores.")
 ]
-blind = typer.Typer(no_args_is_help=True, help="The blind check: a diagnosis on machines whose deviation is withheld.")
+blind = typer.Typer(
+    no_args_is_help=True,
+    help="The blind check: a diagnosis on machines whose deviation is withheld. In turn: seal, run, score.",
+)
 app.add_typer(blind, name="blind")
 
 
@@ -101,7 +104,7 @@ def _top(
       aoro-gym calibrate --help             make a twin agree with your own logs
       aoro-gym parameters steering.valve    what the machine is made of, with sources
       aoro-gym evaluate --help              reference controllers side by side, on any ground
-      aoro-gym blind seal --help            machines with a withheld deviation, to check a diagnosis on
+      aoro-gym blind --help                 machines with a withheld deviation, to check a diagnosis on
     """
 
 
@@ -812,6 +815,107 @@ def seal(
     _say([folder / "seal.json", file])
 
 
+@blind.command("run")
+def blind_run(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a sealed suite.")],
+    sensors: Annotated[
+        str | None,
+        typer.Option(
+            "--sensors", metavar="angle|full", help="What the diagnosis may read. Default: all that is logged."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to. Default: DIR/diagnoses-SENSORS."),
+    ] = None,
+    workers: WorkersOption = None,
+    device: DeviceOption = "cpu",
+) -> None:
+    """Diagnose every case of a sealed suite.
+
+    Each case is diagnosed by itself, from its machine.toml, logs and healthy logs alone: the answers are not asked for.
+    FOLDER/NNN/diagnosis.json says what was found. A case that fails leaves FOLDER/NNN/error.txt, is named at the end, and
+    stops no other; the exit code is then 1.
+
+    Each of --workers processes diagnoses one case at a time; on a GPU, too, which they share. Ctrl-C is safe: the same
+    command goes on with the cases that have no diagnosis, those that failed among them.
+
+    [bold]Examples[/]
+
+      aoro-gym blind run blind_quick
+      aoro-gym blind run blind_quick --sensors angle
+      aoro-gym blind run blind_standard --device cuda:0 --workers 8
+    """
+    with _checking_input():
+        from aoro_gym.diagnosis.running import diagnoses_folder, logged_sensors, run_cases
+        from aoro_gym.log import check_writable
+
+        given = logged_sensors(folder) if sensors is None else sensors
+        target = diagnoses_folder(folder, given) if out is None else out
+        check_writable(target / "run.json")
+        _check_device(device)
+        processes = _workers(workers)
+        with _running(), _resumable(), _bar("diagnosing") as tell:
+            failures = run_cases(folder, target, sensors=given, device=device, workers=processes, progress=tell)
+    for name, reason in failures.items():
+        _err().print(f"[bold red]case {name} failed:[/] {escape(reason)}", soft_wrap=True, highlight=False)
+    _say([target])
+    if failures:
+        raise typer.Exit(1)
+
+
+@blind.command("score")
+def blind_score(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a sealed suite whose cases were diagnosed.")],
+    answers: Annotated[
+        Path | None,
+        typer.Option("--answers", metavar="FILE", help="Answers (.json). Default: beside DIR, DIR.answers.json."),
+    ] = None,
+    diagnoses: Annotated[
+        Path | None,
+        typer.Option(
+            "--diagnoses",
+            metavar="FOLDER",
+            help="What 'blind run' wrote. Default: DIR/diagnoses-SENSORS of all sensors.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to. Default: that of the diagnoses."),
+    ] = None,
+    device: DeviceOption = "cpu",
+) -> None:
+    """Open the seal, and hold every diagnosis against its answer.
+
+    Refused while a case has no diagnosis, and where cases or answers are not those that were sealed. Every figure comes with
+    its 95 % interval and count, over all cases and over those whose deviation an oracle can detect that knows it, by level
+    of the plants' laws and by effect; every failure is listed. Writes score.json, score.md, and confusion.png: what is true
+    by what was said.
+
+    [bold]Examples[/]
+
+      aoro-gym blind score blind_quick
+      aoro-gym blind score blind_quick --diagnoses blind_quick/diagnoses-angle
+      aoro-gym blind score blind_standard --answers kept_elsewhere.json --out score_standard
+    """
+    with _checking_input():
+        from aoro_gym.diagnosis.running import diagnoses_folder, logged_sensors
+        from aoro_gym.diagnosis.scoring import score_cases
+        from aoro_gym.diagnosis.scoring_report import tables, write_score
+
+        found = diagnoses_folder(folder, logged_sensors(folder)) if diagnoses is None else diagnoses
+        target = found if out is None else out
+        _check_folder(target, "score.json")
+        _check_device(device)
+        file = folder.with_name(f"{folder.name}.answers.json") if answers is None else answers
+        with _bar("opening the seal") as tell:
+            result = score_cases(folder, file, found, device=device, progress=tell)
+    for table in tables(result):
+        _out().print(table)
+    with _running():
+        _say(write_score(result, target))
+
+
 # --- input ---
 
 
@@ -854,9 +958,7 @@ def _fail(error: Exception, code: int) -> NoReturn:
 
 
 def _machine(name: str, settings: list[str] | None, factors: list[str] | None) -> Machine:
-    import warp
-
-    warp.config.log_level = warp.LOG_ERROR  # no banner and no compile times between the tables
+    _hush()
     from aoro_gym.twin import Machine
 
     chosen = Machine.load(name)
@@ -954,9 +1056,17 @@ def _courses(env: str, terrain: Path | None, path: Path | None, path_length: flo
     return [Course(ground, paths, name="level ground" if isinstance(ground, Plane) else ground.name)]
 
 
+def _hush() -> None:
+    """No banner and no compile times of Warp between the tables."""
+    import warp
+
+    warp.config.log_level = warp.LOG_ERROR
+
+
 def _check_device(device: str) -> None:
     import warp
 
+    _hush()
     known = [known.alias for known in warp.get_devices()]
     if device not in (*known, *(["cuda"] if warp.is_cuda_available() else [])):
         raise ValueError(f"--device {device!r} is not available here; choose one of: {', '.join(known)}")

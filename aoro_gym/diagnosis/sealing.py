@@ -88,7 +88,7 @@ def write_cases(
         "suite": suite.name, "mode": mode, "sensors": sensors, "family": family.name, "aoro_gym": __version__,
     }  # fmt: skip
     if answers.exists():
-        sealed = _read_json(answers)
+        sealed = read_json(answers)
         for name, value in {**asked, **({} if seed is None else {"seed": seed})}.items():
             if sealed.get(name) != value:
                 raise ValueError(f"answers {answers} are of {name} {sealed.get(name)}, not {value}; name another file")
@@ -108,7 +108,7 @@ def write_cases(
         cases = plan(suite, mode=mode, family=family, seed=drawn)
         about = {**asked, "blind": blind, "seed": drawn, "salt": secrets.token_hex(SALT)}
         sealed = {**about, "cases": {case.name: case.answer() for case in cases}}
-        _write_json(answers, sealed)  # before the first case, so that an interrupted suite has its seed
+        write_json(answers, sealed)  # before the first case, so that an interrupted suite has its seed
 
     missing = [part for part in _batches(cases, batch) if not all(_place(folder, case).exists() for case in part)]
     ticks = sum(len(run.steering) for part in missing for case in part for run in _flat(case.runs()))
@@ -129,7 +129,7 @@ def write_cases(
     seal = {**asked, "cases": len(cases), "blind": sealed["blind"], "sha256": _digests(folder, answers)}
     if not sealed["blind"]:
         seal["seed"] = sealed["seed"]
-    _write_json(folder / "seal.json", seal)
+    write_json(folder / "seal.json", seal)
     return sealed
 
 
@@ -139,7 +139,7 @@ def open_seal(folder: Path, answers: Path) -> dict[str, Any]:
     Raises:
         ValueError: cases or answers are not those that were sealed.
     """
-    seal = _read_json(folder / "seal.json")
+    seal = read_json(folder / "seal.json")
     found = _digests(folder, answers)
     for what, digest in seal["sha256"].items():
         if found[what] != digest:
@@ -147,7 +147,7 @@ def open_seal(folder: Path, answers: Path) -> dict[str, Any]:
                 f"the {what} have the digest {found[what]}, but {digest} was sealed: they were changed since, or belong "
                 "to another suite"
             )
-    return _read_json(answers)
+    return read_json(answers)
 
 
 def exact_folder(answers: Path) -> Path:
@@ -238,11 +238,12 @@ def _write_exact(path: Path, case: Case, found: Mapping[str, Sequence[Recorded]]
     np.savez_compressed(path, **arrays)  # pyright: ignore[reportArgumentType]  keys are names of arrays
 
 
-def _write_json(path: Path, content: Mapping[str, Any]) -> None:
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write ``content`` whole or not at all; ValueError if it holds a number that JSON has not."""
     write_whole(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False))
 
 
-def _read_json(path: Path) -> dict[str, Any]:
+def read_json(path: Path) -> dict[str, Any]:
     """ValueError that names the file if it holds no JSON object."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))

@@ -1,0 +1,137 @@
+"""Diagnoses of all cases of the blind check, a process each; what has ended is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from aoro_gym.diagnosis.sealing import SENSORS, read_json, write_json
+from aoro_gym.diagnosis.workers import Tell, spread
+from aoro_gym.log import write_whole
+
+RESULT, FAILED = "diagnosis.json", "error.txt"
+"""Files of a case's folder: one of them once it was diagnosed."""
+
+Diagnose = Callable[..., Any]
+"""``diagnose(place, out, *, sensors, device)`` reads the case at ``place`` and writes its result into the folder ``out``."""
+
+
+def logged_sensors(folder: Path) -> str:
+    """``angle`` or ``full``: what the cases in ``folder`` log; ValueError if they were not sealed."""
+    sealed_cases(folder)
+    return read_json(folder / "seal.json")["sensors"]
+
+
+def diagnoses_folder(folder: Path, sensors: str) -> Path:
+    """Where the diagnoses of the cases in ``folder`` go by default."""
+    return folder / f"diagnoses-{sensors}"
+
+
+def run_cases(
+    folder: Path,
+    out: Path,
+    *,
+    sensors: str,
+    device: str = "cpu",
+    workers: int = 1,
+    diagnose: Diagnose | None = None,
+    progress: Callable[[str, float], Any] = lambda sentence, share: None,
+) -> dict[str, str]:
+    """Diagnose every case of a sealed suite that has no diagnosis yet; those that failed are tried again.
+
+    Args:
+        folder: With ``cases`` and ``seal.json``.
+        out: Gets ``NNN/diagnosis.json`` a case, or ``NNN/error.txt``.
+        sensors: ``angle`` or ``full``: what the diagnosis may read.
+        device: Where twins run.
+        workers: Processes at once.
+        diagnose: What does it, a function of a module; by default that of :mod:`.diagnose`.
+        progress: Called with a sentence and the share done.
+
+    Returns:
+        Why a case failed, by name; the others have ended well.
+
+    Raises:
+        ValueError: ``folder`` holds no sealed suite with these sensors, or ``out`` diagnoses of another one.
+    """
+    cases, logged = sealed_cases(folder), logged_sensors(folder)
+    if sensors not in SENSORS:
+        raise ValueError(f"sensors {sensors!r}: choose one of {', '.join(SENSORS)}")
+    if not set(SENSORS[sensors]) <= set(SENSORS[logged]):
+        raise ValueError(f"sensors {sensors!r}: the cases in {folder} log {logged!r} only")
+    about = {"sensors": sensors, "cases": read_json(folder / "seal.json")["sha256"]["cases"]}
+    kept = out / "run.json"
+    if kept.exists() and read_json(kept) != about:
+        raise ValueError(f"{out} holds diagnoses of other cases, or with other sensors; name another folder")
+    write_json(kept, about)
+
+    jobs = {
+        name: (diagnose or _diagnose, folder / "cases" / name, out / name, sensors, device)
+        for name in cases
+        if not (out / name / RESULT).exists()
+    }
+    failures = {}
+    for done, (name, failure) in enumerate(spread(_run, jobs, workers=workers), start=len(cases) - len(jobs) + 1):
+        error = out / name / FAILED
+        error.unlink(missing_ok=True)
+        if failure is not None:
+            failures[name] = failure.reason
+            write_whole(error, f"{failure.reason}\n{failure.trace}")
+        progress(f"diagnosing: {done} of {len(cases)} cases", done / len(cases))
+    return dict(sorted(failures.items()))
+
+
+def sealed_cases(folder: Path) -> list[str]:
+    """Names of the cases in ``folder``.
+
+    Raises:
+        ValueError: their suite was not sealed.
+    """
+    if not (folder / "seal.json").is_file():
+        raise ValueError(
+            f"{folder} holds no seal.json: let 'aoro-gym blind seal {folder}' make cases there, to its end"
+        )
+    return sorted(path.name for path in (folder / "cases").iterdir() if not path.name.startswith("."))
+
+
+def read_diagnoses(folder: Path, out: Path) -> tuple[str, dict[str, dict[str, Any] | str]]:
+    """The sensors that the diagnoses in ``out`` of the cases in ``folder`` were given, and by case what ``diagnosis.json``
+    holds, or why there is none.
+
+    Raises:
+        ValueError: a case was not diagnosed yet, or ``out`` holds diagnoses of other cases.
+    """
+    cases = sealed_cases(folder)
+    again = f"let 'aoro-gym blind run {folder}' end first"
+    if not (out / "run.json").is_file():
+        raise ValueError(f"{out} holds no diagnoses; {again}, or name their folder with --diagnoses")
+    about = read_json(out / "run.json")
+    if about["cases"] != read_json(folder / "seal.json")["sha256"]["cases"]:
+        raise ValueError(f"{out} holds diagnoses of other cases than {folder}; name the right folder")
+    found: dict[str, dict[str, Any] | str] = {}
+    for name in cases:
+        if (out / name / RESULT).is_file():
+            found[name] = read_json(out / name / RESULT)
+        elif (out / name / FAILED).is_file():
+            found[name] = (out / name / FAILED).read_text(encoding="utf-8").splitlines()[0]
+    missing = [name for name in cases if name not in found]
+    if missing:
+        raise ValueError(f"{len(missing)} of {len(cases)} cases have no diagnosis, {missing[0]} among them; {again}")
+    return about["sensors"], found
+
+
+def _run(tell: Tell, diagnose: Diagnose, place: Path, out: Path, sensors: str, device: str) -> None:
+    out.mkdir(parents=True, exist_ok=True)
+    diagnose(place, out, sensors=sensors, device=device)
+    if not (out / RESULT).is_file():
+        raise FileNotFoundError(f"the diagnosis ended without {out / RESULT}")
+
+
+def _diagnose(place: Path, out: Path, *, sensors: str, device: str) -> None:
+    import warp
+
+    from aoro_gym.diagnosis.diagnose import diagnose_case  # twins are for the processes that use them
+
+    warp.config.log_level = warp.LOG_ERROR  # no banner of every process
+    diagnose_case(place, out, sensors=sensors, device=device)

@@ -1,0 +1,94 @@
+"""What an oracle sees and removes, against closed forms."""
+
+import numpy as np
+import pytest
+from scipy.linalg import cholesky, toeplitz
+
+from aoro_gym.diagnosis.noise import Noise
+from aoro_gym.diagnosis.oracle import consult, evidence_of, is_detectable, removed_share
+from aoro_gym.diagnosis.recording import read_recording
+from aoro_gym.diagnosis.replay import Replay, Variants
+from aoro_gym.log import write_log
+from aoro_gym.twin import Machine
+from tests.diagnosis.suites import NOISE, RESTING, SAMPLES, deviation, write_case
+
+COUNT = 60
+SHAPE = np.sin(np.linspace(0.0, np.pi, COUNT)) ** 2
+WHITE = Noise(np.r_[4.0, np.zeros(COUNT - 1)])
+COLOURED = Noise(4.0 * 0.8 ** np.arange(COUNT))
+
+
+def test_evidence_in_white_noise_is_the_squared_ratio():
+    assert evidence_of(SHAPE, WHITE) == pytest.approx(np.sum(np.square(SHAPE - SHAPE.mean())) / 4.0, rel=1e-12)
+    assert evidence_of(3.0 * SHAPE, WHITE) == pytest.approx(9.0 * evidence_of(SHAPE, WHITE), rel=1e-12)
+    assert evidence_of(SHAPE + 7.0, COLOURED) == pytest.approx(evidence_of(SHAPE, COLOURED), rel=1e-9)
+    assert evidence_of(np.full(COUNT, 7.0), WHITE) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_evidence_is_the_mean_of_the_likelihood_ratio():
+    """Twice its logarithm, either hypothesis with the zero that suits it best: mean λ, variance 4 λ."""
+    covariance = toeplitz(COLOURED.covariance)
+    inverse, ones = np.linalg.inv(covariance), np.ones(COUNT)
+    free = inverse - np.outer(inverse @ ones, inverse @ ones) / (ones @ inverse @ ones)
+    rng = np.random.default_rng(3)
+    noise = cholesky(covariance, lower=True) @ rng.standard_normal((COUNT, 20_000))
+    seen = 2.0 * SHAPE[:, None] + noise + rng.standard_normal(20_000)  # any zero
+    miss = seen - 2.0 * SHAPE[:, None]
+    ratio = np.einsum("ij,ik,kj->j", seen, free, seen) - np.einsum("ij,ik,kj->j", miss, free, miss)
+    evidence = evidence_of(2.0 * SHAPE, COLOURED)
+    assert np.mean(ratio) == pytest.approx(evidence, abs=4.0 * np.sqrt(4.0 * evidence / 20_000))
+
+
+def test_detectable_begins_where_chi_square_leaves_a_hundredth():
+    assert is_detectable(6.64) and not is_detectable(6.63)  # 2.5758²: the normal's 99 %, two-sided
+
+
+def test_what_another_day_does_remains():
+    """A day that adds a tenth of the deviation leaves (1/11)² of the gap."""
+    deviation, expected = SHAPE, np.linspace(0.0, 3.0, COUNT)
+    assert removed_share(expected + 1.1 * deviation, deviation, expected, 0.0) == pytest.approx(1.0 - 1.0 / 121.0)
+    assert removed_share(expected + deviation, deviation, expected, 0.0) == pytest.approx(1.0)
+    assert removed_share(expected + 0.5 * deviation, deviation, expected, 0.0) == pytest.approx(0.0)
+    assert np.isnan(removed_share(expected, deviation, expected, 0.1))
+
+
+def test_a_case_is_seen_through_the_noise_of_its_own_sensors(tmp_path):
+    write_case(tmp_path / "case", tmp_path / "exact.npz", 0.05, day=0.025, seed=5)
+    oracle = consult(tmp_path / "case", tmp_path / "exact.npz", ["joint_angle"])
+    bump = deviation(0.05)
+    # two logs; the variance of white noise from 2 x 71 samples of rest has a standard error of sqrt(2 / 142)
+    expected = 2.0 * np.sum(np.square(bump - bump.mean())) / NOISE**2
+    assert oracle.evidence == pytest.approx(expected, rel=4.0 * np.sqrt(2.0 / (2 * (RESTING + 1))))
+    assert oracle.detectable
+    assert set(oracle.shrinkage) == {("left_100", "joint_angle"), ("steps", "joint_angle")}
+    # gap 1.5, left 0.5 of the bump; the mean square of noise differs from its variance by sqrt(2 / F) of it
+    slack = 4.0 * 2.0 * NOISE**2 * np.sqrt(2.0 / SAMPLES + 2.0 / RESTING) / np.mean(np.square(1.5 * bump))
+    cross = 4.0 * 2.0 * np.sqrt(2.0) * NOISE / np.sqrt(np.sum(np.square(1.5 * bump)))
+    for share in oracle.shrinkage.values():
+        assert share == pytest.approx(1.0 - 1.0 / 9.0, abs=slack + cross)
+
+
+def test_what_cannot_be_seen_is_not_asked_for(tmp_path):
+    write_case(tmp_path / "case", tmp_path / "exact.npz", 1e-5, seed=6)
+    oracle = consult(tmp_path / "case", tmp_path / "exact.npz", ["joint_angle"])
+    assert not oracle.detectable and not oracle.shrinkage
+
+
+def test_without_a_healthy_day_the_twin_is_what_is_expected(tmp_path):
+    """Logs of the twin itself, plus the deviation: the oracle leaves nothing."""
+    place = tmp_path / "case"
+    write_case(place, tmp_path / "exact.npz", 0.05, healthy=False, seed=7)
+    rng = np.random.default_rng(8)
+    logs = [read_recording(path) for path in sorted((place / "logs").glob("*.csv"))]
+    shown = Replay(logs).run([Variants(Machine.load(place / "machine.toml"))])
+    for log, signals in zip(logs, shown, strict=True):
+        twin = signals["joint_angle"][:, 0]
+        table = {
+            "time_s": 0.01 * np.arange(SAMPLES),
+            "steering_signal": np.r_[log.commands[:, 0], 0.0],
+            "joint_angle_rad": twin + deviation(0.05) + 1e-4 * rng.standard_normal(SAMPLES),
+        }
+        write_log(place / "logs" / f"{log.name}.csv", table)
+    oracle = consult(place, tmp_path / "exact.npz", ["joint_angle"])
+    # the twin starts where the log rests, to 1e-4 rad of noise over the root of 71 samples; the gap is 0.02 rad
+    assert list(oracle.shrinkage.values()) == pytest.approx([1.0, 1.0], abs=1e-3)
