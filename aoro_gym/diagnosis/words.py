@@ -289,7 +289,7 @@ def _where(diagnosis: Diagnosis) -> str:
     if diagnosis.where:
         (signal, phase), share = max(summed(diagnosis.where).items(), key=lambda item: item[1])
         sentences.append(
-            f"It shows most in the {readable(signal)}, {readable(phase)}: {probability(share)} of the gap that "
+            f"It shows most in the {readable(signal)} ({readable(phase)}): {probability(share)} of the gap that "
             "calibration cannot absorb."
         )
     if diagnosis.where and diagnosis.verdict == "inconclusive":
