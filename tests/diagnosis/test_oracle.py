@@ -68,6 +68,20 @@ def test_a_case_is_seen_through_the_noise_of_its_own_sensors(tmp_path):
         assert share == pytest.approx(1.0 - 1.0 / 9.0, abs=slack + cross)
 
 
+def test_noise_is_no_gap(tmp_path):
+    """Where nothing but the deviation differs, S is 1, however much noise there is in the logs of both days."""
+    found = []
+    for seed in range(8):
+        write_case(tmp_path / f"{seed}", tmp_path / f"{seed}.npz", 0.006, seed=seed)
+        found += consult(tmp_path / f"{seed}", tmp_path / f"{seed}.npz", ["joint_angle"]).shrinkage.values()
+    # standard errors of the 16 logs' mean squares and of the 8 variances that 142 samples of rest give, both of two noises
+    error = 2.0 * NOISE**2 * np.sqrt(2.0 / SAMPLES / 16.0 + 2.0 / (2.0 * RESTING) / 8.0)
+    gap = np.mean(np.square(deviation(0.006)))
+    assert len(found) == 16
+    assert 4.0 * error < 0.5 * NOISE**2, "noise that is forgotten, of one day at least, would show"
+    assert np.mean(found) == pytest.approx(1.0, abs=4.0 * error / gap)
+
+
 def test_what_cannot_be_seen_is_not_asked_for(tmp_path):
     write_case(tmp_path / "case", tmp_path / "exact.npz", 1e-5, seed=6)
     oracle = consult(tmp_path / "case", tmp_path / "exact.npz", ["joint_angle"])

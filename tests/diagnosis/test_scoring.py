@@ -135,6 +135,7 @@ def test_intervals_hold_the_size_or_do_not():
         return values("coverage", "single", truth, says(verdict, *effects, magnitudes=magnitudes))
 
     assert covered(LAG, "spool_lag", spool_lag=size((0.01, 0.02))) == [1]  # ends belong
+    assert covered(LAG, "spool_lag", spool_lag=size((0.02, 0.03))) == [1]
     assert covered(LAG, "spool_lag", spool_lag=size((0.021, 0.03))) == [0]
     assert covered(LAG, "spool_lag", spool_lag=size((-0.03, 0.019))) == [0]
     assert covered(LAG, "spool_rate", spool_rate=size((-5.0, 0.0), unit="1/s")) == []  # another effect's size
@@ -335,6 +336,8 @@ def test_the_report_hides_nothing(tmp_path):
         "wrong_and_sure, component |" in text
     )
     assert "| failed: ValueError: a \\| in it | outside_recognised, wrong_and_sure |" in text
+    assert "| one effect: size of the declared set | ≤ 3 | 1.00 (1) | 1.00 (1) | met |" in text
+    assert "| effects that are named: the 90 % interval holds the size | 86 to 94 % | 100 % [21, 100] (1) |" in text
     assert "## Failures: 3 of 4 cases" in text
     assert "## Detectable by no oracle: 1 of 3 cases" in text and "| 003 | outside | 2 | x_hinge_bump 900 N*m" in text
     assert (
@@ -344,7 +347,9 @@ def test_the_report_hides_nothing(tmp_path):
     assert content["figures"]["named_first"]["bounds"] == [0.8, None]
     assert content["figures"]["named_first"]["detectable"]["count"] == 1
     assert content["by_case"]["003"]["error"] == "ValueError: a | in it"
-    assert content["confusion"]["spool_lag"] == {"spool_rate": 1}
+    assert content["confusion"] == {  # the pair has no one truth
+        "spool_lag": {"spool_rate": 1}, "x_hinge_bump": {"failed": 1}, "nothing": {"nothing": 1},
+    }  # fmt: skip
     assert (tmp_path / "confusion.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     assert len(tables(result)) == len(sheets(result))
 
