@@ -191,6 +191,34 @@ def arm_seal_capacity(m: Arm, oil: Oil, g: ArmGeometry, s: ArmState, rate: float
 
 
 @wp.func
+def joint_capacity(m: MachineRecord, oil: Oil, g: SteeringGeometry, s: SteeringState, rate: float):
+    """Friction torque [N m] at which the joint breaks away or slides: its bearing and the seals of both cylinders."""
+    st = m.steering
+    pressures = wp.max(pressure(oil, s.port_a), 0.0) + wp.max(pressure(oil, s.port_b), 0.0)
+    return (
+        m.joint.friction_torque
+        + g.lever_left
+        * seal_friction(
+            st.cylinder_seal_preload,
+            st.cylinder_seal_pressure_coefficient,
+            pressures,
+            st.cylinder_seal_static_ratio,
+            st.cylinder_seal_stribeck_velocity,
+            g.lever_left * rate,
+        )
+        + g.lever_right
+        * seal_friction(
+            st.cylinder_seal_preload,
+            st.cylinder_seal_pressure_coefficient,
+            pressures,
+            st.cylinder_seal_static_ratio,
+            st.cylinder_seal_stribeck_velocity,
+            g.lever_right * rate,
+        )
+    )
+
+
+@wp.func
 def arm_torque(m: Arm, g: ArmGeometry, angle: float, rate: float, deflection: float, capacity: float, oil_torque: float):
     """Torque [N m] that raises an arm: oil, seal friction, end stops."""
     return (
@@ -494,7 +522,7 @@ def reset(
     clock[t] = 0
     status[t] = OK
 
-    # what bears the machine: pose, arms, oil in their cylinders, bent tires
+    # what bears the machine: pose, arms, oil in their cylinders, bent tires, brakes that hold the wheels
     stand = stance(m, terrain, ground, pose[0, t], pose[1, t], pose[2, t], pose[3, t])
     state[State.X, t] = pose[0, t]
     state[State.Y, t] = pose[1, t]
@@ -506,6 +534,7 @@ def reset(
         state[int(State.ARM_FL) + wheel, t] = stand.arm[wheel]
         state[int(State.ARM_BORE_FL) + wheel, t] = stand.bore_pressure[wheel]
         state[int(State.ARM_ROD_FL) + wheel, t] = m.arm.rod_rest_pressure
+        state[int(State.WHEEL_FRICTION_FL) + wheel, t] = -stand.brake[wheel] / m.driveline.brake_presliding_stiffness
     store4(state, int(State.BRISTLE_X_FL), t, stand.bristle_x)
     store4(state, int(State.BRISTLE_Y_FL), t, stand.bristle_y)
 
@@ -519,6 +548,15 @@ def reset(
     state[State.PORT_B, t] = st.tank_line_back_pressure
     state[State.TANK_LINE, t] = st.tank_line_back_pressure
     state[State.COMPENSATOR, t] = 1.0
+    # the joint: dry friction holds what oil at the return line's pressure does not, higher pressure what is beyond it
+    steering = load_steering(state, t)
+    g = steering_geometry(st, pose[3, t])
+    capacity = joint_capacity(m, m.oil, g, steering, 0.0)
+    lacking = stand.joint - steering_torque(m.oil, g, steering)
+    held = wp.clamp(lacking, -capacity, capacity)
+    state[State.JOINT_FRICTION, t] = -held / m.joint.presliding_stiffness
+    state[State.PORT_A, t] += wp.max(lacking - held, 0.0) / g.displacement_a
+    state[State.PORT_B, t] += wp.min(lacking - held, 0.0) / g.displacement_b
 
     # the loop on charge: what the pump's cases do not take goes over the relief
     d = m.driveline
@@ -724,28 +762,7 @@ def advance(
 
             # ---- joint torque: oil, seals, bearing, stops ------------------------------------------------------------
             st = m.steering
-            seal_pressures = wp.max(pressure(oil, steering.port_a), 0.0) + wp.max(pressure(oil, steering.port_b), 0.0)
-            capacity = (
-                m.joint.friction_torque
-                + g.lever_left
-                * seal_friction(
-                    st.cylinder_seal_preload,
-                    st.cylinder_seal_pressure_coefficient,
-                    seal_pressures,
-                    st.cylinder_seal_static_ratio,
-                    st.cylinder_seal_stribeck_velocity,
-                    g.lever_left * mid_joint_rate,
-                )
-                + g.lever_right
-                * seal_friction(
-                    st.cylinder_seal_preload,
-                    st.cylinder_seal_pressure_coefficient,
-                    seal_pressures,
-                    st.cylinder_seal_static_ratio,
-                    st.cylinder_seal_stribeck_velocity,
-                    g.lever_right * mid_joint_rate,
-                )
-            )
+            capacity = joint_capacity(m, oil, g, steering, mid_joint_rate)
             joint_friction = presliding(joint_friction, joint_rate, h, capacity, m.joint.presliding_stiffness)
             joint_torque = (
                 joint_oil

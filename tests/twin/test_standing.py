@@ -1,4 +1,4 @@
-"""Standing still: parking brakes on slopes, the limit of friction, the disc brake's own hold, drop-tight arms."""
+"""Standing still: the start, parking brakes on slopes, the limit of friction, the disc brake's own hold, drop-tight arms."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.twin.records import WHEELS, State
 from aoro_gym.twin.twin import Twin
-from tests.twin.rig import Log, drive
+from tests.twin.rig import Log, drive, states
 
 DIRECTIONS = np.arange(0.0, 360.0, 45.0)
 """Of ascent [deg]: 0 stands uphill, 180 downhill, 90 and 270 sideways."""
@@ -33,6 +33,70 @@ def parked(machine, slope):
     log = drive(twin, (SETTLE, {"parking_brake": 1.0}), sample_every=1.0)
     assert not twin.lost
     return twin, log
+
+
+# ------------------------------------------------------------------------------------------------------------ the start
+ANGLES = np.radians(np.linspace(-35.0, 35.0, 8))
+"""Of the joint at a reset [rad]; none is zero, where everything is symmetric."""
+
+
+def rounding(machine):
+    """What float32 leaves of an equilibrium: heights of the wheels [m], loads [N] by the tires' springs.
+
+    A quaternion turns by its last digit, over the wheelbase; eight of them for a pose that is the sum of Newton steps, and
+    twice that way, as what is out of balance is released and a spring overshoots by what it was released from.
+    """
+    height = 2.0 * 8.0 * float(np.finfo(np.float32).eps) * machine.frame.wheelbase
+    return height, machine.tire.stiffness * height
+
+
+@pytest.mark.parametrize(("slope", "direction"), [(0.0, 0.0), (3.0, 0.0), (3.0, 90.0), (15.0, 180.0)])
+def test_a_reset_is_an_equilibrium(machine, slope, direction):
+    """Parked from the start at any joint angle, on tires of several stiffnesses: what moves or changes its pressure within
+    a second is rounding. The joint's bearing is stiff enough to hold it on all of these slopes."""
+    machine = machine.scale(
+        {"tire.stiffness": np.linspace(0.6, 1.4, len(ANGLES)), "joint.friction_torque": np.full(len(ANGLES), 20.0)}
+    )
+    twin = Twin(len(ANGLES), machine=machine, terrain=Plane(slope_deg=slope, direction_deg=direction))
+    twin.reset(joint_angle=ANGLES, position=(3.0, -2.0), heading=0.4)
+    start = states(twin)
+    log = drive(twin, (1.0, {"parking_brake": 1.0}), sample_every=1e-2)
+    height, load = (np.max(bound) for bound in rounding(machine))
+    lever = machine.arm.length
+    begin = positions(log)[0]
+    assert np.all(np.abs(begin - start[State.X : State.Z + 1]) < height)
+    assert np.all(np.abs(positions(log) - begin) < height)
+    for name in ("roll", "pitch", "joint_angle"):
+        assert np.all(np.ptp(log[name], axis=0) < height / (0.5 * machine.frame.track)), name
+    assert np.all(np.ptp(log.wheels("arm_angle"), axis=0) < height / lever)
+    assert np.all(np.ptp(log.wheels("wheel_load"), axis=0) < load)
+    # oil: what turns an arm by a load at its end, and the joint by one at the wheels
+    cylinder = machine.arm.cylinder
+    arm_lever = cylinder.linkage.lever(-log.wheels("arm_angle")[0]).min()
+    assert np.all(np.ptp(log.wheels("arm_pressure_bore"), axis=0) < load * lever / (arm_lever * cylinder.bore_area))
+    steering = machine.steering.cylinder
+    displacement = (steering.bore_area + steering.annulus_area) * steering.linkage.lever(np.abs(ANGLES)).min()
+    for port in ("pressure_a", "pressure_b"):
+        assert np.all(np.ptp(log[port], axis=0) < load * machine.frame.wheelbase / displacement), port
+
+
+def test_where_friction_does_not_hold_the_joint_its_oil_does(machine):
+    """Across a slope of 15° a bent machine's rear half pulls more than the joint's bearing and seals bear. The oil's
+    pressure holds the rest from the start; it leaks, so it falls, and the joint folds no faster than the leak at the
+    start's pressure lets it."""
+    twin = Twin(len(ANGLES), machine=machine, terrain=Plane(slope_deg=15.0, direction_deg=30.0))
+    twin.reset(joint_angle=ANGLES)
+    log = drive(twin, (1.0, {"parking_brake": 1.0}), sample_every=1e-2)
+    back = machine.steering.tank_line.back_pressure
+    valve, cylinder = machine.steering.valve, machine.steering.cylinder
+    loaded = np.maximum(log["pressure_a"], log["pressure_b"])
+    assert np.any(loaded[0] > back + 10e5)
+    assert np.any(np.isclose(loaded[0], back))
+    assert np.all(loaded[-1] <= loaded[0])
+    leak = (2.0 * cylinder.leakage + valve.leakage) * (loaded[0] - back)
+    displacement = cylinder.bore_area * cylinder.linkage.lever(np.abs(ANGLES))
+    height, _ = rounding(machine)
+    assert np.all(np.ptp(log["joint_angle"], axis=0) < leak * log.time[-1] / displacement + height)
 
 
 def test_parking_brakes_hold_on_twenty_degrees(machine):

@@ -72,9 +72,9 @@ def test_level_triangles_are_stood_on_like_a_plane(machine, kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_machine_starts_at_rest_on_rough_ground(machine, kind):
-    """32 random poses on bumps and hills, parked. What the stance leaves out of balance (arms that lean on their wheels'
-    brakes, ground that is no plane under a wheel) is released at once, and a spring overshoots by no more than what it
-    was released from: no load strays further from where it ends than it began, twice for several modes at a time.
+    """32 random poses on bumps and hills, parked. What the stance leaves out of balance (arms far from their angles at rest,
+    ground that is no plane under a wheel) is released at once, and a spring overshoots by no more than what it was
+    released from: no load strays further from where it ends than it began, twice for several modes at a time.
     After 1 s nothing moves any more: 1 cm/s is what a release of 1 % of the weight leaves after half a period of the
     bristles, √(g σ₀)."""
     rng = np.random.default_rng(7)

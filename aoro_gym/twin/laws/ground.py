@@ -153,7 +153,13 @@ def interpolate(cell: Cell, columns: int, values: wp.array(dtype=Any)):
 
 
 @wp.func
-def raster_height(terrain: Any, ground: Site, x: float, y: float):
+def ground_level(terrain: Planes, ground: Ground, x: float, y: float):
+    """Height [m] of the plane at the plan position (x, y) [m]."""
+    return -(ground.normal[0] * x + ground.normal[1] * y) / ground.normal[2]
+
+
+@wp.func
+def ground_level(terrain: Any, ground: Site, x: float, y: float):
     """Height [m] of the terrain's raster at the plan position (x, y) [m]."""
     return interpolate(raster_cell(ground, x, y), ground.columns, terrain.nodes)[0]
 
