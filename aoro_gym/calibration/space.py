@@ -52,8 +52,12 @@ class Space:
     def point(self, machine: Machine | None = None) -> NDArray[np.float64]:
         """Point (d,) of ``machine`` (by default the one that the space was made from), clipped to the cube."""
         entries = (machine or self.machine).entries
-        values = np.array([entries[key].value for key in self.keys], dtype=np.float64)
-        inner = np.where(self._log, np.log(np.where(self._log, np.maximum(values, 1e-300), 1.0)), values)  # type: ignore[attr-defined]
+        return self.places([entries[key].value for key in self.keys])
+
+    def places(self, values: ArrayLike) -> NDArray[np.float64]:
+        """Points (..., d) of parameter values in the file's units, shape (..., d), clipped to the cube."""
+        given = np.asarray(values, dtype=np.float64)
+        inner = np.where(self._log, np.log(np.where(self._log, np.maximum(given, 1e-300), 1.0)), given)  # type: ignore[attr-defined]
         return np.clip((inner - self._low) / (self._high - self._low), 0.0, 1.0)  # type: ignore[attr-defined]
 
     def population(self, points: ArrayLike) -> Machine:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular, toeplitz
-from scipy.ndimage import maximum_filter1d
+from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
 from aoro_gym.diagnosis.recording import TICK, Recording
 
@@ -40,17 +40,28 @@ RATE_MEMORY = 0.15
 """Time [s] over which the twin's error of the joint's rate wanders."""
 PRESSURE_MEMORY = 0.04
 """The same of its pressures."""
+MERGED = 2
+"""Samples that are averaged before anything is compared: fifty a second show all that a joint of ten tonnes does."""
+SWING = 21
+"""Samples over which a pressure's swing is taken."""
+ENVELOPE = 15
+"""Samples over which the size of a residual is taken."""
 
 
 @dataclass(frozen=True)
 class ModelError:
-    """Relative standard deviations of the twin's own error."""
+    """Relative standard deviations of the twin's own error: of the joint's rate, of each pressure's excursion, of its swing
+    within a fifth of a second, and of what the recording shows beyond the prediction, as no twin has a deviation exactly as
+    the machine has it."""
 
     rate: float
     pressure: float
+    swing: float = 0.0
+    change: float = 0.0
 
     def scaled(self, factor: float) -> ModelError:
-        return ModelError(factor * self.rate, factor * self.pressure)
+        """Rate and pressure times ``factor``: what a reference takes away, but for fast swings."""
+        return ModelError(factor * self.rate, factor * self.pressure, self.swing, self.change)
 
 
 @dataclass(frozen=True)
@@ -101,28 +112,62 @@ def _burg(segments: Sequence[Floats], order: int) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True)
 class Whitener:
-    """Makes the residual (F,) or (F, N) of one channel of one recording white with unit variance."""
+    """Makes the residual (F,) or (F, N) of one channel of one recording white with unit variance, after it has averaged
+    every :data:`MERGED` samples."""
 
-    factor: Floats  # lower Cholesky factor of the covariance (F, F)
+    factor: Floats  # lower Cholesky factor of the covariance (F // MERGED, F // MERGED)
 
     def __call__(self, residual: Floats) -> Floats:
-        return solve_triangular(self.factor, residual, lower=True, check_finite=False)
+        return solve_triangular(self.factor, _merged(residual), lower=True, check_finite=False)
 
 
-def whitener(noise: Noise, channel: str, predicted: Floats, error: ModelError) -> Whitener:
-    """Whitener of a channel whose twin shows ``predicted`` (F,) SI."""
+def _merged(values: Floats) -> Floats:
+    """Means over :data:`MERGED` samples along the first axis; what is left over is dropped."""
+    count = len(values) // MERGED
+    return values[: count * MERGED].reshape(count, MERGED, *values.shape[1:]).mean(axis=1)
+
+
+def whitener(
+    noise: Noise, channel: str, predicted: Floats, error: ModelError, *, seen: Floats | None = None, repeats: float = np.inf
+) -> Whitener:
+    """Whitener of a channel whose twin shows ``predicted`` (F,) SI.
+
+    Args:
+        noise: Of the channel.
+        channel: Its name.
+        predicted: SI.
+        error: The twin's own.
+        seen: Residual (F,) SI: what there is beyond the prediction, with noise.
+        repeats: Recordings whose mean residual was subtracted; its noise adds to this one's.
+    """
     count = len(predicted)
-    covariance = toeplitz(noise.covariance[:count])
+    covariance = (1.0 + 1.0 / repeats) * toeplitz(noise.covariance[:count])
     lag = TICK * np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
-    wander = error.rate**2 * np.exp(-lag / RATE_MEMORY)
+    wander = np.exp(-lag / RATE_MEMORY)
     change = np.gradient(predicted)  # a tick
     if channel == "joint_angle":
-        rates = np.outer(change, change) * wander
+        rates = error.rate**2 * np.outer(change, change) * wander
         covariance += np.cumsum(np.cumsum(rates, axis=0), axis=1)
+        memory = wander
     else:
         # a motion that runs late shows its pressures late, by the integral of the rate's error
-        late = np.cumsum(np.cumsum(wander, axis=0), axis=1)
+        late = error.rate**2 * np.cumsum(np.cumsum(wander, axis=0), axis=1)
         covariance += np.outer(change, change) * late
         spread = error.pressure * maximum_filter1d(np.abs(predicted - predicted[0]), 9)
-        covariance += np.outer(spread, spread) * np.exp(-lag / PRESSURE_MEMORY)
-    return Whitener(cholesky(covariance, lower=True))
+        spread += error.swing * (maximum_filter1d(predicted, SWING) - minimum_filter1d(predicted, SWING))
+        memory = np.exp(-lag / PRESSURE_MEMORY)
+        covariance += np.outer(spread, spread) * memory
+    if seen is not None and error.change > 0.0:
+        envelope = error.change * _envelope(seen, np.sqrt(1.0 + 1.0 / repeats) * noise.std)
+        signed = np.clip(error.change * uniform_filter1d(seen, ENVELOPE), -envelope, envelope)
+        # half of the error wanders, half is a size that is wrong throughout
+        covariance += 0.5 * (np.outer(envelope, envelope) * memory + np.outer(signed, signed))
+    return Whitener(cholesky(_merged(_merged(covariance).T), lower=True, overwrite_a=True, check_finite=False))
+
+
+def _envelope(seen: Floats, noise: float) -> Floats:
+    """Size (F,) of what a residual shows beyond its noise: root of the mean square over :data:`ENVELOPE` samples."""
+    power = np.maximum(uniform_filter1d(np.square(seen), ENVELOPE) - noise**2, 0.0)
+    # a mean of ENVELOPE squares scatters; what noise alone gives once in a thousand times does not count
+    doubtful = 3.0 * np.sqrt(2.0 / ENVELOPE) * noise**2
+    return maximum_filter1d(np.sqrt(np.maximum(power - doubtful, 0.0)), ENVELOPE)

@@ -1,0 +1,291 @@
+"""What may part recordings from the twin that should explain them, linear around a fit.
+
+Stacked over recordings, channels and samples, the whitened residual is
+
+    r(u, z) = r₀ − J u − Σ s_e(z_e),
+
+with nuisances u in prior standard deviations (the machine's, and each recording's own clock and zeros) and the shift s_e
+that an effect at the place z_e of its range adds to the prediction. J and the shifts are simulated around the centre.
+Whoever has recordings of the same commands from the healthy machine subtracts their residuals: what the twin's laws do
+otherwise than the machine's then cancels, up to its own change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aoro_gym.diagnosis.arrival import arrivals, on_clock
+from aoro_gym.diagnosis.axes import Axis, axes_of
+from aoro_gym.diagnosis.noise import Floats, ModelError, Noise, Whitener, noise_of, whitener
+from aoro_gym.diagnosis.nuisances import Nuisances
+from aoro_gym.diagnosis.recording import TICK, Recording
+from aoro_gym.diagnosis.replay import SIGNALS, Shared, Task, Variants
+from aoro_gym.twin.effects import Effect
+
+STEP = 0.5
+"""Finite-difference step of nuisances, in prior standard deviations."""
+LARGEST_STEP = 0.02
+"""The same as a share of the range: where priors are wide, slopes are those at the centre."""
+FELT = 0.2
+"""Whitened length of what one standard deviation of a nuisance does, below which it is left alone."""
+DAMPINGS = (0.0, 1.0, 10.0, 100.0)
+"""Of the steps that are tried together; 1 is a second prior, around the centre."""
+CHORDS = 3
+"""Steps that are taken with one Jacobian."""
+ENOUGH = 0.01
+"""A step that lowers the cost by less than this share is the last."""
+START_JITTER = 1e-3
+"""Standard deviation [s] of a recording's clock against its commands."""
+ZEROS: Mapping[str, float] = {
+    "joint_angle": np.radians(0.03), "pressure_a": 1e5, "pressure_b": 1e5, "pump_pressure": 1e5,
+    "drive_pressure_forward": 1e5, "drive_pressure_return": 1e5,
+}  # fmt: skip
+"""Standard deviation [SI] of a sensor's zero, anew in each recording: a quarter of a per cent of 400 bar."""
+KNOWN = 0.3
+"""Share of the twin's own error that is left where the healthy machine's residual of the same commands is subtracted."""
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Mean residual (F,) SI of the healthy machine under the same commands, over so many recordings."""
+
+    residual: Floats
+    repeats: int
+    arrival: int  # sample at which the joint came to its stop
+
+
+References = Mapping[tuple[bytes, str], Reference]
+"""By the commands' signature and the channel."""
+
+
+class Problem:
+    """Recordings, the twin that should have made them, and what may part the two.
+
+    Args:
+        recordings: To be explained.
+        nuisances: Around the twin.
+        effects: Catalogue by id.
+        error: The twin's own.
+        references: Of the healthy machine.
+        noise: By channel; from the recordings' standstill by default.
+        shared: Where twins run; on the CPU by default.
+    """
+
+    def __init__(
+        self,
+        recordings: Sequence[Recording],
+        nuisances: Nuisances,
+        effects: Mapping[str, Effect],
+        *,
+        error: ModelError,
+        references: References | None = None,
+        noise: Mapping[str, Noise] | None = None,
+        shared: Shared | None = None,
+    ):
+        self.recordings = tuple(recordings)
+        self.nuisances = nuisances
+        self.effects = dict(effects)
+        self.error = error
+        self.references = dict(references or {})
+        self.shared = shared or Shared("cpu")
+        self.signals = tuple(name for name in SIGNALS if any(name in r.channels for r in self.recordings))
+        longest = max(len(r.channels["joint_angle"]) for r in recordings)
+        self.noise = dict(noise or {})
+        for name in self.signals:
+            if name not in self.noise:
+                self.noise[name] = noise_of(recordings, name, longest)
+        self.blocks = [(index, name) for index, r in enumerate(self.recordings) for name in r.channels]
+        """Recording and channel of every part of a stacked residual."""
+        self.arrivals = [
+            int(arrivals(r.channels["joint_angle"][:, None], r.commands[:, 0])[0]) for r in self.recordings
+        ]
+        """Sample at which each recording's joint comes to its stop."""
+        self.axes: dict[str, list[Axis]] = {name: axes_of(effect) for name, effect in self.effects.items()}
+        self.felt: NDArray[np.intp] = np.arange(len(nuisances.keys))
+        """Nuisances that show; the others stay where they are."""
+        zeros = [(k, name) for k, name in self.blocks if name in ZEROS]
+        self._own: list[tuple[int, str]] = [*((k, "") for k in range(len(self.recordings))), *zeros]
+        self.centre: Floats = np.zeros(len(nuisances.keys) + len(self._own))
+        """Nuisances around which all is linear: the felt ones, then the recordings' own."""
+        self.predicted: Floats = np.empty(0)
+        """Stacked prediction (D,) SI at the centre."""
+        self.slopes: Floats = np.empty((0, 0))
+        """Its change (D, felt) SI a standard deviation of each felt nuisance."""
+        self.shifts: dict[tuple[str, int], Floats] = {}
+        """What effects add to it (D, nodes) SI, by effect and number of its axis."""
+
+    # ---- stacking ----
+
+    def split(self, stacked: Floats) -> list[Floats]:
+        """Parts of a stacked array by block."""
+        ends = np.cumsum([len(self.recordings[index].channels[name]) for index, name in self.blocks])
+        return np.split(stacked, ends[:-1])
+
+    @cached_property
+    def measured(self) -> Floats:
+        """Stacked measurements (D,) SI, less what the healthy machine did otherwise than its twin."""
+        parts = []
+        for index, name in self.blocks:
+            recording = self.recordings[index]
+            values = recording.channels[name].astype(np.float64)
+            known = self.references.get((recording.signature, name))
+            parts.append(values if known is None else values - self._read(index, name, known))
+        return np.concatenate(parts)
+
+    def _read(self, index: int, name: str, known: Reference) -> Floats:
+        """A healthy machine's residual (F,) on the clock of a recording."""
+        if "pressure" not in name:
+            return known.residual
+        own = np.array([known.arrival])
+        steering = self.recordings[index].commands[:, 0]
+        return on_clock(known.residual[:, None], own, self.arrivals[index], steering)[:, 0]
+
+    # ---- predictions ----
+
+    def at(self, points: Floats, effects: Sequence[str] = (), places: Floats | None = None) -> Variants:
+        """Machines at ``points`` (N, u) of the nuisances with ``effects`` at ``places`` (N, axes)."""
+        count = len(points)
+        deviations = np.zeros((count, len(self.nuisances.keys)))
+        deviations[:, self.felt] = points[:, : len(self.felt)]
+        machine = self.nuisances.machines(deviations)
+        magnitudes, column = [], 0
+        for name in effects:
+            assert places is not None
+            values = [axis.value(places[:, column + i]) for i, axis in enumerate(self.axes[name])]
+            magnitudes.append((self.effects[name], tuple(v if count > 1 else float(v[0]) for v in values)))
+            column += len(values)
+        return Variants.of(machine, magnitudes, count)
+
+    def simulate(self, variants: Sequence[Variants]) -> Floats:
+        """Stacked predictions (D, N), SI, pressures on the recordings' clocks; what the twin loses is NaN."""
+        tasks = [Task(one, recording) for recording in self.recordings for one in variants]
+        found = iter(self.shared.run(tasks))
+        stacked = []
+        for recording, arrival in zip(self.recordings, self.arrivals, strict=True):
+            parts = [next(found) for _ in variants]
+            signals = {name: np.concatenate([part[name] for part in parts], axis=1) for name in recording.channels}
+            steering = recording.commands[:, 0]
+            own = arrivals(signals["joint_angle"], steering)
+            for name, values in signals.items():
+                stacked.append(on_clock(values, own, arrival, steering) if "pressure" in name else values)
+        return np.concatenate(stacked).astype(np.float64)
+
+    def own(self, predicted: Floats) -> Floats:
+        """Shifts (D, c), SI, by one standard deviation of what belongs to the recordings themselves: each one's clock
+        and the zeros of its sensors."""
+        parts = list(zip(self.blocks, self.split(predicted), strict=True))
+
+        def column(k: int, channel: str) -> Floats:
+            def shift(at: int, name: str, part: Floats) -> Floats:
+                if at == k and not channel:
+                    return START_JITTER * np.gradient(part) / TICK
+                return np.full(part.shape, ZEROS[name] if (at, name) == (k, channel) else 0.0)
+
+            return np.concatenate([shift(at, name, part) for (at, name), part in parts])
+
+        return np.stack([column(k, channel) for k, channel in self._own], axis=1)
+
+    # ---- whitening ----
+
+    def whiteners(self, error: ModelError, predicted: Floats) -> list[Whitener]:
+        """One a block, around a stacked prediction (D,)."""
+        out = []
+        parts = zip(self.blocks, self.split(predicted), self.split(self.measured - predicted), strict=True)
+        for (index, name), mine, seen in parts:
+            known = self.references.get((self.recordings[index].signature, name))
+            out.append(
+                whitener(self.noise[name], name, mine, error, seen=seen)
+                if known is None
+                else whitener(
+                    self.noise[name], name, mine, error.scaled(KNOWN), seen=seen, repeats=known.repeats
+                )
+            )
+        return out
+
+    def white(self, whiteners: Sequence[Whitener], stacked: Floats) -> Floats:
+        """``stacked`` (D,) or (D, N) of differences, whitened."""
+        return np.concatenate([w(part) for w, part in zip(whiteners, self.split(stacked), strict=True)])
+
+    # ---- learning ----
+
+    def settle(self, jacobians: int, progress: Progress = lambda sentence, share: None) -> None:
+        """Move the centre to the best fit of the nuisances alone: Levenberg–Marquardt, several steps with each Jacobian,
+        which costs far more than they do."""
+        for k in range(jacobians):
+            progress("fitting uncertain parameters", k / jacobians)
+            self._slopes()
+            whiteners = self.whiteners(self.error, self.predicted)
+            own = self.own(self.predicted)
+            d = len(self.felt)
+            jacobian = self.white(whiteners, np.concatenate([self.slopes, own], axis=1))
+            power, axes = np.linalg.eigh(jacobian.T @ jacobian)
+            place, std = self.nuisances.place[self.felt], self.nuisances.std[self.felt]
+            for _ in range(CHORDS):
+                residual = self.white(whiteners, self.measured - self.predicted - own @ self.centre[d:])
+                pull = axes.T @ (jacobian.T @ residual - self.centre)
+                steps = [axes @ (pull / (power + 1.0 + damping)) for damping in DAMPINGS]
+                tried = np.array([self.centre, *(self.centre + step for step in steps)])
+                tried[:, :d] = np.clip(tried[:, :d], -place / std, (1.0 - place) / std)
+                found = self.simulate([self.at(tried)])
+                white = self.white(whiteners, self.measured[:, None] - found - own @ tried[:, d:].T)
+                costs = np.nan_to_num(np.sum(white**2, axis=0) + np.sum(tried**2, axis=1), nan=np.inf)
+                best = int(np.argmin(costs))
+                self.centre, self.predicted = tried[best], found[:, best]
+                if costs[best] > (1.0 - ENOUGH) * costs[0]:
+                    break
+
+    def _slopes(self, more: Sequence[Variants] = ()) -> Floats:
+        """Prediction and slopes at the centre; leaves out what is not felt. Returns what ``more`` predict (D, N)."""
+        d, whole = len(self.felt), len(self.centre)
+        place, std = self.nuisances.place[self.felt], self.nuisances.std[self.felt]
+        h = np.minimum(STEP, LARGEST_STEP / std)
+        h = np.where(place + (self.centre[:d] + h) * std <= 1.0, h, -h)
+        points = np.vstack([self.centre, self.centre + np.eye(d, whole) * h[:, None]])
+        found = self.simulate([self.at(points), *more])
+        self.predicted = found[:, 0]
+        self.slopes = np.nan_to_num(found[:, 1 : d + 1] - found[:, :1]) / h
+        white = self.white(self.whiteners(self.error, self.predicted), self.slopes)
+        shown = np.flatnonzero(np.linalg.norm(white, axis=0) > FELT)
+        self.slopes, self.felt = self.slopes[:, shown], self.felt[shown]
+        self.centre = np.concatenate([self.centre[:d][shown], self.centre[d:]])
+        return found[:, d + 1 :]
+
+    def learn(self, progress: Progress = lambda sentence, share: None) -> None:
+        """Simulate around the centre what every nuisance and every effect does."""
+        batch, names = [], []
+        for name, axes in self.axes.items():
+            for axis in axes:
+                places = np.tile([a.none for a in axes], (len(axis.nodes), 1))
+                places[:, axis.index] = axis.nodes
+                batch.append((name, axis, places))
+                names.append((name, axis.index))
+        more = [self.at(np.tile(self.centre, (len(places), 1)), (name,), places) for name, _, places in batch]
+        progress("what every effect does", 0.0)
+        found = self._slopes(more)
+        shifts = np.nan_to_num(found - self.predicted[:, None])
+        starts = np.cumsum([0, *(len(places) for _, _, places in batch)])
+        for key, first, last in zip(names, starts[:-1], starts[1:], strict=True):
+            self.shifts[key] = shifts[:, first:last]
+
+
+def references_of(problem: Problem) -> dict[tuple[bytes, str], Reference]:
+    """What healthy recordings show beyond the twin that was fitted to them."""
+    own = problem.own(problem.predicted) @ problem.centre[len(problem.felt) :]
+    left: dict[tuple[bytes, str], list[tuple[Floats, int]]] = {}
+    for (index, name), residual in zip(
+        problem.blocks, problem.split(problem.measured - problem.predicted - own), strict=True
+    ):
+        signature = problem.recordings[index].signature
+        left.setdefault((signature, name), []).append((residual, problem.arrivals[index]))
+    # repeats arrive together but for a sample or two, which the first stands for
+    return {
+        key: Reference(np.mean([residual for residual, _ in parts], axis=0), len(parts), parts[0][1])
+        for key, parts in left.items()
+    }
