@@ -24,7 +24,7 @@ from aoro_gym.diagnosis.axes import Axis, axes_of
 from aoro_gym.diagnosis.noise import Floats, ModelError, Noise, Whitener, noise_of, whitener
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.recording import TICK, Recording
-from aoro_gym.diagnosis.replay import SIGNALS, Shared, Task, Variants
+from aoro_gym.diagnosis.replay import SIGNALS, Simulator, Task, Variants
 from aoro_gym.twin.effects import Effect
 
 STEP = 0.5
@@ -75,7 +75,7 @@ class Problem:
         error: The twin's own.
         references: Of the healthy machine.
         noise: By channel; from the recordings' standstill by default.
-        shared: Where twins run; on the CPU by default.
+        simulator: Runs the twins; on the CPU by default.
     """
 
     def __init__(
@@ -87,14 +87,14 @@ class Problem:
         error: ModelError,
         references: References | None = None,
         noise: Mapping[str, Noise] | None = None,
-        shared: Shared | None = None,
+        simulator: Simulator | None = None,
     ):
         self.recordings = tuple(recordings)
         self.nuisances = nuisances
         self.effects = dict(effects)
         self.error = error
         self.references = dict(references or {})
-        self.shared = shared or Shared("cpu")
+        self.simulator = simulator or Simulator()
         self.signals = tuple(name for name in SIGNALS if any(name in r.channels for r in self.recordings))
         longest = max(len(r.channels["joint_angle"]) for r in recordings)
         self.noise = dict(noise or {})
@@ -166,7 +166,7 @@ class Problem:
     def simulate(self, variants: Sequence[Variants]) -> Floats:
         """Stacked predictions (D, N), SI, pressures on the recordings' clocks; what the twin loses is NaN."""
         tasks = [Task(one, recording) for recording in self.recordings for one in variants]
-        found = iter(self.shared.run(tasks))
+        found = iter(self.simulator.run(tasks))
         stacked = []
         for recording, arrival in zip(self.recordings, self.arrivals, strict=True):
             parts = [next(found) for _ in variants]

@@ -1,15 +1,13 @@
 """Twins that repeat recordings: variants of machines under the commands of recordings, many in one go.
 
-A variant is a machine with effects: parameters, the plane under it, and what the measuring chain does to its signals.
-Threads that each diagnose a case share their launches (:class:`Shared`): a GPU takes as long for one twin as for thousands.
+A variant is a machine with effects: parameters, the plane under it, and what the measuring chain does to its signals. What
+is simulated is separate from what the chain does to it, so that processes can share their launches (:mod:`.sharing`).
 """
 
 # pyright: reportInvalidTypeForm=false
 from __future__ import annotations
 
-import threading
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -77,7 +75,23 @@ class Task:
 
 
 Signals = dict[str, NDArray[np.float32]]
-"""What a recording's channels would be: (F, N) SI a channel. A variant that the twin loses is NaN."""
+"""Samples (F, N) SI a channel. A variant that the twin loses is NaN."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is to be simulated for a task: plain data."""
+
+    machine: Machine
+    plane: Plane
+    start: Floats  # (N,) joint angles [rad]
+    commands: NDArray[np.float64]  # (K, len(COMMANDS)), each held for a tick
+    channels: tuple[str, ...]
+    frames: int  # samples a tick
+
+    @property
+    def count(self) -> int:
+        return len(self.start)
 
 
 @wp.kernel(enable_backward=False)
@@ -94,148 +108,125 @@ def _hold(
 
 
 @wp.kernel(enable_backward=False)
-def _keep(outputs: wp.array3d(dtype=float), rows: wp.array(dtype=int), first: int, kept: wp.array3d(dtype=float)):
+def _keep(
+    outputs: wp.array3d(dtype=float),
+    rows: wp.array(dtype=int),
+    every: int,
+    first_twin: int,
+    first: int,
+    kept: wp.array3d(dtype=float),
+):
+    """Each ``every``-th sample of a tick, of the twins from ``first_twin`` on."""
     frame, row, t = wp.tid()  # pyright: ignore
-    kept[row, first + frame, t] = outputs[frame, rows[row], t]
+    kept[row, first + frame, t] = outputs[(frame + 1) * every - 1, rows[row], first_twin + t]
 
 
-def repeat(tasks: Sequence[Task], *, device: str = "cpu") -> list[Signals]:
-    """What the channels of every task's recording would be."""
-    pieces = [
-        (number, Task(piece, task.recording))
-        for number, task in enumerate(tasks)
-        for piece in _split(task.variants, BATCH)
-    ]
-    pieces.sort(key=lambda piece: (piece[1].variants.frames, -piece[1].recording.ticks))
-    cpu = wp.get_device(device).is_cpu
-    launches: list[list[tuple[int, Task]]] = [[]]
-    for number, task in pieces:
-        launch = launches[-1]
-        if launch:
-            first = launch[0][1]
-            together = (
-                sum(other.variants.count for _, other in launch) + task.variants.count <= BATCH
-                and task.variants.frames == first.variants.frames
-                and not (cpu and task.recording.ticks < ALIKE * first.recording.ticks)
-            )
-            if not together:
-                launches.append([])
-        launches[-1].append((number, task))
-    parts: list[list[Signals]] = [[] for _ in tasks]
-    for launch in launches:
-        for (number, _), found in zip(launch, _launch([task for _, task in launch], device), strict=True):
-            parts[number].append(found)
-    return [
-        {name: np.concatenate([piece[name] for piece in part], axis=1) for name in task.recording.channels}
-        for task, part in zip(tasks, parts, strict=True)
-    ]
+class Simulator:
+    """Repeats recordings on a device.
+
+    Args:
+        device: ``"cpu"`` or ``"cuda:N"``.
+    """
+
+    def __init__(self, device: str = "cpu"):
+        self.device = device
+
+    def run(self, tasks: Sequence[Task]) -> list[Signals]:
+        """What the channels of every task's recording would be."""
+        requests = [_request(task) for task in tasks]
+        return [_measured(task, rows) for task, rows in zip(tasks, self.launch(requests), strict=True)]
+
+    def launch(self, requests: Sequence[Request]) -> list[Signals]:
+        """Samples (K frames + 1, N) of every request, the first of them at rest."""
+        # what needs dense samples lies together at the end of a launch, and recordings alike in length together on a CPU
+        order = sorted(range(len(requests)), key=lambda i: (requests[i].frames, -len(requests[i].commands)))
+        cpu = wp.get_device(self.device).is_cpu
+        batches: list[list[int]] = [[]]
+        for index in order:
+            new, batch = requests[index], batches[-1]
+            if batch:
+                first = requests[batch[0]]
+                unlike = new.frames != first.frames or len(new.commands) < ALIKE * len(first.commands)
+                if sum(requests[i].count for i in batch) + new.count > BATCH or (cpu and unlike):
+                    batches.append([])
+            batches[-1].append(index)
+        out: list[Signals] = [{} for _ in requests]
+        for batch in batches:
+            for index, rows in zip(batch, _launch([requests[i] for i in batch], self.device), strict=True):
+                out[index] = rows
+        return out
 
 
-def _launch(tasks: Sequence[Task], device: str) -> list[Signals]:
-    """Tasks alike in the samples that they need, all at once."""
-    counts = [task.variants.count for task in tasks]
-    total, ticks = sum(counts), max(task.recording.ticks for task in tasks)
-    dense = tasks[0].variants.frames
-    machine = _stacked([task.variants.machine for task in tasks], counts)
-    twin = Twin(total, machine=machine, terrain=_stacked_planes(tasks, counts), device=device)
-    start = np.concatenate([_started(task.variants, task.recording.start_angle) for task in tasks])
+def _request(task: Task) -> Request:
+    one, recording = task.variants, task.recording
+    start = _started(one, recording.start_angle)
+    return Request(one.machine, one.plane, start, recording.commands, tuple(recording.channels), one.frames)
+
+
+def _launch(requests: Sequence[Request], device: str) -> list[Signals]:
+    """All at once; those with dense samples last."""
+    counts = [request.count for request in requests]
+    starts = np.cumsum([0, *counts])
+    total, ticks = int(starts[-1]), max(len(request.commands) for request in requests)
+    machine = _stacked([request.machine for request in requests], counts)
+    twin = Twin(total, machine=machine, terrain=_stacked_planes(requests, counts), device=device)
     limit = np.broadcast_to(np.asarray(machine.joint.range), total)
-    twin.reset(joint_angle=np.clip(start, -limit, limit))
+    twin.reset(joint_angle=np.clip(np.concatenate([request.start for request in requests]), -limit, limit))
 
-    recordings = list({id(task.recording): task.recording for task in tasks}.values())
-    numbers = {id(recording): number for number, recording in enumerate(recordings)}
-    held = np.zeros((len(recordings), ticks, len(COMMANDS)), dtype=np.float32)
-    for row, recording in zip(held, recordings, strict=True):
-        row[: recording.ticks] = recording.commands
-        row[recording.ticks :] = recording.commands[-1]
-    names = [name for name in SIGNALS if any(name in recording.channels for recording in recordings)]
+    schedules: dict[bytes, int] = {}
+    which = [schedules.setdefault(request.commands.tobytes(), len(schedules)) for request in requests]
+    held = np.zeros((len(schedules), ticks, len(COMMANDS)), dtype=np.float32)
+    for number, request in zip(which, requests, strict=True):
+        held[number, : len(request.commands)] = request.commands
+        held[number, len(request.commands) :] = request.commands[-1]
+    names = [name for name in SIGNALS if any(name in request.channels for request in requests)]
     schedule = wp.array(held, dtype=float, device=twin.device)
-    which = np.repeat([numbers[id(task.recording)] for task in tasks], counts).astype(np.int32)
-    numbered = wp.array(which, dtype=int, device=twin.device)
+    numbered = wp.array(np.repeat(which, counts).astype(np.int32), dtype=int, device=twin.device)
     command_rows = wp.array([int(row) for row in COMMANDS.values()], dtype=int, device=twin.device)
     output_rows = wp.array([SIGNALS[name][0] for name in names], dtype=int, device=twin.device)
-    kept = wp.zeros((len(names), ticks * dense + 1, total), dtype=float, device=twin.device)
+
+    frames = requests[-1].frames
+    sparse = int(sum(request.count for request in requests if request.frames == 1))
+    groups = [(1, 0, sparse), (frames, sparse, total - sparse)]  # samples a tick, first twin, twins
+    kept = {
+        first: wp.zeros((len(names), ticks * density + 1, count), dtype=float, device=twin.device)
+        for density, first, count in groups
+        if count
+    }
     at_rest = twin.state.numpy()[[SIGNALS[name][1] for name in names]]
     for tick in range(ticks):
         arguments = [schedule, numbered, command_rows, tick, twin.commands]
         wp.launch(_hold, (len(COMMANDS), total), arguments, device=twin.device)
-        twin.advance(TICK, sample_every=TICK / dense)
-        wp.launch(_keep, (dense, len(names), total), [twin.outputs, output_rows, 1 + tick * dense, kept], device=twin.device)
-    values: NDArray[np.float32] = np.array(kept.numpy(), dtype=np.float32)
-    values[:, 0] = at_rest
-    values[:, :, twin.status != 0] = np.nan
-    rows = dict(zip(names, values, strict=True))
-    starts = np.cumsum([0, *counts])
-    return [
-        _measured(task, {name: rows[name][:, first : first + count] for name in task.recording.channels}, dense)
-        for task, first, count in zip(tasks, starts, counts, strict=False)
-    ]
+        twin.advance(TICK, sample_every=TICK / frames)
+        for density, first, count in groups:
+            if count:
+                every = frames // density
+                arguments = [twin.outputs, output_rows, every, first, 1 + tick * density, kept[first]]
+                wp.launch(_keep, (density, len(names), count), arguments, device=twin.device)
+    lost = twin.status != 0
+    out: list[Signals] = []
+    values = {first: part.numpy() for first, part in kept.items()}
+    for request, begin, end in zip(requests, starts, starts[1:], strict=False):
+        first = 0 if request.frames == 1 else sparse
+        rows: Signals = {}
+        for name in request.channels:
+            row = names.index(name)
+            mine = values[first][row, : len(request.commands) * request.frames + 1, begin - first : end - first]
+            rows[name] = np.array(mine, dtype=np.float32)
+            rows[name][0] = at_rest[row, begin:end]
+            rows[name][:, lost[begin:end]] = np.nan
+        out.append(rows)
+    return out
 
 
-def _measured(task: Task, rows: Signals, dense: int) -> Signals:
-    """A task's channels from its samples (F, N), through the variants' measuring chain."""
-    rows = {name: row[: task.recording.ticks * dense + 1] for name, row in rows.items()}
+def _measured(task: Task, rows: Signals) -> Signals:
+    """A task's channels from its samples, through the variants' measuring chain."""
+    dense = task.variants.frames
     signals: Mapping[str, NDArray[np.float32]] = rows
     if dense > 1:
         for effect, magnitudes in task.variants.chain:
             signals = effect.record(signals, FRAMES / TICK, *magnitudes)
     return {name: np.array(signals[name][::dense], dtype=np.float32) for name in rows}
-
-
-class Shared:
-    """Launches that several threads share: each waits in :meth:`run` until all that take part have asked for theirs."""
-
-    def __init__(self, device: str):
-        self.device = device
-        self._condition = threading.Condition()
-        self._waiting: list[_Asked] = []
-        self._members = 0
-
-    @contextmanager
-    def member(self) -> Iterator[None]:
-        """Take part: others wait for what this thread asks for, until it leaves."""
-        with self._condition:
-            self._members += 1
-        try:
-            yield
-        finally:
-            with self._condition:
-                self._members -= 1
-                self._launch_if_all_wait()
-
-    def run(self, tasks: Sequence[Task]) -> list[Signals]:
-        """See :func:`repeat`."""
-        asked = _Asked(tasks)
-        with self._condition:
-            self._waiting.append(asked)
-            self._launch_if_all_wait()
-            self._condition.wait_for(lambda: asked.done)
-        if asked.error is not None:
-            raise asked.error
-        return asked.found
-
-    def _launch_if_all_wait(self) -> None:
-        if not self._waiting or len(self._waiting) < self._members:
-            return
-        waiting, self._waiting = self._waiting, []
-        try:
-            found = repeat([task for asked in waiting for task in asked.tasks], device=self.device)
-            for asked in waiting:
-                asked.found, found = found[: len(asked.tasks)], found[len(asked.tasks) :]
-        except Exception as error:
-            for asked in waiting:
-                asked.error = error
-        for asked in waiting:
-            asked.done = True
-        self._condition.notify_all()
-
-
-@dataclass(eq=False)
-class _Asked:
-    tasks: Sequence[Task]
-    found: list[Signals] = field(default_factory=list)
-    error: Exception | None = None
-    done: bool = False
 
 
 def _started(variants: Variants, measured: float) -> Floats:
@@ -248,25 +239,6 @@ def _started(variants: Variants, measured: float) -> Floats:
             signals = effect.record(signals, FRAMES / TICK, *magnitudes)
         angle = angle + measured - np.asarray(signals["joint_angle"])[0]
     return angle
-
-
-def _split(one: Variants, most: int) -> list[Variants]:
-    """``one`` in pieces of at most ``most`` variants."""
-    if one.count <= most:
-        return [one]
-    pieces = []
-    for first in range(0, one.count, most):
-        rows = np.arange(first, min(first + most, one.count))
-
-        def chosen(value, rows=rows):
-            return value if np.ndim(value) == 0 else np.asarray(value)[rows]
-
-        batched = {key: e.value for key, e in one.machine.entries.items() if np.ndim(e.value)}
-        machine = one.machine.set({key: chosen(value) for key, value in batched.items()}) if batched else one.machine
-        plane = Plane(**{name: chosen(getattr(one.plane, name)) for name in _PLANE})
-        chain = tuple((effect, tuple(chosen(m) for m in magnitudes)) for effect, magnitudes in one.chain)
-        pieces.append(Variants(machine, len(rows), plane, chain))
-    return pieces
 
 
 def _stacked(machines: Sequence[Machine], counts: Sequence[int]) -> Machine:
@@ -285,9 +257,9 @@ def _stacked(machines: Sequence[Machine], counts: Sequence[int]) -> Machine:
 _PLANE = ("slope_deg", "direction_deg", "friction", "rolling_resistance")
 
 
-def _stacked_planes(tasks: Sequence[Task], counts: Sequence[int]) -> Plane:
+def _stacked_planes(requests: Sequence[Request], counts: Sequence[int]) -> Plane:
     def whole(name: str) -> Floats | float:
-        parts = [np.broadcast_to(getattr(task.variants.plane, name), n) for task, n in zip(tasks, counts, strict=True)]
+        parts = [np.broadcast_to(getattr(request.plane, name), n) for request, n in zip(requests, counts, strict=True)]
         values = np.concatenate(parts)
         return values if np.ptp(values) > 0.0 else float(values[0])
 
