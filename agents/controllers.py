@@ -41,9 +41,9 @@ class BangBang:
 
     layout: Mapping[str, slice]
     """``env.unwrapped.observation_layout``"""
-    threshold: ArrayLike = 0.0377
+    threshold: ArrayLike = 0.0316
     """[rad]"""
-    lead_time: ArrayLike = 0.0172
+    lead_time: ArrayLike = 0.0249
     """[s]"""
 
     def __post_init__(self) -> None:
@@ -69,15 +69,15 @@ class ProportionalDerivative:
 
     layout: Mapping[str, slice]
     """``env.unwrapped.observation_layout``"""
-    gain: ArrayLike = 7.76
+    gain: ArrayLike = 8.29
     """K: signal per error [1/rad]."""
-    lead_time: ArrayLike = 0.0125
+    lead_time: ArrayLike = 0.00406
     """T [s]"""
-    dead_band_left: ArrayLike = 0.106
+    dead_band_left: ArrayLike = 0.119
     """Signal [-] that is skipped to the left; the machine's own dead band is ``steering.valve.dead_band_left`` / 2 V."""
-    dead_band_right: ArrayLike = 0.168
+    dead_band_right: ArrayLike = 0.196
     """The same to the right."""
-    rest_error: ArrayLike = 0.0013
+    rest_error: ArrayLike = 0.00418
     """[rad]"""
 
     def __post_init__(self) -> None:

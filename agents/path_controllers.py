@@ -40,7 +40,7 @@ NEEDED = ("cross_track", "heading_error", "preview", "curvature", "speed", "join
 SLOWEST = 0.3
 """Speed [m/s] below which the controllers steer as at this one: at rest, no steering leads back to a path."""
 DRIVE_SIGNAL = 0.66
-"""Drive signal [-] that drives at the published working speed of 0.75 m/s in first gear, on the mean over forest ground."""
+"""Drive signal [-]: 0.77 m/s in first gear, on the mean over forest ground. The published working speed is 0.75 m/s."""
 
 
 def turn_curvature(joint_angle: ArrayLike, front: float, rear: float) -> Floats:
@@ -221,11 +221,11 @@ def pursued_angle(seen: Seen, distance: ArrayLike) -> Floats:
 class PurePursuit(JointController):
     """The joint turns to where a steady turn would lead through the path, ``look_ahead`` in front of the vehicle."""
 
-    look_ahead: ArrayLike = field(default=0.899, kw_only=True)
+    look_ahead: ArrayLike = field(default=0.84, kw_only=True)
     """[m]"""
-    gain: ArrayLike = field(default=1.11, kw_only=True)
-    lead_time: ArrayLike = field(default=0.0493, kw_only=True)
-    rest_error: ArrayLike = field(default=0.0137, kw_only=True)
+    gain: ArrayLike = field(default=1.28, kw_only=True)
+    lead_time: ArrayLike = field(default=0.0107, kw_only=True)
+    rest_error: ArrayLike = field(default=0.0036, kw_only=True)
 
     def joint_angle(self, seen: Seen) -> Floats:
         return pursued_angle(seen, self.look_ahead)
@@ -236,10 +236,10 @@ class FullSpeedSteering(JointController):
     """Full signal left or right, as the real machine is mostly steered: towards the joint angle of pure pursuit, with a dead
     zone. Of the inner loop's gains it uses ``lead_time`` and ``rest_error``, the dead zone."""
 
-    look_ahead: ArrayLike = field(default=0.813, kw_only=True)
+    look_ahead: ArrayLike = field(default=1.06, kw_only=True)
     """[m]"""
-    lead_time: ArrayLike = field(default=0.274, kw_only=True)
-    rest_error: ArrayLike = field(default=0.291, kw_only=True)
+    lead_time: ArrayLike = field(default=0.0592, kw_only=True)
+    rest_error: ArrayLike = field(default=0.271, kw_only=True)
 
     def joint_angle(self, seen: Seen) -> Floats:
         return pursued_angle(seen, self.look_ahead)
@@ -259,14 +259,14 @@ class Stanley(JointController):
     the heading follows with the time constant (f + r) / (v ``heading_gain``).
     """
 
-    heading_gain: ArrayLike = field(default=2.27, kw_only=True)
+    heading_gain: ArrayLike = field(default=2.5, kw_only=True)
     """Joint angle per heading [-]."""
-    cross_track_gain: ArrayLike = field(default=2.66, kw_only=True)
+    cross_track_gain: ArrayLike = field(default=3.15, kw_only=True)
     """[1/s]"""
-    look_ahead: ArrayLike = field(default=0.286, kw_only=True)
+    look_ahead: ArrayLike = field(default=0.0172, kw_only=True)
     """[m]"""
-    gain: ArrayLike = field(default=1.19, kw_only=True)
-    rest_error: ArrayLike = field(default=0.0155, kw_only=True)
+    gain: ArrayLike = field(default=1.92, kw_only=True)
+    rest_error: ArrayLike = field(default=0.00982, kw_only=True)
 
     def joint_angle(self, seen: Seen) -> Floats:
         closing = np.arctan(np.asarray(self.cross_track_gain) * seen["cross_track"] / seen.speed)
@@ -296,13 +296,13 @@ class PreviewRegulator(PathController):
     are known as far as the preview reaches; see :func:`preview_gains`. The valve's measured curve makes the signal of u.
     """
 
-    heading_weight: ArrayLike = field(default=0.0274, kw_only=True)
+    heading_weight: ArrayLike = field(default=0.0284, kw_only=True)
     """[m²/rad²]"""
     rate_weight: ArrayLike = field(default=0.0583, kw_only=True)
     """[m² s²/rad²]"""
-    lag: ArrayLike = field(default=0.0361, kw_only=True)
+    lag: ArrayLike = field(default=0.0496, kw_only=True)
     """T: delay, spool and oil column [s]."""
-    rest_rate: ArrayLike = field(default=0.0242, kw_only=True)
+    rest_rate: ArrayLike = field(default=0.0181, kw_only=True)
     """Joint rate [rad/s] that is not worth a signal."""
 
     @cached_property

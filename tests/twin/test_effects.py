@@ -454,7 +454,7 @@ def test_the_cut_off_and_the_back_pressure_are_what_is_measured(shipped: Machine
     twin = Twin(2, machine=machine)
     twin.reset(joint_angle=-float(shipped.joint.range))
     turning = twin.step({"steering_signal": 1.0}, 1.4, sample_every=0.01)
-    held = twin.step({}, 3.0, sample_every=0.5)
+    held = twin.step({}, 6.0, sample_every=0.5)
     assert turning is not None
     assert held is not None
     cutoff = limits.measured(shipped, np.array([1.0, 0.6]))[0]
