@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym.log import BAR, RPM, Table, read_table, signal_from_voltage
+from aoro_gym.log import BAR, MEASURED_COLUMNS, RPM, Table, read_table, signal_from_voltage
 from aoro_gym.twin.records import Command
 
 TICK = 0.01
@@ -33,6 +33,8 @@ CHANNELS: dict[str, tuple[str, float]] = {
     "engine_speed_rpm": ("engine_speed", RPM),
 }
 """Measured columns that a diagnosis compares."""
+KNOWN = {"time_s", "steering_signal_V", *COMMANDS}
+"""Columns that a log may have beside measured ones."""
 
 REST = 0.3
 """Standstill [s] that a recording must begin with: it gives the start angle and the noise."""
@@ -44,8 +46,10 @@ LONGEST_GAP = 0.1
 """Gap [s] in the samples that is bridged, and named; across a longer one a log is refused."""
 LARGEST_ANGLE = 1.2
 """Joint angle [rad] that no machine of this kind reaches: a larger one was logged in degrees."""
+MOVED = np.radians(1.0)
+"""Travel [rad] beyond noise from which it is judged whether the joint follows its command: no joint recoils so far."""
 SATURATED = 12
-"""Equal extreme samples in a row, while the joint is commanded to move on, that make a sensor look saturated."""
+"""Equal extreme samples in a row that make a sensor look saturated, unless at rest, too, it shows no noise."""
 
 
 @dataclass(frozen=True)
@@ -78,18 +82,21 @@ def read_recording(path: Path) -> Recording:
     Raises:
         ValueError: the log cannot be used; names the file, the line or column, the value, and what is needed.
     """
-    table = read_table(path)
     manifest = _manifest(path)
     limitations: list[str] = []
+    table = _whole_rows(path, limitations)
     time, keep = _instants(table, limitations)
     columns = {name: values[keep] for name, values in table.columns.items() if not name.startswith("true_")}
+    unread = [name for name in columns if name not in KNOWN and not MEASURED_COLUMNS.fullmatch(name)]
+    if unread:
+        limitations.append(f"{path.name}: unknown columns were not read: {', '.join(unread)}")
     commands = _commands(path, columns)
     channels = _channels(path, columns, limitations)
 
     grid = np.arange(0.0, time[-1] + 1e-9, TICK)
     held = commands[np.searchsorted(time, grid[:-1] + 1e-6, side="right") - 1]
     sampled = {name: np.interp(grid, time, values) for name, values in channels.items()}
-    moving = np.flatnonzero(np.any(held != held[0] * 0.0, axis=1))
+    moving = np.flatnonzero(np.any(held, axis=1))
     rest = int(moving[0]) + 1 if moving.size else len(grid)
     if rest * TICK < REST:
         raise ValueError(
@@ -112,6 +119,15 @@ def _manifest(path: Path) -> dict[str, Any]:
         return tomllib.loads(beside.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"manifest {beside} is not TOML: {error}") from None
+
+
+def _whole_rows(path: Path, limitations: list[str]) -> Table:
+    """The log's table, less a last row in which its file may have been cut."""
+    table = read_table(path)
+    if path.suffix == ".parquet" or path.read_bytes().endswith(b"\n") or len(table.lines) == 1:
+        return table
+    limitations.append(f"{table.where(-1)}: the file ends within a line; its last row was left out")
+    return Table(path, {name: values[:-1] for name, values in table.columns.items()}, table.lines[:-1])
 
 
 def _instants(table: Table, limitations: list[str]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
@@ -216,27 +232,38 @@ def _look_over(
 ) -> None:
     """What commands and channels say of each other."""
     angle = channels["joint_angle"]
-    effort = np.cumsum(np.r_[0.0, commands[:, 0]]) * TICK
-    travel = angle - angle[0]
+    travel = angle - np.mean(angle[:rest])
     if np.max(np.abs(travel)) < np.radians(0.5):
         limitations.append(f"{path.name}: the joint hardly moves under its commands")
-    elif np.ptp(effort) > 0.05:
-        # the joint follows the integral of the signal until it meets a stop
-        begin = slice(rest, min(rest + 60, len(angle)))
-        follow = float(np.sum(np.sign(effort[begin]) * (angle[begin] - angle[rest - 1])))
-        if follow < -0.5 * float(np.sum(np.abs(angle[begin] - angle[rest - 1]))):
-            raise ValueError(
-                f"{path}: the joint turns against its command: positive signals and angles are to the left; swap one sign"
-            )
+    side, stretch = _first_turn(commands[:, 0])
+    moved = np.flatnonzero(np.abs(travel[stretch]) > MOVED + 3.0 * np.std(angle[:rest]))
+    if moved.size and side * travel[stretch][moved[0]] < 0.0:
+        raise ValueError(
+            f"{path}: the joint turns against its command: positive signals and angles are to the left; swap one sign"
+        )
+    if np.any(commands[-1]):
+        limitations.append(f"{path.name} ends under a command: how the machine comes to rest is missing")
     for name, values in channels.items():
-        top, bottom = np.max(values), np.min(values)
-        for extreme in (top, bottom):
+        if 1 + _longest_run(np.diff(values[:rest]) == 0.0) >= SATURATED:
+            continue
+        for extreme in (np.max(values), np.min(values)):
             run = _longest_run(values == extreme)
-            if run >= SATURATED and name != "joint_angle" and top > bottom:
+            if run >= SATURATED:
                 limitations.append(
                     f"{path.name}: {name} stays at exactly {extreme:.6g} for {run * TICK:.2f} s: saturated sensor?"
                 )
                 break
+
+
+def _first_turn(steering: NDArray[np.float64]) -> tuple[float, slice]:
+    """Sign of the first signal that is not zero, and the samples for as long as it keeps that sign."""
+    signs = np.sign(steering)
+    commanded = np.flatnonzero(signs)
+    if not commanded.size:
+        return 0.0, slice(0, 0)
+    first = int(commanded[0])
+    last = first + int(np.argmax(np.append(signs[first:], 0.0) != signs[first]))
+    return float(signs[first]), slice(first, last + 1)
 
 
 def _longest_run(flags: NDArray[np.bool_]) -> int:

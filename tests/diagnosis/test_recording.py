@@ -72,6 +72,75 @@ def test_exact_state_is_never_read(tmp_path):
         read_recording(written(tmp_path, table))
 
 
+def ramp(side: float = 1.0, noise: float = 0.1) -> dict:
+    """A signal that grows over 3 s; below 0.4 of it the joint stands still, with ``noise`` [deg] as published."""
+    table = columns(duration=5.0)
+    time = table["time_s"]
+    table["steering_signal"] = np.where(time < 4.5, np.clip((time - 0.5) / 3.0, 0.0, 1.0), 0.0)
+    rate = 0.5 * np.maximum(table["steering_signal"] - 0.4, 0.0)
+    rng = np.random.default_rng(1)
+    table["joint_angle_rad"] = side * np.cumsum(rate) / 100.0 + np.radians(noise) * rng.standard_normal(len(time))
+    return table
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_the_side_of_a_slow_start_is_judged_by_the_motion(tmp_path, mirrored):
+    """Long before a joint leaves its dead band there is nothing but noise; what it does then tells the sign."""
+    path = written(tmp_path, ramp(-1.0 if mirrored else 1.0))
+    if mirrored:
+        with pytest.raises(ValueError, match="turns against its command"):
+            read_recording(path)
+    else:
+        assert read_recording(path).limitations == ()
+
+
+@pytest.mark.parametrize("recoil", [0.9, 1.1])
+def test_a_recoil_is_no_wrong_sign_until_it_is_a_degree(tmp_path, recoil):
+    """While it should still stand in its dead band, the joint goes right by ``recoil`` degrees; later it turns left."""
+    table = ramp(noise=0.0)
+    table["joint_angle_rad"] -= np.radians(recoil) * np.exp(-(((table["time_s"] - 0.9) / 0.1) ** 2))
+    path = written(tmp_path, table)
+    if recoil < 1.0:
+        read_recording(path)
+    else:
+        with pytest.raises(ValueError, match="turns against its command"):
+            read_recording(path)
+
+
+def test_a_joint_that_coasts_into_the_next_command_is_not_judged_by_that(tmp_path):
+    """A left pulse within the joint's delay, then a right one: the joint still turns left, rightly so."""
+    table = columns()
+    time = table["time_s"]
+    table["steering_signal"] = np.where((time >= 0.5) & (time < 0.6), 1.0, np.where((time >= 0.6) & (time < 1.0), -1.0, 0.0))
+    table["joint_angle_rad"] = 1e-4 * np.sin(40.0 * time) + np.radians(5.0) * np.clip((time - 0.65) / 0.2, 0.0, 1.0)
+    assert read_recording(written(tmp_path, table)).limitations == ()
+
+
+def test_a_sensor_without_noise_is_not_saturated(tmp_path):
+    """Ideal sensors repeat values at a stop as they do at rest."""
+    table = columns()
+    table["joint_angle_rad"] = -0.6 + 0.5 * np.clip(table["time_s"] - 0.5, 0.0, 1.5)
+    table["pressure_a_bar"] = 20.0 + 60.0 * table["steering_signal"]
+    assert read_recording(written(tmp_path, table)).limitations == ()
+
+
+def test_a_file_that_is_cut_is_used_up_to_its_last_whole_row(tmp_path):
+    path = written(tmp_path, columns())
+    text = path.read_text()
+    rows = text.splitlines(keepends=True)
+    path.write_text("".join(rows[:220]) + rows[220].rstrip()[:-4])  # in the middle of its last number
+    recording = read_recording(path)
+    assert recording.ticks == 218  # a header and 219 samples
+    assert any("line 221: the file ends within a line" in sentence for sentence in recording.limitations)
+    assert any("ends under a command" in sentence for sentence in recording.limitations)
+    path.write_text("".join(rows[:220]) + rows[220].split(",")[0])
+    with pytest.raises(ValueError, match="line 221: 1 values where the header names 4 columns"):
+        read_recording(path)
+    path.write_text("".join(rows[:2]).rstrip())
+    with pytest.raises(ValueError, match=r"covers 0\.00 s with 1 samples"):
+        read_recording(path)
+
+
 def changed(**replacements) -> dict:
     table = columns()
     for name, change in replacements.items():
@@ -98,13 +167,18 @@ def without(name: str) -> dict:
         (changed(joint_angle_rad=lambda x: -x), "turns against its command"),
         (changed(steering_signal=lambda x: 100.0 * x), r"steering_signal is 80 in row .* must be in \[-1, 1\]"),
         (changed(pressure_a_bar=lambda x: 1e5 * x), "logged in Pa"),
+        (changed(pressure_a_bar=lambda x: np.where(np.arange(len(x)) > 99, np.nan, x)), "line 102: pressure_a_bar = 'nan'"),
+        (changed(joint_angle_rad=lambda x: np.where(np.arange(len(x)) == 7, np.inf, x)), "line 9: joint_angle_rad = 'inf'"),
+        (changed(steering_signal=lambda x: 0.0 * x + 0.8), "begins with 0.01 s of zero commands"),
+        (without("time_s"), "no column time_s, only steering_signal"),
+        (without("joint_angle_rad"), "no column joint_angle_rad or joint_angle_deg"),
         (changed(time_s=lambda t: t + np.where(t > 1.0, 0.4, 0.0)), "a gap of 0.41 s"),
         (changed(time_s=lambda t: np.where(np.arange(len(t)) % 10 == 5, t - 0.02, t)), "repeats or runs backwards"),
         ({**columns(), "steering_signal_V": 2.5 + 2.0 * columns()["steering_signal"]}, "positive is left"),
     ],
     ids=[
         "short", "coarse", "no rest", "no command", "no signal", "degrees", "constant", "mirrored", "percent", "pascal",
-        "gap", "unsorted", "contradicting",
+        "stretch of nan", "infinite", "constant command", "no time", "no angle", "gap", "unsorted", "contradicting",
     ],
 )  # fmt: skip
 def test_bad_log_is_refused_with_its_reason(tmp_path, table, says):
@@ -118,10 +192,13 @@ def test_bad_log_is_refused_with_its_reason(tmp_path, table, says):
         (changed(time_s=lambda t: np.where(np.arange(len(t)) == 150, t - 0.02, t)), "1 rows left out"),
         (changed(time_s=lambda t: t + np.where(t > 1.0, 0.05, 0.0)), "a gap of 0.060 s, bridged"),
         (changed(pressure_a_bar=lambda p: 0.0 * p + 3.0), "pressure_a_bar is 3 throughout and was not used"),
-        (changed(pressure_a_bar=lambda p: np.minimum(p, 50.0)), "saturated"),
+        (changed(pressure_a_bar=lambda p: np.minimum(p, 50.0)), "pressure_a stays at exactly 5e+06 for 2.00 s: saturated"),
+        (changed(joint_angle_rad=lambda x: np.minimum(x, -0.3)), "joint_angle stays at exactly -0.3 for 1."),
+        ({**columns(), "pressure_a_psi": columns()["pressure_a_bar"]}, "unknown columns were not read: pressure_a_psi"),
+        (changed(steering_signal=lambda x: np.where(np.arange(len(x)) > 100, 0.8, x)), "ends under a command"),
         (changed(joint_angle_rad=lambda x: -0.6 + 0.01 * (x + 0.6)), "hardly moves"),
     ],
-    ids=["one stamp", "small gap", "dead sensor", "saturated", "stuck"],
+    ids=["one stamp", "small gap", "dead sensor", "saturated", "saturated angle", "unknown column", "cut", "stuck"],
 )
 def test_poor_log_is_used_with_its_limitation_named(tmp_path, table, says):
     recording = read_recording(written(tmp_path, table))
