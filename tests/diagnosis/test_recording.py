@@ -111,7 +111,9 @@ def test_a_joint_that_coasts_into_the_next_command_is_not_judged_by_that(tmp_pat
     """A left pulse within the joint's delay, then a right one: the joint still turns left, rightly so."""
     table = columns()
     time = table["time_s"]
-    table["steering_signal"] = np.where((time >= 0.5) & (time < 0.6), 1.0, np.where((time >= 0.6) & (time < 1.0), -1.0, 0.0))
+    table["steering_signal"] = np.where(
+        (time >= 0.5) & (time < 0.6), 1.0, np.where((time >= 0.6) & (time < 1.0), -1.0, 0.0)
+    )
     table["joint_angle_rad"] = 1e-4 * np.sin(40.0 * time) + np.radians(5.0) * np.clip((time - 0.65) / 0.2, 0.0, 1.0)
     assert read_recording(written(tmp_path, table)).limitations == ()
 
@@ -192,7 +194,10 @@ def test_bad_log_is_refused_with_its_reason(tmp_path, table, says):
         (changed(time_s=lambda t: np.where(np.arange(len(t)) == 150, t - 0.02, t)), "1 rows left out"),
         (changed(time_s=lambda t: t + np.where(t > 1.0, 0.05, 0.0)), "a gap of 0.060 s, bridged"),
         (changed(pressure_a_bar=lambda p: 0.0 * p + 3.0), "pressure_a_bar is 3 throughout and was not used"),
-        (changed(pressure_a_bar=lambda p: np.minimum(p, 50.0)), "pressure_a stays at exactly 5e+06 for 2.00 s: saturated"),
+        (
+            changed(pressure_a_bar=lambda p: np.minimum(p, 50.0)),
+            "pressure_a stays at exactly 5e+06 for 2.00 s: saturated",
+        ),
         (changed(joint_angle_rad=lambda x: np.minimum(x, -0.3)), "joint_angle stays at exactly -0.3 for 1."),
         ({**columns(), "pressure_a_psi": columns()["pressure_a_bar"]}, "unknown columns were not read: pressure_a_psi"),
         (changed(steering_signal=lambda x: np.where(np.arange(len(x)) > 100, 0.8, x)), "ends under a command"),
