@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from aoro_gym.diagnosis.recording import TICK
-from aoro_gym.diagnosis.replay import SIGNALS, Replay, Variants
+from aoro_gym.diagnosis.recording import TICK, Recording
+from aoro_gym.diagnosis.replay import FRAMES, SIGNALS, Signals, Simulator, Task, Variants
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.twin import Machine, Twin
 from aoro_gym.twin.effects import EFFECTS
@@ -15,8 +15,18 @@ BLANKS = [blank("left", turn(1.0, 1.5), -0.5), blank("right", turn(-0.6, 1.8), 0
 MACHINE = Machine.load("aoro")
 
 
+def replayed(*variants: Variants, blanks: list[Recording] = BLANKS) -> list[list[Signals]]:
+    """What every one of ``variants`` gives, by recording."""
+    found = iter(Simulator().run([Task(one, recording) for recording in blanks for one in variants]))
+    return [[next(found) for _ in variants] for _ in blanks]
+
+
+def with_effect(name: str, *magnitudes: float) -> Variants:
+    return Variants.of(MACHINE, [(EFFECTS[name], magnitudes)], 1)
+
+
 def test_a_replay_is_the_twin_under_the_same_commands():
-    for recording, found in zip(BLANKS, Replay(BLANKS).run([Variants(MACHINE)]), strict=True):
+    for recording, (found,) in zip(BLANKS, replayed(Variants(MACHINE)), strict=True):
         twin = Twin(1, machine=MACHINE)
         twin.reset(joint_angle=recording.start_angle)
         rows = {name: [twin.state.numpy()[SIGNALS[name][1], 0]] for name in recording.channels}
@@ -33,37 +43,74 @@ def test_variants_do_not_depend_on_their_company():
     effects: list[tuple[str, tuple[Any, ...]]] = [
         ("spool_lag", (np.array([0.01, 0.03]),)),
         ("sensor_delay", (np.array([0.0, 0.02]),)),
+        ("ground_slope", (np.array([0.0, 0.05]), np.array([0.02, 0.0]))),
     ]
-    effects.append(("ground_slope", (np.array([0.0, 0.05]), np.array([0.02, 0.0]))))
-    many = [Variants(MACHINE)]
-    many += [Variants.of(MACHINE, [(EFFECTS[name], values)], 2) for name, values in effects]
-    together = Replay(BLANKS).run(many)
-    first = 1
-    for name, values in effects:
+    many = [Variants(MACHINE), *(Variants.of(MACHINE, [(EFFECTS[name], values)], 2) for name, values in effects)]
+    together = replayed(*many)
+    for number, (name, values) in enumerate(effects, start=1):
         for k in range(2):
-            one = Variants.of(MACHINE, [(EFFECTS[name], tuple(float(v[k]) for v in values))], 1)
-            alone = Replay(BLANKS).run([one])
-            for whole, single in zip(together, alone, strict=True):
-                for channel in whole:
-                    np.testing.assert_array_equal(whole[channel][:, first + k], single[channel][:, 0], err_msg=name)
-        first += 2
+            alone = replayed(with_effect(name, *(float(v[k]) for v in values)))
+            for whole, (single,) in zip(together, alone, strict=True):
+                for channel, found in whole[number].items():
+                    np.testing.assert_array_equal(found[:, k], single[channel][:, 0], err_msg=name)
+
+
+def test_a_measuring_chain_shows_what_was_a_while_ago():
+    """A delay of three ticks, exact in samples of a fifth of a tick, of the angle alone."""
+    delay = 3
+    ((plain, delayed),) = replayed(Variants(MACHINE), with_effect("sensor_delay", delay * TICK), blanks=BLANKS[:1])
+    np.testing.assert_allclose(delayed["joint_angle"][delay:], plain["joint_angle"][:-delay], rtol=1e-6)
+    np.testing.assert_array_equal(delayed["joint_angle"][:delay], np.repeat(plain["joint_angle"][:1], delay, axis=0))
+    np.testing.assert_array_equal(delayed["pressure_a"], plain["pressure_a"])
+
+
+def test_the_chain_acts_on_dense_samples():
+    """A delay between two and three ticks shows what lies between the two: within a tick the joint turns evenly, but for
+    the bend that its acceleration gives, an eighth of the second difference at most."""
+    ((two, three, between),) = replayed(
+        *(with_effect("sensor_delay", n * TICK) for n in (2.0, 3.0, 2.4)), blanks=BLANKS[:1]
+    )
+    assert 2.4 * FRAMES == 12.0, "a whole number of samples"
+    straight = 0.6 * two["joint_angle"] + 0.4 * three["joint_angle"]
+    bend = np.abs(np.diff(two["joint_angle"], 2, axis=0)).max() / 8.0
+    moved = np.abs(np.diff(two["joint_angle"], axis=0)).max()
+    assert bend < 0.1 * moved, "a whole sample off would not show"
+    np.testing.assert_allclose(between["joint_angle"], straight, atol=bend + 1e-7)
+
+
+def test_behind_a_gain_the_joint_starts_where_its_sensor_shows_the_measured_angle():
+    error = 0.03
+    gain = 1.0 + error
+    for recording, (found,) in zip(BLANKS, replayed(with_effect("sensor_gain", error)), strict=True):
+        np.testing.assert_allclose(found["joint_angle"][0], recording.start_angle, rtol=1e-6)
+        true = Twin(1, machine=MACHINE)
+        true.reset(joint_angle=recording.start_angle / gain)
+        for steering, drive in recording.commands:
+            true.step({"steering_signal": steering, "drive_signal": drive}, TICK)
+        # from starts that differ in the last bit of single precision
+        np.testing.assert_allclose(found["joint_angle"][-1], gain * true.output("joint_angle"), atol=1e-5)
 
 
 def test_batches_are_seamless(monkeypatch):
     factors = np.linspace(0.9, 1.1, 7)
     many = [Variants(MACHINE.scale({"steering.pump.margin": factors}), 7), Variants(MACHINE, 1, Plane(slope_deg=2.0))]
-    whole = Replay(BLANKS).run(many)
-    monkeypatch.setattr("aoro_gym.diagnosis.replay.BATCH", 6)  # three machines a launch
-    for one, other in zip(whole, Replay(BLANKS).run(many), strict=True):
-        for channel in one:
-            np.testing.assert_array_equal(one[channel], other[channel])
+    whole = replayed(*many)
+    monkeypatch.setattr("aoro_gym.diagnosis.replay.BATCH", 7)  # a launch each
+    for one, other in zip(whole, replayed(*many), strict=True):
+        for mine, theirs in zip(one, other, strict=True):
+            for channel, found in mine.items():
+                np.testing.assert_array_equal(found, theirs[channel])
 
 
 def test_a_lost_variant_is_not_a_number(monkeypatch):
     """What the twin has lost in any recording is NaN there, and its neighbours go on."""
-    lost = 2 * len(BLANKS) - 1  # the second variant in the last recording
-    monkeypatch.setattr(Twin, "status", property(lambda twin: np.arange(twin.num_twins) == lost))
-    *kept, last = Replay(BLANKS).run([Variants(MACHINE.scale({"steering.pump.margin": np.array([0.9, 1.1])}), 2)])
-    assert all(np.all(np.isfinite(found["joint_angle"])) for found in kept)
-    assert np.all(np.isfinite(last["joint_angle"][:, 0]))
-    assert np.all(np.isnan(last["joint_angle"][:, 1]))
+    monkeypatch.setattr("aoro_gym.diagnosis.replay.BATCH", 1)  # every recording by itself
+    launches = iter(np.arange(len(BLANKS)))
+    lost = [np.array([0, 0]), np.array([0, 1])]
+    monkeypatch.setattr(Twin, "status", property(lambda twin: lost[next(launches)]))
+    pair = Variants(MACHINE.scale({"steering.pump.margin": np.array([0.9, 1.1])}), 2)
+    finite = [{name: np.isfinite(rows) for name, rows in found.items()} for (found,) in replayed(pair)]
+    whole = [by_name for by_name in finite if np.all([rows.all() for rows in by_name.values()])]
+    assert len(whole) == 1
+    (other,) = (by_name for by_name in finite if by_name is not whole[0])
+    assert all(np.all(rows[:, 0]) and not np.any(rows[:, 1]) for rows in other.values())

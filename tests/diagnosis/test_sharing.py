@@ -1,0 +1,73 @@
+"""Launches that are shared: everybody gets what it would get alone, and nobody waits for who is gone."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from aoro_gym.diagnosis.replay import Simulator, Task, Variants
+from aoro_gym.diagnosis.sharing import Remote, sharing, simulator
+from aoro_gym.twin import Machine
+from aoro_gym.twin.effects import EFFECTS
+from tests.diagnosis.manoeuvres import blank, turn
+
+MACHINE = Machine.load("aoro")
+BLANKS = [blank("left", turn(1.0, 1.5), -0.5), blank("right", turn(-0.6, 1.8), 0.3)]
+TASKS = [
+    [Task(Variants(MACHINE.scale({"steering.pump.margin": np.array([0.9, 1.1])}), 2), BLANKS[0])],
+    [Task(Variants(MACHINE), recording) for recording in BLANKS],
+    [Task(Variants.of(MACHINE, [(EFFECTS["sensor_delay"], (0.02,))], 1), BLANKS[1])],
+]
+"""Of three that share a device."""
+
+
+@pytest.fixture(scope="module")
+def device():
+    with sharing("cpu") as name:
+        yield name
+
+
+def assert_same(found, expected):
+    for mine, theirs in zip(found, expected, strict=True):
+        assert mine.keys() == theirs.keys()
+        for name, values in mine.items():
+            np.testing.assert_array_equal(values, theirs[name])
+
+
+def test_everybody_gets_what_it_would_get_alone(device):
+    """To the bit, three at once, time and again: whatever goes into a launch together."""
+    alone = [Simulator().run(tasks) for tasks in TASKS]
+    members = [simulator(device) for _ in TASKS]
+    assert all(isinstance(member, Remote) for member in members)
+    with ThreadPoolExecutor(len(TASKS)) as pool:
+        for _ in range(3):
+            for found, expected in zip(pool.map(lambda m, t: m.run(t), members, TASKS), alone, strict=True):
+                assert_same(found, expected)
+
+
+def test_who_leaves_is_not_waited_for(device):
+    stays, leaves = Remote(device), Remote(device)
+    leaves.run(TASKS[1])
+    leaves._connection.close()
+    assert_same(stays.run(TASKS[1]), Simulator().run(TASKS[1]))
+
+
+def test_an_error_reaches_who_asked_for_it_alone(device):
+    """Two machines for three start angles cannot be launched; what others asked for is not lost by that."""
+    wrong = [Task(Variants(MACHINE.scale({"steering.pump.margin": np.array([0.9, 1.1])}), 3), BLANKS[0])]
+    members = [simulator(device), simulator(device)]
+    with ThreadPoolExecutor(2) as pool:
+        for _ in range(3):
+            fails, works = (pool.submit(m.run, t) for m, t in zip(members, (wrong, TASKS[1]), strict=True))
+            with pytest.raises(ValueError):
+                fails.result(timeout=60)
+            assert_same(works.result(timeout=60), Simulator().run(TASKS[1]))
+
+
+def test_without_sharing_it_is_the_device_itself():
+    assert type(simulator("cpu")) is Simulator and simulator("cpu").device == "cpu"
+
+
+def test_a_device_that_is_none_is_named():
+    with pytest.raises(ValueError, match="cuda:99"), sharing("cuda:99") as name:
+        Remote(name).run(TASKS[1])
