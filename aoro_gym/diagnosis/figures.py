@@ -1,0 +1,78 @@
+"""Key figures of the full turns among recordings, as measured and as the twin shows them before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from aoro_gym.diagnosis.noise import Floats
+from aoro_gym.diagnosis.problem import Problem
+from aoro_gym.diagnosis.recording import TICK, Recording
+from aoro_gym.diagnosis.replay import Task, Variants
+from aoro_gym.sensors.chain import STANDSTILL
+from aoro_gym.validation.key_figures import FIGURES, key_figures_batch
+
+NEAR_STOP = np.radians(2.0)
+"""Angle [rad] from the stop within which a full turn begins."""
+COLUMNS = ("measured", "before", "after")
+
+
+def key_figures(
+    problem: Problem, before: Variants, after: Variants
+) -> Mapping[str, Mapping[str, Mapping[str, float | None]]]:
+    """By turn and figure: measured, before, after; means over repeats, in the units of
+    :mod:`aoro_gym.validation.key_figures`.
+
+    Measured is what the log says: what a healthy machine does otherwise than its twin is in it, too. The stop is where each
+    angle comes to rest. None where a log does not show a figure.
+
+    Args:
+        problem: Its recordings are looked through.
+        before: The given machine.
+        after: The machine with the cause.
+    """
+    machine = problem.nuisances.machine
+    reach = float(np.asarray(machine.joint.range))
+    levels = [full_turn(*one, reach) for one in zip(problem.recordings, problem.arrivals, strict=True)]
+    full = [(r, level) for r, level in zip(problem.recordings, levels, strict=True) if level]
+    if not full:
+        return {}
+    found = iter(problem.simulator.run([Task(one, r) for r, _ in full for one in (before, after)]))
+    turns: dict[str, list[Mapping[str, Floats]]] = {}
+    for recording, level in full:
+        predicted = [next(found)["joint_angle"][:, 0] for _ in (before, after)]
+        angle = np.stack([recording.channels["joint_angle"], *predicted], axis=1)
+        stop = np.mean(angle[-round(STANDSTILL / TICK) :], axis=0)
+        figures = key_figures_batch(TICK * np.arange(len(angle)), angle, machine, stop=stop)
+        title = f"{'left' if level > 0.0 else 'right'}, {100.0 * abs(level):.3g} %"
+        turns.setdefault(title, []).append(figures)
+    means = {title: {name: _means([one[name] for one in rows]) for name in FIGURES} for title, rows in turns.items()}
+    return {
+        title: {name: dict(zip(COLUMNS, values, strict=True)) for name, values in figures.items()}
+        for title, figures in means.items()
+        if any(values[0] is not None for values in figures.values())
+    }
+
+
+def _means(rows: list[Floats]) -> list[float | None]:
+    """Mean of every column, of what there is."""
+    columns = [column[np.isfinite(column)] for column in np.array(rows).T]
+    return [float(np.mean(column)) if column.size else None for column in columns]
+
+
+def full_turn(recording: Recording, arrival: int, reach: float) -> float:
+    """Signal of a full turn at standstill, positive to the left; 0.0 for any other recording.
+
+    Args:
+        recording: One constant signal between standstills, from one stop to the other.
+        arrival: Sample at which it came to a stop, negative if nowhere.
+        reach: Angle [rad] of the stops.
+    """
+    steering, drive = recording.commands.T
+    levels = np.unique(np.round(steering[steering != 0.0], 3))
+    if len(levels) != 1 or np.any(drive) or arrival < 0:
+        return 0.0
+    level = float(levels[0])
+    to_go = reach + np.sign(level) * recording.start_angle  # from the opposite stop
+    return level if abs(to_go) < NEAR_STOP and np.ptp(np.flatnonzero(steering)) < np.count_nonzero(steering) else 0.0

@@ -1,0 +1,79 @@
+"""Key figures of logs: which are full turns, and the same figures as a validation reads."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aoro_gym.diagnosis.figures import full_turn, key_figures
+from aoro_gym.diagnosis.noise import ModelError
+from aoro_gym.diagnosis.nuisances import Nuisances
+from aoro_gym.diagnosis.problem import Problem
+from aoro_gym.diagnosis.recording import TICK, Recording
+from aoro_gym.diagnosis.replay import Simulator, Task, Variants
+from aoro_gym.twin import Machine
+from aoro_gym.twin.effects import EFFECTS
+from aoro_gym.validation import key_figures as published
+from aoro_gym.validation.key_figures import FIGURES
+from tests.diagnosis.manoeuvres import turn
+
+MACHINE = Machine.load("aoro")
+REACH = float(np.asarray(MACHINE.joint.range))
+
+
+def log(steering, start, drive=0.0):
+    commands = np.stack([steering, np.full(len(steering), drive)], axis=1)
+    return Recording("log", commands, {}, 30, start)
+
+
+TURN = np.r_[np.zeros(30), np.full(200, 0.75), np.zeros(50)]
+
+
+@pytest.mark.parametrize(
+    ("recording", "arrival", "level"),
+    [
+        (log(TURN, -REACH), 200, 0.75),
+        (log(-TURN, REACH + 0.01), 200, -0.75),
+        (log(TURN, REACH), 200, 0.0),  # starts at the stop that it would turn to
+        (log(TURN, -0.5), 200, 0.0),
+        (log(TURN, -REACH), -1, 0.0),
+        (log(TURN, -REACH, drive=0.5), 200, 0.0),
+        (log(np.r_[TURN, 0.5 * TURN], -REACH), 200, 0.0),
+        (log(np.r_[TURN, TURN], -REACH), 200, 0.0),  # with a pause
+    ],
+)
+def test_full_turns_are_known(recording, arrival, level):
+    assert full_turn(recording, arrival, REACH) == level
+
+
+def test_figures_are_those_of_a_validation():
+    """A log that the twin made itself has the twin's figures, and those of the published definition; a lag of its spool
+    comes later. A repeat that stands still for three samples underway moves the measured mean time by one and a half."""
+    steering = turn(1.0, 3.6)
+    empty = Recording("1", steering, {"joint_angle": np.zeros(len(steering) + 1)}, 60, -REACH)
+    twin = Variants(MACHINE)
+    angle = Simulator().run([Task(twin, empty)])[0]["joint_angle"][:, 0].astype(np.float64)
+    late = np.insert(angle, 90, [angle[90]] * 3)[: len(angle)]
+    repeats = [replace(empty, channels={"joint_angle": one}) for one in (angle, late)]
+    lagging = Variants.of(MACHINE, [(EFFECTS["spool_lag"], (0.03,))], 1)
+
+    plain, both = (
+        key_figures(Problem(logs, Nuisances(MACHINE, "day"), {}, error=ModelError(0.0, 0.0)), twin, lagging)
+        for logs in (repeats[:1], repeats)
+    )
+    figures = plain["left, 100 %"]
+    assert tuple(figures) == FIGURES
+    exact = published.key_figures(TICK * np.arange(len(angle)), angle, MACHINE)
+    for name, values in figures.items():
+        assert values["measured"] == values["before"] == pytest.approx(exact[name], rel=2e-3), name
+    once, mean = (one["left, 100 %"]["turn_time_s"] for one in (plain, both))
+    assert once["measured"] is not None
+    assert once["after"] is not None
+    assert once["after"] > once["measured"]
+    assert mean["measured"] == pytest.approx(once["measured"] + 1.5 * TICK)
+
+
+def test_without_a_full_turn_there_is_none():
+    other = Recording("half", turn(1.0, 2.0), {"joint_angle": np.zeros(201)}, 60, 0.0)
+    problem = Problem([other], Nuisances(MACHINE, "day"), {}, error=ModelError(0.0, 0.0))
+    assert key_figures(problem, Variants(MACHINE), Variants(MACHINE)) == {}
