@@ -126,6 +126,22 @@ def test_refitting_absorbs_as_much_noise_as_a_projection_does():
     np.testing.assert_allclose(_absorbed(problem, basis), exact, atol=1e-12)
 
 
+def test_what_refitting_absorbs_is_not_counted_as_gained():
+    """Slow noise, of which a zero takes a good part, and a prediction that is right: S is 1 on average refitted, too, within
+    four standard errors."""
+    rng = np.random.default_rng(7)
+    correlation = 0.97 ** np.arange(COUNT)
+    factor = STD["joint_angle"] * np.linalg.cholesky(toeplitz(correlation))
+    gap = 3.0 * STD["joint_angle"] * WAVE
+    found = []
+    for _ in range(100):
+        problem = problem_of({"turn": {"joint_angle": gap + factor @ rng.standard_normal(COUNT)}})
+        problem.noise["joint_angle"] = Noise(STD["joint_angle"] ** 2 * correlation)
+        found += [one.S for one in shrinkages(problem, 0.0 * gap, gap, held_out=True) if one.refitted]
+    assert len(found) == 100
+    assert np.mean(found) == pytest.approx(1.0, abs=4.0 * float(np.std(found)) / 10.0)
+
+
 def test_ridge_finds_exact_weights_and_leaves_noise_alone():
     rng = np.random.default_rng(5)
     x, weights = rng.standard_normal((200, 5)), np.arange(1.0, 6.0)

@@ -60,6 +60,13 @@ def test_probability_of_one_sample_is_that_of_a_normal():
     assert probability([np.array([1.7])]) == pytest.approx(2.0 * norm.sf(1.7))
 
 
+def test_probability_of_two_samples_is_that_of_their_mean_and_difference():
+    """(a + b)/√2 and (a − b)/√2 are independent normals; the less likely of two."""
+    for a, b in ((1.2, 0.9), (-1.2, 0.9)):
+        least = 2.0 * norm.sf(max(abs(a + b), abs(a - b)) / np.sqrt(2.0))
+        assert probability([np.array([a, b])]) == pytest.approx(1.0 - (1.0 - least) ** 2)
+
+
 def test_quiet_parts_take_nothing_away():
     loud = np.full(20, 2.0)
     assert probability([loud]) < 1e-15
@@ -114,6 +121,7 @@ def test_a_gap_is_found_where_it_is():
     assert all(place.share > 0.0 for place in found)
     assert [place.share for place in found] == sorted((place.share for place in found), reverse=True)
     assert found[0].share > 3.0 * found[1].share
+    assert len(found) < 20  # of 24 parts, half of which have less than their mean
 
 
 def test_what_calibration_explains_is_nowhere():
