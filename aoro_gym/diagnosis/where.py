@@ -89,8 +89,8 @@ def _parts(problem: Problem) -> dict[tuple[int, str, str], NDArray[np.intp]]:
 def phases(recording: Recording, arrival: int) -> NDArray[np.intp]:
     """Phase (F,) of every sample, by its number in :data:`~aoro_gym.diagnosis.result.PHASES`.
 
-    By the time since a command last changed (:data:`ENDS`); ``stop`` after one went to zero until one changes again, and from
-    the ``arrival`` at the joint's stop on, to which the last one led. Standstill before the first command is steady, too.
+    By the time since a command last changed (:data:`ENDS`); ``stop`` after one went to zero until one changes again, and
+    after the ``arrival`` at the joint's stop, to which the last one led. Standstill before the first is steady, too.
     """
     before = np.vstack([np.zeros_like(recording.commands[:1]), recording.commands[:-1]])
     now = recording.commands

@@ -1,5 +1,7 @@
 """Next experiments: information in closed form, conditions that act, and what the twin itself can and cannot tell apart."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -13,6 +15,7 @@ from aoro_gym.diagnosis.experiments import (
     Outcome,
     Yard,
     _drawn,
+    _family,
     catalogue,
     information,
     next_experiments,
@@ -153,6 +156,44 @@ def test_causes_that_differ_are_told_apart_and_others_are_not(linear):
     assert found[0].gain == pytest.approx(0.971, abs=0.02)
     assert found[0].apart == (("command_delay", "command_delay"),)
     assert {one.name for one in found} <= {"slow_ramp", "pulses"}  # pressures are logged: none are to be added
+
+
+def test_an_uncertain_magnitude_tells_less(linear):
+    """A dead time that may as well be that of the other hypothesis, within a standard deviation."""
+    first, second = (hypothesis(linear, ("command_delay",), (delay,), 0.5) for delay in (0.01, 0.03))
+    between = second.places[0] - first.places[0]
+    vague = replace(second, covariance=np.array([[between**2]]))
+    sharp, dull = (next_experiments(linear, [first, other]) for other in (second, vague))
+    assert sharp[0].gain > 0.9
+    # of two means d apart with a spread of d, which half of the weight counts: d/√(1 + d²/2) < √2
+    assert all(one.gain < information(np.array([[0.0], [np.sqrt(2.0)]]), np.array([0.5, 0.5])) + 0.02 for one in dull)
+
+
+def test_nuisances_follow_a_magnitude(linear):
+    """Along an effect's axis the fit stays the best one: nuisances −(I + Jᵀ J)⁻¹ Jᵀ S dz beside dz."""
+    problem = linear.problem
+    count = len(problem.measured)
+    problem.felt = np.array([3])
+    problem.slopes = np.linspace(0.0, 0.01, count)[:, None]
+    problem.centre = np.zeros(1 + len(problem.centre))
+    axis = problem.axes["command_delay"][0]
+    problem.shifts["command_delay", 0] = 0.02 * np.outer(np.linspace(0.0, 1.0, count), axis.nodes)
+    felt = Linear(problem, problem.error)
+    best = hypothesis(felt, ("command_delay",), (0.02,), 1.0)
+    asked = {}
+
+    class Blank:
+        def at(self, points, effects, places):
+            asked.update(points=points, places=places)
+
+    _family(felt, Blank(), replace(best, covariance=np.array([[0.01]])), None)  # pyright: ignore[reportArgumentType]
+    step = asked["places"][1, 0] - asked["places"][0, 0]
+    assert abs(step) == pytest.approx(0.1)
+    # the shift of one step is two slopes a unit of the place
+    J = felt.jacobian
+    exact = -np.linalg.solve(np.eye(J.shape[1]) + J.T @ J, J.T @ J[:, 0] * 2.0 * step)
+    assert asked["points"][1, 3] == pytest.approx(exact[0], rel=1e-6)
+    assert not np.any(np.delete(asked["points"], 3, axis=1))
 
 
 def test_what_cannot_be_simulated_or_is_settled_is_left_out(linear):
