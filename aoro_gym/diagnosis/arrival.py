@@ -3,7 +3,8 @@
 A front that comes late by a tenth of a second differs by its full height, however alike the two are, and between two such
 fronts there is no interpolating. So pressures of a prediction are read on the clock of the measurement: until the measured
 arrival as they are, or held where the prediction arrives early; then by the time since arrival; later by the log's clock
-again, which commands act on. When the joint arrives is what its angle tells, which is compared as it is.
+again, which commands act on. When the joint arrives is what its angle tells: that of a prediction which arrives early goes
+on as fast as it came, so that its distance from the measurement is what it would be without a stop.
 """
 
 from __future__ import annotations
@@ -22,14 +23,16 @@ TRAVEL = np.radians(3.0)
 """Least travel [rad] of a joint that arrives anywhere."""
 AHEAD = 3
 """Samples before the arrival that belong to it."""
+APPROACH = 12
+"""Samples over which the rate before the arrival is taken."""
 AFTER = round(0.5 / TICK)
 """Samples after it that are read by the time since arrival: the bounce."""
 NEVER = -1
 
 
 def arrivals(angle: Floats, steering: Floats) -> NDArray[np.intp]:
-    """Sample (N,) at which joints with ``angle`` (F, N) [rad] arrive at a stop under the last piece of the signal ``steering``
-    (F − 1,); :data:`NEVER` where they do not."""
+    """Sample (N,) at which joints with ``angle`` (F, N) [rad] arrive at a stop under the last piece of the signal
+    ``steering`` (F − 1,); :data:`NEVER` where they do not."""
     commanded = np.flatnonzero(steering)
     if not commanded.size:
         return np.full(angle.shape[1], NEVER, dtype=np.intp)
@@ -44,9 +47,11 @@ def arrivals(angle: Floats, steering: Floats) -> NDArray[np.intp]:
     return np.where(arrives, first + np.argmax(near, axis=0), NEVER)
 
 
-def on_clock(values: Floats, own: NDArray[np.intp], measured: int, steering: Floats) -> Floats:
+def on_clock(
+    values: Floats, own: NDArray[np.intp], measured: int, steering: Floats, *, goes_on: bool = False
+) -> Floats:
     """``values`` (F, N) of predictions that arrive at ``own`` (N,), read on the clock of a measurement that arrives at the
-    sample ``measured``, or :data:`NEVER`."""
+    sample ``measured``, or :data:`NEVER`. Where a prediction arrives early, its values are held, or go on as they came."""
     count = len(values)
     time = np.arange(count)[:, None]
     arrives = own != NEVER
@@ -62,4 +67,15 @@ def on_clock(values: Floats, own: NDArray[np.intp], measured: int, steering: Flo
         source = np.where(time < measured - AHEAD, before, np.where(time < measured + after, since, later))
         # a prediction that does not arrive has nothing to show after that
         source = np.where(arrives, source, np.minimum(time, measured - AHEAD))
-    return np.take_along_axis(values, np.clip(source, 0, count - 1), axis=0)
+    read = np.take_along_axis(values, np.clip(source, 0, count - 1), axis=0)
+    if goes_on and np.any(arrives):
+        last = int(np.flatnonzero(steering)[-1])
+        until = last if measured == NEVER else measured - AHEAD
+        late = np.clip(np.minimum(time, until) - early, 0, None)
+        if measured != NEVER:
+            late = np.where(time < measured - AHEAD, late, 0)
+        columns = np.arange(values.shape[1])
+        begin = np.clip(early - 1, APPROACH, count - 1)
+        rate = (values[begin, columns] - values[begin - APPROACH, columns]) / APPROACH
+        read = read + np.where(arrives, late * rate, 0.0)
+    return read

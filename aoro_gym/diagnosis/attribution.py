@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -27,26 +28,33 @@ from scipy.stats import chi2
 
 from aoro_gym.diagnosis.axes import PRIOR_INFORMATION, Shift, volume
 from aoro_gym.diagnosis.noise import Floats, ModelError
+from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem, Progress
 from aoro_gym.diagnosis.replay import Variants
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN
 
 PARTNERS = 12
 """Effects, the likeliest, of which one at least is in every pair that is screened."""
+LIKELIEST = 7
+"""Hypotheses of one effect, and of two, that are refined in any case."""
 CHANCE = 12.0
-"""Log odds behind the best beyond which a hypothesis is not refined."""
-MOST = 12
+"""Log odds behind the best beyond which a hypothesis is not refined any more."""
+MOST = 10
 """Hypotheses that are refined at once."""
-WAVES = 3
+WAVES = 2
 """Times that hypotheses are chosen to be refined."""
-ROUNDS = 3
+ROUNDS = 5
 """Gauss–Newton steps of every refinement."""
 SETTLED = 0.5
 """Change of the whitened squares by which a refinement ends."""
 SURPRISES = (0.3, 0.6, 1.2)
 """Sizes of an unknown cause, as shares of the gap that is seen."""
-WIDER = (2.0, 4.0, 8.0)
-"""Multiples of the priors' widths under which other calibration is weighed."""
+AGAIN = 2
+"""Times that a problem is learned anew."""
+CONVERGED = 5.0
+"""Change of the whitened squares of the best fit below which it is not."""
+REFITS = 2
+"""Jacobians of the fit of other calibration."""
 
 PRIOR = {"nothing": 0.40, "single": 0.35, "pair": 0.10, UNKNOWN: 0.10, CALIBRATION: 0.05}
 """Prior probabilities of the kinds of hypotheses; within a kind all are equally likely."""
@@ -62,6 +70,8 @@ class Hypothesis:
     nuisances: Floats = field(default_factory=lambda: np.empty(0))  # (u,) standard deviations
     covariance: Floats = field(default_factory=lambda: np.empty((0, 0)))  # of the places
     cost: float = np.nan  # whitened squares at the best fit, priors included
+    left: Floats = field(default_factory=lambda: np.empty(0))  # residual at the best fit, in the linear model's span
+    slopes: Floats = field(default_factory=lambda: np.empty((0, 0)))  # of what explains it, by place
     refined: bool = False
     probability: float = 0.0
 
@@ -90,8 +100,8 @@ class Linear:
         starts = np.cumsum([1 + u, *(part.shape[1] for part in shifts)])
         keys = problem.shifts if effects else ()
         self.shifts = {key: small[:, a:b] for key, a, b in zip(keys, starts[:-1], starts[1:], strict=True)}
-
-        self._inner = cho_factor(np.eye(u) + self.jacobian.T @ self.jacobian)
+        self._normal = np.eye(u) + self.jacobian.T @ self.jacobian
+        self._inner = cho_factor(self._normal)
         self.constant = -float(np.sum(np.log(np.diag(self._inner[0])))) - self.log_volume
         """Of every log evidence: −½ ln |A| and the volume of the noise."""
 
@@ -104,18 +114,27 @@ class Linear:
         return columns.T @ against - (self.jacobian.T @ columns).T @ cho_solve(self._inner, self.jacobian.T @ against)
 
     def best_nuisances(self, residual: Floats) -> Floats:
-        """Nuisances (u,) that explain a ``residual`` in the span best, priors included."""
-        return cho_solve(self._inner, self.jacobian.T @ residual)
+        """Nuisances (u,) within their ranges that explain a ``residual`` in the span best, priors included."""
+        low, high = self.problem.bounds
+        pull = self.jacobian.T @ residual
+        best: Floats = cho_solve(self._inner, pull)
+        held = np.zeros(len(best), dtype=bool)
+        for _ in range(len(best)):
+            beyond = ~held & ((best < low) | (best > high))
+            if not np.any(beyond):
+                break
+            held |= beyond
+            best[held] = np.clip(best[held], low[held], high[held])
+            free = ~held
+            rest = pull[free] - self._normal[np.ix_(free, held)] @ best[held]
+            best[free] = np.linalg.solve(self._normal[np.ix_(free, free)], rest)
+        return best
 
-    def evidence(self, wider: float = 1.0) -> float:
-        """Log evidence of the nuisances alone, their machine's priors ``wider`` by a factor, with all constants that
-        depend on the error of the twin."""
-        jacobian = self.jacobian.copy()
-        jacobian[:, : len(self.problem.felt)] *= wider
-        inner = np.eye(jacobian.shape[1]) + jacobian.T @ jacobian
-        pull = jacobian.T @ self.residual
-        fit = self.residual @ self.residual - pull @ np.linalg.solve(inner, pull)
-        return float(-0.5 * fit - 0.5 * np.linalg.slogdet(inner)[1] - self.log_volume)
+    def evidence(self) -> float:
+        """Log evidence of the nuisances alone, with all constants that depend on the error of the twin."""
+        pull = self.jacobian.T @ self.residual
+        fit = self.residual @ self.residual - pull @ cho_solve(self._inner, pull)
+        return float(-0.5 * fit + self.constant)
 
     def shift(self, effects: Sequence[str], places: Floats, derivative: int = 0) -> list[Floats]:
         """Shift of every axis of ``effects`` at its place, or its derivative by it."""
@@ -124,6 +143,25 @@ class Linear:
             self.shifts[name, axis.index] @ axis.spline(z, derivative)
             for (name, axis), z in zip(axes, places, strict=True)
         ]
+
+    def without(self, recordings: Sequence[int], hypothesis: Hypothesis) -> tuple[Floats, Floats]:
+        """Nuisances and places of a refined ``hypothesis``, fitted to all but some ``recordings`` (their numbers), to first
+        order around its best fit."""
+        ends = np.cumsum([len(w.factor) for w in self.whiteners])
+        pieces = np.split(np.arange(ends[-1]), ends[:-1])
+        blocks = zip(self.problem.blocks, pieces, strict=True)
+        rows = np.concatenate([piece for (index, _), piece in blocks if index not in recordings])
+        span = self.span[rows]
+        u, z = hypothesis.nuisances, np.array(hypothesis.places, dtype=np.float64)
+        columns = span @ np.column_stack([self.jacobian, hypothesis.slopes]) if z.size else span @ self.jacobian
+        target = span @ (hypothesis.left + self.jacobian @ u)
+        low, high = self.problem.bounds
+        prior = np.eye(len(u), columns.shape[1])
+        whole = np.column_stack([np.vstack([columns, prior]), np.concatenate([target, np.zeros(len(u))])])
+        small: Any = np.linalg.qr(whole, "r")  # the bounded problem in as many rows as unknowns
+        bounds = np.concatenate([low, -z]) - 1e-9, np.concatenate([high, 1.0 - z]) + 1e-9
+        found = lsq_linear(small[:, :-1], small[:, -1], bounds).x
+        return np.clip(found[: len(u)], low, high), np.clip(z + found[len(u) :], 0.0, 1.0)
 
     def screen(self) -> dict[tuple[str, ...], Hypothesis]:
         """Nothing, every effect, and every pair with one of the :data:`PARTNERS` likeliest."""
@@ -228,7 +266,10 @@ class Search:
             information = self.linear.projected(self.slopes, self.slopes)
             log_evidence += volume(z.tolist(), information)
             covariance = np.linalg.inv(information + PRIOR_INFORMATION * np.eye(len(z)))
-        return Hypothesis(self.effects, log_evidence, tuple(map(float, z)), u, covariance, self.cost, refined=True)
+        places = tuple(map(float, z))
+        return Hypothesis(
+            self.effects, log_evidence, places, u, covariance, self.cost, self.residual, self.slopes, refined=True
+        )
 
 
 def refine(
@@ -249,38 +290,75 @@ def refine(
     return [search.weighed() for search in searches if np.isfinite(search.cost)]
 
 
-def attribute(problem: Problem, progress: Progress = lambda sentence, share: None) -> list[Hypothesis]:
-    """All hypotheses of a learned problem with their probabilities, the likeliest first."""
-    linear = Linear(problem, problem.error)
+def attribute(
+    problem: Problem, progress: Progress = lambda sentence, share: None
+) -> tuple[list[Hypothesis], Linear]:
+    """All hypotheses of a learned problem with their probabilities, the likeliest first, and the linear model that they
+    were found with, around the centre that the problem has then.
+
+    What was learned far from the truth misleads: nuisances as uncertain as the valve's flow act on turns beyond what is
+    linear. So likely hypotheses are refined first, and the problem is learned anew around the nuisances of the best of
+    them, until that changes nothing.
+    """
+    before = np.inf
+    for again in range(AGAIN + 1):
+        linear = Linear(problem, problem.error)
+        begin, share = again / (AGAIN + 1), 1.0 / (AGAIN + 1)
+        found = _searched(linear, WAVES, lambda s, x, begin=begin, share=share: progress(s, begin + share * x))
+        best = max((h for h in found.values() if h.refined), key=lambda h: h.log_evidence)
+        if again == AGAIN or abs(best.cost - before) < CONVERGED:
+            break
+        before = best.cost
+        problem.centre = best.nuisances
+        problem.learn()
+    return weigh([*found.values(), unknown(problem), other_calibration(problem, linear)], log_priors(found)), linear
+
+
+def _searched(linear: Linear, waves: int, progress: Progress) -> dict[tuple[str, ...], Hypothesis]:
+    """All hypotheses; nothing and the likeliest of one effect and of two are refined, then all that could still win."""
     found = linear.screen()
     prior = log_priors(found)
-    for wave in range(WAVES):
-        best = max(h.log_evidence + prior[h.effects] for h in found.values())
-        waiting = [
-            h
-            for h in found.values()
-            if not h.refined and (h.log_evidence + prior[h.effects] > best - CHANCE or not h.effects)
-        ]
-        waiting.sort(key=lambda h: -(h.log_evidence + prior[h.effects]))
-        if not waiting:
-            break
-        chosen = waiting[:MOST]
-        if () in (h.effects for h in waiting[MOST:]):
-            chosen.append(found[()])
-        for h in refine(linear, chosen, lambda s, share, wave=wave: progress(s, (wave + share) / WAVES)):
+
+    def score(h: Hypothesis) -> float:
+        return h.log_evidence + prior[h.effects]
+
+    ranked = sorted(found.values(), key=score, reverse=True)
+    chosen = [found[()]]
+    for size in (1, 2):
+        chosen += [h for h in ranked if len(h.effects) == size][:LIKELIEST]
+    for wave in range(waves):
+        for h in refine(linear, chosen, lambda s, share, wave=wave: progress(s, (wave + share) / waves)):
             found[h.effects] = h
-    return weigh([*found.values(), *others(problem, linear)], prior)
+        best = max(map(score, found.values()))
+        waiting = [h for h in found.values() if not h.refined and score(h) > best - CHANCE]
+        chosen = sorted(waiting, key=score, reverse=True)[:MOST]
+        if not chosen:
+            break
+    return found
 
 
-def others(problem: Problem, linear: Linear) -> list[Hypothesis]:
-    """Something outside of the catalogue, and other calibration."""
+def unknown(problem: Problem) -> Hypothesis:
+    """Something outside of the catalogue."""
     sizes = [replace(problem.error, change=change) for change in SURPRISES]
-    unknown = [Linear(problem, error, effects=False).evidence() for error in sizes]
-    wider = [linear.evidence(factor) for factor in WIDER]
-    return [
-        Hypothesis((UNKNOWN,), float(logsumexp(unknown) - np.log(len(unknown)))),
-        Hypothesis((CALIBRATION,), float(logsumexp(wider) - np.log(len(wider)))),
-    ]
+    evidence = [Linear(problem, error, effects=False).evidence() for error in sizes]
+    return Hypothesis((UNKNOWN,), float(logsumexp(evidence) - np.log(len(evidence))))
+
+
+def other_calibration(problem: Problem, linear: Linear) -> Hypothesis:
+    """No effect, but uncertain parameters elsewhere within their ranges: fitted with wide priors, weighed by Laplace's
+    method under the same noise as all."""
+    wide = Problem(
+        problem.recordings, Nuisances(problem.nuisances.machine, "recalibration"), {}, error=problem.error,
+        references=problem.references, noise=problem.noise, simulator=problem.simulator,
+    )  # fmt: skip
+    wide.settle(REFITS)
+    own = wide.own(wide.predicted)
+    left = wide.measured - wide.predicted - own @ wide.centre[len(wide.felt) :]
+    white = wide.white(linear.whiteners, np.column_stack([left, wide.slopes, own]))
+    residual, jacobian = white[:, 0], white[:, 1:]
+    cost = float(residual @ residual + wide.centre @ wide.centre)
+    shrunk = float(np.linalg.slogdet(np.eye(jacobian.shape[1]) + jacobian.T @ jacobian)[1])
+    return Hypothesis((CALIBRATION,), -0.5 * (cost + shrunk) - linear.log_volume, cost=cost)
 
 
 def weigh(hypotheses: Sequence[Hypothesis], prior: Mapping[tuple[str, ...], float]) -> list[Hypothesis]:

@@ -13,7 +13,7 @@ from scipy.special import ndtr
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.twin.effects import Effect, Magnitude
 
-NODES = (0.1, 0.3, 0.6, 1.0)
+NODES = (0.05, 0.2, 0.5, 1.0)
 """Magnitudes simulated on either side of ``none``: shares of the way to the end of the range."""
 FINE = 41
 """Places of the grid on which a search begins."""

@@ -74,6 +74,10 @@ class Noise:
     def std(self) -> float:
         return float(np.sqrt(self.covariance[0]))
 
+    def louder(self, factor: float) -> Noise:
+        """Noise of ``factor`` times the power."""
+        return Noise(factor * self.covariance)
+
 
 def noise_of(recordings: Sequence[Recording], channel: str, lags: int) -> Noise:
     """Noise of a channel from the standstill of all ``recordings`` together, for at least ``lags`` lags."""

@@ -4,6 +4,7 @@ How far they may lie depends on what is known of the machine:
 
 - :data:`SPREADS` ``day``: it was commissioned, and this is another day;
 - ``commissioning``: its file was calibrated, on this machine or on its kind;
+- ``recalibration``: it was, but much may have moved since;
 - ``range``: all that is known is the ranges of its file.
 """
 
@@ -17,7 +18,7 @@ from aoro_gym.calibration.space import Space
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.twin import Machine
 
-SPREADS: Mapping[str, float] = {"day": 0.02, "commissioning": 0.10, "range": 0.5}
+SPREADS: Mapping[str, float] = {"day": 0.02, "commissioning": 0.10, "recalibration": 0.25, "range": 0.5}
 """Half of what holds 95 % of a parameter, as a share of its range."""
 
 NORMAL95 = 1.96

@@ -18,13 +18,15 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from aoro_gym.diagnosis.arrival import arrivals, on_clock
 from aoro_gym.diagnosis.axes import Axis, axes_of
-from aoro_gym.diagnosis.noise import Floats, ModelError, Noise, Whitener, noise_of, whitener
+from aoro_gym.diagnosis.noise import MERGED, Floats, ModelError, Noise, Whitener, noise_of, whitener
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.diagnosis.replay import SIGNALS, Simulator, Task, Variants
+from aoro_gym.twin import Machine
 from aoro_gym.twin.effects import Effect
 
 STEP = 0.5
@@ -37,6 +39,8 @@ DAMPINGS = (0.0, 1.0, 10.0, 100.0)
 """Of the steps that are tried together; 1 is a second prior, around the centre."""
 CHORDS = 3
 """Steps that are taken with one Jacobian."""
+WINDOW = 12
+"""Whitened samples of a window that a signal's loudness is taken of."""
 ENOUGH = 0.01
 """A step that lowers the cost by less than this share is the last."""
 START_JITTER = 1e-3
@@ -46,6 +50,8 @@ ZEROS: Mapping[str, float] = {
     "drive_pressure_forward": 1e5, "drive_pressure_return": 1e5,
 }  # fmt: skip
 """Standard deviation [SI] of a sensor's zero, anew in each recording: a quarter of a per cent of 400 bar."""
+CLOCKED = ("joint_angle", "pressure_a", "pressure_b", "pump_pressure")
+"""Signals that the joint's arrival at a stop shows in."""
 KNOWN = 0.3
 """Share of the twin's own error that is left where the healthy machine's residual of the same commands is subtracted."""
 
@@ -141,11 +147,34 @@ class Problem:
 
     def _read(self, index: int, name: str, known: Reference) -> Floats:
         """A healthy machine's residual (F,) on the clock of a recording."""
-        if "pressure" not in name:
+        if name not in CLOCKED:
             return known.residual
         own = np.array([known.arrival])
         steering = self.recordings[index].commands[:, 0]
         return on_clock(known.residual[:, None], own, self.arrivals[index], steering)[:, 0]
+
+    @property
+    def machine(self) -> Machine:
+        """The twin at the centre."""
+        return self.at(self.centre[None]).machine
+
+    def part(self, indices: Sequence[int]) -> tuple[Problem, NDArray[np.intp]]:
+        """The same problem with some of its recordings only, not learned, and their rows in a stacked array of all."""
+        chosen = Problem(
+            [self.recordings[index] for index in indices], self.nuisances, self.effects, error=self.error,
+            references=self.references, noise=self.noise, simulator=self.simulator,
+        )  # fmt: skip
+        chosen.felt = self.felt
+        rows = dict(zip(self.blocks, self.split(np.arange(len(self.measured))), strict=True))
+        return chosen, np.concatenate([rows[index, name] for index in indices for name in self.recordings[index].channels])
+
+    def spread(self, predicted: Floats) -> list[Floats]:
+        """Standard deviation (F,) SI of noise and of the twin's own error by block, around a stacked prediction (D,)."""
+        out = []
+        for w, part in zip(self.whiteners(self.error, predicted), self.split(predicted), strict=True):
+            std = np.repeat(np.linalg.norm(w.factor, axis=1), MERGED)
+            out.append(np.append(std, np.full(len(part) - len(std), std[-1])))
+        return out
 
     # ---- predictions ----
 
@@ -164,7 +193,7 @@ class Problem:
         return Variants.of(machine, magnitudes, count)
 
     def simulate(self, variants: Sequence[Variants]) -> Floats:
-        """Stacked predictions (D, N), SI, pressures on the recordings' clocks; what the twin loses is NaN."""
+        """Stacked predictions (D, N), SI, on the recordings' clocks (:mod:`.arrival`); what the twin loses is NaN."""
         tasks = [Task(one, recording) for recording in self.recordings for one in variants]
         found = iter(self.simulator.run(tasks))
         stacked = []
@@ -174,7 +203,10 @@ class Problem:
             steering = recording.commands[:, 0]
             own = arrivals(signals["joint_angle"], steering)
             for name, values in signals.items():
-                stacked.append(on_clock(values, own, arrival, steering) if "pressure" in name else values)
+                moves = name == "joint_angle"
+                stacked.append(
+                    on_clock(values, own, arrival, steering, goes_on=moves) if name in CLOCKED else values
+                )
         return np.concatenate(stacked).astype(np.float64)
 
     def own(self, predicted: Floats) -> Floats:
@@ -191,6 +223,13 @@ class Problem:
             return np.concatenate([shift(at, name, part) for (at, name), part in parts])
 
         return np.stack([column(k, channel) for k, channel in self._own], axis=1)
+
+    @property
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Ends (u,) of the nuisances: of the machine's, those of their ranges."""
+        place, std = self.nuisances.place[self.felt], self.nuisances.std[self.felt]
+        free = np.full(len(self._own), np.inf)
+        return np.concatenate([-place / std, -free]), np.concatenate([(1.0 - place) / std, free])
 
     # ---- whitening ----
 
@@ -226,13 +265,11 @@ class Problem:
             d = len(self.felt)
             jacobian = self.white(whiteners, np.concatenate([self.slopes, own], axis=1))
             power, axes = np.linalg.eigh(jacobian.T @ jacobian)
-            place, std = self.nuisances.place[self.felt], self.nuisances.std[self.felt]
             for _ in range(CHORDS):
                 residual = self.white(whiteners, self.measured - self.predicted - own @ self.centre[d:])
                 pull = axes.T @ (jacobian.T @ residual - self.centre)
                 steps = [axes @ (pull / (power + 1.0 + damping)) for damping in DAMPINGS]
-                tried = np.array([self.centre, *(self.centre + step for step in steps)])
-                tried[:, :d] = np.clip(tried[:, :d], -place / std, (1.0 - place) / std)
+                tried = np.clip([self.centre, *(self.centre + step for step in steps)], *self.bounds)
                 found = self.simulate([self.at(tried)])
                 white = self.white(whiteners, self.measured[:, None] - found - own @ tried[:, d:].T)
                 costs = np.nan_to_num(np.sum(white**2, axis=0) + np.sum(tried**2, axis=1), nan=np.inf)
@@ -257,8 +294,25 @@ class Problem:
         self.centre = np.concatenate([self.centre[:d][shown], self.centre[d:]])
         return found[:, d + 1 :]
 
+    def loudness(self) -> dict[str, float]:
+        """How much more power the residual at the centre has than the noise of the standstill explains, by channel, once
+        the nuisances were fitted: a quantiser is quieter at rest than on the way. Of most windows of a quarter of a second,
+        as where the twin errs is no noise."""
+        whiteners = self.whiteners(self.error, self.predicted)
+        own = self.own(self.predicted) @ self.centre[len(self.felt) :]
+        powers: dict[str, list[Floats]] = {}
+        for (_, name), w, part in zip(
+            self.blocks, whiteners, self.split(self.measured - self.predicted - own), strict=True
+        ):
+            white = w(part)
+            count = len(white) // WINDOW
+            powers.setdefault(name, []).append(np.mean(white[: count * WINDOW].reshape(count, WINDOW) ** 2, axis=1))
+        typical = float(chi2.median(WINDOW)) / WINDOW
+        return {name: max(1.0, float(np.median(np.concatenate(parts))) / typical) for name, parts in powers.items()}
+
     def learn(self, progress: Progress = lambda sentence, share: None) -> None:
         """Simulate around the centre what every nuisance and every effect does."""
+        self.shifts.clear()
         batch, names = [], []
         for name, axes in self.axes.items():
             for axis in axes:

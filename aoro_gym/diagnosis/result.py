@@ -201,8 +201,13 @@ class Diagnosis:
             "fit_test_p": self.fit_test_p,
             "shrinkage": [_plain(one) for one in self.shrinkage],
             "controls": dict(self.controls),
-            "key_figures": {turn: {k: dict(v) for k, v in figures.items()} for turn, figures in self.key_figures.items()},
-            "next_experiments": [{**_plain(one), "apart": [list(pair) for pair in one.apart]} for one in self.next_experiments],
+            "key_figures": {
+                turn: {name: dict(values) for name, values in figures.items()}
+                for turn, figures in self.key_figures.items()
+            },
+            "next_experiments": [
+                {**_plain(one), "apart": [list(pair) for pair in one.apart]} for one in self.next_experiments
+            ],
             "calibration": [dict(one) for one in self.calibration],
             "alike": [list(pair) for pair in self.alike],
             "limitations": list(self.limitations),

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 from aoro_gym.diagnosis.sealing import SENSORS, read_json, write_json
+from aoro_gym.diagnosis.sharing import sharing
 from aoro_gym.diagnosis.workers import Tell, spread
 from aoro_gym.log import write_whole
 
@@ -44,7 +46,7 @@ def run_cases(
         folder: With ``cases`` and ``seal.json``.
         out: Gets ``NNN/diagnosis.json`` a case, or ``NNN/error.txt``.
         sensors: ``angle`` or ``full``: what the diagnosis may read.
-        device: Where twins run.
+        device: Where twins run; several, with commas between them, take cases in turn. Processes share their launches.
         workers: Processes at once.
         diagnose: What does it, a function of a module; by default that of :mod:`.diagnose`.
         progress: Called with a sentence and the share done.
@@ -66,19 +68,23 @@ def run_cases(
         raise ValueError(f"{out} holds diagnoses of other cases, or with other sensors; name another folder")
     write_json(kept, about)
 
-    jobs = {
-        name: (diagnose or _diagnose, folder / "cases" / name, out / name, sensors, device)
-        for name in cases
-        if not (out / name / RESULT).exists()
-    }
+    waiting = [name for name in cases if not (out / name / RESULT).exists()]
     failures = {}
-    for done, (name, failure) in enumerate(spread(_run, jobs, workers=workers), start=len(cases) - len(jobs) + 1):
-        error = out / name / FAILED
-        error.unlink(missing_ok=True)
-        if failure is not None:
-            failures[name] = failure.reason
-            write_whole(error, f"{failure.reason}\n{failure.trace}")
-        progress(f"diagnosing: {done} of {len(cases)} cases", done / len(cases))
+    with ExitStack() as stack:
+        devices = device.split(",")
+        if diagnose is None and waiting and (workers > 1 or len(devices) > 1):
+            devices = [stack.enter_context(sharing(one)) for one in devices]
+        jobs = {
+            name: (diagnose or _diagnose, folder / "cases" / name, out / name, sensors, devices[k % len(devices)])
+            for k, name in enumerate(waiting)
+        }
+        for done, (name, failure) in enumerate(spread(_run, jobs, workers=workers), start=len(cases) - len(jobs) + 1):
+            error = out / name / FAILED
+            error.unlink(missing_ok=True)
+            if failure is not None:
+                failures[name] = failure.reason
+                write_whole(error, f"{failure.reason}\n{failure.trace}")
+            progress(f"diagnosing: {done} of {len(cases)} cases", done / len(cases))
     return dict(sorted(failures.items()))
 
 

@@ -87,7 +87,7 @@ def _serve(address: str, device: str, ready: Event) -> None:
                 assert isinstance(connection, Connection)
                 try:
                     asked.append((connection, connection.recv()))
-                except (EOFError, ConnectionResetError, pickle.UnpicklingError):
+                except (EOFError, OSError, pickle.UnpicklingError):
                     connections.remove(connection)
             if asked and not heard:
                 _answer(simulates, asked)

@@ -1,0 +1,423 @@
+"""From recordings to a diagnosis: where the twin and its machine part, why, by how much, and what to record next.
+
+Two questions, one path. *Commissioned*: healthy recordings exist. The twin is fitted to them first, what it still misses
+there is subtracted from recordings of the same commands, and uncertain parameters may only have moved as from one day to
+another. *Day one*: none exist; parameters may lie anywhere within their ranges, and are fitted to the recordings themselves.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aoro_gym.diagnosis.attribution import Hypothesis, Linear, attribute, fit_p
+from aoro_gym.diagnosis.experiments import next_experiments
+from aoro_gym.diagnosis.figures import key_figures
+from aoro_gym.diagnosis.noise import Floats, ModelError, Noise, noise_of
+from aoro_gym.diagnosis.nuisances import Nuisances
+from aoro_gym.diagnosis.problem import Problem, Progress, references_of
+from aoro_gym.diagnosis.recording import TICK, Recording, read_recording
+from aoro_gym.diagnosis.replay import Simulator, Variants
+from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, Cause, Curve, Diagnosis, Interval, Shrinkage
+from aoro_gym.diagnosis.shrinkage import black_box, shrinkages, typical
+from aoro_gym.diagnosis.where import places
+from aoro_gym.twin import Machine
+from aoro_gym.twin.effects import EFFECTS, ChainEffect, Effect, GroundEffect
+
+ERROR = ModelError(rate=0.003, pressure=0.015, swing=0.1, change=0.1)
+"""The twin's own error: what remains between it and machines of other laws once it was fitted to them."""
+JACOBIANS = {"commissioned": 2, "day-one": 4}
+"""Gauss–Newton steps of the fit of the uncertain parameters."""
+FOLDS = 3
+"""Parts of the recordings, each of which is left out once when it is asked how far the gap shrinks."""
+SURE = 0.8
+"""Probability above which one cause is named alone."""
+BEYOND_DOUBT = 0.9
+"""Probability of any cause above which causes are named at all."""
+DECLARED = 0.95
+"""Probability that the declared set of hypotheses holds the truth."""
+LISTED = 1e-3
+"""Probability below which a hypothesis is not listed."""
+SURVIVING = 0.02
+"""Probability below which a hypothesis gets no machine file."""
+DRAWS = 200
+"""Of the posterior, for intervals of magnitudes."""
+WIDER = 1.5
+"""Factor on the standard deviations of magnitudes: laws of the machine are not those of the twin."""
+MOVED = 1.0
+"""Prior standard deviations by which a parameter must have moved to be listed."""
+
+
+def diagnose(
+    recordings: Sequence[Recording],
+    machine: Machine | str | Path = "aoro",
+    effects: Mapping[str, Effect] = EFFECTS,
+    *,
+    healthy: Sequence[Recording] = (),
+    held_out: Sequence[Recording] = (),
+    commissioned: bool | None = None,
+    simulator: Simulator | None = None,
+    out: Path | None = None,
+    progress: Progress = lambda sentence, share: None,
+) -> Diagnosis:
+    """Why ``recordings`` of a machine and its twin part.
+
+    Args:
+        recordings: To be explained (:func:`~aoro_gym.diagnosis.recording.read_recording`).
+        machine: The twin.
+        effects: Catalogue by id.
+        healthy: Of the same machine while nothing was wrong; best of the same commands.
+        held_out: Take no part in the fit; how far the gap shrinks is asked of them. By default every recording is left out
+            once in turn of a fit of the cause that all of them name.
+        commissioned: The machine file was fitted to this very machine; by default that is so where ``healthy`` is given.
+        simulator: Where twins run; on the CPU by default.
+        out: Folder for the machine files of the causes; none are written without it.
+        progress: Called with a sentence and the share done.
+
+    Raises:
+        ValueError: there is no recording, or recordings have no signal in common.
+    """
+    began = time.monotonic()
+    if not recordings:
+        raise ValueError("no recording given; name at least one log")
+    given = machine if isinstance(machine, Machine) else Machine.load(machine)
+    simulator = simulator or Simulator()
+    recordings = _alike(recordings)
+    channels = tuple(recordings[0].channels)
+    healthy = [_only(one, channels) for one in healthy]
+    held_out = [_only(one, channels) for one in held_out]
+    mode = "commissioned" if commissioned or (healthy and commissioned is None) else "day-one"
+    noise = _noise([*healthy, *recordings, *held_out], channels)
+
+    references, twin = None, given
+    if healthy:
+        fit = Problem(healthy, Nuisances(given, "commissioning"), {}, error=ERROR, noise=noise, simulator=simulator)
+        fit.settle(JACOBIANS["commissioned"], lambda s, share: progress(s, 0.3 * share))
+        noise = {name: noise[name].louder(loud) for name, loud in fit.loudness().items()}
+        references, twin = references_of(fit), fit.machine
+    around = Nuisances(twin, "day" if mode == "commissioned" else "range")
+    problem = Problem(
+        recordings, around, effects, error=ERROR, references=references, noise=noise, simulator=simulator
+    )
+    before = problem.simulate([Variants(twin)])[:, 0]
+    problem.settle(JACOBIANS[mode], lambda s, share: progress(s, 0.3 + 0.1 * share))
+    if not healthy:
+        problem.noise = {name: noise[name].louder(loud) for name, loud in problem.loudness().items()}
+    progress("what every effect does", 0.4)
+    problem.learn()
+    hypotheses, linear = attribute(problem, lambda s, share: progress(s, 0.5 + 0.35 * share))
+
+    progress("where, how far, and what next", 0.85)
+    verdict = _verdict(hypotheses)
+    gap, gap_p = places(problem, linear)
+    best = next((h for h in hypotheses if h.refined), None)
+    fitted = None if best is None else problem.at(best.nuisances[None], best.effects, _row(best))
+    after = before if fitted is None else problem.simulate([fitted])[:, 0]
+    shrunk, controls = _how_far(problem, linear, hypotheses, before, after, held_out)
+    components = _components(hypotheses, effects)
+    likeliest = next(iter(components), "")
+    causes = tuple(
+        _cause(problem, h, out if h.probability > SURVIVING else None) for h in hypotheses if h.probability > LISTED
+    )
+    return Diagnosis(
+        machine=given.name,
+        mode=mode,
+        logs=tuple(one.name for one in recordings),
+        healthy=tuple(one.name for one in healthy),
+        signals=channels,
+        verdict=verdict,
+        where=tuple(replace(place, component=likeliest) for place in gap),
+        where_p=gap_p,
+        components=components,
+        causes=causes,
+        declared_set=_declared(hypotheses),
+        fit_test_p=None if best is None else fit_p(linear, best),
+        shrinkage=shrunk,
+        controls=controls,
+        key_figures={} if fitted is None else key_figures(problem, Variants(twin), fitted),
+        next_experiments=next_experiments(linear, hypotheses),
+        calibration=_moved(problem, best),
+        alike=_alike_effects(linear),
+        limitations=_limitations(recordings, healthy, mode, channels, effects, hypotheses),
+        seconds=time.monotonic() - began,
+        curves=_curves(problem, before, after),
+    )
+
+
+def diagnose_case(place: Path, out: Path, *, sensors: str, device: str) -> Diagnosis:
+    """Diagnose a case of the blind check: ``machine.toml``, ``logs/*.csv`` and, if there, ``healthy/*.csv`` in ``place``;
+    writes ``diagnosis.json`` to ``out``."""
+    from aoro_gym.diagnosis.sealing import SENSORS
+    from aoro_gym.diagnosis.sharing import simulator
+
+    found = diagnose(
+        [_only(one, SENSORS[sensors]) for one in read_folder(place / "logs")],
+        place / "machine.toml",
+        healthy=[_only(one, SENSORS[sensors]) for one in read_folder(place / "healthy")],
+        simulator=simulator(device),
+    )
+    found.save(out)
+    return found
+
+
+def read_folder(folder: Path) -> list[Recording]:
+    """All logs in a folder, by their names; none if there is no such folder."""
+    return [read_recording(path) for path in sorted(folder.glob("*.csv")) + sorted(folder.glob("*.parquet"))]
+
+
+# ---- recordings ----
+
+
+def _only(recording: Recording, channels: Sequence[str]) -> Recording:
+    return replace(
+        recording, channels={name: values for name, values in recording.channels.items() if name in channels}
+    )
+
+
+def _alike(recordings: Sequence[Recording]) -> list[Recording]:
+    """Recordings with the channels that all of them have: one that is missing in some would be explained in others only."""
+    common = [name for name in recordings[0].channels if all(name in one.channels for one in recordings)]
+    return [_only(one, common) for one in recordings]
+
+
+def _noise(recordings: Sequence[Recording], channels: Sequence[str]) -> dict[str, Noise]:
+    longest = max(one.ticks + 1 for one in recordings)
+    return {name: noise_of(recordings, name, longest) for name in channels}
+
+
+# ---- verdict ----
+
+
+def _verdict(hypotheses: Sequence[Hypothesis]) -> str:
+    """See :data:`~aoro_gym.diagnosis.result.VERDICTS`."""
+    best = hypotheses[0]
+    of = {h.effects: h.probability for h in hypotheses}
+    innocent = of.get((), 0.0) + of.get((CALIBRATION,), 0.0)
+    unknown = of.get((UNKNOWN,), 0.0)
+    if innocent > 1.0 - BEYOND_DOUBT:
+        if innocent < 0.5:
+            return "inconclusive"
+        return "no_gap" if of.get((), 0.0) >= of.get((CALIBRATION,), 0.0) else "calibration"
+    if unknown >= 0.5:
+        return "unknown"
+    return "cause" if best.probability >= SURE and best.effects != (UNKNOWN,) else "ambiguous"
+
+
+def _declared(hypotheses: Sequence[Hypothesis]) -> tuple[str, ...]:
+    """Effects of the least set of hypotheses that holds the truth with :data:`DECLARED`."""
+    total, names = 0.0, dict[str, None]()
+    for h in hypotheses:
+        names.update(dict.fromkeys(h.effects))
+        total += h.probability
+        if total >= DECLARED:
+            break
+    return tuple(names)
+
+
+def _components(hypotheses: Sequence[Hypothesis], effects: Mapping[str, Effect]) -> dict[str, float]:
+    """Probability that a cause lies in a component, largest first."""
+    found: dict[str, float] = {}
+    for h in hypotheses:
+        for component in {effects[name].component for name in h.effects if name in effects}:
+            found[component] = found.get(component, 0.0) + h.probability
+    return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+# ---- causes ----
+
+
+def _row(hypothesis: Hypothesis) -> Floats:
+    return np.array(hypothesis.places, dtype=np.float64)[None]
+
+
+def _cause(problem: Problem, hypothesis: Hypothesis, out: Path | None) -> Cause:
+    """With intervals of its operational magnitudes, and its machine file if ``out`` is given."""
+    known = tuple(name for name in hypothesis.effects if name in problem.effects)
+    components = tuple(dict.fromkeys(problem.effects[name].component for name in known))
+    if not known:
+        return Cause(hypothesis.effects, hypothesis.probability)
+    rng = np.random.default_rng(0)
+    best = np.array(hypothesis.places)
+    spread = WIDER * np.linalg.cholesky(hypothesis.covariance + 1e-12 * np.eye(len(best)))
+    drawn = np.clip(best + rng.standard_normal((DRAWS, len(best))) @ spread.T, 0.0, 1.0)
+    nuisances = hypothesis.nuisances if hypothesis.refined else problem.centre
+    machine = problem.at(nuisances[None]).machine
+    magnitudes: dict[str, tuple[Interval, ...]] = {}
+    settings: dict[str, tuple[float, ...]] = {}
+    column = 0
+    for name in known:
+        effect, axes = problem.effects[name], problem.axes[name]
+        values = [axis.value(drawn[:, column + i]) for i, axis in enumerate(axes)]
+        settings[name] = tuple(float(axis.value(best[column + i])) for i, axis in enumerate(axes))
+        column += len(axes)
+        without = effect.measured(machine, *effect.none)
+        parts = []
+        for one, at, none in zip(effect.operational, effect.measured(machine, *values), without, strict=True):
+            low, median, high = np.quantile(np.asarray(at, dtype=np.float64) - none, [0.05, 0.5, 0.95])
+            parts.append(Interval(float(median), float(low), float(high), one.unit, one.quantity))
+        magnitudes[name] = tuple(parts)
+    file = ""
+    if out is not None and not any(isinstance(problem.effects[name], ChainEffect | GroundEffect) for name in known):
+        file = f"machines/{'+'.join(known)}.toml"
+        (out / "machines").mkdir(parents=True, exist_ok=True)
+        problem.at(nuisances[None], known, _row(hypothesis)).machine.save(out / file)
+    return Cause(hypothesis.effects, hypothesis.probability, magnitudes, settings, components, file)
+
+
+def _moved(problem: Problem, best: Hypothesis | None) -> tuple[dict[str, Any], ...]:
+    """Parameters that the best fit has moved, the farthest first."""
+    if best is None:
+        return ()
+    felt = problem.felt
+    moved = problem.at(best.nuisances[None]).machine
+    rows = []
+    for k, deviation in sorted(zip(felt, best.nuisances[: len(felt)], strict=True), key=lambda item: -abs(item[1])):
+        key = problem.nuisances.keys[k]
+        entry = problem.nuisances.machine.entries[key]
+        if abs(deviation) > MOVED:
+            rows.append(
+                {
+                    "key": key, "unit": entry.unit, "before": float(entry.value),
+                    "after": float(moved.entries[key].value), "deviations": float(deviation),
+                }
+            )  # fmt: skip
+    return tuple(rows)
+
+
+ALIKE = 0.95
+"""Cosine of the angle between what two effects do, once calibration has had its share, above which they are alike."""
+
+
+def _alike_effects(linear: Linear) -> tuple[tuple[str, str], ...]:
+    """Pairs of effects that these recordings cannot tell apart, however large they are."""
+    problem = linear.problem
+    names, columns = [], []
+    for name, axes in problem.axes.items():
+        if len(axes) == 1:
+            end = linear.shifts[name, 0][:, -1]
+            names.append(name)
+            columns.append(end)
+    if len(names) < 2:
+        return ()
+    stacked = np.column_stack(columns)
+    gram = linear.projected(stacked, stacked)
+    size = np.sqrt(np.maximum(np.diag(gram), 1e-12))
+    cosine = gram / np.outer(size, size)
+    shown = size > 3.0
+    return tuple(
+        (names[i], names[j])
+        for i in range(len(names))
+        for j in range(i + 1, len(names))
+        if shown[i] and shown[j] and abs(cosine[i, j]) > ALIKE
+    )
+
+
+# ---- how far ----
+
+
+def _how_far(
+    problem: Problem,
+    linear: Linear,
+    hypotheses: Sequence[Hypothesis],
+    before: Floats,
+    after: Floats,
+    held_out: Sequence[Recording],
+) -> tuple[tuple[Shrinkage, ...], dict[str, float | None]]:
+    """Shrinkage of fitted and of held-out recordings, and what a wrong cause and a black box get of the latter."""
+    best = next((h for h in hypotheses if h.refined and h.effects), None)
+    if best is None:
+        return (), {"cause": None, "wrong_cause": None, "black_box": None}
+    rivals = (h for h in hypotheses if h.refined and len(h.effects) == len(best.effects))
+    wrong = next((h for h in rivals if not set(h.effects) & set(best.effects)), None)
+    fitted = shrinkages(problem, before, after, held_out=False)
+    if held_out:
+        other = Problem(
+            held_out, problem.nuisances, problem.effects, error=problem.error, references=problem.references,
+            noise=problem.noise, simulator=problem.simulator,
+        )  # fmt: skip
+        other.felt = problem.felt
+        base = other.simulate([Variants(problem.nuisances.machine)])[:, 0]
+        found = other.simulate([other.at(_own_free(problem, other, h), h.effects, _row(h)) for h in (best, wrong) if h])
+        left = shrinkages(other, base, found[:, 0], held_out=True)
+        of_wrong = typical(shrinkages(other, base, found[:, 1], held_out=True)) if wrong else None
+        of_box = black_box(problem, before, other, base)
+    else:
+        left, of_wrong, of_box = _in_turn(problem, linear, best, wrong, before)
+    controls = {"cause": typical(left), "wrong_cause": of_wrong, "black_box": of_box}
+    return (*fitted, *left), controls
+
+
+def _own_free(problem: Problem, other: Problem, hypothesis: Hypothesis) -> Floats:
+    """The machine's nuisances of a hypothesis, with those of other recordings at zero: (1, u)."""
+    felt = len(problem.felt)
+    return np.concatenate([hypothesis.nuisances[:felt], np.zeros(len(other.centre) - len(other.nuisances.keys))])[None]
+
+
+def _in_turn(
+    problem: Problem, linear: Linear, best: Hypothesis, wrong: Hypothesis | None, before: Floats
+) -> tuple[tuple[Shrinkage, ...], float | None, float | None]:
+    """Every recording left out once of a fit of the same cause."""
+    count = len(problem.recordings)
+    folds = [list(range(fold, count, FOLDS)) for fold in range(min(FOLDS, count))]
+    if count < 2:
+        return (), None, None
+    causes = [best, *([wrong] if wrong else [])]
+    refits = [[linear.without(fold, h) for fold in folds] for h in causes]
+    batch = [problem.at(u[None], h.effects, z[None]) for h, fits in zip(causes, refits, strict=True) for u, z in fits]
+    found = problem.simulate(batch)
+    results: list[list[Shrinkage]] = [[] for _ in causes]
+    boxes = []
+    for k in range(len(causes)):
+        for f, fold in enumerate(folds):
+            part, rows = problem.part(fold)
+            results[k] += shrinkages(part, before[rows], found[rows, k * len(folds) + f], held_out=True)
+            if k == 0:
+                rest, kept = problem.part([i for i in range(count) if i not in fold])
+                boxes.append(black_box(rest, before[kept], part, before[rows]))
+    box = [one for one in boxes if one is not None]
+    return (
+        tuple(results[0]),
+        typical(results[1]) if wrong else None,
+        float(np.median(box)) if box else None,
+    )
+
+
+# ---- the rest ----
+
+
+def _curves(problem: Problem, before: Floats, after: Floats) -> tuple[Curve, ...]:
+    stacked = (problem.measured, before, after)
+    columns = zip(problem.blocks, *map(problem.split, stacked), problem.spread(after), strict=True)
+    return tuple(
+        Curve(problem.recordings[index].name, signal, False, TICK * np.arange(len(measured)), measured, old, new, spread)
+        for (index, signal), measured, old, new, spread in columns
+    )
+
+
+def _limitations(
+    recordings: Sequence[Recording],
+    healthy: Sequence[Recording],
+    mode: str,
+    channels: Sequence[str],
+    effects: Mapping[str, Effect],
+    hypotheses: Sequence[Hypothesis],
+) -> tuple[str, ...]:
+    """What these recordings cannot say."""
+    found = [sentence for one in [*healthy, *recordings] for sentence in one.limitations]
+    if mode == "day-one":
+        found.append(
+            "No healthy recordings: what the twin's laws do otherwise than the machine's cannot be told from an effect."
+        )
+    if not any("pressure" in name for name in channels):
+        found.append("Only the joint angle was logged: effects that mainly show in pressures stay hidden.")
+    if healthy and not {one.signature for one in healthy} & {one.signature for one in recordings}:
+        found.append("No healthy recording has the commands of these: the twin's own error could not be subtracted.")
+    hidden = [name for name, effect in effects.items() if effect.hidden]
+    if hidden and not any(np.any(one.commands[:, 1]) for one in recordings):
+        found.append(f"Standing turns do not show {', '.join(hidden)}, or hardly.")
+    return tuple(dict.fromkeys(found))
