@@ -45,10 +45,12 @@ def test_either_side():
 
 
 def test_a_joint_that_its_command_alone_stops_arrives_nowhere():
-    """On its way when the command ends, and a little later still; one that comes to its stop well before does arrive."""
-    way = RATE * (TIME - BEGIN).clip(0, END + 15 - BEGIN)
+    """On its way when the command ends, and a little later still, or at rest at once; one that comes to its stop well
+    before does arrive."""
+    coasts, stops = (RATE * (TIME - BEGIN).clip(0, END + after - BEGIN) for after in (15, 0))
     early = ramp(END - BEFORE_END - 2)
-    np.testing.assert_array_equal(arrivals(np.stack([way, early], axis=1), LEFT) == NEVER, [True, False])
+    found = arrivals(np.stack([coasts, stops, early], axis=1), LEFT)
+    np.testing.assert_array_equal(found == NEVER, [True, True, False])
 
 
 @pytest.mark.parametrize(
@@ -126,3 +128,19 @@ def test_who_does_not_arrive_is_held():
     alone = on_clock(values, np.array([NEVER, 150]), NEVER, LEFT)
     np.testing.assert_array_equal(alone[:, 0], TIME)
     np.testing.assert_array_equal(alone[:, 1], np.minimum(TIME, 150 - AHEAD))
+
+
+def test_a_joint_that_arrives_early_goes_on_as_it_came():
+    """Until the measured arrival, or the end of the command where there is none, at the rate that it came with; what
+    arrives late or nowhere is as it is."""
+    angles = np.stack([ramp(150), ramp(240), np.minimum(ramp(200), 0.3)], axis=1)
+    own = arrivals(angles, LEFT) * [1, 1, 0] + [0, 0, NEVER]
+    found = on_clock(angles, own, MEASURED, LEFT, goes_on=True)
+    until = MEASURED - AHEAD
+    free = STOP + RATE * (np.maximum(TIME, BEGIN) - 150)
+    np.testing.assert_allclose(found[:until, 0], free[:until], atol=1e-12)
+    np.testing.assert_array_equal(found[:until, 1], angles[:until, 1])
+    np.testing.assert_array_equal(found[until:], on_clock(angles, own, MEASURED, LEFT)[until:])
+    alone = on_clock(angles, own, NEVER, LEFT, goes_on=True)
+    np.testing.assert_allclose(alone[:, 0], np.minimum(free, free[END]), atol=1e-12)
+    np.testing.assert_array_equal(alone[:, 2], angles[:, 2])

@@ -76,6 +76,16 @@ def test_a_search_ends_at_the_end_of_a_range():
     assert cost == pytest.approx(100.0 * (0.7**2 + 0.4**2 - 1.7**2 - 0.4**2), rel=1e-9)
 
 
+def test_a_search_goes_on_until_it_is_there():
+    """A shift that grows with the square of its place, from the far end of the range: one step of Newton's lands at 0.64,
+    Heron's rule leads on to 0.53."""
+    axis = FROM_END[0]
+    columns = np.outer(np.full(4, 50.0), axis.nodes**2)
+    cost, (found,), _ = Shift([axis], columns.T @ columns, columns.T @ np.full(4, 50.0 * 0.53**2)).descend((1.0,))
+    assert found == pytest.approx(0.53, abs=1e-3)
+    assert cost == pytest.approx(-4.0 * (50.0 * 0.53**2) ** 2, abs=1e-2)
+
+
 def test_a_grid_takes_every_axis_for_itself():
     """Between two steps of the grid, it is the nearer one; the other axis, at ``none``, does not count."""
     rng = np.random.default_rng(6)

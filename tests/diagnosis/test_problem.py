@@ -1,0 +1,255 @@
+"""Problems: logs of the twin itself are explained down to their noise, and what healthy logs show is taken away."""
+
+import numpy as np
+import pytest
+
+from aoro_gym.diagnosis.axes import Axis
+from aoro_gym.diagnosis.noise import ModelError, Noise, whitener
+from aoro_gym.diagnosis.nuisances import Nuisances
+from aoro_gym.diagnosis.problem import FELT, KNOWN, START_JITTER, ZEROS, Problem, references_of
+from aoro_gym.diagnosis.recording import TICK, Recording
+from aoro_gym.diagnosis.replay import Simulator, Task, Variants
+from aoro_gym.twin import Machine
+from aoro_gym.twin.effects import EFFECTS
+from tests.diagnosis.manoeuvres import FULL, blank, turn
+
+MACHINE = Machine.load("aoro")
+DAY = Nuisances(MACHINE, "day")
+BLANKS = [blank("left", turn(1.0, 1.6), -0.3), blank("right", turn(-0.6, 1.8), 0.3)]
+STD = {"joint_angle": np.radians(0.03), **dict.fromkeys(FULL[1:], 0.5e5)}
+"""Of white noise [SI]."""
+NOISE = {name: Noise(np.r_[std**2, np.zeros(400)]) for name, std in STD.items()}
+PERFECT = ModelError(0.0, 0.0)
+"""Of a twin that has the machine's own laws."""
+
+
+def logged(variants: Variants, rng: np.random.Generator, blanks: list[Recording] = BLANKS) -> list[Recording]:
+    """What one variant logs, with white noise of :data:`STD`."""
+    out = []
+    for one, found in zip(blanks, Simulator().run([Task(variants, one) for one in blanks]), strict=True):
+        noisy = {name: rows[:, 0] + STD[name] * rng.standard_normal(len(rows)) for name, rows in found.items()}
+        out.append(Recording(one.name, one.commands, noisy, one.rest, one.start_angle))
+    return out
+
+
+def cost(problem: Problem) -> float:
+    """Whitened squares at the centre, priors included."""
+    own = problem.own(problem.predicted) @ problem.centre[len(problem.felt) :]
+    whiteners = problem.whiteners(problem.error, problem.predicted)
+    white = problem.white(whiteners, problem.measured - problem.predicted - own)
+    return float(white @ white + problem.centre @ problem.centre)
+
+
+def test_a_moved_machine_is_explained_down_to_its_noise():
+    """All parameters drawn from their priors, a perfect twin, noise that is known: the least cost of a linear model is
+    χ² with as many degrees of freedom as there are (merged) samples. Curvature that is left would add to it."""
+    rng = np.random.default_rng(0)
+    moved = DAY.machines(rng.standard_normal((1, len(DAY.keys))))
+    problem = Problem(logged(Variants(moved), rng, BLANKS[:1]), DAY, {}, error=PERFECT, noise=NOISE)
+    problem.predicted = problem.simulate([problem.at(problem.centre[None])])[:, 0]
+    samples = len(problem.white(problem.whiteners(PERFECT, problem.predicted), problem.measured))
+    assert cost(problem) > 20.0 * samples
+    problem.settle(1)
+    assert cost(problem) == pytest.approx(samples, abs=4.0 * np.sqrt(2.0 * samples))
+    assert len(problem.centre) == len(problem.felt) + 1 + len(problem.blocks)
+    assert 0 < len(problem.felt) < len(DAY.keys)
+    # the prediction is that of the machine at the centre
+    again = problem.simulate([problem.at(problem.centre[None])])[:, 0]
+    np.testing.assert_array_equal(again, problem.predicted)
+
+
+class Learned:
+    """A problem that has learned one effect around its machine, and logs of the machine itself."""
+
+    def __init__(self) -> None:
+        self.axis = Axis(EFFECTS["spool_lag"], 0)
+        recordings = logged(Variants(MACHINE), np.random.default_rng(1), BLANKS[:1])
+        effects = {"spool_lag": EFFECTS["spool_lag"]}
+        self.problem = Problem(recordings, DAY, effects, error=PERFECT, noise=NOISE)
+        self.problem.learn()
+
+
+@pytest.fixture(scope="module")
+def learned():
+    return Learned()
+
+
+def test_slopes_foretell_another_machine(learned):
+    """Steps of a fifth of a standard deviation in all nuisances at once, to the side on which there is room: slopes are
+    differences over half of one at most."""
+    problem: Problem = learned.problem
+    felt = len(problem.felt)
+    room = np.where(DAY.place[problem.felt] + 0.5 * DAY.std[problem.felt] <= 1.0, 1.0, -1.0)
+    step = np.zeros((16, len(problem.centre)))
+    step[:, :felt] = 0.2 * room * np.abs(np.random.default_rng(2).standard_normal((16, felt)))
+    whiteners = problem.whiteners(PERFECT, problem.predicted)
+    found = problem.white(whiteners, problem.simulate([problem.at(step)]) - problem.predicted[:, None])
+    foretold = problem.white(whiteners, problem.slopes @ step[:, :felt].T)
+    assert np.sum(found * foretold) / np.sum(foretold**2) == pytest.approx(1.0, abs=0.05)
+    assert np.linalg.norm(found - foretold) < 0.15 * np.linalg.norm(found)
+
+
+def test_what_is_not_felt_is_left_alone(learned):
+    problem: Problem = learned.problem
+    white = problem.white(problem.whiteners(PERFECT, problem.predicted), problem.slopes)
+    assert np.all(np.linalg.norm(white, axis=0) > FELT)
+    assert problem.slopes.shape == (len(problem.measured), len(problem.felt))
+
+
+def test_at_the_upper_end_of_a_range_slopes_are_taken_from_below(learned):
+    """Nuisances that lie there are felt, too; upwards nothing would change."""
+    assert np.any(DAY.place[learned.problem.felt] == 1.0)
+
+
+def test_shifts_are_what_an_effect_does(learned):
+    problem: Problem = learned.problem
+    shifts = problem.shifts["spool_lag", 0]
+    place = learned.axis.nodes[1]
+    machine = EFFECTS["spool_lag"].apply(MACHINE, float(learned.axis.value(place)))
+    found = problem.simulate([Variants(machine)])[:, 0]
+    np.testing.assert_allclose(shifts[:, 1], found - problem.predicted, rtol=1e-6, atol=1e-9)
+    # what a lag of the spool does first is to delay the angle: the longer, the more
+    angle = problem.split(shifts)[problem.blocks.index((0, "joint_angle"))]
+    begun = problem.recordings[0].rest + np.arange(10, 30)
+    assert np.all(np.diff(angle[begun].mean(axis=0)) < 0.0) and np.all(angle[begun] < 0.0)
+
+
+def synthetic(name: str = "left", arrival: int = 140, channels: dict | None = None) -> Recording:
+    """A ramp into a stop under a command to the left, and a pressure that jumps on arrival."""
+    time = np.arange(200)
+    found = {
+        "joint_angle": 0.5 + 0.006 * np.clip(time - arrival, 60 - arrival, 0),
+        "pressure_a": np.where(time < arrival, 50e5, 120e5),
+    }
+    return Recording(name, turn(1.0, 1.99), channels or found, 60, float(found["joint_angle"][0]))
+
+
+def centred(recordings: list[Recording], predicted: list[Recording], **options) -> Problem:
+    """A problem whose prediction is given."""
+    problem = Problem(recordings, DAY, {}, error=PERFECT, noise=NOISE, **options)
+    problem.felt = np.empty(0, dtype=np.intp)
+    problem.centre = problem.centre[len(DAY.keys) :]
+    problem.slopes = np.empty((len(problem.measured), 0))
+    problem.predicted = np.concatenate([predicted[k].channels[name] for k, name in problem.blocks])
+    return problem
+
+
+def with_residual(recording: Recording, residual: dict[str, np.ndarray]) -> Recording:
+    channels = {name: values + residual[name] for name, values in recording.channels.items()}
+    return Recording(recording.name, recording.commands, channels, recording.rest, recording.start_angle)
+
+
+def test_own_shifts_are_those_of_a_clock_and_of_zeros():
+    """A log whose clock is ahead by a millisecond shows what a smooth prediction f shows then: f(t + δ) − f(t), to
+    δ² |f″| / 2 and the (TICK² / 6) |f‴| δ of central differences."""
+
+    def smooth(ahead: float) -> dict[str, np.ndarray]:
+        time = TICK * np.arange(200) + ahead
+        return {"joint_angle": 0.3 * np.sin(3.0 * time), "pressure_a": 60e5 * np.cos(2.0 * time)}
+
+    now, then = smooth(0.0), smooth(START_JITTER)
+    twice = [synthetic("one", channels=now), synthetic("two", channels=now)]
+    problem = centred(twice, twice)
+    columns = problem.own(problem.predicted)
+    assert columns.shape == (len(problem.measured), 2 + 4)
+    inner = slice(1, -1)  # the ends have one-sided differences
+    for k in range(2):
+        for (index, name), shift in zip(problem.blocks, problem.split(columns[:, k]), strict=True):
+            if index != k:
+                assert not np.any(shift)
+            else:
+                size, rate = (0.3, 3.0) if name == "joint_angle" else (60e5, 2.0)
+                slack = size * (START_JITTER**2 * rate**2 / 2.0 + START_JITTER * TICK**2 * rate**3 / 6.0)
+                np.testing.assert_allclose(shift[inner], (then[name] - now[name])[inner], atol=1.01 * slack)
+    for k, (index, name) in enumerate(problem.blocks):
+        for block, shift in zip(problem.blocks, problem.split(columns[:, 2 + k]), strict=True):
+            np.testing.assert_array_equal(shift, ZEROS[name] if block == (index, name) else 0.0)
+
+
+def test_what_healthy_logs_show_is_taken_away():
+    """Two healthy recordings with residuals ± around a common one: the mean is subtracted, and nothing but the change
+    and the noise of three recordings is left."""
+    rng = np.random.default_rng(3)
+    twin = synthetic()
+    common, apart, change = ({name: size * rng.standard_normal(200) for name, size in STD.items()} for _ in range(3))
+    pair = [with_residual(twin, {n: common[n] + sign * apart[n] for n in common}) for sign in (-1.0, 1.0)]
+    references = references_of(centred(pair, [twin, twin]))
+    assert {name for _, name in references} == {"joint_angle", "pressure_a"}
+    assert all(reference.repeats == 2 for reference in references.values())
+
+    later = with_residual(twin, {n: common[n] + change[n] for n in common})
+    problem = centred([later], [twin], references=references)
+    for (_, name), left in zip(problem.blocks, problem.split(problem.measured - problem.predicted), strict=True):
+        np.testing.assert_allclose(left, change[name], atol=1e-9 * np.max(np.abs(twin.channels[name])))
+    for (_, name), white in zip(problem.blocks, problem.whiteners(PERFECT, problem.predicted), strict=True):
+        np.testing.assert_allclose(np.diag(white.factor) ** 2, STD[name] ** 2 * (1.0 + 0.5) / 2.0)
+
+    other = Recording("other", 0.9 * later.commands, later.channels, later.rest, later.start_angle)
+    untouched = centred([other], [twin], references=references)
+    np.testing.assert_array_equal(untouched.split(untouched.measured)[0], later.channels[untouched.blocks[0][1]])
+
+
+def test_a_reference_takes_away_most_of_the_twin_s_error():
+    """The share KNOWN of rate and pressure is left, not of swings."""
+    twin, error = synthetic(), ModelError(0.02, 0.03, 0.1)
+    references = references_of(centred([twin], [twin]))
+    problem = centred([twin], [twin], references=references)
+    problem.error = error
+    left = ModelError(KNOWN * 0.02, KNOWN * 0.03, 0.1)
+    for (_, name), found in zip(problem.blocks, problem.whiteners(error, problem.predicted), strict=True):
+        expected = whitener(NOISE[name], name, twin.channels[name], left, repeats=1)
+        np.testing.assert_allclose(found.factor, expected.factor, rtol=1e-9, atol=1e-12 * expected.factor[0, 0])
+
+
+def test_a_healthy_recording_s_own_clock_and_zeros_are_no_reference():
+    twin = synthetic()
+    zero = {
+        "joint_angle": np.full(200, 0.5 * ZEROS["joint_angle"]),
+        "pressure_a": np.full(200, -2.0 * ZEROS["pressure_a"]),
+    }
+    problem = centred([with_residual(twin, zero)], [twin])
+    names = [name for _, name in problem.blocks]
+    problem.centre = np.array([0.0, *(0.5 if name == "joint_angle" else -2.0 for name in names)])
+    for (_, name), reference in references_of(problem).items():
+        np.testing.assert_allclose(reference.residual, 0.0, atol=1e-9 * np.max(np.abs(twin.channels[name])))
+
+
+@pytest.mark.parametrize("later", [130, 140, 147])
+def test_a_reference_follows_the_arrival(later):
+    """What the healthy machine showed a while after its arrival is expected that long after the later machine's."""
+    at = np.arange(200)
+
+    def residual(arrival: int) -> dict[str, np.ndarray]:
+        return {
+            "joint_angle": np.where(at < arrival, 1e-3, 2e-3),
+            "pressure_a": np.where(at < arrival, 0.0, 7e5),
+        }
+
+    healthy = with_residual(synthetic(), residual(140))
+    references = references_of(centred([healthy], [synthetic()]))
+    log = with_residual(synthetic(arrival=later), residual(later))
+    problem = centred([log], [synthetic(arrival=later)], references=references)
+    for (_, name), left in zip(problem.blocks, problem.split(problem.measured - problem.predicted), strict=True):
+        np.testing.assert_allclose(left, 0.0, atol=1e-9 * np.max(np.abs(log.channels[name])))
+
+
+def test_a_prediction_is_read_on_the_clock_of_the_log():
+    """A machine whose valve gives more arrives earlier: its pressure jumps when that of the log does, and until then its
+    angle runs ahead of the log's, as if there were no stop."""
+    (recording,) = logged(Variants(MACHINE), np.random.default_rng(4), [blank("left", turn(1.0, 2.8), -0.3)])
+    problem = Problem([recording], DAY, {}, error=PERFECT, noise=NOISE)
+    wide = Variants(EFFECTS["valve_gain"].apply(MACHINE, EFFECTS["valve_gain"].magnitudes[0].high))
+    (plain,) = Simulator().run([Task(wide, recording)])
+    read = dict(zip([name for _, name in problem.blocks], problem.split(problem.simulate([wide])), strict=True))
+
+    def drop(pressure: np.ndarray) -> int:
+        """Sample at which the pressure behind a piston that comes to rest first is next to none, 10 bar on its way."""
+        return 120 + int(np.argmax(pressure[120:] < 4e5))
+
+    own, log = drop(plain["pressure_b"][:, 0]), drop(recording.channels["pressure_b"])
+    assert own < log - 5
+    assert abs(drop(read["pressure_b"][:, 0]) - log) <= 1
+    before = own - 10
+    np.testing.assert_array_equal(read["joint_angle"][:before], plain["joint_angle"][:before])
+    ahead = read["joint_angle"][before : log - 10, 0] - recording.channels["joint_angle"][before : log - 10]
+    assert np.all(ahead > 0.9 * ahead[0])
