@@ -201,17 +201,21 @@ def test_a_search_in_a_linear_world_finds_the_least_squares(effects):
     assert 0.01 < fit_p(linear, found) < 0.99
 
 
-def test_a_search_stays_within_the_range():
-    """The best place lies beyond: the search ends at the end, with the nuisances that are the best there."""
-    world = LinearWorld(np.random.default_rng(3), places=(1.4, 0.0), error=ModelError(0.0, 0.0))
+@pytest.mark.parametrize("effects", [NAMES[:1], NAMES])
+def test_a_search_stays_within_the_range(effects):
+    """The best place of the first effect lies beyond: the search ends at the end, and the rest is the best there."""
+    places = [1.4, 0.5 if len(effects) == 2 else 0.0]
+    world = LinearWorld(np.random.default_rng(3), places=places, error=ModelError(0.0, 0.0))
     world.learn()
     linear = Linear(world, world.error)
-    assert least_squares(world, linear, NAMES[:1])[1][0] > 1.2
-    (found,) = refine(linear, [Hypothesis(NAMES[:1], 0.0, (0.5,))])
-    assert found.places == (1.0,)
+    assert least_squares(world, linear, effects)[1][0] > 1.2
+    (found,) = refine(linear, [Hypothesis(effects, 0.0, (0.5,) * len(effects))])
     residual, jacobian, noise, shifts = dense(world, linear)
     inner = np.linalg.inv(noise + jacobian @ jacobian.T)
-    left = residual - shifts[:, 0]
+    left, other = residual - shifts[:, 0], shifts[:, 1]
+    best = [1.0, (other @ inner @ left) / (other @ inner @ other)][: len(effects)]
+    left = left - other * sum(best[1:])
+    np.testing.assert_allclose(found.places, best, atol=1e-6)
     assert found.cost == pytest.approx(left @ inner @ left, rel=1e-6)
 
 
