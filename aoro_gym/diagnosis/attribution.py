@@ -41,7 +41,7 @@ CHANCE = 12.0
 """Log odds behind the best beyond which a hypothesis is not refined any more."""
 MOST = 10
 """Hypotheses that are refined at once."""
-WAVES = 2
+WAVES = 1
 """Times that hypotheses are chosen to be refined."""
 ROUNDS = 5
 """Gauss–Newton steps of every refinement."""
@@ -82,7 +82,7 @@ class Linear:
 
     def __init__(self, problem: Problem, error: ModelError, effects: bool = True):
         self.problem = problem
-        self.whiteners = problem.whiteners(error, problem.predicted)
+        self.whiteners = problem.whiteners(error, problem.given)
         self.log_volume = sum(float(np.sum(np.log(np.diag(w.factor)))) for w in self.whiteners)
         felt = len(problem.felt)
         own = problem.own(problem.predicted)
@@ -264,7 +264,8 @@ class Search:
         covariance = np.empty((0, 0))
         if z.size:
             information = self.linear.projected(self.slopes, self.slopes)
-            log_evidence += volume(z.tolist(), information)
+            pull = self.linear.projected(self.slopes, self.residual + self.linear.jacobian @ u)
+            log_evidence += volume(z.tolist(), information, np.where((z <= 0.0) | (z >= 1.0), pull, 0.0))
             covariance = np.linalg.inv(information + PRIOR_INFORMATION * np.eye(len(z)))
         places = tuple(map(float, z))
         return Hypothesis(
@@ -297,20 +298,27 @@ def attribute(
     were found with, around the centre that the problem has then.
 
     What was learned far from the truth misleads: nuisances as uncertain as the valve's flow act on turns beyond what is
-    linear. So likely hypotheses are refined first, and the problem is learned anew around the nuisances of the best of
-    them, until that changes nothing.
+    linear. So all is done again around the nuisances that suit nothing best, and around those that suit the best hypothesis,
+    until that changes nothing; every hypothesis counts by the best fit that it ever had.
     """
-    before = np.inf
+    found: dict[tuple[str, ...], Hypothesis] = {}
+    linear, centre = Linear(problem, problem.error), ()
     for again in range(AGAIN + 1):
-        linear = Linear(problem, problem.error)
         begin, share = again / (AGAIN + 1), 1.0 / (AGAIN + 1)
-        found = _searched(linear, WAVES, lambda s, x, begin=begin, share=share: progress(s, begin + share * x))
+        new = _searched(linear, WAVES, lambda s, x, begin=begin, share=share: progress(s, begin + share * x))
+        last = found.get(centre)
+        for effects, h in new.items():
+            old = found.get(effects)
+            if old is None or not old.refined or (h.refined and h.log_evidence > old.log_evidence):
+                found[effects] = h
         best = max((h for h in found.values() if h.refined), key=lambda h: h.log_evidence)
-        if again == AGAIN or abs(best.cost - before) < CONVERGED:
+        settled = last is not None and found[centre].cost > last.cost - CONVERGED and best.effects == centre
+        if again == AGAIN or settled:
             break
-        before = best.cost
-        problem.centre = best.nuisances
+        centre = () if again == 0 else best.effects
+        problem.centre = found[centre].nuisances
         problem.learn()
+        linear = Linear(problem, problem.error)
     return weigh([*found.values(), unknown(problem), other_calibration(problem, linear)], log_priors(found)), linear
 
 
@@ -322,18 +330,26 @@ def _searched(linear: Linear, waves: int, progress: Progress) -> dict[tuple[str,
     def score(h: Hypothesis) -> float:
         return h.log_evidence + prior[h.effects]
 
-    ranked = sorted(found.values(), key=score, reverse=True)
-    chosen = [found[()]]
-    for size in (1, 2):
-        chosen += [h for h in ranked if len(h.effects) == size][:LIKELIEST]
+    def kept(refined: Sequence[Hypothesis]) -> None:
+        for h in refined:
+            if not found[h.effects].refined or h.log_evidence > found[h.effects].log_evidence:
+                found[h.effects] = h
+
+    def likeliest(size: int) -> list[Hypothesis]:
+        return sorted((h for h in found.values() if len(h.effects) == size), key=score, reverse=True)[:LIKELIEST]
+
+    kept(refine(linear, [found[()], *likeliest(1)], lambda s, x: progress(s, 0.3 * x)))
+    pairs = likeliest(2)
+    # a pair begins where it was found, and where each of its effects alone is best
+    apart = [replace(h, places=sum((found[(name,)].places for name in h.effects), ())) for h in pairs]
+    kept(refine(linear, [*pairs, *apart], lambda s, x: progress(s, 0.3 + 0.3 * x)))
     for wave in range(waves):
-        for h in refine(linear, chosen, lambda s, share, wave=wave: progress(s, (wave + share) / waves)):
-            found[h.effects] = h
         best = max(map(score, found.values()))
         waiting = [h for h in found.values() if not h.refined and score(h) > best - CHANCE]
-        chosen = sorted(waiting, key=score, reverse=True)[:MOST]
-        if not chosen:
+        if not waiting:
             break
+        chosen = sorted(waiting, key=score, reverse=True)[:MOST]
+        kept(refine(linear, chosen, lambda s, x, wave=wave: progress(s, 0.6 + 0.4 * (wave + x) / waves)))
     return found
 
 

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.special import ndtr
+from scipy.special import log_ndtr
 
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.twin.effects import Effect, Magnitude
@@ -132,12 +132,23 @@ class Shift:
         return cost, tuple(map(float, places)), information
 
 
-def volume(places: Sequence[float], information: Floats) -> float:
-    """Log of the share of a uniform prior over the ranges that a best fit's normal occupies (Laplace)."""
+def volume(places: Sequence[float], information: Floats, pull: Floats | None = None) -> float:
+    """Log of the share of a uniform prior over the ranges that the normal around a best fit occupies (Laplace).
+
+    Args:
+        places: (a,) of the best fit within the ranges.
+        information: (a, a) there.
+        pull: (a,) half the fall of the cost a place would bring beyond the end of a range that holds it.
+    """
     if not len(places):
         return 0.0
     z = np.array(places)
     covariance = np.linalg.inv(information + PRIOR_INFORMATION * np.eye(len(z)))
     std = np.sqrt(np.diag(covariance))
-    inside = ndtr((1.0 - z) / std) - ndtr(-z / std)
-    return float(0.5 * np.linalg.slogdet(2.0 * np.pi * covariance)[1] + np.sum(np.log(np.maximum(inside, 1e-12))))
+    beyond = np.zeros_like(z) if pull is None else pull * std
+    low, high = -z / std - beyond, (1.0 - z) / std - beyond
+    # of the two equal differences of normal distributions, that of the tails which do not cancel
+    above = low > 0.0
+    low, high = np.where(above, -high, low), np.where(above, -low, high)
+    inside = log_ndtr(high) + np.log1p(-np.exp(np.minimum(log_ndtr(low) - log_ndtr(high), -1e-12)))
+    return float(0.5 * np.linalg.slogdet(2.0 * np.pi * covariance)[1] + np.sum(inside + 0.5 * beyond**2))

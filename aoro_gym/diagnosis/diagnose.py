@@ -104,9 +104,10 @@ def diagnose(
     problem = Problem(
         recordings, around, effects, error=ERROR, references=references, noise=noise, simulator=simulator
     )
-    before = problem.simulate([Variants(twin)])[:, 0]
-    problem.settle(JACOBIANS[mode], lambda s, share: progress(s, 0.3 + 0.1 * share))
-    if not healthy:
+    before = problem.given
+    if mode == "day-one":
+        problem.settle(JACOBIANS[mode], lambda s, share: progress(s, 0.3 + 0.1 * share))
+        problem.rebase()
         problem.noise = {name: noise[name].louder(loud) for name, loud in problem.loudness().items()}
     progress("what every effect does", 0.4)
     problem.learn()
@@ -336,11 +337,7 @@ def _how_far(
     wrong = next((h for h in rivals if not set(h.effects) & set(best.effects)), None)
     fitted = shrinkages(problem, before, after, held_out=False)
     if held_out:
-        other = Problem(
-            held_out, problem.nuisances, problem.effects, error=problem.error, references=problem.references,
-            noise=problem.noise, simulator=problem.simulator,
-        )  # fmt: skip
-        other.felt = problem.felt
+        other = problem.of(held_out)
         base = other.simulate([Variants(problem.nuisances.machine)])[:, 0]
         found = other.simulate([other.at(_own_free(problem, other, h), h.effects, _row(h)) for h in (best, wrong) if h])
         left = shrinkages(other, base, found[:, 0], held_out=True)

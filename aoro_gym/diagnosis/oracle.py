@@ -127,10 +127,11 @@ def _as_written(path: Path) -> Recording:
 
 def _twin(machine: Path, logs: Sequence[Recording], device: str) -> dict[tuple[str, str], Floats]:
     """What the twin does under the commands of ``logs``, by log and signal."""
-    from aoro_gym.diagnosis.replay import Replay, Variants
+    from aoro_gym.diagnosis.replay import Simulator, Task, Variants
     from aoro_gym.twin import Machine
 
-    found = Replay(logs, device=device).run([Variants(Machine.load(machine))])
+    twin = Variants(Machine.load(machine))
+    found = Simulator(device).run([Task(twin, log) for log in logs])
     return {
         (log.name, channel): values[:, 0].astype(np.float64)
         for log, signals in zip(logs, found, strict=True)

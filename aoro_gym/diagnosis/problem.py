@@ -116,6 +116,7 @@ class Problem:
         self.axes: dict[str, list[Axis]] = {name: axes_of(effect) for name, effect in self.effects.items()}
         self.felt: NDArray[np.intp] = np.arange(len(nuisances.keys))
         """Nuisances that show; the others stay where they are."""
+        self._chosen = False
         zeros = [(k, name) for k, name in self.blocks if name in ZEROS]
         self._own: list[tuple[int, str]] = [*((k, "") for k in range(len(self.recordings))), *zeros]
         self.centre: Floats = np.zeros(len(nuisances.keys) + len(self._own))
@@ -158,15 +159,20 @@ class Problem:
         """The twin at the centre."""
         return self.at(self.centre[None]).machine
 
-    def part(self, indices: Sequence[int]) -> tuple[Problem, NDArray[np.intp]]:
-        """The same problem with some of its recordings only, not learned, and their rows in a stacked array of all."""
-        chosen = Problem(
-            [self.recordings[index] for index in indices], self.nuisances, self.effects, error=self.error,
-            references=self.references, noise=self.noise, simulator=self.simulator,
+    def of(self, recordings: Sequence[Recording]) -> Problem:
+        """The same problem with other recordings, not learned."""
+        other = Problem(
+            recordings, self.nuisances, self.effects, error=self.error, references=self.references, noise=self.noise,
+            simulator=self.simulator,
         )  # fmt: skip
-        chosen.felt = self.felt
+        other.felt, other._chosen = self.felt, True
+        return other
+
+    def part(self, indices: Sequence[int]) -> tuple[Problem, NDArray[np.intp]]:
+        """The same problem with some of its recordings only, and their rows in a stacked array of all."""
         rows = dict(zip(self.blocks, self.split(np.arange(len(self.measured))), strict=True))
-        return chosen, np.concatenate([rows[index, name] for index in indices for name in self.recordings[index].channels])
+        mine = [rows[index, name] for index in indices for name in self.recordings[index].channels]
+        return self.of([self.recordings[index] for index in indices]), np.concatenate(mine)
 
     def spread(self, predicted: Floats) -> list[Floats]:
         """Standard deviation (F,) SI of noise and of the twin's own error by block, around a stacked prediction (D,)."""
@@ -175,6 +181,15 @@ class Problem:
             std = np.repeat(np.linalg.norm(w.factor, axis=1), MERGED)
             out.append(np.append(std, np.full(len(part) - len(std), std[-1])))
         return out
+
+    @cached_property
+    def given(self) -> Floats:
+        """Stacked prediction (D,) SI of the given twin, around which all hypotheses are held to the same error."""
+        return self.simulate([self.at(np.zeros((1, len(self.centre))))])[:, 0]
+
+    def rebase(self) -> None:
+        """Let the centre stand for the given twin: where that was given as one of many, not as this machine's own."""
+        self.given = self.simulate([self.at(self.centre[None])])[:, 0]
 
     # ---- predictions ----
 
@@ -234,9 +249,10 @@ class Problem:
     # ---- whitening ----
 
     def whiteners(self, error: ModelError, predicted: Floats) -> list[Whitener]:
-        """One a block, around a stacked prediction (D,)."""
+        """One a block, around a stacked prediction (D,). What is seen beyond the twin is that of the :attr:`given` one,
+        whatever the prediction, lest a better one be held to a smaller error."""
         out = []
-        parts = zip(self.blocks, self.split(predicted), self.split(self.measured - predicted), strict=True)
+        parts = zip(self.blocks, self.split(predicted), self.split(self.measured - self.given), strict=True)
         for (index, name), mine, seen in parts:
             known = self.references.get((self.recordings[index].signature, name))
             out.append(
@@ -279,7 +295,7 @@ class Problem:
                     break
 
     def _slopes(self, more: Sequence[Variants] = ()) -> Floats:
-        """Prediction and slopes at the centre; leaves out what is not felt. Returns what ``more`` predict (D, N)."""
+        """Prediction and slopes at the centre; the first time chooses what is felt. Returns what ``more`` predict (D, N)."""
         d, whole = len(self.felt), len(self.centre)
         place, std = self.nuisances.place[self.felt], self.nuisances.std[self.felt]
         h = np.minimum(STEP, LARGEST_STEP / std)
@@ -288,6 +304,9 @@ class Problem:
         found = self.simulate([self.at(points), *more])
         self.predicted = found[:, 0]
         self.slopes = np.nan_to_num(found[:, 1 : d + 1] - found[:, :1]) / h
+        if self._chosen:
+            return found[:, d + 1 :]
+        self._chosen = True
         white = self.white(self.whiteners(self.error, self.predicted), self.slopes)
         shown = np.flatnonzero(np.linalg.norm(white, axis=0) > FELT)
         self.slopes, self.felt = self.slopes[:, shown], self.felt[shown]

@@ -7,7 +7,7 @@ from scipy.linalg import cholesky, toeplitz
 from aoro_gym.diagnosis.noise import Noise
 from aoro_gym.diagnosis.oracle import consult, evidence_of, is_detectable, removed_share
 from aoro_gym.diagnosis.recording import read_recording
-from aoro_gym.diagnosis.replay import Replay, Variants
+from aoro_gym.diagnosis.replay import Simulator, Task, Variants
 from aoro_gym.log import write_log
 from aoro_gym.twin import Machine
 from tests.diagnosis.suites import NOISE, RESTING, SAMPLES, deviation, write_case
@@ -94,7 +94,8 @@ def test_without_a_healthy_day_the_twin_is_what_is_expected(tmp_path):
     write_case(place, tmp_path / "exact.npz", 0.05, healthy=False, seed=7)
     rng = np.random.default_rng(8)
     logs = [read_recording(path) for path in sorted((place / "logs").glob("*.csv"))]
-    shown = Replay(logs).run([Variants(Machine.load(place / "machine.toml"))])
+    twin = Variants(Machine.load(place / "machine.toml"))
+    shown = Simulator().run([Task(twin, log) for log in logs])
     for log, signals in zip(logs, shown, strict=True):
         twin = signals["joint_angle"][:, 0]
         table = {
