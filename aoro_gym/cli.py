@@ -11,6 +11,7 @@ import math
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
@@ -104,6 +105,7 @@ def _top(
       aoro-gym calibrate --help             make a twin agree with your own logs
       aoro-gym parameters steering.valve    what the machine is made of, with sources
       aoro-gym evaluate --help              reference controllers side by side, on any ground
+      aoro-gym diagnose --help              why your machine and its twin disagree
       aoro-gym blind --help                 machines with a withheld deviation, to check a diagnosis on
     """
 
@@ -478,6 +480,90 @@ def calibrate(
         return calibrate_published(chosen, **options) if published else calibrate_logs(chosen, logs or [], **options)
 
     _say(_calibrate(fit, out, ensemble=ensemble, seed=seed, device=device, **sizes))
+
+
+@app.command()
+def diagnose(
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Logs (.csv or .parquet) to be explained.")],
+    healthy: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--healthy", metavar="LOG|DIR", help="Log of the same machine while nothing was wrong, or a folder of them."
+        ),
+    ] = None,
+    holdout: Annotated[
+        list[str] | None,
+        typer.Option("--holdout", metavar="NAME", help="Logs, by name or glob, that take no part in the fit."),
+    ] = None,
+    fit: Annotated[
+        list[str] | None,
+        typer.Option("--fit", metavar="NAME", help="Logs that do; the others are held out."),
+    ] = None,
+    commissioned: Annotated[
+        bool, typer.Option("--commissioned", help="The machine file was fitted to this very machine.")
+    ] = False,
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")] = Path("diagnosis"),
+    machine: MachineOption = MACHINE,
+    set_: SetOption = None,
+    scale: ScaleOption = None,
+    device: DeviceOption = "cpu",
+) -> None:
+    """Say why a machine and its twin disagree: where, because of what, by how much, and what to record next.
+
+    The twin repeats every LOG with each effect of the catalogue (aoro-gym parameters --effects) and with pairs of them, all
+    with the same freedom in uncertain parameters. A LOG needs time_s, steering_signal (or steering_signal_V),
+    joint_angle_rad (or joint_angle_deg) and half a second of rest at its begin; port and pump pressures tell far more.
+
+    With --healthy logs, best of the same commands, the twin is fitted to those first, and the question is what has changed
+    since. Without, parameters may lie anywhere in their ranges, and what the twin's laws do otherwise cannot be told from an
+    effect.
+
+    Writes DIR/diagnosis.json, DIR/report.html and a machine file for every cause that survives. A verdict of a cause is
+    only as good as the blind check says (aoro-gym blind --help).
+
+    [bold]Examples[/]
+
+      aoro-gym diagnose later/*.csv --healthy healthy --machine mine.toml --out diagnosis
+      aoro-gym diagnose left.csv right.csv ramp.csv --holdout ramp
+      aoro-gym diagnose later/*.csv --healthy healthy --device cuda:0
+    """
+    with _checking_input():
+        from aoro_gym.diagnosis.recording import read_recording
+        from aoro_gym.log import check_writable
+
+        if fit and holdout:
+            raise ValueError("give --fit or --holdout, not both: what is not fitted is held out")
+        check_writable(out / "diagnosis.json")
+        chosen = _machine(machine, set_, scale)
+        _check_device(device)
+        recordings = [read_recording(path) for path in logs]
+        before = [read_recording(path) for one in healthy or [] for path in _logs_in(one)]
+        left_out = _selected("--holdout", holdout, recordings)
+        if fit:
+            kept = _selected("--fit", fit, recordings)
+            left_out = [one for one in recordings if not any(one is other for other in kept)]
+        used = [one for one in recordings if not any(one is other for other in left_out)]
+        if not used:
+            raise ValueError("--holdout leaves no log to fit; leave one at least")
+    from aoro_gym.diagnosis.diagnose import diagnose as find
+    from aoro_gym.diagnosis.replay import Simulator
+    from aoro_gym.diagnosis.report import summary, write_report
+
+    with _running(), _bar("diagnosing") as tell:
+        found = find(
+            used,
+            chosen,
+            healthy=before,
+            held_out=left_out,
+            commissioned=True if commissioned else None,
+            simulator=Simulator(device),
+            out=out,
+            progress=tell,
+        )
+    written = [found.save(out), write_report(found, out)]
+    for item in summary(found):
+        _out().print(item)
+    _say(written)
 
 
 @app.command()
@@ -968,6 +1054,27 @@ def _machine(name: str, settings: list[str] | None, factors: list[str] | None) -
     if values:
         chosen = chosen.set(values)
     return chosen.scale(scales) if scales else chosen
+
+
+def _logs_in(path: Path) -> list[Path]:
+    """The log at ``path``, or all logs in that folder."""
+    if not path.is_dir():
+        return [path]
+    found = sorted([*path.glob("*.csv"), *path.glob("*.parquet")])
+    if not found:
+        raise ValueError(f"--healthy {path} holds no .csv or .parquet log")
+    return found
+
+
+def _selected(option: str, patterns: list[str] | None, recordings: list[Any]) -> list[Any]:
+    """Recordings whose name matches any of ``patterns``."""
+    chosen = []
+    for pattern in patterns or []:
+        mine = [one for one in recordings if fnmatch(one.name, pattern)]
+        if not mine:
+            raise ValueError(f"{option} {pattern}: no log has that name; choose of {', '.join(r.name for r in recordings)}")
+        chosen += [one for one in mine if not any(one is other for other in chosen)]
+    return chosen
 
 
 def _assignments(option: str, texts: list[str] | None) -> dict[str, float]:

@@ -10,11 +10,13 @@ on as fast as it came, so that its distance from the measurement is what it woul
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.recording import TICK
 
+SMOOTH = 5
+"""Samples that the angle is averaged over to find the instant, of measurements and predictions alike."""
 BEFORE_END = round(0.08 / TICK)
 """Samples before the command's end by which the joint must have arrived; one that its command alone stops arrives later."""
 NEAR = np.radians(0.5)
@@ -30,52 +32,62 @@ AFTER = round(0.5 / TICK)
 NEVER = -1
 
 
-def arrivals(angle: Floats, steering: Floats) -> NDArray[np.intp]:
-    """Sample (N,) at which joints with ``angle`` (F, N) [rad] arrive at a stop under the last piece of the signal
-    ``steering`` (F − 1,); :data:`NEVER` where they do not."""
+def arrivals(angle: Floats, steering: Floats) -> Floats:
+    """Instants (N,), in samples, at which joints with ``angle`` (F, N) [rad] arrive at a stop under the last piece of the
+    signal ``steering`` (F − 1,); :data:`NEVER` where they do not."""
+    none = np.full(angle.shape[1], float(NEVER))
     commanded = np.flatnonzero(steering)
     if not commanded.size:
-        return np.full(angle.shape[1], NEVER, dtype=np.intp)
+        return none
     last = int(commanded[-1])
     changes = np.flatnonzero(np.diff(steering[: last + 1]))
     first = int(changes[-1]) + 1 if changes.size else 0
     if last - first <= BEFORE_END:
-        return np.full(angle.shape[1], NEVER, dtype=np.intp)
+        return none
     final = np.median(angle[last:], axis=0)
-    near = np.abs(angle[first : last - BEFORE_END] - final) < NEAR
+    distance = np.abs(uniform_filter1d(angle[first : last - BEFORE_END], SMOOTH, axis=0) - final)
+    near = distance < NEAR
     arrives = np.any(near, axis=0) & (np.abs(final - angle[first]) > TRAVEL)
-    return np.where(arrives, first + np.argmax(near, axis=0), NEVER)
+    # between two samples the joint is where a straight line has it, so that the instant moves as smoothly as the prediction
+    after = np.maximum(np.argmax(near, axis=0), 1)
+    columns = np.arange(angle.shape[1])
+    before, behind = distance[after - 1, columns], distance[after, columns]
+    share = np.clip((before - NEAR) / np.maximum(before - behind, 1e-12), 0.0, 1.0)
+    return np.where(arrives, first + after - 1 + share, NEVER)
 
 
-def on_clock(
-    values: Floats, own: NDArray[np.intp], measured: int, steering: Floats, *, goes_on: bool = False
-) -> Floats:
+def on_clock(values: Floats, own: Floats, measured: float, steering: Floats, *, goes_on: bool = False) -> Floats:
     """``values`` (F, N) of predictions that arrive at ``own`` (N,), read on the clock of a measurement that arrives at the
-    sample ``measured``, or :data:`NEVER`. Where a prediction arrives early, its values are held, or go on as they came."""
+    instant ``measured``, in samples, or :data:`NEVER`. Where a prediction arrives early, its values are held, or go on as
+    they came."""
     count = len(values)
-    time = np.arange(count)[:, None]
+    time = np.arange(count, dtype=np.float64)[:, None]
     arrives = own != NEVER
     early = np.where(arrives, own - AHEAD, count)
+    until = count if measured == NEVER else measured - AHEAD
     if measured == NEVER:
         source = np.minimum(time, early)
     else:
         last = int(np.flatnonzero(steering)[-1])
-        after = max(min(AFTER, last - measured - AHEAD), 0)
+        after = max(min(AFTER, last - measured - AHEAD), 0.0)
         before = np.minimum(time, early)
         since = time - measured + own
         later = np.maximum(time, own + after)
-        source = np.where(time < measured - AHEAD, before, np.where(time < measured + after, since, later))
+        source = np.where(time < until, before, np.where(time < measured + after, since, later))
         # a prediction that does not arrive has nothing to show after that
-        source = np.where(arrives, source, np.minimum(time, measured - AHEAD))
-    read = np.take_along_axis(values, np.clip(source, 0, count - 1), axis=0)
+        source = np.where(arrives, source, np.minimum(time, until))
+    read = _between(values, source)
     if goes_on and np.any(arrives):
         last = int(np.flatnonzero(steering)[-1])
-        until = last if measured == NEVER else measured - AHEAD
-        late = np.clip(np.minimum(time, until) - early, 0, None)
-        if measured != NEVER:
-            late = np.where(time < measured - AHEAD, late, 0)
-        columns = np.arange(values.shape[1])
-        begin = np.clip(early - 1, APPROACH, count - 1)
-        rate = (values[begin, columns] - values[begin - APPROACH, columns]) / APPROACH
-        read = read + np.where(arrives, late * rate, 0.0)
+        late = np.where(time < until, np.clip(np.minimum(time, last) - early, 0.0, None), 0.0)
+        ends = _between(values, np.stack([early - APPROACH, early]))
+        read = read + np.where(arrives, late * (ends[1] - ends[0]) / APPROACH, 0.0)
     return read
+
+
+def _between(values: Floats, instants: Floats) -> Floats:
+    """``values`` (F, N) at ``instants`` (K, N), in samples, on straight lines between them."""
+    within = np.clip(instants, 0.0, len(values) - 1.0)
+    lower = np.minimum(within.astype(np.intp), len(values) - 2)
+    begin, end = (np.take_along_axis(values, index, axis=0) for index in (lower, lower + 1))
+    return begin + (within - lower) * (end - begin)

@@ -61,12 +61,12 @@ def _means(rows: list[Floats]) -> list[float | None]:
     return [float(np.mean(column)) if column.size else None for column in columns]
 
 
-def full_turn(recording: Recording, arrival: int, reach: float) -> float:
+def full_turn(recording: Recording, arrival: float, reach: float) -> float:
     """Signal of a full turn at standstill, positive to the left; 0.0 for any other recording.
 
     Args:
         recording: One constant signal between standstills, from one stop to the other.
-        arrival: Sample at which it came to a stop, negative if nowhere.
+        arrival: Instant at which it came to a stop, negative if nowhere.
         reach: Angle [rad] of the stops.
     """
     steering, drive = recording.commands.T

@@ -110,7 +110,7 @@ class Problem:
         self.blocks = [(index, name) for index, r in enumerate(self.recordings) for name in r.channels]
         """Recording and channel of every part of a stacked residual."""
         self.arrivals = [
-            int(arrivals(r.channels["joint_angle"][:, None], r.commands[:, 0])[0]) for r in self.recordings
+            round(float(arrivals(r.channels["joint_angle"][:, None], r.commands[:, 0])[0])) for r in self.recordings
         ]
         """Sample at which each recording's joint comes to its stop."""
         self.axes: dict[str, list[Axis]] = {name: axes_of(effect) for name, effect in self.effects.items()}
@@ -150,7 +150,7 @@ class Problem:
         """A healthy machine's residual (F,) on the clock of a recording."""
         if name not in CLOCKED:
             return known.residual
-        own = np.array([known.arrival])
+        own = np.array([float(known.arrival)])
         steering = self.recordings[index].commands[:, 0]
         return on_clock(known.residual[:, None], own, self.arrivals[index], steering)[:, 0]
 

@@ -86,7 +86,7 @@ def _parts(problem: Problem) -> dict[tuple[int, str, str], NDArray[np.intp]]:
     return parts
 
 
-def phases(recording: Recording, arrival: int) -> NDArray[np.intp]:
+def phases(recording: Recording, arrival: float) -> NDArray[np.intp]:
     """Phase (F,) of every sample, by its number in :data:`~aoro_gym.diagnosis.result.PHASES`.
 
     By the time since a command last changed (:data:`ENDS`); ``stop`` after one went to zero until one changes again, and
