@@ -47,7 +47,7 @@ ROUNDS = 5
 """Gauss–Newton steps of every refinement."""
 SETTLED = 0.5
 """Change of the whitened squares by which a refinement ends."""
-DOUBT = 0.01
+DOUBT = 0.005
 """Share of the evidence for a gap that may be wrong for any hypothesis: about what searches leave between two that explain
 logs of the twin itself equally well (E)."""
 SURPRISES = (0.3, 0.6, 1.2)
@@ -385,12 +385,21 @@ def weigh(hypotheses: Sequence[Hypothesis], prior: Mapping[tuple[str, ...], floa
     """``hypotheses`` with their probabilities, the likeliest first.
 
     No twin shows a deviation exactly as its machine does, nor is any search of its magnitudes and nuisances perfect: of all
-    the evidence that there is a gap, the share :data:`DOUBT` may be wrong for every hypothesis. So evidence is tempered
-    (Miller and Dunson 2019) by what that share amounts to; where there is no gap, it counts in full.
+    the evidence that there is a gap, the share :data:`DOUBT` may be wrong for every hypothesis. So what a hypothesis fits
+    better than nothing does is tempered (Miller and Dunson 2019) by what that share amounts to. What its freedom costs
+    counts in full, as does the fit where there is no gap.
     """
-    evidence = {h.effects: h.log_evidence for h in hypotheses}
-    temperature = 1.0 + DOUBT * max(max(evidence.values()) - evidence[()], 0.0)
-    logs = np.array([h.log_evidence / temperature + prior[h.effects] for h in hypotheses])
+    nothing = next(h for h in hypotheses if not h.effects)
+    temperature = 1.0 + DOUBT * max(max(h.log_evidence for h in hypotheses) - nothing.log_evidence, 0.0)
+
+    def tempered(h: Hypothesis) -> float:
+        better = h.log_evidence - nothing.log_evidence
+        if np.isnan(h.cost):
+            return better / temperature + prior[h.effects]
+        fits = 0.5 * (nothing.cost - h.cost)
+        return fits / temperature + (better - fits) + prior[h.effects]
+
+    logs = np.array([tempered(h) for h in hypotheses])
     probabilities = np.exp(logs - logsumexp(logs))
     weighed = [replace(h, probability=float(p)) for h, p in zip(hypotheses, probabilities, strict=True)]
     return sorted(weighed, key=lambda h: -h.probability)

@@ -279,16 +279,13 @@ def commissioned():
     return Commissioned()
 
 
-UNCERTAIN = "a healthy fit leaves parameters less certain than another day's prior takes them to be: a partner is named"
-
-
 @pytest.mark.parametrize(
     "given",
     [
         {},
         {"spool_lag": 0.3},
         {"spool_lag": 0.3, "entrained_air": 0.4},
-        pytest.param({"entrained_air": 0.5}, marks=pytest.mark.xfail(reason=UNCERTAIN, strict=True)),
+        {"entrained_air": 0.5},
     ],
     ids=lambda given: "+".join(given) or "none",
 )

@@ -1,0 +1,104 @@
+"""From logs to a diagnosis: a cause that the twin itself was given, what it writes, and what is refused."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from aoro_gym.cli import app
+from aoro_gym.diagnosis.attribution import Hypothesis
+from aoro_gym.diagnosis.diagnose import _declared, _verdict, diagnose
+from aoro_gym.diagnosis.replay import Variants
+from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, VERDICTS
+from aoro_gym.twin import Machine
+from aoro_gym.twin.effects import EFFECTS
+from tests.diagnosis.manoeuvres import blank, record, turn
+
+CANDIDATES = {name: EFFECTS[name] for name in ("spool_lag", "joint_friction", "sensor_gain")}
+LAG = 0.03
+
+
+@pytest.fixture(scope="module")
+def diagnosed(tmp_path_factory):
+    """A slow spool in two turns, with the same turns of the healthy machine; and where the result was written."""
+    rng = np.random.default_rng(5)
+    machine = Machine.load("aoro")
+    blanks = [blank("left", turn(0.8, 2.2), -0.3), blank("right", turn(-0.6, 2.0), 0.3)]
+    healthy = record(Variants(machine), blanks, rng)
+    later = record(Variants.of(machine, [(EFFECTS["spool_lag"], (LAG,))], 1), blanks, rng)
+    folder = tmp_path_factory.mktemp("diagnosis")
+    return diagnose(later, machine, CANDIDATES, healthy=healthy, out=folder), folder
+
+
+def test_the_cause_its_size_and_its_machine_are_given(diagnosed):
+    found, folder = diagnosed
+    first = found.causes[0]
+    assert found.verdict == "cause" and first.effects == ("spool_lag",), [(c.title, c.probability) for c in found.causes]
+    (size,) = first.magnitudes["spool_lag"]
+    assert size.low90 < LAG < size.high90
+    assert size.high90 - size.low90 < 0.2 * LAG
+    assert next(iter(found.components)) == "valve"
+    machine, affected = Machine.load("aoro"), Machine.load(str(folder / first.machine_file))
+    longer = affected.steering.valve.spool_time_constant - machine.steering.valve.spool_time_constant
+    assert longer == pytest.approx(LAG, rel=0.1)
+
+
+def test_the_gap_is_gone_on_manoeuvres_left_out(diagnosed):
+    """Of the fit of its size: with the right law nothing but noise may stay."""
+    found, _ = diagnosed
+    left_out = [one for one in found.shrinkage if one.held_out and not one.refitted]
+    assert {one.manoeuvre for one in left_out} == {"left", "right"}
+    assert found.controls["cause"] == pytest.approx(np.median([one.S for one in left_out]))
+    assert found.controls["cause"] > 0.9
+    assert found.where and found.where_p < 1e-6
+    assert sum(place.share for place in found.where) == pytest.approx(1.0)
+
+
+def test_what_is_written_can_be_read(diagnosed, tmp_path):
+    found, _ = diagnosed
+    content = json.loads(found.save(tmp_path).read_text(encoding="utf-8"))
+    assert content["verdict"] in VERDICTS
+    assert sum(cause["probability"] for cause in content["causes"]) == pytest.approx(1.0, abs=0.05)
+    assert content["causes"][0]["magnitudes"]["spool_lag"]["unit"] == "s"
+    assert set(content["declared_set"]) == {"spool_lag"}
+
+
+def of(*pairs: tuple[tuple[str, ...], float]) -> list[Hypothesis]:
+    found = [Hypothesis(effects, 0.0, probability=probability) for effects, probability in pairs]
+    return sorted(found, key=lambda h: -h.probability)
+
+
+@pytest.mark.parametrize(
+    ("hypotheses", "verdict", "declared"),
+    [
+        (of(((), 0.97), (("payload",), 0.03)), "no_gap", ()),
+        (of(((), 0.2), ((CALIBRATION,), 0.8)), "calibration", (CALIBRATION,)),
+        (of((("payload",), 0.96), ((), 0.04)), "cause", ("payload",)),
+        (of((("payload",), 0.6), (("spool_lag",), 0.4)), "ambiguous", ("payload", "spool_lag")),
+        (of(((UNKNOWN,), 0.99), (("payload",), 0.01)), "unknown", (UNKNOWN,)),
+        (of((("payload",), 0.7), ((), 0.3)), "inconclusive", ("payload",)),
+    ],
+)
+def test_verdicts_follow_from_probabilities(hypotheses, verdict, declared):
+    assert _verdict(hypotheses) == verdict
+    assert set(_declared(hypotheses)) == set(declared)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("time_s,steering_signal\n" + "".join(f"{k / 100},0\n" for k in range(200)), "joint_angle_rad"),
+        ("time_s,steering_signal,joint_angle_rad\n" + "".join(f"{k},0,0.1\n" for k in range(12)), "samples a second"),
+        ("time_s,steering_signal,joint_angle_rad\n" + "".join(f"{k / 100},0,0.1\n" for k in range(60)), "needs"),
+        ("a,b\n1,2\n", "time_s"),
+    ],
+    ids=["no angle", "1 Hz", "short", "other columns"],
+)
+def test_logs_that_cannot_be_used_are_refused_in_a_line(content, said, tmp_path):
+    log = tmp_path / "log.csv"
+    log.write_text(content)
+    result = CliRunner().invoke(app, ["diagnose", str(log), "--out", str(tmp_path / "out")])
+    assert result.exit_code == 2
+    assert said in " ".join(result.output.split())
+    assert not (tmp_path / "out").exists()
