@@ -1072,7 +1072,9 @@ def _selected(option: str, patterns: list[str] | None, recordings: list[Any]) ->
     for pattern in patterns or []:
         mine = [one for one in recordings if fnmatch(one.name, pattern)]
         if not mine:
-            raise ValueError(f"{option} {pattern}: no log has that name; choose of {', '.join(r.name for r in recordings)}")
+            raise ValueError(
+                f"{option} {pattern}: no log has that name; choose of {', '.join(r.name for r in recordings)}"
+            )
         chosen += [one for one in mine if not any(one is other for other in chosen)]
     return chosen
 

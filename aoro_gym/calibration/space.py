@@ -52,7 +52,7 @@ class Space:
     def point(self, machine: Machine | None = None) -> NDArray[np.float64]:
         """Point (d,) of ``machine`` (by default the one that the space was made from), clipped to the cube."""
         entries = (machine or self.machine).entries
-        return self.places([entries[key].value for key in self.keys])
+        return self.places(np.array([entries[key].value for key in self.keys], dtype=np.float64))
 
     def places(self, values: ArrayLike) -> NDArray[np.float64]:
         """Points (..., d) of parameter values in the file's units, shape (..., d), clipped to the cube."""

@@ -295,9 +295,7 @@ def refine(
     return [search.weighed() for search in searches if np.isfinite(search.cost)]
 
 
-def attribute(
-    problem: Problem, progress: Progress = lambda sentence, share: None
-) -> tuple[list[Hypothesis], Linear]:
+def attribute(problem: Problem, progress: Progress = lambda sentence, share: None) -> tuple[list[Hypothesis], Linear]:
     """All hypotheses of a learned problem with their probabilities, the likeliest first, and the linear model that they
     were found with, around the centre that the problem has then.
 

@@ -101,9 +101,7 @@ def diagnose(
         noise = {name: noise[name].louder(loud) for name, loud in fit.loudness().items()}
         references, twin = references_of(fit), fit.machine
     around = Nuisances(twin, "day" if mode == "commissioned" else "range")
-    problem = Problem(
-        recordings, around, effects, error=ERROR, references=references, noise=noise, simulator=simulator
-    )
+    problem = Problem(recordings, around, effects, error=ERROR, references=references, noise=noise, simulator=simulator)
     before = problem.given
     if mode == "day-one":
         problem.settle(JACOBIANS[mode], lambda s, share: progress(s, 0.3 + 0.1 * share))
@@ -391,7 +389,9 @@ def _curves(problem: Problem, before: Floats, after: Floats) -> tuple[Curve, ...
     stacked = (problem.measured, before, after)
     columns = zip(problem.blocks, *map(problem.split, stacked), problem.spread(after), strict=True)
     return tuple(
-        Curve(problem.recordings[index].name, signal, False, TICK * np.arange(len(measured)), measured, old, new, spread)
+        Curve(
+            problem.recordings[index].name, signal, False, TICK * np.arange(len(measured)), measured, old, new, spread
+        )
         for (index, signal), measured, old, new, spread in columns
     )
 

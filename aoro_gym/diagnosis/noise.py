@@ -132,7 +132,13 @@ def _merged(values: Floats) -> Floats:
 
 
 def whitener(
-    noise: Noise, channel: str, predicted: Floats, error: ModelError, *, seen: Floats | None = None, repeats: float = np.inf
+    noise: Noise,
+    channel: str,
+    predicted: Floats,
+    error: ModelError,
+    *,
+    seen: Floats | None = None,
+    repeats: float = np.inf,
 ) -> Whitener:
     """Whitener of a channel whose twin shows ``predicted`` (F,) SI.
 

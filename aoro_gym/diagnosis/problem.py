@@ -170,9 +170,10 @@ class Problem:
 
     def part(self, indices: Sequence[int]) -> tuple[Problem, NDArray[np.intp]]:
         """The same problem with some of its recordings only, and their rows in a stacked array of all."""
-        rows = dict(zip(self.blocks, self.split(np.arange(len(self.measured))), strict=True))
+        numbers = self.split(np.arange(len(self.measured), dtype=np.float64))
+        rows = dict(zip(self.blocks, numbers, strict=True))
         mine = [rows[index, name] for index in indices for name in self.recordings[index].channels]
-        return self.of([self.recordings[index] for index in indices]), np.concatenate(mine)
+        return self.of([self.recordings[index] for index in indices]), np.concatenate(mine).astype(np.intp)
 
     def spread(self, predicted: Floats) -> list[Floats]:
         """Standard deviation (F,) SI of noise and of the twin's own error by block, around a stacked prediction (D,)."""
@@ -219,9 +220,7 @@ class Problem:
             own = arrivals(signals["joint_angle"], steering)
             for name, values in signals.items():
                 moves = name == "joint_angle"
-                stacked.append(
-                    on_clock(values, own, arrival, steering, goes_on=moves) if name in CLOCKED else values
-                )
+                stacked.append(on_clock(values, own, arrival, steering, goes_on=moves) if name in CLOCKED else values)
         return np.concatenate(stacked).astype(np.float64)
 
     def own(self, predicted: Floats) -> Floats:
@@ -258,9 +257,7 @@ class Problem:
             out.append(
                 whitener(self.noise[name], name, mine, error, seen=seen)
                 if known is None
-                else whitener(
-                    self.noise[name], name, mine, error.scaled(KNOWN), seen=seen, repeats=known.repeats
-                )
+                else whitener(self.noise[name], name, mine, error.scaled(KNOWN), seen=seen, repeats=known.repeats)
             )
         return out
 

@@ -134,11 +134,11 @@ class Curve:
     manoeuvre: str
     signal: str
     held_out: bool
-    time: NDArray[np.float64]
-    measured: NDArray[np.float64]
-    before: NDArray[np.float64]  # the given twin
-    after: NDArray[np.float64]  # with the first cause
-    spread: NDArray[np.float64]  # standard deviation of noise and of the twin's own error
+    time: NDArray[np.floating[Any]]
+    measured: NDArray[np.floating[Any]]
+    before: NDArray[np.floating[Any]]  # the given twin
+    after: NDArray[np.floating[Any]]  # with the first cause
+    spread: NDArray[np.floating[Any]]  # standard deviation of noise and of the twin's own error
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,9 @@ def diagnosed(tmp_path_factory):
 def test_the_cause_its_size_and_its_machine_are_given(diagnosed):
     found, folder = diagnosed
     first = found.causes[0]
-    assert found.verdict == "cause" and first.effects == ("spool_lag",), [(c.title, c.probability) for c in found.causes]
+    assert found.verdict == "cause" and first.effects == ("spool_lag",), [
+        (c.title, c.probability) for c in found.causes
+    ]
     (size,) = first.magnitudes["spool_lag"]
     assert size.low90 < LAG < size.high90
     assert size.high90 - size.low90 < 0.2 * LAG
