@@ -79,7 +79,8 @@ def _serve(address: str, device: str, ready: Event) -> None:
         Thread(target=accept, daemon=True).start()
         ready.set()
         asked: list[tuple[Connection, list[Request]]] = []
-        while True:
+        parent = multiprocessing.parent_process()
+        while parent is None or parent.is_alive():
             busy = [connection for connection, _ in asked]
             idle = [connection for connection in connections if connection not in busy]
             heard = wait(idle, timeout=0.0 if asked else 0.05)

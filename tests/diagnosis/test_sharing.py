@@ -1,12 +1,15 @@
 """Launches that are shared: everybody gets what it would get alone, and nobody waits for who is gone."""
 
+import multiprocessing
+import time
 from concurrent.futures import ThreadPoolExecutor
+from multiprocessing.connection import Client
 
 import numpy as np
 import pytest
 
 from aoro_gym.diagnosis.replay import Simulator, Task, Variants
-from aoro_gym.diagnosis.sharing import Remote, sharing, simulator
+from aoro_gym.diagnosis.sharing import PREFIX, Remote, sharing, simulator
 from aoro_gym.twin import Machine
 from aoro_gym.twin.effects import EFFECTS
 from tests.diagnosis.manoeuvres import blank, turn
@@ -71,3 +74,33 @@ def test_without_sharing_it_is_the_device_itself():
 def test_a_device_that_is_none_is_named():
     with pytest.raises(ValueError, match="cuda:99"), sharing("cuda:99") as name:
         Remote(name).run(TASKS[1])
+
+
+def orphaned(address_file: str) -> None:
+    """Begins to share, says where, and waits to be killed."""
+    with sharing("cpu") as device:
+        with open(address_file, "w", encoding="utf-8") as file:
+            file.write(device)
+        time.sleep(60.0)
+
+
+def test_the_launching_process_ends_with_its_parent(tmp_path):
+    """Killed without a chance to clear up, the parent leaves nobody at the address."""
+    file = tmp_path / "address"
+    parent = multiprocessing.get_context("spawn").Process(target=orphaned, args=(str(file),))
+    parent.start()
+    while not (file.exists() and file.read_text(encoding="utf-8")):
+        assert parent.is_alive()
+        time.sleep(0.1)
+    address = file.read_text(encoding="utf-8").removeprefix(PREFIX)
+    Client(address).close()
+    parent.kill()
+    parent.join()
+    deadline = time.monotonic() + 20.0
+    while True:
+        try:
+            Client(address).close()
+        except OSError:
+            break
+        assert time.monotonic() < deadline, "it still answers"
+        time.sleep(0.1)
