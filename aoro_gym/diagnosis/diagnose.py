@@ -80,15 +80,15 @@ def diagnose(
         progress: Called with a sentence and the share done.
 
     Raises:
-        ValueError: there is no recording, or recordings have no signal in common.
+        ValueError: there is no recording.
     """
     began = time.monotonic()
     if not recordings:
         raise ValueError("no recording given; name at least one log")
     given = machine if isinstance(machine, Machine) else Machine.load(machine)
     simulator = simulator or Simulator()
-    recordings = _alike(recordings)
-    channels = tuple(recordings[0].channels)
+    channels = _common([*recordings, *healthy, *held_out])
+    recordings = [_only(one, channels) for one in recordings]
     healthy = [_only(one, channels) for one in healthy]
     held_out = [_only(one, channels) for one in held_out]
     mode = "commissioned" if commissioned or (healthy and commissioned is None) else "day-one"
@@ -178,10 +178,9 @@ def _only(recording: Recording, channels: Sequence[str]) -> Recording:
     )
 
 
-def _alike(recordings: Sequence[Recording]) -> list[Recording]:
-    """Recordings with the channels that all of them have: one that is missing in some would be explained in others only."""
-    common = [name for name in recordings[0].channels if all(name in one.channels for one in recordings)]
-    return [_only(one, common) for one in recordings]
+def _common(recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Channels that all recordings have: one that is missing in some would be explained in others only."""
+    return tuple(name for name in recordings[0].channels if all(name in one.channels for one in recordings))
 
 
 def _noise(recordings: Sequence[Recording], channels: Sequence[str]) -> dict[str, Noise]:

@@ -1,6 +1,7 @@
 """From logs to a diagnosis: a cause that the twin itself was given, what it writes, and what is refused."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from typer.testing import CliRunner
 
 from aoro_gym.cli import app
 from aoro_gym.diagnosis.attribution import Hypothesis
-from aoro_gym.diagnosis.diagnose import _declared, _verdict, diagnose
+from aoro_gym.diagnosis.diagnose import _common, _declared, _verdict, diagnose
 from aoro_gym.diagnosis.replay import Variants
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, VERDICTS
 from aoro_gym.twin import Machine
@@ -64,6 +65,13 @@ def test_what_is_written_can_be_read(diagnosed, tmp_path):
     assert sum(cause["probability"] for cause in content["causes"]) == pytest.approx(1.0, abs=0.05)
     assert content["causes"][0]["magnitudes"]["spool_lag"]["unit"] == "s"
     assert set(content["declared_set"]) == {"spool_lag"}
+
+
+def test_only_signals_that_all_logs_have_are_compared():
+    whole, angle = blank("whole", turn(0.8, 2.2), 0.0), blank("angle", turn(0.8, 2.2), 0.0)
+    angle = replace(angle, channels={"joint_angle": angle.channels["joint_angle"]})
+    assert _common([whole, whole]) == tuple(whole.channels)
+    assert _common([whole, angle]) == ("joint_angle",)
 
 
 def of(*pairs: tuple[tuple[str, ...], float]) -> list[Hypothesis]:
