@@ -1058,9 +1058,11 @@ def _machine(name: str, settings: list[str] | None, factors: list[str] | None) -
 
 def _logs_in(path: Path) -> list[Path]:
     """The log at ``path``, or all logs in that folder."""
+    from aoro_gym.diagnosis.recording import logs_in
+
     if not path.is_dir():
         return [path]
-    found = sorted([*path.glob("*.csv"), *path.glob("*.parquet")])
+    found = logs_in(path)
     if not found:
         raise ValueError(f"--healthy {path} holds no .csv or .parquet log")
     return found

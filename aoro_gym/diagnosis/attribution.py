@@ -73,8 +73,8 @@ class Hypothesis:
     nuisances: Floats = field(default_factory=lambda: np.empty(0))  # (u,) standard deviations
     covariance: Floats = field(default_factory=lambda: np.empty((0, 0)))  # of the places
     cost: float = np.nan  # whitened squares at the best fit, priors included
-    left: Floats = field(default_factory=lambda: np.empty(0))  # residual at the best fit, in the linear model's span
-    slopes: Floats = field(default_factory=lambda: np.empty((0, 0)))  # of what explains it, by place
+    left: Floats = field(default_factory=lambda: np.empty(0))  # whitened residual (D,) at the best fit
+    slopes: Floats = field(default_factory=lambda: np.empty((0, 0)))  # of what explains it (D, axes), by place
     refined: bool = False
     probability: float = 0.0
 
@@ -156,8 +156,9 @@ class Linear:
         rows = np.concatenate([piece for (index, _), piece in blocks if index not in recordings])
         span = self.span[rows]
         u, z = hypothesis.nuisances, np.array(hypothesis.places, dtype=np.float64)
-        columns = span @ np.column_stack([self.jacobian, hypothesis.slopes]) if z.size else span @ self.jacobian
-        target = span @ (hypothesis.left + self.jacobian @ u)
+        jacobian = span @ self.jacobian
+        columns = np.column_stack([jacobian, hypothesis.slopes[rows]])
+        target = hypothesis.left[rows] + jacobian @ u
         low, high = self.problem.bounds
         prior = np.eye(len(u), columns.shape[1])
         whole = np.column_stack([np.vstack([columns, prior]), np.concatenate([target, np.zeros(len(u))])])
@@ -213,6 +214,7 @@ class Search:
         self.point = self.nuisances, z
         self.cost = np.inf
         self.residual: Floats = np.empty(0)  # in the span, at ``point``
+        self.white = np.empty(0), np.empty((0, 0))  # residual and slopes there, of all samples
         self.reach = 1.0
         self.done = False
 
@@ -234,8 +236,8 @@ class Search:
             self.done = abs(cost - self.cost) < SETTLED
             if cost < self.cost:
                 self.point, self.cost = (self.nuisances, self.places), cost
-                self.residual = linear.span.T @ whole
-                self.slopes = linear.span.T @ white[:, 1:] / self._steps
+                self.white = whole, white[:, 1:] / self._steps
+                self.residual, self.slopes = (linear.span.T @ part for part in self.white)
                 self.reach = min(1.0, 2.0 * self.reach)
             else:
                 self.reach *= 0.4
@@ -272,9 +274,7 @@ class Search:
             log_evidence += volume(z.tolist(), information, held)
             covariance = np.linalg.inv(information + PRIOR_INFORMATION * np.eye(len(z)))
         places = tuple(map(float, z))
-        return Hypothesis(
-            self.effects, log_evidence, places, u, covariance, self.cost, self.residual, self.slopes, refined=True
-        )
+        return Hypothesis(self.effects, log_evidence, places, u, covariance, self.cost, *self.white, refined=True)
 
 
 def refine(
@@ -370,9 +370,7 @@ def other_calibration(problem: Problem, linear: Linear) -> Hypothesis:
         references=problem.references, noise=problem.noise, simulator=problem.simulator,
     )  # fmt: skip
     wide.settle(REFITS)
-    own = wide.own(wide.predicted)
-    left = wide.measured - wide.predicted - own @ wide.centre[len(wide.felt) :]
-    white = wide.white(linear.whiteners, np.column_stack([left, wide.slopes, own]))
+    white = wide.white(linear.whiteners, np.column_stack([wide.left, wide.slopes, wide.own(wide.predicted)]))
     residual, jacobian = white[:, 0], white[:, 1:]
     cost = float(residual @ residual + wide.centre @ wide.centre)
     shrunk = float(np.linalg.slogdet(np.eye(jacobian.shape[1]) + jacobian.T @ jacobian)[1])

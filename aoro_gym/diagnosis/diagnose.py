@@ -21,7 +21,7 @@ from aoro_gym.diagnosis.figures import key_figures
 from aoro_gym.diagnosis.noise import Floats, ModelError, Noise, noise_of
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem, Progress, references_of
-from aoro_gym.diagnosis.recording import TICK, Recording, read_recording
+from aoro_gym.diagnosis.recording import TICK, Recording, logs_in, read_recording
 from aoro_gym.diagnosis.replay import Simulator, Variants
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, Cause, Curve, Diagnosis, Interval, Shrinkage
 from aoro_gym.diagnosis.shrinkage import black_box, shrinkages, typical
@@ -142,7 +142,7 @@ def diagnose(
         next_experiments=next_experiments(linear, hypotheses),
         calibration=_moved(problem, best),
         alike=_alike_effects(linear),
-        limitations=_limitations(recordings, healthy, mode, channels, effects, hypotheses),
+        limitations=_limitations(recordings, healthy, mode, channels, effects),
         seconds=time.monotonic() - began,
         curves=_curves(problem, before, after),
     )
@@ -154,19 +154,13 @@ def diagnose_case(place: Path, out: Path, *, sensors: str, device: str) -> Diagn
     from aoro_gym.diagnosis.sealing import SENSORS
     from aoro_gym.diagnosis.sharing import simulator
 
-    found = diagnose(
-        [_only(one, SENSORS[sensors]) for one in read_folder(place / "logs")],
-        place / "machine.toml",
-        healthy=[_only(one, SENSORS[sensors]) for one in read_folder(place / "healthy")],
-        simulator=simulator(device),
+    recordings, healthy = (
+        [_only(read_recording(path), SENSORS[sensors]) for path in logs_in(place / purpose)]
+        for purpose in ("logs", "healthy")
     )
+    found = diagnose(recordings, place / "machine.toml", healthy=healthy, simulator=simulator(device))
     found.save(out)
     return found
-
-
-def read_folder(folder: Path) -> list[Recording]:
-    """All logs in a folder, by their names; none if there is no such folder."""
-    return [read_recording(path) for path in sorted(folder.glob("*.csv")) + sorted(folder.glob("*.parquet"))]
 
 
 # ---- recordings ----
@@ -297,9 +291,8 @@ def _alike_effects(linear: Linear) -> tuple[tuple[str, str], ...]:
     names, columns = [], []
     for name, axes in problem.axes.items():
         if len(axes) == 1:
-            end = linear.shifts[name, 0][:, -1]
             names.append(name)
-            columns.append(end)
+            columns.append(linear.shifts[name, 0][:, -1])
     if len(names) < 2:
         return ()
     stacked = np.column_stack(columns)
@@ -401,7 +394,6 @@ def _limitations(
     mode: str,
     channels: Sequence[str],
     effects: Mapping[str, Effect],
-    hypotheses: Sequence[Hypothesis],
 ) -> tuple[str, ...]:
     """What these recordings cannot say."""
     found = [sentence for one in [*healthy, *recordings] for sentence in one.limitations]

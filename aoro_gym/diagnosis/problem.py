@@ -190,7 +190,12 @@ class Problem:
 
     def rebase(self) -> None:
         """Let the centre stand for the given twin: where that was given as one of many, not as this machine's own."""
-        self.given = self.simulate([self.at(self.centre[None])])[:, 0]
+        self.given = self.predicted
+
+    @property
+    def left(self) -> Floats:
+        """Stacked residual (D,) SI at the centre, less the recordings' own part."""
+        return self.measured - self.predicted - self.own(self.predicted) @ self.centre[len(self.felt) :]
 
     # ---- predictions ----
 
@@ -315,11 +320,8 @@ class Problem:
         the nuisances were fitted: a quantiser is quieter at rest than on the way. Of most windows of a quarter of a second,
         as where the twin errs is no noise."""
         whiteners = self.whiteners(self.error, self.predicted)
-        own = self.own(self.predicted) @ self.centre[len(self.felt) :]
         powers: dict[str, list[Floats]] = {}
-        for (_, name), w, part in zip(
-            self.blocks, whiteners, self.split(self.measured - self.predicted - own), strict=True
-        ):
+        for (_, name), w, part in zip(self.blocks, whiteners, self.split(self.left), strict=True):
             white = w(part)
             count = len(white) // WINDOW
             powers.setdefault(name, []).append(np.mean(white[: count * WINDOW].reshape(count, WINDOW) ** 2, axis=1))
@@ -328,30 +330,24 @@ class Problem:
 
     def learn(self, progress: Progress = lambda sentence, share: None) -> None:
         """Simulate around the centre what every nuisance and every effect does."""
-        self.shifts.clear()
-        batch, names = [], []
+        nodes: dict[tuple[str, int], Floats] = {}
         for name, axes in self.axes.items():
             for axis in axes:
                 places = np.tile([a.none for a in axes], (len(axis.nodes), 1))
                 places[:, axis.index] = axis.nodes
-                batch.append((name, axis, places))
-                names.append((name, axis.index))
-        more = [self.at(np.tile(self.centre, (len(places), 1)), (name,), places) for name, _, places in batch]
+                nodes[name, axis.index] = places
+        more = [self.at(np.tile(self.centre, (len(places), 1)), (name,), places) for (name, _), places in nodes.items()]
         progress("what every effect does", 0.0)
         found = self._slopes(more)
         shifts = np.nan_to_num(found - self.predicted[:, None])
-        starts = np.cumsum([0, *(len(places) for _, _, places in batch)])
-        for key, first, last in zip(names, starts[:-1], starts[1:], strict=True):
-            self.shifts[key] = shifts[:, first:last]
+        ends = np.cumsum([len(places) for places in nodes.values()])
+        self.shifts = dict(zip(nodes, np.split(shifts, ends[:-1], axis=1), strict=True))
 
 
 def references_of(problem: Problem) -> dict[tuple[bytes, str], Reference]:
     """What healthy recordings show beyond the twin that was fitted to them."""
-    own = problem.own(problem.predicted) @ problem.centre[len(problem.felt) :]
     left: dict[tuple[bytes, str], list[tuple[Floats, int]]] = {}
-    for (index, name), residual in zip(
-        problem.blocks, problem.split(problem.measured - problem.predicted - own), strict=True
-    ):
+    for (index, name), residual in zip(problem.blocks, problem.split(problem.left), strict=True):
         signature = problem.recordings[index].signature
         left.setdefault((signature, name), []).append((residual, problem.arrivals[index]))
     # repeats arrive together but for a sample or two, which the first stands for

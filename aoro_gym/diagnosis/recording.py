@@ -111,6 +111,11 @@ def read_recording(path: Path) -> Recording:
     return Recording(path.stem, held, sampled, rest, start, tuple(limitations), manifest)
 
 
+def logs_in(folder: Path) -> list[Path]:
+    """All logs in a folder, by their names; none if there is no such folder."""
+    return sorted([*folder.glob("*.csv"), *folder.glob("*.parquet")])
+
+
 def _manifest(path: Path) -> dict[str, Any]:
     beside = path.with_suffix(".toml")
     if not beside.is_file():

@@ -219,6 +219,18 @@ def test_a_search_stays_within_the_range(effects):
     assert found.cost == pytest.approx(left @ inner @ left, rel=1e-6)
 
 
+@pytest.mark.parametrize("effects", [(), NAMES[1:], NAMES])
+def test_a_refit_to_all_recordings_is_the_fit_itself(effects):
+    """Also by another linear model than it was found with, in whose span its residual has other coordinates."""
+    world = LinearWorld(np.random.default_rng(6), nuisances=TRUE, places=(0.4, 0.5), error=ModelError(0.01, 0.01))
+    world.learn()
+    linear = Linear(world, world.error)
+    (found,) = refine(linear, [Hypothesis(effects, 0.0, (0.5,) * len(effects))])
+    nuisances, places = Linear(world, world.error, effects=False).without([], found)
+    np.testing.assert_allclose(nuisances, found.nuisances, atol=1e-6)
+    np.testing.assert_allclose(places, found.places, atol=1e-6)
+
+
 def test_more_effects_fit_no_worse(world):
     linear = Linear(world, world.error)
     found = {h.effects: h for h in refine(linear, list(linear.screen().values()))}
