@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from aoro_gym.agents.path_controllers import FullSpeedSteering, PreviewRegulator, PurePursuit, Stanley, Vehicle
     from aoro_gym.agents.reference import REFERENCE_POLICIES, reference_policy
     from aoro_gym.agents.responses import Rollout, responses, rollout
+    from aoro_gym.agents.vec_env import TwinVecEnv, make_vec_env
 
 __all__ = [
     "REFERENCE_POLICIES",
@@ -33,8 +34,10 @@ __all__ = [
     "PurePursuit",
     "Rollout",
     "Stanley",
+    "TwinVecEnv",
     "Vehicle",
     "evaluate",
+    "make_vec_env",
     "reference_policy",
     "responses",
     "rollout",
@@ -48,5 +51,6 @@ __getattr__, __dir__ = on_first_use(
         "path_controllers": ("FullSpeedSteering", "PreviewRegulator", "PurePursuit", "Stanley", "Vehicle"),
         "reference": ("REFERENCE_POLICIES", "reference_policy"),
         "responses": ("Rollout", "responses", "rollout"),
+        "vec_env": ("TwinVecEnv", "make_vec_env"),
     },
 )

@@ -33,7 +33,7 @@ MAY_SEE = {
     "twin": {"terrains"},
     "sensors": {"arrays", "terrains", "twin"},
     "envs": {"arrays", "lazy", "style", "terrains", "twin", "sensors"},
-    "agents": {"lazy", "style", "terrains", "twin", "sensors", "envs", *TOOLS},
+    "agents": {"arrays", "lazy", "style", "terrains", "twin", "sensors", "envs", *TOOLS},
     # the key figures of a turn are defined in validation, for the machine and for every drawing of a twin
     **{part: {"style", "terrains", "twin", "sensors", "validation", *TOOLS} for part in TOOLS},
     **{part: {"style", "terrains", "twin", "sensors", *TOOLS, *STUDIES} for part in STUDIES},
