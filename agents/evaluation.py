@@ -16,6 +16,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +24,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from scipy.stats import binomtest, bootstrap
 
+from aoro_gym.agents import learned
 from aoro_gym.agents.controllers import Policy
 from aoro_gym.agents.reference import REFERENCE_POLICIES, Factory
 from aoro_gym.agents.responses import EPISODE_STEPS, Rollout, responses, rollout
@@ -173,17 +175,26 @@ class Evaluation:
         }
 
 
-def policy_factory(env: str, name: str) -> Factory:
-    """What makes the policy that is called ``name`` for an environment.
+def policy_factory(env: str, name: str, *, trust_pickle: bool = False) -> Factory:
+    """What makes the policy that is called ``name`` for an environment: a reference controller, a policy that comes with
+    the package, or that of a file; see :mod:`aoro_gym.agents.learned`.
 
-    Raises ValueError if there is none of this name, naming those that there are.
+    Raises ValueError if there is none of this name, naming those that there are, or if the file does not hold a policy for
+    this environment; OSError if there is no such file.
     """
-    known = REFERENCE_POLICIES.get(env)
-    if known is None:
+    controllers = REFERENCE_POLICIES.get(env)
+    if controllers is None:
         raise ValueError(f"{env!r} cannot be evaluated; choose one of: {', '.join(TRIALS)}")
-    if name not in known:
-        raise ValueError(f"{name!r} is no policy for {env}; choose from: {', '.join(known)}")
-    return known[name]
+    if name in controllers:
+        return controllers[name]
+    shipped = learned.shipped_policies(env)
+    if name not in shipped and not Path(name).suffix:
+        known = ", ".join([*controllers, *shipped])
+        raise ValueError(f"{name!r} is no policy for {env}; choose from: {known}; or give a file")
+    policy = learned.load_policy(shipped.get(name, Path(name)), trust_pickle=trust_pickle)
+    if policy.environment not in ("", env):
+        raise ValueError(f"{name} was trained in {policy.environment}, not in {env}")
+    return policy.made_for
 
 
 def evaluate(

@@ -651,8 +651,16 @@ def evaluate(
     ] = "AORO/PathTracking-v0",
     policy: Annotated[
         list[str] | None,
-        typer.Option("--policy", metavar="NAME", help="Who drives. Repeatable. Default: every reference controller."),
+        typer.Option(
+            "--policy",
+            metavar="NAME|FILE",
+            help="Who drives. Repeatable. Default: all controllers and shipped policies.",
+        ),
     ] = None,
+    trust_pickle: Annotated[
+        bool,
+        typer.Option("--trust-pickle", help="Load .zip files of Stable-Baselines3, which run code of their maker."),
+    ] = False,
     terrain: Annotated[
         Path | None,
         typer.Option("--terrain", metavar="FILE", help="Ground: a mesh, raster or cloud. Default: generated forests."),
@@ -677,6 +685,8 @@ def evaluate(
 ) -> None:
     """Drive the same episodes under several policies, and compare them.
 
+    A policy is a reference controller, one that comes with the package, or a file that 'aoro-gym train' wrote.
+
     Means over the episodes with 95 % intervals: success, cross-track error, speed, energy, tilt, return and how episodes
     ended; of turning, the joint's responses. Episode i has the seed --seed + i for every policy. A terrain file is loaded,
     checked and repaired as 'aoro-gym terrain' does it.
@@ -689,15 +699,22 @@ def evaluate(
       aoro-gym evaluate --policy preview --policy stanley --episodes 64
       aoro-gym evaluate --terrain forest.laz --path lap.gpx --policy preview
       aoro-gym evaluate --env AORO/Turning-v0 --scale steering.valve.spool_time_constant=5
+      aoro-gym evaluate --env AORO/Turning-v0 --policy proportional-derivative --policy runs/turning/policy.json
     """
     with _checking_input():
         from aoro_gym.agents import evaluation
+        from aoro_gym.agents.learned import shipped_policies
         from aoro_gym.agents.reference import REFERENCE_POLICIES
 
         _check_folder(out, "index.html")
         if env not in evaluation.TRIALS:
             raise ValueError(f"--env {env!r} cannot be evaluated; choose one of: {', '.join(evaluation.TRIALS)}")
-        policies = {name: evaluation.policy_factory(env, name) for name in policy or REFERENCE_POLICIES[env]}
+        names = policy or [*REFERENCE_POLICIES[env], *shipped_policies(env)]
+        policies = {
+            _policy_name(name): evaluation.policy_factory(env, name, trust_pickle=trust_pickle) for name in names
+        }
+        if len(policies) < len(names):
+            raise ValueError("--policy names the same one twice; give each once")
         if not 1 <= episodes <= MOST_EPISODES:
             raise ValueError(f"--episodes = {episodes} is outside [1, {MOST_EPISODES}]")
         chosen = _machine(machine, set_, scale)
@@ -723,6 +740,36 @@ def evaluate(
         written = write_report(result, out, films=films, lead=_lead(made_by), made_by=made_by, progress=tell)
     _out().print(table(result))
     _say(written)
+
+
+@app.command()
+def export(
+    policy: Annotated[Path, typer.Argument(metavar="FILE", help="Policy (.json with its .safetensors).")],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="FILE.onnx", help="File to write. Default: beside the policy.")
+    ] = None,
+    trust_pickle: Annotated[
+        bool, typer.Option("--trust-pickle", help="Load a .zip of Stable-Baselines3, which runs code of its maker.")
+    ] = False,
+) -> None:
+    """Write a learned policy as ONNX, for the vehicle's computer.
+
+    One input, observations (N, O), and one output, actions (N, A), both float32; normalisation and bounds are inside, and
+    the metadata has the environment and the columns of its observation. Needs pip install 'aoro-gym\\[onnx]'.
+
+    [bold]Examples[/]
+
+      aoro-gym export runs/turning/policy.json
+      aoro-gym export runs/turning/policy.json --out turning.onnx
+    """
+    with _checking_input():
+        from aoro_gym.agents.learned import load_policy, write_onnx
+        from aoro_gym.log import check_writable
+
+        target = policy.with_suffix(".onnx") if out is None else out
+        check_writable(target)
+        write_onnx(load_policy(policy, trust_pickle=trust_pickle), target)
+    _say([target])
 
 
 @app.command()
@@ -1165,6 +1212,12 @@ def _courses(env: str, terrain: Path | None, path: Path | None, path_length: flo
             _err().print(f"[yellow]mind:[/] {escape(warning)}", highlight=False)
         paths = (found,)
     return [Course(ground, paths, name="level ground" if isinstance(ground, Plane) else ground.name)]
+
+
+def _policy_name(name: str) -> str:
+    """What reports call a policy: its name, or its file without what files cannot be called."""
+    file = Path(name)
+    return "-".join(part for part in file.with_suffix("").parts if part not in (file.anchor, ".", ".."))
 
 
 def _hush() -> None:

@@ -38,7 +38,7 @@ def turn(tmp_path_factory) -> tuple[Path, Result]:
 
 def test_version_and_help():
     assert call("--version").stdout == f"aoro-gym {__version__}\n"
-    for verb in ("parameters", "simulate", "validate", "calibrate", "demo", "terrain", "evaluate", "bench"):
+    for verb in ("parameters", "simulate", "validate", "calibrate", "demo", "terrain", "evaluate", "export", "bench"):
         shown = call(verb, "--help")
         assert shown.exit_code == 0
         assert "Examples" in shown.stdout
@@ -214,6 +214,37 @@ def test_evaluate_a_terrain_and_a_path(tmp_path):
     shown = call("evaluate", *options)
     assert shown.exit_code == 2
     assert "path 'short' is 3.00 m long, but must be at least 6.00 m" in " ".join(shown.stderr.split())
+
+
+def test_policies_in_files_are_evaluated_and_exported(tmp_path):
+    from aoro_gym.agents.learned import LearnedPolicy
+
+    still = LearnedPolicy(
+        weights=(np.zeros((1, 8), dtype=np.float32),),
+        biases=(np.zeros(1, dtype=np.float32),),
+        activation="tanh",
+        squashed=False,
+        low=-np.ones(1, dtype=np.float32),
+        high=np.ones(1, dtype=np.float32),
+        environment="AORO/Turning-v0",
+    )
+    _, file = still.save(tmp_path / "still")
+    options = ["--env", "AORO/Turning-v0", "--episodes", 1, "--no-films", "--out", tmp_path / "evaluation"]
+    shown = call("evaluate", "--policy", file, "--policy", "bang-bang", *options)
+    assert shown.exit_code == 0, shown.output
+    figures = json.loads((tmp_path / "evaluation" / "evaluation.json").read_text())["policies"]
+    name = "-".join(file.with_suffix("").parts[1:])
+    assert figures[name]["settled_share"]["mean"] == 0.0
+    assert figures["bang-bang"]["settled_share"]["mean"] > 0.0
+    shown = call("evaluate", "--policy", file, "--policy", file, *options)
+    assert (shown.exit_code, "names the same one twice" in shown.stderr) == (2, True)
+    shown = call("evaluate", "--policy", tmp_path / "model.zip", *options)
+    assert (shown.exit_code, "--trust-pickle" in shown.stderr) == (2, True)
+
+    pytest.importorskip("onnx")
+    assert call("export", file).stdout == f"wrote {tmp_path / 'still.onnx'}\n"
+    shown = call("export", tmp_path / "none.json")
+    assert (shown.exit_code, "none.json" in shown.stderr) == (2, True)
 
 
 @pytest.fixture
@@ -412,7 +443,7 @@ def test_terrain(tmp_path):
         ("demo --out good.csv", "--out good.csv is a file; name a folder"),
         ("evaluate --out good.csv", "--out good.csv is a file; name a folder"),
         ("evaluate --env X", "--env 'X' cannot be evaluated; choose one of: AORO/Turning-v0, AORO/PathTracking-v0"),
-        ("evaluate --policy x.zip", "'x.zip' is no policy for AORO/PathTracking-v0; choose from: pure-pursuit"),
+        ("evaluate --policy walker", "'walker' is no policy for AORO/PathTracking-v0; choose from: pure-pursuit"),
         ("evaluate --episodes 0", "--episodes = 0 is outside [1, 10000]"),
         ("evaluate --seed -1", "--seed = -1 is below 0"),
         ("evaluate --env AORO/Turning-v0 --path x.csv", "--path is for AORO/PathTracking-v0"),

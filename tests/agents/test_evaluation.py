@@ -212,8 +212,8 @@ def test_interval_of_a_mean_is_that_of_many_draws():
     ("call", "message"),
     [
         (
-            lambda: policy_factory(TRACKING, "me.zip"),
-            "'me.zip' is no policy for AORO/PathTracking-v0; choose from: pure",
+            lambda: policy_factory(TRACKING, "me"),
+            "'me' is no policy for AORO/PathTracking-v0; choose from: pure",
         ),
         (lambda: policy_factory("AORO/Flying-v0", "me"), "'AORO/Flying-v0' cannot be evaluated; choose one of"),
         (lambda: evaluate("AORO/Flying-v0", {"me": Asleep}), "'AORO/Flying-v0' cannot be evaluated"),

@@ -1,0 +1,346 @@
+"""Learned policies as small files that load without running foreign code, and without torch.
+
+A policy is two files: ``NAME.safetensors`` holds the numbers, ``NAME.json`` what they mean: environment, observation terms,
+network, and how the policy was trained. ``agents/policies`` ships some, which go by their name.
+
+>>> import gymnasium
+>>> from aoro_gym.agents.learned import shipped_policies
+>>> for name, path in shipped_policies("AORO/Turning-v0").items():
+...     policy = LearnedPolicy.load(path)  # doctest: +SKIP
+
+Stable-Baselines3's own files (``.zip``, ``vecnormalize.pkl``) are pickles: whoever made one decides what runs when it is
+loaded. :func:`load_policy` takes them only from those who say that they trust it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aoro_gym.agents.controllers import Actions, Observations
+from aoro_gym.log import write_whole
+
+FORMAT = 1
+SHIPPED = Path(__file__).parent / "policies"
+ACTIVATIONS = {"tanh": np.tanh, "relu": lambda x: np.maximum(x, 0.0)}
+"""Of the hidden layers, by name."""
+ONNX_OPSET, ONNX_IR = 17, 9
+"""Versions that runtimes of 2023 and later read."""
+
+
+@dataclass(frozen=True)
+class Normalisation:
+    """y = clip((x − mean) / √(variance + ε), ±clip), in float64 as ``VecNormalize`` calculates it."""
+
+    mean: NDArray[np.float64]
+    variance: NDArray[np.float64]
+    epsilon: float
+    clip: float
+
+    def __call__(self, observations: NDArray[Any]) -> NDArray[np.float32]:
+        scaled = (observations - self.mean) / np.sqrt(self.variance + self.epsilon)
+        return np.clip(scaled, -self.clip, self.clip).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class LearnedPolicy:
+    """A multilayer perceptron that maps observations to actions; the same protocol as the reference controllers.
+
+    Raises ValueError if its parts do not fit each other.
+    """
+
+    weights: tuple[NDArray[np.float32], ...]
+    """Of each layer, (outputs, inputs)."""
+    biases: tuple[NDArray[np.float32], ...]
+    """Of each layer, (outputs,)."""
+    activation: str
+    """Of the hidden layers, a key of :data:`ACTIVATIONS`."""
+    squashed: bool
+    """Whether a hyperbolic tangent bounds the result, which is then stretched over the action space."""
+    low: NDArray[np.float32]
+    """Bounds of the action space (A,)."""
+    high: NDArray[np.float32]
+    normalisation: Normalisation | None = None
+    """Of the observation; None takes it as it is."""
+    environment: str = ""
+    """Id of the environment that the policy was trained in."""
+    layout: Mapping[str, slice] = field(default_factory=dict)
+    """Columns of the observation by term; empty if they are not known."""
+    training: Mapping[str, Any] = field(default_factory=dict)
+    """How the policy came about: command, seed, steps, revision, …"""
+
+    def __post_init__(self) -> None:
+        if self.activation not in ACTIVATIONS:
+            raise ValueError(f"activation is {self.activation!r}; choose one of: {', '.join(ACTIVATIONS)}")
+        sizes = [self.weights[0].shape[1], *(len(weight) for weight in self.weights)]
+        for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            if weight.shape != (sizes[k + 1], sizes[k]) or bias.shape != (sizes[k + 1],):
+                raise ValueError(
+                    f"layer {k} has weights {weight.shape} and biases {bias.shape}, but follows {sizes[k]} numbers"
+                )
+            if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
+                raise ValueError(f"layer {k} holds numbers that are not finite")
+        if self.low.shape != (sizes[-1],) or self.high.shape != (sizes[-1],):
+            raise ValueError(f"the network gives {sizes[-1]} actions, but {self.low.shape[0]} have bounds")
+        if self.normalisation is not None and self.normalisation.mean.shape != (sizes[0],):
+            raise ValueError(
+                f"the network takes {sizes[0]} numbers, but {self.normalisation.mean.shape[0]} are normalised"
+            )
+
+    @property
+    def sizes(self) -> list[int]:
+        """Numbers before and after each layer."""
+        return [self.weights[0].shape[1], *(len(weight) for weight in self.weights)]
+
+    def __call__(self, observations: Observations) -> Actions:
+        values = np.asarray(observations, dtype=np.float32)
+        if self.normalisation is not None:
+            values = self.normalisation(values)
+        last = len(self.weights) - 1
+        for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            values = values @ weight.T + bias
+            if k < last:
+                values = ACTIVATIONS[self.activation](values)
+        if self.squashed:
+            values = self.low + np.float32(0.5) * (np.tanh(values) + np.float32(1.0)) * (self.high - self.low)
+        return np.clip(values, self.low, self.high)
+
+    def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
+        """Nothing to forget."""
+
+    def made_for(self, env: Any) -> LearnedPolicy:
+        """This policy, for the environment ``env``, wrapped or not.
+
+        Raises ValueError that says what it observes otherwise than this policy has learned.
+        """
+        env = env.unwrapped
+        layout = dict(env.observation_layout)
+        if self.layout and layout != dict(self.layout):
+            raise ValueError(
+                f"the policy has learned from {_listed(self.layout)}, but the environment observes {_listed(layout)}"
+            )
+        for what, mine, space in (
+            ("observes", self.sizes[0], env.single_observation_space),
+            ("takes", self.sizes[-1], env.single_action_space),
+        ):
+            if space.shape != (mine,):
+                raise ValueError(f"the environment {what} {space.shape[0]} numbers, but the policy was made for {mine}")
+        return self
+
+    # ---- files
+
+    def save(self, path: Path) -> list[Path]:
+        """Write ``path`` with the suffixes .safetensors and .json."""
+        from safetensors.numpy import save
+
+        numbers, about = path.with_suffix(".safetensors"), path.with_suffix(".json")
+        arrays: dict[str, NDArray[Any]] = {"action.low": self.low, "action.high": self.high}
+        for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            arrays |= {f"layer{k}.weight": weight, f"layer{k}.bias": bias}
+        normalisation = None
+        if self.normalisation is not None:
+            arrays |= {"observation.mean": self.normalisation.mean, "observation.variance": self.normalisation.variance}
+            normalisation = {"epsilon": self.normalisation.epsilon, "clip": self.normalisation.clip}
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial = numbers.with_name(f"{numbers.name}.partial")
+        partial.write_bytes(save({name: np.ascontiguousarray(array) for name, array in arrays.items()}))
+        partial.replace(numbers)
+        description = {
+            "format": FORMAT,
+            "environment": self.environment,
+            "observation": {name: [span.start, span.stop] for name, span in self.layout.items()},
+            "normalisation": normalisation,
+            "network": {"sizes": self.sizes, "activation": self.activation, "squashed": self.squashed},
+            "training": dict(self.training),
+        }
+        write_whole(about, json.dumps(description, indent=2, ensure_ascii=False))
+        return [numbers, about]
+
+    @classmethod
+    def load(cls, path: Path) -> LearnedPolicy:
+        """The policy of the files ``path`` with the suffixes .safetensors and .json.
+
+        Raises ValueError naming the file and what is wrong in it, OSError if there is none.
+        """
+        from safetensors import SafetensorError
+        from safetensors.numpy import load
+
+        numbers, about = path.with_suffix(".safetensors"), path.with_suffix(".json")
+        try:
+            description = json.loads(about.read_text(encoding="utf-8"))
+            if description["format"] != FORMAT:
+                raise ValueError(f"format is {description['format']}, but this version reads {FORMAT}")
+            arrays = load(numbers.read_bytes())
+            layers, normalisation = range(len(description["network"]["sizes"]) - 1), description["normalisation"]
+            return cls(
+                weights=tuple(arrays[f"layer{k}.weight"] for k in layers),
+                biases=tuple(arrays[f"layer{k}.bias"] for k in layers),
+                activation=description["network"]["activation"],
+                squashed=description["network"]["squashed"],
+                low=arrays["action.low"],
+                high=arrays["action.high"],
+                normalisation=None
+                if normalisation is None
+                else Normalisation(arrays["observation.mean"], arrays["observation.variance"], **normalisation),
+                environment=description["environment"],
+                layout={name: slice(*span) for name, span in description["observation"].items()},
+                training=description["training"],
+            )
+        except KeyError as error:
+            raise ValueError(f"{about} or {numbers.name} lacks {error}") from error
+        except (SafetensorError, ValueError, TypeError) as error:
+            raise ValueError(f"{about} with {numbers.name} is no policy: {error}") from error
+
+
+def shipped_policies(environment: str) -> dict[str, Path]:
+    """The policies for an environment that come with the package, by name."""
+    files = sorted(SHIPPED.glob("*.json"))
+    found = {file.stem: json.loads(file.read_text(encoding="utf-8"))["environment"] for file in files}
+    return {file.stem: file for file in files if found[file.stem] == environment}
+
+
+def load_policy(path: Path, *, trust_pickle: bool = False) -> LearnedPolicy:
+    """The policy of a file: ``.json`` with ``.safetensors``, or, if it is trusted, a ``.zip`` of Stable-Baselines3.
+
+    Raises ValueError naming the file and what is wrong, OSError if there is none.
+    """
+    if path.suffix in (".json", ".safetensors"):
+        return LearnedPolicy.load(path)
+    if path.suffix != ".zip":
+        raise ValueError(f"{path} is no policy; give a .json with its .safetensors, or a .zip of Stable-Baselines3")
+    if not trust_pickle:
+        raise ValueError(f"{path} is a pickle, which runs code of whoever made it; give --trust-pickle if you trust it")
+    return _from_zip(path)
+
+
+def _from_zip(path: Path) -> LearnedPolicy:
+    """What ``model.save`` wrote, with the ``vecnormalize.pkl`` beside it or in the folder of its name, if there is one."""
+    try:
+        from stable_baselines3.common.save_util import load_from_zip_file  # pyright: ignore[reportMissingImports]
+        from stable_baselines3.common.vec_env import VecNormalize  # pyright: ignore[reportMissingImports]
+    except ImportError as error:
+        raise ValueError(f"{path} needs {error.name}: pip install 'aoro-gym[agents]'") from error
+    import pickle
+
+    data, parameters, _ = load_from_zip_file(path, device="cpu")
+    if data is None:
+        raise ValueError(f"{path} holds no policy of Stable-Baselines3")
+    policy = data["policy_class"](
+        data["observation_space"], data["action_space"], lambda _: 0.0, **data.get("policy_kwargs", {})
+    )
+    policy.load_state_dict(parameters["policy"])
+    normaliser = None
+    for folder in (path.parent, path.with_suffix("")):
+        if (folder / "vecnormalize.pkl").exists():
+            normaliser = pickle.loads((folder / "vecnormalize.pkl").read_bytes())
+            if not isinstance(normaliser, VecNormalize):
+                raise ValueError(f"{folder / 'vecnormalize.pkl'} is no VecNormalize")
+    return of_stable_baselines3(policy, normaliser)
+
+
+def of_stable_baselines3(policy: Any, normaliser: Any = None, **about: Any) -> LearnedPolicy:
+    """A policy of Stable-Baselines3 (of PPO, A2C or SAC, with ``MlpPolicy``), acting without exploration.
+
+    Args:
+        policy: ``model.policy``
+        normaliser: The ``VecNormalize`` that it has learned behind, if there was one.
+        about: The other fields of :class:`LearnedPolicy`.
+
+    Raises ValueError if the network is of another kind.
+    """
+    squashed = hasattr(policy, "actor")
+    if squashed and hasattr(policy.actor, "latent_pi"):
+        modules = [*policy.actor.latent_pi, policy.actor.mu]
+    elif hasattr(policy, "mlp_extractor") and not policy.squash_output:
+        modules = [*policy.mlp_extractor.policy_net, policy.action_net]
+    else:
+        raise ValueError(f"{type(policy).__name__} cannot be taken over: give an MlpPolicy of PPO, A2C or SAC")
+    linear = [module for module in modules if type(module).__name__ == "Linear"]
+    activations = {type(module).__name__.lower() for module in modules if module not in linear}
+    if len(activations) > 1 or not activations <= set(ACTIVATIONS) or len(modules) != 2 * len(linear) - 1:
+        raise ValueError(f"a network with {', '.join(sorted(activations))} cannot be taken over; use tanh or relu")
+    return LearnedPolicy(
+        weights=tuple(module.weight.detach().cpu().numpy().copy() for module in linear),
+        biases=tuple(module.bias.detach().cpu().numpy().copy() for module in linear),
+        activation=next(iter(activations), "tanh"),
+        squashed=squashed,
+        low=policy.action_space.low.astype(np.float32),
+        high=policy.action_space.high.astype(np.float32),
+        normalisation=None
+        if normaliser is None or not normaliser.norm_obs
+        else Normalisation(
+            normaliser.obs_rms.mean.copy(), normaliser.obs_rms.var.copy(), normaliser.epsilon, normaliser.clip_obs
+        ),
+        **about,
+    )
+
+
+def write_onnx(policy: LearnedPolicy, path: Path) -> None:
+    """Write the policy for a vehicle's computer: one input ``observations`` (N, O), one output ``actions`` (N, A), both
+    float32, normalisation and bounds included.
+
+    Raises ValueError if onnx is missing.
+    """
+    try:
+        import onnx  # pyright: ignore[reportMissingImports]
+        from onnx import TensorProto, helper, numpy_helper  # pyright: ignore[reportMissingImports]
+    except ImportError as error:
+        raise ValueError(f"an ONNX file needs {error.name}: pip install 'aoro-gym[onnx]'") from error
+    constants: dict[str, NDArray[Any]] = {"low": policy.low, "high": policy.high}
+    nodes: list[Any] = []
+    value = "observations"
+
+    def add(operator: str, *others: str, **attributes: Any) -> None:
+        nonlocal value
+        inputs, value = [value, *others], f"value{len(nodes)}"
+        nodes.append(helper.make_node(operator, inputs, [value], **attributes))
+
+    if policy.normalisation is not None:
+        one = policy.normalisation
+        constants |= {"mean": one.mean, "deviation": np.sqrt(one.variance + one.epsilon)}
+        constants |= {"least": np.array(-one.clip), "most": np.array(one.clip)}
+        add("Cast", to=TensorProto.DOUBLE)
+        add("Sub", "mean")
+        add("Div", "deviation")
+        add("Clip", "least", "most")
+        add("Cast", to=TensorProto.FLOAT)
+    for k, (weight, bias) in enumerate(zip(policy.weights, policy.biases, strict=True)):
+        constants |= {f"weight{k}": weight, f"bias{k}": bias}
+        add("Gemm", f"weight{k}", f"bias{k}", transB=1)
+        if k < len(policy.weights) - 1:
+            add({"tanh": "Tanh", "relu": "Relu"}[policy.activation])
+    if policy.squashed:
+        constants |= {"half_span": 0.5 * (policy.high - policy.low), "middle": 0.5 * (policy.high + policy.low)}
+        add("Tanh")
+        add("Mul", "half_span")
+        add("Add", "middle")
+    # Clip takes scalars only, and every action has its own bounds
+    add("Max", "low")
+    add("Min", "high")
+    nodes[-1].output[0] = "actions"
+    sizes = policy.sizes
+    graph = helper.make_graph(
+        nodes,
+        "policy",
+        [helper.make_tensor_value_info("observations", TensorProto.FLOAT, ["N", sizes[0]])],
+        [helper.make_tensor_value_info("actions", TensorProto.FLOAT, ["N", sizes[-1]])],
+        [numpy_helper.from_array(np.ascontiguousarray(array), name) for name, array in constants.items()],
+    )
+    model = helper.make_model(
+        graph, opset_imports=[helper.make_opsetid("", ONNX_OPSET)], ir_version=ONNX_IR, producer_name="aoro-gym"
+    )
+    terms = {name: [span.start, span.stop] for name, span in policy.layout.items()}
+    helper.set_model_props(model, {"environment": policy.environment, "observation": json.dumps(terms)})
+    onnx.checker.check_model(model, full_check=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(model.SerializeToString())
+
+
+def _listed(layout: Mapping[str, slice]) -> str:
+    return ", ".join(f"{name} ({span.stop - span.start})" for name, span in layout.items())
