@@ -6,14 +6,18 @@ exit code 1. Tables and JSON go to the standard output, progress and errors to t
 
 from __future__ import annotations
 
+import inspect
 import json
 import math
 import shutil
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import fields
 from fnmatch import fnmatch
+from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, get_type_hints
 
 import typer
 from rich.console import Console
@@ -22,6 +26,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from aoro_gym import __version__
+from aoro_gym.agents.training_plan import TrainingPlan
 
 if TYPE_CHECKING:
     from aoro_gym.envs import Course
@@ -51,6 +56,8 @@ FOREST_SEED, FOREST_SIZE, SCAN_DENSITY = 7, (60.0, 60.0), 15.0
 """The demo's forest, its sides [m], and how its scan sees it [points/m²]."""
 DRIVE, DRIVE_LENGTH, DRIVER = "AORO/PathTracking-v0", 40.0, "preview"
 """The demo's path over it [m], and the reference controller that follows it."""
+HELD_OUT_FORESTS, HELD_OUT_PATHS = (101, 102, 103), 100
+"""What trainings are evaluated on: seeds of forests, and the first seed of other paths over the same ground."""
 MOST_EPISODES = 10_000
 """Of one evaluation."""
 MOST_HOLES = 8
@@ -104,7 +111,8 @@ def _top(
       aoro-gym validate                     the twin beside the published machine
       aoro-gym calibrate --help             make a twin agree with your own logs
       aoro-gym parameters steering.valve    what the machine is made of, with sources
-      aoro-gym evaluate --help              reference controllers side by side, on any ground
+      aoro-gym evaluate --help              controllers and policies side by side, on any ground
+      aoro-gym train --help                 a policy of your own, on your machine and your ground
       aoro-gym diagnose --help              why your machine and its twin disagree
       aoro-gym blind --help                 machines with a withheld deviation, to check a diagnosis on
     """
@@ -484,7 +492,17 @@ def calibrate(
 
 @app.command()
 def diagnose(
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Logs (.csv or .parquet) to be explained.")],
+    logs: Annotated[
+        list[Path] | None, typer.Argument(metavar="[LOG]...", help="Logs (.csv or .parquet) to be explained.")
+    ] = None,
+    metrics: Annotated[
+        Path | None,
+        typer.Option("--metrics", metavar="TABLE", help="Key figures of full turns (.csv), instead of logs."),
+    ] = None,
+    source: Annotated[
+        str | None,
+        typer.Option("--source", metavar="NAME", help="Rows of TABLE that are the machine's, by their source."),
+    ] = None,
     healthy: Annotated[
         list[Path] | None,
         typer.Option(
@@ -493,11 +511,15 @@ def diagnose(
     ] = None,
     holdout: Annotated[
         list[str] | None,
-        typer.Option("--holdout", metavar="NAME", help="Logs, by name or glob, that take no part in the fit."),
+        typer.Option(
+            "--holdout",
+            metavar="NAME",
+            help="Logs, by name or glob, that take no part in the fit; or rows: signal=75,50.",
+        ),
     ] = None,
     fit: Annotated[
         list[str] | None,
-        typer.Option("--fit", metavar="NAME", help="Logs that do; the others are held out."),
+        typer.Option("--fit", metavar="NAME", help="Logs or rows that do; the others are held out."),
     ] = None,
     commissioned: Annotated[
         bool, typer.Option("--commissioned", help="The machine file was fitted to this very machine.")
@@ -518,6 +540,10 @@ def diagnose(
     since. Without, parameters may lie anywhere in their ranges, and what the twin's laws do otherwise cannot be told from an
     effect.
 
+    Where only key figures of full turns are known, --metrics takes a TABLE with the columns signal_percent, source and
+    figures such as turn_time_s (aoro-gym validate writes them all), std_turn_time_s and so on if their standard deviations
+    are known, and direction. --fit and --holdout then select rows: signal=100, or direction=left.
+
     Writes DIR/diagnosis.json, DIR/report.html and a machine file for every cause that survives. A verdict of a cause is
     only as good as the blind check says (aoro-gym blind --help).
 
@@ -526,17 +552,27 @@ def diagnose(
       aoro-gym diagnose later/*.csv --healthy healthy --machine mine.toml --out diagnosis
       aoro-gym diagnose left.csv right.csv ramp.csv --holdout ramp
       aoro-gym diagnose later/*.csv --healthy healthy --device cuda:0
+      aoro-gym diagnose --metrics table.csv --source physical --fit signal=100
     """
     with _checking_input():
         from aoro_gym.diagnosis.recording import read_recording
         from aoro_gym.log import check_writable
 
+        if bool(logs) == bool(metrics):
+            raise ValueError("give LOGs or --metrics TABLE, and not both")
         if fit and holdout:
             raise ValueError("give --fit or --holdout, not both: what is not fitted is held out")
         check_writable(out / "diagnosis.json")
         chosen = _machine(machine, set_, scale)
         _check_device(device)
-        recordings = [read_recording(path) for path in logs]
+        if metrics:
+            if healthy or commissioned:
+                raise ValueError("--metrics knows no healthy machine: leave out --healthy and --commissioned")
+            _diagnose_table(metrics, source, fit, holdout, chosen, device, out)
+            return
+        if source:
+            raise ValueError(f"--source {source} belongs to --metrics TABLE; logs have no sources")
+        recordings = [read_recording(path) for path in logs or []]
         before = [read_recording(path) for one in healthy or [] for path in _logs_in(one)]
         left_out = _selected("--holdout", holdout, recordings)
         if fit:
@@ -560,6 +596,35 @@ def diagnose(
             out=out,
             progress=tell,
         )
+    written = [found.save(out), write_report(found, out)]
+    for item in summary(found):
+        _out().print(item)
+    _say(written)
+
+
+def _diagnose_table(
+    table: Path,
+    source: str | None,
+    fit: list[str] | None,
+    holdout: list[str] | None,
+    machine: Machine,
+    device: str,
+    out: Path,
+) -> None:
+    from aoro_gym.diagnosis.replay import Simulator
+    from aoro_gym.diagnosis.report import summary, write_report
+    from aoro_gym.diagnosis.tables import diagnose_rows, read_rows, selected
+
+    rows = read_rows(table, source)
+    left_out = selected("--holdout", holdout or [], rows)
+    if fit:
+        kept = selected("--fit", fit, rows)
+        left_out = [row for row in rows if row not in kept]
+    used = [row for row in rows if row not in left_out]
+    if not used:
+        raise ValueError("--holdout leaves no row to fit; leave one at least")
+    with _running(), _bar("diagnosing") as tell:
+        found = diagnose_rows(used, machine, held_out=left_out, simulator=Simulator(device), out=out, progress=tell)
     written = [found.save(out), write_report(found, out)]
     for item in summary(found):
         _out().print(item)
@@ -740,6 +805,92 @@ def evaluate(
         written = write_report(result, out, films=films, lead=_lead(made_by), made_by=made_by, progress=tell)
     _out().print(table(result))
     _say(written)
+
+
+def _options_of(plan: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Puts the fields of a dataclass in the place of a command's ``**options``."""
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        hints, signature = get_type_hints(plan), inspect.signature(command, eval_str=True)
+        own = [one for one in signature.parameters.values() if one.kind is not one.VAR_KEYWORD]
+        asked = [
+            inspect.Parameter(
+                one.name,
+                inspect.Parameter.KEYWORD_ONLY,
+                default=one.default,
+                annotation=Annotated[
+                    hints[one.name], typer.Option(f"--{one.name.replace('_', '-')}", show_default=True, **one.metadata)
+                ],
+            )
+            for one in fields(plan)
+        ]
+        command.__signature__ = signature.replace(parameters=[*own, *asked])  # pyright: ignore[reportFunctionMemberAccess]
+        return command
+
+    return decorate
+
+
+@app.command()
+@_options_of(TrainingPlan)
+def train(
+    context: typer.Context,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to. Default: runs/TASK_ALGO_SEED."),
+    ] = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option("--resume", metavar="FOLDER", help="Go on with the training there, from its last checkpoint."),
+    ] = None,
+    **options: Any,
+) -> None:
+    """Train a policy with Stable-Baselines3, on many twins at once.
+
+    Hyper-parameters are in the RL Zoo's format, a curriculum says what differs from episode to episode; both come tuned, for
+    CPUs and for GPUs. The training is evaluated and saved every --checkpoint-every steps of each sub-environment, and can be
+    killed at any time: --resume goes on from the last checkpoint, on a CPU to the same weights to the bit.
+
+    FOLDER gets training.json (all that was asked), checkpoint.pt, evaluations.json, policy.json with policy.safetensors (and
+    best.*, of the best return), and log, for TensorBoard. Needs pip install 'aoro-gym\\[agents]'.
+
+    [bold]Examples[/]
+
+      aoro-gym train --env AORO/Turning-v0 --out runs/turning
+      aoro-gym train --env AORO/PathTracking-v0 --terrain forest.laz --machine mine.toml --device cuda:0
+      aoro-gym train --resume runs/turning
+      aoro-gym train --algo sac --param learning_rate=1e-4 --param 'policy_kwargs={net_arch: [128, 128]}' --seed 1
+      aoro-gym evaluate --env AORO/Turning-v0 --policy proportional-derivative --policy runs/turning/best.json
+    """
+    with _checking_input():
+        _check_extra("agents", "stable_baselines3", "torch", "yaml", "tensorboard")
+        from aoro_gym.agents import training
+
+        if resume is not None:
+            for name in ("out", *options):
+                source = context.get_parameter_source(name)
+                if source is not None and source.name != "DEFAULT":
+                    raise ValueError(f"--{name.replace('_', '-')} was settled when the training began; leave it out")
+            folder = resume
+            plan, recipe = training.recall(folder)
+        else:
+            plan = TrainingPlan(**options)
+            folder = out or Path("runs") / f"{plan.env.split('/')[-1]}_{plan.algo}_{plan.seed}"
+            _check_folder(folder, training.RECORD)
+        chosen = _machine(plan.machine, plan.set, plan.scale)
+        _check_device(plan.device)
+        courses, held_out = _training_courses(plan)
+        if resume is None:
+            recipe = training.begin(plan, folder)
+    began = time.perf_counter()
+    try:
+        with _learning_bar(plan.env) as tell, _running(), _checking_input():
+            found = training.train(plan, recipe, folder, machine=chosen, courses=courses, held_out=held_out, tell=tell)
+    except KeyboardInterrupt:
+        _err().print(f"[bold]interrupted:[/] aoro-gym train --resume {folder} goes on", highlight=False)
+        raise typer.Exit(130) from None
+    _out().print(_training_table(found))
+    typer.echo(f"trained for {time.perf_counter() - began:.0f} s")
+    _say([folder / name for name in (training.RECORD, training.EVALUATIONS, "policy.json", "best.json")])
 
 
 @app.command()
@@ -1214,6 +1365,36 @@ def _courses(env: str, terrain: Path | None, path: Path | None, path_length: flo
     return [Course(ground, paths, name="level ground" if isinstance(ground, Plane) else ground.name)]
 
 
+def _training_courses(plan: TrainingPlan) -> tuple[list[Course] | None, list[Course] | None]:
+    """Where to learn, and where to evaluate: other forests, or other paths over the same ground, or the only path."""
+    terrain, path = (None if name is None else Path(name) for name in (plan.terrain, plan.path))
+    courses = _courses(plan.env, terrain, path, plan.path_length)
+    if plan.env != DRIVE:
+        return None, None
+    from aoro_gym.envs.courses import Course, forest_course, generated_paths
+
+    if courses is None:
+        doing, seeds = "growing forests", [*range(1, 1 + plan.forests), *HELD_OUT_FORESTS]
+        with _bar(doing) as tell:
+            grown = []
+            for done, seed in enumerate(seeds):
+                tell(doing, done / len(seeds))
+                grown.append(forest_course(seed))
+        return grown[: plan.forests], grown[plan.forests :]
+    if path is not None:
+        return courses, courses
+    ground = courses[0].terrain
+    others = generated_paths(ground, length=plan.path_length, first=HELD_OUT_PATHS)
+    return courses, [Course(ground, others, name=courses[0].name)]
+
+
+def _check_extra(extra: str, *modules: str) -> None:
+    """ValueError unless the modules that an extra brings are there."""
+    for module in modules:
+        if find_spec(module) is None:
+            raise ValueError(f"{module} is missing: pip install 'aoro-gym[{extra}]'")
+
+
 def _policy_name(name: str) -> str:
     """What reports call a policy: its name, or its file without what files cannot be called."""
     file = Path(name)
@@ -1504,6 +1685,22 @@ def _calibrate(fit: Callable[..., Any], out: Path, **options: Any) -> list[Path]
     return written
 
 
+def _training_table(found: list[dict[str, Any]]) -> Table:
+    """The first, the best and the last evaluation of a training."""
+    best = max(found, key=lambda one: one["figures"]["return"]["mean"])
+    chosen = {"first": found[0], "best": best, "last": found[-1]}
+    table = Table(title="Evaluations, means over episodes", title_justify="left", header_style="bold")
+    table.add_column("")
+    for name in chosen:
+        table.add_column(name, justify="right")
+    table.add_row("steps", *(f"{one['steps']:,}" for one in chosen.values()))
+    table.add_row("after [s]", *(f"{one['elapsed_s']:.0f}" for one in chosen.values()))
+    for figure in found[0]["figures"]:
+        means = (one["figures"][figure]["mean"] for one in chosen.values())
+        table.add_row(figure, *("" if mean is None else f"{mean:.4g}" for mean in means))
+    return table
+
+
 def _calibration_tables(report: dict[str, Any]) -> Iterator[Table | str]:
     """What a calibration found: misses of figures or intervals of parameters, then what it leaves open."""
     from aoro_gym.report import describe
@@ -1650,6 +1847,28 @@ def _progress() -> Progress:
     console = _err()
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn(compact=True))
     return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+
+
+@contextmanager
+def _learning_bar(what: str) -> Iterator[Callable[[Any], None]]:
+    """A bar of a training; what it gives is told where the training stands."""
+    console = _err()
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:,.0f}/{task.total:,.0f}  {task.fields[text]}"),
+        TimeRemainingColumn(compact=True),
+    )
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task(what, total=None, text="")
+
+        def tell(now: Any) -> None:
+            text = f"{now.steps_per_s:,.0f} steps/s"
+            if math.isfinite(now.episode_return):
+                text += f"  return {now.episode_return:.4g}  success {now.success:.0%}"
+            progress.update(task, completed=now.steps, total=now.total, text=text, description=f"{what}, {now.doing}")
+
+        yield tell
 
 
 @contextmanager

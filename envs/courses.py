@@ -137,13 +137,13 @@ def as_courses(
 
 
 @lru_cache(maxsize=16)
-def generated_paths(terrain: Terrain | Plane, count: int = 4, length: float = 60.0) -> tuple[Path, ...]:
-    """Drivable paths over ``terrain``, always the same.
+def generated_paths(terrain: Terrain | Plane, count: int = 4, length: float = 60.0, first: int = 0) -> tuple[Path, ...]:
+    """Drivable paths over ``terrain``, always the same, of the seeds from ``first`` on.
 
     Raises ValueError if there is no room for them.
     """
     ground = drivable_ground(terrain)
-    return tuple(ground.path(seed, length=length) for seed in range(count))
+    return tuple(ground.path(seed, length=length) for seed in range(first, first + count))
 
 
 LIBRARY_SEEDS, LIBRARY_SIZE, LIBRARY_PATHS = (1, 2, 3), (60.0, 60.0), 4

@@ -1,0 +1,317 @@
+"""Training with Stable-Baselines3 on the batched twin: in parts, each of which can be the last one.
+
+    python -m aoro_gym train --env AORO/Turning-v0 --out runs/turning
+
+A part is ``checkpoint_every`` steps of each sub-environment. Before it all environments begin anew, with seeds that follow
+from the plan's seed and from the steps done; after it the policy is evaluated on seeds and terrains that are held out, and
+everything is written:
+
+- ``training.json``: the plan, with its hyper-parameters and its curriculum as they were then;
+- ``checkpoint.pt``: what the training goes on from; see :mod:`aoro_gym.agents.checkpoints`;
+- ``evaluations.json``: every evaluation, with the steps and the time that had passed;
+- ``policy.json``, ``policy.safetensors``: the policy as it is, and ``best.*``, that of the best return;
+- ``log``: TensorBoard's files, and the same as CSV, for each start of the training.
+
+So a training that was killed goes on from its last checkpoint as if nothing had been: on a CPU the weights are the same to
+the bit. The restarts are part of every training, interrupted or not. They cut each sub-environment's running episode once a
+part, where its value is bootstrapped as at the end of a rollout; parts shall be several episodes long, so that all of an
+episode is seen.
+"""
+
+from __future__ import annotations
+
+import json
+import platform
+import subprocess
+import time
+from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aoro_gym.agents.curriculum import curriculum, stage_at
+from aoro_gym.agents.evaluation import TRIALS, evaluate
+from aoro_gym.agents.learned import LearnedPolicy, of_stable_baselines3
+from aoro_gym.agents.training_plan import TrainingPlan
+from aoro_gym.envs.courses import Course
+from aoro_gym.log import write_whole
+from aoro_gym.twin import Machine
+
+if TYPE_CHECKING:
+    from aoro_gym.agents.watching import Clock, Progress
+
+EVALUATION_SEED = 30_000
+"""Of the first episode of every evaluation; other than those that controllers are tuned and reported on."""
+SCHEDULED = ("learning_rate", "clip_range", "clip_range_vf")
+"""Hyper-parameters that may fall linearly to 0: ``lin_3e-4``."""
+RECORD, CHECKPOINT, EVALUATIONS = "training.json", "checkpoint.pt", "evaluations.json"
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What YAML says of an environment: hyper-parameters in the RL Zoo's format, and a curriculum."""
+
+    hyperparams: Mapping[str, Any]
+    stages: Sequence[Mapping[str, Any]]
+
+
+def read_recipe(plan: TrainingPlan) -> Recipe:
+    """What the plan's files say.
+
+    Raises ValueError naming the file and what is missing or wrong, OSError if there is no such file.
+    """
+    hyperparams = dict(_entry(plan.hyperparams_file, plan.env))
+    for text in plan.param or []:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not (name and equals):
+            raise ValueError(f"param {text!r} is not NAME=VALUE, such as learning_rate=1e-4")
+        hyperparams[name] = _value(value)
+    for name, value in (("n_timesteps", plan.steps), ("n_envs", plan.n_envs)):
+        if value is not None:
+            hyperparams[name] = value
+        if not isinstance(hyperparams.get(name), int | float):
+            raise ValueError(
+                f"{plan.hyperparams_file}: {name} of {plan.env} is {hyperparams.get(name)!r}; give a number"
+            )
+    stages = _entry(plan.curriculum_file, plan.env)
+    curriculum(plan.env, stages)
+    return Recipe(hyperparams, stages)
+
+
+def begin(plan: TrainingPlan, folder: Path) -> Recipe:
+    """Write the plan and its recipe to ``folder``, where nothing has been trained yet.
+
+    Raises ValueError if something has, or if the recipe is wrong.
+    """
+    record = folder / RECORD
+    if record.exists():
+        raise ValueError(f"{folder} holds a training; give --resume {folder}, or another --out")
+    if plan.env not in TRIALS:
+        raise ValueError(f"env is {plan.env!r}; choose one of: {', '.join(TRIALS)}")
+    recipe = read_recipe(plan)
+    content = {
+        "command": plan.command,
+        "plan": plan.to_json(),
+        "hyperparams": recipe.hyperparams,
+        "curriculum": recipe.stages,
+        "revision": revision(),
+        "versions": {name: version(name) for name in ("stable-baselines3", "torch", "numpy", "warp-lang")},
+        "python": platform.python_version(),
+    }
+    write_whole(record, json.dumps(content, indent=2, ensure_ascii=False))
+    return recipe
+
+
+def recall(folder: Path) -> tuple[TrainingPlan, Recipe]:
+    """The plan and the recipe of the training in ``folder``; ValueError if there is none."""
+    record = folder / RECORD
+    if not record.exists():
+        raise ValueError(f"{folder} holds no {RECORD}; nothing was trained there")
+    content = json.loads(record.read_text(encoding="utf-8"))
+    return TrainingPlan.of(content["plan"]), Recipe(content["hyperparams"], content["curriculum"])
+
+
+def train(
+    plan: TrainingPlan,
+    recipe: Recipe,
+    folder: Path,
+    *,
+    machine: Machine,
+    courses: Sequence[Course] | None = None,
+    held_out: Sequence[Course] | None = None,
+    tell: Callable[[Progress], Any] = lambda progress: None,
+) -> list[dict[str, Any]]:
+    """Train, from the checkpoint in ``folder`` if there is one.
+
+    Args:
+        plan: What :func:`begin` or :func:`recall` was given or gave.
+        recipe: Likewise.
+        folder: To read from and write to.
+        machine: To learn on.
+        courses: Where to learn; None where the task is no drive.
+        held_out: Where to evaluate; likewise.
+        tell: Called with where the training stands.
+
+    Returns:
+        All evaluations, those before the checkpoint, too: ``steps``, ``elapsed_s``, and ``figures`` with their intervals.
+
+    Raises ValueError naming a wrong hyper-parameter.
+    """
+    # after the checks that need neither: importing them takes seconds
+    import torch  # pyright: ignore[reportMissingImports]
+    from stable_baselines3.common.logger import configure  # pyright: ignore[reportMissingImports]
+
+    from aoro_gym.agents.checkpoints import load_checkpoint, save_checkpoint
+    from aoro_gym.agents.watching import REPORT_EVERY, Clock, Watch
+
+    if plan.device == "cpu":
+        torch.set_num_threads(1)  # layers this small lose more by being shared out than they gain
+    total = int(recipe.hyperparams["n_timesteps"])
+    stages = curriculum(plan.env, recipe.stages)
+    clock = Clock(total)
+    model = _model(plan, recipe, clock, machine, courses)
+    env: Any = model.get_env()
+    task = env.unwrapped.envs.task
+    rewards = dict(task.reward_terms)
+    about = {"command": plan.command, "seed": plan.seed, "revision": revision(), "machine": machine.name}
+
+    checkpoint = folder / CHECKPOINT
+    found: list[dict[str, Any]] = []
+    before, began = 0.0, time.perf_counter()
+    if checkpoint.exists():
+        notes = load_checkpoint(checkpoint, model)
+        found, before = notes["evaluations"], notes["elapsed_s"]
+    clock.done = model.num_timesteps
+    model.set_logger(configure(str(folder / "log" / f"from_{clock.done}"), ["csv", "tensorboard"]))
+    watch = Watch(clock, tell, every=REPORT_EVERY)
+    try:
+        while clock.done < total:
+            stage_at(stages, clock.done / total).apply(task, rewards)
+            env.seed(int(np.random.SeedSequence([plan.seed, clock.done]).generate_state(1)[0]))
+            model._last_obs = None  # so that learn() resets the environments
+            model.learn(
+                min(plan.checkpoint_every * env.num_envs, total - clock.done),
+                callback=watch,
+                reset_num_timesteps=False,
+                log_interval=1 if plan.algo == "ppo" else env.num_envs,  # rollouts, or episodes
+            )
+            watch.report("evaluating")
+            policy = of_stable_baselines3(
+                model.policy,
+                model.get_vec_normalize_env(),
+                environment=plan.env,
+                layout=dict(env.unwrapped.envs.observation_layout),
+                training={**about, "steps": clock.done},
+            )
+            figures = _evaluated(plan, policy, machine, held_out)
+            for name, figure in figures.items():
+                if figure["mean"] is not None:
+                    model.logger.record(f"evaluation/{name}", figure["mean"])
+            model.logger.dump(clock.done)
+            best = max((one["figures"]["return"]["mean"] for one in found), default=-np.inf)
+            policy.save(folder / "policy")
+            if figures["return"]["mean"] > best:
+                policy.save(folder / "best")
+            elapsed = before + time.perf_counter() - began
+            found.append({"steps": clock.done, "elapsed_s": round(elapsed, 3), "figures": figures})
+            write_whole(folder / EVALUATIONS, json.dumps({"env": plan.env, "evaluations": found}, indent=2))
+            save_checkpoint(checkpoint, model, {"evaluations": found, "elapsed_s": elapsed})
+    finally:
+        model.logger.close()
+        env.close()
+    return found
+
+
+def _model(plan: TrainingPlan, recipe: Recipe, clock: Clock, machine: Machine, courses: Sequence[Course] | None) -> Any:
+    """The algorithm with its environments."""
+    import warnings
+
+    import stable_baselines3  # pyright: ignore[reportMissingImports]
+    from stable_baselines3.common.vec_env import VecNormalize  # pyright: ignore[reportMissingImports]
+
+    from aoro_gym.agents.vec_env import make_vec_env
+
+    arguments = deepcopy(dict(recipe.hyperparams))  # Stable-Baselines3 adds to what is nested in it
+    arguments.pop("n_timesteps")
+    driven = {} if courses is None else {"courses": courses}
+    env: Any = make_vec_env(
+        plan.env, int(arguments.pop("n_envs")), device=plan.device, env_kwargs={"machine": machine, **driven}
+    )
+    normalise = arguments.pop("normalize", False)
+    if normalise:
+        asked = normalise if isinstance(normalise, Mapping) else {}
+        env = VecNormalize(env, **{"gamma": arguments.get("gamma", 0.99), **asked})
+    for name in SCHEDULED:
+        value = arguments.get(name)
+        if isinstance(value, str):
+            arguments[name] = clock.linear(_slope(name, value))
+    for name, value in arguments.items():
+        if isinstance(value, str) and "(" in value:
+            raise ValueError(f"{name} is {value!r}, which is code; write what it says as YAML")
+    if isinstance(arguments.get("train_freq"), list):
+        arguments["train_freq"] = tuple(arguments["train_freq"])
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "You are trying to run PPO on the GPU")
+        try:
+            return getattr(stable_baselines3, plan.algo.upper())(
+                arguments.pop("policy", "MlpPolicy"), env, seed=plan.seed, device=plan.device, **arguments
+            )
+        except TypeError as error:
+            raise ValueError(
+                f"hyper-parameters of {plan.env} that {plan.algo.upper()} does not take: {error}"
+            ) from error
+
+
+def _evaluated(
+    plan: TrainingPlan, policy: LearnedPolicy, machine: Machine, held_out: Sequence[Course] | None
+) -> dict[str, dict[str, float]]:
+    """Means and intervals of the policy's figures."""
+    result = evaluate(
+        plan.env,
+        {"policy": policy.made_for},
+        episodes=plan.eval_episodes,
+        seed=EVALUATION_SEED,
+        courses=held_out,
+        machine=machine,
+        device=plan.device,
+    )
+    return result.to_json()["policies"]["policy"]
+
+
+def revision() -> str:
+    """Of the source: the package's version, and the commit if it is a checkout of one."""
+    from aoro_gym import __version__
+
+    here = Path(__file__).resolve().parent
+    try:
+        found = subprocess.run(
+            ["git", "describe", "--always", "--dirty", "--abbrev=12"],
+            cwd=here,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return __version__
+    return f"{__version__}+{found.stdout.strip()}"
+
+
+def _entry(file: Path, env: str) -> Any:
+    """What a YAML file says of an environment."""
+    try:
+        import yaml
+    except ImportError as error:
+        raise ValueError(f"training needs {error.name}: pip install 'aoro-gym[agents]'") from error
+    try:
+        content = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except yaml.YAMLError as error:
+        raise ValueError(f"{file} is no YAML: {error}") from error
+    if not isinstance(content, Mapping) or env not in content:
+        raise ValueError(f"{file} says nothing of {env}; it needs an entry of this name")
+    return content[env]
+
+
+def _value(text: str) -> Any:
+    """A value as YAML has it, and numbers such as 1e-4, which YAML takes for words."""
+    import yaml
+
+    value = yaml.safe_load(text)
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
+
+
+def _slope(name: str, text: str) -> float:
+    """Where a linear schedule begins."""
+    kind, _, number = text.partition("_")
+    try:
+        if kind == "lin":
+            return float(number)
+    except ValueError:
+        pass
+    raise ValueError(f"{name} is {text!r}, but must be a number, or lin_NUMBER to let it fall to 0")

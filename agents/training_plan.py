@@ -1,0 +1,92 @@
+"""What a training is asked to do: one dataclass that is command line, log and configuration at once.
+
+Nothing heavy is imported here: the command line shows its fields.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+HYPERPARAMS = Path(__file__).parent / "hyperparams"
+"""Hyper-parameters by algorithm, in the RL Zoo's format, and curricula."""
+ALGORITHMS = ("ppo", "sac")
+
+
+def option(default: Any, metavar: str, text: str) -> Any:
+    """A field that the command line offers."""
+    return field(default=default, metadata={"metavar": metavar, "help": text})
+
+
+@dataclass(frozen=True)
+class TrainingPlan:
+    """Raises ValueError naming the field, its value and its bound."""
+
+    env: str = option("AORO/Turning-v0", "ID", "AORO/Turning-v0 or AORO/PathTracking-v0.")
+    algo: str = option("ppo", "|".join(ALGORITHMS), "Algorithm of Stable-Baselines3.")
+    terrain: str | None = option(None, "FILE", "Ground: a mesh, raster or cloud. Default: generated forests.")
+    path: str | None = option(None, "FILE", "Path on it (.gpx, .csv). Default: generated, drivable ones.")
+    path_length: float = option(60.0, "M", "Of the paths that are generated on --terrain.")
+    forests: int = option(12, "N", "Generated forests to learn on, where there is no --terrain.")
+    machine: str = option("aoro", "NAME|FILE", "Bundled machine, or a machine file (.toml).")
+    set: list[str] | None = option(None, "KEY=VALUE", "Set a parameter, in the unit of the machine file. Repeatable.")
+    scale: list[str] | None = option(None, "KEY=FACTOR", "Multiply a parameter. Repeatable.")
+    device: str = option("cpu", "cpu|cuda:N", "Where twins run and networks learn.")
+    seed: int = option(0, "N", "Seed of all that is random.")
+    steps: int | None = option(None, "N", "Environment steps. Default: the hyper-parameters' n_timesteps.")
+    n_envs: int | None = option(None, "N", "Sub-environments. Default: the hyper-parameters'.")
+    hyperparams: str | None = option(None, "FILE.yml", "Hyper-parameters, as the RL Zoo has them. Default: tuned ones.")
+    param: list[str] | None = option(None, "NAME=VALUE", "Another value of a hyper-parameter. Repeatable.")
+    curriculum: str | None = option(None, "FILE.yml", "What differs from episode to episode, and when. Default: tuned.")
+    checkpoint_every: int = option(
+        4000,
+        "N",
+        "Control steps of each sub-environment between checkpoints, with an evaluation; several episodes long.",
+    )
+    eval_episodes: int = option(32, "N", "Episodes of an evaluation, on seeds and terrains that are held out.")
+
+    def __post_init__(self) -> None:
+        if self.algo not in ALGORITHMS:
+            raise ValueError(f"algo is {self.algo!r}; choose one of: {', '.join(ALGORITHMS)}")
+        for name, least in (
+            ("seed", 0), ("steps", 1), ("n_envs", 1), ("forests", 1), ("checkpoint_every", 1), ("eval_episodes", 1),
+        ):  # fmt: skip
+            value = getattr(self, name)
+            if value is not None and value < least:
+                raise ValueError(f"{name} is {value}, but must be at least {least}")
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> TrainingPlan:
+        """The plan of such a dictionary as :meth:`to_json` gives."""
+        return cls(**values)
+
+    def to_json(self) -> dict[str, Any]:
+        """Every field by name."""
+        return asdict(self)
+
+    @property
+    def command(self) -> str:
+        """The command line that asks for this plan."""
+        words = ["aoro-gym", "train"]
+        for one in fields(self):
+            value = getattr(self, one.name)
+            if value != one.default:
+                for each in value if isinstance(value, list) else [value]:
+                    words += [f"--{one.name.replace('_', '-')}", str(each)]
+        return shlex.join(words)
+
+    @property
+    def hyperparams_file(self) -> Path:
+        """The YAML file of the hyper-parameters: the given one, or that of the algorithm on this kind of device."""
+        if self.hyperparams is not None:
+            return Path(self.hyperparams)
+        cuda = HYPERPARAMS / f"{self.algo}_cuda.yml"
+        return cuda if self.device != "cpu" and cuda.exists() else HYPERPARAMS / f"{self.algo}.yml"
+
+    @property
+    def curriculum_file(self) -> Path:
+        """The YAML file of the curriculum."""
+        return HYPERPARAMS / "curricula.yml" if self.curriculum is None else Path(self.curriculum)

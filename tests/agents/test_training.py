@@ -1,0 +1,324 @@
+"""Trainings: killed and resumed they come to the same weights; what is asked is written down, and what is wrong is named."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aoro_gym import Machine
+from aoro_gym.agents.curriculum import curriculum, stage_at
+from aoro_gym.agents.training_plan import HYPERPARAMS, TrainingPlan
+from aoro_gym.envs.path_tracking import MILD as TRACKING_MILD
+from aoro_gym.envs.turning import FIXED, MILD, REWARD_TERMS, Turning
+
+TURNING, TRACKING = "AORO/Turning-v0", "AORO/PathTracking-v0"
+ROOT = Path(__file__).resolve().parents[2]
+SMALL = {
+    "ppo": {"n_steps": 25, "batch_size": 50, "n_epochs": 2, "learning_rate": "lin_1e-3"},
+    "sac": {"buffer_size": 240, "learning_starts": 60, "batch_size": 16, "train_freq": 5, "gradient_steps": 2},
+}
+"""Hyper-parameters of trainings that take seconds: 100 steps in parts of 50, on two sub-environments."""
+
+
+def plan_of(algo: str = "ppo", **changes) -> TrainingPlan:
+    values = {"steps": 200, "n_envs": 2, "checkpoint_every": 50, "eval_episodes": 1, "seed": 5, **changes}
+    return TrainingPlan(algo=algo, param=[f"{name}={value}" for name, value in SMALL[algo].items()], **values)
+
+
+@pytest.fixture
+def training():
+    pytest.importorskip("stable_baselines3")
+    pytest.importorskip("tensorboard")
+    pytest.importorskip("yaml")
+    from aoro_gym.agents import training
+
+    return training
+
+
+def weights(folder: Path) -> dict[str, np.ndarray]:
+    from safetensors.numpy import load
+
+    return load((folder / "policy.safetensors").read_bytes())
+
+
+# ---- resuming --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("algo", ["ppo", "sac"])
+def test_resumed_training_is_the_uninterrupted_one_to_the_bit(algo, training, tmp_path, monkeypatch):
+    import torch  # pyright: ignore[reportMissingImports]
+
+    plan, machine = plan_of(algo), Machine.load("aoro")
+    recipe = training.begin(plan, tmp_path / "whole")
+    found = training.train(plan, recipe, tmp_path / "whole", machine=machine)
+    # SAC steps on to the end of a part; PPO's rollouts are 50 steps of the 100 of a part
+    assert [one["steps"] for one in found] == [100, 200]
+
+    training.begin(plan, tmp_path / "parted")
+    reports = []
+
+    def interrupt(progress) -> None:
+        reports.append(progress)
+        if progress.steps > 100:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("aoro_gym.agents.watching.REPORT_EVERY", 0.0)
+    with pytest.raises(KeyboardInterrupt):
+        training.train(plan, recipe, tmp_path / "parted", machine=machine, tell=interrupt)
+    assert reports[-1].steps == 102
+    np.random.seed(0)  # noqa: NPY002 (what happens between must not matter)
+    torch.manual_seed(0)
+    again, recalled = training.recall(tmp_path / "parted")
+    assert (again, recalled.hyperparams) == (plan, recipe.hyperparams)
+    resumed = training.train(again, recalled, tmp_path / "parted", machine=machine)
+
+    whole, parted = weights(tmp_path / "whole"), weights(tmp_path / "parted")
+    assert set(whole) == set(parted)
+    for name, values in whole.items():
+        np.testing.assert_array_equal(values, parted[name], err_msg=name)
+    for one, other in zip(found, resumed, strict=True):
+        assert (one["steps"], one["figures"]) == (other["steps"], other["figures"])
+    states = [torch.load(tmp_path / name / "checkpoint.pt", weights_only=True) for name in ("whole", "parted")]
+    same(*({key: value for key, value in state.items() if key not in ("notes", "statistics")} for state in states))
+
+
+def same(one, other) -> None:
+    """Fails unless two checkpoints are equal to the bit."""
+    if isinstance(one, dict):
+        assert one.keys() == other.keys()
+        for key in one:
+            same(one[key], other[key])
+    elif hasattr(one, "numpy"):
+        np.testing.assert_array_equal(one.numpy(), other.numpy())
+    elif isinstance(one, list | tuple):
+        assert len(one) == len(other)
+        for a, b in zip(one, other, strict=True):
+            same(a, b)
+    else:
+        assert one == other
+
+
+def test_learning_changes_the_policy_and_another_seed_another(training, tmp_path):
+    machine, found = Machine.load("aoro"), {}
+    for name, plan in (("short", plan_of(steps=100)), ("long", plan_of()), ("other", plan_of(seed=6))):
+        training.train(plan, training.begin(plan, tmp_path / name), tmp_path / name, machine=machine)
+        found[name] = weights(tmp_path / name)["layer0.weight"]
+    assert not np.array_equal(found["short"], found["long"])
+    assert not np.array_equal(found["other"], found["long"])
+
+
+def test_a_killed_command_goes_on(training, tmp_path):
+    """SIGKILL between two checkpoints; then the same weights as without it."""
+    plan = plan_of(steps=800)
+    options = plan.command.split()[2:]
+
+    def command(*arguments: object) -> list[str]:
+        return [sys.executable, "-m", "aoro_gym", "train", *map(str, arguments)]
+
+    whole, parted = tmp_path / "whole", tmp_path / "parted"
+    subprocess.run(command(*options, "--out", whole), cwd=ROOT, check=True, capture_output=True)
+    running = subprocess.Popen(
+        command(*options, "--out", parted), cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    deadline = time.monotonic() + 120.0
+    while not (parted / "checkpoint.pt").exists() and running.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.005)
+    os.kill(running.pid, signal.SIGKILL)
+    running.wait()
+    done = json.loads((parted / "evaluations.json").read_text())["evaluations"]
+    assert 1 <= len(done) < 8  # it was killed on the way
+    shown = subprocess.run(command("--resume", parted), cwd=ROOT, check=True, capture_output=True, text=True)
+    assert f"wrote {parted / 'best.json'}" in shown.stdout
+    for name, values in weights(whole).items():
+        np.testing.assert_array_equal(values, weights(parted)[name], err_msg=name)
+    again = subprocess.run(command("--resume", parted, "--seed", 3), cwd=ROOT, capture_output=True, text=True)
+    assert again.returncode == 2
+    assert "--seed was settled when the training began; leave it out" in " ".join(again.stderr.split())
+
+
+# ---- what a training writes ------------------------------------------------------------------------------------------
+
+
+def test_folder_says_what_was_asked_and_found(training, tmp_path):
+    from aoro_gym.agents.learned import LearnedPolicy
+
+    plan = plan_of(steps=100)
+    found = training.train(plan, training.begin(plan, tmp_path), tmp_path, machine=Machine.load("aoro"))
+    record = json.loads((tmp_path / "training.json").read_text())
+    assert TrainingPlan.of(record["plan"]) == plan
+    assert record["command"] == plan.command
+    assert record["hyperparams"]["n_steps"] == 25
+    assert record["curriculum"][0]["from"] == 0.0
+    evaluations = json.loads((tmp_path / "evaluations.json").read_text())
+    assert evaluations == {"env": TURNING, "evaluations": found}
+    assert found[0]["figures"]["return"]["low95"] is None  # of one episode
+    policy = LearnedPolicy.load(tmp_path / "policy.json")
+    assert policy.environment == TURNING
+    assert list(policy.layout) == ["joint_angle", "joint_rate", "target", "error", "signals"]
+    assert policy.training["command"] == plan.command
+    assert (policy.training["seed"], policy.training["steps"]) == (5, 100)
+    logged = (tmp_path / "log" / "from_0" / "progress.csv").read_text().splitlines()[0].split(",")
+    assert {"evaluation/return", "train/value_loss"} <= set(logged)
+    assert list((tmp_path / "log" / "from_0").glob("events.out.tfevents.*"))
+    with pytest.raises(ValueError, match="holds a training; give --resume"):
+        training.begin(plan, tmp_path)
+
+
+def test_terms_of_episodes_are_logged(training, tmp_path):
+    plan = plan_of(steps=1200, checkpoint_every=600)
+    training.train(plan, training.begin(plan, tmp_path), tmp_path, machine=Machine.load("aoro"))
+    head, *rows = (tmp_path / "log" / "from_0" / "progress.csv").read_text().splitlines()
+    column = head.split(",").index("terms/tracking")
+    values = [float(row.split(",")[column]) for row in rows if row.split(",")[column]]
+    # 0.6 at most in each of 500 steps
+    assert values and all(0.0 < value <= 300.0 for value in values)
+
+
+# ---- the plan --------------------------------------------------------------------------------------------------------
+
+
+def test_command_is_the_plan(monkeypatch):
+    from typer.testing import CliRunner
+
+    from aoro_gym import cli
+
+    plan = TrainingPlan(seed=3, param=["n_steps=16", "policy_kwargs={net_arch: [8]}"], set=["oil.gas_fraction=0.01"])
+    asked = []
+    monkeypatch.setattr(cli, "_check_extra", lambda *_: None)
+    monkeypatch.setattr(cli, "TrainingPlan", lambda **values: asked.append(TrainingPlan(**values)) or _stop())
+    import shlex
+
+    CliRunner().invoke(cli.app, shlex.split(plan.command)[1:])
+    assert asked == [plan]
+    assert TrainingPlan.of(json.loads(json.dumps(plan.to_json()))) == plan
+
+
+def _stop():
+    raise ValueError("far enough")
+
+
+def test_every_field_has_a_help_text():
+    assert all(one.metadata["help"].endswith(".") and one.metadata["metavar"] for one in fields(TrainingPlan))
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"algo": "dqn"}, "algo is 'dqn'; choose one of: ppo, sac"),
+        ({"steps": 0}, "steps is 0, but must be at least 1"),
+        ({"seed": -1}, "seed is -1, but must be at least 0"),
+    ],
+)
+def test_wrong_plans_are_named(values, message):
+    with pytest.raises(ValueError, match=message):
+        TrainingPlan(**values)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"param": ["learning_rate"]}, "'learning_rate' is not NAME=VALUE"),
+        ({"param": ["learning_rate=fast_1"]}, "learning_rate is 'fast_1', but must be a number, or lin_NUMBER"),
+        (
+            {"param": ["policy_kwargs=dict(net_arch=[8])"]},
+            "policy_kwargs is 'dict.*', which is code; write what it says",
+        ),
+        ({"param": ["n_stepz=8"]}, "that PPO does not take: .*n_stepz"),
+        ({"param": ["n_envs=many"]}, "n_envs of AORO/Turning-v0 is 'many'; give a number"),
+        ({"hyperparams": "mine.yml"}, r"mine\.yml says nothing of AORO/Turning-v0"),
+        ({"hyperparams": "broken.yml"}, r"broken\.yml is no YAML"),
+        ({"curriculum": "late.yml"}, r"begin at \[0\.5\], but must begin at 0 and rise"),
+    ],
+)
+def test_wrong_recipes_are_named(changes, message, training, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("mine.yml").write_text("CartPole-v1:\n  n_envs: 1\n")
+    Path("broken.yml").write_text("a: [\n")
+    Path("late.yml").write_text(f"{TURNING}:\n  - from: 0.5\n")
+    plan = TrainingPlan(n_envs=None if "param" in changes and "n_envs" in changes["param"][0] else 2, **changes)
+    with pytest.raises(ValueError, match=message):
+        training.train(plan, training.begin(plan, tmp_path / "out"), tmp_path / "out", machine=Machine.load("aoro"))
+
+
+def test_numbers_of_parameters_are_numbers(training):
+    plan = TrainingPlan(
+        param=["learning_rate=1e-4", "n_steps=8", "policy_kwargs={net_arch: [8, 4]}", "policy=MlpPolicy"]
+    )
+    hyperparams = training.read_recipe(plan).hyperparams
+    assert hyperparams["learning_rate"] == 1e-4
+    assert hyperparams["n_steps"] == 8
+    assert hyperparams["policy_kwargs"] == {"net_arch": [8, 4]}
+    assert hyperparams["policy"] == "MlpPolicy"
+
+
+def test_packaged_hyperparams_are_of_the_zoos_format(training):
+    import yaml
+
+    for file in HYPERPARAMS.glob("*.yml"):
+        content = yaml.safe_load(file.read_text(encoding="utf-8"))
+        assert set(content) == {TURNING, TRACKING}
+        if file.stem == "curricula":
+            continue
+        for entry in content.values():
+            assert {"n_envs", "n_timesteps", "policy", "normalize"} <= set(entry)
+            if "ppo" in file.stem:  # no truncated batches
+                assert entry["n_envs"] * entry["n_steps"] % entry["batch_size"] == 0
+
+
+# ---- the curriculum --------------------------------------------------------------------------------------------------
+
+
+def test_stages_follow_each_other():
+    stages = curriculum(
+        TURNING,
+        [
+            {"from": 0.0},
+            {
+                "from": 0.4,
+                "randomisation": {"base": "mild", "sensor_noise": [0.0, 1.0]},
+                "reward_terms": {"overshoot": -3.0},
+            },
+            {"from": 0.7, "randomisation": "mild"},
+        ],
+    )
+    assert [stage_at(stages, share).start for share in (0.0, 0.39, 0.4, 0.69, 0.7, 1.0)] == [
+        0.0,
+        0.0,
+        0.4,
+        0.4,
+        0.7,
+        0.7,
+    ]
+    assert stages[0].randomisation == FIXED
+    assert stages[1].randomisation.sensor_noise == (0.0, 1.0)
+    assert stages[1].randomisation.machine_scale == MILD.machine_scale
+    task = Turning()
+    stages[1].apply(task, REWARD_TERMS)
+    assert task.reward_terms["overshoot"].weight == -3.0
+    assert task.randomisation is stages[1].randomisation
+    stages[2].apply(task, REWARD_TERMS)
+    assert task.reward_terms["overshoot"] == REWARD_TERMS["overshoot"]
+    assert curriculum(TRACKING, [{"from": 0, "randomisation": "mild"}])[0].randomisation == TRACKING_MILD
+
+
+@pytest.mark.parametrize(
+    ("entries", "message"),
+    [
+        ([], "must be a list of at least one stage"),
+        ([{"randomisation": "mild"}], "stage 0 .* must have 'from'"),
+        ([{"from": 0, "randomisation": "wild"}], "stage 0 .* randomisation is 'wild'; choose one of: fixed, mild"),
+        ([{"from": 0, "randomisation": {"noise": [0, 1]}}], "unknown field 'noise'; choose from: machine, "),
+        ([{"from": 0, "randomisation": {"sensor_noise": [1, 0]}}], "randomisation.sensor_noise is .1, 0., but must be"),
+        ([{"from": 0}, {"from": 0}], "but must begin at 0 and rise"),
+    ],
+)
+def test_wrong_curricula_are_named(entries, message):
+    with pytest.raises(ValueError, match=message):
+        curriculum(TURNING, entries)
