@@ -1,4 +1,4 @@
-"""Agents that drive the twin. So far: reference controllers, how they are tuned, and how well policies do.
+"""Agents that drive the twin: reference controllers and how they are tuned, training, and how well policies do.
 
 >>> import gymnasium
 >>> from aoro_gym.agents import ProportionalDerivative
@@ -18,6 +18,7 @@ from aoro_gym.lazy import on_first_use
 if TYPE_CHECKING:
     from aoro_gym.agents.controllers import BangBang, Policy, ProportionalDerivative
     from aoro_gym.agents.evaluation import Evaluation, evaluate
+    from aoro_gym.agents.learned import LearnedPolicy, load_policy, shipped_policies
     from aoro_gym.agents.path_controllers import FullSpeedSteering, PreviewRegulator, PurePursuit, Stanley, Vehicle
     from aoro_gym.agents.reference import REFERENCE_POLICIES, reference_policy
     from aoro_gym.agents.responses import Rollout, responses, rollout
@@ -28,6 +29,7 @@ __all__ = [
     "BangBang",
     "Evaluation",
     "FullSpeedSteering",
+    "LearnedPolicy",
     "Policy",
     "PreviewRegulator",
     "ProportionalDerivative",
@@ -37,10 +39,12 @@ __all__ = [
     "TwinVecEnv",
     "Vehicle",
     "evaluate",
+    "load_policy",
     "make_vec_env",
     "reference_policy",
     "responses",
     "rollout",
+    "shipped_policies",
 ]
 
 __getattr__, __dir__ = on_first_use(
@@ -48,6 +52,7 @@ __getattr__, __dir__ = on_first_use(
     {
         "controllers": ("BangBang", "Policy", "ProportionalDerivative"),
         "evaluation": ("Evaluation", "evaluate"),
+        "learned": ("LearnedPolicy", "load_policy", "shipped_policies"),
         "path_controllers": ("FullSpeedSteering", "PreviewRegulator", "PurePursuit", "Stanley", "Vehicle"),
         "reference": ("REFERENCE_POLICIES", "reference_policy"),
         "responses": ("Rollout", "responses", "rollout"),
