@@ -206,6 +206,7 @@ def evaluate(
     courses: Sequence[Course] | None = None,
     machine: str | Machine = "aoro",
     device: str = "cpu",
+    reward_terms: Mapping[str, Any] | None = None,
     progress: Callable[[str, float], Any] | None = None,
 ) -> Evaluation:
     """Drive the same episodes under every policy.
@@ -218,6 +219,7 @@ def evaluate(
         courses: Where to drive; by default the environment's own. Not for the turning task.
         machine: Bundled name, machine file or Machine.
         device: ``"cpu"`` or ``"cuda:N"``.
+        reward_terms: Changes by name to what the return is made of; see :mod:`aoro_gym.envs.terms`.
         progress: Called with a policy's name and the share of everything that is done.
 
     Raises:
@@ -239,7 +241,14 @@ def evaluate(
     done = 0
     for part in parts:
         if vector is None or vector.num_envs != len(part):
-            vector = trial.make(len(part), courses, machine=machine, device=device, autoreset_mode="Disabled")
+            vector = trial.make(
+                len(part),
+                courses,
+                machine=machine,
+                device=device,
+                autoreset_mode="Disabled",
+                reward_terms=reward_terms,
+            )
         for name, make in policies.items():
 
             def tell(share: float, name: str = name, before: int = done, size: int = len(part)) -> None:

@@ -9,7 +9,8 @@ everything is written:
 - ``training.json``: the plan, with its hyper-parameters and its curriculum as they were then;
 - ``checkpoint.pt``: what the training goes on from; see :mod:`aoro_gym.agents.checkpoints`;
 - ``evaluations.json``: every evaluation, with the steps and the time that had passed;
-- ``policy.json``, ``policy.safetensors``: the policy as it is, and ``best.*``, that of the best return;
+- ``policy.json``, ``policy.safetensors``: the policy as it is, and ``best.*``, that of the best return with the rewards of
+  the curriculum's last stage, which all evaluations count;
 - ``log``: TensorBoard's files, and the same as CSV, for each start of the training.
 
 So a training that was killed goes on from its last checkpoint as if nothing had been: on a CPU the weights are the same to
@@ -187,7 +188,7 @@ def train(
                 layout=dict(env.unwrapped.envs.observation_layout),
                 training={**about, "steps": clock.done},
             )
-            figures = _evaluated(plan, policy, machine, held_out)
+            figures = _evaluated(plan, policy, machine, held_out, stages[-1].reward_terms)
             for name, figure in figures.items():
                 if figure["mean"] is not None:
                     model.logger.record(f"evaluation/{name}", figure["mean"])
@@ -247,7 +248,11 @@ def _model(plan: TrainingPlan, recipe: Recipe, clock: Clock, machine: Machine, c
 
 
 def _evaluated(
-    plan: TrainingPlan, policy: LearnedPolicy, machine: Machine, held_out: Sequence[Course] | None
+    plan: TrainingPlan,
+    policy: LearnedPolicy,
+    machine: Machine,
+    held_out: Sequence[Course] | None,
+    reward_terms: Mapping[str, Any],
 ) -> dict[str, dict[str, float]]:
     """Means and intervals of the policy's figures."""
     result = evaluate(
@@ -258,6 +263,7 @@ def _evaluated(
         courses=held_out,
         machine=machine,
         device=plan.device,
+        reward_terms=reward_terms,
     )
     return result.to_json()["policies"]["policy"]
 

@@ -182,6 +182,16 @@ def test_turning_figures_are_those_of_its_responses(turned):
     assert run.errors.shape == (2, 100)
 
 
+def test_returns_are_of_the_rewards_that_were_asked_for(turned):
+    made = REFERENCE_POLICIES[TURNING]["bang-bang"]
+    others = dict.fromkeys(("precision", "overshoot", "flow_oscillation", "signal_change"), 0.0)
+    found = evaluate(TURNING, {"bang-bang": made}, episodes=2, seed=3, reward_terms={"tracking": 2.0, **others})
+    figures, before = found.runs["bang-bang"].figures, turned.runs["bang-bang"].figures
+    np.testing.assert_array_equal(figures["settling_time_s"], before["settling_time_s"])
+    assert np.all(figures["return"] > before["return"])
+    assert np.all(figures["return"] <= 1000.0)
+
+
 def test_interval_of_a_rate_is_clopper_pearson():
     values = np.array([1.0] * 7 + [0.0] * 3)
     found = interval(values, rate=True)

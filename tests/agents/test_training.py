@@ -207,6 +207,32 @@ def test_every_field_has_a_help_text():
     assert all(one.metadata["help"].endswith(".") and one.metadata["metavar"] for one in fields(TrainingPlan))
 
 
+def test_evaluation_is_on_ground_that_was_held_out(tmp_path, monkeypatch):
+    from aoro_gym import cli
+
+    monkeypatch.setattr(cli, "HELD_OUT_FORESTS", (101,))
+    assert cli._training_courses(TrainingPlan()) == (None, None)
+    learned, held_out = cli._training_courses(TrainingPlan(env=TRACKING, forests=1))
+    assert learned is not None and held_out is not None
+    assert [course.name for course in learned] == ["forest 1"]
+    assert [course.name for course in held_out] == ["forest 101"]
+
+    x = np.arange(0.0, 40.0, 1.0)
+    rows = [(a, b, 0.02 * a) for b in x for a in x]
+    np.savetxt(tmp_path / "slope.csv", rows, delimiter=",", header="x,y,z", comments="")
+    own = TrainingPlan(env=TRACKING, terrain=str(tmp_path / "slope.csv"), path_length=15.0)
+    learned, held_out = cli._training_courses(own)
+    assert learned is not None and held_out is not None
+    assert learned[0].terrain is held_out[0].terrain
+    places = [{path.points.tobytes() for path in courses[0].paths} for courses in (learned, held_out)]
+    assert [len(each) for each in places] == [4, 4]
+    assert not places[0] & places[1]
+
+    (tmp_path / "lane.csv").write_text("x,y\n5,10\n8,10\n11,10\n14,10\n")
+    learned, held_out = cli._training_courses(TrainingPlan(env=TRACKING, path=str(tmp_path / "lane.csv")))
+    assert learned is held_out  # there is no other
+
+
 @pytest.mark.parametrize(
     ("values", "message"),
     [
