@@ -10,25 +10,37 @@ sensors and starts it draws from, and which weights of the reward terms differ f
         randomisation: mild
         reward_terms: {overshoot: -20.0}
 
-``fixed`` and ``mild`` are the task's own spreads; other fields are those of its class of randomisation.
+``fixed`` and ``mild`` are the task's own spreads; other fields are those of its class of randomisation. Reward terms are the
+task's own and those of :data:`FURTHER_TERMS`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
+from aoro_gym.arrays import Array
 from aoro_gym.envs import path_tracking, turning
 from aoro_gym.envs.randomisation import Randomisation
 from aoro_gym.envs.task import Task
-from aoro_gym.envs.terms import changed_rewards
+from aoro_gym.envs.terms import RewardTerm, changed_rewards
 
 SPREADS: Mapping[str, Mapping[str, Randomisation]] = {
     "AORO/Turning-v0": {"fixed": turning.FIXED, "mild": turning.MILD},
     "AORO/PathTracking-v0": {"fixed": path_tracking.FIXED, "mild": path_tracking.MILD},
 }
 """By the environment's id, then by name."""
+TERMS: Mapping[str, Mapping[str, RewardTerm]] = {
+    "AORO/Turning-v0": turning.REWARD_TERMS,
+    "AORO/PathTracking-v0": path_tracking.REWARD_TERMS,
+}
+"""The tasks' own reward terms, likewise."""
+FURTHER_TERMS: Mapping[str, Mapping[str, Callable[[Any], Array]]] = {
+    "AORO/Turning-v0": {},
+    "AORO/PathTracking-v0": path_tracking.FURTHER_REWARD_TERMS,
+}
+"""Reward terms that a task can do without, by the environment's id, then by name."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +53,7 @@ class Stage:
     reward_terms: Mapping[str, Any]
     """Changes by name; see :mod:`aoro_gym.envs.terms`."""
 
-    def apply(self, task: Task, rewards: Mapping[str, Any]) -> None:
+    def apply(self, task: Task, rewards: Mapping[str, RewardTerm]) -> None:
         """Let the task's next episodes be of this stage; ``rewards`` are the terms that it was made with."""
         task.randomisation = self.randomisation  # pyright: ignore[reportAttributeAccessIssue]
         task.reward_terms = changed_rewards(rewards, self.reward_terms)
@@ -86,7 +98,13 @@ def _stage(env: str, entry: Any) -> Stage:
         if name not in names:
             raise ValueError(f"randomisation has the unknown field {name!r}; choose from: {', '.join(names)}")
     spread = replace(spreads[base], **{name: _tuples(value) for name, value in values.items()})
-    return Stage(float(entry["from"]), spread, dict(entry.get("reward_terms", {})))
+    further = FURTHER_TERMS[env]
+    rewards = {
+        name: (weight, further[name]) if name in further else weight
+        for name, weight in entry.get("reward_terms", {}).items()
+    }
+    changed_rewards(TERMS[env], rewards)
+    return Stage(float(entry["from"]), spread, rewards)
 
 
 def _tuples(value: Any) -> Any:

@@ -57,6 +57,8 @@ from aoro_gym.twin.records import WHEELS, Output, State
 
 CROSS_TRACK_SCALE = 0.5
 """Cross-track error [m] that costs 1."""
+PRECISION_SCALE = 0.1
+"""Cross-track error [m] at which the precise progress is worth half."""
 TIPPING_RESERVE = 0.5
 """Tipping margin [-] below which it costs."""
 FULL_POWER = 1e5
@@ -159,6 +161,12 @@ def cross_track_cost(view: PathTrackingView) -> Array:
     return view.xp.clip((view.cross_track / CROSS_TRACK_SCALE) ** 2, None, 4.0)
 
 
+def precise_progress(view: PathTrackingView) -> Array:
+    """Path gained as in ``progress``, worth the less the farther off the path: half at 0.1 m. Nobody saves anything by
+    standing still, as where errors cost more than progress brings."""
+    return progress(view) / (1.0 + (view.cross_track / PRECISION_SCALE) ** 2)
+
+
 def signal_change(view: PathTrackingView) -> Array:
     """Sum of the squared changes of all signals."""
     change = (view.actions[:, 0] - view.actions[:, 1]) ** 2
@@ -206,6 +214,8 @@ REWARD_TERMS = Frozen(
     }
 )
 """The reward: about 1 a step for following the path's middle at the working speed."""
+FURTHER_REWARD_TERMS = Frozen({"precise_progress": precise_progress})
+"""What it can be made of besides, by name."""
 
 # ---- observation terms -----------------------------------------------------------------------------------------------
 

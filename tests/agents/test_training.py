@@ -8,6 +8,8 @@ import sys
 import time
 from dataclasses import fields
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from aoro_gym import Machine
 from aoro_gym.agents.curriculum import curriculum, stage_at
 from aoro_gym.agents.training_plan import HYPERPARAMS, TrainingPlan
 from aoro_gym.envs.path_tracking import MILD as TRACKING_MILD
+from aoro_gym.envs.path_tracking import REWARD_TERMS as TRACKING_TERMS
 from aoro_gym.envs.turning import FIXED, MILD, REWARD_TERMS, Turning
 
 TURNING, TRACKING = "AORO/Turning-v0", "AORO/PathTracking-v0"
@@ -330,7 +333,20 @@ def test_stages_follow_each_other():
     assert task.randomisation is stages[1].randomisation
     stages[2].apply(task, REWARD_TERMS)
     assert task.reward_terms["overshoot"] == REWARD_TERMS["overshoot"]
-    assert curriculum(TRACKING, [{"from": 0, "randomisation": "mild"}])[0].randomisation == TRACKING_MILD
+
+
+def test_stages_may_add_what_a_task_does_without():
+    first, *_ = curriculum(TRACKING, [{"from": 0, "randomisation": "mild", "reward_terms": {"precise_progress": 2.0}}])
+    assert first.randomisation == TRACKING_MILD
+    task: Any = SimpleNamespace()
+    first.apply(task, TRACKING_TERMS)
+    assert set(task.reward_terms) == {*TRACKING_TERMS, "precise_progress"}
+    # 0.05 m in a step of 0.05 s at 0.75 m/s of working speed is 4/3; at 0.1 m off the path it is worth half
+    view = SimpleNamespace(
+        progress=np.array([0.05, 0.05]), control_step=0.05, working_speed=0.75, cross_track=np.array([0.0, -0.1])
+    )
+    term = task.reward_terms["precise_progress"]
+    np.testing.assert_allclose(term.weight * term.function(view), [8.0 / 3.0, 4.0 / 3.0])
 
 
 @pytest.mark.parametrize(
@@ -340,6 +356,7 @@ def test_stages_follow_each_other():
         ([{"randomisation": "mild"}], "stage 0 .* must have 'from'"),
         ([{"from": 0, "randomisation": "wild"}], "stage 0 .* randomisation is 'wild'; choose one of: fixed, mild"),
         ([{"from": 0, "randomisation": {"noise": [0, 1]}}], "unknown field 'noise'; choose from: machine, "),
+        ([{"from": 0, "reward_terms": {"precise_progress": 1.0}}], "has no 'precise_progress' to weigh"),
         ([{"from": 0, "randomisation": {"sensor_noise": [1, 0]}}], "randomisation.sensor_noise is .1, 0., but must be"),
         ([{"from": 0}, {"from": 0}], "but must begin at 0 and rise"),
     ],
