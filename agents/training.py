@@ -88,8 +88,7 @@ def begin(plan: TrainingPlan, folder: Path) -> Recipe:
 
     Raises ValueError if something has, or if the recipe is wrong.
     """
-    record = folder / RECORD
-    if record.exists():
+    if (folder / CHECKPOINT).exists():
         raise ValueError(f"{folder} holds a training; give --resume {folder}, or another --out")
     if plan.env not in TRIALS:
         raise ValueError(f"env is {plan.env!r}; choose one of: {', '.join(TRIALS)}")
@@ -103,7 +102,7 @@ def begin(plan: TrainingPlan, folder: Path) -> Recipe:
         "versions": {name: version(name) for name in ("stable-baselines3", "torch", "numpy", "warp-lang")},
         "python": platform.python_version(),
     }
-    write_whole(record, json.dumps(content, indent=2, ensure_ascii=False))
+    write_whole(folder / RECORD, json.dumps(content, indent=2, ensure_ascii=False))
     return recipe
 
 
@@ -289,7 +288,7 @@ def revision() -> str:
 def _entry(file: Path, env: str) -> Any:
     """What a YAML file says of an environment."""
     try:
-        import yaml
+        import yaml  # pyright: ignore[reportMissingModuleSource]
     except ImportError as error:
         raise ValueError(f"training needs {error.name}: pip install 'aoro-gym[agents]'") from error
     try:
@@ -303,7 +302,7 @@ def _entry(file: Path, env: str) -> Any:
 
 def _value(text: str) -> Any:
     """A value as YAML has it, and numbers such as 1e-4, which YAML takes for words."""
-    import yaml
+    import yaml  # pyright: ignore[reportMissingModuleSource]
 
     value = yaml.safe_load(text)
     try:

@@ -862,7 +862,6 @@ def train(
       aoro-gym evaluate --env AORO/Turning-v0 --policy proportional-derivative --policy runs/turning/best.json
     """
     with _checking_input():
-        _check_extra("agents", "stable_baselines3", "torch", "yaml", "tensorboard")
         from aoro_gym.agents import training
 
         if resume is not None:
@@ -879,6 +878,7 @@ def train(
         chosen = _machine(plan.machine, plan.set, plan.scale)
         _check_device(plan.device)
         courses, held_out = _training_courses(plan)
+        _check_extra("agents", "stable_baselines3", "torch", "yaml", "tensorboard")
         if resume is None:
             recipe = training.begin(plan, folder)
     began = time.perf_counter()

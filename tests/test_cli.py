@@ -38,7 +38,8 @@ def turn(tmp_path_factory) -> tuple[Path, Result]:
 
 def test_version_and_help():
     assert call("--version").stdout == f"aoro-gym {__version__}\n"
-    for verb in ("parameters", "simulate", "validate", "calibrate", "demo", "terrain", "evaluate", "export", "bench"):
+    verbs = "parameters simulate validate calibrate demo terrain evaluate train export bench"
+    for verb in verbs.split():
         shown = call(verb, "--help")
         assert shown.exit_code == 0
         assert "Examples" in shown.stdout
@@ -443,6 +444,11 @@ def test_terrain(tmp_path):
         ("demo --out good.csv", "--out good.csv is a file; name a folder"),
         ("evaluate --out good.csv", "--out good.csv is a file; name a folder"),
         ("evaluate --env X", "--env 'X' cannot be evaluated; choose one of: AORO/Turning-v0, AORO/PathTracking-v0"),
+        ("train --algo dqn", "algo is 'dqn'; choose one of: ppo, sac"),
+        ("train --terrain good.csv", "--terrain is for AORO/PathTracking-v0"),
+        ("train --out good.csv", "--out good.csv is a file; name a folder"),
+        ("train --resume empty", "empty holds no training.json; nothing was trained there"),
+        ("train --machine nothing.toml", "nothing.toml"),
         ("evaluate --policy walker", "'walker' is no policy for AORO/PathTracking-v0; choose from: pure-pursuit"),
         ("evaluate --episodes 0", "--episodes = 0 is outside [1, 10000]"),
         ("evaluate --seed -1", "--seed = -1 is below 0"),

@@ -252,6 +252,7 @@ def test_wrong_plans_are_named(values, message):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
+        ({"env": "AORO/Flying-v0"}, "env is 'AORO/Flying-v0'; choose one of: AORO/Turning-v0"),
         ({"param": ["learning_rate"]}, "'learning_rate' is not NAME=VALUE"),
         ({"param": ["learning_rate=fast_1"]}, "learning_rate is 'fast_1', but must be a number, or lin_NUMBER"),
         (
@@ -287,7 +288,7 @@ def test_numbers_of_parameters_are_numbers(training):
 
 
 def test_packaged_hyperparams_are_of_the_zoos_format(training):
-    import yaml
+    import yaml  # pyright: ignore[reportMissingModuleSource]
 
     for file in HYPERPARAMS.glob("*.yml"):
         content = yaml.safe_load(file.read_text(encoding="utf-8"))
