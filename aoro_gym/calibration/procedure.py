@@ -28,6 +28,9 @@ FLOW_ACCURACY = 0.035
 """Half range, relative, that a measured mean flow leaves to the steady flow which the valve's curve describes: in the
 published turns both differ by up to 2.5 %, and the smallest flow is given to 0.1 of 12.5 L/min."""
 
+CURVE_SOURCE = "P: mean flows of full turns"
+"""Of the valve's curve in a machine file."""
+
 ROUNDS = 3
 """Refinements of such a search: each narrows the bracket to a quarter."""
 
@@ -43,7 +46,7 @@ def measured_curve(machine: Machine) -> Machine:
         values[f"steering.valve.opening_{side}_1V0"] = flow[1.0] / flow[2.0]
         values[f"steering.valve.opening_{side}_1V5"] = flow[1.5] / flow[2.0]
     ranges = {key: (value * (1.0 - FLOW_ACCURACY), value * (1.0 + FLOW_ACCURACY)) for key, value in values.items()}
-    return machine.set(values, source="P: mean flows of full turns", ranges=ranges)
+    return machine.set(values, source=CURVE_SOURCE, ranges=ranges)
 
 
 def crossing(values: NDArray[np.float64], found: NDArray[np.float64], target: float) -> tuple[float, float] | None:

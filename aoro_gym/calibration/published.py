@@ -45,6 +45,9 @@ PROBES = 3
 PULL_ITERATIONS = 8
 """Steps that each heavier pull is given."""
 
+FIGURES_SOURCE = "C: published key figures of left turns"
+"""Of what the fit found, in a machine file."""
+
 EQUALLY_WELL = 0.3
 """Ensemble members may miss a figure by this much of its tolerance more than the best fit does."""
 
@@ -220,7 +223,7 @@ def _finished(space: Space, point: NDArray[np.float64]) -> Machine:
     for key, value in zip(space.keys, space.values(point), strict=True):
         low, high = space.machine.entries[key].range
         values[key] = min(max(float(f"{value:.6g}"), low), high)
-    machine = space.machine.set(values, source="C: published key figures of left turns").levelled()
+    machine = space.machine.set(values, source=FIGURES_SOURCE).levelled()
     out = machine.entries["steering.valve.nominal_drop_out_left"].value
     machine = machine.set(
         {"steering.valve.nominal_drop_out_right": float(out)}, source="C: taken to be made like the left edge"

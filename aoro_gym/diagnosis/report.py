@@ -18,7 +18,7 @@ from rich.console import RenderableType
 from rich.markup import escape
 from rich.table import Table
 
-from aoro_gym.diagnosis.result import PHASES, Cause, Curve, Diagnosis, Shrinkage
+from aoro_gym.diagnosis.result import KEY_FIGURES, PHASES, UNKNOWN, Cause, Curve, Diagnosis, Shrinkage
 from aoro_gym.diagnosis.words import (
     WITHOUT_CAUSE,
     Spoken,
@@ -90,6 +90,8 @@ def summary(diagnosis: Diagnosis, *, effects: Mapping[str, Effect] = EFFECTS) ->
         items.append(_cause_summary(diagnosis.causes))
     if diagnosis.shrinkage:
         items.append(_shrinkage_summary(diagnosis.shrinkage))
+    if diagnosis.signals == (KEY_FIGURES,):
+        items.append(_key_figures_summary(diagnosis))
     return [*items, *(f"[yellow]note:[/] {escape(text)}" for text in diagnosis.limitations)]
 
 
@@ -124,6 +126,17 @@ def _shrinkage_summary(found: Sequence[Shrinkage]) -> Table:
         row[one.signal] = f"{gone(one.S)} ({_range(one)})"
     for (manoeuvre, part), row in rows.items():
         table.add_row(escape(manoeuvre), part, *(row.get(signal, "-") for signal in signals))
+    return table
+
+
+def _key_figures_summary(diagnosis: Diagnosis) -> Table:
+    """A row a figure."""
+    table = Table(title="Key figures", title_justify="left", header_style="bold")
+    head, rows = _key_figures(diagnosis)
+    for column in head:
+        table.add_column(column, justify="left" if column in head[:2] else "right", overflow="fold")
+    for row in rows:
+        table.add_row(*(f"[bold]{escape(cell)}[/]" if len(row) == 1 else escape(cell) for cell in row))
     return table
 
 
@@ -165,7 +178,8 @@ def write_report(diagnosis: Diagnosis, folder: Path, *, effects: Mapping[str, Ef
 def _lead(diagnosis: Diagnosis) -> str:
     state = f"commissioned on {count(len(diagnosis.healthy), 'healthy log')}" if diagnosis.healthy else diagnosis.mode
     compared = f" Compared: {listed([readable(name) for name in diagnosis.signals])}." if diagnosis.signals else ""
-    return f"{count(len(diagnosis.logs), 'log')} against the twin {diagnosis.machine} ({state}).{compared}"
+    what = "turn" if diagnosis.signals == (KEY_FIGURES,) else "log"
+    return f"{count(len(diagnosis.logs), what)} against the twin {diagnosis.machine} ({state}).{compared}"
 
 
 class _Html(str):
@@ -428,7 +442,7 @@ def _causes_html(diagnosis: Diagnosis, effects: Mapping[str, Effect]) -> str:
         text.append(f"The least set of effects that holds the truth with 95 %: {names}.")
     if diagnosis.alike:
         pairs = [f"{title([one])} and {title([other])}" for one, other in diagnosis.alike]
-        text.append(f"These logs cannot tell apart: {'; '.join(pairs)}.")
+        text.append(f"The data cannot tell apart: {'; '.join(pairs)}.")
     return _table(head, rows, text=(3, 4, 5), long=(0, 2)) + "".join(_paragraph(sentence) for sentence in text)
 
 
@@ -478,15 +492,31 @@ def _shrinkage_row(one: Shrinkage) -> list[str]:
 
 
 def _key_figures_html(diagnosis: Diagnosis) -> str:
+    head, rows = _key_figures(diagnosis)
+    return _table(head, rows, text=(1, 6)) if rows else ""
+
+
+def _key_figures(diagnosis: Diagnosis) -> tuple[Sequence[str], list[Sequence[str]]]:
+    """Head and rows of a table; a row of one cell heads a turn's. Where figures are all that was compared, with their
+    standard deviations and what became of them."""
+    alone = diagnosis.signals == (KEY_FIGURES,)
     rows: list[Sequence[str]] = []
     for turn, figures in diagnosis.key_figures.items():
         rows.append([turn])
         for name, values in figures.items():
             found, unit, _ = describe(name)
-            rows.append([found, unit, *(show(name, values.get(of)) for of in ("measured", "before", "after"))])
-    return (
-        _table(("key figure", "unit", "measured", "twin", twin_with(diagnosis.causes)), rows, text=(1,)) if rows else ""
-    )
+            row = [found, unit, *(show(name, values.get(of)) for of in ("measured", "before", "after"))]
+            rows.append([*row, show(name, values["std"]), _use(values)] if alone else row)
+    known = [one for one in diagnosis.causes if one.effects != (UNKNOWN,)]  # the best fit that there is
+    head = ("key figure", "unit", "measured", "twin", twin_with(known if alone else diagnosis.causes))
+    return (*head, "σ", "used") if alone else head, rows
+
+
+def _use(figure: Mapping[str, float | None]) -> str:
+    """What became of a figure in a table."""
+    if figure["built_in"]:
+        return "built in"
+    return "left out" if figure["held_out"] else "fitted"
 
 
 def _experiments_html(diagnosis: Diagnosis) -> str:
@@ -529,7 +559,7 @@ def _calibration_html(diagnosis: Diagnosis) -> str:
 def _limitations_html(diagnosis: Diagnosis) -> str:
     texts = diagnosis.limitations or ("None was noted.",)
     items = "".join(f"<li>{html.escape(text)}</li>" for text in texts)
-    logs = {"Logs": diagnosis.logs, "Healthy logs": diagnosis.healthy}
+    logs = {"Compared": diagnosis.logs, "Healthy logs": diagnosis.healthy}
     read = "".join(_paragraph(f"{name}: {', '.join(files)}") for name, files in logs.items() if files)
     return card(f"<ul>{items}</ul>{read}{_paragraph(f'Found in {diagnosis.seconds:.0f} s.')}")
 
@@ -542,7 +572,7 @@ def _onward_html(diagnosis: Diagnosis, folder: Path) -> str:
     elif file:
         text = "This machine file can be used like any other, by the twin, its environments and training:"
     elif diagnosis.verdict == "no_gap":
-        text = "The machine file that you have agrees with these logs:"
+        text = "The machine file that you have agrees with the data:"
     else:
         text = "No machine file is better founded than the one that you have:"
     shell = f"aoro-gym simulate --manoeuvre left --machine {machine}\naoro-gym evaluate --machine {machine}"

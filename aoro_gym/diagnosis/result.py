@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 VERDICTS: Mapping[str, str] = {
-    "no_gap": "The logs show nothing above noise and the twin's own error.",
+    "no_gap": "There is nothing above noise and the twin's own error.",
     "calibration": "There is a gap, and recalibrating uncertain parameters removes it; no effect is needed.",
     "cause": "One cause stands out.",
-    "ambiguous": "Several causes explain the gap, and these logs cannot tell them apart.",
+    "ambiguous": "Several causes explain the gap, and the data cannot tell them apart.",
     "unknown": "There is a gap that nothing in the catalogue explains.",
-    "inconclusive": "These logs cannot tell.",
+    "inconclusive": "The data cannot tell.",
 }
 """Every verdict, in a sentence."""
 
@@ -27,6 +27,8 @@ UNKNOWN = "unknown"
 """Stands for an effect outside the catalogue."""
 CALIBRATION = "calibration"
 """Stands for parameters elsewhere within their ranges, and no effect."""
+KEY_FIGURES = "key_figures"
+"""Stands for a signal where a turn's figures are compared, in their standard deviations (:mod:`.tables`)."""
 
 
 @dataclass(frozen=True)

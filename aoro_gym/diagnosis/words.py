@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from aoro_gym import log
-from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, VERDICTS, Cause, Diagnosis, Interval, Place
+from aoro_gym.diagnosis.result import CALIBRATION, KEY_FIGURES, UNKNOWN, VERDICTS, Cause, Diagnosis, Interval, Place
 from aoro_gym.log import BAR, DEGREE, LITRE_PER_MINUTE
 from aoro_gym.twin.effects import EFFECTS, Effect
 
@@ -155,6 +155,8 @@ def listed(names: Sequence[str], last: str = "and") -> str:
 
 def signal_unit(signal: str) -> tuple[str, float]:
     """Field unit of a signal and its SI value."""
+    if signal == KEY_FIGURES:
+        return "σ", 1.0
     unit, size = log.field_unit(signal)
     return {"deg": "°"}.get(unit, unit), size
 
@@ -258,7 +260,7 @@ def _headline(diagnosis: Diagnosis) -> str:
         "no_gap": "No gap",
         "calibration": "Calibration removes the gap",
         "unknown": "Something outside the catalogue",
-        "inconclusive": "These logs cannot tell",
+        "inconclusive": "The data cannot tell",
     }.get(diagnosis.verdict, VERDICTS[diagnosis.verdict].rstrip("."))
 
 
@@ -371,7 +373,7 @@ def _next(diagnosis: Diagnosis) -> str:
     on = f" Go on with {file}." if file else ""
     text = {
         "no_gap": "Go on with the machine file that you have.",
-        "calibration": on or "Calibrate the twin with these logs.",
+        "calibration": on or "Calibrate the twin with them.",
         "cause": f"Look at the machine's {listed(components)}.{on}" if components else on,
         "ambiguous": "",
         "unknown": "Look at the machine where the gap shows; an effect of your own is weighed with those of the catalogue.",
