@@ -183,6 +183,23 @@ def test_terms_of_episodes_are_logged(training, tmp_path):
     assert values and all(0.0 < value <= 300.0 for value in values)
 
 
+def test_paths_are_learned_and_evaluated_on_their_courses(training, tmp_path):
+    from aoro_gym.envs import Course
+    from aoro_gym.terrains import Path as Line
+    from aoro_gym.terrains import Plane
+
+    def course(length: float) -> Course:
+        return Course(Plane(), (Line(np.array([[0.0, 0.0], [length, 0.0]]), name="ahead"),), name=f"{length} m")
+
+    plan = plan_of(env=TRACKING, steps=100, eval_episodes=2)
+    recipe = training.begin(plan, tmp_path)
+    machine = Machine.load("aoro")
+    found = training.train(plan, recipe, tmp_path, machine=machine, courses=[course(9.0)], held_out=[course(7.0)])
+    # from 4 m along on, and who hardly moves in 20 s is stuck: neither gets farther than to the end of the held-out path
+    assert all(found[0]["figures"]["driven_m"][end] <= 3.0 for end in ("mean", "high95"))
+    assert json.loads((tmp_path / "policy.json").read_text())["environment"] == TRACKING
+
+
 # ---- the plan --------------------------------------------------------------------------------------------------------
 
 
