@@ -38,9 +38,9 @@ class TrainingPlan:
     seed: int = option(0, "N", "Seed of all that is random.")
     steps: int | None = option(None, "N", "Environment steps. Default: the hyper-parameters' n_timesteps.")
     n_envs: int | None = option(None, "N", "Sub-environments. Default: the hyper-parameters'.")
-    hyperparams: str | None = option(None, "FILE.yml", "Hyper-parameters, as the RL Zoo has them. Default: the package's.")
+    hyperparams: str | None = option(None, "FILE.yml", "Hyper-parameters, in the RL Zoo's format. Default: ours.")
     param: list[str] | None = option(None, "NAME=VALUE", "Another value of a hyper-parameter. Repeatable.")
-    curriculum: str | None = option(None, "FILE.yml", "What differs from episode to episode, and when. Default: the package's.")
+    curriculum: str | None = option(None, "FILE.yml", "What differs from episode to episode, and when. Default: ours.")
     checkpoint_every: int = option(
         4000,
         "N",

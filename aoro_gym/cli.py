@@ -846,9 +846,9 @@ def train(
 ) -> None:
     """Train a policy with Stable-Baselines3, on many twins at once.
 
-    Hyper-parameters are in the RL Zoo's format, a curriculum says what differs from episode to episode; the package has both,
-    for CPUs and for GPUs. The training is evaluated and saved every --checkpoint-every steps of each sub-environment, and can be
-    killed at any time: --resume goes on from the last checkpoint, on a CPU to the same weights to the bit.
+    Hyper-parameters are in the RL Zoo's format, a curriculum says what differs from episode to episode; the package has
+    both, for CPUs and for GPUs. The training is evaluated and saved every --checkpoint-every steps of each sub-environment,
+    and can be killed at any time: --resume goes on from the last checkpoint, on a CPU to the same weights to the bit.
 
     FOLDER gets training.json (all that was asked), checkpoint.pt, evaluations.json, policy.json with policy.safetensors (and
     best.*, of the best return), and log, for TensorBoard. Needs pip install 'aoro-gym\\[agents]'.
