@@ -15,24 +15,26 @@ from typing import Any
 
 import numpy as np
 
-from aoro_gym.diagnosis.attribution import Hypothesis, Linear, attribute, fit_p
+from aoro_gym.diagnosis.attribution import attribute, fit_p, without
 from aoro_gym.diagnosis.experiments import next_experiments
 from aoro_gym.diagnosis.figures import key_figures
+from aoro_gym.diagnosis.linear import Hypothesis, Linear
 from aoro_gym.diagnosis.noise import Floats, ModelError, Noise, noise_of
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem, Progress, references_of
 from aoro_gym.diagnosis.recording import TICK, Recording, logs_in, read_recording
 from aoro_gym.diagnosis.replay import Simulator, Variants
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, Cause, Curve, Diagnosis, Interval, Shrinkage
+from aoro_gym.diagnosis.search import settle
 from aoro_gym.diagnosis.shrinkage import black_box, shrinkages, typical
 from aoro_gym.diagnosis.where import places
 from aoro_gym.twin import Machine
 from aoro_gym.twin.effects import EFFECTS, ChainEffect, Effect, GroundEffect
 
-ERROR = ModelError(rate=0.003, pressure=0.015, swing=0.1, change=0.1)
+ERROR = ModelError(rate=0.003, pressure=0.015, swing=0.1, change=0.1, phase=0.05)
 """The twin's own error: what remains between it and machines of other laws once it was fitted to them."""
-JACOBIANS = {"commissioned": 2, "day-one": 4}
-"""Gauss–Newton steps of the fit of the uncertain parameters."""
+STAGES = 2
+"""Of the fit of the uncertain parameters."""
 FOLDS = 3
 """Parts of the recordings, each of which is left out once when it is asked how far the gap shrinks."""
 SURE = 0.8
@@ -94,18 +96,17 @@ def diagnose(
     mode = "commissioned" if commissioned or (healthy and commissioned is None) else "day-one"
     noise = _noise([*healthy, *recordings, *held_out], channels)
 
-    references, twin = None, given
+    references, twin, uncertain = None, given, None
     if healthy:
         fit = Problem(healthy, Nuisances(given, "commissioning"), {}, error=ERROR, noise=noise, simulator=simulator)
-        fit.settle(JACOBIANS["commissioned"], lambda s, share: progress(s, 0.3 * share))
+        tangent = settle(fit, STAGES, lambda s, share: progress(s, 0.3 * share))
         noise = {name: noise[name].louder(loud) for name, loud in fit.loudness().items()}
-        references, twin = references_of(fit), fit.machine
-    around = Nuisances(twin, "day" if mode == "commissioned" else "range")
+        references, twin, uncertain = references_of(fit), fit.machine, fit.uncertain(tangent.covariance)
+    around = Nuisances(twin, "day" if mode == "commissioned" else "range", uncertain)
     problem = Problem(recordings, around, effects, error=ERROR, references=references, noise=noise, simulator=simulator)
     before = problem.given
     if mode == "day-one":
-        problem.settle(JACOBIANS[mode], lambda s, share: progress(s, 0.3 + 0.1 * share))
-        problem.rebase()
+        settle(problem, STAGES, lambda s, share: progress(s, 0.3 + 0.1 * share))
         problem.noise = {name: noise[name].louder(loud) for name, loud in problem.loudness().items()}
     progress("what every effect does", 0.4)
     problem.learn()
@@ -114,7 +115,7 @@ def diagnose(
     progress("where, how far, and what next", 0.85)
     verdict = _verdict(hypotheses)
     gap, gap_p = places(problem, linear)
-    best = next((h for h in hypotheses if h.refined), None)
+    best = next((h for h in hypotheses if h.refined and h.effects != (CALIBRATION,)), None)
     fitted = None if best is None else problem.at(best.nuisances[None], best.effects, _row(best))
     after = before if fitted is None else problem.simulate([fitted])[:, 0]
     shrunk, controls = _how_far(problem, linear, hypotheses, before, after, held_out)
@@ -296,7 +297,7 @@ def _alike_effects(linear: Linear) -> tuple[tuple[str, str], ...]:
     if len(names) < 2:
         return ()
     stacked = np.column_stack(columns)
-    gram = linear.projected(stacked, stacked)
+    gram = linear.tangent.projected(stacked, stacked)
     size = np.sqrt(np.maximum(np.diag(gram), 1e-12))
     cosine = gram / np.outer(size, size)
     shown = size > 3.0
@@ -320,10 +321,12 @@ def _how_far(
     held_out: Sequence[Recording],
 ) -> tuple[tuple[Shrinkage, ...], dict[str, float | None]]:
     """Shrinkage of fitted and of held-out recordings, and what a wrong cause and a black box get of the latter."""
-    best = next((h for h in hypotheses if h.refined and h.effects), None)
+    best = next((h for h in hypotheses if h.refined and h.effects and h.effects != (CALIBRATION,)), None)
     if best is None:
         return (), {"cause": None, "wrong_cause": None, "black_box": None}
-    rivals = (h for h in hypotheses if h.refined and len(h.effects) == len(best.effects))
+    rivals = (
+        h for h in hypotheses if h.refined and h.effects != (CALIBRATION,) and len(h.effects) == len(best.effects)
+    )
     wrong = next((h for h in rivals if not set(h.effects) & set(best.effects)), None)
     fitted = shrinkages(problem, before, after, held_out=False)
     if held_out:
@@ -354,7 +357,7 @@ def _in_turn(
     if count < 2:
         return (), None, None
     causes = [best, *([wrong] if wrong else [])]
-    refits = [[linear.without(fold, h) for fold in folds] for h in causes]
+    refits = [[without(linear, fold, h) for fold in folds] for h in causes]
     batch = [problem.at(u[None], h.effects, z[None]) for h, fits in zip(causes, refits, strict=True) for u, z in fits]
     found = problem.simulate(batch)
     results: list[list[Shrinkage]] = [[] for _ in causes]

@@ -23,7 +23,7 @@ from itertools import combinations
 import numpy as np
 from scipy.special import logsumexp
 
-from aoro_gym.diagnosis.attribution import Hypothesis, Linear
+from aoro_gym.diagnosis.linear import Hypothesis, Linear
 from aoro_gym.diagnosis.noise import Floats, Noise, noise_of
 from aoro_gym.diagnosis.problem import Problem
 from aoro_gym.diagnosis.recording import COMMANDS, REST, TICK, Recording
@@ -280,8 +280,8 @@ def _drawn(linear: Linear, hypothesis: Hypothesis) -> Floats:
     problem = linear.problem
     felt = len(problem.felt)
     rng = np.random.default_rng(0)
-    power, axes = np.linalg.eigh(linear.jacobian.T @ linear.jacobian)
-    deviations = rng.standard_normal((DRAWS, len(power))) / np.sqrt(1.0 + np.maximum(power, 0.0)) @ axes.T
+    root = np.linalg.cholesky((hypothesis.tangent or linear.tangent).covariance)
+    deviations = rng.standard_normal((DRAWS, len(root))) @ root.T
     drawn = rng.standard_normal((DRAWS, len(problem.nuisances.keys)))
     drawn[:, problem.felt] = (hypothesis.nuisances + deviations)[:, :felt]
     return drawn
@@ -294,12 +294,13 @@ def _family(linear: Linear, blank: Problem, hypothesis: Hypothesis, drawn: Float
     z = np.array(hypothesis.places, dtype=np.float64)
     places, nuisances = [z], [hypothesis.nuisances]
     power, axes = np.linalg.eigh(hypothesis.covariance)
+    tangent = hypothesis.tangent or linear.tangent
     for step in (axes * np.sqrt(power)).T:
         # inwards, where the range ends nearer than that
         moved = max((np.clip(z + s, 0.0, 1.0) for s in (step, -step)), key=lambda to: float(np.linalg.norm(to - z)))
-        slopes = np.column_stack(linear.shift(hypothesis.effects, z, 1))
+        slopes = hypothesis.slopes if hypothesis.tangent else np.column_stack(linear.shift(hypothesis.effects, z, 1))
         places.append(moved)
-        nuisances.append(hypothesis.nuisances + linear.best_nuisances(-slopes @ (moved - z)))
+        nuisances.append(hypothesis.nuisances + tangent.best(-slopes @ (moved - z)))
     points = np.zeros((len(places), len(linear.problem.nuisances.keys)))
     points[:, felt] = np.array(nuisances)[:, : len(felt)]
     if drawn is not None:

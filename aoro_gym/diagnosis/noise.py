@@ -9,7 +9,7 @@ wandering as Ornstein–Uhlenbeck processes.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -51,17 +51,18 @@ ENVELOPE = 15
 @dataclass(frozen=True)
 class ModelError:
     """Relative standard deviations of the twin's own error: of the joint's rate, of each pressure's excursion, of its swing
-    within a fifth of a second, and of what the recording shows beyond the prediction, as no twin has a deviation exactly as
-    the machine has it."""
+    within a fifth of a second, of what the recording shows beyond the prediction, as no twin has a deviation exactly as
+    the machine has it, and of the time since the last event, as a twin that sways a little faster is soon out of phase."""
 
     rate: float
     pressure: float
     swing: float = 0.0
     change: float = 0.0
+    phase: float = 0.0
 
     def scaled(self, factor: float) -> ModelError:
         """Rate and pressure times ``factor``: what a reference takes away, but for fast swings."""
-        return ModelError(factor * self.rate, factor * self.pressure, self.swing, self.change)
+        return replace(self, rate=factor * self.rate, pressure=factor * self.pressure)
 
 
 @dataclass(frozen=True)
@@ -119,10 +120,11 @@ class Whitener:
     """Makes the residual (F,) or (F, N) of one channel of one recording white with unit variance, after it has averaged
     every :data:`MERGED` samples."""
 
-    factor: Floats  # lower Cholesky factor of the covariance (F // MERGED, F // MERGED)
+    factor: Floats  # lower Cholesky factor of the covariance (n, n) of what counts
+    counts: NDArray[np.bool_]  # (F // MERGED,)
 
     def __call__(self, residual: Floats) -> Floats:
-        return solve_triangular(self.factor, _merged(residual), lower=True, check_finite=False)
+        return solve_triangular(self.factor, _merged(residual)[self.counts], lower=True, check_finite=False)
 
 
 def _merged(values: Floats) -> Floats:
@@ -139,6 +141,8 @@ def whitener(
     *,
     seen: Floats | None = None,
     repeats: float = np.inf,
+    since: Floats | None = None,
+    counts: NDArray[np.bool_] | None = None,
 ) -> Whitener:
     """Whitener of a channel whose twin shows ``predicted`` (F,) SI.
 
@@ -149,6 +153,8 @@ def whitener(
         error: The twin's own.
         seen: Residual (F,) SI: what there is beyond the prediction, with noise.
         repeats: Recordings whose mean residual was subtracted; its noise adds to this one's.
+        since: Time (F,) [s] since the last event, by default that since the first sample.
+        counts: Samples (F,) that are compared; all by default.
     """
     count = len(predicted)
     covariance = (1.0 + 1.0 / repeats) * toeplitz(noise.covariance[:count])
@@ -161,10 +167,13 @@ def whitener(
         memory = wander
     else:
         # a motion that runs late shows its pressures late, by the integral of the rate's error
-        late = error.rate**2 * np.cumsum(np.cumsum(wander, axis=0), axis=1)
-        covariance += np.outer(change, change) * late
+        delay = error.rate**2 * np.cumsum(np.cumsum(wander, axis=0), axis=1)
+        covariance += np.outer(change, change) * delay
         spread = error.pressure * maximum_filter1d(np.abs(predicted - predicted[0]), 9)
-        spread += error.swing * (maximum_filter1d(predicted, SWING) - minimum_filter1d(predicted, SWING))
+        swing = maximum_filter1d(predicted, SWING) - minimum_filter1d(predicted, SWING)
+        time = TICK * np.arange(count) if since is None else since
+        late = error.phase * time / TICK * maximum_filter1d(np.abs(change), SWING)
+        spread += error.swing * swing + np.minimum(late, 0.5 * swing)
         memory = np.exp(-lag / PRESSURE_MEMORY)
         covariance += np.outer(spread, spread) * memory
     if seen is not None and error.change > 0.0:
@@ -172,7 +181,9 @@ def whitener(
         signed = np.clip(error.change * uniform_filter1d(seen, ENVELOPE), -envelope, envelope)
         # half of the error wanders, half is a size that is wrong throughout
         covariance += 0.5 * (np.outer(envelope, envelope) * memory + np.outer(signed, signed))
-    return Whitener(cholesky(_merged(_merged(covariance).T), lower=True, overwrite_a=True, check_finite=False))
+    kept = np.ones(count // MERGED, dtype=bool) if counts is None else counts[: count // MERGED * MERGED : MERGED]
+    merged = _merged(_merged(covariance).T)[np.ix_(kept, kept)]
+    return Whitener(cholesky(merged, lower=True, overwrite_a=True, check_finite=False), kept)
 
 
 def _envelope(seen: Floats, noise: float) -> Floats:

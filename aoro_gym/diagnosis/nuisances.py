@@ -29,21 +29,23 @@ class Nuisances:
 
     Args:
         machine: Centre of the prior.
-        spread: One of :data:`SPREADS`. On another day, parameters that effects move, too, stay as the machine file's
-            ``commissioned`` says.
+        spread: One of :data:`SPREADS`. Of a commissioned machine (``day``, ``recalibration``), parameters that effects
+            move, too, stay as its file's ``commissioned`` says.
+        uncertain: Covariance (d, d) in the unit cube of the machine itself, which adds to the spread: what its healthy logs
+            left open.
 
     Raises:
         ValueError: the spread is unknown.
     """
 
-    def __init__(self, machine: Machine, spread: str):
+    def __init__(self, machine: Machine, spread: str, uncertain: Floats | None = None):
         if spread not in SPREADS:
             raise ValueError(f"spread {spread!r}: choose one of {', '.join(SPREADS)}")
         entries = [entry for entry in machine.entries.values() if entry.role in ("nuisance", "both")]
         self.machine = machine
         self.space = Space(machine, [entry.key for entry in entries])
         half = np.array([SPREADS[spread] * (entry.range[1] - entry.range[0]) for entry in entries])
-        if spread == "day":
+        if spread in ("day", "recalibration"):
             for index, entry in enumerate(entries):
                 if entry.role == "both":
                     half[index] = float(entry.commissioned[1] - entry.commissioned[0]) / 2.0
@@ -53,12 +55,21 @@ class Nuisances:
         """Of the machine in the unit cube (d,)."""
         ends = self.space.places(np.clip([values - half, values + half], low, high))
         below, above = np.abs(ends - self.place)
-        self.std: Floats = np.maximum(np.maximum(below, above), 1e-6) / NORMAL95
+        own = np.maximum(np.maximum(below, above), 1e-6) / NORMAL95
+        self.uncertain: Floats = np.zeros((len(own), len(own))) if uncertain is None else uncertain
+        covariance = np.diag(own**2) + self.uncertain
+        self.std: Floats = np.sqrt(np.diag(covariance))
         """Prior standard deviations (d,) in the unit cube."""
+        self.correlation: Floats = covariance / np.outer(self.std, self.std)
+        """Of the prior (d, d)."""
 
     @property
     def keys(self) -> tuple[str, ...]:
         return self.space.keys
+
+    def wider(self, spread: str) -> Nuisances:
+        """Of the same machine, as uncertain, with another ``spread``."""
+        return Nuisances(self.machine, spread, self.uncertain)
 
     def machines(self, deviations: Floats) -> Machine:
         """Machine with one variant for each row of ``deviations`` (N, d), in prior standard deviations from the centre;

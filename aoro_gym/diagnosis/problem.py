@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from aoro_gym.diagnosis.arrival import arrivals, on_clock
+from aoro_gym.diagnosis.arrival import AFTER, AHEAD, NEVER, arrivals, on_clock
 from aoro_gym.diagnosis.axes import Axis, axes_of
 from aoro_gym.diagnosis.noise import MERGED, Floats, ModelError, Noise, Whitener, noise_of, whitener
 from aoro_gym.diagnosis.nuisances import Nuisances
@@ -33,16 +33,12 @@ STEP = 0.5
 """Finite-difference step of nuisances, in prior standard deviations."""
 LARGEST_STEP = 0.02
 """The same as a share of the range: where priors are wide, slopes are those at the centre."""
+STRAIGHT = 10.0
+"""Whitened length of what a step of a nuisance does, up to which it counts as straight."""
 FELT = 0.2
 """Whitened length of what one standard deviation of a nuisance does, below which it is left alone."""
-DAMPINGS = (0.0, 1.0, 10.0, 100.0)
-"""Of the steps that are tried together; 1 is a second prior, around the centre."""
-CHORDS = 3
-"""Steps that are taken with one Jacobian."""
 WINDOW = 12
 """Whitened samples of a window that a signal's loudness is taken of."""
-ENOUGH = 0.01
-"""A step that lowers the cost by less than this share is the last."""
 START_JITTER = 1e-3
 """Standard deviation [s] of a recording's clock against its commands."""
 ZEROS: Mapping[str, float] = {
@@ -50,6 +46,8 @@ ZEROS: Mapping[str, float] = {
     "drive_pressure_forward": 1e5, "drive_pressure_return": 1e5,
 }  # fmt: skip
 """Standard deviation [SI] of a sensor's zero, anew in each recording: a quarter of a per cent of 400 bar."""
+JUMP = 0.1
+"""Change of a command within a tick that is an event: all sways anew."""
 CLOCKED = ("joint_angle", "pressure_a", "pressure_b", "pump_pressure")
 """Signals that the joint's arrival at a stop shows in."""
 KNOWN = 0.3
@@ -121,6 +119,7 @@ class Problem:
         self._own: list[tuple[int, str]] = [*((k, "") for k in range(len(self.recordings))), *zeros]
         self.centre: Floats = np.zeros(len(nuisances.keys) + len(self._own))
         """Nuisances around which all is linear: the felt ones, then the recordings' own."""
+        self._held = self.centre
         self.predicted: Floats = np.empty(0)
         """Stacked prediction (D,) SI at the centre."""
         self.slopes: Floats = np.empty((0, 0))
@@ -154,6 +153,30 @@ class Problem:
         steering = self.recordings[index].commands[:, 0]
         return on_clock(known.residual[:, None], own, self.arrivals[index], steering)[:, 0]
 
+    def _counting(self, index: int, channel: str) -> NDArray[np.bool_]:
+        """Samples (F,) of a recording that are compared: all but the bounce off a stop, whose blows are over in less than a
+        sample, so that what is read of them jumps with the parameters. Where only one of the recording and the given twin
+        comes to a stop, pressures count until then: a machine on its way and one at its stop have nothing in common."""
+        recording, arrival = self.recordings[index], self.arrivals[index]
+        counts = np.ones(recording.ticks + 1, dtype=bool)
+        if arrival != NEVER:
+            counts[max(arrival - AHEAD, 0) : arrival + AFTER] = False
+        if channel in CLOCKED and channel != "joint_angle" and (arrival != NEVER) != self.given_stops[index]:
+            moving = np.flatnonzero(recording.commands[:, 0])
+            counts[arrival if arrival != NEVER else moving[-1] :] = False
+        return counts
+
+    @cached_property
+    def _since(self) -> list[Floats]:
+        """Time [s] of every sample (F,) of each recording since its command last changed or its joint came to a stop."""
+        out = []
+        for recording, arrival in zip(self.recordings, self.arrivals, strict=True):
+            jumps = np.flatnonzero(np.any(np.abs(np.diff(recording.commands, axis=0)) > JUMP, axis=1)) + 1
+            events = np.concatenate([[0], jumps, [arrival] if arrival != NEVER else []])
+            time = np.arange(recording.ticks + 1)
+            out.append(TICK * (time - np.max(np.where(events <= time[:, None], events, 0), axis=1)))
+        return out
+
     @property
     def machine(self) -> Machine:
         """The twin at the centre."""
@@ -179,18 +202,32 @@ class Problem:
         """Standard deviation (F,) SI of noise and of the twin's own error by block, around a stacked prediction (D,)."""
         out = []
         for w, part in zip(self.whiteners(self.error, predicted), self.split(predicted), strict=True):
-            std = np.repeat(np.linalg.norm(w.factor, axis=1), MERGED)
+            std = np.full(len(w.counts), np.nan)  # of what is not compared, none
+            std[w.counts] = np.linalg.norm(w.factor, axis=1)
+            std = np.repeat(std, MERGED)
             out.append(np.append(std, np.full(len(part) - len(std), std[-1])))
         return out
 
     @cached_property
     def given(self) -> Floats:
         """Stacked prediction (D,) SI of the given twin, around which all hypotheses are held to the same error."""
-        return self.simulate([self.at(np.zeros((1, len(self.centre))))])[:, 0]
+        return self.simulate([self.at(self._held[None])])[:, 0]
 
-    def rebase(self) -> None:
-        """Let the centre stand for the given twin: where that was given as one of many, not as this machine's own."""
-        self.given = self.predicted
+    @cached_property
+    def given_stops(self) -> list[bool]:
+        """In which recordings the joint of the given twin comes to a stop."""
+        return [bool(one[0]) for one in self._repeated([self.at(self._held[None])])[1]]
+
+    def hold_to(self, point: Floats) -> None:
+        """Move the centre to nuisances (u,), and hold all hypotheses to the error of the twin there."""
+        self.centre = self._held = point
+        for known in ("given", "given_stops"):
+            self.__dict__.pop(known, None)
+        self.predicted = self.given
+
+    def hold_to_that_of(self, other: Problem) -> None:
+        """Hold all hypotheses to the error of another problem's given twin, under the same recordings."""
+        self.given, self.given_stops = other.given, other.given_stops
 
     @property
     def left(self) -> Floats:
@@ -215,18 +252,23 @@ class Problem:
 
     def simulate(self, variants: Sequence[Variants]) -> Floats:
         """Stacked predictions (D, N), SI, on the recordings' clocks (:mod:`.arrival`); what the twin loses is NaN."""
+        return self._repeated(variants)[0]
+
+    def _repeated(self, variants: Sequence[Variants]) -> tuple[Floats, list[NDArray[np.bool_]]]:
+        """Stacked predictions, and by recording whose joint (N,) comes to a stop."""
         tasks = [Task(one, recording) for recording in self.recordings for one in variants]
         found = iter(self.simulator.run(tasks))
-        stacked = []
+        stacked, arrive = [], []
         for recording, arrival in zip(self.recordings, self.arrivals, strict=True):
             parts = [next(found) for _ in variants]
             signals = {name: np.concatenate([part[name] for part in parts], axis=1) for name in recording.channels}
             steering = recording.commands[:, 0]
             own = arrivals(signals["joint_angle"], steering)
+            arrive.append(own != NEVER)
             for name, values in signals.items():
                 moves = name == "joint_angle"
                 stacked.append(on_clock(values, own, arrival, steering, goes_on=moves) if name in CLOCKED else values)
-        return np.concatenate(stacked).astype(np.float64)
+        return np.concatenate(stacked).astype(np.float64), arrive
 
     def own(self, predicted: Floats) -> Floats:
         """Shifts (D, c), SI, by one standard deviation of what belongs to the recordings themselves: each one's clock
@@ -250,6 +292,30 @@ class Problem:
         free = np.full(len(self._own), np.inf)
         return np.concatenate([-place / std, -free]), np.concatenate([(1.0 - place) / std, free])
 
+    @property
+    def precision(self) -> Floats:
+        """Of the nuisances' prior (u, u), which a recording's own have of one each."""
+        out = np.eye(len(self.centre))
+        d = len(self.felt)
+        out[:d, :d] = np.linalg.inv(self.nuisances.correlation[np.ix_(self.felt, self.felt)])
+        return out
+
+    def neighbours(self, point: Floats, sizes: Floats | None = None) -> tuple[Floats, Floats]:
+        """Nuisances (felt, u) next to a ``point`` (u,) along each of the machine's, and how far (felt,).
+
+        Args:
+            point: In prior standard deviations.
+            sizes: Whitened length (felt,) of the slopes, as far as they are known: what moves the prediction by far more
+                than its noise is bent on the way.
+        """
+        d = len(self.felt)
+        place, std = self.nuisances.place[self.felt], self.nuisances.std[self.felt]
+        h = np.minimum(STEP, LARGEST_STEP / std)
+        if sizes is not None:
+            h = np.minimum(h, STRAIGHT / np.maximum(sizes, 1e-9))
+        h = np.where(place + (point[:d] + h) * std <= 1.0, h, -h)
+        return point + np.eye(d, len(point)) * h[:, None], h
+
     # ---- whitening ----
 
     def whiteners(self, error: ModelError, predicted: Floats) -> list[Whitener]:
@@ -259,11 +325,14 @@ class Problem:
         parts = zip(self.blocks, self.split(predicted), self.split(self.measured - self.given), strict=True)
         for (index, name), mine, seen in parts:
             known = self.references.get((self.recordings[index].signature, name))
-            out.append(
-                whitener(self.noise[name], name, mine, error, seen=seen)
-                if known is None
-                else whitener(self.noise[name], name, mine, error.scaled(KNOWN), seen=seen, repeats=known.repeats)
-            )
+            noise, since, counts = self.noise[name], self._since[index], self._counting(index, name)
+            if known is None:
+                out.append(whitener(noise, name, mine, error, seen=seen, since=since, counts=counts))
+            else:
+                scaled = error.scaled(KNOWN)
+                out.append(
+                    whitener(noise, name, mine, scaled, seen=seen, repeats=known.repeats, since=since, counts=counts)
+                )
         return out
 
     def white(self, whiteners: Sequence[Whitener], stacked: Floats) -> Floats:
@@ -272,38 +341,11 @@ class Problem:
 
     # ---- learning ----
 
-    def settle(self, jacobians: int, progress: Progress = lambda sentence, share: None) -> None:
-        """Move the centre to the best fit of the nuisances alone: Levenberg–Marquardt, several steps with each Jacobian,
-        which costs far more than they do."""
-        for k in range(jacobians):
-            progress("fitting uncertain parameters", k / jacobians)
-            self._slopes()
-            whiteners = self.whiteners(self.error, self.predicted)
-            own = self.own(self.predicted)
-            d = len(self.felt)
-            jacobian = self.white(whiteners, np.concatenate([self.slopes, own], axis=1))
-            power, axes = np.linalg.eigh(jacobian.T @ jacobian)
-            for _ in range(CHORDS):
-                residual = self.white(whiteners, self.measured - self.predicted - own @ self.centre[d:])
-                pull = axes.T @ (jacobian.T @ residual - self.centre)
-                steps = [axes @ (pull / (power + 1.0 + damping)) for damping in DAMPINGS]
-                tried = np.clip([self.centre, *(self.centre + step for step in steps)], *self.bounds)
-                found = self.simulate([self.at(tried)])
-                white = self.white(whiteners, self.measured[:, None] - found - own @ tried[:, d:].T)
-                costs = np.nan_to_num(np.sum(white**2, axis=0) + np.sum(tried**2, axis=1), nan=np.inf)
-                best = int(np.argmin(costs))
-                self.centre, self.predicted = tried[best], found[:, best]
-                if costs[best] > (1.0 - ENOUGH) * costs[0]:
-                    break
-
     def _slopes(self, more: Sequence[Variants] = ()) -> Floats:
         """Prediction and slopes at the centre; the first time chooses what is felt. Returns what ``more`` predict (D, N)."""
-        d, whole = len(self.felt), len(self.centre)
-        place, std = self.nuisances.place[self.felt], self.nuisances.std[self.felt]
-        h = np.minimum(STEP, LARGEST_STEP / std)
-        h = np.where(place + (self.centre[:d] + h) * std <= 1.0, h, -h)
-        points = np.vstack([self.centre, self.centre + np.eye(d, whole) * h[:, None]])
-        found = self.simulate([self.at(points), *more])
+        d = len(self.felt)
+        points, h = self.neighbours(self.centre)
+        found = self.simulate([self.at(np.vstack([self.centre, points])), *more])
         self.predicted = found[:, 0]
         self.slopes = np.nan_to_num(found[:, 1 : d + 1] - found[:, :1]) / h
         if self._chosen:
@@ -314,6 +356,13 @@ class Problem:
         self.slopes, self.felt = self.slopes[:, shown], self.felt[shown]
         self.centre = np.concatenate([self.centre[:d][shown], self.centre[d:]])
         return found[:, d + 1 :]
+
+    def uncertain(self, covariance: Floats) -> Floats:
+        """Covariance (d, d), in the unit cube, of the machine, given that (u, u) of the nuisances."""
+        std, felt = self.nuisances.std, self.felt
+        out = np.diag(std**2)
+        out[np.ix_(felt, felt)] = covariance[: len(felt), : len(felt)] * np.outer(std[felt], std[felt])
+        return out
 
     def loudness(self) -> dict[str, float]:
         """How much more power the residual at the centre has than the noise of the standstill explains, by channel, once
@@ -328,10 +377,10 @@ class Problem:
         typical = float(chi2.median(WINDOW)) / WINDOW
         return {name: max(1.0, float(np.median(np.concatenate(parts))) / typical) for name, parts in powers.items()}
 
-    def learn(self, progress: Progress = lambda sentence, share: None) -> None:
-        """Simulate around the centre what every nuisance and every effect does."""
+    def learn(self, progress: Progress = lambda sentence, share: None, *, effects: bool = True) -> None:
+        """Simulate around the centre what every nuisance and, if so asked, every effect does."""
         nodes: dict[tuple[str, int], Floats] = {}
-        for name, axes in self.axes.items():
+        for name, axes in self.axes.items() if effects else ():
             for axis in axes:
                 places = np.tile([a.none for a in axes], (len(axis.nodes), 1))
                 places[:, axis.index] = axis.nodes
@@ -340,8 +389,8 @@ class Problem:
         progress("what every effect does", 0.0)
         found = self._slopes(more)
         shifts = np.nan_to_num(found - self.predicted[:, None])
-        ends = np.cumsum([len(places) for places in nodes.values()])
-        self.shifts = dict(zip(nodes, np.split(shifts, ends[:-1], axis=1), strict=True))
+        ends = np.cumsum([0, *(len(places) for places in nodes.values())])
+        self.shifts = {key: shifts[:, a:b] for key, a, b in zip(nodes, ends[:-1], ends[1:], strict=True)}
 
 
 def references_of(problem: Problem) -> dict[tuple[bytes, str], Reference]:

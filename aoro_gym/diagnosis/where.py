@@ -1,6 +1,6 @@
 """Where a gap lies: the whitened residual that no calibration absorbs, by recording, signal and phase of the manoeuvre.
 
-Without a cause the whitened residual of a :class:`~aoro_gym.diagnosis.attribution.Linear` model is r₀ ~ N(0, A) with
+Without a cause the whitened residual of a :class:`~aoro_gym.diagnosis.linear.Linear` model is r₀ ~ N(0, A) with
 A = I + J Jᵀ: noise, the twin's own error, and nuisances. So w = A^(−½) r₀ is white, and nearer to r₀ than any other that is
 (Kessy, Lewin and Strimmer 2018): what nuisances may do is taken out of it, the rest stays where it is. Its energy is the
 cost of the best fit by nuisances alone. Over a part of n samples it is χ² with n degrees of freedom, and parts are
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
-from aoro_gym.diagnosis.attribution import Linear
+from aoro_gym.diagnosis.linear import Linear
 from aoro_gym.diagnosis.noise import MERGED, Floats
 from aoro_gym.diagnosis.problem import Problem
 from aoro_gym.diagnosis.recording import TICK, Recording
@@ -37,8 +37,8 @@ def places(problem: Problem, linear: Linear) -> tuple[tuple[Place, ...], float]:
         linear: Of ``problem``. With an error that grows with the gap (``ModelError.change``) the probability is an upper
             bound.
     """
-    white = linear.span @ beyond(linear.jacobian, linear.residual)
-    parts = _parts(problem)
+    white = beyond(linear.tangent.spread, linear.residual)
+    parts = _parts(problem, linear)
     excess = {part: float(np.sum(white[rows] ** 2)) - len(rows) for part, rows in parts.items()}
     p = probability([white[rows] for rows in parts.values()])
     above = {part: energy for part, energy in excess.items() if energy > 0.0}
@@ -74,12 +74,12 @@ def probability(parts: list[Floats]) -> float:
     return float(-np.expm1(len(local) * np.log1p(-np.min(local))))
 
 
-def _parts(problem: Problem) -> dict[tuple[int, str, str], NDArray[np.intp]]:
+def _parts(problem: Problem, linear: Linear) -> dict[tuple[int, str, str], NDArray[np.intp]]:
     """Rows of the whitened residual that belong to each recording, signal and phase."""
     phased = [phases(r, arrival) for r, arrival in zip(problem.recordings, problem.arrivals, strict=True)]
     parts, first = {}, 0
-    for index, signal in problem.blocks:
-        merged = phased[index][: len(phased[index]) // MERGED * MERGED : MERGED]
+    for (index, signal), whitener in zip(problem.blocks, linear.whiteners, strict=True):
+        merged = phased[index][: len(phased[index]) // MERGED * MERGED : MERGED][whitener.counts]
         for number in np.unique(merged):
             parts[index, signal, PHASES[number]] = first + np.flatnonzero(merged == number)
         first += len(merged)

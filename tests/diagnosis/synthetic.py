@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from aoro_gym.diagnosis.attribution import Linear
+from aoro_gym.diagnosis.linear import Linear
 from aoro_gym.diagnosis.noise import Floats, ModelError, Noise
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem, References

@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from aoro_gym.diagnosis.attribution import SETTLED, Hypothesis, Linear, attribute, fit_p, refine
+from aoro_gym.diagnosis.attribution import attribute, fit_p, without
 from aoro_gym.diagnosis.axes import PRIOR_INFORMATION, Axis, axes_of
+from aoro_gym.diagnosis.linear import Hypothesis, Linear
 from aoro_gym.diagnosis.noise import MERGED, Floats, ModelError, Noise
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem, references_of
 from aoro_gym.diagnosis.recording import Recording
 from aoro_gym.diagnosis.replay import Variants
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN
+from aoro_gym.diagnosis.search import ALL, SETTLED, Search, refine, settle
 from aoro_gym.twin import Machine
 from aoro_gym.twin.effects import EFFECTS
 from tests.diagnosis.manoeuvres import blank, record, turn
@@ -28,7 +30,9 @@ STD = {"joint_angle": 2e-3, "pressure_a": 0.5e5}
 """Of white noise [SI]."""
 NAMES = ("spool_lag", "seal_friction")
 """Effects whose axes begin at none."""
-NUISANCES: Any = SimpleNamespace(keys=("first", "second", "third"), place=np.full(3, 0.5), std=np.full(3, 0.05))
+NUISANCES: Any = SimpleNamespace(
+    keys=("first", "second", "third"), place=np.full(3, 0.5), std=np.full(3, 0.05), correlation=np.eye(3)
+)
 
 
 class LinearWorld(Problem):
@@ -65,6 +69,7 @@ class LinearWorld(Problem):
         recording = Recording("linear", np.zeros((COUNT - 1, 2)), channels, 30, 0.0)
         noise = {name: Noise(np.r_[std**2, np.zeros(COUNT)]) for name, std in STD.items()}
         super().__init__([recording], NUISANCES, {name: EFFECTS[name] for name in NAMES}, error=error, noise=noise)
+        self.given_stops = [False]
 
     def at(self, points: Floats, effects: Sequence[str] = (), places: Floats | None = None) -> Any:
         whole = np.zeros((len(points), 5))
@@ -183,14 +188,22 @@ def least_squares(world: LinearWorld, linear: Linear, effects: Sequence[str]) ->
     return found[: len(prior)], found[len(prior) :], float(square[0])
 
 
+def refined(linear: Linear, *starts: Hypothesis, directions: int = ALL) -> list[Hypothesis]:
+    searches = [Search(linear, h.effects, h.places, directions=directions) for h in starts]
+    refine(searches, 6)
+    assert all(search.done for search in searches)
+    return [search.weighed() for search in searches]
+
+
+@pytest.mark.parametrize("directions", [0, 2, ALL])
 @pytest.mark.parametrize("effects", [(), NAMES[:1], NAMES[1:], NAMES])
-def test_a_search_in_a_linear_world_finds_the_least_squares(effects):
+def test_a_search_in_a_linear_world_finds_the_least_squares(effects, directions):
     """From far off, within the steps that it has; the fit of what is true passes."""
     places = [0.4 if name in effects else 0.0 for name in NAMES]
     world = LinearWorld(np.random.default_rng(6), nuisances=(0.5, -1.0, 0.3), places=places, error=ModelError(0.0, 0.0))
     world.learn()
     linear = Linear(world, world.error)
-    (found,) = refine(linear, [Hypothesis(effects, 0.0, (0.9,) * len(effects))])
+    (found,) = refined(linear, Hypothesis(effects, 0.0, (0.9,) * len(effects)), directions=directions)
     nuisances, places, cost = least_squares(world, linear, effects)
     np.testing.assert_allclose(found.places, places, atol=1e-5)
     np.testing.assert_allclose(found.nuisances, nuisances, atol=1e-4)
@@ -209,7 +222,7 @@ def test_a_search_stays_within_the_range(effects):
     world.learn()
     linear = Linear(world, world.error)
     assert least_squares(world, linear, effects)[1][0] > 1.2
-    (found,) = refine(linear, [Hypothesis(effects, 0.0, (0.5,) * len(effects))])
+    (found,) = refined(linear, Hypothesis(effects, 0.0, (0.5,) * len(effects)))
     residual, jacobian, noise, shifts = dense(world, linear)
     inner = np.linalg.inv(noise + jacobian @ jacobian.T)
     left, other = residual - shifts[:, 0], shifts[:, 1]
@@ -221,19 +234,18 @@ def test_a_search_stays_within_the_range(effects):
 
 @pytest.mark.parametrize("effects", [(), NAMES[1:], NAMES])
 def test_a_refit_to_all_recordings_is_the_fit_itself(effects):
-    """Also by another linear model than it was found with, in whose span its residual has other coordinates."""
     world = LinearWorld(np.random.default_rng(6), nuisances=TRUE, places=(0.4, 0.5), error=ModelError(0.01, 0.01))
     world.learn()
     linear = Linear(world, world.error)
-    (found,) = refine(linear, [Hypothesis(effects, 0.0, (0.5,) * len(effects))])
-    nuisances, places = Linear(world, world.error, effects=False).without([], found)
+    (found,) = refined(linear, Hypothesis(effects, 0.0, (0.5,) * len(effects)))
+    nuisances, places = without(linear, [], found)
     np.testing.assert_allclose(nuisances, found.nuisances, atol=1e-6)
     np.testing.assert_allclose(places, found.places, atol=1e-6)
 
 
 def test_more_effects_fit_no_worse(world):
     linear = Linear(world, world.error)
-    found = {h.effects: h for h in refine(linear, list(linear.screen().values()))}
+    found = {h.effects: h for h in refined(linear, *linear.screen().values())}
     for name in NAMES:
         assert found[NAMES].cost <= found[(name,)].cost + SETTLED <= found[()].cost + 2.0 * SETTLED
 
@@ -251,8 +263,10 @@ GAPS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
 def test_the_kind_of_a_gap_is_told(kind, monkeypatch):
     """Each kind of gap, large beside the noise, in a world whose laws are known. Other calibration is fitted with the twin
     itself, which this world has none of."""
-    nowhere = Hypothesis((CALIBRATION,), -np.inf)
-    monkeypatch.setattr("aoro_gym.diagnosis.attribution.other_calibration", lambda problem, linear: nowhere)
+    monkeypatch.setattr(
+        "aoro_gym.diagnosis.attribution.other_calibration",
+        lambda problem: Search(Linear(problem, problem.error), (), ()),
+    )
     gap, named = GAPS[kind]
     world = LinearWorld(np.random.default_rng(5), **gap, error=ModelError(0.001, 0.002, 0.01, 0.02))
     world.learn()
@@ -279,10 +293,8 @@ class Commissioned:
         self.machine = around.machines(rng.standard_normal((1, len(around.keys))))
         healthy = record(Variants(self.machine), BLANKS, rng)
         fit = Problem(healthy, around, {}, error=ModelError(ERROR.rate, ERROR.pressure, ERROR.swing))
-        fit.settle(2)
-        deviations = np.zeros((1, len(around.keys)))
-        deviations[0, fit.felt] = fit.centre[: len(fit.felt)]
-        self.day = Nuisances(around.machines(deviations), "day")
+        tangent = settle(fit, 2)
+        self.day = Nuisances(fit.machine, "day", fit.uncertain(tangent.covariance))
         self.references = references_of(fit)
 
 

@@ -8,7 +8,6 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from aoro_gym.diagnosis import experiments
-from aoro_gym.diagnosis.attribution import Hypothesis, Linear
 from aoro_gym.diagnosis.experiments import (
     OUTCOMES,
     SLIPPERY,
@@ -20,6 +19,7 @@ from aoro_gym.diagnosis.experiments import (
     information,
     next_experiments,
 )
+from aoro_gym.diagnosis.linear import Hypothesis, Linear
 from aoro_gym.diagnosis.noise import ModelError
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem
@@ -190,7 +190,7 @@ def test_nuisances_follow_a_magnitude(linear):
     step = asked["places"][1, 0] - asked["places"][0, 0]
     assert abs(step) == pytest.approx(0.1)
     # the shift of one step is two slopes a unit of the place
-    J = felt.jacobian
+    J = felt.tangent.jacobian
     exact = -np.linalg.solve(np.eye(J.shape[1]) + J.T @ J, J.T @ J[:, 0] * 2.0 * step)
     assert asked["points"][1, 3] == pytest.approx(exact[0], rel=1e-6)
     assert not np.any(np.delete(asked["points"], 3, axis=1))
@@ -216,7 +216,7 @@ def test_machines_are_drawn_from_the_posterior(linear, monkeypatch):
     best = np.zeros(len(problem.centre))
     best[:2] = 1.0, -2.0
     drawn = _drawn(felt, Hypothesis((), 0.0, nuisances=best, refined=True))
-    covariance = np.linalg.inv(np.eye(len(best)) + felt.jacobian.T @ felt.jacobian)[:2, :2]
+    covariance = np.linalg.inv(np.eye(len(best)) + felt.tangent.jacobian.T @ felt.tangent.jacobian)[:2, :2]
     assert covariance[1, 1] < 0.9  # the recordings say something
     np.testing.assert_allclose(np.cov(drawn[:, problem.felt].T), covariance, atol=0.05)
     np.testing.assert_allclose(np.mean(drawn[:, problem.felt], axis=0), [1.0, -2.0], atol=0.04)

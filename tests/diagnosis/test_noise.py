@@ -159,6 +159,33 @@ def test_error_of_a_swing_stays_with_the_swing():
     assert not np.any(covariance_of("joint_angle", predicted, ModelError(0.0, 0.0, swing=0.1)) > QUIET)
 
 
+def test_a_twin_that_sways_otherwise_is_soon_out_of_phase():
+    """A rise r with a relative error e of the time t since the last event: e t r, up to half of what it swings by."""
+    rise, e, count = 10e5, 0.05, 300
+    predicted = rise * TICK * np.arange(count, dtype=np.float64)
+    time = TICK * np.arange(count) % 1.5
+    quiet = Noise(np.r_[QUIET, np.zeros(count - 1)])
+    factor = whitener(quiet, "pressure_a", predicted, ModelError(0.0, 0.0, phase=e), since=time).factor
+    swing = rise * TICK * (SWING - 1)
+    size = np.minimum(e * time * rise, 0.5 * swing)
+    inner = slice(SWING // MERGED, -SWING // MERGED)  # where windows are whole
+    exact = merged(wandering(size, PRESSURE_MEMORY) + QUIET * np.eye(count))
+    np.testing.assert_allclose((factor @ factor.T)[inner, inner], exact[inner, inner], rtol=1e-9)
+
+
+def test_what_does_not_count_is_not_there():
+    """The factor of the rest is that of its part of the covariance."""
+    predicted = 60e5 * np.sin(np.linspace(0.0, 6.0, 60))
+    error, quiet = ModelError(0.01, 0.02, 0.1), Noise(np.r_[QUIET, np.zeros(59)])
+    counts = np.ones(60, dtype=bool)
+    counts[20:30] = False
+    whole, part = (whitener(quiet, "pressure_a", predicted, error, counts=c) for c in (None, counts))
+    kept = np.flatnonzero(part.counts)
+    assert len(kept) == 25
+    np.testing.assert_allclose(part.factor @ part.factor.T, (whole.factor @ whole.factor.T)[np.ix_(kept, kept)])
+    assert len(part(predicted)) == 25
+
+
 def test_error_of_a_change_is_a_share_of_what_is_seen():
     """A residual d throughout, in noise of variance v: half of (c d)² is a size that is wrong throughout, half of
     c² (d² − v (1 + 3 √(2/15))) wanders; the first is no larger than the second."""

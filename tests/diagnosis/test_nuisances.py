@@ -27,7 +27,7 @@ def test_standard_deviations_are_shares_of_the_ranges(spread):
     assert {entry.role for entry in entries} == {"nuisance", "both"}
     assert len(entries) == sum(entry.role in ("nuisance", "both") for entry in MACHINE.entries.values())
     for entry, std in zip(entries, nuisances.std, strict=True):
-        if spread != "day" or entry.role == "nuisance":
+        if spread not in ("day", "recalibration") or entry.role == "nuisance":
             assert std == pytest.approx(half_widths(entry, SPREADS[spread]) / NORMAL95, rel=1e-9), entry.key
 
 
@@ -60,6 +60,18 @@ def test_on_another_day_what_effects_move_stays_as_commissioned():
             assert low - slack * abs(low) <= value <= high + slack * abs(high), key
             if min(entry.range) < low and high < max(entry.range):
                 assert value == pytest.approx(low if side < 0.0 else high, rel=slack), key
+
+
+def test_what_is_uncertain_of_the_machine_itself_adds_to_the_day():
+    """Independent of it: covariances add, and what a fit has tied together stays so."""
+    day = Nuisances(MACHINE, "day")
+    root = 1e-3 * np.random.default_rng(0).standard_normal((len(day.keys), 5))
+    both = Nuisances(MACHINE, "day", root @ root.T)
+    covariance = both.correlation * np.outer(both.std, both.std)
+    np.testing.assert_allclose(covariance, np.diag(day.std**2) + root @ root.T, atol=1e-12)
+    wider = both.wider("recalibration")
+    own = Nuisances(MACHINE, "recalibration").std
+    np.testing.assert_allclose(wider.std**2, own**2 + np.sum(root**2, axis=1))
 
 
 def test_the_centre_is_the_machine_itself():

@@ -2,13 +2,16 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from aoro_gym.diagnosis.arrival import AFTER, AHEAD, NEVER
 from aoro_gym.diagnosis.axes import Axis
-from aoro_gym.diagnosis.noise import ModelError, Noise, whitener
+from aoro_gym.diagnosis.noise import MERGED, ModelError, Noise, whitener
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import FELT, KNOWN, START_JITTER, ZEROS, Problem, references_of
 from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.diagnosis.replay import Simulator, Task, Variants
+from aoro_gym.diagnosis.search import settle
 from aoro_gym.twin import Machine
 from aoro_gym.twin.effects import EFFECTS
 from tests.diagnosis.manoeuvres import FULL, blank, turn
@@ -49,7 +52,7 @@ def test_a_moved_machine_is_explained_down_to_its_noise():
     problem.predicted = problem.simulate([problem.at(problem.centre[None])])[:, 0]
     samples = len(problem.white(problem.whiteners(PERFECT, problem.predicted), problem.measured))
     assert cost(problem) > 20.0 * samples
-    problem.settle(1)
+    settle(problem, 1)
     assert cost(problem) == pytest.approx(samples, abs=4.0 * np.sqrt(2.0 * samples))
     assert len(problem.centre) == len(problem.felt) + 1 + len(problem.blocks)
     assert 0 < len(problem.felt) < len(DAY.keys)
@@ -131,6 +134,7 @@ def centred(recordings: list[Recording], predicted: list[Recording], **options) 
     problem.centre = problem.centre[len(DAY.keys) :]
     problem.slopes = np.empty((len(problem.measured), 0))
     problem.predicted = np.concatenate([predicted[k].channels[name] for k, name in problem.blocks])
+    problem.given_stops = [arrival != NEVER for arrival in problem.arrivals]
     return problem
 
 
@@ -189,6 +193,14 @@ def test_what_healthy_logs_show_is_taken_away():
     np.testing.assert_array_equal(untouched.split(untouched.measured)[0], later.channels[untouched.blocks[0][1]])
 
 
+def compared(problem: Problem, recording: Recording) -> NDArray[np.bool_]:
+    """All samples (F,) but those of the bounce at the stop."""
+    (arrival,) = problem.arrivals
+    counts = np.ones(recording.ticks + 1, dtype=bool)
+    counts[arrival - AHEAD : arrival + AFTER] = False
+    return counts
+
+
 def test_a_reference_takes_away_most_of_the_twin_s_error():
     """The share KNOWN of rate and pressure is left, not of swings."""
     twin, error = synthetic(), ModelError(0.02, 0.03, 0.1)
@@ -197,7 +209,7 @@ def test_a_reference_takes_away_most_of_the_twin_s_error():
     problem.error = error
     left = ModelError(KNOWN * 0.02, KNOWN * 0.03, 0.1)
     for (_, name), found in zip(problem.blocks, problem.whiteners(error, problem.predicted), strict=True):
-        expected = whitener(NOISE[name], name, twin.channels[name], left, repeats=1)
+        expected = whitener(NOISE[name], name, twin.channels[name], left, repeats=1, counts=compared(problem, twin))
         np.testing.assert_allclose(found.factor, expected.factor, rtol=1e-9, atol=1e-12 * expected.factor[0, 0])
 
 
@@ -253,3 +265,21 @@ def test_a_prediction_is_read_on_the_clock_of_the_log():
     np.testing.assert_array_equal(read["joint_angle"][:before], plain["joint_angle"][:before])
     ahead = read["joint_angle"][before : log - 10, 0] - recording.channels["joint_angle"][before : log - 10]
     assert np.all(ahead > 0.9 * ahead[0])
+
+
+def test_what_only_one_of_the_two_comes_to_is_not_compared():
+    """Pressures of a log whose joint comes to its stop count until then where the given twin's does not; its angle counts
+    but for the bounce, as all does where both stop."""
+    problem = centred([synthetic()], [synthetic()])
+    (arrival,) = problem.arrivals
+    assert arrival != NEVER
+    rows = {}
+    for stops in (True, False):
+        problem.given_stops = [stops]
+        whiteners = problem.whiteners(PERFECT, problem.predicted)
+        rows[stops] = {
+            name: MERGED * np.flatnonzero(w.counts) for (_, name), w in zip(problem.blocks, whiteners, strict=True)
+        }
+    np.testing.assert_array_equal(rows[True]["joint_angle"], rows[False]["joint_angle"])
+    assert not np.any((rows[True]["pressure_a"] >= arrival - AHEAD) & (rows[True]["pressure_a"] < arrival + AFTER))
+    assert np.max(rows[True]["pressure_a"]) >= arrival + AFTER > arrival > np.max(rows[False]["pressure_a"])

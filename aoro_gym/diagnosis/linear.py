@@ -1,0 +1,212 @@
+"""A learned problem in the linear model of its nuisances: all hypotheses at a glance.
+
+With nuisances u of prior precision P, A = I + J P⁻¹ Jᵀ, a hypothesis that shifts the prediction by s has
+
+    −2 ln p(y | s) = (r₀ − s)ᵀ A⁻¹ (r₀ − s) + ln |A| + const.
+
+Every effect's shift s was simulated at a few magnitudes and is interpolated between them; shifts of a pair add up. So all
+singles and all pairs follow from one Gram matrix.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import numpy as np
+from scipy.linalg import block_diag, cho_factor, cho_solve
+
+from aoro_gym.diagnosis.axes import PRIOR_INFORMATION, Shift, volume
+from aoro_gym.diagnosis.noise import Floats, ModelError
+from aoro_gym.diagnosis.problem import Problem
+
+PARTNERS = 12
+"""Effects, the likeliest, of which one at least is in every pair that is screened."""
+
+
+class Tangent:
+    """Whitened prediction as a linear function of nuisances around some point, and their prior.
+
+    Args:
+        jacobian: Whitened slopes (D, u).
+        precision: Of the prior (u, u).
+        bounds: Ends (u,) of the nuisances.
+    """
+
+    def __init__(self, jacobian: Floats, precision: Floats, bounds: tuple[Floats, Floats]):
+        self.jacobian = jacobian
+        self.precision = precision
+        self.bounds = bounds
+        self._normal = precision + jacobian.T @ jacobian
+        self._inner = cho_factor(self._normal)
+        prior = float(np.linalg.slogdet(precision)[1])
+        self.shrunk = 0.5 * prior - float(np.sum(np.log(np.diag(self._inner[0]))))
+        """−½ ln |A|."""
+
+    def beside(self, slopes: Floats, precision: float) -> Tangent:
+        """With more unknowns, that have the ``slopes`` (D, n) and a prior of their own."""
+        count = slopes.shape[1]
+        free = np.full(count, np.inf)
+        return Tangent(
+            np.concatenate([self.jacobian, slopes], axis=1),
+            block_diag(self.precision, precision * np.eye(count)),  # pyright: ignore[reportArgumentType]
+            (np.append(self.bounds[0], -free), np.append(self.bounds[1], free)),
+        )
+
+    def updated(self, moves: Floats, changes: Floats) -> Tangent:
+        """The nearest one, by the prior, in which ``moves`` (k, u) of the nuisances bring ``changes`` (D, k): Broyden's
+        update of several secants at once."""
+        weights = np.linalg.solve(moves @ self.precision @ moves.T, moves @ self.precision)
+        missed = changes - self.jacobian @ moves.T
+        return Tangent(self.jacobian + missed @ weights, self.precision, self.bounds)
+
+    def directions(self, free: int, most: int) -> tuple[Floats, Floats]:
+        """Directions (k, u) among the first ``free`` nuisances, each a prior standard deviation long and independent of the
+        others, in which the prediction moves most; and how far it moves (k,)."""
+        root = np.linalg.cholesky(np.linalg.inv(self.precision[:free, :free]))
+        inner = self._normal[:free, :free] - self.precision[:free, :free]
+        power, axes = np.linalg.eigh(root.T @ inner @ root)
+        chosen = np.flatnonzero(power > 1.0)[::-1][:most]
+        found = np.zeros((len(chosen), len(self.precision)))
+        found[:, :free] = (root @ axes[:, chosen]).T
+        return found, np.sqrt(power[chosen])
+
+    @property
+    def covariance(self) -> Floats:
+        """Of the posterior of the nuisances (u, u)."""
+        return cho_solve(self._inner, np.eye(len(self._normal)))
+
+    @property
+    def spread(self) -> Floats:
+        """B (D, u) with B Bᵀ = J P⁻¹ Jᵀ: what the prior of the nuisances does to the prediction."""
+        return np.linalg.solve(np.linalg.cholesky(self.precision), self.jacobian.T).T
+
+    def projected(self, columns: Floats, against: Floats) -> Floats:
+        """columnsᵀ A⁻¹ against."""
+        return columns.T @ against - (self.jacobian.T @ columns).T @ cho_solve(self._inner, self.jacobian.T @ against)
+
+    def best(self, residual: Floats) -> Floats:
+        """Nuisances (u,) within their ranges that explain a ``residual`` (D,) best, priors included."""
+        low, high = self.bounds
+        pull = self.jacobian.T @ residual
+        best: Floats = cho_solve(self._inner, pull)
+        held = np.zeros(len(best), dtype=bool)
+        for _ in range(len(best)):
+            beyond = ~held & ((best < low) | (best > high))
+            if not np.any(beyond):
+                break
+            held |= beyond
+            best[held] = np.clip(best[held], low[held], high[held])
+            free = ~held
+            rest = pull[free] - self._normal[np.ix_(free, held)] @ best[held]
+            best[free] = np.linalg.solve(self._normal[np.ix_(free, free)], rest)
+        return best
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A set of effects and how it fares."""
+
+    effects: tuple[str, ...]
+    log_evidence: float  # of the recordings, up to a constant common to all
+    places: tuple[float, ...] = ()  # of every axis, at the best fit
+    nuisances: Floats = field(default_factory=lambda: np.empty(0))  # (u,) standard deviations
+    covariance: Floats = field(default_factory=lambda: np.empty((0, 0)))  # of the places
+    cost: float = np.nan  # whitened squares at the best fit, priors included
+    left: Floats = field(default_factory=lambda: np.empty(0))  # whitened residual (D,) at the best fit
+    slopes: Floats = field(default_factory=lambda: np.empty((0, 0)))  # of what explains it (D, axes), by place
+    tangent: Tangent | None = None  # of the nuisances there
+    refined: bool = False
+    probability: float = 0.0
+
+
+class Linear:
+    """A learned problem, whitened under one error of the twin: r(u, z) = r₀ − J u − S φ(z)."""
+
+    def __init__(self, problem: Problem, error: ModelError, effects: bool = True):
+        self.problem = problem
+        self.whiteners = problem.whiteners(error, problem.given)
+        self.log_volume = sum(float(np.sum(np.log(np.diag(w.factor)))) for w in self.whiteners)
+        felt = len(problem.felt)
+        own = problem.own(problem.predicted)
+        residual = problem.measured - problem.predicted + problem.slopes @ problem.centre[:felt]
+        parts = {key: part for key, part in problem.shifts.items() if effects}
+        white = problem.white(
+            self.whiteners, np.concatenate([residual[:, None], problem.slopes, own, *parts.values()], axis=1)
+        )
+        u = felt + own.shape[1]
+        self.own = white[:, 1 + felt : 1 + u]
+        """Whitened shifts (D, c) of the recordings' own nuisances."""
+        self.residual = white[:, 0]
+        """r₀ (D,)."""
+        self.tangent = Tangent(white[:, 1 : 1 + u], problem.precision, problem.bounds)
+        ends = np.cumsum([1 + u, *(part.shape[1] for part in parts.values())])
+        self.shifts = {key: white[:, a:b] for key, a, b in zip(parts, ends[:-1], ends[1:], strict=True)}
+        """S (D, nodes) by effect and number of its axis."""
+
+    def evidence(self) -> float:
+        """Log evidence of the nuisances alone, with all constants that depend on the error of the twin."""
+        fit = self.tangent.projected(self.residual, self.residual)
+        return float(-0.5 * fit) + self.tangent.shrunk - self.log_volume
+
+    def shift(self, effects: Sequence[str], places: Floats, derivative: int = 0) -> list[Floats]:
+        """Shift (D,) of every axis of ``effects`` at its place, or its derivative by it."""
+        axes = [(name, axis) for name in effects for axis in self.problem.axes[name]]
+        return [
+            self.shifts[name, axis.index] @ axis.spline(z, derivative)
+            for (name, axis), z in zip(axes, places, strict=True)
+        ]
+
+    def screen(self) -> dict[tuple[str, ...], Hypothesis]:
+        """Nothing, every effect, and every pair with one of the :data:`PARTNERS` likeliest."""
+        axes = self.problem.axes
+        flat = [(name, axis) for name in axes for axis in axes[name]]
+        everything = np.concatenate([self.residual[:, None], *(self.shifts[n, a.index] for n, a in flat)], axis=1)
+        gram = self.tangent.projected(everything, everything)
+        starts = np.cumsum([1, *(len(axis.nodes) for _, axis in flat)])
+        where = {name: [i for i, (n, _) in enumerate(flat) if n == name] for name in axes}
+        nothing = float(gram[0, 0])
+        base = self.evidence()
+
+        def screened(effects: tuple[str, ...], first: tuple[float, ...] | None) -> Hypothesis:
+            mine = [i for name in effects for i in where[name]]
+            columns = np.concatenate([np.arange(starts[i], starts[i + 1]) for i in mine])
+            part = Shift([flat[i][1] for i in mine], gram[np.ix_(columns, columns)], gram[columns, 0])
+            cost, places, information = part.descend(part.grid() if first is None else first)
+            evidence = base - 0.5 * cost + volume(places, information)
+            covariance = np.linalg.inv(information + PRIOR_INFORMATION * np.eye(len(places)))
+            return Hypothesis(effects, evidence, places, covariance=covariance, cost=nothing + cost)
+
+        found: dict[tuple[str, ...], Hypothesis] = {(): Hypothesis((), base, cost=nothing)}
+        for name in axes:
+            found[(name,)] = screened((name,), None)
+        likeliest = sorted(axes, key=lambda name: -found[(name,)].log_evidence)[:PARTNERS]
+        for pair in combinations(axes, 2):
+            if set(pair) & set(likeliest):
+                found[pair] = screened(pair, sum((found[(name,)].places for name in pair), ()))
+        return found
+
+    def partners(self, found: Hypothesis) -> list[tuple[tuple[str, ...], tuple[float, ...]]]:
+        """Pairs of a refined hypothesis of one effect and another, with the places that suit them, the likeliest first: what
+        the other does is taken from around the centre, all else from around the fit."""
+        assert found.tangent is not None
+        axes = self.problem.axes
+        tangent = found.tangent.beside(found.slopes, PRIOR_INFORMATION)
+        flat = [(name, axis) for name in axes for axis in axes[name]]
+        target = found.left + found.tangent.jacobian @ found.nuisances
+        everything = np.concatenate([target[:, None], *(self.shifts[n, a.index] for n, a in flat)], axis=1)
+        gram = tangent.projected(everything, everything)
+        starts = np.cumsum([1, *(len(axis.nodes) for _, axis in flat)])
+        pairs = []
+        for name in axes:
+            if name in found.effects:
+                continue
+            mine = [i for i, (other, _) in enumerate(flat) if other == name]
+            columns = np.concatenate([np.arange(starts[i], starts[i + 1]) for i in mine])
+            part = Shift([flat[i][1] for i in mine], gram[np.ix_(columns, columns)], gram[columns, 0])
+            cost, places, information = part.descend(part.grid())
+            of = {**dict.fromkeys(found.effects, found.places), name: places}
+            effects = tuple(one for one in axes if one in of)
+            pairs.append((-0.5 * cost + volume(places, information), effects, sum((of[one] for one in effects), ())))
+        return [(effects, places) for _, effects, places in sorted(pairs, reverse=True)]
