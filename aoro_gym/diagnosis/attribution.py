@@ -8,8 +8,9 @@ size that is seen, of any shape: an error of the twin (:mod:`.noise`) as large a
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -52,7 +53,7 @@ def attribute(problem: Problem, progress: Progress = lambda sentence, share: Non
     were found with."""
     linear = Linear(problem, problem.error)
     screened = linear.screen()
-    prior = log_priors(screened)
+    prior = log_priors(problem.axes)
     other = other_calibration(problem)
     searches: dict[tuple[str, ...], Search] = {}
 
@@ -155,13 +156,14 @@ def weigh(
     return sorted(weighed, key=lambda h: -h.probability)
 
 
-def log_priors(hypotheses: Mapping[tuple[str, ...], Hypothesis]) -> dict[tuple[str, ...], float]:
-    """Log prior probability of each."""
-    singles = sum(len(h) == 1 for h in hypotheses)
-    pairs = sum(len(h) == 2 for h in hypotheses)
-    share = [PRIOR["nothing"], PRIOR["single"] / max(singles, 1), PRIOR["pair"] / max(pairs, 1)]
-    logs = {h: float(np.log(share[len(h)])) for h in hypotheses}
-    return {**logs, (UNKNOWN,): float(np.log(PRIOR[UNKNOWN])), (CALIBRATION,): float(np.log(PRIOR[CALIBRATION]))}
+def log_priors(names: Iterable[str]) -> dict[tuple[str, ...], float]:
+    """Log prior probability of every hypothesis that a catalogue of effects makes."""
+    names = tuple(names)
+    kinds: dict[str, list[tuple[str, ...]]] = {
+        "nothing": [()], "single": [(name,) for name in names], "pair": list(combinations(names, 2)),
+        UNKNOWN: [(UNKNOWN,)], CALIBRATION: [(CALIBRATION,)],
+    }  # fmt: skip
+    return {h: float(np.log(PRIOR[kind] / len(those))) for kind, those in kinds.items() for h in those}
 
 
 def fit_p(linear: Linear, hypothesis: Hypothesis) -> float:

@@ -441,7 +441,7 @@ def attribute(problem: Turns, progress: Progress = lambda sentence, share: None)
         if one.cost <= searches[one.effects].cost:
             searches[one.effects] = one
             found[one.effects] = one.weighed()
-    prior = log_priors(found)
+    prior = log_priors(problem.axes)
     innocent = float(np.logaddexp(prior[()], prior[CALIBRATION,])) - np.log(2.0)
     prior |= {(): innocent, (CALIBRATION,): innocent}
     others = [replace(found.pop(()), effects=(CALIBRATION,)), unknown(problem)]

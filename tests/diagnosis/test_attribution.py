@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from aoro_gym.diagnosis.attribution import attribute, fit_p, without
+from aoro_gym.diagnosis.attribution import attribute, fit_p, log_priors, without
 from aoro_gym.diagnosis.axes import PRIOR_INFORMATION, Axis, axes_of
 from aoro_gym.diagnosis.linear import Hypothesis, Linear
 from aoro_gym.diagnosis.noise import MERGED, Floats, ModelError, Noise
@@ -248,6 +248,13 @@ def test_more_effects_fit_no_worse(world):
     found = {h.effects: h for h in refined(linear, *linear.screen().values())}
     for name in NAMES:
         assert found[NAMES].cost <= found[(name,)].cost + SETTLED <= found[()].cost + 2.0 * SETTLED
+
+
+def test_every_hypothesis_of_a_catalogue_has_a_prior():
+    """Also pairs that no screening had thought of; together they are sure."""
+    prior = log_priors(EFFECTS)
+    assert len(prior) == 1 + len(EFFECTS) + len(EFFECTS) * (len(EFFECTS) - 1) // 2 + 2
+    assert np.sum(np.exp(list(prior.values()))) == pytest.approx(1.0)
 
 
 TRUE = (0.3, -0.5, 0.8)
