@@ -25,6 +25,10 @@ PARTNERS = 12
 """Effects, the likeliest, of which one at least is in every pair that is screened."""
 
 
+DEPENDENT = 1e-9
+"""Ratio of singular values below which moves of nuisances count as dependent."""
+
+
 class Tangent:
     """Whitened prediction as a linear function of nuisances around some point, and their prior.
 
@@ -57,7 +61,9 @@ class Tangent:
     def updated(self, moves: Floats, changes: Floats) -> Tangent:
         """The nearest one, by the prior, in which ``moves`` (k, u) of the nuisances bring ``changes`` (D, k): Broyden's
         update of several secants at once."""
-        weights = np.linalg.solve(moves @ self.precision @ moves.T, moves @ self.precision)
+        lengths = moves @ self.precision
+        # at ends of ranges moves may coincide
+        weights = np.linalg.lstsq(lengths @ moves.T, lengths, rcond=DEPENDENT)[0]
         missed = changes - self.jacobian @ moves.T
         return Tangent(self.jacobian + missed @ weights, self.precision, self.bounds)
 

@@ -57,6 +57,8 @@ def test_an_update_takes_in_the_secants_and_leaves_the_rest(tangent):
     other = rng.standard_normal(COUNT)
     other -= moves.T @ np.linalg.solve(moves @ tangent.precision @ moves.T, moves @ tangent.precision @ other)
     np.testing.assert_allclose(updated.jacobian @ other, tangent.jacobian @ other, atol=1e-10)
+    twice = tangent.updated(np.vstack([moves, moves[:1]]), np.column_stack([changes, changes[:, :1]]))
+    np.testing.assert_allclose(twice.jacobian, updated.jacobian, atol=1e-9)
     np.testing.assert_allclose(tangent.updated(np.eye(COUNT), changes[:, :1] * FREE).jacobian, changes[:, :1] * FREE)
 
 
