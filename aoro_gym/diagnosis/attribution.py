@@ -135,10 +135,9 @@ def weigh(
 ) -> list[Hypothesis]:
     """``hypotheses`` with their probabilities, the likeliest first.
 
-    No twin shows a deviation exactly as its machine does, nor is any search of its magnitudes and nuisances perfect: of all
-    the evidence that there is a gap, the share :data:`DOUBT` may be wrong for every hypothesis. So what a hypothesis fits
-    better than nothing does is tempered (Miller and Dunson 2019) by what that share amounts to. What its freedom costs
-    counts in full, as does the fit where there is no gap.
+    What a hypothesis fits better than nothing does is tempered (Miller and Dunson 2019): by ``temperature``, and, as no twin
+    shows a deviation exactly as its machine does, nor is any search perfect, by the share :data:`DOUBT` of all the evidence
+    that there is a gap. What its freedom costs counts in full.
     """
     nothing = next(h for h in hypotheses if not h.effects)
     temperature += DOUBT * max(max(h.log_evidence for h in hypotheses) - nothing.log_evidence, 0.0)

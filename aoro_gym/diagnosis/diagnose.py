@@ -11,25 +11,33 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from aoro_gym.diagnosis.attribution import attribute, fit_p, without
 from aoro_gym.diagnosis.experiments import next_experiments
 from aoro_gym.diagnosis.figures import key_figures
+from aoro_gym.diagnosis.findings import (
+    alike_effects,
+    cause_of,
+    components_of,
+    declared_of,
+    moved_by,
+    row_of,
+    verdict_of,
+)
 from aoro_gym.diagnosis.linear import Hypothesis, Linear
 from aoro_gym.diagnosis.noise import Floats, ModelError, Noise, noise_of
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem, Progress, references_of
 from aoro_gym.diagnosis.recording import TICK, Recording, logs_in, read_recording
 from aoro_gym.diagnosis.replay import Simulator, Variants
-from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, Cause, Curve, Diagnosis, Interval, Shrinkage
+from aoro_gym.diagnosis.result import CALIBRATION, Curve, Diagnosis, Shrinkage
 from aoro_gym.diagnosis.search import settle
 from aoro_gym.diagnosis.shrinkage import black_box, shrinkages, typical
 from aoro_gym.diagnosis.where import places
 from aoro_gym.twin import Machine
-from aoro_gym.twin.effects import EFFECTS, ChainEffect, Effect, GroundEffect
+from aoro_gym.twin.effects import EFFECTS, Effect
 
 ERROR = ModelError(rate=0.003, pressure=0.015, swing=0.1, change=0.1, phase=0.05)
 """The twin's own error: what remains between it and machines of other laws once it was fitted to them."""
@@ -37,22 +45,10 @@ STAGES = 2
 """Of the fit of the uncertain parameters."""
 FOLDS = 3
 """Parts of the recordings, each of which is left out once when it is asked how far the gap shrinks."""
-SURE = 0.8
-"""Probability above which one cause is named alone."""
-BEYOND_DOUBT = 0.9
-"""Probability of any cause above which causes are named at all."""
-DECLARED = 0.95
-"""Probability that the declared set of hypotheses holds the truth."""
 LISTED = 1e-3
 """Probability below which a hypothesis is not listed."""
 SURVIVING = 0.02
 """Probability below which a hypothesis gets no machine file."""
-DRAWS = 200
-"""Of the posterior, for intervals of magnitudes."""
-WIDER = 1.5
-"""Factor on the standard deviations of magnitudes: laws of the machine are not those of the twin."""
-MOVED = 1.0
-"""Prior standard deviations by which a parameter must have moved to be listed."""
 
 
 def diagnose(
@@ -113,16 +109,16 @@ def diagnose(
     hypotheses, linear = attribute(problem, lambda s, share: progress(s, 0.5 + 0.35 * share))
 
     progress("where, how far, and what next", 0.85)
-    verdict = _verdict(hypotheses)
+    verdict = verdict_of(hypotheses)
     gap, gap_p = places(problem, linear)
     best = next((h for h in hypotheses if h.refined and h.effects != (CALIBRATION,)), None)
-    fitted = None if best is None else problem.at(best.nuisances[None], best.effects, _row(best))
+    fitted = None if best is None else problem.at(best.nuisances[None], best.effects, row_of(best))
     after = before if fitted is None else problem.simulate([fitted])[:, 0]
     shrunk, controls = _how_far(problem, linear, hypotheses, before, after, held_out)
-    components = _components(hypotheses, effects)
+    components = components_of(hypotheses, effects)
     likeliest = next(iter(components), "")
     causes = tuple(
-        _cause(problem, h, out if h.probability > SURVIVING else None) for h in hypotheses if h.probability > LISTED
+        cause_of(problem, h, out if h.probability > SURVIVING else None) for h in hypotheses if h.probability > LISTED
     )
     return Diagnosis(
         machine=given.name,
@@ -135,14 +131,14 @@ def diagnose(
         where_p=gap_p,
         components=components,
         causes=causes,
-        declared_set=_declared(hypotheses),
+        declared_set=declared_of(hypotheses),
         fit_test_p=None if best is None else fit_p(linear, best),
         shrinkage=shrunk,
         controls=controls,
         key_figures={} if fitted is None else key_figures(problem, Variants(twin), fitted),
         next_experiments=next_experiments(linear, hypotheses),
-        calibration=_moved(problem, best),
-        alike=_alike_effects(linear),
+        calibration=moved_by(problem, best),
+        alike=alike_effects(linear),
         limitations=_limitations(recordings, healthy, mode, channels, effects),
         seconds=time.monotonic() - began,
         curves=_curves(problem, before, after),
@@ -183,132 +179,6 @@ def _noise(recordings: Sequence[Recording], channels: Sequence[str]) -> dict[str
     return {name: noise_of(recordings, name, longest) for name in channels}
 
 
-# ---- verdict ----
-
-
-def _verdict(hypotheses: Sequence[Hypothesis]) -> str:
-    """See :data:`~aoro_gym.diagnosis.result.VERDICTS`."""
-    best = hypotheses[0]
-    of = {h.effects: h.probability for h in hypotheses}
-    innocent = of.get((), 0.0) + of.get((CALIBRATION,), 0.0)
-    unknown = of.get((UNKNOWN,), 0.0)
-    if innocent > 1.0 - BEYOND_DOUBT:
-        if innocent < 0.5:
-            return "inconclusive"
-        return "no_gap" if of.get((), 0.0) >= of.get((CALIBRATION,), 0.0) else "calibration"
-    if unknown >= 0.5:
-        return "unknown"
-    return "cause" if best.probability >= SURE and best.effects != (UNKNOWN,) else "ambiguous"
-
-
-def _declared(hypotheses: Sequence[Hypothesis]) -> tuple[str, ...]:
-    """Effects of the least set of hypotheses that holds the truth with :data:`DECLARED`."""
-    total, names = 0.0, dict[str, None]()
-    for h in hypotheses:
-        names.update(dict.fromkeys(h.effects))
-        total += h.probability
-        if total >= DECLARED:
-            break
-    return tuple(names)
-
-
-def _components(hypotheses: Sequence[Hypothesis], effects: Mapping[str, Effect]) -> dict[str, float]:
-    """Probability that a cause lies in a component, largest first."""
-    found: dict[str, float] = {}
-    for h in hypotheses:
-        for component in {effects[name].component for name in h.effects if name in effects}:
-            found[component] = found.get(component, 0.0) + h.probability
-    return dict(sorted(found.items(), key=lambda item: -item[1]))
-
-
-# ---- causes ----
-
-
-def _row(hypothesis: Hypothesis) -> Floats:
-    return np.array(hypothesis.places, dtype=np.float64)[None]
-
-
-def _cause(problem: Problem, hypothesis: Hypothesis, out: Path | None) -> Cause:
-    """With intervals of its operational magnitudes, and its machine file if ``out`` is given."""
-    known = tuple(name for name in hypothesis.effects if name in problem.effects)
-    components = tuple(dict.fromkeys(problem.effects[name].component for name in known))
-    if not known:
-        return Cause(hypothesis.effects, hypothesis.probability)
-    rng = np.random.default_rng(0)
-    best = np.array(hypothesis.places)
-    spread = WIDER * np.linalg.cholesky(hypothesis.covariance + 1e-12 * np.eye(len(best)))
-    drawn = np.clip(best + rng.standard_normal((DRAWS, len(best))) @ spread.T, 0.0, 1.0)
-    nuisances = hypothesis.nuisances if hypothesis.refined else problem.centre
-    machine = problem.at(nuisances[None]).machine
-    magnitudes: dict[str, tuple[Interval, ...]] = {}
-    settings: dict[str, tuple[float, ...]] = {}
-    column = 0
-    for name in known:
-        effect, axes = problem.effects[name], problem.axes[name]
-        values = [axis.value(drawn[:, column + i]) for i, axis in enumerate(axes)]
-        settings[name] = tuple(float(axis.value(best[column + i])) for i, axis in enumerate(axes))
-        column += len(axes)
-        without = effect.measured(machine, *effect.none)
-        parts = []
-        for one, at, none in zip(effect.operational, effect.measured(machine, *values), without, strict=True):
-            low, median, high = np.quantile(np.asarray(at, dtype=np.float64) - none, [0.05, 0.5, 0.95])
-            parts.append(Interval(float(median), float(low), float(high), one.unit, one.quantity))
-        magnitudes[name] = tuple(parts)
-    file = ""
-    if out is not None and not any(isinstance(problem.effects[name], ChainEffect | GroundEffect) for name in known):
-        file = f"machines/{'+'.join(known)}.toml"
-        (out / "machines").mkdir(parents=True, exist_ok=True)
-        problem.at(nuisances[None], known, _row(hypothesis)).machine.save(out / file)
-    return Cause(hypothesis.effects, hypothesis.probability, magnitudes, settings, components, file)
-
-
-def _moved(problem: Problem, best: Hypothesis | None) -> tuple[dict[str, Any], ...]:
-    """Parameters that the best fit has moved, the farthest first."""
-    if best is None:
-        return ()
-    felt = problem.felt
-    moved = problem.at(best.nuisances[None]).machine
-    rows = []
-    for k, deviation in sorted(zip(felt, best.nuisances[: len(felt)], strict=True), key=lambda item: -abs(item[1])):
-        key = problem.nuisances.keys[k]
-        entry = problem.nuisances.machine.entries[key]
-        if abs(deviation) > MOVED:
-            rows.append(
-                {
-                    "key": key, "unit": entry.unit, "before": float(entry.value),
-                    "after": float(moved.entries[key].value), "deviations": float(deviation),
-                }
-            )  # fmt: skip
-    return tuple(rows)
-
-
-ALIKE = 0.95
-"""Cosine of the angle between what two effects do, once calibration has had its share, above which they are alike."""
-
-
-def _alike_effects(linear: Linear) -> tuple[tuple[str, str], ...]:
-    """Pairs of effects that these recordings cannot tell apart, however large they are."""
-    problem = linear.problem
-    names, columns = [], []
-    for name, axes in problem.axes.items():
-        if len(axes) == 1:
-            names.append(name)
-            columns.append(linear.shifts[name, 0][:, -1])
-    if len(names) < 2:
-        return ()
-    stacked = np.column_stack(columns)
-    gram = linear.tangent.projected(stacked, stacked)
-    size = np.sqrt(np.maximum(np.diag(gram), 1e-12))
-    cosine = gram / np.outer(size, size)
-    shown = size > 3.0
-    return tuple(
-        (names[i], names[j])
-        for i in range(len(names))
-        for j in range(i + 1, len(names))
-        if shown[i] and shown[j] and abs(cosine[i, j]) > ALIKE
-    )
-
-
 # ---- how far ----
 
 
@@ -332,7 +202,9 @@ def _how_far(
     if held_out:
         other = problem.of(held_out)
         base = other.simulate([Variants(problem.nuisances.machine)])[:, 0]
-        found = other.simulate([other.at(_own_free(problem, other, h), h.effects, _row(h)) for h in (best, wrong) if h])
+        found = other.simulate(
+            [other.at(_own_free(problem, other, h), h.effects, row_of(h)) for h in (best, wrong) if h]
+        )
         left = shrinkages(other, base, found[:, 0], held_out=True)
         of_wrong = typical(shrinkages(other, base, found[:, 1], held_out=True)) if wrong else None
         of_box = black_box(problem, before, other, base)

@@ -32,19 +32,17 @@ from aoro_gym.calibration.published import FIGURES_SOURCE
 from aoro_gym.calibration.turns import PATIENCE, longest
 from aoro_gym.diagnosis.attribution import SURPRISES, fit_p, log_priors, weigh
 from aoro_gym.diagnosis.axes import PRIOR_INFORMATION
-from aoro_gym.diagnosis.diagnose import (
-    ERROR,
-    LISTED,
-    SURVIVING,
-    _alike_effects,
-    _cause,
-    _components,
-    _declared,
-    _moved,
-    _row,
-    _verdict,
-)
+from aoro_gym.diagnosis.diagnose import ERROR, LISTED, SURVIVING
 from aoro_gym.diagnosis.experiments import next_experiments
+from aoro_gym.diagnosis.findings import (
+    alike_effects,
+    cause_of,
+    components_of,
+    declared_of,
+    moved_by,
+    row_of,
+    verdict_of,
+)
 from aoro_gym.diagnosis.linear import Hypothesis, Linear
 from aoro_gym.diagnosis.noise import Floats, ModelError, Whitener
 from aoro_gym.diagnosis.nuisances import Nuisances
@@ -546,7 +544,7 @@ def diagnose_rows(
     # the twin as it was given is one calibration of all
     open_to = [replace(h, effects=()) if h.effects == (CALIBRATION,) else h for h in hypotheses if h.effects]
     gap, gap_p = _where(problem, linear)
-    components = _components(hypotheses, effects)
+    components = components_of(hypotheses, effects)
     likeliest = next(iter(components), "")
     figures = {
         row.title: entry
@@ -562,19 +560,19 @@ def diagnose_rows(
         logs=tuple(row.title for row in rows),
         healthy=(),
         signals=(KEY_FIGURES,),
-        verdict=_verdict(hypotheses),
+        verdict=verdict_of(hypotheses),
         where=tuple(replace(place, component=likeliest) for place in gap),
         where_p=gap_p,
         components=components,
         causes=tuple(causes),
-        declared_set=_declared(hypotheses),
+        declared_set=declared_of(hypotheses),
         fit_test_p=fit_p(linear, best),
         shrinkage=shrunk,
         controls=controls,
         key_figures=figures,
         next_experiments=next_experiments(linear, open_to),
-        calibration=_moved(problem, best),
-        alike=_alike_effects(linear),
+        calibration=moved_by(problem, best),
+        alike=alike_effects(linear),
         limitations=_limitations(problem, others),
         seconds=time.monotonic() - began,
     )
@@ -583,12 +581,12 @@ def diagnose_rows(
 def _variants(problem: Turns, hypothesis: Hypothesis) -> Variants:
     """The machine of a hypothesis at its best fit."""
     known = tuple(name for name in hypothesis.effects if name in problem.effects)
-    return problem.at(hypothesis.nuisances[None], known, _row(hypothesis))
+    return problem.at(hypothesis.nuisances[None], known, row_of(hypothesis))
 
 
 def _with_file(problem: Turns, hypothesis: Hypothesis, out: Path | None) -> Cause:
     """Also for calibration alone."""
-    cause = _cause(problem, hypothesis, out)
+    cause = cause_of(problem, hypothesis, out)
     if out is None or hypothesis.effects != (CALIBRATION,):
         return cause
     file = f"machines/{CALIBRATION}.toml"

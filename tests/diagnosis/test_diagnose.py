@@ -8,7 +8,8 @@ import pytest
 from typer.testing import CliRunner
 
 from aoro_gym.cli import app
-from aoro_gym.diagnosis.diagnose import _common, _declared, _verdict, diagnose
+from aoro_gym.diagnosis.diagnose import _common, diagnose
+from aoro_gym.diagnosis.findings import declared_of, verdict_of
 from aoro_gym.diagnosis.linear import Hypothesis
 from aoro_gym.diagnosis.replay import Variants
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, VERDICTS
@@ -91,8 +92,8 @@ def of(*pairs: tuple[tuple[str, ...], float]) -> list[Hypothesis]:
     ],
 )
 def test_verdicts_follow_from_probabilities(hypotheses, verdict, declared):
-    assert _verdict(hypotheses) == verdict
-    assert set(_declared(hypotheses)) == set(declared)
+    assert verdict_of(hypotheses) == verdict
+    assert set(declared_of(hypotheses)) == set(declared)
 
 
 @pytest.mark.parametrize(
