@@ -52,7 +52,7 @@ def attribute(problem: Problem, progress: Progress = lambda sentence, share: Non
     """All hypotheses of a learned problem with their probabilities, the likeliest first, and the linear model that they
     were found with."""
     linear = Linear(problem, problem.error)
-    screened = linear.screen()
+    screened = linear.screen(pairs=False)
     prior = log_priors(problem.axes)
     other = other_calibration(problem)
     searches: dict[tuple[str, ...], Search] = {}
@@ -87,8 +87,10 @@ def attribute(problem: Problem, progress: Progress = lambda sentence, share: Non
     searches |= {one.effects: one for one in again if one is not None}
     after(list(dict.fromkeys([*contenders, *alone])), 3, many, 0.7)
     found = [one.weighed() for one in searches.values() if np.isfinite(one.cost)]
-    calibration = [replace(other.weighed(), effects=(CALIBRATION,))] if np.isfinite(other.cost) else []
-    return weigh([*found, unknown(problem), *calibration], prior), linear
+    if np.isfinite(other.cost):
+        h = other.weighed()
+        found.append(Hypothesis((CALIBRATION,), h.log_evidence, cost=h.cost))  # its nuisances are another problem's
+    return weigh([*found, unknown(problem)], prior), linear
 
 
 def unknown(problem: Problem) -> Hypothesis:

@@ -32,7 +32,7 @@ from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem, Progress, references_of
 from aoro_gym.diagnosis.recording import TICK, Recording, logs_in, read_recording
 from aoro_gym.diagnosis.replay import Simulator, Variants
-from aoro_gym.diagnosis.result import CALIBRATION, Curve, Diagnosis, Shrinkage
+from aoro_gym.diagnosis.result import Curve, Diagnosis, Shrinkage
 from aoro_gym.diagnosis.search import settle
 from aoro_gym.diagnosis.shrinkage import black_box, shrinkages, typical
 from aoro_gym.diagnosis.where import places
@@ -111,7 +111,7 @@ def diagnose(
     progress("where, how far, and what next", 0.85)
     verdict = verdict_of(hypotheses)
     gap, gap_p = places(problem, linear)
-    best = next((h for h in hypotheses if h.refined and h.effects != (CALIBRATION,)), None)
+    best = next((h for h in hypotheses if h.refined), None)
     fitted = None if best is None else problem.at(best.nuisances[None], best.effects, row_of(best))
     after = before if fitted is None else problem.simulate([fitted])[:, 0]
     shrunk, controls = _how_far(problem, linear, hypotheses, before, after, held_out)
@@ -191,12 +191,10 @@ def _how_far(
     held_out: Sequence[Recording],
 ) -> tuple[tuple[Shrinkage, ...], dict[str, float | None]]:
     """Shrinkage of fitted and of held-out recordings, and what a wrong cause and a black box get of the latter."""
-    best = next((h for h in hypotheses if h.refined and h.effects and h.effects != (CALIBRATION,)), None)
+    best = next((h for h in hypotheses if h.refined and h.effects), None)
     if best is None:
         return (), {"cause": None, "wrong_cause": None, "black_box": None}
-    rivals = (
-        h for h in hypotheses if h.refined and h.effects != (CALIBRATION,) and len(h.effects) == len(best.effects)
-    )
+    rivals = (h for h in hypotheses if h.refined and len(h.effects) == len(best.effects))
     wrong = next((h for h in rivals if not set(h.effects) & set(best.effects)), None)
     fitted = shrinkages(problem, before, after, held_out=False)
     if held_out:

@@ -10,7 +10,7 @@ singles and all pairs follow from one Gram matrix.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 
@@ -164,21 +164,29 @@ class Linear:
             for (name, axis), z in zip(axes, places, strict=True)
         ]
 
-    def screen(self) -> dict[tuple[str, ...], Hypothesis]:
-        """Nothing, every effect, and every pair with one of the :data:`PARTNERS` likeliest."""
-        axes = self.problem.axes
-        flat = [(name, axis) for name in axes for axis in axes[name]]
-        everything = np.concatenate([self.residual[:, None], *(self.shifts[n, a.index] for n, a in flat)], axis=1)
-        gram = self.tangent.projected(everything, everything)
+    def _together(self, tangent: Tangent, target: Floats) -> Callable[[tuple[str, ...]], Shift]:
+        """Cost of what effects do, by their names, where nuisances have to explain a ``target`` (D,) along a tangent."""
+        flat = [(name, axis) for name, axes in self.problem.axes.items() for axis in axes]
+        everything = np.concatenate([target[:, None], *(self.shifts[n, a.index] for n, a in flat)], axis=1)
+        gram = tangent.projected(everything, everything)
         starts = np.cumsum([1, *(len(axis.nodes) for _, axis in flat)])
-        where = {name: [i for i, (n, _) in enumerate(flat) if n == name] for name in axes}
-        nothing = float(gram[0, 0])
+
+        def part(effects: tuple[str, ...]) -> Shift:
+            mine = [i for name in effects for i, (other, _) in enumerate(flat) if other == name]
+            columns = np.concatenate([np.arange(starts[i], starts[i + 1]) for i in mine])
+            return Shift([flat[i][1] for i in mine], gram[np.ix_(columns, columns)], gram[columns, 0])
+
+        return part
+
+    def screen(self, *, pairs: bool = True) -> dict[tuple[str, ...], Hypothesis]:
+        """Nothing, every effect, and, if so asked, every pair with one of the :data:`PARTNERS` likeliest."""
+        axes = self.problem.axes
+        together = self._together(self.tangent, self.residual)
+        nothing = float(self.tangent.projected(self.residual, self.residual))
         base = self.evidence()
 
         def screened(effects: tuple[str, ...], first: tuple[float, ...] | None) -> Hypothesis:
-            mine = [i for name in effects for i in where[name]]
-            columns = np.concatenate([np.arange(starts[i], starts[i + 1]) for i in mine])
-            part = Shift([flat[i][1] for i in mine], gram[np.ix_(columns, columns)], gram[columns, 0])
+            part = together(effects)
             cost, places, information = part.descend(part.grid() if first is None else first)
             evidence = base - 0.5 * cost + volume(places, information)
             covariance = np.linalg.inv(information + PRIOR_INFORMATION * np.eye(len(places)))
@@ -187,6 +195,8 @@ class Linear:
         found: dict[tuple[str, ...], Hypothesis] = {(): Hypothesis((), base, cost=nothing)}
         for name in axes:
             found[(name,)] = screened((name,), None)
+        if not pairs:
+            return found
         likeliest = sorted(axes, key=lambda name: -found[(name,)].log_evidence)[:PARTNERS]
         for pair in combinations(axes, 2):
             if set(pair) & set(likeliest):
@@ -199,18 +209,12 @@ class Linear:
         assert found.tangent is not None
         axes = self.problem.axes
         tangent = found.tangent.beside(found.slopes, PRIOR_INFORMATION)
-        flat = [(name, axis) for name in axes for axis in axes[name]]
-        target = found.left + found.tangent.jacobian @ found.nuisances
-        everything = np.concatenate([target[:, None], *(self.shifts[n, a.index] for n, a in flat)], axis=1)
-        gram = tangent.projected(everything, everything)
-        starts = np.cumsum([1, *(len(axis.nodes) for _, axis in flat)])
+        together = self._together(tangent, found.left + found.tangent.jacobian @ found.nuisances)
         pairs = []
         for name in axes:
             if name in found.effects:
                 continue
-            mine = [i for i, (other, _) in enumerate(flat) if other == name]
-            columns = np.concatenate([np.arange(starts[i], starts[i + 1]) for i in mine])
-            part = Shift([flat[i][1] for i in mine], gram[np.ix_(columns, columns)], gram[columns, 0])
+            part = together((name,))
             cost, places, information = part.descend(part.grid())
             of = {**dict.fromkeys(found.effects, found.places), name: places}
             effects = tuple(one for one in axes if one in of)

@@ -199,10 +199,11 @@ class Problem:
         return self.of([self.recordings[index] for index in indices]), np.concatenate(mine).astype(np.intp)
 
     def spread(self, predicted: Floats) -> list[Floats]:
-        """Standard deviation (F,) SI of noise and of the twin's own error by block, around a stacked prediction (D,)."""
+        """Standard deviation (F,) SI of noise and of the twin's own error by block, around a stacked prediction (D,); NaN
+        where samples are not compared."""
         out = []
         for w, part in zip(self.whiteners(self.error, predicted), self.split(predicted), strict=True):
-            std = np.full(len(w.counts), np.nan)  # of what is not compared, none
+            std = np.full(len(w.counts), np.nan)
             std[w.counts] = np.linalg.norm(w.factor, axis=1)
             std = np.repeat(std, MERGED)
             out.append(np.append(std, np.full(len(part) - len(std), std[-1])))
@@ -211,17 +212,22 @@ class Problem:
     @cached_property
     def given(self) -> Floats:
         """Stacked prediction (D,) SI of the given twin, around which all hypotheses are held to the same error."""
-        return self.simulate([self.at(self._held[None])])[:, 0]
+        return self._given[0]
 
     @cached_property
     def given_stops(self) -> list[bool]:
         """In which recordings the joint of the given twin comes to a stop."""
-        return [bool(one[0]) for one in self._repeated([self.at(self._held[None])])[1]]
+        return self._given[1]
+
+    @cached_property
+    def _given(self) -> tuple[Floats, list[bool]]:
+        found, stops = self.repeated([self.at(self._held[None])])
+        return found[:, 0], [bool(one[0]) for one in stops]
 
     def hold_to(self, point: Floats) -> None:
         """Move the centre to nuisances (u,), and hold all hypotheses to the error of the twin there."""
         self.centre = self._held = point
-        for known in ("given", "given_stops"):
+        for known in ("_given", "given", "given_stops"):
             self.__dict__.pop(known, None)
         self.predicted = self.given
 
@@ -252,23 +258,23 @@ class Problem:
 
     def simulate(self, variants: Sequence[Variants]) -> Floats:
         """Stacked predictions (D, N), SI, on the recordings' clocks (:mod:`.arrival`); what the twin loses is NaN."""
-        return self._repeated(variants)[0]
+        return self.repeated(variants)[0]
 
-    def _repeated(self, variants: Sequence[Variants]) -> tuple[Floats, list[NDArray[np.bool_]]]:
-        """Stacked predictions, and by recording whose joint (N,) comes to a stop."""
+    def repeated(self, variants: Sequence[Variants]) -> tuple[Floats, list[NDArray[np.bool_]]]:
+        """See :meth:`simulate`; and by recording whose joint (N,) comes to a stop."""
         tasks = [Task(one, recording) for recording in self.recordings for one in variants]
         found = iter(self.simulator.run(tasks))
-        stacked, arrive = [], []
+        stacked, stops = [], []
         for recording, arrival in zip(self.recordings, self.arrivals, strict=True):
             parts = [next(found) for _ in variants]
             signals = {name: np.concatenate([part[name] for part in parts], axis=1) for name in recording.channels}
             steering = recording.commands[:, 0]
             own = arrivals(signals["joint_angle"], steering)
-            arrive.append(own != NEVER)
+            stops.append(own != NEVER)
             for name, values in signals.items():
                 moves = name == "joint_angle"
                 stacked.append(on_clock(values, own, arrival, steering, goes_on=moves) if name in CLOCKED else values)
-        return np.concatenate(stacked).astype(np.float64), arrive
+        return np.concatenate(stacked).astype(np.float64), stops
 
     def own(self, predicted: Floats) -> Floats:
         """Shifts (D, c), SI, by one standard deviation of what belongs to the recordings themselves: each one's clock
@@ -377,7 +383,7 @@ class Problem:
         typical = float(chi2.median(WINDOW)) / WINDOW
         return {name: max(1.0, float(np.median(np.concatenate(parts))) / typical) for name, parts in powers.items()}
 
-    def learn(self, progress: Progress = lambda sentence, share: None, *, effects: bool = True) -> None:
+    def learn(self, *, effects: bool = True) -> None:
         """Simulate around the centre what every nuisance and, if so asked, every effect does."""
         nodes: dict[tuple[str, int], Floats] = {}
         for name, axes in self.axes.items() if effects else ():
@@ -386,7 +392,6 @@ class Problem:
                 places[:, axis.index] = axis.nodes
                 nodes[name, axis.index] = places
         more = [self.at(np.tile(self.centre, (len(places), 1)), (name,), places) for (name, _), places in nodes.items()]
-        progress("what every effect does", 0.0)
         found = self._slopes(more)
         shifts = np.nan_to_num(found - self.predicted[:, None])
         ends = np.cumsum([0, *(len(places) for places in nodes.values())])

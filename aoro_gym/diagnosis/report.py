@@ -346,7 +346,7 @@ def telling(curves: Sequence[Curve]) -> list[Curve]:
     """The curves that show most of the gap; one that took no part in the fit is among them if there is any."""
 
     def gap(curve: Curve) -> float:
-        return float(np.mean(((curve.measured - curve.before) / curve.spread) ** 2))
+        return float(np.nanmean(((curve.measured - curve.before) / curve.spread) ** 2))
 
     ranked = sorted(curves, key=gap, reverse=True)
     chosen, rest = ranked[:MOST_CURVES], ranked[MOST_CURVES:]

@@ -140,7 +140,7 @@ class Curve:
     measured: NDArray[np.floating[Any]]
     before: NDArray[np.floating[Any]]  # the given twin
     after: NDArray[np.floating[Any]]  # with the first cause
-    spread: NDArray[np.floating[Any]]  # standard deviation of noise and of the twin's own error
+    spread: NDArray[np.floating[Any]]  # standard deviation of noise and of the twin's own error; NaN: not compared
 
 
 @dataclass(frozen=True)

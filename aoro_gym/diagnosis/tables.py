@@ -25,6 +25,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 
 from aoro_gym.calibration.procedure import CURVE_SOURCE
@@ -321,13 +322,13 @@ class Turns(Problem):
         """Shift (D, 1) by one standard deviation of how much of the sensor's noise is in the figures."""
         return 0.5 * self.bias[:, None]
 
-    def simulate(self, variants: Sequence[Variants]) -> Floats:
-        """Figures (D, N), between samples; those that do not exist are :data:`FAILED` off."""
+    def repeated(self, variants: Sequence[Variants]) -> tuple[Floats, list[NDArray[np.bool_]]]:
+        """Figures (D, N), between samples; those that do not exist are :data:`FAILED` off. No turn is told by its stop."""
         geometry = self.nuisances.machine
         shown = [self._figures(k, angle, geometry) for k, angle in enumerate(self._angles(variants))]
         found = np.stack([shown[k][name] for k, name in self.compared])
         lost = self.measured + FAILED * np.sqrt(np.diag(self.covariance))
-        return np.where(np.isfinite(found), found, lost[:, None])
+        return np.where(np.isfinite(found), found, lost[:, None]), []
 
     def figures(self, variants: Variants) -> list[dict[str, float | None]]:
         """All figures of one machine by row, None where there is none."""
@@ -600,12 +601,8 @@ def _drawn(problem: Turns, hypothesis: Hypothesis) -> list[Variants]:
     tangent = hypothesis.tangent
     if tangent is None:
         return []
-    columns = np.column_stack([tangent.jacobian, hypothesis.slopes])
     u, z = hypothesis.nuisances, np.array(hypothesis.places, dtype=np.float64)
-    prior = np.zeros((columns.shape[1], columns.shape[1]))
-    prior[: len(u), : len(u)] = tangent.precision
-    prior[len(u) :, len(u) :] = PRIOR_INFORMATION * np.eye(len(z))
-    root = np.linalg.cholesky(np.linalg.inv(prior + columns.T @ columns))
+    root = np.linalg.cholesky(tangent.beside(hypothesis.slopes, PRIOR_INFORMATION).covariance)
     normal = np.random.default_rng(0).standard_normal((DRAWS, len(root)))
     points, places = np.split(np.append(u, z) + normal @ root.T, [len(u)], axis=1)
     known = tuple(name for name in hypothesis.effects if name in problem.effects)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from aoro_gym.diagnosis.attribution import attribute, fit_p, log_priors, without
@@ -69,7 +70,6 @@ class LinearWorld(Problem):
         recording = Recording("linear", np.zeros((COUNT - 1, 2)), channels, 30, 0.0)
         noise = {name: Noise(np.r_[std**2, np.zeros(COUNT)]) for name, std in STD.items()}
         super().__init__([recording], NUISANCES, {name: EFFECTS[name] for name in NAMES}, error=error, noise=noise)
-        self.given_stops = [False]
 
     def at(self, points: Floats, effects: Sequence[str] = (), places: Floats | None = None) -> Any:
         whole = np.zeros((len(points), 5))
@@ -79,8 +79,9 @@ class LinearWorld(Problem):
             whole[:, 3 + NAMES.index(name)] = places[:, column]
         return SimpleNamespace(count=len(points), whole=whole)
 
-    def simulate(self, variants: Sequence[Any]) -> Floats:
-        return self.base[:, None] + self.directions @ np.concatenate([one.whole for one in variants]).T
+    def repeated(self, variants: Sequence[Any]) -> tuple[Floats, list[NDArray[np.bool_]]]:
+        predicted = self.base[:, None] + self.directions @ np.concatenate([one.whole for one in variants]).T
+        return predicted, [np.array([False])]
 
 
 MEAN = np.kron(np.eye(2 * COUNT // MERGED), np.full((1, MERGED), 1.0 / MERGED))
@@ -281,6 +282,8 @@ def test_the_kind_of_a_gap_is_told(kind, monkeypatch):
     assert found[0].effects == named, [(h.effects, h.probability) for h in found[:4]]
     assert found[0].probability > 0.5
     assert sum(h.probability for h in found) == pytest.approx(1.0)
+    (other,) = [h for h in found if h.effects == (CALIBRATION,)]
+    assert not other.refined, "its nuisances are not those of the problem"
     assert {h.effects for h in found} == {(), *((name,) for name in NAMES), NAMES, (UNKNOWN,), (CALIBRATION,)}
 
 

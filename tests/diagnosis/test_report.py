@@ -315,6 +315,8 @@ def test_curves_with_the_largest_gap_are_shown_and_one_that_was_left_out():
     assert [one.manoeuvre for one in telling([*seen, unseen])] == ["seen_4", "seen_3", "seen_2", "unseen"]
     assert [one.manoeuvre for one in telling(seen)] == ["seen_4", "seen_3", "seen_2", "seen_1"]
     assert telling([]) == []
+    partly = [replace(one, spread=np.where(np.arange(len(one.time)) < 3, np.nan, one.spread)) for one in seen]
+    assert [one.manoeuvre for one in telling(partly)] == ["seen_4", "seen_3", "seen_2", "seen_1"]
 
 
 def test_one_goes_on_with_the_machine_file_that_the_verdict_earns(verdict, page):
