@@ -18,14 +18,17 @@ from scipy.optimize import lsq_linear
 from scipy.special import logsumexp
 from scipy.stats import chi2
 
+from aoro_gym.diagnosis.axes import Axis
 from aoro_gym.diagnosis.linear import Hypothesis, Linear
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.problem import Problem, Progress
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN
-from aoro_gym.diagnosis.search import ALL, Search, from_a_part, refine
+from aoro_gym.diagnosis.search import ALL, Search, refine, trade
 
 DIRECTIONS = 12, 24
 """Of the nuisances in which a hypothesis takes slopes of its own: at first, and later."""
+VALLEYS = 2
+"""Of the cost along an effect's magnitude, in which its search begins."""
 SINGLES = 12
 """Hypotheses of one effect that are likely."""
 LEADERS, PARTNERS = 3, 5
@@ -34,6 +37,12 @@ PAIRS = 8
 """Hypotheses of two effects that are likely."""
 MOST = 8
 """Hypotheses that may have a chance."""
+FINALISTS = 4
+"""Of them, those that take all slopes anew."""
+FAR = (0.3, 0.9)
+"""Shares of the way to an end of a range where searches begin once all others have failed."""
+FAR_END = 0.05
+"""Place beyond which there is a way to an end."""
 CHANCE = 25.0
 """Log odds behind the best beyond which a hypothesis has none."""
 TEMPERATURE = 4.0
@@ -52,45 +61,105 @@ def attribute(problem: Problem, progress: Progress = lambda sentence, share: Non
     """All hypotheses of a learned problem with their probabilities, the likeliest first, and the linear model that they
     were found with."""
     linear = Linear(problem, problem.error)
-    screened = linear.screen(pairs=False)
     prior = log_priors(problem.axes)
     other = other_calibration(problem)
-    searches: dict[tuple[str, ...], Search] = {}
-
-    def after(effects: Sequence[tuple[str, ...]], rounds: int, directions: int, share: float) -> list[Hypothesis]:
-        """Hypotheses after some more rounds, the likeliest first; nothing and other calibration come along."""
-        those = [searches[e] for e in dict.fromkeys([(), *effects])]
-        for one in those:
-            one.directions = directions
-        refine([*those, other], rounds, lambda s, x: progress(s, share + 0.3 * x))
-        found = [searches[e].weighed() for e in effects if np.isfinite(searches[e].cost)]
-        return sorted(found, key=lambda h: -h.log_evidence)
-
+    searches: dict[tuple[str, ...], Search] = {(): Search(linear, (), directions=ALL)}
     few, many = DIRECTIONS
-    singles = [e for e in screened if len(e) == 1]
-    searches |= {e: Search(linear, e, screened[e].places) for e in [(), *singles]}
-    likely = after(singles, 1, few, 0.0)[:SINGLES]
-    likely = after([h.effects for h in likely], 2, many, 0.1)
-    pairs = {}
-    for leader in likely[:LEADERS]:
-        for effects, places in linear.partners(leader)[:PARTNERS]:
-            pairs.setdefault(effects, Search(linear, effects, places, leader))
-    searches |= pairs
-    likely = after(list(pairs), 1, few, 0.4)[:PAIRS]
-    after([h.effects for h in likely], 2, many, 0.5)
 
-    found = [one.weighed() for one in searches.values() if np.isfinite(one.cost)]
-    weighed = [h for h in weigh(found, prior) if h.effects][:MOST]
-    contenders = [h.effects for h in weighed if h.probability > weighed[0].probability * np.exp(-CHANCE)]
-    alone = [(name,) for e in contenders for name in e]  # of a pair, one may be all that there is
-    again = [from_a_part(linear, searches[e], searches) for e in contenders if len(e) == 2]
-    searches |= {one.effects: one for one in again if one is not None}
-    after(list(dict.fromkeys([*contenders, *alone])), 3, many, 0.7)
-    found = [one.weighed() for one in searches.values() if np.isfinite(one.cost)]
-    if np.isfinite(other.cost):
-        h = other.weighed()
-        found.append(Hypothesis((CALIBRATION,), h.log_evidence, cost=h.cost))  # its nuisances are another problem's
-    return weigh([*found, unknown(problem)], prior), linear
+    def after(effects: Iterable[tuple[str, ...]], rounds: int, directions: int, share: float) -> list[Hypothesis]:
+        """Hypotheses after some more rounds, the likeliest first; nothing and other calibration come along."""
+        those = [searches[e] for e in dict.fromkeys(effects) if e]
+        for one in those:
+            one.directions = max(one.directions, directions)
+        refine([*those, searches[()], other], rounds, lambda s, x: progress(s, share + 0.1 * x))
+        trade([*those, searches[()]])
+        return _likeliest(one.weighed() for one in those if np.isfinite(one.cost))
+
+    def begin(found: Iterable[Search]) -> list[tuple[str, ...]]:
+        """New searches; of those that were begun before, the better one is kept."""
+        new = []
+        for one in found:
+            old = searches.get(one.effects)
+            if old is None or one.cost < old.cost:
+                searches[one.effects] = one
+                new.append(one.effects)
+        return new
+
+    def paired(leaders: Sequence[Hypothesis], share: float) -> None:
+        """Pairs of leaders and what goes best with them."""
+        found = {}
+        for leader in leaders:
+            for effects, places in linear.partners(leader)[:PARTNERS]:
+                starts = [places, _together(searches, leader, effects)]
+                found.setdefault(effects, Search(linear, effects, starts, leader))
+        new = begin(one for effects, one in found.items() if effects not in searches)
+        after([h.effects for h in after(new, 1, few, share)[:PAIRS]], 2, many, share + 0.05)
+
+    def contend(share: float) -> list[Hypothesis]:
+        """All that may have a chance to the end."""
+        weighed = weigh([one.weighed() for one in searches.values() if np.isfinite(one.cost)], prior)
+        weighed = [h for h in weighed if h.effects][:MOST]
+        those = [h.effects for h in weighed if h.probability > weighed[0].probability * np.exp(-CHANCE)]
+        after(
+            [*those, *((name,) for e in those for name in e)], 2, many, share
+        )  # of a pair, one may be all that there is
+        last = weigh([one.weighed() for one in searches.values() if np.isfinite(one.cost)], prior)
+        after([h.effects for h in last if h.effects][:FINALISTS], 2, ALL, share + 0.05)
+        found = [one.weighed() for one in searches.values() if np.isfinite(one.cost)]
+        if np.isfinite(other.cost):
+            found.append(_calibration(other, linear))
+        return weigh([*found, beyond], prior)
+
+    beyond = unknown(problem)
+    new = begin(Search(linear, (name,), places) for name, places in linear.starts(VALLEYS).items())
+    likely = after([h.effects for h in after(new, 1, few, 0.0)[:SINGLES]], 2, many, 0.1)
+    paired(likely[:LEADERS], 0.3)
+    found = contend(0.5)
+    if found[0].effects == (UNKNOWN,):
+        progress("looking farther off", 0.7)
+        far = [Search(linear, (name,), [start]) for name, axes in problem.axes.items() for start in _far(axes)]
+        refine(far, 0)
+        far = sorted((one for one in far if np.isfinite(one.cost)), key=lambda one: one.cost)[:SINGLES]
+        for one in far:
+            one.directions = many
+        refine(far, 3, lambda s, x: progress(s, 0.7 + 0.1 * x))
+        new = begin(far)
+        paired(_likeliest(searches[e].weighed() for e in new)[:1], 0.8)
+        found = contend(0.9)
+    return found, linear
+
+
+def _likeliest(hypotheses: Iterable[Hypothesis]) -> list[Hypothesis]:
+    return sorted(hypotheses, key=lambda h: -h.log_evidence)
+
+
+def _together(
+    searches: Mapping[tuple[str, ...], Search], leader: Hypothesis, effects: tuple[str, ...]
+) -> tuple[float, ...]:
+    """Places of a pair: the leader's, and the other effect's where it was found best alone."""
+    of = {name: searches[name,].point[1] for name in effects} | dict.fromkeys(leader.effects, np.array(leader.places))
+    return tuple(float(place) for name in effects for place in of[name])
+
+
+def _far(axes: Sequence[Axis]) -> list[tuple[float, ...]]:
+    """Places at some distance from none, on either side."""
+    none = [axis.none for axis in axes]
+    found = []
+    for index, axis in enumerate(axes):
+        for end in (0.0, 1.0):
+            if abs(end - axis.none) > FAR_END:
+                found += [
+                    tuple(z if i != index else z + share * (end - z) for i, z in enumerate(none)) for share in FAR
+                ]
+    return found
+
+
+def _calibration(other: Search, linear: Linear) -> Hypothesis:
+    """Its nuisances are another problem's. What data that count less leave of their prior is more."""
+    h = other.weighed()
+    mine, usual = other.linear.tangent, linear.tangent
+    more = [one.left_of_the_prior(TEMPERATURE) - one.shrunk for one in (mine, usual)]
+    return Hypothesis((CALIBRATION,), h.log_evidence + more[0] - more[1], cost=h.cost)
 
 
 def unknown(problem: Problem) -> Hypothesis:
@@ -108,7 +177,7 @@ def other_calibration(problem: Problem) -> Search:
     )  # fmt: skip
     wide.hold_to_that_of(problem)
     wide.learn()
-    return Search(Linear(wide, wide.error), (), (), directions=ALL)
+    return Search(Linear(wide, wide.error), (), directions=ALL)
 
 
 def without(linear: Linear, recordings: Sequence[int], hypothesis: Hypothesis) -> tuple[Floats, Floats]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -13,7 +14,7 @@ from scipy.special import log_ndtr
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.twin.effects import Effect, Magnitude
 
-NODES = (0.05, 0.2, 0.5, 1.0)
+NODES = (0.05, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0)
 """Magnitudes simulated on either side of ``none``: shares of the way to the end of the range."""
 FINE = 41
 """Places of the grid on which a search begins."""
@@ -94,13 +95,31 @@ class Shift:
 
     def grid(self) -> tuple[float, ...]:
         """Best place of each axis for itself, on a grid."""
+        return tuple(
+            float(axis.fine[int(np.argmin(cost))]) for axis, cost in zip(self.axes, self._profiles, strict=True)
+        )
+
+    def valleys(self, most: int) -> list[tuple[float, ...]]:
+        """Places from which all ways lead up, each axis for itself, on a grid: the deepest ``most``."""
+        minima = []
+        for axis, cost in zip(self.axes, self._profiles, strict=True):
+            ahead, behind = np.append(cost[1:], np.inf), np.append(np.inf, cost[:-1])
+            found = np.flatnonzero((cost <= ahead) & (cost <= behind))
+            minima.append([(float(cost[i]), float(axis.fine[i])) for i in found])
+        ways = sorted(product(*minima), key=lambda way: sum(cost for cost, _ in way))
+        return [tuple(place for _, place in way) for way in ways[:most]]
+
+    @cached_property
+    def _profiles(self) -> list[Floats]:
+        """Cost on the grid of each axis for itself."""
         out = []
         for k, axis in enumerate(self.axes):
             mine = slice(self.starts[k], self.starts[k + 1])
             weights = axis.spline(axis.fine)
-            cost = np.einsum("fi,ij,fj->f", weights, self.gram[mine, mine], weights) - 2.0 * weights @ self.linear[mine]
-            out.append(float(axis.fine[int(np.argmin(cost))]))
-        return tuple(out)
+            out.append(
+                np.einsum("fi,ij,fj->f", weights, self.gram[mine, mine], weights) - 2.0 * weights @ self.linear[mine]
+            )
+        return out
 
     def at(self, places: Floats) -> tuple[float, Floats, Floats]:
         """Cost, half its gradient (a,), and the information (a, a) at ``places`` (a,)."""

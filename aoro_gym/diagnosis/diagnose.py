@@ -39,7 +39,7 @@ from aoro_gym.diagnosis.where import places
 from aoro_gym.twin import Machine
 from aoro_gym.twin.effects import EFFECTS, Effect
 
-ERROR = ModelError(rate=0.003, pressure=0.015, swing=0.1, change=0.1, phase=0.05)
+ERROR = ModelError(rate=0.003, pressure=0.010, swing=0.06, change=0.1, phase=0.05)
 """The twin's own error: what remains between it and machines of other laws once it was fitted to them."""
 STAGES = 2
 """Of the fit of the uncertain parameters."""

@@ -36,26 +36,49 @@ class Tangent:
         jacobian: Whitened slopes (D, u).
         precision: Of the prior (u, u).
         bounds: Ends (u,) of the nuisances.
+        stiffness: What damps their moves (u, u); the precision by default.
     """
 
-    def __init__(self, jacobian: Floats, precision: Floats, bounds: tuple[Floats, Floats]):
+    def __init__(
+        self,
+        jacobian: Floats,
+        precision: Floats,
+        bounds: tuple[Floats, Floats],
+        stiffness: Floats | None = None,
+    ):
         self.jacobian = jacobian
         self.precision = precision
         self.bounds = bounds
+        self.stiffness = precision if stiffness is None else stiffness
         self._normal = precision + jacobian.T @ jacobian
         self._inner = cho_factor(self._normal)
-        prior = float(np.linalg.slogdet(precision)[1])
-        self.shrunk = 0.5 * prior - float(np.sum(np.log(np.diag(self._inner[0]))))
-        """−½ ln |A|."""
+        self.shrunk = self.left_of_the_prior(1.0)
 
-    def beside(self, slopes: Floats, precision: float) -> Tangent:
-        """With more unknowns, that have the ``slopes`` (D, n) and a prior of their own."""
+    def left_of_the_prior(self, temperature: float) -> float:
+        """−½ ln |A|, what the data leave of the prior's volume, where they count by so much less."""
+        information = self._normal - self.precision
+        both = np.linalg.slogdet(self.precision)[1], np.linalg.slogdet(self.precision + information / temperature)[1]
+        return 0.5 * float(both[0] - both[1])
+
+    def beside(
+        self,
+        slopes: Floats,
+        precision: float,
+        bounds: tuple[Floats, Floats] | None = None,
+        stiffness: float | None = None,
+    ) -> Tangent:
+        """With more unknowns, that have the ``slopes`` (D, n), a prior and, if given, ``bounds`` (n,) of their own."""
         count = slopes.shape[1]
-        free = np.full(count, np.inf)
+        low, high = bounds or (np.full(count, -np.inf), np.full(count, np.inf))
+
+        def grown(matrix: Floats, value: float) -> Floats:
+            return block_diag(matrix, value * np.eye(count))  # pyright: ignore[reportReturnType]
+
         return Tangent(
             np.concatenate([self.jacobian, slopes], axis=1),
-            block_diag(self.precision, precision * np.eye(count)),  # pyright: ignore[reportArgumentType]
-            (np.append(self.bounds[0], -free), np.append(self.bounds[1], free)),
+            grown(self.precision, precision),
+            (np.append(self.bounds[0], low), np.append(self.bounds[1], high)),
+            grown(self.stiffness, precision if stiffness is None else stiffness),
         )
 
     def updated(self, moves: Floats, changes: Floats) -> Tangent:
@@ -92,11 +115,16 @@ class Tangent:
         """columnsᵀ A⁻¹ against."""
         return columns.T @ against - (self.jacobian.T @ columns).T @ cho_solve(self._inner, self.jacobian.T @ against)
 
-    def best(self, residual: Floats) -> Floats:
-        """Nuisances (u,) within their ranges that explain a ``residual`` (D,) best, priors included."""
+    def best(self, residual: Floats, damping: float = 0.0, near: Floats | None = None) -> Floats:
+        """Nuisances (u,) within their ranges that explain a ``residual`` (D,) best, priors included; a ``damping`` of the
+        stiffness keeps them ``near`` others (u,)."""
         low, high = self.bounds
-        pull = self.jacobian.T @ residual
-        best: Floats = cho_solve(self._inner, pull)
+        normal, inner, pull = self._normal, self._inner, self.jacobian.T @ residual
+        if damping:
+            normal = normal + damping * self.stiffness
+            inner = cho_factor(normal)
+            pull = pull + damping * self.stiffness @ (np.zeros(len(pull)) if near is None else near)
+        best: Floats = cho_solve(inner, pull)
         held = np.zeros(len(best), dtype=bool)
         for _ in range(len(best)):
             beyond = ~held & ((best < low) | (best > high))
@@ -105,8 +133,8 @@ class Tangent:
             held |= beyond
             best[held] = np.clip(best[held], low[held], high[held])
             free = ~held
-            rest = pull[free] - self._normal[np.ix_(free, held)] @ best[held]
-            best[free] = np.linalg.solve(self._normal[np.ix_(free, free)], rest)
+            rest = pull[free] - normal[np.ix_(free, held)] @ best[held]
+            best[free] = np.linalg.solve(normal[np.ix_(free, free)], rest)
         return best
 
 
@@ -164,11 +192,11 @@ class Linear:
             for (name, axis), z in zip(axes, places, strict=True)
         ]
 
-    def _together(self, tangent: Tangent, target: Floats) -> Callable[[tuple[str, ...]], Shift]:
-        """Cost of what effects do, by their names, where nuisances have to explain a ``target`` (D,) along a tangent."""
+    def _together(self, product: Callable[[Floats], Floats], target: Floats) -> Callable[[tuple[str, ...]], Shift]:
+        """Cost of what effects do, by their names, to a ``target`` (D,): columnsᵀ M columns is their ``product``."""
         flat = [(name, axis) for name, axes in self.problem.axes.items() for axis in axes]
         everything = np.concatenate([target[:, None], *(self.shifts[n, a.index] for n, a in flat)], axis=1)
-        gram = tangent.projected(everything, everything)
+        gram = product(everything)
         starts = np.cumsum([1, *(len(axis.nodes) for _, axis in flat)])
 
         def part(effects: tuple[str, ...]) -> Shift:
@@ -178,10 +206,21 @@ class Linear:
 
         return part
 
+    def starts(self, most: int) -> dict[str, list[tuple[float, ...]]]:
+        """Places from which to search for every effect: up to ``most`` valleys each of where nuisances follow at once, and
+        of where they stay at the centre. What an effect does to them is not known far from there."""
+        here = self.residual - self.tangent.jacobian @ self.problem.centre
+        follow = self._together(lambda x: self.tangent.projected(x, x), self.residual)
+        stay = self._together(lambda x: x.T @ x, here)
+        return {
+            name: list(dict.fromkeys(place for ways in (follow, stay) for place in ways((name,)).valleys(most)))
+            for name in self.problem.axes
+        }
+
     def screen(self, *, pairs: bool = True) -> dict[tuple[str, ...], Hypothesis]:
         """Nothing, every effect, and, if so asked, every pair with one of the :data:`PARTNERS` likeliest."""
         axes = self.problem.axes
-        together = self._together(self.tangent, self.residual)
+        together = self._together(lambda x: self.tangent.projected(x, x), self.residual)
         nothing = float(self.tangent.projected(self.residual, self.residual))
         base = self.evidence()
 
@@ -209,7 +248,8 @@ class Linear:
         assert found.tangent is not None
         axes = self.problem.axes
         tangent = found.tangent.beside(found.slopes, PRIOR_INFORMATION)
-        together = self._together(tangent, found.left + found.tangent.jacobian @ found.nuisances)
+        target = found.left + found.tangent.jacobian @ found.nuisances
+        together = self._together(lambda x: tangent.projected(x, x), target)
         pairs = []
         for name in axes:
             if name in found.effects:

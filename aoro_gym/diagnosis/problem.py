@@ -18,6 +18,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 from scipy.stats import chi2
 
 from aoro_gym.diagnosis.arrival import AFTER, AHEAD, NEVER, arrivals, on_clock
@@ -50,6 +51,8 @@ JUMP = 0.1
 """Change of a command within a tick that is an event: all sways anew."""
 CLOCKED = ("joint_angle", "pressure_a", "pressure_b", "pump_pressure")
 """Signals that the joint's arrival at a stop shows in."""
+SWAY = 15
+"""Standard deviation, in samples, of the window that parts a signal's sway, of about 3 Hz, from its slow course."""
 KNOWN = 0.3
 """Share of the twin's own error that is left where the healthy machine's residual of the same commands is subtracted."""
 
@@ -58,9 +61,10 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class Reference:
-    """Mean residual (F,) SI of the healthy machine under the same commands, over so many recordings."""
+    """Mean residual (F,) SI of the healthy machine under the same commands, and what it showed, over so many recordings."""
 
     residual: Floats
+    shown: Floats
     repeats: int
     arrival: int  # sample at which the joint came to its stop
 
@@ -146,12 +150,17 @@ class Problem:
         return np.concatenate(parts)
 
     def _read(self, index: int, name: str, known: Reference) -> Floats:
-        """A healthy machine's residual (F,) on the clock of a recording."""
-        if name not in CLOCKED:
-            return known.residual
-        own = np.array([float(known.arrival)])
-        steering = self.recordings[index].commands[:, 0]
-        return on_clock(known.residual[:, None], own, self.arrivals[index], steering)[:, 0]
+        """A healthy machine's residual (F,) on the clock of a recording: all that is slow in it, and what is fast as far as
+        the two machines sway in step."""
+        residual, healthy = known.residual, known.shown
+        if name in CLOCKED:
+            both = np.stack([residual, healthy], axis=1)
+            own = np.full(2, float(known.arrival))
+            steering = self.recordings[index].commands[:, 0]
+            residual, healthy = on_clock(both, own, self.arrivals[index], steering).T
+        slow = gaussian_filter1d(residual, SWAY)
+        mine = self.recordings[index].channels[name].astype(np.float64)
+        return slow + in_step(mine, healthy, self.noise[name].std) * (residual - slow)
 
     def _counting(self, index: int, channel: str) -> NDArray[np.bool_]:
         """Samples (F,) of a recording that are compared: all but the bounce off a stop, whose blows are over in less than a
@@ -398,14 +407,24 @@ class Problem:
         self.shifts = {key: shifts[:, a:b] for key, a, b in zip(nodes, ends[:-1], ends[1:], strict=True)}
 
 
+def in_step(one: Floats, other: Floats, noise: float) -> Floats:
+    """How far (F,), from 0 to 1, two signals (F,) sway alike around their slow course: their local covariance, of the larger
+    variance. What is within the ``noise`` counts as alike."""
+    a, b = (signal - gaussian_filter1d(signal, SWAY) for signal in (one, other))
+    both, first, second = (gaussian_filter1d(x, SWAY) for x in (a * b, a * a, b * b))
+    return np.clip((both + noise**2) / np.maximum(np.maximum(first, second), noise**2), 0.0, 1.0)
+
+
 def references_of(problem: Problem) -> dict[tuple[bytes, str], Reference]:
     """What healthy recordings show beyond the twin that was fitted to them."""
-    left: dict[tuple[bytes, str], list[tuple[Floats, int]]] = {}
+    left: dict[tuple[bytes, str], list[tuple[Floats, Floats, int]]] = {}
     for (index, name), residual in zip(problem.blocks, problem.split(problem.left), strict=True):
-        signature = problem.recordings[index].signature
-        left.setdefault((signature, name), []).append((residual, problem.arrivals[index]))
+        recording = problem.recordings[index]
+        shown = recording.channels[name].astype(np.float64)
+        left.setdefault((recording.signature, name), []).append((residual, shown, problem.arrivals[index]))
     # repeats arrive together but for a sample or two, which the first stands for
-    return {
-        key: Reference(np.mean([residual for residual, _ in parts], axis=0), len(parts), parts[0][1])
-        for key, parts in left.items()
-    }
+    found = {}
+    for key, parts in left.items():
+        residual, shown = np.mean([part[:2] for part in parts], axis=0)
+        found[key] = Reference(residual, shown, len(parts), parts[0][2])
+    return found

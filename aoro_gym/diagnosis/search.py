@@ -6,11 +6,9 @@ depends on what else is wrong.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import solve_triangular
-from scipy.optimize import lsq_linear
 
 from aoro_gym.diagnosis.axes import PRIOR_INFORMATION, volume
 from aoro_gym.diagnosis.linear import Hypothesis, Linear, Tangent
@@ -20,27 +18,35 @@ from aoro_gym.diagnosis.replay import Variants
 
 SETTLED = 0.5
 """Change of the whitened squares by which a search ends."""
-SETTLE = 4
-"""Steps of a stage of the fit of nuisances alone."""
-LENGTHS = (0.5, 0.2)
-"""Shorter steps that are tried along with a whole one."""
+SETTLE = 5
+"""Rounds of a stage of the fit of nuisances alone."""
+DAMPING = (0.0, 3.0, 30.0, 300.0, 3000.0)
+"""Of the steps that are tried together, in prior precisions (Levenberg 1944, Marquardt 1963): what moves the prediction by
+many noise lengths goes on, what hardly moves it stays, and a curved valley is followed."""
+FIRST = (0.0, 100.0)
+"""The same of the steps that a search begins with; not to move at all is tried, too."""
+LEAST = 1e-6
+"""Precision of a place: keeps it where nothing tells."""
 AXIS_STEP = 0.01
 """Finite-difference step of places."""
 SHORTENED = 0.3
 """Share of a step along a direction that must be left within the ranges."""
+TRADED = 4
+"""Others whose points a search tries."""
 ALL = 10_000
 """Directions: all that there are."""
 
 
 class Search:
-    """Gauss–Newton steps of one hypothesis: nuisances u (standard deviations) and places z of its axes.
+    """Damped Gauss–Newton steps of one hypothesis: nuisances u (standard deviations) and places z of its axes. In turn it
+    asks for slopes at its best point, and tries steps from there.
 
     Args:
         linear: Of the hypothesis's problem.
         effects: Of the hypothesis.
-        places: To begin with.
+        starts: Places to begin with, of which the best is followed.
         leader: Hypothesis of fewer effects to begin at; by default the centre of the problem.
-        directions: Along which slopes are taken in every round: those of the nuisances in which the prediction moves most.
+        directions: Along which slopes are taken at every point: those of the nuisances in which the prediction moves most.
             Along the others it keeps those that it began with.
     """
 
@@ -48,54 +54,80 @@ class Search:
         self,
         linear: Linear,
         effects: tuple[str, ...],
-        places: tuple[float, ...],
+        starts: Sequence[tuple[float, ...]] = ((),),
         leader: Hypothesis | None = None,
         directions: int = 0,
     ):
         self.linear = linear
         self.effects = effects
         self.directions = directions
-        z = np.array(places, dtype=np.float64)
-        if leader is None or leader.tangent is None:
-            self.tangent, start = linear.tangent, linear.problem.centre
-            left = linear.residual - sum(linear.shift(effects, z), np.zeros(len(linear.residual)))
-        else:
-            self.tangent, start = leader.tangent, leader.nuisances
-            left = leader.left + self.tangent.jacobian @ start
-            column = 0
-            for name in effects:
-                count = len(linear.problem.axes[name])
-                if name not in leader.effects:
-                    left = left - sum(linear.shift((name,), z[column : column + count]))
-                column += count
-        self.nuisances: Floats = self.tangent.best(left)
-        self.places: Floats = z
-        self.point = start, z
+        self.tangent = linear.tangent if leader is None or leader.tangent is None else leader.tangent
+        first = linear.problem.centre if leader is None or leader.tangent is None else leader.nuisances
+        self._tried: list[tuple[Floats, Floats]] = []
+        self._donors: list[Search] = []  # whose points are tried
+        for places in starts:
+            z = np.array(places, dtype=np.float64)
+            left = self._expected(z, leader)
+            steps = [self.tangent.best(left, damping, first) for damping in FIRST]
+            self._tried += [(u, z) for u in (*steps, first)]
+        self.point = self._tried[0]
         """Best nuisances and places so far."""
         self.cost = np.inf
-        self.residual: Floats = left
+        self.residual: Floats = np.empty(0)
         """Whitened (D,), at ``point``."""
-        self.slopes: Floats = np.empty((len(left), 0))
-        """Whitened (D, axes), there."""
-        self.reach = 1.0
+        self.slopes: Floats = np.zeros((len(linear.residual), len(self.point[1])))
+        """Whitened (D, axes), by the places."""
         self.done = False
+        self._trying = True
         self._learned = -1  # directions of the slopes that were taken at ``point``
-        self._failed = False
+
+    def _expected(self, z: Floats, leader: Hypothesis | None) -> Floats:
+        """Residual (D,) that is left to the nuisances where effects do what they do around the centre."""
+        if leader is None or leader.tangent is None:
+            return self.linear.residual - sum(self.linear.shift(self.effects, z), np.zeros(len(self.linear.residual)))
+        left, column = leader.left + leader.tangent.jacobian @ leader.nuisances, 0
+        for name in self.effects:
+            count = len(self.linear.problem.axes[name])
+            if name not in leader.effects:
+                left = left - sum(self.linear.shift((name,), z[column : column + count]))
+            column += count
+        return left
+
+    def resume(self) -> None:
+        """Go on, if there is more to be learned or to be tried."""
+        known = self._learned >= self.directions
+        self.done &= known
+        self._trying = known or not np.isfinite(self.cost)
+        if known:
+            self._step()
+
+    def offered(self, donors: Sequence[Search]) -> None:
+        """Try what others found next: their nuisances, with the places of what both have. What a donor that is a part of
+        this hypothesis lacks is left out, lest the whole be worse than its part."""
+        self._donors, self._tried, self._trying = list(donors), [], True
+        axes = self.linear.problem.axes
+        for donor in donors:
+            of, column = {}, 0
+            for name in donor.effects:
+                of[name] = donor.point[1][column : column + len(axes[name])]
+                column += len(axes[name])
+            part, places, column = set(donor.effects) <= set(self.effects), [], 0
+            for name in self.effects:
+                mine = self.point[1][column : column + len(axes[name])]
+                places.append(of.get(name, np.array([axis.none for axis in axes[name]]) if part else mine))
+                column += len(axes[name])
+            self._tried.append((donor.point[0], np.concatenate([np.empty(0), *places])))
 
     def variants(self) -> Variants:
-        """The machine to be tried next, its neighbours along every axis and along :attr:`directions` of its nuisances, and
-        machines on the way there."""
-        if self._failed and self._learned < self.directions:
-            # no step from here has led anywhere: what is so right here?
-            self.nuisances, self.places = self.point
-        u, z = self.nuisances, self.places
-        lengths = np.array(LENGTHS if np.isfinite(self.cost) else (*LENGTHS, 0.0))[:, None]
-        (a, b), self._steps = self.point, np.where(z < 0.5, AXIS_STEP, -AXIS_STEP)
-        on_the_way = a + lengths * (u - a), b + lengths * (z - b)
-        self._tried = [(u, z), *zip(*on_the_way, strict=True)]
-        self._moves = self._around(u)
-        points = np.vstack([np.tile(u, (1 + len(z), 1)), u + self._moves, on_the_way[0]])
-        places = np.vstack([z[None], z + np.diag(self._steps), np.tile(z, (len(self._moves), 1)), on_the_way[1]])
+        """Machines to be tried next, or neighbours of the best one along every axis and along :attr:`directions`."""
+        if self._trying:
+            points, places = map(np.stack, zip(*self._tried, strict=True))
+        else:
+            u, z = self.point
+            self._steps = np.where(z < 0.5, AXIS_STEP, -AXIS_STEP)
+            self._moves = self._around(u)
+            points = np.vstack([np.tile(u, (len(z), 1)), u + self._moves])
+            places = np.vstack([z + np.diag(self._steps), np.tile(z, (len(self._moves), 1))])
         return self.linear.problem.at(points, self.effects, places)
 
     def _around(self, u: Floats) -> Floats:
@@ -114,70 +146,56 @@ class Search:
         return moves[np.maximum(*kept) > SHORTENED * np.linalg.norm(steps, axis=1)]
 
     def learn(self, found: Floats) -> None:
-        """Take in what was simulated (D, N), and choose the next point."""
+        """Take in what was simulated (D, N), and choose what is next."""
         problem, linear = self.linear.problem, self.linear
-        felt, axes, moves = len(problem.felt), len(self.places), len(self._moves)
-        base, around, on_the_way = np.split(found, [1, 1 + axes + moves], axis=1)
-        if np.all(np.isfinite(base)) and np.all(np.isfinite(around[:, :axes])):
-            measured = problem.measured[:, None]
-            plain = np.concatenate([measured - base, measured - on_the_way, around - base], axis=1)
-            white = problem.white(linear.whiteners, np.nan_to_num(plain))
-            tried = len(self._tried)
-            lefts = [white[:, k] - linear.own @ u[felt:] for k, (u, _) in enumerate(self._tried)]
-            costs = np.array([self._cost(left, u) for left, (u, _) in zip(lefts, self._tried, strict=True)])
-            costs[np.flatnonzero(np.any(np.isnan(on_the_way), axis=0)) + 1] = np.inf
-            best = int(np.argmin(costs))
-            here = self.point[0] is self.nuisances
-            first = not np.isfinite(self.cost)
-            self.done = not here and abs(costs[best] - self.cost) < SETTLED
-            if here or first or (best == 0 and costs[0] < self.cost):
-                self.slopes = white[:, tried : tried + axes] / self._steps
-                known = np.all(np.isfinite(around[:, axes:]), axis=0)
-                if np.any(known):
-                    self.tangent = self.tangent.updated(self._moves[known], white[:, tried + axes :][:, known])
-            self._failed = not here and costs[best] >= self.cost
-            if here:
-                self.reach, self._learned = 1.0, self.directions
-            elif self._failed:
-                self.reach *= 0.4
-            else:
+        lost = np.any(np.isnan(found), axis=0)
+        white = problem.white(linear.whiteners, np.nan_to_num(problem.measured[:, None] - found))
+        own = linear.own
+        if self._trying:
+            felt = len(problem.felt)
+            lefts = [white[:, k] - own @ u[felt:] for k, (u, _) in enumerate(self._tried)]
+            costs = [self._cost(left, u) for left, (u, _) in zip(lefts, self._tried, strict=True)]
+            best = int(np.argmin(np.where(lost, np.inf, costs)))
+            gain = -np.inf if lost[best] else self.cost - costs[best]
+            donors, self._donors = self._donors, []
+            if gain > (SETTLED if donors else 0.0):
+                self.done = gain < SETTLED
                 self.point, self.cost, self.residual = self._tried[best], float(costs[best]), lefts[best]
-                self.reach = min(1.0, 2.0 * self.reach)
-                self._learned = self.directions if best == 0 else -1
-        else:
-            self._failed = True
-            self.reach *= 0.3
-        if np.isfinite(self.cost):
-            gain = self._step()
-            self.done |= self._learned >= self.directions and gain < SETTLED
+                self.tangent = donors[best].tangent if donors else self.tangent
+                self._learned = -1
+            elif not donors:
+                self.done = self._learned >= self.directions or not np.isfinite(self.cost)
+            self._trying = False
+            return
+        u, z = self.point
+        changes = (self.residual + own @ u[len(problem.felt) :])[:, None] - white
+        self.slopes = np.where(lost[: len(z)], self.slopes, changes[:, : len(z)] / self._steps)
+        known = ~lost[len(z) :]
+        if np.any(known):
+            self.tangent = self.tangent.updated(self._moves[known], changes[:, len(z) :][:, known])
+        self._learned, self._trying = self.directions, True
+        self.done = self._step() < SETTLED
 
     def _cost(self, left: Floats, nuisances: Floats) -> float:
         return float(left @ left + nuisances @ self.tangent.precision @ nuisances)
 
     def _step(self) -> float:
-        """To the least cost of the linear model within the ranges of the places; what that should gain."""
-        tangent = self.tangent
+        """Choose steps that are to be tried; what the longest should gain."""
         u, z = self.point
-        target = self.residual + tangent.jacobian @ u  # what nuisances and places have to explain
-        to = z
-        if z.size:
-            information = tangent.projected(self.slopes, self.slopes)
-            pull = tangent.projected(self.slopes, target)
-            factor = np.linalg.cholesky(information + 1e-6 * np.eye(len(z)))
-            within = -z - 1e-9, 1.0 - z + 1e-9
-            to = z + lsq_linear(factor.T, solve_triangular(factor, pull, lower=True), within).x
-            to = np.clip(to, 0.0, 1.0)
-        best = tangent.best(target - self.slopes @ (to - z))
-        self.nuisances = u + self.reach * (best - u)
-        self.places = z + self.reach * (to - z)
-        left = target - tangent.jacobian @ self.nuisances - self.slopes @ (self.places - z)
-        return self.cost - self._cost(left, self.nuisances)
+        # places have no prior but their range
+        together = self.tangent.beside(self.slopes, LEAST, (-z, 1.0 - z), PRIOR_INFORMATION)
+        target = self.residual + self.tangent.jacobian @ u
+        steps = [together.best(target, damping, np.append(u, np.zeros(len(z)))) for damping in DAMPING]
+        self._tried = [(x[: len(u)], np.clip(z + x[len(u) :], 0.0, 1.0)) for x in steps]
+        left = target - together.jacobian @ steps[0]
+        return self.cost - self._cost(left, steps[0][: len(u)])
 
     def weighed(self) -> Hypothesis:
-        """With Laplace's evidence: nuisances are integrated out, places count by their share of their range."""
+        """With Laplace's evidence: nuisances are integrated out, places count by their share of their range. What the data
+        leave of the prior of the nuisances counts as at the centre for all hypotheses alike."""
         tangent = self.tangent
         u, z = self.point
-        log_evidence = -0.5 * self.cost + tangent.shrunk - self.linear.log_volume
+        log_evidence = -0.5 * self.cost + self.linear.tangent.shrunk - self.linear.log_volume
         covariance = np.empty((0, 0))
         if z.size:
             information = tangent.projected(self.slopes, self.slopes)
@@ -192,30 +210,37 @@ class Search:
 
 
 def refine(searches: Sequence[Search], rounds: int, progress: Progress = lambda sentence, share: None) -> None:
-    """Take every search, of problems with the same recordings, as far as so many rounds do, all in the same launches."""
+    """Take every search, of problems with the same recordings, as far as so many rounds of slopes and steps do, all in the
+    same launches."""
     for search in searches:
-        search.done = False
-    for step in range(rounds):
-        active = [search for search in searches if not search.done]
-        if not active:
-            break
-        progress("refining", step / rounds)
-        batch = [search.variants() for search in active]
-        found = active[0].linear.problem.simulate(batch)
-        ends = np.cumsum([one.count for one in batch])
-        for search, mine in zip(active, np.split(found, ends[:-1], axis=1), strict=True):
-            search.learn(mine)
+        search.resume()
+    _launch([search for search in searches if not np.isfinite(search.cost)])
+    for step in range(2 * rounds):
+        progress("refining", step / (2 * rounds))
+        _launch([search for search in searches if not search.done])
 
 
-def from_a_part(linear: Linear, pair: Search, searches: Mapping[tuple[str, ...], Search]) -> Search | None:
-    """Two effects fit no worse than either of them alone: where they do, a search that begins at the better one's fit."""
-    part = min((searches[name,] for name in pair.effects), key=lambda one: one.cost)
-    if part.cost >= pair.cost:
-        return None
-    places: list[float] = []
-    for name in pair.effects:
-        places += part.point[1].tolist() if name in part.effects else [axis.none for axis in linear.problem.axes[name]]
-    return Search(linear, pair.effects, tuple(places), part.weighed(), pair.directions)
+def _launch(searches: Sequence[Search]) -> None:
+    if not searches:
+        return
+    batch = [search.variants() for search in searches]
+    found = searches[0].linear.problem.simulate(batch)
+    ends = np.cumsum([one.count for one in batch])
+    for search, mine in zip(searches, np.split(found, ends[:-1], axis=1), strict=True):
+        search.learn(mine)
+
+
+def trade(searches: Sequence[Search]) -> None:
+    """Every search tries what the best others found, and the best of those that are parts of it or that it is a part of: no
+    hypothesis may lose for want of a way that another went, and the more effects, the better the fit."""
+    ranked = sorted((one for one in searches if np.isfinite(one.cost)), key=lambda one: one.cost)
+    for one in ranked:
+        others = [other for other in ranked if other is not one]
+        mine = set(one.effects)
+        kin = [other for other in others if mine <= set(other.effects) or mine >= set(other.effects)]
+        one.offered(list(dict.fromkeys([*others[:TRADED], *kin[:TRADED]])))
+    if len(ranked) > 1:
+        _launch(ranked)
 
 
 def settle(problem: Problem, stages: int, progress: Progress = lambda sentence, share: None) -> Tangent:
@@ -233,7 +258,7 @@ def settle(problem: Problem, stages: int, progress: Progress = lambda sentence, 
     for stage in range(stages):
         progress("fitting uncertain parameters", stage / stages)
         problem.learn(effects=False)
-        search = Search(Linear(problem, problem.error), (), (), directions=ALL)
+        search = Search(Linear(problem, problem.error), (), directions=ALL)
         refine([search], SETTLE)
         problem.hold_to(search.point[0])
         tangent = search.tangent

@@ -51,7 +51,7 @@ from aoro_gym.diagnosis.problem import Problem, Progress
 from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.diagnosis.replay import Simulator, Task, Variants
 from aoro_gym.diagnosis.result import CALIBRATION, KEY_FIGURES, UNKNOWN, Cause, Diagnosis, Place, Shrinkage
-from aoro_gym.diagnosis.search import ALL, Search, from_a_part, refine
+from aoro_gym.diagnosis.search import ALL, Search, refine, trade
 from aoro_gym.diagnosis.shrinkage import CLEAR, RESAMPLES, typical
 from aoro_gym.diagnosis.where import SIGNIFICANT, beyond, probability
 from aoro_gym.sensors.chain import STANDSTILL
@@ -420,7 +420,7 @@ def attribute(problem: Turns, progress: Progress = lambda sentence, share: None)
         found = linear.screen()
         pairs = _likeliest([h for h in found.values() if len(h.effects) == 2])
         new = [
-            Search(linear, h.effects, h.places)
+            Search(linear, h.effects, [h.places])
             for h in found.values()
             if len(h.effects) < 2 or any(h is one for one in pairs)
         ]
@@ -433,13 +433,9 @@ def attribute(problem: Turns, progress: Progress = lambda sentence, share: None)
     likeliest = _likeliest([h for h in found.values() if h.refined])
     contenders = [searches[e] for e in dict.fromkeys([(), *(h.effects for h in likeliest)])]
     _refined_whole(contenders, lambda s, x: progress(s, 0.6 + 0.2 * x))
-    again = [from_a_part(linear, one, searches) for one in contenders if len(one.effects) == 2]
-    again = [one for one in again if one is not None]
-    _refined_whole(again, lambda s, x: progress(s, 0.8 + 0.2 * x))
-    for one in [*contenders, *again]:
-        if one.cost <= searches[one.effects].cost:
-            searches[one.effects] = one
-            found[one.effects] = one.weighed()
+    trade(contenders)
+    _refined_whole(contenders, lambda s, x: progress(s, 0.8 + 0.2 * x))
+    found |= {one.effects: one.weighed() for one in contenders}
     prior = log_priors(problem.axes)
     innocent = float(np.logaddexp(prior[()], prior[CALIBRATION,])) - np.log(2.0)
     prior |= {(): innocent, (CALIBRATION,): innocent}

@@ -190,7 +190,7 @@ def least_squares(world: LinearWorld, linear: Linear, effects: Sequence[str]) ->
 
 
 def refined(linear: Linear, *starts: Hypothesis, directions: int = ALL) -> list[Hypothesis]:
-    searches = [Search(linear, h.effects, h.places, directions=directions) for h in starts]
+    searches = [Search(linear, h.effects, [h.places], directions=directions) for h in starts]
     refine(searches, 6)
     assert all(search.done for search in searches)
     return [search.weighed() for search in searches]
@@ -273,7 +273,7 @@ def test_the_kind_of_a_gap_is_told(kind, monkeypatch):
     itself, which this world has none of."""
     monkeypatch.setattr(
         "aoro_gym.diagnosis.attribution.other_calibration",
-        lambda problem: Search(Linear(problem, problem.error), (), ()),
+        lambda problem: Search(Linear(problem, problem.error), ()),
     )
     gap, named = GAPS[kind]
     world = LinearWorld(np.random.default_rng(5), **gap, error=ModelError(0.001, 0.002, 0.01, 0.02))

@@ -89,7 +89,7 @@ def test_noise_of_healthy_recordings_adds_to_it():
     gap = 0.02 * WAVE
     plain = problem_of({"turn": {"joint_angle": gap}})
     signature = plain.recordings[0].signature
-    known = Reference(rng.normal(0.0, STD["joint_angle"], COUNT), 2, -1)
+    known = Reference(rng.normal(0.0, STD["joint_angle"], COUNT), np.zeros(COUNT), 2, -1)
     problem = problem_of({"turn": {"joint_angle": gap}}, references={(signature, "joint_angle"): known})
     one = shrinkages(problem, 0.0 * gap, gap, held_out=True)[0]
     assert one.noise == pytest.approx(np.sqrt(1.5) * STD["joint_angle"])
