@@ -37,6 +37,7 @@ class Tangent:
         precision: Of the prior (u, u).
         bounds: Ends (u,) of the nuisances.
         stiffness: What damps their moves (u, u); the precision by default.
+        inner: jacobianᵀ jacobian, if it is known.
     """
 
     def __init__(
@@ -45,19 +46,21 @@ class Tangent:
         precision: Floats,
         bounds: tuple[Floats, Floats],
         stiffness: Floats | None = None,
+        inner: Floats | None = None,
     ):
         self.jacobian = jacobian
         self.precision = precision
         self.bounds = bounds
         self.stiffness = precision if stiffness is None else stiffness
-        self._normal = precision + jacobian.T @ jacobian
+        self._information = jacobian.T @ jacobian if inner is None else inner
+        self._normal = precision + self._information
         self._inner = cho_factor(self._normal)
         self.shrunk = self.left_of_the_prior(1.0)
 
     def left_of_the_prior(self, temperature: float) -> float:
         """−½ ln |A|, what the data leave of the prior's volume, where they count by so much less."""
-        information = self._normal - self.precision
-        both = np.linalg.slogdet(self.precision)[1], np.linalg.slogdet(self.precision + information / temperature)[1]
+        information = self._information / temperature
+        both = np.linalg.slogdet(self.precision)[1], np.linalg.slogdet(self.precision + information)[1]
         return 0.5 * float(both[0] - both[1])
 
     def beside(
@@ -70,6 +73,7 @@ class Tangent:
         """With more unknowns, that have the ``slopes`` (D, n), a prior and, if given, ``bounds`` (n,) of their own."""
         count = slopes.shape[1]
         low, high = bounds or (np.full(count, -np.inf), np.full(count, np.inf))
+        cross = self.jacobian.T @ slopes
 
         def grown(matrix: Floats, value: float) -> Floats:
             return block_diag(matrix, value * np.eye(count))  # pyright: ignore[reportReturnType]
@@ -79,6 +83,7 @@ class Tangent:
             grown(self.precision, precision),
             (np.append(self.bounds[0], low), np.append(self.bounds[1], high)),
             grown(self.stiffness, precision if stiffness is None else stiffness),
+            np.block([[self._information, cross], [cross.T, slopes.T @ slopes]]),
         )
 
     def updated(self, moves: Floats, changes: Floats) -> Tangent:
@@ -94,8 +99,7 @@ class Tangent:
         """Directions (k, u) among the first ``free`` nuisances, each a prior standard deviation long and independent of the
         others, in which the prediction moves most; and how far it moves (k,)."""
         root = np.linalg.cholesky(np.linalg.inv(self.precision[:free, :free]))
-        inner = self._normal[:free, :free] - self.precision[:free, :free]
-        power, axes = np.linalg.eigh(root.T @ inner @ root)
+        power, axes = np.linalg.eigh(root.T @ self._information[:free, :free] @ root)
         chosen = np.flatnonzero(power > 1.0)[::-1][:most]
         found = np.zeros((len(chosen), len(self.precision)))
         found[:, :free] = (root @ axes[:, chosen]).T

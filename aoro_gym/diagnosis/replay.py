@@ -133,8 +133,27 @@ class Simulator:
 
     def run(self, tasks: Sequence[Task]) -> list[Signals]:
         """What the channels of every task's recording would be."""
-        requests = [_request(task) for task in tasks]
-        return [_measured(task, rows) for task, rows in zip(tasks, self.launch(requests), strict=True)]
+        groups: dict[tuple[int, int], list[int]] = {}
+        for index, task in enumerate(tasks):
+            groups.setdefault((id(task.recording), task.variants.frames), []).append(index)
+        alike: dict[tuple[int, ...], tuple[Machine, Plane]] = {}
+        requests = []
+        for mine in groups.values():
+            variants = [tasks[index].variants for index in mine]
+            same = tuple(map(id, variants))
+            if same not in alike:
+                alike[same] = _stacked(variants), _stacked_planes(variants)
+            recording = tasks[mine[0]].recording
+            start = np.concatenate([_started(one, recording.start_angle) for one in variants])
+            channels = tuple(recording.channels)
+            requests.append(Request(*alike[same], start, recording.commands, channels, variants[0].frames))
+        out: list[Signals] = [{} for _ in tasks]
+        for mine, rows in zip(groups.values(), self.launch(requests), strict=True):
+            ends = np.cumsum([0, *(tasks[index].variants.count for index in mine)])
+            for index, begin, end in zip(mine, ends, ends[1:], strict=False):
+                own = {name: values[:, begin:end] for name, values in rows.items()}
+                out[index] = _measured(tasks[index], own)
+        return out
 
     def launch(self, requests: Sequence[Request]) -> list[Signals]:
         """Samples (K frames + 1, N) of every request, the first of them at rest."""
@@ -157,19 +176,13 @@ class Simulator:
         return out
 
 
-def _request(task: Task) -> Request:
-    one, recording = task.variants, task.recording
-    start = _started(one, recording.start_angle)
-    return Request(one.machine, one.plane, start, recording.commands, tuple(recording.channels), one.frames)
-
-
 def _launch(requests: Sequence[Request], device: str) -> list[Signals]:
     """All at once; those with dense samples last."""
     counts = [request.count for request in requests]
     starts = np.cumsum([0, *counts])
     total, ticks = int(starts[-1]), max(len(request.commands) for request in requests)
-    machine = _stacked([request.machine for request in requests], counts)
-    twin = Twin(total, machine=machine, terrain=_stacked_planes(requests, counts), device=device)
+    machine = _stacked(requests)
+    twin = Twin(total, machine=machine, terrain=_stacked_planes(requests), device=device)
     limit = np.broadcast_to(np.asarray(machine.joint.range), total)
     twin.reset(joint_angle=np.clip(np.concatenate([request.start for request in requests]), -limit, limit))
 
@@ -241,14 +254,14 @@ def _started(variants: Variants, measured: float) -> Floats:
     return angle
 
 
-def _stacked(machines: Sequence[Machine], counts: Sequence[int]) -> Machine:
-    """One machine whose variants are those of all ``machines`` one after the other."""
-    first = machines[0]
-    if sum(counts) == 1:
+def _stacked(parts: Sequence[Variants | Request]) -> Machine:
+    """One machine whose variants are those of all ``parts`` one after the other."""
+    first = parts[0].machine
+    if len(parts) == 1:
         return first
-    values = {}
+    counts, values = [part.count for part in parts], {}
     for key, entry in first.entries.items():
-        column = [machine.entries[key].value for machine in machines]
+        column = [part.machine.entries[key].value for part in parts]
         if any(np.ndim(value) for value in column) or any(value != entry.value for value in column):
             values[key] = np.concatenate([np.broadcast_to(v, n) for v, n in zip(column, counts, strict=True)])
     return first.set(values)
@@ -257,10 +270,9 @@ def _stacked(machines: Sequence[Machine], counts: Sequence[int]) -> Machine:
 _PLANE = ("slope_deg", "direction_deg", "friction", "rolling_resistance")
 
 
-def _stacked_planes(requests: Sequence[Request], counts: Sequence[int]) -> Plane:
+def _stacked_planes(parts: Sequence[Variants | Request]) -> Plane:
     def whole(name: str) -> Floats | float:
-        parts = [np.broadcast_to(getattr(request.plane, name), n) for request, n in zip(requests, counts, strict=True)]
-        values = np.concatenate(parts)
+        values = np.concatenate([np.broadcast_to(getattr(part.plane, name), part.count) for part in parts])
         return values if np.ptp(values) > 0.0 else float(values[0])
 
     return Plane(**{name: whole(name) for name in _PLANE})
