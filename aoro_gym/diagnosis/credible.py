@@ -32,6 +32,8 @@ BEYOND = np.radians(5.0)
 """Angle [rad] beyond the joint's range that no sensor's gain explains."""
 SWING = 20e5
 """Swing [Pa] of a pressure of the twin from which it is judged what the machine shows of it."""
+PORTS = "pressure_a", "pressure_b"
+"""Which drive the joint to the left and to the right."""
 EXTREMES = 0.01, 0.99
 """Quantiles between which a pressure swings."""
 
@@ -90,23 +92,30 @@ def _motion(recording: Recording, twin: Floats, limit: float) -> str:
 
 
 def _pressures(recording: Recording, twin: dict[str, Floats]) -> list[str]:
-    """Pressures of a recording that show next to nothing of what those of the twin do before either joint is at a stop; with
-    them one that shows it at the wrong port, and all if none is right."""
+    """Pressures of a recording that show next to nothing of what those of the twin do before either joint is at a stop. Both
+    ports go with one of them, which may have the other's pressure, and all if none is right.
+
+    A port is judged while it drives the joint: the surge in the one that lets go depends on how quick the spool is.
+    """
+    steering = np.append(0.0, recording.commands[:, 0])
     angles = np.column_stack([recording.channels["joint_angle"], twin["joint_angle"]])
-    stops = arrivals(angles, recording.commands[:, 0])
-    until = int(min([*stops[stops != NEVER], len(angles)])) - AHEAD
-    swings = {
-        name: [float(np.ptp(np.quantile(one[:until], EXTREMES))) for one in (values, twin[name])]
-        for name, values in recording.channels.items()
-        if "pressure" in name
-    }
-    judged = [name for name, (_, its) in swings.items() if its > SWING]
-    small = [name for name in judged if FAR * swings[name][0] < swings[name][1]]
-    if not small:
-        return []
+    stops = arrivals(angles, steering[1:])
+    begins = np.arange(len(steering)) < recording.rest
+    counts = np.arange(len(steering)) < min([*stops[stops != NEVER], len(steering)]) - AHEAD
+    drives = {PORTS[0]: begins | (steering > 0.0), PORTS[1]: begins | (steering < 0.0)}
+    judged, small = [], []
+    pressures = [name for name in recording.channels if "pressure" in name]
+    for name in pressures:
+        part = counts & drives.get(name, counts)
+        mine, its = (
+            float(np.ptp(np.quantile(one[part], EXTREMES))) for one in (recording.channels[name], twin[name])
+        )
+        if its > SWING:
+            judged.append(name)
+            small += [name] if mine < its / FAR else []
     if len(small) == len(judged):
-        return list(swings)
-    return [name for name, (mine, its) in swings.items() if name in small or mine > FAR * its]
+        return pressures if small else []
+    return [name for name in pressures if name in small or (name in PORTS and set(PORTS) & set(small))]
 
 
 def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:

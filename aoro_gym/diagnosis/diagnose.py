@@ -91,6 +91,7 @@ def diagnose(
     asked = recordings, healthy, held_out
     (recordings, healthy, held_out), doubts = credible(asked, given, simulator)
     if not recordings or (asked[1] and not healthy):
+        doubts.append(f"No {'healthy ' if recordings else ''}log is left, and nothing was diagnosed.")
         return _nothing_left(given, mode, asked[0], asked[1], doubts, began)
     channels = _common([*recordings, *healthy, *held_out])
     recordings = [_only(one, channels) for one in recordings]

@@ -59,6 +59,8 @@ STUCK, STUCK_NOISE = 12, 10
 where a quantiser repeats itself, too. Which shows no noise at rest cannot be judged."""
 STUCK_TIME = 0.1
 """Least time [s] that they take."""
+NOISELESS = 1e-4
+"""Change from sample to sample at rest, as a share of a signal's span, below which its sensor shows no noise."""
 
 
 @dataclass(frozen=True)
@@ -266,10 +268,11 @@ def _look_over_samples(
         values = channels.get(name)
         if values is None:
             continue
-        usual, _ = _longest_run(values[:still])
+        usual = _longest_run(values[:still])[0] if still > 1 else STUCK
         length, first = _longest_run(values)
         duration = time[first + length - 1] - time[first]
-        if usual >= STUCK or length < max(STUCK, STUCK_NOISE * usual) or duration < STUCK_TIME:
+        noisy = usual < STUCK and np.std(np.diff(values[:still])) > NOISELESS * np.ptp(values)
+        if not noisy or length < max(STUCK, STUCK_NOISE * usual) or duration < STUCK_TIME:
             continue
         said = (
             f"{table.where(int(keep[first]))}: {column} stays at exactly {values[first] / unit:.6g} for {duration:.2f} s: "
