@@ -1,12 +1,12 @@
 """Recordings beside the twin under the same commands: what no machine of its kind shows is a fault of the log, and no cause.
 
-Effects of the catalogue make a machine turn slower, later or unsteadily. They do not make it stand where its twin turns, turn
-where nothing is commanded, or take four fifths of a pressure away: there a sensor, a unit or a column is wrong.
+Effects of the catalogue make a machine turn slower, later or unsteadily. They do not make it stand where its twin turns,
+turn where nothing is commanded, or take four fifths of a pressure away: there a sensor, a unit or a column is wrong.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -44,24 +44,24 @@ def credible(
     """Recordings as far as a machine of the twin's kind can have made them, and a sentence on all that was left out."""
     found = iter(simulator.run([Task(Variants(machine), one) for group in groups for one in group]))
     said: list[str] = []
-    kept = [[one for recording in group for one in _believed(recording, next(found), machine, said)] for group in groups]
-    return kept, said
+    kept = [[_believed(one, next(found), machine, said) for one in group] for group in groups]
+    return [[one for one in group if one is not None] for group in kept], said
 
 
-def _believed(recording: Recording, signals: Signals, machine: Machine, said: list[str]) -> list[Recording]:
-    """The recording with the channels that can be believed, or none."""
+def _believed(recording: Recording, signals: Signals, machine: Machine, said: list[str]) -> Recording | None:
+    """A recording with the channels that can be believed; None if its angle cannot."""
     twin = {name: values[:, 0].astype(np.float64) for name, values in signals.items()}
     wrong = _motion(recording, twin["joint_angle"], float(np.max(machine.joint.range)))
     if wrong:
         said.append(f"{recording.name} was left out: {wrong}.")
-        return []
+        return None
     unused = _pressures(recording, twin)
     if unused:
         said.append(
             f"{recording.name}: {' and '.join(unused)} swing otherwise than the twin's by a factor of {FAR:g} or more, and "
             "were not used: check units, ports and plugs."
         )
-    return [replace(recording, channels={k: v for k, v in recording.channels.items() if k not in unused})]
+    return replace(recording, channels={k: v for k, v in recording.channels.items() if k not in unused})
 
 
 def _motion(recording: Recording, twin: Floats, limit: float) -> str:
@@ -91,7 +91,7 @@ def _motion(recording: Recording, twin: Floats, limit: float) -> str:
     return ""
 
 
-def _pressures(recording: Recording, twin: dict[str, Floats]) -> list[str]:
+def _pressures(recording: Recording, twin: Mapping[str, Floats]) -> list[str]:
     """Pressures of a recording that show next to nothing of what those of the twin do before either joint is at a stop. Both
     ports go with one of them, which may have the other's pressure, and all if none is right.
 
@@ -107,9 +107,8 @@ def _pressures(recording: Recording, twin: dict[str, Floats]) -> list[str]:
     pressures = [name for name in recording.channels if "pressure" in name]
     for name in pressures:
         part = counts & drives.get(name, counts)
-        mine, its = (
-            float(np.ptp(np.quantile(one[part], EXTREMES))) for one in (recording.channels[name], twin[name])
-        )
+        both = recording.channels[name][part], twin[name][part]
+        mine, its = (float(np.ptp(np.quantile(values, EXTREMES))) for values in both)
         if its > SWING:
             judged.append(name)
             small += [name] if mine < its / FAR else []

@@ -10,7 +10,6 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -65,7 +64,8 @@ def diagnose(
     out: Path | None = None,
     progress: Progress = lambda sentence, share: None,
 ) -> Diagnosis:
-    """Why ``recordings`` of a machine and its twin part.
+    """Why ``recordings`` of a machine and its twin part. Those that no such machine can have made are left out
+    (:mod:`.credible`); where none is left, the verdict is inconclusive.
 
     Args:
         recordings: To be explained (:func:`~aoro_gym.diagnosis.recording.read_recording`).

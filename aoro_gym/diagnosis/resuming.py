@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -50,7 +51,8 @@ class Kept(Simulator):
         super().__init__(device)
         self._folder = folder
         self._launches = 0
-        self._origin = hashlib.sha256(f"{_sources()} {wp.config.version} {device} {wp.get_device(device).name}".encode())
+        origin = f"{_sources()} {wp.config.version} {device} {wp.get_device(device).name}"
+        self._origin = hashlib.sha256(origin.encode())
 
     def launch_together(self, requests: Sequence[Request]) -> list[Signals]:
         """See :meth:`Simulator.launch_together`."""
@@ -110,10 +112,11 @@ def _read(path: Path, requests: Sequence[Request]) -> list[Signals] | None:
 def _write(path: Path, found: Sequence[Signals]) -> None:
     """Whole or not at all; a full disc is no reason to end a diagnosis."""
     partial = path.with_name(f"{path.name}.partial")
+    arrays: Any = {f"{i} {name}": values for i, one in enumerate(found) for name, values in one.items()}
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with partial.open("wb") as file:
-            np.savez(file, **{f"{i} {name}": values for i, one in enumerate(found) for name, values in one.items()})
+            np.savez(file, **arrays)
         partial.replace(path)
     except OSError:
         with suppress(OSError):
