@@ -166,7 +166,7 @@ def _instants(table: Table, limitations: list[str]) -> tuple[NDArray[np.float64]
             f"{table.where(bad)}: time_s repeats or runs backwards; {len(time) - len(keep)} rows left out"
         )
     time = time[keep] - time[keep[0]]
-    if len(time) < 10 or time[-1] < SHORTEST:
+    if time[-1] < SHORTEST:
         raise ValueError(
             f"{table.path} covers {time[-1]:.2f} s with {len(time)} samples; a diagnosis needs {SHORTEST} s at least"
         )
@@ -261,7 +261,7 @@ def _look_over_samples(
     if jumps.size:
         row = int(jumps[0])
         raise ValueError(
-            f"{table.where(int(keep[row + 1]))}: the joint angle jumps by {np.degrees(steps[row]):.3g}° in "
+            f"{table.where(int(keep[row + 1]))}: the joint angle jumps by {np.degrees(abs(steps[row])):.3g}° in "
             f"{intervals[row]:.3g} s, which no joint does; leave such rows out, or mend the sensor"
         )
     for column, (name, unit) in CHANNELS.items():

@@ -166,6 +166,7 @@ def without(name: str) -> dict:
     [
         (columns(duration=1.0), r"covers 1\.00 s .* needs 1\.5 s"),
         (columns(duration=30.0, rate=1.0, rest=5.0), r"has 1 samples a second; a diagnosis needs 20"),
+        (columns(duration=4.0, rate=1.0, rest=1.0), r"has 1 samples a second"),
         (columns(rest=0.1), f"needs {REST} s of standstill"),
         (columns(level=0.0), "commands no motion|standstill|stands still"),
         (without("steering_signal"), "neither a column steering_signal nor steering_signal_V"),
@@ -189,8 +190,8 @@ def without(name: str) -> dict:
         ({**columns(), "steering_signal_V": 2.5 + 2.0 * columns()["steering_signal"]}, "positive is left"),
     ],
     ids=[
-        "short", "coarse", "no rest", "no command", "no signal", "degrees", "constant", "mirrored", "percent", "pascal",
-        "psi", "saturated angle", "dropout", "glitch", "late clock",
+        "short", "coarse", "short and coarse", "no rest", "no command", "no signal", "degrees", "constant", "mirrored", "percent",
+        "pascal", "psi", "saturated angle", "dropout", "glitch", "late clock",
         "stretch of nan", "infinite", "constant command", "no time", "no angle", "gap", "unsorted", "contradicting",
     ],
 )  # fmt: skip
