@@ -190,8 +190,8 @@ def without(name: str) -> dict:
         ({**columns(), "steering_signal_V": 2.5 + 2.0 * columns()["steering_signal"]}, "positive is left"),
     ],
     ids=[
-        "short", "coarse", "short and coarse", "no rest", "no command", "no signal", "degrees", "constant", "mirrored", "percent",
-        "pascal", "psi", "saturated angle", "dropout", "glitch", "late clock",
+        "short", "coarse", "short and coarse", "no rest", "no command", "no signal", "degrees", "constant", "mirrored",
+        "percent", "pascal", "psi", "saturated angle", "dropout", "glitch", "late clock",
         "stretch of nan", "infinite", "constant command", "no time", "no angle", "gap", "unsorted", "contradicting",
     ],
 )  # fmt: skip
