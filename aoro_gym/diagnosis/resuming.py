@@ -1,7 +1,8 @@
 """Launches that are kept on disc while a diagnosis runs, so that one that was killed goes on where it was.
 
 A diagnosis is deterministic, and nearly all of its time goes into launches. Begun again it asks for the same ones in the
-same order, and those that were kept cost no more than to read them.
+same order, and those that were kept cost no more than to read them. With the whole catalogue they take about 2 MB a signal
+and second of log until the diagnosis is done; compressed it would be two thirds.
 """
 
 from __future__ import annotations
