@@ -545,7 +545,7 @@ def diagnose(
     are known, and direction. --fit and --holdout then select rows: signal=100, or direction=left.
 
     Writes DIR/diagnosis.json, DIR/report.html and a machine file for every cause that survives. A verdict of a cause is
-    only as good as the blind check says (aoro-gym blind --help).
+    only as good as the blind check says (aoro-gym blind --help). Killed at any time, the same command goes on where it was.
 
     [bold]Examples[/]
 
@@ -582,21 +582,21 @@ def diagnose(
         if not used:
             raise ValueError("--holdout leaves no log to fit; leave one at least")
     from aoro_gym.diagnosis.diagnose import diagnose as find
-    from aoro_gym.diagnosis.replay import Simulator
     from aoro_gym.diagnosis.report import summary, write_report
+    from aoro_gym.diagnosis.resuming import resumable
 
-    with _running(), _bar("diagnosing") as tell:
+    with _running(), _resumable(), _bar("diagnosing") as tell, resumable(device, out) as simulator:
         found = find(
             used,
             chosen,
             healthy=before,
             held_out=left_out,
             commissioned=True if commissioned else None,
-            simulator=Simulator(device),
+            simulator=simulator,
             out=out,
             progress=tell,
         )
-    written = [found.save(out), write_report(found, out)]
+        written = [found.save(out), write_report(found, out)]
     for item in summary(found):
         _out().print(item)
     _say(written)
@@ -611,8 +611,8 @@ def _diagnose_table(
     device: str,
     out: Path,
 ) -> None:
-    from aoro_gym.diagnosis.replay import Simulator
     from aoro_gym.diagnosis.report import summary, write_report
+    from aoro_gym.diagnosis.resuming import resumable
     from aoro_gym.diagnosis.tables import diagnose_rows, read_rows, selected
 
     rows = read_rows(table, source)
@@ -623,9 +623,9 @@ def _diagnose_table(
     used = [row for row in rows if row not in left_out]
     if not used:
         raise ValueError("--holdout leaves no row to fit; leave one at least")
-    with _running(), _bar("diagnosing") as tell:
-        found = diagnose_rows(used, machine, held_out=left_out, simulator=Simulator(device), out=out, progress=tell)
-    written = [found.save(out), write_report(found, out)]
+    with _running(), _resumable(), _bar("diagnosing") as tell, resumable(device, out) as simulator:
+        found = diagnose_rows(used, machine, held_out=left_out, simulator=simulator, out=out, progress=tell)
+        written = [found.save(out), write_report(found, out)]
     for item in summary(found):
         _out().print(item)
     _say(written)

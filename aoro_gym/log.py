@@ -260,7 +260,9 @@ def _read_parquet(path: Path) -> Table:
         except (TypeError, ValueError):
             raise ValueError(f"{path}: column {name!r} does not hold numbers") from None
         for index in np.flatnonzero(~np.isfinite(columns[name])):
-            raise ValueError(f"{path}, line {lines[index]}: {name} = {columns[name][index]} is not a finite number")
+            raise ValueError(
+                f"{path}, line {lines[index]}: {name} = {columns[name][index]} is not a finite number; leave such rows out"
+            )
     return Table(path, columns, lines)
 
 
@@ -283,7 +285,9 @@ def _numbers(path: Path, line: int, header: list[str], cells: list[str]) -> list
         except ValueError:
             value = math.nan
         if not math.isfinite(value):
-            raise ValueError(f"{path}, line {line}: {name} = {cell.strip()!r} is not a finite number")
+            raise ValueError(
+                f"{path}, line {line}: {name} = {cell.strip()!r} is not a finite number; leave such rows out"
+            )
         row.append(value)
     return row
 

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from aoro_gym.diagnosis.attribution import attribute, fit_p, without
+from aoro_gym.diagnosis.credible import credible
 from aoro_gym.diagnosis.experiments import next_experiments
 from aoro_gym.diagnosis.figures import key_figures
 from aoro_gym.diagnosis.findings import (
@@ -63,7 +64,8 @@ def diagnose(
     out: Path | None = None,
     progress: Progress = lambda sentence, share: None,
 ) -> Diagnosis:
-    """Why ``recordings`` of a machine and its twin part.
+    """Why ``recordings`` of a machine and its twin part. Those that no such machine can have made are left out
+    (:mod:`.credible`); where none is left, the verdict is inconclusive.
 
     Args:
         recordings: To be explained (:func:`~aoro_gym.diagnosis.recording.read_recording`).
@@ -85,11 +87,16 @@ def diagnose(
         raise ValueError("no recording given; name at least one log")
     given = machine if isinstance(machine, Machine) else Machine.load(machine)
     simulator = simulator or Simulator()
+    mode = "commissioned" if commissioned or (healthy and commissioned is None) else "day-one"
+    asked = recordings, healthy, held_out
+    (recordings, healthy, held_out), doubts = credible(asked, given, simulator)
+    if not recordings or (asked[1] and not healthy):
+        doubts.append(f"No {'healthy ' if recordings else ''}log is left, and nothing was diagnosed.")
+        return _nothing_left(given, mode, asked[0], asked[1], doubts, began)
     channels = _common([*recordings, *healthy, *held_out])
     recordings = [_only(one, channels) for one in recordings]
     healthy = [_only(one, channels) for one in healthy]
     held_out = [_only(one, channels) for one in held_out]
-    mode = "commissioned" if commissioned or (healthy and commissioned is None) else "day-one"
     noise = _noise([*healthy, *recordings, *held_out], channels)
 
     references, twin, uncertain = None, given, None
@@ -139,7 +146,7 @@ def diagnose(
         next_experiments=next_experiments(linear, hypotheses),
         calibration=moved_by(problem, best),
         alike=alike_effects(linear),
-        limitations=_limitations(recordings, healthy, mode, channels, effects),
+        limitations=(*doubts, *_limitations(asked[0], asked[1], mode, channels, effects)),
         seconds=time.monotonic() - began,
         curves=_curves(problem, before, after),
     )
@@ -250,6 +257,27 @@ def _in_turn(
 # ---- the rest ----
 
 
+def _nothing_left(
+    machine: Machine,
+    mode: str,
+    recordings: Sequence[Recording],
+    healthy: Sequence[Recording],
+    doubts: Sequence[str],
+    began: float,
+) -> Diagnosis:
+    """Of recordings that cannot be believed."""
+    return Diagnosis(
+        machine=machine.name,
+        mode=mode,
+        logs=tuple(one.name for one in recordings),
+        healthy=tuple(one.name for one in healthy),
+        signals=_common(recordings),
+        verdict="inconclusive",
+        limitations=(*doubts, *(sentence for one in [*healthy, *recordings] for sentence in one.limitations)),
+        seconds=time.monotonic() - began,
+    )
+
+
 def _curves(problem: Problem, before: Floats, after: Floats) -> tuple[Curve, ...]:
     stacked = (problem.measured, before, after)
     columns = zip(problem.blocks, *map(problem.split, stacked), problem.spread(after), strict=True)
@@ -269,7 +297,11 @@ def _limitations(
     effects: Mapping[str, Effect],
 ) -> tuple[str, ...]:
     """What these recordings cannot say."""
-    found = [sentence for one in [*healthy, *recordings] for sentence in one.limitations]
+    logs = [*healthy, *recordings]
+    found = [sentence for one in logs for sentence in one.limitations]
+    unused = dict.fromkeys(name for one in logs for name in one.channels if name not in channels)
+    if unused:
+        found.append(f"Not compared, as a log lacks it: {', '.join(unused)}.")
     if mode == "day-one":
         found.append(
             "No healthy recordings: what the twin's laws do otherwise than the machine's cannot be told from an effect."

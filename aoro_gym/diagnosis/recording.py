@@ -46,10 +46,21 @@ LONGEST_GAP = 0.1
 """Gap [s] in the samples that is bridged, and named; across a longer one a log is refused."""
 LARGEST_ANGLE = 1.2
 """Joint angle [rad] that no machine of this kind reaches: a larger one was logged in degrees."""
+FASTEST = 2.0
+"""Joint rate [rad/s] that no machine of this kind reaches, by a factor of two: an angle that changes faster has jumped."""
+JUMP_NOISE = 8.0
+"""Standard deviations of the differences at rest by which noise does not make an angle jump."""
+LARGEST_PRESSURE = 600.0
+"""Pressure [bar] that bursts hoses of this kind: a higher one was logged in another unit."""
 MOVED = np.radians(1.0)
 """Travel [rad] beyond noise from which it is judged whether the joint follows its command: no joint recoils so far."""
-SATURATED = 12
-"""Equal extreme samples in a row that make a sensor look saturated, unless at rest, too, it shows no noise."""
+STUCK, STUCK_NOISE = 12, 10
+"""Equal samples in a row that make a sensor look saturated, or stuck: so many, and so many times the most of them at rest,
+where a quantiser repeats itself, too. Which shows no noise at rest cannot be judged."""
+STUCK_TIME = 0.1
+"""Least time [s] that they take."""
+NOISELESS = 1e-4
+"""Change from sample to sample at rest, as a share of a signal's span, below which its sensor shows no noise."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +103,9 @@ def read_recording(path: Path) -> Recording:
         limitations.append(f"{path.name}: unknown columns were not read: {', '.join(unread)}")
     commands = _commands(path, columns)
     channels = _channels(path, columns, limitations)
+    moving = np.flatnonzero(np.any(commands, axis=1))
+    still = max(int(moving[0]), 1) if moving.size else len(time)
+    _look_over_samples(table, time, keep, channels, still, limitations)
 
     grid = np.arange(0.0, time[-1] + 1e-9, TICK)
     held = commands[np.searchsorted(time, grid[:-1] + 1e-6, side="right") - 1]
@@ -152,7 +166,7 @@ def _instants(table: Table, limitations: list[str]) -> tuple[NDArray[np.float64]
             f"{table.where(bad)}: time_s repeats or runs backwards; {len(time) - len(keep)} rows left out"
         )
     time = time[keep] - time[keep[0]]
-    if len(time) < 10 or time[-1] < SHORTEST:
+    if time[-1] < SHORTEST:
         raise ValueError(
             f"{table.path} covers {time[-1]:.2f} s with {len(time)} samples; a diagnosis needs {SHORTEST} s at least"
         )
@@ -222,10 +236,52 @@ def _channels(
                 )
             limitations.append(f"{path.name}: {column} is {values[0]:.6g} throughout and was not used")
             continue
-        if column.endswith("_bar") and np.max(np.abs(values)) > 2000.0:
-            raise ValueError(f"{path}: {column} reaches {np.max(np.abs(values)):.3g} bar; was it logged in Pa?")
+        if column.endswith("_bar") and np.max(np.abs(values)) > LARGEST_PRESSURE:
+            raise ValueError(
+                f"{path}: {column} reaches {np.max(np.abs(values)):.3g}, but hoses burst at {LARGEST_PRESSURE:g} bar; was "
+                "it logged in Pa, kPa or psi?"
+            )
         channels[name] = values * unit
     return channels
+
+
+def _look_over_samples(
+    table: Table,
+    time: NDArray[np.float64],
+    keep: NDArray[np.intp],
+    channels: dict[str, NDArray[np.float64]],
+    still: int,
+    limitations: list[str],
+) -> None:
+    """What samples (F,) say by themselves, of which ``still`` are at rest; takes sensors out that cannot be used."""
+    angle = channels["joint_angle"]
+    steps, intervals = np.diff(angle), np.diff(time)
+    noise = JUMP_NOISE * np.std(steps[: still - 1]) if still > 1 else np.inf
+    jumps = np.flatnonzero(np.abs(steps) > FASTEST * intervals + noise)
+    if jumps.size:
+        row = int(jumps[0])
+        raise ValueError(
+            f"{table.where(int(keep[row + 1]))}: the joint angle jumps by {np.degrees(abs(steps[row])):.3g}° in "
+            f"{intervals[row]:.3g} s, which no joint does; leave such rows out, or mend the sensor"
+        )
+    for column, (name, unit) in CHANNELS.items():
+        values = channels.get(name)
+        if values is None:
+            continue
+        usual = _longest_run(values[:still])[0] if still > 1 else STUCK
+        length, first = _longest_run(values)
+        duration = time[first + length - 1] - time[first]
+        noisy = usual < STUCK and np.std(np.diff(values[:still])) > NOISELESS * np.ptp(values)
+        if not noisy or length < max(STUCK, STUCK_NOISE * usual) or duration < STUCK_TIME:
+            continue
+        said = (
+            f"{table.where(int(keep[first]))}: {column} stays at exactly {values[first] / unit:.6g} for {duration:.2f} s: "
+            "its sensor is saturated, or hangs"
+        )
+        if name == "joint_angle":
+            raise ValueError(f"{said}; cut the log there, or leave it out")
+        limitations.append(f"{said}; it was not used")
+        del channels[name]
 
 
 def _look_over(
@@ -238,26 +294,23 @@ def _look_over(
     """What commands and channels say of each other."""
     angle = channels["joint_angle"]
     travel = angle - np.mean(angle[:rest])
-    if np.max(np.abs(travel)) < np.radians(0.5):
+    third = rest // 3
+    moved = abs(np.mean(angle[rest - third : rest]) - np.mean(angle[:third]))
+    if moved > MOVED:
+        raise ValueError(
+            f"{path}: the joint turns by {np.degrees(moved):.3g}° before the first command; it must stand still, and "
+            "commands and angle must be of one clock"
+        )
+    if np.any(commands[:, 0]) and np.max(np.abs(travel)) < np.radians(0.5):
         limitations.append(f"{path.name}: the joint hardly moves under its commands")
     side, stretch = _first_turn(commands[:, 0])
-    moved = np.flatnonzero(np.abs(travel[stretch]) > MOVED + 3.0 * np.std(angle[:rest]))
-    if moved.size and side * travel[stretch][moved[0]] < 0.0:
+    beyond = np.flatnonzero(np.abs(travel[stretch]) > MOVED + 3.0 * np.std(angle[:rest]))
+    if beyond.size and side * travel[stretch][beyond[0]] < 0.0:
         raise ValueError(
             f"{path}: the joint turns against its command: positive signals and angles are to the left; swap one sign"
         )
     if np.any(commands[-1]):
         limitations.append(f"{path.name} ends under a command: how the machine comes to rest is missing")
-    for name, values in channels.items():
-        if 1 + _longest_run(np.diff(values[:rest]) == 0.0) >= SATURATED:
-            continue
-        for extreme in (np.max(values), np.min(values)):
-            run = _longest_run(values == extreme)
-            if run >= SATURATED:
-                limitations.append(
-                    f"{path.name}: {name} stays at exactly {extreme:.6g} for {run * TICK:.2f} s: saturated sensor?"
-                )
-                break
 
 
 def _first_turn(steering: NDArray[np.float64]) -> tuple[float, slice]:
@@ -271,6 +324,9 @@ def _first_turn(steering: NDArray[np.float64]) -> tuple[float, slice]:
     return float(signs[first]), slice(first, last + 1)
 
 
-def _longest_run(flags: NDArray[np.bool_]) -> int:
-    edges = np.flatnonzero(np.diff(np.r_[False, flags, False].astype(np.int8)))
-    return int(np.max(edges[1::2] - edges[::2])) if edges.size else 0
+def _longest_run(values: NDArray[np.float64]) -> tuple[int, int]:
+    """Length of the longest run of equal values, and where it begins."""
+    edges = np.flatnonzero(np.diff(values, prepend=np.nan, append=np.nan))
+    lengths = np.diff(edges)
+    longest = int(np.argmax(lengths))
+    return int(lengths[longest]), int(edges[longest])

@@ -11,6 +11,7 @@ import html
 import io
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from textwrap import fill
 from urllib.parse import quote
 
 import numpy as np
@@ -28,8 +29,8 @@ from aoro_gym.diagnosis.words import (
     gone,
     listed,
     machine_file,
-    number,
     p_value,
+    per_cent,
     probability,
     readable,
     signal_unit,
@@ -57,21 +58,28 @@ MOST_CURVES, MOST_PLACES = 4, 6
 """That are shown, the most telling first."""
 BAND = 1.645
 """Standard deviations on either side that hold 90 % of a normal distribution."""
+NAME_WIDTH = 26
+"""Letters of a line in a curve's legend."""
 DARKEST = 0.6
 """Opacity of the largest share's cell: text on it stays easy to read."""
 
-KINDS = ("left out of the fit", "left out, own clock and zero refitted", "fitted")
+KINDS = (
+    "left out of the fit",
+    "left out, own clock and zero refitted",
+    "fitted",
+    "fitted, own clock and zero refitted",
+)
 """Of manoeuvres, by how much their shrinkage proves."""
 
 
 def _kind(one: Shrinkage) -> int:
     """Place in :data:`KINDS`."""
-    return int(one.refitted) if one.held_out else 2
+    return 2 * int(not one.held_out) + int(one.refitted)
 
 
 def _range(one: Shrinkage) -> str:
     """The 90 % interval in per cent."""
-    return f"{number(100.0 * one.low90, 0)} to {number(100.0 * one.high90, 0)}"
+    return f"{per_cent(one.low90)} to {per_cent(one.high90)}"
 
 
 # --- terminal ---
@@ -376,20 +384,22 @@ def _curve_html(curve: Curve, after: str) -> str:
 
     unit, size = signal_unit(curve.signal)
     name = f"{curve.manoeuvre}: {readable(curve.signal)}"
-    part = KINDS[0] if curve.held_out else "fitted"
+    part = KINDS[0 if curve.held_out else 2]
+    named = fill(after, NAME_WIDTH)
     legend = {"frameon": False, "fontsize": 8.5, "loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderpad": 0.0}
     legend |= {"borderaxespad": 0.3, "handlelength": 1.5, "handletextpad": 0.5, "columnspacing": 1.2}
     with matplotlib.rc_context(PLOT_STYLE | {"svg.hashsalt": "aoro-gym"}):
-        figure = Figure(figsize=(5.4, 4.1), layout="constrained")
+        figure = Figure(figsize=(4.6, 4.0), layout="constrained")
         over, under = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
         over.plot(curve.time, curve.measured / size, color=INK, lw=2.4, label="measured")
         band = BAND * curve.spread / size
         under.fill_between(curve.time, -band, band, color=SOFT, alpha=0.3, lw=0, label="noise, 90 %")
-        for label, values, colour in (("twin", curve.before, RED), (after, curve.after, BLUE)):
+        for label, values, colour in (("twin", curve.before, RED), (named, curve.after, BLUE)):
             over.plot(curve.time, values / size, color=colour, lw=1.2, label=label)
             under.plot(curve.time, (curve.measured - values) / size, color=colour, lw=1.0)
-        over.set_title(name, loc="left", fontsize=10, fontweight="bold", pad=20)
-        over.set_title(part, loc="right", fontsize=8.5, pad=20)
+        above = 20 + 10 * named.count("\n")  # [pt]
+        over.set_title(name, loc="left", fontsize=10, fontweight="bold", pad=above)
+        over.set_title(part, loc="right", fontsize=8.5, pad=above)
         over.set_ylabel(f"[{unit}]")
         over.legend(ncols=3, **legend)
         under.set_ylabel(f"measured − twin [{unit}]")
@@ -408,7 +418,7 @@ def _curve_html(curve: Curve, after: str) -> str:
     )
     alt = html.escape(f"{name}, {part}: the twin is off by {before}, the {after} by {left} (root mean square)")
     data = base64.b64encode(content.getvalue().encode("utf-8")).decode("ascii")
-    return f'<img alt="{alt}" src="data:image/svg+xml;base64,{data}">'
+    return f'<img class="curve" alt="{alt}" src="data:image/svg+xml;base64,{data}">'
 
 
 def _causes_html(diagnosis: Diagnosis, effects: Mapping[str, Effect]) -> str:
@@ -474,13 +484,13 @@ def _shrinkage_html(diagnosis: Diagnosis) -> str:
         found = [one for one in diagnosis.shrinkage if _kind(one) == index]
         rows += [[capital(kind)]] if found else []
         rows += [_shrinkage_row(one) for one in found]
-    head = ("manoeuvre", "signal", "error before, rms", "after", "noise", "unit", "gap gone", "90 %")
+    head = ("manoeuvre", "signal", "gap gone", "90 %", "error before, rms", "after", "noise", "unit")
     compared = [
         (capital(control(name)), value or 0.0, "not tried" if value is None else gone(value))
         for name, value in diagnosis.controls.items()
     ]
     bars = _bars("Gone on manoeuvres left out, median", compared) if compared else ""
-    return _paragraph(text) + bars + _table(head, rows, text=(1, 5))
+    return _paragraph(text) + bars + _table(head, rows, text=(1, 7))
 
 
 def _shrinkage_row(one: Shrinkage) -> list[str]:
@@ -488,7 +498,7 @@ def _shrinkage_row(one: Shrinkage) -> list[str]:
     errors = (three_digits(value / size) for value in (one.before, one.after, one.noise))
     mark = "yes" if one.low90 > 0.0 else "no" if one.high90 < 0.0 else ""
     part = _Html(f'<span class="{mark}">{gone(one.S)}</span>')
-    return [one.manoeuvre, readable(one.signal), *errors, unit, part, _range(one)]
+    return [one.manoeuvre, readable(one.signal), part, _range(one), *errors, unit]
 
 
 def _key_figures_html(diagnosis: Diagnosis) -> str:

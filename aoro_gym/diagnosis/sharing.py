@@ -93,6 +93,8 @@ def _serve(address: str, device: str, ready: Event) -> None:
             if asked and not heard:
                 _answer(simulates, asked)
                 asked = []
+    with suppress(OSError):  # the parent was killed, and did not clear up
+        Path(address).parent.rmdir()
 
 
 def _answer(simulates: Simulator, asked: Sequence[tuple[Connection, list[Request]]]) -> None:

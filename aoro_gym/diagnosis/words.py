@@ -23,6 +23,8 @@ SPACE = "\N{NO-BREAK SPACE}"
 """Between a number and its unit."""
 MOST_NAMED = 3
 """Of them in a headline."""
+FARTHEST = 10.0
+"""Share of a gap beyond which it is not said how far it lies."""
 LEAST_FIT = 0.05
 """Probability of the residuals below which something is said to be left."""
 
@@ -91,7 +93,14 @@ def probability(p: float) -> str:
 
 def gone(S: float) -> str:
     """How much of a gap is gone, in per cent; negative where it grew."""
-    return f"{number(100.0 * S, 1 if 0.99 < S < 1.0 else 0)}{SPACE}%"
+    return f"{per_cent(S, 1 if 0.99 < S < 1.0 else 0)}{SPACE}%"
+
+
+def per_cent(share: float, decimals: int = 0) -> str:
+    """A share without its sign of per cent; how far it lies beyond ten times the whole says nothing."""
+    if abs(share) > FARTHEST:
+        return f"{'<' if share < 0.0 else '>'}{SPACE}{number(math.copysign(100.0 * FARTHEST, share), 0)}"
+    return number(100.0 * share, decimals)
 
 
 def title(effects: Sequence[str]) -> str:

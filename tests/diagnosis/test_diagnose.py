@@ -11,8 +11,10 @@ from aoro_gym.cli import app
 from aoro_gym.diagnosis.diagnose import _common, diagnose
 from aoro_gym.diagnosis.findings import declared_of, verdict_of
 from aoro_gym.diagnosis.linear import Hypothesis
+from aoro_gym.diagnosis.recording import TICK
 from aoro_gym.diagnosis.replay import Variants
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, VERDICTS
+from aoro_gym.log import write_log
 from aoro_gym.twin import Machine
 from aoro_gym.twin.effects import EFFECTS
 from tests.diagnosis.manoeuvres import blank, record, turn
@@ -113,3 +115,24 @@ def test_logs_that_cannot_be_used_are_refused_in_a_line(content, said, tmp_path)
     assert result.exit_code == 2
     assert said in " ".join(result.output.split())
     assert not (tmp_path / "out").exists()
+
+
+def test_a_log_of_radians_named_degrees_gives_no_cause(tmp_path):
+    """What is wrong is said on the page, and in a word: it cannot tell."""
+    (turned,) = record(Variants(Machine.load("aoro")), [blank("left", turn(0.8, 2.2), -0.3)], np.random.default_rng(6))
+    log = tmp_path / "radians.csv"
+    write_log(
+        log,
+        {
+            "time_s": TICK * np.arange(turned.ticks + 1),
+            "steering_signal": np.append(turned.commands[:, 0], 0.0),
+            "joint_angle_deg": turned.channels["joint_angle"],
+        },
+    )
+    result = CliRunner().invoke(app, ["diagnose", str(log), "--out", str(tmp_path / "out")])
+    assert result.exit_code == 0, result.output
+    content = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
+    assert content["verdict"] == "inconclusive" and content["causes"] == []
+    assert "radians or degrees" in content["limitations"][0]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["diagnosis.json", "report.html"]
+    assert "radians or degrees" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")

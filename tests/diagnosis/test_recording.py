@@ -150,6 +150,11 @@ def changed(**replacements) -> dict:
     return table
 
 
+def held(values: np.ndarray, begin: int, end: int) -> np.ndarray:
+    """Samples that repeat one of them."""
+    return np.r_[values[:begin], np.full(end - begin, values[begin]), values[end:]]
+
+
 def without(name: str) -> dict:
     table = columns()
     del table[name]
@@ -161,6 +166,7 @@ def without(name: str) -> dict:
     [
         (columns(duration=1.0), r"covers 1\.00 s .* needs 1\.5 s"),
         (columns(duration=30.0, rate=1.0, rest=5.0), r"has 1 samples a second; a diagnosis needs 20"),
+        (columns(duration=4.0, rate=1.0, rest=1.0), r"has 1 samples a second"),
         (columns(rest=0.1), f"needs {REST} s of standstill"),
         (columns(level=0.0), "commands no motion|standstill|stands still"),
         (without("steering_signal"), "neither a column steering_signal nor steering_signal_V"),
@@ -169,6 +175,11 @@ def without(name: str) -> dict:
         (changed(joint_angle_rad=lambda x: -x), "turns against its command"),
         (changed(steering_signal=lambda x: 100.0 * x), r"steering_signal is 80 in row .* must be in \[-1, 1\]"),
         (changed(pressure_a_bar=lambda x: 1e5 * x), "logged in Pa"),
+        (changed(pressure_a_bar=lambda x: 14.5 * x), "kPa or psi"),
+        (changed(joint_angle_rad=lambda x: np.minimum(x, -0.3)), r"joint_angle_rad stays at exactly -0\.3 for 1\.\d+ s"),
+        (changed(joint_angle_rad=lambda x: held(x, 120, 140)), r"line 142: the joint angle jumps by \d\.\d+° in 0\.01 s"),
+        (changed(joint_angle_rad=lambda x: np.where(np.arange(len(x)) == 120, 0.0, x)), "line 122: .* leave such rows out"),
+        (changed(joint_angle_rad=lambda x: np.r_[x[40:], x[:40] - x[0] + x[-1]]), "turns by .* before the first command"),
         (changed(pressure_a_bar=lambda x: np.where(np.arange(len(x)) > 99, np.nan, x)), "line 102: pressure_a_bar = 'nan'"),
         (changed(joint_angle_rad=lambda x: np.where(np.arange(len(x)) == 7, np.inf, x)), "line 9: joint_angle_rad = 'inf'"),
         (changed(steering_signal=lambda x: 0.0 * x + 0.8), "begins with 0.01 s of zero commands"),
@@ -179,7 +190,8 @@ def without(name: str) -> dict:
         ({**columns(), "steering_signal_V": 2.5 + 2.0 * columns()["steering_signal"]}, "positive is left"),
     ],
     ids=[
-        "short", "coarse", "no rest", "no command", "no signal", "degrees", "constant", "mirrored", "percent", "pascal",
+        "short", "coarse", "short and coarse", "no rest", "no command", "no signal", "degrees", "constant", "mirrored",
+        "percent", "pascal", "psi", "saturated angle", "dropout", "glitch", "late clock",
         "stretch of nan", "infinite", "constant command", "no time", "no angle", "gap", "unsorted", "contradicting",
     ],
 )  # fmt: skip
@@ -196,18 +208,42 @@ def test_bad_log_is_refused_with_its_reason(tmp_path, table, says):
         (changed(pressure_a_bar=lambda p: 0.0 * p + 3.0), "pressure_a_bar is 3 throughout and was not used"),
         (
             changed(pressure_a_bar=lambda p: np.minimum(p, 50.0)),
-            "pressure_a stays at exactly 5e+06 for 2.00 s: saturated",
+            "pressure_a_bar stays at exactly 50 for 1.99 s: its sensor is saturated, or hangs; it was not used",
         ),
-        (changed(joint_angle_rad=lambda x: np.minimum(x, -0.3)), "joint_angle stays at exactly -0.3 for 1."),
+        (changed(pressure_a_bar=lambda p: held(p, 120, 140)), "line 122: pressure_a_bar stays at exactly"),
         ({**columns(), "pressure_a_psi": columns()["pressure_a_bar"]}, "unknown columns were not read: pressure_a_psi"),
         (changed(steering_signal=lambda x: np.where(np.arange(len(x)) > 100, 0.8, x)), "ends under a command"),
         (changed(joint_angle_rad=lambda x: -0.6 + 0.01 * (x + 0.6)), "hardly moves"),
     ],
-    ids=["one stamp", "small gap", "dead sensor", "saturated", "saturated angle", "unknown column", "cut", "stuck"],
+    ids=["one stamp", "small gap", "dead sensor", "saturated", "hangs", "unknown column", "cut", "stuck"],
 )
 def test_poor_log_is_used_with_its_limitation_named(tmp_path, table, says):
     recording = read_recording(written(tmp_path, table))
     assert any(says in sentence for sentence in recording.limitations), recording.limitations
+
+
+def test_a_pressure_that_hangs_is_not_among_the_channels(tmp_path):
+    recording = read_recording(written(tmp_path, changed(pressure_a_bar=lambda p: held(p, 120, 140))))
+    assert set(recording.channels) == {"joint_angle"}
+
+
+@pytest.mark.parametrize("step", [0.5, 2.0])
+def test_a_quantiser_does_not_hang(tmp_path, step):
+    """Steps of half and of twice the noise: at a standstill values repeat for long."""
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        table = columns(duration=8.0, level=0.2)
+        noisy = table["joint_angle_rad"] + 1e-3 * rng.standard_normal(len(table["time_s"]))
+        table["joint_angle_rad"] = 1e-3 * step * np.round(noisy / (1e-3 * step))
+        assert read_recording(written(tmp_path, table)).limitations == ()
+
+
+def test_a_log_of_a_drive_does_not_say_that_the_joint_stands(tmp_path):
+    table = columns()
+    table["drive_signal"] = table.pop("steering_signal")
+    table["steering_signal"] = 0.0 * table["time_s"]
+    table["joint_angle_rad"] = 1e-4 * np.random.default_rng(0).standard_normal(len(table["time_s"]))
+    assert read_recording(written(tmp_path, table)).limitations == ()
 
 
 def test_manifest_that_is_no_toml_is_named(tmp_path):

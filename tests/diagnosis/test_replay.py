@@ -95,7 +95,7 @@ def test_batches_are_seamless(monkeypatch):
     factors = np.linspace(0.9, 1.1, 7)
     many = [Variants(MACHINE.scale({"steering.pump.margin": factors}), 7), Variants(MACHINE, 1, Plane(slope_deg=2.0))]
     whole = replayed(*many)
-    monkeypatch.setattr("aoro_gym.diagnosis.replay.BATCH", 7)  # a launch each
+    monkeypatch.setattr("aoro_gym.diagnosis.replay.CPU_BATCH", 7)  # a launch each
     for one, other in zip(whole, replayed(*many), strict=True):
         for mine, theirs in zip(one, other, strict=True):
             for channel, found in mine.items():
@@ -104,7 +104,7 @@ def test_batches_are_seamless(monkeypatch):
 
 def test_a_lost_variant_is_not_a_number(monkeypatch):
     """What the twin has lost in any recording is NaN there, and its neighbours go on."""
-    monkeypatch.setattr("aoro_gym.diagnosis.replay.BATCH", 1)  # every recording by itself
+    monkeypatch.setattr("aoro_gym.diagnosis.replay.CPU_BATCH", 1)  # every recording by itself
     launches = iter(np.arange(len(BLANKS)))
     lost = [np.array([0, 0]), np.array([0, 1])]
     monkeypatch.setattr(Twin, "status", property(lambda twin: lost[next(launches)]))

@@ -154,6 +154,22 @@ def test_a_gap_that_grew_is_negative():
     assert gone(-0.001) == gone(0.0)
 
 
+def test_how_far_a_gap_grew_is_told_up_to_ten_times_itself():
+    told = [gone(S).replace("\N{NO-BREAK SPACE}", " ") for S in (-9.9, -10.1, -1045.0, 10.1)]
+    assert told == ["−990 %", "< −1000 %", "< −1000 %", "> 1000 %"]
+
+
+def test_a_fitted_manoeuvre_stands_with_and_without_its_own_clock(tmp_path):
+    one = replace(CAUSE.shrinkage[0], held_out=False, refitted=False)
+    both = replace(CAUSE, shrinkage=(one, replace(one, S=0.5, refitted=True)))
+    rows = read(both, tmp_path).tables["How far the gap shrinks"][0][1:]
+    assert [row[0].lower() for row in rows if len(row) == 1] == list(KINDS[2:])
+    console = Console(record=True, width=200, file=io.StringIO())
+    for item in summary(both):
+        console.print(item)
+    assert all(gone(S) in console.export_text(clear=False) for S in (one.S, 0.5))
+
+
 def test_titles():
     assert title(()) == "no cause"
     assert title(("unknown",)) == "something outside the catalogue"
@@ -258,7 +274,7 @@ def test_shrinkage(page, verdict):
             shown_rows[kind, row[0], row[1]] = dict(zip(head, row, strict=True))
     assert len(shown_rows) == len(found)
     for one in found:
-        kind = KINDS[int(one.refitted) if one.held_out else 2]
+        kind = KINDS[2 * int(not one.held_out) + int(one.refitted)]
         cells = shown_rows[kind, one.manoeuvre, readable(one.signal)]
         assert close(cells["gap gone"], 100.0 * one.S)
         low, high = cells["90 %"].split(" to ")

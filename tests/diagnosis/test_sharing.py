@@ -4,6 +4,7 @@ import multiprocessing
 import time
 from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Client
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -84,8 +85,22 @@ def orphaned(address_file: str) -> None:
         time.sleep(60.0)
 
 
-def test_the_launching_process_ends_with_its_parent(tmp_path):
-    """Killed without a chance to clear up, the parent leaves nobody at the address."""
+def children(process: int) -> list[int]:
+    """Processes that one has begun."""
+    return [int(text) for text in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
+
+
+def runs(process: int) -> bool:
+    """Whether there is such a process, and not only what is left of one that nobody has waited for."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="processes are looked up in /proc")
+def test_nobody_is_left_of_a_parent_that_was_killed(tmp_path):
+    """Without a chance to clear up: neither a process, nor one that answers at the address, nor its folder."""
     file = tmp_path / "address"
     parent = multiprocessing.get_context("spawn").Process(target=orphaned, args=(str(file),))
     parent.start()
@@ -94,13 +109,15 @@ def test_the_launching_process_ends_with_its_parent(tmp_path):
         time.sleep(0.1)
     address = file.read_text(encoding="utf-8").removeprefix(PREFIX)
     Client(address).close()
+    assert parent.pid is not None
+    orphans = children(parent.pid)
+    assert orphans and all(map(runs, orphans))
     parent.kill()
     parent.join()
     deadline = time.monotonic() + 20.0
-    while True:
-        try:
-            Client(address).close()
-        except OSError:
-            break
-        assert time.monotonic() < deadline, "it still answers"
+    while any(map(runs, orphans)):
+        assert time.monotonic() < deadline, "it still runs"
         time.sleep(0.1)
+    with pytest.raises(OSError):
+        Client(address)
+    assert not Path(address).parent.exists()

@@ -1,0 +1,141 @@
+"""Launches that are kept: a diagnosis that was killed comes to what an uninterrupted one does, and launches less."""
+
+import json
+import multiprocessing
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aoro_gym.diagnosis import resuming
+from aoro_gym.diagnosis.diagnose import diagnose
+from aoro_gym.diagnosis.replay import Request, Signals, Simulator, Task, Variants
+from aoro_gym.diagnosis.resuming import FOLDER, Kept, resumable
+from aoro_gym.terrains import Plane
+from aoro_gym.twin import Machine
+from aoro_gym.twin.effects import EFFECTS
+from tests.diagnosis.manoeuvres import blank, record, turn
+
+MACHINE = Machine.load("aoro")
+BLANK = blank("left", turn(1.0, 1.2), -0.3)
+KILLED_AFTER = 3
+"""Launches."""
+
+
+def lagging(simulator: Simulator) -> dict[str, Any]:
+    """A slow spool, looked for among one effect."""
+    slow = Variants.of(MACHINE, [(EFFECTS["spool_lag"], (0.03,))], 1)
+    recordings = record(slow, [BLANK], np.random.default_rng(1))
+    effects = {"spool_lag": EFFECTS["spool_lag"]}
+    return diagnose(recordings, MACHINE, effects, commissioned=True, simulator=simulator).as_dict()
+
+
+def begin(folder: Path) -> None:
+    lagging(Kept("cpu", folder))
+
+
+def test_what_was_killed_goes_on_to_the_same_result(tmp_path, launches):
+    whole = lagging(Simulator())
+    everything = len(launches)
+    process = multiprocessing.get_context("spawn").Process(target=begin, args=(tmp_path,))
+    process.start()
+    while len(list(tmp_path.glob("*.npz"))) < KILLED_AFTER:
+        assert process.is_alive(), "it ended before it was killed"
+        time.sleep(0.01)
+    process.kill()
+    process.join()
+    kept = len(list(tmp_path.glob("*.npz")))
+    assert KILLED_AFTER <= kept < everything
+    launches.clear()
+    resumed = lagging(Kept("cpu", tmp_path))
+    assert len(launches) == everything - kept
+    assert resumed.pop("seconds") > 0.0 and whole.pop("seconds") > 0.0
+    assert json.dumps(resumed) == json.dumps(whole)
+
+
+@pytest.fixture
+def launches(monkeypatch) -> list[int]:
+    """Twins of everything that is launched."""
+    found: list[int] = []
+    plain = Simulator.launch_together
+
+    def counted(self: Simulator, requests: list[Request]) -> list[Signals]:
+        found.append(sum(one.count for one in requests))
+        return plain(self, requests)
+
+    monkeypatch.setattr(Simulator, "launch_together", counted)
+    return found
+
+
+def task(machine: Machine = MACHINE, **changes: Any) -> list[Task]:
+    return [Task(Variants(machine, **changes), BLANK)]
+
+
+def assert_same(found: list[Signals], expected: list[Signals]) -> None:
+    for mine, theirs in zip(found, expected, strict=True):
+        assert mine.keys() == theirs.keys()
+        for name, values in mine.items():
+            assert values.dtype == theirs[name].dtype
+            np.testing.assert_array_equal(values, theirs[name])
+
+
+def test_a_launch_that_was_kept_is_read(tmp_path, launches):
+    expected = Kept("cpu", tmp_path).run(task())
+    assert_same(Kept("cpu", tmp_path).run(task()), expected)
+    assert len(launches) == 1
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        task(MACHINE.scale({"steering.pump.margin": 1.01})),
+        task(plane=Plane(slope_deg=0.1)),
+        task(chain=((EFFECTS["sensor_delay"], (0.01,)),)),
+        [Task(Variants(MACHINE), blank("left", turn(0.99, 1.2), -0.3))],
+        [Task(Variants(MACHINE), blank("left", turn(1.0, 1.2), -0.31))],
+    ],
+    ids=["machine", "plane", "measuring chain", "commands", "start"],
+)
+def test_what_another_run_kept_is_not_read_but_removed(other, tmp_path, launches):
+    Kept("cpu", tmp_path).run(task())
+    found = Kept("cpu", tmp_path).run(other)
+    assert len(launches) == 2 and len(list(tmp_path.iterdir())) == 1
+    assert_same(found, Simulator().run(other))
+
+
+def test_what_other_sources_launched_is_not_read(tmp_path, launches, monkeypatch):
+    Kept("cpu", tmp_path).run(task())
+    monkeypatch.setattr(resuming, "PACKAGES", ("twin",))
+    Kept("cpu", tmp_path).run(task())
+    assert len(launches) == 2
+
+
+def test_every_source_of_a_launch_is_looked_at():
+    folder = Path(resuming.aoro_gym.__file__).parent
+    assert all(any((folder / package).rglob("*.py")) for package in resuming.PACKAGES)
+
+
+@pytest.mark.parametrize("damage", [lambda whole: b"", lambda whole: whole[:-50], lambda whole: b"?" * len(whole)])
+def test_a_file_that_is_not_whole_is_not_read(damage, tmp_path, launches):
+    expected = Kept("cpu", tmp_path).run(task())
+    (kept,) = tmp_path.iterdir()
+    kept.write_bytes(damage(kept.read_bytes()))
+    assert_same(Kept("cpu", tmp_path).run(task()), expected)
+    assert len(launches) == 2
+
+
+def test_nothing_stays_of_a_diagnosis_that_ends_well(tmp_path):
+    with pytest.raises(KeyboardInterrupt), resumable("cpu", tmp_path) as simulator:
+        simulator.run(task())
+        raise KeyboardInterrupt
+    assert len(list((tmp_path / FOLDER).iterdir())) == 1
+    with resumable("cpu", tmp_path) as simulator:
+        simulator.run(task())
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_diagnosis_does_not_end_where_nothing_can_be_kept(tmp_path):
+    (tmp_path / "file").write_text("no folder")
+    assert_same(Kept("cpu", tmp_path / "file" / "launches").run(task()), Simulator().run(task()))
