@@ -462,7 +462,7 @@ def made(atlas: Atlas) -> dict[str, Any]:
         "odds": ODDS,
         "temperature": TEMPERATURE,
         "doubt": DOUBT,
-        "magnitude": "median, by its logarithm, between the weakest that stands out (weakest of its range's end) and that end",
+        "magnitude": "median, by its logarithm, from the weakest that stands out (weakest of the range's end) to that end",
         "alike": (
             "d² < 2 ln(odds) (temperature + doubt d²(nothing) / 2), of either by the other, whichever way it deviates; "
             "medians over members; classes by complete linkage"

@@ -90,7 +90,7 @@ def _draw(atlas: Atlas, path: Path) -> None:
             image = axes.imshow(np.clip(apart, 1.0 / FARTHEST, FARTHEST), cmap=shade, norm=norm)
             for i, j in np.argwhere(apart < CLOSE):
                 colour = "white" if apart[i, j] > 1.0 else "black"
-                axes.text(j, i, f"{apart[i, j]:.2g}", ha="center", va="center", color=colour, fontsize=6)
+                axes.text(j, i, f"{apart[i, j]:.2f}", ha="center", va="center", color=colour, fontsize=6)
             for k in range(count):
                 axes.add_patch(Rectangle((k - 0.5, k - 0.5), 1.0, 1.0, facecolor="white", edgecolor="white"))
             for group in atlas.classes(sensors):
@@ -109,4 +109,4 @@ def _draw(atlas: Atlas, path: Path) -> None:
         bar.minorticks_off()
         bar.set_label("how far apart: alike below 1, classes framed; grey: does not stand out")
         path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=130, bbox_inches="tight")
+        figure.savefig(path, dpi=120, bbox_inches="tight")
