@@ -80,7 +80,7 @@ WorkersOption = Annotated[
 ]
 blind = typer.Typer(
     no_args_is_help=True,
-    help="The blind check: a diagnosis on machines whose deviation is withheld. In turn: seal, run, score.",
+    help="The blind check: a diagnosis on machines whose deviation is withheld. In turn: seal, run, score; atlas.",
 )
 app.add_typer(blind, name="blind")
 
@@ -1198,6 +1198,37 @@ def blind_score(
         _out().print(table)
     with _running():
         _say(write_score(result, target))
+
+
+@blind.command()
+def atlas(
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to.")],
+    device: DeviceOption = "cpu",
+) -> None:
+    """Which effects look alike, from which sensors and manoeuvres, whatever a diagnosis makes of them.
+
+    Asked of twins of the calibrated ensemble, of no case: what an effect does, less the best that another effect and another
+    day can do instead, against what a decision needs. Writes atlas.json (all distances, by sensors and manoeuvre),
+    classes.json (effects that 'blind score' counts as one) and atlas.png. The classes that score are those shipped with the
+    package: they are frozen. Takes about a quarter of an hour of one core.
+
+    [bold]Example[/]
+
+      aoro-gym blind atlas --out atlas
+    """
+    with _checking_input():
+        from aoro_gym.diagnosis.atlas import survey
+        from aoro_gym.diagnosis.atlas_report import tables, write_atlas
+        from aoro_gym.diagnosis.replay import Simulator
+
+        _check_folder(out, "atlas.json")
+        _check_device(device)
+    with _running(), _bar("twins") as tell:
+        found = survey(simulator=Simulator(device), progress=tell)
+        written = write_atlas(found, out)
+    for table in tables(found):
+        _out().print(table)
+    _say(written)
 
 
 # --- input ---
