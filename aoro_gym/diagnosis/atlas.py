@@ -132,7 +132,9 @@ def commissioned(
     problem.slopes *= (day.std / around.std)[problem.felt]
     problem.nuisances = day
     problem.references = {
-        (logs[index].signature, name): Reference(np.zeros(logs[index].ticks + 1), 1, problem.arrivals[index])
+        (logs[index].signature, name): Reference(
+            np.zeros(logs[index].ticks + 1), logs[index].channels[name], 1, problem.arrivals[index]
+        )
         for index, name in problem.blocks
     }
     problem.measured = problem.given  # on the clock that predictions are read on

@@ -221,19 +221,19 @@ def _launch(requests: Sequence[Request], device: str) -> list[Signals]:
                 every = frames // density
                 arguments = [twin.outputs, output_rows, every, first, 1 + tick * density, kept[first]]
                 wp.launch(_keep, (density, len(names), count), arguments, device=twin.device)
-    lost = twin.status != 0
+    lost = np.asarray(twin.status) != 0
+    values: dict[int, NDArray[np.float32]] = {first: np.asarray(part.numpy()) for first, part in kept.items()}
+    for first, part in values.items():
+        mine = slice(first, first + part.shape[2])
+        part[:, 0] = at_rest[:, mine]
+        part[:, :, lost[mine]] = np.nan
     out: list[Signals] = []
-    values = {first: part.numpy() for first, part in kept.items()}
     for request, begin, end in zip(requests, starts, starts[1:], strict=False):
-        first = 0 if request.frames == 1 else sparse
-        rows: Signals = {}
-        for name in request.channels:
-            row = names.index(name)
-            mine = values[first][row, : len(request.commands) * request.frames + 1, begin - first : end - first]
-            rows[name] = np.array(mine, dtype=np.float32)
-            rows[name][0] = at_rest[row, begin:end]
-            rows[name][:, lost[begin:end]] = np.nan
-        out.append(rows)
+        first, samples = (0 if request.frames == 1 else sparse), len(request.commands) * request.frames + 1
+        of = {
+            name: values[first][names.index(name), :samples, begin - first : end - first] for name in request.channels
+        }
+        out.append(of)
     return out
 
 

@@ -11,6 +11,7 @@ import pickle
 import signal
 import tempfile
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import Client, Connection, Listener, wait
 from multiprocessing.synchronize import Event
@@ -19,6 +20,8 @@ from threading import Thread
 
 from aoro_gym.diagnosis.replay import Request, Signals, Simulator
 
+SENDERS = 4
+"""Threads that answer."""
 PREFIX = "shared:"
 """Of a device's name: what follows is the address of the process that launches."""
 
@@ -70,7 +73,8 @@ def _serve(address: str, device: str, ready: Event) -> None:
     warp.config.log_level = warp.LOG_ERROR
     simulates = Simulator(device)
     connections: list[Connection] = []
-    with Listener(address, "AF_UNIX", backlog=256) as listener:
+    # the next launch begins while answers to the last are on their way
+    with Listener(address, "AF_UNIX", backlog=256) as listener, ThreadPoolExecutor(SENDERS) as sending:
 
         def accept() -> None:
             while True:
@@ -91,25 +95,27 @@ def _serve(address: str, device: str, ready: Event) -> None:
                 except (EOFError, OSError, pickle.UnpicklingError):
                     connections.remove(connection)
             if asked and not heard:
-                _answer(simulates, asked)
+                _answer(simulates, asked, sending)
                 asked = []
     with suppress(OSError):  # the parent was killed, and did not clear up
         Path(address).parent.rmdir()
 
 
-def _answer(simulates: Simulator, asked: Sequence[tuple[Connection, list[Request]]]) -> None:
+def _answer(
+    simulates: Simulator, asked: Sequence[tuple[Connection, list[Request]]], sending: ThreadPoolExecutor
+) -> None:
     try:
         found = simulates.launch([request for _, requests in asked for request in requests])
     except Exception as error:
         if len(asked) == 1:
-            _send(asked[0][0], error)
+            sending.submit(_send, asked[0][0], error)
         else:  # who asked for what can be done shall have it
             for one in asked:
-                _answer(simulates, [one])
+                _answer(simulates, [one], sending)
         return
     first = 0
     for connection, requests in asked:
-        _send(connection, found[first : first + len(requests)])
+        sending.submit(_send, connection, found[first : first + len(requests)])
         first += len(requests)
 
 
