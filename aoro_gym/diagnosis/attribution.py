@@ -47,7 +47,7 @@ CHANCE = 25.0
 """Log odds behind the best beyond which a hypothesis has none."""
 TEMPERATURE = 4.0
 """By which fits count less: samples are not as many as they seem, as the twin's own error is not that of its model (E)."""
-DOUBT = 0.005
+DOUBT = 0.003
 """Share of the evidence for a gap by which the temperature grows: about what searches leave between two hypotheses that
 explain logs of the twin itself equally well (E)."""
 SURPRISES = (0.3, 0.6, 1.2)
