@@ -15,19 +15,19 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
-from scipy.stats import binomtest, bootstrap
+from scipy.stats import binomtest, bootstrap, trim_mean
 
 from aoro_gym.agents import learned
 from aoro_gym.agents.controllers import Policy
 from aoro_gym.agents.reference import REFERENCE_POLICIES, Factory
-from aoro_gym.agents.responses import EPISODE_STEPS, Rollout, responses, rollout
+from aoro_gym.agents.responses import EPISODE_STEPS, responses, rollout
 from aoro_gym.envs.courses import Course, library
 from aoro_gym.envs.path_tracking import PathTrackingVectorEnv
 from aoro_gym.envs.turning import TurningVectorEnv
@@ -52,6 +52,7 @@ class Interval(NamedTuple):
     """Mean of a figure over the episodes, and where the mean of all possible episodes lies with 95 % confidence."""
 
     mean: float
+    """Or another statistic, such as the mean of the middle half."""
     low95: float
     """NaN, as ``high95``, with fewer than two episodes; only of a rate one episode says something."""
     high95: float
@@ -106,6 +107,8 @@ class Trial:
     """What they lie along, with its unit."""
     error: str
     """What they are, with its unit."""
+    decisive: tuple[str, ...]
+    """Figures that policies are compared by, beside their success; less is better, but for the speed."""
 
 
 @dataclass(frozen=True)
@@ -134,6 +137,18 @@ class Evaluation:
         """Every figure by policy and name."""
         return {
             policy: {name: interval(values, rate=name in RATES) for name, values in run.figures.items()}
+            for policy, run in self.runs.items()
+        }
+
+    @property
+    def interquartile(self) -> dict[str, dict[str, Interval]]:
+        """The same for the mean of the middle half of the episodes; not of rates, of which it would be 0 or 1."""
+        return {
+            policy: {
+                name: interval(values, statistic=interquartile_mean)
+                for name, values in run.figures.items()
+                if name not in RATES
+            }
             for policy, run in self.runs.items()
         }
 
@@ -170,6 +185,7 @@ class Evaluation:
             "machine": self.machine.name,
             "courses": [course.name for course in self.courses],
             "policies": _dicts(self.summary),
+            "interquartile_means": _dicts(self.interquartile),
             "endings": _dicts(self.endings),
             "differences": {"from": next(iter(self.runs)), "policies": _dicts(self.differences)},
         }
@@ -271,24 +287,34 @@ def evaluate(
     )
 
 
-def interval(values: Floats, *, rate: bool = False) -> Interval:
+def interquartile_mean(values: Floats, axis: int = -1) -> Any:
+    """Mean of the middle half of the values: what a few wild episodes hardly move, and more exact than the median."""
+    return trim_mean(values, 0.25, axis=axis)
+
+
+def interval(values: Floats, *, rate: bool = False, statistic: Callable[..., Any] = np.mean) -> Interval:
     """Mean and 95 % interval of ``values`` (N,), those that are NaN left out.
 
     The interval is the percentiles' of a bootstrap over the episodes, always with the same draws; of a ``rate``, whose
     values are 0 and 1, it is the exact one of Clopper and Pearson.
+
+    Args:
+        values: One an episode.
+        rate: Whether they are 0 or 1.
+        statistic: Instead of the mean, such as :func:`interquartile_mean`; not for rates.
     """
     values = values[np.isfinite(values)]
     if not values.size:
         return Interval(math.nan, math.nan, math.nan)
-    mean = float(values.mean())
     if rate:
         low, high = binomtest(round(values.sum()), values.size).proportion_ci(CONFIDENCE)
-        return Interval(mean, float(low), float(high))
+        return Interval(float(values.mean()), float(low), float(high))
+    mean = float(statistic(values))
     if values.size < 2:
         return Interval(mean, math.nan, math.nan)
     found = bootstrap(
         (values,),
-        np.mean,
+        statistic,
         n_resamples=RESAMPLES,
         confidence_level=CONFIDENCE,
         method="percentile",
@@ -414,15 +440,21 @@ def turn_joints(
         tell((len(film) - 1) / EPISODE_STEPS)
 
     run = rollout(env, policy, seed=seeds, watch=watch)
-    found = [responses(_only(run, i), tolerance=env.task.config.tolerance) for i in range(env.num_envs)]
+    found = responses(run, tolerance=env.task.config.tolerance)
+    mine = [found["episode"] == i for i in range(env.num_envs)]
+
+    def mean(values: NDArray[Any]) -> Floats:
+        return np.array([_mean(values[rows]) for rows in mine])
+
     figures = {
         "success_rate": run.success.astype(np.float64),
-        "settling_time_s": np.array([_mean(each["settling_time"]) for each in found]),
-        "settled_share": np.array([np.isfinite(each["settling_time"]).mean() for each in found]),
-        "rise_time_s": np.array([_mean(each["rise_time"]) for each in found]),
-        "overshoot_deg": np.degrees([each["overshoot"].mean() for each in found]),
-        "worst_overshoot_deg": np.degrees([each["overshoot"].max() for each in found]),
-        "final_error_deg": np.degrees([each["final_error"].mean() for each in found]),
+        "settling_time_s": mean(found["settling_time"]),
+        "settled_share": mean(np.isfinite(found["settling_time"]) * 1.0),
+        "rise_time_s": mean(found["rise_time"]),
+        "overshoot_deg": mean(np.degrees(found["overshoot"])),
+        "worst_overshoot_deg": np.array([np.degrees(found["overshoot"][rows].max()) for rows in mine]),
+        "flow_overshoot_share": mean(found["flow_overshoot"]),
+        "final_error_deg": mean(np.degrees(found["final_error"])),
         "return": run.returns,
     }
     error = np.degrees(np.abs(run.target.astype(np.float64) - run.joint_angle))
@@ -447,20 +479,6 @@ def turn_joints(
     )
 
 
-def _only(run: Rollout, i: int) -> Rollout:
-    """One episode."""
-    one = slice(i, i + 1)
-    return replace(
-        run,
-        joint_angle=run.joint_angle[:, one],
-        target=run.target[:, one],
-        start_angle=run.start_angle[one],
-        steering_signal=run.steering_signal[:, one],
-        reward=run.reward[:, one],
-        success=run.success[one],
-    )
-
-
 def _mean(values: Floats) -> float:
     """Of those that are not NaN; NaN if all are."""
     finite = values[np.isfinite(values)]
@@ -469,10 +487,20 @@ def _mean(values: Floats) -> float:
 
 TRIALS: Mapping[str, Trial] = {
     "AORO/Turning-v0": Trial(
-        _make_turning, turn_joints, 0.02, "time since the target was set [s]", "distance from the target [°]"
+        _make_turning,
+        turn_joints,
+        0.02,
+        "time since the target was set [s]",
+        "distance from the target [°]",
+        ("settling_time_s", "flow_overshoot_share", "overshoot_deg"),
     ),
     "AORO/PathTracking-v0": Trial(
-        _make_tracking, drive_paths, STATION, "distance driven along the path [m]", "cross-track error [m]"
+        _make_tracking,
+        drive_paths,
+        STATION,
+        "distance driven along the path [m]",
+        "cross-track error [m]",
+        ("cross_track_rms_m", "speed_m_per_s"),
     ),
 }
 """What can be evaluated, by the environment's id."""
