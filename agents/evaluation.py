@@ -184,10 +184,10 @@ class Evaluation:
             "seed": self.seed,
             "machine": self.machine.name,
             "courses": [course.name for course in self.courses],
-            "policies": _dicts(self.summary),
-            "interquartile_means": _dicts(self.interquartile),
-            "endings": _dicts(self.endings),
-            "differences": {"from": next(iter(self.runs)), "policies": _dicts(self.differences)},
+            "policies": plain(self.summary),
+            "interquartile_means": plain(self.interquartile),
+            "endings": plain(self.endings),
+            "differences": {"from": next(iter(self.runs)), "policies": plain(self.differences)},
         }
 
 
@@ -221,6 +221,7 @@ def evaluate(
     seed: int = 0,
     courses: Sequence[Course] | None = None,
     machine: str | Machine = "aoro",
+    drawn: Callable[[Machine, Sequence[int]], Machine] = lambda machine, seeds: machine,
     device: str = "cpu",
     reward_terms: Mapping[str, Any] | None = None,
     progress: Callable[[str, float], Any] | None = None,
@@ -233,7 +234,9 @@ def evaluate(
         episodes: A policy.
         seed: Of the first episode.
         courses: Where to drive; by default the environment's own. Not for the turning task.
-        machine: Bundled name, machine file or Machine.
+        machine: Bundled name, machine file or Machine: the one that policies are made for.
+        drawn: Gives the machines that are driven, one a seed, such as :mod:`aoro_gym.agents.perturbations` does; by
+            default the same.
         device: ``"cpu"`` or ``"cuda:N"``.
         reward_terms: Changes by name to what the return is made of; see :mod:`aoro_gym.envs.terms`.
         progress: Called with a policy's name and the share of everything that is done.
@@ -255,23 +258,26 @@ def evaluate(
     runs: dict[str, Episodes] = {}
     vector: Any = None
     done = 0
+
+    def made(count: int, plant: Machine) -> Any:
+        return trial.make(
+            count, courses, machine=plant, device=device, autoreset_mode="Disabled", reward_terms=reward_terms
+        )
+
+    known: Any = None
     for part in parts:
-        if vector is None or vector.num_envs != len(part):
-            vector = trial.make(
-                len(part),
-                courses,
-                machine=machine,
-                device=device,
-                autoreset_mode="Disabled",
-                reward_terms=reward_terms,
-            )
+        plant = drawn(machine, part.tolist())
+        if known is None or known.num_envs != len(part):
+            known = vector = made(len(part), machine)
+        if plant is not machine:
+            vector = made(len(part), plant)
         for name, make in policies.items():
 
             def tell(share: float, name: str = name, before: int = done, size: int = len(part)) -> None:
                 if progress is not None:
                     progress(name, (before + share * size) / (episodes * len(policies)))
 
-            run = trial.drive(vector, make(vector), part.tolist(), tell)
+            run = trial.drive(vector, make(known), part.tolist(), tell)
             runs[name] = runs[name].joined(run) if name in runs else run
             done += len(part)
     task = vector.task
@@ -283,7 +289,7 @@ def evaluate(
         runs,
         machine,
         task.control_step,
-        lambda: task.scene(vector.twin.machine),
+        lambda: task.scene(machine),
     )
 
 
@@ -324,7 +330,8 @@ def interval(values: Floats, *, rate: bool = False, statistic: Callable[..., Any
     return Interval(mean, float(found.low), float(found.high))
 
 
-def _dicts(figures: Mapping[str, Mapping[str, Interval]]) -> dict[str, dict[str, dict[str, float | None]]]:
+def plain(figures: Mapping[str, Mapping[str, Interval]]) -> dict[str, dict[str, dict[str, float | None]]]:
+    """Figures by policy and name for JSON; None where an interval says nothing."""
     return {
         policy: {
             name: {key: number if math.isfinite(number) else None for key, number in value._asdict().items()}

@@ -29,6 +29,7 @@ from aoro_gym import __version__
 from aoro_gym.agents.training_plan import TrainingPlan
 
 if TYPE_CHECKING:
+    from aoro_gym.agents.reference import Factory
     from aoro_gym.envs import Course
     from aoro_gym.manoeuvres import Manoeuvre, Recording
     from aoro_gym.report import Passage, Section
@@ -768,18 +769,9 @@ def evaluate(
     """
     with _checking_input():
         from aoro_gym.agents import evaluation
-        from aoro_gym.agents.learned import shipped_policies
-        from aoro_gym.agents.reference import REFERENCE_POLICIES
 
         _check_folder(out, "index.html")
-        if env not in evaluation.TRIALS:
-            raise ValueError(f"--env {env!r} cannot be evaluated; choose one of: {', '.join(evaluation.TRIALS)}")
-        names = policy or [*REFERENCE_POLICIES[env], *shipped_policies(env)]
-        policies = {
-            _policy_name(name): evaluation.policy_factory(env, name, trust_pickle=trust_pickle) for name in names
-        }
-        if len(policies) < len(names):
-            raise ValueError("--policy names the same one twice; give each once")
+        policies = _policies(env, policy, trust_pickle=trust_pickle)
         if not 1 <= episodes <= MOST_EPISODES:
             raise ValueError(f"--episodes = {episodes} is outside [1, {MOST_EPISODES}]")
         chosen = _machine(machine, set_, scale)
@@ -804,6 +796,74 @@ def evaluate(
             )
         written = write_report(result, out, films=films, lead=_lead(made_by), made_by=made_by, progress=tell)
     _out().print(table(result))
+    _say(written)
+
+
+@app.command()
+def leaderboard(
+    env: Annotated[str, typer.Option("--env", metavar="ID", help="AORO/PathTracking-v0 or AORO/Turning-v0.")] = DRIVE,
+    policy: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--policy",
+            metavar="NAME|FILE",
+            help="Who drives. Repeatable. Default: all controllers and shipped policies.",
+        ),
+    ] = None,
+    episodes: Annotated[
+        int, typer.Option("--episodes", metavar="N", help="Episodes a policy, under each perturbation.")
+    ] = 100,
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to.")] = Path(
+        "leaderboard"
+    ),
+    readme: Annotated[
+        Path | None,
+        typer.Option("--readme", metavar="FILE.md", help="Put the table between the marks of this file, too."),
+    ] = None,
+    machine: MachineOption = MACHINE,
+    set_: SetOption = None,
+    scale: ScaleOption = None,
+    device: DeviceOption = "cpu",
+    seed: Annotated[
+        int | None, typer.Option("--seed", help="Of the first episode. Default: one that is held out.")
+    ] = None,
+) -> None:
+    """Rank policies and tuned controllers on seeds, grounds and machines that none of them saw.
+
+    All drive the same episodes three times: on the machine as it is; with all of its uncertain parameters drawn within
+    their ranges; and with an effect of the catalogue switched on in addition. Figures are means of the middle half of the
+    episodes (interquartile means), with bootstrapped 95 % intervals, and differences from the best controller, episode by
+    episode.
+
+    FOLDER gets leaderboard.json, leaderboard.md and leaderboard.png. In --readme the table replaces what stands between
+    <!-- leaderboard ID --> and <!-- leaderboard ID end -->.
+
+    [bold]Examples[/]
+
+      aoro-gym leaderboard
+      aoro-gym leaderboard --env AORO/Turning-v0 --episodes 350 --readme README.md
+      aoro-gym leaderboard --policy preview --policy runs/mine/best.json
+    """
+    with _checking_input():
+        from aoro_gym.agents import leaderboard as board
+
+        _check_folder(out, "leaderboard.json")
+        policies = _policies(env, policy)
+        if not 1 <= episodes <= MOST_EPISODES:
+            raise ValueError(f"--episodes = {episodes} is outside [1, {MOST_EPISODES}]")
+        if readme is not None:
+            board.around_table(readme, env)
+        seed = board.SEED if seed is None else seed
+        chosen = _machine(machine, set_, scale)
+        _check_seed(seed)
+        _check_device(device)
+    with _bar(env) as tell, _running():
+        result = board.compare(
+            env, policies, episodes=episodes, seed=seed, machine=chosen, device=device, progress=tell
+        )
+        with _checking_input():  # such as a readme without marks
+            written = board.write(result, out, readme=readme, made_by=_made_by(machine, set_, scale, device, seed))
+    _out().print(board.table(result))
     _say(written)
 
 
@@ -1393,6 +1453,21 @@ def _check_extra(extra: str, *modules: str) -> None:
     for module in modules:
         if find_spec(module) is None:
             raise ValueError(f"{module} is missing: pip install 'aoro-gym[{extra}]'")
+
+
+def _policies(env: str, asked: list[str] | None, *, trust_pickle: bool = False) -> dict[str, Factory]:
+    """What makes each policy, by its name in reports; all controllers and shipped policies if none is asked for."""
+    from aoro_gym.agents import evaluation
+    from aoro_gym.agents.learned import shipped_policies
+    from aoro_gym.agents.reference import REFERENCE_POLICIES
+
+    if env not in evaluation.TRIALS:
+        raise ValueError(f"--env {env!r} cannot be evaluated; choose one of: {', '.join(evaluation.TRIALS)}")
+    names = asked or [*REFERENCE_POLICIES[env], *shipped_policies(env)]
+    policies = {_policy_name(name): evaluation.policy_factory(env, name, trust_pickle=trust_pickle) for name in names}
+    if len(policies) < len(names):
+        raise ValueError("--policy names the same one twice; give each once")
+    return policies
 
 
 def _policy_name(name: str) -> str:
