@@ -178,7 +178,7 @@ def write(
     write_figure(result, picture)
     if readme is None:
         return [summary, text, picture]
-    write_whole(readme, lines.join(around_table(readme, result.any.env)))
+    write_whole(readme, lines.join(around_table(readme, result.any.env)).removesuffix("\n"))
     return [summary, text, picture, readme]
 
 
