@@ -36,7 +36,7 @@ import numpy as np
 
 from aoro_gym.agents.curriculum import curriculum, stage_at
 from aoro_gym.agents.evaluation import TRIALS, evaluate
-from aoro_gym.agents.learned import LearnedPolicy, of_stable_baselines3
+from aoro_gym.agents.learned import LearnedPolicy, into_stable_baselines3, of_stable_baselines3
 from aoro_gym.agents.training_plan import TrainingPlan
 from aoro_gym.envs.courses import Course
 from aoro_gym.log import write_whole
@@ -86,13 +86,15 @@ def read_recipe(plan: TrainingPlan) -> Recipe:
 def begin(plan: TrainingPlan, folder: Path) -> Recipe:
     """Write the plan and its recipe to ``folder``, where nothing has been trained yet.
 
-    Raises ValueError if something has, or if the recipe is wrong.
+    Raises ValueError if something has, or if the recipe or the policy to start from is wrong; OSError if a file is missing.
     """
     if (folder / CHECKPOINT).exists():
         raise ValueError(f"{folder} holds a training; give --resume {folder}, or another --out")
     if plan.env not in TRIALS:
         raise ValueError(f"env is {plan.env!r}; choose one of: {', '.join(TRIALS)}")
     recipe = read_recipe(plan)
+    if plan.start is not None:
+        LearnedPolicy.load(Path(plan.start))
     content = {
         "command": plan.command,
         "plan": plan.to_json(),
@@ -165,6 +167,12 @@ def train(
     if checkpoint.exists():
         notes = load_checkpoint(checkpoint, model)
         found, before = notes["evaluations"], notes["elapsed_s"]
+    elif plan.start is not None:
+        into_stable_baselines3(
+            LearnedPolicy.load(Path(plan.start)).made_for(env.unwrapped.envs),
+            model.policy,
+            model.get_vec_normalize_env(),
+        )
     clock.done = model.num_timesteps
     model.set_logger(configure(str(folder / "log" / f"from_{clock.done}"), ["csv", "tensorboard"]))
     watch = Watch(clock, tell, every=REPORT_EVERY)

@@ -867,6 +867,124 @@ def leaderboard(
     _say(written)
 
 
+@app.command()
+def gap(
+    policy: Annotated[
+        str,
+        typer.Option("--policy", metavar="NAME|FILE", help="Who drives; with --retrain a file of 'aoro-gym train'."),
+    ],
+    env: Annotated[str, typer.Option("--env", metavar="ID", help="AORO/PathTracking-v0 or AORO/Turning-v0.")] = DRIVE,
+    plant: Annotated[
+        str | None, typer.Option("--plant", metavar="NAME|FILE", help="Machine to drive. Default: --machine.")
+    ] = None,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option("--effect", metavar="NAME=VALUE", help="Effect that the plant has, too, in SI. Repeatable."),
+    ] = None,
+    diagnosis: Annotated[
+        Path | None,
+        typer.Option("--diagnosis", metavar="FOLDER", help="What 'aoro-gym diagnose' wrote: its likeliest machine."),
+    ] = None,
+    improved: Annotated[
+        str | None, typer.Option("--improved", metavar="NAME|FILE", help="Instead: machine of the improved twin.")
+    ] = None,
+    retrain: Annotated[
+        int, typer.Option("--retrain", metavar="STEPS", help="Environment steps of retraining; 0 does not retrain.")
+    ] = 0,
+    episodes: Annotated[int, typer.Option("--episodes", metavar="N", help="Episodes in each place.")] = 64,
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to.")] = Path("gap"),
+    machine: MachineOption = MACHINE,
+    set_: SetOption = None,
+    scale: ScaleOption = None,
+    device: DeviceOption = "cpu",
+    seed: SeedOption = 0,
+) -> None:
+    """What a gap costs a policy, how much of that a diagnosis foresees, and how much retraining wins back.
+
+    The policy drives the same episodes in the baseline (--machine), in the plant (--plant, --effect) and in the twin that a
+    diagnosis improved (--diagnosis or --improved). With --retrain it learns on for so many steps in the improved twin, and
+    as many in the baseline for comparison, and both drive in the plant. It is called again to go on with a retraining that
+    was interrupted.
+
+    FOLDER gets gap.json, and the retrained policies.
+
+    [bold]Examples[/]
+
+      aoro-gym gap --policy runs/mine/best.json --effect spool_lag=0.05 --diagnosis diagnosis
+      aoro-gym gap --policy preview --plant field.toml --improved diagnosis/cause_1.toml
+      aoro-gym gap --policy runs/mine/best.json --plant field.toml --diagnosis diagnosis --retrain 500000
+    """
+    with _checking_input():
+        from aoro_gym.agents import gap as gaps
+        from aoro_gym.agents.leaderboard import forests
+
+        _check_folder(out, "gap.json")
+        _, make = next(iter(_policies(env, [policy]).items()))
+        if not 1 <= episodes <= MOST_EPISODES:
+            raise ValueError(f"--episodes = {episodes} is outside [1, {MOST_EPISODES}]")
+        if retrain < 0:
+            raise ValueError(f"--retrain = {retrain} is below 0")
+        if diagnosis is not None and improved is None:
+            improved = str(gaps.diagnosed(diagnosis))
+        elif improved is None or diagnosis is not None:
+            raise ValueError("give one of --diagnosis and --improved")
+        chosen = _machine(machine, set_, scale)
+        driven = gaps.with_effects(chosen if plant is None else _machine(plant, None, None), effect or [])
+        if plant is None and not effect:
+            raise ValueError("the plant is the baseline; give --plant or --effect")
+        found = _machine(improved, None, None)
+        _check_seed(seed)
+        _check_device(device)
+    others: dict[str, Factory] = {}
+    if retrain:
+        for name, where in (("retrained", found), ("control", chosen)):
+            others[name] = _learned_on(env, policy, out / name, machine=where, steps=retrain, seed=seed, device=device)
+    with _bar(env) as tell, _running():
+        result = gaps.measure(
+            env,
+            make,
+            baseline=chosen,
+            plant=driven,
+            improved=found,
+            **others,
+            episodes=episodes,
+            seed=gaps.SEED + seed,
+            courses=forests() if env == DRIVE else None,
+            device=device,
+            progress=tell,
+        )
+    made_by = _made_by(machine, set_, scale, device, seed)
+    made_by |= {"policy": policy, "plant": plant, "effects": effect, "improved": found.name, "retrain": retrain}
+    _write_json(out / "gap.json", result.to_json() | {"made_by": made_by})
+    _out().print(gaps.table(result))
+    _say([out / "gap.json"])
+
+
+def _learned_on(
+    env: str, policy: str, folder: Path, *, machine: Machine, steps: int, seed: int, device: str
+) -> Factory:
+    """The policy of a file after learning on for so many steps, or what an earlier call has come to."""
+    with _checking_input():
+        from aoro_gym.agents import gap as gaps
+        from aoro_gym.agents import learned, training
+
+        file = learned.shipped_policies(env).get(policy, Path(policy))
+        if file.suffix not in (".json", ".safetensors"):
+            raise ValueError(f"--policy {policy} cannot be retrained; give a file that 'aoro-gym train' wrote")
+        plan = gaps.retraining_plan(env, learned.load_policy(file), file, steps=steps, seed=seed, device=device)
+        _check_extra("agents", "stable_baselines3", "torch", "yaml", "tensorboard")
+        if (folder / training.RECORD).exists():
+            before, recipe = training.recall(folder)
+            if before != plan:
+                raise ValueError(f"{folder} holds another training ({before.command}); give another --out")
+        else:
+            recipe = training.begin(plan, folder)
+        courses, held_out = _training_courses(plan)
+    with _learning_bar(f"{env}, {folder.name}") as tell, _running(), _checking_input():
+        training.train(plan, recipe, folder, machine=machine, courses=courses, held_out=held_out, tell=tell)
+    return learned.load_policy(folder / "best.json").made_for
+
+
 def _options_of(plan: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Puts the fields of a dataclass in the place of a command's ``**options``."""
 

@@ -38,7 +38,7 @@ def turn(tmp_path_factory) -> tuple[Path, Result]:
 
 def test_version_and_help():
     assert call("--version").stdout == f"aoro-gym {__version__}\n"
-    verbs = "parameters simulate validate calibrate demo terrain evaluate leaderboard train export bench"
+    verbs = "parameters simulate validate calibrate demo terrain evaluate leaderboard gap train export bench"
     for verb in verbs.split():
         shown = call(verb, "--help")
         assert shown.exit_code == 0
@@ -457,6 +457,14 @@ def test_terrain(tmp_path):
         ("leaderboard --env X", "--env 'X' cannot be evaluated; choose one of"),
         ("leaderboard --episodes 0", "--episodes = 0 is outside [1, 10000]"),
         ("leaderboard --readme good.csv", "good.csv lacks the lines <!-- leaderboard AORO/PathTracking-v0 -->"),
+        ("gap --policy preview", "give one of --diagnosis and --improved"),
+        ("gap --policy preview --improved aoro", "the plant is the baseline; give --plant or --effect"),
+        ("gap --policy preview --diagnosis empty", "empty/diagnosis.json: No such file"),
+        ("gap --policy preview --improved aoro --effect x=1", "'x' is no effect on the machine; choose from"),
+        (
+            "gap --policy preview --improved aoro --effect payload=9 --retrain 9",
+            "preview cannot be retrained; give a file",
+        ),
         ("train --algo dqn", "algo is 'dqn'; choose one of: ppo, sac"),
         ("train --terrain good.csv", "--terrain is for AORO/PathTracking-v0"),
         ("train --out good.csv", "--out good.csv is a file; name a folder"),

@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -115,6 +115,31 @@ def test_learning_changes_the_policy_and_another_seed_another(training, tmp_path
         found[name] = weights(tmp_path / name)["layer0.weight"]
     assert not np.array_equal(found["short"], found["long"])
     assert not np.array_equal(found["other"], found["long"])
+
+
+def test_a_training_learns_on_from_a_policy(training, tmp_path):
+    from aoro_gym.agents.learned import load_policy
+
+    machine, first, second = Machine.load("aoro"), tmp_path / "first", tmp_path / "second"
+    training.train(plan_of(), training.begin(plan_of(), first), first, machine=machine)
+    # so small a step that nothing is learned: what is left is the policy that was started from
+    plan = plan_of(start=str(first / "policy.json"), seed=6, steps=100)
+    plan = replace(plan, param=[*(plan.param or []), "learning_rate=1e-30"])
+    assert "--start" in plan.command
+    training.train(plan, training.begin(plan, second), second, machine=machine)
+    before, after = (load_policy(folder / "policy.json") for folder in (first, second))
+    for one, other in zip(before.weights, after.weights, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert before.normalisation is not None and after.normalisation is not None
+    # 100 observations against 1e7
+    np.testing.assert_allclose(after.normalisation.mean, before.normalisation.mean, atol=1e-4)
+    np.testing.assert_allclose(after.normalisation.variance, before.normalisation.variance, rtol=1e-3, atol=1e-6)
+
+    wide = replace(plan, param=[*(plan.param or []), "policy_kwargs={net_arch: [8]}"])
+    with pytest.raises(ValueError, match=r"layers \[8, 64, 64, 1\] with tanh, but the network to train \[8, 8, 1\]"):
+        training.train(wide, training.begin(wide, tmp_path / "wide"), tmp_path / "wide", machine=machine)
+    with pytest.raises(FileNotFoundError):
+        training.begin(plan_of(start="none.json"), tmp_path / "none")
 
 
 def test_a_killed_command_goes_on(training, tmp_path):
