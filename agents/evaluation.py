@@ -16,6 +16,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial, reduce
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,6 +29,7 @@ from aoro_gym.agents import learned
 from aoro_gym.agents.controllers import Policy
 from aoro_gym.agents.reference import REFERENCE_POLICIES, Factory
 from aoro_gym.agents.responses import EPISODE_STEPS, responses, rollout
+from aoro_gym.cluster import ClusterError, Failed, connected, on_ray
 from aoro_gym.envs.courses import Course, library
 from aoro_gym.envs.path_tracking import PathTrackingVectorEnv
 from aoro_gym.envs.turning import TurningVectorEnv
@@ -35,6 +37,8 @@ from aoro_gym.twin import Machine
 
 AT_ONCE = 64
 """Episodes that are driven together."""
+SHARD = 16
+"""The same on a cluster: enough jobs for many nodes."""
 CONFIDENCE = 0.95
 RESAMPLES = 9999
 """Of a bootstrap."""
@@ -224,6 +228,7 @@ def evaluate(
     drawn: Callable[[Machine, Sequence[int]], Machine] = lambda machine, seeds: machine,
     device: str = "cpu",
     reward_terms: Mapping[str, Any] | None = None,
+    ray: str | None = None,
     progress: Callable[[str, float], Any] | None = None,
 ) -> Evaluation:
     """Drive the same episodes under every policy.
@@ -239,11 +244,14 @@ def evaluate(
             default the same.
         device: ``"cpu"`` or ``"cuda:N"``.
         reward_terms: Changes by name to what the return is made of; see :mod:`aoro_gym.envs.terms`.
+        ray: Address of the Ray cluster to drive on, see :func:`aoro_gym.cluster.connected`; here by default. The episodes
+            are the same.
         progress: Called with a policy's name and the share of everything that is done.
 
     Raises:
         ValueError: naming what is wrong.
         TwinLost: a twin was lost in the turning task.
+        ClusterError: a job on the cluster failed.
     """
     if env not in TRIALS:
         raise ValueError(f"{env!r} cannot be evaluated; choose one of: {', '.join(TRIALS)}")
@@ -251,36 +259,17 @@ def evaluate(
         raise ValueError(f"episodes is {episodes}, but must be at least 1")
     if not policies:
         raise ValueError("policies is empty; give at least one")
-    trial = TRIALS[env]
     machine = machine if isinstance(machine, Machine) else Machine.load(machine)
-    # of nearly the same size: a small last part would take as long as a large one
-    parts = np.array_split(seed + np.arange(episodes), math.ceil(episodes / AT_ONCE))
-    runs: dict[str, Episodes] = {}
-    vector: Any = None
-    done = 0
-
-    def made(count: int, plant: Machine) -> Any:
-        return trial.make(
-            count, courses, machine=plant, device=device, autoreset_mode="Disabled", reward_terms=reward_terms
-        )
-
-    known: Any = None
-    for part in parts:
-        plant = drawn(machine, part.tolist())
-        if known is None or known.num_envs != len(part):
-            known = vector = made(len(part), machine)
-        if plant is not machine:
-            vector = made(len(part), plant)
-        for name, make in policies.items():
-
-            def tell(share: float, name: str = name, before: int = done, size: int = len(part)) -> None:
-                if progress is not None:
-                    progress(name, (before + share * size) / (episodes * len(policies)))
-
-            run = trial.drive(vector, make(known), part.tolist(), tell)
-            runs[name] = runs[name].joined(run) if name in runs else run
-            done += len(part)
-    task = vector.task
+    make = partial(
+        TRIALS[env].make, courses=courses, device=device, autoreset_mode="Disabled", reward_terms=reward_terms
+    )
+    seeds = seed + np.arange(episodes)
+    if ray is None:
+        runs = _here(TRIALS[env].drive, policies, seeds, make=make, machine=machine, drawn=drawn, progress=progress)
+    else:
+        work = partial(_shard, TRIALS[env].drive, make=make, machine=machine, drawn=drawn)
+        runs = _on_cluster(work, policies, seeds, ray=ray, device=device, progress=progress)
+    task = make(1, machine=machine).task
     return Evaluation(
         env,
         episodes,
@@ -291,6 +280,89 @@ def evaluate(
         task.control_step,
         lambda: task.scene(machine),
     )
+
+
+def _here(
+    drive: Callable[..., Episodes],
+    policies: Mapping[str, Factory],
+    seeds: NDArray[np.int_],
+    *,
+    make: Callable[..., Any],
+    machine: Machine,
+    drawn: Callable[[Machine, Sequence[int]], Machine],
+    progress: Callable[[str, float], Any] | None,
+) -> dict[str, Episodes]:
+    """Episodes by policy, part by part; environments of one size are made once."""
+    runs: dict[str, Episodes] = {}
+    known: Any = None
+    vector: Any = None
+    done = 0
+    for part in _parts(seeds, AT_ONCE):
+        plant = drawn(machine, part)
+        if known is None or known.num_envs != len(part):
+            known = vector = make(len(part), machine=machine)
+        if plant is not machine:
+            vector = make(len(part), machine=plant)
+        for name, policy in policies.items():
+
+            def tell(share: float, name: str = name, before: int = done, size: int = len(part)) -> None:
+                if progress is not None:
+                    progress(name, (before + share * size) / (len(seeds) * len(policies)))
+
+            run = drive(vector, policy(known), part, tell)
+            runs[name] = runs[name].joined(run) if name in runs else run
+            done += len(part)
+    return runs
+
+
+def _on_cluster(
+    work: Callable[..., Episodes],
+    policies: Mapping[str, Factory],
+    seeds: NDArray[np.int_],
+    *,
+    ray: str,
+    device: str,
+    progress: Callable[[str, float], Any] | None,
+) -> dict[str, Episodes]:
+    """The same from a cluster: what each policy does in each shard is a job.
+
+    Raises ClusterError if one failed.
+    """
+    shards = _parts(seeds, SHARD)
+    jobs = {f"{name}, part {k}": (policy, part) for name, policy in policies.items() for k, part in enumerate(shards)}
+    found: dict[str, Episodes] = {}
+    with connected(ray):
+        for job, run in on_ray(work, jobs, device=device):
+            if isinstance(run, Failed):
+                raise ClusterError(f"{job}: {run.reason}")
+            found[job] = run
+            if progress is not None:
+                progress(job, len(found) / len(jobs))
+    return {
+        name: reduce(Episodes.joined, (found[f"{name}, part {k}"] for k in range(len(shards)))) for name in policies
+    }
+
+
+def _shard(
+    drive: Callable[..., Episodes],
+    policy: Factory,
+    seeds: list[int],
+    *,
+    make: Callable[..., Any],
+    machine: Machine,
+    drawn: Callable[[Machine, Sequence[int]], Machine],
+) -> Episodes:
+    """What a policy does in a part of the episodes."""
+    known = vector = make(len(seeds), machine=machine)
+    plant = drawn(machine, seeds)
+    if plant is not machine:
+        vector = make(len(seeds), machine=plant)
+    return drive(vector, policy(known), seeds)
+
+
+def _parts(seeds: NDArray[np.int_], most: int) -> list[list[int]]:
+    """The seeds in parts of nearly the same size: a small last one would take as long as a large one."""
+    return [part.tolist() for part in np.array_split(seeds, math.ceil(len(seeds) / most))]
 
 
 def interquartile_mean(values: Floats, axis: int = -1) -> Any:

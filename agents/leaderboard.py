@@ -124,6 +124,7 @@ def compare(
     courses: Sequence[Course] | None = None,
     machine: str | Machine = "aoro",
     device: str = "cpu",
+    ray: str | None = None,
     progress: Callable[[str, float], Any] | None = None,
 ) -> Leaderboard:
     """Evaluate policies under every perturbation; the arguments are those of
@@ -147,6 +148,7 @@ def compare(
             machine=machine,
             drawn=perturb,
             device=device,
+            ray=ray,
             progress=tell,
         )
     return Leaderboard(found)

@@ -13,7 +13,7 @@ import shutil
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import fields
+from dataclasses import fields, replace
 from fnmatch import fnmatch
 from importlib.util import find_spec
 from pathlib import Path
@@ -78,6 +78,10 @@ DeviceOption = Annotated[str, typer.Option("--device", metavar="cpu|cuda:N", hel
 SeedOption = Annotated[int, typer.Option("--seed", metavar="N", help="Seed of all that is random: noise and searches.")]
 WorkersOption = Annotated[
     int | None, typer.Option("--workers", metavar="N", help="Processes at once. Default: the number of cores.")
+]
+RayOption = Annotated[
+    str | None,
+    typer.Option("--ray", metavar="auto|local|HOST:PORT", help="Spread over a Ray cluster, of this computer if local."),
 ]
 blind = typer.Typer(
     no_args_is_help=True,
@@ -743,6 +747,7 @@ def evaluate(
         "evaluation"
     ),
     films: Annotated[bool, typer.Option("--films/--no-films", help="Draw each policy's first episode.")] = True,
+    ray: RayOption = None,
     machine: MachineOption = MACHINE,
     set_: SetOption = None,
     scale: ScaleOption = None,
@@ -792,6 +797,7 @@ def evaluate(
                 courses=courses,
                 machine=chosen,
                 device=device,
+                ray=ray,
                 progress=tell,
             )
         written = write_report(result, out, films=films, lead=_lead(made_by), made_by=made_by, progress=tell)
@@ -820,6 +826,7 @@ def leaderboard(
         Path | None,
         typer.Option("--readme", metavar="FILE.md", help="Put the table between the marks of this file, too."),
     ] = None,
+    ray: RayOption = None,
     machine: MachineOption = MACHINE,
     set_: SetOption = None,
     scale: ScaleOption = None,
@@ -858,11 +865,11 @@ def leaderboard(
         _check_seed(seed)
         _check_device(device)
     with _bar(env) as tell, _running():
-        result = board.compare(
-            env, policies, episodes=episodes, seed=seed, machine=chosen, device=device, progress=tell
-        )
-        with _checking_input():  # such as a readme without marks
-            written = board.write(result, out, readme=readme, made_by=_made_by(machine, set_, scale, device, seed))
+        with _checking_input():  # such as a cluster that is not there
+            result = board.compare(
+                env, policies, episodes=episodes, seed=seed, machine=chosen, device=device, ray=ray, progress=tell
+            )
+        written = board.write(result, out, readme=readme, made_by=_made_by(machine, set_, scale, device, seed))
     _out().print(board.table(result))
     _say(written)
 
@@ -973,12 +980,7 @@ def _learned_on(
             raise ValueError(f"--policy {policy} cannot be retrained; give a file that 'aoro-gym train' wrote")
         plan = gaps.retraining_plan(env, learned.load_policy(file), file, steps=steps, seed=seed, device=device)
         _check_extra("agents", "stable_baselines3", "torch", "yaml", "tensorboard")
-        if (folder / training.RECORD).exists():
-            before, recipe = training.recall(folder)
-            if before != plan:
-                raise ValueError(f"{folder} holds another training ({before.command}); give another --out")
-        else:
-            recipe = training.begin(plan, folder)
+        recipe = training.continued(plan, folder)
         courses, held_out = _training_courses(plan)
     with _learning_bar(f"{env}, {folder.name}") as tell, _running(), _checking_input():
         training.train(plan, recipe, folder, machine=machine, courses=courses, held_out=held_out, tell=tell)
@@ -1020,6 +1022,11 @@ def train(
         Path | None,
         typer.Option("--resume", metavar="FOLDER", help="Go on with the training there, from its last checkpoint."),
     ] = None,
+    ray: RayOption = None,
+    seeds: Annotated[
+        int | None,
+        typer.Option("--seeds", metavar="N", help="With --ray: so many trainings, from --seed on, a job each."),
+    ] = None,
     **options: Any,
 ) -> None:
     """Train a policy with Stable-Baselines3, on many twins at once.
@@ -1027,6 +1034,9 @@ def train(
     Hyper-parameters are in the RL Zoo's format, a curriculum says what differs from episode to episode; the package has
     both, for CPUs and for GPUs. The training is evaluated and saved every --checkpoint-every steps of each sub-environment,
     and can be killed at any time: --resume goes on from the last checkpoint, on a CPU to the same weights to the bit.
+
+    With --ray, N trainings run on a cluster whose nodes share FOLDER, each in FOLDER/seed_K. One whose node dies goes on
+    elsewhere; after Ctrl-C the same command goes on with all.
 
     FOLDER gets training.json (all that was asked), checkpoint.pt, evaluations.json, policy.json with policy.safetensors (and
     best.*, of the best return), and log, for TensorBoard. Needs pip install 'aoro-gym\\[agents]'.
@@ -1036,12 +1046,20 @@ def train(
       aoro-gym train --env AORO/Turning-v0 --out runs/turning
       aoro-gym train --env AORO/PathTracking-v0 --terrain forest.laz --machine mine.toml --device cuda:0
       aoro-gym train --resume runs/turning
+      aoro-gym train --env AORO/Turning-v0 --ray auto --seeds 3 --out /shared/turning
       aoro-gym train --algo sac --param learning_rate=1e-4 --param 'policy_kwargs={net_arch: [128, 128]}' --seed 1
       aoro-gym evaluate --env AORO/Turning-v0 --policy proportional-derivative --policy runs/turning/best.json
     """
+    if ray is not None:
+        if resume is not None:
+            _fail(ValueError("--resume and --ray are both given; with --ray the same command goes on"), 2)
+        _train_on_cluster(options, out=out, ray=ray, seeds=1 if seeds is None else seeds)
+        return
     with _checking_input():
         from aoro_gym.agents import training
 
+        if seeds is not None:
+            raise ValueError("--seeds needs --ray; without it, give --seed of each training")
         if resume is not None:
             for name in ("out", *options):
                 source = context.get_parameter_source(name)
@@ -1069,6 +1087,33 @@ def train(
     _out().print(_training_table(found))
     typer.echo(f"trained for {time.perf_counter() - began:.0f} s")
     _say([folder / name for name in (training.RECORD, training.EVALUATIONS, "policy.json", "best.json")])
+
+
+def _train_on_cluster(options: dict[str, Any], *, out: Path | None, ray: str, seeds: int) -> None:
+    """``train --ray``."""
+    with _checking_input():
+        from aoro_gym.agents import training
+
+        if seeds < 1:
+            raise ValueError(f"--seeds = {seeds} is below 1")
+        first = TrainingPlan(**options)
+        folder = out or Path("runs") / f"{first.env.split('/')[-1]}_{first.algo}"
+        _check_folder(folder, training.RECORD)
+        chosen = _machine(first.machine, first.set, first.scale)
+        courses, held_out = _training_courses(first)
+        _check_extra("agents", "stable_baselines3", "torch", "yaml", "tensorboard")
+        plans, recipes = {}, {}
+        for seed in range(first.seed, first.seed + seeds):
+            place, plan = folder / f"seed_{seed}", replace(first, seed=seed)
+            plans[place] = plan
+            recipes[place] = training.continued(plan, place)
+    with _bar(first.env) as tell, _running(), _resumable(), _checking_input():
+        found = training.train_seeds(
+            plans, recipes, ray=ray, machine=chosen, courses=courses, held_out=held_out, progress=tell
+        )
+    for place, evaluations in sorted(found.items()):
+        _out().print(_training_table(evaluations))
+        _say([place / "best.json"])
 
 
 @app.command()
@@ -1291,6 +1336,7 @@ def blind_run(
         typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to. Default: DIR/diagnoses-SENSORS."),
     ] = None,
     workers: WorkersOption = None,
+    ray: RayOption = None,
     device: DeviceOption = "cpu",
 ) -> None:
     """Diagnose every case of a sealed suite.
@@ -1299,7 +1345,8 @@ def blind_run(
     FOLDER/NNN/diagnosis.json says what was found. A case that fails leaves FOLDER/NNN/error.txt, is named at the end, and
     stops no other; the exit code is then 1.
 
-    Each of --workers processes diagnoses one case at a time; on a GPU, too, which they share. Ctrl-C is safe: the same
+    Each of --workers processes diagnoses one case at a time; on a GPU, too, which they share. With --ray, each case is a job
+    on a cluster whose nodes share DIR and FOLDER. Ctrl-C is safe: the same
     command goes on with the cases that have no diagnosis, those that failed among them.
 
     [bold]Examples[/]
@@ -1318,7 +1365,9 @@ def blind_run(
         _check_device(device)
         processes = _workers(workers)
         with _running(), _resumable(), _bar("diagnosing") as tell:
-            failures = run_cases(folder, target, sensors=given, device=device, workers=processes, progress=tell)
+            failures = run_cases(
+                folder, target, sensors=given, device=device, workers=processes, ray=ray, progress=tell
+            )
     for name, reason in failures.items():
         _err().print(f"[bold red]case {name} failed:[/] {escape(reason)}", soft_wrap=True, highlight=False)
     _say([target])
@@ -1393,11 +1442,12 @@ def _checking_input() -> Iterator[None]:
 @contextmanager
 def _running() -> Iterator[None]:
     """Turn a run that failed into one line and exit code 1."""
+    from aoro_gym.cluster import ClusterError
     from aoro_gym.manoeuvres import TwinLost
 
     try:
         yield
-    except (TwinLost, OSError) as error:
+    except (TwinLost, ClusterError, OSError) as error:
         _fail(error, 1)
 
 

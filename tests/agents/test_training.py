@@ -379,17 +379,22 @@ def test_stages_follow_each_other():
 
 
 def test_stages_may_add_what_a_task_does_without():
-    first, *_ = curriculum(TRACKING, [{"from": 0, "randomisation": "mild", "reward_terms": {"precise_progress": 2.0}}])
+    first, *_ = curriculum(TRACKING, [{"from": 0, "randomisation": "mild", "reward_terms": {"exact_progress": 2.0}}])
     assert first.randomisation == TRACKING_MILD
     task: Any = SimpleNamespace()
     first.apply(task, TRACKING_TERMS)
-    assert set(task.reward_terms) == {*TRACKING_TERMS, "precise_progress"}
-    # 0.05 m in a step of 0.05 s at 0.75 m/s of working speed is 4/3; at 0.1 m off the path it is worth half
+    assert set(task.reward_terms) == {*TRACKING_TERMS, "exact_progress"}
+    # 0.025 m in a step of 0.05 s at 0.75 m/s of working speed is 2/3; at 0.03 m off the path it is worth half; 0.05 m are
+    # 4/3, of which what is beyond 1.1 counts against
     view = SimpleNamespace(
-        progress=np.array([0.05, 0.05]), control_step=0.05, working_speed=0.75, cross_track=np.array([0.0, -0.1])
+        progress=np.array([0.025, 0.025, 0.05]),
+        control_step=0.05,
+        working_speed=0.75,
+        cross_track=np.array([0.0, -0.03, 0.0]),
+        xp=np,
     )
-    term = task.reward_terms["precise_progress"]
-    np.testing.assert_allclose(term.weight * term.function(view), [8.0 / 3.0, 4.0 / 3.0])
+    term = task.reward_terms["exact_progress"]
+    np.testing.assert_allclose(term.weight * term.function(view), [4.0 / 3.0, 2.0 / 3.0, 2.0 * (2.2 - 4.0 / 3.0)])
 
 
 @pytest.mark.parametrize(
@@ -399,7 +404,7 @@ def test_stages_may_add_what_a_task_does_without():
         ([{"randomisation": "mild"}], "stage 0 .* must have 'from'"),
         ([{"from": 0, "randomisation": "wild"}], "stage 0 .* randomisation is 'wild'; choose one of: fixed, mild"),
         ([{"from": 0, "randomisation": {"noise": [0, 1]}}], "unknown field 'noise'; choose from: machine, "),
-        ([{"from": 0, "reward_terms": {"precise_progress": 1.0}}], "has no 'precise_progress' to weigh"),
+        ([{"from": 0, "reward_terms": {"exact_progress": 1.0}}], "has no 'exact_progress' to weigh"),
         ([{"from": 0, "randomisation": {"sensor_noise": [1, 0]}}], "randomisation.sensor_noise is .1, 0., but must be"),
         ([{"from": 0}, {"from": 0}], "but must begin at 0 and rise"),
     ],
