@@ -397,6 +397,16 @@ def test_stages_may_add_what_a_task_does_without():
     np.testing.assert_allclose(term.weight * term.function(view), [4.0 / 3.0, 2.0 / 3.0, 2.0 * (2.2 - 4.0 / 3.0)])
 
 
+def test_flow_beyond_the_full_one_can_cost():
+    first, *_ = curriculum(TURNING, [{"from": 0, "reward_terms": {"flow_excess": -2.0}}])
+    task: Any = SimpleNamespace()
+    first.apply(task, REWARD_TERMS)
+    term = task.reward_terms["flow_excess"]
+    # of 1.2e-3 m3/s, either side
+    view = SimpleNamespace(flows=np.array([[1.8e-3, -1.8e-3, 1.2e-3, 0.0]]), xp=np)
+    np.testing.assert_allclose(term.weight * term.function(view), [-1.0, -1.0, 0.0, 0.0], atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("entries", "message"),
     [
