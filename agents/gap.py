@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich.markup import escape
 from rich.table import Table
 from scipy.stats import bootstrap
 
@@ -253,12 +254,12 @@ def diagnosed(folder: Path) -> Path:
 def table(gap: Gap) -> Table:
     """For a terminal: figures by who drove where, then the changes and their shares of the loss."""
     drawn = Table(
-        title=f"{gap.env}: {gap.episodes} episodes each, mean [95 %]", title_justify="left", header_style="bold"
+        title=f"{gap.env}: {gap.episodes} episodes each, mean \\[95 %]", title_justify="left", header_style="bold"
     )
     drawn.add_column("")
     units = [describe(name) for name in gap.names]
     for words, unit in units:
-        drawn.add_column(f"{words} [{unit}]" if unit else words, justify="right")
+        drawn.add_column(escape(f"{words} [{unit}]") if unit else words, justify="right")
     for place, values in gap.figures.items():
         drawn.add_row(place, *(shown(values[name], unit) for name, (_, unit) in zip(gap.names, units, strict=True)))
     drawn.add_section()

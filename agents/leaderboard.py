@@ -16,6 +16,7 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
+from rich.markup import escape
 from rich.table import Table
 
 from aoro_gym.agents.evaluation import Evaluation, Interval, evaluate, interquartile_mean, interval, plain
@@ -258,7 +259,7 @@ def table(result: Leaderboard) -> Table:
         drawn.add_column(row[0], justify="right")
     for k, name in enumerate(head):
         if k:
-            drawn.add_row(name, *(row[k] for row in body))
+            drawn.add_row(escape(name), *(escape(row[k]) for row in body))
     return drawn
 
 
