@@ -37,7 +37,7 @@ TERMS: Mapping[str, Mapping[str, RewardTerm]] = {
 }
 """The tasks' own reward terms, likewise."""
 FURTHER_TERMS: Mapping[str, Mapping[str, Callable[[Any], Array]]] = {
-    "AORO/Turning-v0": {},
+    "AORO/Turning-v0": turning.FURTHER_REWARD_TERMS,
     "AORO/PathTracking-v0": path_tracking.FURTHER_REWARD_TERMS,
 }
 """Reward terms that a task can do without, by the environment's id, then by name."""

@@ -15,19 +15,21 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial, reduce
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
-from scipy.stats import binomtest, bootstrap
+from scipy.stats import binomtest, bootstrap, trim_mean
 
 from aoro_gym.agents import learned
 from aoro_gym.agents.controllers import Policy
 from aoro_gym.agents.reference import REFERENCE_POLICIES, Factory
-from aoro_gym.agents.responses import EPISODE_STEPS, Rollout, responses, rollout
+from aoro_gym.agents.responses import EPISODE_STEPS, responses, rollout
+from aoro_gym.cluster import ClusterError, Failed, connected, on_ray
 from aoro_gym.envs.courses import Course, library
 from aoro_gym.envs.path_tracking import PathTrackingVectorEnv
 from aoro_gym.envs.turning import TurningVectorEnv
@@ -35,6 +37,8 @@ from aoro_gym.twin import Machine
 
 AT_ONCE = 64
 """Episodes that are driven together."""
+SHARD = 16
+"""The same on a cluster: enough jobs for many nodes."""
 CONFIDENCE = 0.95
 RESAMPLES = 9999
 """Of a bootstrap."""
@@ -52,6 +56,7 @@ class Interval(NamedTuple):
     """Mean of a figure over the episodes, and where the mean of all possible episodes lies with 95 % confidence."""
 
     mean: float
+    """Or another statistic, such as the mean of the middle half."""
     low95: float
     """NaN, as ``high95``, with fewer than two episodes; only of a rate one episode says something."""
     high95: float
@@ -106,6 +111,8 @@ class Trial:
     """What they lie along, with its unit."""
     error: str
     """What they are, with its unit."""
+    decisive: tuple[str, ...]
+    """Figures that policies are compared by, beside their success; less is better, but for the speed."""
 
 
 @dataclass(frozen=True)
@@ -134,6 +141,18 @@ class Evaluation:
         """Every figure by policy and name."""
         return {
             policy: {name: interval(values, rate=name in RATES) for name, values in run.figures.items()}
+            for policy, run in self.runs.items()
+        }
+
+    @property
+    def interquartile(self) -> dict[str, dict[str, Interval]]:
+        """The same for the mean of the middle half of the episodes; not of rates, of which it would be 0 or 1."""
+        return {
+            policy: {
+                name: interval(values, statistic=interquartile_mean)
+                for name, values in run.figures.items()
+                if name not in RATES
+            }
             for policy, run in self.runs.items()
         }
 
@@ -169,9 +188,10 @@ class Evaluation:
             "seed": self.seed,
             "machine": self.machine.name,
             "courses": [course.name for course in self.courses],
-            "policies": _dicts(self.summary),
-            "endings": _dicts(self.endings),
-            "differences": {"from": next(iter(self.runs)), "policies": _dicts(self.differences)},
+            "policies": plain(self.summary),
+            "interquartile_means": plain(self.interquartile),
+            "endings": plain(self.endings),
+            "differences": {"from": next(iter(self.runs)), "policies": plain(self.differences)},
         }
 
 
@@ -205,8 +225,10 @@ def evaluate(
     seed: int = 0,
     courses: Sequence[Course] | None = None,
     machine: str | Machine = "aoro",
+    drawn: Callable[[Machine, Sequence[int]], Machine] = lambda machine, seeds: machine,
     device: str = "cpu",
     reward_terms: Mapping[str, Any] | None = None,
+    ray: str | None = None,
     progress: Callable[[str, float], Any] | None = None,
 ) -> Evaluation:
     """Drive the same episodes under every policy.
@@ -217,14 +239,19 @@ def evaluate(
         episodes: A policy.
         seed: Of the first episode.
         courses: Where to drive; by default the environment's own. Not for the turning task.
-        machine: Bundled name, machine file or Machine.
+        machine: Bundled name, machine file or Machine: the one that policies are made for.
+        drawn: Gives the machines that are driven, one a seed, such as :mod:`aoro_gym.agents.perturbations` does; by
+            default the same.
         device: ``"cpu"`` or ``"cuda:N"``.
         reward_terms: Changes by name to what the return is made of; see :mod:`aoro_gym.envs.terms`.
+        ray: Address of the Ray cluster to drive on, see :func:`aoro_gym.cluster.connected`; here by default. The episodes
+            are the same.
         progress: Called with a policy's name and the share of everything that is done.
 
     Raises:
         ValueError: naming what is wrong.
         TwinLost: a twin was lost in the turning task.
+        ClusterError: a job on the cluster failed.
     """
     if env not in TRIALS:
         raise ValueError(f"{env!r} cannot be evaluated; choose one of: {', '.join(TRIALS)}")
@@ -232,33 +259,17 @@ def evaluate(
         raise ValueError(f"episodes is {episodes}, but must be at least 1")
     if not policies:
         raise ValueError("policies is empty; give at least one")
-    trial = TRIALS[env]
     machine = machine if isinstance(machine, Machine) else Machine.load(machine)
-    # of nearly the same size: a small last part would take as long as a large one
-    parts = np.array_split(seed + np.arange(episodes), math.ceil(episodes / AT_ONCE))
-    runs: dict[str, Episodes] = {}
-    vector: Any = None
-    done = 0
-    for part in parts:
-        if vector is None or vector.num_envs != len(part):
-            vector = trial.make(
-                len(part),
-                courses,
-                machine=machine,
-                device=device,
-                autoreset_mode="Disabled",
-                reward_terms=reward_terms,
-            )
-        for name, make in policies.items():
-
-            def tell(share: float, name: str = name, before: int = done, size: int = len(part)) -> None:
-                if progress is not None:
-                    progress(name, (before + share * size) / (episodes * len(policies)))
-
-            run = trial.drive(vector, make(vector), part.tolist(), tell)
-            runs[name] = runs[name].joined(run) if name in runs else run
-            done += len(part)
-    task = vector.task
+    make = partial(
+        TRIALS[env].make, courses=courses, device=device, autoreset_mode="Disabled", reward_terms=reward_terms
+    )
+    seeds = seed + np.arange(episodes)
+    if ray is None:
+        runs = _here(TRIALS[env].drive, policies, seeds, make=make, machine=machine, drawn=drawn, progress=progress)
+    else:
+        work = partial(_shard, TRIALS[env].drive, make=make, machine=machine, drawn=drawn)
+        runs = _on_cluster(work, policies, seeds, ray=ray, device=device, progress=progress)
+    task = make(1, machine=machine).task
     return Evaluation(
         env,
         episodes,
@@ -267,28 +278,121 @@ def evaluate(
         runs,
         machine,
         task.control_step,
-        lambda: task.scene(vector.twin.machine),
+        lambda: task.scene(machine),
     )
 
 
-def interval(values: Floats, *, rate: bool = False) -> Interval:
+def _here(
+    drive: Callable[..., Episodes],
+    policies: Mapping[str, Factory],
+    seeds: NDArray[np.int_],
+    *,
+    make: Callable[..., Any],
+    machine: Machine,
+    drawn: Callable[[Machine, Sequence[int]], Machine],
+    progress: Callable[[str, float], Any] | None,
+) -> dict[str, Episodes]:
+    """Episodes by policy, part by part; environments of one size are made once."""
+    runs: dict[str, Episodes] = {}
+    known: Any = None
+    vector: Any = None
+    done = 0
+    for part in _parts(seeds, AT_ONCE):
+        plant = drawn(machine, part)
+        if known is None or known.num_envs != len(part):
+            known = vector = make(len(part), machine=machine)
+        if plant is not machine:
+            vector = make(len(part), machine=plant)
+        for name, policy in policies.items():
+
+            def tell(share: float, name: str = name, before: int = done, size: int = len(part)) -> None:
+                if progress is not None:
+                    progress(name, (before + share * size) / (len(seeds) * len(policies)))
+
+            run = drive(vector, policy(known), part, tell)
+            runs[name] = runs[name].joined(run) if name in runs else run
+            done += len(part)
+    return runs
+
+
+def _on_cluster(
+    work: Callable[..., Episodes],
+    policies: Mapping[str, Factory],
+    seeds: NDArray[np.int_],
+    *,
+    ray: str,
+    device: str,
+    progress: Callable[[str, float], Any] | None,
+) -> dict[str, Episodes]:
+    """The same from a cluster: what each policy does in each shard is a job.
+
+    Raises ClusterError if one failed.
+    """
+    shards = _parts(seeds, SHARD)
+    jobs = {f"{name}, part {k}": (policy, part) for name, policy in policies.items() for k, part in enumerate(shards)}
+    found: dict[str, Episodes] = {}
+    with connected(ray):
+        for job, run in on_ray(work, jobs, device=device):
+            if isinstance(run, Failed):
+                raise ClusterError(f"{job}: {run.reason}")
+            found[job] = run
+            if progress is not None:
+                progress(job, len(found) / len(jobs))
+    return {
+        name: reduce(Episodes.joined, (found[f"{name}, part {k}"] for k in range(len(shards)))) for name in policies
+    }
+
+
+def _shard(
+    drive: Callable[..., Episodes],
+    policy: Factory,
+    seeds: list[int],
+    *,
+    make: Callable[..., Any],
+    machine: Machine,
+    drawn: Callable[[Machine, Sequence[int]], Machine],
+) -> Episodes:
+    """What a policy does in a part of the episodes."""
+    known = vector = make(len(seeds), machine=machine)
+    plant = drawn(machine, seeds)
+    if plant is not machine:
+        vector = make(len(seeds), machine=plant)
+    return drive(vector, policy(known), seeds)
+
+
+def _parts(seeds: NDArray[np.int_], most: int) -> list[list[int]]:
+    """The seeds in parts of nearly the same size: a small last one would take as long as a large one."""
+    return [part.tolist() for part in np.array_split(seeds, math.ceil(len(seeds) / most))]
+
+
+def interquartile_mean(values: Floats, axis: int = -1) -> Any:
+    """Mean of the middle half of the values: what a few wild episodes hardly move, and more exact than the median."""
+    return trim_mean(values, 0.25, axis=axis)
+
+
+def interval(values: Floats, *, rate: bool = False, statistic: Callable[..., Any] = np.mean) -> Interval:
     """Mean and 95 % interval of ``values`` (N,), those that are NaN left out.
 
     The interval is the percentiles' of a bootstrap over the episodes, always with the same draws; of a ``rate``, whose
     values are 0 and 1, it is the exact one of Clopper and Pearson.
+
+    Args:
+        values: One an episode.
+        rate: Whether they are 0 or 1.
+        statistic: Instead of the mean, such as :func:`interquartile_mean`; not for rates.
     """
     values = values[np.isfinite(values)]
     if not values.size:
         return Interval(math.nan, math.nan, math.nan)
-    mean = float(values.mean())
     if rate:
         low, high = binomtest(round(values.sum()), values.size).proportion_ci(CONFIDENCE)
-        return Interval(mean, float(low), float(high))
+        return Interval(float(values.mean()), float(low), float(high))
+    mean = float(statistic(values))
     if values.size < 2:
         return Interval(mean, math.nan, math.nan)
     found = bootstrap(
         (values,),
-        np.mean,
+        statistic,
         n_resamples=RESAMPLES,
         confidence_level=CONFIDENCE,
         method="percentile",
@@ -298,7 +402,8 @@ def interval(values: Floats, *, rate: bool = False) -> Interval:
     return Interval(mean, float(found.low), float(found.high))
 
 
-def _dicts(figures: Mapping[str, Mapping[str, Interval]]) -> dict[str, dict[str, dict[str, float | None]]]:
+def plain(figures: Mapping[str, Mapping[str, Interval]]) -> dict[str, dict[str, dict[str, float | None]]]:
+    """Figures by policy and name for JSON; None where an interval says nothing."""
     return {
         policy: {
             name: {key: number if math.isfinite(number) else None for key, number in value._asdict().items()}
@@ -414,15 +519,21 @@ def turn_joints(
         tell((len(film) - 1) / EPISODE_STEPS)
 
     run = rollout(env, policy, seed=seeds, watch=watch)
-    found = [responses(_only(run, i), tolerance=env.task.config.tolerance) for i in range(env.num_envs)]
+    found = responses(run, tolerance=env.task.config.tolerance)
+    mine = [found["episode"] == i for i in range(env.num_envs)]
+
+    def mean(values: NDArray[Any]) -> Floats:
+        return np.array([_mean(values[rows]) for rows in mine])
+
     figures = {
         "success_rate": run.success.astype(np.float64),
-        "settling_time_s": np.array([_mean(each["settling_time"]) for each in found]),
-        "settled_share": np.array([np.isfinite(each["settling_time"]).mean() for each in found]),
-        "rise_time_s": np.array([_mean(each["rise_time"]) for each in found]),
-        "overshoot_deg": np.degrees([each["overshoot"].mean() for each in found]),
-        "worst_overshoot_deg": np.degrees([each["overshoot"].max() for each in found]),
-        "final_error_deg": np.degrees([each["final_error"].mean() for each in found]),
+        "settling_time_s": mean(found["settling_time"]),
+        "settled_share": mean(np.isfinite(found["settling_time"]) * 1.0),
+        "rise_time_s": mean(found["rise_time"]),
+        "overshoot_deg": mean(np.degrees(found["overshoot"])),
+        "worst_overshoot_deg": np.array([np.degrees(found["overshoot"][rows].max()) for rows in mine]),
+        "flow_overshoot_share": mean(found["flow_overshoot"]),
+        "final_error_deg": mean(np.degrees(found["final_error"])),
         "return": run.returns,
     }
     error = np.degrees(np.abs(run.target.astype(np.float64) - run.joint_angle))
@@ -447,20 +558,6 @@ def turn_joints(
     )
 
 
-def _only(run: Rollout, i: int) -> Rollout:
-    """One episode."""
-    one = slice(i, i + 1)
-    return replace(
-        run,
-        joint_angle=run.joint_angle[:, one],
-        target=run.target[:, one],
-        start_angle=run.start_angle[one],
-        steering_signal=run.steering_signal[:, one],
-        reward=run.reward[:, one],
-        success=run.success[one],
-    )
-
-
 def _mean(values: Floats) -> float:
     """Of those that are not NaN; NaN if all are."""
     finite = values[np.isfinite(values)]
@@ -469,10 +566,20 @@ def _mean(values: Floats) -> float:
 
 TRIALS: Mapping[str, Trial] = {
     "AORO/Turning-v0": Trial(
-        _make_turning, turn_joints, 0.02, "time since the target was set [s]", "distance from the target [°]"
+        _make_turning,
+        turn_joints,
+        0.02,
+        "time since the target was set [s]",
+        "distance from the target [°]",
+        ("settling_time_s", "flow_overshoot_share", "overshoot_deg"),
     ),
     "AORO/PathTracking-v0": Trial(
-        _make_tracking, drive_paths, STATION, "distance driven along the path [m]", "cross-track error [m]"
+        _make_tracking,
+        drive_paths,
+        STATION,
+        "distance driven along the path [m]",
+        "cross-track error [m]",
+        ("cross_track_rms_m", "speed_m_per_s"),
     ),
 }
 """What can be evaluated, by the environment's id."""

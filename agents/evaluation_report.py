@@ -118,6 +118,11 @@ def figure_rows(result: Evaluation) -> list[list[str]]:
     for name in next(iter(summary.values())):
         words, unit = describe(name)
         rows.append([words, unit, *(shown(summary[policy][name], unit) for policy in result.runs)])
+    middle = result.interquartile
+    for name in result.trial.decisive:
+        words, unit = describe(name)
+        values = [shown(middle[policy][name], unit) for policy in result.runs]
+        rows.append([f"{words}, middle half", unit, *values])
     if len(next(iter(endings.values()))) > 1 or result.courses:
         for ending in next(iter(endings.values())):
             rows.append([f"ended: {ending}", "%", *(shown(endings[policy][ending], "%") for policy in result.runs)])
@@ -192,7 +197,7 @@ def write_figures(result: Evaluation, path: Path) -> None:
             first = index % columns == 0
             axis.set_yticks(range(len(policies)), labels=policies if first else [""] * len(policies))
             axis.set_ylim(len(policies) - 0.5, -0.5)
-            if unit == "%":
+            if unit == "%" and all(0.0 <= summary[policy][name].mean <= 1.0 for policy in policies):
                 axis.set_xlim(-3.0, 103.0)
             axis.locator_params(axis="x", nbins=5)
             axis.grid(True, axis="x")

@@ -30,6 +30,8 @@ FORMAT = 1
 SHIPPED = Path(__file__).parent / "policies"
 ACTIVATIONS = {"tanh": np.tanh, "relu": lambda x: np.maximum(x, 0.0)}
 """Of the hidden layers, by name."""
+KNOWN = 1e7
+"""Observations that a policy to start from counts as having seen: its normalisation hardly moves."""
 ONNX_OPSET, ONNX_IR = 17, 9
 """Versions that runtimes of 2023 and later read."""
 
@@ -254,6 +256,55 @@ def of_stable_baselines3(policy: Any, normaliser: Any = None, **about: Any) -> L
 
     Raises ValueError if the network is of another kind.
     """
+    linear, activation, squashed = _network(policy)
+    return LearnedPolicy(
+        weights=tuple(module.weight.detach().cpu().numpy().copy() for module in linear),
+        biases=tuple(module.bias.detach().cpu().numpy().copy() for module in linear),
+        activation=activation,
+        squashed=squashed,
+        low=policy.action_space.low.astype(np.float32),
+        high=policy.action_space.high.astype(np.float32),
+        normalisation=None
+        if normaliser is None or not normaliser.norm_obs
+        else Normalisation(
+            normaliser.obs_rms.mean.copy(), normaliser.obs_rms.var.copy(), normaliser.epsilon, normaliser.clip_obs
+        ),
+        **about,
+    )
+
+
+def into_stable_baselines3(learned: LearnedPolicy, policy: Any, normaliser: Any = None) -> None:
+    """Give a policy of Stable-Baselines3, and the ``VecNormalize`` before it, the weights and the moments of ``learned``:
+    its actor acts as that one does. Critics and the size of the exploration stay as they are.
+
+    Raises ValueError if the networks differ.
+    """
+    import torch  # pyright: ignore[reportMissingImports]
+
+    linear, activation, squashed = _network(policy)
+    sizes = [linear[0].in_features, *(module.out_features for module in linear)]
+    if (sizes, activation, squashed) != (learned.sizes, learned.activation, learned.squashed):
+        raise ValueError(
+            f"the policy to start from has layers {learned.sizes} with {learned.activation}, but the network to train "
+            f"{sizes} with {activation}; set policy_kwargs, or train with the algorithm that it came from"
+        )
+    with torch.no_grad():
+        for module, weight, bias in zip(linear, learned.weights, learned.biases, strict=True):
+            module.weight.copy_(torch.from_numpy(weight))
+            module.bias.copy_(torch.from_numpy(bias))
+    moments = None if normaliser is None or not normaliser.norm_obs else normaliser.obs_rms
+    if (moments is None) != (learned.normalisation is None):
+        raise ValueError("either both or none of the policy to start from and the training must normalise observations")
+    if moments is not None and learned.normalisation is not None:
+        moments.mean, moments.var = learned.normalisation.mean.copy(), learned.normalisation.variance.copy()
+        moments.count = KNOWN
+
+
+def _network(policy: Any) -> tuple[list[Any], str, bool]:
+    """The linear layers of a policy's actor, their activation, and whether a hyperbolic tangent bounds their result.
+
+    Raises ValueError if the network is of another kind.
+    """
     squashed = hasattr(policy, "actor")
     if squashed and hasattr(policy.actor, "latent_pi"):
         modules = [*policy.actor.latent_pi, policy.actor.mu]
@@ -265,20 +316,7 @@ def of_stable_baselines3(policy: Any, normaliser: Any = None, **about: Any) -> L
     activations = {type(module).__name__.lower() for module in modules if module not in linear}
     if len(activations) > 1 or not activations <= set(ACTIVATIONS) or len(modules) != 2 * len(linear) - 1:
         raise ValueError(f"a network with {', '.join(sorted(activations))} cannot be taken over; use tanh or relu")
-    return LearnedPolicy(
-        weights=tuple(module.weight.detach().cpu().numpy().copy() for module in linear),
-        biases=tuple(module.bias.detach().cpu().numpy().copy() for module in linear),
-        activation=next(iter(activations), "tanh"),
-        squashed=squashed,
-        low=policy.action_space.low.astype(np.float32),
-        high=policy.action_space.high.astype(np.float32),
-        normalisation=None
-        if normaliser is None or not normaliser.norm_obs
-        else Normalisation(
-            normaliser.obs_rms.mean.copy(), normaliser.obs_rms.var.copy(), normaliser.epsilon, normaliser.clip_obs
-        ),
-        **about,
-    )
+    return linear, next(iter(activations), "tanh"), squashed
 
 
 def write_onnx(policy: LearnedPolicy, path: Path) -> None:

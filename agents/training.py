@@ -28,6 +28,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -36,8 +37,9 @@ import numpy as np
 
 from aoro_gym.agents.curriculum import curriculum, stage_at
 from aoro_gym.agents.evaluation import TRIALS, evaluate
-from aoro_gym.agents.learned import LearnedPolicy, of_stable_baselines3
+from aoro_gym.agents.learned import LearnedPolicy, into_stable_baselines3, of_stable_baselines3
 from aoro_gym.agents.training_plan import TrainingPlan
+from aoro_gym.cluster import ClusterError, Failed, connected, on_ray
 from aoro_gym.envs.courses import Course
 from aoro_gym.log import write_whole
 from aoro_gym.twin import Machine
@@ -86,13 +88,15 @@ def read_recipe(plan: TrainingPlan) -> Recipe:
 def begin(plan: TrainingPlan, folder: Path) -> Recipe:
     """Write the plan and its recipe to ``folder``, where nothing has been trained yet.
 
-    Raises ValueError if something has, or if the recipe is wrong.
+    Raises ValueError if something has, or if the recipe or the policy to start from is wrong; OSError if a file is missing.
     """
     if (folder / CHECKPOINT).exists():
         raise ValueError(f"{folder} holds a training; give --resume {folder}, or another --out")
     if plan.env not in TRIALS:
         raise ValueError(f"env is {plan.env!r}; choose one of: {', '.join(TRIALS)}")
     recipe = read_recipe(plan)
+    if plan.start is not None:
+        LearnedPolicy.load(Path(plan.start))
     content = {
         "command": plan.command,
         "plan": plan.to_json(),
@@ -103,6 +107,19 @@ def begin(plan: TrainingPlan, folder: Path) -> Recipe:
         "python": platform.python_version(),
     }
     write_whole(folder / RECORD, json.dumps(content, indent=2, ensure_ascii=False))
+    return recipe
+
+
+def continued(plan: TrainingPlan, folder: Path) -> Recipe:
+    """The recipe of the training of ``plan`` in ``folder``, which begins if none was begun there.
+
+    Raises ValueError if it is another one's; otherwise as :func:`begin`.
+    """
+    if not (folder / RECORD).exists():
+        return begin(plan, folder)
+    before, recipe = recall(folder)
+    if before != plan:
+        raise ValueError(f"{folder} holds another training ({before.command}); give another --out")
     return recipe
 
 
@@ -165,6 +182,12 @@ def train(
     if checkpoint.exists():
         notes = load_checkpoint(checkpoint, model)
         found, before = notes["evaluations"], notes["elapsed_s"]
+    elif plan.start is not None:
+        into_stable_baselines3(
+            LearnedPolicy.load(Path(plan.start)).made_for(env.unwrapped.envs),
+            model.policy,
+            model.get_vec_normalize_env(),
+        )
     clock.done = model.num_timesteps
     model.set_logger(configure(str(folder / "log" / f"from_{clock.done}"), ["csv", "tensorboard"]))
     watch = Watch(clock, tell, every=REPORT_EVERY)
@@ -203,6 +226,50 @@ def train(
     finally:
         model.logger.close()
         env.close()
+    return found
+
+
+def train_seeds(
+    plans: Mapping[Path, TrainingPlan],
+    recipes: Mapping[Path, Recipe],
+    *,
+    ray: str,
+    machine: Machine,
+    courses: Sequence[Course] | None = None,
+    held_out: Sequence[Course] | None = None,
+    progress: Callable[[str, float], Any] = lambda what, share: None,
+) -> dict[Path, list[dict[str, Any]]]:
+    """Train several plans on a Ray cluster, a job each, in folders that its nodes share.
+
+    One whose process or node dies goes on elsewhere from its last checkpoint, so on CPUs it comes to the same weights, to
+    the bit. The other arguments are those of :func:`train`.
+
+    Args:
+        plans: By folder, as :func:`begin` or :func:`recall` were given or gave; likewise ``recipes``.
+        recipes: See there.
+        ray: Address of the cluster, see :func:`aoro_gym.cluster.connected`.
+        machine: To learn on.
+        courses: Where to learn.
+        held_out: Where to evaluate.
+        progress: Called with the folder that is done and the share that are.
+
+    Returns the evaluations by folder.
+
+    Raises ClusterError if one failed; the others have ended.
+    """
+    work = partial(train, machine=machine, courses=courses, held_out=held_out)
+    folders = {str(folder): folder for folder in plans}
+    jobs = {name: (plans[folder], recipes[folder], folder.absolute()) for name, folder in folders.items()}
+    found, failures = {}, []
+    with connected(ray):
+        for name, result in on_ray(work, jobs, device=next(iter(plans.values())).device):
+            if isinstance(result, Failed):
+                failures.append(f"{name}: {result.reason}")
+            else:
+                found[folders[name]] = result
+            progress(name, (len(found) + len(failures)) / len(jobs))
+    if failures:
+        raise ClusterError("; ".join(failures))
     return found
 
 

@@ -40,6 +40,9 @@ class TrainingPlan:
     n_envs: int | None = option(None, "N", "Sub-environments. Default: the hyper-parameters'.")
     hyperparams: str | None = option(None, "FILE.yml", "Hyper-parameters, in the RL Zoo's format. Default: ours.")
     param: list[str] | None = option(None, "NAME=VALUE", "Another value of a hyper-parameter. Repeatable.")
+    start: str | None = option(
+        None, "FILE.json", "Policy to learn on from, with a network as the hyper-parameters say."
+    )
     curriculum: str | None = option(None, "FILE.yml", "What differs from episode to episode, and when. Default: ours.")
     checkpoint_every: int = option(
         4000,

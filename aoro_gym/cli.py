@@ -13,7 +13,7 @@ import shutil
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import fields
+from dataclasses import fields, replace
 from fnmatch import fnmatch
 from importlib.util import find_spec
 from pathlib import Path
@@ -29,6 +29,7 @@ from aoro_gym import __version__
 from aoro_gym.agents.training_plan import TrainingPlan
 
 if TYPE_CHECKING:
+    from aoro_gym.agents.reference import Factory
     from aoro_gym.envs import Course
     from aoro_gym.manoeuvres import Manoeuvre, Recording
     from aoro_gym.report import Passage, Section
@@ -77,6 +78,10 @@ DeviceOption = Annotated[str, typer.Option("--device", metavar="cpu|cuda:N", hel
 SeedOption = Annotated[int, typer.Option("--seed", metavar="N", help="Seed of all that is random: noise and searches.")]
 WorkersOption = Annotated[
     int | None, typer.Option("--workers", metavar="N", help="Processes at once. Default: the number of cores.")
+]
+RayOption = Annotated[
+    str | None,
+    typer.Option("--ray", metavar="auto|local|HOST:PORT", help="Spread over a Ray cluster, of this computer if local."),
 ]
 blind = typer.Typer(
     no_args_is_help=True,
@@ -742,6 +747,7 @@ def evaluate(
         "evaluation"
     ),
     films: Annotated[bool, typer.Option("--films/--no-films", help="Draw each policy's first episode.")] = True,
+    ray: RayOption = None,
     machine: MachineOption = MACHINE,
     set_: SetOption = None,
     scale: ScaleOption = None,
@@ -768,18 +774,9 @@ def evaluate(
     """
     with _checking_input():
         from aoro_gym.agents import evaluation
-        from aoro_gym.agents.learned import shipped_policies
-        from aoro_gym.agents.reference import REFERENCE_POLICIES
 
         _check_folder(out, "index.html")
-        if env not in evaluation.TRIALS:
-            raise ValueError(f"--env {env!r} cannot be evaluated; choose one of: {', '.join(evaluation.TRIALS)}")
-        names = policy or [*REFERENCE_POLICIES[env], *shipped_policies(env)]
-        policies = {
-            _policy_name(name): evaluation.policy_factory(env, name, trust_pickle=trust_pickle) for name in names
-        }
-        if len(policies) < len(names):
-            raise ValueError("--policy names the same one twice; give each once")
+        policies = _policies(env, policy, trust_pickle=trust_pickle)
         if not 1 <= episodes <= MOST_EPISODES:
             raise ValueError(f"--episodes = {episodes} is outside [1, {MOST_EPISODES}]")
         chosen = _machine(machine, set_, scale)
@@ -800,11 +797,194 @@ def evaluate(
                 courses=courses,
                 machine=chosen,
                 device=device,
+                ray=ray,
                 progress=tell,
             )
         written = write_report(result, out, films=films, lead=_lead(made_by), made_by=made_by, progress=tell)
     _out().print(table(result))
     _say(written)
+
+
+@app.command()
+def leaderboard(
+    env: Annotated[str, typer.Option("--env", metavar="ID", help="AORO/PathTracking-v0 or AORO/Turning-v0.")] = DRIVE,
+    policy: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--policy",
+            metavar="NAME|FILE",
+            help="Who drives. Repeatable. Default: all controllers and shipped policies.",
+        ),
+    ] = None,
+    episodes: Annotated[
+        int, typer.Option("--episodes", metavar="N", help="Episodes a policy, under each perturbation.")
+    ] = 100,
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to.")] = Path(
+        "leaderboard"
+    ),
+    readme: Annotated[
+        Path | None,
+        typer.Option("--readme", metavar="FILE.md", help="Put the table between the marks of this file, too."),
+    ] = None,
+    ray: RayOption = None,
+    machine: MachineOption = MACHINE,
+    set_: SetOption = None,
+    scale: ScaleOption = None,
+    device: DeviceOption = "cpu",
+    seed: Annotated[
+        int | None, typer.Option("--seed", help="Of the first episode. Default: one that is held out.")
+    ] = None,
+) -> None:
+    """Rank policies and tuned controllers on seeds, grounds and machines that none of them saw.
+
+    All drive the same episodes three times: on the machine as it is; with all of its uncertain parameters drawn within
+    their ranges; and with an effect of the catalogue switched on in addition. Figures are means of the middle half of the
+    episodes (interquartile means), with bootstrapped 95 % intervals, and differences from the best controller, episode by
+    episode.
+
+    FOLDER gets leaderboard.json, leaderboard.md and leaderboard.png. In --readme the table replaces what stands between
+    <!-- leaderboard ID --> and <!-- leaderboard ID end -->.
+
+    [bold]Examples[/]
+
+      aoro-gym leaderboard
+      aoro-gym leaderboard --env AORO/Turning-v0 --episodes 350 --readme README.md
+      aoro-gym leaderboard --policy preview --policy runs/mine/best.json
+    """
+    with _checking_input():
+        from aoro_gym.agents import leaderboard as board
+
+        _check_folder(out, "leaderboard.json")
+        policies = _policies(env, policy)
+        if not 1 <= episodes <= MOST_EPISODES:
+            raise ValueError(f"--episodes = {episodes} is outside [1, {MOST_EPISODES}]")
+        if readme is not None:
+            board.around_table(readme, env)
+        seed = board.SEED if seed is None else seed
+        chosen = _machine(machine, set_, scale)
+        _check_seed(seed)
+        _check_device(device)
+    with _bar(env) as tell, _running():
+        with _checking_input():  # such as a cluster that is not there
+            result = board.compare(
+                env, policies, episodes=episodes, seed=seed, machine=chosen, device=device, ray=ray, progress=tell
+            )
+        written = board.write(result, out, readme=readme, made_by=_made_by(machine, set_, scale, device, seed))
+    _out().print(board.table(result))
+    _say(written)
+
+
+@app.command()
+def gap(
+    policy: Annotated[
+        str,
+        typer.Option("--policy", metavar="NAME|FILE", help="Who drives; with --retrain a file of 'aoro-gym train'."),
+    ],
+    env: Annotated[str, typer.Option("--env", metavar="ID", help="AORO/PathTracking-v0 or AORO/Turning-v0.")] = DRIVE,
+    plant: Annotated[
+        str | None, typer.Option("--plant", metavar="NAME|FILE", help="Machine to drive. Default: --machine.")
+    ] = None,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option("--effect", metavar="NAME=VALUE", help="Effect that the plant has, too, in SI. Repeatable."),
+    ] = None,
+    diagnosis: Annotated[
+        Path | None,
+        typer.Option("--diagnosis", metavar="FOLDER", help="What 'aoro-gym diagnose' wrote: its likeliest machine."),
+    ] = None,
+    improved: Annotated[
+        str | None, typer.Option("--improved", metavar="NAME|FILE", help="Instead: machine of the improved twin.")
+    ] = None,
+    retrain: Annotated[
+        int, typer.Option("--retrain", metavar="STEPS", help="Environment steps of retraining; 0 does not retrain.")
+    ] = 0,
+    episodes: Annotated[int, typer.Option("--episodes", metavar="N", help="Episodes in each place.")] = 64,
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to.")] = Path("gap"),
+    machine: MachineOption = MACHINE,
+    set_: SetOption = None,
+    scale: ScaleOption = None,
+    device: DeviceOption = "cpu",
+    seed: SeedOption = 0,
+) -> None:
+    """What a gap costs a policy, how much of that a diagnosis foresees, and how much retraining wins back.
+
+    The policy drives the same episodes in the baseline (--machine), in the plant (--plant, --effect) and in the twin that a
+    diagnosis improved (--diagnosis or --improved). With --retrain it learns on for so many steps in the improved twin, and
+    as many in the baseline for comparison, and both drive in the plant. It is called again to go on with a retraining that
+    was interrupted.
+
+    FOLDER gets gap.json, and the retrained policies.
+
+    [bold]Examples[/]
+
+      aoro-gym gap --policy runs/mine/best.json --effect spool_lag=0.05 --diagnosis diagnosis
+      aoro-gym gap --policy preview --plant field.toml --improved diagnosis/cause_1.toml
+      aoro-gym gap --policy runs/mine/best.json --plant field.toml --diagnosis diagnosis --retrain 500000
+    """
+    with _checking_input():
+        from aoro_gym.agents import gap as gaps
+        from aoro_gym.agents.leaderboard import forests
+
+        _check_folder(out, "gap.json")
+        _, make = next(iter(_policies(env, [policy]).items()))
+        if not 1 <= episodes <= MOST_EPISODES:
+            raise ValueError(f"--episodes = {episodes} is outside [1, {MOST_EPISODES}]")
+        if retrain < 0:
+            raise ValueError(f"--retrain = {retrain} is below 0")
+        if diagnosis is not None and improved is None:
+            improved = str(gaps.diagnosed(diagnosis))
+        elif improved is None or diagnosis is not None:
+            raise ValueError("give one of --diagnosis and --improved")
+        chosen = _machine(machine, set_, scale)
+        driven = gaps.with_effects(chosen if plant is None else _machine(plant, None, None), effect or [])
+        if plant is None and not effect:
+            raise ValueError("the plant is the baseline; give --plant or --effect")
+        found = _machine(improved, None, None)
+        _check_seed(seed)
+        _check_device(device)
+    others: dict[str, Factory] = {}
+    if retrain:
+        for name, where in (("retrained", found), ("control", chosen)):
+            others[name] = _learned_on(env, policy, out / name, machine=where, steps=retrain, seed=seed, device=device)
+    with _bar(env) as tell, _running():
+        result = gaps.measure(
+            env,
+            make,
+            baseline=chosen,
+            plant=driven,
+            improved=found,
+            **others,
+            episodes=episodes,
+            seed=gaps.SEED + seed,
+            courses=forests() if env == DRIVE else None,
+            device=device,
+            progress=tell,
+        )
+    made_by = _made_by(machine, set_, scale, device, seed)
+    made_by |= {"policy": policy, "plant": plant, "effects": effect, "improved": found.name, "retrain": retrain}
+    _write_json(out / "gap.json", result.to_json() | {"made_by": made_by})
+    _out().print(gaps.table(result))
+    _say([out / "gap.json"])
+
+
+def _learned_on(
+    env: str, policy: str, folder: Path, *, machine: Machine, steps: int, seed: int, device: str
+) -> Factory:
+    """The policy of a file after learning on for so many steps, or what an earlier call has come to."""
+    with _checking_input():
+        from aoro_gym.agents import gap as gaps
+        from aoro_gym.agents import learned, training
+
+        file = learned.shipped_policies(env).get(policy, Path(policy))
+        if file.suffix not in (".json", ".safetensors"):
+            raise ValueError(f"--policy {policy} cannot be retrained; give a file that 'aoro-gym train' wrote")
+        plan = gaps.retraining_plan(env, learned.load_policy(file), file, steps=steps, seed=seed, device=device)
+        _check_extra("agents", "stable_baselines3", "torch", "yaml", "tensorboard")
+        recipe = training.continued(plan, folder)
+        courses, held_out = _training_courses(plan)
+    with _learning_bar(f"{env}, {folder.name}") as tell, _running(), _checking_input():
+        training.train(plan, recipe, folder, machine=machine, courses=courses, held_out=held_out, tell=tell)
+    return learned.load_policy(folder / "best.json").made_for
 
 
 def _options_of(plan: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -842,6 +1022,11 @@ def train(
         Path | None,
         typer.Option("--resume", metavar="FOLDER", help="Go on with the training there, from its last checkpoint."),
     ] = None,
+    ray: RayOption = None,
+    seeds: Annotated[
+        int | None,
+        typer.Option("--seeds", metavar="N", help="With --ray: so many trainings, from --seed on, a job each."),
+    ] = None,
     **options: Any,
 ) -> None:
     """Train a policy with Stable-Baselines3, on many twins at once.
@@ -849,6 +1034,9 @@ def train(
     Hyper-parameters are in the RL Zoo's format, a curriculum says what differs from episode to episode; the package has
     both, for CPUs and for GPUs. The training is evaluated and saved every --checkpoint-every steps of each sub-environment,
     and can be killed at any time: --resume goes on from the last checkpoint, on a CPU to the same weights to the bit.
+
+    With --ray, N trainings run on a cluster whose nodes share FOLDER, each in FOLDER/seed_K. One whose node dies goes on
+    elsewhere; after Ctrl-C the same command goes on with all.
 
     FOLDER gets training.json (all that was asked), checkpoint.pt, evaluations.json, policy.json with policy.safetensors (and
     best.*, of the best return), and log, for TensorBoard. Needs pip install 'aoro-gym\\[agents]'.
@@ -858,12 +1046,20 @@ def train(
       aoro-gym train --env AORO/Turning-v0 --out runs/turning
       aoro-gym train --env AORO/PathTracking-v0 --terrain forest.laz --machine mine.toml --device cuda:0
       aoro-gym train --resume runs/turning
+      aoro-gym train --env AORO/Turning-v0 --ray auto --seeds 3 --out /shared/turning
       aoro-gym train --algo sac --param learning_rate=1e-4 --param 'policy_kwargs={net_arch: [128, 128]}' --seed 1
       aoro-gym evaluate --env AORO/Turning-v0 --policy proportional-derivative --policy runs/turning/best.json
     """
+    if ray is not None:
+        if resume is not None:
+            _fail(ValueError("--resume and --ray are both given; with --ray the same command goes on"), 2)
+        _train_on_cluster(options, out=out, ray=ray, seeds=1 if seeds is None else seeds)
+        return
     with _checking_input():
         from aoro_gym.agents import training
 
+        if seeds is not None:
+            raise ValueError("--seeds needs --ray; without it, give --seed of each training")
         if resume is not None:
             for name in ("out", *options):
                 source = context.get_parameter_source(name)
@@ -891,6 +1087,33 @@ def train(
     _out().print(_training_table(found))
     typer.echo(f"trained for {time.perf_counter() - began:.0f} s")
     _say([folder / name for name in (training.RECORD, training.EVALUATIONS, "policy.json", "best.json")])
+
+
+def _train_on_cluster(options: dict[str, Any], *, out: Path | None, ray: str, seeds: int) -> None:
+    """``train --ray``."""
+    with _checking_input():
+        from aoro_gym.agents import training
+
+        if seeds < 1:
+            raise ValueError(f"--seeds = {seeds} is below 1")
+        first = TrainingPlan(**options)
+        folder = out or Path("runs") / f"{first.env.split('/')[-1]}_{first.algo}"
+        _check_folder(folder, training.RECORD)
+        chosen = _machine(first.machine, first.set, first.scale)
+        courses, held_out = _training_courses(first)
+        _check_extra("agents", "stable_baselines3", "torch", "yaml", "tensorboard")
+        plans, recipes = {}, {}
+        for seed in range(first.seed, first.seed + seeds):
+            place, plan = folder / f"seed_{seed}", replace(first, seed=seed)
+            plans[place] = plan
+            recipes[place] = training.continued(plan, place)
+    with _bar(first.env) as tell, _running(), _resumable(), _checking_input():
+        found = training.train_seeds(
+            plans, recipes, ray=ray, machine=chosen, courses=courses, held_out=held_out, progress=tell
+        )
+    for place, evaluations in sorted(found.items()):
+        _out().print(_training_table(evaluations))
+        _say([place / "best.json"])
 
 
 @app.command()
@@ -1113,6 +1336,7 @@ def blind_run(
         typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to. Default: DIR/diagnoses-SENSORS."),
     ] = None,
     workers: WorkersOption = None,
+    ray: RayOption = None,
     device: DeviceOption = "cpu",
 ) -> None:
     """Diagnose every case of a sealed suite.
@@ -1121,7 +1345,8 @@ def blind_run(
     FOLDER/NNN/diagnosis.json says what was found. A case that fails leaves FOLDER/NNN/error.txt, is named at the end, and
     stops no other; the exit code is then 1.
 
-    Each of --workers processes diagnoses one case at a time; on a GPU, too, which they share. Ctrl-C is safe: the same
+    Each of --workers processes diagnoses one case at a time; on a GPU, too, which they share. With --ray, each case is a job
+    on a cluster whose nodes share DIR and FOLDER. Ctrl-C is safe: the same
     command goes on with the cases that have no diagnosis, those that failed among them.
 
     [bold]Examples[/]
@@ -1140,7 +1365,9 @@ def blind_run(
         _check_device(device)
         processes = _workers(workers)
         with _running(), _resumable(), _bar("diagnosing") as tell:
-            failures = run_cases(folder, target, sensors=given, device=device, workers=processes, progress=tell)
+            failures = run_cases(
+                folder, target, sensors=given, device=device, workers=processes, ray=ray, progress=tell
+            )
     for name, reason in failures.items():
         _err().print(f"[bold red]case {name} failed:[/] {escape(reason)}", soft_wrap=True, highlight=False)
     _say([target])
@@ -1246,11 +1473,12 @@ def _checking_input() -> Iterator[None]:
 @contextmanager
 def _running() -> Iterator[None]:
     """Turn a run that failed into one line and exit code 1."""
+    from aoro_gym.cluster import ClusterError
     from aoro_gym.manoeuvres import TwinLost
 
     try:
         yield
-    except (TwinLost, OSError) as error:
+    except (TwinLost, ClusterError, OSError) as error:
         _fail(error, 1)
 
 
@@ -1424,6 +1652,21 @@ def _check_extra(extra: str, *modules: str) -> None:
     for module in modules:
         if find_spec(module) is None:
             raise ValueError(f"{module} is missing: pip install 'aoro-gym[{extra}]'")
+
+
+def _policies(env: str, asked: list[str] | None, *, trust_pickle: bool = False) -> dict[str, Factory]:
+    """What makes each policy, by its name in reports; all controllers and shipped policies if none is asked for."""
+    from aoro_gym.agents import evaluation
+    from aoro_gym.agents.learned import shipped_policies
+    from aoro_gym.agents.reference import REFERENCE_POLICIES
+
+    if env not in evaluation.TRIALS:
+        raise ValueError(f"--env {env!r} cannot be evaluated; choose one of: {', '.join(evaluation.TRIALS)}")
+    names = asked or [*REFERENCE_POLICIES[env], *shipped_policies(env)]
+    policies = {_policy_name(name): evaluation.policy_factory(env, name, trust_pickle=trust_pickle) for name in names}
+    if len(policies) < len(names):
+        raise ValueError("--policy names the same one twice; give each once")
+    return policies
 
 
 def _policy_name(name: str) -> str:

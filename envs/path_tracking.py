@@ -57,8 +57,10 @@ from aoro_gym.twin.records import WHEELS, Output, State
 
 CROSS_TRACK_SCALE = 0.5
 """Cross-track error [m] that costs 1."""
-PRECISION_SCALE = 0.1
-"""Cross-track error [m] at which the precise progress is worth half."""
+EXACT_SCALE = 0.03
+"""Cross-track error [m] at which exact progress is worth half: what the reference controllers come to."""
+BRISK = 1.1
+"""Pace, as a share [-] of the working speed, at which exact progress is worth most."""
 TIPPING_RESERVE = 0.5
 """Tipping margin [-] below which it costs."""
 FULL_POWER = 1e5
@@ -161,10 +163,13 @@ def cross_track_cost(view: PathTrackingView) -> Array:
     return view.xp.clip((view.cross_track / CROSS_TRACK_SCALE) ** 2, None, 4.0)
 
 
-def precise_progress(view: PathTrackingView) -> Array:
-    """Path gained as in ``progress``, worth the less the farther off the path: half at 0.1 m. Nobody saves anything by
-    standing still, as where errors cost more than progress brings."""
-    return progress(view) / (1.0 + (view.cross_track / PRECISION_SCALE) ** 2)
+def exact_progress(view: PathTrackingView) -> Array:
+    """Path gained, worth half at 0.03 m off the path, and the less the more it is driven faster than a little over the
+    working speed: what is left to gain is to be nearer to the path. Nobody saves anything by standing still, as where
+    errors cost more than progress brings."""
+    pace = progress(view)
+    worth = pace - 2.0 * view.xp.clip(pace - BRISK, 0.0, None)
+    return worth / (1.0 + (view.cross_track / EXACT_SCALE) ** 2)
 
 
 def signal_change(view: PathTrackingView) -> Array:
@@ -214,7 +219,7 @@ REWARD_TERMS = Frozen(
     }
 )
 """The reward: about 1 a step for following the path's middle at the working speed."""
-FURTHER_REWARD_TERMS = Frozen({"precise_progress": precise_progress})
+FURTHER_REWARD_TERMS = Frozen({"exact_progress": exact_progress})
 """What it can be made of besides, by name."""
 
 # ---- observation terms -----------------------------------------------------------------------------------------------

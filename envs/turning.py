@@ -110,6 +110,11 @@ def flow_oscillation(view: TurningView) -> Array:
     return view.xp.abs(newest - 2.0 * middle + oldest) / FULL_FLOW
 
 
+def flow_excess(view: TurningView) -> Array:
+    """How far the joint flow is above the full one, in units of it: the first peak of a turn, above what it settles at."""
+    return view.xp.clip(view.xp.abs(view.flows[0]) / FULL_FLOW - 1.0, 0.0, None)
+
+
 def signal_change(view: TurningView) -> Array:
     """Square of the steering signal's change."""
     return (view.signals[:, 0] - view.signals[:, 1]) ** 2
@@ -125,6 +130,8 @@ REWARD_TERMS = Frozen(
     }
 )
 """The reward: at most 1 a step, so 500 an episode."""
+FURTHER_REWARD_TERMS = Frozen({"flow_excess": flow_excess})
+"""What it can be made of besides, by name."""
 
 # ---- observation terms -----------------------------------------------------------------------------------------------
 

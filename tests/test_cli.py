@@ -38,7 +38,7 @@ def turn(tmp_path_factory) -> tuple[Path, Result]:
 
 def test_version_and_help():
     assert call("--version").stdout == f"aoro-gym {__version__}\n"
-    verbs = "parameters simulate validate calibrate demo terrain evaluate train export bench"
+    verbs = "parameters simulate validate calibrate demo terrain evaluate leaderboard gap train export bench"
     for verb in verbs.split():
         shown = call(verb, "--help")
         assert shown.exit_code == 0
@@ -242,6 +242,16 @@ def test_policies_in_files_are_evaluated_and_exported(tmp_path):
     shown = call("evaluate", "--policy", tmp_path / "model.zip", *options)
     assert (shown.exit_code, "--trust-pickle" in shown.stderr) == (2, True)
 
+    board = tmp_path / "board"
+    options = ["--env", "AORO/Turning-v0", "--episodes", 2, "--seed", 5, "--out", board]
+    shown = call("leaderboard", "--policy", file, "--policy", "bang-bang", *options)
+    assert shown.exit_code == 0, shown.output
+    content = json.loads((board / "leaderboard.json").read_text())
+    assert (content["policies"], content["seed"]) == (["bang-bang", name], 5)
+    assert content["best_reference"] == "bang-bang"
+    for end in ("json", "md", "png"):
+        assert f"wrote {board / 'leaderboard'}.{end}" in shown.stdout
+
     pytest.importorskip("onnx")
     assert call("export", file).stdout == f"wrote {tmp_path / 'still.onnx'}\n"
     shown = call("export", tmp_path / "none.json")
@@ -444,6 +454,20 @@ def test_terrain(tmp_path):
         ("demo --out good.csv", "--out good.csv is a file; name a folder"),
         ("evaluate --out good.csv", "--out good.csv is a file; name a folder"),
         ("evaluate --env X", "--env 'X' cannot be evaluated; choose one of: AORO/Turning-v0, AORO/PathTracking-v0"),
+        ("leaderboard --env X", "--env 'X' cannot be evaluated; choose one of"),
+        ("leaderboard --episodes 0", "--episodes = 0 is outside [1, 10000]"),
+        ("leaderboard --readme good.csv", "good.csv lacks the lines <!-- leaderboard AORO/PathTracking-v0 -->"),
+        ("gap --policy preview", "give one of --diagnosis and --improved"),
+        ("gap --policy preview --improved aoro", "the plant is the baseline; give --plant or --effect"),
+        ("gap --policy preview --diagnosis empty", "empty/diagnosis.json: No such file"),
+        ("gap --policy preview --improved aoro --effect x=1", "'x' is no effect on the machine; choose from"),
+        (
+            "gap --policy preview --improved aoro --effect payload=9 --retrain 9",
+            "preview cannot be retrained; give a file",
+        ),
+        ("train --seeds 3", "--seeds needs --ray"),
+        ("train --ray local --seeds 0", "--seeds = 0 is below 1"),
+        ("train --ray local --resume runs", "--resume and --ray are both given"),
         ("train --algo dqn", "algo is 'dqn'; choose one of: ppo, sac"),
         ("train --terrain good.csv", "--terrain is for AORO/PathTracking-v0"),
         ("train --out good.csv", "--out good.csv is a file; name a folder"),

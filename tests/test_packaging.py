@@ -25,20 +25,22 @@ LINKED = ("envs", "terrains", "agents")
 TOOLS = {"log", "figures", "manoeuvres", "report"}
 STUDIES = {"validation", "calibration", "diagnosis"}
 MAY_SEE = {
-    # data flows terrains -> twin -> sensors -> envs -> agents; studies see twin and sensors, never envs or agents
+    # data flows terrains -> twin -> sensors -> envs -> agents; studies see twin and sensors, never envs or agents,
+    # and agents may use what studies find
     "arrays": set(),
+    "cluster": set(),
     "lazy": set(),
     "style": set(),
     "terrains": {"lazy", "style"},
     "twin": {"terrains"},
     "sensors": {"arrays", "terrains", "twin"},
     "envs": {"arrays", "lazy", "style", "terrains", "twin", "sensors"},
-    "agents": {"arrays", "lazy", "style", "terrains", "twin", "sensors", "envs", *TOOLS},
+    "agents": {"arrays", "lazy", "style", "terrains", "twin", "sensors", "envs", "cluster", *TOOLS, *STUDIES},
     # the key figures of a turn are defined in validation, for the machine and for every drawing of a twin
     **{part: {"style", "terrains", "twin", "sensors", "validation", *TOOLS} for part in TOOLS},
-    **{part: {"style", "terrains", "twin", "sensors", *TOOLS, *STUDIES} for part in STUDIES},
+    **{part: {"cluster", "style", "terrains", "twin", "sensors", *TOOLS, *STUDIES} for part in STUDIES},
     "benchmark": {"terrains", "twin", "sensors", "envs", *TOOLS},
-    "cli": {"terrains", "twin", "sensors", "envs", "agents", "benchmark", *TOOLS, *STUDIES},
+    "cli": {"terrains", "twin", "sensors", "envs", "agents", "benchmark", "cluster", *TOOLS, *STUDIES},
     "__main__": {"cli"},
     "__init__": {"lazy", "terrains", "twin", "envs"},
 }

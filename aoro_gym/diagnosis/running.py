@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from aoro_gym.cluster import Failed, connected, on_ray
 from aoro_gym.diagnosis.sealing import SENSORS, read_json, write_json
 from aoro_gym.diagnosis.sharing import sharing
-from aoro_gym.diagnosis.workers import Tell, spread
+from aoro_gym.diagnosis.workers import Failure, Tell, spread
 from aoro_gym.log import write_whole
 
 RESULT, FAILED = "diagnosis.json", "error.txt"
@@ -37,6 +39,7 @@ def run_cases(
     sensors: str,
     device: str = "cpu",
     workers: int = 1,
+    ray: str | None = None,
     diagnose: Diagnose | None = None,
     progress: Callable[[str, float], Any] = lambda sentence, share: None,
 ) -> dict[str, str]:
@@ -48,6 +51,8 @@ def run_cases(
         sensors: ``angle`` or ``full``: what the diagnosis may read.
         device: Where twins run; several, with commas between them, take cases in turn. Processes share their launches.
         workers: Processes at once.
+        ray: Address of a Ray cluster whose nodes share ``folder`` and ``out``, to diagnose there instead; see
+            :func:`aoro_gym.cluster.connected`.
         diagnose: What does it, a function of a module; by default that of :mod:`.diagnose`.
         progress: Called with a sentence and the share done.
 
@@ -72,13 +77,18 @@ def run_cases(
     failures = {}
     with ExitStack() as stack:
         devices = device.split(",")
-        if diagnose is None and waiting and (workers > 1 or len(devices) > 1):
+        if ray is None and diagnose is None and waiting and (workers > 1 or len(devices) > 1):
             devices = [stack.enter_context(sharing(one)) for one in devices]
         jobs = {
             name: (diagnose or _diagnose, folder / "cases" / name, out / name, sensors, devices[k % len(devices)])
             for k, name in enumerate(waiting)
         }
-        for done, (name, failure) in enumerate(spread(_run, jobs, workers=workers), start=len(cases) - len(jobs) + 1):
+        if ray is None:
+            ended = spread(_run, jobs, workers=workers)
+        else:
+            stack.enter_context(connected(ray))
+            ended = _on_cluster(jobs, device)
+        for done, (name, failure) in enumerate(ended, start=len(cases) - len(jobs) + 1):
             error = out / name / FAILED
             error.unlink(missing_ok=True)
             if failure is not None:
@@ -125,6 +135,20 @@ def read_diagnoses(folder: Path, out: Path) -> tuple[str, dict[str, dict[str, An
     if missing:
         raise ValueError(f"{len(missing)} of {len(cases)} cases have no diagnosis, {missing[0]} among them; {again}")
     return about["sensors"], found
+
+
+def _on_cluster(jobs: Mapping[str, tuple[Any, ...]], device: str) -> Iterator[tuple[str, Failure | None]]:
+    """As :func:`~aoro_gym.diagnosis.workers.spread`, on the cluster that is connected."""
+    jobs = {
+        name: (diagnose, place.absolute(), out.absolute(), *rest)
+        for name, (diagnose, place, out, *rest) in jobs.items()
+    }
+    for name, result in on_ray(partial(_run, _silent), jobs, device=device.split(",")[0]):
+        yield name, Failure(result.reason, result.trace) if isinstance(result, Failed) else None
+
+
+def _silent(amount: int) -> None:
+    """Nobody hears what a job on another node tells."""
 
 
 def _run(tell: Tell, diagnose: Diagnose, place: Path, out: Path, sensors: str, device: str) -> None:

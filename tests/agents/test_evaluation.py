@@ -5,10 +5,17 @@ import math
 
 import numpy as np
 import pytest
-from scipy.stats import beta, norm
+from scipy.stats import beta, norm, trim_mean
 
 from aoro_gym.agents import evaluation, evaluation_report
-from aoro_gym.agents.evaluation import TIME_IS_UP, drive_paths, evaluate, interval, policy_factory
+from aoro_gym.agents.evaluation import (
+    TIME_IS_UP,
+    drive_paths,
+    evaluate,
+    interquartile_mean,
+    interval,
+    policy_factory,
+)
 from aoro_gym.agents.reference import REFERENCE_POLICIES
 from aoro_gym.agents.responses import responses, rollout
 from aoro_gym.envs.courses import Course
@@ -172,6 +179,7 @@ def test_turning_figures_are_those_of_its_responses(turned):
     assert run.figures["settling_time_s"][1] == pytest.approx(np.nanmean(each["settling_time"]))
     assert run.figures["worst_overshoot_deg"][1] == pytest.approx(np.degrees(each["overshoot"].max()))
     assert run.figures["success_rate"][1] == alone.success[0]
+    assert run.figures["flow_overshoot_share"][1] == pytest.approx(each["flow_overshoot"].mean(), rel=1e-6)
     assert run.film.shape == (501, len(env.task.render_channels))
     # one second after each target was set; the last one need not have stood for the two seconds that are kept
     error = np.degrees(np.abs(alone.target[:, 0].astype(np.float64) - alone.joint_angle[:, 0]))
@@ -218,6 +226,15 @@ def test_interval_of_a_mean_is_that_of_many_draws():
     assert math.isnan(interval(np.array([np.nan])).mean)
 
 
+def test_interquartile_mean_leaves_the_wild_out():
+    values = np.concatenate([np.arange(1.0, 9.0), [1e6, -1e6, 2e6, -2e6]])
+    # the middle half of 12 are 6: 2 to 7, as two wild ones and 1 go below, two and 8 above
+    assert interquartile_mean(values) == 4.5
+    found = interval(np.random.default_rng(1).normal(3.0, 2.0, 400), statistic=interquartile_mean)
+    # of a normal distribution its variance is 1.20 times the mean's
+    assert found.high95 - found.low95 == pytest.approx(2 * norm.ppf(0.975) * 2.0 * math.sqrt(1.20 / 400), rel=0.15)
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -250,6 +267,9 @@ def test_report_holds_everything(found, tmp_path, monkeypatch):
     assert set(figures["cross_track_rms_m"]) == {"mean", "low95", "high95"}
     assert figures["success_rate"]["high95"] == 1.0
     assert content["endings"]["preview"][END_OF_PATH]["mean"] == 1.0
+    middle = content["interquartile_means"]["preview"]
+    assert middle["speed_m_per_s"]["mean"] == trim_mean(found.runs["preview"].figures["speed_m_per_s"], 0.25)
+    assert "success_rate" not in middle
     page = written[-1].read_text(encoding="utf-8")
     assert page.count("data:video/mp4;base64,") == 2
     assert page.count("data:image/png;base64,") == 3

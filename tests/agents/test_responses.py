@@ -1,10 +1,15 @@
 """Figures of step responses, on responses that are known."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from aoro_gym.agents.responses import Rollout, responses
+from aoro_gym.agents.responses import Rollout, flow_curves, flow_overshoot, responses
+from aoro_gym.sensors.chain import turn_flow
+from aoro_gym.twin import Machine
 
 STEP = 0.02
+CYLINDER = Machine.load("aoro").steering.cylinder
 
 
 def run_of(angle, target, start=0.0):
@@ -17,6 +22,8 @@ def run_of(angle, target, start=0.0):
         steering_signal=np.zeros((*shape, 1), dtype=np.float32),
         reward=np.full((*shape, 1), 0.5, dtype=np.float32),
         success=np.array([True]),
+        sampled_angle=np.repeat(np.asarray(angle, dtype=np.float32), 2)[:, None],
+        cylinder=CYLINDER,
     )
 
 
@@ -55,3 +62,46 @@ def test_what_is_never_reached_has_no_time():
 
 def test_returns_sum_the_rewards():
     np.testing.assert_allclose(run_of(np.zeros(200), 0.5).returns, 100.0)
+
+
+def test_a_flow_curve_with_a_known_peak_has_that_overshoot():
+    # 10 at first, then 8: the steady period [0.48 T, 0.92 T] sees the 8 only
+    flow = np.concatenate([np.full(30, 10.0), np.full(70, 8.0), np.zeros(50)])
+    turned = np.concatenate([np.linspace(0.0, 0.5, 101)[1:], np.full(50, 0.5)])
+    assert flow_overshoot(flow, turned, 0.5, 0.01) == 0.25
+    # what comes after the target does not count
+    flow[120] = 100.0
+    assert flow_overshoot(flow, turned, 0.5, 0.01) == 0.25
+    # a curve without a peak has none, a joint that does not arrive no figure
+    assert flow_overshoot(np.full(150, 8.0), turned, 0.5, 0.01) == 0.0
+    assert np.isnan(flow_overshoot(flow, 0.5 * turned, 0.5, 0.01))
+
+
+def test_flow_curve_is_the_joint_rate_through_the_cylinders():
+    """A slow swing, which a 7 Hz filter and differences over 10 ms pass: at 0.5 Hz they take 2e-4 of it."""
+    time = 0.01 * np.arange(1, 601)
+    swing = 0.3 * (1 - np.cos(np.pi * time))
+    run = run_of(swing[1::2], 0.6)
+    run = replace(run, sampled_angle=swing.astype(np.float32)[:, None])
+    assert run.sample_step == 0.01
+    rate = 0.3 * np.pi * np.sin(np.pi * time)
+    for direction, flow in flow_curves(run).items():
+        exact = turn_flow(CYLINDER, swing, rate, direction)
+        middle = slice(50, -50)
+        np.testing.assert_allclose(flow[middle, 0], exact[middle], atol=1e-3 * np.abs(exact).max())
+
+
+def test_flow_overshoot_of_a_turn_left_and_right():
+    """0.2 rad/s with a swell to 0.4 at 0.8 s, slow enough for the chain, whose gain at 3 Hz is 0.999: the exact flow at the
+    swell over that of the steady period tells."""
+    time = 0.01 * np.arange(1, 501)
+    rate = np.where(time < 4.0, 0.2, 0.0) + 0.2 * np.exp(-(((time - 0.8) / 0.2) ** 2))
+    angle = np.cumsum(0.01 * rate) - 0.01 * rate[0]
+    end = angle[-1]
+    arrives = time[np.argmax(angle >= end - 0.01)]
+    flow = turn_flow(CYLINDER, angle, rate, 1.0)
+    steady = flow[(time > 0.48 * arrives) & (time < 0.92 * arrives)].mean()
+    for side in (1.0, -1.0):
+        run = replace(run_of(side * angle[1::2], side * end), sampled_angle=(side * angle).astype(np.float32)[:, None])
+        found = responses(run, tolerance=0.01)
+        np.testing.assert_allclose(found["flow_overshoot"], flow.max() / steady - 1.0, rtol=0.02)

@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -115,6 +115,31 @@ def test_learning_changes_the_policy_and_another_seed_another(training, tmp_path
         found[name] = weights(tmp_path / name)["layer0.weight"]
     assert not np.array_equal(found["short"], found["long"])
     assert not np.array_equal(found["other"], found["long"])
+
+
+def test_a_training_learns_on_from_a_policy(training, tmp_path):
+    from aoro_gym.agents.learned import load_policy
+
+    machine, first, second = Machine.load("aoro"), tmp_path / "first", tmp_path / "second"
+    training.train(plan_of(), training.begin(plan_of(), first), first, machine=machine)
+    # so small a step that nothing is learned: what is left is the policy that was started from
+    plan = plan_of(start=str(first / "policy.json"), seed=6, steps=100)
+    plan = replace(plan, param=[*(plan.param or []), "learning_rate=1e-30"])
+    assert "--start" in plan.command
+    training.train(plan, training.begin(plan, second), second, machine=machine)
+    before, after = (load_policy(folder / "policy.json") for folder in (first, second))
+    for one, other in zip(before.weights, after.weights, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert before.normalisation is not None and after.normalisation is not None
+    # 100 observations against 1e7
+    np.testing.assert_allclose(after.normalisation.mean, before.normalisation.mean, atol=1e-4)
+    np.testing.assert_allclose(after.normalisation.variance, before.normalisation.variance, rtol=1e-3, atol=1e-6)
+
+    wide = replace(plan, param=[*(plan.param or []), "policy_kwargs={net_arch: [8]}"])
+    with pytest.raises(ValueError, match=r"layers \[8, 64, 64, 1\] with tanh, but the network to train \[8, 8, 1\]"):
+        training.train(wide, training.begin(wide, tmp_path / "wide"), tmp_path / "wide", machine=machine)
+    with pytest.raises(FileNotFoundError):
+        training.begin(plan_of(start="none.json"), tmp_path / "none")
 
 
 def test_a_killed_command_goes_on(training, tmp_path):
@@ -354,17 +379,32 @@ def test_stages_follow_each_other():
 
 
 def test_stages_may_add_what_a_task_does_without():
-    first, *_ = curriculum(TRACKING, [{"from": 0, "randomisation": "mild", "reward_terms": {"precise_progress": 2.0}}])
+    first, *_ = curriculum(TRACKING, [{"from": 0, "randomisation": "mild", "reward_terms": {"exact_progress": 2.0}}])
     assert first.randomisation == TRACKING_MILD
     task: Any = SimpleNamespace()
     first.apply(task, TRACKING_TERMS)
-    assert set(task.reward_terms) == {*TRACKING_TERMS, "precise_progress"}
-    # 0.05 m in a step of 0.05 s at 0.75 m/s of working speed is 4/3; at 0.1 m off the path it is worth half
+    assert set(task.reward_terms) == {*TRACKING_TERMS, "exact_progress"}
+    # 0.025 m in a step of 0.05 s at 0.75 m/s of working speed is 2/3; at 0.03 m off the path it is worth half; 0.05 m are
+    # 4/3, of which what is beyond 1.1 counts against
     view = SimpleNamespace(
-        progress=np.array([0.05, 0.05]), control_step=0.05, working_speed=0.75, cross_track=np.array([0.0, -0.1])
+        progress=np.array([0.025, 0.025, 0.05]),
+        control_step=0.05,
+        working_speed=0.75,
+        cross_track=np.array([0.0, -0.03, 0.0]),
+        xp=np,
     )
-    term = task.reward_terms["precise_progress"]
-    np.testing.assert_allclose(term.weight * term.function(view), [8.0 / 3.0, 4.0 / 3.0])
+    term = task.reward_terms["exact_progress"]
+    np.testing.assert_allclose(term.weight * term.function(view), [4.0 / 3.0, 2.0 / 3.0, 2.0 * (2.2 - 4.0 / 3.0)])
+
+
+def test_flow_beyond_the_full_one_can_cost():
+    first, *_ = curriculum(TURNING, [{"from": 0, "reward_terms": {"flow_excess": -2.0}}])
+    task: Any = SimpleNamespace()
+    first.apply(task, REWARD_TERMS)
+    term = task.reward_terms["flow_excess"]
+    # of 1.2e-3 m3/s, either side
+    view = SimpleNamespace(flows=np.array([[1.8e-3, -1.8e-3, 1.2e-3, 0.0]]), xp=np)
+    np.testing.assert_allclose(term.weight * term.function(view), [-1.0, -1.0, 0.0, 0.0], atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -374,7 +414,7 @@ def test_stages_may_add_what_a_task_does_without():
         ([{"randomisation": "mild"}], "stage 0 .* must have 'from'"),
         ([{"from": 0, "randomisation": "wild"}], "stage 0 .* randomisation is 'wild'; choose one of: fixed, mild"),
         ([{"from": 0, "randomisation": {"noise": [0, 1]}}], "unknown field 'noise'; choose from: machine, "),
-        ([{"from": 0, "reward_terms": {"precise_progress": 1.0}}], "has no 'precise_progress' to weigh"),
+        ([{"from": 0, "reward_terms": {"exact_progress": 1.0}}], "has no 'exact_progress' to weigh"),
         ([{"from": 0, "randomisation": {"sensor_noise": [1, 0]}}], "randomisation.sensor_noise is .1, 0., but must be"),
         ([{"from": 0}, {"from": 0}], "but must begin at 0 and rise"),
     ],

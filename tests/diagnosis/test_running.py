@@ -97,7 +97,7 @@ def test_the_command_runs(suite, monkeypatch):
     monkeypatch.setattr(running, "run_cases", run)
     well = runner.invoke(app, ["blind", "run", "--workers", "3", str(suite)], catch_exceptions=False)
     assert well.exit_code == 0, well.output
-    assert asked[0] == (suite / "diagnoses-angle", {"sensors": "angle", "device": "cpu", "workers": 3})
+    assert asked[0] == (suite / "diagnoses-angle", {"sensors": "angle", "device": "cpu", "workers": 3, "ray": None})
     ill = runner.invoke(app, ["blind", "run", "--out", str(suite / "there"), str(suite)], catch_exceptions=False)
     assert ill.exit_code == 1 and asked[1][0] == suite / "there"
     assert "case 002 failed: ValueError: [bad] log" in ill.output

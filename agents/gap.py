@@ -1,0 +1,270 @@
+"""What a gap between twin and machine costs a policy, how much of it a diagnosis foresees, how much retraining wins back.
+
+The same policy drives the same episodes in three places: in the twin that it was trained in (the baseline), in the plant,
+which has a deviation that the baseline lacks, and in the twin that a diagnosis of the plant has improved. With retraining, a
+copy of the policy that has learned on in the improved twin drives in the plant, and for comparison one that has learned on
+as long in the baseline.
+
+    loss       plant - baseline
+    predicted  improved twin - baseline          as a share of the loss
+    recovered  retrained in the plant - plant    as a share of the loss, less its sign
+
+All differences are of the same episodes.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.markup import escape
+from rich.table import Table
+from scipy.stats import bootstrap
+
+from aoro_gym.agents.evaluation import (
+    CONFIDENCE,
+    RESAMPLES,
+    TRIALS,
+    Evaluation,
+    Floats,
+    Interval,
+    evaluate,
+    interval,
+    plain,
+)
+from aoro_gym.agents.evaluation_report import describe, shown
+from aoro_gym.agents.leaderboard import SEED
+from aoro_gym.agents.learned import LearnedPolicy
+from aoro_gym.agents.perturbations import SWITCHABLE
+from aoro_gym.agents.reference import Factory
+from aoro_gym.agents.training_plan import TrainingPlan
+from aoro_gym.envs.courses import Course
+from aoro_gym.twin import Machine
+
+BASELINE, PLANT, IMPROVED = "baseline", "plant", "improved twin"
+"""Where the policy drives."""
+RETRAINED, CONTROL = "retrained in the improved twin", "trained on in the baseline"
+"""Who else drives in the plant."""
+LEARNING_RATE, LOG_STD = "lin_3e-4", -2.0
+"""Of retraining: a good policy is to be moved, not to be found."""
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Figures of the same episodes by who drove where."""
+
+    env: str
+    episodes: int
+    seed: int
+    driven: Mapping[str, Mapping[str, Floats]]
+    """By :data:`BASELINE`, :data:`PLANT`, … and figure, (N,)."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Figures that are reported."""
+        return ("success_rate", *TRIALS[self.env].decisive, "return")
+
+    @cached_property
+    def figures(self) -> dict[str, dict[str, Interval]]:
+        """Means by who drove where."""
+        return {
+            place: {name: interval(values[name], rate=name == "success_rate") for name in self.names}
+            for place, values in self.driven.items()
+        }
+
+    @cached_property
+    def changes(self) -> dict[str, dict[str, Interval]]:
+        """``loss``, ``predicted`` and, with retraining, ``recovered`` and ``control``: mean differences."""
+        return {
+            name: {figure: interval(self._change(name, figure)) for figure in self.names} for name in self._differences
+        }
+
+    @cached_property
+    def shares(self) -> dict[str, dict[str, Interval]]:
+        """The others as shares of the loss [-]: 1 is all of it. Wide, or without ends, where there is hardly a loss."""
+        return {
+            name: {
+                figure: share_of(self._change(name, figure) * sign, self._change("loss", figure))
+                for figure in self.names
+            }
+            for name, sign in (("predicted", 1.0), ("recovered", -1.0), ("control", -1.0))
+            if name in self._differences
+        }
+
+    @property
+    def _differences(self) -> dict[str, tuple[str, str]]:
+        """What is less what."""
+        found = {"loss": (PLANT, BASELINE), "predicted": (IMPROVED, BASELINE)}
+        if RETRAINED in self.driven:
+            found |= {"recovered": (RETRAINED, PLANT), "control": (CONTROL, PLANT)}
+        return found
+
+    def _change(self, name: str, figure: str) -> Floats:
+        more, less = self._differences[name]
+        return self.driven[more][figure] - self.driven[less][figure]
+
+    def to_json(self) -> dict[str, Any]:
+        """Content of ``gap.json``."""
+        return {
+            "env": self.env,
+            "episodes": self.episodes,
+            "seed": self.seed,
+            "figures": plain(self.figures),
+            "changes": plain(self.changes),
+            "shares": plain(self.shares),
+        }
+
+
+def share_of(part: Floats, whole: Floats) -> Interval:
+    """Mean of ``part`` over that of ``whole`` [-], both (N,), with the percentiles' interval of a bootstrap over the pairs;
+    pairs with a NaN are left out."""
+    known = np.isfinite(part) & np.isfinite(whole)
+    part, whole = part[known], whole[known]
+    if not known.any() or whole.mean() == 0.0:
+        return Interval(math.nan, math.nan, math.nan)
+    share = float(part.mean() / whole.mean())
+    if len(part) < 2:
+        return Interval(share, math.nan, math.nan)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        drawn = bootstrap(
+            (part, whole),
+            lambda p, w, axis=-1: p.mean(axis=axis) / w.mean(axis=axis),
+            paired=True,
+            n_resamples=RESAMPLES,
+            method="percentile",
+            batch=max(1, 1_000_000 // len(part)),
+            rng=np.random.default_rng(0),
+        ).bootstrap_distribution
+    low, high = np.nanquantile(drawn, [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)])
+    return Interval(share, float(low), float(high))
+
+
+def measure(
+    env: str,
+    policy: Factory,
+    *,
+    baseline: Machine,
+    plant: Machine,
+    improved: Machine,
+    retrained: Factory | None = None,
+    control: Factory | None = None,
+    episodes: int = 64,
+    seed: int = SEED,
+    courses: Sequence[Course] | None = None,
+    device: str = "cpu",
+    progress: Callable[[str, float], Any] | None = None,
+) -> Gap:
+    """Drive.
+
+    Args:
+        env: Id of the environment.
+        policy: Who drives.
+        baseline: The twin that the policy was trained in.
+        plant: What it shall drive.
+        improved: The twin after the diagnosis.
+        retrained: The policy after it has learned on in ``improved``; likewise ``control`` in ``baseline``.
+        control: See there.
+        episodes: In each place.
+        seed: Of the first episode.
+        courses: Where to drive.
+        device: Of the twins.
+        progress: Called with what is driven and the share of everything that is done.
+    """
+    rounds: list[tuple[str, Factory, Machine]] = [
+        (BASELINE, policy, baseline), (PLANT, policy, plant), (IMPROVED, policy, improved),
+    ]  # fmt: skip
+    if retrained is not None and control is not None:
+        rounds += [(RETRAINED, retrained, plant), (CONTROL, control, plant)]
+    driven = {}
+    for done, (name, make, machine) in enumerate(rounds):
+
+        def tell(_: str, share: float, name: str = name, before: int = done) -> None:
+            if progress is not None:
+                progress(name, (before + share) / len(rounds))
+
+        found: Evaluation = evaluate(
+            env,
+            {name: make},
+            episodes=episodes,
+            seed=seed,
+            courses=courses,
+            machine=baseline,
+            # policies know the baseline, wherever they drive
+            drawn=lambda known, seeds, machine=machine: machine,
+            device=device,
+            progress=tell,
+        )
+        driven[name] = found.runs[name].figures
+    return Gap(env, episodes, seed, driven)
+
+
+def retraining_plan(env: str, policy: LearnedPolicy, file: Path, *, steps: int, seed: int, device: str) -> TrainingPlan:
+    """Asks for the policy of ``file`` to learn on for ``steps``."""
+    network = ", ".join(str(size) for size in policy.sizes[1:-1])
+    return TrainingPlan(
+        env=env,
+        start=str(file),
+        steps=steps,
+        seed=seed,
+        device=device,
+        param=[
+            f"learning_rate={LEARNING_RATE}",
+            f"policy_kwargs={{log_std_init: {LOG_STD}, net_arch: [{network}]}}",
+        ],
+    )
+
+
+def with_effects(machine: Machine, asked: Sequence[str]) -> Machine:
+    """The machine with effects such as ``"seal_friction=3000"``, in SI as the catalogue has them.
+
+    Raises ValueError naming what is wrong.
+    """
+    for text in asked:
+        name, _, values = text.partition("=")
+        if name not in SWITCHABLE:
+            raise ValueError(f"{name!r} is no effect on the machine; choose from: {', '.join(SWITCHABLE)}")
+        try:
+            magnitudes = [float(value) for value in values.split(",")]
+        except ValueError:
+            raise ValueError(f"{text!r} is not NAME=VALUE, such as seal_friction=3000") from None
+        machine = SWITCHABLE[name].apply(machine, *magnitudes)
+    return machine
+
+
+def diagnosed(folder: Path) -> Path:
+    """Machine file of the likeliest cause that has one, in a folder of ``aoro-gym diagnose``.
+
+    Raises ValueError if there is none, OSError if there is no diagnosis.
+    """
+    causes = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))["causes"]
+    files = [cause["machine_file"] for cause in causes if cause.get("machine_file")]
+    if not files:
+        raise ValueError(
+            f"{folder / 'diagnosis.json'} names no machine file: nothing that it found would change the twin"
+        )
+    return folder / files[0]
+
+
+def table(gap: Gap) -> Table:
+    """For a terminal: figures by who drove where, then the changes and their shares of the loss."""
+    drawn = Table(
+        title=f"{gap.env}: {gap.episodes} episodes each, mean \\[95 %]", title_justify="left", header_style="bold"
+    )
+    drawn.add_column("")
+    units = [describe(name) for name in gap.names]
+    for words, unit in units:
+        drawn.add_column(escape(f"{words} [{unit}]") if unit else words, justify="right")
+    for place, values in gap.figures.items():
+        drawn.add_row(place, *(shown(values[name], unit) for name, (_, unit) in zip(gap.names, units, strict=True)))
+    drawn.add_section()
+    for name, values in gap.changes.items():
+        drawn.add_row(name, *(shown(values[one], unit) for one, (_, unit) in zip(gap.names, units, strict=True)))
+        if name in gap.shares:
+            drawn.add_row("  share of the loss [%]", *(shown(gap.shares[name][one], "%") for one in gap.names))
+    return drawn

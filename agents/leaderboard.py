@@ -1,0 +1,292 @@
+"""Policies and reference controllers on seeds, grounds and machines that none of them saw.
+
+Every policy drives the same episodes, on the machine of the file, on machines with all parameters drawn within their ranges,
+and on such machines with an effect of the catalogue switched on. Policies are made for the machine of the file: of another
+one's parameters they know nothing. The seeds, the forests and the machines are neither those of tuning nor of training, nor
+of the evaluations that choose a training's best policy.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any
+
+from rich.markup import escape
+from rich.table import Table
+
+from aoro_gym.agents.evaluation import Evaluation, Interval, evaluate, interquartile_mean, interval, plain
+from aoro_gym.agents.evaluation_report import COLOURS, describe, shown
+from aoro_gym.agents.perturbations import PERTURBATIONS
+from aoro_gym.agents.reference import REFERENCE_POLICIES, Factory
+from aoro_gym.envs.courses import Course, forest_course
+from aoro_gym.log import write_whole
+from aoro_gym.style import PLOT_STYLE
+from aoro_gym.twin import Machine
+
+SEED = 40_000
+"""Of the first episode."""
+FORESTS = (201, 202, 203, 204)
+"""Seeds of the forests: other ones than those of training, tuning and the evaluations in between."""
+SUCCESS = "success_rate"
+MORE_IS_BETTER = ("speed_m_per_s",)
+
+
+@dataclass(frozen=True)
+class Leaderboard:
+    """Evaluations of the same policies on ever stranger machines."""
+
+    found: Mapping[str, Evaluation]
+    """By the name of the perturbation."""
+
+    @property
+    def any(self) -> Evaluation:
+        """One of them, for what all have in common."""
+        return next(iter(self.found.values()))
+
+    @cached_property
+    def policies(self) -> list[str]:
+        """From the best to the worst: by the first decisive figure, on the strangest machines."""
+        figure, strangest = self.any.trial.decisive[0], self.middle[list(self.found)[-1]]
+
+        def rank(policy: str) -> float:
+            value = strangest[policy][figure].mean
+            return value if math.isfinite(value) else math.inf  # such as the time of who never settles
+
+        return sorted(self.any.runs, key=rank)
+
+    @cached_property
+    def middle(self) -> dict[str, dict[str, dict[str, Interval]]]:
+        """Interquartile means of the decisive figures, and success, by perturbation, policy and figure."""
+        figures = self.any.trial.decisive
+        return {
+            name: {
+                policy: {
+                    SUCCESS: interval(run.figures[SUCCESS], rate=True),
+                    **{figure: interval(run.figures[figure], statistic=interquartile_mean) for figure in figures},
+                }
+                for policy, run in result.runs.items()
+            }
+            for name, result in self.found.items()
+        }
+
+    @property
+    def best_reference(self) -> str | None:
+        """The reference controller that comes first; None if none drove."""
+        controllers = REFERENCE_POLICIES[self.any.env]
+        return next((policy for policy in self.policies if policy in controllers), None)
+
+    @cached_property
+    def differences(self) -> dict[str, dict[str, dict[str, Interval]]]:
+        """Mean of the decisive figures of every other policy less those of the best reference controller, episode by
+        episode."""
+        best = self.best_reference
+        if best is None:
+            return {}
+        return {
+            name: {
+                policy: {
+                    figure: interval(run.figures[figure] - result.runs[best].figures[figure])
+                    for figure in self.any.trial.decisive
+                }
+                for policy, run in result.runs.items()
+                if policy != best
+            }
+            for name, result in self.found.items()
+        }
+
+    def to_json(self) -> dict[str, Any]:
+        """Content of ``leaderboard.json``."""
+        one = self.any
+        return {
+            "env": one.env,
+            "episodes": one.episodes,
+            "seed": one.seed,
+            "machine": one.machine.name,
+            "courses": [course.name for course in one.courses],
+            "policies": self.policies,
+            "interquartile_means": {name: plain(values) for name, values in self.middle.items()},
+            "best_reference": self.best_reference,
+            "differences": {name: plain(values) for name, values in self.differences.items()},
+            "evaluations": {name: result.to_json() for name, result in self.found.items()},
+        }
+
+
+def compare(
+    env: str,
+    policies: Mapping[str, Factory],
+    *,
+    episodes: int = 100,
+    seed: int = SEED,
+    courses: Sequence[Course] | None = None,
+    machine: str | Machine = "aoro",
+    device: str = "cpu",
+    ray: str | None = None,
+    progress: Callable[[str, float], Any] | None = None,
+) -> Leaderboard:
+    """Evaluate policies under every perturbation; the arguments are those of
+    :func:`~aoro_gym.agents.evaluation.evaluate`, episodes those under each."""
+    machine = machine if isinstance(machine, Machine) else Machine.load(machine)
+    if courses is None and env == "AORO/PathTracking-v0":
+        courses = forests()
+    found = {}
+    for done, (name, perturb) in enumerate(PERTURBATIONS.items()):
+
+        def tell(policy: str, share: float, name: str = name, before: int = done) -> None:
+            if progress is not None:
+                progress(f"{name}: {policy}", (before + share) / len(PERTURBATIONS))
+
+        found[name] = evaluate(
+            env,
+            policies,
+            episodes=episodes,
+            seed=seed,
+            courses=courses,
+            machine=machine,
+            drawn=perturb,
+            device=device,
+            ray=ray,
+            progress=tell,
+        )
+    return Leaderboard(found)
+
+
+@cache
+def forests() -> tuple[Course, ...]:
+    """Where paths are driven."""
+    return tuple(forest_course(seed) for seed in FORESTS)
+
+
+# ---- reports ---------------------------------------------------------------------------------------------------------
+
+
+def write(
+    result: Leaderboard, folder: Path, *, readme: Path | None = None, made_by: Mapping[str, Any] | None = None
+) -> list[Path]:
+    """Write ``leaderboard.json``, ``leaderboard.md`` and ``leaderboard.png``, and put the table between the marks of
+    ``readme``; returns the files.
+
+    Raises ValueError if the readme lacks the marks.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    summary, text, picture = (folder / f"leaderboard.{end}" for end in ("json", "md", "png"))
+    content = result.to_json() | ({} if made_by is None else {"made_by": dict(made_by)})
+    summary.write_text(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
+    lines = markdown(result)
+    text.write_text(lines, encoding="utf-8")
+    write_figure(result, picture)
+    if readme is None:
+        return [summary, text, picture]
+    write_whole(readme, lines.join(around_table(readme, result.any.env)).removesuffix("\n"))
+    return [summary, text, picture, readme]
+
+
+def rows(result: Leaderboard) -> list[list[str]]:
+    """A row for each policy, the first is the head: success and decisive figures under every perturbation."""
+    figures = (SUCCESS, *result.any.trial.decisive)
+    head = ["policy"]
+    for name in result.found:
+        for figure in figures:
+            words, unit = describe(figure)
+            head.append(f"{words} [{unit}], {name}")
+    return [
+        head,
+        *(
+            [
+                policy,
+                *(
+                    shown(result.middle[name][policy][figure], describe(figure)[1])
+                    for name in result.found
+                    for figure in figures
+                ),
+            ]
+            for policy in result.policies
+        ),
+    ]
+
+
+def markdown(result: Leaderboard) -> str:
+    """The table with a sentence on how it came about: figures down, policies across."""
+    head, *body = rows(result)
+    lines = [
+        f"`{result.any.env}`, {result.any.episodes} episodes a cell; mean of the middle half of the episodes [95 %], of "
+        "success the share of all:",
+        "",
+        "| " + " | ".join(["", *(row[0] for row in body)]) + " |",
+        "|---" * (1 + len(body)) + "|",
+    ]
+    lines += ["| " + " | ".join([name, *(row[k] for row in body)]) + " |" for k, name in enumerate(head) if k]
+    best = result.best_reference
+    for policy in result.policies:
+        if best is None or policy in REFERENCE_POLICIES[result.any.env]:
+            continue
+        said = []
+        for figure in result.any.trial.decisive:
+            words, unit = describe(figure)
+            values = ", ".join(shown(found[policy][figure], unit) for found in result.differences.values())
+            said.append(f"{words} {values} {unit}")
+        lines += ["", f"`{policy}` less `{best}`, episode by episode ({', '.join(result.found)}): {'; '.join(said)}."]
+    return "\n".join(lines) + "\n"
+
+
+def around_table(readme: Path, env: str) -> tuple[str, str]:
+    """What stands before and after the environment's table, marks included.
+
+    Raises ValueError if the file lacks the marks, OSError if there is none.
+    """
+    begin, end = (f"<!-- leaderboard {env}{side} -->" for side in ("", " end"))
+    before, found, rest = readme.read_text(encoding="utf-8").partition(f"{begin}\n")
+    _, closed, after = rest.partition(end)
+    if not (found and closed):
+        raise ValueError(f"{readme} lacks the lines {begin} and {end}, between which the table belongs")
+    return before + found, closed + after
+
+
+def table(result: Leaderboard) -> Table:
+    """The same for a terminal."""
+    head, *body = rows(result)
+    drawn = Table(
+        title=f"{result.any.env}: {result.any.episodes} episodes, middle half",
+        title_justify="left",
+        header_style="bold",
+    )
+    drawn.add_column("")
+    for row in body:
+        drawn.add_column(row[0], justify="right")
+    for k, name in enumerate(head):
+        if k:
+            drawn.add_row(escape(name), *(escape(row[k]) for row in body))
+    return drawn
+
+
+def write_figure(result: Leaderboard, path: Path) -> None:
+    """A panel for each decisive figure: its interquartile mean and interval, by policy and perturbation."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    figures, policies, names = result.any.trial.decisive, result.policies, list(result.found)
+    with matplotlib.rc_context(PLOT_STYLE):
+        figure = Figure(figsize=(4.2 * len(figures), 1.2 + 0.5 * len(policies)), dpi=130, layout="constrained")
+        axes = figure.subplots(1, len(figures), squeeze=False)[0]
+        for column, (axis, what) in enumerate(zip(axes, figures, strict=True)):
+            words, unit = describe(what)
+            scale = 100.0 if unit == "%" else 1.0
+            for k, name in enumerate(names):
+                heights = [height + 0.22 * (k - 0.5 * (len(names) - 1)) for height in range(len(policies))]
+                values = [result.middle[name][policy][what] for policy in policies]
+                colour = COLOURS[k % len(COLOURS)]
+                for height, value in zip(heights, values, strict=True):
+                    axis.plot([scale * value.low95, scale * value.high95], [height, height], color=colour, lw=2.6)
+                axis.plot([scale * value.mean for value in values], heights, "o", color=colour, ms=5.5, label=name)
+            better = "more" if what in MORE_IS_BETTER else "less"
+            axis.set_title(f"{words} [{unit}], {better} is better", loc="left", fontsize=10.0, fontweight="bold")
+            axis.set_yticks(range(len(policies)), labels=policies if column == 0 else [""] * len(policies))
+            axis.set_ylim(len(policies) - 0.5, -0.5)
+            axis.grid(True, axis="x")
+            axis.spines[["top", "right", "left"]].set_visible(False)
+        axes[0].legend(frameon=False, fontsize=8.5)
+        figure.savefig(path)

@@ -1,0 +1,95 @@
+"""The leaderboard: everyone on the same strange machines, ranks and differences that follow from what was driven."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.stats import trim_mean
+
+from aoro_gym.agents import leaderboard
+from aoro_gym.agents.evaluation import evaluate, policy_factory
+from aoro_gym.agents.perturbations import PERTURBATIONS, perturbed
+
+TURNING = "AORO/Turning-v0"
+
+
+class Still:
+    """Never moves."""
+
+    def __init__(self, env):
+        self.told = env.unwrapped.twin.machine.num_variants
+
+    def __call__(self, observations):
+        return np.zeros((len(observations), 1), dtype=np.float32)
+
+    def reset(self, mask=None):
+        pass
+
+
+@pytest.fixture(scope="module")
+def found():
+    policies = {"still": Still, "proportional-derivative": policy_factory(TURNING, "proportional-derivative")}
+    return leaderboard.compare(TURNING, policies, episodes=4, seed=3)
+
+
+def test_every_perturbation_is_driven_by_everyone(found):
+    assert list(found.found) == list(PERTURBATIONS)
+    for result in found.found.values():
+        assert list(result.runs) == ["still", "proportional-derivative"]
+        assert len(result.runs["still"].endings) == 4
+    returns = [result.runs["proportional-derivative"].figures["return"] for result in found.found.values()]
+    assert np.all(returns[0] != returns[1])
+    assert np.all(returns[1] != returns[2])
+
+
+def test_who_does_not_move_is_last(found):
+    assert found.policies == ["proportional-derivative", "still"]
+    assert found.best_reference == "proportional-derivative"
+    assert found.middle["perturbed"]["still"]["success_rate"].mean == 0.0
+
+
+def test_cells_are_interquartile_means(found):
+    run = found.found["perturbed"].runs["proportional-derivative"]
+    cell = found.middle["perturbed"]["proportional-derivative"]["overshoot_deg"]
+    assert cell.mean == pytest.approx(trim_mean(run.figures["overshoot_deg"], 0.25))
+    assert cell.low95 <= cell.mean <= cell.high95
+    difference = found.differences["perturbed"]["still"]["overshoot_deg"]
+    other = found.found["perturbed"].runs["still"].figures["overshoot_deg"]
+    assert difference.mean == pytest.approx((other - run.figures["overshoot_deg"]).mean())
+
+
+def test_policies_know_the_machine_of_the_file_only():
+    told = []
+
+    def make(env):
+        told.append(Still(env).told)
+        return Still(env)
+
+    result = evaluate(TURNING, {"still": make}, episodes=3, seed=3, drawn=perturbed)
+    assert told == [1]
+    assert result.machine.num_variants == 1
+
+
+def test_files_hold_the_table(found, tmp_path):
+    readme = tmp_path / "README.md"
+    mark = f"<!-- leaderboard {TURNING}"
+    readme.write_text(f"before\n{mark} -->\nold\n{mark} end -->\nafter\n")
+    written = leaderboard.write(found, tmp_path / "out", readme=readme)
+    assert [path.name for path in written] == ["leaderboard.json", "leaderboard.md", "leaderboard.png", "README.md"]
+    content = json.loads(written[0].read_text())
+    assert content["policies"] == ["proportional-derivative", "still"]
+    assert set(content["interquartile_means"]) == set(PERTURBATIONS)
+    assert content["evaluations"]["perturbed"]["policies"]["still"]["success_rate"]["mean"] == 0.0
+    text = readme.read_text()
+    table = written[1].read_text()
+    assert text == f"before\n{mark} -->\n{table}{mark} end -->\nafter\n"
+    assert "| settling time [s], with an effect |" in table
+    head, *body = leaderboard.rows(found)
+    assert {len(row) for row in body} == {len(head)}
+
+
+def test_a_readme_without_marks_is_said(tmp_path):
+    readme = tmp_path / "README.md"
+    readme.write_text("nothing")
+    with pytest.raises(ValueError, match="lacks the lines <!-- leaderboard"):
+        leaderboard.around_table(readme, TURNING)
