@@ -5,8 +5,8 @@ there is a balance a part:
 
 - ``mechanics`` (cylinders' friction, joint, wheels and ground, masses, driveline): the measured pressures A and B drive it;
   a torque between the frames is missing;
-- ``circuit`` (valve, oil and hoses, cylinders' leakage): the command, the measured motion and the measured pump pressure
-  drive it; flows into A and B are missing;
+- ``circuit`` (valve, oil and hoses, cylinders' leakage, play of the joint): the command, the measured motion and the
+  measured pump pressure drive it; flows into A and B are missing;
 - ``pump`` (and engine): the measured load and the flow that the measured motion takes drive it; a pressure is missing.
 
 A part that does as its laws say lacks nothing, whatever its neighbours do. What cannot be isolated:
@@ -14,8 +14,7 @@ A part that does as its laws say lacks nothing, whatever its neighbours do. What
 - parts between the same boundaries: valve from oil, hoses and leaking pistons; joint from seals, wheels and masses;
 - an angle that is read late or by a wrong measure contradicts the pressures in ``mechanics`` and the flows in ``circuit``;
 - a play or a soft frame between cylinders and joint takes oil that the joint's angle does not show: ``circuit``;
-- what the loaded port takes is known between its samples only on average, so that a valve that opens late shows in ``pump``,
-  too, for a tenth of a second and far less than in ``circuit``;
+- a valve that opens late lets the pump sense its load late: ``pump``, too, and now and then more than ``circuit``;
 - behind the arrival at a stop, ``mechanics`` cannot be judged, as the stop bears what it must;
 - leakage that is small beside the flow of a turn: what shows it is pressure at standstill;
 - a return line under high pressure moves the pendulum arms, too, and so shows in ``mechanics``;
@@ -51,7 +50,7 @@ from aoro_gym.twin import Machine
 
 PARTS: Mapping[str, tuple[str, ...]] = {
     "mechanics": ("cylinders", "joint", "wheels_and_ground", "mass", "driveline"),
-    "circuit": ("valve", "oil_and_hoses", "cylinders"),
+    "circuit": ("valve", "oil_and_hoses", "cylinders", "joint"),
     "pump": ("pump", "engine"),
 }
 """Components of every part."""
@@ -108,13 +107,13 @@ def boundaries(problem: Problem, healthy: Sequence[Recording] = ()) -> tuple[Bou
 
 
 def guilty(parts: Sequence[Boundary], components: Mapping[str, float]) -> str:
-    """The component that is to blame: the likeliest of ``components`` that lies in the part which contradicts its boundary
-    most; the likeliest of all where none does, where no cause lies there, or where that is the sensor, which contradicts
-    all."""
+    """The component that is to blame: the likeliest of ``components`` that lies in a part which contradicts its boundary;
+    the likeliest of all where none does, where no cause lies there, or where that is the sensor, which contradicts all."""
     likeliest = next(iter(components), "")
-    if likeliest == "sensor" or not parts or not parts[0].contradicts:
+    suspected = {name for one in parts if one.contradicts for name in one.components}
+    if likeliest == "sensor":
         return likeliest
-    return next((name for name in components if name in parts[0].components), likeliest)
+    return next((name for name in components if name in suspected), likeliest)
 
 
 def _tested(part: str, error: float, logs: Sequence[Led], sound: Sequence[Led], root: Floats) -> Boundary:

@@ -228,7 +228,8 @@ def test_blame():
     likely = {"valve": 0.6, "joint": 0.3, "pump": 0.1}
     assert guilty((), likely) == "valve"
     assert guilty((part("mechanics", 0.02),), likely) == "valve"  # which is no contradiction
-    assert guilty((part("mechanics", 1e-9), part("circuit", 1e-6)), likely) == "joint"
+    assert guilty((part("mechanics", 1e-9), part("circuit", 0.02)), likely) == "joint"
+    assert guilty((part("mechanics", 1e-9), part("circuit", 1e-6)), likely) == "valve"
     assert guilty((part("mechanics", 1e-9),), {"valve": 0.6}) == "valve"
     assert guilty((part("mechanics", 1e-9),), {"sensor": 0.6, "joint": 0.4}) == "sensor"
     assert guilty((part("mechanics", 1e-9),), {}) == ""
