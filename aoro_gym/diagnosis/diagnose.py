@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from aoro_gym.diagnosis.attribution import attribute, fit_p, without
+from aoro_gym.diagnosis.boundaries import boundaries, guilty
 from aoro_gym.diagnosis.credible import credible
 from aoro_gym.diagnosis.experiments import next_experiments
 from aoro_gym.diagnosis.figures import key_figures
@@ -118,12 +119,13 @@ def diagnose(
     progress("where, how far, and what next", 0.85)
     verdict = verdict_of(hypotheses)
     gap, gap_p = places(problem, linear)
+    parts = boundaries(problem, healthy)
     best = next((h for h in hypotheses if h.refined), None)
     fitted = None if best is None else problem.at(best.nuisances[None], best.effects, row_of(best))
     after = before if fitted is None else problem.simulate([fitted])[:, 0]
     shrunk, controls = _how_far(problem, linear, hypotheses, before, after, held_out)
     components = components_of(hypotheses, effects)
-    likeliest = next(iter(components), "")
+    component = guilty(parts, components)
     causes = tuple(
         cause_of(problem, h, out if h.probability > SURVIVING else None) for h in hypotheses if h.probability > LISTED
     )
@@ -134,8 +136,9 @@ def diagnose(
         healthy=tuple(one.name for one in healthy),
         signals=channels,
         verdict=verdict,
-        where=tuple(replace(place, component=likeliest) for place in gap),
+        where=tuple(replace(place, component=component) for place in gap),
         where_p=gap_p,
+        boundaries=parts,
         components=components,
         causes=causes,
         declared_set=declared_of(hypotheses),

@@ -14,6 +14,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from aoro_gym.diagnosis.following import LACKED, LED, Leader
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.recording import COMMANDS, TICK, Recording
 from aoro_gym.terrains.plane import Plane
@@ -88,10 +89,17 @@ class Request:
     commands: NDArray[np.float64]  # (K, len(COMMANDS)), each held for a tick
     channels: tuple[str, ...]
     frames: int  # samples a tick
+    measured: Floats | None = None  # (len(LED), K + 1) that twins are led by (:mod:`.following`); None: they run free
+    zeros: Floats | None = None  # (len(LED), N) of the sensors that lead
 
     @property
     def count(self) -> int:
         return len(self.start)
+
+    @property
+    def schedule(self) -> bytes:
+        """Equal for two that are told to do the same."""
+        return self.commands.tobytes() + (b"" if self.measured is None else self.measured.tobytes())
 
 
 @wp.kernel(enable_backward=False)
@@ -155,10 +163,23 @@ class Simulator:
                 out[index] = _measured(tasks[index], own)
         return out
 
+    def follow(self, tasks: Sequence[Task], zeros: Sequence[Floats]) -> list[Floats]:
+        """What it takes to lead every task's variants along its recording, (len(LACKED), F, N): :mod:`.following`.
+
+        Args:
+            tasks: Their measuring chains are left out.
+            zeros: Of the sensors that lead (len(LED), N), by task.
+        """
+        requests = [_led(task, own) for task, own in zip(tasks, zeros, strict=True)]
+        return [np.stack([rows[name] for name in LACKED]) for rows in self.launch(requests)]
+
     def launch(self, requests: Sequence[Request]) -> list[Signals]:
         """Samples (K frames + 1, N) of every request, the first of them at rest."""
         # what needs dense samples lies together at the end of a launch, and recordings alike in length together on a CPU
-        order = sorted(range(len(requests)), key=lambda i: (requests[i].frames, -len(requests[i].commands)))
+        order = sorted(
+            range(len(requests)),
+            key=lambda i: (requests[i].measured is None, requests[i].frames, -len(requests[i].commands)),
+        )
         cpu = wp.get_device(self.device).is_cpu
         most = CPU_BATCH if cpu else BATCH
         batches: list[list[int]] = [[]]
@@ -167,7 +188,8 @@ class Simulator:
             if batch:
                 first = requests[batch[0]]
                 unlike = new.frames != first.frames or len(new.commands) < ALIKE * len(first.commands)
-                if sum(requests[i].count for i in batch) + new.count > most or (cpu and unlike):
+                led = new.measured is None and first.measured is not None
+                if sum(requests[i].count for i in batch) + new.count > most or (cpu and unlike) or led:
                     batches.append([])
             batches[-1].append(index)
         out: list[Signals] = [{} for _ in requests]
@@ -181,6 +203,14 @@ class Simulator:
         return _launch(requests, self.device)
 
 
+def _led(task: Task, zeros: Floats) -> Request:
+    one, recording = task.variants, task.recording
+    start = np.full(one.count, recording.start_angle) - zeros[0]
+    missing = np.full(recording.ticks + 1, np.nan)
+    measured = np.stack([recording.channels.get(name, missing) for name in LED])
+    return Request(one.machine, one.plane, start, recording.commands, LACKED, 1, measured, zeros)
+
+
 def _launch(requests: Sequence[Request], device: str) -> list[Signals]:
     """All at once; those with dense samples last."""
     counts = [request.count for request in requests]
@@ -192,37 +222,46 @@ def _launch(requests: Sequence[Request], device: str) -> list[Signals]:
     twin.reset(joint_angle=np.clip(np.concatenate([request.start for request in requests]), -limit, limit))
 
     schedules: dict[bytes, int] = {}
-    which = [schedules.setdefault(request.commands.tobytes(), len(schedules)) for request in requests]
+    which = [schedules.setdefault(request.schedule, len(schedules)) for request in requests]
     held = np.zeros((len(schedules), ticks, len(COMMANDS)), dtype=np.float32)
     for number, request in zip(which, requests, strict=True):
         held[number, : len(request.commands)] = request.commands
         held[number, len(request.commands) :] = request.commands[-1]
-    names = [name for name in SIGNALS if any(name in request.channels for request in requests)]
+    led = requests[0].measured is not None
+    names = LACKED if led else [name for name in SIGNALS if any(name in request.channels for request in requests)]
     schedule = wp.array(held, dtype=float, device=twin.device)
     numbered = wp.array(np.repeat(which, counts).astype(np.int32), dtype=int, device=twin.device)
     command_rows = wp.array([int(row) for row in COMMANDS.values()], dtype=int, device=twin.device)
-    output_rows = wp.array([SIGNALS[name][0] for name in names], dtype=int, device=twin.device)
+    output_rows = wp.array([SIGNALS[name][0] for name in names if not led], dtype=int, device=twin.device)
 
     frames = requests[-1].frames
     sparse = int(sum(request.count for request in requests if request.frames == 1))
     groups = [(1, 0, sparse), (frames, sparse, total - sparse)]  # samples a tick, first twin, twins
+    leader = _leader(requests, twin, numbered, ticks) if led else None
     kept = {
         first: wp.zeros((len(names), ticks * density + 1, count), dtype=float, device=twin.device)
         for density, first, count in groups
-        if count
+        if count and not leader
     }
-    at_rest = twin.state.numpy()[[SIGNALS[name][1] for name in names]]
+    at_rest = np.zeros((len(names), total)) if led else twin.state.numpy()[[SIGNALS[name][1] for name in names]]
     for tick in range(ticks):
         arguments = [schedule, numbered, command_rows, tick, twin.commands]
         wp.launch(_hold, (len(COMMANDS), total), arguments, device=twin.device)
+        if leader:
+            leader.advance(tick)
+            continue
         twin.advance(TICK, sample_every=TICK / frames)
         for density, first, count in groups:
             if count:
                 every = frames // density
                 arguments = [twin.outputs, output_rows, every, first, 1 + tick * density, kept[first]]
                 wp.launch(_keep, (density, len(names), count), arguments, device=twin.device)
+    if leader:
+        kept = {0: leader.taken}
     lost = np.asarray(twin.status) != 0
-    values: dict[int, NDArray[np.float32]] = {first: np.asarray(part.numpy()) for first, part in kept.items()}
+    values: dict[int, NDArray[np.float32]] = {
+        first: np.asarray(part.numpy(), dtype=np.float32) for first, part in kept.items()
+    }
     for first, part in values.items():
         mine = slice(first, first + part.shape[2])
         part[:, 0] = at_rest[:, mine]
@@ -235,6 +274,17 @@ def _launch(requests: Sequence[Request], device: str) -> list[Signals]:
         }
         out.append(of)
     return out
+
+
+def _leader(requests: Sequence[Request], twin: Twin, which: wp.array, ticks: int) -> Leader:
+    distinct = {request.schedule: request.measured for request in requests}
+    measured = np.full((len(distinct), ticks + 1, len(LED)), np.nan)
+    for k, one in enumerate(distinct.values()):
+        assert one is not None
+        measured[k, : one.shape[1]] = one.T
+        measured[k, one.shape[1] :] = one[:, -1]
+    zeros = np.concatenate([np.asarray(request.zeros) for request in requests], axis=1)
+    return Leader(twin, measured, zeros, which)
 
 
 def _measured(task: Task, rows: Signals) -> Signals:

@@ -19,7 +19,7 @@ from rich.console import RenderableType
 from rich.markup import escape
 from rich.table import Table
 
-from aoro_gym.diagnosis.result import KEY_FIGURES, PHASES, UNKNOWN, Cause, Curve, Diagnosis, Shrinkage
+from aoro_gym.diagnosis.result import KEY_FIGURES, PHASES, UNKNOWN, Boundary, Cause, Curve, Diagnosis, Shrinkage
 from aoro_gym.diagnosis.words import (
     WITHOUT_CAUSE,
     Spoken,
@@ -33,6 +33,7 @@ from aoro_gym.diagnosis.words import (
     per_cent,
     probability,
     readable,
+    readable_unit,
     signal_unit,
     signed,
     sizes,
@@ -325,7 +326,35 @@ def _where_html(diagnosis: Diagnosis) -> str:
     if suspects(diagnosis) and diagnosis.components:
         likely = [(readable(name), p, probability(p)) for name, p in diagnosis.components.items()]
         cards.append(_bars("Component that a cause lies in", likely))
-    return _paragraph(text) + _grid(cards)
+    return _paragraph(text) + _grid(cards) + _boundaries_html(diagnosis.boundaries)
+
+
+def _boundaries_html(parts: Sequence[Boundary]) -> str:
+    """Table of the machine's parts between their measured boundaries."""
+    if not parts:
+        return ""
+    text = (
+        "Every part of the machine by itself, driven by what was measured at its boundary: one that does as the twin's does "
+        "lacks nothing, whatever its neighbours do. Parts that lie between the same sensors cannot be told apart so, and a "
+        "wrong angle contradicts all."
+    )
+    rows = []
+    for one in parts:
+        unit, field = readable_unit(one.unit, one.size)
+        rows.append(
+            (
+                capital(readable(one.part)),
+                listed([readable(name) for name in one.components]),
+                with_unit(three_digits(one.missing / field), unit),
+                with_unit(three_digits(one.size / field), unit),
+                p_value(one.p),
+                "contradicts" if one.contradicts else "fits",
+                probability(one.share) if one.share > 0.0 else "-",
+            )
+        )
+    head = ("part", "holds", "lacks (rms)", "of (rms)", "without a cause", "its boundary", "share")
+    heading = "Which part contradicts its own boundary signals"
+    return _paragraph(text) + _table(head, rows, text=(0, 1, 5), heading=heading)
 
 
 def _heat_html(

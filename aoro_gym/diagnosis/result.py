@@ -20,6 +20,10 @@ VERDICTS: Mapping[str, str] = {
 }
 """Every verdict, in a sentence."""
 
+CONTRADICTS = 1e-4
+"""Probability of what a part lacks without a cause, below which it contradicts its boundary: the share by which it errs is
+known from a few healthy recordings only."""
+
 PHASES = ("onset", "first_peak", "undershoot", "second_peak", "steady", "stop")
 """Of a manoeuvre, by the time since its command last changed; see :mod:`.where`."""
 
@@ -35,11 +39,42 @@ KEY_FIGURES = "key_figures"
 class Place:
     """Where a part of the gap lies: ``share`` of its whitened energy that calibration cannot absorb."""
 
-    component: str  # of the likeliest cause that acts there; empty if none does
+    component: str  # to blame (:func:`~aoro_gym.diagnosis.boundaries.guilty`); empty without a cause
     phase: str
     signal: str
     manoeuvre: str
     share: float
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """How far a part of the machine contradicts what was measured at its boundary (:mod:`.boundaries`).
+
+    Attributes:
+        components: That lie in it.
+        energy: Whitened squares of what its balance lacks, once calibration has had its share.
+        freedom: How many of them.
+        p: Probability of as much without a cause.
+        missing: Torque, flow or pressure that it lacks, its root mean square.
+        size: The same of the torque, flow or pressure itself.
+        error: Share of it by which the part errs while nothing is wrong.
+        share: Of the energy beyond what noise alone gives, over all parts that contradict theirs.
+    """
+
+    part: str
+    components: tuple[str, ...]
+    energy: float
+    freedom: int
+    p: float
+    missing: float
+    size: float
+    unit: str
+    error: float
+    share: float = 0.0
+
+    @property
+    def contradicts(self) -> bool:
+        return self.p < CONTRADICTS
 
 
 @dataclass(frozen=True)
@@ -151,6 +186,7 @@ class Diagnosis:
         verdict: One of :data:`VERDICTS`.
         where: Parts of the gap, largest first.
         where_p: Probability of a gap as large as this without any cause.
+        boundaries: Parts of the machine, the one that contradicts its boundary most first; none without ports' pressures.
         components: Probability that a cause lies in a component, largest first.
         causes: Best first; probabilities add up to one over all hypotheses, of which unlikely ones are left out.
         declared_set: Ids of the effects in the least set of hypotheses that holds the truth with 95 %.
@@ -171,6 +207,7 @@ class Diagnosis:
     verdict: str
     where: tuple[Place, ...] = ()
     where_p: float | None = None
+    boundaries: tuple[Boundary, ...] = ()
     components: Mapping[str, float] = field(default_factory=dict)
     causes: tuple[Cause, ...] = ()
     declared_set: tuple[str, ...] = ()
@@ -197,6 +234,7 @@ class Diagnosis:
             "sentence": VERDICTS[self.verdict],
             "where": [_plain(place) for place in self.where],
             "where_p": self.where_p,
+            "boundaries": [{**_plain(one), "components": list(one.components)} for one in self.boundaries],
             "components": dict(self.components),
             "causes": [cause.as_dict() for cause in self.causes],
             "declared_set": list(self.declared_set),

@@ -144,6 +144,11 @@ class Twin:
         self.reset()
 
     @property
+    def machines(self) -> wp.array:
+        """Records of the machines on the device: one for all twins, or one a twin."""
+        return self._machines
+
+    @property
     def ground(self) -> Any:
         """What the twins stand on, on the device: the ``terrain`` of :func:`aoro_gym.twin.laws.ground.footing`."""
         return self._grounds.device_struct

@@ -61,6 +61,13 @@ def test_the_gap_is_gone_on_manoeuvres_left_out(diagnosed):
     assert sum(place.share for place in found.where) == pytest.approx(1.0)
 
 
+def test_the_part_of_the_cause_contradicts_its_boundary(diagnosed):
+    found, _ = diagnosed
+    assert found.boundaries[0].part == "circuit" and found.boundaries[0].contradicts
+    assert not any(one.contradicts for one in found.boundaries if one.part == "mechanics")
+    assert {place.component for place in found.where} == {"valve"}
+
+
 def test_what_is_written_can_be_read(diagnosed, tmp_path):
     found, _ = diagnosed
     content = json.loads(found.save(tmp_path).read_text(encoding="utf-8"))
@@ -68,6 +75,7 @@ def test_what_is_written_can_be_read(diagnosed, tmp_path):
     assert sum(cause["probability"] for cause in content["causes"]) == pytest.approx(1.0, abs=0.05)
     assert content["causes"][0]["magnitudes"]["spool_lag"]["unit"] == "s"
     assert content["declared_set"][0] == "spool_lag"
+    assert [one["part"] for one in content["boundaries"]] == [one.part for one in found.boundaries]
 
 
 def test_only_signals_that_all_logs_have_are_compared():
