@@ -72,7 +72,7 @@ def attribute(problem: Problem, progress: Progress = lambda sentence, share: Non
         for one in those:
             one.directions = max(one.directions, directions)
         refine([*those, searches[()], other], rounds, lambda s, x: progress(s, share + 0.1 * x))
-        trade([*those, searches[()]])
+        trade([*those, searches[()]], other)
         return _likeliest(one.weighed() for one in those if np.isfinite(one.cost))
 
     def begin(found: Iterable[Search]) -> list[tuple[str, ...]]:

@@ -100,12 +100,14 @@ class Shift:
         )
 
     def valleys(self, most: int) -> list[tuple[float, ...]]:
-        """Places from which all ways lead up, each axis for itself, on a grid: the deepest ``most``."""
+        """Places from which all ways lead up, each axis for itself, on a grid: the deepest ``most``. Of several axes one may
+        be all that there is."""
         minima = []
         for axis, cost in zip(self.axes, self._profiles, strict=True):
             ahead, behind = np.append(cost[1:], np.inf), np.append(np.inf, cost[:-1])
             found = np.flatnonzero((cost <= ahead) & (cost <= behind))
-            minima.append([(float(cost[i]), float(axis.fine[i])) for i in found])
+            alone = [(0.0, axis.none)] if len(self.axes) > 1 else []
+            minima.append([*((float(cost[i]), float(axis.fine[i])) for i in found), *alone])
         ways = sorted(product(*minima), key=lambda way: sum(cost for cost, _ in way))
         return [tuple(place for _, place in way) for way in ways[:most]]
 

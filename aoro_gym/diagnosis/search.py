@@ -20,7 +20,7 @@ SETTLED = 0.5
 """Change of the whitened squares by which a search ends."""
 SETTLE = 5
 """Rounds of a stage of the fit of nuisances alone."""
-DAMPING = (0.0, 3.0, 30.0, 300.0, 3000.0)
+DAMPING = (0.0, 10.0, 1e2, 1e3, 1e4, 1e6)
 """Of the steps that are tried together, in prior precisions (Levenberg 1944, Marquardt 1963): what moves the prediction by
 many noise lengths goes on, what hardly moves it stays, and a curved valley is followed."""
 FIRST = (0.0, 100.0)
@@ -64,7 +64,7 @@ class Search:
         self.tangent = linear.tangent if leader is None or leader.tangent is None else leader.tangent
         first = linear.problem.centre if leader is None or leader.tangent is None else leader.nuisances
         self._tried: list[tuple[Floats, Floats]] = []
-        self._donors: list[Search] = []  # whose points are tried
+        self._offered: list[Tangent] = []  # around what others found, while that is tried
         for places in starts:
             z = np.array(places, dtype=np.float64)
             left = self._expected(z, leader)
@@ -104,8 +104,8 @@ class Search:
     def offered(self, donors: Sequence[Search]) -> None:
         """Try what others found next: their nuisances, with the places of what both have. What a donor that is a part of
         this hypothesis lacks is left out, lest the whole be worse than its part."""
-        self._donors, self._tried, self._trying = list(donors), [], True
         axes = self.linear.problem.axes
+        points = []
         for donor in donors:
             of, column = {}, 0
             for name in donor.effects:
@@ -116,7 +116,19 @@ class Search:
                 mine = self.point[1][column : column + len(axes[name])]
                 places.append(of.get(name, np.array([axis.none for axis in axes[name]]) if part else mine))
                 column += len(axes[name])
-            self._tried.append((donor.point[0], np.concatenate([np.empty(0), *places])))
+            points.append((donor.nuisances_of(self.linear.problem), np.concatenate([np.empty(0), *places])))
+        same = [donor.linear.problem is self.linear.problem for donor in donors]
+        self._offered = [donor.tangent if alike else self.tangent for donor, alike in zip(donors, same, strict=True)]
+        self._tried, self._trying = points, True
+
+    def nuisances_of(self, problem: Problem) -> Floats:
+        """The best ones (u,), in standard deviations of a ``problem`` with the same recordings around the same machine."""
+        mine, u = self.linear.problem, self.point[0]
+        if problem is mine:
+            return u
+        felt, moved = len(mine.felt), np.zeros(len(mine.nuisances.keys))
+        moved[mine.felt] = mine.nuisances.std[mine.felt] * u[:felt]
+        return np.concatenate([(moved / problem.nuisances.std)[problem.felt], u[felt:]])
 
     def variants(self) -> Variants:
         """Machines to be tried next, or neighbours of the best one along every axis and along :attr:`directions`."""
@@ -157,13 +169,13 @@ class Search:
             costs = [self._cost(left, u) for left, (u, _) in zip(lefts, self._tried, strict=True)]
             best = int(np.argmin(np.where(lost, np.inf, costs)))
             gain = -np.inf if lost[best] else self.cost - costs[best]
-            donors, self._donors = self._donors, []
-            if gain > (SETTLED if donors else 0.0):
+            offered, self._offered = self._offered, []
+            if gain > (SETTLED if offered else 0.0):
                 self.done = gain < SETTLED
                 self.point, self.cost, self.residual = self._tried[best], float(costs[best]), lefts[best]
-                self.tangent = donors[best].tangent if donors else self.tangent
+                self.tangent = offered[best] if offered else self.tangent
                 self._learned = -1
-            elif not donors:
+            elif not offered:
                 self.done = self._learned >= self.directions or not np.isfinite(self.cost)
             self._trying = False
             return
@@ -230,17 +242,22 @@ def _launch(searches: Sequence[Search]) -> None:
         search.learn(mine)
 
 
-def trade(searches: Sequence[Search]) -> None:
+def trade(searches: Sequence[Search], wider: Search | None = None) -> None:
     """Every search tries what the best others found, and the best of those that are parts of it or that it is a part of: no
-    hypothesis may lose for want of a way that another went, and the more effects, the better the fit."""
+    hypothesis may lose for want of a way that another went, and the more effects, the better the fit. One of a ``wider``
+    prior, without effects, tries them, too."""
     ranked = sorted((one for one in searches if np.isfinite(one.cost)), key=lambda one: one.cost)
     for one in ranked:
         others = [other for other in ranked if other is not one]
         mine = set(one.effects)
         kin = [other for other in others if mine <= set(other.effects) or mine >= set(other.effects)]
         one.offered(list(dict.fromkeys([*others[:TRADED], *kin[:TRADED]])))
-    if len(ranked) > 1:
-        _launch(ranked)
+    trading = ranked if len(ranked) > 1 else []
+    if wider is not None and np.isfinite(wider.cost) and ranked:
+        plain = [one for one in ranked if not one.effects]
+        wider.offered(list(dict.fromkeys([*plain, *ranked[:TRADED]])))
+        trading = [*trading, wider]
+    _launch(trading)
 
 
 def settle(problem: Problem, stages: int, progress: Progress = lambda sentence, share: None) -> Tangent:

@@ -18,7 +18,7 @@ from aoro_gym.diagnosis.problem import Problem, references_of
 from aoro_gym.diagnosis.recording import Recording
 from aoro_gym.diagnosis.replay import Variants
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN
-from aoro_gym.diagnosis.search import ALL, SETTLED, Search, refine, settle
+from aoro_gym.diagnosis.search import ALL, SETTLED, Search, refine, settle, trade
 from aoro_gym.twin import Machine
 from aoro_gym.twin.effects import EFFECTS
 from tests.diagnosis.manoeuvres import blank, record, turn
@@ -251,6 +251,43 @@ def test_more_effects_fit_no_worse(world):
         assert found[NAMES].cost <= found[(name,)].cost + SETTLED <= found[()].cost + 2.0 * SETTLED
 
 
+def test_searches_trade_what_they_find():
+    """Of three that have gone no step, one is told the answer: the pair takes the places of its part, nothing its nuisances,
+    and none of them is worse than before."""
+    error = ModelError(0.0, 0.0)
+    world = LinearWorld(np.random.default_rng(6), nuisances=(0.5, -1.0, 0.3), places=(0.4, 0.0), error=error)
+    world.learn()
+    linear = Linear(world, world.error)
+    searches = {e: Search(linear, e, [(0.9,) * len(e)]) for e in ((), NAMES[:1], NAMES)}
+    refine(list(searches.values()), 0)
+    before = {e: one.cost for e, one in searches.items()}
+    (best,) = refined(linear, Hypothesis(NAMES[:1], 0.0, (0.5,)))
+    told = searches[NAMES[:1]]
+    told.point, told.cost = (best.nuisances, np.array(best.places)), best.cost
+    trade(list(searches.values()))
+    assert searches[NAMES].cost == pytest.approx(told.cost, rel=1e-9)
+    assert searches[NAMES].point[1].tolist() == [*best.places, 0.0]
+    assert searches[()].cost <= before[()]
+
+
+def test_nuisances_are_those_of_the_same_machine_in_another_problem():
+    """A wider prior has larger standard deviations, and feels more."""
+    machine = Machine.load("aoro")
+    logs = record(Variants(machine), BLANKS[:1], np.random.default_rng(2))
+    narrow, wide = (Problem(logs, Nuisances(machine, spread), {}, error=ERROR) for spread in ("day", "recalibration"))
+    for problem in (narrow, wide):
+        problem.learn()
+    search = Search(Linear(narrow, narrow.error), ())
+    search.point = np.random.default_rng(3).uniform(-0.5, 0.5, len(narrow.centre)), np.empty(0)
+    there = search.nuisances_of(wide)
+    assert set(narrow.felt) <= set(wide.felt)
+    mine, its = narrow.at(search.point[0][None]).machine, wide.at(there[None]).machine
+    for key in narrow.nuisances.keys:
+        assert its.value(key) == pytest.approx(mine.value(key), rel=1e-9), key
+    own = len(narrow.centre) - len(narrow.felt)
+    np.testing.assert_array_equal(there[-own:], search.point[0][-own:])
+
+
 def test_every_hypothesis_of_a_catalogue_has_a_prior():
     """Also pairs that no screening had thought of; together they are sure."""
     prior = log_priors(EFFECTS)
@@ -317,7 +354,6 @@ def commissioned():
     "given",
     [
         {},
-        {"spool_lag": 0.3},
         {"spool_lag": 0.3, "entrained_air": 0.4},
         {"entrained_air": 0.5},
     ],

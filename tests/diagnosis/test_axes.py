@@ -116,3 +116,22 @@ def test_volumes_of_axes_that_do_not_touch_multiply():
     whole = volume([0.2, 0.9], np.diag([40.0, 4e3]))
     assert whole == pytest.approx(volume([0.2], np.array([[40.0]])) + volume([0.9], np.array([[4e3]])), abs=1e-12)
     assert volume((), np.empty((0, 0))) == 0.0
+
+
+def test_valleys_are_minima_of_the_profile():
+    """A shift along one column whose place maps through a bent curve: two valleys, and with a second axis that does nothing,
+    either of them with it or without."""
+    axis = Axis(EFFECTS["spool_lag"], 0)
+    wanted = (axis.fine[10], axis.fine[30])
+    depth = -1.0 - 0.5 * (axis.nodes > 0.5)
+    width = np.min(np.abs(axis.nodes[:, None] - wanted), axis=1)
+    one = Shift([axis], np.zeros((len(axis.nodes),) * 2), -0.5 * depth * np.maximum(0.0, 1.0 - 8.0 * width))
+    ways = one.valleys(5)
+    profile = one._profiles[0]
+    inner = [np.flatnonzero(axis.fine == z)[0] for (z,) in ways]
+    assert all(profile[i] <= min(profile[max(i - 1, 0)], profile[min(i + 1, len(profile) - 1)]) for i in inner)
+    assert [profile[i] for i in inner] == sorted(profile[i] for i in inner)
+    assert one.grid() == ways[0]
+    nodes = len(axis.nodes)
+    both = Shift([axis, axis], np.zeros((2 * nodes,) * 2), np.concatenate([one.linear, np.zeros(nodes)]))
+    assert (ways[0][0], axis.none) in both.valleys(50)
