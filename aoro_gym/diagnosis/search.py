@@ -109,8 +109,9 @@ class Search:
         for donor in donors:
             of, column = {}, 0
             for name in donor.effects:
-                of[name] = donor.point[1][column : column + len(axes[name])]
-                column += len(axes[name])
+                count = len(donor.linear.problem.axes[name])
+                of[name] = donor.point[1][column : column + count]
+                column += count
             part, places, column = set(donor.effects) <= set(self.effects), [], 0
             for name in self.effects:
                 mine = self.point[1][column : column + len(axes[name])]
