@@ -180,14 +180,20 @@ class Evaluation:
             for policy in others
         }
 
-    def to_json(self) -> dict[str, Any]:
-        """Content of ``evaluation.json``; None where an interval says nothing."""
+    @property
+    def asked(self) -> dict[str, Any]:
+        """What was driven, as JSON."""
         return {
             "env": self.env,
             "episodes": self.episodes,
             "seed": self.seed,
             "machine": self.machine.name,
             "courses": [course.name for course in self.courses],
+        }
+
+    def to_json(self) -> dict[str, Any]:
+        """Content of ``evaluation.json``; None where an interval says nothing."""
+        return self.asked | {
             "policies": plain(self.summary),
             "interquartile_means": plain(self.interquartile),
             "endings": plain(self.endings),

@@ -233,7 +233,14 @@ def with_effects(machine: Machine, asked: Sequence[str]) -> Machine:
             magnitudes = [float(value) for value in values.split(",")]
         except ValueError:
             raise ValueError(f"{text!r} is not NAME=VALUE, such as seal_friction=3000") from None
-        machine = SWITCHABLE[name].apply(machine, *magnitudes)
+        effect = SWITCHABLE[name]
+        for value, magnitude in zip(magnitudes, effect.magnitudes, strict=False):
+            if not magnitude.low <= value <= magnitude.high:
+                unit = f" {magnitude.unit}" if magnitude.unit else ""
+                raise ValueError(
+                    f"{name}: {magnitude.name} = {value:g}{unit} must lie in [{magnitude.low:g}, {magnitude.high:g}]{unit}"
+                )
+        machine = effect.apply(machine, *magnitudes)
     return machine
 
 

@@ -101,13 +101,7 @@ class Leaderboard:
 
     def to_json(self) -> dict[str, Any]:
         """Content of ``leaderboard.json``."""
-        one = self.any
-        return {
-            "env": one.env,
-            "episodes": one.episodes,
-            "seed": one.seed,
-            "machine": one.machine.name,
-            "courses": [course.name for course in one.courses],
+        return self.any.asked | {
             "policies": self.policies,
             "interquartile_means": {name: plain(values) for name, values in self.middle.items()},
             "best_reference": self.best_reference,

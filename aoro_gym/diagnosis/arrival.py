@@ -56,6 +56,11 @@ def arrivals(angle: Floats, steering: Floats) -> Floats:
     return np.where(arrives, first + after - 1 + share, NEVER)
 
 
+def arrival_of(angle: Floats, steering: Floats) -> int:
+    """The sample next to the instant at which one joint with ``angle`` (F,) [rad] arrives, or :data:`NEVER`."""
+    return round(float(arrivals(angle[:, None], steering)[0]))
+
+
 def on_clock(values: Floats, own: Floats, measured: float, steering: Floats, *, goes_on: bool = False) -> Floats:
     """``values`` (F, N) of predictions that arrive at ``own`` (N,), read on the clock of a measurement that arrives at the
     instant ``measured``, in samples, or :data:`NEVER`. Where a prediction arrives early, its values are held, or go on as

@@ -1,9 +1,10 @@
 """Which effect: the evidence for nothing, for each effect, each pair, other calibration, and what the catalogue lacks.
 
 All hypotheses see the same recordings, the same error of the twin and the same nuisances, whose prior is normal. The linear
-model (:mod:`.linear`) screens them; those that have a chance, nothing among them, are refined with the twin itself
-(:mod:`.search`) and weighed by Laplace's method. Other calibration is nothing with wider priors. *Unknown* is a gap of the
-size that is seen, of any shape: an error of the twin (:mod:`.noise`) as large as the gap itself.
+model (:mod:`.linear`) says where their searches begin and which effects make pairs; they are refined with the twin itself
+(:mod:`.search`), the likelier the further, nothing among them, and weighed by Laplace's method. Other calibration is nothing
+with wider priors. *Unknown* is a gap of the size that is seen, of any shape: an error of the twin (:mod:`.noise`) as large
+as the gap itself.
 """
 
 from __future__ import annotations
@@ -87,28 +88,28 @@ def attribute(problem: Problem, progress: Progress = lambda sentence, share: Non
 
     def paired(leaders: Sequence[Hypothesis], share: float) -> None:
         """Pairs of leaders and what goes best with them."""
-        found = {}
+        found: dict[tuple[str, ...], Search] = {}
         for leader in leaders:
             for effects, places in linear.partners(leader)[:PARTNERS]:
-                starts = [places, _together(searches, leader, effects)]
-                found.setdefault(effects, Search(linear, effects, starts, leader))
-        new = begin(one for effects, one in found.items() if effects not in searches)
+                if effects not in searches and effects not in found:
+                    starts = [places, _together(searches, leader, effects)]
+                    found[effects] = Search(linear, effects, starts, leader)
+        new = begin(found.values())
         after([h.effects for h in after(new, 1, few, share)[:PAIRS]], 2, many, share + 0.05)
+
+    def weighed() -> list[Hypothesis]:
+        return [one.weighed() for one in searches.values() if np.isfinite(one.cost)]
 
     def contend(share: float) -> list[Hypothesis]:
         """All that may have a chance to the end."""
-        weighed = weigh([one.weighed() for one in searches.values() if np.isfinite(one.cost)], prior)
-        weighed = [h for h in weighed if h.effects][:MOST]
-        those = [h.effects for h in weighed if h.probability > weighed[0].probability * np.exp(-CHANCE)]
-        after(
-            [*those, *((name,) for e in those for name in e)], 2, many, share
-        )  # of a pair, one may be all that there is
-        last = weigh([one.weighed() for one in searches.values() if np.isfinite(one.cost)], prior)
-        after([h.effects for h in last if h.effects][:FINALISTS], 2, ALL, share + 0.05)
-        found = [one.weighed() for one in searches.values() if np.isfinite(one.cost)]
-        if np.isfinite(other.cost):
-            found.append(_calibration(other, linear))
-        return weigh([*found, beyond], prior)
+        likely = [h for h in weigh(weighed(), prior) if h.effects][:MOST]
+        chosen = [h.effects for h in likely if h.probability > likely[0].probability * np.exp(-CHANCE)]
+        parts = [(name,) for effects in chosen for name in effects]  # one of a pair may be all that there is
+        after([*chosen, *parts], 2, many, share)
+        last = [h.effects for h in weigh(weighed(), prior) if h.effects]
+        after(last[:FINALISTS], 2, ALL, share + 0.05)
+        calibration = [_calibration(other, linear)] if np.isfinite(other.cost) else []
+        return weigh([*weighed(), *calibration, beyond], prior)
 
     beyond = unknown(problem)
     new = begin(Search(linear, (name,), places) for name, places in linear.starts(VALLEYS).items())

@@ -39,9 +39,9 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 from scipy.optimize import minimize_scalar
 from scipy.stats import chi2
 
-from aoro_gym.diagnosis.arrival import AFTER, AHEAD, NEVER, arrivals
+from aoro_gym.diagnosis.arrival import AFTER, AHEAD, NEVER, arrival_of
 from aoro_gym.diagnosis.following import DRAWN, LACKED, LEASH, LED, LINE, STEPS
-from aoro_gym.diagnosis.noise import MERGED, RATE_MEMORY, Floats, Noise
+from aoro_gym.diagnosis.noise import MERGED, RATE_MEMORY, Floats, Noise, merged
 from aoro_gym.diagnosis.problem import START_JITTER, ZEROS, Problem
 from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.diagnosis.replay import Task
@@ -100,7 +100,7 @@ def boundaries(problem: Problem, healthy: Sequence[Recording] = ()) -> tuple[Bou
         if part != "pump" or "pump_pressure" in problem.signals:
             error = error_of(sound, balances) if sound else USUAL_ERROR
             found.append(_tested(part, error, logs, sound, np.linalg.inv(np.linalg.cholesky(prior)).T))
-    excess = [max(one.energy - one.freedom, 0.0) * (one.contradicts) for one in found]
+    excess = [one.contradicts * max(one.energy - one.freedom, 0.0) for one in found]
     whole = sum(excess) or 1.0
     shared = (replace(one, share=part / whole) for one, part in zip(found, excess, strict=True))
     return tuple(sorted(shared, key=lambda one: (-one.share, one.p)))
@@ -197,11 +197,11 @@ class Balance:
         self._kept = np.flatnonzero(_every(counts))
         self.size: Floats = _every(size)[self._kept]
         """Of the samples that are compared."""
-        merged = _merged(_merged(noise).T)[np.ix_(self._kept, self._kept)]
-        merged[np.diag_indices(len(merged))] += ROUNDING * np.max(np.diag(merged), initial=0.0)
-        self._factor = cholesky(merged, lower=True)
+        covariance = merged(merged(noise).T)[np.ix_(self._kept, self._kept)]
+        covariance[np.diag_indices(len(covariance))] += ROUNDING * np.max(np.diag(covariance), initial=0.0)
+        self._factor = cholesky(covariance, lower=True)
         memory = toeplitz(np.exp(-TICK / RATE_MEMORY * np.arange(len(size))))
-        wander = _merged(_merged(size[:, None] * memory * size).T)[np.ix_(self._kept, self._kept)]
+        wander = merged(merged(size[:, None] * memory * size).T)[np.ix_(self._kept, self._kept)]
         half = solve_triangular(self._factor, wander, lower=True)
         power, axes = np.linalg.eigh(solve_triangular(self._factor, half.T, lower=True))
         clear = power * SHOWN**2 > 1.0
@@ -211,7 +211,7 @@ class Balance:
 
     def shown(self, values: Floats) -> Floats:
         """Shown part (m,) or (m, N) of ``values`` (F,) or (F, N), in which the sensors' noise is white."""
-        return self._axes.T @ solve_triangular(self._factor, _merged(values)[self._kept], lower=True)
+        return self._axes.T @ solve_triangular(self._factor, merged(values)[self._kept], lower=True)
 
     def back(self, shown: Floats) -> Floats:
         """What is missing, SI, of the samples that are compared, by its shown part: with an error of :data:`SHOWN` expected
@@ -223,12 +223,6 @@ class Balance:
 def _every(values: NDArray) -> NDArray:
     """First of every :data:`MERGED` samples."""
     return values[: len(values) // MERGED * MERGED : MERGED]
-
-
-def _merged(values: Floats) -> Floats:
-    """Their means."""
-    count = len(values) // MERGED
-    return values[: count * MERGED].reshape(count, MERGED, *values.shape[1:]).mean(axis=1)
 
 
 @dataclass(frozen=True)
@@ -280,7 +274,7 @@ def _counts(recording: Recording, balance: str) -> NDArray[np.bool_]:
     port's flow none around a void, whose volume no sensor tells."""
     out = np.ones(recording.ticks + 1, dtype=bool)
     out[:FIRST] = False
-    arrival = round(float(arrivals(recording.channels["joint_angle"][:, None], recording.commands[:, 0])[0]))
+    arrival = arrival_of(recording.channels["joint_angle"], recording.commands[:, 0])
     if arrival != NEVER:
         out[max(arrival - AHEAD, 0) : None if balance == "torque" else arrival + AFTER] = False
     if balance.startswith("flow"):

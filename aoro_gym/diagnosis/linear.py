@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -55,7 +56,11 @@ class Tangent:
         self._information = jacobian.T @ jacobian if inner is None else inner
         self._normal = precision + self._information
         self._inner = cho_factor(self._normal)
-        self.shrunk = self.left_of_the_prior(1.0)
+
+    @cached_property
+    def shrunk(self) -> float:
+        """See :meth:`left_of_the_prior`."""
+        return self.left_of_the_prior(1.0)
 
     def left_of_the_prior(self, temperature: float) -> float:
         """−½ ln |A|, what the data leave of the prior's volume, where they count by so much less."""

@@ -124,10 +124,10 @@ class Whitener:
     counts: NDArray[np.bool_]  # (F // MERGED,)
 
     def __call__(self, residual: Floats) -> Floats:
-        return solve_triangular(self.factor, _merged(residual)[self.counts], lower=True, check_finite=False)
+        return solve_triangular(self.factor, merged(residual)[self.counts], lower=True, check_finite=False)
 
 
-def _merged(values: Floats) -> Floats:
+def merged(values: Floats) -> Floats:
     """Means over :data:`MERGED` samples along the first axis; what is left over is dropped."""
     count = len(values) // MERGED
     return values[: count * MERGED].reshape(count, MERGED, *values.shape[1:]).mean(axis=1)
@@ -182,8 +182,8 @@ def whitener(
         # half of the error wanders, half is a size that is wrong throughout
         covariance += 0.5 * (np.outer(envelope, envelope) * memory + np.outer(signed, signed))
     kept = np.ones(count // MERGED, dtype=bool) if counts is None else counts[: count // MERGED * MERGED : MERGED]
-    merged = _merged(_merged(covariance).T)[np.ix_(kept, kept)]
-    return Whitener(cholesky(merged, lower=True, overwrite_a=True, check_finite=False), kept)
+    compared = merged(merged(covariance).T)[np.ix_(kept, kept)]
+    return Whitener(cholesky(compared, lower=True, overwrite_a=True, check_finite=False), kept)
 
 
 def _envelope(seen: Floats, noise: float) -> Floats:

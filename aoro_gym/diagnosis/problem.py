@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.stats import chi2
 
-from aoro_gym.diagnosis.arrival import AFTER, AHEAD, NEVER, arrivals, on_clock
+from aoro_gym.diagnosis.arrival import AFTER, AHEAD, NEVER, arrival_of, arrivals, on_clock
 from aoro_gym.diagnosis.axes import Axis, axes_of
 from aoro_gym.diagnosis.noise import MERGED, Floats, ModelError, Noise, Whitener, noise_of, whitener
 from aoro_gym.diagnosis.nuisances import Nuisances
@@ -111,9 +111,7 @@ class Problem:
                 self.noise[name] = noise_of(recordings, name, longest)
         self.blocks = [(index, name) for index, r in enumerate(self.recordings) for name in r.channels]
         """Recording and channel of every part of a stacked residual."""
-        self.arrivals = [
-            round(float(arrivals(r.channels["joint_angle"][:, None], r.commands[:, 0])[0])) for r in self.recordings
-        ]
+        self.arrivals = [arrival_of(r.channels["joint_angle"], r.commands[:, 0]) for r in self.recordings]
         """Sample at which each recording's joint comes to its stop."""
         self.axes: dict[str, list[Axis]] = {name: axes_of(effect) for name, effect in self.effects.items()}
         self.felt: NDArray[np.intp] = np.arange(len(nuisances.keys))

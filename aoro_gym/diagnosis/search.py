@@ -64,7 +64,7 @@ class Search:
         self.tangent = linear.tangent if leader is None or leader.tangent is None else leader.tangent
         first = linear.problem.centre if leader is None or leader.tangent is None else leader.nuisances
         self._tried: list[tuple[Floats, Floats]] = []
-        self._offered: list[Tangent] = []  # around what others found, while that is tried
+        self._offers: list[tuple[Floats, Floats, Tangent]] = []  # what others found, with the tangent there
         for places in starts:
             z = np.array(places, dtype=np.float64)
             left = self._expected(z, leader)
@@ -94,18 +94,15 @@ class Search:
         return left
 
     def resume(self) -> None:
-        """Go on, if there is more to be learned or to be tried."""
-        known = self._learned >= self.directions
-        self.done &= known
-        self._trying = known or not np.isfinite(self.cost)
-        if known:
-            self._step()
+        """Go on, if there is more to be learned."""
+        self.done &= self._learned >= self.directions
+        self._trying = self._learned >= self.directions or not np.isfinite(self.cost)
 
     def offered(self, donors: Sequence[Search]) -> None:
         """Try what others found next: their nuisances, with the places of what both have. What a donor that is a part of
         this hypothesis lacks is left out, lest the whole be worse than its part."""
         axes = self.linear.problem.axes
-        points = []
+        self._offers = []
         for donor in donors:
             of, column = {}, 0
             for name in donor.effects:
@@ -117,10 +114,10 @@ class Search:
                 mine = self.point[1][column : column + len(axes[name])]
                 places.append(of.get(name, np.array([axis.none for axis in axes[name]]) if part else mine))
                 column += len(axes[name])
-            points.append((donor.nuisances_of(self.linear.problem), np.concatenate([np.empty(0), *places])))
-        same = [donor.linear.problem is self.linear.problem for donor in donors]
-        self._offered = [donor.tangent if alike else self.tangent for donor, alike in zip(donors, same, strict=True)]
-        self._tried, self._trying = points, True
+            alike = donor.linear.problem is self.linear.problem
+            nuisances = donor.nuisances_of(self.linear.problem)
+            tangent = donor.tangent if alike else self.tangent
+            self._offers.append((nuisances, np.concatenate([np.empty(0), *places]), tangent))
 
     def nuisances_of(self, problem: Problem) -> Floats:
         """The best ones (u,), in standard deviations of a ``problem`` with the same recordings around the same machine."""
@@ -133,7 +130,10 @@ class Search:
 
     def variants(self) -> Variants:
         """Machines to be tried next, or neighbours of the best one along every axis and along :attr:`directions`."""
-        if self._trying:
+        if self._offers:
+            points, places, _ = zip(*self._offers, strict=True)
+            points, places = np.stack(points), np.stack(places)
+        elif self._trying:
             points, places = map(np.stack, zip(*self._tried, strict=True))
         else:
             u, z = self.point
@@ -163,31 +163,47 @@ class Search:
         problem, linear = self.linear.problem, self.linear
         lost = np.any(np.isnan(found), axis=0)
         white = problem.white(linear.whiteners, np.nan_to_num(problem.measured[:, None] - found))
-        own = linear.own
-        if self._trying:
-            felt = len(problem.felt)
-            lefts = [white[:, k] - own @ u[felt:] for k, (u, _) in enumerate(self._tried)]
-            costs = [self._cost(left, u) for left, (u, _) in zip(lefts, self._tried, strict=True)]
-            best = int(np.argmin(np.where(lost, np.inf, costs)))
-            gain = -np.inf if lost[best] else self.cost - costs[best]
-            offered, self._offered = self._offered, []
-            if gain > (SETTLED if offered else 0.0):
+        if self._offers:
+            offers, self._offers = self._offers, []
+            best, gain = self._compared([offer[:2] for offer in offers], white, lost)
+            if gain > SETTLED:
+                self.tangent = offers[best][2]
+                self._go(offers[best][:2], white[:, best])
+        elif self._trying:
+            best, gain = self._compared(self._tried, white, lost)
+            if gain > 0.0:
+                self._go(self._tried[best], white[:, best])
                 self.done = gain < SETTLED
-                self.point, self.cost, self.residual = self._tried[best], float(costs[best]), lefts[best]
-                self.tangent = offered[best] if offered else self.tangent
-                self._learned = -1
-            elif not offered:
+            else:
                 self.done = self._learned >= self.directions or not np.isfinite(self.cost)
-            self._trying = False
-            return
-        u, z = self.point
-        changes = (self.residual + own @ u[len(problem.felt) :])[:, None] - white
-        self.slopes = np.where(lost[: len(z)], self.slopes, changes[:, : len(z)] / self._steps)
-        known = ~lost[len(z) :]
-        if np.any(known):
-            self.tangent = self.tangent.updated(self._moves[known], changes[:, len(z) :][:, known])
-        self._learned, self._trying = self.directions, True
-        self.done = self._step() < SETTLED
+                self._trying = False
+        else:
+            u, z = self.point
+            changes = (self.residual + linear.own @ u[len(problem.felt) :])[:, None] - white
+            self.slopes = np.where(lost[: len(z)], self.slopes, changes[:, : len(z)] / self._steps)
+            known = ~lost[len(z) :]
+            if np.any(known):
+                self.tangent = self.tangent.updated(self._moves[known], changes[:, len(z) :][:, known])
+            self._learned, self._trying = self.directions, True
+            self.done = self._step() < SETTLED
+
+    def _left(self, white: Floats, nuisances: Floats) -> Floats:
+        """Residual (D,) less the recordings' own part."""
+        return white - self.linear.own @ nuisances[len(self.linear.problem.felt) :]
+
+    def _compared(self, points: Sequence[tuple[Floats, Floats]], white: Floats, lost: Floats) -> tuple[int, float]:
+        """The best of several points, and by how much it is better than what was best before."""
+        costs = [self._cost(self._left(white[:, k], u), u) for k, (u, _) in enumerate(points)]
+        best = int(np.argmin(np.where(lost, np.inf, costs)))
+        return best, -np.inf if lost[best] else self.cost - costs[best]
+
+    def _go(self, point: tuple[Floats, Floats], white: Floats) -> None:
+        """Make a point that was tried, with its whitened residual (D,), the best one."""
+        self.point = point
+        self.residual = self._left(white, point[0])
+        self.cost = self._cost(self.residual, point[0])
+        self._learned = -1
+        self._trying = self.done = False
 
     def _cost(self, left: Floats, nuisances: Floats) -> float:
         return float(left @ left + nuisances @ self.tangent.precision @ nuisances)

@@ -1,27 +1,35 @@
 """Processes that share the launches of one device.
 
 A GPU takes as long for one twin as for thousands, and processes that launch by themselves take turns. So one process
-launches for all: what several ask for while a launch runs goes into the next one together.
+launches for all: what several ask for while a launch runs goes into the next one together. Answers are written into memory
+that the one who asks shares with the one who launches: they are hundreds of megabytes, which pipes would take longer for
+than the twins do.
 """
 
 from __future__ import annotations
 
+import mmap
 import multiprocessing
+import os
 import pickle
 import signal
 import tempfile
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from multiprocessing.connection import Client, Connection, Listener, wait
+from multiprocessing.reduction import recv_handle, send_handle
 from multiprocessing.synchronize import Event
 from pathlib import Path
 from threading import Thread
 
+import numpy as np
+
 from aoro_gym.diagnosis.replay import Request, Signals, Simulator
 
-SENDERS = 4
-"""Threads that answer."""
+WRITERS = 4
+"""Threads that write answers."""
 PREFIX = "shared:"
 """Of a device's name: what follows is the address of the process that launches."""
 
@@ -37,14 +45,56 @@ class Remote(Simulator):
     def __init__(self, device: str):
         super().__init__(device)
         self._connection = Client(device.removeprefix(PREFIX))
+        self._memory: mmap.mmap | None = None
 
     def launch(self, requests: Sequence[Request]) -> list[Signals]:
-        """See :meth:`Simulator.launch`."""
-        self._connection.send(list(requests))
-        found = self._connection.recv()
-        if isinstance(found, Exception):
-            raise found
-        return found
+        """See :meth:`Simulator.launch`. What it returns holds until the next launch."""
+        size = sum(_size(request) for request in requests)
+        larger = self._memory is None or len(self._memory) < size
+        self._connection.send((larger, list(requests)))
+        if larger:
+            handle = _memory(size)
+            self._memory = mmap.mmap(handle, size)
+            send_handle(self._connection, handle, 0)
+            os.close(handle)
+        error = self._connection.recv()
+        if error is not None:
+            raise error
+        assert self._memory is not None
+        return _answers(requests, self._memory)
+
+
+def _memory(size: int) -> int:
+    """Handle of that many bytes that processes can share, which go with the last of these."""
+    if hasattr(os, "memfd_create"):
+        handle = os.memfd_create("launches")
+    else:
+        with tempfile.TemporaryFile() as file:
+            handle = os.dup(file.fileno())
+    os.ftruncate(handle, size)
+    return handle
+
+
+def _shape(request: Request) -> tuple[int, int]:
+    """Of every channel of its answer: samples, variants."""
+    return len(request.commands) * request.frames + 1, request.count
+
+
+def _size(request: Request) -> int:
+    """Bytes of its answer."""
+    samples, count = _shape(request)
+    return 4 * len(request.channels) * samples * count
+
+
+def _answers(requests: Sequence[Request], memory: mmap.mmap) -> list[Signals]:
+    """Where the answers to all ``requests`` lie in the memory, one after the other."""
+    out, first = [], 0
+    for request in requests:
+        shape = (len(request.channels), *_shape(request))
+        values = np.frombuffer(memory, np.float32, int(np.prod(shape)), first).reshape(shape)
+        out.append(dict(zip(request.channels, values, strict=True)))
+        first += _size(request)
+    return out
 
 
 @contextmanager
@@ -73,8 +123,8 @@ def _serve(address: str, device: str, ready: Event) -> None:
     warp.config.log_level = warp.LOG_ERROR
     simulates = Simulator(device)
     connections: list[Connection] = []
-    # the next launch begins while answers to the last are on their way
-    with Listener(address, "AF_UNIX", backlog=256) as listener, ThreadPoolExecutor(SENDERS) as sending:
+    memories: dict[Connection, mmap.mmap] = {}
+    with Listener(address, "AF_UNIX", backlog=256) as listener, ThreadPoolExecutor(WRITERS) as writers:
 
         def accept() -> None:
             while True:
@@ -82,43 +132,63 @@ def _serve(address: str, device: str, ready: Event) -> None:
 
         Thread(target=accept, daemon=True).start()
         ready.set()
-        asked: list[tuple[Connection, list[Request]]] = []
+        asked: list[_Asked] = []
         parent = multiprocessing.parent_process()
         while parent is None or parent.is_alive():
-            busy = [connection for connection, _ in asked]
+            busy = [one.connection for one in asked]
             idle = [connection for connection in connections if connection not in busy]
             heard = wait(idle, timeout=0.0 if asked else 0.05)
             for connection in heard:
                 assert isinstance(connection, Connection)
                 try:
-                    asked.append((connection, connection.recv()))
+                    larger, requests = connection.recv()
+                    if larger:
+                        handle = recv_handle(connection)
+                        memories[connection] = mmap.mmap(handle, 0)
+                        os.close(handle)
+                    asked.append(_Asked(connection, requests, memories[connection]))
                 except (EOFError, OSError, pickle.UnpicklingError):
                     connections.remove(connection)
+                    memories.pop(connection, None)
             if asked and not heard:
-                _answer(simulates, asked, sending)
+                _answer(simulates, asked, writers)
                 asked = []
     with suppress(OSError):  # the parent was killed, and did not clear up
         Path(address).parent.rmdir()
 
 
-def _answer(
-    simulates: Simulator, asked: Sequence[tuple[Connection, list[Request]]], sending: ThreadPoolExecutor
-) -> None:
+@dataclass(frozen=True)
+class _Asked:
+    """What one process asks for, and where the answer goes."""
+
+    connection: Connection
+    requests: list[Request]
+    memory: mmap.mmap
+
+
+def _answer(simulates: Simulator, asked: Sequence[_Asked], writers: ThreadPoolExecutor) -> None:
     try:
-        found = simulates.launch([request for _, requests in asked for request in requests])
+        found = simulates.launch([request for one in asked for request in one.requests])
     except Exception as error:
         if len(asked) == 1:
-            sending.submit(_send, asked[0][0], error)
+            _tell(asked[0].connection, error)
         else:  # who asked for what can be done shall have it
             for one in asked:
-                _answer(simulates, [one], sending)
+                _answer(simulates, [one], writers)
         return
-    first = 0
-    for connection, requests in asked:
-        sending.submit(_send, connection, found[first : first + len(requests)])
-        first += len(requests)
+    ends = np.cumsum([len(one.requests) for one in asked])
+    parts = [found[end - len(one.requests) : end] for one, end in zip(asked, ends, strict=True)]
+    for _ in writers.map(_write, asked, parts):
+        pass
 
 
-def _send(connection: Connection, answer: object) -> None:
+def _write(asked: _Asked, found: Sequence[Signals]) -> None:
+    for place, signals in zip(_answers(asked.requests, asked.memory), found, strict=True):
+        for name, values in signals.items():
+            place[name][:] = values
+    _tell(asked.connection, None)
+
+
+def _tell(connection: Connection, error: Exception | None) -> None:
     with suppress(BrokenPipeError, ConnectionResetError):  # of one that has ended
-        connection.send(answer)
+        connection.send(error)
