@@ -24,7 +24,7 @@ from aoro_gym.diagnosis.linear import Hypothesis, Linear
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.problem import Problem, Progress
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN
-from aoro_gym.diagnosis.search import ALL, Search, refine, trade
+from aoro_gym.diagnosis.search import ALL, Search, refine, rough, trade
 
 DIRECTIONS = 12, 24
 """Of the nuisances in which a hypothesis takes slopes of its own: at first, and later."""
@@ -46,7 +46,7 @@ FAR_END = 0.05
 """Place beyond which there is a way to an end."""
 CHANCE = 25.0
 """Log odds behind the best beyond which a hypothesis has none."""
-TEMPERATURE = 4.0
+TEMPERATURE = 2.0
 """By which fits count less: samples are not as many as they seem, as the twin's own error is not that of its model (E)."""
 DOUBT = 0.003
 """Share of the evidence for a gap by which the temperature grows: about what searches leave between two hypotheses that
@@ -115,6 +115,9 @@ def attribute(problem: Problem, progress: Progress = lambda sentence, share: Non
     new = begin(Search(linear, (name,), places) for name, places in linear.starts(VALLEYS).items())
     likely = after([h.effects for h in after(new, 1, few, 0.0)[:SINGLES]], 2, many, 0.1)
     paired(likely[:LEADERS], 0.3)
+    if max(h.log_evidence for h in weighed()) > searches[()].weighed().log_evidence + CHANCE:
+        progress("looking for another calibration", 0.5)
+        trade([rough(other.linear.problem)], other)  # what parts the two may be far off
     found = contend(0.5)
     if found[0].effects == (UNKNOWN,):
         progress("looking farther off", 0.7)

@@ -43,8 +43,8 @@ from aoro_gym.twin.effects import EFFECTS, Effect
 
 ERROR = ModelError(rate=0.003, pressure=0.010, swing=0.06, change=0.1, phase=0.05)
 """The twin's own error: what remains between it and machines of other laws once it was fitted to them."""
-STAGES = 2
-"""Of the fit of the uncertain parameters."""
+STAGES = 1
+"""Of the fit of the uncertain parameters, after a rough one."""
 FOLDS = 3
 """Parts of the recordings, each of which is left out once when it is asked how far the gap shrinks."""
 LISTED = 1e-3
@@ -104,14 +104,14 @@ def diagnose(
     if healthy:
         fit = Problem(healthy, Nuisances(given, "commissioning"), {}, error=ERROR, noise=noise, simulator=simulator)
         tangent = settle(fit, STAGES, lambda s, share: progress(s, 0.3 * share))
-        noise = {name: noise[name].louder(loud) for name, loud in fit.loudness().items()}
+        noise = fit.louder()
         references, twin, uncertain = references_of(fit), fit.machine, fit.uncertain(tangent.covariance)
     around = Nuisances(twin, "day" if mode == "commissioned" else "range", uncertain)
     problem = Problem(recordings, around, effects, error=ERROR, references=references, noise=noise, simulator=simulator)
     before = problem.given
     if mode == "day-one":
         settle(problem, STAGES, lambda s, share: progress(s, 0.3 + 0.1 * share))
-        problem.noise = {name: noise[name].louder(loud) for name, loud in problem.loudness().items()}
+        problem.louder()
     progress("what every effect does", 0.4)
     problem.learn()
     hypotheses, linear = attribute(problem, lambda s, share: progress(s, 0.5 + 0.35 * share))

@@ -98,7 +98,10 @@ class Tangent:
         # at ends of ranges moves may coincide
         weights = np.linalg.lstsq(lengths @ moves.T, lengths, rcond=DEPENDENT)[0]
         missed = changes - self.jacobian @ moves.T
-        return Tangent(self.jacobian + missed @ weights, self.precision, self.bounds)
+        # (J + M W)ᵀ (J + M W), with far fewer columns in M than in J
+        cross = (self.jacobian.T @ missed) @ weights
+        inner = self._information + cross + cross.T + weights.T @ (missed.T @ missed) @ weights
+        return Tangent(self.jacobian + missed @ weights, self.precision, self.bounds, inner=inner)
 
     def directions(self, free: int, most: int) -> tuple[Floats, Floats]:
         """Directions (k, u) among the first ``free`` nuisances, each a prior standard deviation long and independent of the
@@ -169,7 +172,7 @@ class Linear:
 
     def __init__(self, problem: Problem, error: ModelError, effects: bool = True):
         self.problem = problem
-        self.whiteners = problem.whiteners(error, problem.given)
+        self.whiteners = problem.held(error)
         self.log_volume = sum(float(np.sum(np.log(np.diag(w.factor)))) for w in self.whiteners)
         felt = len(problem.felt)
         own = problem.own(problem.predicted)

@@ -12,9 +12,10 @@ otherwise than the machine's then cancels, up to its own change.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,6 +127,7 @@ class Problem:
         """Stacked prediction (D,) SI at the centre."""
         self.slopes: Floats = np.empty((0, 0))
         """Its change (D, felt) SI a standard deviation of each felt nuisance."""
+        self._holding: dict[ModelError, list[Whitener]] = {}
         self.shifts: dict[tuple[str, int], Floats] = {}
         """What effects add to it (D, nodes) SI, by effect and number of its axis."""
 
@@ -236,11 +238,12 @@ class Problem:
         self.centre = self._held = point
         for known in ("_given", "given", "given_stops"):
             self.__dict__.pop(known, None)
+        self._holding = {}
         self.predicted = self.given
 
     def hold_to_that_of(self, other: Problem) -> None:
-        """Hold all hypotheses to the error of another problem's given twin, under the same recordings."""
-        self.given, self.given_stops = other.given, other.given_stops
+        """Hold all hypotheses to the error of another problem's given twin, under the same recordings and noise."""
+        self.given, self.given_stops, self._holding = other.given, other.given_stops, other._holding
 
     @property
     def left(self) -> Floats:
@@ -269,19 +272,34 @@ class Problem:
 
     def repeated(self, variants: Sequence[Variants]) -> tuple[Floats, list[NDArray[np.bool_]]]:
         """See :meth:`simulate`; and by recording whose joint (N,) comes to a stop."""
+        stacked, stops = [], []
+        for signals, stopped in self.shown(variants):
+            stacked += signals.values()
+            stops.append(stopped)
+        return np.concatenate(stacked).astype(np.float64), stops
+
+    def residuals(self, whiteners: Sequence[Whitener], variants: Sequence[Variants]) -> Floats:
+        """Whitened residuals (D', N) of what :meth:`simulate` gives; NaN of variants that the twin loses."""
+        parts = iter(zip(whiteners, self.split(self.measured), strict=True))
+        white = []
+        for signals, _ in self.shown(variants):
+            for values, (whiten, measured) in zip(signals.values(), parts, strict=False):
+                white.append(whiten(measured[:, None] - values))
+        return np.concatenate(white)
+
+    def shown(self, variants: Sequence[Variants]) -> Iterator[tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]]:
+        """By recording: its channels (F, N) SI as the twins show them, on its clock; whose joint (N,) comes to a stop."""
         tasks = [Task(one, recording) for recording in self.recordings for one in variants]
         found = iter(self.simulator.run(tasks))
-        stacked, stops = [], []
         for recording, arrival in zip(self.recordings, self.arrivals, strict=True):
             parts = [next(found) for _ in variants]
             signals = {name: np.concatenate([part[name] for part in parts], axis=1) for name in recording.channels}
             steering = recording.commands[:, 0]
             own = arrivals(signals["joint_angle"], steering)
-            stops.append(own != NEVER)
-            for name, values in signals.items():
+            for name in (name for name in signals if name in CLOCKED):
                 moves = name == "joint_angle"
-                stacked.append(on_clock(values, own, arrival, steering, goes_on=moves) if name in CLOCKED else values)
-        return np.concatenate(stacked).astype(np.float64), stops
+                signals[name] = on_clock(signals[name], own, arrival, steering, goes_on=moves)
+            yield signals, own != NEVER
 
     def own(self, predicted: Floats) -> Floats:
         """Shifts (D, c), SI, by one standard deviation of what belongs to the recordings themselves: each one's clock
@@ -331,6 +349,12 @@ class Problem:
 
     # ---- whitening ----
 
+    def held(self, error: ModelError) -> list[Whitener]:
+        """:meth:`whiteners` around the prediction of the :attr:`given` twin, which all hypotheses are held to."""
+        if error not in self._holding:
+            self._holding[error] = self.whiteners(error, self.given)
+        return self._holding[error]
+
     def whiteners(self, error: ModelError, predicted: Floats) -> list[Whitener]:
         """One a block, around a stacked prediction (D,). What is seen beyond the twin is that of the :attr:`given` one,
         whatever the prediction, lest a better one be held to a smaller error."""
@@ -364,7 +388,7 @@ class Problem:
         if self._chosen:
             return found[:, d + 1 :]
         self._chosen = True
-        white = self.white(self.whiteners(self.error, self.predicted), self.slopes)
+        white = self.white(self.held(self.error), self.slopes)
         shown = np.flatnonzero(np.linalg.norm(white, axis=0) > FELT)
         self.slopes, self.felt = self.slopes[:, shown], self.felt[shown]
         self.centre = np.concatenate([self.centre[:d][shown], self.centre[d:]])
@@ -376,6 +400,12 @@ class Problem:
         out = np.diag(std**2)
         out[np.ix_(felt, felt)] = covariance[: len(felt), : len(felt)] * np.outer(std[felt], std[felt])
         return out
+
+    def louder(self) -> dict[str, Noise]:
+        """Its noise, as loud as :meth:`loudness` says, which is what it has from now on."""
+        self.noise = {name: self.noise[name].louder(loud) for name, loud in self.loudness().items()}
+        self._holding = {}
+        return self.noise
 
     def loudness(self) -> dict[str, float]:
         """How much more power the residual at the centre has than the noise of the standstill explains, by channel, once

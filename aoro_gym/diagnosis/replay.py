@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -244,18 +245,26 @@ def _launch(requests: Sequence[Request], device: str) -> list[Signals]:
         if count and not leader
     }
     at_rest = np.zeros((len(names), total)) if led else twin.state.numpy()[[SIGNALS[name][1] for name in names]]
+    # recorded launches: on a GPU, packing their arguments anew takes longer than a tick of the twins
+    arguments = [schedule, numbered, command_rows, 0, twin.commands]
+    hold: Any = wp.launch(_hold, (len(COMMANDS), total), arguments, device=twin.device, record_cmd=True)
+    advance = twin.advancing(TICK, sample_every=TICK / frames)
+    keeps = []
+    for density, first, count in groups:
+        if count and not leader:
+            arguments = [twin.outputs, output_rows, frames // density, first, 0, kept[first]]
+            dim = (density, len(names), count)
+            keeps.append((density, wp.launch(_keep, dim, arguments, device=twin.device, record_cmd=True)))
     for tick in range(ticks):
-        arguments = [schedule, numbered, command_rows, tick, twin.commands]
-        wp.launch(_hold, (len(COMMANDS), total), arguments, device=twin.device)
+        hold.set_param_at_index(3, tick)
+        hold.launch()
         if leader:
             leader.advance(tick)
             continue
-        twin.advance(TICK, sample_every=TICK / frames)
-        for density, first, count in groups:
-            if count:
-                every = frames // density
-                arguments = [twin.outputs, output_rows, every, first, 1 + tick * density, kept[first]]
-                wp.launch(_keep, (density, len(names), count), arguments, device=twin.device)
+        advance()
+        for density, keep in keeps:
+            keep.set_param_at_index(4, 1 + tick * density)
+            keep.launch()
     if leader:
         kept = {0: leader.taken}
     lost = np.asarray(twin.status) != 0
@@ -314,11 +323,15 @@ def _stacked(parts: Sequence[Variants | Request]) -> Machine:
     first = parts[0].machine
     if len(parts) == 1:
         return first
-    counts, values = [part.count for part in parts], {}
+    ends = np.cumsum([part.count for part in parts])
+    places = [slice(int(end) - part.count, int(end)) for part, end in zip(parts, ends, strict=True)]
+    values = {}
     for key, entry in first.entries.items():
         column = [part.machine.entries[key].value for part in parts]
-        if any(np.ndim(value) for value in column) or any(value != entry.value for value in column):
-            values[key] = np.concatenate([np.broadcast_to(v, n) for v, n in zip(column, counts, strict=True)])
+        if any(isinstance(value, np.ndarray) or value != entry.value for value in column):
+            values[key] = np.empty(ends[-1])
+            for place, value in zip(places, column, strict=True):
+                values[key][place] = value
     return first.set(values)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from aoro_gym.diagnosis.axes import PRIOR_INFORMATION, volume
 from aoro_gym.diagnosis.linear import Hypothesis, Linear, Tangent
-from aoro_gym.diagnosis.noise import Floats
+from aoro_gym.diagnosis.noise import Floats, ModelError
 from aoro_gym.diagnosis.problem import STEP, STRAIGHT, Problem, Progress
 from aoro_gym.diagnosis.replay import Variants
 
@@ -20,6 +20,9 @@ SETTLED = 0.5
 """Change of the whitened squares by which a search ends."""
 SETTLE = 5
 """Rounds of a stage of the fit of nuisances alone."""
+ROUGH = ModelError(rate=0.03, pressure=0.5, swing=1.0, phase=0.5)
+"""Error under which a fit far from its end begins: the joint's course counts and no oscillation, on whose every period a fit
+of them would stop."""
 DAMPING = (0.0, 10.0, 1e2, 1e3, 1e4, 1e6)
 """Of the steps that are tried together, in prior precisions (Levenberg 1944, Marquardt 1963): what moves the prediction by
 many noise lengths goes on, what hardly moves it stays, and a curved valley is followed."""
@@ -114,7 +117,8 @@ class Search:
                 mine = self.point[1][column : column + len(axes[name])]
                 places.append(of.get(name, np.array([axis.none for axis in axes[name]]) if part else mine))
                 column += len(axes[name])
-            alike = donor.linear.problem is self.linear.problem
+            # slopes of other nuisances, or whitened otherwise, are none of this one's
+            alike = donor.linear is self.linear
             nuisances = donor.nuisances_of(self.linear.problem)
             tangent = donor.tangent if alike else self.tangent
             self._offers.append((nuisances, np.concatenate([np.empty(0), *places]), tangent))
@@ -158,11 +162,11 @@ class Search:
         moves = np.where((kept[0] >= kept[1])[:, None], forward, backward)
         return moves[np.maximum(*kept) > SHORTENED * np.linalg.norm(steps, axis=1)]
 
-    def learn(self, found: Floats) -> None:
-        """Take in what was simulated (D, N), and choose what is next."""
-        problem, linear = self.linear.problem, self.linear
-        lost = np.any(np.isnan(found), axis=0)
-        white = problem.white(linear.whiteners, np.nan_to_num(problem.measured[:, None] - found))
+    def learn(self, white: Floats) -> None:
+        """Take in whitened residuals (D, N) of the machines that were tried, NaN of those that were lost, and choose what is
+        next."""
+        linear = self.linear
+        lost = np.isnan(np.sum(white, axis=0))
         if self._offers:
             offers, self._offers = self._offers, []
             best, gain = self._compared([offer[:2] for offer in offers], white, lost)
@@ -179,7 +183,7 @@ class Search:
                 self._trying = False
         else:
             u, z = self.point
-            changes = (self.residual + linear.own @ u[len(problem.felt) :])[:, None] - white
+            changes = (self.residual + linear.own @ u[len(linear.problem.felt) :])[:, None] - white
             self.slopes = np.where(lost[: len(z)], self.slopes, changes[:, : len(z)] / self._steps)
             known = ~lost[len(z) :]
             if np.any(known):
@@ -193,8 +197,8 @@ class Search:
 
     def _compared(self, points: Sequence[tuple[Floats, Floats]], white: Floats, lost: Floats) -> tuple[int, float]:
         """The best of several points, and by how much it is better than what was best before."""
-        costs = [self._cost(self._left(white[:, k], u), u) for k, (u, _) in enumerate(points)]
-        best = int(np.argmin(np.where(lost, np.inf, costs)))
+        costs = [np.inf if lost[k] else self._cost(self._left(white[:, k], u), u) for k, (u, _) in enumerate(points)]
+        best = int(np.argmin(costs))
         return best, -np.inf if lost[best] else self.cost - costs[best]
 
     def _go(self, point: tuple[Floats, Floats], white: Floats) -> None:
@@ -253,9 +257,10 @@ def _launch(searches: Sequence[Search]) -> None:
     if not searches:
         return
     batch = [search.variants() for search in searches]
-    found = searches[0].linear.problem.simulate(batch)
+    linear = searches[0].linear
+    white = linear.problem.residuals(linear.whiteners, batch)
     ends = np.cumsum([one.count for one in batch])
-    for search, mine in zip(searches, np.split(found, ends[:-1], axis=1), strict=True):
+    for search, mine in zip(searches, np.split(white, ends[:-1], axis=1), strict=True):
         search.learn(mine)
 
 
@@ -277,24 +282,32 @@ def trade(searches: Sequence[Search], wider: Search | None = None) -> None:
     _launch(trading)
 
 
+def rough(problem: Problem) -> Search:
+    """The fit of the nuisances alone under the error :data:`ROUGH`, around the centre of a learned problem."""
+    found = Search(Linear(problem, ROUGH, effects=False), (), directions=ALL)
+    refine([found], SETTLE)
+    return found
+
+
 def settle(problem: Problem, stages: int, progress: Progress = lambda sentence, share: None) -> Tangent:
     """Move a problem to the best fit of its nuisances alone, and hold all hypotheses to the error of that twin.
 
     Args:
         problem: Need not be learned.
-        stages: How often the error is taken anew around what was found.
+        stages: How often the error is taken anew around what was found; a rough fit comes first.
         progress: Called with a sentence and the share done.
 
     Returns:
         The tangent there.
     """
-    tangent = None
+    progress("fitting uncertain parameters", 0.0)
+    problem.learn(effects=False)
+    search = rough(problem)
     for stage in range(stages):
-        progress("fitting uncertain parameters", stage / stages)
+        problem.hold_to(search.point[0])
+        progress("fitting uncertain parameters", (1 + stage) / (1 + stages))
         problem.learn(effects=False)
         search = Search(Linear(problem, problem.error), (), directions=ALL)
         refine([search], SETTLE)
-        problem.hold_to(search.point[0])
-        tangent = search.tangent
-    assert tangent is not None
-    return tangent
+    problem.hold_to(search.point[0])
+    return search.tangent

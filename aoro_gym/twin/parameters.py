@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from os import PathLike
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -94,7 +95,7 @@ class Machine:
                 source=entry.source if source is None else source,
                 range=(ranges or {}).get(key, entry.range),
             )
-        return self._build(self.name, entries)
+        return self._build(self.name, entries, self.entries)
 
     def scale(self, factors: Mapping[str, ArrayLike]) -> "Machine":
         """Machine with the given parameters multiplied by ``factors``, each a number or shape (N,)."""
@@ -168,8 +169,10 @@ class Machine:
             raise ValueError(_unknown(key)) from None
 
     @classmethod
-    def _build(cls, name: str, entries: Mapping[str, Parameter]) -> "Machine":
-        ordered = _validated(entries)
+    def _build(
+        cls, name: str, entries: Mapping[str, Parameter], known: Mapping[str, Parameter] = MappingProxyType({})
+    ) -> "Machine":
+        ordered = _validated(entries, known)
         components = {f.name: _component(f.type, f"{f.name}.", ordered) for f in fields(cls) if is_dataclass(f.type)}
         machine = cls(name=name, entries=ordered, **components)
         _check_components(machine)
@@ -226,8 +229,9 @@ def _num_variants(entries: Mapping[str, Parameter]) -> int:
     return next(iter(lengths.values()), 1)
 
 
-def _validated(entries: Mapping[str, Parameter]) -> dict[str, Parameter]:
-    """``entries`` in canonical order, each key known and present, each value within its bounds."""
+def _validated(entries: Mapping[str, Parameter], known: Mapping[str, Parameter]) -> dict[str, Parameter]:
+    """``entries`` in canonical order, each key known and present, each value within its bounds. Those that are among the
+    ``known`` ones have been looked at before."""
     for key in entries:
         if key not in DECLARATIONS:
             raise ValueError(_unknown(key))
@@ -236,6 +240,8 @@ def _validated(entries: Mapping[str, Parameter]) -> dict[str, Parameter]:
         raise ValueError(f"missing parameters: {', '.join(missing)}; add a table [KEY] for each")
     for key, declaration in DECLARATIONS.items():
         entry = entries[key]
+        if known.get(key) is entry:
+            continue
         if UNITS.get(entry.unit, ("", 1.0))[0] != declaration.unit:
             fitting = ", ".join(unit for unit, (si, _) in UNITS.items() if si == declaration.unit)
             problem = "does not measure it" if entry.unit in UNITS else "is unknown"

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -283,6 +283,16 @@ class Twin:
             duration: A whole number of main steps [s].
             sample_every: Sampling interval of :attr:`outputs` [s], a whole number of main steps; only the end if None.
         """
+        self._launch(*self._frames(duration, sample_every))
+
+    def advancing(self, duration: float = 0.02, *, sample_every: float | None = None) -> Callable[[], None]:
+        """What :meth:`advance` does, to be called many times: a GPU is told faster so than it is told all anew. Valid until
+        anything but the state and the commands of the twins is replaced."""
+        frames, every = self._frames(duration, sample_every)
+        return partial(self._launch, frames, every) if self.device.is_cpu else self._recorded(frames, every).launch
+
+    def _frames(self, duration: float, sample_every: float | None) -> tuple[int, int]:
+        """Number of samples, for which there is room then, and main steps a sample."""
         steps = self._whole(duration, "duration")
         every = steps if sample_every is None else self._whole(sample_every, "sample_every")
         if steps % every:
@@ -292,7 +302,21 @@ class Twin:
         frames = steps // every
         if self._outputs.shape[0] != frames:
             self._outputs = wp.zeros((frames, len(Output), self.num_twins), dtype=float, device=self.device)
-        self._launch(frames, every)
+        return frames, every
+
+    def _recorded(self, frames: int, every: int, first: int = 0, count: int | None = None) -> Any:
+        """Launch of ``frames`` times ``every`` main steps of ``count`` twins, all by default."""
+        return wp.launch(
+            self._advance_kernel,
+            dim=self.num_twins if count is None else count,
+            inputs=[
+                self._machines, self.ground, self.commands, self.state, self._history, self._clock,
+                self._status, self._outputs, first, frames, every, self.substeps, self.main_step,
+            ],
+            device=self.device,
+            block_dim=BLOCK_DIM,
+            record_cmd=True,
+        )  # fmt: skip
 
     def _launch(self, frames: int, every: int) -> None:
         """Launch ``frames`` times ``every`` main steps; on the CPU, whose backend is single-threaded, one slice of twins a
@@ -303,16 +327,7 @@ class Twin:
 
         def launch(slot: int) -> None:
             first = slot * self.num_twins // threads
-            wp.launch(
-                self._advance_kernel,
-                dim=(slot + 1) * self.num_twins // threads - first,
-                inputs=[
-                    self._machines, self.ground, self.commands, self.state, self._history, self._clock,
-                    self._status, self._outputs, first, frames, every, self.substeps, self.main_step,
-                ],
-                device=self.device,
-                block_dim=BLOCK_DIM,
-            )  # fmt: skip
+            self._recorded(frames, every, first, (slot + 1) * self.num_twins // threads - first).launch()
 
         if threads == 1:
             launch(0)

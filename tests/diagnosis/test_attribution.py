@@ -1,6 +1,6 @@
 """Attribution: the algebra against closed forms in a linear world, and causes that the twin itself was given."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -79,9 +79,10 @@ class LinearWorld(Problem):
             whole[:, 3 + NAMES.index(name)] = places[:, column]
         return SimpleNamespace(count=len(points), whole=whole)
 
-    def repeated(self, variants: Sequence[Any]) -> tuple[Floats, list[NDArray[np.bool_]]]:
+    def shown(self, variants: Sequence[Any]) -> Iterator[tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]]:
         predicted = self.base[:, None] + self.directions @ np.concatenate([one.whole for one in variants]).T
-        return predicted, [np.array([False])]
+        channels: dict[str, NDArray[Any]] = {"joint_angle": predicted[:COUNT], "pressure_a": predicted[COUNT:]}
+        yield channels, np.zeros(predicted.shape[1], dtype=bool)
 
 
 MEAN = np.kron(np.eye(2 * COUNT // MERGED), np.full((1, MERGED), 1.0 / MERGED))
