@@ -43,8 +43,8 @@ from aoro_gym.twin.effects import EFFECTS, Effect
 
 ERROR = ModelError(rate=0.003, pressure=0.010, swing=0.06, change=0.1, phase=0.05)
 """The twin's own error: what remains between it and machines of other laws once it was fitted to them."""
-STAGES = 1
-"""Of the fit of the uncertain parameters, after a rough one."""
+STAGES = 2
+"""Of the fit of the uncertain parameters."""
 FOLDS = 3
 """Parts of the recordings, each of which is left out once when it is asked how far the gap shrinks."""
 LISTED = 1e-3

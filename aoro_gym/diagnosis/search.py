@@ -294,20 +294,19 @@ def settle(problem: Problem, stages: int, progress: Progress = lambda sentence, 
 
     Args:
         problem: Need not be learned.
-        stages: How often the error is taken anew around what was found; a rough fit comes first.
+        stages: How often the error is taken anew around what was found.
         progress: Called with a sentence and the share done.
 
     Returns:
         The tangent there.
     """
-    progress("fitting uncertain parameters", 0.0)
-    problem.learn(effects=False)
-    search = rough(problem)
+    tangent = None
     for stage in range(stages):
-        problem.hold_to(search.point[0])
-        progress("fitting uncertain parameters", (1 + stage) / (1 + stages))
+        progress("fitting uncertain parameters", stage / stages)
         problem.learn(effects=False)
         search = Search(Linear(problem, problem.error), (), directions=ALL)
         refine([search], SETTLE)
-    problem.hold_to(search.point[0])
-    return search.tangent
+        problem.hold_to(search.point[0])
+        tangent = search.tangent
+    assert tangent is not None
+    return tangent
