@@ -74,7 +74,7 @@ the ensemble takes, and a tenth more. The slowest begins in the middle, as all o
 
 @dataclass(frozen=True)
 class Suite:
-    """How many cases of each kind."""
+    """How many cases of each kind, and of what all of them have logs: some of the family's trials, by name, or all."""
 
     name: str
     null: int
@@ -82,12 +82,13 @@ class Suite:
     pair: int
     outside: int
     nuisance: int
+    logs: tuple[str, ...] | None = None
 
 
 SUITES: Mapping[str, Suite] = {
     suite.name: suite
     for suite in (
-        Suite("quick", null=3, single=4, pair=2, outside=2, nuisance=1),
+        Suite("quick", null=3, single=4, pair=2, outside=2, nuisance=1, logs=("steps",)),
         Suite("standard", null=60, single=90, pair=45, outside=30, nuisance=15),
         Suite("full", null=200, single=300, pair=150, outside=100, nuisance=50),
     )
@@ -322,7 +323,7 @@ def plan(suite: Suite, *, mode: str, family: Family, seed: int) -> list[Case]:
     for place, index in enumerate(order):
         kind, level, effects = drawn[index]
         own = np.random.default_rng([*label, place])
-        cases.append(_case(f"{place + 1:03d}", kind, level, effects, mode, family, own))
+        cases.append(_case(f"{place + 1:03d}", kind, level, effects, mode, family, suite.logs, own))
     return cases
 
 
@@ -333,7 +334,14 @@ def _in_turn(rng: np.random.Generator, items: Sequence[Any], count: int) -> list
 
 
 def _case(
-    name: str, kind: str, level: int, effects: list[str], mode: str, family: Family, rng: np.random.Generator
+    name: str,
+    kind: str,
+    level: int,
+    effects: list[str],
+    mode: str,
+    family: Family,
+    logs: Sequence[str] | None,
+    rng: np.random.Generator,
 ) -> Case:
     member = MACHINES / "ensemble" / f"{rng.choice(family.members)}.toml"
     plant = _varied(_loaded(member), rng, _built)
@@ -342,7 +350,7 @@ def _case(
     commissioned = mode == "commissioned"
     spread = _moved if kind == "nuisance" else _wandering
     later = _varied(plant, rng, spread) if commissioned or kind == "nuisance" else plant
-    trials = family.trials(rng)
+    trials = tuple(trial for trial in family.trials(rng) if logs is None or trial.name in logs)
     return Case(
         name=name,
         kind=kind,

@@ -330,6 +330,10 @@ class Turns(Problem):
         lost = self.measured + FAILED * np.sqrt(np.diag(self.covariance))
         return np.where(np.isfinite(found), found, lost[:, None]), []
 
+    def residuals(self, whiteners: Sequence[Whitener], variants: Sequence[Variants]) -> Floats:
+        """Whitened residuals (D, N) of the figures of :meth:`repeated`."""
+        return self.white(whiteners, self.measured[:, None] - self.simulate(variants))
+
     def figures(self, variants: Variants) -> list[dict[str, float | None]]:
         """All figures of one machine by row, None where there is none."""
         geometry = self.nuisances.machine

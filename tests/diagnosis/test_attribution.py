@@ -1,6 +1,7 @@
 """Attribution: the algebra against closed forms in a linear world, and causes that the twin itself was given."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -18,7 +19,7 @@ from aoro_gym.diagnosis.problem import Problem, references_of
 from aoro_gym.diagnosis.recording import Recording
 from aoro_gym.diagnosis.replay import Variants
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN
-from aoro_gym.diagnosis.search import ALL, SETTLED, Search, refine, settle, trade
+from aoro_gym.diagnosis.search import ALL, SETTLED, Search, refine, rough, settle, trade
 from aoro_gym.twin import Machine
 from aoro_gym.twin.effects import EFFECTS
 from tests.diagnosis.manoeuvres import blank, record, turn
@@ -269,6 +270,79 @@ def test_searches_trade_what_they_find():
     assert searches[NAMES].cost == pytest.approx(told.cost, rel=1e-9)
     assert searches[NAMES].point[1].tolist() == [*best.places, 0.0]
     assert searches[()].cost <= before[()]
+
+
+class SwayingWorld(LinearWorld):
+    """The first nuisance makes the joint faster, and with it the sway of its pressure, by a tenth a standard deviation: it
+    sways ten times, so that a step of one shifts it by a period."""
+
+    def __init__(self, truth: float):
+        super().__init__(np.random.default_rng(6), error=ModelError(0.003, 0.01, 0.06, 0.1, 0.05))
+        angle, pressure = self._of(np.array([truth]))
+        channels = {"joint_angle": angle[:, 0], "pressure_a": pressure[:, 0]}
+        self.recordings = (replace(self.recordings[0], channels=channels),)
+
+    def _of(self, nuisance: Floats) -> tuple[Floats, Floats]:
+        course = np.linspace(0.0, 1.0, COUNT)[:, None] * (1.0 + 0.1 * nuisance)
+        return 0.3 * course, 60e5 * np.sin(20.0 * np.pi * course) * np.minimum(course, 0.1) / 0.1
+
+    def shown(self, variants: Sequence[Any]) -> Iterator[tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]]:
+        angle, pressure = self._of(np.concatenate([one.whole[:, 0] for one in variants]))
+        yield {"joint_angle": angle, "pressure_a": pressure}, np.zeros(angle.shape[1], dtype=bool)
+
+
+def test_a_rough_fit_steps_over_periods_of_a_sway():
+    """At three standard deviations, where the sway is three periods ahead, a search that counts it stops on the way; one
+    that was told the joint's course ends there, less what the prior takes: u² + (u − 3)² / σ² is least at 3 / (1 + σ²)."""
+    world = SwayingWorld(3.0)
+    world.learn(effects=False)
+    linear = Linear(world, world.error, effects=False)
+    alone, told = (Search(linear, (), directions=ALL) for _ in range(2))
+    refine([alone, told], 4)
+    found = rough(world)
+    trade([found], told)
+    refine([told], 4)
+    first = int(np.flatnonzero(world.felt == 0)[0])
+    assert abs(alone.point[0][first] - 3.0) > 0.5
+    variance = 1.0 / (told.tangent.jacobian[:, first] @ told.tangent.jacobian[:, first])
+    for one in (found, told):
+        assert one.point[0][first] == pytest.approx(3.0 / (1.0 + variance), abs=0.05)
+    assert told.cost < 0.1 * alone.cost
+
+
+def test_a_machine_that_is_lost_is_no_way():
+    """Its residuals are NaN, and only its: the others are those that they are without it."""
+
+    class Losing(LinearWorld):
+        def shown(self, variants: Sequence[Any]) -> Iterator[tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]]:
+            for signals, stops in super().shown(variants):
+                signals["pressure_a"] = np.where(np.arange(stops.size) == 1, np.nan, signals["pressure_a"])
+                yield signals, stops
+
+    worlds = [kind(np.random.default_rng(6), error=ModelError(0.0, 0.0)) for kind in (LinearWorld, Losing)]
+    points = np.zeros((4, len(worlds[0].centre)))
+    points[:, 0] = [0.0, 1.0, 2.0, 3.0]
+    sound, lossy = (world.residuals(world.held(world.error), [world.at(points)]) for world in worlds)
+    assert np.isnan(np.sum(lossy[:, 1]))
+    np.testing.assert_array_equal(np.delete(lossy, 1, axis=1), np.delete(sound, 1, axis=1))
+    world = worlds[1]
+    world.learn(effects=False)
+    search = Search(Linear(world, world.error, effects=False), (), directions=ALL)
+    refine([search], 2)
+    assert np.isfinite(search.cost)
+
+
+def test_whiteners_are_held_until_what_they_rest_on_moves():
+    """The same for all who ask; others once the twin that they are held to, or the noise, is another."""
+    world = LinearWorld(np.random.default_rng(1), error=ModelError(0.01, 0.01, 0.02, 0.05))
+    world.learn()
+    held = world.held(world.error)
+    assert world.held(ModelError(0.01, 0.01, 0.02, 0.05)) is held
+    noise = world.louder()
+    assert world.noise is noise and world.held(world.error) is not held
+    again = world.held(world.error)
+    world.hold_to(world.centre + 1.0)
+    assert world.held(world.error) is not again
 
 
 def test_nuisances_are_those_of_the_same_machine_in_another_problem():

@@ -54,6 +54,13 @@ def sealed(tmp_path_factory):
     return folder, seal(folder)
 
 
+def test_a_quick_case_has_one_log_a_day():
+    """What two cores can diagnose in minutes."""
+    for case in plan(SUITES["quick"], mode="commissioned", family=SCORE, seed=SEED):
+        assert [trial.name for trial in case.trials] == ["steps"]
+        assert case.seeds.shape == (2, 1)
+
+
 def test_suites_have_the_cases_that_they_say(standard):
     sizes = {name: [getattr(suite, kind) for kind in KINDS] for name, suite in SUITES.items()}
     assert sizes["standard"] == [60, 90, 45, 30, 15]
