@@ -280,10 +280,11 @@ class Problem:
 
     def residuals(self, whiteners: Sequence[Whitener], variants: Sequence[Variants]) -> Floats:
         """Whitened residuals (D', N) of what :meth:`simulate` gives; NaN of variants that the twin loses."""
-        parts = iter(zip(whiteners, self.split(self.measured), strict=True))
+        blocks = iter(zip(whiteners, self.split(self.measured), strict=True))
         white = []
         for signals, _ in self.shown(variants):
-            for values, (whiten, measured) in zip(signals.values(), parts, strict=False):
+            for values in signals.values():
+                whiten, measured = next(blocks)
                 white.append(whiten(measured[:, None] - values))
         return np.concatenate(white)
 

@@ -289,7 +289,9 @@ class Twin:
         """What :meth:`advance` does, to be called many times: a GPU is told faster so than it is told all anew. Valid until
         anything but the state and the commands of the twins is replaced."""
         frames, every = self._frames(duration, sample_every)
-        return partial(self._launch, frames, every) if self.device.is_cpu else self._recorded(frames, every).launch
+        if self.device.is_cpu:
+            return partial(self._launch, frames, every)
+        return self._advance(frames, every, 0, self.num_twins, record_cmd=True).launch
 
     def _frames(self, duration: float, sample_every: float | None) -> tuple[int, int]:
         """Number of samples, for which there is room then, and main steps a sample."""
@@ -304,18 +306,18 @@ class Twin:
             self._outputs = wp.zeros((frames, len(Output), self.num_twins), dtype=float, device=self.device)
         return frames, every
 
-    def _recorded(self, frames: int, every: int, first: int = 0, count: int | None = None) -> Any:
-        """Launch of ``frames`` times ``every`` main steps of ``count`` twins, all by default."""
+    def _advance(self, frames: int, every: int, first: int, count: int, *, record_cmd: bool = False) -> Any:
+        """Launch ``frames`` times ``every`` main steps of ``count`` twins from the ``first`` on, or record that."""
         return wp.launch(
             self._advance_kernel,
-            dim=self.num_twins if count is None else count,
+            dim=count,
             inputs=[
                 self._machines, self.ground, self.commands, self.state, self._history, self._clock,
                 self._status, self._outputs, first, frames, every, self.substeps, self.main_step,
             ],
             device=self.device,
             block_dim=BLOCK_DIM,
-            record_cmd=True,
+            record_cmd=record_cmd,
         )  # fmt: skip
 
     def _launch(self, frames: int, every: int) -> None:
@@ -327,7 +329,7 @@ class Twin:
 
         def launch(slot: int) -> None:
             first = slot * self.num_twins // threads
-            self._recorded(frames, every, first, (slot + 1) * self.num_twins // threads - first).launch()
+            self._advance(frames, every, first, (slot + 1) * self.num_twins // threads - first)
 
         if threads == 1:
             launch(0)

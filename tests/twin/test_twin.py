@@ -241,3 +241,17 @@ def test_machines_can_be_exchanged_one_by_one():
         twin.set_machines([3], slow)
     with pytest.raises(ValueError, match="the machine has 2 variants"):
         twin.set_machines([0, 1, 2], machine.set({key: [0.01, 0.02]}, si=True))
+
+
+@pytest.mark.parametrize("count", [1, 300])
+def test_advancing_again_and_again_is_to_advance(count):
+    """To the bit: states and samples, of one launch and of slices on several threads."""
+    twins = [Twin(count, device="cpu") for _ in range(2)]
+    for twin in twins:
+        twin.set_commands({"steering_signal": 0.7})
+    advance = twins[1].advancing(0.01, sample_every=0.005)
+    for _ in range(20):
+        twins[0].advance(0.01, sample_every=0.005)
+        advance()
+    np.testing.assert_array_equal(twins[0].state.numpy(), twins[1].state.numpy())
+    np.testing.assert_array_equal(twins[0].outputs.numpy(), twins[1].outputs.numpy())
