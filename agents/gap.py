@@ -14,7 +14,6 @@ All differences are of the same episodes.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -44,6 +43,7 @@ from aoro_gym.agents.learned import LearnedPolicy
 from aoro_gym.agents.perturbations import SWITCHABLE
 from aoro_gym.agents.reference import Factory
 from aoro_gym.agents.training_plan import TrainingPlan
+from aoro_gym.diagnosis.sealing import read_json
 from aoro_gym.envs.courses import Course
 from aoro_gym.twin import Machine
 
@@ -247,9 +247,9 @@ def with_effects(machine: Machine, asked: Sequence[str]) -> Machine:
 def diagnosed(folder: Path) -> Path:
     """Machine file of the likeliest cause that has one, in a folder of ``aoro-gym diagnose``.
 
-    Raises ValueError if there is none, OSError if there is no diagnosis.
+    Raises ValueError if there is none or the file is broken, OSError if there is no diagnosis.
     """
-    causes = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))["causes"]
+    causes = read_json(folder / "diagnosis.json").get("causes", ())
     files = [cause["machine_file"] for cause in causes if cause.get("machine_file")]
     if not files:
         raise ValueError(

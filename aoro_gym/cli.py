@@ -1347,9 +1347,9 @@ def blind_run(
     stops no other; the exit code is then 1.
 
     Each of --workers processes diagnoses one case at a time; on a GPU, too, which they share, and which 50 or more of them
-    keep busy. With --ray, each case is a job on a cluster whose nodes share DIR and FOLDER. The quick suite takes a quarter
-    of an hour on two cores, a case of ten logs as long. Ctrl-C is safe: the same command goes on with the cases that have
-    no diagnosis, those that failed among them.
+    keep busy. With --ray, each case is a job on a cluster whose nodes share DIR and FOLDER. On a core a case of the quick
+    suite takes two to three minutes, so that two cores take about a quarter of an hour for all. Ctrl-C is safe: the same
+    command goes on with the cases that have no diagnosis, those that failed among them.
 
     [bold]Examples[/]
 

@@ -24,7 +24,7 @@ from aoro_gym.diagnosis.linear import Hypothesis, Linear
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.problem import Problem, Progress
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN
-from aoro_gym.diagnosis.search import ALL, Search, refine, rough, trade
+from aoro_gym.diagnosis.search import ALL, ROUGH, Search, alone, refine, trade
 
 DIRECTIONS = 12, 24
 """Of the nuisances in which a hypothesis takes slopes of its own: at first, and later."""
@@ -115,9 +115,10 @@ def attribute(problem: Problem, progress: Progress = lambda sentence, share: Non
     new = begin(Search(linear, (name,), places) for name, places in linear.starts(VALLEYS).items())
     likely = after([h.effects for h in after(new, 1, few, 0.0)[:SINGLES]], 2, many, 0.1)
     paired(likely[:LEADERS], 0.3)
-    if max(h.log_evidence for h in weighed()) > searches[()].weighed().log_evidence + CHANCE:
+    evidence = {h.effects: h.log_evidence for h in weighed()}
+    if max(evidence.values()) > evidence[()] + CHANCE:
         progress("looking for another calibration", 0.5)
-        trade([rough(other.linear.problem)], other)  # what parts the two may be far off
+        trade([alone(other.linear.problem, ROUGH)], other)  # what parts the two may be far off
     found = contend(0.5)
     if found[0].effects == (UNKNOWN,):
         progress("looking farther off", 0.7)

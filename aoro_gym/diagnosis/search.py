@@ -282,9 +282,10 @@ def trade(searches: Sequence[Search], wider: Search | None = None) -> None:
     _launch(trading)
 
 
-def rough(problem: Problem) -> Search:
-    """The fit of the nuisances alone under the error :data:`ROUGH`, around the centre of a learned problem."""
-    found = Search(Linear(problem, ROUGH, effects=False), (), directions=ALL)
+def alone(problem: Problem, error: ModelError) -> Search:
+    """The fit of the nuisances alone, around the centre of a learned problem, under an ``error`` of the twin: its own, or
+    :data:`ROUGH`."""
+    found = Search(Linear(problem, error, effects=False), (), directions=ALL)
     refine([found], SETTLE)
     return found
 
@@ -304,8 +305,7 @@ def settle(problem: Problem, stages: int, progress: Progress = lambda sentence, 
     for stage in range(stages):
         progress("fitting uncertain parameters", stage / stages)
         problem.learn(effects=False)
-        search = Search(Linear(problem, problem.error), (), directions=ALL)
-        refine([search], SETTLE)
+        search = alone(problem, problem.error)
         problem.hold_to(search.point[0])
         tangent = search.tangent
     assert tangent is not None

@@ -383,10 +383,17 @@ def _by_signal(found: Sequence[Shrinkage]) -> str:
     for one in found:
         shares.setdefault(readable(one.signal), []).append(one.S)
     medians = {signal: float(np.median(values)) for signal, values in shares.items()}
-    less = [f"{gone(S)} in {signal}" for signal, S in medians.items() if S >= 0.0]
+    less = [(gone(S), signal) for signal, S in medians.items() if S >= 0.0]
     more = [f"by {gone(-S)} in {signal}" for signal, S in medians.items() if S < 0.0]
-    parts = [listed(less).replace(" in ", " of the gap is gone in ", 1)] if less else []
-    return "; ".join([*parts, *([f"the gap has grown {listed(more)}"] if more else [])])
+    parts = []
+    if less:
+        (share, signal), *others = less
+        parts.append(
+            listed([f"{share} of the gap is gone in {signal}", *(f"{part} in {name}" for part, name in others)])
+        )
+    if more:
+        parts.append(f"the gap has grown {listed(more)}")
+    return "; ".join(parts)
 
 
 def _next(diagnosis: Diagnosis) -> str:

@@ -84,6 +84,9 @@ def test_likeliest_machine_of_a_diagnosis(tmp_path):
     (tmp_path / "diagnosis.json").write_text(json.dumps({"causes": causes[:1]}))
     with pytest.raises(ValueError, match="names no machine file"):
         gap.diagnosed(tmp_path)
+    (tmp_path / "diagnosis.json").write_text("{broken")
+    with pytest.raises(ValueError, match=r"diagnosis\.json is not JSON"):
+        gap.diagnosed(tmp_path)
 
 
 def test_command_retrains_and_goes_on(tmp_path):

@@ -304,6 +304,8 @@ def test_the_median_of_manoeuvres_left_out_is_the_controls(name, tmp_path):
     said = spoken(diagnosis).shrinks
     left_out = np.median([one.S for one in diagnosis.shrinkage if one.held_out and not one.refitted])
     assert diagnosis.controls["cause"] == pytest.approx(left_out)
+    assert f"{abs(100.0 * left_out):.0f}" in said
+    assert ("has grown" in said) == (left_out < 0.0)
     assert gone(left_out) in said
     text = read(diagnosis, tmp_path).text["How far the gap shrinks"]
     for value in diagnosis.controls.values():
