@@ -20,6 +20,9 @@ too: a flow that would bring its line to the measured pressure within :data:`LIN
 # pyright: reportArgumentType=false, reportOperatorIssue=false
 from __future__ import annotations
 
+from functools import partial
+from typing import Any
+
 import numpy as np
 import warp as wp
 
@@ -213,23 +216,24 @@ class Leader:
     """
 
     def __init__(self, twin: Twin, measured: Floats, zeros: Floats, which: wp.array):
-        self.twin = twin
-        self._measured = wp.array(measured.astype(np.float32), dtype=float, device=twin.device)
-        self._zeros = wp.array(zeros.astype(np.float32), dtype=float, device=twin.device)
-        self._which = which
-        self.taken = wp.zeros((len(LACKED), measured.shape[1], twin.num_twins), dtype=float, device=twin.device)
+        device = twin.device
+        schedule = wp.array(measured.astype(np.float32), dtype=float, device=device)
+        offsets = wp.array(zeros.astype(np.float32), dtype=float, device=device)
+        self.taken = wp.zeros((len(LACKED), measured.shape[1], twin.num_twins), dtype=float, device=device)
         """(len(LACKED), ticks + 1, twins); zero at the start."""
         at_rest = np.zeros((5, twin.num_twins), dtype=np.float32)
         at_rest[:3] = twin.state.numpy()[[int(row) for row in (State.SUPPLY, State.LS_PRESSURE, State.SWASH)]]
-        self._own = wp.array(at_rest, dtype=float, device=twin.device)
+        own = wp.array(at_rest, dtype=float, device=device)
+        self._advance = partial(twin.advancing(TICK / STEPS), 0, twin.num_twins)
+        arguments = [
+            twin.machines, schedule, offsets, which, 0, 0, TICK / STEPS, twin.substeps, twin.state, own, self.taken,
+        ]  # fmt: skip
+        self._lead: Any = wp.launch(_lead, twin.num_twins, arguments, device=device, record_cmd=True)
 
     def advance(self, tick: int) -> None:
         """Under the commands that the twins hold."""
-        twin = self.twin
+        self._lead.set_param_at_index(4, tick)
         for step in range(STEPS):
-            twin.advance(TICK / STEPS)
-            arguments = [
-                twin.machines, self._measured, self._zeros, self._which, tick, step, TICK / STEPS, twin.substeps,
-                twin.state, self._own, self.taken,
-            ]  # fmt: skip
-            wp.launch(_lead, twin.num_twins, arguments, device=twin.device)
+            self._advance()
+            self._lead.set_param_at_index(5, step)
+            self._lead.launch()

@@ -7,7 +7,7 @@ is simulated is separate from what the chain does to it, so that processes can s
 # pyright: reportInvalidTypeForm=false
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -78,6 +78,9 @@ class Task:
 
 Signals = dict[str, NDArray[np.float32]]
 """Samples (F, N) SI a channel. A variant that the twin loses is NaN."""
+
+Launching = Generator[None, None, Callable[[], list[Signals]]]
+"""A device that is told of a launch, tick by tick; at the end, what waits for it and gives what was asked for."""
 
 
 @dataclass(frozen=True)
@@ -176,10 +179,47 @@ class Simulator:
 
     def launch(self, requests: Sequence[Request]) -> list[Signals]:
         """Samples (K frames + 1, N) of every request, the first of them at rest."""
-        # what needs dense samples lies together at the end of a launch, and recordings alike in length together on a CPU
+        out: list[Signals] = [{} for _ in requests]
+        for batch in self._batches(requests):
+            for index, rows in zip(batch, self.launch_together([requests[i] for i in batch]), strict=True):
+                out[index] = rows
+        return out
+
+    def launching(self, requests: Sequence[Request]) -> Launching:
+        """The same tick by tick, on the device's current stream."""
+        batches = self._batches(requests)
+        launched = []
+        for batch in batches:
+            launched.append((yield from _launching([requests[i] for i in batch], self.device)))
+
+        def taken() -> list[Signals]:
+            found = {}
+            for batch, take in zip(batches, launched, strict=True):
+                found |= zip(batch, take(), strict=True)
+            return [found[index] for index in range(len(requests))]
+
+        return taken
+
+    def launch_together(self, requests: Sequence[Request]) -> list[Signals]:
+        """The same in one launch; requests with dense samples come last."""
+        ticks = _launching(requests, self.device)
+        while True:
+            try:
+                next(ticks)
+            except StopIteration as told:
+                return told.value()
+
+    def _batches(self, requests: Sequence[Request]) -> list[list[int]]:
+        """Numbers of the requests that are launched together."""
+        # what needs dense samples lies together at the end of a launch, and what runs longest in its middle: the others
+        # stand still at the ends
         order = sorted(
             range(len(requests)),
-            key=lambda i: (requests[i].measured is None, requests[i].frames, -len(requests[i].commands)),
+            key=lambda i: (
+                requests[i].measured is None,
+                requests[i].frames,
+                len(requests[i].commands) * (1 if requests[i].frames == 1 else -1),
+            ),
         )
         cpu = wp.get_device(self.device).is_cpu
         most = CPU_BATCH if cpu else BATCH
@@ -188,20 +228,13 @@ class Simulator:
             new, batch = requests[index], batches[-1]
             if batch:
                 first = requests[batch[0]]
-                unlike = new.frames != first.frames or len(new.commands) < ALIKE * len(first.commands)
+                shorter, longer = sorted((len(first.commands), len(new.commands)))
+                unlike = new.frames != first.frames or shorter < ALIKE * longer
                 led = new.measured is None and first.measured is not None
                 if sum(requests[i].count for i in batch) + new.count > most or (cpu and unlike) or led:
                     batches.append([])
             batches[-1].append(index)
-        out: list[Signals] = [{} for _ in requests]
-        for batch in batches:
-            for index, rows in zip(batch, self.launch_together([requests[i] for i in batch]), strict=True):
-                out[index] = rows
-        return out
-
-    def launch_together(self, requests: Sequence[Request]) -> list[Signals]:
-        """The same in one launch; requests with dense samples come last."""
-        return _launch(requests, self.device)
+        return batches
 
 
 def _led(task: Task, zeros: Floats) -> Request:
@@ -212,7 +245,7 @@ def _led(task: Task, zeros: Floats) -> Request:
     return Request(one.machine, one.plane, start, recording.commands, LACKED, 1, measured, zeros)
 
 
-def _launch(requests: Sequence[Request], device: str) -> list[Signals]:
+def _launching(requests: Sequence[Request], device: str) -> Launching:
     """All at once; those with dense samples last."""
     counts = [request.count for request in requests]
     starts = np.cumsum([0, *counts])
@@ -244,7 +277,7 @@ def _launch(requests: Sequence[Request], device: str) -> list[Signals]:
         for density, first, count in groups
         if count and not leader
     }
-    at_rest = np.zeros((len(names), total)) if led else twin.state.numpy()[[SIGNALS[name][1] for name in names]]
+    at_rest = wp.clone(twin.state)
     # recorded launches: on a GPU, packing their arguments anew takes longer than a tick of the twins
     arguments = [schedule, numbered, command_rows, 0, twin.commands]
     hold: Any = wp.launch(_hold, (len(COMMANDS), total), arguments, device=twin.device, record_cmd=True)
@@ -255,34 +288,60 @@ def _launch(requests: Sequence[Request], device: str) -> list[Signals]:
             arguments = [twin.outputs, output_rows, frames // density, first, 0, kept[first]]
             dim = (density, len(names), count)
             keeps.append((density, wp.launch(_keep, dim, arguments, device=twin.device, record_cmd=True)))
-    for tick in range(ticks):
+    for tick, (begin, end) in enumerate(_running(requests, ticks)):
+        yield
         hold.set_param_at_index(3, tick)
         hold.launch()
         if leader:
             leader.advance(tick)
             continue
-        advance()
+        advance(begin, end)
         for density, keep in keeps:
             keep.set_param_at_index(4, 1 + tick * density)
             keep.launch()
     if leader:
         kept = {0: leader.taken}
-    lost = np.asarray(twin.status) != 0
-    values: dict[int, NDArray[np.float32]] = {
-        first: np.asarray(part.numpy(), dtype=np.float32) for first, part in kept.items()
-    }
-    for first, part in values.items():
-        mine = slice(first, first + part.shape[2])
-        part[:, 0] = at_rest[:, mine]
-        part[:, :, lost[mine]] = np.nan
-    out: list[Signals] = []
-    for request, begin, end in zip(requests, starts, starts[1:], strict=False):
-        first, samples = (0 if request.frames == 1 else sparse), len(request.commands) * request.frames + 1
-        of = {
-            name: values[first][names.index(name), :samples, begin - first : end - first] for name in request.channels
-        }
-        out.append(of)
-    return out
+    stream = twin.device.stream if twin.device.is_cuda else None
+
+    def taken() -> list[Signals]:
+        lost = _fetched(twin.status_codes, stream) != 0
+        start = None if led else _fetched(at_rest, stream)[[SIGNALS[name][1] for name in names]]
+        values = {first: _fetched(part, stream) for first, part in kept.items()}
+        for first, part in values.items():
+            mine = slice(first, first + part.shape[2])
+            part[:, 0] = 0.0 if start is None else start[:, mine]
+            part[:, :, lost[mine]] = np.nan
+        out: list[Signals] = []
+        for request, begin, end in zip(requests, starts, starts[1:], strict=False):
+            first, samples = (0 if request.frames == 1 else sparse), len(request.commands) * request.frames + 1
+            of = {
+                name: values[first][names.index(name), :samples, begin - first : end - first]
+                for name in request.channels
+            }
+            out.append(of)
+        return out
+
+    return taken
+
+
+def _fetched(values: wp.array, stream: wp.Stream | None) -> NDArray[Any]:
+    """On the host, when the stream has come so far: a thread may do that while the device has another current stream."""
+    if stream is None:
+        return values.numpy()
+    here = wp.empty(values.shape, dtype=values.dtype, device="cpu")
+    wp.copy(here, values, stream=stream)
+    wp.synchronize_stream(stream)
+    return here.numpy()
+
+
+def _running(requests: Sequence[Request], ticks: int) -> list[tuple[int, int]]:
+    """By tick: the first twin whose recording has not ended, and what comes after the last such."""
+    ends = np.cumsum([request.count for request in requests])
+    lengths = np.array([len(request.commands) for request in requests])
+    runs = lengths > np.arange(ticks)[:, None]
+    first, last = runs.argmax(axis=1), len(requests) - 1 - runs[:, ::-1].argmax(axis=1)
+    starts = ends - [request.count for request in requests]
+    return list(zip(starts[first].tolist(), ends[last].tolist(), strict=True))
 
 
 def _leader(requests: Sequence[Request], twin: Twin, which: wp.array, ticks: int) -> Leader:

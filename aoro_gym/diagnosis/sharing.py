@@ -14,7 +14,8 @@ import os
 import pickle
 import signal
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -25,11 +26,18 @@ from pathlib import Path
 from threading import Thread
 
 import numpy as np
+import warp as wp
 
-from aoro_gym.diagnosis.replay import Request, Signals, Simulator
+from aoro_gym.diagnosis.replay import Launching, Request, Signals, Simulator
 
 WRITERS = 4
 """Threads that write answers."""
+FLIGHTS = 8
+"""Launches at once: the twins of one do not fill a GPU, and who asks for a short one need not wait for a long one."""
+STRETCH = 16
+"""Ticks that a device is told at once."""
+PAUSE = 2e-4
+"""Between looks at the device [s]."""
 PREFIX = "shared:"
 """Of a device's name: what follows is the address of the process that launches."""
 
@@ -117,10 +125,8 @@ def sharing(device: str) -> Iterator[str]:
 
 
 def _serve(address: str, device: str, ready: Event) -> None:
-    import warp
-
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
-    warp.config.log_level = warp.LOG_ERROR
+    wp.config.log_level = wp.LOG_ERROR
     simulates = Simulator(device)
     connections: list[Connection] = []
     memories: dict[Connection, mmap.mmap] = {}
@@ -133,11 +139,12 @@ def _serve(address: str, device: str, ready: Event) -> None:
         Thread(target=accept, daemon=True).start()
         ready.set()
         asked: list[_Asked] = []
+        flights: list[_Flight] = []
         parent = multiprocessing.parent_process()
         while parent is None or parent.is_alive():
-            busy = [one.connection for one in asked]
+            busy = {one.connection for flight in flights for one in flight.asked}.union(one.connection for one in asked)
             idle = [connection for connection in connections if connection not in busy]
-            heard = wait(idle, timeout=0.0 if asked else 0.05)
+            heard = wait(idle, timeout=0.0 if asked else PAUSE if flights else 0.05)
             for connection in heard:
                 assert isinstance(connection, Connection)
                 try:
@@ -150,9 +157,12 @@ def _serve(address: str, device: str, ready: Event) -> None:
                 except (EOFError, OSError, pickle.UnpicklingError):
                     connections.remove(connection)
                     memories.pop(connection, None)
-            if asked and not heard:
-                _answer(simulates, asked, writers)
+            if asked and not heard and len(flights) < FLIGHTS:
+                flights.append(_Flight(simulates, asked))
                 asked = []
+            for flight in list(flights):
+                if flight.go_on(writers):
+                    flights.remove(flight)
     with suppress(OSError):  # the parent was killed, and did not clear up
         Path(address).parent.rmdir()
 
@@ -166,27 +176,65 @@ class _Asked:
     memory: mmap.mmap
 
 
-def _answer(simulates: Simulator, asked: Sequence[_Asked], writers: ThreadPoolExecutor) -> None:
+class _Flight:
+    """A launch for several who asked. On a GPU it has a stream of its own: launches that do not fill the device share it."""
+
+    def __init__(self, simulates: Simulator, asked: list[_Asked]):
+        self.asked = asked
+        self._simulates = simulates
+        self._stream: wp.Stream | None = None
+        self._launching: Launching | None = None
+        self._taken: Callable[[], list[Signals]] | None = None
+        self._told: deque[wp.Event] = deque()  # the ends of stretches that the device may not have come to
+
+    def go_on(self, writers: ThreadPoolExecutor) -> bool:
+        """Tell the device the next stretch, if it has done all but one of those before. True once it has done all: what was
+        asked for is on its way."""
+        while self._told and self._told[0].is_complete:
+            self._told.popleft()
+        if self._taken is not None:
+            if not self._told:
+                writers.submit(_answer, self.asked, self._taken)
+            return not self._told
+        if len(self._told) > 1:
+            return False
+        try:
+            if self._launching is None:
+                device = wp.get_device(self._simulates.device)
+                self._stream = wp.Stream(device) if device.is_cuda else None
+                self._launching = self._simulates.launching([request for one in self.asked for request in one.requests])
+            with wp.ScopedStream(self._stream, sync_enter=False):
+                for _ in range(STRETCH):
+                    next(self._launching)
+        except StopIteration as end:
+            self._taken = end.value
+        except Exception as error:
+            if len(self.asked) == 1:
+                _tell(self.asked[0].connection, error)
+            else:  # who asked for what can be done shall have it
+                for one in self.asked:
+                    alone = _Flight(self._simulates, [one])
+                    while not alone.go_on(writers):
+                        pass
+            return True
+        if self._stream is not None:
+            self._told.append(self._stream.record_event())
+        return False
+
+
+def _answer(asked: Sequence[_Asked], taken: Callable[[], list[Signals]]) -> None:
+    """Write what was asked for where it belongs."""
+    waiting = list(asked)
     try:
-        found = simulates.launch([request for one in asked for request in one.requests])
+        found = iter(taken())
+        while waiting:
+            for place in _answers(waiting[0].requests, waiting[0].memory):
+                for name, values in next(found).items():
+                    place[name][:] = values
+            _tell(waiting.pop(0).connection, None)
     except Exception as error:
-        if len(asked) == 1:
-            _tell(asked[0].connection, error)
-        else:  # who asked for what can be done shall have it
-            for one in asked:
-                _answer(simulates, [one], writers)
-        return
-    ends = np.cumsum([len(one.requests) for one in asked])
-    parts = [found[end - len(one.requests) : end] for one, end in zip(asked, ends, strict=True)]
-    for _ in writers.map(_write, asked, parts):
-        pass
-
-
-def _write(asked: _Asked, found: Sequence[Signals]) -> None:
-    for place, signals in zip(_answers(asked.requests, asked.memory), found, strict=True):
-        for name, values in signals.items():
-            place[name][:] = values
-    _tell(asked.connection, None)
+        for one in waiting:
+            _tell(one.connection, error)
 
 
 def _tell(connection: Connection, error: Exception | None) -> None:

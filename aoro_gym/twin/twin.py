@@ -30,6 +30,8 @@ BLOCK_DIM = 32
 """Threads a block: one warp, so that a few thousand twins already reach every multiprocessor. Every other number would
 compile the kernels again."""
 
+FIRST = 8
+"""Of the arguments of the kernel that advances: the number of the first twin."""
 WORTH_THREADS = 200
 """Twin-steps of a launch (about 4 µs each on a core) from which several CPU threads pay."""
 
@@ -283,15 +285,26 @@ class Twin:
             duration: A whole number of main steps [s].
             sample_every: Sampling interval of :attr:`outputs` [s], a whole number of main steps; only the end if None.
         """
-        self._launch(*self._frames(duration, sample_every))
+        self._launch(*self._frames(duration, sample_every), 0, self.num_twins)
 
-    def advancing(self, duration: float = 0.02, *, sample_every: float | None = None) -> Callable[[], None]:
-        """What :meth:`advance` does, to be called many times: a GPU is told faster so than it is told all anew. Valid until
-        anything but the state and the commands of the twins is replaced."""
+    def advancing(self, duration: float = 0.02, *, sample_every: float | None = None) -> Callable[[int, int], None]:
+        """What :meth:`advance` does, to the twins from one number up to another, to be called many times: a GPU is told
+        faster so than it is told all anew. Valid until anything but the state and the commands of the twins is replaced."""
         frames, every = self._frames(duration, sample_every)
         if self.device.is_cpu:
             return partial(self._launch, frames, every)
-        return self._advance(frames, every, 0, self.num_twins, record_cmd=True).launch
+        recorded = self._advance(frames, every, 0, self.num_twins, record_cmd=True)
+        told = (0, self.num_twins)
+
+        def advance(first: int, last: int) -> None:
+            nonlocal told
+            if told != (first, last):
+                recorded.set_param_at_index(FIRST, first)
+                recorded.set_dim(last - first)
+                told = (first, last)
+            recorded.launch()
+
+        return advance
 
     def _frames(self, duration: float, sample_every: float | None) -> tuple[int, int]:
         """Number of samples, for which there is room then, and main steps a sample."""
@@ -320,16 +333,16 @@ class Twin:
             record_cmd=record_cmd,
         )  # fmt: skip
 
-    def _launch(self, frames: int, every: int) -> None:
-        """Launch ``frames`` times ``every`` main steps; on the CPU, whose backend is single-threaded, one slice of twins a
-        thread."""
-        threads = 1
-        if self.device.is_cpu and self.num_twins * frames * every >= WORTH_THREADS:
-            threads = min(self.threads, self.num_twins)
+    def _launch(self, frames: int, every: int, first: int, last: int) -> None:
+        """Launch ``frames`` times ``every`` main steps of the twins from ``first`` up to ``last``; on the CPU, whose backend
+        is single-threaded, one slice of twins a thread."""
+        threads, twins = 1, last - first
+        if self.device.is_cpu and twins * frames * every >= WORTH_THREADS:
+            threads = min(self.threads, twins)
 
         def launch(slot: int) -> None:
-            first = slot * self.num_twins // threads
-            self._advance(frames, every, first, (slot + 1) * self.num_twins // threads - first)
+            begin, end = (first + number * twins // threads for number in (slot, slot + 1))
+            self._advance(frames, every, begin, end - begin)
 
         if threads == 1:
             launch(0)

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import warp as wp
 
 from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.diagnosis.replay import FRAMES, SIGNALS, Signals, Simulator, Task, Variants
@@ -107,7 +108,7 @@ def test_a_lost_variant_is_not_a_number(monkeypatch):
     monkeypatch.setattr("aoro_gym.diagnosis.replay.CPU_BATCH", 1)  # every recording by itself
     launches = iter(np.arange(len(BLANKS)))
     lost = [np.array([0, 0]), np.array([0, 1])]
-    monkeypatch.setattr(Twin, "status", property(lambda twin: lost[next(launches)]))
+    monkeypatch.setattr(Twin, "status_codes", property(lambda twin: wp.array(lost[next(launches)], dtype=int)))
     pair = Variants(MACHINE.scale({"steering.pump.margin": np.array([0.9, 1.1])}), 2)
     finite = [{name: np.isfinite(rows) for name, rows in found.items()} for (found,) in replayed(pair)]
     whole = [by_name for by_name in finite if np.all([rows.all() for rows in by_name.values()])]

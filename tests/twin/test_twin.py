@@ -252,6 +252,24 @@ def test_advancing_again_and_again_is_to_advance(count):
     advance = twins[1].advancing(0.01, sample_every=0.005)
     for _ in range(20):
         twins[0].advance(0.01, sample_every=0.005)
-        advance()
+        advance(0, count)
     np.testing.assert_array_equal(twins[0].state.numpy(), twins[1].state.numpy())
     np.testing.assert_array_equal(twins[0].outputs.numpy(), twins[1].outputs.numpy())
+
+
+@pytest.mark.parametrize("count", [3, 300])
+def test_some_are_advanced_and_the_others_stand_still(count):
+    """To the bit, and with their clocks."""
+    twins = [Twin(count, device="cpu") for _ in range(2)]
+    for twin in twins:
+        twin.set_commands({"steering_signal": 0.7})
+    before, third = twins[0].state.numpy().copy(), count // 3
+    advance = twins[1].advancing(0.01)
+    for _ in range(20):
+        twins[0].advance(0.01)
+        advance(third, 2 * third)
+    found = twins[1].state.numpy()
+    np.testing.assert_array_equal(found[:, third : 2 * third], twins[0].state.numpy()[:, third : 2 * third])
+    for others in (slice(0, third), slice(2 * third, count)):
+        np.testing.assert_array_equal(found[:, others], before[:, others])
+        np.testing.assert_array_equal(twins[1].time[others], 0.0)
