@@ -19,10 +19,12 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from multiprocessing.connection import Client, Connection, Listener, wait
+from multiprocessing.connection import Client, Connection, Listener
 from multiprocessing.reduction import recv_handle, send_handle
 from multiprocessing.synchronize import Event
 from pathlib import Path
+from queue import SimpleQueue
+from selectors import EVENT_READ, DefaultSelector
 from threading import Thread
 
 import numpy as np
@@ -36,8 +38,8 @@ FLIGHTS = 8
 """Launches at once: the twins of one do not fill a GPU, and who asks for a short one need not wait for a long one."""
 STRETCH = 16
 """Ticks that a device is told at once."""
-PAUSE = 2e-4
-"""Between looks at the device [s]."""
+PAUSE, IDLE = 1e-3, 0.05
+"""Between looks at the device, and at who has joined [s]."""
 PREFIX = "shared:"
 """Of a device's name: what follows is the address of the process that launches."""
 
@@ -128,13 +130,17 @@ def _serve(address: str, device: str, ready: Event) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
     wp.config.log_level = wp.LOG_ERROR
     simulates = Simulator(device)
-    connections: list[Connection] = []
+    joined: SimpleQueue[Connection] = SimpleQueue()
     memories: dict[Connection, mmap.mmap] = {}
-    with Listener(address, "AF_UNIX", backlog=256) as listener, ThreadPoolExecutor(WRITERS) as writers:
+    with (
+        Listener(address, "AF_UNIX", backlog=256) as listener,
+        ThreadPoolExecutor(WRITERS) as writers,
+        DefaultSelector() as selector,
+    ):
 
         def accept() -> None:
             while True:
-                connections.append(listener.accept())
+                joined.put(listener.accept())
 
         Thread(target=accept, daemon=True).start()
         ready.set()
@@ -142,10 +148,11 @@ def _serve(address: str, device: str, ready: Event) -> None:
         flights: list[_Flight] = []
         parent = multiprocessing.parent_process()
         while parent is None or parent.is_alive():
-            busy = {one.connection for flight in flights for one in flight.asked}.union(one.connection for one in asked)
-            idle = [connection for connection in connections if connection not in busy]
-            heard = wait(idle, timeout=0.0 if asked else PAUSE if flights else 0.05)
-            for connection in heard:
+            while not joined.empty():
+                selector.register(joined.get(), EVENT_READ)
+            heard = selector.select(0.0 if asked else PAUSE if flights else IDLE)
+            for key, _ in heard:
+                connection = key.fileobj
                 assert isinstance(connection, Connection)
                 try:
                     larger, requests = connection.recv()
@@ -155,7 +162,7 @@ def _serve(address: str, device: str, ready: Event) -> None:
                         os.close(handle)
                     asked.append(_Asked(connection, requests, memories[connection]))
                 except (EOFError, OSError, pickle.UnpicklingError):
-                    connections.remove(connection)
+                    selector.unregister(connection)
                     memories.pop(connection, None)
             if asked and not heard and len(flights) < FLIGHTS:
                 flights.append(_Flight(simulates, asked))
