@@ -178,7 +178,7 @@ def other_calibration(problem: Problem) -> Search:
     """No effect, but uncertain parameters elsewhere within their ranges, under the same noise as all."""
     wide = Problem(
         problem.recordings, problem.nuisances.wider("recalibration"), {}, error=problem.error,
-        references=problem.references, noise=problem.noise, simulator=problem.simulator,
+        references=problem.references, noise=problem.noise, misfit=problem.misfit, simulator=problem.simulator,
     )  # fmt: skip
     wide.hold_to_that_of(problem)
     wide.learn()

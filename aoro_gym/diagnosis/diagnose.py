@@ -100,14 +100,16 @@ def diagnose(
     held_out = [_only(one, channels) for one in held_out]
     noise = _noise([*healthy, *recordings, *held_out], channels)
 
-    references, twin, uncertain = None, given, None
+    references, twin, uncertain, misfit = None, given, None, None
     if healthy:
         fit = Problem(healthy, Nuisances(given, "commissioning"), {}, error=ERROR, noise=noise, simulator=simulator)
         tangent = settle(fit, STAGES, lambda s, share: progress(s, 0.3 * share))
-        noise = fit.louder()
+        noise, misfit = fit.louder(), fit.misfits()
         references, twin, uncertain = references_of(fit), fit.machine, fit.uncertain(tangent.covariance)
     around = Nuisances(twin, "day" if mode == "commissioned" else "range", uncertain)
-    problem = Problem(recordings, around, effects, error=ERROR, references=references, noise=noise, simulator=simulator)
+    problem = Problem(
+        recordings, around, effects, error=ERROR, references=references, noise=noise, misfit=misfit, simulator=simulator
+    )
     before = problem.given
     if mode == "day-one":
         settle(problem, STAGES, lambda s, share: progress(s, 0.3 + 0.1 * share))

@@ -253,7 +253,10 @@ def _expected(linear: Linear, hypothesis: Hypothesis, trials: Sequence[Trial], c
     yard = Yard(problem.simulator, trials)
 
     def explained(recordings: Sequence[Recording]) -> Problem:
-        return Problem(recordings, problem.nuisances, problem.effects, error=problem.error, noise=noise, simulator=yard)
+        return Problem(
+            recordings, problem.nuisances, problem.effects, error=problem.error, noise=noise, misfit=problem.misfit,
+            simulator=yard,
+        )  # fmt: skip
 
     best = _family(linear, explained(blanks), replace(hypothesis, covariance=np.empty((0, 0))), None)
     found = yard.run([Task(best, recording) for recording in blanks])

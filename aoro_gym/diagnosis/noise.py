@@ -64,6 +64,10 @@ class ModelError:
         """Rate and pressure times ``factor``: what a reference takes away, but for fast swings."""
         return replace(self, rate=factor * self.rate, pressure=factor * self.pressure)
 
+    def larger(self, factor: float) -> ModelError:
+        """Rate, pressure and swing times ``factor``."""
+        return replace(self.scaled(factor), swing=factor * self.swing)
+
 
 @dataclass(frozen=True)
 class Noise:

@@ -84,6 +84,7 @@ class Problem:
         error: The twin's own.
         references: Of the healthy machine.
         noise: By channel; from the recordings' standstill by default.
+        misfit: Factor on the twin's own error by channel; one by default.
         simulator: Runs the twins; on the CPU by default.
     """
 
@@ -96,6 +97,7 @@ class Problem:
         error: ModelError,
         references: References | None = None,
         noise: Mapping[str, Noise] | None = None,
+        misfit: Mapping[str, float] | None = None,
         simulator: Simulator | None = None,
     ):
         self.recordings = tuple(recordings)
@@ -106,6 +108,7 @@ class Problem:
         self.simulator = simulator or Simulator()
         self.signals = tuple(name for name in SIGNALS if any(name in r.channels for r in self.recordings))
         longest = max(len(r.channels["joint_angle"]) for r in recordings)
+        self.misfit = dict(misfit or {})
         self.noise = dict(noise or {})
         for name in self.signals:
             if name not in self.noise:
@@ -195,7 +198,7 @@ class Problem:
         """The same problem with other recordings, not learned."""
         other = Problem(
             recordings, self.nuisances, self.effects, error=self.error, references=self.references, noise=self.noise,
-            simulator=self.simulator,
+            misfit=self.misfit, simulator=self.simulator,
         )  # fmt: skip
         other.felt, other._chosen = self.felt, True
         return other
@@ -364,13 +367,12 @@ class Problem:
         for (index, name), mine, seen in parts:
             known = self.references.get((self.recordings[index].signature, name))
             noise, since, counts = self.noise[name], self._since[index], self._counting(index, name)
+            own = error.larger(self.misfit.get(name, 1.0))
+            of = {"seen": seen, "since": since, "counts": counts}
             if known is None:
-                out.append(whitener(noise, name, mine, error, seen=seen, since=since, counts=counts))
+                out.append(whitener(noise, name, mine, own, **of))
             else:
-                scaled = error.scaled(KNOWN)
-                out.append(
-                    whitener(noise, name, mine, scaled, seen=seen, repeats=known.repeats, since=since, counts=counts)
-                )
+                out.append(whitener(noise, name, mine, own.scaled(KNOWN), repeats=known.repeats, **of))
         return out
 
     def white(self, whiteners: Sequence[Whitener], stacked: Floats) -> Floats:
@@ -407,6 +409,16 @@ class Problem:
         self.noise = {name: self.noise[name].louder(loud) for name, loud in self.loudness().items()}
         self._holding = {}
         return self.noise
+
+    def misfits(self) -> dict[str, float]:
+        """By how much the twin's own error is larger than assumed, by channel, as the residual at the centre shows once the
+        nuisances were fitted: Birge's ratio (1932), where it is more than one."""
+        whiteners = self.whiteners(self.error, self.predicted)
+        squares: dict[str, list[Floats]] = {}
+        for (_, name), w, part in zip(self.blocks, whiteners, self.split(self.left), strict=True):
+            squares.setdefault(name, []).append(np.square(w(part)))
+        means = {name: float(np.mean(np.concatenate(parts))) for name, parts in squares.items()}
+        return {name: max(1.0, np.sqrt(mean)) for name, mean in means.items()}
 
     def loudness(self) -> dict[str, float]:
         """How much more power the residual at the centre has than the noise of the standstill explains, by channel, once

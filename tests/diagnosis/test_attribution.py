@@ -345,6 +345,35 @@ def test_whiteners_are_held_until_what_they_rest_on_moves():
     assert world.held(world.error) is not again
 
 
+@pytest.mark.parametrize("factor", [0.5, 1.0, 3.0])
+def test_an_error_larger_than_assumed_is_found_and_counted(factor):
+    """Residuals drawn from ``factor`` times the assumed error, by channel: a smaller error is no misfit; with the one found
+    they are white again."""
+    error, rng, count = ModelError(0.05, 0.05, 0.1), np.random.default_rng(3), 40
+    found: dict[str, list[float]] = {name: [] for name in STD}
+    again: dict[str, list[float]] = {name: [] for name in STD}
+    for seed in range(count):
+        world = LinearWorld(np.random.default_rng(seed), error=error)
+        world.noise = {name: Noise(1e-6 * noise.covariance) for name, noise in world.noise.items()}
+        world.predicted = world.base
+        whiteners = world.whiteners(error.larger(factor), world.base)
+        drawn = [np.repeat(w.factor @ rng.standard_normal(len(w.factor)), MERGED) for w in whiteners]
+        vars(world)["measured"] = world.base + np.concatenate(drawn)
+        for name, ratio in world.misfits().items():
+            found[name].append(ratio)
+        world.misfit = dict.fromkeys(STD, max(1.0, factor))
+        for name, w, part in zip(STD, world.whiteners(error, world.base), drawn, strict=True):
+            again[name].append(float(np.mean(w(part) ** 2)))
+    for name in STD:
+        squares = np.mean(np.square(found[name]))
+        scatter = 4.0 * np.sqrt(2.0 / (count * COUNT // MERGED))  # of a mean of squares of so many normal numbers
+        if factor > 1.0:
+            assert squares == pytest.approx(factor**2, rel=scatter)
+        elif factor < 1.0:
+            assert squares == 1.0
+        assert np.mean(again[name]) == pytest.approx(min(1.0, factor) ** 2, rel=scatter)
+
+
 def test_nuisances_are_those_of_the_same_machine_in_another_problem():
     """A wider prior has larger standard deviations, and feels more."""
     machine = Machine.load("aoro")
