@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial, reduce
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,6 +27,7 @@ from scipy.stats import binomtest, bootstrap, trim_mean
 
 from aoro_gym.agents import learned
 from aoro_gym.agents.controllers import Policy
+from aoro_gym.agents.keeping import Kept
 from aoro_gym.agents.reference import REFERENCE_POLICIES, Factory
 from aoro_gym.agents.responses import EPISODE_STEPS, responses, rollout
 from aoro_gym.cluster import ClusterError, Failed, connected, on_ray
@@ -44,6 +45,8 @@ RESAMPLES = 9999
 """Of a bootstrap."""
 TIME_IS_UP = "time is up"
 """Ending of an episode that was truncated."""
+FIGURE = "figure "
+"""Before the name of a figure in a file."""
 STATION = 0.25
 """Distance [m] at which the error of a drive is kept."""
 RATES = ("success_rate",)
@@ -95,6 +98,21 @@ class Episodes:
             np.concatenate([wide(self.places), wide(other.places)]),
             self.film,
         )
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """All of it by name, as a file without code can hold it."""
+        figures = {FIGURE + name: values for name, values in self.figures.items()}
+        endings = np.array(self.endings, dtype=np.str_)
+        return figures | {
+            "endings": endings, "course": self.course, "errors": self.errors, "places": self.places, "film": self.film,
+        }  # fmt: skip
+
+    @classmethod
+    def of(cls, arrays: Mapping[str, NDArray[Any]]) -> Episodes:
+        """What :meth:`arrays` were of."""
+        figures = {name.removeprefix(FIGURE): arrays[name] for name in arrays if name.startswith(FIGURE)}
+        rest = (arrays[name] for name in ("course", "errors", "places", "film"))
+        return cls(figures, arrays["endings"].tolist(), *rest)
 
 
 @dataclass(frozen=True)
@@ -235,6 +253,7 @@ def evaluate(
     device: str = "cpu",
     reward_terms: Mapping[str, Any] | None = None,
     ray: str | None = None,
+    kept: Path | None = None,
     progress: Callable[[str, float], Any] | None = None,
 ) -> Evaluation:
     """Drive the same episodes under every policy.
@@ -252,6 +271,8 @@ def evaluate(
         reward_terms: Changes by name to what the return is made of; see :mod:`aoro_gym.envs.terms`.
         ray: Address of the Ray cluster to drive on, see :func:`aoro_gym.cluster.connected`; here by default. The episodes
             are the same.
+        kept: Folder to keep episodes in, by parts, and to read those from that were driven before; see
+            :mod:`aoro_gym.agents.keeping`.
         progress: Called with a policy's name and the share of everything that is done.
 
     Raises:
@@ -270,11 +291,15 @@ def evaluate(
         TRIALS[env].make, courses=courses, device=device, autoreset_mode="Disabled", reward_terms=reward_terms
     )
     seeds = seed + np.arange(episodes)
+    grounds = None if courses is None else [asdict(course) for course in courses]
+    keeper = Kept(kept, env, grounds, device, reward_terms)
     if ray is None:
-        runs = _here(TRIALS[env].drive, policies, seeds, make=make, machine=machine, drawn=drawn, progress=progress)
+        arguments = {"make": make, "machine": machine, "drawn": drawn, "kept": keeper, "progress": progress}
+        runs = _here(TRIALS[env].drive, policies, seeds, **arguments)
     else:
         work = partial(_shard, TRIALS[env].drive, make=make, machine=machine, drawn=drawn)
-        runs = _on_cluster(work, policies, seeds, ray=ray, device=device, progress=progress)
+        known = {"machine": machine, "drawn": drawn, "kept": keeper}
+        runs = _on_cluster(work, policies, seeds, ray=ray, device=device, progress=progress, **known)
     task = make(1, machine=machine).task
     return Evaluation(
         env,
@@ -296,6 +321,7 @@ def _here(
     make: Callable[..., Any],
     machine: Machine,
     drawn: Callable[[Machine, Sequence[int]], Machine],
+    kept: Kept,
     progress: Callable[[str, float], Any] | None,
 ) -> dict[str, Episodes]:
     """Episodes by policy, part by part; environments of one size are made once."""
@@ -305,17 +331,24 @@ def _here(
     done = 0
     for part in _parts(seeds, AT_ONCE):
         plant = drawn(machine, part)
-        if known is None or known.num_envs != len(part):
-            known = vector = make(len(part), machine=machine)
-        if plant is not machine:
-            vector = make(len(part), machine=plant)
+        before = {name: kept.find(policy, part, plant) for name, policy in policies.items()}
+        if any(run is None for run in before.values()):
+            if known is None or known.num_envs != len(part):
+                known = vector = make(len(part), machine=machine)
+            if plant is not machine:
+                vector = make(len(part), machine=plant)
         for name, policy in policies.items():
 
-            def tell(share: float, name: str = name, before: int = done, size: int = len(part)) -> None:
+            def tell(share: float, name: str = name, done: int = done, size: int = len(part)) -> None:
                 if progress is not None:
-                    progress(name, (before + share * size) / (len(seeds) * len(policies)))
+                    progress(name, (done + share * size) / (len(seeds) * len(policies)))
 
-            run = drive(vector, policy(known), part, tell)
+            arrays = before[name]
+            if arrays is None:
+                run = drive(vector, policy(known), part, tell)
+                kept.keep(policy, part, plant, run.arrays())
+            else:
+                run = Episodes.of(arrays)
             runs[name] = runs[name].joined(run) if name in runs else run
             done += len(part)
     return runs
@@ -328,6 +361,9 @@ def _on_cluster(
     *,
     ray: str,
     device: str,
+    machine: Machine,
+    drawn: Callable[[Machine, Sequence[int]], Machine],
+    kept: Kept,
     progress: Callable[[str, float], Any] | None,
 ) -> dict[str, Episodes]:
     """The same from a cluster: what each policy does in each shard is a job.
@@ -336,12 +372,16 @@ def _on_cluster(
     """
     shards = _parts(seeds, SHARD)
     jobs = {f"{name}, part {k}": (policy, part) for name, policy in policies.items() for k, part in enumerate(shards)}
-    found: dict[str, Episodes] = {}
+    plants = [drawn(machine, part) for part in shards]
+    plant = {job: plants[k % len(shards)] for k, job in enumerate(jobs)}
+    before = {job: kept.find(*jobs[job], plant[job]) for job in jobs}
+    found = {job: Episodes.of(arrays) for job, arrays in before.items() if arrays is not None}
     with connected(ray):
-        for job, run in on_ray(work, jobs, device=device):
+        for job, run in on_ray(work, {job: jobs[job] for job in jobs if job not in found}, device=device):
             if isinstance(run, Failed):
                 raise ClusterError(f"{job}: {run.reason}")
             found[job] = run
+            kept.keep(*jobs[job], plant[job], run.arrays())
             if progress is not None:
                 progress(job, len(found) / len(jobs))
     return {

@@ -120,6 +120,7 @@ def compare(
     machine: str | Machine = "aoro",
     device: str = "cpu",
     ray: str | None = None,
+    kept: Path | None = None,
     progress: Callable[[str, float], Any] | None = None,
 ) -> Leaderboard:
     """Evaluate policies under every perturbation; the arguments are those of
@@ -144,6 +145,7 @@ def compare(
             drawn=perturb,
             device=device,
             ray=ray,
+            kept=kept,
             progress=tell,
         )
     return Leaderboard(found)

@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from aoro_gym.agents.controllers import BangBang, Policy, ProportionalDerivative
@@ -21,16 +22,25 @@ from aoro_gym.agents.path_controllers import FullSpeedSteering, PreviewRegulator
 Factory = Callable[[Any], Policy]
 """Makes the policy for an environment, wrapped or not; its observations come with a leading axis of sub-environments."""
 
+
+def _observing(controller: Callable[[Any], Policy], env: Any) -> Policy:
+    return controller(env.unwrapped.observation_layout)
+
+
+def _steering(controller: Callable[[Vehicle], Policy], env: Any) -> Policy:
+    return controller(Vehicle.of(env))
+
+
 REFERENCE_POLICIES: Mapping[str, Mapping[str, Factory]] = {
     "AORO/Turning-v0": {
-        "bang-bang": lambda env: BangBang(env.unwrapped.observation_layout),
-        "proportional-derivative": lambda env: ProportionalDerivative(env.unwrapped.observation_layout),
+        "bang-bang": partial(_observing, BangBang),
+        "proportional-derivative": partial(_observing, ProportionalDerivative),
     },
     "AORO/PathTracking-v0": {
-        "pure-pursuit": lambda env: PurePursuit(Vehicle.of(env)),
-        "stanley": lambda env: Stanley(Vehicle.of(env)),
-        "preview": lambda env: PreviewRegulator(Vehicle.of(env)),
-        "bang-bang": lambda env: FullSpeedSteering(Vehicle.of(env)),
+        "pure-pursuit": partial(_steering, PurePursuit),
+        "stanley": partial(_steering, Stanley),
+        "preview": partial(_steering, PreviewRegulator),
+        "bang-bang": partial(_steering, FullSpeedSteering),
     },
 }
 """By the environment's id, then by the controller's name."""

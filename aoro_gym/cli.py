@@ -762,7 +762,8 @@ def evaluate(
     ended; of turning, the joint's responses. Episode i has the seed --seed + i for every policy. A terrain file is loaded,
     checked and repaired as 'aoro-gym terrain' does it.
 
-    FOLDER gets evaluation.json, plots, films (MP4 with the extra 'video', else GIF) and index.html.
+    FOLDER gets evaluation.json, plots, films (MP4 with the extra 'video', else GIF) and index.html. Ctrl-C is safe: the
+    same command goes on where it stopped.
 
     [bold]Examples[/]
 
@@ -786,8 +787,9 @@ def evaluate(
     made_by = _made_by(machine, set_, scale, device, seed)
     made_by |= {"terrain": None if terrain is None else str(terrain), "path": None if path is None else str(path)}
     from aoro_gym.agents.evaluation_report import table, write_report
+    from aoro_gym.agents.keeping import resumable
 
-    with _bar(env) as tell, _running():
+    with _bar(env) as tell, _running(), resumable(out) as kept:
         with _checking_input():  # such as paths that leave the ground
             result = evaluation.evaluate(
                 env,
@@ -798,6 +800,7 @@ def evaluate(
                 machine=chosen,
                 device=device,
                 ray=ray,
+                kept=kept,
                 progress=tell,
             )
         written = write_report(result, out, films=films, lead=_lead(made_by), made_by=made_by, progress=tell)
@@ -842,7 +845,8 @@ def leaderboard(
     episodes (interquartile means), with bootstrapped 95 % intervals, and differences from the best controller, episode by
     episode.
 
-    FOLDER gets leaderboard.json, leaderboard.md and leaderboard.png. In --readme the table replaces what stands between
+    Ctrl-C is safe: the same command goes on where it stopped. FOLDER gets leaderboard.json, leaderboard.md and
+    leaderboard.png. In --readme the table replaces what stands between
     <!-- leaderboard ID --> and <!-- leaderboard ID end -->.
 
     [bold]Examples[/]
@@ -853,6 +857,7 @@ def leaderboard(
     """
     with _checking_input():
         from aoro_gym.agents import leaderboard as board
+        from aoro_gym.agents.keeping import resumable
 
         _check_folder(out, "leaderboard.json")
         policies = _policies(env, policy)
@@ -864,11 +869,12 @@ def leaderboard(
         chosen = _machine(machine, set_, scale)
         _check_seed(seed)
         _check_device(device)
-    with _bar(env) as tell, _running():
+    with _bar(env) as tell, _running(), resumable(out) as kept:
         with _checking_input():  # such as a cluster that is not there
             result = board.compare(
-                env, policies, episodes=episodes, seed=seed, machine=chosen, device=device, ray=ray, progress=tell
-            )
+                env, policies, episodes=episodes, seed=seed, machine=chosen, device=device, ray=ray, kept=kept,
+                progress=tell,
+            )  # fmt: skip
         written = board.write(result, out, readme=readme, made_by=_made_by(machine, set_, scale, device, seed))
     _out().print(board.table(result))
     _say(written)
