@@ -1,9 +1,9 @@
 """Processes that share the launches of one device.
 
 A GPU takes as long for one twin as for thousands, and processes that launch by themselves take turns. So one process
-launches for all: what several ask for while others are served goes into the next launch together, and some launches are under
-way at once. Answers are written into memory that the one who asks shares with the one who launches: they are hundreds of
-megabytes, which pipes would take longer for than the twins do.
+launches for all: what several ask for while others are served goes into the next launch together, and some launches are
+under way at once. Answers are written into memory that the one who asks shares with the one who launches: they are hundreds
+of megabytes, which pipes would take longer for than the twins do.
 """
 
 from __future__ import annotations
