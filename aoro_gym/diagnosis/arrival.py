@@ -61,6 +61,12 @@ def arrival_of(angle: Floats, steering: Floats) -> int:
     return round(float(arrivals(angle[:, None], steering)[0]))
 
 
+def bounce(arrival: int) -> slice:
+    """Samples of the bounce off the stop; none if the joint never arrives. Its blows are over in less than a sample, so that
+    what is read of them jumps with the parameters."""
+    return slice(0) if arrival == NEVER else slice(max(arrival - AHEAD, 0), arrival + AFTER)
+
+
 def on_clock(values: Floats, own: Floats, measured: float, steering: Floats, *, goes_on: bool = False) -> Floats:
     """``values`` (F, N) of predictions that arrive at ``own`` (N,), read on the clock of a measurement that arrives at the
     instant ``measured``, in samples, or :data:`NEVER`. Where a prediction arrives early, its values are held, or go on as

@@ -39,7 +39,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 from scipy.optimize import minimize_scalar
 from scipy.stats import chi2
 
-from aoro_gym.diagnosis.arrival import AFTER, AHEAD, NEVER, arrival_of
+from aoro_gym.diagnosis.arrival import arrival_of, bounce
 from aoro_gym.diagnosis.following import DRAWN, LACKED, LEASH, LED, LINE, STEPS
 from aoro_gym.diagnosis.noise import MERGED, RATE_MEMORY, Floats, Noise, merged
 from aoro_gym.diagnosis.problem import START_JITTER, ZEROS, Problem
@@ -270,13 +270,14 @@ def _late(recording: Recording) -> Recording:
 
 
 def _counts(recording: Recording, balance: str) -> NDArray[np.bool_]:
-    """Samples (F,) that are compared: not the blow at the stop and, of the torque, none that the stop bears, too; of a
-    port's flow none around a void, whose volume no sensor tells."""
+    """Samples (F,) that are compared: not the bounce and, of the torque, none that the stop bears, too; of a port's flow
+    none around a void, whose volume no sensor tells."""
     out = np.ones(recording.ticks + 1, dtype=bool)
     out[:FIRST] = False
-    arrival = arrival_of(recording.channels["joint_angle"], recording.commands[:, 0])
-    if arrival != NEVER:
-        out[max(arrival - AHEAD, 0) : None if balance == "torque" else arrival + AFTER] = False
+    stopped = bounce(arrival_of(recording.channels["joint_angle"], recording.commands[:, 0]))
+    out[stopped] = False
+    if balance == "torque" and stopped.start is not None:
+        out[stopped.start :] = False
     if balance.startswith("flow"):
         pressure = recording.channels[LED[BALANCED.index(balance)]]
         out &= minimum_filter1d(pressure, ENVELOPE) > VOID

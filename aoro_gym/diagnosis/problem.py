@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.stats import chi2
 
-from aoro_gym.diagnosis.arrival import AFTER, AHEAD, NEVER, arrival_of, arrivals, on_clock
+from aoro_gym.diagnosis.arrival import NEVER, arrival_of, arrivals, bounce, on_clock
 from aoro_gym.diagnosis.axes import Axis, axes_of
 from aoro_gym.diagnosis.noise import MERGED, Floats, ModelError, Noise, Whitener, noise_of, whitener
 from aoro_gym.diagnosis.nuisances import Nuisances
@@ -166,13 +166,11 @@ class Problem:
         return slow + in_step(mine, healthy, self.noise[name].std) * (residual - slow)
 
     def _counting(self, index: int, channel: str) -> NDArray[np.bool_]:
-        """Samples (F,) of a recording that are compared: all but the bounce off a stop, whose blows are over in less than a
-        sample, so that what is read of them jumps with the parameters. Where only one of the recording and the given twin
-        comes to a stop, pressures count until then: a machine on its way and one at its stop have nothing in common."""
+        """Samples (F,) of a recording that are compared: all but the bounce. Where only one of the recording and the given
+        twin comes to a stop, pressures count until then: a machine on its way and one at its stop have nothing in common."""
         recording, arrival = self.recordings[index], self.arrivals[index]
         counts = np.ones(recording.ticks + 1, dtype=bool)
-        if arrival != NEVER:
-            counts[max(arrival - AHEAD, 0) : arrival + AFTER] = False
+        counts[bounce(arrival)] = False
         if channel in CLOCKED and channel != "joint_angle" and (arrival != NEVER) != self.given_stops[index]:
             moving = np.flatnonzero(recording.commands[:, 0])
             counts[arrival if arrival != NEVER else moving[-1] :] = False

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aoro_gym.diagnosis.arrival import AFTER, AHEAD, BEFORE_END, NEAR, NEVER, TRAVEL, arrivals, on_clock
+from aoro_gym.diagnosis.arrival import AFTER, AHEAD, BEFORE_END, NEAR, NEVER, TRAVEL, arrivals, bounce, on_clock
 
 COUNT = 400
 BEGIN, END = 60, 340
@@ -152,3 +152,12 @@ def test_a_joint_that_arrives_early_goes_on_as_it_came():
     alone = on_clock(angles, own, NEVER, LEFT, goes_on=True)
     np.testing.assert_allclose(alone[:, 0], np.minimum(free, free[END]), atol=1e-12)
     np.testing.assert_array_equal(alone[:, 2], angles[:, 2])
+
+
+@pytest.mark.parametrize(
+    ("arrival", "first", "last"), [(100, 100 - AHEAD, 100 + AFTER - 1), (1, 0, AFTER), (NEVER, None, None)]
+)
+def test_the_bounce_begins_ahead_of_the_stop(arrival, first, last):
+    """From the first sample on at the earliest; of a joint that never arrives there is none."""
+    found = np.arange(200)[bounce(arrival)]
+    assert (found[0], found[-1]) == (first, last) if found.size else first is None
