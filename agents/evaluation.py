@@ -291,7 +291,7 @@ def evaluate(
         TRIALS[env].make, courses=courses, device=device, autoreset_mode="Disabled", reward_terms=reward_terms
     )
     seeds = seed + np.arange(episodes)
-    grounds = None if courses is None else [asdict(course) for course in courses]
+    grounds = [asdict(course) for course in courses] if kept is not None and courses is not None else None
     keeper = Kept(kept, env, grounds, device, reward_terms)
     if ray is None:
         arguments = {"make": make, "machine": machine, "drawn": drawn, "kept": keeper, "progress": progress}
@@ -332,7 +332,7 @@ def _here(
     for part in _parts(seeds, AT_ONCE):
         plant = drawn(machine, part)
         before = {name: kept.find(policy, part, plant) for name, policy in policies.items()}
-        if any(run is None for run in before.values()):
+        if None in before.values():
             if known is None or known.num_envs != len(part):
                 known = vector = make(len(part), machine=machine)
             if plant is not machine:

@@ -1,7 +1,8 @@
 """Episodes that are kept on disc while an evaluation runs, so that one that was killed goes on where it was.
 
 What a policy does in some episodes follows from the policy, the seeds, the machines, the grounds, the device and the
-sources. A file is named by a digest of all these, so that what is read is what would be driven.
+sources. A file is named by a digest of all these, so that what is read is what would be driven. Of a policy or a reward of
+your own the digest knows the name and the values, not the source: clear the folder when you change that.
 """
 
 from __future__ import annotations
@@ -9,18 +10,12 @@ from __future__ import annotations
 import hashlib
 import pickle
 import shutil
-import zipfile
-import zlib
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
-from importlib import import_module
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import warp as wp
-
-import aoro_gym
+from aoro_gym.kept import read_arrays, sources, write_arrays
 from aoro_gym.twin import Machine
 
 FOLDER = ".episodes"
@@ -47,38 +42,21 @@ class Kept:
 
     def __init__(self, folder: Path | None, *about: Any):
         self._folder = folder
-        self._origin = hashlib.sha256(f"{aoro_gym.__version__} {wp.config.version}".encode())
+        self._origin = hashlib.sha256()
         if folder is not None:
-            for package in PACKAGES:
-                for path in sorted(_folder_of(package).rglob("*.py")):
-                    self._origin.update(path.read_bytes())
+            self._origin.update(sources(PACKAGES).encode())
             self._tell(self._origin, about)
 
     def find(self, policy: Any, seeds: Sequence[int], machine: Machine) -> dict[str, Any] | None:
         """Arrays that were kept of what ``policy`` did with ``seeds`` on the machines that were drawn for them."""
         path = self._path(policy, seeds, machine)
-        if path is None:
-            return None
-        try:
-            with path.open("rb") as file, np.load(file) as arrays:
-                return dict(arrays)
-        except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error):
-            return None
+        return None if path is None else read_arrays(path)
 
     def keep(self, policy: Any, seeds: Sequence[int], machine: Machine, arrays: Mapping[str, Any]) -> None:
-        """Whole or not at all; a full disc is no reason to end an evaluation."""
+        """Keep ``arrays`` for :meth:`find`."""
         path = self._path(policy, seeds, machine)
-        if path is None:
-            return
-        partial = path.with_name(f"{path.name}.partial")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with partial.open("wb") as file:
-                np.savez_compressed(file, **arrays)
-            partial.replace(path)
-        except OSError:
-            with suppress(OSError):
-                partial.unlink()
+        if path is not None:
+            write_arrays(path, arrays)
 
     def _path(self, policy: Any, seeds: Sequence[int], machine: Machine) -> Path | None:
         if self._folder is None:
@@ -92,8 +70,3 @@ class Kept:
             total.update(pickle.dumps(what))
         except (pickle.PicklingError, AttributeError, TypeError):
             self._folder = None
-
-
-def _folder_of(package: str) -> Path:
-    """They lie beside one another, or beside the package itself."""
-    return Path(str(import_module(f"aoro_gym.{package}").__file__)).parent

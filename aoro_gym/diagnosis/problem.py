@@ -408,28 +408,35 @@ class Problem:
         self._holding = {}
         return self.noise
 
-    def misfits(self) -> dict[str, float]:
-        """By how much the twin's own error is larger than assumed, by channel, as the residual at the centre shows once the
-        nuisances were fitted: Birge's ratio (1932), where it is more than one."""
+    def _left_by_channel(self) -> dict[str, list[Floats]]:
+        """Whitened residuals (n,) of every recording at the centre, once the nuisances were fitted."""
+        found: dict[str, list[Floats]] = {}
         whiteners = self.whiteners(self.error, self.predicted)
-        squares: dict[str, list[Floats]] = {}
         for (_, name), w, part in zip(self.blocks, whiteners, self.split(self.left), strict=True):
-            squares.setdefault(name, []).append(np.square(w(part)))
-        means = {name: float(np.mean(np.concatenate(parts))) for name, parts in squares.items()}
-        return {name: max(1.0, np.sqrt(mean)) for name, mean in means.items()}
+            found.setdefault(name, []).append(w(part))
+        return found
+
+    def misfits(self) -> dict[str, float]:
+        """By how much the twin's own error is larger than assumed, by channel, as the fitted residual r at the centre shows:
+        Birge's ratio √(Σ r²/n) of what should have unit variance (Physical Review 40 (1932) 207), where it is more than
+        one."""
+        means = {name: np.mean(np.square(np.concatenate(parts))) for name, parts in self._left_by_channel().items()}
+        return {name: max(1.0, float(np.sqrt(mean))) for name, mean in means.items()}
 
     def loudness(self) -> dict[str, float]:
         """How much more power the residual at the centre has than the noise of the standstill explains, by channel, once
         the nuisances were fitted: a quantiser is quieter at rest than on the way. Of most windows of a quarter of a second,
         as where the twin errs is no noise."""
-        whiteners = self.whiteners(self.error, self.predicted)
-        powers: dict[str, list[Floats]] = {}
-        for (_, name), w, part in zip(self.blocks, whiteners, self.split(self.left), strict=True):
-            white = w(part)
+
+        def powers(white: Floats) -> Floats:
             count = len(white) // WINDOW
-            powers.setdefault(name, []).append(np.mean(white[: count * WINDOW].reshape(count, WINDOW) ** 2, axis=1))
+            return np.mean(white[: count * WINDOW].reshape(count, WINDOW) ** 2, axis=1)
+
         typical = float(chi2.median(WINDOW)) / WINDOW
-        return {name: max(1.0, float(np.median(np.concatenate(parts))) / typical) for name, parts in powers.items()}
+        return {
+            name: max(1.0, float(np.median(np.concatenate([powers(white) for white in parts]))) / typical)
+            for name, parts in self._left_by_channel().items()
+        }
 
     def learn(self, *, effects: bool = True) -> None:
         """Simulate around the centre what every nuisance and, if so asked, every effect does."""

@@ -277,7 +277,7 @@ def _launching(requests: Sequence[Request], device: str) -> Launching:
         for density, first, count in groups
         if count and not leader
     }
-    at_rest = wp.clone(twin.state)
+    at_rest = None if led else wp.clone(twin.state)
     # recorded launches: on a GPU, packing their arguments anew takes longer than a tick of the twins
     arguments = [schedule, numbered, command_rows, 0, twin.commands]
     hold: Any = wp.launch(_hold, (len(COMMANDS), total), arguments, device=twin.device, record_cmd=True)
@@ -305,7 +305,7 @@ def _launching(requests: Sequence[Request], device: str) -> Launching:
 
     def taken() -> list[Signals]:
         lost = _fetched(twin.status_codes, stream) != 0
-        start = None if led else _fetched(at_rest, stream)[[SIGNALS[name][1] for name in names]]
+        start = None if at_rest is None else _fetched(at_rest, stream)[[SIGNALS[name][1] for name in names]]
         values = {first: _fetched(part, stream) for first, part in kept.items()}
         for first, part in values.items():
             mine = slice(first, first + part.shape[2])

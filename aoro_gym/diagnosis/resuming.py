@@ -9,19 +9,17 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-import zipfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike
 
-import aoro_gym
 from aoro_gym.diagnosis.replay import Request, Signals, Simulator
+from aoro_gym.kept import read_arrays, sources, write_arrays
 from aoro_gym.twin import Machine
 
 FOLDER = ".launches"
@@ -52,7 +50,7 @@ class Kept(Simulator):
         super().__init__(device)
         self._folder = folder
         self._launches = 0
-        origin = f"{_sources()} {wp.config.version} {device} {wp.get_device(device).name}"
+        origin = f"{sources(PACKAGES)} {device} {wp.get_device(device).name}"
         self._origin = hashlib.sha256(origin.encode())
 
     def launch_together(self, requests: Sequence[Request]) -> list[Signals]:
@@ -83,14 +81,6 @@ class Kept(Simulator):
         return total.hexdigest()
 
 
-def _sources() -> str:
-    total = hashlib.sha256(aoro_gym.__version__.encode())
-    for package in PACKAGES:
-        for path in sorted((Path(aoro_gym.__file__).parent / package).rglob("*.py")):
-            total.update(path.read_bytes())
-    return total.hexdigest()
-
-
 def _of_machine(machine: Machine) -> bytes:
     total = hashlib.sha256()
     for key, entry in machine.entries.items():
@@ -105,22 +95,12 @@ def _of_numbers(values: ArrayLike) -> bytes:
 
 def _read(path: Path, requests: Sequence[Request]) -> list[Signals] | None:
     """What was kept; None if nothing was, or not whole."""
+    arrays = read_arrays(path) or {}
     try:
-        with path.open("rb") as file, np.load(file) as kept:
-            return [{name: kept[f"{i} {name}"] for name in one.channels} for i, one in enumerate(requests)]
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return [{name: arrays[f"{i} {name}"] for name in one.channels} for i, one in enumerate(requests)]
+    except KeyError:
         return None
 
 
 def _write(path: Path, found: Sequence[Signals]) -> None:
-    """Whole or not at all; a full disc is no reason to end a diagnosis."""
-    partial = path.with_name(f"{path.name}.partial")
-    arrays: Any = {f"{i} {name}": values for i, one in enumerate(found) for name, values in one.items()}
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with partial.open("wb") as file:
-            np.savez(file, **arrays)
-        partial.replace(path)
-    except OSError:
-        with suppress(OSError):
-            partial.unlink()
+    write_arrays(path, {f"{i} {name}": values for i, one in enumerate(found) for name, values in one.items()})

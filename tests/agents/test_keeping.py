@@ -3,14 +3,16 @@
 import subprocess
 import sys
 from dataclasses import fields, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import aoro_gym
 from aoro_gym.agents import evaluation, leaderboard
 from aoro_gym.agents.evaluation import TRIALS, Episodes, evaluate, policy_factory
-from aoro_gym.agents.keeping import FOLDER, Kept, resumable
+from aoro_gym.agents.keeping import FOLDER, PACKAGES, Kept, resumable
 from aoro_gym.agents.perturbations import perturbed
 from aoro_gym.twin import Machine
 
@@ -89,6 +91,11 @@ def test_what_would_be_driven_otherwise_is_driven(tmp_path, drives):
     assert drive(reward_terms={"overshoot": -20.0}) == 4
     assert drive(policy=NAMES[1]) == 5
     assert drive() == 5
+
+
+def test_every_source_of_an_episode_is_looked_at():
+    folder = Path(aoro_gym.__file__).parent
+    assert all(any((folder / package).rglob("*.py")) for package in PACKAGES)
 
 
 def test_a_broken_file_is_driven_again(tmp_path, drives):

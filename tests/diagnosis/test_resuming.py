@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import aoro_gym
 from aoro_gym.diagnosis import resuming
 from aoro_gym.diagnosis.diagnose import diagnose
 from aoro_gym.diagnosis.replay import Request, Signals, Simulator, Task, Variants
@@ -113,7 +114,7 @@ def test_what_other_sources_launched_is_not_read(tmp_path, launches, monkeypatch
 
 
 def test_every_source_of_a_launch_is_looked_at():
-    folder = Path(resuming.aoro_gym.__file__).parent
+    folder = Path(aoro_gym.__file__).parent
     assert all(any((folder / package).rglob("*.py")) for package in resuming.PACKAGES)
 
 
