@@ -2,9 +2,10 @@
 
 All hypotheses see the same recordings, the same error of the twin and the same nuisances, whose prior is normal. The linear
 model (:mod:`.linear`) says where their searches begin and which effects make pairs; they are refined with the twin itself
-(:mod:`.search`), the likelier the further, nothing among them, and weighed by Laplace's method. Other calibration is nothing
-with wider priors. *Unknown* is a gap of the size that is seen, of any shape: an error of the twin (:mod:`.noise`) as large
-as the gap itself.
+(:mod:`.search`), the likelier the further, nothing among them, and weighed by Laplace's method. Searches begin under a
+larger error of the twin, where a far cause is not hidden behind oscillations that are out of step. Other calibration is
+nothing with wider priors. *Unknown* is something beside any of these, which shows in that none of them fits as well as the
+right cause does elsewhere.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import lsq_linear
 from scipy.special import logsumexp
-from scipy.stats import chi2
+from scipy.stats import chi2, expon, norm
 
 from aoro_gym.diagnosis.axes import Axis
 from aoro_gym.diagnosis.linear import Hypothesis, Linear
@@ -46,15 +47,20 @@ FAR_END = 0.05
 """Place beyond which there is a way to an end."""
 CHANCE = 25.0
 """Log odds behind the best beyond which a hypothesis has none."""
-TEMPERATURE = 2.0
+TEMPERATURE = 2.6
 """By which fits count less: samples are not as many as they seem, as the twin's own error is not that of its model (E)."""
 DOUBT = 0.003
 """Share of the evidence for a gap by which the temperature grows: about what searches leave between two hypotheses that
 explain logs of the twin itself equally well (E)."""
-SURPRISES = (0.3, 0.6, 1.2)
-"""Sizes of an unknown cause, as shares of the gap that is seen."""
+SOFT = 3.0
+"""Factor on the twin's own error under which searches begin."""
+FIT: Mapping[str, tuple[float, float]] = {"angle": (0.87, 0.11), "pressure": (0.36, 0.25)}
+"""Of what the right cause leaves: median of its mean square by kind of channel, and standard deviation of the logarithm
+(E, machines of the development family)."""
+SURPRISE: Mapping[str, float] = {"angle": 0.3, "pressure": 1.0}
+"""Mean of the logarithm by which that is larger where something unknown shows."""
 
-PRIOR = {"nothing": 0.40, "single": 0.35, "pair": 0.10, UNKNOWN: 0.10, CALIBRATION: 0.05}
+PRIOR = {"nothing": 0.45, "single": 0.35, "pair": 0.10, UNKNOWN: 0.05, CALIBRATION: 0.05}
 """Prior probabilities of the kinds of hypotheses; within a kind all are equally likely."""
 
 
@@ -62,6 +68,7 @@ def attribute(problem: Problem, progress: Progress = lambda sentence, share: Non
     """All hypotheses of a learned problem with their probabilities, the likeliest first, and the linear model that they
     were found with."""
     linear = Linear(problem, problem.error)
+    soft = Linear(problem, problem.error.scaled(SOFT))
     prior = log_priors(problem.axes)
     other = other_calibration(problem)
     searches: dict[tuple[str, ...], Search] = {(): Search(linear, (), directions=ALL)}
@@ -102,18 +109,28 @@ def attribute(problem: Problem, progress: Progress = lambda sentence, share: Non
 
     def contend(share: float) -> list[Hypothesis]:
         """All that may have a chance to the end."""
-        likely = [h for h in weigh(weighed(), prior) if h.effects][:MOST]
+        likely = [h for h in weigh(weighed(), prior) if h.effects and h.refined][:MOST]
         chosen = [h.effects for h in likely if h.probability > likely[0].probability * np.exp(-CHANCE)]
         parts = [(name,) for effects in chosen for name in effects]  # one of a pair may be all that there is
         after([*chosen, *parts], 2, many, share)
-        last = [h.effects for h in weigh(weighed(), prior) if h.effects]
+        last = [h.effects for h in weigh(weighed(), prior) if h.effects and h.refined]
         after(last[:FINALISTS], 2, ALL, share + 0.05)
         calibration = [_calibration(other, linear)] if np.isfinite(other.cost) else []
-        return weigh([*weighed(), *calibration, beyond], prior)
+        return weigh([*weighed(), *calibration], prior)
 
-    beyond = unknown(problem)
-    new = begin(Search(linear, (name,), places) for name, places in linear.starts(VALLEYS).items())
-    likely = after([h.effects for h in after(new, 1, few, 0.0)[:SINGLES]], 2, many, 0.1)
+    def firmer(found: Sequence[Search]) -> list[Search]:
+        """Searches under the twin's own error that go on from where others came under a larger one."""
+        new = [
+            Search(linear, one.effects, [tuple(map(float, one.point[1]))], directions=one.directions) for one in found
+        ]
+        for one, donor in zip(new, found, strict=True):
+            one.offered([donor])
+        return new
+
+    first = [Search(soft, (name,), places) for name, places in soft.starts(VALLEYS).items()]
+    refine(first, 1, lambda s, x: progress(s, 0.05 * x))
+    new = begin(firmer([one for one in first if np.isfinite(one.cost)]))
+    likely = after([h.effects for h in after(new, 1, few, 0.05)[:SINGLES]], 2, many, 0.15)
     paired(likely[:LEADERS], 0.3)
     evidence = {h.effects: h.log_evidence for h in weighed()}
     if max(evidence.values()) > evidence[()] + CHANCE:
@@ -122,12 +139,15 @@ def attribute(problem: Problem, progress: Progress = lambda sentence, share: Non
     found = contend(0.5)
     if found[0].effects == (UNKNOWN,):
         progress("looking farther off", 0.7)
-        far = [Search(linear, (name,), [start]) for name, axes in problem.axes.items() for start in _far(axes)]
+        rough = Linear(problem, ROUGH)
+        far = [Search(rough, (name,), [start]) for name, axes in problem.axes.items() for start in _far(axes)]
         refine(far, 0)
         far = sorted((one for one in far if np.isfinite(one.cost)), key=lambda one: one.cost)[:SINGLES]
         for one in far:
             one.directions = many
-        refine(far, 3, lambda s, x: progress(s, 0.7 + 0.1 * x))
+        refine(far, 2, lambda s, x: progress(s, 0.7 + 0.05 * x))
+        far = firmer(far)
+        refine(far, 2, lambda s, x: progress(s, 0.75 + 0.05 * x))
         new = begin(far)
         paired(_likeliest(searches[e].weighed() for e in new)[:1], 0.8)
         found = contend(0.9)
@@ -164,14 +184,7 @@ def _calibration(other: Search, linear: Linear) -> Hypothesis:
     h = other.weighed()
     mine, usual = other.linear.tangent, linear.tangent
     more = [one.left_of_the_prior(TEMPERATURE) - one.shrunk for one in (mine, usual)]
-    return Hypothesis((CALIBRATION,), h.log_evidence + more[0] - more[1], cost=h.cost)
-
-
-def unknown(problem: Problem) -> Hypothesis:
-    """Something outside of the catalogue."""
-    sizes = [replace(problem.error, change=change) for change in SURPRISES]
-    evidence = [Linear(problem, error, effects=False).evidence() for error in sizes]
-    return Hypothesis((UNKNOWN,), float(logsumexp(evidence) - np.log(len(evidence))))
+    return Hypothesis((CALIBRATION,), h.log_evidence + more[0] - more[1], cost=h.cost, left=h.left, misfit=h.misfit)
 
 
 def other_calibration(problem: Problem) -> Search:
@@ -209,14 +222,22 @@ def without(linear: Linear, recordings: Sequence[int], hypothesis: Hypothesis) -
 def weigh(
     hypotheses: Sequence[Hypothesis], prior: Mapping[tuple[str, ...], float], temperature: float = TEMPERATURE
 ) -> list[Hypothesis]:
-    """``hypotheses`` with their probabilities, the likeliest first.
+    """``hypotheses`` with their probabilities, the likeliest first; *unknown* joins them, where they say how well they fit.
 
-    What a hypothesis fits better than nothing does is tempered (Miller and Dunson 2019): by ``temperature``, and, as no twin
-    shows a deviation exactly as its machine does, nor is any search perfect, by the share :data:`DOUBT` of all the evidence
-    that there is a gap. What its freedom costs counts in full.
+    What a hypothesis fits better than nothing does is tempered (Miller and Dunson 2019): by ``temperature``, the more, the
+    more the best one leaves beside what is usual, which is the size of the error that the data themselves show; and, as no
+    twin shows a deviation exactly as its machine does, nor is any search perfect, by the share :data:`DOUBT` of all the
+    evidence that there is a gap. What its freedom costs counts in full.
+
+    The mean square that the right cause leaves has a known distribution (:data:`FIT`). That something unknown is there
+    beside a hypothesis has a prior probability, and makes it larger.
     """
     nothing = next(h for h in hypotheses if not h.effects)
-    temperature += DOUBT * max(max(h.log_evidence for h in hypotheses) - nothing.log_evidence, 0.0)
+    best = max(hypotheses, key=lambda h: h.log_evidence)
+    if best.misfit:
+        parts = [(square / FIT[kind][0], count) for kind, (square, count) in best.misfit.items()]
+        temperature *= sum(ratio * count for ratio, count in parts) / sum(count for _, count in parts)
+    temperature += DOUBT * max(best.log_evidence - nothing.log_evidence, 0.0)
 
     def tempered(h: Hypothesis) -> float:
         better = h.log_evidence - nothing.log_evidence
@@ -225,10 +246,31 @@ def weigh(
         fits = 0.5 * (nothing.cost - h.cost)
         return fits / temperature + (better - fits) + prior[h.effects]
 
-    logs = np.array([tempered(h) for h in hypotheses])
+    evidence = np.array([tempered(h) for h in hypotheses])
+    alone, beside = np.transpose([fitting(h.misfit) for h in hypotheses])
+    logs = evidence + alone
+    shows = [bool(h.misfit) for h in hypotheses]
+    if any(shows):
+        hypotheses = [*hypotheses, Hypothesis((UNKNOWN,), best.log_evidence, cost=best.cost)]
+        logs = np.append(logs, logsumexp((evidence + beside)[shows]) + prior[UNKNOWN,])
     probabilities = np.exp(logs - logsumexp(logs))
     weighed = [replace(h, probability=float(p)) for h, p in zip(hypotheses, probabilities, strict=True)]
     return sorted(weighed, key=lambda h: -h.probability)
+
+
+def fitting(misfit: Mapping[str, tuple[float, int]]) -> tuple[float, float]:
+    """Log density of how well something fits if it is all that there is, and if something unknown is there beside it, which
+    shows or does not in any kind of channel. Better than usual is as good as usual."""
+    alone = beside = 0.0
+    for kind, (square, count) in misfit.items():
+        usual, spread = FIT[kind]
+        beyond = max(np.log(square / usual), 0.0)
+        spread = np.hypot(spread, np.sqrt(2.0 / count))
+        as_usual = float(norm.logpdf(beyond, scale=spread))
+        shown = float(expon.logpdf(beyond, scale=SURPRISE[kind])) if beyond > 0.0 else -np.inf
+        alone += as_usual
+        beside += float(np.logaddexp(as_usual, shown)) - np.log(2.0)
+    return alone, beside
 
 
 def log_priors(names: Iterable[str]) -> dict[tuple[str, ...], float]:
@@ -241,6 +283,10 @@ def log_priors(names: Iterable[str]) -> dict[tuple[str, ...], float]:
     return {h: float(np.log(PRIOR[kind] / len(those))) for kind, those in kinds.items() for h in those}
 
 
-def fit_p(linear: Linear, hypothesis: Hypothesis) -> float:
-    """Probability of residuals at least as large as those of a fitted hypothesis, if it holds."""
-    return float(np.asarray(chi2.sf(hypothesis.cost, len(linear.residual) - len(hypothesis.places))))
+def fit_p(hypothesis: Hypothesis) -> float:
+    """Probability that a refined hypothesis fits no better in any kind of channel, if it holds (:data:`FIT`)."""
+    squares = 0.0
+    for kind, (square, count) in hypothesis.misfit.items():
+        usual, spread = FIT[kind]
+        squares += max(np.log(square / usual), 0.0) ** 2 / (spread**2 + 2.0 / count)
+    return float(np.asarray(chi2.sf(squares, len(hypothesis.misfit))))

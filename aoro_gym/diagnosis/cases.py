@@ -6,7 +6,7 @@ a day-one case has none, and nothing is wrong with its plant only where the twin
 
 All is drawn by a seed. The family ``development`` is for tuning, ``score`` for what is reported: their plants descend from
 different machines, are told to do other things, and no seed gives both the same, as it is mixed with the family's name.
-Level 2 and half of the deviations outside the catalogue come in ``score`` only.
+Level 2 and half of the deviations outside the catalogue come in ``score`` only, level 3 in ``development``.
 """
 
 from __future__ import annotations
@@ -55,11 +55,11 @@ MOVED = 0.25
 """The same where nuisances alone are to make the gap: half of the prior."""
 
 AIR = (3e-3, 1e-2)
-"""Share of free air in the oil of a plant at level 1 or 2: the upper part of the machine file's range, about the 0.5 % that
+"""Share of free air in the oil of a plant above level 0: the upper part of the machine file's range, about the 0.5 % that
 simulators take where nothing is known (S17, S18). With less, level 1 hardly differs from level 0."""
 
 FRICTION = (1.2, 1.6)
-"""Factor by which seals and joint of a plant at level 1 or 2 rub more, or less (estimate), within the file's ranges."""
+"""Factor by which seals and joint of a plant above level 0 rub more, or less (estimate), within the file's ranges."""
 
 TRIES = 100
 """Draws of a machine before it counts as impossible to vary."""
@@ -159,7 +159,7 @@ class Case:
         level: Of the plant's laws.
         twin: Machine file that the user has.
         hidden: Deviations.
-        baseline: What a plant at level 1 or 2 has for its own, healthy or not: values by key, in the file's units.
+        baseline: What a plant above level 0 has for its own, healthy or not: values by key, in the file's units.
         healthy: The plant on the day of its commissioning; None on day one.
         later: The plant on the day that is to be explained, without its deviations.
         trials: What it does, the same on both days.
@@ -286,7 +286,7 @@ FAMILIES: Mapping[str, Family] = {
         ),
         Family(
             "development",
-            levels=(0, 1),
+            levels=(0, 1, 3),
             members=("01", "03", "05", "07"),
             outside=OUTSIDE[::2],
             trials=partial(protocol, reach=(0.45, 0.8), drive=(0.1, 0.2), driven=0.25),
@@ -399,7 +399,7 @@ def _varied(machine: Machine, rng: np.random.Generator, spread: Callable[[Parame
 
 
 def _baseline(machine: Machine, rng: np.random.Generator) -> dict[str, float]:
-    """Air and friction, by key, that make a plant of level 1 or 2 another machine even with nothing wrong."""
+    """Air and friction, by key, that make a plant above level 0 another machine even with nothing wrong."""
     values = {"oil.gas_fraction": float(np.exp(rng.uniform(*np.log(AIR))))}
     for key in ("steering.cylinder.seal_preload", "joint.friction_torque"):
         entry = machine.entries[key]

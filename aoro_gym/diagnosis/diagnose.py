@@ -102,7 +102,8 @@ def diagnose(
 
     references, twin, uncertain, misfit = None, given, None, None
     if healthy:
-        fit = Problem(healthy, Nuisances(given, "commissioning"), {}, error=ERROR, noise=noise, simulator=simulator)
+        near = Nuisances(given, "commissioning")
+        fit = Problem(healthy, near, {}, error=ERROR, noise=noise, simulator=simulator, sound=True)
         tangent = settle(fit, STAGES, lambda s, share: progress(s, 0.3 * share))
         noise, misfit = fit.louder(), fit.misfits()
         references, twin, uncertain = references_of(fit), fit.machine, fit.uncertain(tangent.covariance)
@@ -144,7 +145,7 @@ def diagnose(
         components=components,
         causes=causes,
         declared_set=declared_of(hypotheses),
-        fit_test_p=None if best is None else fit_p(linear, best),
+        fit_test_p=None if best is None else fit_p(best),
         shrinkage=shrunk,
         controls=controls,
         key_figures={} if fitted is None else key_figures(problem, Variants(twin), fitted),

@@ -24,7 +24,7 @@ DRAWS = 2000
 """Of the posterior, for intervals of magnitudes."""
 WIDER = 1.5
 """Factor on the standard deviations of places (E)."""
-LAWS = 0.33
+LAWS = 0.25
 """Standard deviation of the logarithm of a size, beside what the data leave open: laws of the machine are not those of the
 twin, which finds the size of an effect in its own. Holds nine of ten in cases of the development family (E)."""
 MOVED = 1.0

@@ -10,12 +10,13 @@ singles and all pairs follow from one Gram matrix.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import block_diag, cho_factor, cho_solve
 
 from aoro_gym.diagnosis.axes import PRIOR_INFORMATION, Shift, volume
@@ -165,6 +166,7 @@ class Hypothesis:
     tangent: Tangent | None = None  # of the nuisances there
     refined: bool = False
     probability: float = 0.0
+    misfit: Mapping[str, tuple[float, int]] = field(default_factory=dict)  # see Linear.misfit
 
 
 class Linear:
@@ -195,6 +197,17 @@ class Linear:
         """Log evidence of the nuisances alone, with all constants that depend on the error of the twin."""
         fit = self.tangent.projected(self.residual, self.residual)
         return float(-0.5 * fit) + self.tangent.shrunk - self.log_volume
+
+    @cached_property
+    def kinds(self) -> dict[str, NDArray[np.bool_]]:
+        """Whitened samples (D,) by kind of channel."""
+        kinds = [self.problem.kinds.get(name, "") for _, name in self.problem.blocks]
+        of = np.repeat(kinds, [len(w.factor) for w in self.whiteners])
+        return {kind: of == kind for kind in dict.fromkeys(kinds) if kind}
+
+    def misfit(self, left: Floats) -> dict[str, tuple[float, int]]:
+        """By kind of channel: mean square of a whitened residual (D,), and of how many samples it is."""
+        return {kind: (float(np.mean(left[its] ** 2)), int(its.sum())) for kind, its in self.kinds.items() if its.any()}
 
     def shift(self, effects: Sequence[str], places: Floats, derivative: int = 0) -> list[Floats]:
         """Shift (D,) of every axis of ``effects`` at its place, or its derivative by it."""

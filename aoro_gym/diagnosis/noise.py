@@ -44,6 +44,8 @@ MERGED = 2
 """Samples that are averaged before anything is compared: fifty a second show all that a joint of ten tonnes does."""
 SWING = 21
 """Samples over which a pressure's swing is taken."""
+NOISY_SWING = 5.0
+"""Standard deviations of noise that a swing may have of noise alone; 3.8 are expected of :data:`SWING` normal samples."""
 ENVELOPE = 15
 """Samples over which the size of a residual is taken."""
 
@@ -61,12 +63,9 @@ class ModelError:
     phase: float = 0.0
 
     def scaled(self, factor: float) -> ModelError:
-        """Rate and pressure times ``factor``: what a reference takes away, but for fast swings."""
-        return replace(self, rate=factor * self.rate, pressure=factor * self.pressure)
-
-    def larger(self, factor: float) -> ModelError:
-        """Rate, pressure and swing times ``factor``."""
-        return replace(self.scaled(factor), swing=factor * self.swing)
+        """All but what is seen beyond the prediction times ``factor``."""
+        sizes = {name: factor * getattr(self, name) for name in ("rate", "pressure", "swing", "phase")}
+        return replace(self, **sizes)
 
 
 @dataclass(frozen=True)
@@ -147,6 +146,7 @@ def whitener(
     repeats: float = np.inf,
     since: Floats | None = None,
     counts: NDArray[np.bool_] | None = None,
+    healthy: Floats | None = None,
 ) -> Whitener:
     """Whitener of a channel whose twin shows ``predicted`` (F,) SI.
 
@@ -159,6 +159,7 @@ def whitener(
         repeats: Recordings whose mean residual was subtracted; its noise adds to this one's.
         since: Time (F,) [s] since the last event, by default that since the first sample.
         counts: Samples (F,) that are compared; all by default.
+        healthy: What the healthy machine showed (F,) SI: where it sways more than the twin, that much is as uncertain.
     """
     count = len(predicted)
     covariance = (1.0 + 1.0 / repeats) * toeplitz(noise.covariance[:count])
@@ -174,9 +175,12 @@ def whitener(
         delay = error.rate**2 * np.cumsum(np.cumsum(wander, axis=0), axis=1)
         covariance += np.outer(change, change) * delay
         spread = error.pressure * maximum_filter1d(np.abs(predicted - predicted[0]), 9)
-        swing = maximum_filter1d(predicted, SWING) - minimum_filter1d(predicted, SWING)
+        swing, pace = _swing(predicted), _pace(predicted)
+        if healthy is not None:
+            swing = np.maximum(swing, _swing(healthy) - NOISY_SWING * noise.std)
+            pace = np.maximum(pace, _pace(healthy))
         time = TICK * np.arange(count) if since is None else since
-        late = error.phase * time / TICK * maximum_filter1d(np.abs(change), SWING)
+        late = error.phase * time / TICK * pace
         spread += error.swing * swing + np.minimum(late, 0.5 * swing)
         memory = np.exp(-lag / PRESSURE_MEMORY)
         covariance += np.outer(spread, spread) * memory
@@ -188,6 +192,16 @@ def whitener(
     kept = np.ones(count // MERGED, dtype=bool) if counts is None else counts[: count // MERGED * MERGED : MERGED]
     compared = merged(merged(covariance).T)[np.ix_(kept, kept)]
     return Whitener(cholesky(compared, lower=True, overwrite_a=True, check_finite=False), kept)
+
+
+def _swing(values: Floats) -> Floats:
+    """Largest less least value (F,) within :data:`SWING` samples."""
+    return maximum_filter1d(values, SWING) - minimum_filter1d(values, SWING)
+
+
+def _pace(values: Floats) -> Floats:
+    """Largest change a tick (F,) within :data:`SWING` samples."""
+    return maximum_filter1d(np.abs(np.gradient(values)), SWING)
 
 
 def _envelope(seen: Floats, noise: float) -> Floats:

@@ -52,6 +52,11 @@ JUMP = 0.1
 """Change of a command within a tick that is an event: all sways anew."""
 CLOCKED = ("joint_angle", "pressure_a", "pressure_b", "pump_pressure")
 """Signals that the joint's arrival at a stop shows in."""
+KINDS: Mapping[str, str] = {
+    "joint_angle": "angle", "pressure_a": "pressure", "pressure_b": "pressure", "pump_pressure": "pressure",
+    "drive_pressure_forward": "pressure", "drive_pressure_return": "pressure",
+}  # fmt: skip
+"""Of channels, by name."""
 SWAY = 15
 """Standard deviation, in samples, of the window that parts a signal's sway, of about 3 Hz, from its slow course."""
 KNOWN = 0.3
@@ -86,7 +91,11 @@ class Problem:
         noise: By channel; from the recordings' standstill by default.
         misfit: Factor on the twin's own error by channel; one by default.
         simulator: Runs the twins; on the CPU by default.
+        sound: Nothing is wrong in the recordings: where they sway more than the twin, so much is as uncertain.
     """
+
+    kinds: Mapping[str, str] = KINDS
+    """Of the channels that show by how much a hypothesis fits worse than the right cause does."""
 
     def __init__(
         self,
@@ -99,6 +108,7 @@ class Problem:
         noise: Mapping[str, Noise] | None = None,
         misfit: Mapping[str, float] | None = None,
         simulator: Simulator | None = None,
+        sound: bool = False,
     ):
         self.recordings = tuple(recordings)
         self.nuisances = nuisances
@@ -106,6 +116,7 @@ class Problem:
         self.error = error
         self.references = dict(references or {})
         self.simulator = simulator or Simulator()
+        self.sound = sound
         self.signals = tuple(name for name in SIGNALS if any(name in r.channels for r in self.recordings))
         longest = max(len(r.channels["joint_angle"]) for r in recordings)
         self.misfit = dict(misfit or {})
@@ -155,15 +166,18 @@ class Problem:
     def _read(self, index: int, name: str, known: Reference) -> Floats:
         """A healthy machine's residual (F,) on the clock of a recording: all that is slow in it, and what is fast as far as
         the two machines sway in step."""
-        residual, healthy = known.residual, known.shown
-        if name in CLOCKED:
-            both = np.stack([residual, healthy], axis=1)
-            own = np.full(2, float(known.arrival))
-            steering = self.recordings[index].commands[:, 0]
-            residual, healthy = on_clock(both, own, self.arrivals[index], steering).T
+        residual, healthy = self._aligned(index, name, known)
         slow = gaussian_filter1d(residual, SWAY)
         mine = self.recordings[index].channels[name].astype(np.float64)
         return slow + in_step(mine, healthy, self.noise[name].std) * (residual - slow)
+
+    def _aligned(self, index: int, name: str, known: Reference) -> tuple[Floats, Floats]:
+        """Residual and signal (F,) of a healthy machine on the clock of a recording."""
+        if name not in CLOCKED:
+            return known.residual, known.shown
+        both = np.stack([known.residual, known.shown], axis=1)
+        steering = self.recordings[index].commands[:, 0]
+        return tuple(on_clock(both, np.full(2, float(known.arrival)), self.arrivals[index], steering).T)
 
     def _counting(self, index: int, channel: str) -> NDArray[np.bool_]:
         """Samples (F,) of a recording that are compared: all but the bounce. Where only one of the recording and the given
@@ -196,7 +210,7 @@ class Problem:
         """The same problem with other recordings, not learned."""
         other = Problem(
             recordings, self.nuisances, self.effects, error=self.error, references=self.references, noise=self.noise,
-            misfit=self.misfit, simulator=self.simulator,
+            misfit=self.misfit, simulator=self.simulator, sound=self.sound,
         )  # fmt: skip
         other.felt, other._chosen = self.felt, True
         return other
@@ -365,12 +379,14 @@ class Problem:
         for (index, name), mine, seen in parts:
             known = self.references.get((self.recordings[index].signature, name))
             noise, since, counts = self.noise[name], self._since[index], self._counting(index, name)
-            own = error.larger(self.misfit.get(name, 1.0))
+            own = error.scaled(self.misfit.get(name, 1.0))
             of = {"seen": seen, "since": since, "counts": counts}
             if known is None:
-                out.append(whitener(noise, name, mine, own, **of))
+                shown = self.recordings[index].channels[name].astype(np.float64) if self.sound else None
+                out.append(whitener(noise, name, mine, own, healthy=shown, **of))
             else:
-                out.append(whitener(noise, name, mine, own.scaled(KNOWN), repeats=known.repeats, **of))
+                _, healthy = self._aligned(index, name, known)
+                out.append(whitener(noise, name, mine, own.scaled(KNOWN), repeats=known.repeats, healthy=healthy, **of))
         return out
 
     def white(self, whiteners: Sequence[Whitener], stacked: Floats) -> Floats:

@@ -18,7 +18,8 @@ RESULT, FAILED = "diagnosis.json", "error.txt"
 """Files of a case's folder: one of them once it was diagnosed."""
 
 Diagnose = Callable[..., Any]
-"""``diagnose(place, out, *, sensors, device)`` reads the case at ``place`` and writes its result into the folder ``out``."""
+"""``diagnose(place, out, *, sensors, device)`` reads the case at ``place`` and writes its result into the folder ``out``,
+whole or not at all: it may be killed at any time."""
 
 
 def logged_sensors(folder: Path) -> str:

@@ -238,8 +238,9 @@ class Search:
             covariance = np.linalg.inv(information + PRIOR_INFORMATION * np.eye(len(z)))
         places = tuple(map(float, z))
         return Hypothesis(
-            self.effects, log_evidence, places, u, covariance, self.cost, self.residual, self.slopes, tangent, True
-        )
+            self.effects, log_evidence, places, u, covariance, self.cost, self.residual, self.slopes, tangent, True,
+            misfit=self.linear.misfit(self.residual),
+        )  # fmt: skip
 
 
 def refine(searches: Sequence[Search], rounds: int, progress: Progress = lambda sentence, share: None) -> None:

@@ -27,11 +27,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
+from scipy.stats import chi2
 
 from aoro_gym.calibration.procedure import CURVE_SOURCE
 from aoro_gym.calibration.published import FIGURES_SOURCE
 from aoro_gym.calibration.turns import PATIENCE, longest
-from aoro_gym.diagnosis.attribution import SURPRISES, fit_p, log_priors, weigh
+from aoro_gym.diagnosis.attribution import log_priors, weigh
 from aoro_gym.diagnosis.axes import PRIOR_INFORMATION
 from aoro_gym.diagnosis.diagnose import ERROR, LISTED, SURVIVING
 from aoro_gym.diagnosis.experiments import next_experiments
@@ -93,6 +94,8 @@ MOST_LISTED = 12
 """Causes that are listed, the likeliest: of those that few figures cannot tell apart there are hundreds."""
 DRAWS = 32
 """Machines drawn from the posterior, for intervals of what is gone."""
+SURPRISES = (0.3, 0.6, 1.2)
+"""Sizes of an unknown cause, as shares of the gap that is seen."""
 GAP = 0.01
 """Probability of figures as far off as these without a gap, below which there is one. Few figures cannot prove parameters
 within wide ranges against a twin that was made to agree: without a test of its own *nothing* would be named although it is
@@ -251,6 +254,8 @@ class Turns(Problem):
     Raises:
         ValueError: figures cannot be those of this machine, or the twin does not complete a turn.
     """
+
+    kinds: Mapping[str, str] = {}
 
     def __init__(
         self,
@@ -487,6 +492,11 @@ def unknown(problem: Turns) -> Hypothesis:
         evidence.append(-0.5 * costs[-1] + tangent.shrunk - linear.log_volume)
     whole = float(np.logaddexp.reduce(evidence)) - float(np.log(len(evidence)))
     return Hypothesis((UNKNOWN,), whole, cost=costs[int(np.argmax(evidence))])
+
+
+def fit_p(linear: Linear, hypothesis: Hypothesis) -> float:
+    """Probability of residuals at least as large as those of a fitted hypothesis, if it holds."""
+    return float(np.asarray(chi2.sf(hypothesis.cost, len(linear.residual) - len(hypothesis.places))))
 
 
 # ---- the diagnosis ----

@@ -352,10 +352,8 @@ def _sure(diagnosis: Diagnosis) -> str:
         best = [f"{probability(one.probability)} for {title(one.effects)}" for one in diagnosis.causes[:2]]
         sentences.append(f"{'; '.join(best)}.")
     if diagnosis.fit_test_p is not None:
-        left = (
-            "More is left than noise explains" if diagnosis.fit_test_p < LEAST_FIT else "What is left looks like noise"
-        )
-        sentences.append(f"{left} ({p_value(diagnosis.fit_test_p)}).")
+        left = "More is left than" if diagnosis.fit_test_p < LEAST_FIT else "What is left is no more than"
+        sentences.append(f"{left} the right cause would leave ({p_value(diagnosis.fit_test_p)}).")
     return " ".join(sentences) or "No hypothesis was weighed."
 
 

@@ -11,6 +11,7 @@ from aoro_gym.diagnosis.noise import (
     ENVELOPE,
     LEAST,
     MERGED,
+    NOISY_SWING,
     PRESSURE_MEMORY,
     RATE_MEMORY,
     SWING,
@@ -171,6 +172,44 @@ def test_a_twin_that_sways_otherwise_is_soon_out_of_phase():
     inner = slice(SWING // MERGED, -SWING // MERGED)  # where windows are whole
     exact = merged(wandering(size, PRESSURE_MEMORY) + QUIET * np.eye(count))
     np.testing.assert_allclose((factor @ factor.T)[inner, inner], exact[inner, inner], rtol=1e-9)
+
+
+def test_what_the_healthy_machine_sways_beyond_its_twin_counts():
+    """A flat prediction and a healthy sine of amplitude A, in noise σ: swing·(2A − 5σ), and phase·t of its steepest
+    slope, up to half of the first bracket."""
+    count, amplitude, period, sigma = 300, 8e5, 16, 0.2e5
+    turn = 2.0 * np.pi / period  # a tick; a window of SWING samples holds a whole period
+    healthy = 60e5 + amplitude * np.sin(turn * np.arange(count, dtype=np.float64))
+    swing = 2.0 * amplitude - NOISY_SWING * sigma
+    pace = amplitude * np.sin(turn)  # central difference where the sine is steepest
+    time = TICK * np.arange(count) % 1.5
+    late = np.minimum(0.02 * time / TICK * pace, 0.5 * swing)
+    assert late[20] < 0.5 * swing == late[140]
+    exact = merged(wandering(0.1 * swing + late, PRESSURE_MEMORY) + sigma**2 * np.eye(count))
+    found = swayed(np.full(count, 60e5), healthy, sigma, time)
+    inner = slice(SWING // MERGED, -SWING // MERGED)  # where windows are whole
+    np.testing.assert_allclose(found[inner, inner], exact[inner, inner], rtol=1e-6)
+
+
+def test_noise_of_the_healthy_machine_is_no_sway_nor_is_less_sway_than_the_twin_s():
+    rng = np.random.default_rng(5)
+    sigma, time = 0.2e5, np.zeros(300)
+    alone = 60e5 + sigma * rng.standard_normal(300)
+    # five standard deviations lie between the least and the largest of 21 normal samples in one window of fifty
+    quiet = np.diag(swayed(np.full(300, 60e5), alone, sigma, time)) * MERGED - sigma**2
+    assert np.mean(quiet > 1e-9 * sigma**2) < 0.15
+    assert np.max(quiet) < (0.1 * sigma) ** 2 * MERGED
+    predicted = 60e5 + 8e5 * np.sin(0.4 * np.arange(300))
+    less = 60e5 + 4e5 * np.sin(0.4 * np.arange(300))
+    np.testing.assert_array_equal(swayed(predicted, less, sigma, time), swayed(predicted, None, sigma, time))
+
+
+def swayed(predicted: Floats, healthy: Floats | None, sigma: float, since: Floats) -> Floats:
+    """Covariance of merged samples of a pressure, with errors of a swing and of the phase."""
+    noise = Noise(np.r_[sigma**2, np.zeros(len(predicted) - 1)])
+    error = ModelError(0.0, 0.0, swing=0.1, phase=0.02)
+    factor = whitener(noise, "pressure_a", predicted, error, since=since, healthy=healthy).factor
+    return factor @ factor.T
 
 
 def test_what_does_not_count_is_not_there():

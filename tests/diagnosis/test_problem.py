@@ -222,15 +222,40 @@ def compared(problem: Problem, recording: Recording) -> NDArray[np.bool_]:
 
 
 def test_a_reference_takes_away_most_of_the_twin_s_error():
-    """The share KNOWN of rate and pressure is left, not of swings."""
+    """The share KNOWN is left."""
     twin, error = synthetic(), ModelError(0.02, 0.03, 0.1)
     references = references_of(centred([twin], [twin]))
     problem = centred([twin], [twin], references=references)
     problem.error = error
-    left = ModelError(KNOWN * 0.02, KNOWN * 0.03, 0.1)
+    left = ModelError(KNOWN * 0.02, KNOWN * 0.03, KNOWN * 0.1)
     for (_, name), found in zip(problem.blocks, problem.whiteners(error, problem.predicted), strict=True):
         expected = whitener(NOISE[name], name, twin.channels[name], left, repeats=1, counts=compared(problem, twin))
         np.testing.assert_allclose(found.factor, expected.factor, rtol=1e-9, atol=1e-12 * expected.factor[0, 0])
+
+
+def test_where_a_healthy_machine_sways_more_than_its_twin_that_counts():
+    """In the later recordings by the references, in the healthy ones themselves where nothing is wrong with them."""
+    twin, error = synthetic(), ModelError(0.0, 0.0, 0.1, 0.0, 0.002)
+    sway = {"joint_angle": np.zeros(twin.ticks + 1), "pressure_a": 5e5 * np.sin(0.4 * np.arange(twin.ticks + 1))}
+    healthy = with_residual(twin, sway)
+    references = references_of(centred([healthy], [twin]))
+    for problem, left in (
+        (centred([twin], [twin], references=references), error.scaled(KNOWN)),
+        (centred([healthy], [twin], sound=True), error),
+        (centred([healthy], [twin]), None),
+    ):
+        found = dict(
+            zip((name for _, name in problem.blocks), problem.whiteners(error, problem.predicted), strict=True)
+        )
+        for name in sway:
+            repeats = {"repeats": 1} if problem.references else {}
+            expected = whitener(
+                NOISE[name], name, twin.channels[name], left or error, since=problem._since[0],
+                counts=compared(problem, twin), healthy=None if left is None else healthy.channels[name], **repeats,
+            )  # fmt: skip
+            np.testing.assert_allclose(
+                found[name].factor, expected.factor, rtol=1e-9, atol=1e-9 * expected.factor[0, 0]
+            )
 
 
 def test_a_healthy_recording_s_own_clock_and_zeros_are_no_reference():

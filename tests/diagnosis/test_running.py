@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 from aoro_gym.cli import app
 from aoro_gym.diagnosis import running
 from aoro_gym.diagnosis.running import diagnoses_folder, read_diagnoses, run_cases
+from aoro_gym.diagnosis.sealing import write_json
 from tests.diagnosis.suites import write_suite
 
 
@@ -19,7 +20,7 @@ def stand_in(place, out, *, sensors, device):
         raise ValueError("the log is too short")
     if place.name == "004" and not mended:
         return
-    (out / "diagnosis.json").write_text(json.dumps({"verdict": "no_gap", "sensors": sensors, "device": device}))
+    write_json(out / "diagnosis.json", {"verdict": "no_gap", "sensors": sensors, "device": device})
 
 
 @pytest.fixture

@@ -24,8 +24,8 @@ from aoro_gym.diagnosis.plants.fluid import (
 )
 from aoro_gym.diagnosis.plants.friction import (
     BEARING_RATIO,
-    brown_mcphee,
     clipped,
+    dry_law,
     prandtl_force,
     stribeck_level,
 )
@@ -37,8 +37,10 @@ VOLUMES = slice(0, 11)
 LS, SPOOL, COMPENSATOR, SWASH, ENGINE, GOVERNOR, TORQUE, DRIVE_SWASH = range(11, 19)
 PIN_ANGLE, PIN_RATE = 19, 20
 NODES, COLUMNS = slice(21, 25), slice(25, 29)
+VALVES, WALLS, LEGS = slice(21, 23), slice(23, 25), slice(25, 27)
 """Rows of the state. Pins exist where a joint is elastic; nodes (valve A, valve B, middle A, middle B) and columns of oil
-(valve to middle A, B, middle to cylinder A, B) where hoses are distributed."""
+(valve to middle A, B, middle to cylinder A, B) where hoses are distributed (level 2); nodes at the valve, what their walls
+have stretched slowly [m³], and one column of oil a side, where hoses are in two halves (level 3)."""
 
 OPERATING = 1e-3
 """Flow [m³/s], 60 L/min, at which resistances are stated."""
@@ -57,6 +59,10 @@ PIN_STIFFNESS = 1.3e7
 
 LEAST_COMPLIANCE = 1e-8
 """[rad/(N m)] below which a frame's flexibility cannot be stepped, nor seen: 0.005° at 10 kN m."""
+
+
+SLOW_SHARE, SLOW_TIME = 0.4, 0.02
+"""Share of a hose's wall that stretches late, and its time constant [s] (level 3, estimates; rubber: 10 to 100 ms)."""
 
 
 @dataclass(frozen=True)
@@ -117,6 +123,9 @@ class Circuits:
         self.runs = len(p["oil.bulk_modulus"])
         self.elastic = (p["joint.play"] > 0.0) | (p["joint.compliance"] > 0.0)
         self.hoses = level >= 2
+        self.cells = 1 if level == 3 else 2  # of a hose, beside its end at the cylinders
+        self.nodes = VALVES if level == 3 else NODES
+        self.dry = dry_law(level)
         self.pocket = p["steering.pocket_a"]
         self._first, self._rest, self._times = Chebyshev(stages).steps()
         self._valve()
@@ -124,7 +133,9 @@ class Circuits:
         self._driveline()
         self._engine()
         self._seals()
-        self.rows = COLUMNS.stop if self.hoses else PIN_RATE + 1 if self.elastic.any() else PIN_ANGLE
+        self.rows = PIN_RATE + 1 if self.elastic.any() else PIN_ANGLE
+        if self.hoses:
+            self.rows = COLUMNS.stop if self.cells == 2 else LEGS.stop
 
     # ------------------------------------------------------------------------------------------------------- constants
     def _valve(self) -> None:
@@ -202,14 +213,14 @@ class Circuits:
         self.void /= p["oil.bulk_modulus"]
         self.least = p["oil.void_pressure"]
         if self.hoses:
-            # three volumes a side, the last joined to the cylinders; two columns of oil between them
-            third, area = hose / 3.0, 2.0 * 0.25 * np.pi * HOSE_BORE**2
-            self.hose_volume, self.hose_wall = third, wall / 3.0
-            self.hose_void = third / p["oil.bulk_modulus"]
-            self.volume[PORT_A:RETURN] -= 2.0 * third
-            self.wall[PORT_A:RETURN] -= 2.0 * self.hose_wall
+            # two volumes a side or three, the last joined to the cylinders; columns of oil between them
+            part, area = hose / (self.cells + 1), 2.0 * 0.25 * np.pi * HOSE_BORE**2
+            self.hose_volume, self.hose_wall = part, wall / (self.cells + 1)
+            self.hose_void = part / p["oil.bulk_modulus"]
+            self.volume[PORT_A:RETURN] -= self.cells * part
+            self.wall[PORT_A:RETURN] -= self.cells * self.hose_wall
             length = hose / area
-            self.column = density(p["oil.celsius"]) * 0.5 * length / area  # inertance [Pa s²/m³]
+            self.column = density(p["oil.celsius"]) * length / self.cells / area  # inertance [Pa s²/m³]
             radius_squared = 0.25 * HOSE_BORE**2
             self.column_decay = UNSTEADY * 8.0 * viscosity(p["oil.celsius"]) / radius_squared  # [1/s]
 
@@ -288,7 +299,9 @@ class Circuits:
         if self.rows > PIN_ANGLE:
             y[PIN_ANGLE] = angle
         if self.hoses:
-            y[NODES] = self.back_pressure
+            y[self.nodes] = self.back_pressure
+        if self.cells == 1:
+            y[WALLS] = SLOW_SHARE * self.hose_wall * self.back_pressure
         return y
 
     def loads(
@@ -335,11 +348,11 @@ class Circuits:
             return torque + prandtl_force(stretch, rate, *self.presliding, self.capacity(at, angle, rate, p_a, p_b))
         bearing = self.bearing_torque(angle)
         lever = self.cylinders.mean_lever
-        torque += brown_mcphee(lever * rate, bearing / BEARING_RATIO, bearing)
+        torque += self.dry(lever * rate, bearing / BEARING_RATIO, bearing)
         pressed = np.maximum(p_a, 0.0) + np.maximum(p_b, 0.0)
         for arm in (at.right, at.left):
             sliding, static = self.seal_levels(arm, rate, pressed)
-            torque += brown_mcphee(np.abs(arm) * rate, sliding, static)
+            torque += self.dry(np.abs(arm) * rate, sliding, static)
         return torque
 
     def capacity(self, at: Displacement, angle: Array, rate: Array, p_a: Array, p_b: Array) -> Array:
@@ -456,7 +469,7 @@ class Circuits:
         # where the valve meets the ports: at the cylinders, or at the hoses' other end
         valve_a, valve_b = port_a, port_b
         if self.hoses:
-            nodes = np.maximum(y[NODES], self.least)
+            nodes = np.maximum(y[self.nodes], self.least)
             valve_a, valve_b = nodes[0], nodes[1]
 
         # spool, curve, compensator and edges
@@ -498,7 +511,15 @@ class Circuits:
             - inflow
         )
         net[RETURN] = outflow + out_of_ports[0] + out_of_ports[1] - to_tank + from_tank
-        if self.hoses:
+        if self.hoses and self.cells == 1:
+            legs = y[LEGS]
+            out[WALLS] = (SLOW_SHARE * self.hose_wall * nodes - y[WALLS]) / SLOW_TIME
+            yielding = self.hose_volume * self.oil.compressibility(nodes) + (1.0 - SLOW_SHARE) * self.hose_wall
+            gained = np.stack([into_a, into_b]) - legs - out[WALLS]
+            out[VALVES] = gained / np.where(y[VALVES] > self.least, yielding, self.hose_void)
+            out[LEGS] = (nodes - np.stack([port_a, port_b])) / self.column - self.column_decay * legs
+            into_a, into_b = legs[0], legs[1]
+        elif self.hoses:
             columns = y[COLUMNS]
             gained = np.stack([into_a, into_b, columns[0], columns[1]]) - columns
             yielding = self.hose_volume * self.oil.compressibility(nodes) + self.hose_wall

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from aoro_gym.diagnosis.plants.bodies import Bodies
 from aoro_gym.diagnosis.plants.circuits import OPERATING, PORT_A, Circuits
 from aoro_gym.diagnosis.plants.fluid import Array, Constants, Oil, density, orifice, viscosity
-from aoro_gym.diagnosis.plants.friction import BEARING_RATIO, brown_mcphee, stribeck_level
+from aoro_gym.diagnosis.plants.friction import BEARING_RATIO, dry_law, stribeck_level
 from aoro_gym.diagnosis.plants.plant import STAGES, Plant, delay
 from aoro_gym.diagnosis.plants.sensors import angle_chain, half_gain_time
 from aoro_gym.diagnosis.plants.tires import NOMINAL_LOAD, SCRUB_ANGLE, Tires
@@ -200,7 +200,7 @@ def _back_pressure(constants: Constants, level: int) -> Array:
 
 def _wall(constants: Constants, level: int) -> Array:
     circuits = _circuits(constants, level)
-    return circuits.wall[PORT_A] + (2.0 * circuits.hose_wall if circuits.hoses else 0.0)
+    return circuits.wall[PORT_A] + (circuits.cells * circuits.hose_wall if circuits.hoses else 0.0)
 
 
 def _modulus(constants: Constants, level: int, pressure: float, *, air: bool) -> Array:
@@ -218,14 +218,14 @@ def _seal(constants: Constants, level: int) -> Array:
         level_at = p[part + "seal_preload"], p[part + "seal_static_ratio"], _SPEEDS, p[part + "seal_stribeck_velocity"]
         return stribeck_level(*level_at).max(axis=0)
     sliding, static = _circuits(p, level).seal_levels(np.ones(()), _SPEEDS, np.zeros(()))
-    return -brown_mcphee(_SPEEDS, sliding, static).min(axis=0)
+    return -dry_law(level)(_SPEEDS, sliding, static).min(axis=0)
 
 
 def _bearing(constants: Constants, level: int) -> Array:
     torque = _circuits(constants, level).bearing_torque(np.full_like(constants["joint.bump"], 0.5))
     if level == 0:
         return torque
-    return -brown_mcphee(_SPEEDS, torque / BEARING_RATIO, torque).min(axis=0)
+    return -dry_law(level)(_SPEEDS, torque / BEARING_RATIO, torque).min(axis=0)
 
 
 def _bump(constants: Constants, level: int) -> Array:
@@ -321,7 +321,7 @@ def _apply_valve_gain(p: Constants, magnitude: Array, level: int) -> Changes:
 
 
 def _apply_back_pressure(p: Constants, magnitude: Array, level: int) -> Changes:
-    """Level 0: the filter's valve opens later. Level 1 and 2: a throttle, quadratic in the flow."""
+    """Level 0: the filter's valve opens later. The others: a throttle, quadratic in the flow."""
     if level == 0 or np.any(magnitude < 0.0):
         return _add("steering.tank_line.back_pressure")(p, magnitude, level)
     return {"steering.tank_line.throttle": p["steering.tank_line.throttle"] + magnitude / OPERATING**2}
@@ -374,8 +374,8 @@ def _apply_bearing(p: Constants, magnitude: Array, level: int) -> Changes:
 
 
 def _apply_scrub(p: Constants, magnitude: Array, level: int) -> Changes:
-    """Level 0 and 1: a torque of Dahl's form on every wheel. Level 2: a longer and wider contact patch."""
-    if level < 2:
+    """A torque of Dahl's form on every wheel. Level 2: a longer and wider contact patch."""
+    if level != 2:
         built_up = -np.expm1(-SWIVEL / SCRUB_ANGLE)
         return {"tire.scrub_torque": p["tire.scrub_torque"] + magnitude / built_up}
     own = _swivel(p, level)
@@ -388,7 +388,7 @@ def _apply_scrub(p: Constants, magnitude: Array, level: int) -> Changes:
 
 
 def _apply_soft_ground(p: Constants, magnitude: Array, level: int) -> Changes:
-    """Rolling resistance; at level 1 and 2 a rut resists motion across the wheel, too."""
+    """Rolling resistance; above level 0 a rut resists motion across the wheel, too."""
     rolled = {"tire.rolling_resistance": p["tire.rolling_resistance"] + magnitude}
     return rolled if level == 0 else {**rolled, "ground.rut": p["ground.rut"] + magnitude}
 

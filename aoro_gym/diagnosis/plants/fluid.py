@@ -52,6 +52,8 @@ class Oil:
     free share falls as α ψ(p), ψ = (1−s)²(1+2s), s = p/p_c, to nothing at p_c. What is dissolved at a pressure is taken as
     settled; that dissolving takes time is left out. Source: survey of Gholizadeh, Burton and Schoenau, Int. J. Fluid
     Power 12 (2011).
+
+    Level 3: the same with Henry's law as it stands, ψ = 1 − s, which dissolves the air by half of p_c (estimate).
     """
 
     def __init__(self, constants: Constants, level: int, share: Array | None = None):
@@ -93,7 +95,10 @@ class Oil:
         if self.level == 0:
             return 1.0, gas, stiffness
         dissolving = np.minimum(np.maximum(pressure / DISSOLVED_AT, 0.0), 1.0)
-        return np.exp(-pressure / self.modulus), gas * (1.0 - dissolving) ** 2 * (1.0 + 2.0 * dissolving), stiffness
+        free = (1.0 - dissolving) ** 2 * (1.0 + 2.0 * dissolving)
+        if self.level == 3:
+            free = np.maximum(1.0 - 2.0 * dissolving, 0.0)
+        return np.exp(-pressure / self.modulus), gas * free, stiffness
 
 
 def viscosity(celsius: Array | float) -> Array:

@@ -20,9 +20,9 @@ from aoro_gym.diagnosis.plants.fluid import Array, Constants, Oil
 from aoro_gym.diagnosis.plants.friction import clipped, dahl, prandtl_force
 from aoro_gym.diagnosis.plants.tires import Tires
 
-LEVELS = (0, 1, 2)
+LEVELS = (0, 1, 2, 3)
 """0: the twin's laws in other words. 1: another friction law, another law of air in oil. 2: also distributed joint hoses
-and tires with a contact patch."""
+and tires with a contact patch. 3: yet other laws of all these parts, for development."""
 
 MAIN_STEP = 1e-3
 """[s]"""
@@ -89,7 +89,7 @@ class Plant:
         self.joint_stretch = np.zeros(runs)  # [rad] of the joint's dry friction, level 0
         self.brake_stretch = np.zeros(
             (4, runs)
-        )  # [rad] of the wheels' (level 0), or share of its capacity (level 1, 2)
+        )  # [rad] of the wheels' (level 0), or share of its capacity (the others)
         self._play = np.zeros(runs)  # what the hysteresis has remembered of the steering signal
         self._half_play = 0.5 * constants["steering.valve.hysteresis"]
         p = constants

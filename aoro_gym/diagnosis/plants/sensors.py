@@ -69,7 +69,7 @@ def angle_chain(time: Array, angle: Array, constants: Constants) -> Array:
 def smoothed(series: Array, half_gain: Array, level: int) -> Array:
     """``series`` (F, R) at :data:`RATE` behind a zero-phase low-pass whose gain is ½ at 1/(2π ``half_gain``) Hz, (R,).
 
-    Level 0: Butterworth of fourth order, forward and backward. Level 1 and 2: a Gaussian window.
+    Level 0: Butterworth of fourth order, forward and backward. The others: a Gaussian window.
     """
     result = series.copy()
     for run in np.flatnonzero(half_gain > 1.0 / (2.0 * np.pi * HIGHEST_CORNER)):

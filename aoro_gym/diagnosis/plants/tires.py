@@ -24,7 +24,7 @@ RUT_SPEED = 0.01
 """Lateral speed [m/s] over which a rut's resistance changes its sign."""
 
 RUT_SHARE = 1.5
-"""Lateral over longitudinal resistance of soft ground at level 1 and 2: a wheel pushed sideways bulldozes (estimate)."""
+"""Lateral over longitudinal resistance of soft ground above level 0: a wheel pushed sideways bulldozes (estimate)."""
 
 PATCH_OFFSETS = np.array([-0.20, -0.10, 0.0, 0.10, 0.20])
 """[m] of a patch's strips across the tire, 0.53 m wide."""
@@ -35,6 +35,10 @@ PATCH_SHARES = np.array([0.15, 0.225, 0.25, 0.225, 0.15])
 PATCH_HALF_LENGTH = 0.10
 """[m] from the patch's middle to the bristles at its front and its rear half: √(F/πp) = 0.2 m at 24.5 kN and 2 bar."""
 
+PARKING = 1000.0
+"""Torque [N m] that a standing tire of level 3 resists swivelling with at its nominal load: 2/3 μ F a of a disc, a = 0.1 m
+(estimate)."""
+
 
 class Tires:
     """LuGre bristles a unit of load, at one point a wheel (level 0 and 1) or at ten points of its contact patch (level 2)::
@@ -44,19 +48,25 @@ class Tires:
     The term in brackets is the patch's: tread that rolls out of the contact takes its bristles along. With a patch a wheel
     that is swivelled builds up a torque; with one point a torque of Dahl's form is added where the effect asks for one.
     Source: Canudas de Wit, Tsiotras, Velenis, Basset and Gissinger, Vehicle System Dynamics 39 (2003) 189.
+
+    Level 3 has one point a wheel whose bristles roll out of the contact, too, slides at one level of friction, and a torque
+    of Dahl's form on every wheel that is swivelled.
     """
 
     def __init__(self, constants: Constants, level: int):
         p = constants
-        self.patch = level >= 2
+        self.patch = level == 2
+        self.rolls_out = level >= 2
         self.stiffness = np.stack([p["tire.sigma0_longitudinal"], p["tire.sigma0_lateral"]])[:, None, None]
         self.damping = np.stack([p["tire.sigma1_longitudinal"], p["tire.sigma1_lateral"]])[:, None, None]
         self.viscous = np.stack([p["tire.sigma2_longitudinal"], p["tire.sigma2_lateral"]])[:, None, None]
-        self.sliding, self.sticking = p["tire.friction_coulomb"], p["tire.friction_static"]
+        self.sliding = p["tire.friction_coulomb"]
+        self.sticking = self.sliding if level == 3 else p["tire.friction_static"]
         self.stribeck = p["tire.stribeck_velocity"]
         self.rolling = p["tire.rolling_resistance"]
         self.rut = RUT_SHARE * p["ground.rut"]
-        self.scrub = p["tire.scrub_torque"]
+        self.scrub = p["tire.scrub_torque"] + (PARKING if level == 3 else 0.0)
+        self.length = 4.0 * PATCH_HALF_LENGTH
         scale = 1.0 + p["tire.patch_gain"]
         if self.patch:
             across, along = np.meshgrid(PATCH_OFFSETS, [-PATCH_HALF_LENGTH, PATCH_HALF_LENGTH])
@@ -64,7 +74,7 @@ class Tires:
             self.along = along.ravel()[:, None, None] * scale
             self.across = across.ravel()[:, None, None] * scale
             self.share = share[:, None, None]
-            self.length = 4.0 * PATCH_HALF_LENGTH * scale
+            self.length = self.length * scale
         else:
             self.along = self.across = np.zeros((1, 1, 1))
             self.share = np.ones((1, 1, 1))
@@ -87,7 +97,7 @@ class Tires:
         speed = np.sqrt(slip[0] ** 2 + slip[1] ** 2)
         grip = self.sliding + (self.sticking - self.sliding) * np.exp(-((speed / self.stribeck) ** 2))
         loss = self.stiffness * (speed / grip)
-        return loss + np.abs(roll) / self.length if self.patch else loss
+        return loss + np.abs(roll) / self.length if self.rolls_out else loss
 
     def advance(self, longitudinal: Array, lateral: Array, yaw_rate: Array, roll: Array, duration: float) -> None:
         """Move the bristles on by ``duration`` [s] at constant slip: exact, as their law is linear in them.

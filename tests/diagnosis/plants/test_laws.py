@@ -7,13 +7,13 @@ import pytest
 
 from aoro_gym.diagnosis import plants
 from aoro_gym.diagnosis.plants.bodies import FRONT, PITCH, REAR, ROLL, Bodies, X, Y, Z
-from aoro_gym.diagnosis.plants.circuits import PORT_A, RETURN, SUPPLY, Chebyshev, Circuits
+from aoro_gym.diagnosis.plants.circuits import PORT_A, RETURN, SLOW_SHARE, SUPPLY, VALVES, WALLS, Chebyshev, Circuits
 from aoro_gym.diagnosis.plants.constants import constants_of
 from aoro_gym.diagnosis.plants.fluid import ATMOSPHERE, Oil, check_valve, orifice, viscosity
-from aoro_gym.diagnosis.plants.friction import CREEP, brown_mcphee, dahl, prandtl_force
+from aoro_gym.diagnosis.plants.friction import CREEP, brown_mcphee, dahl, makkar, prandtl_force
 from aoro_gym.diagnosis.plants.linkage import Linkage, SteeringCylinders
 from aoro_gym.diagnosis.plants.plant import STAGES, delay
-from aoro_gym.diagnosis.plants.tires import NOMINAL_LOAD, Tires
+from aoro_gym.diagnosis.plants.tires import NOMINAL_LOAD, PARKING, Tires
 
 
 @pytest.fixture(scope="module")
@@ -70,6 +70,15 @@ def test_brown_and_mcphee_break_away_at_the_static_level():
     assert speeds[np.argmax(force)] == pytest.approx(CREEP, rel=0.05)
     assert force[-1] == pytest.approx(300.0, rel=2e-3)
     assert brown_mcphee(np.array([-0.05]), 300.0, 400.0) == pytest.approx(-brown_mcphee(np.array([0.05]), 300.0, 400.0))
+
+
+def test_makkar_s_law_breaks_away_at_the_static_level():
+    speeds = np.linspace(0.0, 0.2, 200001)
+    force = -makkar(speeds, 300.0, 400.0)
+    assert force.max() == pytest.approx(300.0 + 0.87 * 100.0, rel=2e-3)
+    assert speeds[np.argmax(force)] == pytest.approx(1.1 * CREEP, rel=0.05)
+    assert force[-1] == pytest.approx(300.0, rel=2e-3)
+    assert makkar(np.array([-0.05]), 300.0, 400.0) == pytest.approx(-makkar(np.array([0.05]), 300.0, 400.0))
 
 
 def test_sticking_friction_is_a_spring_up_to_its_capacity():
@@ -215,19 +224,49 @@ def test_level_frames_carry_the_design_loads(constants, machine):
     assert bodies.loads(np.zeros((7, 1)))[:, 0] == pytest.approx(loads, rel=1e-6)
 
 
-@pytest.mark.parametrize("level", [0, 2])
+@pytest.mark.parametrize("level", [0, 2, 3])
 def test_a_sliding_tire_resists_by_its_friction(constants, level):
     """Steady sliding: N g(v), with the viscous part; the patch's bristles all slide alike."""
     tires, speed = Tires(constants, level), 0.5
     zero = np.zeros((4, 1))
     tires.advance(zero, zero + speed, zero, zero, 5.0)  # bristles settle within g/(σ₀ v), 0.2 s
     _, lateral, torque = tires.forces(zero + NOMINAL_LOAD, zero, zero + speed, zero, zero)
-    grip = constants["tire.friction_coulomb"] + (
-        constants["tire.friction_static"] - constants["tire.friction_coulomb"]
-    ) * np.exp(-((speed / constants["tire.stribeck_velocity"]) ** 2))
+    sticking = constants["tire.friction_coulomb" if level == 3 else "tire.friction_static"]
+    grip = constants["tire.friction_coulomb"] + (sticking - constants["tire.friction_coulomb"]) * np.exp(
+        -((speed / constants["tire.stribeck_velocity"]) ** 2)
+    )
     expected = -NOMINAL_LOAD * (grip + constants["tire.sigma2_lateral"] * speed)
     assert lateral[:, 0] == pytest.approx(expected[0], rel=1e-9)
     assert torque[:, 0] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_standing_tire_of_level_3_resists_swivelling_up_to_its_torque(constants):
+    tires = Tires(constants, 3)
+    zero = np.zeros((4, 1))
+    for angle, share in ((0.1, 1.0 - np.exp(-1.0)), (0.9, 1.0 - np.exp(-10.0))):  # scrub angle 0.1 rad
+        tires.advance(zero, zero, zero + angle, zero, 1.0)
+        torque = tires.forces(zero + NOMINAL_LOAD, zero, zero, zero, zero)[2]
+        assert torque[:, 0] == pytest.approx(-share * PARKING)
+
+
+def test_a_hose_in_halves_gives_way_at_once_and_late(constants):
+    """Pressed by a flow into its valve's end, cylinders and valve shut, it takes in what oil and all of the wall do once the
+    wall has settled."""
+    circuits = Circuits(constants, 3, STAGES)
+    start = circuits.at_rest(np.zeros(1))
+    state, stretch, zero = start.copy(), np.zeros(1), np.zeros(1)
+    state[VALVES] += 1e3  # a charge into both ends, small as the modulus of oil with air rises with pressure
+    for _ in range(300):
+        state, stretch = circuits.advance(state, stretch, zero, zero, np.zeros((4, 1)), zero, zero, 1e-3, 4)
+    fast = circuits.hose_volume * circuits.oil.compressibility(start[VALVES]) + 0.6 * circuits.hose_wall
+    middle = circuits.cylinders.at(zero)
+    chambers = np.stack([middle.volume_a, middle.volume_b]) + circuits.volume[PORT_A:RETURN]
+    end = chambers * circuits.oil.compressibility(start[PORT_A:RETURN]) + circuits.wall[PORT_A:RETURN]
+    rise = fast * 1e3 / (fast + 0.4 * circuits.hose_wall + end)
+    # leaks of cylinders and valve take a little in 0.3 s
+    assert state[PORT_A:RETURN] - start[PORT_A:RETURN] == pytest.approx(rise, rel=0.05)
+    assert state[VALVES] == pytest.approx(state[PORT_A:RETURN], rel=1e-3)
+    assert state[WALLS] == pytest.approx(SLOW_SHARE * circuits.hose_wall * state[VALVES], rel=1e-3)
 
 
 def test_a_patch_that_rolls_sheds_its_swivel_torque(constants):

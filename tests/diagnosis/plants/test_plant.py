@@ -4,9 +4,21 @@ import numpy as np
 import pytest
 
 from aoro_gym import Twin
-from aoro_gym.diagnosis.plants.circuits import COMPENSATOR, LS, NODES, PORT_A, PORT_B, SPOOL, SUPPLY, SWASH
+from aoro_gym.diagnosis.plants.circuits import (
+    COMPENSATOR,
+    LS,
+    NODES,
+    PORT_A,
+    PORT_B,
+    SLOW_SHARE,
+    SPOOL,
+    SUPPLY,
+    SWASH,
+    VALVES,
+    WALLS,
+)  # fmt: skip
 from aoro_gym.diagnosis.plants.constants import constants_of
-from aoro_gym.diagnosis.plants.plant import Plant, simulate
+from aoro_gym.diagnosis.plants.plant import LEVELS, Plant, simulate
 
 OUTPUTS = (
     "joint_angle",
@@ -37,13 +49,16 @@ def refined(constants, level, halvings, *, opened):
             plant.state[row] = value
         if level == 2:
             plant.state[NODES] = plant.state[[PORT_A, PORT_B, PORT_A, PORT_B]]
+        if level == 3:
+            plant.state[VALVES] = plant.state[[PORT_A, PORT_B]]
+            plant.state[WALLS] = SLOW_SHARE * plant.circuits.hose_wall * plant.state[[PORT_A, PORT_B]]
     signal = {"steering_signal": np.full((round(duration / main_step), 1), 0.5 if opened else 0.8)}
     names = ("joint_angle", "pressure_a", "pump_pressure", "compensator", "pump_swash")
     out = simulate(plant, signal, keep_every=round(8e-3 / main_step), channels=names)
     return np.concatenate([out[name] for name in names], axis=1)
 
 
-@pytest.mark.parametrize("level", [0, 1, 2])
+@pytest.mark.parametrize("level", LEVELS)
 def test_stepping_is_of_second_order(constants, level):
     """Halving all steps leaves a quarter of the error, while no valve opens or shuts."""
     first, second, third = (refined(constants, level, n, opened=True) for n in (0, 1, 2))
@@ -93,7 +108,7 @@ def test_the_joint_swings_on_shut_in_oil_at_its_own_frequency(constants):
     assert 2.0 * np.pi / period == pytest.approx(frequency, rel=5e-3)
 
 
-@pytest.mark.parametrize("level", [0, 1, 2])
+@pytest.mark.parametrize("level", LEVELS)
 def test_at_rest_nothing_moves(constants, level):
     plant = Plant(constants, level, joint_angle=0.4)
     out = simulate(
@@ -108,7 +123,7 @@ def test_it_says_what_it_cannot_do(constants):
     with pytest.raises(ValueError, match="reaches only"):
         Plant(constants, 0, joint_angle=1.2)
     with pytest.raises(ValueError, match="choose one of"):
-        Plant(constants, 3)
+        Plant(constants, 4)
 
 
 # ------------------------------------------------------------------------------------------------- level 0 and the twin
