@@ -1,4 +1,4 @@
-"""Training with Stable-Baselines3 on the batched twin: in parts, each of which can be the last one.
+"""Training on the batched twin: in parts, each of which can be the last one.
 
     python -m aoro_gym train --env AORO/Turning-v0 --out runs/turning
 
@@ -26,18 +26,17 @@ import platform
 import subprocess
 import time
 from collections.abc import Callable, Mapping, Sequence
-from copy import deepcopy
 from dataclasses import dataclass
 from functools import partial
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from aoro_gym.agents.curriculum import curriculum, stage_at
 from aoro_gym.agents.evaluation import TRIALS, evaluate
-from aoro_gym.agents.learned import LearnedPolicy, into_stable_baselines3, of_stable_baselines3
+from aoro_gym.agents.learned import LearnedPolicy
 from aoro_gym.agents.training_plan import TrainingPlan
 from aoro_gym.cluster import ClusterError, Failed, connected, on_ray
 from aoro_gym.envs.courses import Course
@@ -45,12 +44,14 @@ from aoro_gym.log import write_whole
 from aoro_gym.twin import Machine
 
 if TYPE_CHECKING:
-    from aoro_gym.agents.watching import Clock, Progress
+    from aoro_gym.agents.watching import Clock, Progress, Watch
+    from aoro_gym.envs.vector import TwinVectorEnv
 
 EVALUATION_SEED = 30_000
 """Of the first episode of every evaluation; other than those that controllers are tuned and reported on."""
-SCHEDULED = ("learning_rate", "clip_range", "clip_range_vf")
-"""Hyper-parameters that may fall linearly to 0: ``lin_3e-4``."""
+COMMON = "stable-baselines3", "torch", "pyyaml", "tensorboard"
+LIBRARIES = {"sb3": ("agents", COMMON), "resident": ("resident", ("skrl", *COMMON))}
+"""By trainer, the extra that it needs and what of it reads recipes, learns and logs."""
 RECORD, CHECKPOINT, EVALUATIONS = "training.json", "checkpoint.pt", "evaluations.json"
 
 
@@ -60,6 +61,53 @@ class Recipe:
 
     hyperparams: Mapping[str, Any]
     stages: Sequence[Mapping[str, Any]]
+
+
+class Learner(Protocol):
+    """A library's algorithm with its environments."""
+
+    envs: TwinVectorEnv
+    """All sub-environments that it learns in."""
+
+    @property
+    def steps(self) -> int:
+        """Environment steps done, of the whole training."""
+        ...
+
+    def log_to(self, logger: Any) -> None:
+        """Where to log to: a logger of Stable-Baselines3."""
+        ...
+
+    def learn(self, steps: int, watch: Watch, *, seed: int | None) -> None:
+        """Learn for so many environment steps, or a rollout's rest more.
+
+        Before, all environments begin anew with ``seed``; None goes on with the episodes that run.
+        """
+        ...
+
+    def episodes(self) -> tuple[float, float]:
+        """Mean return and success of the last episodes, NaN before the first one has ended; waits for no device."""
+        ...
+
+    def policy(self, **about: Any) -> LearnedPolicy:
+        """The policy as it is, acting without exploration; ``about`` are the other fields of a learned policy."""
+        ...
+
+    def start_from(self, policy: LearnedPolicy) -> None:
+        """Act as ``policy`` does. Raises ValueError if its network is another one."""
+        ...
+
+    def state(self) -> dict[str, Any]:
+        """All that was learned and drawn, as tensors and plain values; complete between two calls of :meth:`learn`."""
+        ...
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Take up what :meth:`state` gave to one that was made as this one was."""
+        ...
+
+    def close(self) -> None:
+        """Close the environments."""
+        ...
 
 
 def read_recipe(plan: TrainingPlan) -> Recipe:
@@ -103,7 +151,7 @@ def begin(plan: TrainingPlan, folder: Path) -> Recipe:
         "hyperparams": recipe.hyperparams,
         "curriculum": recipe.stages,
         "revision": revision(),
-        "versions": {name: version(name) for name in ("stable-baselines3", "torch", "numpy", "warp-lang")},
+        "versions": versions(plan.trainer),
         "python": platform.python_version(),
     }
     write_whole(folder / RECORD, json.dumps(content, indent=2, ensure_ascii=False))
@@ -159,20 +207,17 @@ def train(
     Raises ValueError naming a wrong hyper-parameter.
     """
     # after the checks that need neither: importing them takes seconds
-    import torch  # pyright: ignore[reportMissingImports]
     from stable_baselines3.common.logger import configure  # pyright: ignore[reportMissingImports]
 
     from aoro_gym.agents.checkpoints import load_checkpoint, save_checkpoint
     from aoro_gym.agents.watching import REPORT_EVERY, Clock, Watch
 
-    if plan.device == "cpu":
-        torch.set_num_threads(1)  # layers this small lose more by being shared out than they gain
     total = int(recipe.hyperparams["n_timesteps"])
     stages = curriculum(plan.env, recipe.stages)
     clock = Clock(total)
-    model = _model(plan, recipe, clock, machine, courses)
-    env: Any = model.get_env()
-    task = env.unwrapped.envs.task
+    env_kwargs = {"machine": machine} | ({} if courses is None else {"courses": courses})
+    learner = learner_of(plan, recipe.hyperparams, clock, env_kwargs)
+    task = learner.envs.task
     rewards = dict(task.reward_terms)
     about = {"command": plan.command, "seed": plan.seed, "revision": revision(), "machine": machine.name}
 
@@ -180,41 +225,34 @@ def train(
     found: list[dict[str, Any]] = []
     before, began = 0.0, time.perf_counter()
     if checkpoint.exists():
-        notes = load_checkpoint(checkpoint, model)
+        state, notes = load_checkpoint(checkpoint)
+        learner.restore(state)
         found, before = notes["evaluations"], notes["elapsed_s"]
     elif plan.start is not None:
-        into_stable_baselines3(
-            LearnedPolicy.load(Path(plan.start)).made_for(env.unwrapped.envs),
-            model.policy,
-            model.get_vec_normalize_env(),
-        )
-    clock.done = model.num_timesteps
-    model.set_logger(configure(str(folder / "log" / f"from_{clock.done}"), ["csv", "tensorboard"]))
-    watch = Watch(clock, tell, every=REPORT_EVERY)
+        learner.start_from(LearnedPolicy.load(Path(plan.start)).made_for(learner.envs))
+    clock.done = learner.steps
+    logger = configure(str(folder / "log" / f"from_{clock.done}"), ["csv", "tensorboard"])
+    learner.log_to(logger)
+    watch = Watch(clock, learner.episodes, tell, every=REPORT_EVERY)
     try:
         while clock.done < total:
             stage_at(stages, clock.done / total).apply(task, rewards)
-            env.seed(int(np.random.SeedSequence([plan.seed, clock.done]).generate_state(1)[0]))
-            model._last_obs = None  # so that learn() resets the environments
-            model.learn(
-                min(plan.checkpoint_every * env.num_envs, total - clock.done),
-                callback=watch,
-                reset_num_timesteps=False,
-                log_interval=1 if plan.algo == "ppo" else env.num_envs,  # rollouts, or episodes
+            learner.learn(
+                min(plan.checkpoint_every * learner.envs.num_envs, total - clock.done),
+                watch,
+                seed=int(np.random.SeedSequence([plan.seed, clock.done]).generate_state(1)[0]),
             )
             watch.report("evaluating")
-            policy = of_stable_baselines3(
-                model.policy,
-                model.get_vec_normalize_env(),
+            policy = learner.policy(
                 environment=plan.env,
-                layout=dict(env.unwrapped.envs.observation_layout),
+                layout=dict(learner.envs.observation_layout),
                 training={**about, "steps": clock.done},
             )
             figures = _evaluated(plan, policy, machine, held_out, stages[-1].reward_terms)
             for name, figure in figures.items():
                 if figure["mean"] is not None:
-                    model.logger.record(f"evaluation/{name}", figure["mean"])
-            model.logger.dump(clock.done)
+                    logger.record(f"evaluation/{name}", figure["mean"])
+            logger.dump(clock.done)
             best = max((one["figures"]["return"]["mean"] for one in found), default=-np.inf)
             policy.save(folder / "policy")
             if figures["return"]["mean"] > best:
@@ -222,10 +260,10 @@ def train(
             elapsed = before + time.perf_counter() - began
             found.append({"steps": clock.done, "elapsed_s": round(elapsed, 3), "figures": figures})
             write_whole(folder / EVALUATIONS, json.dumps({"env": plan.env, "evaluations": found}, indent=2))
-            save_checkpoint(checkpoint, model, {"evaluations": found, "elapsed_s": elapsed})
+            save_checkpoint(checkpoint, learner.state(), {"evaluations": found, "elapsed_s": elapsed})
     finally:
-        model.logger.close()
-        env.close()
+        logger.close()
+        learner.close()
     return found
 
 
@@ -273,44 +311,28 @@ def train_seeds(
     return found
 
 
-def _model(plan: TrainingPlan, recipe: Recipe, clock: Clock, machine: Machine, courses: Sequence[Course] | None) -> Any:
-    """The algorithm with its environments."""
-    import warnings
+def learner_of(
+    plan: TrainingPlan, hyperparams: Mapping[str, Any], clock: Clock, env_kwargs: Mapping[str, Any]
+) -> Learner:
+    """What learns for this plan.
 
-    import stable_baselines3  # pyright: ignore[reportMissingImports]
-    from stable_baselines3.common.vec_env import VecNormalize  # pyright: ignore[reportMissingImports]
+    Args:
+        plan: What to train.
+        hyperparams: In the RL Zoo's format.
+        clock: That schedules follow.
+        env_kwargs: Arguments of the environment.
 
-    from aoro_gym.agents.vec_env import make_vec_env
+    Raises ValueError naming a wrong hyper-parameter.
+    """
+    import torch  # pyright: ignore[reportMissingImports]
 
-    arguments = deepcopy(dict(recipe.hyperparams))  # Stable-Baselines3 adds to what is nested in it
-    arguments.pop("n_timesteps")
-    driven = {} if courses is None else {"courses": courses}
-    env: Any = make_vec_env(
-        plan.env, int(arguments.pop("n_envs")), device=plan.device, env_kwargs={"machine": machine, **driven}
-    )
-    normalise = arguments.pop("normalize", False)
-    if normalise:
-        asked = normalise if isinstance(normalise, Mapping) else {}
-        env = VecNormalize(env, **{"gamma": arguments.get("gamma", 0.99), **asked})
-    for name in SCHEDULED:
-        value = arguments.get(name)
-        if isinstance(value, str):
-            arguments[name] = clock.linear(_slope(name, value))
-    for name, value in arguments.items():
-        if isinstance(value, str) and "(" in value:
-            raise ValueError(f"{name} is {value!r}, which is code; write what it says as YAML")
-    if isinstance(arguments.get("train_freq"), list):
-        arguments["train_freq"] = tuple(arguments["train_freq"])
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "You are trying to run PPO on the GPU")
-        try:
-            return getattr(stable_baselines3, plan.algo.upper())(
-                arguments.pop("policy", "MlpPolicy"), env, seed=plan.seed, device=plan.device, **arguments
-            )
-        except TypeError as error:
-            raise ValueError(
-                f"hyper-parameters of {plan.env} that {plan.algo.upper()} does not take: {error}"
-            ) from error
+    if plan.device == "cpu":
+        torch.set_num_threads(1)  # layers this small lose more by being shared out than they gain
+    if plan.trainer == "resident":
+        from aoro_gym.agents.resident import Resident as Trainer
+    else:
+        from aoro_gym.agents.stable_baselines import StableBaselines as Trainer
+    return Trainer(plan, hyperparams, clock, env_kwargs)
 
 
 def _evaluated(
@@ -332,6 +354,15 @@ def _evaluated(
         reward_terms=reward_terms,
     )
     return result.to_json()["policies"]["policy"]
+
+
+def versions(trainer: str) -> dict[str, str]:
+    """Of what a training by ``trainer`` depends on; ValueError that names the extra if a library is missing."""
+    extra, libraries = LIBRARIES[trainer]
+    try:
+        return {name: version(name) for name in (*libraries, "numpy", "warp-lang")}
+    except PackageNotFoundError as error:
+        raise ValueError(f"trainer {trainer!r} needs {error.name}: pip install 'aoro-gym[{extra}]'") from error
 
 
 def revision() -> str:
@@ -376,14 +407,3 @@ def _value(text: str) -> Any:
         return float(value) if isinstance(value, str) else value
     except ValueError:
         return value
-
-
-def _slope(name: str, text: str) -> float:
-    """Where a linear schedule begins."""
-    kind, _, number = text.partition("_")
-    try:
-        if kind == "lin":
-            return float(number)
-    except ValueError:
-        pass
-    raise ValueError(f"{name} is {text!r}, but must be a number, or lin_NUMBER to let it fall to 0")

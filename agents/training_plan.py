@@ -14,6 +14,8 @@ from typing import Any
 HYPERPARAMS = Path(__file__).parent / "hyperparams"
 """Hyper-parameters by algorithm, in the RL Zoo's format, and curricula."""
 ALGORITHMS = ("ppo", "sac")
+TRAINERS = {"sb3": ALGORITHMS, "resident": ("ppo",)}
+"""Algorithms by what runs them: Stable-Baselines3, or skrl with all arrays on the device."""
 
 
 def option(default: Any, metavar: str, text: str) -> Any:
@@ -26,7 +28,10 @@ class TrainingPlan:
     """Raises ValueError naming the field, its value and its bound."""
 
     env: str = option("AORO/Turning-v0", "ID", "AORO/Turning-v0 or AORO/PathTracking-v0.")
-    algo: str = option("ppo", "|".join(ALGORITHMS), "Algorithm of Stable-Baselines3.")
+    algo: str = option("ppo", "|".join(ALGORITHMS), "Algorithm.")
+    trainer: str = option(
+        "sb3", "|".join(TRAINERS), "Stable-Baselines3, or skrl's PPO with all arrays on the device, for GPUs."
+    )
     terrain: str | None = option(None, "FILE", "Ground: a mesh, raster or cloud. Default: generated forests.")
     path: str | None = option(None, "FILE", "Path on it (.gpx, .csv). Default: generated, drivable ones.")
     path_length: float = option(60.0, "M", "Of the paths that are generated on --terrain.")
@@ -54,6 +59,13 @@ class TrainingPlan:
     def __post_init__(self) -> None:
         if self.algo not in ALGORITHMS:
             raise ValueError(f"algo is {self.algo!r}; choose one of: {', '.join(ALGORITHMS)}")
+        if self.trainer not in TRAINERS:
+            raise ValueError(f"trainer is {self.trainer!r}; choose one of: {', '.join(TRAINERS)}")
+        if self.algo not in TRAINERS[self.trainer]:
+            raise ValueError(
+                f"algo is {self.algo!r}, but the trainer {self.trainer!r} has {', '.join(TRAINERS[self.trainer])} only; "
+                "give that, or another --trainer"
+            )
         for name, least in (
             ("seed", 0), ("steps", 1), ("n_envs", 1), ("forests", 1), ("checkpoint_every", 1), ("eval_episodes", 1),
         ):  # fmt: skip

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from aoro_gym.arrays import Array
 from aoro_gym.envs import register_envs
-from aoro_gym.envs.vector import TwinVectorEnv
+from aoro_gym.envs.vector import TwinVectorEnv, contributions
 
 try:
     from stable_baselines3.common.vec_env import VecEnv, VecMonitor  # pyright: ignore[reportMissingImports]
@@ -122,10 +122,8 @@ class TwinVecEnv(VecEnv):
         """Observations (num_envs, …), rewards and ends (num_envs,), and infos."""
         observations, rewards, terminated, truncated, infos = self.envs.step(self._actions)
         final = infos.get("final_info", {})
-        for name, value in infos.items():
-            if name.startswith("reward/"):
-                value = value + final[name] if final else value  # either is 0 where the other holds
-                self._returns[name] = self._returns[name] + value if name in self._returns else value
+        for name, value in contributions(infos).items():
+            self._returns[name] = self._returns[name] + value if name in self._returns else value
         described: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         dones = np.array(self._host(terminated | truncated))
         if final:

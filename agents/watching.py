@@ -1,4 +1,4 @@
-"""What looks on while Stable-Baselines3 learns: the steps done, the log of the episodes, and reports of progress."""
+"""What looks on while a policy learns: the steps done, what follows from them, and reports of progress."""
 
 from __future__ import annotations
 
@@ -7,9 +7,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
-from stable_baselines3.common.callbacks import BaseCallback  # pyright: ignore[reportMissingImports]
 
 REPORT_EVERY = 0.5
 """Time [s] between two reports of progress."""
@@ -30,7 +27,7 @@ class Progress:
 
 
 class Clock:
-    """Steps done of a whole training, which schedules follow: ``learn`` knows only those of its own call.
+    """Steps done of a whole training, which schedules follow: who learns knows only those of the running part.
 
     Args:
         total: Steps of the training.
@@ -40,48 +37,53 @@ class Clock:
         self.total = total
         self.done = 0
 
-    def linear(self, first: float) -> Callable[[float], float]:
-        """A schedule for Stable-Baselines3 that falls from ``first`` to 0 over the training."""
-        return lambda _: first * max(1.0 - self.done / self.total, 0.0)
+    def schedule(self, name: str, value: float | str) -> Callable[[float], float]:
+        """The hyper-parameter ``name`` over the training, as Stable-Baselines3 calls it: a number, or from the one in
+        ``lin_NUMBER`` down to 0.
+
+        Raises ValueError if ``value`` is neither.
+        """
+        if isinstance(value, int | float):
+            return lambda _: float(value)
+        kind, _, number = value.partition("_")
+        try:
+            if kind == "lin":
+                first = float(number)
+                return lambda _: first * max(1.0 - self.done / self.total, 0.0)
+        except ValueError:
+            pass
+        raise ValueError(f"{name} is {value!r}, but must be a number, or lin_NUMBER to let it fall to 0")
 
 
-class Watch(BaseCallback):
-    """Moves the clock, logs the reward terms of episodes that ended, and tells where the training stands.
+class Watch:
+    """Moves the clock, and tells where the training stands.
 
     Args:
         clock: To move.
+        episodes: Gives mean return and success of the last episodes, NaN before the first one has ended.
         tell: Whom to tell.
         every: Least time [s] between two reports.
     """
 
-    def __init__(self, clock: Clock, tell: Callable[[Progress], Any], *, every: float):
-        super().__init__()
-        self._clock, self._tell, self._every = clock, tell, every
+    def __init__(
+        self,
+        clock: Clock,
+        episodes: Callable[[], tuple[float, float]],
+        tell: Callable[[Progress], Any],
+        *,
+        every: float,
+    ):
+        self._clock, self._episodes, self._tell, self._every = clock, episodes, tell, every
         self._began, self._first, self._told = time.perf_counter(), clock.done, -math.inf
 
-    def _on_step(self) -> bool:
-        self._clock.done = self.num_timesteps
-        for info in self.locals["infos"]:
-            if info:
-                for name, value in info.items():
-                    if name.startswith("return/"):
-                        self.logger.record_mean(f"terms/{name.removeprefix('return/')}", value)
+    def moved(self, steps: int) -> None:
+        """So many steps are done, of the whole training."""
+        self._clock.done = steps
         if time.perf_counter() - self._told >= self._every:
             self.report("learning")
-        return True
 
     def report(self, doing: str) -> None:
         """Tell where the training stands, and what is being done."""
         self._told = time.perf_counter()
-        returns = [one["r"] for one in self.model.ep_info_buffer or ()]
-        success = self.model.ep_success_buffer or ()
-        self._tell(
-            Progress(
-                self._clock.done,
-                self._clock.total,
-                (self._clock.done - self._first) / max(self._told - self._began, 1e-9),
-                float(np.mean(returns)) if returns else math.nan,
-                float(np.mean(success)) if success else math.nan,
-                doing,
-            )
-        )
+        rate = (self._clock.done - self._first) / max(self._told - self._began, 1e-9)
+        self._tell(Progress(self._clock.done, self._clock.total, rate, *self._episodes(), doing))

@@ -985,7 +985,7 @@ def _learned_on(
         if file.suffix not in (".json", ".safetensors"):
             raise ValueError(f"--policy {policy} cannot be retrained; give a file that 'aoro-gym train' wrote")
         plan = gaps.retraining_plan(env, learned.load_policy(file), file, steps=steps, seed=seed, device=device)
-        _check_extra("agents", "stable_baselines3", "torch", "yaml", "tensorboard")
+        training.versions("sb3")  # all is there
         recipe = training.continued(plan, folder)
         courses, held_out = _training_courses(plan)
     with _learning_bar(f"{env}, {folder.name}") as tell, _running(), _checking_input():
@@ -1035,7 +1035,10 @@ def train(
     ] = None,
     **options: Any,
 ) -> None:
-    """Train a policy with Stable-Baselines3, on many twins at once.
+    """Train a policy, on many twins at once.
+
+    With Stable-Baselines3's PPO or SAC, or with --trainer resident by skrl's PPO, whose arrays never leave the device: for
+    GPUs (on a CPU it works, too). Both take the same hyper-parameters and write the same files.
 
     Hyper-parameters are in the RL Zoo's format, a curriculum says what differs from episode to episode; the package has
     both, for CPUs and for GPUs. The training is evaluated and saved every --checkpoint-every steps of each sub-environment,
@@ -1045,13 +1048,15 @@ def train(
     elsewhere; after Ctrl-C the same command goes on with all.
 
     FOLDER gets training.json (all that was asked), checkpoint.pt, evaluations.json, policy.json with policy.safetensors (and
-    best.*, of the best return), and log, for TensorBoard. Needs pip install 'aoro-gym\\[agents]'.
+    best.*, of the best return), and log, for TensorBoard. Needs pip install 'aoro-gym\\[agents]', --trainer resident
+    'aoro-gym\\[resident]'.
 
     [bold]Examples[/]
 
       aoro-gym train --env AORO/Turning-v0 --out runs/turning
       aoro-gym train --env AORO/PathTracking-v0 --terrain forest.laz --machine mine.toml --device cuda:0
       aoro-gym train --resume runs/turning
+      aoro-gym train --env AORO/Turning-v0 --trainer resident --device cuda:0
       aoro-gym train --env AORO/Turning-v0 --ray auto --seeds 3 --out /shared/turning
       aoro-gym train --algo sac --param learning_rate=1e-4 --param 'policy_kwargs={net_arch: [128, 128]}' --seed 1
       aoro-gym evaluate --env AORO/Turning-v0 --policy proportional-derivative --policy runs/turning/best.json
@@ -1080,7 +1085,7 @@ def train(
         chosen = _machine(plan.machine, plan.set, plan.scale)
         _check_device(plan.device)
         courses, held_out = _training_courses(plan)
-        _check_extra("agents", "stable_baselines3", "torch", "yaml", "tensorboard")
+        training.versions(plan.trainer)  # all is there
         if resume is None:
             recipe = training.begin(plan, folder)
     began = time.perf_counter()
@@ -1107,7 +1112,7 @@ def _train_on_cluster(options: dict[str, Any], *, out: Path | None, ray: str, se
         _check_folder(folder, training.RECORD)
         chosen = _machine(first.machine, first.set, first.scale)
         courses, held_out = _training_courses(first)
-        _check_extra("agents", "stable_baselines3", "torch", "yaml", "tensorboard")
+        training.versions(first.trainer)  # all is there
         plans, recipes = {}, {}
         for seed in range(first.seed, first.seed + seeds):
             place, plan = folder / f"seed_{seed}", replace(first, seed=seed)
@@ -1158,8 +1163,14 @@ def bench(
         str, typer.Option("--twins", metavar="N[,N...]", help="Numbers of twins, or of environments, stepped together.")
     ] = "1,64,4096",
     what: Annotated[
-        str, typer.Option("--what", metavar="twin|env[,...]", help="Twins, path-tracking environments, or both.")
+        str, typer.Option("--what", metavar="twin|env|train[,...]", help="Twins, environments, PPO learning in them.")
     ] = "twin",
+    env: Annotated[
+        str, typer.Option("--env", metavar="ID", help="The environment of --what env and train.")
+    ] = "AORO/PathTracking-v0",
+    trainer: Annotated[
+        str, typer.Option("--trainer", metavar="sb3|resident[,...]", help="Who learns, see 'aoro-gym train'.")
+    ] = "sb3",
     ground: Annotated[
         str, typer.Option("--ground", metavar="plane|raster|mesh", help="Level asphalt, or a generated forest.")
     ] = "plane",
@@ -1190,9 +1201,10 @@ def bench(
     device: DeviceOption = "cpu",
     seed: SeedOption = 0,
 ) -> None:
-    """Measure how fast twins and environments step, beside other engines.
+    """Measure how fast twins and environments step, beside other engines, and how fast a policy learns.
 
-    Twins steer and drive at random, with new commands every 20 ms; environments take random actions. Five runs a case, in
+    Twins steer and drive at random, with new commands every 20 ms; environments take random actions; learning is PPO's,
+    rollouts and updates, with the packaged hyper-parameters for the device. Five runs a case, in
     rounds over all cases, compilation excluded: the table shows the median, the slowest and the fastest. The file of --json
     is written anew after each run ("runs" says how many a case has had), so that an interrupted benchmark keeps what it has.
 
@@ -1211,6 +1223,7 @@ def bench(
       aoro-gym bench
       aoro-gym bench --ground raster --randomise --twins 1,64 --peer mujoco --startup
       aoro-gym bench --what twin,env --ground raster --device cuda:0 --twins 4096,65536 --peer mujoco_warp --json b.json
+      aoro-gym bench --what train --trainer sb3,resident --ground raster --device cuda:0 --twins 4096,16384
     """
     with _checking_input():
         from aoro_gym.log import check_writable
@@ -1226,6 +1239,8 @@ def bench(
         plan = Plan(
             twins=counts,
             what=tuple(part.strip() for part in what.split(",")),
+            env=env,
+            trainers=tuple(part.strip() for part in trainer.split(",")),
             ground=ground,
             randomise=randomise,
             output=output,

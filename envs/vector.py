@@ -527,6 +527,16 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         return floats(self._steps) * self.task.control_step
 
 
+def contributions(infos: Infos) -> dict[str, Array]:
+    """What each reward term gave in the step of these infos (num_envs,), as ``reward/NAME``, ends of episodes included."""
+    final = infos.get("final_info", {})
+    return {
+        name: value + final[name] if final else value  # either is 0 where the other holds
+        for name, value in infos.items()
+        if name.startswith("reward/")
+    }
+
+
 def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
     try:
         return AutoresetMode(mode)

@@ -504,7 +504,7 @@ def test_terrain(tmp_path):
         ("bench --twins 0", "--twins '0': '0' is no whole number from 1"),
         ("bench --twins 1,many", "'many' is no whole number from 1"),
         ("bench --seconds nan", "seconds = nan is outside (0, 600] s"),
-        ("bench --what twin,train", "what 'train' is unknown; choose from: twin, env"),
+        ("bench --what twin,drive", "what 'drive' is unknown; choose from: twin, env, train"),
         ("bench --threads 0", "--threads '0': '0' is no whole number from 1"),
         ("bench --json .", ". is a folder; name a file in it"),
     ],

@@ -40,7 +40,7 @@ MAY_SEE = {
     # the key figures of a turn are defined in validation, for the machine and for every drawing of a twin
     **{part: {"style", "terrains", "twin", "sensors", "validation", *TOOLS} for part in TOOLS},
     **{part: {"cluster", "kept", "style", "terrains", "twin", "sensors", *TOOLS, *STUDIES} for part in STUDIES},
-    "benchmark": {"terrains", "twin", "sensors", "envs", *TOOLS},
+    "benchmark": {"terrains", "twin", "sensors", "envs", "agents", *TOOLS},
     "cli": {"terrains", "twin", "sensors", "envs", "agents", "benchmark", "cluster", *TOOLS, *STUDIES},
     "__main__": {"cli"},
     "__init__": {"lazy", "terrains", "twin", "envs"},

@@ -20,10 +20,16 @@ OUTPUTS = ("numpy", "torch")
 """Where actions and observations live: on the host, or as tensors on the device."""
 
 
+def placed(ground: str) -> dict[str, Any]:
+    """Arguments of an environment on ``ground``, one of :data:`aoro_gym.benchmark.scene.GROUNDS`."""
+    return {"terrain": Plane()} if ground == "plane" else {"ground": ground}
+
+
 def environments(
     count: int,
     *,
     machine: Machine,
+    environment: str = ENVIRONMENT,
     ground: str = "raster",
     randomise: bool = False,
     device: str = "cpu",
@@ -31,13 +37,13 @@ def environments(
     output: str = "numpy",
     seed: int = 0,
 ) -> Subject:
-    """``count`` sub-environments of :data:`ENVIRONMENT` with its default courses (``plane``: paths over level asphalt),
+    """``count`` sub-environments of ``environment`` with its default courses (``plane``: paths over level asphalt),
     stepped with random actions. Episodes that end begin anew within the timed span, as in training."""
-    options: dict[str, Any] = {"terrain": Plane()} if ground == "plane" else {"ground": ground}
+    options = placed(ground)
     if output != "numpy":
         options["output"] = output
     env = gymnasium.make_vec(
-        ENVIRONMENT,
+        environment,
         num_envs=count,
         machine=randomised(machine, count, seed) if randomise else machine,
         device=device,
@@ -64,7 +70,7 @@ def environments(
     return Subject(
         description={
             "what": "env",
-            "environment": ENVIRONMENT,
+            "environment": environment,
             "device": device,
             "twins": count,
             "threads": min(vector.twin.threads, count) if device == "cpu" else None,

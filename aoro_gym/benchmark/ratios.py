@@ -19,6 +19,7 @@ def ratios(cases: Rows, peers: Rows) -> dict[str, float]:
     - ``twin_over_mujoco_per_core_second``: steps a second of processor time, twins and MuJoCo on the CPU;
     - ``twin_over_mujoco_warp``: steps a second on the GPU;
     - ``twin_T_threads_over_1_at_N`` (and ``env_...``): steps a second of N twins;
+    - ``train_resident_over_sb3_at_N``: environment steps a second that N sub-environments are learned from;
     - ``twin_cost_of_one_at_N_over_M``: time a twin's step takes among N, the most twins, against M, the fewest that fill
       the device; 1 is linear.
     """
@@ -35,6 +36,11 @@ def ratios(cases: Rows, peers: Rows) -> dict[str, float]:
             if case["what"] == what and (case["threads"] or 1) > 1 and case["twins"] in alone:
                 name = f"{what}_{case['threads']}_threads_over_1_at_{case['twins']}"
                 found[name] = case["steps_per_s"] / alone[case["twins"]]
+    learned = {(c["trainer"], c["twins"], c["threads"]): c["steps_per_s"] for c in cases if c["what"] == "train"}
+    for (trainer, count, threads), rate in learned.items():
+        if trainer != "sb3" and ("sb3", count, threads) in learned:
+            name = f"train_{trainer}_over_sb3_at_{count}" + f"_{threads}_threads" * ((threads or 1) > 1)
+            found[name] = rate / learned["sb3", count, threads]
     if own:
         threads = max(case["threads"] or 0 for case in own)
         rates = {c["twins"]: c["steps_per_s"] for c in own if (c["threads"] or 0) == threads}

@@ -28,7 +28,7 @@ def tables(result: dict[str, Any]) -> list[Table]:
         share = case.get("share_of_ceiling")
         memory = case.get("memory", {}).get("bytes_per_twin")
         cases.add_row(
-            case["what"],
+            f"{case['what']}, {case['trainer']}" if "trainer" in case else case["what"],
             case["ground"] + ", randomised" * case["randomised"],
             f"{case['twins']}",
             _count(case["threads"]),

@@ -7,18 +7,21 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from aoro_gym.agents.training_plan import TRAINERS
 from aoro_gym.benchmark import peers
 from aoro_gym.benchmark.ceiling import beside, counted, measure_ceiling
-from aoro_gym.benchmark.environments import OUTPUTS, environments
+from aoro_gym.benchmark.environments import ENVIRONMENT, OUTPUTS, environments
 from aoro_gym.benchmark.ratios import ratios
 from aoro_gym.benchmark.scene import GROUNDS
 from aoro_gym.benchmark.startup import time_startup
 from aoro_gym.benchmark.timing import Subject, computer, measure
+from aoro_gym.benchmark.trainings import trainings
 from aoro_gym.benchmark.twins import twins
+from aoro_gym.envs.registration import ENVIRONMENTS
 from aoro_gym.twin import Machine
 from aoro_gym.twin.twin import cores
 
-WHAT = ("twin", "env")
+WHAT = ("twin", "env", "train")
 MOST_TWINS = 1_000_000
 """Most twins at once; more need more memory than one device has."""
 
@@ -30,7 +33,11 @@ class Plan:
     twins: tuple[int, ...] = (1, 64, 4096)
     """Numbers of twins, or of sub-environments, that step together."""
     what: tuple[str, ...] = ("twin",)
-    """``twin``, ``env`` or both."""
+    """Some of :data:`WHAT`."""
+    env: str = ENVIRONMENT
+    """Which environment steps, and is learned in."""
+    trainers: tuple[str, ...] = ("sb3",)
+    """Who learns: some of :data:`aoro_gym.agents.training_plan.TRAINERS`."""
     ground: str = "plane"
     """One of :data:`GROUNDS`."""
     randomise: bool = False
@@ -52,11 +59,11 @@ class Plan:
 
     def __post_init__(self) -> None:
         on_cpu = self.device == "cpu"
-        for name, known in (("what", WHAT), ("peers", tuple(peers.WORLDS))):
+        for name, known in (("what", WHAT), ("trainers", tuple(TRAINERS)), ("peers", tuple(peers.WORLDS))):
             for value in getattr(self, name):
                 if value not in known:
                     raise ValueError(f"{name} {value!r} is unknown; choose from: {', '.join(known)}")
-        for name, known in (("ground", GROUNDS), ("output", OUTPUTS)):
+        for name, known in (("ground", GROUNDS), ("env", tuple(ENVIRONMENTS)), ("output", OUTPUTS)):
             if getattr(self, name) not in known:
                 raise ValueError(f"{name} {getattr(self, name)!r} is unknown; choose one of: {', '.join(known)}")
         for name, most in (("twins", MOST_TWINS), ("worlds", MOST_TWINS), ("threads", cores())):
@@ -69,6 +76,13 @@ class Plan:
             raise ValueError(f"seconds = {self.seconds:g} is outside (0, 600] s")
         if not self.twins or not self.what:
             raise ValueError("there is nothing to time; give twins and what")
+        if self.env != ENVIRONMENT and self.ground != "plane" and {"env", "train"} & set(self.what):
+            raise ValueError(f"ground is {self.ground!r}, but {self.env} is timed on the plane; drop one of the two")
+        if "train" in self.what:
+            from aoro_gym.agents.training import versions
+
+            for trainer in self.trainers:
+                versions(trainer)  # all is there
         for peer in self.peers:
             for package in dict.fromkeys(("mujoco", peer)):
                 peers.package(package)
@@ -151,7 +165,10 @@ def _cases(plan: Plan) -> list[Made]:
             if "twin" in plan.what:
                 made.append((twins, options))
             if "env" in plan.what:
-                made.append((environments, options | {"output": plan.output}))
+                made.append((environments, options | {"output": plan.output, "environment": plan.env}))
+            if "train" in plan.what:
+                learning = {"count": count, "device": plan.device, "threads": threads, "environment": plan.env}
+                made += [(trainings, learning | {"trainer": trainer}) for trainer in plan.trainers]
     return made
 
 

@@ -30,7 +30,13 @@ SMALL = {
 """Hyper-parameters of trainings that take seconds: 100 steps in parts of 50, on two sub-environments."""
 
 
+TRAINERS = ["sb3", "resident"]
+
+
 def plan_of(algo: str = "ppo", **changes) -> TrainingPlan:
+    if changes.get("trainer") == "resident":
+        pytest.importorskip("skrl")
+        pytest.importorskip("array_api_compat")
     values = {"steps": 200, "n_envs": 2, "checkpoint_every": 50, "eval_episodes": 1, "seed": 5, **changes}
     return TrainingPlan(algo=algo, param=[f"{name}={value}" for name, value in SMALL[algo].items()], **values)
 
@@ -54,11 +60,11 @@ def weights(folder: Path) -> dict[str, np.ndarray]:
 # ---- resuming --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("algo", ["ppo", "sac"])
-def test_resumed_training_is_the_uninterrupted_one_to_the_bit(algo, training, tmp_path, monkeypatch):
+@pytest.mark.parametrize(("algo", "trainer"), [("ppo", "sb3"), ("sac", "sb3"), ("ppo", "resident")])
+def test_resumed_training_is_the_uninterrupted_one_to_the_bit(algo, trainer, training, tmp_path, monkeypatch):
     import torch  # pyright: ignore[reportMissingImports]
 
-    plan, machine = plan_of(algo), Machine.load("aoro")
+    plan, machine = plan_of(algo, trainer=trainer), Machine.load("aoro")
     recipe = training.begin(plan, tmp_path / "whole")
     found = training.train(plan, recipe, tmp_path / "whole", machine=machine)
     # SAC steps on to the end of a part; PPO's rollouts are 50 steps of the 100 of a part
@@ -108,22 +114,25 @@ def same(one, other) -> None:
         assert one == other
 
 
-def test_learning_changes_the_policy_and_another_seed_another(training, tmp_path):
+@pytest.mark.parametrize("trainer", TRAINERS)
+def test_learning_changes_the_policy_and_another_seed_another(trainer, training, tmp_path):
     machine, found = Machine.load("aoro"), {}
-    for name, plan in (("short", plan_of(steps=100)), ("long", plan_of()), ("other", plan_of(seed=6))):
+    for name, steps, seed in (("short", 100, 5), ("long", 200, 5), ("other", 200, 6)):
+        plan = plan_of(trainer=trainer, steps=steps, seed=seed)
         training.train(plan, training.begin(plan, tmp_path / name), tmp_path / name, machine=machine)
         found[name] = weights(tmp_path / name)["layer0.weight"]
     assert not np.array_equal(found["short"], found["long"])
     assert not np.array_equal(found["other"], found["long"])
 
 
-def test_a_training_learns_on_from_a_policy(training, tmp_path):
+@pytest.mark.parametrize("trainer", TRAINERS)
+def test_a_training_learns_on_from_a_policy(trainer, training, tmp_path):
     from aoro_gym.agents.learned import load_policy
 
     machine, first, second = Machine.load("aoro"), tmp_path / "first", tmp_path / "second"
     training.train(plan_of(), training.begin(plan_of(), first), first, machine=machine)
     # so small a step that nothing is learned: what is left is the policy that was started from
-    plan = plan_of(start=str(first / "policy.json"), seed=6, steps=100)
+    plan = plan_of(start=str(first / "policy.json"), seed=6, steps=100, trainer=trainer)
     plan = replace(plan, param=[*(plan.param or []), "learning_rate=1e-30"])
     assert "--start" in plan.command
     training.train(plan, training.begin(plan, second), second, machine=machine)
@@ -173,10 +182,11 @@ def test_a_killed_command_goes_on(training, tmp_path):
 # ---- what a training writes ------------------------------------------------------------------------------------------
 
 
-def test_folder_says_what_was_asked_and_found(training, tmp_path):
+@pytest.mark.parametrize("trainer", TRAINERS)
+def test_folder_says_what_was_asked_and_found(trainer, training, tmp_path):
     from aoro_gym.agents.learned import LearnedPolicy
 
-    plan = plan_of(steps=100)
+    plan = plan_of(steps=100, trainer=trainer)
     found = training.train(plan, training.begin(plan, tmp_path), tmp_path, machine=Machine.load("aoro"))
     record = json.loads((tmp_path / "training.json").read_text())
     assert TrainingPlan.of(record["plan"]) == plan
@@ -192,14 +202,16 @@ def test_folder_says_what_was_asked_and_found(training, tmp_path):
     assert policy.training["command"] == plan.command
     assert (policy.training["seed"], policy.training["steps"]) == (5, 100)
     logged = (tmp_path / "log" / "from_0" / "progress.csv").read_text().splitlines()[0].split(",")
-    assert {"evaluation/return", "train/value_loss"} <= set(logged)
+    assert {"evaluation/return", "train/policy_gradient_loss", "train/std", "time/fps"} <= set(logged)
+    assert record["versions"].keys() >= {"torch", "skrl" if trainer == "resident" else "stable-baselines3"}
     assert list((tmp_path / "log" / "from_0").glob("events.out.tfevents.*"))
     with pytest.raises(ValueError, match="holds a training; give --resume"):
         training.begin(plan, tmp_path)
 
 
-def test_terms_of_episodes_are_logged(training, tmp_path):
-    plan = plan_of(steps=1200, checkpoint_every=600)
+@pytest.mark.parametrize("trainer", TRAINERS)
+def test_terms_of_episodes_are_logged(trainer, training, tmp_path):
+    plan = plan_of(steps=1200, checkpoint_every=600, trainer=trainer)
     training.train(plan, training.begin(plan, tmp_path), tmp_path, machine=Machine.load("aoro"))
     head, *rows = (tmp_path / "log" / "from_0" / "progress.csv").read_text().splitlines()
     column = head.split(",").index("terms/tracking")
@@ -284,6 +296,8 @@ def test_evaluation_is_on_ground_that_was_held_out(tmp_path, monkeypatch):
         ({"algo": "dqn"}, "algo is 'dqn'; choose one of: ppo, sac"),
         ({"steps": 0}, "steps is 0, but must be at least 1"),
         ({"seed": -1}, "seed is -1, but must be at least 0"),
+        ({"trainer": "rllib"}, "trainer is 'rllib'; choose one of: sb3, resident"),
+        ({"trainer": "resident", "algo": "sac"}, "algo is 'sac', but the trainer 'resident' has ppo only; give that"),
     ],
 )
 def test_wrong_plans_are_named(values, message):

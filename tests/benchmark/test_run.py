@@ -16,7 +16,13 @@ from aoro_gym.twin.twin import cores
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"what": ("twins",)}, "what 'twins' is unknown; choose from: twin, env"),
+        ({"what": ("twins",)}, "what 'twins' is unknown; choose from: twin, env, train"),
+        ({"trainers": ("rllib",)}, "trainers 'rllib' is unknown; choose from: sb3, resident"),
+        ({"env": "AORO/Flying-v0"}, "env 'AORO/Flying-v0' is unknown; choose one of: AORO/Turning-v0, "),
+        (
+            {"what": ("env",), "env": "AORO/Turning-v0", "ground": "mesh"},
+            "ground is 'mesh', but AORO/Turning-v0 is timed",
+        ),
         ({"ground": "mud"}, "ground 'mud' is unknown; choose one of: plane, raster, mesh"),
         ({"output": "jax"}, "output 'jax' is unknown; choose one of: numpy, torch"),
         ({"twins": (2_000_000,)}, "twins holds 2000000, but must be whole numbers from 1 to 1000000"),
