@@ -252,7 +252,7 @@ def weigh(
     shows = [bool(h.misfit) for h in hypotheses]
     if any(shows):
         hypotheses = [*hypotheses, Hypothesis((UNKNOWN,), best.log_evidence, cost=best.cost)]
-        logs = np.append(logs, logsumexp((evidence + beside)[shows]) + prior[UNKNOWN,])
+        logs = np.append(logs, float(np.asarray(logsumexp((evidence + beside)[shows]))) + prior[UNKNOWN,])
     probabilities = np.exp(logs - logsumexp(logs))
     weighed = [replace(h, probability=float(p)) for h, p in zip(hypotheses, probabilities, strict=True)]
     return sorted(weighed, key=lambda h: -h.probability)

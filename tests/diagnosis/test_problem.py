@@ -248,10 +248,10 @@ def test_where_a_healthy_machine_sways_more_than_its_twin_that_counts():
             zip((name for _, name in problem.blocks), problem.whiteners(error, problem.predicted), strict=True)
         )
         for name in sway:
-            repeats = {"repeats": 1} if problem.references else {}
+            repeats = 1 if problem.references else np.inf
             expected = whitener(
                 NOISE[name], name, twin.channels[name], left or error, since=problem._since[0],
-                counts=compared(problem, twin), healthy=None if left is None else healthy.channels[name], **repeats,
+                counts=compared(problem, twin), healthy=None if left is None else healthy.channels[name], repeats=repeats,
             )  # fmt: skip
             np.testing.assert_allclose(
                 found[name].factor, expected.factor, rtol=1e-9, atol=1e-9 * expected.factor[0, 0]
