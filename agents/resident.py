@@ -211,6 +211,9 @@ class Resident:
         into_network(policy, self._agent.policy.net, normalised=self._env.normalisation is not None)
         self._env.start_from(policy.normalisation)
 
+    def hold_actor(self, held: bool) -> None:
+        self._agent.policy.requires_grad_(not held)
+
     def state(self) -> dict[str, Any]:
         return {
             "modules": {name: module.state_dict() for name, module in self._agent.checkpoint_modules.items()},

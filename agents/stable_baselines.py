@@ -103,6 +103,19 @@ class StableBaselines:
     def start_from(self, policy: LearnedPolicy) -> None:
         into_stable_baselines3(policy, self._model.policy, self._model.get_vec_normalize_env())
 
+    def hold_actor(self, held: bool) -> None:
+        policy: Any = self._model.policy
+        if hasattr(policy, "actor"):  # SAC
+            parameters = policy.actor.parameters()
+        else:
+            parameters = (
+                *policy.mlp_extractor.policy_net.parameters(),
+                *policy.action_net.parameters(),
+                policy.log_std,
+            )
+        for one in parameters:
+            one.requires_grad_(not held)
+
     def state(self) -> dict[str, Any]:
         model = self._model
         _, variables = model._get_torch_save_params()

@@ -22,6 +22,7 @@ episode is seen.
 from __future__ import annotations
 
 import json
+import math
 import platform
 import subprocess
 import time
@@ -52,6 +53,9 @@ EVALUATION_SEED = 30_000
 COMMON = "stable-baselines3", "torch", "pyyaml", "tensorboard"
 LIBRARIES = {"sb3": ("agents", COMMON), "resident": ("resident", ("skrl", *COMMON))}
 """By trainer, the extra that it needs and what of it reads recipes, learns and logs."""
+CRITIC_FIRST = 0.1
+"""Share of the steps of a training with ``--start`` in which the critic alone learns: what it does not know yet would lead
+the policy astray."""
 RECORD, CHECKPOINT, EVALUATIONS = "training.json", "checkpoint.pt", "evaluations.json"
 
 
@@ -95,6 +99,10 @@ class Learner(Protocol):
 
     def start_from(self, policy: LearnedPolicy) -> None:
         """Act as ``policy`` does. Raises ValueError if its network is another one."""
+        ...
+
+    def hold_actor(self, held: bool) -> None:
+        """Whether the critic alone learns from now on, if there is one."""
         ...
 
     def state(self) -> dict[str, Any]:
@@ -234,11 +242,14 @@ def train(
     logger = configure(str(folder / "log" / f"from_{clock.done}"), ["csv", "tensorboard"])
     learner.log_to(logger)
     watch = Watch(clock, learner.episodes, tell, every=REPORT_EVERY)
+    held_until = 0 if plan.start is None else math.ceil(CRITIC_FIRST * total)
     try:
         while clock.done < total:
             stage_at(stages, clock.done / total).apply(task, rewards)
+            held = clock.done < held_until
+            learner.hold_actor(held)
             learner.learn(
-                min(plan.checkpoint_every * learner.envs.num_envs, total - clock.done),
+                min(plan.checkpoint_every * learner.envs.num_envs, (held_until if held else total) - clock.done),
                 watch,
                 seed=int(np.random.SeedSequence([plan.seed, clock.done]).generate_state(1)[0]),
             )
@@ -328,7 +339,9 @@ def learner_of(
 
     if plan.device == "cpu":
         torch.set_num_threads(1)  # layers this small lose more by being shared out than they gain
-    if plan.trainer == "resident":
+    if plan.algo == "dagger":
+        from aoro_gym.agents.dagger import Dagger as Trainer
+    elif plan.trainer == "resident":
         from aoro_gym.agents.resident import Resident as Trainer
     else:
         from aoro_gym.agents.stable_baselines import StableBaselines as Trainer

@@ -13,9 +13,9 @@ from typing import Any
 
 HYPERPARAMS = Path(__file__).parent / "hyperparams"
 """Hyper-parameters by algorithm, in the RL Zoo's format, and curricula."""
-ALGORITHMS = ("ppo", "sac")
+ALGORITHMS = ("ppo", "sac", "dagger")
 TRAINERS = {"sb3": ALGORITHMS, "resident": ("ppo",)}
-"""Algorithms by what runs them: Stable-Baselines3, or skrl with all arrays on the device."""
+"""Algorithms by what runs them: Stable-Baselines3 (the package itself for dagger), or skrl with all arrays on the device."""
 
 
 def option(default: Any, metavar: str, text: str) -> Any:
@@ -28,7 +28,7 @@ class TrainingPlan:
     """Raises ValueError naming the field, its value and its bound."""
 
     env: str = option("AORO/Turning-v0", "ID", "AORO/Turning-v0 or AORO/PathTracking-v0.")
-    algo: str = option("ppo", "|".join(ALGORITHMS), "Algorithm.")
+    algo: str = option("ppo", "|".join(ALGORITHMS), "Algorithm; dagger imitates a controller that knows the truth.")
     trainer: str = option(
         "sb3", "|".join(TRAINERS), "Stable-Baselines3, or skrl's PPO with all arrays on the device, for GPUs."
     )

@@ -12,7 +12,7 @@ import math
 import shutil
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import fields, replace
 from fnmatch import fnmatch
 from importlib.util import find_spec
@@ -1038,7 +1038,8 @@ def train(
     """Train a policy, on many twins at once.
 
     With Stable-Baselines3's PPO or SAC, or with --trainer resident by skrl's PPO, whose arrays never leave the device: for
-    GPUs (on a CPU it works, too). Both take the same hyper-parameters and write the same files.
+    GPUs (on a CPU it works, too). Both take the same hyper-parameters and write the same files. --algo dagger imitates a
+    reference controller that is told the true errors, from what the sensors say; --start lets PPO learn on from there.
 
     Hyper-parameters are in the RL Zoo's format, a curriculum says what differs from episode to episode; the package has
     both, for CPUs and for GPUs. The training is evaluated and saved every --checkpoint-every steps of each sub-environment,
@@ -1058,6 +1059,7 @@ def train(
       aoro-gym train --resume runs/turning
       aoro-gym train --env AORO/Turning-v0 --trainer resident --device cuda:0
       aoro-gym train --env AORO/Turning-v0 --ray auto --seeds 3 --out /shared/turning
+      aoro-gym train --env AORO/PathTracking-v0 --algo dagger --out runs/taught
       aoro-gym train --algo sac --param learning_rate=1e-4 --param 'policy_kwargs={net_arch: [128, 128]}' --seed 1
       aoro-gym evaluate --env AORO/Turning-v0 --policy proportional-derivative --policy runs/turning/best.json
     """
@@ -1654,15 +1656,24 @@ def _training_courses(plan: TrainingPlan) -> tuple[list[Course] | None, list[Cou
     if plan.env != DRIVE:
         return None, None
     from aoro_gym.envs.courses import Course, forest_course, generated_paths
+    from aoro_gym.terrains.planning import NoDrivablePath
 
     if courses is None:
-        doing, seeds = "growing forests", [*range(1, 1 + plan.forests), *HELD_OUT_FORESTS]
+        doing, grown, total = "growing forests", [], plan.forests + len(HELD_OUT_FORESTS)
         with _bar(doing) as tell:
-            grown = []
-            for done, seed in enumerate(seeds):
-                tell(doing, done / len(seeds))
-                grown.append(forest_course(seed))
-        return grown[: plan.forests], grown[plan.forests :]
+            for seed in range(1, min(HELD_OUT_FORESTS)):
+                tell(doing, len(grown) / total)
+                with suppress(NoDrivablePath):  # a forest too dense is passed over
+                    grown.append(forest_course(seed))
+                if len(grown) == plan.forests:
+                    break
+            else:
+                raise ValueError(f"forests is {plan.forests}, but there are {len(grown)} to learn on; ask for fewer")
+            held_out = []
+            for seed in HELD_OUT_FORESTS:
+                tell(doing, (len(grown) + len(held_out)) / total)
+                held_out.append(forest_course(seed))
+        return grown, held_out
     if path is not None:
         return courses, courses
     ground = courses[0].terrain

@@ -323,6 +323,11 @@ OBSERVATION_TERMS = Frozen(
     }
 )
 """What the machine measures, in this order; ``observation_layout`` gives the columns of each by name."""
+EXACT_TERMS: Mapping[str, Callable[[PathTrackingView], Array]] = {
+    "cross_track": lambda view: view.cross_track,
+    "heading_error": lambda view: view.heading_error,
+}
+"""True values of terms that localisation gives with errors that last, for teachers and tests."""
 GEAR_TERMS = Frozen({"gear": ObservationTerm(gear, 1.0, 3.0)})
 """What a gear that changes adds."""
 INERTIAL_TERMS = Frozen({"inertial": ObservationTerm(inertial, -20.0, 20.0)})

@@ -59,6 +59,10 @@ PIECES_A_TRY = 2000
 Array = NDArray[np.float64]
 
 
+class NoDrivablePath(ValueError):
+    """Ground on which no path was found."""
+
+
 def turning_radius(joint_angle_deg: float, front: float = HALF_WHEELBASE, rear: float = HALF_WHEELBASE) -> float:
     """Radius [m] that the wider turning axle's middle rolls on at a constant joint angle, without sideslip.
 
@@ -129,7 +133,7 @@ class DrivableGround:
             length: [m].
             name: Of the path.
 
-        Raises ``ValueError`` that says what bars the ground if no path of this length is found.
+        Raises :class:`NoDrivablePath` that says what bars the ground if no path of this length is found.
         """
         if not 2.0 * PIECE <= length <= 10_000.0:
             raise ValueError(f"path length is {length:g} m, but must be in [{2 * PIECE:g}, 10000] m")
@@ -142,7 +146,7 @@ class DrivableGround:
             if longest >= length:
                 return Path(points[: round(length / SPACING) + 1], name=name or f"drivable path, seed {seed}")
         causes = ", ".join(f"{cause} {share:.0%}" for cause, share in self.barred.items())
-        raise ValueError(
+        raise NoDrivablePath(
             f"no drivable path of {length:g} m with a turning radius of {self.turning_radius:g} m found; the longest has"
             f" {longest:.0f} m. Of the ground {self.open.mean():.0%} is open to the vehicle's middle (barred: {causes});"
             " shorten length, or relax max_slope_deg, max_cross_slope_deg, obstacle_height, clearance or margin"

@@ -17,15 +17,20 @@ import pytest
 from aoro_gym import Machine
 from aoro_gym.agents.curriculum import curriculum, stage_at
 from aoro_gym.agents.training_plan import HYPERPARAMS, TrainingPlan
+from aoro_gym.envs import Course
 from aoro_gym.envs.path_tracking import MILD as TRACKING_MILD
 from aoro_gym.envs.path_tracking import REWARD_TERMS as TRACKING_TERMS
 from aoro_gym.envs.turning import FIXED, MILD, REWARD_TERMS, Turning
+from aoro_gym.terrains import Path as Line
+from aoro_gym.terrains import Plane
+from aoro_gym.terrains.planning import NoDrivablePath
 
 TURNING, TRACKING = "AORO/Turning-v0", "AORO/PathTracking-v0"
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = {
     "ppo": {"n_steps": 25, "batch_size": 50, "n_epochs": 2, "learning_rate": "lin_1e-3"},
     "sac": {"buffer_size": 240, "learning_starts": 60, "batch_size": 16, "train_freq": 5, "gradient_steps": 2},
+    "dagger": {"n_steps": 25, "buffer_size": 120, "batch_size": 50, "n_epochs": 2},
 }
 """Hyper-parameters of trainings that take seconds: 100 steps in parts of 50, on two sub-environments."""
 
@@ -60,7 +65,7 @@ def weights(folder: Path) -> dict[str, np.ndarray]:
 # ---- resuming --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("algo", "trainer"), [("ppo", "sb3"), ("sac", "sb3"), ("ppo", "resident")])
+@pytest.mark.parametrize(("algo", "trainer"), [("ppo", "sb3"), ("sac", "sb3"), ("ppo", "resident"), ("dagger", "sb3")])
 def test_resumed_training_is_the_uninterrupted_one_to_the_bit(algo, trainer, training, tmp_path, monkeypatch):
     import torch  # pyright: ignore[reportMissingImports]
 
@@ -151,6 +156,59 @@ def test_a_training_learns_on_from_a_policy(trainer, training, tmp_path):
         training.begin(plan_of(start="none.json"), tmp_path / "none")
 
 
+@pytest.mark.parametrize(("algo", "trainer"), [("ppo", "sb3"), ("sac", "sb3"), ("ppo", "resident")])
+def test_a_held_actor_stays_while_the_critic_learns(algo, trainer, training):
+    from aoro_gym.agents.watching import Clock, Watch
+
+    plan = plan_of(algo, trainer=trainer)
+    clock = Clock(1000)
+    learner = training.learner_of(
+        plan, training.read_recipe(plan).hyperparams, clock, {"machine": Machine.load("aoro")}
+    )
+    watch = Watch(clock, learner.episodes, lambda progress: None, every=0.5)
+
+    def critic() -> np.ndarray:
+        state = learner.state()
+        if trainer == "resident":
+            return next(iter(state["modules"]["value"].values())).numpy().copy()
+        name = "mlp_extractor.value_net.0.weight" if algo == "ppo" else "critic.qf0.0.weight"
+        return state["parameters"]["policy"][name].numpy().copy()
+
+    try:
+        learner.learn(200, watch, seed=0)
+        learner.hold_actor(True)
+        before = learner.policy().weights, critic()
+        learner.learn(200, watch, seed=1)
+        for one, other in zip(before[0], learner.policy().weights, strict=True):
+            np.testing.assert_array_equal(one, other)
+        assert np.any(critic() != before[1])
+        learner.hold_actor(False)
+        learner.learn(200, watch, seed=2)
+        assert all(np.any(one != other) for one, other in zip(before[0], learner.policy().weights, strict=True))
+    finally:
+        learner.close()
+
+
+def test_the_critic_learns_first_where_there_is_a_policy_to_start_from(training, tmp_path, monkeypatch):
+    """A tenth of the steps, whatever the parts are; not without a policy, and not again."""
+    from aoro_gym.agents.stable_baselines import StableBaselines
+
+    held, hold = [], StableBaselines.hold_actor
+
+    def follow(self, is_held: bool) -> None:
+        held.append((self.steps, is_held))
+        hold(self, is_held)
+
+    monkeypatch.setattr(StableBaselines, "hold_actor", follow)
+    machine, first, second = Machine.load("aoro"), tmp_path / "first", tmp_path / "second"
+    training.train(plan_of(), training.begin(plan_of(), first), first, machine=machine)
+    assert held == [(0, False), (100, False)]
+    held.clear()
+    plan = plan_of(start=str(first / "policy.json"), steps=500, seed=6)
+    training.train(plan, training.begin(plan, second), second, machine=machine)
+    assert held == [(0, True), *((steps, False) for steps in range(50, 500, 100))]
+
+
 def test_a_killed_command_goes_on(training, tmp_path):
     """SIGKILL between two checkpoints; then the same weights as without it."""
     from typer.testing import CliRunner
@@ -221,10 +279,6 @@ def test_terms_of_episodes_are_logged(trainer, training, tmp_path):
 
 
 def test_paths_are_learned_and_evaluated_on_their_courses(training, tmp_path):
-    from aoro_gym.envs import Course
-    from aoro_gym.terrains import Path as Line
-    from aoro_gym.terrains import Plane
-
     def course(length: float) -> Course:
         return Course(Plane(), (Line(np.array([[0.0, 0.0], [length, 0.0]]), name="ahead"),), name=f"{length} m")
 
@@ -273,6 +327,19 @@ def test_evaluation_is_on_ground_that_was_held_out(tmp_path, monkeypatch):
     assert learned is not None and held_out is not None
     assert [course.name for course in learned] == ["forest 1"]
     assert [course.name for course in held_out] == ["forest 101"]
+
+    def grown(seed: int) -> Course:
+        if seed in (1, 3):
+            raise NoDrivablePath("too dense")
+        return Course(Plane(), (Line(np.array([[0.0, 0.0], [9.0, 0.0]]), name="ahead"),), name=f"forest {seed}")
+
+    monkeypatch.setattr("aoro_gym.envs.courses.forest_course", grown)
+    learned, _ = cli._training_courses(TrainingPlan(env=TRACKING, forests=3))
+    assert learned is not None
+    assert [course.name for course in learned] == ["forest 2", "forest 4", "forest 5"]
+    with pytest.raises(ValueError, match="forests is 99, but there are 98 to learn on; ask for fewer"):
+        cli._training_courses(TrainingPlan(env=TRACKING, forests=99))
+    monkeypatch.undo()
 
     x = np.arange(0.0, 40.0, 1.0)
     rows = [(a, b, 0.02 * a) for b in x for a in x]
@@ -351,8 +418,9 @@ def test_packaged_hyperparams_are_of_the_zoos_format(training):
         assert set(content) == {TURNING, TRACKING}
         if file.stem == "curricula":
             continue
+        own = {"teacher"} if file.stem == "dagger" else {"policy", "normalize"}
         for entry in content.values():
-            assert {"n_envs", "n_timesteps", "policy", "normalize"} <= set(entry)
+            assert {"n_envs", "n_timesteps", *own} <= set(entry)
             if "ppo" in file.stem:  # no truncated batches
                 assert entry["n_envs"] * entry["n_steps"] % entry["batch_size"] == 0
 
