@@ -55,15 +55,16 @@ class Hyperparams:
     """Gains other than its own, which are tuned for noisy sensors."""
     n_steps: int = 1000
     """Of each sub-environment between two fits."""
-    buffer_size: int = 320_000
-    """Pairs that are kept, the newest ones."""
+    buffer_size: int = 256_000
+    """Pairs that are kept, the newest ones. Where the teacher drives, errors are small beside the noise of what is measured,
+    and a measurement means little; the sooner that is forgotten, the sooner the network trusts its own ones."""
     action_noise: float = 0.1
     """Standard deviation by which the network's actions are disturbed while it drives."""
     n_epochs: int = 5
     """Of a fit, over all pairs that are kept."""
     batch_size: int = 1024
-    learning_rate: float = 2e-3
-    """At which each fit begins; it falls to 0."""
+    learning_rate: float | str = "lin_2e-3"
+    """At which a fit begins, to fall to 0 in its course; ``lin_NUMBER`` also falls from fit to fit."""
     net_arch: tuple[int, ...] = (64, 64)
 
     def __post_init__(self) -> None:
@@ -76,9 +77,8 @@ class Hyperparams:
                 f"buffer_size is {self.buffer_size}, but must hold a rollout, n_envs * n_steps = "
                 f"{self.n_envs * self.n_steps}"
             )
-        for name, low in (("action_noise", 0.0), ("learning_rate", 0.0)):
-            if not low <= getattr(self, name) < math.inf:
-                raise ValueError(f"{name} is {getattr(self, name)}, but must be at least {low:g} and finite")
+        if not 0.0 <= self.action_noise < math.inf:
+            raise ValueError(f"action_noise is {self.action_noise}, but must be at least 0 and finite")
 
 
 class Dagger:
@@ -87,7 +87,7 @@ class Dagger:
     Args:
         plan: What to train; of it the environment, the seed and the device count here.
         hyperparams: See :class:`Hyperparams`.
-        clock: Of the training; nothing here follows it.
+        clock: That schedules follow.
         env_kwargs: Arguments of the environment.
 
     Raises ValueError naming a wrong hyper-parameter.
@@ -101,6 +101,7 @@ class Dagger:
         self._env: Any = make_vec_env(plan.env, int(asked.n_envs), plan.seed, device=plan.device, env_kwargs=env_kwargs)
         self.envs: TwinVectorEnv = self._env.unwrapped.envs
         self._device = torch.device(plan.device)
+        self._learning_rate = clock.schedule("learning_rate", asked.learning_rate)
         self._exact = EXACT[plan.env]
         self._teacher = _teacher(plan.env, asked, self.envs)
         torch.manual_seed(plan.seed)
@@ -130,9 +131,10 @@ class Dagger:
         end = self.steps + steps
         while self.steps < end:
             rollout = min(self._asked.n_steps, math.ceil((end - self.steps) / self.envs.num_envs))
+            rate = self._learning_rate(0.0)  # before the clock moves on, to its end at last
             self._gather(rollout, watch)
             watch.report("fitting")
-            self._fit()
+            self._fit(rate)
 
     def _gather(self, rollout: int, watch: Watch) -> None:
         """Drive for so many control steps, and keep what was seen and what the teacher would have done."""
@@ -170,14 +172,14 @@ class Dagger:
                 told[:, self.envs.observation_layout[name]] = self.envs.arrays.host(exact(view))[:, None]
         return told
 
-    def _fit(self) -> None:
+    def _fit(self, learning_rate: float) -> None:
         """Least squares of the teacher's actions, by Adam."""
         asked, normalise = self._asked, self._normalisation()
         inputs = torch.from_numpy(normalise(self._observations)).to(self._device)
         wanted = torch.from_numpy(self._actions).to(self._device)
         size = min(int(asked.batch_size), len(inputs))
         batches = len(inputs) // size * int(asked.n_epochs)
-        optimizer = torch.optim.Adam(self._net.parameters(), lr=asked.learning_rate)
+        optimizer = torch.optim.Adam(self._net.parameters(), lr=learning_rate)
         falling = torch.optim.lr_scheduler.LinearLR(optimizer, 1.0, 0.0, batches)
         left = torch.zeros((), device=self._device)
         for _ in range(int(asked.n_epochs)):

@@ -338,10 +338,10 @@ STUDIES = {
         make=lambda num_envs, device: _tracking_env(num_envs, device, ANYWHERE),
         cost=tracking_cost,
         report=tracking_report,
-        episodes=6,
+        episodes=12,
         steps=400,
-        population=10,
-        generations=6,
+        population=20,  # 768,000 control steps in all, as many as the packaged policy learns from
+        generations=7,
     ),
 }
 """How the controllers are tuned, by environment."""

@@ -55,8 +55,8 @@ SWING_TARGETS_DEG = (-22.0, 18.0, -8.0)
 SWING_HOLD_S = 2.5
 FOREST_SEED, FOREST_SIZE, SCAN_DENSITY = 7, (60.0, 60.0), 15.0
 """The demo's forest, its sides [m], and how its scan sees it [points/m²]."""
-DRIVE, DRIVE_LENGTH, DRIVER = "AORO/PathTracking-v0", 40.0, "preview"
-"""The demo's path over it [m], and the reference controller that follows it."""
+DRIVE, DRIVE_LENGTH, DRIVERS = "AORO/PathTracking-v0", 40.0, ("paths-dagger", "pure-pursuit")
+"""The demo's path over it [m], and who follows it: a shipped policy, and a reference controller beside it."""
 HELD_OUT_FORESTS, HELD_OUT_PATHS = (101, 102, 103), 100
 """What trainings are evaluated on: seeds of forests, and the first seed of other paths over the same ground."""
 MOST_EPISODES = 10_000
@@ -306,11 +306,12 @@ def demo(
     device: DeviceOption = "cpu",
     seed: SeedOption = 0,
 ) -> None:
-    """Validate the twin, let controllers steer and drive it, turn fully left and drive straight on: one page.
+    """Validate the twin, let controllers steer and policies drive it, turn fully left and drive straight on: one page.
 
     FOLDER/index.html holds it all; the whole validation stands in FOLDER/validation, as from 'aoro-gym validate'. The
     controlled turn is an episode of the learning environment AORO/Turning-v0 with its reference controller, the drive one
-    of AORO/PathTracking-v0: over a forest that is scanned with noise and holes, saved, loaded back and repaired.
+    of AORO/PathTracking-v0 with a learned policy, beside pure pursuit: over a forest that is scanned with noise and holes,
+    saved, loaded back and repaired.
 
     [bold]Examples[/]
 
@@ -878,6 +879,41 @@ def leaderboard(
         written = board.write(result, out, readme=readme, made_by=_made_by(machine, set_, scale, device, seed))
     _out().print(board.table(result))
     _say(written)
+
+
+@app.command()
+def curves(
+    folders: Annotated[
+        list[Path], typer.Argument(metavar="FOLDER...", help="Of 'aoro-gym train', done or on the way.")
+    ],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to.")] = Path("curves"),
+) -> None:
+    """Learning curves of trainings, beside the reference controllers on the episodes that they were evaluated on.
+
+    Trainings that differ by their seed alone make one curve, the mean over the seeds, with a band from the least to the
+    largest of them. FOLDER gets curves.png and curves.json.
+
+    [bold]Examples[/]
+
+      for s in 0 1 2; do aoro-gym train --env AORO/Turning-v0 --seed $s --out runs/turning_$s; done
+      aoro-gym curves runs/turning_*
+    """
+    with _checking_input():
+        from aoro_gym.agents import curves as drawing
+
+        _check_folder(out, "curves.json")
+        found = drawing.read(folders)
+        plan = found[0].plan
+        chosen = _machine(plan.machine, plan.set, plan.scale)
+        _check_device(plan.device)
+        held_out = None if plan.env != DRIVE else _training_courses(replace(plan, forests=1))[1]
+    with _running():
+        beside = drawing.references(plan, chosen, held_out)
+        picture = out / "curves.png"
+        _write_json(out / "curves.json", drawing.to_json(found, beside))
+        drawing.write_figure(found, beside, picture)
+    _out().print(drawing.table(found, beside))
+    _say([picture, out / "curves.json"])
 
 
 @app.command()
@@ -1921,8 +1957,8 @@ def _swing(chosen: Machine, device: str, seed: int, path: Path) -> Passage:
 
 
 def _forest_drive(chosen: Machine, device: str, seed: int, folder: Path) -> Passage:
-    """An episode of ``AORO/PathTracking-v0`` on the scan of a generated forest; the scan, a plan view and a film of it stand
-    in ``folder``."""
+    """An episode of ``AORO/PathTracking-v0`` on the scan of a generated forest, by a learned policy and by a controller; the
+    scan, a plan view and a film of it stand in ``folder``."""
     from aoro_gym.agents.evaluation import evaluate, policy_factory
     from aoro_gym.agents.evaluation_report import write_film, write_plans
     from aoro_gym.envs import Course
@@ -1940,7 +1976,7 @@ def _forest_drive(chosen: Machine, device: str, seed: int, folder: Path) -> Pass
         path = drivable_path(terrain, FOREST_SEED, length=DRIVE_LENGTH, obstacles=grown.circles("tree"))
         result = evaluate(
             DRIVE,
-            {DRIVER: policy_factory(DRIVE, DRIVER)},
+            {name: policy_factory(DRIVE, name) for name in DRIVERS},
             episodes=1,
             seed=seed,
             courses=[Course(terrain, (path,), name=terrain.name, trees=grown.trees)],
@@ -1948,7 +1984,7 @@ def _forest_drive(chosen: Machine, device: str, seed: int, folder: Path) -> Pass
             device=device,
             progress=lambda _, share: tell(DRIVE, share),
         )
-        run = result.runs[DRIVER]
+        run, other = (result.runs[name] for name in DRIVERS)
         film = write_film(
             result,
             run,
@@ -1956,13 +1992,14 @@ def _forest_drive(chosen: Machine, device: str, seed: int, folder: Path) -> Pass
             progress=lambda share: tell("drawing the drive", share),
         )
         plans = write_plans(result, folder)
-    figures = {name: float(values[0]) for name, values in run.figures.items()}
+    figures, others = ({name: float(values[0]) for name, values in one.figures.items()} for one in (run, other))
     changes = "; ".join(change.text for change in report.changes)
     text = (
-        f"A generated forest is scanned with noise and holes, saved as a mesh and loaded back ({changes}). The reference "
-        f"controller {DRIVER} of {DRIVE} follows a generated path by the machine's own sensors: "
+        f"A generated forest is scanned with noise and holes, saved as a mesh and loaded back ({changes}). The learned "
+        f"policy {DRIVERS[0]} of {DRIVE} follows a generated path by the machine's own sensors: "
         f"{figures['driven_m']:.1f} m at {figures['speed_m_per_s']:.2f} m/s, {figures['cross_track_rms_m']:.3f} m off the "
-        f"path (root mean square). It ended so: {run.endings[0]}."
+        f"path (root mean square); {DRIVERS[1]} on the same path {others['cross_track_rms_m']:.3f} m at "
+        f"{others['speed_m_per_s']:.2f} m/s. They ended so: {run.endings[0]}; {other.endings[0]}."
     )
     return Passage("A drive over scanned ground", text, [film, *plans])
 

@@ -38,7 +38,7 @@ def turn(tmp_path_factory) -> tuple[Path, Result]:
 
 def test_version_and_help():
     assert call("--version").stdout == f"aoro-gym {__version__}\n"
-    verbs = "parameters simulate validate calibrate demo terrain evaluate leaderboard gap train export bench"
+    verbs = "parameters simulate validate calibrate demo terrain evaluate leaderboard curves gap train export bench"
     for verb in verbs.split():
         shown = call(verb, "--help")
         assert shown.exit_code == 0
@@ -171,7 +171,8 @@ def test_demo(tmp_path):
     assert page.count("data:image/gif;base64,") == 1
     assert page.count("data:video/mp4;base64,") == 1
     assert "bridged over gaps" in page
-    assert "It ended so: end of path reached." in page
+    assert "They ended so: end of path reached; end of path reached." in page
+    assert "policy paths-dagger of AORO/PathTracking-v0" in page and "pure-pursuit on the same path" in page
     pictures = ("left_turn.png", "straight_drive.png", "turning.gif", "drive/drive.mp4", "drive/plan_1.png")
     for name in (*pictures, "drive/scan.ply", "validation/index.html"):
         assert (tmp_path / "demo" / name).exists()

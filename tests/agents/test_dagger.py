@@ -38,13 +38,13 @@ def learn(learner: Dagger, steps: int) -> None:
 def test_the_network_comes_to_the_mean_of_the_teacher_s_actions():
     """A teacher that acts by -2 e, of an error e ~ N(0, 1) that is measured with an error ~ N(0, 1): given the measured m,
     the mean of e is m / 2, so what fits best is -m. Of 20,000 pairs its slope scatters by 2 √½ / √20,000 = 0.01."""
-    learner, rng = dagger(net_arch=[8], n_epochs=40, batch_size=500, learning_rate=0.01), np.random.default_rng(1)
+    learner, rng = dagger(net_arch=[8], n_epochs=40, batch_size=500), np.random.default_rng(1)
     error = rng.standard_normal(20_000)
     seen = np.zeros((20_000, learner.envs.single_observation_space.shape[0]), dtype=np.float32)
     seen[:, 0] = error + rng.standard_normal(20_000)
     learner._observations, learner._actions = seen, -2.0 * error[:, None].astype(np.float32)
     learner._mean, learner._variance = np.zeros(seen.shape[1]), np.ones(seen.shape[1])
-    learner._fit()
+    learner._fit(0.01)
     shown = np.zeros((2, seen.shape[1]), dtype=np.float32)
     shown[:, 0] = -0.5, 0.5
     policy = learner.policy()
@@ -134,6 +134,7 @@ def test_it_goes_on_from_a_policy(tmp_path):
         ({"buffer_size": 99}, "buffer_size is 99, but must hold a rollout, n_envs \\* n_steps = 100"),
         ({"n_epochs": 0}, "n_epochs is 0, but must be a whole number of at least 1"),
         ({"action_noise": -0.1}, "action_noise is -0.1, but must be at least 0"),
+        ({"learning_rate": "fast_1"}, "learning_rate is 'fast_1', but must be a number, or lin_NUMBER"),
         ({"gamma": 0.9}, "that dagger does not take: .*gamma"),
     ],
 )

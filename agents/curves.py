@@ -1,0 +1,192 @@
+"""Learning curves: what the evaluations of several trainings found, beside the reference controllers on the same episodes.
+
+Trainings that differ by their seed alone make one curve: the mean over the seeds, within the least and the largest of them.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.markup import escape
+from rich.table import Table
+
+from aoro_gym.agents.evaluation import TRIALS, Evaluation, evaluate
+from aoro_gym.agents.evaluation_report import COLOURS, RATES, describe
+from aoro_gym.agents.leaderboard import MORE_IS_BETTER, SUCCESS
+from aoro_gym.agents.reference import REFERENCE_POLICIES
+from aoro_gym.agents.training import EVALUATION_SEED, EVALUATIONS, recall
+from aoro_gym.agents.training_plan import TrainingPlan
+from aoro_gym.envs.courses import Course
+from aoro_gym.style import INK, PLOT_STYLE, SOFT
+from aoro_gym.twin import Machine
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Trainings that differ by their seed alone, K of them, evaluated M times each."""
+
+    plan: TrainingPlan
+    """Of the first one."""
+    seeds: tuple[int, ...]
+    steps: Sequence[int]
+    """(M,)"""
+    minutes: Sequence[float]
+    """Wall-clock time of the slowest seed at each evaluation [min] (M,), evaluations included."""
+    figures: Mapping[str, np.ndarray]
+    """Mean of each figure over an evaluation's episodes, by name (K, M); NaN where no episode had one."""
+
+    @property
+    def name(self) -> str:
+        """Of the algorithm, and where it learned on from, if it did."""
+        return self.plan.algo if self.plan.start is None else f"{self.plan.algo}, from {Path(self.plan.start).stem}"
+
+
+def read(folders: Sequence[Path]) -> list[Curve]:
+    """Curves of the trainings in ``folders``, in their order; of one that is not done, those evaluations that there are.
+
+    Raises ValueError if there is none, or if they are not of one environment and judged alike.
+    """
+    groups: dict[str, list[tuple[TrainingPlan, list[dict[str, Any]]]]] = {}
+    for folder in folders:
+        plan, _ = recall(folder)
+        if not (folder / EVALUATIONS).exists():
+            raise ValueError(f"{folder} holds no {EVALUATIONS} yet; let its training reach the first evaluation")
+        found = json.loads((folder / EVALUATIONS).read_text(encoding="utf-8"))["evaluations"]
+        groups.setdefault(replace(plan, seed=0).command, []).append((plan, found))
+    if not groups:
+        raise ValueError("there is no training; give folders that 'aoro-gym train' wrote")
+    first, *others = (members[0][0] for members in groups.values())
+    for other in others:
+        for name in ("env", "eval_episodes", "terrain", "path", "path_length", "machine", "set", "scale"):
+            if getattr(other, name) != getattr(first, name):
+                raise ValueError(
+                    f"{name} is {getattr(first, name)!r} in one training and {getattr(other, name)!r} in another; "
+                    "give trainings that are judged alike"
+                )
+    return [_curve(members) for members in groups.values()]
+
+
+def _curve(members: Sequence[tuple[TrainingPlan, list[dict[str, Any]]]]) -> Curve:
+    plan, seeds = members[0][0], tuple(one.seed for one, _ in members)
+    if len(set(seeds)) < len(seeds):
+        raise ValueError(f"the seeds of {plan.command} are {seeds}; give each training once")
+    count = min(len(found) for _, found in members)
+    names = list(members[0][1][0]["figures"])
+    means = [[[one["figures"][name]["mean"] for one in found[:count]] for _, found in members] for name in names]
+    return Curve(
+        plan,
+        seeds,
+        steps=[one["steps"] for one in members[0][1][:count]],
+        minutes=[max(found[k]["elapsed_s"] for _, found in members) / 60.0 for k in range(count)],
+        figures={name: np.array(values, dtype=np.float64) for name, values in zip(names, means, strict=True)},
+    )
+
+
+def references(plan: TrainingPlan, machine: Machine, held_out: Sequence[Course] | None) -> Evaluation:
+    """The reference controllers on the episodes that trainings of ``plan`` are evaluated on."""
+    return evaluate(
+        plan.env,
+        REFERENCE_POLICIES[plan.env],
+        episodes=plan.eval_episodes,
+        seed=EVALUATION_SEED,
+        courses=held_out,
+        machine=machine,
+        device=plan.device,
+    )
+
+
+# ---- reports ---------------------------------------------------------------------------------------------------------
+
+
+def compared(env: str) -> tuple[str, ...]:
+    """The figures that curves show."""
+    return (*TRIALS[env].decisive, SUCCESS)
+
+
+def to_json(curves: Sequence[Curve], beside: Evaluation) -> dict[str, Any]:
+    """Content of ``curves.json``."""
+    return {
+        "env": beside.env,
+        "curves": [
+            {
+                "command": one.plan.command,
+                "seeds": one.seeds,
+                "steps": one.steps,
+                "minutes": one.minutes,
+                "figures": {name: _plain(values) for name, values in one.figures.items()},
+            }
+            for one in curves
+        ],
+        "references": beside.to_json()["policies"],
+    }
+
+
+def _plain(values: np.ndarray) -> Any:
+    """With None in the place of NaN."""
+    return [[value if np.isfinite(value) else None for value in row] for row in values.tolist()]
+
+
+def table(curves: Sequence[Curve], beside: Evaluation) -> Table:
+    """The last evaluations, and the controllers."""
+    figures = compared(beside.env)
+    drawn = Table(title=f"{beside.env}: last evaluation", title_justify="left", header_style="bold")
+    for head in ("", "seeds", "steps", "min"):
+        drawn.add_column(head, justify="left" if head == "" else "right")
+    for name in figures:
+        words, unit = describe(name)
+        drawn.add_column(escape(f"{words} [{unit}]"), justify="right")
+    for one in curves:
+        last = [_scale(name) * one.figures[name][:, -1] for name in figures]
+        said = [
+            f"{np.mean(values):.3g}" + (f" ({min(values):.3g} to {max(values):.3g})" if len(values) > 1 else "")
+            for values in last
+        ]
+        drawn.add_row(one.name, str(len(one.seeds)), f"{one.steps[-1]:,}", f"{one.minutes[-1]:.1f}", *map(escape, said))
+    for policy, found in beside.summary.items():
+        drawn.add_row(policy, "", "", "", *(f"{_scale(name) * found[name].mean:.3g}" for name in figures))
+    return drawn
+
+
+def write_figure(curves: Sequence[Curve], beside: Evaluation, path: Path) -> None:
+    """A panel for each figure over the steps: mean and spread of the seeds, and the controllers as dashed lines."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    figures = compared(beside.env)
+    with matplotlib.rc_context(PLOT_STYLE):
+        figure = Figure(figsize=(3.9 * len(figures), 3.4), dpi=130, layout="constrained")
+        for axis, name in zip(figure.subplots(1, len(figures), squeeze=False)[0], figures, strict=True):
+            words, unit = describe(name)
+            shown = []
+            for k, one in enumerate(curves):
+                values, colour = _scale(name) * one.figures[name], COLOURS[k % len(COLOURS)]
+                steps = np.array(one.steps) / 1e6
+                mean = values.mean(axis=0)
+                label = f"{one.name}, {len(one.seeds)} seed{'s' * (len(one.seeds) > 1)}, {one.minutes[-1]:.0f} min"
+                axis.fill_between(steps, values.min(axis=0), values.max(axis=0), color=colour, alpha=0.18, lw=0.0)
+                axis.plot(steps, mean, "o-", color=colour, ms=3.5, lw=1.6, label=label)
+                shown += [*values[:, len(steps) // 3 :].ravel()]
+            for k, (policy, found) in enumerate(beside.summary.items()):
+                value = _scale(name) * found[name].mean
+                style = ("--", ":", "-.", (0, (6, 2, 1, 2)))[k % 4]
+                axis.axhline(value, color=INK if k == 0 else SOFT, lw=1.1, ls=style, label=policy)
+                shown.append(value)
+            low, high = np.nanmin(shown), np.nanmax(shown)
+            margin = 0.15 * max(high - low, 0.02 * abs(high), 1e-9)
+            axis.set_ylim(low - margin, high + margin)  # what the first evaluations find may lie outside
+            better = "more" if name in (*MORE_IS_BETTER, *RATES) else "less"
+            axis.set_title(f"{words} [{unit}], {better} is better", loc="left", fontsize=10.0, fontweight="bold")
+            axis.set_xlabel("million environment steps")
+            axis.grid(True)
+            axis.spines[["top", "right"]].set_visible(False)
+        figure.axes[-1].legend(frameon=False, fontsize=8.0)
+        figure.savefig(path)
+
+
+def _scale(name: str) -> float:
+    return 100.0 if describe(name)[1] == "%" else 1.0
