@@ -173,14 +173,15 @@ def write_figure(curves: Sequence[Curve], beside: Evaluation, path: Path) -> Non
                 shown += [*values[:, len(steps) // 3 :].ravel()]
             for k, (policy, found) in enumerate(beside.summary.items()):
                 value = _scale(name) * found[name].mean
-                style = ("--", ":", "-.", (0, (6, 2, 1, 2)))[k % 4]
-                axis.axhline(value, color=INK if k == 0 else SOFT, lw=1.1, ls=style, label=policy)
+                style, colour = ("--", ":", "-.", (0, (9, 3)))[k % 4], (INK, SOFT)[k % 2]
+                axis.axhline(value, color=colour, lw=1.2, ls=style, label=policy)
                 shown.append(value)
             low, high = np.nanmin(shown), np.nanmax(shown)
             margin = 0.15 * max(high - low, 0.02 * abs(high), 1e-9)
             axis.set_ylim(low - margin, high + margin)  # what the first evaluations find may lie outside
             better = "more" if name in (*MORE_IS_BETTER, *RATES) else "less"
             axis.set_title(f"{words} [{unit}], {better} is better", loc="left", fontsize=10.0, fontweight="bold")
+            axis.set_xlim(left=0.0)
             axis.set_xlabel("million environment steps")
             axis.grid(True)
             axis.spines[["top", "right"]].set_visible(False)

@@ -138,7 +138,7 @@ class Dagger:
 
     def _gather(self, rollout: int, watch: Watch) -> None:
         """Drive for so many control steps, and keep what was seen and what the teacher would have done."""
-        led = self._mean is not None
+        led, space = self._mean is not None, self.envs.single_action_space
         policy = self.policy() if led else None
         seen, done = [], []
         observations = self._last_observations
@@ -149,7 +149,6 @@ class Dagger:
             done.append(wanted)
             actions = wanted if policy is None else policy(observations)
             noise = self._asked.action_noise * torch.randn(actions.shape).numpy() if led else 0.0
-            space = self.envs.single_action_space
             observations, _, _, infos = self._env.step(np.clip(actions + noise, space.low, space.high))
             for info in infos:
                 if "episode" in info:
