@@ -101,6 +101,17 @@ def pack(states):
     return y / SCALE[:, None]
 
 
+def _heeded(law, command, signal):
+    """A law of time and states whose floating-point errors are treated as where this was called."""
+    usual = np.geterr()
+
+    def rate(t, y):
+        with np.errstate(**usual):
+            return law(y, command, signal)
+
+    return rate
+
+
 class MachineOracle:
     """Right-hand side of the machine on plane ground."""
 
@@ -309,19 +320,22 @@ class MachineOracle:
                     setattr(command, name, value)
                 signal = hysteresis(command.steering_signal)
             wanted = times[(times >= left) & (times < right)]
-            solution = solve_ivp(
-                lambda t, y, s=signal: self.rhs(y, command, s),
-                (left, right),
-                y,
-                method=method,
-                t_eval=np.append(wanted, right),
-                rtol=rtol,
-                atol=atol,
-                max_step=max_step,
-                first_step=1e-6,
-                jac=lambda t, y, s=signal: self.jacobian(y, command, s),
-            )
-            if not solution.success:
+            rate, jacobian = (_heeded(law, command, signal) for law in (self.rhs, self.jacobian))
+            # SciPy's BDF subtracts memory that it has not written yet
+            with np.errstate(invalid="ignore", over="ignore"):
+                solution = solve_ivp(
+                    rate,
+                    (left, right),
+                    y,
+                    method=method,
+                    t_eval=np.append(wanted, right),
+                    rtol=rtol,
+                    atol=atol,
+                    max_step=max_step,
+                    first_step=1e-6,
+                    jac=jacobian,
+                )
+            if not solution.success or not np.isfinite(solution.y).all():
                 raise RuntimeError(f"integration failed: {solution.message}")
             if stats is not None:
                 for name in ("nfev", "njev", "nlu"):
