@@ -5,8 +5,7 @@ Trainings that differ by their seed alone make one curve: the mean over the seed
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,12 +15,13 @@ from rich.markup import escape
 from rich.table import Table
 
 from aoro_gym.agents.evaluation import TRIALS, Evaluation, evaluate
-from aoro_gym.agents.evaluation_report import COLOURS, RATES, describe
+from aoro_gym.agents.evaluation_report import COLOURS, RATES, describe, shown_as
 from aoro_gym.agents.leaderboard import MORE_IS_BETTER, SUCCESS
 from aoro_gym.agents.reference import REFERENCE_POLICIES
 from aoro_gym.agents.training import EVALUATION_SEED, EVALUATIONS, recall
 from aoro_gym.agents.training_plan import TrainingPlan
 from aoro_gym.envs.courses import Course
+from aoro_gym.log import read_json
 from aoro_gym.style import INK, PLOT_STYLE, SOFT
 from aoro_gym.twin import Machine
 
@@ -56,7 +56,9 @@ def read(folders: Sequence[Path]) -> list[Curve]:
         plan, _ = recall(folder)
         if not (folder / EVALUATIONS).exists():
             raise ValueError(f"{folder} holds no {EVALUATIONS} yet; let its training reach the first evaluation")
-        found = json.loads((folder / EVALUATIONS).read_text(encoding="utf-8"))["evaluations"]
+        found = read_json(folder / EVALUATIONS).get("evaluations")
+        if not found:
+            raise ValueError(f"{folder / EVALUATIONS} holds no evaluations; restore it, or name another folder")
         groups.setdefault(replace(plan, seed=0).command, []).append((plan, found))
     if not groups:
         raise ValueError("there is no training; give folders that 'aoro-gym train' wrote")
@@ -87,7 +89,12 @@ def _curve(members: Sequence[tuple[TrainingPlan, list[dict[str, Any]]]]) -> Curv
     )
 
 
-def references(plan: TrainingPlan, machine: Machine, held_out: Sequence[Course] | None) -> Evaluation:
+def references(
+    plan: TrainingPlan,
+    machine: Machine,
+    held_out: Sequence[Course] | None,
+    progress: Callable[[str, float], Any] | None = None,
+) -> Evaluation:
     """The reference controllers on the episodes that trainings of ``plan`` are evaluated on."""
     return evaluate(
         plan.env,
@@ -97,6 +104,7 @@ def references(plan: TrainingPlan, machine: Machine, held_out: Sequence[Course] 
         courses=held_out,
         machine=machine,
         device=plan.device,
+        progress=progress,
     )
 
 
@@ -133,7 +141,7 @@ def _plain(values: np.ndarray) -> Any:
 
 def table(curves: Sequence[Curve], beside: Evaluation) -> Table:
     """The last evaluations, and the controllers."""
-    figures = compared(beside.env)
+    figures = {name: shown_as(describe(name)[1]) for name in compared(beside.env)}
     drawn = Table(title=f"{beside.env}: last evaluation", title_justify="left", header_style="bold")
     for head in ("", "seeds", "steps", "min"):
         drawn.add_column(head, justify="left" if head == "" else "right")
@@ -141,14 +149,14 @@ def table(curves: Sequence[Curve], beside: Evaluation) -> Table:
         words, unit = describe(name)
         drawn.add_column(escape(f"{words} [{unit}]"), justify="right")
     for one in curves:
-        last = [_scale(name) * one.figures[name][:, -1] for name in figures]
+        last = [scale * one.figures[name][:, -1] for name, scale in figures.items()]
         said = [
             f"{np.mean(values):.3g}" + (f" ({min(values):.3g} to {max(values):.3g})" if len(values) > 1 else "")
             for values in last
         ]
         drawn.add_row(one.name, str(len(one.seeds)), f"{one.steps[-1]:,}", f"{one.minutes[-1]:.1f}", *map(escape, said))
     for policy, found in beside.summary.items():
-        drawn.add_row(policy, "", "", "", *(f"{_scale(name) * found[name].mean:.3g}" for name in figures))
+        drawn.add_row(policy, "", "", "", *(f"{scale * found[name].mean:.3g}" for name, scale in figures.items()))
     return drawn
 
 
@@ -162,9 +170,10 @@ def write_figure(curves: Sequence[Curve], beside: Evaluation, path: Path) -> Non
         figure = Figure(figsize=(3.9 * len(figures), 3.4), dpi=130, layout="constrained")
         for axis, name in zip(figure.subplots(1, len(figures), squeeze=False)[0], figures, strict=True):
             words, unit = describe(name)
+            scale = shown_as(unit)
             shown = []
             for k, one in enumerate(curves):
-                values, colour = _scale(name) * one.figures[name], COLOURS[k % len(COLOURS)]
+                values, colour = scale * one.figures[name], COLOURS[k % len(COLOURS)]
                 steps = np.array(one.steps) / 1e6
                 mean = values.mean(axis=0)
                 label = f"{one.name}, {len(one.seeds)} seed{'s' * (len(one.seeds) > 1)}, {one.minutes[-1]:.0f} min"
@@ -172,13 +181,14 @@ def write_figure(curves: Sequence[Curve], beside: Evaluation, path: Path) -> Non
                 axis.plot(steps, mean, "o-", color=colour, ms=3.5, lw=1.6, label=label)
                 shown += [*values[:, len(steps) // 3 :].ravel()]
             for k, (policy, found) in enumerate(beside.summary.items()):
-                value = _scale(name) * found[name].mean
+                value = scale * found[name].mean
                 style, colour = ("--", ":", "-.", (0, (9, 3)))[k % 4], (INK, SOFT)[k % 2]
                 axis.axhline(value, color=colour, lw=1.2, ls=style, label=policy)
                 shown.append(value)
             low, high = np.nanmin(shown), np.nanmax(shown)
             margin = 0.15 * max(high - low, 0.02 * abs(high), 1e-9)
-            axis.set_ylim(low - margin, high + margin)  # what the first evaluations find may lie outside
+            top = min(high + margin, 100.0 + 0.2 * margin) if unit == "%" else high + margin
+            axis.set_ylim(low - margin, top)  # what the first evaluations find may lie outside
             better = "more" if name in (*MORE_IS_BETTER, *RATES) else "less"
             axis.set_title(f"{words} [{unit}], {better} is better", loc="left", fontsize=10.0, fontweight="bold")
             axis.set_xlim(left=0.0)
@@ -187,7 +197,3 @@ def write_figure(curves: Sequence[Curve], beside: Evaluation, path: Path) -> Non
             axis.spines[["top", "right"]].set_visible(False)
         figure.axes[-1].legend(frameon=False, fontsize=8.0)
         figure.savefig(path)
-
-
-def _scale(name: str) -> float:
-    return 100.0 if describe(name)[1] == "%" else 1.0

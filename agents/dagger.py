@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from aoro_gym.agents.checkpoints import random_states, restore_random_states
 from aoro_gym.agents.controllers import Policy
 from aoro_gym.agents.learned import LearnedPolicy, Normalisation, into_network, of_network
+from aoro_gym.agents.perceptron import perceptron
 from aoro_gym.agents.reference import reference_policy
 from aoro_gym.agents.training_plan import TrainingPlan
 from aoro_gym.agents.vec_env import make_vec_env
@@ -106,10 +107,7 @@ class Dagger:
         self._teacher = _teacher(plan.env, asked, self.envs)
         torch.manual_seed(plan.seed)
         seen, acts = self.envs.single_observation_space.shape[0], self.envs.single_action_space.shape[0]
-        layers: list[torch.nn.Module] = []
-        for before, after in zip((seen, *asked.net_arch), asked.net_arch, strict=False):
-            layers += [torch.nn.Linear(before, after), torch.nn.Tanh()]
-        self._net = torch.nn.Sequential(*layers, torch.nn.Linear(asked.net_arch[-1], acts)).to(self._device)
+        self._net = perceptron([seen, *asked.net_arch, acts]).to(self._device)
         self._mean: NDArray[np.float64] | None = None  # of the first rollout, as is the variance
         self._variance = np.ones(seen)
         self._observations = np.zeros((0, seen), dtype=np.float32)

@@ -100,11 +100,16 @@ def describe(name: str) -> tuple[str, str]:
     return name.replace("_", " "), ""
 
 
+def shown_as(unit: str) -> float:
+    """Factor from a figure to what is shown of it."""
+    return 100.0 if unit == "%" else 1.0
+
+
 def shown(value: Interval, unit: str) -> str:
     """``mean [low, high]`` to three digits of the mean; shares in per cent."""
     if not math.isfinite(value.mean):
         return "-"
-    scale = 100.0 if unit == "%" else 1.0
+    scale = shown_as(unit)
     size = abs(scale * value.mean)
     digits = 0 if unit == "%" or size >= 100.0 else 1 if size >= 10.0 else 2 if size >= 1.0 else 3
     mean, low, high = (f"{scale * number:.{digits}f}" for number in value)
@@ -182,7 +187,7 @@ def write_figures(result: Evaluation, path: Path) -> None:
         for index, name in enumerate(names):
             axis = axes[index]
             words, unit = describe(name)
-            scale = 100.0 if unit == "%" else 1.0
+            scale = shown_as(unit)
             for height, policy in enumerate(policies):
                 value = summary[policy][name]
                 colour = COLOURS[height % len(COLOURS)]

@@ -43,8 +43,8 @@ from aoro_gym.agents.learned import LearnedPolicy
 from aoro_gym.agents.perturbations import SWITCHABLE
 from aoro_gym.agents.reference import Factory
 from aoro_gym.agents.training_plan import TrainingPlan
-from aoro_gym.diagnosis.sealing import read_json
 from aoro_gym.envs.courses import Course
+from aoro_gym.log import read_json
 from aoro_gym.twin import Machine
 
 BASELINE, PLANT, IMPROVED = "baseline", "plant", "improved twin"

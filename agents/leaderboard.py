@@ -20,7 +20,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from aoro_gym.agents.evaluation import Evaluation, Interval, evaluate, interquartile_mean, interval, plain
-from aoro_gym.agents.evaluation_report import COLOURS, describe, shown
+from aoro_gym.agents.evaluation_report import COLOURS, describe, shown, shown_as
 from aoro_gym.agents.perturbations import PERTURBATIONS
 from aoro_gym.agents.reference import REFERENCE_POLICIES, Factory
 from aoro_gym.envs.courses import Course, forest_course
@@ -270,7 +270,7 @@ def write_figure(result: Leaderboard, path: Path) -> None:
         axes = figure.subplots(1, len(figures), squeeze=False)[0]
         for column, (axis, what) in enumerate(zip(axes, figures, strict=True)):
             words, unit = describe(what)
-            scale = 100.0 if unit == "%" else 1.0
+            scale = shown_as(unit)
             for k, name in enumerate(names):
                 heights = [height + 0.22 * (k - 0.5 * (len(names) - 1)) for height in range(len(policies))]
                 values = [result.middle[name][policy][what] for policy in policies]

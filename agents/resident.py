@@ -10,17 +10,17 @@ import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Any
 
 import gymnasium
 import torch  # pyright: ignore[reportMissingImports]
 from stable_baselines3.common.logger import Logger  # pyright: ignore[reportMissingImports]
-from torch import nn  # pyright: ignore[reportMissingImports]
+from torch.nn import Parameter  # pyright: ignore[reportMissingImports]
 
 from aoro_gym.agents.checkpoints import random_states, restore_random_states
 from aoro_gym.agents.device_env import DeviceEnv
 from aoro_gym.agents.learned import LearnedPolicy, into_network, of_network
+from aoro_gym.agents.perceptron import perceptron
 from aoro_gym.agents.training_plan import TrainingPlan
 from aoro_gym.agents.watching import Clock, Watch
 from aoro_gym.envs import register_envs
@@ -273,8 +273,8 @@ class _Actor(GaussianMixin, Model):
     def __init__(self, hidden: list[int], log_std: float, spaces: Mapping[str, Any]):
         Model.__init__(self, **spaces)
         GaussianMixin.__init__(self)
-        self.net = _perceptron([self.num_observations, *hidden, self.num_actions], last_gain=0.01)
-        self.log_std = nn.Parameter(torch.full((self.num_actions,), log_std))
+        self.net = perceptron([self.num_observations, *hidden, self.num_actions], last_gain=0.01)
+        self.log_std = Parameter(torch.full((self.num_actions,), log_std))
 
     def compute(self, inputs: Mapping[str, Any], role: str = "") -> tuple[torch.Tensor, dict[str, Any]]:
         return self.net(inputs["observations"]), {"log_std": self.log_std}
@@ -286,22 +286,10 @@ class _Critic(DeterministicMixin, Model):
     def __init__(self, hidden: list[int], spaces: Mapping[str, Any]):
         Model.__init__(self, **spaces)
         DeterministicMixin.__init__(self)
-        self.net = _perceptron([self.num_observations, *hidden, 1], last_gain=1.0)
+        self.net = perceptron([self.num_observations, *hidden, 1], last_gain=1.0)
 
     def compute(self, inputs: Mapping[str, Any], role: str = "") -> tuple[torch.Tensor, dict[str, Any]]:
         return self.net(inputs["observations"]), {}
-
-
-def _perceptron(sizes: list[int], last_gain: float) -> nn.Sequential:
-    """Layers with tanh between them, orthogonal to begin with, as Stable-Baselines3 makes them."""
-    layers: list[nn.Module] = []
-    for k, (before, after) in enumerate(pairwise(sizes)):
-        last = k == len(sizes) - 2
-        linear = nn.Linear(before, after)
-        nn.init.orthogonal_(linear.weight, gain=last_gain if last else math.sqrt(2.0))
-        nn.init.zeros_(linear.bias)
-        layers += [linear] if last else [linear, nn.Tanh()]
-    return nn.Sequential(*layers)
 
 
 class _Memory(RandomMemory):

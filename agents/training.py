@@ -41,7 +41,7 @@ from aoro_gym.agents.learned import LearnedPolicy
 from aoro_gym.agents.training_plan import TrainingPlan
 from aoro_gym.cluster import ClusterError, Failed, connected, on_ray
 from aoro_gym.envs.courses import Course
-from aoro_gym.log import write_whole
+from aoro_gym.log import read_json, write_whole
 from aoro_gym.twin import Machine
 
 if TYPE_CHECKING:
@@ -184,8 +184,11 @@ def recall(folder: Path) -> tuple[TrainingPlan, Recipe]:
     record = folder / RECORD
     if not record.exists():
         raise ValueError(f"{folder} holds no {RECORD}; nothing was trained there")
-    content = json.loads(record.read_text(encoding="utf-8"))
-    return TrainingPlan.of(content["plan"]), Recipe(content["hyperparams"], content["curriculum"])
+    content = read_json(record)
+    try:
+        return TrainingPlan.of(content["plan"]), Recipe(content["hyperparams"], content["curriculum"])
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"{record} is no training's of this version: {error}; restore it, or begin anew") from error
 
 
 def train(

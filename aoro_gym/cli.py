@@ -906,9 +906,9 @@ def curves(
         plan = found[0].plan
         chosen = _machine(plan.machine, plan.set, plan.scale)
         _check_device(plan.device)
-        held_out = None if plan.env != DRIVE else _training_courses(replace(plan, forests=1))[1]
-    with _running():
-        beside = drawing.references(plan, chosen, held_out)
+        held_out = _training_courses(replace(plan, forests=1))[1]
+    with _bar(plan.env) as tell, _running():
+        beside = drawing.references(plan, chosen, held_out, tell)
         picture = out / "curves.png"
         _write_json(out / "curves.json", drawing.to_json(found, beside))
         drawing.write_figure(found, beside, picture)

@@ -167,6 +167,22 @@ def write_whole(path: Path, text: str) -> None:
     partial.replace(path)
 
 
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write ``content`` whole or not at all; ValueError if it holds a number that JSON has not."""
+    write_whole(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """ValueError that names the file if it holds no JSON object."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path} is not JSON: {error}; restore it, or name another file") from None
+    if not isinstance(content, dict):
+        raise ValueError(f"{path} holds no JSON object; restore it, or name another file")
+    return content
+
+
 def check_writable(path: Path) -> None:
     """``ValueError`` unless a file can be written to ``path``; folders that are missing can be made."""
     if path.is_dir():

@@ -327,7 +327,7 @@ EXACT_TERMS: Mapping[str, Callable[[PathTrackingView], Array]] = {
     "cross_track": lambda view: view.cross_track,
     "heading_error": lambda view: view.heading_error,
 }
-"""True values of terms that localisation gives with errors that last, for teachers and tests."""
+"""True values of terms that localisation gives with errors that last, for teachers."""
 GEAR_TERMS = Frozen({"gear": ObservationTerm(gear, 1.0, 3.0)})
 """What a gear that changes adds."""
 INERTIAL_TERMS = Frozen({"inertial": ObservationTerm(inertial, -20.0, 20.0)})

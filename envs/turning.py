@@ -180,7 +180,7 @@ EXACT_TERMS: Mapping[str, Callable[[TurningView], Array]] = {
     "joint_angle": lambda view: view.target - view.error,
     "error": lambda view: view.error,
 }
-"""True values of measured terms, for teachers and tests."""
+"""True values of measured terms, for teachers."""
 PRESSURE_TERMS = Frozen({"pressures": ObservationTerm(pressures, -1.0, 10.0)})
 """What ``observe_pressures=True`` adds."""
 PRESSURE_CHANNELS = ("pressure_a", "pressure_b", "pump_pressure")

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from aoro_gym.cluster import Failed, connected, on_ray
-from aoro_gym.diagnosis.sealing import SENSORS, read_json, write_json
+from aoro_gym.diagnosis.sealing import SENSORS
 from aoro_gym.diagnosis.sharing import sharing
 from aoro_gym.diagnosis.workers import Failure, Tell, spread
-from aoro_gym.log import write_whole
+from aoro_gym.log import read_json, write_json, write_whole
 
 RESULT, FAILED = "diagnosis.json", "error.txt"
 """Files of a case's folder: one of them once it was diagnosed."""

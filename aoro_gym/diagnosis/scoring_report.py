@@ -13,8 +13,7 @@ from rich.table import Table
 from aoro_gym.diagnosis.plants.effects import EFFECTS
 from aoro_gym.diagnosis.result import CALIBRATION
 from aoro_gym.diagnosis.scoring import FAILED, TWO, Case, Estimate, Outcome, Score
-from aoro_gym.diagnosis.sealing import write_json
-from aoro_gym.log import write_whole
+from aoro_gym.log import write_json, write_whole
 from aoro_gym.style import BLUE, PLOT_STYLE, RED
 
 ORDER = ("nothing", CALIBRATION, *EFFECTS, TWO, "unknown", "inconclusive", FAILED)

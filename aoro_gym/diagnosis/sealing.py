@@ -9,7 +9,6 @@ digests of them all: what was sealed can be shown later, and what was changed si
 from __future__ import annotations
 
 import hashlib
-import json
 import secrets
 import shutil
 from collections.abc import Callable, Mapping, Sequence
@@ -24,7 +23,7 @@ from aoro_gym.diagnosis.cases import Case, Family, Suite, plan
 from aoro_gym.diagnosis.plants.constants import COMMISSIONED_CELSIUS
 from aoro_gym.diagnosis.plants.runs import Recorded, Run, record
 from aoro_gym.diagnosis.workers import Tell, spread
-from aoro_gym.log import BAR, NOISY, RPM, voltage_from_signal, write_log, write_whole
+from aoro_gym.log import BAR, NOISY, RPM, read_json, voltage_from_signal, write_json, write_log
 
 COLUMNS = {
     "joint_angle": ("joint_angle_rad", 1.0), "pressure_a": ("pressure_a_bar", BAR), "pressure_b": ("pressure_b_bar", BAR),
@@ -236,22 +235,6 @@ def _write_exact(path: Path, case: Case, found: Mapping[str, Sequence[Recorded]]
     }
     path.parent.mkdir(parents=True, exist_ok=True)
     np.savez_compressed(path, **arrays)  # pyright: ignore[reportArgumentType]  keys are names of arrays
-
-
-def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write ``content`` whole or not at all; ValueError if it holds a number that JSON has not."""
-    write_whole(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False))
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    """ValueError that names the file if it holds no JSON object."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path} is not JSON: {error}; restore it, or name another file") from None
-    if not isinstance(content, dict):
-        raise ValueError(f"{path} holds no JSON object; restore it, or name another file")
-    return content
 
 
 def _digests(folder: Path, answers: Path) -> dict[str, str]:

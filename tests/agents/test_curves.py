@@ -58,8 +58,17 @@ def test_what_cannot_be_drawn_is_named(tmp_path):
         read([first, first])
     with pytest.raises(ValueError, match="nothing was trained there"):
         read([tmp_path])
+    (other / "evaluations.json").write_text("half of it", encoding="utf-8")
+    with pytest.raises(ValueError, match=r"evaluations.json is not JSON"):
+        read([other])
+    (other / "evaluations.json").write_text("{}", encoding="utf-8")
+    with pytest.raises(ValueError, match=r"evaluations.json holds no evaluations"):
+        read([other])
     (other / "evaluations.json").unlink()
     with pytest.raises(ValueError, match="let its training reach the first evaluation"):
+        read([other])
+    (other / "training.json").write_text("{}", encoding="utf-8")
+    with pytest.raises(ValueError, match=r"training.json is no training's of this version: 'plan'"):
         read([other])
     shown = CliRunner().invoke(app, ["curves", str(tmp_path / "none"), "--out", str(tmp_path / "out")])
     assert shown.exit_code == 2 and "nothing was trained there" in " ".join(shown.output.split())

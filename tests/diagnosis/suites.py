@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from aoro_gym.diagnosis.cases import MACHINES
-from aoro_gym.diagnosis.sealing import _digests, exact_folder, write_json
-from aoro_gym.log import write_log
+from aoro_gym.diagnosis.sealing import _digests, exact_folder
+from aoro_gym.log import write_json, write_log
 
 NOISE = 1e-3
 """Standard deviation [rad] of the angle's noise, white."""

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 from aoro_gym.cli import app
 from aoro_gym.diagnosis import running
 from aoro_gym.diagnosis.running import diagnoses_folder, read_diagnoses, run_cases
-from aoro_gym.diagnosis.sealing import write_json
+from aoro_gym.log import write_json
 from tests.diagnosis.suites import write_suite
 
 
