@@ -123,7 +123,7 @@ def read_recipe(plan: TrainingPlan) -> Recipe:
 
     Raises ValueError naming the file and what is missing or wrong, OSError if there is no such file.
     """
-    hyperparams = dict(_entry(plan.hyperparams_file, plan.env))
+    hyperparams = dict(entry_of(plan.hyperparams_file, plan.env))
     for text in plan.param or []:
         name, equals, value = (part.strip() for part in text.partition("="))
         if not (name and equals):
@@ -136,7 +136,7 @@ def read_recipe(plan: TrainingPlan) -> Recipe:
             raise ValueError(
                 f"{plan.hyperparams_file}: {name} of {plan.env} is {hyperparams.get(name)!r}; give a number"
             )
-    stages = _entry(plan.curriculum_file, plan.env)
+    stages = entry_of(plan.curriculum_file, plan.env)
     curriculum(plan.env, stages)
     return Recipe(hyperparams, stages)
 
@@ -200,6 +200,7 @@ def train(
     courses: Sequence[Course] | None = None,
     held_out: Sequence[Course] | None = None,
     tell: Callable[[Progress], Any] = lambda progress: None,
+    evaluated: Callable[[Mapping[str, Any]], Any] = lambda evaluation: None,
 ) -> list[dict[str, Any]]:
     """Train, from the checkpoint in ``folder`` if there is one.
 
@@ -211,6 +212,7 @@ def train(
         courses: Where to learn; None where the task is no drive.
         held_out: Where to evaluate; likewise.
         tell: Called with where the training stands.
+        evaluated: Called with every evaluation, once it and the checkpoint are saved.
 
     Returns:
         All evaluations, those before the checkpoint, too: ``steps``, ``elapsed_s``, and ``figures`` with their intervals.
@@ -275,6 +277,7 @@ def train(
             found.append({"steps": clock.done, "elapsed_s": round(elapsed, 3), "figures": figures})
             write_whole(folder / EVALUATIONS, json.dumps({"env": plan.env, "evaluations": found}, indent=2))
             save_checkpoint(checkpoint, learner.state(), {"evaluations": found, "elapsed_s": elapsed})
+            evaluated(found[-1])
     finally:
         logger.close()
         learner.close()
@@ -399,8 +402,11 @@ def revision() -> str:
     return f"{__version__}+{found.stdout.strip()}"
 
 
-def _entry(file: Path, env: str) -> Any:
-    """What a YAML file says of an environment."""
+def entry_of(file: Path, name: str) -> Any:
+    """What a YAML file says of an environment, or of an algorithm.
+
+    Raises ValueError naming the file and what is missing or wrong, OSError if there is no such file.
+    """
     try:
         import yaml  # pyright: ignore[reportMissingModuleSource]
     except ImportError as error:
@@ -409,9 +415,9 @@ def _entry(file: Path, env: str) -> Any:
         content = yaml.safe_load(file.read_text(encoding="utf-8"))
     except yaml.YAMLError as error:
         raise ValueError(f"{file} is no YAML: {error}") from error
-    if not isinstance(content, Mapping) or env not in content:
-        raise ValueError(f"{file} says nothing of {env}; it needs an entry of this name")
-    return content[env]
+    if not isinstance(content, Mapping) or name not in content:
+        raise ValueError(f"{file} says nothing of {name}; it needs an entry of this name")
+    return content[name]
 
 
 def _value(text: str) -> Any:

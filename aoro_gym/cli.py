@@ -1069,6 +1069,13 @@ def train(
         int | None,
         typer.Option("--seeds", metavar="N", help="With --ray: so many trainings, from --seed on, a job each."),
     ] = None,
+    trials: Annotated[
+        int | None,
+        typer.Option("--trials", metavar="N", help="With --ray: so many trainings to search hyper-parameters by."),
+    ] = None,
+    space: Annotated[
+        Path | None, typer.Option("--space", metavar="FILE.yml", help="With --trials: what is searched. Default: ours.")
+    ] = None,
     **options: Any,
 ) -> None:
     """Train a policy, on many twins at once.
@@ -1082,7 +1089,8 @@ def train(
     and can be killed at any time: --resume goes on from the last checkpoint, on a CPU to the same weights to the bit.
 
     With --ray, N trainings run on a cluster whose nodes share FOLDER, each in FOLDER/seed_K. One whose node dies goes on
-    elsewhere; after Ctrl-C the same command goes on with all.
+    elsewhere; after Ctrl-C the same command goes on with all. With --trials, Ray Tune searches hyper-parameters for the best
+    return: Optuna proposes, trials that fall behind end early; FOLDER/best.yml is for --hyperparams.
 
     FOLDER gets training.json (all that was asked), checkpoint.pt, evaluations.json, policy.json with policy.safetensors (and
     best.*, of the best return), and log, for TensorBoard. Needs pip install 'aoro-gym\\[agents]', --trainer resident
@@ -1095,6 +1103,7 @@ def train(
       aoro-gym train --resume runs/turning
       aoro-gym train --env AORO/Turning-v0 --trainer resident --device cuda:0
       aoro-gym train --env AORO/Turning-v0 --ray auto --seeds 3 --out /shared/turning
+      aoro-gym train --env AORO/Turning-v0 --ray local --trials 20 --steps 300000 --checkpoint-every 1000 --out runs/search
       aoro-gym train --env AORO/PathTracking-v0 --algo dagger --out runs/taught
       aoro-gym train --algo sac --param learning_rate=1e-4 --param 'policy_kwargs={net_arch: [128, 128]}' --seed 1
       aoro-gym evaluate --env AORO/Turning-v0 --policy proportional-derivative --policy runs/turning/best.json
@@ -1102,6 +1111,13 @@ def train(
     if ray is not None:
         if resume is not None:
             _fail(ValueError("--resume and --ray are both given; with --ray the same command goes on"), 2)
+        if trials is not None:
+            if seeds is not None:
+                _fail(
+                    ValueError("--seeds and --trials are both given; search first, then train seeds with best.yml"), 2
+                )
+            _search_on_cluster(options, out=out, ray=ray, trials=trials, space=space)
+            return
         _train_on_cluster(options, out=out, ray=ray, seeds=1 if seeds is None else seeds)
         return
     with _checking_input():
@@ -1109,6 +1125,8 @@ def train(
 
         if seeds is not None:
             raise ValueError("--seeds needs --ray; without it, give --seed of each training")
+        if trials is not None:
+            raise ValueError("--trials needs --ray; --ray local is this computer alone")
         if resume is not None:
             for name in ("out", *options):
                 source = context.get_parameter_source(name)
@@ -1163,6 +1181,46 @@ def _train_on_cluster(options: dict[str, Any], *, out: Path | None, ray: str, se
     for place, evaluations in sorted(found.items()):
         _out().print(_training_table(evaluations))
         _say([place / "best.json"])
+
+
+def _search_on_cluster(options: dict[str, Any], *, out: Path | None, ray: str, trials: int, space: Path | None) -> None:
+    """``train --ray --trials``."""
+    with _checking_input():
+        from aoro_gym.agents import training
+        from aoro_gym.agents import trials as searching
+
+        if trials < 1:
+            raise ValueError(f"--trials = {trials} is below 1")
+        plan = TrainingPlan(**options)
+        folder = out or Path("runs") / f"{plan.env.split('/')[-1]}_{plan.algo}_search"
+        _check_folder(folder, searching.KEPT)
+        dimensions = searching.read_space(searching.SPACES if space is None else space, plan.algo)
+        chosen = _machine(plan.machine, plan.set, plan.scale)
+        courses, held_out = _training_courses(plan)
+        training.versions(plan.trainer)  # all is there
+    with _bar(plan.env) as tell, _running(), _resumable(), _checking_input():
+        found = searching.search(
+            plan, dimensions, folder,
+            trials=trials, ray=ray, machine=chosen, courses=courses, held_out=held_out, progress=tell,
+        )  # fmt: skip
+    _out().print(_trials_table(found))
+    if found[0].best is None:
+        _fail(ValueError(f"no trial came to an evaluation; the first says: {found[0].failed}"), 1)
+    _say([folder / "trials.json", folder / "best.yml"])
+
+
+def _trials_table(found: Sequence[Any]) -> Table:
+    """The trials of a search, the best first."""
+    table = Table(header_style="bold")
+    for head in ("trial", "return", "steps", "hyper-parameters"):
+        table.add_column(head, justify="right" if head in ("return", "steps") else "left")
+    for one in found:
+        if one.best is None:
+            table.add_row(one.folder.name, "-", "0", escape(one.failed or "did not begin"))
+        else:
+            steps, mean = one.evaluations[-1]["steps"], one.best["figures"]["return"]["mean"]
+            table.add_row(one.folder.name, f"{mean:.4g}", f"{steps:,}", escape(", ".join(one.params)))
+    return table
 
 
 @app.command()

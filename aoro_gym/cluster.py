@@ -78,6 +78,7 @@ def on_ray(
         cores: That a job occupies.
     """
     import ray  # pyright: ignore[reportMissingImports]
+    from ray.exceptions import RayError  # pyright: ignore[reportMissingImports]
 
     remote = ray.remote(num_cpus=cores, num_gpus=0 if device == "cpu" else 1, max_retries=RETRIES)(_done)
     shared = ray.put(work)
@@ -87,7 +88,7 @@ def on_ray(
             ended, _ = ray.wait(list(names))
             try:
                 result = ray.get(ended[0])
-            except ray.exceptions.RayError as error:
+            except RayError as error:
                 result = Failed(f"it was begun {1 + RETRIES} times, and each time its process or node died: {error}")
             yield names.pop(ended[0]), result
     finally:

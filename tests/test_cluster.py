@@ -153,6 +153,61 @@ def test_trainings_outlive_a_node_and_come_to_the_same_weights(cluster, tmp_path
             np.testing.assert_array_equal(values, parted[name], err_msg=name)
 
 
+def test_a_search_outlives_its_workers_and_its_trials_can_be_had_again(cluster, tmp_path):
+    for name in ("stable_baselines3", "tensorboard", "yaml", "optuna"):
+        pytest.importorskip(name)
+    psutil = pytest.importorskip("psutil")
+    from safetensors.numpy import load
+
+    from aoro_gym.agents import training, trials
+    from aoro_gym.agents.training_plan import TrainingPlan
+
+    machine, folder = Machine.load("aoro"), tmp_path / "search"
+    plan = TrainingPlan(
+        steps=900, n_envs=2, checkpoint_every=50, eval_episodes=1, param=["n_steps=25", "batch_size=50"]
+    )
+    space = (trials.Dimension("learning_rate", low=1e-3, high=5e-3, log=True), trials.Dimension("n_epochs", ("1", "2")))
+
+    def kill() -> None:
+        """SIGKILL to the processes of all trials, once one of them has a checkpoint."""
+        deadline = time.monotonic() + 120.0
+        while not list(folder.glob("trials/*/checkpoint.pt")) and time.monotonic() < deadline:
+            time.sleep(0.02)
+        for one in psutil.Process().children(recursive=True):
+            if "ImplicitFunc" in "".join(one.cmdline()):
+                one.kill()
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    told: list[float] = []
+
+    def seek(sought: tuple[trials.Dimension, ...] = space) -> list[trials.Trial]:
+        return trials.search(
+            plan, sought, folder, trials=3, ray="auto", machine=machine, progress=lambda what, share: told.append(share)
+        )
+
+    found = seek()
+    killer.join()
+    assert len(found) == 3 and told == sorted(told) and told[-1] <= 1.0
+    assert [one.value for one in found] == sorted((one.value for one in found), reverse=True)
+    for one in found:
+        steps = [evaluation["steps"] for evaluation in one.evaluations]
+        assert steps == list(range(100, 100 * len(steps) + 1, 100)), one.failed
+    assert max(len(list((one.folder / "log").iterdir())) for one in found) == 2  # went on elsewhere, from a checkpoint
+    best = found[0]
+    alone = TrainingPlan(**{**plan.to_json(), "hyperparams": str(folder / "best.yml"), "param": None, "steps": None})
+    again = training.train(alone, training.begin(alone, tmp_path / "alone"), tmp_path / "alone", machine=machine)
+    count = len(best.evaluations)
+    assert [one["figures"] for one in again[:count]] == [one["figures"] for one in best.evaluations]
+    if count == len(again):
+        whole, parted = (load((one / "policy.safetensors").read_bytes()) for one in (tmp_path / "alone", best.folder))
+        for name, values in whole.items():
+            np.testing.assert_array_equal(values, parted[name], err_msg=name)
+    assert [one.folder for one in seek()] == [one.folder for one in found]  # nothing is left to do
+    with pytest.raises(ValueError, match="holds a search whose space is"):
+        seek(space[:1])
+
+
 def diagnose(place: Path, out: Path, *, sensors: str, device: str) -> None:
     """Stands for a diagnosis."""
     if place.name == "002":
