@@ -12,6 +12,7 @@ import logging
 import math
 import os
 import threading
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -187,7 +188,9 @@ def search(
                     verbose=0,
                 ),
             )  # fmt: skip
-        with _watched(folder, trials * total, progress):
+        with _watched(folder, trials * total, progress), warnings.catch_warnings():
+            # a trial that goes on counts its evaluations from one again, which decides nothing
+            warnings.filterwarnings("ignore", "The reported value is ignored", UserWarning)
             tuner.fit()
     found = read_trials(folder)
     _write(plan, found, folder)
