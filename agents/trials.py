@@ -143,6 +143,10 @@ def search(
         ValueError: Ray Tune or Optuna is missing, there is no such cluster, the recipe is wrong, or ``folder`` holds another
             search.
     """
+    files = {
+        name: getattr(plan, name) for name in ("hyperparams", "curriculum", "start")
+    }  # nodes work in other folders
+    plan = replace(plan, **{name: str(Path(file).absolute()) for name, file in files.items() if file is not None})
     total = read_recipe(plan).hyperparams["n_timesteps"]
     _check_the_same(plan, space, trials, folder)
     os.environ.setdefault("TUNE_DISABLE_SIGINT_HANDLER", "1")  # Ctrl-C ends the search here, as everything else

@@ -153,18 +153,25 @@ def test_trainings_outlive_a_node_and_come_to_the_same_weights(cluster, tmp_path
             np.testing.assert_array_equal(values, parted[name], err_msg=name)
 
 
-def test_a_search_outlives_its_workers_and_its_trials_can_be_had_again(cluster, tmp_path):
+def test_a_search_outlives_its_workers_and_its_trials_can_be_had_again(cluster, tmp_path, monkeypatch):
     for name in ("stable_baselines3", "tensorboard", "yaml", "optuna"):
         pytest.importorskip(name)
     psutil = pytest.importorskip("psutil")
     from safetensors.numpy import load
 
     from aoro_gym.agents import training, trials
-    from aoro_gym.agents.training_plan import TrainingPlan
+    from aoro_gym.agents.training_plan import HYPERPARAMS, TrainingPlan
 
     machine, folder = Machine.load("aoro"), tmp_path / "search"
+    monkeypatch.chdir(tmp_path)  # where the recipe is found; trials work elsewhere
+    Path("mine.yml").write_text((HYPERPARAMS / "ppo.yml").read_text(encoding="utf-8"), encoding="utf-8")
     plan = TrainingPlan(
-        steps=900, n_envs=2, checkpoint_every=50, eval_episodes=1, param=["n_steps=25", "batch_size=50"]
+        steps=900,
+        n_envs=2,
+        checkpoint_every=50,
+        eval_episodes=1,
+        param=["n_steps=25", "batch_size=50"],
+        hyperparams="mine.yml",
     )
     space = (trials.Dimension("learning_rate", low=1e-3, high=5e-3, log=True), trials.Dimension("n_epochs", ("1", "2")))
 
