@@ -23,6 +23,8 @@ def test_the_packaged_spaces_are_of_hyper_parameters(algo, env):
         params = [one.text(one.choices[pick] if one.choices else (one.low, one.high)[pick]) for one in space]
         recipe = read_recipe(replace(plan, param=params)).hyperparams
         assert not {one.name for one in space} - set(recipe)
+        if algo == "ppo":  # no truncated batches
+            assert recipe["n_envs"] * recipe["n_steps"] % recipe["batch_size"] == 0
         if algo == "dagger":
             pytest.importorskip("torch")
             from aoro_gym.agents.dagger import Hyperparams
