@@ -284,7 +284,7 @@ def _watched(folder: Path, total: float, progress: Callable[[str, float], Any]) 
 
 def _write(plan: TrainingPlan, found: Sequence[Trial], folder: Path) -> None:
     """``trials.json``, and ``best.yml`` in the RL Zoo's format."""
-    import yaml
+    import yaml  # pyright: ignore[reportMissingModuleSource]
 
     content = {
         "env": plan.env,

@@ -30,6 +30,7 @@ def turned(start: Array, signal: Callable[[Array, Array], Array], step: float) -
         shown = twin.step(
             {"steering_signal": signal(angles[-1], rate).astype(np.float32)}, duration=step, sample_every=step / 2
         )
+        assert shown is not None
         before, now = np.asarray(shown["joint_angle"], dtype=np.float64)
         angles.append(now)
         rate = (now - before) / (step / 2)
