@@ -7,7 +7,6 @@ last checkpoint; so does the search, when the same call is made again.
 
 from __future__ import annotations
 
-import json
 import logging
 import math
 import os
@@ -23,7 +22,7 @@ from aoro_gym.agents.training import EVALUATIONS, continued, entry_of, read_reci
 from aoro_gym.agents.training_plan import HYPERPARAMS, TrainingPlan
 from aoro_gym.cluster import RETRIES, connected
 from aoro_gym.envs.courses import Course
-from aoro_gym.log import read_json, write_whole
+from aoro_gym.log import read_json, write_json, write_whole
 from aoro_gym.twin import Machine
 
 SPACES = HYPERPARAMS / "spaces.yml"
@@ -143,12 +142,10 @@ def search(
         ValueError: Ray Tune or Optuna is missing, there is no such cluster, the recipe is wrong, or ``folder`` holds another
             search.
     """
-    files = {
-        name: getattr(plan, name) for name in ("hyperparams", "curriculum", "start")
-    }  # nodes work in other folders
+    # nodes work in other folders
+    files = {name: getattr(plan, name) for name in ("hyperparams", "curriculum", "start")}
     plan = replace(plan, **{name: str(Path(file).absolute()) for name, file in files.items() if file is not None})
     total = read_recipe(plan).hyperparams["n_timesteps"]
-    _check_the_same(plan, space, trials, folder)
     os.environ.setdefault("TUNE_DISABLE_SIGINT_HANDLER", "1")  # Ctrl-C ends the search here, as everything else
     os.environ.setdefault("RAY_AIR_NEW_OUTPUT", "0")  # of its two ways to report, the one that can be silent
     with connected(ray):
@@ -160,6 +157,7 @@ def search(
         except ImportError as error:
             raise ValueError(f"{error.name} is missing: pip install 'aoro-gym[ray]'") from error
 
+        _check_the_same(plan, space, trials, folder)
         optuna.logging.set_verbosity(optuna.logging.WARNING)
         logging.getLogger("ray.tune").setLevel(logging.WARNING)
         known = {
@@ -223,7 +221,7 @@ def _check_the_same(plan: TrainingPlan, space: Sequence[Dimension], trials: int,
                     f"{folder} holds a search whose {name} is {before.get(name)}, not {value}; give another --out"
                 )
     else:
-        write_whole(folder / KEPT, json.dumps(asked, indent=2, ensure_ascii=False))
+        write_json(folder / KEPT, asked)
 
 
 def _domain(tune: Any, one: Dimension) -> Any:
@@ -250,7 +248,7 @@ def _trial(
 
     params = [one.text(config[one.name]) for one in space]
     place = folder / "trials" / tune.get_context().get_trial_id()
-    write_whole(place / "trial.json", json.dumps({"params": params}))
+    write_json(place / "trial.json", {"params": params})
     own = replace(plan, param=[*(plan.param or []), *params])
     try:
         recipe = continued(own, place)
@@ -295,7 +293,7 @@ def _write(plan: TrainingPlan, found: Sequence[Trial], folder: Path) -> None:
             for one in found
         ],
     }
-    write_whole(folder / "trials.json", json.dumps(content, indent=2, ensure_ascii=False))
+    write_json(folder / "trials.json", content)
     if found and found[0].best is not None:
         recipe = read_recipe(replace(plan, param=[*(plan.param or []), *found[0].params]))
         text = yaml.safe_dump({plan.env: dict(recipe.hyperparams)}, sort_keys=False, default_flow_style=None)

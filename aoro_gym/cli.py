@@ -1108,6 +1108,8 @@ def train(
       aoro-gym train --algo sac --param learning_rate=1e-4 --param 'policy_kwargs={net_arch: [128, 128]}' --seed 1
       aoro-gym evaluate --env AORO/Turning-v0 --policy proportional-derivative --policy runs/turning/best.json
     """
+    if space is not None and trials is None:
+        _fail(ValueError("--space needs --trials; without it nothing is searched"), 2)
     if ray is not None:
         if resume is not None:
             _fail(ValueError("--resume and --ray are both given; with --ray the same command goes on"), 2)
@@ -1204,8 +1206,9 @@ def _search_on_cluster(options: dict[str, Any], *, out: Path | None, ray: str, t
             trials=trials, ray=ray, machine=chosen, courses=courses, held_out=held_out, progress=tell,
         )  # fmt: skip
     _out().print(_trials_table(found))
-    if found[0].best is None:
-        _fail(ValueError(f"no trial came to an evaluation; the first says: {found[0].failed}"), 1)
+    if not found or found[0].best is None:
+        why = found[0].failed if found else "none began"
+        _fail(ValueError(f"no trial came to an evaluation; the first says: {why}"), 1)
     _say([folder / "trials.json", folder / "best.yml"])
 
 

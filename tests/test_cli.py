@@ -469,6 +469,7 @@ def test_terrain(tmp_path):
         ("train --seeds 3", "--seeds needs --ray"),
         ("train --ray local --seeds 0", "--seeds = 0 is below 1"),
         ("train --trials 3", "--trials needs --ray"),
+        ("train --space mine.yml", "--space needs --trials"),
         ("train --ray local --trials 0", "--trials = 0 is below 1"),
         ("train --ray local --trials 2 --seeds 2", "--seeds and --trials are both given"),
         ("train --ray local --resume runs", "--resume and --ray are both given"),
