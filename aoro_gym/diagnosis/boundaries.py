@@ -185,7 +185,7 @@ class Balance:
         missing: (F,) SI.
         slopes: Its change (F, d) by a standard deviation of each nuisance of the machine.
         own: The same (F, n) of the recording's clock and of its sensors' zeros.
-        noise: Covariance (F, F) SI².
+        noise: Covariance (F // MERGED, F // MERGED) SI² of its merged samples.
         size: (F,) SI of the torque, flow or pressure itself.
         counts: Samples (F,) that are compared.
     """
@@ -197,7 +197,7 @@ class Balance:
         self._kept = np.flatnonzero(_every(counts))
         self.size: Floats = _every(size)[self._kept]
         """Of the samples that are compared."""
-        covariance = merged(merged(noise).T)[np.ix_(self._kept, self._kept)]
+        covariance = noise[np.ix_(self._kept, self._kept)]
         covariance[np.diag_indices(len(covariance))] += ROUNDING * np.max(np.diag(covariance), initial=0.0)
         self._factor = cholesky(covariance, lower=True)
         memory = toeplitz(np.exp(-TICK / RATE_MEMORY * np.arange(len(size))))
@@ -337,8 +337,8 @@ def _sizes(recording: Recording, ports: Ports) -> Floats:
 def _noises(
     recording: Recording, noise: Mapping[str, Noise], own: Floats, ports: Ports, inertia: Floats
 ) -> list[Floats]:
-    """Covariance (F, F) SI² of each balance by what sensors' noise does to it, linear. ``own`` (4, F, n) begins with what
-    their zeros do; ``inertia`` (F,) is [kg m²]."""
+    """Covariance (F // MERGED, F // MERGED) SI² of each balance's merged samples by what sensors' noise does to it, linear.
+    ``own`` (4, F, n) begins with what their zeros do; ``inertia`` (F,) is [kg m²]."""
     count = recording.ticks + 1
     acceleration, rate = response(count)
     difference = (np.eye(count) - np.eye(count, k=-1)) / TICK
@@ -354,12 +354,12 @@ def _noises(
         pump[signal] = -evens @ (loaded[:, None] * fills)
     out = []
     for name, mine, zeros in zip(BALANCED, [*through, pump], own, strict=True):
-        covariance = np.zeros((count, count))
+        covariance = np.zeros((count // MERGED, count // MERGED))
         for signal, shift in zip(LED, zeros.T, strict=False):
             if signal in noise:
-                linear = mine.get(signal, np.zeros((count, count))).copy()
+                linear = merged(mine[signal]) if signal in mine else np.zeros((count // MERGED, count))
                 if signal not in ("joint_angle", name):  # restrictors and seals feel a pressure itself
-                    linear[np.diag_indices(count)] += shift / ZEROS[signal]
+                    linear += merged(np.diag(shift / ZEROS[signal]))
                 covariance += linear @ toeplitz(noise[signal].covariance[:count]) @ linear.T
         out.append(covariance)
     return out

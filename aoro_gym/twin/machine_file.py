@@ -4,6 +4,7 @@ import json
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from importlib.resources import files
 from os import PathLike
 from pathlib import Path
@@ -64,7 +65,7 @@ class Parameter:
     role: str
     note: str = ""
 
-    @property
+    @cached_property
     def si(self) -> Quantity:
         """Value in SI; arrays are read-only."""
         return as_quantity(self.value * UNITS[self.unit][1])

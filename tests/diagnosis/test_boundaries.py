@@ -19,7 +19,7 @@ from aoro_gym.diagnosis.boundaries import (
     response,
 )
 from aoro_gym.diagnosis.diagnose import ERROR
-from aoro_gym.diagnosis.noise import noise_of
+from aoro_gym.diagnosis.noise import merged, noise_of
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem
 from aoro_gym.diagnosis.recording import TICK, Recording
@@ -87,7 +87,8 @@ def balance_of(rng, *, noise=None, error=0.0, own=None):
     own = np.zeros((COUNT, 0)) if own is None else own
     drawn = cholesky(covariance + wander + 1e-12 * np.eye(COUNT), lower=True) @ rng.standard_normal(COUNT)
     missing = drawn + own @ rng.standard_normal(own.shape[1])
-    return Balance(missing, np.zeros((COUNT, 0)), own, covariance, size, np.ones(COUNT, dtype=bool))
+    counts = np.ones(COUNT, dtype=bool)
+    return Balance(missing, np.zeros((COUNT, 0)), own, merged(merged(covariance).T), size, counts)
 
 
 def test_what_is_shown_is_white():
