@@ -9,9 +9,10 @@ whitened as a diagnosis of that very machine whitens it (:mod:`.linear`), is how
 how far i stands out, d²(i→∅). Half of it is the mean of the log evidence against j. A diagnosis weighs that tempered
 (:func:`~aoro_gym.diagnosis.attribution.weigh`), so that i is :data:`ODDS` times as likely as j from
 
-    d²(i→j) = 2 ln ODDS · (TEMPERATURE + ½ DOUBT d²(i→∅))
+    d²(i→j) = 2 ln ODDS · (temperature + ½ doubt d²(i→∅))
 
-on. Where it is less, j stands for i; two effects are *alike* where each stands for the other, whichever way it deviates.
+on, with a temperature and a doubt that stay as they are (:data:`TRUST`), for the classes score. Where it is less, j stands
+for i; two effects are *alike* where each stands for the other, whichever way it deviates.
 
 Each effect is asked at the median of those of its magnitudes that stand out, spread as cases of the blind check have them:
 evenly by the logarithm, from the weakest to the end of its range. The weakest is the least that stands out, and
@@ -32,7 +33,7 @@ import numpy as np
 from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.spatial.distance import squareform
 
-from aoro_gym.diagnosis.attribution import DOUBT, TEMPERATURE
+from aoro_gym.diagnosis.attribution import Trust
 from aoro_gym.diagnosis.axes import Axis, axes_of
 from aoro_gym.diagnosis.cases import FAMILIES, MACHINES, REST, WEAKEST, Trial
 from aoro_gym.diagnosis.diagnose import ERROR
@@ -52,6 +53,8 @@ MEMBERS = FAMILIES["development"].members[:3]
 """Of the calibrated ensemble: none that machines of a scored suite descend from."""
 SEED = 0
 """Of what the machines are told to do; its draw has a drive."""
+TRUST = Trust(temperature=2.0, doubt=0.003)
+"""Of the diagnosis for which the classes were frozen."""
 ODDS = 100.0
 """How much likelier the true effect must be than another: with thirty of them it is then three quarters."""
 SHARES = 41
@@ -215,7 +218,7 @@ def weakest(healthy: Linear, side: Side) -> float:
 
 def needed(outstanding: Floats | float) -> Floats:
     """d² from which a diagnosis tells effects apart, where the true one stands out by d² = ``outstanding``."""
-    return 2.0 * np.log(ODDS) * (TEMPERATURE + 0.5 * DOUBT * np.asarray(outstanding))
+    return 2.0 * np.log(ODDS) * (TRUST.temperature + 0.5 * TRUST.doubt * np.asarray(outstanding))
 
 
 def deviating(problem: Problem, side: Side, share: float) -> Linear:
@@ -462,8 +465,8 @@ def made(atlas: Atlas) -> dict[str, Any]:
         "seed": SEED,
         "weakest": WEAKEST,
         "odds": ODDS,
-        "temperature": TEMPERATURE,
-        "doubt": DOUBT,
+        "temperature": TRUST.temperature,
+        "doubt": TRUST.doubt,
         "magnitude": "median, by its logarithm, from the weakest that stands out (weakest of the range's end) to that end",
         "alike": (
             "d² < 2 ln(odds) (temperature + doubt d²(nothing) / 2), of either by the other, whichever way it deviates; "

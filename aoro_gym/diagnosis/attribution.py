@@ -11,7 +11,7 @@ right cause does elsewhere.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Any
 
@@ -31,6 +31,13 @@ DIRECTIONS = 12, 24
 """Of the nuisances in which a hypothesis takes slopes of its own: at first, and later."""
 VALLEYS = 2
 """Of the cost along an effect's magnitude, in which its search begins."""
+HALFWAY = (0.4,)
+"""Shares of the way to an end of a range where searches begin besides, each for itself: what calibration makes of a far
+cause only a search tells that has gone there."""
+RIVALS = 2
+"""Searches of each effect that go on from there."""
+APART = 0.05
+"""Distance between their places."""
 SINGLES = 12
 """Hypotheses of one effect that are likely."""
 LEADERS, PARTNERS = 3, 5
@@ -41,30 +48,61 @@ MOST = 8
 """Hypotheses that may have a chance."""
 FINALISTS = 4
 """Of them, those that take all slopes anew."""
-FAR = (0.3, 0.9)
+FAR = (0.15, 0.5, 0.85)
 """Shares of the way to an end of a range where searches begin once all others have failed."""
-FAR_END = 0.05
-"""Place beyond which there is a way to an end."""
 CHANCE = 25.0
 """Log odds behind the best beyond which a hypothesis has none."""
-TEMPERATURE = 2.6
-"""By which fits count less: samples are not as many as they seem, as the twin's own error is not that of its model (E)."""
-DOUBT = 0.003
-"""Share of the evidence for a gap by which the temperature grows: about what searches leave between two hypotheses that
-explain logs of the twin itself equally well (E)."""
 SOFT = 3.0
 """Factor on the twin's own error under which searches begin."""
-FIT: Mapping[str, tuple[float, float]] = {"angle": (0.87, 0.11), "pressure": (0.36, 0.25)}
-"""Of what the right cause leaves: median of its mean square by kind of channel, and standard deviation of the logarithm
-(E, machines of the development family)."""
-SURPRISE: Mapping[str, float] = {"angle": 0.3, "pressure": 1.0}
-"""Mean of the logarithm by which that is larger where something unknown shows."""
-
 PRIOR = {"nothing": 0.45, "single": 0.35, "pair": 0.10, UNKNOWN: 0.05, CALIBRATION: 0.05}
 """Prior probabilities of the kinds of hypotheses; within a kind all are equally likely."""
 
 
-def attribute(problem: Problem, progress: Progress = lambda sentence, share: None) -> tuple[list[Hypothesis], Linear]:
+@dataclass(frozen=True)
+class Trust:
+    """How far what logs say is believed.
+
+    Attributes:
+        temperature: By which fits count less: samples are not as many as they seem, as the twin's own error is not that of
+            its model.
+        doubt: Share of the evidence for a gap by which the temperature grows: no effect of the twin is quite that of a
+            machine with other laws.
+        fit: Of what the right cause leaves: median of its mean square by kind of channel, and standard deviation of the
+            logarithm.
+        surprise: Mean of the logarithm by which that is larger where something unknown shows.
+        declared: Probability that the declared set of causes holds the truth.
+    """
+
+    temperature: float
+    doubt: float
+    fit: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    surprise: Mapping[str, float] = field(default_factory=dict)
+    declared: float = 0.95
+
+
+TRUST: Mapping[str, Trust] = {
+    "angle": Trust(4.7, 0.0045, {"angle": (0.785, 0.07)}, {"angle": 0.2}, declared=0.98),
+    "pressure": Trust(1.4, 0.008, {"angle": (0.89, 0.25), "pressure": (0.31, 0.44)}, {"angle": 0.165, "pressure": 1.0}),
+}
+"""By the kind of channel that tells most, pressures wherever they were logged (E: the likeliest for machines of the
+development family whose laws are not the twin's)."""
+USUAL_MISFIT: Mapping[str, float] = {"angle": 4.0, "pressure": 0.5}
+"""Factor on the assumed error of the twin (:meth:`~aoro_gym.diagnosis.problem.Problem.misfits`) of those machines."""
+
+
+def trust_of(problem: Problem) -> Trust:
+    """That of a problem's channels. Its doubt goes by the square of the twin's error, as the healthy logs show it; where
+    there are none, it errs as usual."""
+    kinds = {problem.kinds[name] for name in problem.signals if name in problem.kinds}
+    kind = "pressure" if "pressure" in kinds else "angle"
+    errs = [factor for name, factor in problem.misfit.items() if problem.kinds.get(name) == kind]
+    ratio = float(np.median(errs)) / USUAL_MISFIT[kind] if errs else 1.0
+    return replace(TRUST[kind], doubt=TRUST[kind].doubt * ratio**2)
+
+
+def attribute(
+    problem: Problem, trust: Trust, progress: Progress = lambda sentence, share: None
+) -> tuple[list[Hypothesis], Linear]:
     """All hypotheses of a learned problem with their probabilities, the likeliest first, and the linear model that they
     were found with."""
     linear = Linear(problem, problem.error)
@@ -109,28 +147,33 @@ def attribute(problem: Problem, progress: Progress = lambda sentence, share: Non
 
     def contend(share: float) -> list[Hypothesis]:
         """All that may have a chance to the end."""
-        likely = [h for h in weigh(weighed(), prior) if h.effects and h.refined][:MOST]
+        likely = [h for h in weigh(weighed(), prior, trust) if h.effects and h.refined][:MOST]
         chosen = [h.effects for h in likely if h.probability > likely[0].probability * np.exp(-CHANCE)]
         parts = [(name,) for effects in chosen for name in effects]  # one of a pair may be all that there is
         after([*chosen, *parts], 2, many, share)
-        last = [h.effects for h in weigh(weighed(), prior) if h.effects and h.refined]
+        last = [h.effects for h in weigh(weighed(), prior, trust) if h.effects and h.refined]
         after(last[:FINALISTS], 2, ALL, share + 0.05)
-        calibration = [_calibration(other, linear)] if np.isfinite(other.cost) else []
-        return weigh([*weighed(), *calibration], prior)
+        calibration = [_calibration(other, linear, trust.temperature)] if np.isfinite(other.cost) else []
+        return weigh([*weighed(), *calibration], prior, trust)
 
-    def firmer(found: Sequence[Search]) -> list[Search]:
-        """Searches under the twin's own error that go on from where others came under a larger one."""
+    def firmer(found: Sequence[Search], error: Linear) -> list[Search]:
+        """Searches under a smaller ``error`` that go on from where others came under a larger one."""
         new = [
-            Search(linear, one.effects, [tuple(map(float, one.point[1]))], directions=one.directions) for one in found
+            Search(error, one.effects, [tuple(map(float, one.point[1]))], directions=one.directions) for one in found
         ]
         for one, donor in zip(new, found, strict=True):
             one.offered([donor])
         return new
 
     first = [Search(soft, (name,), places) for name, places in soft.starts(VALLEYS).items()]
+    first += [Search(soft, (name,), [start]) for name, axes in problem.axes.items() for start in _around(axes, HALFWAY)]
     refine(first, 1, lambda s, x: progress(s, 0.05 * x))
-    new = begin(firmer([one for one in first if np.isfinite(one.cost)]))
-    likely = after([h.effects for h in after(new, 1, few, 0.05)[:SINGLES]], 2, many, 0.15)
+    rivals = firmer(_rivals(first), linear)
+    for one in rivals:
+        one.directions = few
+    refine(rivals, 1, lambda s, x: progress(s, 0.05 + 0.05 * x))
+    new = begin(rivals)
+    likely = after([h.effects for h in after(new, 0, few, 0.1)[:SINGLES]], 2, many, 0.15)
     paired(likely[:LEADERS], 0.3)
     evidence = {h.effects: h.log_evidence for h in weighed()}
     if max(evidence.values()) > evidence[()] + CHANCE:
@@ -140,14 +183,16 @@ def attribute(problem: Problem, progress: Progress = lambda sentence, share: Non
     if found[0].effects == (UNKNOWN,):
         progress("looking farther off", 0.7)
         rough = Linear(problem, ROUGH)
-        far = [Search(rough, (name,), [start]) for name, axes in problem.axes.items() for start in _far(axes)]
+        far = [Search(rough, (name,), [start]) for name, axes in problem.axes.items() for start in _around(axes, FAR)]
         refine(far, 0)
         far = sorted((one for one in far if np.isfinite(one.cost)), key=lambda one: one.cost)[:SINGLES]
         for one in far:
             one.directions = many
         refine(far, 2, lambda s, x: progress(s, 0.7 + 0.05 * x))
-        far = firmer(far)
-        refine(far, 2, lambda s, x: progress(s, 0.75 + 0.05 * x))
+        far = firmer(far, soft)
+        refine(far, 1, lambda s, x: progress(s, 0.75 + 0.02 * x))
+        far = firmer(far, linear)
+        refine(far, 2, lambda s, x: progress(s, 0.77 + 0.03 * x))
         new = begin(far)
         paired(_likeliest(searches[e].weighed() for e in new)[:1], 0.8)
         found = contend(0.9)
@@ -166,24 +211,33 @@ def _together(
     return tuple(float(place) for name in effects for place in of[name])
 
 
-def _far(axes: Sequence[Axis]) -> list[tuple[float, ...]]:
-    """Places at some distance from none, on either side."""
+def _rivals(searches: Iterable[Search]) -> list[Search]:
+    """The best searches of each effect that have not come to the same place."""
+    kept: dict[tuple[str, ...], list[Search]] = {}
+    for one in sorted((one for one in searches if np.isfinite(one.cost)), key=lambda one: one.cost):
+        mine = kept.setdefault(one.effects, [])
+        if len(mine) < RIVALS and all(np.max(np.abs(one.point[1] - other.point[1])) > APART for other in mine):
+            mine.append(one)
+    return [one for mine in kept.values() for one in mine]
+
+
+def _around(axes: Sequence[Axis], shares: Sequence[float]) -> list[tuple[float, ...]]:
+    """Places at ``shares`` of the way from none to an end, on either side, one magnitude at a time."""
     none = [axis.none for axis in axes]
-    found = []
-    for index, axis in enumerate(axes):
-        for end in (0.0, 1.0):
-            if abs(end - axis.none) > FAR_END:
-                found += [
-                    tuple(z if i != index else z + share * (end - z) for i, z in enumerate(none)) for share in FAR
-                ]
-    return found
+    return [
+        tuple(z if i != index else z + share * (end - z) for i, z in enumerate(none))
+        for index, axis in enumerate(axes)
+        for end in (0.0, 1.0)
+        if abs(end - axis.none) > APART
+        for share in shares
+    ]
 
 
-def _calibration(other: Search, linear: Linear) -> Hypothesis:
+def _calibration(other: Search, linear: Linear, temperature: float) -> Hypothesis:
     """Its nuisances are another problem's. What data that count less leave of their prior is more."""
     h = other.weighed()
     mine, usual = other.linear.tangent, linear.tangent
-    more = [one.left_of_the_prior(TEMPERATURE) - one.shrunk for one in (mine, usual)]
+    more = [one.left_of_the_prior(temperature) - one.shrunk for one in (mine, usual)]
     return Hypothesis((CALIBRATION,), h.log_evidence + more[0] - more[1], cost=h.cost, left=h.left, misfit=h.misfit)
 
 
@@ -219,25 +273,23 @@ def without(linear: Linear, recordings: Sequence[int], hypothesis: Hypothesis) -
     return np.clip(found[: len(u)], low, high), np.clip(z + found[len(u) :], 0.0, 1.0)
 
 
-def weigh(
-    hypotheses: Sequence[Hypothesis], prior: Mapping[tuple[str, ...], float], temperature: float = TEMPERATURE
-) -> list[Hypothesis]:
+def weigh(hypotheses: Sequence[Hypothesis], prior: Mapping[tuple[str, ...], float], trust: Trust) -> list[Hypothesis]:
     """``hypotheses`` with their probabilities, the likeliest first; *unknown* joins them, where they say how well they fit.
 
-    What a hypothesis fits better than nothing does is tempered (Miller and Dunson 2019): by ``temperature``, the more, the
-    more the best one leaves beside what is usual, which is the size of the error that the data themselves show; and, as no
-    twin shows a deviation exactly as its machine does, nor is any search perfect, by the share :data:`DOUBT` of all the
-    evidence that there is a gap. What its freedom costs counts in full.
+    What a hypothesis fits better than nothing does is tempered (Miller and Dunson 2019): by a temperature, the more, the
+    more the best one leaves beside what is usual, which is the size of the error that the data themselves show; and by the
+    doubt that all the evidence for a gap leaves. What its freedom costs counts in full.
 
-    The mean square that the right cause leaves has a known distribution (:data:`FIT`). That something unknown is there
-    beside a hypothesis has a prior probability, and makes it larger.
+    The mean square that the right cause leaves has a known distribution. That something unknown is there beside a hypothesis
+    has a prior probability, and makes it larger.
     """
+    temperature = trust.temperature
     nothing = next(h for h in hypotheses if not h.effects)
     best = max(hypotheses, key=lambda h: h.log_evidence)
     if best.misfit:
-        parts = [(square / FIT[kind][0], count) for kind, (square, count) in best.misfit.items()]
+        parts = [(square / trust.fit[kind][0], count) for kind, (square, count) in best.misfit.items()]
         temperature *= sum(ratio * count for ratio, count in parts) / sum(count for _, count in parts)
-    temperature += DOUBT * max(best.log_evidence - nothing.log_evidence, 0.0)
+    temperature += trust.doubt * max(best.log_evidence - nothing.log_evidence, 0.0)
 
     def tempered(h: Hypothesis) -> float:
         better = h.log_evidence - nothing.log_evidence
@@ -247,7 +299,7 @@ def weigh(
         return fits / temperature + (better - fits) + prior[h.effects]
 
     evidence = np.array([tempered(h) for h in hypotheses])
-    alone, beside = np.transpose([fitting(h.misfit) for h in hypotheses])
+    alone, beside = np.transpose([fitting(h.misfit, trust) for h in hypotheses])
     logs = evidence + alone
     shows = [bool(h.misfit) for h in hypotheses]
     if any(shows):
@@ -258,16 +310,16 @@ def weigh(
     return sorted(weighed, key=lambda h: -h.probability)
 
 
-def fitting(misfit: Mapping[str, tuple[float, int]]) -> tuple[float, float]:
+def fitting(misfit: Mapping[str, tuple[float, int]], trust: Trust) -> tuple[float, float]:
     """Log density of how well something fits if it is all that there is, and if something unknown is there beside it, which
     shows or does not in any kind of channel. Better than usual is as good as usual."""
     alone = beside = 0.0
     for kind, (square, count) in misfit.items():
-        usual, spread = FIT[kind]
+        usual, spread = trust.fit[kind]
         beyond = max(np.log(square / usual), 0.0)
         spread = np.hypot(spread, np.sqrt(2.0 / count))
         as_usual = float(norm.logpdf(beyond, scale=spread))
-        shown = float(expon.logpdf(beyond, scale=SURPRISE[kind])) if beyond > 0.0 else -np.inf
+        shown = float(expon.logpdf(beyond, scale=trust.surprise[kind])) if beyond > 0.0 else -np.inf
         alone += as_usual
         beside += float(np.logaddexp(as_usual, shown)) - np.log(2.0)
     return alone, beside
@@ -283,10 +335,10 @@ def log_priors(names: Iterable[str]) -> dict[tuple[str, ...], float]:
     return {h: float(np.log(PRIOR[kind] / len(those))) for kind, those in kinds.items() for h in those}
 
 
-def fit_p(hypothesis: Hypothesis) -> float:
-    """Probability that a refined hypothesis fits no better in any kind of channel, if it holds (:data:`FIT`)."""
+def fit_p(hypothesis: Hypothesis, trust: Trust) -> float:
+    """Probability that a refined hypothesis fits no better in any kind of channel, if it holds."""
     squares = 0.0
     for kind, (square, count) in hypothesis.misfit.items():
-        usual, spread = FIT[kind]
+        usual, spread = trust.fit[kind]
         squares += max(np.log(square / usual), 0.0) ** 2 / (spread**2 + 2.0 / count)
     return float(np.asarray(chi2.sf(squares, len(hypothesis.misfit))))

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from aoro_gym.diagnosis.attribution import attribute, fit_p, without
+from aoro_gym.diagnosis.attribution import attribute, fit_p, trust_of, without
 from aoro_gym.diagnosis.boundaries import boundaries, guilty
 from aoro_gym.diagnosis.credible import credible
 from aoro_gym.diagnosis.experiments import next_experiments
@@ -104,8 +104,10 @@ def diagnose(
     if healthy:
         near = Nuisances(given, "commissioning")
         fit = Problem(healthy, near, {}, error=ERROR, noise=noise, simulator=simulator, sound=True)
-        tangent = settle(fit, STAGES, lambda s, share: progress(s, 0.3 * share))
-        noise, misfit = fit.louder(), fit.misfits()
+        settle(fit, 1, lambda s, share: progress(s, 0.15 * share))
+        noise = fit.louder()
+        fit.be_found(misfit := fit.misfits())
+        tangent = settle(fit, STAGES - 1, lambda s, share: progress(s, 0.15 + 0.15 * share))
         references, twin, uncertain = references_of(fit), fit.machine, fit.uncertain(tangent.covariance)
     around = Nuisances(twin, "day" if mode == "commissioned" else "range", uncertain)
     problem = Problem(
@@ -117,7 +119,8 @@ def diagnose(
         problem.louder()
     progress("what every effect does", 0.4)
     problem.learn()
-    hypotheses, linear = attribute(problem, lambda s, share: progress(s, 0.5 + 0.35 * share))
+    trust = trust_of(problem)
+    hypotheses, linear = attribute(problem, trust, lambda s, share: progress(s, 0.5 + 0.35 * share))
 
     progress("where, how far, and what next", 0.85)
     verdict = verdict_of(hypotheses)
@@ -144,8 +147,8 @@ def diagnose(
         boundaries=parts,
         components=components,
         causes=causes,
-        declared_set=declared_of(hypotheses),
-        fit_test_p=None if best is None else fit_p(best),
+        declared_set=declared_of(hypotheses, trust.declared),
+        fit_test_p=None if best is None else fit_p(best, trust),
         shrinkage=shrunk,
         controls=controls,
         key_figures={} if fitted is None else key_figures(problem, Variants(twin), fitted),

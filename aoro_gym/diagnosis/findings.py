@@ -18,8 +18,6 @@ SURE = 0.8
 """Probability above which one cause is named alone."""
 BEYOND_DOUBT = 0.9
 """Probability of any cause above which causes are named at all."""
-DECLARED = 0.95
-"""Probability that the declared set of hypotheses holds the truth."""
 DRAWS = 2000
 """Of the posterior, for intervals of magnitudes."""
 WIDER = 1.5
@@ -48,13 +46,13 @@ def verdict_of(hypotheses: Sequence[Hypothesis]) -> str:
     return "cause" if best.probability >= SURE and best.effects != (UNKNOWN,) else "ambiguous"
 
 
-def declared_of(hypotheses: Sequence[Hypothesis]) -> tuple[str, ...]:
-    """Effects of the least set of hypotheses that holds the truth with :data:`DECLARED`."""
+def declared_of(hypotheses: Sequence[Hypothesis], probability: float) -> tuple[str, ...]:
+    """Effects of the least set of hypotheses that holds the truth with this ``probability``."""
     total, names = 0.0, dict[str, None]()
     for h in hypotheses:
         names.update(dict.fromkeys(h.effects))
         total += h.probability
-        if total >= DECLARED:
+        if total >= probability:
             break
     return tuple(names)
 

@@ -126,7 +126,9 @@ class Tangent:
 
     def projected(self, columns: Floats, against: Floats) -> Floats:
         """columnsᵀ A⁻¹ against."""
-        return columns.T @ against - (self.jacobian.T @ columns).T @ cho_solve(self._inner, self.jacobian.T @ against)
+        pull = self.jacobian.T @ against
+        along = pull if columns is against else self.jacobian.T @ columns
+        return columns.T @ against - along.T @ cho_solve(self._inner, pull)
 
     def best(self, residual: Floats, damping: float = 0.0, near: Floats | None = None) -> Floats:
         """Nuisances (u,) within their ranges that explain a ``residual`` (D,) best, priors included; a ``damping`` of the

@@ -61,11 +61,16 @@ class ModelError:
     swing: float = 0.0
     change: float = 0.0
     phase: float = 0.0
+    rough: bool = False  # stays as large as it is, however well the twin does
 
     def scaled(self, factor: float) -> ModelError:
         """All but what is seen beyond the prediction times ``factor``."""
         sizes = {name: factor * getattr(self, name) for name in ("rate", "pressure", "swing", "phase")}
         return replace(self, **sizes)
+
+    def found(self, factor: float) -> ModelError:
+        """As it is where the twin turned out to err by ``factor`` of what was assumed."""
+        return self.scaled(max(factor, 1.0) if self.rough else factor)
 
 
 @dataclass(frozen=True)

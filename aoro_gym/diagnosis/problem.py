@@ -19,12 +19,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cholesky, solve_triangular
 from scipy.ndimage import gaussian_filter1d
 from scipy.stats import chi2
 
 from aoro_gym.diagnosis.arrival import NEVER, arrival_of, arrivals, bounce, on_clock
 from aoro_gym.diagnosis.axes import Axis, axes_of
-from aoro_gym.diagnosis.noise import MERGED, Floats, ModelError, Noise, Whitener, noise_of, whitener
+from aoro_gym.diagnosis.noise import MERGED, Floats, ModelError, Noise, Whitener, merged, noise_of, whitener
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.diagnosis.replay import SIGNALS, Simulator, Task, Variants
@@ -59,8 +60,13 @@ KINDS: Mapping[str, str] = {
 """Of channels, by name."""
 SWAY = 15
 """Standard deviation, in samples, of the window that parts a signal's sway, of about 3 Hz, from its slow course."""
-KNOWN = 0.3
-"""Share of the twin's own error that is left where the healthy machine's residual of the same commands is subtracted."""
+MISFITS = (0.06, 0.12, 0.25, 0.5, 1.0, 2.0, 4.0)
+"""Factors on the twin's own error that are told apart."""
+SPARSE = 2
+"""Of the averaged samples, every so many tell these factors apart: neighbours say the same."""
+KNOWN: Mapping[str, float] = {"angle": 0.3, "pressure": 1.0}
+"""Share of the twin's own error that is left where the healthy machine's residual of the same commands is subtracted, by
+kind of channel: pressures of a machine that differs sway otherwise than they did (E, machines of the development family)."""
 
 Progress = Callable[[str, float], None]
 
@@ -379,14 +385,15 @@ class Problem:
         for (index, name), mine, seen in parts:
             known = self.references.get((self.recordings[index].signature, name))
             noise, since, counts = self.noise[name], self._since[index], self._counting(index, name)
-            own = error.scaled(self.misfit.get(name, 1.0))
+            own = error.found(self.misfit.get(name, 1.0))
             of = {"seen": seen, "since": since, "counts": counts}
             if known is None:
                 shown = self.recordings[index].channels[name].astype(np.float64) if self.sound else None
                 out.append(whitener(noise, name, mine, own, healthy=shown, **of))
             else:
                 _, healthy = self._aligned(index, name, known)
-                out.append(whitener(noise, name, mine, own.scaled(KNOWN), repeats=known.repeats, healthy=healthy, **of))
+                own = own.scaled(KNOWN[KINDS[name]])
+                out.append(whitener(noise, name, mine, own, repeats=known.repeats, healthy=healthy, **of))
         return out
 
     def white(self, whiteners: Sequence[Whitener], stacked: Floats) -> Floats:
@@ -424,6 +431,11 @@ class Problem:
         self._holding = {}
         return self.noise
 
+    def be_found(self, misfit: Mapping[str, float]) -> None:
+        """Its error is so many times what was assumed, from now on; see :meth:`misfits`."""
+        self.misfit = dict(misfit)
+        self._holding = {}
+
     def _left_by_channel(self) -> dict[str, list[Floats]]:
         """Whitened residuals (n,) of every recording at the centre, once the nuisances were fitted."""
         found: dict[str, list[Floats]] = {}
@@ -433,11 +445,23 @@ class Problem:
         return found
 
     def misfits(self) -> dict[str, float]:
-        """By how much the twin's own error is larger than assumed, by channel, as the fitted residual r at the centre shows:
-        Birge's ratio √(Σ r²/n) of what should have unit variance (Physical Review 40 (1932) 207), where it is more than
-        one."""
-        means = {name: np.mean(np.square(np.concatenate(parts))) for name, parts in self._left_by_channel().items()}
-        return {name: max(1.0, float(np.sqrt(mean))) for name, mean in means.items()}
+        """By how much the twin's own error is larger or smaller than assumed, by channel: the factor f, of :data:`MISFITS`,
+        of which what is left at the centre is likeliest, normal with covariance N + f² E of noise and error, once the
+        nuisances were fitted."""
+        found = {name: np.zeros(len(MISFITS)) for name in self.signals}
+        assumed, builds = self.misfit, []
+        for factor in (0.0, 1.0):
+            self.misfit = dict.fromkeys(self.signals, factor)
+            builds.append(self.whiteners(self.error, self.predicted))
+        self.misfit = assumed
+        for (_, name), part, *both in zip(self.blocks, self.split(self.left), *builds, strict=True):
+            noise, whole = (w.factor[::SPARSE] @ w.factor[::SPARSE].T for w in both)
+            left = merged(part)[both[0].counts][::SPARSE]
+            for k, factor in enumerate(MISFITS):
+                factors = cholesky(noise + factor**2 * (whole - noise), lower=True)
+                white = solve_triangular(factors, left, lower=True)
+                found[name][k] -= 0.5 * float(white @ white) + float(np.sum(np.log(np.diag(factors))))
+        return {name: MISFITS[int(np.argmax(likely))] for name, likely in found.items()}
 
     def loudness(self) -> dict[str, float]:
         """How much more power the residual at the centre has than the noise of the standstill explains, by channel, once

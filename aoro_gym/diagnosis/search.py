@@ -20,7 +20,7 @@ SETTLED = 0.5
 """Change of the whitened squares by which a search ends."""
 SETTLE = 5
 """Rounds of a stage of the fit of nuisances alone."""
-ROUGH = ModelError(rate=0.03, pressure=0.5, swing=1.0, phase=0.5)
+ROUGH = ModelError(rate=0.03, pressure=0.5, swing=1.0, phase=0.5, rough=True)
 """Error under which a fit far from its end begins: the joint's course counts and no oscillation, on whose every period a fit
 of them would stop."""
 DAMPING = (0.0, 10.0, 1e2, 1e3, 1e4, 1e6)

@@ -32,7 +32,7 @@ from scipy.stats import chi2
 from aoro_gym.calibration.procedure import CURVE_SOURCE
 from aoro_gym.calibration.published import FIGURES_SOURCE
 from aoro_gym.calibration.turns import PATIENCE, longest
-from aoro_gym.diagnosis.attribution import log_priors, weigh
+from aoro_gym.diagnosis.attribution import Trust, log_priors, weigh
 from aoro_gym.diagnosis.axes import PRIOR_INFORMATION
 from aoro_gym.diagnosis.diagnose import ERROR, LISTED, SURVIVING
 from aoro_gym.diagnosis.experiments import next_experiments
@@ -94,6 +94,8 @@ MOST_LISTED = 12
 """Causes that are listed, the likeliest: of those that few figures cannot tell apart there are hundreds."""
 DRAWS = 32
 """Machines drawn from the posterior, for intervals of what is gone."""
+TRUST = Trust(temperature=1.0, doubt=0.003)
+"""Key figures are few, and each has a tolerance of its own."""
 SURPRISES = (0.3, 0.6, 1.2)
 """Sizes of an unknown cause, as shares of the gap that is seen."""
 GAP = 0.01
@@ -449,7 +451,7 @@ def attribute(problem: Turns, progress: Progress = lambda sentence, share: None)
     innocent = float(np.logaddexp(prior[()], prior[CALIBRATION,])) - np.log(2.0)
     prior |= {(): innocent, (CALIBRATION,): innocent}
     others = [replace(found.pop(()), effects=(CALIBRATION,)), unknown(problem)]
-    weighed = weigh([nothing(problem, linear), *found.values(), *others], prior, 1.0)
+    weighed = weigh([nothing(problem, linear), *found.values(), *others], prior, TRUST)
     if fit_p(linear, next(h for h in weighed if not h.effects)) < GAP:
         left = 1.0 - sum(h.probability for h in weighed if not h.effects)
         weighed = [replace(h, probability=h.probability / left) for h in weighed if h.effects]
@@ -576,7 +578,7 @@ def diagnose_rows(
         where_p=gap_p,
         components=components,
         causes=tuple(causes),
-        declared_set=declared_of(hypotheses),
+        declared_set=declared_of(hypotheses, TRUST.declared),
         fit_test_p=fit_p(linear, best),
         shrinkage=shrunk,
         controls=controls,

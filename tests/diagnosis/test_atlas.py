@@ -100,7 +100,8 @@ def test_the_weakest_stands_out_by_what_is_needed():
     whole = float(linear.tangent.projected(shift, shift))
     share = weakest(linear, side)
     log_odds = 2.0 * np.log(atlas_module.ODDS)
-    exact = np.sqrt(log_odds * atlas_module.TEMPERATURE / (1.0 - 0.5 * log_odds * atlas_module.DOUBT) / whole)
+    trust = atlas_module.TRUST
+    exact = np.sqrt(log_odds * trust.temperature / (1.0 - 0.5 * log_odds * trust.doubt) / whole)
     step = WEAKEST ** (-1.0 / (atlas_module.SHARES - 1))
     assert WEAKEST < exact <= share <= exact * step
     assert weakest(linear, small) == np.inf

@@ -8,7 +8,7 @@ from aoro_gym.diagnosis.arrival import AFTER, AHEAD, NEVER
 from aoro_gym.diagnosis.axes import Axis
 from aoro_gym.diagnosis.noise import MERGED, ModelError, Noise, whitener
 from aoro_gym.diagnosis.nuisances import Nuisances
-from aoro_gym.diagnosis.problem import FELT, KNOWN, START_JITTER, SWAY, ZEROS, Problem, in_step, references_of
+from aoro_gym.diagnosis.problem import FELT, KINDS, KNOWN, START_JITTER, SWAY, ZEROS, Problem, in_step, references_of
 from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.diagnosis.replay import Simulator, Task, Variants
 from aoro_gym.diagnosis.search import settle
@@ -222,13 +222,14 @@ def compared(problem: Problem, recording: Recording) -> NDArray[np.bool_]:
 
 
 def test_a_reference_takes_away_most_of_the_twin_s_error():
-    """The share KNOWN is left."""
+    """The share KNOWN of its kind is left."""
     twin, error = synthetic(), ModelError(0.02, 0.03, 0.1)
     references = references_of(centred([twin], [twin]))
     problem = centred([twin], [twin], references=references)
     problem.error = error
-    left = ModelError(KNOWN * 0.02, KNOWN * 0.03, KNOWN * 0.1)
     for (_, name), found in zip(problem.blocks, problem.whiteners(error, problem.predicted), strict=True):
+        share = KNOWN[KINDS[name]]
+        left = ModelError(share * 0.02, share * 0.03, share * 0.1)
         expected = whitener(NOISE[name], name, twin.channels[name], left, repeats=1, counts=compared(problem, twin))
         np.testing.assert_allclose(found.factor, expected.factor, rtol=1e-9, atol=1e-12 * expected.factor[0, 0])
 
@@ -239,9 +240,9 @@ def test_where_a_healthy_machine_sways_more_than_its_twin_that_counts():
     sway = {"joint_angle": np.zeros(twin.ticks + 1), "pressure_a": 5e5 * np.sin(0.4 * np.arange(twin.ticks + 1))}
     healthy = with_residual(twin, sway)
     references = references_of(centred([healthy], [twin]))
-    for problem, left in (
-        (centred([twin], [twin], references=references), error.scaled(KNOWN)),
-        (centred([healthy], [twin], sound=True), error),
+    for problem, shares in (
+        (centred([twin], [twin], references=references), KNOWN),
+        (centred([healthy], [twin], sound=True), {"angle": 1.0, "pressure": 1.0}),
         (centred([healthy], [twin]), None),
     ):
         found = dict(
@@ -249,9 +250,10 @@ def test_where_a_healthy_machine_sways_more_than_its_twin_that_counts():
         )
         for name in sway:
             repeats = 1 if problem.references else np.inf
+            left = error if shares is None else error.scaled(shares[KINDS[name]])
             expected = whitener(
-                NOISE[name], name, twin.channels[name], left or error, since=problem._since[0],
-                counts=compared(problem, twin), healthy=None if left is None else healthy.channels[name], repeats=repeats,
+                NOISE[name], name, twin.channels[name], left, since=problem._since[0], counts=compared(problem, twin),
+                healthy=None if shares is None else healthy.channels[name], repeats=repeats,
             )  # fmt: skip
             np.testing.assert_allclose(
                 found[name].factor, expected.factor, rtol=1e-9, atol=1e-9 * expected.factor[0, 0]
