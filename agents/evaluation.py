@@ -172,10 +172,9 @@ class Evaluation:
             for policy, run in self.runs.items()
         }
 
-    def over_episodes(self, values: Floats, statistic: Callable[..., Any] = np.mean) -> Interval:
-        """Of a figure (repeats * episodes,), as other episodes might have been driven: of each, the mean of its repeats."""
-        rows = values.reshape(self.repeats, self.episodes)
-        return interval(np.array([_mean(column) for column in rows.T]), statistic=statistic)
+    def over_episodes(self, values: Floats, statistic: Callable[..., Any] = np.nanmean) -> Interval:
+        """Of a figure (repeats * episodes,), as other episodes might have been driven: each resampled with its repeats."""
+        return interval(values.reshape(self.repeats, self.episodes).T, statistic=statistic)
 
     def over_repeats(self, values: Floats, statistic: Callable[..., Any] = np.mean) -> Interval:
         """The same, as these episodes might have been driven with other noise and on other machines."""
@@ -463,8 +462,14 @@ def _parts(seeds: NDArray[np.int_], most: int) -> list[list[int]]:
 
 
 def interquartile_mean(values: Floats, axis: int = -1) -> Any:
-    """Mean of the middle half of the values: what a few wild episodes hardly move, and more exact than the median."""
-    return trim_mean(values, 0.25, axis=axis)
+    """Mean of the middle half of the values, those that are NaN left out: what a few wild episodes hardly move, and more
+    exact than the median."""
+    if not np.isnan(values).any():
+        return trim_mean(values, 0.25, axis=axis)
+    ordered = np.sort(np.moveaxis(values, axis, -1), axis=-1)  # NaN last
+    count = np.isfinite(ordered).sum(axis=-1, keepdims=True)
+    rank, cut = np.arange(ordered.shape[-1]), count // 4
+    return np.mean(ordered, axis=-1, where=(rank >= cut) & (rank < count - cut))
 
 
 def interval(values: Floats, *, rate: bool = False, statistic: Callable[..., Any] = np.mean) -> Interval:
@@ -474,10 +479,12 @@ def interval(values: Floats, *, rate: bool = False, statistic: Callable[..., Any
     values are 0 and 1, it is the exact one of Clopper and Pearson.
 
     Args:
-        values: One an episode.
+        values: One an episode, or a row (N, R) of its repeats, which are resampled together.
         rate: Whether they are 0 or 1.
         statistic: Instead of the mean, such as :func:`interquartile_mean`; not for rates.
     """
+    if values.ndim == 2 and values.shape[1] > 1:
+        return _of_rows(values, statistic)
     values = values[np.isfinite(values)]
     if not values.size:
         return Interval(math.nan, math.nan, math.nan)
@@ -497,6 +504,22 @@ def interval(values: Floats, *, rate: bool = False, statistic: Callable[..., Any
         rng=np.random.default_rng(0),
     ).confidence_interval
     return Interval(mean, float(found.low), float(found.high))
+
+
+def _of_rows(values: Floats, statistic: Callable[..., Any]) -> Interval:
+    """The same of rows (N, R), resampled whole; the statistic leaves out what is NaN."""
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return Interval(math.nan, math.nan, math.nan)
+    if len(values) < 2:
+        return Interval(float(statistic(known)), math.nan, math.nan)
+    rng, found = np.random.default_rng(0), []
+    for part in np.array_split(np.arange(RESAMPLES), math.ceil(RESAMPLES * values.size / 1_000_000)):
+        drawn = values[rng.integers(len(values), size=(len(part), len(values)))].reshape(len(part), -1)
+        found.append(statistic(drawn[np.isfinite(drawn).any(axis=1)], axis=-1))
+    tail = 50.0 * (1.0 - CONFIDENCE)
+    low, high = np.percentile(np.concatenate(found), [tail, 100.0 - tail])
+    return Interval(float(statistic(known)), float(low), float(high))
 
 
 def stratified_interval(
