@@ -1,12 +1,14 @@
 """What learns from a teacher that sees more: a network does, by what the machine measures, as a reference controller does
 that is told the truth.
 
-The teacher is tuned for exact errors, so it is quicker than noise would let it be; the mean of what it does, given a
+The teacher is told exact errors, so it is quicker than noise would let it be; the middle of what it does, given a
 measurement, is what the network comes to (D. Chen et al., "Learning by cheating", CoRL 2019), so it trusts each sensor by
-how much it tells. Pairs of observation and teacher's action are gathered where the network itself leads (S. Ross, G. Gordon
-and D. Bagnell, "A reduction of imitation learning and structured prediction to no-regret online learning", AISTATS 2011):
-the teacher drives the first rollout, the network, disturbed by ``action_noise``, all others, and after each of them the
-network is fitted to all pairs that are kept. There is no reward in it; PPO can learn on from where it ends (``--start``).
+how much it tells. The middle is the median, by least absolute deviations: where left and right are as likely the mean would
+be a signal within the valve's dead band, at which nothing moves. Pairs of observation and teacher's action are gathered
+where the network itself leads (S. Ross, G. Gordon and D. Bagnell, "A reduction of imitation learning and structured
+prediction to no-regret online learning", AISTATS 2011): the teacher drives the first rollout, the network, disturbed by
+``action_noise``, all others, and after each of them the network is fitted to all pairs that are kept. There is no reward in
+it; PPO can learn on from where it ends (``--start``).
 """
 
 from __future__ import annotations
@@ -170,7 +172,7 @@ class Dagger:
         return told
 
     def _fit(self, learning_rate: float) -> None:
-        """Least squares of the teacher's actions, by Adam."""
+        """Least absolute deviations from the teacher's actions, by Adam."""
         asked, normalise = self._asked, self._normalisation()
         inputs = torch.from_numpy(normalise(self._observations)).to(self._device)
         wanted = torch.from_numpy(self._actions).to(self._device)
@@ -183,7 +185,7 @@ class Dagger:
             left.zero_()
             order = torch.randperm(len(inputs))[: len(inputs) // size * size].to(self._device)
             for rows in order.split(size):
-                loss = torch.nn.functional.mse_loss(self._net(inputs[rows]), wanted[rows])
+                loss = torch.nn.functional.l1_loss(self._net(inputs[rows]), wanted[rows])
                 optimizer.zero_grad()
                 loss.backward()
                 optimizer.step()
@@ -192,7 +194,7 @@ class Dagger:
         if self._logger is not None:
             mean_return, success = self.episodes()
             for name, value in (
-                ("train/squared_error", float(left) * asked.n_epochs / batches),
+                ("train/absolute_error", float(left) * asked.n_epochs / batches),
                 ("train/pairs", len(inputs)),
                 ("rollout/ep_rew_mean", mean_return),
                 ("rollout/success_rate", success),

@@ -8,6 +8,11 @@
 
 Episode i has the seed ``seed`` + i whoever drives, and with it its course, its machine, its start and its noise. Figures
 say their unit in their name; of an episode that failed they are over what was driven.
+
+Two questions have two intervals. What would other episodes give? The episodes are resampled (:func:`interval`). What would
+other noise and other machines give in these episodes? With ``repeats``, each is driven several times: repeat r of episode
+i asks for what the seed ``seed`` + i asks for, and ``seed`` + r ``episodes`` + i draws the sensors' errors and the machine;
+repeats are resampled, within each episode alone (:func:`stratified_interval`).
 """
 
 from __future__ import annotations
@@ -143,12 +148,14 @@ class Evaluation:
     courses: tuple[Course, ...]
     """Where was driven; none where the task is no drive."""
     runs: Mapping[str, Episodes]
-    """By policy."""
+    """By policy; all episodes, then all of them once more for each further repeat."""
     machine: Machine
     control_step: float
     """[s]"""
     scene: Callable[[], Any]
     """Makes what draws ``Episodes.film``."""
+    repeats: int = 1
+    """How often each episode was driven."""
 
     @property
     def trial(self) -> Trial:
@@ -158,19 +165,41 @@ class Evaluation:
     def summary(self) -> dict[str, dict[str, Interval]]:
         """Every figure by policy and name."""
         return {
-            policy: {name: interval(values, rate=name in RATES) for name, values in run.figures.items()}
+            policy: {
+                name: interval(values, rate=True) if name in RATES else self.over_episodes(values)
+                for name, values in run.figures.items()
+            }
             for policy, run in self.runs.items()
         }
+
+    def over_episodes(self, values: Floats, statistic: Callable[..., Any] = np.nanmean) -> Interval:
+        """Of a figure (repeats * episodes,), as other episodes might have been driven: each resampled with its repeats."""
+        return interval(values.reshape(self.repeats, self.episodes).T, statistic=statistic)
+
+    def over_repeats(self, values: Floats, statistic: Callable[..., Any] = np.mean) -> Interval:
+        """The same, as these episodes might have been driven with other noise and on other machines."""
+        return stratified_interval(values, np.tile(np.arange(self.episodes), self.repeats), statistic=statistic)
 
     @property
     def interquartile(self) -> dict[str, dict[str, Interval]]:
         """The same for the mean of the middle half of the episodes; not of rates, of which it would be 0 or 1."""
         return {
             policy: {
-                name: interval(values, statistic=interquartile_mean)
+                name: self.over_episodes(values, interquartile_mean)
                 for name, values in run.figures.items()
                 if name not in RATES
             }
+            for policy, run in self.runs.items()
+        }
+
+    @property
+    def stratified(self) -> dict[str, dict[str, Interval]]:
+        """The mean of the middle half of all that was driven, with its interval over repeats of these episodes: decisive
+        figures by policy and name; empty where each episode was driven once."""
+        if self.repeats == 1:
+            return {}
+        return {
+            policy: {name: self.over_repeats(run.figures[name], interquartile_mean) for name in self.trial.decisive}
             for policy, run in self.runs.items()
         }
 
@@ -192,7 +221,7 @@ class Evaluation:
         first, *others = self.runs
         return {
             policy: {
-                name: interval(values - self.runs[first].figures[name])
+                name: self.over_episodes(values - self.runs[first].figures[name])
                 for name, values in self.runs[policy].figures.items()
             }
             for policy in others
@@ -204,6 +233,7 @@ class Evaluation:
         return {
             "env": self.env,
             "episodes": self.episodes,
+            "repeats": self.repeats,
             "seed": self.seed,
             "machine": self.machine.name,
             "courses": [course.name for course in self.courses],
@@ -214,6 +244,7 @@ class Evaluation:
         return self.asked | {
             "policies": plain(self.summary),
             "interquartile_means": plain(self.interquartile),
+            "stratified_interquartile_means": plain(self.stratified),
             "endings": plain(self.endings),
             "differences": {"from": next(iter(self.runs)), "policies": plain(self.differences)},
         }
@@ -246,6 +277,7 @@ def evaluate(
     policies: Mapping[str, Factory],
     *,
     episodes: int = 32,
+    repeats: int = 1,
     seed: int = 0,
     courses: Sequence[Course] | None = None,
     machine: str | Machine = "aoro",
@@ -262,6 +294,7 @@ def evaluate(
         env: Id of the environment, a key of :data:`TRIALS`.
         policies: What makes each policy for a vector environment, by a name of your choice.
         episodes: A policy.
+        repeats: How often each is driven, with other noise of the sensors, and on another machine if machines are ``drawn``.
         seed: Of the first episode.
         courses: Where to drive; by default the environment's own. Not for the turning task.
         machine: Bundled name, machine file or Machine: the one that policies are made for.
@@ -284,20 +317,23 @@ def evaluate(
         raise ValueError(f"{env!r} cannot be evaluated; choose one of: {', '.join(TRIALS)}")
     if episodes < 1:
         raise ValueError(f"episodes is {episodes}, but must be at least 1")
+    if repeats < 1:
+        raise ValueError(f"repeats is {repeats}, but must be at least 1")
     if not policies:
         raise ValueError("policies is empty; give at least one")
     machine = machine if isinstance(machine, Machine) else Machine.load(machine)
     make = partial(
         TRIALS[env].make, courses=courses, device=device, autoreset_mode="Disabled", reward_terms=reward_terms
     )
-    seeds = seed + np.arange(episodes)
+    drive = TRIALS[env].drive if repeats == 1 else partial(_repeated, TRIALS[env].drive, seed, episodes)
+    seeds = seed + np.arange(episodes * repeats)
     grounds = [asdict(course) for course in courses] if kept is not None and courses is not None else None
-    keeper = Kept(kept, env, grounds, device, reward_terms)
+    keeper = Kept(kept, env, grounds, device, reward_terms, None if repeats == 1 else (seed, episodes))
     if ray is None:
         arguments = {"make": make, "machine": machine, "drawn": drawn, "kept": keeper, "progress": progress}
-        runs = _here(TRIALS[env].drive, policies, seeds, **arguments)
+        runs = _here(drive, policies, seeds, **arguments)
     else:
-        work = partial(_shard, TRIALS[env].drive, make=make, machine=machine, drawn=drawn)
+        work = partial(_shard, drive, make=make, machine=machine, drawn=drawn)
         known = {"machine": machine, "drawn": drawn, "kept": keeper}
         runs = _on_cluster(work, policies, seeds, ray=ray, device=device, progress=progress, **known)
     task = make(1, machine=machine).task
@@ -310,7 +346,21 @@ def evaluate(
         machine,
         task.control_step,
         lambda: task.scene(machine),
+        repeats,
     )
+
+
+def _repeated(
+    drive: Callable[..., Episodes],
+    first: int,
+    episodes: int,
+    env: Any,
+    policy: Policy,
+    seeds: list[int],
+    tell: Callable[[float], Any] = lambda share: None,
+) -> Episodes:
+    """Drives what the first ``episodes`` seeds from ``first`` on ask for, again and again, with what ``seeds`` draw."""
+    return drive(env, policy, seeds, tell, asked=[first + (seed - first) % episodes for seed in seeds])
 
 
 def _here(
@@ -412,8 +462,14 @@ def _parts(seeds: NDArray[np.int_], most: int) -> list[list[int]]:
 
 
 def interquartile_mean(values: Floats, axis: int = -1) -> Any:
-    """Mean of the middle half of the values: what a few wild episodes hardly move, and more exact than the median."""
-    return trim_mean(values, 0.25, axis=axis)
+    """Mean of the middle half of the values, those that are NaN left out: what a few wild episodes hardly move, and more
+    exact than the median."""
+    if not np.isnan(values).any():
+        return trim_mean(values, 0.25, axis=axis)
+    ordered = np.sort(np.moveaxis(values, axis, -1), axis=-1)  # NaN last
+    count = np.isfinite(ordered).sum(axis=-1, keepdims=True)
+    rank, cut = np.arange(ordered.shape[-1]), count // 4
+    return np.mean(ordered, axis=-1, where=(rank >= cut) & (rank < count - cut))
 
 
 def interval(values: Floats, *, rate: bool = False, statistic: Callable[..., Any] = np.mean) -> Interval:
@@ -423,10 +479,12 @@ def interval(values: Floats, *, rate: bool = False, statistic: Callable[..., Any
     values are 0 and 1, it is the exact one of Clopper and Pearson.
 
     Args:
-        values: One an episode.
+        values: One an episode, or a row (N, R) of its repeats, which are resampled together.
         rate: Whether they are 0 or 1.
         statistic: Instead of the mean, such as :func:`interquartile_mean`; not for rates.
     """
+    if values.ndim == 2 and values.shape[1] > 1:
+        return _of_rows(values, statistic)
     values = values[np.isfinite(values)]
     if not values.size:
         return Interval(math.nan, math.nan, math.nan)
@@ -448,6 +506,59 @@ def interval(values: Floats, *, rate: bool = False, statistic: Callable[..., Any
     return Interval(mean, float(found.low), float(found.high))
 
 
+def _of_rows(values: Floats, statistic: Callable[..., Any]) -> Interval:
+    """The same of rows (N, R), resampled whole; the statistic leaves out what is NaN."""
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return Interval(math.nan, math.nan, math.nan)
+    if len(values) < 2:
+        return Interval(float(statistic(known)), math.nan, math.nan)
+    rng, found = np.random.default_rng(0), []
+    for part in np.array_split(np.arange(RESAMPLES), math.ceil(RESAMPLES * values.size / 1_000_000)):
+        drawn = values[rng.integers(len(values), size=(len(part), len(values)))].reshape(len(part), -1)
+        found.append(statistic(drawn[np.isfinite(drawn).any(axis=1)], axis=-1))
+    tail = 50.0 * (1.0 - CONFIDENCE)
+    low, high = np.percentile(np.concatenate(found), [tail, 100.0 - tail])
+    return Interval(float(statistic(known)), float(low), float(high))
+
+
+def stratified_interval(
+    values: Floats, strata: NDArray[np.intp], *, statistic: Callable[..., Any] = np.mean
+) -> Interval:
+    """Statistic and 95 % interval of ``values`` (N,) whose strata stay while their members might have been others; those
+    that are NaN are left out.
+
+    The interval is the percentiles' of a stratified bootstrap, always with the same draws: members are resampled within
+    their stratum, so that what tells strata apart adds nothing (R. Agarwal et al., "Deep reinforcement learning at the edge
+    of the statistical precipice", NeurIPS 2021). Of n members n - 1 are drawn, with which the variance of the mean of few
+    is right, where n draws make it too small by the share 1 / n (J. N. K. Rao and C. F. J. Wu, "Resampling inference with
+    complex survey data", J. American Statistical Association 83, 1988).
+
+    Args:
+        values: Figures.
+        strata: The stratum of each (N,).
+        statistic: Of all values together, such as :func:`interquartile_mean`; takes ``axis``.
+    """
+    known = np.isfinite(values)
+    if not known.any():
+        return Interval(math.nan, math.nan, math.nan)
+    order = np.argsort(strata[known], kind="stable")
+    members = values[known][order]
+    _, counts = np.unique(strata[known], return_counts=True)
+    mean = float(statistic(members))
+    if counts.max() < 2:
+        return Interval(mean, math.nan, math.nan)
+    draws = np.maximum(counts - 1, 1)
+    first, size = (np.repeat(of_each, draws) for of_each in (np.cumsum(counts) - counts, counts))
+    rng, found = np.random.default_rng(0), []
+    for part in np.array_split(np.arange(RESAMPLES), math.ceil(RESAMPLES * len(first) / 1_000_000)):
+        rows = first + (rng.random((len(part), len(first))) * size).astype(np.intp)
+        found.append(statistic(members[rows], axis=-1))
+    tail = 50.0 * (1.0 - CONFIDENCE)
+    low, high = np.percentile(np.concatenate(found), [tail, 100.0 - tail])
+    return Interval(mean, float(low), float(high))
+
+
 def plain(figures: Mapping[str, Mapping[str, Interval]]) -> dict[str, dict[str, dict[str, float | None]]]:
     """Figures by policy and name for JSON; None where an interval says nothing."""
     return {
@@ -457,6 +568,13 @@ def plain(figures: Mapping[str, Mapping[str, Interval]]) -> dict[str, dict[str, 
         }
         for policy, found in figures.items()
     }
+
+
+def _begun(seeds: list[int], asked: list[int] | None) -> dict[str, Any]:
+    """Arguments of a reset; see :func:`drive_paths`."""
+    if asked is None:
+        return {"seed": seeds}
+    return {"seed": asked, "options": {"sensor_seed": np.array(seeds)}}
 
 
 # ---- AORO/PathTracking-v0 --------------------------------------------------------------------------------------------
@@ -471,7 +589,12 @@ KEPT = ("s", "cross_track", "reference_x", "reference_y", "roll", "pitch")
 
 
 def drive_paths(
-    env: PathTrackingVectorEnv, policy: Policy, seeds: list[int], tell: Callable[[float], Any] = lambda share: None
+    env: PathTrackingVectorEnv,
+    policy: Policy,
+    seeds: list[int],
+    tell: Callable[[float], Any] = lambda share: None,
+    *,
+    asked: list[int] | None = None,
 ) -> Episodes:
     """Drive every sub-environment through one episode.
 
@@ -480,6 +603,7 @@ def drive_paths(
         policy: Who drives; reset first.
         seeds: One each.
         tell: Called with the share that is done.
+        asked: Seeds of what is asked for, where ``seeds`` draw the sensors' errors alone.
 
     Raises ValueError if the environment resets by itself.
     """
@@ -488,7 +612,7 @@ def drive_paths(
     n = env.num_envs
     rows = [env.task.render_channels.index(name) for name in KEPT]
     policy.reset()
-    observations, infos = env.reset(seed=seeds)
+    observations, infos = env.reset(**_begun(seeds, asked))
     course, whole = np.stack([infos["terrain"], infos["path"]], axis=1), infos["remaining"]
     running, returns, steps = np.ones(n, dtype=bool), np.zeros(n), np.zeros(n, dtype=np.intp)
     endings, last = [""] * n, {name: np.zeros(n) for name in ("is_success", "mean_speed", "engine_work", "remaining")}
@@ -555,7 +679,12 @@ RESPONSE = 2.0
 
 
 def turn_joints(
-    env: TurningVectorEnv, policy: Policy, seeds: list[int], tell: Callable[[float], Any] = lambda share: None
+    env: TurningVectorEnv,
+    policy: Policy,
+    seeds: list[int],
+    tell: Callable[[float], Any] = lambda share: None,
+    *,
+    asked: list[int] | None = None,
 ) -> Episodes:
     """Steer every sub-environment through one episode; the arguments are those of :func:`drive_paths`."""
     film: list[NDArray[np.float32]] = []
@@ -564,7 +693,7 @@ def turn_joints(
         film.append(np.array(env.task.traces()[:, 0], dtype=np.float32))
         tell((len(film) - 1) / EPISODE_STEPS)
 
-    run = rollout(env, policy, seed=seeds, watch=watch)
+    run = rollout(env, policy, **_begun(seeds, asked), watch=watch)
     found = responses(run, tolerance=env.task.config.tolerance)
     mine = [found["episode"] == i for i in range(env.num_envs)]
 

@@ -83,7 +83,7 @@ def write_report(
         stem = folder / _file_name(policy)
         drawn.append(write_film(result, run, stem, progress=lambda share, name=policy: tell(f"film: {name}", share)))
         passages.append(Passage(policy, film_caption(result, run), [drawn[-1]]))
-    about = f"{result.env}, {_count(result.episodes, 'episode')} a policy from seed {result.seed}."
+    about = f"{result.env}, {counted(result)} a policy from seed {result.seed}."
     write_html(page, "AORO: evaluation", f"{about} {lead or f'Machine {result.machine.name}.'}", [], passages)
     return [summary, figures, errors, *plans, *drawn, page]
 
@@ -105,14 +105,14 @@ def shown_as(unit: str) -> float:
     return 100.0 if unit == "%" else 1.0
 
 
-def shown(value: Interval, unit: str) -> str:
-    """``mean [low, high]`` to three digits of the mean; shares in per cent."""
+def shown(value: Interval, unit: str, *, finer: int = 0) -> str:
+    """``mean [low, high]`` to three digits of the mean and ``finer`` ones; shares in per cent."""
     if not math.isfinite(value.mean):
         return "-"
     scale = shown_as(unit)
     size = abs(scale * value.mean)
     digits = 0 if unit == "%" or size >= 100.0 else 1 if size >= 10.0 else 2 if size >= 1.0 else 3
-    mean, low, high = (f"{scale * number:.{digits}f}" for number in value)
+    mean, low, high = (f"{scale * number:.{digits + finer}f}" for number in value)
     return mean if not math.isfinite(value.low95) else f"{mean} [{low}, {high}]"
 
 
@@ -128,6 +128,10 @@ def figure_rows(result: Evaluation) -> list[list[str]]:
         words, unit = describe(name)
         values = [shown(middle[policy][name], unit) for policy in result.runs]
         rows.append([f"{words}, middle half", unit, *values])
+    for name in result.trial.decisive if result.stratified else ():
+        words, unit = describe(name)
+        values = [shown(result.stratified[policy][name], unit, finer=1) for policy in result.runs]
+        rows.append([f"{words}, middle half, over repeats", unit, *values])
     if len(next(iter(endings.values()))) > 1 or result.courses:
         for ending in next(iter(endings.values())):
             rows.append([f"ended: {ending}", "%", *(shown(endings[policy][ending], "%") for policy in result.runs)])
@@ -147,7 +151,7 @@ def difference_rows(result: Evaluation) -> list[list[str]]:
 def table(result: Evaluation) -> Table:
     """The same for a terminal."""
     head, *rows = figure_rows(result)
-    title = f"{result.env}: {_count(result.episodes, 'episode')} a policy"
+    title = f"{result.env}: {counted(result)} a policy"
     drawn = Table(title=title, title_justify="left", header_style="bold")
     for index, name in enumerate(head):
         drawn.add_column(name, justify="left" if index < 2 else "right")
@@ -161,6 +165,11 @@ def _explained(result: Evaluation) -> str:
         "Every policy drove the same episodes: same seeds, courses, starts and noise. Means over the episodes with 95 % "
         "intervals: bootstrap over the episodes, of rates exact (Clopper and Pearson)."
     )
+    if result.repeats > 1:
+        text += (
+            f" Each episode was driven {result.repeats} times with other noise; intervals over repeats are of these "
+            "episodes, by a stratified bootstrap."
+        )
     if result.courses:
         text += " Errors are true ones of the front axle's middle; of a failed episode, up to its end."
         names = [course.name for course in result.courses]
@@ -183,7 +192,7 @@ def write_figures(result: Evaluation, path: Path) -> None:
     with matplotlib.rc_context(PLOT_STYLE):
         figure = Figure(figsize=(12.0, 0.5 + rows * (0.75 + 0.3 * len(policies))), dpi=130, layout="constrained")
         axes = figure.subplots(rows, columns, squeeze=False).ravel()
-        spread = np.random.default_rng(0).uniform(-0.25, 0.25, result.episodes)
+        spread = np.random.default_rng(0).uniform(-0.25, 0.25, result.episodes * result.repeats)
         for index, name in enumerate(names):
             axis = axes[index]
             words, unit = describe(name)
@@ -235,7 +244,7 @@ def write_errors(result: Evaluation, path: Path) -> None:
             axis.fill_between(along, bands[0], bands[4], color=colour, alpha=0.16, lw=0, label="nine tenths")
             axis.fill_between(along, bands[1], bands[3], color=colour, alpha=0.32, lw=0, label="half")
             axis.plot(along, bands[2], color=colour, lw=1.8, label="median")
-            few = np.flatnonzero(there[there > 0] < result.episodes)
+            few = np.flatnonzero(there[there > 0] < len(run.endings))
             # paths end within a step or two of one another: not worth a word
             note = f"fewer episodes from {along[few[0]]:.3g} on" if few.size > 2 else ""
             axis.set_title(policy, loc="left", fontsize=10.5, fontweight="bold")
@@ -387,5 +396,7 @@ def _file_name(policy: str) -> str:
     return "".join(c if c.isalnum() or c in "-_" else "_" for c in policy)
 
 
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
+def counted(result: Evaluation) -> str:
+    """How much was driven."""
+    text = f"{result.episodes} episode{'' if result.episodes == 1 else 's'}"
+    return text if result.repeats == 1 else f"{text}, {result.repeats} times each"

@@ -20,7 +20,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from aoro_gym.agents.evaluation import Evaluation, Interval, evaluate, interquartile_mean, interval, plain
-from aoro_gym.agents.evaluation_report import COLOURS, describe, shown, shown_as
+from aoro_gym.agents.evaluation_report import COLOURS, counted, describe, shown, shown_as
 from aoro_gym.agents.perturbations import PERTURBATIONS
 from aoro_gym.agents.reference import REFERENCE_POLICIES, Factory
 from aoro_gym.envs.courses import Course, forest_course
@@ -67,12 +67,18 @@ class Leaderboard:
             name: {
                 policy: {
                     SUCCESS: interval(run.figures[SUCCESS], rate=True),
-                    **{figure: interval(run.figures[figure], statistic=interquartile_mean) for figure in figures},
+                    **{figure: result.over_episodes(run.figures[figure], interquartile_mean) for figure in figures},
                 }
                 for policy, run in result.runs.items()
             }
             for name, result in self.found.items()
         }
+
+    @cached_property
+    def stratified(self) -> dict[str, dict[str, dict[str, Interval]]]:
+        """Decisive figures likewise, of all that was driven, with intervals over repeats of these episodes; empty where each
+        was driven once."""
+        return {name: result.stratified for name, result in self.found.items() if result.repeats > 1}
 
     @property
     def best_reference(self) -> str | None:
@@ -90,7 +96,7 @@ class Leaderboard:
         return {
             name: {
                 policy: {
-                    figure: interval(run.figures[figure] - result.runs[best].figures[figure])
+                    figure: result.over_episodes(run.figures[figure] - result.runs[best].figures[figure])
                     for figure in self.any.trial.decisive
                 }
                 for policy, run in result.runs.items()
@@ -104,6 +110,7 @@ class Leaderboard:
         return self.any.asked | {
             "policies": self.policies,
             "interquartile_means": {name: plain(values) for name, values in self.middle.items()},
+            "stratified_interquartile_means": {name: plain(values) for name, values in self.stratified.items()},
             "best_reference": self.best_reference,
             "differences": {name: plain(values) for name, values in self.differences.items()},
             "evaluations": {name: result.to_json() for name, result in self.found.items()},
@@ -115,6 +122,7 @@ def compare(
     policies: Mapping[str, Factory],
     *,
     episodes: int = 100,
+    repeats: int = 1,
     seed: int = SEED,
     courses: Sequence[Course] | None = None,
     machine: str | Machine = "aoro",
@@ -139,6 +147,7 @@ def compare(
             env,
             policies,
             episodes=episodes,
+            repeats=repeats,
             seed=seed,
             courses=courses,
             machine=machine,
@@ -194,23 +203,34 @@ def rows(result: Leaderboard) -> list[list[str]]:
         *(
             [
                 policy,
-                *(
-                    shown(result.middle[name][policy][figure], describe(figure)[1])
-                    for name in result.found
-                    for figure in figures
-                ),
+                *(cell(result, name, policy, figure) for name in result.found for figure in figures),
             ]
             for policy in result.policies
         ),
     ]
 
 
+def cell(result: Leaderboard, name: str, policy: str, figure: str) -> str:
+    """A figure with its interval over episodes; where each was driven more than once, that over repeats comes before it."""
+    unit, value = describe(figure)[1], result.middle[name][policy][figure]
+    if name not in result.stratified or figure == SUCCESS:
+        return shown(value, unit)
+    before = shown(result.stratified[name][policy][figure], unit, finer=1)
+    return f"{before} {shown(value, unit).partition(' ')[2]}".rstrip()
+
+
 def markdown(result: Leaderboard) -> str:
     """The table with a sentence on how it came about: figures down, policies across."""
     head, *body = rows(result)
+    episodes = f"{result.any.episodes} episodes a cell"
+    meaning = "mean of the middle half of the episodes [95 %]"
+    if result.stratified:
+        episodes += f", each driven {result.any.repeats} times"
+        meaning = (
+            "mean of the middle half [95 %, noise and machines drawn anew for these episodes] [95 %, other episodes]"
+        )
     lines = [
-        f"`{result.any.env}`, {result.any.episodes} episodes a cell; mean of the middle half of the episodes [95 %], of "
-        "success the share of all:",
+        f"`{result.any.env}`, {episodes}; {meaning}, of success the share of all:",
         "",
         "| " + " | ".join(["", *(row[0] for row in body)]) + " |",
         "|---" * (1 + len(body)) + "|",
@@ -246,7 +266,7 @@ def table(result: Leaderboard) -> Table:
     """The same for a terminal."""
     head, *body = rows(result)
     drawn = Table(
-        title=f"{result.any.env}: {result.any.episodes} episodes, middle half",
+        title=f"{result.any.env}: {counted(result.any)}, middle half",
         title_justify="left",
         header_style="bold",
     )

@@ -86,7 +86,7 @@ class Vehicle:
 
     @classmethod
     def of(cls, env: Any) -> Vehicle:
-        """That of an environment, wrapped or not, single or vector.
+        """That of an environment, wrapped or not, single or vector; where its machines differ, their mean.
 
         Raises ValueError if the action holds more than steering and drive.
         """
@@ -100,9 +100,9 @@ class Vehicle:
         frame, config = env.twin.machine.frame, env.task.config
         return cls(
             env.observation_layout,
-            front=float(np.max(frame.front.axle_distance)),
-            rear=float(np.max(frame.rear.axle_distance)),
-            largest_angle=float(np.max(env.twin.machine.joint.range)),
+            front=float(np.mean(frame.front.axle_distance)),
+            rear=float(np.mean(frame.rear.axle_distance)),
+            largest_angle=float(np.mean(env.twin.machine.joint.range)),
             preview=config.preview,
             control_step=config.control_step,
         )

@@ -38,6 +38,7 @@ import numpy as np
 from aoro_gym.agents.curriculum import curriculum, stage_at
 from aoro_gym.agents.evaluation import TRIALS, evaluate
 from aoro_gym.agents.learned import LearnedPolicy
+from aoro_gym.agents.perturbations import PERTURBATIONS
 from aoro_gym.agents.training_plan import TrainingPlan
 from aoro_gym.cluster import ClusterError, Failed, connected, on_ray
 from aoro_gym.envs.courses import Course
@@ -53,6 +54,8 @@ EVALUATION_SEED = 30_000
 COMMON = "stable-baselines3", "torch", "pyyaml", "tensorboard"
 LIBRARIES = {"sb3": ("agents", COMMON), "resident": ("resident", ("skrl", *COMMON))}
 """By trainer, the extra that it needs and what of it reads recipes, learns and logs."""
+DRAWN_SEED = 1_000_000
+"""Of the first machine that is drawn to learn on, as many further for each seed of a training: no evaluation's."""
 CRITIC_FIRST = 0.1
 """Share of the steps of a training with ``--start`` in which the critic alone learns: what it does not know yet would lead
 the policy astray."""
@@ -150,6 +153,8 @@ def begin(plan: TrainingPlan, folder: Path) -> Recipe:
         raise ValueError(f"{folder} holds a training; give --resume {folder}, or another --out")
     if plan.env not in TRIALS:
         raise ValueError(f"env is {plan.env!r}; choose one of: {', '.join(TRIALS)}")
+    if plan.perturbation is not None and plan.perturbation not in PERTURBATIONS:
+        raise ValueError(f"perturbation is {plan.perturbation!r}; choose one of: {', '.join(PERTURBATIONS)}")
     recipe = read_recipe(plan)
     if plan.start is not None:
         LearnedPolicy.load(Path(plan.start))
@@ -228,7 +233,8 @@ def train(
     total = int(recipe.hyperparams["n_timesteps"])
     stages = curriculum(plan.env, recipe.stages)
     clock = Clock(total)
-    env_kwargs = {"machine": machine} | ({} if courses is None else {"courses": courses})
+    learned_on = _drawn(plan, machine, int(recipe.hyperparams["n_envs"]))
+    env_kwargs = {"machine": learned_on} | ({} if courses is None else {"courses": courses})
     learner = learner_of(plan, recipe.hyperparams, clock, env_kwargs)
     task = learner.envs.task
     rewards = dict(task.reward_terms)
@@ -352,6 +358,14 @@ def learner_of(
     else:
         from aoro_gym.agents.stable_baselines import StableBaselines as Trainer
     return Trainer(plan, hyperparams, clock, env_kwargs)
+
+
+def _drawn(plan: TrainingPlan, machine: Machine, count: int) -> Machine:
+    """What ``count`` sub-environments learn on: the machine, or one each that differs from it as the plan says."""
+    if plan.perturbation is None:
+        return machine
+    first = DRAWN_SEED * (1 + plan.seed)
+    return PERTURBATIONS[plan.perturbation](machine, range(first, first + count))
 
 
 def _evaluated(

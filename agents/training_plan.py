@@ -39,6 +39,11 @@ class TrainingPlan:
     machine: str = option("aoro", "NAME|FILE", "Bundled machine, or a machine file (.toml).")
     set: list[str] | None = option(None, "KEY=VALUE", "Set a parameter, in the unit of the machine file. Repeatable.")
     scale: list[str] | None = option(None, "KEY=FACTOR", "Multiply a parameter. Repeatable.")
+    perturbation: str | None = option(
+        None,
+        "NAME",
+        "Learn on machines drawn as the leaderboard draws them: perturbed, or 'with an effect'. Default: the machine alone.",
+    )
     device: str = option("cpu", "cpu|cuda:N", "Where twins run and networks learn.")
     seed: int = option(0, "N", "Seed of all that is random.")
     steps: int | None = option(None, "N", "Environment steps. Default: the hyper-parameters' n_timesteps.")

@@ -76,6 +76,12 @@ ScaleOption = Annotated[
 ]
 DeviceOption = Annotated[str, typer.Option("--device", metavar="cpu|cuda:N", help="Where the twin runs.")]
 SeedOption = Annotated[int, typer.Option("--seed", metavar="N", help="Seed of all that is random: noise and searches.")]
+RepeatsOption = Annotated[
+    int,
+    typer.Option(
+        "--repeats", metavar="N", help="Times that each episode is driven, with other noise and machines drawn."
+    ),
+]
 WorkersOption = Annotated[
     int | None, typer.Option("--workers", metavar="N", help="Processes at once. Default: the number of cores.")
 ]
@@ -744,6 +750,7 @@ def evaluate(
         float, typer.Option("--path-length", metavar="M", help="Of the paths that are generated on --terrain.")
     ] = 60.0,
     episodes: Annotated[int, typer.Option("--episodes", metavar="N", help="Episodes a policy.")] = 32,
+    repeats: RepeatsOption = 1,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to.")] = Path(
         "evaluation"
     ),
@@ -779,8 +786,7 @@ def evaluate(
 
         _check_folder(out, "index.html")
         policies = _policies(env, policy, trust_pickle=trust_pickle)
-        if not 1 <= episodes <= MOST_EPISODES:
-            raise ValueError(f"--episodes = {episodes} is outside [1, {MOST_EPISODES}]")
+        _check_episodes(episodes, repeats)
         chosen = _machine(machine, set_, scale)
         _check_seed(seed)
         _check_device(device)
@@ -796,6 +802,7 @@ def evaluate(
                 env,
                 policies,
                 episodes=episodes,
+                repeats=repeats,
                 seed=seed,
                 courses=courses,
                 machine=chosen,
@@ -823,6 +830,7 @@ def leaderboard(
     episodes: Annotated[
         int, typer.Option("--episodes", metavar="N", help="Episodes a policy, under each perturbation.")
     ] = 100,
+    repeats: RepeatsOption = 1,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to.")] = Path(
         "leaderboard"
     ),
@@ -844,7 +852,8 @@ def leaderboard(
     All drive the same episodes three times: on the machine as it is; with all of its uncertain parameters drawn within
     their ranges; and with an effect of the catalogue switched on in addition. Figures are means of the middle half of the
     episodes (interquartile means), with bootstrapped 95 % intervals, and differences from the best controller, episode by
-    episode.
+    episode. With --repeats the same is asked for N times, with other noise and other machines: beside the interval over
+    episodes, which might have been others, there is one over what might have happened in these (stratified bootstrap).
 
     Ctrl-C is safe: the same command goes on where it stopped. FOLDER gets leaderboard.json, leaderboard.md and
     leaderboard.png. In --readme the table replaces what stands between
@@ -853,7 +862,7 @@ def leaderboard(
     [bold]Examples[/]
 
       aoro-gym leaderboard
-      aoro-gym leaderboard --env AORO/Turning-v0 --episodes 350 --readme README.md
+      aoro-gym leaderboard --env AORO/Turning-v0 --episodes 350 --repeats 4 --readme README.md
       aoro-gym leaderboard --policy preview --policy runs/mine/best.json
     """
     with _checking_input():
@@ -862,8 +871,7 @@ def leaderboard(
 
         _check_folder(out, "leaderboard.json")
         policies = _policies(env, policy)
-        if not 1 <= episodes <= MOST_EPISODES:
-            raise ValueError(f"--episodes = {episodes} is outside [1, {MOST_EPISODES}]")
+        _check_episodes(episodes, repeats)
         if readme is not None:
             board.around_table(readme, env)
         seed = board.SEED if seed is None else seed
@@ -873,8 +881,8 @@ def leaderboard(
     with _bar(env) as tell, _running(), resumable(out) as kept:
         with _checking_input():  # such as a cluster that is not there
             result = board.compare(
-                env, policies, episodes=episodes, seed=seed, machine=chosen, device=device, ray=ray, kept=kept,
-                progress=tell,
+                env, policies, episodes=episodes, repeats=repeats, seed=seed, machine=chosen, device=device, ray=ray,
+                kept=kept, progress=tell,
             )  # fmt: skip
         written = board.write(result, out, readme=readme, made_by=_made_by(machine, set_, scale, device, seed))
     _out().print(board.table(result))
@@ -969,8 +977,7 @@ def gap(
 
         _check_folder(out, "gap.json")
         _, make = next(iter(_policies(env, [policy]).items()))
-        if not 1 <= episodes <= MOST_EPISODES:
-            raise ValueError(f"--episodes = {episodes} is outside [1, {MOST_EPISODES}]")
+        _check_episodes(episodes)
         if retrain < 0:
             raise ValueError(f"--retrain = {retrain} is below 0")
         if diagnosis is not None and improved is None:
@@ -1783,6 +1790,17 @@ def _check_extra(extra: str, *modules: str) -> None:
     for module in modules:
         if find_spec(module) is None:
             raise ValueError(f"{module} is missing: pip install 'aoro-gym[{extra}]'")
+
+
+def _check_episodes(episodes: int, repeats: int = 1) -> None:
+    """ValueError unless there is something to drive, and not too much of it."""
+    for option, value in (
+        ("episodes", episodes),
+        ("repeats", repeats),
+        ("episodes times --repeats", episodes * repeats),
+    ):
+        if not 1 <= value <= MOST_EPISODES:
+            raise ValueError(f"--{option} = {value} is outside [1, {MOST_EPISODES}]")
 
 
 def _policies(env: str, asked: list[str] | None, *, trust_pickle: bool = False) -> dict[str, Factory]:

@@ -30,7 +30,7 @@ from aoro_gym.envs.joint import MeasuredJoint
 from aoro_gym.envs.path_table import PathTable
 from aoro_gym.envs.randomisation import COMMISSIONED, Draws, Randomisation, Range
 from aoro_gym.envs.single import TwinEnv
-from aoro_gym.envs.task import Outputs, Start, Terrains, chosen, divides, given
+from aoro_gym.envs.task import Outputs, Start, Terrains, chosen, divides, given, sensing
 from aoro_gym.envs.terms import Frozen, ObservationTerm, RewardTerm, changed_observations, changed_rewards
 from aoro_gym.envs.vector import TwinVectorEnv
 from aoro_gym.sensors import (
@@ -644,8 +644,9 @@ class PathTracking:
         ):  # fmt: skip
             state[rows] = 0
         self._tipping_margin[rows] = 1.0
+        sensor_draws = sensing(options, where, n, generators)
         for sensor in (self._joint, self._imu, self._wheel_sensor, self._gps, self._pressure_sensor):
-            sensor.reset(rows, generators)
+            sensor.reset(rows, sensor_draws)
         self._actions[:, rows] = 0.0
         self._gear.reset(rows)
         self._arms.reset(rows)

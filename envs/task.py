@@ -120,6 +120,27 @@ def given(
     return array
 
 
+def sensing(
+    options: Mapping[str, Any],
+    where: NDArray[np.intp],
+    num_envs: int,
+    generators: list[np.random.Generator],
+) -> list[np.random.Generator]:
+    """What draws the sensors' errors of the sub-environments ``where`` (K,): generators of the seeds
+    ``options["sensor_seed"]`` (num_envs,), or the episodes' own ``generators`` (K,).
+
+    Raises ValueError naming the option if it is something else.
+    """
+    if options.get("sensor_seed") is None:
+        return generators
+    asked = np.asarray(options["sensor_seed"])
+    if asked.shape != (num_envs,) or not np.issubdtype(asked.dtype, np.integer) or np.any(asked < 0):
+        raise ValueError(
+            f"options['sensor_seed'] is {options['sensor_seed']!r}, but must be ({num_envs},) whole numbers of at least 0"
+        )
+    return [np.random.default_rng(int(seed)) for seed in asked[where]]
+
+
 def divides(part: float, whole: float) -> bool:
     """Whether the time ``whole`` is a whole number of ``part``."""
     return part > 0 and abs(whole / part - round(whole / part)) < 1e-6 and round(whole / part) >= 1

@@ -22,7 +22,7 @@ from aoro_gym.arrays import HOST, Array, Arrays, Index, floats
 from aoro_gym.envs.joint import MeasuredJoint
 from aoro_gym.envs.randomisation import COMMISSIONED, Draws, Randomisation
 from aoro_gym.envs.single import TwinEnv
-from aoro_gym.envs.task import Outputs, Start, Terrains, chosen, divides, given
+from aoro_gym.envs.task import Outputs, Start, Terrains, chosen, divides, given, sensing
 from aoro_gym.envs.terms import Frozen, ObservationTerm, RewardTerm, changed_observations, changed_rewards
 from aoro_gym.envs.vector import TwinVectorEnv
 from aoro_gym.sensors import JointAngleNoise, PressureNoise, PressureSensor
@@ -387,9 +387,10 @@ class Turning:
             state[rows] = 0
         self._signals[:, rows] = 0.0
         self._flows[:, rows] = 0.0
+        sensor_draws = sensing(options, where, len(self._target), generators)
         for sensor in (self._joint, self._pressure_sensor):
             if sensor is not None:
-                sensor.reset(rows, generators)
+                sensor.reset(rows, sensor_draws)
         heading = given(options, "heading", where, len(self._target), np.zeros(count), -math.tau, math.tau, "rad")
         return Start(angle, heading, *self._standpoint(where, generators, options))
 

@@ -30,7 +30,7 @@ from aoro_gym.twin.records import WHEELS, Command
 from aoro_gym.twin.twin import STATUS
 
 Infos = dict[str, Any]
-BASE_OPTIONS = ("reset_mask", "machine", "terrain")
+BASE_OPTIONS = ("reset_mask", "machine", "terrain", "sensor_seed")
 """Keys of ``reset(options=...)`` that every task takes."""
 OUTPUTS = ("numpy", "torch")
 """Kinds of arrays that environments hand out."""
@@ -54,7 +54,9 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
     - ``reset_mask``: booleans (num_envs,), which sub-environments to reset; all by default;
     - ``machine``: values by dotted key in the machine file's unit, each a number or of shape (num_envs,); with
       ``own_machines=False`` there is but one machine and this fails;
-    - ``terrain``: which of the terrains, a whole number or (num_envs,) of them; drawn by default.
+    - ``terrain``: which of the terrains, a whole number or (num_envs,) of them; drawn by default;
+    - ``sensor_seed``: whole numbers (num_envs,) that draw the sensors' errors, by which an episode is repeated with others;
+      by default the episode's own seed draws them, too.
 
     With ``output="torch"`` all that :meth:`reset` and :meth:`step` hand out are tensors on the twins' device, and actions
     may be such tensors; nothing of it comes to the host, which reads a few flags a step, and what ended if something did.

@@ -15,6 +15,7 @@ from aoro_gym.agents.evaluation import (
     interquartile_mean,
     interval,
     policy_factory,
+    stratified_interval,
 )
 from aoro_gym.agents.reference import REFERENCE_POLICIES
 from aoro_gym.agents.responses import responses, rollout
@@ -226,6 +227,12 @@ def test_interval_of_a_mean_is_that_of_many_draws():
     assert math.isnan(interval(np.array([np.nan])).mean)
 
 
+def test_interquartile_mean_leaves_out_what_is_not_known():
+    rows = np.random.default_rng(2).normal(size=(5, 13))
+    gaps = np.concatenate([rows, np.full((5, 4), np.nan)], axis=1)
+    np.testing.assert_allclose(interquartile_mean(gaps), interquartile_mean(rows))
+
+
 def test_interquartile_mean_leaves_the_wild_out():
     values = np.concatenate([np.arange(1.0, 9.0), [1e6, -1e6, 2e6, -2e6]])
     # the middle half of 12 are 6: 2 to 7, as two wild ones and 1 go below, two and 8 above
@@ -233,6 +240,83 @@ def test_interquartile_mean_leaves_the_wild_out():
     found = interval(np.random.default_rng(1).normal(3.0, 2.0, 400), statistic=interquartile_mean)
     # of a normal distribution its variance is 1.20 times the mean's
     assert found.high95 - found.low95 == pytest.approx(2 * norm.ppf(0.975) * 2.0 * math.sqrt(1.20 / 400), rel=0.15)
+
+
+def test_stratified_interval_of_a_mean_is_that_of_its_closed_form():
+    """Of strata of n_k members with the variances s_k², the mean of K stratum means has the standard error
+    √(Σ s_k² / n_k) / K, whatever tells the strata apart."""
+    rng, count, size = np.random.default_rng(1), 40, 4
+    members = rng.normal(rng.normal(0.0, 5.0, (count, 1)), rng.uniform(0.5, 2.0, (count, 1)), (count, size))
+    strata = np.repeat(np.arange(count), size)
+    order = rng.permutation(members.size)
+    found = stratified_interval(members.ravel()[order], strata[order])
+    error = math.sqrt((members.var(axis=1, ddof=1) / size).sum()) / count
+    # as above: of 9999 resamples the 2.5 % quantile lies within 4 times 0.027 standard errors; a mean of 40 times 3 draws is
+    # nearly normal, its kurtosis at most that of single draws, -2, over their number
+    assert found.mean == pytest.approx(members.mean())
+    assert found.low95 == pytest.approx(found.mean - norm.ppf(0.975) * error, abs=4.0 * 0.027 * error)
+    assert found.high95 == pytest.approx(found.mean + norm.ppf(0.975) * error, abs=4.0 * 0.027 * error)
+
+
+def test_what_tells_strata_apart_adds_nothing():
+    strata = np.repeat(np.arange(20), 3)
+    found = stratified_interval(strata.astype(np.float64), strata)
+    assert found.low95 == found.mean == found.high95 == 9.5
+    whole = interval(strata.astype(np.float64))
+    assert whole.high95 - whole.low95 > 1.0
+    middle = stratified_interval(strata.astype(np.float64), strata, statistic=interquartile_mean)
+    assert middle.low95 == middle.high95 == pytest.approx(9.5)
+
+
+def test_strata_have_gaps_and_single_members():
+    values = np.array([1.0, 3.0, np.nan, 7.0, np.nan])
+    found = stratified_interval(values, np.array([0, 0, 1, 1, 2]))
+    # of the first stratum one of two is drawn, with the single member of the second
+    assert (found.low95, found.high95) == (4.0, 5.0)
+    assert found.mean == pytest.approx(11.0 / 3.0)
+    assert math.isnan(stratified_interval(values, np.arange(5)).low95)
+    assert math.isnan(stratified_interval(values[[2, 4]], np.arange(2)).mean)
+
+
+def test_repeats_ask_for_the_same_with_other_noise_and_machines():
+    """Two episodes, three times: starts and targets as of the plain ones, other errors of the sensors."""
+    seeds: list[list[int]] = []
+
+    def drawn(machine, part):
+        seeds.append(list(part))
+        return machine
+
+    policies = {"pd": policy_factory(TURNING, "proportional-derivative")}
+    found = evaluate(TURNING, policies, episodes=2, repeats=3, seed=3, drawn=drawn)
+    plain = evaluate(TURNING, policies, episodes=2, seed=3)
+    assert seeds == [[3, 4, 5, 6, 7, 8]]
+    run, alone = found.runs["pd"], plain.runs["pd"]
+    # at once after a new target all are as far from it, but for where they stood at the one before: within some 1°
+    np.testing.assert_allclose(run.errors[:, 0], np.tile(alone.errors[:, 0], 3), atol=1.0)
+    assert abs(np.diff(alone.errors[:, 0])[0]) > 10.0
+    assert len(np.unique(run.figures["return"])) == 6
+    rows = run.figures["return"].reshape(3, 2)
+    whole = found.summary["pd"]["return"]
+    assert whole == interval(rows.T, statistic=np.nanmean)
+    # of two episodes one is drawn twice in half of all cases
+    assert (whole.low95, whole.high95) == pytest.approx(tuple(sorted(rows.mean(axis=0))))
+    settling = run.figures["settling_time_s"]
+    expected = stratified_interval(settling, np.tile([0, 1], 3), statistic=interquartile_mean)
+    assert found.stratified["pd"]["settling_time_s"] == expected
+    assert plain.stratified == {}
+    content = found.to_json()
+    assert content["repeats"] == 3
+    assert set(content["stratified_interquartile_means"]["pd"]) == set(found.trial.decisive)
+    names = [row[0] for row in evaluation_report.figure_rows(found)]
+    assert "settling time, middle half, over repeats" in names
+
+
+def test_repeats_of_a_drive_begin_alike():
+    found = evaluate(TRACKING, {"asleep": Asleep}, episodes=2, repeats=2, seed=5, courses=[SHORT])
+    run = found.runs["asleep"]
+    np.testing.assert_array_equal(run.course[:2], run.course[2:])
+    np.testing.assert_array_equal(run.places[:2, 0], run.places[2:, 0])
+    assert not np.array_equal(run.places[0, 0], run.places[1, 0])
 
 
 @pytest.mark.parametrize(
@@ -245,6 +329,7 @@ def test_interquartile_mean_leaves_the_wild_out():
         (lambda: policy_factory("AORO/Flying-v0", "me"), "'AORO/Flying-v0' cannot be evaluated; choose one of"),
         (lambda: evaluate("AORO/Flying-v0", {"me": Asleep}), "'AORO/Flying-v0' cannot be evaluated"),
         (lambda: evaluate(TRACKING, {"me": Asleep}, episodes=0), "episodes is 0, but must be at least 1"),
+        (lambda: evaluate(TRACKING, {"me": Asleep}, repeats=0), "repeats is 0, but must be at least 1"),
         (lambda: evaluate(TRACKING, {}), "policies is empty"),
         (lambda: evaluate(TURNING, {"me": Asleep}, courses=[SHORT]), "turns on level ground"),
     ],

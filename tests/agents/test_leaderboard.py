@@ -7,7 +7,14 @@ import pytest
 from scipy.stats import trim_mean
 
 from aoro_gym.agents import leaderboard
-from aoro_gym.agents.evaluation import evaluate, policy_factory
+from aoro_gym.agents.evaluation import (
+    evaluate,
+    interquartile_mean,
+    interval,
+    policy_factory,
+    stratified_interval,
+)
+from aoro_gym.agents.evaluation_report import shown
 from aoro_gym.agents.perturbations import PERTURBATIONS, perturbed
 
 TURNING = "AORO/Turning-v0"
@@ -86,6 +93,30 @@ def test_files_hold_the_table(found, tmp_path):
     assert "| settling time [s], with an effect |" in table
     head, *body = leaderboard.rows(found)
     assert {len(row) for row in body} == {len(head)}
+
+
+def test_cells_of_repeats_have_both_intervals(tmp_path):
+    policies = {name: policy_factory(TURNING, name) for name in ("bang-bang", "proportional-derivative")}
+    found = leaderboard.compare(TURNING, policies, episodes=3, repeats=2, seed=3)
+    run = found.found["perturbed"].runs["bang-bang"]
+    values = run.figures["settling_time_s"]
+    assert values.shape == (6,)
+    narrow = found.stratified["perturbed"]["bang-bang"]["settling_time_s"]
+    assert narrow == stratified_interval(values, np.tile(np.arange(3), 2), statistic=interquartile_mean)
+    wide = found.middle["perturbed"]["bang-bang"]["settling_time_s"]
+    assert wide == interval(values.reshape(2, 3).T, statistic=interquartile_mean)
+    assert wide.mean == narrow.mean
+    cell = leaderboard.cell(found, "perturbed", "bang-bang", "settling_time_s")
+    assert cell == f"{shown(narrow, 's', finer=1)} {shown(wide, 's').partition(' ')[2]}"
+    assert cell.count("[") == 2
+    assert leaderboard.cell(found, "perturbed", "bang-bang", "success_rate").count("[") == 1
+    assert "3 episodes a cell, each driven 2 times" in leaderboard.markdown(found)
+    content = found.to_json()
+    assert set(content["stratified_interquartile_means"]) == set(PERTURBATIONS)
+    other = found.found["perturbed"].runs["proportional-derivative"].figures["settling_time_s"]
+    gap = (values - other) * (1.0 if found.best_reference == "proportional-derivative" else -1.0)
+    (worse,) = found.differences["perturbed"].values()
+    assert worse["settling_time_s"] == interval(gap.reshape(2, 3).T, statistic=np.nanmean)
 
 
 def test_a_readme_without_marks_is_said(tmp_path):

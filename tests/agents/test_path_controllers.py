@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_discrete_lyapunov
 
+from aoro_gym import Machine
 from aoro_gym.agents.path_controllers import (
     VALVE_RATE_LEFT,
     VALVE_RATE_RIGHT,
@@ -223,6 +224,14 @@ def test_gains_may_differ_between_sub_environments(kind, gain):
 def test_missing_observations_are_named():
     with pytest.raises(ValueError, match="needs the observation term 'joint_rate'"):
         Vehicle({name: columns for name, columns in LAYOUT.items() if name != "joint_rate"})
+
+
+def test_the_vehicle_of_machines_that_differ_is_their_mean():
+    lengths = np.array([1.6, 1.7, 1.7])
+    machine = Machine.load("aoro").set({"frame.front.axle_distance": lengths})
+    vehicle = Vehicle.of(PathTrackingVectorEnv(3, courses=[Course(Plane(), (LINE,))], machine=machine))
+    assert vehicle.front == pytest.approx(lengths.mean())
+    assert vehicle.rear == Vehicle.of(PathTrackingEnv(courses=[Course(Plane(), (LINE,))])).rear
 
 
 def test_actions_that_nobody_gives_are_named():

@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aoro_gym import Machine
+from aoro_gym import Machine, cli
+from aoro_gym.agents import leaderboard
 from aoro_gym.agents.curriculum import curriculum, stage_at
+from aoro_gym.agents.perturbations import PERTURBATIONS
 from aoro_gym.agents.training_plan import HYPERPARAMS, TrainingPlan
 from aoro_gym.envs import Course
 from aoro_gym.envs.path_tracking import MILD as TRACKING_MILD
@@ -291,13 +293,33 @@ def test_paths_are_learned_and_evaluated_on_their_courses(training, tmp_path):
     assert json.loads((tmp_path / "policy.json").read_text())["environment"] == TRACKING
 
 
+def test_machines_to_learn_on_are_drawn_and_none_of_an_evaluation(training, tmp_path, monkeypatch):
+    """One a sub-environment, others for another seed; what is evaluated on is the machine of the file."""
+    made, evaluated = [], []
+    learner_of, evaluate = training.learner_of, training.evaluate
+    monkeypatch.setattr(training, "learner_of", lambda *given: made.append(given[3]["machine"]) or learner_of(*given))
+    monkeypatch.setattr(
+        training, "evaluate", lambda *given, **named: evaluated.append(named["machine"]) or evaluate(*given, **named)
+    )
+    (tmp_path / "fixed.yml").write_text(f"{TURNING}:\n  - from: 0.0\n")
+    machine, key = Machine.load("aoro"), "frame.front.axle_distance"
+    for seed in (5, 6):
+        plan = plan_of(perturbation="perturbed", curriculum=str(tmp_path / "fixed.yml"), steps=50, seed=seed)
+        training.train(plan, training.begin(plan, tmp_path / str(seed)), tmp_path / str(seed), machine=machine)
+    values = np.concatenate([one.entries[key].value for one in made])
+    assert values.shape == (4,)
+    assert len(np.unique(values)) == 4
+    expected = PERTURBATIONS["perturbed"](machine, [6 * training.DRAWN_SEED]).entries[key].value
+    assert values[0] == np.ravel(expected)[0]
+    assert all(one is machine for one in evaluated)
+    assert max(leaderboard.SEED, training.EVALUATION_SEED) + cli.MOST_EPISODES < training.DRAWN_SEED
+
+
 # ---- the plan --------------------------------------------------------------------------------------------------------
 
 
 def test_command_is_the_plan(monkeypatch):
     from typer.testing import CliRunner
-
-    from aoro_gym import cli
 
     plan = TrainingPlan(seed=3, param=["n_steps=16", "policy_kwargs={net_arch: [8]}"], set=["oil.gas_fraction=0.01"])
     asked = []
@@ -319,8 +341,6 @@ def test_every_field_has_a_help_text():
 
 
 def test_evaluation_is_on_ground_that_was_held_out(tmp_path, monkeypatch):
-    from aoro_gym import cli
-
     monkeypatch.setattr(cli, "HELD_OUT_FORESTS", (101,))
     assert cli._training_courses(TrainingPlan()) == (None, None)
     learned, held_out = cli._training_courses(TrainingPlan(env=TRACKING, forests=1))
@@ -376,6 +396,7 @@ def test_wrong_plans_are_named(values, message):
     ("changes", "message"),
     [
         ({"env": "AORO/Flying-v0"}, "env is 'AORO/Flying-v0'; choose one of: AORO/Turning-v0"),
+        ({"perturbation": "odd"}, "perturbation is 'odd'; choose one of: as calibrated, perturbed, with an effect"),
         ({"param": ["learning_rate"]}, "'learning_rate' is not NAME=VALUE"),
         ({"param": ["learning_rate=fast_1"]}, "learning_rate is 'fast_1', but must be a number, or lin_NUMBER"),
         (
@@ -416,7 +437,7 @@ def test_packaged_hyperparams_are_of_the_zoos_format(training):
     for file in set(HYPERPARAMS.glob("*.yml")) - {HYPERPARAMS / "spaces.yml"}:
         content = yaml.safe_load(file.read_text(encoding="utf-8"))
         assert set(content) == {TURNING, TRACKING}
-        if file.stem == "curricula":
+        if file.stem in ("curricula", "perturbed"):
             continue
         own = {"teacher"} if file.stem == "dagger" else {"policy", "normalize"}
         for entry in content.values():

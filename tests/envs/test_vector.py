@@ -269,7 +269,8 @@ def test_wrong_arguments_are_named(arguments, message):
     [
         (
             {"target": 0.1},
-            "unknown key 'target'; choose from: reset_mask, machine, terrain, joint_angle, targets, hold, position, heading",
+            "unknown key 'target'; choose from: reset_mask, machine, terrain, sensor_seed, joint_angle, targets, hold, "
+            "position, heading",
         ),
         ({"reset_mask": np.array([1, 0])}, "must be \\(2,\\) of bool"),
         ({"reset_mask": np.zeros(2, dtype=bool)}, "selects no sub-environment"),
@@ -278,6 +279,8 @@ def test_wrong_arguments_are_named(arguments, message):
         ({"joint_angle": [0.0, 0.1, 0.2]}, "shape \\(3,\\), but must be a number or \\(2,\\)"),
         ({"targets": [0.1, 3.0]}, "'targets'\\] has 3 rad, but the joint reaches only"),
         ({"targets": np.zeros((3, 2))}, "shape \\(3, 2\\), but must be \\(T,\\) or \\(2, T\\)"),
+        ({"sensor_seed": [1]}, "'sensor_seed'\\] is \\[1\\], but must be \\(2,\\) whole numbers of at least 0"),
+        ({"sensor_seed": [0, -1]}, "'sensor_seed'\\] is \\[0, -1\\]"),
         ({"hold": 0.0}, "'hold'\\] is 0.0 s, but must be one number, at least 0.02"),
         ({"machine": 3}, "must map dotted keys to values"),
         ({"machine": {"steering.valve.colour": 1.0}}, "unknown parameter 'steering.valve.colour'"),
@@ -288,6 +291,26 @@ def test_wrong_options_are_named(options, message):
     env = make(2)
     with pytest.raises(ValueError, match=message):
         env.reset(options=options)
+
+
+@pytest.mark.parametrize("env_id", [TURNING, "AORO/PathTracking-v0"])
+def test_an_episode_is_repeated_with_other_errors_of_its_sensors(env_id):
+    env: Any = gymnasium.make_vec(env_id, num_envs=3)
+
+    def rested(**options):
+        """Observations after some steps at rest, in which errors that are rounded off show, and the true angle or error."""
+        env.reset(seed=[4, 4, 4], options=options)
+        for _ in range(9):
+            seen, *_, infos = env.step(np.zeros(env.action_space.shape, dtype=np.float32))
+        return seen, infos["joint_angle" if env_id == TURNING else "cross_track"]
+
+    plain, truth = rested()
+    seen, repeated = rested(sensor_seed=[1, 2, 1])
+    np.testing.assert_array_equal(seen[0], seen[2])
+    assert np.any(seen[0] != seen[1])
+    assert np.any(seen[0] != plain[0])
+    np.testing.assert_array_equal(repeated, truth)
+    np.testing.assert_array_equal(rested()[0], plain)
 
 
 def test_wrong_actions_are_named():
