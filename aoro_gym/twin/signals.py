@@ -5,6 +5,7 @@ number or shape (N,), one a run. Zero leaves a column as it is, to the bit.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +49,7 @@ def smoothed(values: NDArray, rate: float, smoothing: Quantity) -> NDArray[np.fl
     leaves the signal as it is.
     """
     count = len(values)
-    size = next_fast_len(3 * count - 2, real=True)
+    size: Any = next_fast_len(3 * count - 2, real=True)  # SciPy's transforms have no types
     end = 2.0 * values[-1:] - values[-2::-1]
     filling = np.repeat(end[-1:], size - 3 * count + 2, axis=0)  # as far from the signal as the ends are
     padded = np.concatenate([2.0 * values[:1] - values[:0:-1], values, end, filling])
@@ -59,7 +60,7 @@ def smoothed(values: NDArray, rate: float, smoothing: Quantity) -> NDArray[np.fl
     edge = np.tan(np.pi * np.where(acts, corner, 0.25 * rate) / rate)
     # the tangent is huge but finite at half the rate, and its high power still a float
     gain = 1.0 / (1.0 + (np.tan(np.pi * frequency / rate) / edge) ** (2 * SMOOTHING_ORDER))
-    spectrum = rfft(padded, axis=0, overwrite_x=True)
+    spectrum: Any = rfft(padded, axis=0, overwrite_x=True)
     spectrum *= gain
-    filtered = irfft(spectrum, size, axis=0, overwrite_x=True)[count - 1 : 2 * count - 1]
+    filtered: Any = irfft(spectrum, size, axis=0, overwrite_x=True)[count - 1 : 2 * count - 1]
     return np.where(acts, filtered, values)

@@ -360,7 +360,7 @@ def test_whiteners_are_held_until_what_they_rest_on_moves():
 
 
 @pytest.mark.parametrize("factor", [0.12, 0.5, 1.0, 4.0])
-def test_an_error_other_than_assumed_is_found_and_counted(factor):
+def test_an_error_other_than_assumed_is_found_and_counted(factor: float):
     """Residuals drawn from ``factor`` times the assumed error, by channel: the likeliest of :data:`MISFITS` is the true one,
     with which they are white again. Of n samples, a factor twice as large or half as large is less likely by
     n (ln 2 - 3/8) or n (3/2 - ln 2) nats on average, eight or more here, so that chance hardly finds another."""
