@@ -230,7 +230,7 @@ class ChainEffect(Effect):
     """An effect of the measuring chain: ``change(values, rate, *magnitudes)`` of each of the ``signals`` that it touches,
     of all of them if None."""
 
-    change: Callable[..., NDArray[np.float64]]
+    change: Callable[..., NDArray[np.floating]]
     signals: tuple[str, ...] | None = (ANGLE,)
 
     def record(
