@@ -513,13 +513,12 @@ def _of_rows(values: Floats, statistic: Callable[..., Any]) -> Interval:
         return Interval(math.nan, math.nan, math.nan)
     if len(values) < 2:
         return Interval(float(statistic(known)), math.nan, math.nan)
-    rng, found = np.random.default_rng(0), []
-    for part in np.array_split(np.arange(RESAMPLES), math.ceil(RESAMPLES * values.size / 1_000_000)):
-        drawn = values[rng.integers(len(values), size=(len(part), len(values)))].reshape(len(part), -1)
-        found.append(statistic(drawn[np.isfinite(drawn).any(axis=1)], axis=-1))
-    tail = 50.0 * (1.0 - CONFIDENCE)
-    low, high = np.percentile(np.concatenate(found), [tail, 100.0 - tail])
-    return Interval(float(statistic(known)), float(low), float(high))
+
+    def resampled(rng: np.random.Generator, count: int) -> Floats:
+        drawn = values[rng.integers(len(values), size=(count, len(values)))].reshape(count, -1)
+        return statistic(drawn[np.isfinite(drawn).any(axis=1)], axis=-1)
+
+    return Interval(float(statistic(known)), *_percentiles(resampled, values.size))
 
 
 def stratified_interval(
@@ -550,13 +549,22 @@ def stratified_interval(
         return Interval(mean, math.nan, math.nan)
     draws = np.maximum(counts - 1, 1)
     first, size = (np.repeat(of_each, draws) for of_each in (np.cumsum(counts) - counts, counts))
-    rng, found = np.random.default_rng(0), []
-    for part in np.array_split(np.arange(RESAMPLES), math.ceil(RESAMPLES * len(first) / 1_000_000)):
-        rows = first + (rng.random((len(part), len(first))) * size).astype(np.intp)
-        found.append(statistic(members[rows], axis=-1))
+
+    def resampled(rng: np.random.Generator, count: int) -> Floats:
+        rows = first + (rng.random((count, len(first))) * size).astype(np.intp)
+        return statistic(members[rows], axis=-1)
+
+    return Interval(mean, *_percentiles(resampled, len(first)))
+
+
+def _percentiles(resampled: Callable[[np.random.Generator, int], Floats], size: int) -> tuple[float, float]:
+    """Ends of the interval of a statistic, of which ``resampled`` gives so many draws, each of ``size`` values: a million
+    values at once."""
+    rng = np.random.default_rng(0)
+    parts = np.array_split(np.arange(RESAMPLES), math.ceil(RESAMPLES * size / 1_000_000))
     tail = 50.0 * (1.0 - CONFIDENCE)
-    low, high = np.percentile(np.concatenate(found), [tail, 100.0 - tail])
-    return Interval(mean, float(low), float(high))
+    low, high = np.percentile(np.concatenate([resampled(rng, len(part)) for part in parts]), [tail, 100.0 - tail])
+    return float(low), float(high)
 
 
 def plain(figures: Mapping[str, Mapping[str, Interval]]) -> dict[str, dict[str, dict[str, float | None]]]:

@@ -156,10 +156,10 @@ def attribute(
         calibration = [_calibration(other, linear, trust.temperature)] if np.isfinite(other.cost) else []
         return weigh([*weighed(), *calibration], prior, trust)
 
-    def firmer(found: Sequence[Search], error: Linear) -> list[Search]:
-        """Searches under a smaller ``error`` that go on from where others came under a larger one."""
+    def firmer(found: Sequence[Search], under: Linear) -> list[Search]:
+        """Searches ``under`` a smaller error that go on from where others came under a larger one."""
         new = [
-            Search(error, one.effects, [tuple(map(float, one.point[1]))], directions=one.directions) for one in found
+            Search(under, one.effects, [tuple(map(float, one.point[1]))], directions=one.directions) for one in found
         ]
         for one, donor in zip(new, found, strict=True):
             one.offered([donor])

@@ -352,15 +352,16 @@ def _noises(
         through.append({"joint_angle": moves, signal: fills})
         pump["joint_angle"] -= evens @ (loaded[:, None] * moves)
         pump[signal] = -evens @ (loaded[:, None] * fills)
+    sensed = {signal: toeplitz(noise[signal].covariance[:count]) for signal in LED if signal in noise}
     out = []
     for name, mine, zeros in zip(BALANCED, [*through, pump], own, strict=True):
         covariance = np.zeros((count // MERGED, count // MERGED))
         for signal, shift in zip(LED, zeros.T, strict=False):
-            if signal in noise:
+            if signal in sensed:
                 linear = merged(mine[signal]) if signal in mine else np.zeros((count // MERGED, count))
                 if signal not in ("joint_angle", name):  # restrictors and seals feel a pressure itself
                     linear += merged(np.diag(shift / ZEROS[signal]))
-                covariance += linear @ toeplitz(noise[signal].covariance[:count]) @ linear.T
+                covariance += linear @ sensed[signal] @ linear.T
         out.append(covariance)
     return out
 

@@ -449,11 +449,7 @@ class Problem:
         of which what is left at the centre is likeliest, normal with covariance N + f² E of noise and error, once the
         nuisances were fitted."""
         found = {name: np.zeros(len(MISFITS)) for name in self.signals}
-        assumed, builds = self.misfit, []
-        for factor in (0.0, 1.0):
-            self.misfit = dict.fromkeys(self.signals, factor)
-            builds.append(self.whiteners(self.error, self.predicted))
-        self.misfit = assumed
+        builds = [self.whiteners(self.error.scaled(factor), self.predicted) for factor in (0.0, 1.0)]
         for (_, name), part, *both in zip(self.blocks, self.split(self.left), *builds, strict=True):
             noise, whole = (w.factor[::SPARSE] @ w.factor[::SPARSE].T for w in both)
             left = merged(part)[both[0].counts][::SPARSE]

@@ -70,6 +70,16 @@ def test_zero_changes_no_bit_and_runs_are_apart(chain):
         )
 
 
+def test_smoothing_keeps_single_precision_to_its_rounding():
+    """A fast transform of 6000 samples rounds once a stage, of which there are thirteen."""
+    values = 1e7 + 1e6 * np.random.default_rng(0).normal(size=(len(TIME), 3)).cumsum(axis=0)
+    single = values.astype(np.float32)
+    out = smoothed(single, RATE, PARAMETERS)
+    assert out.dtype == np.float32
+    scale = np.abs(values).max()
+    np.testing.assert_allclose(out, smoothed(single.astype(np.float64), RATE, PARAMETERS), atol=16.0 * 6e-8 * scale)
+
+
 def test_a_corner_beyond_the_samples_reach_changes_nothing():
     values = ramp()[:, :1]
     assert np.array_equal(smoothed(values, 100.0, 1.0 / (2.0 * np.pi * 50.0)), values)
