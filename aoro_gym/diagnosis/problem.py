@@ -64,9 +64,10 @@ MISFITS = (0.06, 0.12, 0.25, 0.5, 1.0, 2.0, 4.0)
 """Factors on the twin's own error that are told apart."""
 SPARSE = 2
 """Of the averaged samples, every so many tell these factors apart: neighbours say the same."""
-KNOWN: Mapping[str, float] = {"angle": 0.3, "pressure": 1.0}
+KNOWN: Mapping[str, float] = {"angle": 0.3, "pressure": 1.0, "": 1.0}
 """Share of the twin's own error that is left where the healthy machine's residual of the same commands is subtracted, by
-kind of channel: pressures of a machine that differs sway otherwise than they did (E, machines of the development family)."""
+kind of channel: pressures of a machine that differs sway otherwise than they did (E, machines of the development family),
+and of channels that are of no kind nothing better is known."""
 
 Progress = Callable[[str, float], None]
 
@@ -392,7 +393,7 @@ class Problem:
                 out.append(whitener(noise, name, mine, own, healthy=shown, **of))
             else:
                 _, healthy = self._aligned(index, name, known)
-                own = own.scaled(KNOWN[KINDS[name]])
+                own = own.scaled(KNOWN[KINDS.get(name, "")])
                 out.append(whitener(noise, name, mine, own, repeats=known.repeats, healthy=healthy, **of))
         return out
 
