@@ -19,8 +19,8 @@ install: $(VENV)/.core ## set up .venv with the package and its command line
 demo: $(VENV)/.core ## validation, a controlled turn and a forest drive, as one page (OUT=folder, default demo)
 	$(BIN)/aoro-gym demo --out $(OUT)
 
-test: $(VENV)/.test ## run the tests
-	$(BIN)/python -m pytest
+test: $(VENV)/.test ## run the tests, a file at a time on every core
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile
 
 lint: $(VENV)/.dev ## check style (ruff) and types (pyright)
 	$(BIN)/ruff check .
