@@ -3,11 +3,18 @@
 It is given what the same plant does with and without its deviation on exact sensors, Δ = with − without, and the noise of
 the case's own sensors from its standstills.
 
-*Detectable.* Of the hypotheses "nothing" and "Δ" in Gaussian noise with covariance C, twice the logarithm of the
-likelihood ratio has the mean λ = Δᵀ C⁻¹ Δ where Δ is there (Neyman and Pearson). A sensor's zero is nobody's to know: what a
-constant of each log and signal explains is projected out, λ = Δᵀ C⁻¹ Δ − (1ᵀ C⁻¹ Δ)² / 1ᵀ C⁻¹ 1. One magnitude is at stake,
-so "nothing" is rejected at p < 0.01 where χ² with one degree of freedom exceeds λ with less than 1 % (Wilks). What uncertain
-parameters or another day could do instead is not counted: nothing is called undetectable for their sake.
+*Visible*, one log and signal by itself. Of the hypotheses "nothing" and "Δ" in Gaussian noise with covariance C, twice the
+logarithm of the likelihood ratio has the mean λ = Δᵀ C⁻¹ Δ where Δ is there (Neyman and Pearson). A sensor's zero is
+nobody's to know: what a constant of each log and signal explains is projected out, λ = Δᵀ C⁻¹ Δ − (1ᵀ C⁻¹ Δ)² / 1ᵀ C⁻¹ 1.
+One magnitude is at stake, so "nothing" is rejected at p < 0.01 where χ² with one degree of freedom exceeds λ with less than
+1 % (Wilks).
+
+*Detectable*, all logs and signals together. "Nothing" is not one machine: uncertain parameters lie a little elsewhere on
+another day, or anywhere within their ranges where the machine was never commissioned, and what they can do in its stead
+cannot be seen in Δ. With J, what a standard deviation of each does to the twin, and R their correlation, C becomes
+C + J R Jᵀ, hence λ = K₀₀ − K₀ⱼ (R⁻¹ + Kⱼⱼ)⁻¹ Kⱼ₀ with K = (Δ J)ᵀ C⁻¹ (Δ J), constants projected out as above. All is read on
+the clock of the log's arrival at a stop, without the bounce off it (:mod:`.arrival`). The oracle knows the machine's laws:
+what the twin's lack makes nothing undetectable.
 
 *Shrinkage.* S = 1 − (MS(y − Δ − x) − σ²) / (MS(y − x) − σ²) of a log y, with mean squares MS and x what is expected without
 the deviation: the healthy machine's log of the same commands where there is one (whose noise σ² then holds, too), else what
@@ -19,18 +26,27 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 from scipy.stats import chi2
 
-from aoro_gym.diagnosis.noise import Floats, Noise, noise_of
+from aoro_gym.diagnosis.arrival import bounce
+from aoro_gym.diagnosis.noise import Floats, ModelError, Noise, noise_of
+from aoro_gym.diagnosis.nuisances import Nuisances
+from aoro_gym.diagnosis.problem import Problem, on_clock_of
 from aoro_gym.diagnosis.recording import Recording
+from aoro_gym.diagnosis.replay import Simulator, Task, Variants
 from aoro_gym.diagnosis.sealing import COLUMNS
 from aoro_gym.log import read_table
+from aoro_gym.twin import Machine
 
 SIGNIFICANCE = 0.01
 """Probability of rejecting "nothing" where nothing is."""
+EXACT = ModelError(rate=0.0, pressure=0.0)
+"""Of who knows the machine's laws."""
 
 
 @dataclass(frozen=True)
@@ -38,10 +54,12 @@ class Oracle:
     """What the oracle says of one case.
 
     Attributes:
-        evidence: λ over all logs and signals.
-        shrinkage: S by log and signal, where the deviation can be detected in that one alone, and S is above 0.
+        noise: λ over all logs and signals, were the machine known to the last parameter.
+        evidence: λ over all of them beside what another day, or another calibration, can do.
+        shrinkage: S by log and signal, where the deviation is visible in that one alone, and S is above 0.
     """
 
+    noise: float
     evidence: float
     shrinkage: Mapping[tuple[str, str], float]
 
@@ -55,12 +73,26 @@ def is_detectable(evidence: float) -> bool:
     return bool(chi2.sf(evidence, 1) < SIGNIFICANCE)
 
 
+def information(shifts: Floats, noise: Noise) -> Floats:
+    """K (k, k) of ``shifts`` (F, k) of one signal in one log; see the module. Linear solves by Levinson's recursion."""
+    ones = np.ones(len(shifts))
+    solved: Any = solve_toeplitz(noise.covariance[: len(shifts)], np.column_stack([shifts, ones]))
+    own = shifts.T @ solved[:, :-1]
+    cross, constant = ones @ solved[:, :-1], ones @ solved[:, -1]
+    return own - np.outer(cross, cross) / constant
+
+
 def evidence_of(deviation: Floats, noise: Noise) -> float:
-    """λ of a ``deviation`` (F,) of one signal in one log; see the module. Linear solves by Levinson's recursion."""
-    ones = np.ones_like(deviation)
-    solved = solve_toeplitz(noise.covariance[: len(deviation)], np.stack([deviation, ones], axis=1))
-    (own, cross), (_, constant) = np.stack([deviation, ones]) @ solved
-    return float(max(own - cross**2 / constant, 0.0))
+    """λ of a ``deviation`` (F,) of one signal in one log in noise alone; see the module."""
+    return float(max(information(deviation[:, None], noise)[0, 0], 0.0))
+
+
+def beside(whole: Floats, precision: Floats) -> float:
+    """λ of the first of the shifts whose information is ``whole`` (1 + k, 1 + k) beside the others, whose sizes have the
+    ``precision`` (k, k)."""
+    cross = whole[1:, 0]
+    absorbed = cross @ np.linalg.solve(precision + whole[1:, 1:], cross)
+    return float(max(whole[0, 0] - absorbed, 0.0))
 
 
 def removed_share(measured: Floats, deviation: Floats, expected: Floats, variance: float) -> float:
@@ -80,23 +112,27 @@ def consult(place: Path, exact: Path, channels: Sequence[str], *, device: str = 
         place: Its folder.
         exact: File of :func:`~aoro_gym.diagnosis.sealing.exact_folder`.
         channels: That the diagnosis was given.
-        device: Where the twin runs, if the case has no healthy logs.
+        device: Where twins run.
     """
-    logs = [_as_written(path) for path in sorted((place / "logs").glob("*.csv"))]
-    healthy = {path.stem: _as_written(path) for path in sorted((place / "healthy").glob("*.csv"))}
+    logs = [_as_written(path, channels) for path in sorted((place / "logs").glob("*.csv"))]
+    healthy = {path.stem: _as_written(path, channels) for path in sorted((place / "healthy").glob("*.csv"))}
     with np.load(exact) as arrays:
-        deviations = {
-            (log.name, channel): (
-                arrays[f"{log.name}/{channel}/with"].astype(np.float64)
-                - arrays[f"{log.name}/{channel}/without"].astype(np.float64)
-            )
+        signals = [
+            {
+                channel: np.stack([arrays[f"{log.name}/{channel}/{which}"] for which in ("with", "without")], axis=1)
+                for channel in channels
+            }
             for log in logs
-            for channel in channels
-        }
+        ]
+    deviations = {
+        (log.name, channel): values[:, 0].astype(np.float64) - values[:, 1]
+        for log, shown in zip(logs, signals, strict=True)
+        for channel, values in shown.items()
+    }
     longest = max(len(deviation) for deviation in deviations.values())
     noises = {channel: noise_of(logs, channel, longest) for channel in channels}
-    evidence = {key: evidence_of(deviation, noises[key[1]]) for key, deviation in deviations.items()}
-    visible = {key for key, found in evidence.items() if is_detectable(found)}
+    alone = {key: evidence_of(deviation, noises[key[1]]) for key, deviation in deviations.items()}
+    visible = {key for key, found in alone.items() if is_detectable(found)}
     expected = {(name, channel): log.channels[channel] for name, log in healthy.items() for channel in channels}
     if not healthy and visible:
         expected = _twin(place / "machine.toml", logs, device)
@@ -112,24 +148,48 @@ def consult(place: Path, exact: Path, channels: Sequence[str], *, device: str = 
         for channel in channels
         if (log.name, channel) in visible
     }
-    return Oracle(float(sum(evidence.values())), {key: S for key, S in shrinkage.items() if S > 0.0})
+    machine = Nuisances(Machine.load(place / "machine.toml"), "day" if healthy else "range")
+    evidence = beside(*_beside_calibration(logs, signals, noises, machine, device))
+    return Oracle(float(sum(alone.values())), evidence, {key: S for key, S in shrinkage.items() if S > 0.0})
 
 
-def _as_written(path: Path) -> Recording:
+def _beside_calibration(
+    logs: Sequence[Recording],
+    signals: Sequence[Mapping[str, NDArray[Any]]],
+    noises: Mapping[str, Noise],
+    machine: Nuisances,
+    device: str,
+) -> tuple[Floats, Floats]:
+    """What :func:`beside` takes: of the first less the second of two machines' ``signals`` (F, 2) by log, and of the twin's
+    uncertain parameters."""
+    problem = Problem(logs, machine, {}, error=EXACT, noise=noises, simulator=Simulator(device))
+    points, steps = problem.neighbours(problem.centre)
+    variants = [problem.at(np.vstack([problem.centre, points]))]
+    whole = np.zeros((1 + len(steps), 1 + len(steps)))
+    for log, arrival, shown, (twins, _) in zip(logs, problem.arrivals, signals, problem.shown(variants), strict=True):
+        read, _ = on_clock_of(log, arrival, shown)
+        for channel, values in read.items():
+            slopes = np.nan_to_num(twins[channel][:, 1:] - twins[channel][:, :1]) / steps
+            shifts = np.column_stack([values[:, 0] - values[:, 1], slopes]).astype(np.float64)
+            if channel != "joint_angle":
+                shifts[bounce(arrival)] = 0.0
+            whole += information(shifts, noises[channel])
+    return whole, problem.precision[: len(steps), : len(steps)]
+
+
+def _as_written(path: Path, only: Sequence[str]) -> Recording:
     """A log of the suite, taken as it is: one that a diagnosis refuses is scored, too."""
     columns = read_table(path).columns
     steering = columns["steering_signal"][:-1]
     commands = np.stack([steering, columns.get("drive_signal", np.zeros(len(steering) + 1))[:-1]], axis=1)
-    channels = {name: columns[column] * unit for name, (column, unit) in COLUMNS.items() if column in columns}
+    named = {name: COLUMNS[name] for name in only}
+    channels = {name: columns[column] * unit for name, (column, unit) in named.items() if column in columns}
     rest = int(np.argmax(np.any(commands != 0.0, axis=1))) + 1
     return Recording(path.stem, commands, channels, rest, float(np.mean(channels["joint_angle"][:rest])))
 
 
 def _twin(machine: Path, logs: Sequence[Recording], device: str) -> dict[tuple[str, str], Floats]:
     """What the twin does under the commands of ``logs``, by log and signal."""
-    from aoro_gym.diagnosis.replay import Simulator, Task, Variants
-    from aoro_gym.twin import Machine
-
     twin = Variants(Machine.load(machine))
     found = Simulator(device).run([Task(twin, log) for log in logs])
     return {

@@ -317,12 +317,7 @@ class Problem:
         for recording, arrival in zip(self.recordings, self.arrivals, strict=True):
             parts = [next(found) for _ in variants]
             signals = {name: np.concatenate([part[name] for part in parts], axis=1) for name in recording.channels}
-            steering = recording.commands[:, 0]
-            own = arrivals(signals["joint_angle"], steering)
-            for name in (name for name in signals if name in CLOCKED):
-                moves = name == "joint_angle"
-                signals[name] = on_clock(signals[name], own, arrival, steering, goes_on=moves)
-            yield signals, own != NEVER
+            yield on_clock_of(recording, arrival, signals)
 
     def own(self, predicted: Floats) -> Floats:
         """Shifts (D, c), SI, by one standard deviation of what belongs to the recordings themselves: each one's clock
@@ -488,6 +483,21 @@ class Problem:
         shifts = np.nan_to_num(found - self.predicted[:, None])
         ends = np.cumsum([0, *(len(places) for places in nodes.values())])
         self.shifts = {key: shifts[:, a:b] for key, a, b in zip(nodes, ends[:-1], ends[1:], strict=True)}
+
+
+def on_clock_of(
+    recording: Recording, arrival: int, signals: Mapping[str, NDArray[Any]]
+) -> tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]:
+    """Signals (F, N) of machines under the commands of a ``recording`` whose joint comes to its stop at the sample
+    ``arrival``, read on its clock (:mod:`.arrival`); and whose joint (N,) comes to a stop."""
+    steering = recording.commands[:, 0]
+    own = arrivals(signals["joint_angle"], steering)
+    clocked = {
+        name: on_clock(values, own, arrival, steering, goes_on=name == "joint_angle")
+        for name, values in signals.items()
+        if name in CLOCKED
+    }
+    return {**signals, **clocked}, own != NEVER
 
 
 def in_step(one: Floats, other: Floats, noise: float) -> Floats:

@@ -371,6 +371,7 @@ class Score:
                     "level": case.level,
                     "effects": {name: dict(one) for name, one in case.truth.items()},
                     "evidence": case.oracle and case.oracle.evidence,
+                    "evidence_in_noise": case.oracle and case.oracle.noise,
                     "detectable": case.detectable,
                     "verdict": case.verdict,
                     "first_cause": list(case.first["effects"]),
@@ -457,7 +458,7 @@ def score_cases(
         folder: With ``cases`` and ``seal.json``.
         answers: File of the answers.
         diagnoses: Folder of the diagnoses.
-        device: Where twins run, for cases without healthy logs.
+        device: Where the oracle's twins run.
         progress: Called with a sentence and the share done.
 
     Raises:

@@ -80,9 +80,16 @@ def sheets(score: Score) -> list[Sheet]:
         Sheet(
             f"Detectable by no oracle: {len(score.undetectable)} of "
             f"{sum(case.oracle is not None for case in score.cases)} cases with a deviation",
-            ["case", "kind", "level", "truth", "evidence"],
+            ["case", "kind", "level", "truth", "evidence", "in noise alone"],
             [
-                [case.name, case.kind, str(case.level), _truth(case), f"{case.oracle.evidence:.2g}"]
+                [
+                    case.name,
+                    case.kind,
+                    str(case.level),
+                    _truth(case),
+                    f"{case.oracle.evidence:.2g}",
+                    f"{case.oracle.noise:.2g}",
+                ]
                 for case in score.undetectable
                 if case.oracle is not None
             ],
@@ -189,7 +196,7 @@ def _markdown(score: Score) -> str:
         + ("" if about["blind"] else ", **not blind** (their seed was given)")
         + ". Figures with 95 % intervals (shares: Wilson; others: bootstrap over cases) and, in brackets, how many values "
         "they are of. What is asked holds for the standard suite of commissioned machines. A deviation is detectable where "
-        'an oracle that knows it rejects "nothing" at p < 0.01.\n'
+        'an oracle that knows it rejects "nothing", in whose stead another day may do all it can, at p < 0.01.\n'
     )
     if about["classes"]:
         head += f"\nCounted as one: {'; '.join(', '.join(one) for one in about['classes'])}.\n"

@@ -1,11 +1,14 @@
 """What an oracle sees and removes, against closed forms."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.linalg import cholesky, toeplitz
 
 from aoro_gym.diagnosis.noise import Noise
-from aoro_gym.diagnosis.oracle import consult, evidence_of, is_detectable, removed_share
+from aoro_gym.diagnosis.nuisances import Nuisances
+from aoro_gym.diagnosis.oracle import beside, consult, evidence_of, information, is_detectable, removed_share
 from aoro_gym.diagnosis.recording import read_recording
 from aoro_gym.diagnosis.replay import Simulator, Task, Variants
 from aoro_gym.log import write_log
@@ -39,6 +42,19 @@ def test_evidence_is_the_mean_of_the_likelihood_ratio():
     assert np.mean(ratio) == pytest.approx(evidence, abs=4.0 * np.sqrt(4.0 * evidence / 20_000))
 
 
+def test_what_may_be_elsewhere_anyway_adds_to_the_noise():
+    """λ = Δᵀ (C + J R Jᵀ)⁻¹ Δ, the zero held by nothing: a constant of a standard deviation of 1e6 beside them."""
+    rng = np.random.default_rng(4)
+    slopes = np.column_stack([SHAPE + 0.3 * rng.standard_normal(COUNT), np.linspace(0.0, 2.0, COUNT)])
+    correlation = np.array([[1.0, 0.6], [0.6, 1.0]])
+    whole = information(np.column_stack([2.0 * SHAPE, slopes]), COLOURED)
+    covariance = toeplitz(COLOURED.covariance) + slopes @ correlation @ slopes.T + 1e12
+    expected = 4.0 * SHAPE @ np.linalg.solve(covariance, SHAPE)
+    # the constant's 1e12 costs as many digits of the sixteen as it is larger than the noise
+    assert beside(whole, np.linalg.inv(correlation)) == pytest.approx(expected, rel=1e-3)
+    assert beside(whole, 1e12 * np.eye(2)) == pytest.approx(evidence_of(2.0 * SHAPE, COLOURED), rel=1e-6)
+
+
 def test_detectable_begins_where_chi_square_leaves_a_hundredth():
     assert is_detectable(6.64) and not is_detectable(6.63)  # 2.5758²: the normal's 99 %, two-sided
 
@@ -58,8 +74,8 @@ def test_a_case_is_seen_through_the_noise_of_its_own_sensors(tmp_path):
     bump = deviation(0.05)
     # two logs; the variance of white noise from 2 x 71 samples of rest has a standard error of sqrt(2 / 142)
     expected = 2.0 * np.sum(np.square(bump - bump.mean())) / NOISE**2
-    assert oracle.evidence == pytest.approx(expected, rel=4.0 * np.sqrt(2.0 / (2 * (RESTING + 1))))
-    assert oracle.detectable
+    assert oracle.noise == pytest.approx(expected, rel=4.0 * np.sqrt(2.0 / (2 * (RESTING + 1))))
+    assert oracle.detectable and oracle.evidence < oracle.noise
     assert set(oracle.shrinkage) == {("left_100", "joint_angle"), ("steps", "joint_angle")}
     # gap 1.5, left 0.5 of the bump; the mean square of noise differs from its variance by sqrt(2 / F) of it
     slack = 4.0 * 2.0 * NOISE**2 * np.sqrt(2.0 / SAMPLES + 2.0 / RESTING) / np.mean(np.square(1.5 * bump))
@@ -86,6 +102,29 @@ def test_what_cannot_be_seen_is_not_asked_for(tmp_path):
     write_case(tmp_path / "case", tmp_path / "exact.npz", 1e-5, seed=6)
     oracle = consult(tmp_path / "case", tmp_path / "exact.npz", ["joint_angle"])
     assert not oracle.detectable and not oracle.shrinkage
+
+
+@pytest.mark.parametrize(("size", "seen"), [(1.0, False), (5.0, True)])
+def test_what_another_day_can_do_instead_is_not_detectable(tmp_path, size, seen):
+    """Edges of the valve a standard deviation off, as on any day, are no deviation, however far they show above the noise:
+    at a price of one a side they explain themselves, where 6.6 is asked. Five standard deviations are one."""
+    place = tmp_path / "case"
+    write_case(place, tmp_path / "exact.npz", 0.05, seed=9)
+    logs = [read_recording(path) for path in sorted((place / "logs").glob("*.csv"))]
+    day = Nuisances(Machine.load(place / "machine.toml"), "day")
+    points = np.zeros((2, len(day.keys)))
+    points[0, day.keys.index("steering.valve.nominal_flow_left")] = size
+    points[0, day.keys.index("steering.valve.nominal_flow_right")] = size
+    shown = Simulator().run([Task(Variants.of(day.machines(points), [], 2), log) for log in logs])
+    arrays: dict[str, Any] = {
+        f"{log.name}/joint_angle/{which}": signals["joint_angle"][:, column]
+        for log, signals in zip(logs, shown, strict=True)
+        for column, which in enumerate(("with", "without"))
+    }
+    np.savez(tmp_path / "exact.npz", **arrays)
+    oracle = consult(place, tmp_path / "exact.npz", ["joint_angle"])
+    assert oracle.noise > 100.0
+    assert oracle.detectable == seen
 
 
 def test_without_a_healthy_day_the_twin_is_what_is_expected(tmp_path):

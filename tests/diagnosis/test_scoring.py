@@ -20,8 +20,8 @@ from aoro_gym.twin import Machine
 from aoro_gym.twin.effects import EFFECTS as TWIN_EFFECTS
 from tests.diagnosis.suites import ABOUT, effect, write_suite
 
-SEEN = Oracle(400.0, {("left_100", "joint_angle"): 0.8, ("steps", "joint_angle"): 0.5})
-UNSEEN = Oracle(2.0, {})
+SEEN = Oracle(900.0, 400.0, {("left_100", "joint_angle"): 0.8, ("steps", "joint_angle"): 0.5})
+UNSEEN = Oracle(30.0, 2.0, {})
 LAG, RATE = {"spool_lag": effect()}, {"spool_rate": effect(unit="1/s", magnitude=(-4.0,))}
 BUMP = {"x_hinge_bump": effect("joint", "N*m", (900.0,))}
 
