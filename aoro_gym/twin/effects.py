@@ -305,6 +305,14 @@ def _oil_temperature(machine: Machine, change: Quantity) -> Mapping[str, Quantit
     }
 
 
+def _back_pressure(machine: Machine, pressure: Quantity, throttle: Quantity) -> Mapping[str, Quantity]:
+    """A spring that holds, and a throttle of this drop at the reference flow."""
+    return {
+        "steering.tank_line.back_pressure": pressure,
+        "steering.tank_line.throttle_drop": throttle * (machine.steering.tank_line.back_flow / REFERENCE_FLOW) ** 2,
+    }
+
+
 def _payload(machine: Machine, mass: Quantity) -> Mapping[str, Quantity]:
     """A point over the middle of the front axle joined to the front frame (parallel axes)."""
     front = machine.frame.front
@@ -378,7 +386,8 @@ def _open_drop(machine: Machine, *magnitude: Quantity) -> Quantity:
 
 def _return_pressure(machine: Machine, *magnitude: Quantity) -> Quantity:
     line = machine.steering.tank_line
-    return line.back_pressure + line.back_pressure_ramp * REFERENCE_FLOW / line.back_flow
+    share = REFERENCE_FLOW / line.back_flow
+    return line.back_pressure + line.back_pressure_ramp * share + line.throttle_drop * share**2
 
 
 def _modulus(pressure: float) -> Callable[..., Quantity]:
@@ -590,11 +599,14 @@ EFFECTS: Mapping[str, Effect] = {
         MachineEffect(
             id="back_pressure",
             component="oil_and_hoses",
-            physics="A clogged filter or a pinched hose holds up the return line.",
+            physics="A filter's bypass holds up the return line, whatever its flow, or a pinched hose does by its square.",
             sign="+: higher",
-            magnitudes=(Magnitude("pressure", "Pa", 0.0, 15e5, "1D: 1.5 to 5.5 bar; E: a clogged filter's bypass"),),
+            magnitudes=(
+                Magnitude("pressure", "Pa", 0.0, 15e5, "1D: 1.5 to 5.5 bar; E: a clogged filter's bypass"),
+                Magnitude("throttle", "Pa", 0.0, 15e5, "E: the same at 60 L/min"),
+            ),
             operational=(Operational("pressure of the return line at 60 L/min", "Pa", _return_pressure),),
-            change=_added("steering.tank_line.back_pressure"),
+            change=_back_pressure,
         ),
         MachineEffect(
             id="oil_temperature",

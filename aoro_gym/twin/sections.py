@@ -390,8 +390,14 @@ class TankLine:
     back_pressure: Quantity = non_negative("Pa")
     back_pressure_ramp: Quantity = positive("Pa")
     back_flow: Quantity = positive("m^3/s")
+    throttle_drop: Quantity = non_negative("Pa")  # of a clogged filter at back_flow, on top
     suction_flow: Quantity = positive("m^3/s")
     suction_drop: Quantity = positive("Pa")
+
+    @property
+    def throttle(self) -> Quantity:
+        """Drop over the squared flow [Pa s²/m⁶]."""
+        return self.throttle_drop / np.square(self.back_flow)
 
     @property
     def cv_suction(self) -> Quantity:

@@ -45,6 +45,16 @@ def relief(drop: Any, setting: Any, ramp: Any, flow: Any) -> Any:
     return flow * np.maximum(drop - setting, 0.0) / ramp
 
 
+def through_filter(drop: Any, setting: Any, ramp: Any, flow: Any, throttle: Any) -> Any:
+    """Root of Δp = setting + ramp Q/flow + throttle Q² by Newton's method from the clean filter's flow, which lies above it:
+    the parabola is convex, and every step stays above."""
+    over = np.maximum(drop - setting, 0.0)
+    q = relief(drop, setting, ramp, flow)
+    for _ in range(60):
+        q = q - (ramp / flow * q + throttle * q * q - over) / (ramp / flow + 2.0 * throttle * q)
+    return q
+
+
 def compliance(oil: Any, content: Any, volume: Any, hose: Any) -> Any:
     """C of a rigid oil volume without gas [m³/Pa], by its modulus at its pressure."""
     return volume / (oil.bulk_modulus + oil.bulk_modulus_slope * np.maximum(content, 0.0)) + hose

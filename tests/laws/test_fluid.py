@@ -17,6 +17,7 @@ from aoro_gym.twin.laws.fluid import (
     orifice,
     pressure,
     relief_valve,
+    return_filter,
     without_gas,
 )
 from tests.laws.elements import BAR, OIL
@@ -55,6 +56,19 @@ def relief_kernel(
 ):
     i = wp.tid()
     flow[i] = relief_valve(drop[i], setting[i], ramp[i], nominal[i])
+
+
+@wp.kernel(enable_backward=False)
+def filter_kernel(
+    drop: wp.array(dtype=float),
+    setting: wp.array(dtype=float),
+    ramp: wp.array(dtype=float),
+    nominal: wp.array(dtype=float),
+    throttle: wp.array(dtype=float),
+    flow: wp.array(dtype=float),
+):
+    i = wp.tid()
+    flow[i] = return_filter(drop[i], setting[i], ramp[i], nominal[i], throttle[i])
 
 
 @wp.kernel(enable_backward=False)
@@ -229,6 +243,27 @@ def test_relief_opens_at_its_setting_and_reaches_its_flow_over_the_ramp():
     flow = launch(relief_kernel, setting + share * ramp, setting, ramp, nominal)
     # the excess is a difference of pressures that are rounded relative to the pressure, here up to 240 bar over 1 bar
     np.testing.assert_allclose(flow, nominal * share, rtol=240.0 * ROUNDOFF + 4.0 * ROUNDOFF)
+
+
+def test_a_filter_drops_what_its_flow_asks_for():
+    setting, ramp, nominal = 3.0 * BAR, 1.0 * BAR, 100.0 / 60000.0
+    closed = np.array([-30.0, 0.0, 3.0]) * BAR
+    np.testing.assert_array_equal(launch(filter_kernel, closed, setting, ramp, nominal, 1e11), 0.0)
+    flow = nominal * np.geomspace(1e-3, 3.0, 25)[:, None]
+    throttle = np.array([1e3, 1e9, 15.0 * BAR / 1e-3**2])  # up to 15 bar at 60 L/min
+    over = ramp / nominal * flow + throttle * flow**2
+    found = launch(filter_kernel, setting + over, setting, ramp, nominal, throttle)
+    # the excess is a difference of rounded pressures; the root has half of its relative error or less, and six roundings
+    error = ROUNDOFF * (2.0 * (setting + over) / over + 6.0)
+    assert np.all(np.abs(found / flow - 1.0) < error)
+
+
+def test_a_clean_filter_is_its_check_alone():
+    """To the bit."""
+    setting, ramp, nominal = 3.0 * BAR, 1.0 * BAR, 100.0 / 60000.0
+    drop = np.linspace(0.0, 9.0, 1001) * BAR
+    clean = launch(filter_kernel, drop, setting, ramp, nominal, 0.0)
+    np.testing.assert_array_equal(clean, launch(relief_kernel, drop, setting, ramp, nominal))
 
 
 # ---- compressibility ----

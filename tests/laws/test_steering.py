@@ -41,6 +41,7 @@ from tests.laws.elements import (
     orifice,
     pin_distance,
     relief,
+    through_filter,
     uncrossed,
 )
 from tests.laws.launch import ROUNDOFF, changed, columns, launch, record, rounded
@@ -117,6 +118,7 @@ STEERING = record(
     tank_line_back_pressure=3.4 * BAR,
     tank_line_back_pressure_ramp=1.0 * BAR,
     tank_line_back_flow=100.0 * LITRE_A_MINUTE,
+    tank_line_throttle=0.0,
     tank_line_cv_suction=cv(120.0, 1.0),
 )
 
@@ -553,7 +555,9 @@ def circuit(m, oil, angle, speed, rate, arms, s):
     f.pump_leak = m.pump_leakage * p_s
     f.bleed = orifice(m.pump_cv_bleed, s.ls_pressure)
     f.relief = relief(p_s, m.pump_relief_pressure, m.pump_relief_ramp, m.pump_relief_flow)
-    f.back = relief(p_t, m.tank_line_back_pressure, m.tank_line_back_pressure_ramp, m.tank_line_back_flow)
+    f.back = through_filter(
+        p_t, m.tank_line_back_pressure, m.tank_line_back_pressure_ramp, m.tank_line_back_flow, m.tank_line_throttle
+    )
     f.tank_suction = check_valve(m.tank_line_cv_suction, -p_t, 0.0)
     step = 1e-6
     swept = [
@@ -612,6 +616,8 @@ def random_case(count, seed, **fixed):
     effects = np.random.default_rng(seed + 1)
     factors["valve_overlap"] = effects.uniform(-0.2, 0.3, count)
     factors["valve_cv_cross_port"] = cv(1.0, 100.0) * np.maximum(effects.uniform(-1.0, 2.0, count), 0.0)
+    # up to 15 bar at 60 L/min
+    factors["tank_line_throttle"] = 15.0 * BAR / 1e-3**2 * np.maximum(effects.uniform(-1.0, 1.0, count), 0.0)
     m = changed(STEERING, **{**factors, **fixed.pop("parameters", {})})
 
     def contents(low, high):

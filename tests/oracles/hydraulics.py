@@ -45,6 +45,15 @@ def relief_valve(drop, setting, ramp, flow):
     return flow * np.maximum(drop - setting, 0.0) / ramp
 
 
+def return_filter(drop, setting, ramp, flow, throttle_drop):
+    """Share x of `flow` that drops `setting` + `ramp` x + `throttle_drop` x^2 [Pa]: the root above zero."""
+    clean = relief_valve(drop, setting, ramp, flow)
+    if not np.any(throttle_drop):
+        return clean
+    root = np.sqrt(ramp**2 + 4.0 * throttle_drop * np.maximum(drop - setting, 0.0)) - ramp
+    return flow * root / (2.0 * throttle_drop)
+
+
 def bristle_rate(z, v, limit):
     """Prandtl element: z' = v, held within +-limit.
 
@@ -295,7 +304,9 @@ class SteeringCircuit:
         supply_relief = relief_valve(p_s, pump.relief_pressure, pump.relief_ramp, pump.relief_flow)
         into_supply = pump_flow - pump_leak - bleed - supply_relief - q_in - arms_in
 
-        to_tank = relief_valve(p_t, self.tank.back_pressure, self.tank.back_pressure_ramp, self.tank.back_flow)
+        to_tank = return_filter(
+            p_t, self.tank.back_pressure, self.tank.back_pressure_ramp, self.tank.back_flow, self.tank.throttle_drop
+        )
         from_tank = check_valve(self.cv_suction, -p_t, 0.0, lam)
         into_return = (
             q_out + shock_a + shock_b + leak_a + leak_b - suction_a - suction_b + arms_out - to_tank + from_tank

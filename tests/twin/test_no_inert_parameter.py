@@ -29,6 +29,7 @@ FROM_ZERO = {
     "tire.scrub_radius": 0.02,
     "steering.valve.overlap": 0.05,
     "steering.valve.cross_port_leakage": 1.0,
+    "steering.tank_line.throttle_drop": 5.0,
     "engine.droop": 0.02,
 }
 """Values [file unit] for parameters that are zero and cannot be scaled."""

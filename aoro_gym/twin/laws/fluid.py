@@ -56,6 +56,21 @@ def relief_valve(drop: float, setting: float, ramp: float, nominal_flow: float):
 
 
 @wp.func
+def return_filter(drop: float, setting: float, ramp: float, nominal_flow: float, throttle: float):
+    """Flow [m³/s] through a filter behind a spring-loaded check: Δp = setting + r Q + a Q², with
+    r = ``ramp``/``nominal_flow`` and a = ``throttle`` [Pa s²/m⁶].
+
+    Solved for Q in the form that does not cancel. A clean filter is its check alone.
+    """
+    flow = relief_valve(drop, setting, ramp, nominal_flow)
+    if throttle > 0.0:
+        linear = ramp / nominal_flow
+        over = wp.max(drop - setting, 0.0)
+        flow = 2.0 * over / (linear + wp.sqrt(linear * linear + 4.0 * throttle * over))
+    return flow
+
+
+@wp.func
 def pressure(oil: Oil, content: float):
     """Pressure [Pa] of a volume from its state ``content`` [Pa].
 

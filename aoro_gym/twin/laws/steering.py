@@ -9,7 +9,17 @@ for the measured opening curve and the laminar limit.
 import warp as wp
 
 from aoro_gym.twin.laws.cylinders import Linkage, cylinder_extension
-from aoro_gym.twin.laws.fluid import Oil, check_valve, fill, fill_chamber, inverse_root, orifice, pressure, relief_valve
+from aoro_gym.twin.laws.fluid import (
+    Oil,
+    check_valve,
+    fill,
+    fill_chamber,
+    inverse_root,
+    orifice,
+    pressure,
+    relief_valve,
+    return_filter,
+)
 
 
 @wp.struct
@@ -78,6 +88,7 @@ class Steering:
     tank_line_back_pressure: float  # [Pa]
     tank_line_back_pressure_ramp: float  # [Pa]
     tank_line_back_flow: float  # [m³/s]
+    tank_line_throttle: float  # [Pa s²/m⁶]
     tank_line_cv_suction: float
 
 
@@ -291,8 +302,8 @@ def steering_step(
         + to_tank_a
         + to_tank_b
         + arms.tank_flow
-        - relief_valve(
-            p_t, m.tank_line_back_pressure, m.tank_line_back_pressure_ramp, m.tank_line_back_flow
+        - return_filter(
+            p_t, m.tank_line_back_pressure, m.tank_line_back_pressure_ramp, m.tank_line_back_flow, m.tank_line_throttle
         )
         + check_valve(m.tank_line_cv_suction, -p_t, 0.0, lam)
     )
