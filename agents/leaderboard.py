@@ -280,29 +280,43 @@ def table(result: Leaderboard) -> Table:
 
 
 def write_figure(result: Leaderboard, path: Path) -> None:
-    """A panel for each decisive figure: its interquartile mean and interval, by policy and perturbation."""
+    """A panel for each decisive figure: its interquartile mean and interval, by policy and perturbation. Where episodes were
+    driven more than once, a broad bar is the interval over repeats."""
     import matplotlib
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
     figures, policies, names = result.any.trial.decisive, result.policies, list(result.found)
     with matplotlib.rc_context(PLOT_STYLE):
-        figure = Figure(figsize=(4.2 * len(figures), 1.2 + 0.5 * len(policies)), dpi=130, layout="constrained")
+        figure = Figure(figsize=(4.2 * len(figures), 1.5 + 0.5 * len(policies)), dpi=130, layout="constrained")
         axes = figure.subplots(1, len(figures), squeeze=False)[0]
         for column, (axis, what) in enumerate(zip(axes, figures, strict=True)):
             words, unit = describe(what)
             scale = shown_as(unit)
             for k, name in enumerate(names):
                 heights = [height + 0.22 * (k - 0.5 * (len(names) - 1)) for height in range(len(policies))]
-                values = [result.middle[name][policy][what] for policy in policies]
                 colour = COLOURS[k % len(COLOURS)]
-                for height, value in zip(heights, values, strict=True):
-                    axis.plot([scale * value.low95, scale * value.high95], [height, height], color=colour, lw=2.6)
-                axis.plot([scale * value.mean for value in values], heights, "o", color=colour, ms=5.5, label=name)
+                drawn = [(result.middle[name], 1.3 if result.stratified else 2.6)]
+                if result.stratified:
+                    drawn.append((result.stratified[name], 6.0))
+                for found, width in drawn:
+                    for height, policy in zip(heights, policies, strict=True):
+                        value = found[policy][what]
+                        axis.hlines(height, scale * value.low95, scale * value.high95, color=colour, lw=width)
+                means = [scale * result.middle[name][policy][what].mean for policy in policies]
+                axis.plot(means, heights, "o", color=colour, mec="white", ms=6.0, label=name, zorder=3)
             better = "more" if what in MORE_IS_BETTER else "less"
             axis.set_title(f"{words} [{unit}], {better} is better", loc="left", fontsize=10.0, fontweight="bold")
             axis.set_yticks(range(len(policies)), labels=policies if column == 0 else [""] * len(policies))
             axis.set_ylim(len(policies) - 0.5, -0.5)
+            axis.locator_params(axis="x", nbins=6)
             axis.grid(True, axis="x")
             axis.spines[["top", "right", "left"]].set_visible(False)
-        axes[0].legend(frameon=False, fontsize=8.5)
+        handles = axes[0].get_legend_handles_labels()[0]
+        if result.stratified:
+            handles += [
+                Line2D([], [], color="grey", lw=6.0, label="95 %, noise and machines drawn anew"),
+                Line2D([], [], color="grey", lw=1.3, label="95 %, other episodes"),
+            ]
+        figure.legend(handles=handles, loc="outside upper left", ncols=len(handles), frameon=False, fontsize=8.5)
         figure.savefig(path)
