@@ -75,24 +75,22 @@ def on_clock(values: Floats, own: Floats, measured: float, steering: Floats, *, 
     time = np.arange(count, dtype=np.float64)[:, None]
     arrives = own != NEVER
     early = np.where(arrives, own - AHEAD, count)
-    until = count if measured == NEVER else measured - AHEAD
-    if measured == NEVER:
-        source = np.minimum(time, early)
-    else:
-        last = int(np.flatnonzero(steering)[-1])
-        after = max(min(AFTER, last - measured - AHEAD), 0.0)
-        before = np.minimum(time, early)
-        since = time - measured + own
-        later = np.maximum(time, own + after)
-        source = np.where(time < until, before, np.where(time < measured + after, since, later))
+    last = int(np.flatnonzero(steering)[-1]) if np.any(steering) else 0
+    after = 0.0 if measured == NEVER else max(min(AFTER, last - measured - AHEAD), 0.0)
+    ends = (count, count) if measured == NEVER else (measured - AHEAD, measured + after)
+    first, second = (min(max(int(np.ceil(end)), 0), count) for end in ends)
+    read = np.empty(values.shape)
+    read[:first] = np.where(time[:first] < early, values[:first], _between(values, early[None]))
+    if first < count:
+        read[first:second] = _between(values, time[first:second] - measured + own)
+        late = own + after
+        read[second:] = np.where(time[second:] < late, _between(values, late[None]), values[second:])
         # a prediction that does not arrive has nothing to show after that
-        source = np.where(arrives, source, np.minimum(time, until))
-    read = _between(values, source)
+        read[first:, ~arrives] = _between(values, np.full((1, len(own)), ends[0]))[:, ~arrives]
     if goes_on and np.any(arrives):
-        last = int(np.flatnonzero(steering)[-1])
-        late = np.where(time < until, np.clip(np.minimum(time, last) - early, 0.0, None), 0.0)
-        ends = _between(values, np.stack([early - APPROACH, early]))
-        read = read + np.where(arrives, late * (ends[1] - ends[0]) / APPROACH, 0.0)
+        further = np.where(time[:first] < early, 0.0, np.minimum(time[:first], last) - early).clip(0.0)
+        begin, end = _between(values, np.stack([early - APPROACH, early]))
+        read[:first] += np.where(arrives, further * (end - begin) / APPROACH, 0.0)
     return read
 
 

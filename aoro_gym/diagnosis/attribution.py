@@ -263,7 +263,7 @@ def without(linear: Linear, recordings: Sequence[int], hypothesis: Hypothesis) -
     rows = np.concatenate([piece for (index, _), piece in blocks if index not in recordings])
     u, z = hypothesis.nuisances, np.array(hypothesis.places, dtype=np.float64)
     columns = np.column_stack([tangent.jacobian[rows], hypothesis.slopes[rows]])
-    target = hypothesis.left[rows] + tangent.jacobian[rows] @ u
+    target = hypothesis.left[rows] + tangent.moved(u)[rows]
     low, high = tangent.bounds
     prior = np.column_stack([np.linalg.cholesky(tangent.precision).T, np.zeros((len(u), len(z)))])
     whole = np.column_stack([np.vstack([columns, prior]), np.concatenate([target, np.zeros(len(u))])])

@@ -11,6 +11,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -100,18 +101,13 @@ def diagnose(
     held_out = [_only(one, channels) for one in held_out]
     noise = _noise([*healthy, *recordings, *held_out], channels)
 
-    references, twin, uncertain, misfit = None, given, None, None
+    of: dict[str, Any] = {"error": ERROR, "noise": noise, "simulator": simulator}
+    twin, uncertain = given, None
     if healthy:
-        near = Nuisances(given, "commissioning")
-        fit = Problem(healthy, near, {}, error=ERROR, noise=noise, simulator=simulator, sound=True)
-        settle(fit, 1, lambda s, share: progress(s, 0.15 * share))
-        noise = fit.louder()
-        fit.be_found(misfit := fit.misfits())
-        tangent = settle(fit, STAGES - 1, lambda s, share: progress(s, 0.15 + 0.15 * share))
-        references, twin, uncertain = references_of(fit), fit.machine, fit.uncertain(tangent.covariance)
-    around = Nuisances(twin, "day" if mode == "commissioned" else "range", uncertain)
+        twin, uncertain, found = _commissioned(healthy, given, of, lambda s, share: progress(s, 0.3 * share))
+        of |= found
     problem = Problem(
-        recordings, around, effects, error=ERROR, references=references, noise=noise, misfit=misfit, simulator=simulator
+        recordings, Nuisances(twin, "day" if mode == "commissioned" else "range", uncertain), effects, **of
     )
     before = problem.given
     if mode == "day-one":
@@ -174,6 +170,20 @@ def diagnose_case(place: Path, out: Path, *, sensors: str, device: str) -> Diagn
     found = diagnose(recordings, place / "machine.toml", healthy=healthy, simulator=simulator(device))
     found.save(out)
     return found
+
+
+def _commissioned(
+    healthy: Sequence[Recording], given: Machine, of: Mapping[str, Any], progress: Progress
+) -> tuple[Machine, Floats, dict[str, Any]]:
+    """What ``healthy`` logs say: the twin that was fitted to them, the covariance of what they leave open, and the noise,
+    the references and the misfit that a :class:`Problem` of later logs takes."""
+    fit = Problem(healthy, Nuisances(given, "commissioning"), {}, sound=True, **of)
+    settle(fit, 1, lambda s, share: progress(s, 0.5 * share))
+    noise = fit.louder()
+    fit.be_found(misfit := fit.misfits())
+    tangent = settle(fit, STAGES - 1, lambda s, share: progress(s, 0.5 + 0.5 * share))
+    found = {"noise": noise, "references": references_of(fit), "misfit": misfit}
+    return fit.machine, fit.uncertain(tangent.covariance), found
 
 
 # ---- recordings ----

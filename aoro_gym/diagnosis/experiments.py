@@ -215,11 +215,10 @@ class Yard(Simulator):
         self._simulator = simulator
         self._trials = {trial.name: trial for trial in trials}
 
-    def run(self, tasks: Sequence[Task]) -> list[Signals]:
+    def run(self, tasks: Sequence[Task], *, lent: bool = False) -> list[Signals]:
         """See :meth:`Simulator.run`."""
-        return self._simulator.run(
-            [Task(self._trials[task.recording.name].under(task.variants), task.recording) for task in tasks]
-        )
+        tasks = [Task(self._trials[task.recording.name].under(task.variants), task.recording) for task in tasks]
+        return self._simulator.run(tasks, lent=lent)
 
 
 def _outcomes(

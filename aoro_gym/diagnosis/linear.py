@@ -34,12 +34,16 @@ DEPENDENT = 1e-9
 class Tangent:
     """Whitened prediction as a linear function of nuisances around some point, and their prior.
 
+    Its slopes (D, u) are J = (B 0) + M W: tangents that follow from one another share the wide B, and each has a narrow M of
+    its own.
+
     Args:
-        jacobian: Whitened slopes (D, u).
+        jacobian: B (D, b).
         precision: Of the prior (u, u).
         bounds: Ends (u,) of the nuisances.
         stiffness: What damps their moves (u, u); the precision by default.
-        inner: jacobianᵀ jacobian, if it is known.
+        own: M (D, k) and W (k, u), if J is not B.
+        inner: Jᵀ J, if it is known.
     """
 
     def __init__(
@@ -48,15 +52,46 @@ class Tangent:
         precision: Floats,
         bounds: tuple[Floats, Floats],
         stiffness: Floats | None = None,
+        own: tuple[Floats, Floats] | None = None,
         inner: Floats | None = None,
     ):
-        self.jacobian = jacobian
         self.precision = precision
         self.bounds = bounds
         self.stiffness = precision if stiffness is None else stiffness
-        self._information = jacobian.T @ jacobian if inner is None else inner
+        self._shared = jacobian
+        self._own = (np.empty((len(jacobian), 0)), np.empty((0, len(precision)))) if own is None else own
+        if self._own[1].shape[0] > jacobian.shape[1]:
+            self._shared = self.jacobian
+            self._own = np.empty((len(jacobian), 0)), np.empty((0, len(precision)))
+        if inner is None:
+            whole = self.jacobian
+            inner = whole.T @ whole
+        self._information = inner
         self._normal = precision + self._information
-        self._inner = cho_factor(self._normal)
+
+    @property
+    def jacobian(self) -> Floats:
+        """J (D, u)."""
+        columns, weights = self._own
+        if not len(weights):
+            return self._shared
+        return np.pad(self._shared, ((0, 0), (0, weights.shape[1] - self._shared.shape[1]))) + columns @ weights
+
+    def moved(self, nuisances: Floats) -> Floats:
+        """J u (D,) or (D, n): by how much the prediction moves with ``nuisances`` (u,) or (u, n)."""
+        columns, weights = self._own
+        return self._shared @ nuisances[: self._shared.shape[1]] + columns @ (weights @ nuisances)
+
+    def pull(self, residual: Floats) -> Floats:
+        """Jᵀ r (u,) or (u, n): where a ``residual`` (D,) or (D, n) pulls the nuisances."""
+        columns, weights = self._own
+        found = weights.T @ (columns.T @ residual)
+        found[: self._shared.shape[1]] += self._shared.T @ residual
+        return found
+
+    @cached_property
+    def _inner(self) -> tuple[Floats, bool]:
+        return cho_factor(self._normal)
 
     @cached_property
     def shrunk(self) -> float:
@@ -79,16 +114,19 @@ class Tangent:
         """With more unknowns, that have the ``slopes`` (D, n), a prior and, if given, ``bounds`` (n,) of their own."""
         count = slopes.shape[1]
         low, high = bounds or (np.full(count, -np.inf), np.full(count, np.inf))
-        cross = self.jacobian.T @ slopes
+        cross = self.pull(slopes)
+        columns, weights = self._own
 
-        def grown(matrix: Floats, value: float) -> Floats:
-            return block_diag(matrix, value * np.eye(count))  # pyright: ignore[reportReturnType]
+        def grown(matrix: Floats, more: Floats) -> Floats:
+            return block_diag(matrix, more)  # pyright: ignore[reportReturnType]
 
+        one = np.eye(count)
         return Tangent(
-            np.concatenate([self.jacobian, slopes], axis=1),
-            grown(self.precision, precision),
+            self._shared,
+            grown(self.precision, precision * one),
             (np.append(self.bounds[0], low), np.append(self.bounds[1], high)),
-            grown(self.stiffness, precision if stiffness is None else stiffness),
+            grown(self.stiffness, (precision if stiffness is None else stiffness) * one),
+            (np.concatenate([columns, slopes], axis=1), grown(weights, one)),
             np.block([[self._information, cross], [cross.T, slopes.T @ slopes]]),
         )
 
@@ -98,11 +136,17 @@ class Tangent:
         lengths = moves @ self.precision
         # at ends of ranges moves may coincide
         weights = np.linalg.lstsq(lengths @ moves.T, lengths, rcond=DEPENDENT)[0]
-        missed = changes - self.jacobian @ moves.T
+        missed = changes - self.moved(moves.T)
         # (J + M W)ᵀ (J + M W), with far fewer columns in M than in J
-        cross = (self.jacobian.T @ missed) @ weights
+        cross = self.pull(missed) @ weights
         inner = self._information + cross + cross.T + weights.T @ (missed.T @ missed) @ weights
-        return Tangent(self.jacobian + missed @ weights, self.precision, self.bounds, inner=inner)
+        own = np.concatenate([self._own[0], missed], axis=1), np.concatenate([self._own[1], weights])
+        return Tangent(self._shared, self.precision, self.bounds, own=own, inner=inner)
+
+    @property
+    def sizes(self) -> Floats:
+        """Lengths (u,) of the slopes."""
+        return np.sqrt(np.diag(self._information))
 
     def directions(self, free: int, most: int) -> tuple[Floats, Floats]:
         """Directions (k, u) among the first ``free`` nuisances, each a prior standard deviation long and independent of the
@@ -126,20 +170,29 @@ class Tangent:
 
     def projected(self, columns: Floats, against: Floats) -> Floats:
         """columnsᵀ A⁻¹ against."""
-        pull = self.jacobian.T @ against
-        along = pull if columns is against else self.jacobian.T @ columns
+        pull = self.pull(against)
+        along = pull if columns is against else self.pull(columns)
         return columns.T @ against - along.T @ cho_solve(self._inner, pull)
 
-    def best(self, residual: Floats, damping: float = 0.0, near: Floats | None = None) -> Floats:
-        """Nuisances (u,) within their ranges that explain a ``residual`` (D,) best, priors included; a ``damping`` of the
-        stiffness keeps them ``near`` others (u,)."""
+    def best(self, residual: Floats) -> Floats:
+        """Nuisances (u,) within their ranges that explain a ``residual`` (D,) best, priors included."""
+        return self.steps(residual, (0.0,), np.zeros(len(self.precision)))[0]
+
+    def steps(self, residual: Floats, dampings: Sequence[float], near: Floats) -> list[Floats]:
+        """The same (u,) for each of several ``dampings``: so much of the stiffness keeps them ``near`` others (u,)."""
+        pull = self.pull(residual)
+        return [
+            self._within(
+                self._normal + damping * self.stiffness if damping else self._normal,
+                pull + damping * self.stiffness @ near if damping else pull,
+            )
+            for damping in dampings
+        ]
+
+    def _within(self, normal: Floats, pull: Floats) -> Floats:
+        """Solution (u,) of normal x = pull, held at the bounds that it would leave."""
         low, high = self.bounds
-        normal, inner, pull = self._normal, self._inner, self.jacobian.T @ residual
-        if damping:
-            normal = normal + damping * self.stiffness
-            inner = cho_factor(normal)
-            pull = pull + damping * self.stiffness @ (np.zeros(len(pull)) if near is None else near)
-        best: Floats = cho_solve(inner, pull)
+        best: Floats = cho_solve(self._inner if normal is self._normal else cho_factor(normal), pull)
         held = np.zeros(len(best), dtype=bool)
         for _ in range(len(best)):
             beyond = ~held & ((best < low) | (best > high))
@@ -236,7 +289,7 @@ class Linear:
     def starts(self, most: int) -> dict[str, list[tuple[float, ...]]]:
         """Places from which to search for every effect: up to ``most`` valleys each of where nuisances follow at once, and
         of where they stay at the centre. What an effect does to them is not known far from there."""
-        here = self.residual - self.tangent.jacobian @ self.problem.centre
+        here = self.residual - self.tangent.moved(self.problem.centre)
         follow = self._together(lambda x: self.tangent.projected(x, x), self.residual)
         stay = self._together(lambda x: x.T @ x, here)
         return {
@@ -275,7 +328,7 @@ class Linear:
         assert found.tangent is not None
         axes = self.problem.axes
         tangent = found.tangent.beside(found.slopes, PRIOR_INFORMATION)
-        target = found.left + found.tangent.jacobian @ found.nuisances
+        target = found.left + found.tangent.moved(found.nuisances)
         together = self._together(lambda x: tangent.projected(x, x), target)
         pairs = []
         for name in axes:

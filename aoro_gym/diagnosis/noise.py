@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -167,18 +168,16 @@ def whitener(
         healthy: What the healthy machine showed (F,) SI: where it sways more than the twin, that much is as uncertain.
     """
     count = len(predicted)
-    covariance = (1.0 + 1.0 / repeats) * toeplitz(noise.covariance[:count])
-    lag = TICK * np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
-    wander = np.exp(-lag / RATE_MEMORY)
+    wander, delay, memory = (known[:count, :count] for known in _correlations(1 << (count - 1).bit_length()))
     change = np.gradient(predicted)  # a tick
+    covariance = (1.0 + 1.0 / repeats) * toeplitz(_merged_lags(noise.covariance, count // MERGED))
     if channel == "joint_angle":
-        rates = error.rate**2 * np.outer(change, change) * wander
-        covariance += np.cumsum(np.cumsum(rates, axis=0), axis=1)
-        memory = wander
+        rates = np.outer(error.rate * change, error.rate * change) * wander
+        covariance += merged(np.cumsum(merged(np.cumsum(rates, axis=0)), axis=1).T)
+        spread, memory = np.zeros(count), wander
     else:
         # a motion that runs late shows its pressures late, by the integral of the rate's error
-        delay = error.rate**2 * np.cumsum(np.cumsum(wander, axis=0), axis=1)
-        covariance += np.outer(change, change) * delay
+        covariance += _varying(error.rate * change[None], delay)
         spread = error.pressure * maximum_filter1d(np.abs(predicted - predicted[0]), 9)
         swing, pace = _swing(predicted), _pace(predicted)
         if healthy is not None:
@@ -187,16 +186,51 @@ def whitener(
         time = TICK * np.arange(count) if since is None else since
         late = error.phase * time / TICK * pace
         spread += error.swing * swing + np.minimum(late, 0.5 * swing)
-        memory = np.exp(-lag / PRESSURE_MEMORY)
-        covariance += np.outer(spread, spread) * memory
+    wandering = [spread]
     if seen is not None and error.change > 0.0:
         envelope = error.change * _envelope(seen, np.sqrt(1.0 + 1.0 / repeats) * noise.std)
-        signed = np.clip(error.change * uniform_filter1d(seen, ENVELOPE), -envelope, envelope)
+        signed = merged(np.clip(error.change * uniform_filter1d(seen, ENVELOPE), -envelope, envelope))
         # half of the error wanders, half is a size that is wrong throughout
-        covariance += 0.5 * (np.outer(envelope, envelope) * memory + np.outer(signed, signed))
-    kept = np.ones(count // MERGED, dtype=bool) if counts is None else counts[: count // MERGED * MERGED : MERGED]
-    compared = merged(merged(covariance).T)[np.ix_(kept, kept)]
-    return Whitener(cholesky(compared, lower=True, overwrite_a=True, check_finite=False), kept)
+        wandering.append(np.sqrt(0.5) * envelope)
+        covariance += 0.5 * np.outer(signed, signed)
+    covariance += _varying(np.stack(wandering), memory)
+    if counts is None:
+        kept = np.ones(count // MERGED, dtype=bool)
+    else:
+        kept = counts[: count // MERGED * MERGED : MERGED]
+        covariance = covariance[np.ix_(kept, kept)]
+    return Whitener(cholesky(covariance, lower=True, overwrite_a=True, check_finite=False), kept)
+
+
+@lru_cache(maxsize=4)
+def _correlations(count: int) -> tuple[Floats, Floats, Floats]:
+    """Between samples, each (count, count): of the rate's error, of its integral [tick²] and of a pressure's error."""
+    lag = TICK * np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
+    wander = np.exp(-lag / RATE_MEMORY)
+    return wander, np.cumsum(np.cumsum(wander, axis=0), axis=1), np.exp(-lag / PRESSURE_MEMORY)
+
+
+def _varying(sizes: Floats, correlation: Floats) -> Floats:
+    """Covariance (n, n) of merged samples of the sum of independent errors that have these ``sizes`` (k, F), standard
+    deviations, and one ``correlation`` (F, F)."""
+    count = len(correlation) // MERGED
+    total = np.zeros((count, count))
+    for a in range(MERGED):
+        for b in range(a + 1):
+            one, other = (sizes[:, first : count * MERGED : MERGED] for first in (a, b))
+            part = one.T @ other
+            part *= correlation[a : count * MERGED : MERGED, b : count * MERGED : MERGED]
+            total += part
+            if a != b:
+                total += part.T
+    return total / MERGED**2
+
+
+def _merged_lags(covariance: Floats, count: int) -> Floats:
+    """Autocovariance (count,) of merged samples of a process that has this one."""
+    within = np.arange(MERGED)
+    lags = MERGED * np.arange(count)[:, None, None] + within[:, None] - within
+    return covariance[np.abs(lags)].mean(axis=(1, 2))
 
 
 def _swing(values: Floats) -> Floats:

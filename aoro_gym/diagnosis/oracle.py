@@ -67,6 +67,15 @@ class Oracle:
     def detectable(self) -> bool:
         return is_detectable(self.evidence)
 
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data, for :meth:`of`."""
+        return {**vars(self), "shrinkage": [[*key, S] for key, S in self.shrinkage.items()]}
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any]) -> Oracle:
+        """The oracle of :meth:`as_dict`."""
+        return cls(data["noise"], data["evidence"], {(log, signal): S for log, signal, S in data["shrinkage"]})
+
 
 def is_detectable(evidence: float) -> bool:
     """Whether an oracle with λ = ``evidence`` rejects "nothing"; see the module."""
@@ -105,15 +114,16 @@ def removed_share(measured: Floats, deviation: Floats, expected: Floats, varianc
     return 1.0 - after / before if before > 0.0 else np.nan
 
 
-def consult(place: Path, exact: Path, channels: Sequence[str], *, device: str = "cpu") -> Oracle:
+def consult(place: Path, exact: Path, channels: Sequence[str], *, simulator: Simulator | None = None) -> Oracle:
     """Ask the oracle of the case at ``place``.
 
     Args:
         place: Its folder.
         exact: File of :func:`~aoro_gym.diagnosis.sealing.exact_folder`.
         channels: That the diagnosis was given.
-        device: Where twins run.
+        simulator: Runs the twins; on the CPU by default.
     """
+    simulator = simulator or Simulator()
     logs = [_as_written(path, channels) for path in sorted((place / "logs").glob("*.csv"))]
     healthy = {path.stem: _as_written(path, channels) for path in sorted((place / "healthy").glob("*.csv"))}
     with np.load(exact) as arrays:
@@ -135,7 +145,7 @@ def consult(place: Path, exact: Path, channels: Sequence[str], *, device: str = 
     visible = {key for key, found in alone.items() if is_detectable(found)}
     expected = {(name, channel): log.channels[channel] for name, log in healthy.items() for channel in channels}
     if not healthy and visible:
-        expected = _twin(place / "machine.toml", logs, device)
+        expected = _twin(place / "machine.toml", logs, simulator)
     copies = 2.0 if healthy else 1.0  # noise is in the log, and in the healthy one that it is held against
     shrinkage = {
         (log.name, channel): removed_share(
@@ -149,7 +159,7 @@ def consult(place: Path, exact: Path, channels: Sequence[str], *, device: str = 
         if (log.name, channel) in visible
     }
     machine = Nuisances(Machine.load(place / "machine.toml"), "day" if healthy else "range")
-    evidence = beside(*_beside_calibration(logs, signals, noises, machine, device))
+    evidence = beside(*_beside_calibration(logs, signals, noises, machine, simulator))
     return Oracle(float(sum(alone.values())), evidence, {key: S for key, S in shrinkage.items() if S > 0.0})
 
 
@@ -158,11 +168,11 @@ def _beside_calibration(
     signals: Sequence[Mapping[str, NDArray[Any]]],
     noises: Mapping[str, Noise],
     machine: Nuisances,
-    device: str,
+    simulator: Simulator,
 ) -> tuple[Floats, Floats]:
     """What :func:`beside` takes: of the first less the second of two machines' ``signals`` (F, 2) by log, and of the twin's
     uncertain parameters."""
-    problem = Problem(logs, machine, {}, error=EXACT, noise=noises, simulator=Simulator(device))
+    problem = Problem(logs, machine, {}, error=EXACT, noise=noises, simulator=simulator)
     points, steps = problem.neighbours(problem.centre)
     variants = [problem.at(np.vstack([problem.centre, points]))]
     whole = np.zeros((1 + len(steps), 1 + len(steps)))
@@ -188,10 +198,10 @@ def _as_written(path: Path, only: Sequence[str]) -> Recording:
     return Recording(path.stem, commands, channels, rest, float(np.mean(channels["joint_angle"][:rest])))
 
 
-def _twin(machine: Path, logs: Sequence[Recording], device: str) -> dict[tuple[str, str], Floats]:
+def _twin(machine: Path, logs: Sequence[Recording], simulator: Simulator) -> dict[tuple[str, str], Floats]:
     """What the twin does under the commands of ``logs``, by log and signal."""
     twin = Variants(Machine.load(machine))
-    found = Simulator(device).run([Task(twin, log) for log in logs])
+    found = simulator.run([Task(twin, log) for log in logs])
     return {
         (log.name, channel): values[:, 0].astype(np.float64)
         for log, signals in zip(logs, found, strict=True)

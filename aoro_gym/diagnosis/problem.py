@@ -302,18 +302,19 @@ class Problem:
 
     def residuals(self, whiteners: Sequence[Whitener], variants: Sequence[Variants]) -> Floats:
         """Whitened residuals (D', N) of what :meth:`simulate` gives; NaN of variants that the twin loses."""
-        blocks = iter(zip(whiteners, self.split(self.measured), strict=True))
-        white = []
+        ends = np.cumsum([0, *(len(one.factor) for one in whiteners)])
+        blocks = zip(whiteners, ends[:-1], ends[1:], self.split(self.measured), strict=True)
+        white = np.empty((ends[-1], sum(one.count for one in variants)), order="F")  # each column is used by itself
         for signals, _ in self.shown(variants):
             for values in signals.values():
-                whiten, measured = next(blocks)
-                white.append(whiten(measured[:, None] - values))
-        return np.concatenate(white)
+                whiten, begin, end, measured = next(blocks)
+                white[begin:end] = whiten(measured[:, None] - values)
+        return white
 
     def shown(self, variants: Sequence[Variants]) -> Iterator[tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]]:
         """By recording: its channels (F, N) SI as the twins show them, on its clock; whose joint (N,) comes to a stop."""
         tasks = [Task(one, recording) for recording in self.recordings for one in variants]
-        found = iter(self.simulator.run(tasks))
+        found = iter(self.simulator.run(tasks, lent=True))
         for recording, arrival in zip(self.recordings, self.arrivals, strict=True):
             parts = [next(found) for _ in variants]
             signals = {name: np.concatenate([part[name] for part in parts], axis=1) for name in recording.channels}

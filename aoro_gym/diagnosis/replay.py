@@ -147,8 +147,8 @@ class Simulator:
     def __init__(self, device: str = "cpu"):
         self.device = device
 
-    def run(self, tasks: Sequence[Task]) -> list[Signals]:
-        """What the channels of every task's recording would be."""
+    def run(self, tasks: Sequence[Task], *, lent: bool = False) -> list[Signals]:
+        """What the channels of every task's recording would be; if it is ``lent``, until the next launch only."""
         groups: dict[tuple[int, int], list[int]] = {}
         for index, task in enumerate(tasks):
             groups.setdefault((id(task.recording), task.variants.frames), []).append(index)
@@ -168,7 +168,7 @@ class Simulator:
             ends = np.cumsum([0, *(tasks[index].variants.count for index in mine)])
             for index, begin, end in zip(mine, ends, ends[1:], strict=False):
                 own = {name: values[:, begin:end] for name, values in rows.items()}
-                out[index] = _measured(tasks[index], own)
+                out[index] = _measured(tasks[index], own if lent else {name: own[name].copy() for name in own})
         return out
 
     def follow(self, tasks: Sequence[Task], zeros: Sequence[Floats]) -> list[Floats]:
@@ -362,10 +362,11 @@ def _leader(requests: Sequence[Request], twin: Twin, which: wp.array, ticks: int
 def _measured(task: Task, rows: Signals) -> Signals:
     """A task's channels from its samples, through the variants' measuring chain."""
     dense = task.variants.frames
-    signals: Mapping[str, NDArray[np.float32]] = rows
-    if dense > 1:
-        for effect, magnitudes in task.variants.chain:
-            signals = effect.record(signals, FRAMES / TICK, *magnitudes)
+    if dense == 1:
+        return rows
+    signals: Mapping[str, NDArray[Any]] = rows
+    for effect, magnitudes in task.variants.chain:
+        signals = effect.record(signals, FRAMES / TICK, *magnitudes)
     return {name: np.array(signals[name][::dense], dtype=np.float32) for name in rows}
 
 

@@ -8,9 +8,11 @@ failed counts against every share that it belongs to.
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +24,10 @@ from aoro_gym.diagnosis.oracle import Oracle, consult
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, VERDICTS
 from aoro_gym.diagnosis.running import read_diagnoses
 from aoro_gym.diagnosis.sealing import SENSORS, exact_folder, open_seal
+from aoro_gym.diagnosis.sharing import sharing, simulator
+from aoro_gym.diagnosis.workers import Tell, spread
+from aoro_gym.kept import sources
+from aoro_gym.log import read_json, write_json
 
 CONFIDENCE = 0.95
 """Of the figures' intervals."""
@@ -448,8 +454,10 @@ def score_cases(
     folder: Path,
     answers: Path,
     diagnoses: Path,
+    oracles: Path,
     *,
     device: str = "cpu",
+    workers: int = 1,
     progress: Callable[[str, float], Any] = lambda sentence, share: None,
 ) -> Score:
     """Open the seal of a suite whose cases were all diagnosed, and score them.
@@ -458,21 +466,60 @@ def score_cases(
         folder: With ``cases`` and ``seal.json``.
         answers: File of the answers.
         diagnoses: Folder of the diagnoses.
+        oracles: Folder that gets what an oracle says of each case, ``NNN.json``; what is there is not asked again.
         device: Where the oracle's twins run.
+        workers: Processes that ask.
         progress: Called with a sentence and the share done.
 
     Raises:
         ValueError: cases lack a diagnosis, or cases and answers are not those that were sealed.
+        ChildProcessError: no oracle can be had of a case; what others said is kept.
     """
     sensors, found = read_diagnoses(folder, diagnoses)
     sealed = open_seal(folder, answers)
     deviating = [name for name, answer in sealed["cases"].items() if answer["effects"]]
-    oracles = {}
-    for done, name in enumerate(deviating):
-        progress("what can be seen of each case", done / len(deviating))
-        exact = exact_folder(answers) / f"{name}.npz"
-        oracles[name] = consult(folder / "cases" / name, exact, SENSORS[sensors], device=device)
-    return score(sealed, found, oracles, sensors=sensors, classes=read_classes(sensors))
+    told = _consulted(deviating, folder, answers, oracles, sensors, device, workers, progress)
+    return score(sealed, found, told, sensors=sensors, classes=read_classes(sensors))
+
+
+def _consulted(
+    names: Sequence[str],
+    folder: Path,
+    answers: Path,
+    out: Path,
+    sensors: str,
+    device: str,
+    workers: int,
+    progress: Callable[[str, float], Any],
+) -> dict[str, Oracle]:
+    """What the oracle says of the cases ``names``; files of other cases, or of another version's oracle, are replaced."""
+    seal = json.dumps(read_json(folder / "seal.json")["sha256"])
+    about = {"of": hashlib.sha256(f"{sources(['diagnosis', 'twin'])} {seal} {sensors}".encode()).hexdigest()}
+
+    def missing(name: str) -> bool:
+        file = out / f"{name}.json"
+        return not file.is_file() or read_json(file)["of"] != about["of"]
+
+    waiting = [name for name in names if missing(name)]
+    with ExitStack() as stack:
+        shared = stack.enter_context(sharing(device)) if workers > 1 and waiting else device
+        jobs = {
+            name: (folder / "cases" / name, exact_folder(answers) / f"{name}.npz", sensors, shared, out, about)
+            for name in waiting
+        }
+        ended = spread(_consult, jobs, workers=workers)
+        for done, (name, failure) in enumerate(ended, start=len(names) - len(jobs) + 1):
+            if failure is not None:
+                raise ChildProcessError(f"what can be seen of case {name} is not known: {failure.reason}")
+            progress("what can be seen of each case", done / len(names))
+    return {name: Oracle.of(read_json(out / f"{name}.json")) for name in names}
+
+
+def _consult(
+    tell: Tell, place: Path, exact: Path, sensors: str, device: str, out: Path, about: Mapping[str, Any]
+) -> None:
+    oracle = consult(place, exact, SENSORS[sensors], simulator=simulator(device))
+    write_json(out / f"{place.name}.json", {**about, **oracle.as_dict()})
 
 
 def read_classes(sensors: str, path: Path = CLASSES) -> Classes:

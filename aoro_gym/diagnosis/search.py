@@ -71,8 +71,7 @@ class Search:
         for places in starts:
             z = np.array(places, dtype=np.float64)
             left = self._expected(z, leader)
-            steps = [self.tangent.best(left, damping, first) for damping in FIRST]
-            self._tried += [(u, z) for u in (*steps, first)]
+            self._tried += [(u, z) for u in (*self.tangent.steps(left, FIRST, first), first)]
         self.point = self._tried[0]
         """Best nuisances and places so far."""
         self.cost = np.inf
@@ -88,7 +87,7 @@ class Search:
         """Residual (D,) that is left to the nuisances where effects do what they do around the centre."""
         if leader is None or leader.tangent is None:
             return self.linear.residual - sum(self.linear.shift(self.effects, z), np.zeros(len(self.linear.residual)))
-        left, column = leader.left + leader.tangent.jacobian @ leader.nuisances, 0
+        left, column = leader.left + leader.tangent.moved(leader.nuisances), 0
         for name in self.effects:
             count = len(self.linear.problem.axes[name])
             if name not in leader.effects:
@@ -152,8 +151,7 @@ class Search:
         problem = self.linear.problem
         felt = len(problem.felt)
         if self.directions >= felt:
-            sizes = np.linalg.norm(self.tangent.jacobian[:, :felt], axis=0)
-            return problem.neighbours(u, sizes)[0] - u
+            return problem.neighbours(u, self.tangent.sizes[:felt])[0] - u
         along, sizes = self.tangent.directions(felt, self.directions)
         steps = along * np.minimum(STEP, STRAIGHT / sizes)[:, None]
         low, high = self.tangent.bounds
@@ -217,10 +215,10 @@ class Search:
         u, z = self.point
         # places have no prior but their range
         together = self.tangent.beside(self.slopes, LEAST, (-z, 1.0 - z), PRIOR_INFORMATION)
-        target = self.residual + self.tangent.jacobian @ u
-        steps = [together.best(target, damping, np.append(u, np.zeros(len(z)))) for damping in DAMPING]
+        target = self.residual + self.tangent.moved(u)
+        steps = together.steps(target, DAMPING, np.append(u, np.zeros(len(z))))
         self._tried = [(x[: len(u)], np.clip(z + x[len(u) :], 0.0, 1.0)) for x in steps]
-        left = target - together.jacobian @ steps[0]
+        left = target - together.moved(steps[0])
         return self.cost - self._cost(left, steps[0][: len(u)])
 
     def weighed(self) -> Hypothesis:
@@ -232,7 +230,7 @@ class Search:
         covariance = np.empty((0, 0))
         if z.size:
             information = tangent.projected(self.slopes, self.slopes)
-            pull = tangent.projected(self.slopes, self.residual + tangent.jacobian @ u)
+            pull = tangent.projected(self.slopes, self.residual + tangent.moved(u))
             held = np.where(z <= 0.0, np.minimum(pull, 0.0), np.where(z >= 1.0, np.maximum(pull, 0.0), 0.0))
             log_evidence += volume(z.tolist(), information, held)
             covariance = np.linalg.inv(information + PRIOR_INFORMATION * np.eye(len(z)))

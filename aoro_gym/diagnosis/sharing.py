@@ -38,15 +38,23 @@ FLIGHTS = 8
 """Launches at once: the twins of one do not fill a GPU, and who asks for a short one need not wait for a long one."""
 STRETCH = 16
 """Ticks that a device is told at once."""
+SPARE = 1 << 25
+"""Bytes for answers that a process keeps, however few it asks for."""
 PAUSE, IDLE = 1e-3, 0.05
 """Between looks at the device, and at who has joined [s]."""
+YIELDING = 10
+"""Niceness of those that share."""
 PREFIX = "shared:"
 """Of a device's name: what follows is the address of the process that launches."""
 
 
 def simulator(device: str) -> Simulator:
-    """For ``"cpu"``, ``"cuda:N"``, or what :func:`sharing` gives."""
-    return Remote(device) if device.startswith(PREFIX) else Simulator(device)
+    """For ``"cpu"``, ``"cuda:N"``, or what :func:`sharing` gives: then this process yields to the one that launches, which
+    all wait for."""
+    if not device.startswith(PREFIX):
+        return Simulator(device)
+    os.setpriority(os.PRIO_PROCESS, 0, YIELDING)
+    return Remote(device)
 
 
 class Remote(Simulator):
@@ -60,9 +68,9 @@ class Remote(Simulator):
     def launch(self, requests: Sequence[Request]) -> list[Signals]:
         """See :meth:`Simulator.launch`. What it returns holds until the next launch."""
         size = sum(_size(request) for request in requests)
-        larger = self._memory is None or len(self._memory) < size
-        self._connection.send((larger, list(requests)))
-        if larger:
+        anew = self._memory is None or not size <= len(self._memory) <= max(2 * size, SPARE)
+        self._connection.send((anew, list(requests)))
+        if anew:
             handle = _memory(size)
             self._memory = mmap.mmap(handle, size)
             send_handle(self._connection, handle, 0)
@@ -155,8 +163,8 @@ def _serve(address: str, device: str, ready: Event) -> None:
                 connection = key.fileobj
                 assert isinstance(connection, Connection)
                 try:
-                    larger, requests = connection.recv()
-                    if larger:
+                    anew, requests = connection.recv()
+                    if anew:
                         handle = recv_handle(connection)
                         memories[connection] = mmap.mmap(handle, 0)
                         os.close(handle)

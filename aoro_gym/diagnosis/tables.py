@@ -489,7 +489,7 @@ def unknown(problem: Turns) -> Hypothesis:
         linear = Linear(problem, replace(problem.error, change=change), effects=False)
         tangent = linear.tangent
         nuisances = tangent.best(linear.residual)
-        left = linear.residual - tangent.jacobian @ nuisances
+        left = linear.residual - tangent.moved(nuisances)
         costs.append(float(left @ left + nuisances @ tangent.precision @ nuisances))
         evidence.append(-0.5 * costs[-1] + tangent.shrunk - linear.log_volume)
     whole = float(np.logaddexp.reduce(evidence)) - float(np.log(len(evidence)))

@@ -62,6 +62,28 @@ def test_an_update_takes_in_the_secants_and_leaves_the_rest(tangent):
     np.testing.assert_allclose(tangent.updated(np.eye(COUNT), changes[:, :1] * FREE).jacobian, changes[:, :1] * FREE)
 
 
+@pytest.mark.parametrize("updates", [0, 1, 2, 4])
+def test_tangents_that_follow_from_one_another_are_those_of_their_whole_matrix(tangent, updates):
+    """Two secants an update, so that what is their own grows beyond what they share."""
+    rng = np.random.default_rng(7)
+    for _ in range(updates):
+        tangent = tangent.updated(rng.standard_normal((2, COUNT)), rng.standard_normal((SAMPLES, 2)))
+    ends = np.full(COUNT, -0.1), np.full(COUNT, 0.1)
+    both = Tangent(tangent.jacobian, tangent.precision, ends).updated(np.eye(COUNT)[:1], np.ones((SAMPLES, 1)))
+    both = both.beside(rng.standard_normal((SAMPLES, 3)), 0.5, (np.full(3, -0.2), np.full(3, 0.2)), 2.0)
+    for one in (tangent, both):
+        whole = Tangent(one.jacobian, one.precision, one.bounds, one.stiffness)
+        residual, moves = rng.standard_normal((SAMPLES, 2)), rng.standard_normal((len(one.precision), 2))
+        np.testing.assert_allclose(one.moved(moves), one.jacobian @ moves, atol=1e-12)
+        np.testing.assert_allclose(one.pull(residual[:, 0]), one.jacobian.T @ residual[:, 0], atol=1e-12)
+        np.testing.assert_allclose(one.sizes, np.linalg.norm(one.jacobian, axis=0))
+        np.testing.assert_allclose(one.projected(residual, residual), whole.projected(residual, residual))
+        for found, expected in zip(
+            *(t.steps(residual[:, 0], (0.0, 3.0), moves[:, 0]) for t in (one, whole)), strict=True
+        ):
+            np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
 def test_directions_are_independent_standard_deviations_that_show_most(tangent):
     directions, sizes = tangent.directions(4, 3)
     np.testing.assert_allclose(

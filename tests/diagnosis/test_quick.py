@@ -16,7 +16,7 @@ def test_a_part_of_the_quick_suite(tmp_path):
     assert run_cases(cases, out, sensors="full") == {}
     sensors, found = read_diagnoses(cases, out)
     assert sensors == "full" and list(found) == ["001"]
-    outcomes = score_cases(cases, answers, out).outcomes
+    outcomes = score_cases(cases, answers, out, tmp_path / "oracle").outcomes
     assert (outcomes["false_alarms"].all.value, outcomes["false_alarms"].all.count) == (0.0, 1)
     assert outcomes["wrong_and_sure"].all.value == 0.0
     assert outcomes["named_first"].all.count == 0

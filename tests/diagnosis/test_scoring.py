@@ -396,6 +396,14 @@ def test_the_command_scores(tmp_path):
     assert content["by_case"]["002"]["values"]["shrinkage"] == pytest.approx([0.5], abs=0.01)
     assert content["by_case"]["004"]["failures"] == ["outside_recognised", "wrong_and_sure"]
 
+    told = check / "diagnoses-angle" / "oracle" / "002.json"
+    first = json.loads(told.read_text())
+    for of, evidence in ((first["of"], 0.0), ("another version", first["evidence"])):  # kept, and asked again
+        told.write_text(json.dumps({**first, "of": of, "evidence": 0.0}))
+        assert runner.invoke(app, ["blind", "score", str(check), "--workers", "1"]).exit_code == 0
+        again = json.loads((check / "diagnoses-angle" / "score.json").read_text())
+        assert again["by_case"]["002"]["evidence"] == pytest.approx(evidence)
+
     answers.write_text(answers.read_text().replace("single", "null"))
     opened = runner.invoke(app, ["blind", "score", str(check)])
     assert opened.exit_code == 2 and "but" in opened.output and "was sealed" in opened.output
