@@ -146,7 +146,7 @@ class Tangent:
     @property
     def sizes(self) -> Floats:
         """Lengths (u,) of the slopes."""
-        return np.sqrt(np.diag(self._information))
+        return np.sqrt(np.maximum(np.diag(self._information), 0.0))  # of what an update takes away, rounding is left
 
     def directions(self, free: int, most: int) -> tuple[Floats, Floats]:
         """Directions (k, u) among the first ``free`` nuisances, each a prior standard deviation long and independent of the

@@ -36,8 +36,9 @@ WRITERS = 4
 """Threads that write answers."""
 FLIGHTS = 8
 """Launches at once: the twins of one do not fill a GPU, and who asks for a short one need not wait for a long one."""
-STRETCH = 16
-"""Ticks that a device is told at once."""
+STRETCH = 64
+"""Ticks that a device is told at once: it has enough to do while another launch is made ready, and a stream's queue holds
+two such stretches."""
 SPARE = 1 << 25
 """Bytes for answers that a process keeps, however few it asks for."""
 PAUSE, IDLE = 1e-3, 0.05

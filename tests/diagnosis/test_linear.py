@@ -84,6 +84,13 @@ def test_tangents_that_follow_from_one_another_are_those_of_their_whole_matrix(t
             np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
+def test_what_an_update_takes_away_has_no_length(tangent):
+    """Not the root of what rounding leaves of a large square."""
+    large = Tangent(1e6 * tangent.jacobian, tangent.precision, tangent.bounds)
+    still = large.updated(np.eye(COUNT), np.zeros((SAMPLES, COUNT)))
+    np.testing.assert_allclose(still.sizes, 0.0, atol=1e-1)
+
+
 def test_directions_are_independent_standard_deviations_that_show_most(tangent):
     directions, sizes = tangent.directions(4, 3)
     np.testing.assert_allclose(
