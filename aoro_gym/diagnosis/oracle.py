@@ -24,13 +24,13 @@ the given twin does. The oracle takes away the very deviation, and is left with 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_toeplitz
+from scipy.linalg import cholesky, solve_triangular, toeplitz
 from scipy.stats import chi2
 
 from aoro_gym.diagnosis.arrival import bounce
@@ -38,7 +38,7 @@ from aoro_gym.diagnosis.noise import Floats, ModelError, Noise, noise_of
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem, on_clock_of
 from aoro_gym.diagnosis.recording import Recording
-from aoro_gym.diagnosis.replay import Simulator, Task, Variants
+from aoro_gym.diagnosis.replay import Signals, Simulator, Task, Variants
 from aoro_gym.diagnosis.sealing import COLUMNS
 from aoro_gym.log import read_table
 from aoro_gym.twin import Machine
@@ -47,6 +47,8 @@ SIGNIFICANCE = 0.01
 """Probability of rejecting "nothing" where nothing is."""
 EXACT = ModelError(rate=0.0, pressure=0.0)
 """Of who knows the machine's laws."""
+STARTS = 2
+"""Decimals of the joint angle [rad] at which twins start: J is the same half a degree off, and cases share it."""
 
 
 @dataclass(frozen=True)
@@ -83,12 +85,12 @@ def is_detectable(evidence: float) -> bool:
 
 
 def information(shifts: Floats, noise: Noise) -> Floats:
-    """K (k, k) of ``shifts`` (F, k) of one signal in one log; see the module. Linear solves by Levinson's recursion."""
-    ones = np.ones(len(shifts))
-    solved: Any = solve_toeplitz(noise.covariance[: len(shifts)], np.column_stack([shifts, ones]))
-    own = shifts.T @ solved[:, :-1]
-    cross, constant = ones @ solved[:, :-1], ones @ solved[:, -1]
-    return own - np.outer(cross, cross) / constant
+    """K (k, k) of ``shifts`` (F, k) of one signal in one log; see the module."""
+    factor = cholesky(toeplitz(noise.covariance[: len(shifts)]), lower=True)
+    white = solve_triangular(factor, np.column_stack([shifts, np.ones(len(shifts))]), lower=True)
+    own, constant = white[:, :-1], white[:, -1]
+    cross = constant @ own
+    return own.T @ own - np.outer(cross, cross) / (constant @ constant)
 
 
 def evidence_of(deviation: Floats, noise: Noise) -> float:
@@ -114,16 +116,38 @@ def removed_share(measured: Floats, deviation: Floats, expected: Floats, varianc
     return 1.0 - after / before if before > 0.0 else np.nan
 
 
-def consult(place: Path, exact: Path, channels: Sequence[str], *, simulator: Simulator | None = None) -> Oracle:
+@dataclass
+class Twins:
+    """Twins for an oracle that is asked of one case after the other.
+
+    Attributes:
+        simulator: Runs them; on the CPU by default.
+    """
+
+    simulator: Simulator = field(default_factory=Simulator)
+    _known: dict[tuple[object, ...], Signals] = field(default_factory=dict)
+
+    def around(self, file: bytes, spread: str, variants: Variants, logs: Sequence[Recording]) -> list[Signals]:
+        """What ``variants``, the neighbours by a ``spread`` of the machine that a ``file`` holds, do under the commands of
+        ``logs``, from about their start angles: what was asked before is known."""
+        usual = [replace(log, start_angle=round(log.start_angle, STARTS)) for log in logs]
+        keys = [(file, spread, log.signature, log.start_angle, *log.channels) for log in usual]
+        new = {key: log for key, log in zip(keys, usual, strict=True) if key not in self._known}
+        if new:
+            self._known |= zip(new, self.simulator.run([Task(variants, log) for log in new.values()]), strict=True)
+        return [self._known[key] for key in keys]
+
+
+def consult(place: Path, exact: Path, channels: Sequence[str], *, twins: Twins | None = None) -> Oracle:
     """Ask the oracle of the case at ``place``.
 
     Args:
         place: Its folder.
         exact: File of :func:`~aoro_gym.diagnosis.sealing.exact_folder`.
         channels: That the diagnosis was given.
-        simulator: Runs the twins; on the CPU by default.
+        twins: Of other cases; on the CPU by default.
     """
-    simulator = simulator or Simulator()
+    twins = twins or Twins()
     logs = [_as_written(path, channels) for path in sorted((place / "logs").glob("*.csv"))]
     healthy = {path.stem: _as_written(path, channels) for path in sorted((place / "healthy").glob("*.csv"))}
     with np.load(exact) as arrays:
@@ -145,7 +169,7 @@ def consult(place: Path, exact: Path, channels: Sequence[str], *, simulator: Sim
     visible = {key for key, found in alone.items() if is_detectable(found)}
     expected = {(name, channel): log.channels[channel] for name, log in healthy.items() for channel in channels}
     if not healthy and visible:
-        expected = _twin(place / "machine.toml", logs, simulator)
+        expected = _twin(place / "machine.toml", logs, twins.simulator)
     copies = 2.0 if healthy else 1.0  # noise is in the log, and in the healthy one that it is held against
     shrinkage = {
         (log.name, channel): removed_share(
@@ -158,28 +182,31 @@ def consult(place: Path, exact: Path, channels: Sequence[str], *, simulator: Sim
         for channel in channels
         if (log.name, channel) in visible
     }
-    machine = Nuisances(Machine.load(place / "machine.toml"), "day" if healthy else "range")
-    evidence = beside(*_beside_calibration(logs, signals, noises, machine, simulator))
+    evidence = beside(*_beside_calibration(place, bool(healthy), logs, signals, noises, twins))
     return Oracle(float(sum(alone.values())), evidence, {key: S for key, S in shrinkage.items() if S > 0.0})
 
 
 def _beside_calibration(
+    place: Path,
+    commissioned: bool,
     logs: Sequence[Recording],
     signals: Sequence[Mapping[str, NDArray[Any]]],
     noises: Mapping[str, Noise],
-    machine: Nuisances,
-    simulator: Simulator,
+    twins: Twins,
 ) -> tuple[Floats, Floats]:
     """What :func:`beside` takes: of the first less the second of two machines' ``signals`` (F, 2) by log, and of the twin's
     uncertain parameters."""
-    problem = Problem(logs, machine, {}, error=EXACT, noise=noises, simulator=simulator)
+    file = place / "machine.toml"
+    spread = "day" if commissioned else "range"
+    machine = Nuisances(Machine.load(file), spread)
+    problem = Problem(logs, machine, {}, error=EXACT, noise=noises)
     points, steps = problem.neighbours(problem.centre)
-    variants = [problem.at(np.vstack([problem.centre, points]))]
+    moved = twins.around(file.read_bytes(), spread, problem.at(np.vstack([problem.centre, points])), logs)
     whole = np.zeros((1 + len(steps), 1 + len(steps)))
-    for log, arrival, shown, (twins, _) in zip(logs, problem.arrivals, signals, problem.shown(variants), strict=True):
-        read, _ = on_clock_of(log, arrival, shown)
+    for log, arrival, shown, around in zip(logs, problem.arrivals, signals, moved, strict=True):
+        read, known = (on_clock_of(log, arrival, each)[0] for each in (shown, around))
         for channel, values in read.items():
-            slopes = np.nan_to_num(twins[channel][:, 1:] - twins[channel][:, :1]) / steps
+            slopes = np.nan_to_num(known[channel][:, 1:] - known[channel][:, :1]) / steps
             shifts = np.column_stack([values[:, 0] - values[:, 1], slopes]).astype(np.float64)
             if channel != "joint_angle":
                 shifts[bounce(arrival)] = 0.0

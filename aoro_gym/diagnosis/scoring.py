@@ -14,13 +14,14 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.stats import binomtest
 
-from aoro_gym.diagnosis.oracle import Oracle, consult
+from aoro_gym.diagnosis.oracle import Oracle, Twins, consult
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, VERDICTS
 from aoro_gym.diagnosis.running import read_diagnoses
 from aoro_gym.diagnosis.sealing import SENSORS, exact_folder, open_seal
@@ -518,8 +519,14 @@ def _consulted(
 def _consult(
     tell: Tell, place: Path, exact: Path, sensors: str, device: str, out: Path, about: Mapping[str, Any]
 ) -> None:
-    oracle = consult(place, exact, SENSORS[sensors], simulator=simulator(device))
+    oracle = consult(place, exact, SENSORS[sensors], twins=_twins(device))
     write_json(out / f"{place.name}.json", {**about, **oracle.as_dict()})
+
+
+@cache
+def _twins(device: str) -> Twins:
+    """Of all cases that this process asks of."""
+    return Twins(simulator(device))
 
 
 def read_classes(sensors: str, path: Path = CLASSES) -> Classes:
