@@ -48,7 +48,8 @@ SIGNIFICANCE = 0.01
 EXACT = ModelError(rate=0.0, pressure=0.0)
 """Of who knows the machine's laws."""
 STARTS = 2
-"""Decimals of the joint angle [rad] at which twins start: J is the same half a degree off, and cases share it."""
+"""Decimals of the joint angle [rad] at which twins start, so that cases share J: it changes λ by a few per cent at most,
+and hardly a case lies that close to the threshold."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,7 @@ class Twins:
     """
 
     simulator: Simulator = field(default_factory=Simulator)
-    _known: dict[tuple[object, ...], Signals] = field(default_factory=dict)
+    _known: dict[tuple[object, ...], Signals] = field(default_factory=dict, init=False)
 
     def around(self, file: bytes, spread: str, variants: Variants, logs: Sequence[Recording]) -> list[Signals]:
         """What ``variants``, the neighbours by a ``spread`` of the machine that a ``file`` holds, do under the commands of

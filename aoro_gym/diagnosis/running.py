@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from functools import partial
@@ -10,10 +11,12 @@ from typing import Any
 
 from aoro_gym.cluster import Failed, connected, on_ray
 from aoro_gym.diagnosis.sealing import SENSORS
-from aoro_gym.diagnosis.sharing import sharing
+from aoro_gym.diagnosis.sharing import PREFIX, sharing
 from aoro_gym.diagnosis.workers import Failure, Tell, spread
 from aoro_gym.log import read_json, write_json, write_whole
 
+YIELDING = 10
+"""Niceness of processes that share a device."""
 RESULT, FAILED = "diagnosis.json", "error.txt"
 """Files of a case's folder: one of them once it was diagnosed."""
 
@@ -165,4 +168,6 @@ def _diagnose(place: Path, out: Path, *, sensors: str, device: str) -> None:
     from aoro_gym.diagnosis.diagnose import diagnose_case  # twins are for the processes that use them
 
     warp.config.log_level = warp.LOG_ERROR  # no banner of every process
+    if device.startswith(PREFIX):
+        os.setpriority(os.PRIO_PROCESS, 0, YIELDING)  # to the process that launches, which all wait for
     diagnose_case(place, out, sensors=sensors, device=device)

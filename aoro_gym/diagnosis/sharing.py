@@ -43,19 +43,13 @@ SPARE = 1 << 25
 """Bytes for answers that a process keeps, however few it asks for."""
 PAUSE, IDLE = 1e-3, 0.05
 """Between looks at the device, and at who has joined [s]."""
-YIELDING = 10
-"""Niceness of those that share."""
 PREFIX = "shared:"
 """Of a device's name: what follows is the address of the process that launches."""
 
 
 def simulator(device: str) -> Simulator:
-    """For ``"cpu"``, ``"cuda:N"``, or what :func:`sharing` gives: then this process yields to the one that launches, which
-    all wait for."""
-    if not device.startswith(PREFIX):
-        return Simulator(device)
-    os.setpriority(os.PRIO_PROCESS, 0, YIELDING)
-    return Remote(device)
+    """For ``"cpu"``, ``"cuda:N"``, or what :func:`sharing` gives."""
+    return Remote(device) if device.startswith(PREFIX) else Simulator(device)
 
 
 class Remote(Simulator):

@@ -49,6 +49,18 @@ def test_everybody_gets_what_it_would_get_alone(device):
                 assert_same(found, expected)
 
 
+def test_memory_for_answers_is_given_back(device, monkeypatch):
+    """What a launch of eight twins needed, once one of two is asked for."""
+    monkeypatch.setattr("aoro_gym.diagnosis.sharing.SPARE", 0)
+    large = [Task(Variants(MACHINE.scale({"steering.pump.margin": np.linspace(0.9, 1.1, 8)}), 8), BLANKS[0])]
+    member, sizes = Remote(device), []
+    for tasks in (TASKS[1], large, TASKS[1]):
+        assert_same(member.run(tasks), Simulator().run(tasks))
+        assert member._memory is not None
+        sizes.append(len(member._memory))
+    assert sizes[0] == sizes[2] < 0.5 * sizes[1]
+
+
 def test_who_leaves_is_not_waited_for(device):
     stays, leaves = Remote(device), Remote(device)
     leaves.run(TASKS[1])
