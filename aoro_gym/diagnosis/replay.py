@@ -31,6 +31,8 @@ than the twin's own error, and twins take a third less time than with their usua
 ring."""
 BATCH, CPU_BATCH = 32768, 1024
 """Twins a launch, on a GPU and on a CPU: there more gain nothing, and a launch that is cut short is lost."""
+STRETCH = 16
+"""Ticks a launch: its twins need not wait for each other at every tick."""
 START_STEPS = 6
 """Steps to the start angle behind a measuring chain; an error of 5 % leaves 2e-8 of the angle."""
 ALIKE = 0.8
@@ -84,7 +86,7 @@ Signals = dict[str, NDArray[np.float32]]
 """Samples (F, N) SI a channel. A variant that the twin loses is NaN."""
 
 Launching = Generator[None, None, Callable[[], list[Signals]]]
-"""A device that is told of a launch, tick by tick; at the end, what waits for it and gives what was asked for."""
+"""A device that is told of a launch, stretch by stretch; at the end, what waits for it and gives what was asked for."""
 
 
 @dataclass(frozen=True)
@@ -115,12 +117,12 @@ def _hold(
     schedule: wp.array3d(dtype=float),
     which: wp.array(dtype=int),
     rows: wp.array(dtype=int),
-    tick: int,
-    commands: wp.array2d(dtype=float),
+    first_tick: int,
+    commands: wp.array3d(dtype=float),
 ):
-    """Commands of one tick: schedule (recordings, ticks, rows) to twins, each by the number of its recording."""
-    row, t = wp.tid()  # pyright: ignore
-    commands[rows[row], t] = schedule[which[t], tick, row]
+    """Commands of a stretch: schedule (recordings, ticks, rows) to twins, each by the number of its recording."""
+    tick, row, t = wp.tid()  # pyright: ignore
+    commands[tick, rows[row], t] = schedule[which[t], first_tick + tick, row]
 
 
 @wp.kernel(enable_backward=False)
@@ -132,7 +134,7 @@ def _keep(
     first: int,
     kept: wp.array3d(dtype=float),
 ):
-    """Each ``every``-th sample of a tick, of the twins from ``first_twin`` on."""
+    """Each ``every``-th sample of a stretch, of the twins from ``first_twin`` on."""
     frame, row, t = wp.tid()  # pyright: ignore
     kept[row, first + frame, t] = outputs[(frame + 1) * every - 1, rows[row], first_twin + t]
 
@@ -190,7 +192,7 @@ class Simulator:
         return out
 
     def launching(self, requests: Sequence[Request]) -> Launching:
-        """The same tick by tick, on the device's current stream."""
+        """The same stretch by stretch, on the device's current stream."""
         batches = self._batches(requests)
         launched = []
         for batch in batches:
@@ -259,13 +261,15 @@ def _launching(requests: Sequence[Request], device: str) -> Launching:
     limit = np.broadcast_to(np.asarray(machine.joint.range), total)
     twin.reset(joint_angle=np.clip(np.concatenate([request.start for request in requests]), -limit, limit))
 
+    led = requests[0].measured is not None
+    stretch = 1 if led else STRETCH
+    begins = range(0, ticks, stretch)
     schedules: dict[bytes, int] = {}
     which = [schedules.setdefault(request.schedule, len(schedules)) for request in requests]
-    held = np.zeros((len(schedules), ticks, len(COMMANDS)), dtype=np.float32)
+    held = np.zeros((len(schedules), len(begins) * stretch, len(COMMANDS)), dtype=np.float32)
     for number, request in zip(which, requests, strict=True):
         held[number, : len(request.commands)] = request.commands
         held[number, len(request.commands) :] = request.commands[-1]
-    led = requests[0].measured is not None
     names = LACKED if led else [name for name in SIGNALS if any(name in request.channels for request in requests)]
     schedule = wp.array(held, dtype=float, device=twin.device)
     numbered = wp.array(np.repeat(which, counts).astype(np.int32), dtype=int, device=twin.device)
@@ -277,28 +281,35 @@ def _launching(requests: Sequence[Request], device: str) -> Launching:
     groups = [(1, 0, sparse), (frames, sparse, total - sparse)]  # samples a tick, first twin, twins
     leader = _leader(requests, twin, numbered, ticks) if led else None
     kept = {
-        first: wp.zeros((len(names), ticks * density + 1, count), dtype=float, device=twin.device)
+        first: wp.zeros((len(names), held.shape[1] * density + 1, count), dtype=float, device=twin.device)
         for density, first, count in groups
         if count and not leader
     }
     at_rest = None if led else wp.clone(twin.state)
+    told = twin.commands.reshape((1, *twin.commands.shape))
+    if not led:  # what recordings do not command stays as it is
+        told = wp.empty((stretch, *twin.commands.shape), dtype=float, device=twin.device)
+        for tick in range(stretch):
+            wp.copy(told[tick], twin.commands)
     # recorded launches: on a GPU, packing their arguments anew takes longer than a tick of the twins
-    arguments = [schedule, numbered, command_rows, 0, twin.commands]
-    hold: Any = wp.launch(_hold, (len(COMMANDS), total), arguments, device=twin.device, record_cmd=True)
-    advance = twin.advancing(TICK, sample_every=TICK / frames)
+    arguments = [schedule, numbered, command_rows, 0, told]
+    dim = (stretch, len(COMMANDS), total)
+    hold: Any = wp.launch(_hold, dim, arguments, device=twin.device, record_cmd=True)
+    advance = None if led else twin.advancing(stretch * TICK, sample_every=TICK / frames, commands=told)
     keeps = []
     for density, first, count in groups:
         if count and not leader:
             arguments = [twin.outputs, output_rows, frames // density, first, 0, kept[first]]
-            dim = (density, len(names), count)
+            dim = (stretch * density, len(names), count)
             keeps.append((density, wp.launch(_keep, dim, arguments, device=twin.device, record_cmd=True)))
-    for tick, (begin, end) in enumerate(_running(requests, ticks)):
+    for tick, (begin, end) in zip(begins, _running(requests, begins), strict=True):
         yield
         hold.set_param_at_index(3, tick)
         hold.launch()
         if leader:
             leader.advance(tick)
             continue
+        assert advance is not None
         advance(begin, end)
         for density, keep in keeps:
             keep.set_param_at_index(4, 1 + tick * density)
@@ -338,11 +349,11 @@ def _fetched(values: wp.array, stream: wp.Stream | None) -> NDArray[Any]:
     return here.numpy()
 
 
-def _running(requests: Sequence[Request], ticks: int) -> list[tuple[int, int]]:
-    """By tick: the first twin whose recording has not ended, and what comes after the last such."""
+def _running(requests: Sequence[Request], begins: Sequence[int]) -> list[tuple[int, int]]:
+    """At each of some ticks: the first twin whose recording has not ended, and what comes after the last such."""
     ends = np.cumsum([request.count for request in requests])
     lengths = np.array([len(request.commands) for request in requests])
-    runs = lengths > np.arange(ticks)[:, None]
+    runs = lengths > np.array(begins)[:, None]
     first, last = runs.argmax(axis=1), len(requests) - 1 - runs[:, ::-1].argmax(axis=1)
     starts = ends - [request.count for request in requests]
     return list(zip(starts[first].tolist(), ends[last].tolist(), strict=True))

@@ -36,9 +36,9 @@ WRITERS = 4
 """Threads that write answers."""
 FLIGHTS = 8
 """Launches at once: the twins of one do not fill a GPU, and who asks for a short one need not wait for a long one."""
-STRETCH = 64
-"""Ticks that a device is told at once: it has enough to do while another launch is made ready, and a stream's queue holds
-two such stretches."""
+TOLD = 4
+"""Stretches that a device is told at once: it has enough to do while another launch is made ready, and a stream's queue
+holds two such parts."""
 SPARE = 1 << 25
 """Bytes for answers that a process keeps, however few it asks for."""
 PAUSE, IDLE = 1e-3, 0.05
@@ -214,7 +214,7 @@ class _Flight:
                 self._stream = wp.Stream(device) if device.is_cuda else None
                 self._launching = self._simulates.launching([request for one in self.asked for request in one.requests])
             with wp.ScopedStream(self._stream, sync_enter=False):
-                for _ in range(STRETCH):
+                for _ in range(TOLD):
                     next(self._launching)
         except StopIteration as end:
             self._taken = end.value

@@ -588,8 +588,8 @@ def advance(
     # parameters
     machines: wp.array(dtype=MachineRecord),
     terrain: Any,
-    # commands, constant over the launch
-    commands: wp.array2d(dtype=float),
+    # commands (set, row, twin): each set holds for as many frames
+    commands: wp.array3d(dtype=float),
     # state in and out
     state: wp.array2d(dtype=float),
     history: wp.array2d(dtype=float),
@@ -656,17 +656,17 @@ def advance(
     engine.torque = state[State.ENGINE_TORQUE, t]
     tick = clock[t]
 
-    steering_signal = commands[Command.STEERING_SIGNAL, t]
-    drive_signal = commands[Command.DRIVE_SIGNAL, t]
-    arm_signal = load4(commands, int(Command.ARM_FL), t)
-    traction_signal = load4(commands, int(Command.TRACTION_FL), t)
-    gear = commands[Command.GEAR, t]
-    parking_brake = commands[Command.PARKING_BRAKE, t]
-
     oil = m.oil
     z_axis = wp.vec3(0.0, 0.0, 1.0)
 
     for frame in range(num_frames):
+        told = commands[frame * commands.shape[0] // num_frames]
+        steering_signal = told[Command.STEERING_SIGNAL, t]
+        drive_signal = told[Command.DRIVE_SIGNAL, t]
+        arm_signal = load4(told, int(Command.ARM_FL), t)
+        traction_signal = load4(told, int(Command.TRACTION_FL), t)
+        gear = told[Command.GEAR, t]
+        parking_brake = told[Command.PARKING_BRAKE, t]
         wheel_load = wp.vec4(0.0, 0.0, 0.0, 0.0)
         hull_force = float(0.0)
         on_map = wp.vec4(1.0, 1.0, 1.0, 1.0)

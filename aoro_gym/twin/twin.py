@@ -135,6 +135,7 @@ class Twin:
         self.commands = wp.zeros((len(Command), n), dtype=float, device=self.device)
         """Command rows (see :class:`Command`) × twins, float32, on the device."""
         self._host_commands = self.commands.numpy() if self.device.is_cpu else None  # the same memory
+        self._held = self.commands.reshape((1, *self.commands.shape))
         kept = int(np.ceil(LONGEST_COMMAND_DELAY / self.main_step)) + 2
         self._history = wp.zeros((kept, n), dtype=float, device=self.device)
         self._clock = wp.zeros(n, dtype=int, device=self.device)
@@ -285,23 +286,35 @@ class Twin:
             duration: A whole number of main steps [s].
             sample_every: Sampling interval of :attr:`outputs` [s], a whole number of main steps; only the end if None.
         """
-        self._launch(*self._frames(duration, sample_every), 0, self.num_twins)
+        self._launch(self._held, *self._frames(duration, sample_every), 0, self.num_twins)
 
-    def advancing(self, duration: float = 0.02, *, sample_every: float | None = None) -> Callable[[int, int], None]:
+    def advancing(
+        self, duration: float = 0.02, *, sample_every: float | None = None, commands: wp.array | None = None
+    ) -> Callable[[int, int], None]:
         """What :meth:`advance` does, to the twins from one number up to another, to be called many times: a GPU is told
-        faster so than it is told all anew. Valid until anything but the state and the commands of the twins is replaced."""
+        faster so than it is told all anew. Valid until anything but the state and the commands of the twins is replaced.
+
+        Args:
+            duration: See :meth:`advance`.
+            sample_every: See :meth:`advance`.
+            commands: Sets × command rows × twins, float32, on the device: each set is held for an equal number of samples;
+                :attr:`commands` by default.
+        """
         frames, every = self._frames(duration, sample_every)
+        told = self._held if commands is None else commands
+        if frames % len(told):
+            raise ValueError(f"{len(told)} sets of commands cannot share {frames} samples equally")
         if self.device.is_cpu:
-            return partial(self._launch, frames, every)
-        recorded = self._advance(frames, every, 0, self.num_twins, record_cmd=True)
-        told = (0, self.num_twins)
+            return partial(self._launch, told, frames, every)
+        recorded = self._advance(told, frames, every, 0, self.num_twins, record_cmd=True)
+        range_told = (0, self.num_twins)
 
         def advance(first: int, last: int) -> None:
-            nonlocal told
-            if told != (first, last):
+            nonlocal range_told
+            if range_told != (first, last):
                 recorded.set_param_at_index(FIRST, first)
                 recorded.set_dim(last - first)
-                told = (first, last)
+                range_told = (first, last)
             recorded.launch()
 
         return advance
@@ -319,13 +332,15 @@ class Twin:
             self._outputs = wp.zeros((frames, len(Output), self.num_twins), dtype=float, device=self.device)
         return frames, every
 
-    def _advance(self, frames: int, every: int, first: int, count: int, *, record_cmd: bool = False) -> Any:
+    def _advance(
+        self, commands: wp.array, frames: int, every: int, first: int, count: int, *, record_cmd: bool = False
+    ) -> Any:
         """Launch ``frames`` times ``every`` main steps of ``count`` twins from the ``first`` on, or record that."""
         return wp.launch(
             self._advance_kernel,
             dim=count,
             inputs=[
-                self._machines, self.ground, self.commands, self.state, self._history, self._clock,
+                self._machines, self.ground, commands, self.state, self._history, self._clock,
                 self._status, self._outputs, first, frames, every, self.substeps, self.main_step,
             ],
             device=self.device,
@@ -333,7 +348,7 @@ class Twin:
             record_cmd=record_cmd,
         )  # fmt: skip
 
-    def _launch(self, frames: int, every: int, first: int, last: int) -> None:
+    def _launch(self, commands: wp.array, frames: int, every: int, first: int, last: int) -> None:
         """Launch ``frames`` times ``every`` main steps of the twins from ``first`` up to ``last``; on the CPU, whose backend
         is single-threaded, one slice of twins a thread."""
         threads, twins = 1, last - first
@@ -342,7 +357,7 @@ class Twin:
 
         def launch(slot: int) -> None:
             begin, end = (first + number * twins // threads for number in (slot, slot + 1))
-            self._advance(frames, every, begin, end - begin)
+            self._advance(commands, frames, every, begin, end - begin)
 
         if threads == 1:
             launch(0)

@@ -315,6 +315,8 @@ class Array:
         return place
 
     def __getitem__(self, index: Any):
+        if np.ndim(self.values) > (len(index) if isinstance(index, tuple) else 1):
+            return Array(self.tally, self.name, self.values[index], self.struct)  # a part of it, not loaded yet
         return self.tally.leaf(self.values[self._place(index)], self.struct)
 
     def __setitem__(self, index: Any, value: Any):
@@ -588,7 +590,7 @@ def advance(twin: Twin, steps: int, tally: Tally) -> np.ndarray:
     known = {
         "machines": Array(tally, "machines", twin._machines.numpy(), MachineRecord),
         "terrain": terrain,
-        "commands": Array(tally, "commands", twin.commands.numpy()),
+        "commands": Array(tally, "commands", twin.commands.numpy()[None]),
         "state": Array(tally, "state", state),
         "history": Array(tally, "history", twin._history.numpy().copy()),
         "clock": Array(tally, "clock", twin._clock.numpy().copy()),

@@ -257,6 +257,25 @@ def test_advancing_again_and_again_is_to_advance(count):
     np.testing.assert_array_equal(twins[0].outputs.numpy(), twins[1].outputs.numpy())
 
 
+@pytest.mark.parametrize("count", [1, 300])
+def test_sets_of_commands_are_held_one_after_the_other(count):
+    """To the bit: four sets of two samples each in one launch, and four launches."""
+    twins = [Twin(count, device="cpu") for _ in range(2)]
+    signals = [0.7, -0.4, 0.0, 1.0]
+    told = np.repeat(twins[1].commands.numpy()[None], len(signals), axis=0)
+    told[:, Command.STEERING_SIGNAL] = np.array(signals)[:, None]
+    twins[1].advancing(0.08, sample_every=0.01, commands=wp.array(told, dtype=float, device="cpu"))(0, count)
+    samples = []
+    for signal in signals:
+        twins[0].set_commands({"steering_signal": signal})
+        twins[0].advance(0.02, sample_every=0.01)
+        samples += list(twins[0].outputs.numpy().copy())
+    np.testing.assert_array_equal(twins[0].state.numpy(), twins[1].state.numpy())
+    np.testing.assert_array_equal(np.stack(samples), twins[1].outputs.numpy())
+    with pytest.raises(ValueError, match="4 sets of commands cannot share 6 samples"):
+        twins[1].advancing(0.06, sample_every=0.01, commands=wp.array(told, dtype=float, device="cpu"))
+
+
 @pytest.mark.parametrize("count", [3, 300])
 def test_some_are_advanced_and_the_others_stand_still(count):
     """To the bit, and with their clocks."""
