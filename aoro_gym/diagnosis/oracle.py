@@ -14,7 +14,8 @@ another day, or anywhere within their ranges where the machine was never commiss
 cannot be seen in Δ. With J, what a standard deviation of each does to the twin, and R their correlation, C becomes
 C + J R Jᵀ, hence λ = K₀₀ − K₀ⱼ (R⁻¹ + Kⱼⱼ)⁻¹ Kⱼ₀ with K = (Δ J)ᵀ C⁻¹ (Δ J), constants projected out as above. All is read on
 the clock of the log's arrival at a stop, without the bounce off it (:mod:`.arrival`). The oracle knows the machine's laws:
-what the twin's lack makes nothing undetectable.
+what the twin's lack makes nothing undetectable. As λ is the least over the uncertain parameters of a sum of squares, another
+log never takes from it: logs are asked in turn, the shortest first, until "nothing" is rejected.
 
 *Shrinkage.* S = 1 − (MS(y − Δ − x) − σ²) / (MS(y − x) − σ²) of a log y, with mean squares MS and x what is expected without
 the deviation: the healthy machine's log of the same commands where there is one (whose noise σ² then holds, too), else what
@@ -58,7 +59,8 @@ class Oracle:
 
     Attributes:
         noise: λ over all logs and signals, were the machine known to the last parameter.
-        evidence: λ over all of them beside what another day, or another calibration, can do.
+        evidence: λ beside what another day, or another calibration, can do, over as many logs as it takes to reject
+            "nothing", or over all.
         shrinkage: S by log and signal, where the deviation is visible in that one alone, and S is above 0.
     """
 
@@ -183,7 +185,7 @@ def consult(place: Path, exact: Path, channels: Sequence[str], *, twins: Twins |
         for channel in channels
         if (log.name, channel) in visible
     }
-    evidence = beside(*_beside_calibration(place, bool(healthy), logs, signals, noises, twins))
+    evidence = _beside_calibration(place, bool(healthy), logs, signals, noises, twins)
     return Oracle(float(sum(alone.values())), evidence, {key: S for key, S in shrinkage.items() if S > 0.0})
 
 
@@ -194,25 +196,30 @@ def _beside_calibration(
     signals: Sequence[Mapping[str, NDArray[Any]]],
     noises: Mapping[str, Noise],
     twins: Twins,
-) -> tuple[Floats, Floats]:
-    """What :func:`beside` takes: of the first less the second of two machines' ``signals`` (F, 2) by log, and of the twin's
-    uncertain parameters."""
+) -> float:
+    """λ (:func:`beside`) of the first less the second of two machines' ``signals`` (F, 2) by log."""
     file = place / "machine.toml"
     spread = "day" if commissioned else "range"
     machine = Nuisances(Machine.load(file), spread)
     problem = Problem(logs, machine, {}, error=EXACT, noise=noises)
     points, steps = problem.neighbours(problem.centre)
-    moved = twins.around(file.read_bytes(), spread, problem.at(np.vstack([problem.centre, points])), logs)
-    whole = np.zeros((1 + len(steps), 1 + len(steps)))
-    for log, arrival, shown, around in zip(logs, problem.arrivals, signals, moved, strict=True):
-        read, known = (on_clock_of(log, arrival, each)[0] for each in (shown, around))
+    variants = problem.at(np.vstack([problem.centre, points]))
+    precision = problem.precision[: len(steps), : len(steps)]
+    whole, evidence = np.zeros((1 + len(steps), 1 + len(steps))), 0.0
+    for index in sorted(range(len(logs)), key=lambda index: logs[index].ticks):
+        log, arrival = logs[index], problem.arrivals[index]
+        (around,) = twins.around(file.read_bytes(), spread, variants, [log])
+        read, known = (on_clock_of(log, arrival, each)[0] for each in (signals[index], around))
         for channel, values in read.items():
             slopes = np.nan_to_num(known[channel][:, 1:] - known[channel][:, :1]) / steps
             shifts = np.column_stack([values[:, 0] - values[:, 1], slopes]).astype(np.float64)
             if channel != "joint_angle":
                 shifts[bounce(arrival)] = 0.0
             whole += information(shifts, noises[channel])
-    return whole, problem.precision[: len(steps), : len(steps)]
+        evidence = beside(whole, precision)
+        if is_detectable(evidence):
+            break
+    return evidence
 
 
 def _as_written(path: Path, only: Sequence[str]) -> Recording:

@@ -104,6 +104,22 @@ def test_what_cannot_be_seen_is_not_asked_for(tmp_path):
     assert not oracle.detectable and not oracle.shrinkage
 
 
+@pytest.mark.parametrize(("size", "asked"), [(0.05, 1), (1e-4, 2)])
+def test_logs_are_asked_until_nothing_is_rejected(tmp_path, size, asked):
+    """What one log shows is enough, or all are asked, and another one takes nothing away."""
+    place, exact, found = tmp_path / "case", tmp_path / "exact.npz", []
+    write_case(place, exact, size, seed=5)
+    for remaining in (2, 1):
+        oracle = consult(place, exact, ["joint_angle"])
+        found.append(oracle.evidence)
+        assert oracle.detectable == (asked < 2)
+        if remaining == 2:
+            for purpose in ("logs", "healthy"):
+                sorted((place / purpose).glob("*.csv"))[-1].unlink()
+    # the noise of two logs' rests is not quite that of one's
+    assert found[0] == pytest.approx(found[1], rel=0.5) if asked == 1 else found[0] > found[1]
+
+
 @pytest.mark.parametrize(("size", "seen"), [(1.0, False), (5.0, True)])
 def test_what_another_day_can_do_instead_is_not_detectable(tmp_path, size, seen):
     """Edges of the valve a standard deviation off, as on any day, are no deviation, however far they show above the noise:
