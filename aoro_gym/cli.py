@@ -1533,9 +1533,8 @@ def blind_score(
     of the plants' laws and by effect; every failure is listed. Writes score.json, score.md, and confusion.png: what is true
     by what was said.
 
-    The oracle repeats the logs of a case with every uncertain parameter moved, which takes a core seconds for the quick
-    suite's one log and a minute and a half for the nine of the others. What it says is kept in oracle/NNN.json. Ctrl-C is
-    safe: the same command goes on where it stopped.
+    The oracle repeats logs of a case with every uncertain parameter moved, the shortest first, until it can tell: a few core
+    seconds a case. What it says is kept in oracle/NNN.json. Ctrl-C is safe: the same command goes on where it stopped.
 
     [bold]Examples[/]
 

@@ -290,7 +290,8 @@ def _launching(requests: Sequence[Request], device: str) -> Launching:
     if not led:  # what recordings do not command stays as it is
         told = wp.empty((stretch, *twin.commands.shape), dtype=float, device=twin.device)
         for tick in range(stretch):
-            wp.copy(told[tick], twin.commands)
+            part: Any = told[tick]
+            wp.copy(part, twin.commands)
     # recorded launches: on a GPU, packing their arguments anew takes longer than a tick of the twins
     arguments = [schedule, numbered, command_rows, 0, told]
     dim = (stretch, len(COMMANDS), total)
