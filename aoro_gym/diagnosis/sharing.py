@@ -195,10 +195,10 @@ class _Flight:
         self._stream: wp.Stream | None = None
         self._launching: Launching | None = None
         self._taken: Callable[[], list[Signals]] | None = None
-        self._told: deque[wp.Event] = deque()  # the ends of stretches that the device may not have come to
+        self._told: deque[wp.Event] = deque()  # the ends of parts that the device may not have come to
 
     def go_on(self, writers: ThreadPoolExecutor) -> bool:
-        """Tell the device the next stretch, if it has done all but one of those before. True once it has done all: what was
+        """Tell the device the next part, if it has done all but one of those before. True once it has done all: what was
         asked for is on its way."""
         while self._told and self._told[0].is_complete:
             self._told.popleft()

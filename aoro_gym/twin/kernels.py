@@ -588,7 +588,7 @@ def advance(
     # parameters
     machines: wp.array(dtype=MachineRecord),
     terrain: Any,
-    # commands (set, row, twin): each set holds for as many frames
+    # commands (set, row, twin): each set holds for an equal number of frames
     commands: wp.array3d(dtype=float),
     # state in and out
     state: wp.array2d(dtype=float),
