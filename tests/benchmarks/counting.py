@@ -315,14 +315,23 @@ class Array:
         return place
 
     def __getitem__(self, index: Any):
-        if np.ndim(self.values) > (len(index) if isinstance(index, tuple) else 1):
-            return Array(self.tally, self.name, self.values[index], self.struct)  # a part of it, not loaded yet
         return self.tally.leaf(self.values[self._place(index)], self.struct)
 
     def __setitem__(self, index: Any, value: Any):
         self.values[self._place(index)] = plain(value)
         if isinstance(value, Number):
             self.tally.longest = max(self.tally.longest, value.ready)
+
+
+class Sets:
+    """Arrays that stand one behind the other in a larger one; to choose one of them loads nothing."""
+
+    def __init__(self, *arrays: Array):
+        self.arrays = arrays
+        self.shape = (len(arrays), *arrays[0].shape)
+
+    def __getitem__(self, index: Any) -> Array:
+        return self.arrays[int(plain(index))]
 
 
 class Tally:
@@ -590,7 +599,7 @@ def advance(twin: Twin, steps: int, tally: Tally) -> np.ndarray:
     known = {
         "machines": Array(tally, "machines", twin._machines.numpy(), MachineRecord),
         "terrain": terrain,
-        "commands": Array(tally, "commands", twin.commands.numpy()[None]),
+        "commands": Sets(Array(tally, "commands", twin.commands.numpy())),
         "state": Array(tally, "state", state),
         "history": Array(tally, "history", twin._history.numpy().copy()),
         "clock": Array(tally, "clock", twin._clock.numpy().copy()),
