@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import warp as wp
 from scipy.stats import binomtest
 
 from aoro_gym.diagnosis.oracle import Oracle, Twins, consult
@@ -181,11 +182,13 @@ def _covered(case: Case) -> Sequence[float]:
 def _shrunk(refitted: bool) -> Callable[[Case], Sequence[float]]:
     """Median over the left-out logs and signals in which the deviation shows of S over S of the oracle.
 
-    A diagnosis that has none of them has shrunk nothing.
+    A diagnosis that has none of them has shrunk nothing, unless there is but one log, of which none can be left out.
     """
 
     def values(case: Case) -> Sequence[float]:
         if case.kind not in KNOWN or case.oracle is None or not case.oracle.shrinkage:
+            return []
+        if len(case.diagnosis.get("logs", ())) == 1:
             return []
         ratios = [
             one["S"] / case.oracle.shrinkage[one["manoeuvre"], one["signal"]]
@@ -526,6 +529,7 @@ def _consult(
 @cache
 def _twins(device: str) -> Twins:
     """Of all cases that this process asks of."""
+    wp.config.log_level = wp.LOG_ERROR  # no banner of every process
     return Twins(simulator(device))
 
 

@@ -168,6 +168,7 @@ def test_shrinkage_is_that_of_the_oracle_at_best():
     assert values("shrinkage", "single", LAG, said) == pytest.approx([(0.75 + 0.9) / 2])
     assert values("shrinkage_refitted", "single", LAG, said) == pytest.approx([1.0])
     assert values("shrinkage", "pair", LAG | RATE, NO_GAP) == [0.0], "nothing shrank"
+    assert values("shrinkage", "pair", LAG | RATE, NO_GAP | {"logs": ["steps"]}) == [], "no log could be left out"
     assert values("shrinkage", "single", LAG, "ValueError") == [0.0]
     assert values("shrinkage", "single", LAG, said, UNSEEN) == [], "there is nothing to shrink"
     assert values("shrinkage", "outside", BUMP, said) == []
