@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -21,7 +21,7 @@ from scipy.special import logsumexp
 from scipy.stats import chi2, expon, norm
 
 from aoro_gym.diagnosis.axes import Axis
-from aoro_gym.diagnosis.linear import Hypothesis, Linear
+from aoro_gym.diagnosis.linear import Hypothesis, Linear, Misfit
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.problem import Problem, Progress
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN
@@ -58,6 +58,22 @@ PRIOR = {"nothing": 0.45, "single": 0.35, "pair": 0.10, UNKNOWN: 0.05, CALIBRATI
 """Prior probabilities of the kinds of hypotheses; within a kind all are equally likely."""
 
 
+class Fit(NamedTuple):
+    """How well the right cause fits a kind of channel: its whitened residual has the mean square noise · n + error · (1 − n)
+    where noise alone has n, and the twin's own error is the rest of what was assumed."""
+
+    noise: float
+    """Share that is left of the noise."""
+    error: float
+    """Share that is left of the twin's own error."""
+    spread: float
+    """Standard deviation of the logarithm."""
+
+    def ratio(self, misfit: Misfit) -> float:
+        """By how much more is left than what is usual."""
+        return misfit.square / (self.noise * misfit.noise + self.error * (1.0 - misfit.noise))
+
+
 @dataclass(frozen=True)
 class Trust:
     """How far what logs say is believed.
@@ -67,25 +83,33 @@ class Trust:
             its model.
         doubt: Share of the evidence for a gap by which the temperature grows: no effect of the twin is quite that of a
             machine with other laws.
-        fit: Of what the right cause leaves: median of its mean square by kind of channel, and standard deviation of the
-            logarithm.
+        fit: What the right cause leaves, by kind of channel.
         surprise: Mean of the logarithm by which that is larger where something unknown shows.
         declared: Probability that the declared set of causes holds the truth.
+        sharpness: Power of all probabilities: how sure they may be.
     """
 
     temperature: float
     doubt: float
-    fit: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    fit: Mapping[str, Fit] = field(default_factory=dict)
     surprise: Mapping[str, float] = field(default_factory=dict)
     declared: float = 0.95
+    sharpness: float = 1.0
 
 
 TRUST: Mapping[str, Trust] = {
-    "angle": Trust(4.7, 0.0045, {"angle": (0.785, 0.07)}, {"angle": 0.2}, declared=0.98),
-    "pressure": Trust(1.4, 0.008, {"angle": (0.89, 0.25), "pressure": (0.31, 0.44)}, {"angle": 0.165, "pressure": 1.0}),
-}
-"""By the kind of channel that tells most, pressures wherever they were logged (E: the likeliest for machines of the
-development family whose laws are not the twin's)."""
+    "angle": Trust(4.7, 0.0045, {"angle": Fit(0.785, 0.785, 0.07)}, {"angle": 0.2}, declared=0.98),
+    "pressure": Trust(
+        1.4, 0.004, {"angle": Fit(0.92, 0.1, 0.17), "pressure": Fit(0.66, 0.14, 0.22)}, {"angle": 0.2, "pressure": 0.85},
+        declared=0.9, sharpness=0.75,
+    ),
+    "day-one": Trust(
+        1.4, 0.008, {"angle": Fit(0.89, 0.89, 0.25), "pressure": Fit(0.31, 0.31, 0.44)}, {"angle": 0.165, "pressure": 1.0},
+        sharpness=0.75,
+    ),
+}  # fmt: skip
+"""By the kind of channel that tells most, pressures wherever they were logged, then also by whether there are healthy logs
+that say how much the twin errs (E: the likeliest for machines of the development family)."""
 USUAL_MISFIT: Mapping[str, float] = {"angle": 4.0, "pressure": 0.5}
 """Factor on the assumed error of the twin (:meth:`~aoro_gym.diagnosis.problem.Problem.misfits`) of those machines."""
 
@@ -96,7 +120,9 @@ def trust_of(problem: Problem) -> Trust:
     kinds = {problem.kinds[name] for name in problem.signals if name in problem.kinds}
     kind = "pressure" if "pressure" in kinds else "angle"
     errs = [factor for name, factor in problem.misfit.items() if problem.kinds.get(name) == kind]
-    ratio = float(np.median(errs)) / USUAL_MISFIT[kind] if errs else 1.0
+    if not errs:
+        return TRUST["day-one" if kind == "pressure" else kind]
+    ratio = float(np.median(errs)) / USUAL_MISFIT[kind]
     return replace(TRUST[kind], doubt=TRUST[kind].doubt * ratio**2)
 
 
@@ -281,13 +307,14 @@ def weigh(hypotheses: Sequence[Hypothesis], prior: Mapping[tuple[str, ...], floa
     doubt that all the evidence for a gap leaves. What its freedom costs counts in full.
 
     The mean square that the right cause leaves has a known distribution. That something unknown is there beside a hypothesis
-    has a prior probability, and makes it larger.
+    has a prior probability, and makes it larger. All probabilities are taken to a power, as they would else be surer than
+    they are right.
     """
     temperature = trust.temperature
     nothing = next(h for h in hypotheses if not h.effects)
     best = max(hypotheses, key=lambda h: h.log_evidence)
     if best.misfit:
-        parts = [(square / trust.fit[kind][0], count) for kind, (square, count) in best.misfit.items()]
+        parts = [(trust.fit[kind].ratio(one), one.count) for kind, one in best.misfit.items()]
         temperature *= sum(ratio * count for ratio, count in parts) / sum(count for _, count in parts)
     temperature += trust.doubt * max(best.log_evidence - nothing.log_evidence, 0.0)
 
@@ -305,21 +332,27 @@ def weigh(hypotheses: Sequence[Hypothesis], prior: Mapping[tuple[str, ...], floa
     if any(shows):
         hypotheses = [*hypotheses, Hypothesis((UNKNOWN,), best.log_evidence, cost=best.cost)]
         logs = np.append(logs, float(np.asarray(logsumexp((evidence + beside)[shows]))) + prior[UNKNOWN,])
-    probabilities = np.exp(logs - logsumexp(logs))
+    logs = trust.sharpness * np.asarray(logs, dtype=np.float64)
+    probabilities = np.exp(logs - float(np.asarray(logsumexp(logs))))
     weighed = [replace(h, probability=float(p)) for h, p in zip(hypotheses, probabilities, strict=True)]
     return sorted(weighed, key=lambda h: -h.probability)
 
 
-def fitting(misfit: Mapping[str, tuple[float, int]], trust: Trust) -> tuple[float, float]:
+def beyond(kind: str, misfit: Misfit, trust: Trust) -> tuple[float, float]:
+    """Logarithm by which more is left in a ``kind`` of channel than what is usual, and its standard deviation. Better than
+    usual is as good as usual."""
+    fit = trust.fit[kind]
+    return max(float(np.log(fit.ratio(misfit))), 0.0), float(np.hypot(fit.spread, np.sqrt(2.0 / misfit.count)))
+
+
+def fitting(misfit: Mapping[str, Misfit], trust: Trust) -> tuple[float, float]:
     """Log density of how well something fits if it is all that there is, and if something unknown is there beside it, which
-    shows or does not in any kind of channel. Better than usual is as good as usual."""
+    shows or does not in any kind of channel."""
     alone = beside = 0.0
-    for kind, (square, count) in misfit.items():
-        usual, spread = trust.fit[kind]
-        beyond = max(np.log(square / usual), 0.0)
-        spread = np.hypot(spread, np.sqrt(2.0 / count))
-        as_usual = float(norm.logpdf(beyond, scale=spread))
-        shown = float(expon.logpdf(beyond, scale=trust.surprise[kind])) if beyond > 0.0 else -np.inf
+    for kind, one in misfit.items():
+        more, spread = beyond(kind, one, trust)
+        as_usual = float(norm.logpdf(more, scale=spread))
+        shown = float(expon.logpdf(more, scale=trust.surprise[kind])) if more > 0.0 else -np.inf
         alone += as_usual
         beside += float(np.logaddexp(as_usual, shown)) - np.log(2.0)
     return alone, beside
@@ -337,8 +370,5 @@ def log_priors(names: Iterable[str]) -> dict[tuple[str, ...], float]:
 
 def fit_p(hypothesis: Hypothesis, trust: Trust) -> float:
     """Probability that a refined hypothesis fits no better in any kind of channel, if it holds."""
-    squares = 0.0
-    for kind, (square, count) in hypothesis.misfit.items():
-        usual, spread = trust.fit[kind]
-        squares += max(np.log(square / usual), 0.0) ** 2 / (spread**2 + 2.0 / count)
-    return float(np.asarray(chi2.sf(squares, len(hypothesis.misfit))))
+    parts = [beyond(kind, one, trust) for kind, one in hypothesis.misfit.items()]
+    return float(np.asarray(chi2.sf(sum((more / spread) ** 2 for more, spread in parts), len(parts))))

@@ -14,10 +14,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, cho_factor, cho_solve
+from scipy.linalg import block_diag, cho_factor, cho_solve, solve_triangular
 
 from aoro_gym.diagnosis.axes import PRIOR_INFORMATION, Shift, volume
 from aoro_gym.diagnosis.noise import Floats, ModelError
@@ -25,8 +26,8 @@ from aoro_gym.diagnosis.problem import Problem
 
 PARTNERS = 12
 """Effects, the likeliest, of which one at least is in every pair that is screened."""
-
-
+QUIET = ModelError(rate=0.0, pressure=0.0)
+"""No error of the twin: there is noise alone."""
 DEPENDENT = 1e-9
 """Ratio of singular values below which moves of nuisances count as dependent."""
 
@@ -206,6 +207,17 @@ class Tangent:
         return best
 
 
+class Misfit(NamedTuple):
+    """How a kind of channel fits."""
+
+    square: float
+    """Mean square of a whitened residual."""
+    count: int
+    """Samples that it is of."""
+    noise: float
+    """What it would be if there were nothing but the sensors' noise."""
+
+
 @dataclass(frozen=True)
 class Hypothesis:
     """A set of effects and how it fares."""
@@ -221,7 +233,7 @@ class Hypothesis:
     tangent: Tangent | None = None  # of the nuisances there
     refined: bool = False
     probability: float = 0.0
-    misfit: Mapping[str, tuple[float, int]] = field(default_factory=dict)  # see Linear.misfit
+    misfit: Mapping[str, Misfit] = field(default_factory=dict)  # by kind of channel
 
 
 class Linear:
@@ -260,9 +272,22 @@ class Linear:
         of = np.repeat(kinds, [len(w.factor) for w in self.whiteners])
         return {kind: of == kind for kind in dict.fromkeys(kinds) if kind}
 
-    def misfit(self, left: Floats) -> dict[str, tuple[float, int]]:
-        """By kind of channel: mean square of a whitened residual (D,), and of how many samples it is."""
-        return {kind: (float(np.mean(left[its] ** 2)), int(its.sum())) for kind, its in self.kinds.items() if its.any()}
+    @cached_property
+    def noise(self) -> Floats:
+        """Mean square (D,) that noise alone has in a block once it was whitened, tr(L⁻¹ N L⁻ᵀ) / n."""
+        parts = []
+        for w, quiet in zip(self.whiteners, self.problem.held(QUIET), strict=True):
+            white = solve_triangular(w.factor, quiet.factor, lower=True, check_finite=False)
+            parts.append(np.full(len(white), np.sum(white**2) / len(white)))
+        return np.concatenate(parts)
+
+    def misfit(self, left: Floats) -> dict[str, Misfit]:
+        """That of a whitened residual (D,), by kind of channel."""
+        return {
+            kind: Misfit(float(np.mean(left[its] ** 2)), int(its.sum()), float(np.mean(self.noise[its])))
+            for kind, its in self.kinds.items()
+            if its.any()
+        }
 
     def shift(self, effects: Sequence[str], places: Floats, derivative: int = 0) -> list[Floats]:
         """Shift (D,) of every axis of ``effects`` at its place, or its derivative by it."""

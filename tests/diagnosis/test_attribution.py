@@ -13,6 +13,7 @@ from scipy.linalg import block_diag
 from aoro_gym.diagnosis.attribution import (
     TRUST,
     USUAL_MISFIT,
+    Fit,
     Trust,
     attribute,
     fit_p,
@@ -23,7 +24,7 @@ from aoro_gym.diagnosis.attribution import (
     without,
 )
 from aoro_gym.diagnosis.axes import PRIOR_INFORMATION, Axis, axes_of
-from aoro_gym.diagnosis.linear import Hypothesis, Linear
+from aoro_gym.diagnosis.linear import Hypothesis, Linear, Misfit
 from aoro_gym.diagnosis.noise import MERGED, Floats, ModelError, Noise
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem, references_of
@@ -35,7 +36,7 @@ from aoro_gym.twin import Machine
 from aoro_gym.twin.effects import EFFECTS
 from tests.diagnosis.manoeuvres import blank, record, turn
 
-EXACT = Trust(1.0, 0.0, {"angle": (1.0, 0.1), "pressure": (1.0, 0.1)}, {"angle": 1.0, "pressure": 1.0})
+EXACT = Trust(1.0, 0.0, dict.fromkeys(("angle", "pressure"), Fit(1.0, 1.0, 0.1)), {"angle": 1.0, "pressure": 1.0})
 """Of logs whose error is that of the model."""
 
 # ---- a linear world ----
@@ -414,47 +415,77 @@ MANY = 10**9
 """Samples whose mean square does not scatter."""
 
 
+NOISE = 0.4
+"""What noise alone leaves of a mean square."""
+
+
+def usual_square(kind: str) -> float:
+    """What the right cause leaves of it."""
+    fit = TRUST["pressure"].fit[kind]
+    return NOISE * fit.noise + (1.0 - NOISE) * fit.error
+
+
 def test_how_well_something_fits_counts_by_its_density():
     """As usual or better: nothing is lost; a spread above: a half; what is unknown shows in a kind of channel or not."""
     trust = TRUST["pressure"]
-    (usual, spread), mean = trust.fit["pressure"], trust.surprise["pressure"]
+    spread, mean, usual = trust.fit["pressure"].spread, trust.surprise["pressure"], usual_square("pressure")
     peak = -np.log(spread * np.sqrt(2.0 * np.pi))
     for square in (0.1 * usual, usual):
-        assert fitting({"pressure": (square, MANY)}, trust) == pytest.approx((peak, peak - np.log(2.0)))
-    alone, beside = fitting({"pressure": (usual * np.exp(2.0 * spread), MANY)}, trust)
+        assert fitting({"pressure": Misfit(square, MANY, NOISE)}, trust) == pytest.approx((peak, peak - np.log(2.0)))
+    worse = Misfit(usual * np.exp(2.0 * spread), MANY, NOISE)
+    alone, beside = fitting({"pressure": worse}, trust)
     assert alone == pytest.approx(peak - 2.0)
     assert np.exp(beside) == pytest.approx(0.5 * np.exp(peak - 2.0) + 0.5 * np.exp(-2.0 * spread / mean) / mean)
-    both = fitting({"pressure": (usual, MANY), "angle": (trust.fit["angle"][0], MANY)}, trust)
+    good = {kind: Misfit(usual_square(kind), MANY, NOISE) for kind in ("pressure", "angle")}
+    both = fitting(good, trust)
     assert both[0] - both[1] == pytest.approx(np.log(4.0))
-    few = fitting(
-        {"pressure": (usual * np.exp(2.0 * spread), 2)}, trust
-    )  # whose mean square scatters by one in its logarithm
+    few = fitting({"pressure": worse._replace(count=2)}, trust)  # whose mean square scatters by one in its logarithm
     assert few[0] == pytest.approx(-0.5 * np.log(2.0 * np.pi * (1.0 + spread**2)) - 2.0 * spread**2 / (1.0 + spread**2))
-    p = fit_p(Hypothesis((), 0.0, misfit={"pressure": (usual * np.exp(2.0 * spread), MANY)}), trust)
+    p = fit_p(Hypothesis((), 0.0, misfit={"pressure": worse}), trust)
     assert p == pytest.approx(0.0455, rel=0.01)  # two standard deviations, either side
 
 
-@pytest.mark.parametrize("square", [0.1, 0.4, 20.0])
-def test_what_fits_far_worse_than_the_right_cause_is_unknown(square):
+@pytest.mark.parametrize("ratio", [0.3, 1.2, 60.0])
+def test_what_fits_far_worse_than_the_right_cause_is_unknown(ratio):
     """Whatever it is better than; and the larger the error that the data show, the less they say."""
-    trust, misfit = TRUST["pressure"], {"pressure": (square, MANY)}
-    nothing = Hypothesis((), 0.0, cost=40.0, misfit={"pressure": (1.1 * square, MANY)}, refined=True)
+    trust, square = TRUST["pressure"], ratio * usual_square("pressure")
+    misfit = {"pressure": Misfit(square, MANY, NOISE)}
+    nothing = Hypothesis((), 0.0, cost=40.0, misfit={"pressure": Misfit(1.1 * square, MANY, NOISE)}, refined=True)
     one = Hypothesis(("spool_lag",), 16.0, cost=4.0, misfit=misfit, refined=True)  # 18 nats of fit, less two of freedom
     other = Hypothesis(("seal_friction",), 15.0, cost=6.0, misfit=misfit, refined=True)
     prior = log_priors(("spool_lag", "seal_friction"))
     found = {h.effects: h.probability for h in weigh([nothing, one, other], prior, trust)}
     assert sum(found.values()) == pytest.approx(1.0)
-    assert (found[UNKNOWN,] > 0.9) == (square > 1.0)
+    assert (found[UNKNOWN,] > 0.9) == (ratio > 2.0)
     odds = np.log(found["spool_lag",] / found["seal_friction",])
-    ratio = square / trust.fit["pressure"][0]
-    assert odds == pytest.approx(1.0 / (trust.temperature * ratio + trust.doubt * 16.0), rel=1e-9)
+    assert odds == pytest.approx(trust.sharpness / (trust.temperature * ratio + trust.doubt * 16.0), rel=1e-9)
+
+
+@pytest.mark.parametrize("loud", [0.1, 1.0, 10.0])
+def test_what_noise_alone_leaves_is_known(loud: float):
+    """Noise is drawn that was not drawn for any fit, ``loud`` times the usual power, and whitened with the covariance of it
+    and of the twin's own error: its mean square is, within four standard deviations of a mean of so many, what was said.
+    An angle that has no error is white, and a pressure's is less so, the larger its error beside the noise."""
+    world, count = LinearWorld(np.random.default_rng(3), error=ModelError(0.0, 0.01)), 400
+    world.noise = {name: noise.louder(loud) for name, noise in world.noise.items()}
+    world.learn()
+    linear = Linear(world, world.error)
+    std = np.repeat([np.sqrt(loud) * STD[name] for name in STD], COUNT)
+    drawn = std[:, None] * np.random.default_rng(8).standard_normal((2 * COUNT, count))
+    found = [linear.misfit(one) for one in world.white(linear.whiteners, drawn).T]
+    for kind in ("angle", "pressure"):
+        squares = [one[kind].square for one in found]
+        scatter = 4.0 * float(np.std(squares)) / np.sqrt(count)
+        assert np.mean(squares) == pytest.approx(found[0][kind].noise, abs=scatter)
+    assert found[0]["angle"].noise == pytest.approx(1.0)
+    assert 0.0 < found[0]["pressure"].noise < 0.95
 
 
 def test_doubt_goes_by_the_square_of_what_the_twin_errs():
     """As healthy logs show it in the pressures where they were logged; without healthy logs, as usual."""
     world = LinearWorld(np.random.default_rng(5), error=ModelError(0.05, 0.05))
     usual = TRUST["pressure"]
-    assert trust_of(world) == usual
+    assert trust_of(world) == TRUST["day-one"]
     names = [name for name in world.signals if world.kinds.get(name) == "pressure"]
     world.misfit = {"joint_angle": 9.0, **dict.fromkeys(names, 0.2 * USUAL_MISFIT["pressure"])}
     assert trust_of(world) == replace(usual, doubt=pytest.approx(0.04 * usual.doubt))
