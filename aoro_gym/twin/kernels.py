@@ -191,12 +191,12 @@ def arm_seal_capacity(m: Arm, oil: Oil, g: ArmGeometry, s: ArmState, rate: float
 
 
 @wp.func
-def joint_capacity(m: MachineRecord, oil: Oil, g: SteeringGeometry, s: SteeringState, rate: float):
-    """Friction torque [N m] at which the joint breaks away or slides: its bearing and the seals of both cylinders."""
+def joint_capacity(m: MachineRecord, oil: Oil, g: SteeringGeometry, s: SteeringState, rate: float, bearing: float):
+    """Friction torque [N m] at which the joint breaks away or slides: its ``bearing`` and the seals of both cylinders."""
     st = m.steering
     pressures = wp.max(pressure(oil, s.port_a), 0.0) + wp.max(pressure(oil, s.port_b), 0.0)
     return (
-        m.joint.friction_torque
+        bearing
         + g.lever_left
         * seal_friction(
             st.cylinder_seal_preload,
@@ -216,6 +216,41 @@ def joint_capacity(m: MachineRecord, oil: Oil, g: SteeringGeometry, s: SteeringS
             g.lever_right * rate,
         )
     )
+
+
+@wp.func
+def cylinders_step(
+    m: MachineRecord,
+    oil: Oil,
+    g: SteeringGeometry,
+    s: SteeringState,
+    joint: float,
+    joint_rate: float,
+    x: MountState,
+    dt: float,
+):
+    """Mount after ``dt``, whose cylinders feel oil, seals and ends of the stroke, as the joint does where there is none."""
+    stiffness = m.joint.presliding_stiffness
+    damping = m.joint.presliding_damping
+    capacity = joint_capacity(m, oil, g, s, x.rate, 0.0)
+    angle = joint + x.deflection
+    stop = end_stop(
+        angle, x.rate, m.joint.range, m.joint.stop_torsional_stiffness, m.joint.stop_torsional_damping
+    )
+    grip = float(0.0)
+    drag = m.steering.cylinder_seal_viscous * (g.lever_left * g.lever_left + g.lever_right * g.lever_right)
+    torque = (
+        steering_torque(oil, g, s) + dry_friction(x.seals, x.rate, capacity, stiffness, damping) - drag * x.rate + stop
+    )
+    if wp.abs(stiffness * x.seals + damping * x.rate) < capacity:
+        grip += stiffness
+        drag += damping
+    if stop != 0.0:
+        grip += m.joint.stop_torsional_stiffness
+        drag += m.joint.stop_torsional_damping
+    out = mount_step(g, m.joint.mount_stiffness, m.joint.backlash, torque, grip, drag, joint_rate, x, dt)
+    out.seals = presliding(x.seals, out.rate, dt, capacity, stiffness)
+    return out
 
 
 @wp.func
@@ -242,6 +277,7 @@ def hydraulics(
     g_rr: ArmGeometry,
     control: DrivelineControl,
     spool_demand: float,
+    joint: float,
     joint_rate: float,
     arm_rate: wp.vec4,
     wheel_rate: wp.vec4,
@@ -295,7 +331,7 @@ def hydraulics(
 
         joint_end = steering_torque(oil, g, steering)
         if mount_stiffness > 0.0:
-            mount = mount_step(g, mount_stiffness, backlash, joint_end, joint_rate, mount, dt)
+            mount = cylinders_step(m, oil, g, steering, joint + float(substep) * dt * joint_rate, joint_rate, mount, dt)
             cylinder_rate = mount.rate
             joint_end = mount_torque(mount_stiffness, backlash, mount.deflection, mount.rate - joint_rate)
         joint_sum += joint_end
@@ -551,10 +587,16 @@ def reset(
     # the joint: dry friction holds what oil at the return line's pressure does not, higher pressure what is beyond it
     steering = load_steering(state, t)
     g = steering_geometry(st, pose[3, t])
-    capacity = joint_capacity(m, m.oil, g, steering, 0.0)
+    capacity = joint_capacity(m, m.oil, g, steering, 0.0, m.joint.friction_torque)
     lacking = stand.joint - steering_torque(m.oil, g, steering)
     held = wp.clamp(lacking, -capacity, capacity)
-    state[State.JOINT_FRICTION, t] = -held / m.joint.presliding_stiffness
+    bearing = held
+    if m.joint.mount_stiffness > 0.0:  # the seals hold the cylinders, which bend the mount
+        bearing = wp.clamp(held, -m.joint.friction_torque, m.joint.friction_torque)
+        bent = stand.joint - bearing
+        state[State.MOUNT_SEALS, t] = (bearing - held) / m.joint.presliding_stiffness
+        state[State.MOUNT, t] = bent / m.joint.mount_stiffness + 0.5 * m.joint.backlash * wp.sign(bent)
+    state[State.JOINT_FRICTION, t] = -bearing / m.joint.presliding_stiffness
     state[State.PORT_A, t] += wp.max(lacking - held, 0.0) / g.displacement_a
     state[State.PORT_B, t] += wp.min(lacking - held, 0.0) / g.displacement_b
 
@@ -640,6 +682,7 @@ def advance(
     mount = MountState()
     mount.deflection = state[State.MOUNT, t]
     mount.rate = state[State.MOUNT_RATE, t]
+    mount.seals = state[State.MOUNT_SEALS, t]
     arm_fl = load_arm(state, 0, t)
     arm_fr = load_arm(state, 1, t)
     arm_rl = load_arm(state, 2, t)
@@ -741,12 +784,12 @@ def advance(
             g_rr = arm_geometry(m.arm, arm[3], 0.5 * (spool_old[3] + arm_spool[3]))
             if oil.gas_fraction > 0.0 or m.joint.mount_stiffness > 0.0:
                 steering, arm_fl, arm_fr, arm_rl, arm_rr, driveline, mount, joint_oil, arm_oil, motor_mean = hydraulics(
-                    m, oil, g, g_fl, g_fr, g_rl, g_rr, control, spool_demand, joint_rate, arm_rate, rate,
+                    m, oil, g, g_fl, g_fr, g_rl, g_rr, control, spool_demand, joint, joint_rate, arm_rate, rate,
                     m.joint.mount_stiffness, steering, arm_fl, arm_fr, arm_rl, arm_rr, driveline, mount, h, num_substeps,
                 )
             else:  # compiled without gas and mount
                 steering, arm_fl, arm_fr, arm_rl, arm_rr, driveline, mount, joint_oil, arm_oil, motor_mean = hydraulics(
-                    m, without_gas(oil), g, g_fl, g_fr, g_rl, g_rr, control, spool_demand, joint_rate, arm_rate, rate,
+                    m, without_gas(oil), g, g_fl, g_fr, g_rl, g_rr, control, spool_demand, joint, joint_rate, arm_rate, rate,
                     0.0, steering, arm_fl, arm_fr, arm_rl, arm_rr, driveline, mount, h, num_substeps,
                 )
 
@@ -762,28 +805,30 @@ def advance(
 
             # ---- joint torque: oil, seals, bearing, stops ------------------------------------------------------------
             st = m.steering
-            capacity = joint_capacity(m, oil, g, steering, mid_joint_rate)
+            capacity = m.joint.friction_torque
+            if m.joint.mount_stiffness == 0.0:
+                capacity = joint_capacity(m, oil, g, steering, mid_joint_rate, m.joint.friction_torque)
             joint_friction = presliding(joint_friction, joint_rate, h, capacity, m.joint.presliding_stiffness)
-            joint_torque = (
-                joint_oil
-                + dry_friction(
-                    joint_friction,
-                    mid_joint_rate,
-                    capacity,
-                    m.joint.presliding_stiffness,
-                    m.joint.presliding_damping,
+            joint_torque = joint_oil + dry_friction(
+                joint_friction,
+                mid_joint_rate,
+                capacity,
+                m.joint.presliding_stiffness,
+                m.joint.presliding_damping,
+            )
+            if m.joint.mount_stiffness == 0.0:  # else the cylinders feel it
+                joint_torque -= (
+                    st.cylinder_seal_viscous
+                    * (g.lever_left * g.lever_left + g.lever_right * g.lever_right)
+                    * mid_joint_rate
                 )
-                - st.cylinder_seal_viscous
-                * (g.lever_left * g.lever_left + g.lever_right * g.lever_right)
-                * mid_joint_rate
-                + end_stop(
+                joint_torque += end_stop(
                     joint,
                     mid_joint_rate,
                     m.joint.range,
                     m.joint.stop_torsional_stiffness,
                     m.joint.stop_torsional_damping,
                 )
-            )
 
             # ---- corners: arms, wheels, tires; hulls ----------------------------------------------------------------
             c_fl = CornerMotion(
@@ -970,7 +1015,7 @@ def advance(
         joint + wp.length(arm) + wp.length(wheel) + wp.length(remainder) + q[0] + q[1] + q[2] + q[3]
         + wp.length(d_velocity) + wp.length(d_omega) + d_joint + wp.length(d_arm) + wp.length(d_spin)
         + wp.length(bristle_x) + wp.length(bristle_y) + joint_friction + wp.length(arm_friction)
-        + wp.length(wheel_friction) + wp.length(twist) + mount.deflection + mount.rate
+        + wp.length(wheel_friction) + wp.length(twist) + mount.deflection + mount.rate + mount.seals
         + steering.ls_pressure + steering.spool + spool_play + steering.compensator
         + steering.swash + steering.flow_in + steering.flow_out + arm_fl.bore + arm_fl.rod + arm_fr.bore + arm_fr.rod
         + arm_rl.bore + arm_rl.rod + arm_rr.bore + arm_rr.rod + wp.length(arm_spool) + driveline.forward
@@ -1009,6 +1054,7 @@ def advance(
     state[State.PLAY, t] = spool_play
     state[State.MOUNT, t] = mount.deflection
     state[State.MOUNT_RATE, t] = mount.rate
+    state[State.MOUNT_SEALS, t] = mount.seals
     store_arm(state, 0, t, arm_fl)
     store_arm(state, 1, t, arm_fr)
     store_arm(state, 2, t, arm_rl)

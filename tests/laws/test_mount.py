@@ -38,6 +38,8 @@ def run_kernel(
     stiffness: wp.array(dtype=float),
     backlash: wp.array(dtype=float),
     oil_torque: wp.array(dtype=float),
+    grip: wp.array(dtype=float),
+    drag: wp.array(dtype=float),
     joint_rate: wp.array(dtype=float),
     start: wp.array(dtype=MountState),
     dt: wp.array(dtype=float),
@@ -48,12 +50,33 @@ def run_kernel(
     i = wp.tid()
     x = start[i]
     for _ in range(steps[i]):
-        x = mount_step(g[i], stiffness[i], backlash[i], oil_torque[i], joint_rate[i], x, dt[i])
+        x = mount_step(g[i], stiffness[i], backlash[i], oil_torque[i], grip[i], drag[i], joint_rate[i], x, dt[i])
+    end[i] = x
+
+
+@wp.kernel(enable_backward=False)
+def held_kernel(
+    g: wp.array(dtype=SteeringGeometry),
+    stiffness: wp.array(dtype=float),
+    oil_torque: wp.array(dtype=float),
+    grip: wp.array(dtype=float),
+    drag: wp.array(dtype=float),
+    start: wp.array(dtype=MountState),
+    dt: wp.array(dtype=float),
+    steps: wp.array(dtype=int),
+    end: wp.array(dtype=MountState),
+):
+    """Steps of cylinders that a spring and a damper hold, of a joint that stands still."""
+    i = wp.tid()
+    x = start[i]
+    for _ in range(steps[i]):
+        torque = oil_torque[i] - grip[i] * x.deflection - drag[i] * x.rate
+        x = mount_step(g[i], stiffness[i], 0.0, torque, grip[i], drag[i], 0.0, x, dt[i])
     end[i] = x
 
 
 def at(deflection=0.0, rate=0.0):
-    return record(MountState, deflection=deflection, rate=rate)
+    return record(MountState, deflection=deflection, rate=rate, seals=0.0)
 
 
 def test_torque_is_a_spring_behind_a_dead_zone_that_never_pulls():
@@ -72,7 +95,7 @@ def test_torque_is_a_spring_behind_a_dead_zone_that_never_pulls():
 def test_constant_torque_bends_it_by_its_compliance_behind_the_play(stiffness):
     """At rest x = b/2 + τ/k, whichever way the torque points."""
     for torque in (2e4, -2e4):
-        end = launch(run_kernel, LEVERS, stiffness, 0.006, torque, 0.0, at(), 1e-3 / 30.0, 6000)
+        end = launch(run_kernel, LEVERS, stiffness, 0.006, torque, 0.0, 0.0, 0.0, at(), 1e-3 / 30.0, 6000)
         expected = np.sign(torque) * (0.003 + abs(torque) / stiffness)
         # the last bits of the deflection are those of 3e-3 rad, the rate's those at which its product rounds to nothing
         assert end.deflection == pytest.approx(expected, abs=4 * ROUNDOFF * 0.02)
@@ -82,7 +105,7 @@ def test_constant_torque_bends_it_by_its_compliance_behind_the_play(stiffness):
 def test_free_play_is_crossed_as_a_free_mass():
     """Within the play only the moving mass resists: x = τ t²/(2 I), ẋ = τ t/I."""
     dt, steps, torque = 1e-5, 100, 50.0
-    end = launch(run_kernel, LEVERS, 2e7, 0.1, torque, 0.0, at(), dt, steps)
+    end = launch(run_kernel, LEVERS, 2e7, 0.1, torque, 0.0, 0.0, 0.0, at(), dt, steps)
     time = dt * steps
     assert end.rate == pytest.approx(torque * time / INERTIA, rel=steps * ROUNDOFF)
     # the new rate moves it: x is ahead by half a step
@@ -101,7 +124,7 @@ def test_swing_on_the_spring_converges_to_the_continuous_mass():
     exact = solve_ivp(rate, (0.0, span), [1e-4, 0.0], method="LSODA", rtol=1e-11, atol=1e-14).y[:, -1]
     errors = []
     for steps in (800, 1600):
-        end = launch(run_kernel, LEVERS, stiffness, 0.0, torque, 0.0, at(1e-4), span / steps, steps)
+        end = launch(run_kernel, LEVERS, stiffness, 0.0, torque, 0.0, 0.0, 0.0, at(1e-4), span / steps, steps)
         errors.append(np.array([end.deflection, end.rate]) - exact)
     np.testing.assert_allclose(errors[0] / errors[1], 2.0, rtol=0.15)
     assert np.all(np.abs(errors[1]) < 5e-3 * np.abs([torque / stiffness, torque / np.sqrt(stiffness * INERTIA)]))
@@ -110,6 +133,32 @@ def test_swing_on_the_spring_converges_to_the_continuous_mass():
 def test_stiff_mount_gives_the_rigid_joint():
     """Cylinders go with the joint's rate, and what they transmit is the oil's torque, at any step."""
     for dt in (1e-5, 1e-3 / 30.0, 1e-4):
-        end = launch(run_kernel, LEVERS, 2e8, 0.0, 2e4, 0.7, at(), dt, int(0.1 / dt))
+        end = launch(run_kernel, LEVERS, 2e8, 0.0, 2e4, 0.0, 0.0, 0.7, at(), dt, int(0.1 / dt))
         assert end.rate == pytest.approx(0.7, rel=1e-4)
         assert 2e8 * end.deflection == pytest.approx(2e4, rel=1e-3)
+
+
+def test_what_holds_the_cylinders_slows_them_as_the_continuous_law():
+    """Seals before they slide, or the end of the stroke: a spring and a damper on the moving mass beside the mount's,
+    against SciPy; first order in the step."""
+    stiffness, torque, grip, drag, span = 1e6, 5e3, 2e6, 300.0, 4e-3
+
+    def rate(_, y):
+        bent = abs(y[0])
+        mount = stiffness * (y[0] + np.clip(LOSS_TIME * y[1], -bent, bent))
+        return [y[1], (torque - grip * y[0] - drag * y[1] - mount) / INERTIA]
+
+    exact = solve_ivp(rate, (0.0, span), [1e-4, 0.0], method="LSODA", rtol=1e-11, atol=1e-14).y[:, -1]
+    errors = []
+    for steps in (800, 1600):
+        end = launch(held_kernel, LEVERS, stiffness, torque, grip, drag, at(1e-4), span / steps, steps)
+        errors.append(np.array([end.deflection, end.rate]) - exact)
+    np.testing.assert_allclose(errors[0] / errors[1], 2.0, rtol=0.15)
+
+
+def test_the_hardest_stop_is_stable_at_any_step():
+    """It bends with the mount, x = τ / (k + s)."""
+    for dt in (1e-5, 1e-4, 1e-3):
+        end = launch(held_kernel, LEVERS, 2e6, 2e4, 1e8, 1e4, at(1e-4), dt, int(0.5 / dt))
+        assert end.deflection == pytest.approx(2e4 / (2e6 + 1e8), rel=1e-3)
+        assert end.rate == pytest.approx(0.0, abs=1e-4)

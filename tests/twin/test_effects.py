@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.twin.effects import (
@@ -470,41 +471,79 @@ def test_the_cut_off_and_the_back_pressure_are_what_is_measured(shipped: Machine
     assert np.all(np.abs(turning["return_pressure"][90:130] - expected) < slack)
 
 
-def test_compliance_lowers_the_joints_frequency(shipped: Machine):
-    """Shut-in oil of stiffness K = Σ D²/C, and a mount in series: ω² falls by 1 + c K, as the inertia is the same.
+LOSSES = (
+    "joint.friction_torque", "steering.cylinder.seal_preload", "steering.cylinder.seal_pressure_coefficient",
+    "steering.cylinder.seal_viscous", "steering.cylinder.leakage", "steering.valve.leakage", "tire.rolling_resistance",
+    "tire.sigma1_longitudinal", "tire.sigma1_lateral", "tire.sigma2_longitudinal", "tire.sigma2_lateral",
+)  # fmt: skip
+GRIP = dict.fromkeys(("tire.sigma0_longitudinal", "tire.sigma0_lateral"), 1e-3)
 
-    No friction, no leaks, no grip; small enough that no valve opens.
-    """
-    losses = (
-        "joint.friction_torque", "steering.cylinder.seal_preload", "steering.cylinder.seal_pressure_coefficient",
-        "steering.cylinder.seal_viscous", "steering.cylinder.leakage", "steering.valve.leakage", "tire.rolling_resistance",
-        "tire.sigma1_longitudinal", "tire.sigma1_lateral", "tire.sigma2_longitudinal", "tire.sigma2_lateral",
-    )  # fmt: skip
-    grip = dict.fromkeys(("tire.sigma0_longitudinal", "tire.sigma0_lateral"), 1e-3)
-    free = shipped.set({**dict.fromkeys(losses, 0.0), **grip})
-    compliance = np.array([0.0, 1e-7, 3e-7, 5e-7])
-    twin = Twin(4, machine=EFFECTS["frame_compliance"].apply(free, compliance))
+
+def swaying(machine: Machine, compliance: NDArray[np.float64], cylinders: float) -> NDArray[np.float64]:
+    """Frequencies (N,) [rad/s] of the joint, on mounts of a ``compliance`` (N,), that turns at 0.01 rad/s while the valve is
+    shut; the cylinders, where they move on their own, at ``cylinders`` [rad/s]."""
+    twin = Twin(len(compliance), machine=EFFECTS["frame_compliance"].apply(machine, compliance))
     state = twin.state.numpy()
-    state[State.JOINT_RATE] = state[State.MOUNT_RATE] = 0.01
+    state[State.JOINT_RATE], state[State.MOUNT_RATE] = 0.01, cylinders
     twin.state.assign(state)
     trace = twin.step({}, 0.6, sample_every=1e-3)
     assert trace is not None
     assert trace["pressure_a"].min() > 0.0
-    rate = trace["joint_rate"].astype(float)
     omega = []
-    for column in rate.T:
+    for column in trace["joint_rate"].astype(float).T:
         crossing = np.flatnonzero(np.diff(np.sign(column)))
         times = trace.time[crossing] + 1e-3 * column[crossing] / (column[crossing] - column[crossing + 1])
         omega.append(np.pi / np.mean(np.diff(times)))
-    steering, cylinder = free.steering, free.steering.cylinder
+    return np.array(omega)
+
+
+def shut_in_stiffness(machine: Machine) -> float:
+    """Σ D²/C [N m/rad] of the oil on both sides of the straight joint."""
+    steering, cylinder = machine.steering, machine.steering.cylinder
     lever = cylinder.linkage.lever(0.0)
     swept = (cylinder.bore_area + cylinder.annulus_area) * lever
     half_stroke = [cylinder.linkage.extension(0.0), cylinder.stroke - cylinder.linkage.extension(0.0)]
     volume = steering.hose_volume + 2.0 * cylinder.dead_volume
     volume += cylinder.bore_area * half_stroke[0] + cylinder.annulus_area * half_stroke[1]
-    modulus = free.oil.effective_modulus(free.steering.tank_line.back_pressure)
-    stiffness = 2.0 * swept**2 / (volume / modulus + steering.hose_compliance)
-    expected = np.sqrt(1.0 / (1.0 + compliance * stiffness))
+    modulus = machine.oil.effective_modulus(steering.tank_line.back_pressure)
+    return float(np.asarray(2.0 * swept**2 / (volume / modulus + steering.hose_compliance)))
+
+
+def test_compliance_lowers_the_joints_frequency(shipped: Machine):
+    """Shut-in oil of stiffness K = Σ D²/C, and a mount in series: ω² falls by 1 + c K, as the inertia is the same.
+
+    No friction, no leaks, no grip; small enough that no valve opens.
+    """
+    free = shipped.set({**dict.fromkeys(LOSSES, 0.0), **GRIP})
+    compliance = np.array([0.0, 1e-7, 3e-7, 5e-7])
+    omega = swaying(free, compliance, 0.01)
+    expected = np.sqrt(1.0 / (1.0 + compliance * shut_in_stiffness(free)))
     # the modulus changes by 1e-3 over the swing of 1 bar, the mount's losses shift ω by ζ²/2 < 1e-3, seven half periods are
     # timed to some µs
-    np.testing.assert_allclose(np.array(omega) / omega[0], expected, rtol=3e-3)
+    np.testing.assert_allclose(omega / omega[0], expected, rtol=3e-3)
+
+
+def test_seals_hold_the_cylinders_and_not_the_frames(shipped: Machine):
+    """Seals too tight to slide are a spring s beside the oil's K, in series with a mount: ω² = 1 / (I (c + 1 / (K + s))), so
+    a soft frame sways on them as a rigid one without friction sways on oil, ω² = K / I."""
+    free = shipped.set({**dict.fromkeys(LOSSES, 0.0), **GRIP, "joint.presliding_damping": 0.0})
+    tight = free.set({"steering.cylinder.seal_preload": 1e5})
+    compliance = np.array([1e-7, 3e-7, 5e-7])
+    (rigid,) = swaying(free, np.zeros(1), 0.0)
+    omega = swaying(tight, compliance, 0.0)
+    oil, seals = shut_in_stiffness(free), free.joint.presliding_stiffness
+    expected = np.sqrt(1.0 / (oil * (compliance + 1.0 / (oil + seals))))
+    np.testing.assert_allclose(omega / rigid, expected, rtol=3e-3)  # as above
+
+
+def test_stops_end_the_cylinders_stroke(shipped: Machine):
+    """Full oil pressure against the end of the stroke bends no frame: a soft one rests where a rigid one does, within what
+    the seals and the bearing hold, while a stop of the frames would bend it by the oil's torque."""
+    compliance = np.array([0.0, 5e-7])
+    twin = Twin(2, machine=EFFECTS["frame_compliance"].apply(shipped, compliance))
+    twin.step({"steering_signal": 1.0}, 6.0)
+    angle, bent = twin.state.numpy()[[State.JOINT, State.MOUNT]]
+    pushed = twin.state.numpy()[State.PORT_A] - twin.state.numpy()[State.PORT_B]
+    assert np.all(np.abs(pushed) > 100e5)
+    assert abs(bent[1]) < 2e-3
+    np.testing.assert_allclose(angle[1], angle[0], atol=2e-3)

@@ -1,7 +1,8 @@
 """What lies between the steering cylinders and the frames: free play of the pins, bending of mounts and frames.
 
 The cylinders move the joint through a torsion spring behind a dead zone. ``deflection`` x [rad] is how far they are ahead of
-the joint. Without the element (stiffness 0) cylinders and joint are one.
+the joint. Oil, seals and the ends of the stroke act on the cylinders, the bearing and the frames' inertia on the joint.
+Without the element (stiffness 0) cylinders and joint are one.
 """
 
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
@@ -17,6 +18,7 @@ LOSS_TIME = wp.constant(1.0e-3)  # [s] damping over stiffness of mounts and fram
 class MountState:
     deflection: float  # [rad] of the cylinders ahead of the joint
     rate: float  # [rad/s] of the cylinders, as a joint rate
+    seals: float  # [rad] deflection of their seals' dry friction
 
 
 @wp.func
@@ -33,18 +35,29 @@ def mount_torque(stiffness: float, backlash: float, deflection: float, slip: flo
 
 @wp.func
 def mount_step(
-    g: SteeringGeometry, stiffness: float, backlash: float, oil_torque: float, joint_rate: float, x: MountState, dt: float
+    g: SteeringGeometry,
+    stiffness: float,
+    backlash: float,
+    torque: float,
+    grip: float,
+    drag: float,
+    joint_rate: float,
+    x: MountState,
+    dt: float,
 ):
-    """Mount after ``dt``: I ẇ = τ_oil − T(x, ẋ), ẋ = w − θ̇, with I of both cylinders' moving mass.
+    """Mount after ``dt``: I ẇ = τ − T(x, ẋ), ẋ = w − θ̇, with I of both cylinders' moving mass.
 
-    Linearly implicit in the spring, so that any ``stiffness`` is stable and a great one gives the rigid joint; the oil's
-    stiffness on the moving mass (below 600 Hz) is resolved by the substep. The seals' friction stays with the joint.
+    ``torque`` τ [N m] is that of oil, seals and ends of the stroke, and ``grip`` −∂τ/∂θ [N m/rad] and ``drag`` −∂τ/∂w
+    [N m s/rad] are how it changes as the cylinders move. Linearly implicit in these and in the spring, so that any
+    ``stiffness`` is stable and a great one gives the rigid joint; the oil's stiffness on the moving mass (below 600 Hz) is
+    resolved by the substep. The seals' deflection is left as it is.
     """
     slip = x.rate - joint_rate
     held = wp.where(wp.abs(x.deflection) < 0.5 * backlash, 0.0, dt * stiffness)  # [N m s/rad]
     inertia = MOVING_MASS * (g.lever_left * g.lever_left + g.lever_right * g.lever_right)
-    push = oil_torque - mount_torque(stiffness, backlash, x.deflection, slip) - held * slip
+    push = torque - mount_torque(stiffness, backlash, x.deflection, slip) - held * slip - dt * grip * x.rate
     out = MountState()
-    out.rate = x.rate + dt * push / (inertia + (dt + LOSS_TIME) * held)
+    out.rate = x.rate + dt * push / (inertia + (dt + LOSS_TIME) * held + dt * (dt * grip + drag))
     out.deflection = x.deflection + dt * (out.rate - joint_rate)
+    out.seals = x.seals
     return out
