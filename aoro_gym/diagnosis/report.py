@@ -478,7 +478,7 @@ def _causes_html(diagnosis: Diagnosis, effects: Mapping[str, Effect]) -> str:
     text = []
     if diagnosis.declared_set:
         names = listed([title([name]) for name in diagnosis.declared_set])
-        text.append(f"The least set of effects that holds the truth with 95 %: {names}.")
+        text.append(f"The least set of effects that should hold the truth: {names}.")
     if diagnosis.alike:
         pairs = [f"{title([one])} and {title([other])}" for one, other in diagnosis.alike]
         text.append(f"The data cannot tell apart: {'; '.join(pairs)}.")

@@ -189,7 +189,7 @@ class Diagnosis:
         boundaries: Parts of the machine, the one that contradicts its boundary most first; none without ports' pressures.
         components: Probability that a cause lies in a component, largest first.
         causes: Best first; probabilities add up to one over all hypotheses, of which unlikely ones are left out.
-        declared_set: Ids of the effects in the least set of hypotheses that holds the truth with 95 %.
+        declared_set: Ids of the effects in the least set of hypotheses that should hold the truth.
         fit_test_p: Probability of residuals as large as those that the first cause leaves, if it is right.
         shrinkage: By manoeuvre and signal, fitted and held out.
         controls: Median S of held-out manoeuvres for the cause, a wrong cause of the same freedom, a black box.
