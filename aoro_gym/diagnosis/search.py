@@ -257,7 +257,8 @@ def _launch(searches: Sequence[Search]) -> None:
         return
     batch = [search.variants() for search in searches]
     linear = searches[0].linear
-    white = linear.problem.residuals(linear.whiteners, batch)
+    asked = [one for one in batch if one.count]  # none of a search that no direction is worth a slope
+    white = linear.problem.residuals(linear.whiteners, asked) if asked else np.empty((len(linear.residual), 0))
     ends = np.cumsum([one.count for one in batch])
     for search, mine in zip(searches, np.split(white, ends[:-1], axis=1), strict=True):
         search.learn(mine)
