@@ -21,13 +21,11 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag, cho_factor, cho_solve, solve_triangular
 
 from aoro_gym.diagnosis.axes import PRIOR_INFORMATION, Shift, volume
-from aoro_gym.diagnosis.noise import Floats, ModelError
+from aoro_gym.diagnosis.noise import EXACT, Floats, ModelError
 from aoro_gym.diagnosis.problem import Problem
 
 PARTNERS = 12
 """Effects, the likeliest, of which one at least is in every pair that is screened."""
-QUIET = ModelError(rate=0.0, pressure=0.0)
-"""No error of the twin: there is noise alone."""
 DEPENDENT = 1e-9
 """Ratio of singular values below which moves of nuisances count as dependent."""
 
@@ -276,7 +274,7 @@ class Linear:
     def noise(self) -> Floats:
         """Mean square (D,) that noise alone has in a block once it was whitened, tr(L⁻¹ N L⁻ᵀ) / n."""
         parts = []
-        for w, quiet in zip(self.whiteners, self.problem.held(QUIET), strict=True):
+        for w, quiet in zip(self.whiteners, self.problem.held(EXACT), strict=True):
             white = solve_triangular(w.factor, quiet.factor, lower=True, check_finite=False)
             parts.append(np.full(len(white), np.sum(white**2) / len(white)))
         return np.concatenate(parts)

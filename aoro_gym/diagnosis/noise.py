@@ -74,6 +74,10 @@ class ModelError:
         return self.scaled(max(factor, 1.0) if self.rough else factor)
 
 
+EXACT = ModelError(rate=0.0, pressure=0.0)
+"""Of who knows the machine's laws: there is noise alone."""
+
+
 @dataclass(frozen=True)
 class Noise:
     """Autocovariance [SI²] of one channel's noise, from lag 0 on."""

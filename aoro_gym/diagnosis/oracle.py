@@ -35,7 +35,7 @@ from scipy.linalg import cholesky, solve_triangular, toeplitz
 from scipy.stats import chi2
 
 from aoro_gym.diagnosis.arrival import bounce
-from aoro_gym.diagnosis.noise import Floats, ModelError, Noise, noise_of
+from aoro_gym.diagnosis.noise import EXACT, Floats, Noise, noise_of
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem, on_clock_of
 from aoro_gym.diagnosis.recording import Recording
@@ -46,8 +46,6 @@ from aoro_gym.twin import Machine
 
 SIGNIFICANCE = 0.01
 """Probability of rejecting "nothing" where nothing is."""
-EXACT = ModelError(rate=0.0, pressure=0.0)
-"""Of who knows the machine's laws."""
 STARTS = 2
 """Decimals of the joint angle [rad] at which twins start, so that cases share J: it changes λ by a few per cent at most,
 and hardly a case lies that close to the threshold."""

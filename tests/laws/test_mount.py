@@ -46,32 +46,13 @@ def run_kernel(
     steps: wp.array(dtype=int),
     end: wp.array(dtype=MountState),
 ):
-    """Steps under constant oil torque and joint rate."""
-    i = wp.tid()
-    x = start[i]
-    for _ in range(steps[i]):
-        x = mount_step(g[i], stiffness[i], backlash[i], oil_torque[i], grip[i], drag[i], joint_rate[i], x, dt[i])
-    end[i] = x
-
-
-@wp.kernel(enable_backward=False)
-def held_kernel(
-    g: wp.array(dtype=SteeringGeometry),
-    stiffness: wp.array(dtype=float),
-    oil_torque: wp.array(dtype=float),
-    grip: wp.array(dtype=float),
-    drag: wp.array(dtype=float),
-    start: wp.array(dtype=MountState),
-    dt: wp.array(dtype=float),
-    steps: wp.array(dtype=int),
-    end: wp.array(dtype=MountState),
-):
-    """Steps of cylinders that a spring and a damper hold, of a joint that stands still."""
+    """Steps under constant oil torque and joint rate, of cylinders that a spring ``grip`` and a damper ``drag`` hold where
+    the joint stands still."""
     i = wp.tid()
     x = start[i]
     for _ in range(steps[i]):
         torque = oil_torque[i] - grip[i] * x.deflection - drag[i] * x.rate
-        x = mount_step(g[i], stiffness[i], 0.0, torque, grip[i], drag[i], 0.0, x, dt[i])
+        x = mount_step(g[i], stiffness[i], backlash[i], torque, grip[i], drag[i], joint_rate[i], x, dt[i])
     end[i] = x
 
 
@@ -151,7 +132,7 @@ def test_what_holds_the_cylinders_slows_them_as_the_continuous_law():
     exact = solve_ivp(rate, (0.0, span), [1e-4, 0.0], method="LSODA", rtol=1e-11, atol=1e-14).y[:, -1]
     errors = []
     for steps in (800, 1600):
-        end = launch(held_kernel, LEVERS, stiffness, torque, grip, drag, at(1e-4), span / steps, steps)
+        end = launch(run_kernel, LEVERS, stiffness, 0.0, torque, grip, drag, 0.0, at(1e-4), span / steps, steps)
         errors.append(np.array([end.deflection, end.rate]) - exact)
     np.testing.assert_allclose(errors[0] / errors[1], 2.0, rtol=0.15)
 
@@ -159,6 +140,6 @@ def test_what_holds_the_cylinders_slows_them_as_the_continuous_law():
 def test_the_hardest_stop_is_stable_at_any_step():
     """It bends with the mount, x = τ / (k + s)."""
     for dt in (1e-5, 1e-4, 1e-3):
-        end = launch(held_kernel, LEVERS, 2e6, 2e4, 1e8, 1e4, at(1e-4), dt, int(0.5 / dt))
+        end = launch(run_kernel, LEVERS, 2e6, 0.0, 2e4, 1e8, 1e4, 0.0, at(1e-4), dt, int(0.5 / dt))
         assert end.deflection == pytest.approx(2e4 / (2e6 + 1e8), rel=1e-3)
         assert end.rate == pytest.approx(0.0, abs=1e-4)

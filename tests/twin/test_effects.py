@@ -547,3 +547,23 @@ def test_stops_end_the_cylinders_stroke(shipped: Machine):
     assert np.all(np.abs(pushed) > 100e5)
     assert abs(bent[1]) < 2e-3
     np.testing.assert_allclose(angle[1], angle[0], atol=2e-3)
+
+
+def test_a_mount_is_bent_from_the_start_by_what_it_bears(shipped: Machine):
+    """On a slope a soft frame with play stands as still as a rigid one, within 0.05 mrad; from an unbent mount it falls
+    through most of half the play."""
+    play = 0.006
+    soft = EFFECTS["frame_compliance"].apply(shipped, np.array([0.0, 5e-7]))
+    machine = EFFECTS["joint_backlash"].apply(soft, np.array([0.0, play]))
+    moved = []
+    for bent in (1.0, 0.0):
+        twin = Twin(2, machine=machine, terrain=Plane(slope_deg=5.0))
+        twin.reset(joint_angle=np.full(2, 0.3))
+        state = twin.state.numpy()
+        state[State.MOUNT] *= bent
+        twin.state.assign(state)
+        trace = twin.step({}, 0.7, sample_every=0.01)
+        assert trace is not None
+        moved.append(np.abs(trace["joint_angle"] - 0.3).max(axis=0))
+    assert np.all(moved[0] < 5e-5)
+    assert moved[1][1] > 0.25 * play
