@@ -179,7 +179,8 @@ class Case:
 
     def runs(self) -> dict[str, list[Run]]:
         """Runs by purpose, one a trial each: ``healthy`` and ``logs``, which the user gets, and of the later day without
-        noise ``with`` and ``without`` the deviation, where there is one."""
+        noise ``with`` and ``without`` the deviation, where there is one, and ``without ID`` with the other one alone, where
+        there are two."""
         effects = {one.id: one.magnitude if EFFECTS[one.id].parts else one.magnitude[0] for one in self.hidden}
         runs: dict[str, list[Run]] = {}
         if self.healthy is not None:
@@ -188,6 +189,9 @@ class Case:
         if self.hidden:
             runs["with"] = self._runs(self.later, effects, noise=EXACT)
             runs["without"] = self._runs(self.later, {}, noise=EXACT)
+        for name in effects if len(effects) > 1 else ():
+            others = {other: magnitude for other, magnitude in effects.items() if other != name}
+            runs[f"without {name}"] = self._runs(self.later, others, noise=EXACT)
         return runs
 
     def _runs(

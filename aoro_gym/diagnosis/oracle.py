@@ -17,6 +17,9 @@ the clock of the log's arrival at a stop, without the bounce off it (:mod:`.arri
 what the twin's lack makes nothing undetectable. As λ is the least over the uncertain parameters of a sum of squares, another
 log never takes from it: logs are asked in turn, the shortest first, until "nothing" is rejected.
 
+*Detectable, each*, of two effects. Δ of one is what the plant does with both less what it does with the other alone. How
+strong the other is, is not known: its own Δ joins J, and nothing is known of its size.
+
 *Shrinkage.* S = 1 − (MS(y − Δ − x) − σ²) / (MS(y − x) − σ²) of a log y, with mean squares MS and x what is expected without
 the deviation: the healthy machine's log of the same commands where there is one (whose noise σ² then holds, too), else what
 the given twin does. The oracle takes away the very deviation, and is left with what another day, or the twin's laws, do.
@@ -59,16 +62,22 @@ class Oracle:
         noise: λ over all logs and signals, were the machine known to the last parameter.
         evidence: λ beside what another day, or another calibration, can do, over as many logs as it takes to reject
             "nothing", or over all.
+        each: The same of either of two effects beside the other, by id.
         shrinkage: S by log and signal, where the deviation is visible in that one alone, and S is above 0.
     """
 
     noise: float
     evidence: float
     shrinkage: Mapping[tuple[str, str], float]
+    each: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def detectable(self) -> bool:
         return is_detectable(self.evidence)
+
+    @property
+    def each_detectable(self) -> bool:
+        return self.detectable and all(map(is_detectable, self.each.values()))
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, for :meth:`of`."""
@@ -77,7 +86,8 @@ class Oracle:
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> Oracle:
         """The oracle of :meth:`as_dict`."""
-        return cls(data["noise"], data["evidence"], {(log, signal): S for log, signal, S in data["shrinkage"]})
+        shrinkage = {(log, signal): S for log, signal, S in data["shrinkage"]}
+        return cls(data["noise"], data["evidence"], shrinkage, data["each"])
 
 
 def is_detectable(evidence: float) -> bool:
@@ -103,7 +113,7 @@ def beside(whole: Floats, precision: Floats) -> float:
     """λ of the first of the shifts whose information is ``whole`` (1 + k, 1 + k) beside the others, whose sizes have the
     ``precision`` (k, k)."""
     cross = whole[1:, 0]
-    absorbed = cross @ np.linalg.solve(precision + whole[1:, 1:], cross)
+    absorbed = cross @ np.linalg.lstsq(precision + whole[1:, 1:], cross)[0]  # what does nothing at all takes nothing
     return float(max(whole[0, 0] - absorbed, 0.0))
 
 
@@ -152,13 +162,21 @@ def consult(place: Path, exact: Path, channels: Sequence[str], *, twins: Twins |
     logs = [_as_written(path, channels) for path in sorted((place / "logs").glob("*.csv"))]
     healthy = {path.stem: _as_written(path, channels) for path in sorted((place / "healthy").glob("*.csv"))}
     with np.load(exact) as arrays:
-        signals = [
-            {
-                channel: np.stack([arrays[f"{log.name}/{channel}/{which}"] for which in ("with", "without")], axis=1)
-                for channel in channels
-            }
-            for log in logs
-        ]
+        purposes = dict.fromkeys(name.rpartition("/")[2] for name in arrays.files)
+
+        def exactly(*purposes: str) -> list[Signals]:
+            """Signals (F, n) by log and channel."""
+            return [
+                {c: np.stack([arrays[f"{log.name}/{c}/{one}"] for one in purposes], axis=1) for c in channels}
+                for log in logs
+            ]
+
+        signals = exactly("with", "without")
+        parts = {one.removeprefix("without "): one for one in purposes if one.startswith("without ")}
+        of_each = {
+            name: exactly("with", part, *(other for other in parts.values() if other != part))
+            for name, part in parts.items()
+        }
     deviations = {
         (log.name, channel): values[:, 0].astype(np.float64) - values[:, 1]
         for log, shown in zip(logs, signals, strict=True)
@@ -183,8 +201,11 @@ def consult(place: Path, exact: Path, channels: Sequence[str], *, twins: Twins |
         for channel in channels
         if (log.name, channel) in visible
     }
-    evidence = _beside_calibration(place, bool(healthy), logs, signals, noises, twins)
-    return Oracle(float(sum(alone.values())), evidence, {key: S for key, S in shrinkage.items() if S > 0.0})
+    evidence, *each = (
+        _beside_calibration(place, bool(healthy), logs, shown, noises, twins) for shown in (signals, *of_each.values())
+    )
+    visible_shrinkage = {key: S for key, S in shrinkage.items() if S > 0.0}
+    return Oracle(float(sum(alone.values())), evidence, visible_shrinkage, dict(zip(of_each, each, strict=True)))
 
 
 def _beside_calibration(
@@ -195,22 +216,26 @@ def _beside_calibration(
     noises: Mapping[str, Noise],
     twins: Twins,
 ) -> float:
-    """λ (:func:`beside`) of the first less the second of two machines' ``signals`` (F, 2) by log."""
+    """λ (:func:`beside`) of the first less the second of some machines' ``signals`` (F, 2 + n) by log, also beside the first
+    less each of the others, of whose size nothing is known."""
     file = place / "machine.toml"
     spread = "day" if commissioned else "range"
     machine = Nuisances(Machine.load(file), spread)
     problem = Problem(logs, machine, {}, error=EXACT, noise=noises)
     points, steps = problem.neighbours(problem.centre)
     variants = problem.at(np.vstack([problem.centre, points]))
-    precision = problem.precision[: len(steps), : len(steps)]
-    whole, evidence = np.zeros((1 + len(steps), 1 + len(steps))), 0.0
+    others = next(iter(signals[0].values())).shape[1] - 2
+    precision = np.pad(problem.precision[: len(steps), : len(steps)], (0, others))
+    whole, evidence = np.zeros((1 + len(precision), 1 + len(precision))), 0.0
     for index in sorted(range(len(logs)), key=lambda index: logs[index].ticks):
         log, arrival = logs[index], problem.arrivals[index]
         (around,) = twins.around(file.read_bytes(), spread, variants, [log])
         read, known = (on_clock_of(log, arrival, each)[0] for each in (signals[index], around))
         for channel, values in read.items():
             slopes = np.nan_to_num(known[channel][:, 1:] - known[channel][:, :1]) / steps
-            shifts = np.column_stack([values[:, 0] - values[:, 1], slopes]).astype(np.float64)
+            shifts = np.column_stack([values[:, 0] - values[:, 1], slopes, values[:, :1] - values[:, 2:]]).astype(
+                np.float64
+            )
             if channel != "joint_angle":
                 shifts[bounce(arrival)] = 0.0
             whole += information(shifts, noises[channel])

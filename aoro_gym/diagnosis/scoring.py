@@ -78,6 +78,10 @@ class Case:
         return self.oracle is not None and self.oracle.detectable
 
     @property
+    def each_detectable(self) -> bool:
+        return self.oracle is not None and self.oracle.each_detectable
+
+    @property
     def first(self) -> Mapping[str, Any]:
         """The first cause."""
         return next(iter(self.diagnosis.get("causes", ())), {"effects": [], "probability": 0.0})
@@ -124,6 +128,7 @@ class Figure:
         values: Of a case; none if it does not belong.
         bounds: By sensors, the least and largest value that is asked of the standard suite; none if nothing is.
         detectable: Whether only cases with a detectable deviation are judged.
+        each: Whether a deviation is detectable only if each of its effects is.
         good: The value of a share that is no failure.
     """
 
@@ -133,6 +138,7 @@ class Figure:
     values: Callable[[Case], Sequence[float]]
     bounds: Mapping[str, tuple[float, float]]
     detectable: bool = False
+    each: bool = False
     good: float = 1.0
 
 
@@ -231,7 +237,7 @@ FIGURES: tuple[Figure, ...] = (
     Figure("declared_size", "one effect: size of the declared set", "mean", _declared_size, _at_most(3.0, 1.5)),
     Figure(
         "pairs_both", "two effects: both are named", "share",
-        _of(("pair",), lambda case: bool(case.named) and case.right, failed=False), _at_least(0.65, 0.85),
+        _of(("pair",), lambda case: bool(case.named) and case.right, failed=False), _at_least(0.65, 0.85), each=True,
     ),
     Figure(
         "pairs_one", "two effects: at least one is named", "share",
@@ -382,7 +388,9 @@ class Score:
                     "effects": {name: dict(one) for name, one in case.truth.items()},
                     "evidence": case.oracle and case.oracle.evidence,
                     "evidence_in_noise": case.oracle and case.oracle.noise,
+                    "evidence_of_each": case.oracle and dict(case.oracle.each),
                     "detectable": case.detectable,
+                    "each_detectable": case.each_detectable,
                     "verdict": case.verdict,
                     "first_cause": list(case.first["effects"]),
                     "probability": case.first["probability"],
@@ -444,7 +452,7 @@ def _outcome(figure: Figure, cases: Sequence[Case], sensors: str) -> Outcome:
     return Outcome(
         figure,
         all=over(cases),
-        detectable=over(case for case in cases if case.detectable),
+        detectable=over(case for case in cases if (case.each_detectable if figure.each else case.detectable)),
         levels={level: over(c for c in judged if c.level == level) for level in sorted({c.level for c in judged})},
         effects={
             effect: over(c for c in judged if effect in c.truth)

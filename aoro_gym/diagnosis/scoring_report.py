@@ -196,7 +196,8 @@ def _markdown(score: Score) -> str:
         + ("" if about["blind"] else ", **not blind** (their seed was given)")
         + ". Figures with 95 % intervals (shares: Wilson; others: bootstrap over cases) and, in brackets, how many values "
         "they are of. What is asked holds for the standard suite of commissioned machines. A deviation is detectable where "
-        'an oracle that knows it rejects "nothing", in whose stead another day may do all it can, at p < 0.01.\n'
+        'an oracle that knows it rejects "nothing", in whose stead another day may do all it can, at p < 0.01; where both '
+        "of two effects are asked for, only if each is, beside the other at any strength.\n"
     )
     if about["classes"]:
         head += f"\nCounted as one: {'; '.join(', '.join(one) for one in about['classes'])}.\n"

@@ -151,7 +151,8 @@ def open_seal(folder: Path, answers: Path) -> dict[str, Any]:
 
 def exact_folder(answers: Path) -> Path:
     """Folder beside ``answers`` with ``NNN.npz`` for every case that has a deviation: arrays ``LOG/CHANNEL/with`` and
-    ``LOG/CHANNEL/without`` it, SI, at the log's ticks, on sensors without noise."""
+    ``LOG/CHANNEL/without`` it, of two effects ``LOG/CHANNEL/without ID``, too, SI, at the log's ticks, on sensors without
+    noise."""
     return answers.with_name(f"{answers.stem}.exact")
 
 
@@ -229,8 +230,9 @@ def _write_exact(path: Path, case: Case, found: Mapping[str, Sequence[Recorded]]
         return
     arrays = {
         f"{trial.name}/{channel}/{purpose}": log.channels[channel].astype(np.float32)
-        for purpose in ("with", "without")
-        for trial, log in zip(case.trials, found[purpose], strict=True)
+        for purpose, logs in found.items()
+        if purpose not in ("healthy", "logs")
+        for trial, log in zip(case.trials, logs, strict=True)
         for channel in SENSORS[sensors]
     }
     path.parent.mkdir(parents=True, exist_ok=True)

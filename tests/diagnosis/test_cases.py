@@ -198,11 +198,14 @@ def test_oracles_get_what_they_need(sealed):
     most = sum(size for *_, size in (*noise.angle_orders, *noise.angle_lines))
     most += 5.0 * noise.angle_white + np.pi / 2**noise.angle_bits  # of 39 samples: beyond five sigma once in 4e4 draws
     told = {path.stem for path in exact_folder(folder / "answers.json").iterdir()}
-    assert told == {name for name, answer in answers["cases"].items() if answer["effects"]}
+    answer_of = {name: answer["effects"] for name, answer in answers["cases"].items()}
+    assert told == {name for name, effects in answer_of.items() if effects}
     for name in told:
         arrays = np.load(exact_folder(folder / "answers.json") / f"{name}.npz")
         table = read_table(folder / "check" / "cases" / name / "logs" / "jerk.csv")
-        assert len(arrays.files) == 2 * 2 * len(SENSORS["full"])
+        alone = [f"without {effect}" for effect in answer_of[name]] if len(answer_of[name]) > 1 else []
+        assert {key.rpartition("/")[2] for key in arrays.files} == {"with", "without", *alone}
+        assert len(arrays.files) == 2 * (2 + len(alone)) * len(SENSORS["full"])
         with_, without = (arrays[f"jerk/joint_angle/{which}"] for which in ("with", "without"))
         assert with_.shape == without.shape == table["joint_angle_rad"].shape
         assert np.abs(with_ - table["joint_angle_rad"]).max() < most

@@ -143,6 +143,26 @@ def test_what_another_day_can_do_instead_is_not_detectable(tmp_path, size, seen)
     assert oracle.detectable == seen
 
 
+@pytest.mark.parametrize(("later", "seen"), [(0, False), (40, True)])
+def test_of_two_effects_each_is_seen_beside_the_other_at_any_strength(tmp_path, later, seen):
+    """Two bumps of one shape, the second ``later`` samples on: at the same place either could be all there is."""
+    place, exact = tmp_path / "case", tmp_path / "exact.npz"
+    write_case(place, exact, 0.05, seed=5)
+    with np.load(exact) as arrays:
+        both = dict(arrays)
+    for key in [key for key in both if key.endswith("/without")]:
+        log, healthy = key.removesuffix("/without"), both[key]
+        one, other = deviation(0.05), np.roll(deviation(0.05), later)
+        both[f"{log}/with"] = healthy + one + other
+        both[f"{log}/without one"], both[f"{log}/without other"] = healthy + other, healthy + one
+    np.savez(exact, **both)
+    oracle = consult(place, exact, ["joint_angle"])
+    assert oracle.detectable
+    assert list(oracle.each) == ["one", "other"]
+    assert oracle.each_detectable == seen
+    assert all((oracle.each[name] > 6.64) == seen for name in oracle.each)
+
+
 def test_without_a_healthy_day_the_twin_is_what_is_expected(tmp_path):
     """Logs of the twin itself, plus the deviation: the oracle leaves nothing."""
     place = tmp_path / "case"

@@ -64,6 +64,17 @@ def values(figure: str, *case, classes=()) -> list[float]:
     return list(next(one for one in FIGURES if one.id == figure).values(only))
 
 
+def test_both_of_two_effects_are_asked_for_where_each_is_seen():
+    """Whether there is anything at all is another question, which all other figures ask."""
+    weak = Oracle(900.0, 400.0, {}, {"spool_lag": 300.0, "spool_rate": 2.0})
+    strong = Oracle(900.0, 400.0, {}, {"spool_lag": 300.0, "spool_rate": 80.0})
+    named = says("cause", "spool_rate", "spool_lag")
+    result = scored(("pair", LAG | RATE, says("cause", "spool_lag"), weak), ("pair", LAG | RATE, named, strong))
+    both, one = (result.outcomes[name] for name in ("pairs_both", "pairs_one"))
+    assert (both.all.value, both.all.count, both.detectable.value, both.detectable.count) == (0.5, 2, 1.0, 1)
+    assert (one.detectable.value, one.detectable.count) == (1.0, 2)
+
+
 NO_GAP, CALIBRATION = says("no_gap"), says("calibration", "calibration")
 UNKNOWN, INCONCLUSIVE = says("unknown", "unknown"), says("inconclusive", "spool_lag")
 
