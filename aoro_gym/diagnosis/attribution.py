@@ -25,7 +25,7 @@ from aoro_gym.diagnosis.linear import Hypothesis, Linear, Misfit
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.problem import Problem, Progress
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN
-from aoro_gym.diagnosis.search import ALL, ROUGH, Search, alone, refine, trade
+from aoro_gym.diagnosis.search import ALL, EASED, ROUGH, Search, alone, firmer, refine, trade
 
 DIRECTIONS = 12, 24
 """Of the nuisances in which a hypothesis takes slopes of its own: at first, and later."""
@@ -49,7 +49,7 @@ MOST = 8
 FINALISTS = 4
 """Of them, those that take all slopes anew."""
 FAR = (0.15, 0.5, 0.85)
-"""Shares of the way to an end of a range where searches begin once all others have failed."""
+"""Shares of the way to an end of a range where searches begin once all others have failed, and those of a partner."""
 CHANCE = 25.0
 """Log odds behind the best beyond which a hypothesis has none."""
 SOFT = 3.0
@@ -132,11 +132,12 @@ def attribute(
     """All hypotheses of a learned problem with their probabilities, the likeliest first, and the linear model that they
     were found with."""
     linear = Linear(problem, problem.error)
-    soft = Linear(problem, problem.error.scaled(SOFT))
+    soft, eased = (Linear(problem, problem.error.scaled(factor)) for factor in (SOFT, EASED))
     prior = log_priors(problem.axes)
     other = other_calibration(problem)
     searches: dict[tuple[str, ...], Search] = {(): Search(linear, (), directions=ALL)}
     few, many = DIRECTIONS
+    anew: set[tuple[str, ...]] = set()
 
     def after(effects: Iterable[tuple[str, ...]], rounds: int, directions: int, share: float) -> list[Hypothesis]:
         """Hypotheses after some more rounds, the likeliest first; nothing and other calibration come along."""
@@ -158,15 +159,31 @@ def attribute(
         return new
 
     def paired(leaders: Sequence[Hypothesis], share: float) -> None:
-        """Pairs of leaders and what goes best with them."""
+        """Pairs of leaders and what goes best with them: from where the leader has come to, and from the beginning, as what
+        calibration did in a partner's stead is in the way of both."""
         found: dict[tuple[str, ...], Search] = {}
+        begun: list[Search] = []
         for leader in leaders:
             for effects, places in linear.partners(leader)[:PARTNERS]:
                 if effects not in searches and effects not in found:
                     starts = [places, _together(searches, leader, effects)]
                     found[effects] = Search(linear, effects, starts, leader)
-        new = begin(found.values())
+                    starts += _beside(problem.axes, leader, effects)
+                    begun.append(Search(eased, effects, starts, directions=few))
+        refine(begun, 1)
+        both = [*found.values(), *firmer(begun, linear)]
+        refine(both, 0)
+        new = begin(both)
         after([h.effects for h in after(new, 1, few, share)[:PAIRS]], 2, many, share + 0.05)
+
+    def descend(found: Sequence[Hypothesis], share: float) -> None:
+        """Each of what was ``found``, once, from the beginning: another way down may end lower."""
+        new = [Search(eased, h.effects, [h.places], directions=ALL) for h in found if h.effects not in anew]
+        anew.update(one.effects for one in new)
+        refine(new, 1, lambda s, x: progress(s, share + 0.02 * x))
+        new = firmer(new, linear)
+        refine(new, 1, lambda s, x: progress(s, share + 0.02 + 0.02 * x))
+        begin(new)
 
     def weighed() -> list[Hypothesis]:
         return [one.weighed() for one in searches.values() if np.isfinite(one.cost)]
@@ -177,20 +194,13 @@ def attribute(
         chosen = [h.effects for h in likely if h.probability > likely[0].probability * np.exp(-CHANCE)]
         parts = [(name,) for effects in chosen for name in effects]  # one of a pair may be all that there is
         after([*chosen, *parts], 2, many, share)
-        last = [h.effects for h in weigh(weighed(), prior, trust) if h.effects and h.refined]
-        after(last[:FINALISTS], 2, ALL, share + 0.05)
+        last = [h for h in weigh(weighed(), prior, trust) if h.effects and h.refined][:FINALISTS]
+        descend(last, share + 0.05)
+        after([h.effects for h in last], 2, ALL, share + 0.1)
         calibration = [_calibration(other, linear, trust.temperature)] if np.isfinite(other.cost) else []
         return weigh([*weighed(), *calibration], prior, trust)
 
-    def firmer(found: Sequence[Search], under: Linear) -> list[Search]:
-        """Searches ``under`` a smaller error that go on from where others came under a larger one."""
-        new = [
-            Search(under, one.effects, [tuple(map(float, one.point[1]))], directions=one.directions) for one in found
-        ]
-        for one, donor in zip(new, found, strict=True):
-            one.offered([donor])
-        return new
-
+    searches[()].offered([alone(problem, 1)])
     first = [Search(soft, (name,), places) for name, places in soft.starts(VALLEYS).items()]
     first += [Search(soft, (name,), [start]) for name, axes in problem.axes.items() for start in _around(axes, HALFWAY)]
     refine(first, 1, lambda s, x: progress(s, 0.05 * x))
@@ -200,11 +210,12 @@ def attribute(
     refine(rivals, 1, lambda s, x: progress(s, 0.05 + 0.05 * x))
     new = begin(rivals)
     likely = after([h.effects for h in after(new, 0, few, 0.1)[:SINGLES]], 2, many, 0.15)
-    paired(likely[:LEADERS], 0.3)
+    descend(likely[:LEADERS], 0.25)
+    paired(_likeliest(searches[h.effects].weighed() for h in likely)[:LEADERS], 0.3)
     evidence = {h.effects: h.log_evidence for h in weighed()}
     if max(evidence.values()) > evidence[()] + CHANCE:
         progress("looking for another calibration", 0.5)
-        trade([alone(other.linear.problem, ROUGH)], other)  # what parts the two may be far off
+        trade([alone(other.linear.problem, 1)], other)  # what parts the two may be far off
     found = contend(0.5)
     if found[0].effects == (UNKNOWN,):
         progress("looking farther off", 0.7)
@@ -235,6 +246,18 @@ def _together(
     """Places of a pair: the leader's, and the other effect's where it was found best alone."""
     of = {name: searches[name,].point[1] for name in effects} | dict.fromkeys(leader.effects, np.array(leader.places))
     return tuple(float(place) for name in effects for place in of[name])
+
+
+def _beside(
+    axes: Mapping[str, Sequence[Axis]], leader: Hypothesis, effects: tuple[str, ...]
+) -> list[tuple[float, ...]]:
+    """Places of a pair: the leader's, and the other effect's :data:`FAR` from none."""
+    (other,) = set(effects) - set(leader.effects)
+    of = dict.fromkeys(leader.effects, leader.places)
+    return [
+        tuple(place for name in effects for place in (start if name == other else of[name]))
+        for start in _around(axes[other], FAR)
+    ]
 
 
 def _rivals(searches: Iterable[Search]) -> list[Search]:

@@ -18,11 +18,14 @@ from aoro_gym.diagnosis.replay import Variants
 
 SETTLED = 0.5
 """Change of the whitened squares by which a search ends."""
-SETTLE = 5
-"""Rounds of a stage of the fit of nuisances alone."""
+SETTLE = 3
+"""Rounds of a stage of the fit of nuisances alone, under the twin's own error."""
 ROUGH = ModelError(rate=0.03, pressure=0.5, swing=1.0, phase=0.5, rough=True)
 """Error under which a fit far from its end begins: the joint's course counts and no oscillation, on whose every period a fit
 of them would stop."""
+EASED = 10.0
+"""Factor on the twin's own error under which it goes on: the smaller the error, the narrower and the more bent the valley
+that leads to the best fit, and the less a step along it gains."""
 DAMPING = (0.0, 10.0, 1e2, 1e3, 1e4, 1e6)
 """Of the steps that are tried together, in prior precisions (Levenberg 1944, Marquardt 1963): what moves the prediction by
 many noise lengths goes on, what hardly moves it stays, and a curved valley is followed."""
@@ -32,6 +35,11 @@ LEAST = 1e-6
 """Precision of a place: keeps it where nothing tells."""
 AXIS_STEP = 0.01
 """Finite-difference step of places."""
+CHORDS = 2
+"""Steps that follow one another on the slopes of one point, as each also tells how these change (Broyden 1965), where there
+are so many slopes that steps cost far less."""
+MANY = 8 * len(DAMPING)
+"""Directions of slopes along which steps follow one another."""
 SHORTENED = 0.3
 """Share of a step along a direction that must be left within the ranges."""
 TRADED = 4
@@ -65,13 +73,14 @@ class Search:
         self.effects = effects
         self.directions = directions
         self.tangent = linear.tangent if leader is None or leader.tangent is None else leader.tangent
-        first = linear.problem.centre if leader is None or leader.tangent is None else leader.nuisances
+        centre = linear.problem.centre
+        firsts = [centre] if leader is None or leader.tangent is None else [leader.nuisances, centre]
         self._tried: list[tuple[Floats, Floats]] = []
         self._offers: list[tuple[Floats, Floats, Tangent]] = []  # what others found, with the tangent there
         for places in starts:
             z = np.array(places, dtype=np.float64)
             left = self._expected(z, leader)
-            self._tried += [(u, z) for u in (*self.tangent.steps(left, FIRST, first), first)]
+            self._tried += [(u, z) for u in (*self.tangent.steps(left, FIRST, firsts[0]), *firsts)]
         self.point = self._tried[0]
         """Best nuisances and places so far."""
         self.cost = np.inf
@@ -80,8 +89,10 @@ class Search:
         self.slopes: Floats = np.zeros((len(linear.residual), len(self.point[1])))
         """Whitened (D, axes), by the places."""
         self.done = False
-        self._trying = True
+        self.trying = True
+        """Whether steps are next, not slopes."""
         self._learned = -1  # directions of the slopes that were taken at ``point``
+        self._chords = 0  # steps since then
 
     def _expected(self, z: Floats, leader: Hypothesis | None) -> Floats:
         """Residual (D,) that is left to the nuisances where effects do what they do around the centre."""
@@ -98,7 +109,7 @@ class Search:
     def resume(self) -> None:
         """Go on, if there is more to be learned."""
         self.done &= self._learned >= self.directions
-        self._trying = self._learned >= self.directions or not np.isfinite(self.cost)
+        self.trying = self._learned >= self.directions or not np.isfinite(self.cost)
 
     def offered(self, donors: Sequence[Search]) -> None:
         """Try what others found next: their nuisances, with the places of what both have. What a donor that is a part of
@@ -136,7 +147,7 @@ class Search:
         if self._offers:
             points, places, _ = zip(*self._offers, strict=True)
             points, places = np.stack(points), np.stack(places)
-        elif self._trying:
+        elif self.trying:
             points, places = map(np.stack, zip(*self._tried, strict=True))
         else:
             u, z = self.point
@@ -171,14 +182,20 @@ class Search:
             if gain > SETTLED:
                 self.tangent = offers[best][2]
                 self._go(offers[best][:2], white[:, best])
-        elif self._trying:
+        elif self.trying:
             best, gain = self._compared(self._tried, white, lost)
+            known = self._learned >= self.directions
             if gain > 0.0:
+                before = self.point, self.residual
                 self._go(self._tried[best], white[:, best])
-                self.done = gain < SETTLED
+                self.done = known and gain < SETTLED
+                if SETTLED <= gain < np.inf and self._chords < CHORDS and self.directions >= MANY:
+                    self._chords += 1
+                    self._bend(*before)
+                    self.trying = self._step() > SETTLED
             else:
-                self.done = self._learned >= self.directions or not np.isfinite(self.cost)
-                self._trying = False
+                self.done = known or not np.isfinite(self.cost)
+                self.trying = False
         else:
             u, z = self.point
             changes = (self.residual + linear.own @ u[len(linear.problem.felt) :])[:, None] - white
@@ -186,8 +203,21 @@ class Search:
             known = ~lost[len(z) :]
             if np.any(known):
                 self.tangent = self.tangent.updated(self._moves[known], changes[:, len(z) :][:, known])
-            self._learned, self._trying = self.directions, True
+            self._learned, self.trying, self._chords = self.directions, True, 0
             self.done = self._step() < SETTLED
+
+    def _bend(self, before: tuple[Floats, Floats], residual: Floats) -> None:
+        """Change slopes by what a step from the point ``before``, with its ``residual`` (D,), has done beside what they
+        promised: that of the nuisances as a share of the whole, both measured by their priors."""
+        moved, along = self.point[0] - before[0], self.point[1] - before[1]
+        promised = self.tangent.moved(moved)
+        missed = residual - self.residual - promised - self.slopes @ along
+        of_nuisances, of_places = moved @ self.tangent.precision @ moved, PRIOR_INFORMATION * along @ along
+        if of_nuisances > 0.0:
+            share = of_nuisances / (of_nuisances + of_places)
+            self.tangent = self.tangent.updated(moved[None], (promised + share * missed)[:, None])
+        if of_places > 0.0:
+            self.slopes = self.slopes + np.outer(missed, PRIOR_INFORMATION * along / (of_nuisances + of_places))
 
     def _left(self, white: Floats, nuisances: Floats) -> Floats:
         """Residual (D,) less the recordings' own part."""
@@ -205,7 +235,7 @@ class Search:
         self.residual = self._left(white, point[0])
         self.cost = self._cost(self.residual, point[0])
         self._learned = -1
-        self._trying = self.done = False
+        self.trying = self.done = False
 
     def _cost(self, left: Floats, nuisances: Floats) -> float:
         return float(left @ left + nuisances @ self.tangent.precision @ nuisances)
@@ -247,9 +277,11 @@ def refine(searches: Sequence[Search], rounds: int, progress: Progress = lambda 
     for search in searches:
         search.resume()
     _launch([search for search in searches if not np.isfinite(search.cost)])
-    for step in range(2 * rounds):
-        progress("refining", step / (2 * rounds))
-        _launch([search for search in searches if not search.done])
+    for step in range(rounds):
+        progress("refining", step / rounds)
+        _launch([search for search in searches if not (search.done or search.trying)])
+        for _ in range(1 + CHORDS):
+            _launch([search for search in searches if not search.done and search.trying])
 
 
 def _launch(searches: Sequence[Search]) -> None:
@@ -282,12 +314,26 @@ def trade(searches: Sequence[Search], wider: Search | None = None) -> None:
     _launch(trading)
 
 
-def alone(problem: Problem, error: ModelError) -> Search:
-    """The fit of the nuisances alone, around the centre of a learned problem, under an ``error`` of the twin: its own, or
-    :data:`ROUGH`."""
-    found = Search(Linear(problem, error, effects=False), (), directions=ALL)
-    refine([found], SETTLE)
-    return found
+def firmer(found: Sequence[Search], under: Linear) -> list[Search]:
+    """Searches ``under`` a smaller error that go on from where others came under a larger one."""
+    new = [Search(under, one.effects, [tuple(map(float, one.point[1]))], directions=one.directions) for one in found]
+    for one, donor in zip(new, found, strict=True):
+        one.offered([donor])
+    return new
+
+
+def alone(problem: Problem, rounds: int) -> Search:
+    """The fit of the nuisances alone, around the centre of a learned problem: under :data:`ROUGH`, then an eased and last,
+    so many ``rounds``, its own error."""
+    rough, eased, own = (
+        Linear(problem, error, effects=False) for error in (ROUGH, problem.error.scaled(EASED), problem.error)
+    )
+    found = [Search(rough, (), directions=ALL)]
+    refine(found, 1)
+    for linear, count in ((eased, 1), (own, rounds)):
+        found = firmer(found, linear)
+        refine(found, count)
+    return found[0]
 
 
 def settle(problem: Problem, stages: int, progress: Progress = lambda sentence, share: None) -> Tangent:
@@ -305,7 +351,7 @@ def settle(problem: Problem, stages: int, progress: Progress = lambda sentence, 
     for stage in range(stages):
         progress("fitting uncertain parameters", stage / stages)
         problem.learn(effects=False)
-        search = alone(problem, problem.error)
+        search = alone(problem, SETTLE)
         problem.hold_to(search.point[0])
         tangent = search.tangent
     assert tangent is not None

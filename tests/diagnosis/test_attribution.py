@@ -31,7 +31,7 @@ from aoro_gym.diagnosis.problem import Problem, references_of
 from aoro_gym.diagnosis.recording import Recording
 from aoro_gym.diagnosis.replay import Variants
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN
-from aoro_gym.diagnosis.search import ALL, ROUGH, SETTLED, Search, alone, refine, settle, trade
+from aoro_gym.diagnosis.search import ALL, SETTLE, SETTLED, Search, alone, refine, settle, trade
 from aoro_gym.twin import Machine
 from aoro_gym.twin.effects import EFFECTS
 from tests.diagnosis.manoeuvres import blank, record, turn
@@ -314,7 +314,7 @@ def test_a_rough_fit_steps_over_periods_of_a_sway():
     linear = Linear(world, world.error, effects=False)
     stuck, told = (Search(linear, (), directions=ALL) for _ in range(2))
     refine([stuck, told], 4)
-    found = alone(world, ROUGH)
+    found = alone(world, SETTLE)
     trade([found], told)
     refine([told], 4)
     first = int(np.flatnonzero(world.felt == 0)[0])
@@ -323,6 +323,33 @@ def test_a_rough_fit_steps_over_periods_of_a_sway():
     for one in (found, told):
         assert one.point[0][first] == pytest.approx(3.0 / (1.0 + variance), abs=0.05)
     assert told.cost < 0.1 * stuck.cost
+
+
+class BentWorld(LinearWorld):
+    """The pressure follows the square of what it would follow, so that slopes change along the way."""
+
+    def shown(self, variants: Sequence[Any]) -> Iterator[tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]]:
+        for signals, stops in super().shown(variants):
+            yield signals | {"pressure_a": signals["pressure_a"] + signals["pressure_a"] ** 2 / 3e5}, stops
+
+
+def test_slopes_bend_to_what_a_step_has_done():
+    """The secant condition (Broyden 1965): along the step, changed slopes promise what it did."""
+    world = BentWorld(
+        np.random.default_rng(6), nuisances=(0.5, -1.0, 0.3), places=(0.4, 0.0), error=ModelError(0.0, 0.0)
+    )
+    world.learn()
+    search = Search(Linear(world, world.error), NAMES[:1], [(0.9,)], directions=ALL)
+    refine([search], 0)
+    search.resume()
+    search.learn(world.residuals(search.linear.whiteners, [search.variants()]))  # slopes
+    before, residual, slopes = search.point, search.residual, search.slopes
+    search.learn(world.residuals(search.linear.whiteners, [search.variants()]))  # steps
+    moved, along = (after - one for after, one in zip(search.point, before, strict=True))
+    assert np.any(moved != 0.0) and np.any(along != 0.0)
+    promised = search.tangent.moved(moved) + search.slopes @ along
+    np.testing.assert_allclose(promised, residual - search.residual, rtol=1e-9, atol=1e-9 * np.abs(promised).max())
+    assert np.linalg.norm(search.slopes - slopes) > 1e-3 * np.linalg.norm(slopes)
 
 
 def test_a_machine_that_is_lost_is_no_way():
