@@ -144,7 +144,7 @@ def attribute(
         those = [searches[e] for e in dict.fromkeys(effects) if e]
         for one in those:
             one.directions = max(one.directions, directions)
-        refine([*those, searches[()], other], rounds, lambda s, x: progress(s, share + 0.1 * x))
+        refine([*those, searches[()], other], rounds, lambda s, x: progress(s, share + 0.05 * x))
         trade([*those, searches[()]], other)
         return _likeliest(one.weighed() for one in those if np.isfinite(one.cost))
 
@@ -210,29 +210,29 @@ def attribute(
     refine(rivals, 1, lambda s, x: progress(s, 0.05 + 0.05 * x))
     new = begin(rivals)
     likely = after([h.effects for h in after(new, 0, few, 0.1)[:SINGLES]], 2, many, 0.15)
-    descend(likely[:LEADERS], 0.25)
-    paired(_likeliest(searches[h.effects].weighed() for h in likely)[:LEADERS], 0.3)
+    descend(likely[:LEADERS], 0.2)
+    paired(_likeliest(searches[h.effects].weighed() for h in likely)[:LEADERS], 0.25)
     evidence = {h.effects: h.log_evidence for h in weighed()}
     if max(evidence.values()) > evidence[()] + CHANCE:
-        progress("looking for another calibration", 0.5)
+        progress("looking for another calibration", 0.35)
         trade([alone(other.linear.problem, 1)], other)  # what parts the two may be far off
-    found = contend(0.5)
+    found = contend(0.4)
     if found[0].effects == (UNKNOWN,):
-        progress("looking farther off", 0.7)
+        progress("looking farther off", 0.6)
         rough = Linear(problem, ROUGH)
         far = [Search(rough, (name,), [start]) for name, axes in problem.axes.items() for start in _around(axes, FAR)]
         refine(far, 0)
         far = sorted((one for one in far if np.isfinite(one.cost)), key=lambda one: one.cost)[:SINGLES]
         for one in far:
             one.directions = many
-        refine(far, 2, lambda s, x: progress(s, 0.7 + 0.05 * x))
+        refine(far, 2, lambda s, x: progress(s, 0.6 + 0.05 * x))
         far = firmer(far, soft)
-        refine(far, 1, lambda s, x: progress(s, 0.75 + 0.02 * x))
+        refine(far, 1, lambda s, x: progress(s, 0.65 + 0.02 * x))
         far = firmer(far, linear)
-        refine(far, 2, lambda s, x: progress(s, 0.77 + 0.03 * x))
+        refine(far, 2, lambda s, x: progress(s, 0.67 + 0.03 * x))
         new = begin(far)
-        paired(_likeliest(searches[e].weighed() for e in new)[:1], 0.8)
-        found = contend(0.9)
+        paired(_likeliest(searches[e].weighed() for e in new)[:1], 0.7)
+        found = contend(0.85)
     return found, linear
 
 

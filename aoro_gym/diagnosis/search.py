@@ -184,17 +184,17 @@ class Search:
                 self._go(offers[best][:2], white[:, best])
         elif self.trying:
             best, gain = self._compared(self._tried, white, lost)
-            known = self._learned >= self.directions
+            fresh = self._learned >= self.directions
             if gain > 0.0:
                 before = self.point, self.residual
                 self._go(self._tried[best], white[:, best])
-                self.done = known and gain < SETTLED
+                self.done = fresh and gain < SETTLED
                 if SETTLED <= gain < np.inf and self._chords < CHORDS and self.directions >= MANY:
                     self._chords += 1
                     self._bend(*before)
                     self.trying = self._step() > SETTLED
             else:
-                self.done = known or not np.isfinite(self.cost)
+                self.done = fresh or not np.isfinite(self.cost)
                 self.trying = False
         else:
             u, z = self.point
