@@ -77,6 +77,9 @@ FIRST = 10
 """Samples within which a twin finds to what is measured at rest."""
 TAIL = 200
 """Ticks after which the leash has forgotten: 40/ω₀."""
+OUTWEIGHED = 0.05
+"""Share of the likeliest component's probability below which one is not to blame, whatever its part contradicts: a wrong
+angle, or laws that differ, contradict as well."""
 ROUNDING = 1e-6
 """Share of the largest variance that is added to all, so that a covariance has a factor."""
 
@@ -108,12 +111,14 @@ def boundaries(problem: Problem, healthy: Sequence[Recording] = ()) -> tuple[Bou
 
 def guilty(parts: Sequence[Boundary], components: Mapping[str, float]) -> str:
     """The component that is to blame: the likeliest of ``components`` that lies in a part which contradicts its boundary;
-    the likeliest of all where none does, where no cause lies there, or where that is the sensor, which contradicts all."""
+    the likeliest of all where none does, where what lies there is :data:`OUTWEIGHED`, or where that is the sensor, which
+    contradicts all."""
     likeliest = next(iter(components), "")
     suspected = {name for one in parts if one.contradicts for name in one.components}
     if likeliest == "sensor":
         return likeliest
-    return next((name for name in components if name in suspected), likeliest)
+    least = OUTWEIGHED * components.get(likeliest, 0.0)
+    return next((name for name, share in components.items() if name in suspected and share >= least), likeliest)
 
 
 def _tested(part: str, error: float, logs: Sequence[Led], sound: Sequence[Led], root: Floats) -> Boundary:

@@ -232,5 +232,7 @@ def test_blame():
     assert guilty((part("mechanics", 1e-9), part("circuit", 0.02)), likely) == "joint"
     assert guilty((part("mechanics", 1e-9), part("circuit", 1e-6)), likely) == "valve"
     assert guilty((part("mechanics", 1e-9),), {"valve": 0.6}) == "valve"
+    assert guilty((part("mechanics", 1e-9),), {"valve": 0.9, "joint": 0.001}) == "valve"  # outweighed
+    assert guilty((part("mechanics", 1e-9),), {"valve": 0.002, "joint": 0.001}) == "joint"  # where the cause is unknown
     assert guilty((part("mechanics", 1e-9),), {"sensor": 0.6, "joint": 0.4}) == "sensor"
     assert guilty((part("mechanics", 1e-9),), {}) == ""
