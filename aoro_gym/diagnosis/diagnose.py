@@ -18,6 +18,7 @@ import numpy as np
 from aoro_gym.diagnosis.attribution import attribute, fit_p, trust_of, without
 from aoro_gym.diagnosis.boundaries import boundaries, guilty
 from aoro_gym.diagnosis.credible import credible
+from aoro_gym.diagnosis.cross_entropy import explore
 from aoro_gym.diagnosis.experiments import next_experiments
 from aoro_gym.diagnosis.figures import key_figures
 from aoro_gym.diagnosis.findings import (
@@ -177,11 +178,12 @@ def _commissioned(
 ) -> tuple[Machine, Floats, dict[str, Any]]:
     """What ``healthy`` logs say: the twin that was fitted to them, the covariance of what they leave open, and the noise,
     the references and the misfit that a :class:`Problem` of later logs takes."""
-    fit = Problem(healthy, Nuisances(given, "commissioning"), {}, sound=True, **of)
-    settle(fit, 1, lambda s, share: progress(s, 0.5 * share))
+    fit = Problem(healthy, Nuisances(given.with_unsaid(), "commissioning"), {}, sound=True, **of)
+    fit.hold_to(explore(fit, lambda s, share: progress(s, 0.3 * share)))
+    settle(fit, 1, lambda s, share: progress(s, 0.3 + 0.35 * share))
     noise = fit.louder()
     fit.be_found(misfit := fit.misfits())
-    tangent = settle(fit, STAGES - 1, lambda s, share: progress(s, 0.5 + 0.5 * share))
+    tangent = settle(fit, STAGES - 1, lambda s, share: progress(s, 0.65 + 0.35 * share))
     found = {"noise": noise, "references": references_of(fit), "misfit": misfit}
     return fit.machine, fit.uncertain(tangent.covariance), found
 

@@ -17,6 +17,7 @@ import numpy as np
 from aoro_gym.calibration.space import Space
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.twin import Machine
+from aoro_gym.twin.parameters import UNSAID
 
 SPREADS: Mapping[str, float] = {"day": 0.02, "commissioning": 0.10, "recalibration": 0.25, "range": 0.5}
 """Half of what holds 95 % of a parameter, as a share of its range."""
@@ -45,6 +46,10 @@ class Nuisances:
         self.machine = machine
         self.space = Space(machine, [entry.key for entry in entries])
         half = np.array([SPREADS[spread] * (entry.range[1] - entry.range[0]) for entry in entries])
+        if spread == "commissioning":  # nobody has calibrated what files do not say
+            for index, entry in enumerate(entries):
+                if entry.key in UNSAID:
+                    half[index] = SPREADS["range"] * (entry.range[1] - entry.range[0])
         if spread in ("day", "recalibration"):
             for index, entry in enumerate(entries):
                 if entry.role == "both":

@@ -35,6 +35,13 @@ from aoro_gym.twin.sections import (
     Wheel,
 )
 
+UNSAID: Mapping[str, tuple[float, tuple[float, float]]] = {
+    "oil.gas_fraction": (0.005, (0.0, 0.02)),  # S18: 0.5 %
+    "tire.scrub_radius": (0.05, (0.0, 0.1)),  # E: 2/3 of the radius of a patch
+    "tire.scrub_angle": (0.125, (0.05, 0.2)),  # E
+}
+"""What data sheets leave out though every real machine has it, in the file's units: a usual value, and the range."""
+
 
 @dataclass(frozen=True, eq=False)
 class Machine:
@@ -119,6 +126,22 @@ class Machine:
             si=True,
             source="C: the calibrated machine stands level on its tires, arms at rest",
         )
+
+    def with_unsaid(self) -> "Machine":
+        """Machine that has, and may have more or less of, what its file leaves out (:data:`UNSAID`): for a fit to its logs.
+
+        A fit that cannot put air into the oil makes oil and hoses softer at all pressures instead; one whose tires stand on
+        a point has joint and seals rub for them.
+        """
+        entries = dict(self.entries)
+        for key, (usual, reach) in UNSAID.items():
+            entry = self._entry(key)
+            if entry.role in ("effect", "fixed"):
+                value = usual if entry.role == "fixed" or not np.any(entry.value) else entry.value
+                entries[key] = replace(
+                    entry, value=value, range=reach, source="E: usual; data sheets do not say", role="both"
+                )
+        return self._build(self.name, entries, self.entries)
 
     def variant(self, index: int) -> "Machine":
         """One machine out of a batched one."""

@@ -9,16 +9,17 @@ from scipy.stats import norm
 from typer.testing import CliRunner
 
 from aoro_gym.cli import app
-from aoro_gym.diagnosis.diagnose import _common, diagnose
+from aoro_gym.diagnosis.diagnose import ERROR, _commissioned, _common, _noise, diagnose
 from aoro_gym.diagnosis.findings import LAWS, declared_of, verdict_of
 from aoro_gym.diagnosis.linear import Hypothesis
+from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.recording import TICK
-from aoro_gym.diagnosis.replay import Variants
+from aoro_gym.diagnosis.replay import Simulator, Variants
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, VERDICTS
 from aoro_gym.log import write_log
 from aoro_gym.twin import Machine
 from aoro_gym.twin.effects import EFFECTS
-from tests.diagnosis.manoeuvres import blank, record, turn
+from tests.diagnosis.manoeuvres import FULL, blank, record, turn
 
 CANDIDATES = {name: EFFECTS[name] for name in ("spool_lag", "joint_friction", "sensor_gain")}
 LAG = 0.03
@@ -86,6 +87,24 @@ def test_only_signals_that_all_logs_have_are_compared():
     angle = replace(angle, channels={"joint_angle": angle.channels["joint_angle"]})
     assert _common([whole, whole]) == tuple(whole.channels)
     assert _common([whole, angle]) == ("joint_angle",)
+
+
+def test_healthy_logs_tell_what_data_sheets_leave_out():
+    """Air in the oil and tires that stand on patches: what the fit finds lies within four standard deviations of what it
+    leaves open, which is a small part of what was open before."""
+    truth = {"oil.gas_fraction": 0.002, "tire.scrub_radius": 0.05}
+    machine = Machine.load("aoro")
+    blanks = [blank("left", turn(0.8, 2.2), -0.3), blank("right", turn(-0.6, 2.0), 0.3)]
+    healthy = record(Variants(machine.set(truth)), blanks, np.random.default_rng(3))
+    of = {"error": ERROR, "noise": _noise(healthy, FULL), "simulator": Simulator()}
+    twin, uncertain, _ = _commissioned(healthy, machine, of, lambda sentence, share: None)
+    before, after = Nuisances(machine.with_unsaid(), "commissioning"), Nuisances(twin, "day", uncertain)
+    assert before.keys == after.keys
+    for key, value in truth.items():
+        k = after.keys.index(key)
+        missed = abs(twin.entries[key].value - value) / np.diff(twin.entries[key].range).item()
+        assert missed < 4.0 * after.std[k], key
+        assert after.std[k] < 0.5 * before.std[k], key
 
 
 def of(*pairs: tuple[tuple[str, ...], float]) -> list[Hypothesis]:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from aoro_gym.twin.machine_file import ROLES, bundled_machines
-from aoro_gym.twin.parameters import DECLARATIONS, Machine
+from aoro_gym.twin.parameters import DECLARATIONS, UNSAID, Machine
 from aoro_gym.twin.quantities import UNITS
 
 BUNDLED = files("aoro_gym").joinpath("machines", "aoro_datasheet.toml").read_text(encoding="utf-8")
@@ -201,6 +201,20 @@ def test_linked_fields_follow(machine: Machine) -> None:
     changed = machine.set({"joint.range": 38.0, "arm.swing": 27.0})
     assert changed.steering.cylinder.linkage.half_range == changed.joint.range == pytest.approx(np.radians(38.0))
     assert changed.arm.cylinder.linkage.half_range == changed.arm.swing == pytest.approx(np.radians(27.0))
+
+
+def test_what_data_sheets_leave_out_is_usual_and_uncertain(machine: Machine) -> None:
+    found = machine.with_unsaid()
+    assert found.oil.gas_fraction == 0.005 and found.tire.scrub_radius == 0.05
+    for key, entry in found.entries.items():
+        if key in UNSAID:
+            assert entry.role == "both" and entry.range[0] == 0.0 < entry.value < entry.range[1]
+        else:
+            assert entry is machine.entries[key]
+    own = machine.set({"oil.gas_fraction": 0.008}).with_unsaid()
+    assert own.oil.gas_fraction == 0.008, "what a file does say stays"
+    again = own.set({"oil.gas_fraction": 0.0}).with_unsaid()
+    assert again.oil.gas_fraction == 0.0, "a fit may have found none"
 
 
 def test_scale_multiplies(machine: Machine) -> None:
