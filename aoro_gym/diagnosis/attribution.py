@@ -21,6 +21,7 @@ from scipy.special import logsumexp
 from scipy.stats import chi2, expon, norm
 
 from aoro_gym.diagnosis.axes import Axis
+from aoro_gym.diagnosis.cross_entropy import Population, evolve
 from aoro_gym.diagnosis.linear import Hypothesis, Linear, Misfit
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.problem import Problem, Progress
@@ -50,6 +51,9 @@ FINALISTS = 4
 """Of them, those that take all slopes anew."""
 FAR = (0.15, 0.5, 0.85)
 """Shares of the way to an end of a range where searches begin once all others have failed, and those of a partner."""
+ROAMING, CROWD, ROUNDS = 3, 48, 8
+"""Once all have failed: of the likeliest hypotheses of one effect and of two, those that a population of so many machines
+goes on from, and its generations."""
 CHANCE = 25.0
 """Log odds behind the best beyond which a hypothesis has none."""
 SOFT = 3.0
@@ -101,7 +105,7 @@ TRUST: Mapping[str, Trust] = {
     "angle": Trust(4.7, 0.0045, {"angle": Fit(0.785, 0.785, 0.07)}, {"angle": 0.2}, declared=0.98),
     "pressure": Trust(
         1.4, 0.004, {"angle": Fit(0.92, 0.1, 0.17), "pressure": Fit(0.66, 0.14, 0.22)}, {"angle": 0.2, "pressure": 0.85},
-        declared=0.9, sharpness=0.75,
+        declared=0.85, sharpness=0.75,
     ),
     "day-one": Trust(
         1.4, 0.008, {"angle": Fit(0.89, 0.89, 0.25), "pressure": Fit(0.31, 0.31, 0.44)}, {"angle": 0.165, "pressure": 1.0},
@@ -185,6 +189,27 @@ def attribute(
         refine(new, 1, lambda s, x: progress(s, share + 0.02 + 0.02 * x))
         begin(new)
 
+    def roam(found: Sequence[Hypothesis], share: float) -> None:
+        """The likeliest causes, and other calibration, from where populations come to."""
+        singles, pairs = ([h.effects for h in found if h.effects in searches and len(h.effects) == n] for n in (1, 2))
+        crowds = [Population(problem, e, searches[e].point, CROWD) for e in [*singles[:ROAMING], *pairs[:ROAMING]]]
+        evolve(crowds, ROUNDS, lambda s, x: progress(s, share + 0.04 * x))
+        wide = Population(other.linear.problem, start=other.point)
+        evolve([wide], progress=lambda s, x: progress(s, share + 0.04 + 0.02 * x))
+
+        def settled(ends: Sequence[Population], rough: Linear, last: Linear) -> list[Search]:
+            new = [Search(rough, one.effects, [tuple(one.best[1])], directions=ALL) for one in ends]
+            for search, one in zip(new, ends, strict=True):
+                search.begin_at(*one.best)
+            refine(new, 1)
+            new = firmer(new, last)
+            refine(new, 1)
+            return new
+
+        begin(settled(crowds, eased, linear))
+        alike = other.linear.problem
+        trade(settled([wide], Linear(alike, alike.error.scaled(EASED)), other.linear), other)
+
     def weighed() -> list[Hypothesis]:
         return [one.weighed() for one in searches.values() if np.isfinite(one.cost)]
 
@@ -218,21 +243,25 @@ def attribute(
         trade([alone(other.linear.problem, 1)], other)  # what parts the two may be far off
     found = contend(0.4)
     if found[0].effects == (UNKNOWN,):
-        progress("looking farther off", 0.6)
+        roam(found, 0.6)
+        paired(_likeliest(h for h in weighed() if len(h.effects) == 1)[:1], 0.7)
+        found = contend(0.72)
+    if found[0].effects == (UNKNOWN,):
+        progress("looking farther off", 0.8)
         rough = Linear(problem, ROUGH)
         far = [Search(rough, (name,), [start]) for name, axes in problem.axes.items() for start in _around(axes, FAR)]
         refine(far, 0)
         far = sorted((one for one in far if np.isfinite(one.cost)), key=lambda one: one.cost)[:SINGLES]
         for one in far:
             one.directions = many
-        refine(far, 2, lambda s, x: progress(s, 0.6 + 0.05 * x))
+        refine(far, 2, lambda s, x: progress(s, 0.8 + 0.02 * x))
         far = firmer(far, soft)
-        refine(far, 1, lambda s, x: progress(s, 0.65 + 0.02 * x))
+        refine(far, 1, lambda s, x: progress(s, 0.82 + 0.01 * x))
         far = firmer(far, linear)
-        refine(far, 2, lambda s, x: progress(s, 0.67 + 0.03 * x))
+        refine(far, 2, lambda s, x: progress(s, 0.83 + 0.02 * x))
         new = begin(far)
-        paired(_likeliest(searches[e].weighed() for e in new)[:1], 0.7)
-        found = contend(0.85)
+        paired(_likeliest(searches[e].weighed() for e in new)[:1], 0.86)
+        found = contend(0.9)
     return found, linear
 
 

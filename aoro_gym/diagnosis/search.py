@@ -106,6 +106,10 @@ class Search:
             column += count
         return left
 
+    def begin_at(self, nuisances: Floats, places: Floats) -> None:
+        """Begin with this point alone."""
+        self._tried = [(nuisances, places)]
+
     def resume(self) -> None:
         """Go on, if there is more to be learned."""
         self.done &= self._learned >= self.directions

@@ -24,6 +24,7 @@ from aoro_gym.diagnosis.attribution import (
     without,
 )
 from aoro_gym.diagnosis.axes import PRIOR_INFORMATION, Axis, axes_of
+from aoro_gym.diagnosis.cross_entropy import Population, evolve
 from aoro_gym.diagnosis.linear import Hypothesis, Linear, Misfit
 from aoro_gym.diagnosis.noise import MERGED, Floats, ModelError, Noise
 from aoro_gym.diagnosis.nuisances import Nuisances
@@ -99,6 +100,17 @@ class LinearWorld(Problem):
         predicted = self.base[:, None] + self.directions @ np.concatenate([one.whole for one in variants]).T
         channels: dict[str, NDArray[Any]] = {"joint_angle": predicted[:COUNT], "pressure_a": predicted[COUNT:]}
         yield channels, np.zeros(predicted.shape[1], dtype=bool)
+
+
+@pytest.mark.parametrize("effects", [NAMES[:1], NAMES], ids="+".join)
+def test_populations_come_to_the_places_of_effects(effects):
+    """From a few spreads off, to where slopes take over: a tenth of the range of effects that are tens of noises long."""
+    truth = [0.8, 0.6 * (len(effects) - 1)]
+    world = LinearWorld(np.random.default_rng(8), places=truth, error=ModelError(0.0, 0.0))
+    start = np.zeros(len(world.centre)), np.array([0.5, 0.3])[: len(effects)]
+    population = Population(world, effects, start)
+    evolve([population, Population(world, size=16)])
+    np.testing.assert_allclose(population.best[1], truth[: len(effects)], atol=0.1)
 
 
 MEAN = np.kron(np.eye(2 * COUNT // MERGED), np.full((1, MERGED), 1.0 / MERGED))

@@ -1,10 +1,15 @@
 """The valley that a population finds, in a world whose sway is a sine of known frequency."""
 
 import numpy as np
+import pytest
 
-from aoro_gym.diagnosis.cross_entropy import explore, misfit
+from aoro_gym.diagnosis.cross_entropy import SPREAD, Population, evolve, misfit, unexplained_sway
+from aoro_gym.diagnosis.noise import ModelError
+from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem
 from tests.diagnosis.synthetic import MACHINE, STD, problem_of
+
+DAY = Nuisances(MACHINE, "day")
 
 SECONDS, FREQUENCY, HEIGHT = 5.0, 20.0, 20e5
 TIME = np.arange(0.0, SECONDS + 0.005, 0.01)
@@ -38,10 +43,46 @@ def test_a_population_crosses_what_slopes_stop_at(monkeypatch):
     truth = problem.at(line[-1:]).machine
     pressure = swaying(truth)[:, 0] + rng.normal(0.0, STD["pressure_a"], len(TIME))
     problem.recordings[0].channels["pressure_a"][:] = pressure
-    along = misfit(problem, line)
+    along = misfit(problem, problem.simulate([problem.at(line)]))
     assert np.argmin(along) == 30 and along[1:20].max() > along[0]
 
-    found = explore(problem)
+    population = Population(problem)
+    evolve([population])
+    found, places = population.best
+    assert not places.size
     stiffness = problem.at(found[None]).machine.value(KEY) / truth.value(KEY)
     assert abs(np.sqrt(stiffness) - 1.0) < 1e-3
-    assert misfit(problem, found[None]) < along[0]
+
+
+def test_nuisances_are_drawn_by_their_correlated_prior():
+    """Covariance of a first generation of 20,000: of a normal's, an entry scatters by √2 / √20,000 = 0.01 of SPREAD² at
+    most, of which five standard deviations are allowed over some thousand entries."""
+    root = 0.03 * np.random.default_rng(2).standard_normal((len(DAY.keys), 3))
+    problem = Problem(
+        problem_of({"turn": {"joint_angle": TIME, "pressure_a": TIME}}).recordings,
+        Nuisances(MACHINE, "day", root @ root.T), {}, error=ModelError(0.0, 0.0),
+    )  # fmt: skip
+    asked = []
+    problem.at = lambda points, effects, places: asked.append(points)  # type: ignore[method-assign,assignment]
+    Population(problem, size=20_001).variants()
+    drawn = asked[0][1:, : len(DAY.keys)]
+    inside = 5.0 * SPREAD * problem.nuisances.std < np.minimum(DAY.place, 1.0 - DAY.place)  # no draw leaves their range
+    assert inside.sum() > 5
+    expected = SPREAD**2 * problem.nuisances.correlation[np.ix_(inside, inside)]
+    np.testing.assert_allclose(np.cov(drawn[:, inside].T), expected, atol=0.05 * SPREAD**2)
+    assert np.ptp(asked[0][:, len(DAY.keys) :]) == 0.0, "a recording's own stay"
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_unexplained_sway_is_the_share_of_its_power(share):
+    """A twin whose sway is (1 − √share) of the machine's leaves that share; noise is neither's."""
+    rng = np.random.default_rng(4)
+    wave = swaying(MACHINE)[:, 0] - 50e5
+    channels = {
+        "joint_angle": rng.normal(0.0, STD["joint_angle"], len(TIME)),
+        "pressure_a": 50e5 + 1e5 * TIME + wave + rng.normal(0.0, STD["pressure_a"], len(TIME)),
+    }
+    problem = problem_of({"turn": channels})
+    problem.predicted = np.concatenate([0.0 * TIME, 50e5 + 1e5 * TIME + (1.0 - np.sqrt(share)) * wave])
+    # of 500 samples of noise 1/800 of the sway's power
+    assert unexplained_sway(problem) == pytest.approx(share, abs=0.005)
