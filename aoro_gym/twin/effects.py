@@ -313,6 +313,15 @@ def _back_pressure(machine: Machine, pressure: Quantity, throttle: Quantity) -> 
     }
 
 
+TIGHT = 1e-3
+"""Play [rad] below which pins still touch all round: a quarter of a millimetre at either end."""
+
+
+def _worn_pins(machine: Machine, play: Quantity, compliance: Quantity) -> Mapping[str, Quantity]:
+    """A free play, and pins that touch along a line, the less of it the wider the play, up to :data:`TIGHT`."""
+    return {"joint.backlash": play, "joint.compliance": compliance * np.clip(np.asarray(play) / TIGHT, 0.0, 1.0)}
+
+
 def _payload(machine: Machine, mass: Quantity) -> Mapping[str, Quantity]:
     """A point over the middle of the front axle joined to the front frame (parallel axes)."""
     front = machine.frame.front
@@ -702,15 +711,25 @@ EFFECTS: Mapping[str, Effect] = {
         MachineEffect(
             id="joint_backlash",
             component="joint",
-            physics="Worn pins: the cylinders cross a free play before they push the frames; the sensor sees the joint.",
+            physics="Worn pins: the cylinders cross a free play before they push the frames, through pins that give way "
+            "where they touch; the sensor sees the joint.",
             sign="+: more play",
             magnitudes=(
                 Magnitude("play", "rad", 0.0, 0.012, "E, D: pins of 0.3 to 1.5 mm, 0.3° a millimetre, both ends"),
+                Magnitude(
+                    "compliance",
+                    "rad/(N*m)",
+                    1.5e-8,
+                    1.5e-7,
+                    "E: pins of 1e8 to 1e9 N/m at 0.18 m",
+                    none=5e-8,
+                    scale="log",
+                ),
             ),
             operational=(
                 Operational("free play of the joint with the cylinders held", "rad", _parameter("joint.backlash")),
             ),
-            change=_added("joint.backlash"),
+            change=_worn_pins,
         ),
         MachineEffect(
             id="frame_compliance",

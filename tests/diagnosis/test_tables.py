@@ -38,8 +38,8 @@ from aoro_gym.validation.turns import Turn
 MACHINE = Machine.load("aoro")
 PUBLISHED = Path(str(files("aoro_gym").joinpath("validation/data/left_turn_metrics.csv")))
 CANDIDATES = {name: EFFECTS[name] for name in ("joint_backlash", "spool_lag", "sensor_filter")}
-PLAY = 0.01
-"""Of the joint [rad]."""
+PLAY, GIVE = 0.01, 5e-8
+"""Of the joint [rad], and of its pins [rad/(N m)]."""
 LEVELS = (100.0, 75.0)
 HEAD = "signal_percent,source,turn_time_s,first_peak_L_per_min"
 
@@ -212,7 +212,7 @@ def test_the_evidence_of_nothing_is_that_of_a_normal_distribution(own):
 
 
 def test_shrinkage_is_nil_of_what_changes_nothing_and_whole_of_what_is_right(own, turns):
-    gap = rows_of(Variants.of(MACHINE, [(EFFECTS["joint_backlash"], (PLAY,))], 1))
+    gap = rows_of(Variants.of(MACHINE, [(EFFECTS["joint_backlash"], (PLAY, GIVE))], 1))
     problem = Turns(gap, Nuisances(MACHINE, "range"), {})
     same = _shrinkages(problem, problem.given[:, None], held_out=True)
     assert same
@@ -265,7 +265,7 @@ def test_another_calibration_is_called_so(tmp_path):
 
 def test_a_cause_its_size_and_what_is_gone_elsewhere(tmp_path):
     """Play of the joint, fitted at one level and asked of another."""
-    shown = rows_of(Variants.of(MACHINE, [(EFFECTS["joint_backlash"], (PLAY,))], 1), levels=(75.0, 60.0, 100.0))
+    shown = rows_of(Variants.of(MACHINE, [(EFFECTS["joint_backlash"], (PLAY, GIVE))], 1), levels=(75.0, 60.0, 100.0))
     found = diagnose_rows(shown[:2], MACHINE, CANDIDATES, held_out=shown[2:], out=tmp_path)
     first = found.causes[0]
     assert first.effects == ("joint_backlash",), [(c.title, c.probability) for c in found.causes]
