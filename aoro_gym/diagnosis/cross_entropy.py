@@ -87,7 +87,7 @@ def evolve(
     progress: Progress = lambda sentence, share: None,
 ) -> None:
     """Take ``populations``, of problems with the same recordings, through so many generations, in the same launches."""
-    for generation in range(generations):
+    for generation in range(generations if populations else 0):
         progress("looking for the valley", generation / generations)
         problem = populations[0].problem
         found = misfit(problem, problem.simulate([one.variants() for one in populations]))
