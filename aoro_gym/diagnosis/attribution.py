@@ -180,14 +180,18 @@ def attribute(
         new = begin(both)
         after([h.effects for h in after(new, 1, few, share)[:PAIRS]], 2, many, share + 0.05)
 
+    def settled(new: Sequence[Search], under: Linear, share: float) -> list[Search]:
+        """Where searches under the eased error come to ``under`` a problem's own."""
+        refine(new, 1, lambda s, x: progress(s, share + 0.02 * x))
+        firm = firmer(new, under)
+        refine(firm, 1, lambda s, x: progress(s, share + 0.02 + 0.02 * x))
+        return firm
+
     def descend(found: Sequence[Hypothesis], share: float) -> None:
         """Each of what was ``found``, once, from the beginning: another way down may end lower."""
         new = [Search(eased, h.effects, [h.places], directions=ALL) for h in found if h.effects not in anew]
         anew.update(one.effects for one in new)
-        refine(new, 1, lambda s, x: progress(s, share + 0.02 * x))
-        new = firmer(new, linear)
-        refine(new, 1, lambda s, x: progress(s, share + 0.02 + 0.02 * x))
-        begin(new)
+        begin(settled(new, linear, share))
 
     def roam(found: Sequence[Hypothesis], share: float) -> None:
         """The likeliest causes, and other calibration, from where populations come to."""
@@ -197,18 +201,15 @@ def attribute(
         wide = Population(other.linear.problem, start=other.point)
         evolve([wide], progress=lambda s, x: progress(s, share + 0.04 + 0.02 * x))
 
-        def settled(ends: Sequence[Population], rough: Linear, last: Linear) -> list[Search]:
-            new = [Search(rough, one.effects, [tuple(one.best[1])], directions=ALL) for one in ends]
-            for search, one in zip(new, ends, strict=True):
-                search.begin_at(*one.best)
-            refine(new, 1)
-            new = firmer(new, last)
-            refine(new, 1)
-            return new
+        def goes_on(one: Population, under: Linear) -> Search:
+            search = Search(under, one.effects, [tuple(one.best[1])], directions=ALL)
+            search.begin_at(*one.best)
+            return search
 
-        begin(settled(crowds, eased, linear))
+        begin(settled([goes_on(one, eased) for one in crowds], linear, share + 0.06))
         alike = other.linear.problem
-        trade(settled([wide], Linear(alike, alike.error.scaled(EASED)), other.linear), other)
+        rough = Linear(alike, alike.error.scaled(EASED))
+        trade(settled([goes_on(wide, rough)], other.linear, share + 0.08), other)
 
     def weighed() -> list[Hypothesis]:
         return [one.weighed() for one in searches.values() if np.isfinite(one.cost)]

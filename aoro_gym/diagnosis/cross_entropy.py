@@ -10,10 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 from aoro_gym.diagnosis.noise import Floats
-from aoro_gym.diagnosis.problem import SWAY, ZEROS, Problem, Progress
+from aoro_gym.diagnosis.problem import SWAY, ZEROS, Problem, Progress, sway
 from aoro_gym.diagnosis.replay import Variants
 
 POPULATION, GENERATIONS = 128, 16
@@ -122,7 +121,7 @@ def unexplained_sway(problem: Problem) -> float:
         problem.blocks, problem.split(problem.left), problem.split(problem.measured), strict=True
     ):
         noise = problem.noise[name].std ** 2
-        rest, all_of_it = (float(np.mean(np.square(x - gaussian_filter1d(x, SWAY)))) for x in (residual, measured))
+        rest, all_of_it = (float(np.mean(np.square(sway(x)))) for x in (residual, measured))
         left += max(rest - noise, 0.0) / noise
         whole += all_of_it / noise
     return left / whole

@@ -17,6 +17,7 @@ import numpy as np
 from aoro_gym.calibration.space import Space
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.twin import Machine
+from aoro_gym.twin.machine_file import Parameter
 from aoro_gym.twin.parameters import UNSAID
 
 SPREADS: Mapping[str, float] = {"day": 0.02, "commissioning": 0.10, "recalibration": 0.25, "range": 0.5}
@@ -45,15 +46,15 @@ class Nuisances:
         entries = [entry for entry in machine.entries.values() if entry.role in ("nuisance", "both")]
         self.machine = machine
         self.space = Space(machine, [entry.key for entry in entries])
-        half = np.array([SPREADS[spread] * (entry.range[1] - entry.range[0]) for entry in entries])
-        if spread == "commissioning":  # nobody has calibrated what files do not say
-            for index, entry in enumerate(entries):
-                if entry.key in UNSAID:
-                    half[index] = SPREADS["range"] * (entry.range[1] - entry.range[0])
-        if spread in ("day", "recalibration"):
-            for index, entry in enumerate(entries):
-                if entry.role == "both":
-                    half[index] = float(entry.commissioned[1] - entry.commissioned[0]) / 2.0
+
+        def reach(entry: Parameter) -> float:
+            if entry.role == "both" and spread in ("day", "recalibration"):
+                return float(entry.commissioned[1] - entry.commissioned[0]) / 2.0
+            # nobody has calibrated what files do not say
+            wide = spread == "commissioning" and entry.key in UNSAID
+            return SPREADS["range" if wide else spread] * (entry.range[1] - entry.range[0])
+
+        half = np.array([reach(entry) for entry in entries])
         values = np.array([float(entry.value) for entry in entries])
         low, high = np.array([entry.range for entry in entries]).T
         self.place: Floats = self.space.point()

@@ -501,10 +501,15 @@ def on_clock_of(
     return {**signals, **clocked}, own != NEVER
 
 
+def sway(signal: Floats) -> Floats:
+    """What of a ``signal`` (F,) is not its slow course."""
+    return signal - gaussian_filter1d(signal, SWAY)
+
+
 def in_step(one: Floats, other: Floats, noise: float) -> Floats:
     """How far (F,), from 0 to 1, two signals (F,) sway alike around their slow course: their local covariance, of the larger
     variance. What is within the ``noise`` counts as alike."""
-    a, b = (signal - gaussian_filter1d(signal, SWAY) for signal in (one, other))
+    a, b = sway(one), sway(other)
     both, first, second = (gaussian_filter1d(x, SWAY) for x in (a * b, a * a, b * b))
     return np.clip((both + noise**2) / np.maximum(np.maximum(first, second), noise**2), 0.0, 1.0)
 
