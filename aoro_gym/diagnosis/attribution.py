@@ -51,6 +51,8 @@ FINALISTS = 4
 """Of them, those that take all slopes anew."""
 FAR = (0.15, 0.5, 0.85)
 """Shares of the way to an end of a range where searches begin once all others have failed, and those of a partner."""
+FARTHER = 20.0
+"""Whitened squares by which the likeliest effect must have come down for its partners to be looked for again."""
 ROAMING, CROWD, ROUNDS = 3, 48, 8
 """Once all have failed: of the likeliest hypotheses of one effect and of two, those that a population of so many machines
 goes on from, and its generations."""
@@ -142,6 +144,7 @@ def attribute(
     searches: dict[tuple[str, ...], Search] = {(): Search(linear, (), directions=ALL)}
     few, many = DIRECTIONS
     anew: set[tuple[str, ...]] = set()
+    tried: set[tuple[str, ...]] = set()
 
     def after(effects: Iterable[tuple[str, ...]], rounds: int, directions: int, share: float) -> list[Hypothesis]:
         """Hypotheses after some more rounds, the likeliest first; nothing and other calibration come along."""
@@ -165,17 +168,18 @@ def attribute(
     def paired(leaders: Sequence[Hypothesis], share: float) -> None:
         """Pairs of leaders and what goes best with them: from where the leader has come to, and from the beginning, as what
         calibration did in a partner's stead is in the way of both."""
-        found: dict[tuple[str, ...], Search] = {}
+        found: list[Search] = []
         begun: list[Search] = []
-        for leader in leaders:
-            for effects, places in linear.partners(leader)[:PARTNERS]:
-                if effects not in searches and effects not in found:
-                    starts = [places, _together(searches, leader, effects)]
-                    found[effects] = Search(linear, effects, starts, leader)
-                    starts += _beside(problem.axes, leader, effects)
+        for ahead in linear.beside(leaders):
+            for effects, places in ahead.partners()[:PARTNERS]:
+                starts = [places, _together(searches, ahead.leader, effects)]
+                found.append(Search(linear, effects, starts, ahead, directions=few))
+                if effects not in tried:
+                    tried.add(effects)
+                    starts += _beside(problem.axes, ahead.leader, effects)
                     begun.append(Search(eased, effects, starts, directions=few))
         refine(begun, 1)
-        both = [*found.values(), *firmer(begun, linear)]
+        both = [*found, *firmer(begun, linear)]
         refine(both, 0)
         new = begin(both)
         after([h.effects for h in after(new, 1, few, share)[:PAIRS]], 2, many, share + 0.05)
@@ -237,12 +241,24 @@ def attribute(
     new = begin(rivals)
     likely = after([h.effects for h in after(new, 0, few, 0.1)[:SINGLES]], 2, many, 0.15)
     descend(likely[:LEADERS], 0.2)
-    paired(_likeliest(searches[h.effects].weighed() for h in likely)[:LEADERS], 0.25)
+    # partners are looked for beside where leaders end, not on their way
+    leaders = after([h.effects for h in likely[:LEADERS]], 2, ALL, 0.22)
+    paired(leaders, 0.25)
+    known = {h.effects for h in leaders}
+    pair = next((h for h in _likeliest(weighed()) if len(h.effects) == 2), None)
+    others = [searches[name,] for name in (pair.effects if pair else ()) if (name,) not in known]
+    if others:
+        paired([one.weighed() for one in others if np.isfinite(one.cost)], 0.3)
     evidence = {h.effects: h.log_evidence for h in weighed()}
     if max(evidence.values()) > evidence[()] + CHANCE:
         progress("looking for another calibration", 0.35)
         trade([alone(other.linear.problem, 1)], other)  # what parts the two may be far off
+    costs = {h.effects: h.cost for h in leaders}
     found = contend(0.4)
+    leader = next((h for h in found if h.refined and len(h.effects) == 1), None)
+    if leader is not None and leader.cost < costs.get(leader.effects, np.inf) - FARTHER:
+        paired([leader], 0.5)
+        found = contend(0.55)
     if found[0].effects == (UNKNOWN,):
         roam(found, 0.6)
         paired(_likeliest(h for h in weighed() if len(h.effects) == 1)[:1], 0.7)

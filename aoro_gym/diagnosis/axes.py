@@ -16,6 +16,8 @@ from aoro_gym.twin.effects import Effect, Magnitude
 
 NODES = (0.05, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0)
 """Magnitudes simulated on either side of ``none``: shares of the way to the end of the range."""
+FEW_NODES = (0.1, 0.4, 1.0)
+"""The same where many effects are simulated around many machines."""
 FINE = 41
 """Places of the grid on which a search begins."""
 STEPS = 20
@@ -26,10 +28,11 @@ PRIOR_INFORMATION = 12.0
 
 @dataclass(frozen=True)
 class Axis:
-    """One magnitude of one effect, searched between 0 and 1 over its range."""
+    """One magnitude of one effect, searched between 0 and 1 over its range, and simulated at some ``shares`` of it."""
 
     effect: Effect
     index: int
+    shares: tuple[float, ...] = NODES
 
     @property
     def magnitude(self) -> Magnitude:
@@ -53,7 +56,7 @@ class Axis:
     @cached_property
     def nodes(self) -> Floats:
         """Places that are simulated; denser near ``none``."""
-        shares = np.array(NODES)
+        shares = np.array(self.shares)
         below = self.none - self.none * shares if self.none > 1e-9 else np.empty(0)
         above = self.none + (1.0 - self.none) * shares if self.none < 1.0 - 1e-9 else np.empty(0)
         return np.sort(np.concatenate([below, above]))
@@ -74,8 +77,8 @@ class Axis:
         return np.delete(basis(place, derivative), where, axis=-1)
 
 
-def axes_of(effect: Effect) -> list[Axis]:
-    return [Axis(effect, index) for index in range(len(effect.magnitudes))]
+def axes_of(effect: Effect, shares: tuple[float, ...] = NODES) -> list[Axis]:
+    return [Axis(effect, index, shares) for index in range(len(effect.magnitudes))]
 
 
 class Shift:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, cho_factor, cho_solve, solve_triangular
 
-from aoro_gym.diagnosis.axes import PRIOR_INFORMATION, Shift, volume
+from aoro_gym.diagnosis.axes import FEW_NODES, PRIOR_INFORMATION, Axis, Shift, axes_of, volume
 from aoro_gym.diagnosis.noise import EXACT, Floats, ModelError
 from aoro_gym.diagnosis.problem import Problem
 
@@ -296,18 +296,7 @@ class Linear:
         ]
 
     def _together(self, product: Callable[[Floats], Floats], target: Floats) -> Callable[[tuple[str, ...]], Shift]:
-        """Cost of what effects do, by their names, to a ``target`` (D,): columnsᵀ M columns is their ``product``."""
-        flat = [(name, axis) for name, axes in self.problem.axes.items() for axis in axes]
-        everything = np.concatenate([target[:, None], *(self.shifts[n, a.index] for n, a in flat)], axis=1)
-        gram = product(everything)
-        starts = np.cumsum([1, *(len(axis.nodes) for _, axis in flat)])
-
-        def part(effects: tuple[str, ...]) -> Shift:
-            mine = [i for name in effects for i, (other, _) in enumerate(flat) if other == name]
-            columns = np.concatenate([np.arange(starts[i], starts[i + 1]) for i in mine])
-            return Shift([flat[i][1] for i in mine], gram[np.ix_(columns, columns)], gram[columns, 0])
-
-        return part
+        return _together(self.problem.axes, self.shifts, product, target)
 
     def starts(self, most: int) -> dict[str, list[tuple[float, ...]]]:
         """Places from which to search for every effect: up to ``most`` valleys each of where nuisances follow at once, and
@@ -345,21 +334,88 @@ class Linear:
                 found[pair] = screened(pair, sum((found[(name,)].places for name in pair), ()))
         return found
 
-    def partners(self, found: Hypothesis) -> list[tuple[tuple[str, ...], tuple[float, ...]]]:
-        """Pairs of a refined hypothesis of one effect and another, with the places that suit them, the likeliest first: what
-        the other does is taken from around the centre, all else from around the fit."""
-        assert found.tangent is not None
-        axes = self.problem.axes
-        tangent = found.tangent.beside(found.slopes, PRIOR_INFORMATION)
-        target = found.left + found.tangent.moved(found.nuisances)
-        together = self._together(lambda x: tangent.projected(x, x), target)
-        pairs = []
-        for name in axes:
-            if name in found.effects:
+    def beside(self, leaders: Sequence[Hypothesis]) -> list[Beside]:
+        """What every other effect does beside each of several refined hypotheses of one effect, all simulated together."""
+        problem = self.problem
+        of = [
+            {name: axes_of(effect, FEW_NODES) for name, effect in problem.effects.items() if name not in h.effects}
+            for h in leaders
+        ]
+        nodes = [problem.at_nodes(axes, h.nuisances, h.effects, h.places) for h, axes in zip(leaders, of, strict=True)]
+        asked = [one for mine in nodes for one in mine.values()]
+        if not asked:
+            return []
+        white = problem.residuals(self.whiteners, asked)
+        ends = np.cumsum([one.count for one in asked])
+        parts = iter(np.split(white, ends[:-1], axis=1))
+        found = []
+        for h, axes, mine in zip(leaders, of, nodes, strict=True):
+            here = (h.left + self.own @ h.nuisances[len(problem.felt) :])[:, None]
+            found.append(Beside(h, tuple(problem.axes), axes, {key: np.nan_to_num(here - next(parts)) for key in mine}))
+        return found
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A refined hypothesis of one effect, and what the others do beside it: what an effect does depends on what else is
+    wrong."""
+
+    leader: Hypothesis
+    catalogue: tuple[str, ...]  # all effects in the order that pairs have them in
+    axes: Mapping[str, Sequence[Axis]]  # of the others
+    shifts: Mapping[tuple[str, int], Floats]  # whitened (D, nodes), by effect and number of its axis
+
+    @property
+    def target(self) -> Floats:
+        """What nuisances and others are to explain (D,), where the leader stays."""
+        tangent = self.leader.tangent
+        assert tangent is not None
+        return self.leader.left + tangent.moved(self.leader.nuisances)
+
+    def left(self, effects: Sequence[str], places: Floats) -> Floats:
+        """What is left of :attr:`target` where the others among ``effects`` are at their ``places`` (axes,)."""
+        left, column = self.target, 0
+        for name in effects:
+            axes = self.axes.get(name)
+            if axes is None:  # the leader's own
+                column += len(self.leader.places)
                 continue
+            for axis in axes:
+                left = left - self.shifts[name, axis.index] @ axis.spline(places[column])
+                column += 1
+        return left
+
+    def partners(self) -> list[tuple[tuple[str, ...], tuple[float, ...]]]:
+        """Pairs of the leader and another effect, with the places that suit them, the likeliest first."""
+        leader = self.leader
+        assert leader.tangent is not None
+        tangent = leader.tangent.beside(leader.slopes, PRIOR_INFORMATION)
+        together = _together(self.axes, self.shifts, lambda x: tangent.projected(x, x), self.target)
+        pairs = []
+        for name in self.axes:
             part = together((name,))
             cost, places, information = part.descend(part.grid())
-            of = {**dict.fromkeys(found.effects, found.places), name: places}
-            effects = tuple(one for one in axes if one in of)
+            of = {**dict.fromkeys(leader.effects, leader.places), name: places}
+            effects = tuple(one for one in self.catalogue if one in of)
             pairs.append((-0.5 * cost + volume(places, information), effects, sum((of[one] for one in effects), ())))
         return [(effects, places) for _, effects, places in sorted(pairs, reverse=True)]
+
+
+def _together(
+    axes: Mapping[str, Sequence[Axis]],
+    shifts: Mapping[tuple[str, int], Floats],
+    product: Callable[[Floats], Floats],
+    target: Floats,
+) -> Callable[[tuple[str, ...]], Shift]:
+    """Cost of what effects do, by their names, to a ``target`` (D,): columnsᵀ M columns is their ``product``."""
+    flat = [(name, axis) for name, mine in axes.items() for axis in mine]
+    everything = np.concatenate([target[:, None], *(shifts[n, a.index] for n, a in flat)], axis=1)
+    gram = product(everything)
+    starts = np.cumsum([1, *(len(axis.nodes) for _, axis in flat)])
+
+    def part(effects: tuple[str, ...]) -> Shift:
+        mine = [i for name in effects for i, (other, _) in enumerate(flat) if other == name]
+        columns = np.concatenate([np.arange(starts[i], starts[i + 1]) for i in mine])
+        return Shift([flat[i][1] for i in mine], gram[np.ix_(columns, columns)], gram[columns, 0])
+
+    return part

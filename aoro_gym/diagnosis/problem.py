@@ -473,17 +473,28 @@ class Problem:
 
     def learn(self, *, effects: bool = True) -> None:
         """Simulate around the centre what every nuisance and, if so asked, every effect does."""
-        nodes: dict[tuple[str, int], Floats] = {}
-        for name, axes in self.axes.items() if effects else ():
-            for axis in axes:
-                places = np.tile([a.none for a in axes], (len(axis.nodes), 1))
-                places[:, axis.index] = axis.nodes
-                nodes[name, axis.index] = places
-        more = [self.at(np.tile(self.centre, (len(places), 1)), (name,), places) for (name, _), places in nodes.items()]
-        found = self._slopes(more)
+        nodes = self.at_nodes(self.axes, self.centre) if effects else {}
+        found = self._slopes(list(nodes.values()))
         shifts = np.nan_to_num(found - self.predicted[:, None])
-        ends = np.cumsum([0, *(len(places) for places in nodes.values())])
+        ends = np.cumsum([0, *(one.count for one in nodes.values())])
         self.shifts = {key: shifts[:, a:b] for key, a, b in zip(nodes, ends[:-1], ends[1:], strict=True)}
+
+    def at_nodes(
+        self,
+        axes: Mapping[str, Sequence[Axis]],
+        point: Floats,
+        beside: Sequence[str] = (),
+        places: Sequence[float] = (),
+    ) -> dict[tuple[str, int], Variants]:
+        """Machines at a ``point`` (u,) of the nuisances with one effect at each of the nodes of one of its ``axes``, by
+        effect and number of its axis, and the effects ``beside`` it at their ``places``."""
+        found = {}
+        for name, mine in axes.items():
+            for axis in mine:
+                nodes = np.tile([*places, *(a.none for a in mine)], (len(axis.nodes), 1))
+                nodes[:, len(places) + axis.index] = axis.nodes
+                found[name, axis.index] = self.at(np.tile(point, (len(nodes), 1)), (*beside, name), nodes)
+        return found
 
 
 def on_clock_of(

@@ -6,12 +6,12 @@ depends on what else is wrong.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
 from aoro_gym.diagnosis.axes import PRIOR_INFORMATION, volume
-from aoro_gym.diagnosis.linear import Hypothesis, Linear, Tangent
+from aoro_gym.diagnosis.linear import Beside, Hypothesis, Linear, Tangent
 from aoro_gym.diagnosis.noise import Floats, ModelError
 from aoro_gym.diagnosis.problem import STEP, STRAIGHT, Problem, Progress
 from aoro_gym.diagnosis.replay import Variants
@@ -35,7 +35,7 @@ LEAST = 1e-6
 """Precision of a place: keeps it where nothing tells."""
 AXIS_STEP = 0.01
 """Finite-difference step of places."""
-CHORDS = 2
+CHORDS = 4
 """Steps that follow one another on the slopes of one point, as each also tells how these change (Broyden 1965), where there
 are so many slopes that steps cost far less."""
 MANY = 8 * len(DAMPING)
@@ -56,7 +56,7 @@ class Search:
         linear: Of the hypothesis's problem.
         effects: Of the hypothesis.
         starts: Places to begin with, of which the best is followed.
-        leader: Hypothesis of fewer effects to begin at; by default the centre of the problem.
+        leader: Hypothesis of one effect to begin at; by default the centre of the problem.
         directions: Along which slopes are taken at every point: those of the nuisances in which the prediction moves most.
             Along the others it keeps those that it began with.
     """
@@ -66,15 +66,16 @@ class Search:
         linear: Linear,
         effects: tuple[str, ...],
         starts: Sequence[tuple[float, ...]] = ((),),
-        leader: Hypothesis | None = None,
+        leader: Beside | None = None,
         directions: int = 0,
     ):
         self.linear = linear
         self.effects = effects
         self.directions = directions
-        self.tangent = linear.tangent if leader is None or leader.tangent is None else leader.tangent
+        begun = None if leader is None else leader.leader
+        self.tangent = linear.tangent if begun is None or begun.tangent is None else begun.tangent
         centre = linear.problem.centre
-        firsts = [centre] if leader is None or leader.tangent is None else [leader.nuisances, centre]
+        firsts = [centre] if begun is None else [begun.nuisances, centre]
         self._tried: list[tuple[Floats, Floats]] = []
         self._offers: list[tuple[Floats, Floats, Tangent]] = []  # what others found, with the tangent there
         for places in starts:
@@ -94,17 +95,12 @@ class Search:
         self._learned = -1  # directions of the slopes that were taken at ``point``
         self._chords = 0  # steps since then
 
-    def _expected(self, z: Floats, leader: Hypothesis | None) -> Floats:
-        """Residual (D,) that is left to the nuisances where effects do what they do around the centre."""
-        if leader is None or leader.tangent is None:
-            return self.linear.residual - sum(self.linear.shift(self.effects, z), np.zeros(len(self.linear.residual)))
-        left, column = leader.left + leader.tangent.moved(leader.nuisances), 0
-        for name in self.effects:
-            count = len(self.linear.problem.axes[name])
-            if name not in leader.effects:
-                left = left - sum(self.linear.shift((name,), z[column : column + count]))
-            column += count
-        return left
+    def _expected(self, z: Floats, leader: Beside | None) -> Floats:
+        """Residual (D,) that is left to the nuisances where effects do what they do beside the leader, or around the
+        centre."""
+        if leader is not None:
+            return leader.left(self.effects, z)
+        return self.linear.residual - sum(self.linear.shift(self.effects, z), np.zeros(len(self.linear.residual)))
 
     def begin_at(self, nuisances: Floats, places: Floats) -> None:
         """Begin with this point alone."""
@@ -117,25 +113,43 @@ class Search:
 
     def offered(self, donors: Sequence[Search]) -> None:
         """Try what others found next: their nuisances, with the places of what both have. What a donor that is a part of
-        this hypothesis lacks is left out, lest the whole be worse than its part."""
-        axes = self.linear.problem.axes
+        this hypothesis lacks is left out, lest the whole be worse than its part; and where slopes are alike, nuisances also
+        make up for what the donor has beside this hypothesis, and give way to what this one has beside the donor."""
         self._offers = []
         for donor in donors:
-            of, column = {}, 0
-            for name in donor.effects:
-                count = len(donor.linear.problem.axes[name])
-                of[name] = donor.point[1][column : column + count]
-                column += count
-            part, places, column = set(donor.effects) <= set(self.effects), [], 0
-            for name in self.effects:
-                mine = self.point[1][column : column + len(axes[name])]
-                places.append(of.get(name, np.array([axis.none for axis in axes[name]]) if part else mine))
-                column += len(axes[name])
             # slopes of other nuisances, or whitened otherwise, are none of this one's
             alike = donor.linear is self.linear
             nuisances = donor.nuisances_of(self.linear.problem)
             tangent = donor.tangent if alike else self.tangent
-            self._offers.append((nuisances, np.concatenate([np.empty(0), *places]), tangent))
+            theirs, mine, none = donor.places_by_effect, self.places_by_effect, self.none
+            part = theirs.keys() <= mine.keys()
+            kept = [theirs.get(name, none[name] if part else place) for name, place in mine.items()]
+            self._offers.append((nuisances, np.concatenate([np.empty(0), *kept]), tangent))
+            if alike and theirs.keys() != mine.keys():
+                left = donor.residual + tangent.moved(nuisances)
+                left = left + donor.shift_of(theirs.keys() - mine.keys()) - self.shift_of(mine.keys() - theirs.keys())
+                both = np.concatenate([np.empty(0), *(theirs.get(name, place) for name, place in mine.items())])
+                self._offers += [(u, both, tangent) for u in tangent.steps(left, FIRST, nuisances)]
+
+    @property
+    def places_by_effect(self) -> dict[str, Floats]:
+        """Places (axes,) of every effect at the best point."""
+        counts = [len(self.linear.problem.axes[name]) for name in self.effects]
+        return dict(zip(self.effects, np.split(self.point[1], np.cumsum(counts)[:-1]), strict=False))
+
+    @property
+    def none(self) -> dict[str, Floats]:
+        """Places (axes,) at which each effect is absent."""
+        axes = self.linear.problem.axes
+        return {name: np.array([axis.none for axis in axes[name]]) for name in self.effects}
+
+    def shift_of(self, names: Collection[str]) -> Floats:
+        """What some of its effects do (D,), by the slopes at the best point."""
+        moved = [
+            place - self.none[name] if name in names else np.zeros(len(place))
+            for name, place in self.places_by_effect.items()
+        ]
+        return self.slopes @ np.concatenate([np.empty(0), *moved])
 
     def nuisances_of(self, problem: Problem) -> Floats:
         """The best ones (u,), in standard deviations of a ``problem`` with the same recordings around the same machine."""

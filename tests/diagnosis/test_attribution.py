@@ -299,6 +299,50 @@ def test_searches_trade_what_they_find():
     assert searches[()].cost <= before[()]
 
 
+@pytest.mark.parametrize("places", [(0.3, 0.6), (0.6, 0.3)])
+def test_a_partner_is_found_beside_where_its_leader_has_come_to(places):
+    """In a linear world where both end: what the leader and the nuisances did in the partner's stead is taken back."""
+    world = LinearWorld(np.random.default_rng(1), nuisances=(0.5, -1.0, 0.3), places=places, error=ModelError(0.0, 0.0))
+    world.learn()
+    linear = Linear(world, world.error)
+    both, *leaders = refined(linear, *(Hypothesis(e, 0.0, (0.5,) * len(e)) for e in (NAMES, NAMES[:1], NAMES[1:])))
+    for number, ahead in enumerate(linear.beside(leaders)):
+        assert ahead.leader is leaders[number]
+        ((effects, found),) = ahead.partners()
+        assert effects == NAMES
+        assert found[number] == leaders[number].places[0]
+        assert found[1 - number] == pytest.approx(both.places[1 - number], abs=5e-3)
+        np.testing.assert_allclose(
+            ahead.left(NAMES, np.array(found)),
+            ahead.target - linear.shift(effects, np.array(found))[1 - number],
+            atol=1e-6,
+        )
+
+
+@pytest.mark.parametrize("mine", [NAMES[:1], NAMES], ids="+".join)
+def test_an_offer_makes_up_for_what_only_one_of_the_two_has(mine):
+    """In a linear world, where slopes hold everywhere: an effect's nuisances make up at once for the other effect of a pair,
+    and those of a pair give way at once to what it has beside its part."""
+    world = LinearWorld(
+        np.random.default_rng(6), nuisances=(0.5, -1.0, 0.3), places=(0.4, 0.3), error=ModelError(0.0, 0.0)
+    )
+    world.learn()
+    linear = Linear(world, world.error)
+    done = {e: Search(linear, e, [(0.5,) * len(e)], directions=ALL) for e in (NAMES[:1], NAMES)}
+    refine(list(done.values()), 6)
+    one, donor = done[mine], done[NAMES if len(mine) == 1 else NAMES[:1]]
+    residual, jacobian, noise, shifts = dense(world, linear)
+    inner = np.linalg.inv(noise + jacobian @ jacobian.T)
+    left, other = residual - shifts[:, 0] * donor.point[1][0], shifts[:, 1]
+    # what is best beside the donor's, which is better than none
+    places = np.array([donor.point[1][0], (other @ inner @ left) / (other @ inner @ other)])[: len(mine)]
+    one.point, one.cost = (np.full(len(world.centre), 3.0), places), np.inf
+    one.offered([donor])
+    refine([one], 0)
+    left = left - other * sum(places[1:])
+    assert one.cost == pytest.approx(left @ inner @ left, rel=1e-6)
+
+
 class SwayingWorld(LinearWorld):
     """The first nuisance makes the joint faster, and with it the sway of its pressure, by a tenth a standard deviation: it
     sways ten times, so that a step of one shifts it by a period."""
