@@ -1475,7 +1475,7 @@ def blind_run(
 
     Each of --workers processes diagnoses one case at a time; on a GPU, too, which they share, and which 50 or more of them
     keep busy. With --ray, each case is a job on a cluster whose nodes share DIR and FOLDER. On a core a case of the quick
-    suite takes two to three minutes, so that two cores take about a quarter of an hour for all. Ctrl-C is safe: the same
+    suite takes six to nine minutes, so that two cores take about three quarters of an hour for all. Ctrl-C is safe: the same
     command goes on with the cases that have no diagnosis, those that failed among them.
 
     [bold]Examples[/]

@@ -1,11 +1,11 @@
 """Which effect: the evidence for nothing, for each effect, each pair, other calibration, and what the catalogue lacks.
 
 All hypotheses see the same recordings, the same error of the twin and the same nuisances, whose prior is normal. The linear
-model (:mod:`.linear`) says where their searches begin and which effects make pairs; they are refined with the twin itself
-(:mod:`.search`), the likelier the further, nothing among them, and weighed by Laplace's method. Searches begin under a
-larger error of the twin, where a far cause is not hidden behind oscillations that are out of step. Other calibration is
-nothing with wider priors. *Unknown* is something beside any of these, which shows in that none of them fits as well as the
-right cause does elsewhere.
+model (:mod:`.linear`) says where their searches begin; they are refined with the twin itself (:mod:`.search`), the likelier
+the further, nothing among them, and weighed by Laplace's method. What goes with the likeliest effects is simulated beside
+them, where their own searches have ended. Searches begin under a larger error of the twin, where a far cause is not hidden
+behind oscillations that are out of step. Other calibration is nothing with wider priors. *Unknown* is something beside any
+of these, which shows in that none of them fits as well as the right cause does elsewhere.
 """
 
 from __future__ import annotations
