@@ -295,15 +295,12 @@ class Linear:
             for (name, axis), z in zip(axes, places, strict=True)
         ]
 
-    def _together(self, product: Callable[[Floats], Floats], target: Floats) -> Callable[[tuple[str, ...]], Shift]:
-        return _together(self.problem.axes, self.shifts, product, target)
-
     def starts(self, most: int) -> dict[str, list[tuple[float, ...]]]:
         """Places from which to search for every effect: up to ``most`` valleys each of where nuisances follow at once, and
         of where they stay at the centre. What an effect does to them is not known far from there."""
         here = self.residual - self.tangent.moved(self.problem.centre)
-        follow = self._together(lambda x: self.tangent.projected(x, x), self.residual)
-        stay = self._together(lambda x: x.T @ x, here)
+        follow = _together(self.problem.axes, self.shifts, lambda x: self.tangent.projected(x, x), self.residual)
+        stay = _together(self.problem.axes, self.shifts, lambda x: x.T @ x, here)
         return {
             name: list(dict.fromkeys(place for ways in (follow, stay) for place in ways((name,)).valleys(most)))
             for name in self.problem.axes
@@ -312,7 +309,7 @@ class Linear:
     def screen(self, *, pairs: bool = True) -> dict[tuple[str, ...], Hypothesis]:
         """Nothing, every effect, and, if so asked, every pair with one of the :data:`PARTNERS` likeliest."""
         axes = self.problem.axes
-        together = self._together(lambda x: self.tangent.projected(x, x), self.residual)
+        together = _together(self.problem.axes, self.shifts, lambda x: self.tangent.projected(x, x), self.residual)
         nothing = float(self.tangent.projected(self.residual, self.residual))
         base = self.evidence()
 

@@ -145,8 +145,9 @@ class Search:
 
     def shift_of(self, names: Collection[str]) -> Floats:
         """What some of its effects do (D,), by the slopes at the best point."""
+        none = self.none
         moved = [
-            place - self.none[name] if name in names else np.zeros(len(place))
+            place - none[name] if name in names else np.zeros(len(place))
             for name, place in self.places_by_effect.items()
         ]
         return self.slopes @ np.concatenate([np.empty(0), *moved])
