@@ -89,6 +89,8 @@ class Trust:
             its model.
         doubt: Share of the evidence for a gap by which the temperature grows: no effect of the twin is quite that of a
             machine with other laws.
+        others: Factor with which it also grows by what all other effects would explain beside the likeliest one, over what
+            chance has them explain: as they cannot all be there, so much do effects make up for the twin's own error.
         fit: What the right cause leaves, by kind of channel.
         surprise: Mean of the logarithm by which that is larger where something unknown shows.
         declared: Probability that the declared set of causes holds the truth.
@@ -101,13 +103,18 @@ class Trust:
     surprise: Mapping[str, float] = field(default_factory=dict)
     declared: float = 0.95
     sharpness: float = 1.0
+    others: float = 0.0
+
+    def beside(self, excess: float) -> Trust:
+        """The same where all others would explain so many times what chance has them explain."""
+        return replace(self, temperature=self.temperature + self.others * max(excess - 1.0, 0.0))
 
 
 TRUST: Mapping[str, Trust] = {
     "angle": Trust(4.7, 0.0045, {"angle": Fit(0.785, 0.785, 0.07)}, {"angle": 0.2}, declared=0.98),
     "pressure": Trust(
-        1.4, 0.004, {"angle": Fit(0.92, 0.1, 0.17), "pressure": Fit(0.66, 0.14, 0.22)}, {"angle": 0.2, "pressure": 0.85},
-        declared=0.85, sharpness=0.75,
+        2.0, 0.004, {"angle": Fit(0.92, 0.1, 0.17), "pressure": Fit(0.66, 0.14, 0.22)}, {"angle": 0.2, "pressure": 0.85},
+        declared=0.85, sharpness=0.65, others=1.0,
     ),
     "day-one": Trust(
         1.4, 0.008, {"angle": Fit(0.89, 0.89, 0.25), "pressure": Fit(0.31, 0.31, 0.44)}, {"angle": 0.165, "pressure": 1.0},
@@ -145,6 +152,7 @@ def attribute(
     few, many = DIRECTIONS
     anew: set[tuple[str, ...]] = set()
     tried: set[tuple[str, ...]] = set()
+    excess: list[float] = []
 
     def after(effects: Iterable[tuple[str, ...]], rounds: int, directions: int, share: float) -> list[Hypothesis]:
         """Hypotheses after some more rounds, the likeliest first; nothing and other calibration come along."""
@@ -171,6 +179,7 @@ def attribute(
         found: list[Search] = []
         begun: list[Search] = []
         for ahead in linear.beside(leaders):
+            excess.append(ahead.excess)
             for effects, places in ahead.partners()[:PARTNERS]:
                 starts = [places, _together(searches, ahead.leader, effects)]
                 found.append(Search(linear, effects, starts, ahead, directions=few))
@@ -218,17 +227,21 @@ def attribute(
     def weighed() -> list[Hypothesis]:
         return [one.weighed() for one in searches.values() if np.isfinite(one.cost)]
 
+    def believed(found: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """Weighed with as much trust as the leader deserves that leaves the others least to explain."""
+        return weigh(found, prior, trust.beside(min(excess, default=0.0)))
+
     def contend(share: float) -> list[Hypothesis]:
         """All that may have a chance to the end."""
-        likely = [h for h in weigh(weighed(), prior, trust) if h.effects and h.refined][:MOST]
+        likely = [h for h in believed(weighed()) if h.effects and h.refined][:MOST]
         chosen = [h.effects for h in likely if h.probability > likely[0].probability * np.exp(-CHANCE)]
         parts = [(name,) for effects in chosen for name in effects]  # one of a pair may be all that there is
         after([*chosen, *parts], 2, many, share)
-        last = [h for h in weigh(weighed(), prior, trust) if h.effects and h.refined][:FINALISTS]
+        last = [h for h in believed(weighed()) if h.effects and h.refined][:FINALISTS]
         descend(last, share + 0.05)
         after([h.effects for h in last], 2, ALL, share + 0.1)
         calibration = [_calibration(other, linear, trust.temperature)] if np.isfinite(other.cost) else []
-        return weigh([*weighed(), *calibration], prior, trust)
+        return believed([*weighed(), *calibration])
 
     searches[()].offered([alone(problem, 1)])
     first = [Search(soft, (name,), places) for name, places in soft.starts(VALLEYS).items()]

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, cho_factor, cho_solve, solve_triangular
+from scipy.stats import chi2
 
 from aoro_gym.diagnosis.axes import FEW_NODES, PRIOR_INFORMATION, Axis, Shift, axes_of, volume
 from aoro_gym.diagnosis.noise import EXACT, Floats, ModelError
@@ -382,19 +383,36 @@ class Beside:
                 column += 1
         return left
 
-    def partners(self) -> list[tuple[tuple[str, ...], tuple[float, ...]]]:
-        """Pairs of the leader and another effect, with the places that suit them, the likeliest first."""
-        leader = self.leader
-        assert leader.tangent is not None
-        tangent = leader.tangent.beside(leader.slopes, PRIOR_INFORMATION)
+    @cached_property
+    def gains(self) -> dict[str, tuple[float, tuple[float, ...], Floats]]:
+        """By each other effect: what it would gain in cost, all nuisances and the leader's places following, at which places,
+        and the information about these."""
+        tangent = self.leader.tangent
+        assert tangent is not None
+        tangent = tangent.beside(self.leader.slopes, PRIOR_INFORMATION)
         together = _together(self.axes, self.shifts, lambda x: tangent.projected(x, x), self.target)
-        pairs = []
+        found = {}
         for name in self.axes:
             part = together((name,))
             cost, places, information = part.descend(part.grid())
+            found[name] = -cost, places, information
+        return found
+
+    @property
+    def excess(self) -> float:
+        """How much the others would gain, by the upper quartile, over what chance has one of them gain, χ² of one degree of
+        freedom: as they cannot all be there, so much is wrong with the twin, or with the leader."""
+        gains = [gain for gain, _, _ in self.gains.values()]
+        return float(np.quantile(gains, 0.75) / chi2.ppf(0.75, 1)) if gains else 0.0
+
+    def partners(self) -> list[tuple[tuple[str, ...], tuple[float, ...]]]:
+        """Pairs of the leader and another effect, with the places that suit them, the likeliest first."""
+        leader = self.leader
+        pairs = []
+        for name, (gain, places, information) in self.gains.items():
             of = {**dict.fromkeys(leader.effects, leader.places), name: places}
             effects = tuple(one for one in self.catalogue if one in of)
-            pairs.append((-0.5 * cost + volume(places, information), effects, sum((of[one] for one in effects), ())))
+            pairs.append((0.5 * gain + volume(places, information), effects, sum((of[one] for one in effects), ())))
         return [(effects, places) for _, effects, places in sorted(pairs, reverse=True)]
 
 

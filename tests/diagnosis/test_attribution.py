@@ -319,6 +319,27 @@ def test_a_partner_is_found_beside_where_its_leader_has_come_to(places):
         )
 
 
+def test_what_others_gain_beside_the_right_leader_is_what_chance_has_them_gain():
+    """Where nothing but noise is left, one effect gains χ² of one degree of freedom; where something is left, all gain that is
+    alike: the more, the less the leader's evidence counts."""
+    world = LinearWorld(np.random.default_rng(1), nuisances=(0.5, -1.0, 0.3), places=(0.4, 0.3), error=ModelError(0.0, 0.0))
+    world.learn()
+    linear = Linear(world, world.error)
+    (leader,) = refined(linear, Hypothesis(NAMES[:1], 0.0, (0.4,)))
+    (ahead,) = linear.beside([leader])
+    residual, jacobian, noise, shifts = dense(world, linear)
+    known = np.column_stack([jacobian, shifts[:, :1] / np.sqrt(PRIOR_INFORMATION)])
+    inner = np.linalg.inv(noise + known @ known.T)
+    other = shifts[:, 1]
+    left = residual - shifts[:, 0] * leader.places[0]
+    gain = (other @ inner @ left) ** 2 / (other @ inner @ other)
+    assert ahead.gains[NAMES[1]][0] == pytest.approx(gain, rel=1e-2)
+    assert ahead.excess == pytest.approx(gain / 1.3233, rel=1e-2)  # of one effect, upper quartile and gain are the same
+    trust = Trust(2.0, 0.0, others=0.5)
+    assert trust.beside(5.0).temperature == pytest.approx(4.0)
+    assert trust.beside(0.4) == trust, "less than chance is as good as chance"
+
+
 @pytest.mark.parametrize("mine", [NAMES[:1], NAMES], ids="+".join)
 def test_an_offer_makes_up_for_what_only_one_of_the_two_has(mine):
     """In a linear world, where slopes hold everywhere: an effect's nuisances make up at once for the other effect of a pair,
