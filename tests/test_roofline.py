@@ -10,7 +10,7 @@ import pytest
 import warp as wp
 
 from aoro_gym import Twin
-from aoro_gym.twin.laws.fluid import Oil, fill_chamber, orifice
+from aoro_gym.twin.laws.fluid import Oil, fill_chamber, free_gas, orifice
 from aoro_gym.twin.records import Command, Output, State, pack
 from tests.benchmarks import roofline
 from tests.benchmarks.counting import (
@@ -130,10 +130,23 @@ def test_invariants_of_a_volume_are_counted_once(machine):
     oil = tally.leaf(pack(machine)["oil"][0], Oil)
     content, flow, volume, walls = numbers(tally, (5e6, 1e-4, 1e-3, 1e-13))
     law = tally.of(fill_chamber)
-    content = law(oil, content, flow, 1e-5, volume, walls, volume)
+    gas = tally.of(free_gas)(oil, content)
+    content = law(oil, gas, content, flow, 1e-5, volume, walls, volume)
     first = kinds(tally)["division"]
-    law(oil, content, flow, 1e-5, volume, walls, volume)
+    law(oil, gas, content, flow, 1e-5, volume, walls, volume)
     assert kinds(tally)["division"] == 2 * first - 1
+
+
+@pytest.mark.parametrize(("gpu", "powers"), [(True, 3), (False, 1)])
+def test_a_volume_with_gas_takes_one_power_on_a_cpu(machine, gpu, powers):
+    """A first fill at the pressure at which the gas is known, two more nearby."""
+    tally = Tally(gpu=gpu)
+    oil = tally.leaf(pack(machine.set({"oil.gas_fraction": 0.01}))["oil"][0], Oil)
+    content, flow, volume, walls = numbers(tally, (5e6, 1e-4, 1e-3, 1e-13))
+    gas = tally.of(free_gas)(oil, content)
+    for _ in range(3):
+        content = tally.of(fill_chamber)(oil, gas, content, flow, 1e-4, volume, walls, volume)
+    assert kinds(tally)["transcendental"] == powers
 
 
 @pytest.fixture(scope="module")

@@ -30,7 +30,7 @@ from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.recording import TICK
 from aoro_gym.twin import Twin
 from aoro_gym.twin.laws.bodies import CornerLoad, accelerate, hinge_rotation
-from aoro_gym.twin.laws.fluid import Oil, fill, orifice, pressure, relief_valve, volume_stiffness
+from aoro_gym.twin.laws.fluid import Gas, Oil, fill, free_gas, orifice, pressure, relief_valve, volume_stiffness
 from aoro_gym.twin.laws.steering import Steering, steering_geometry, swash_step, valve_opening
 from aoro_gym.twin.records import MachineRecord, State
 
@@ -70,7 +70,8 @@ def _taken(oil: Oil, content: float, measured: float, volume: float, hose_compli
     shown = pressure(oil, content)
     if not wp.isfinite(measured) or (measured < BOTTOM and shown < BOTTOM):
         return content, 0.0
-    return measured, (measured - shown) / volume_stiffness(oil, measured, volume, hose_compliance)
+    gas = free_gas(oil, measured)
+    return measured, (measured - shown) / volume_stiffness(oil, gas, measured, volume, hose_compliance)
 
 
 @wp.struct
@@ -83,9 +84,9 @@ class Pump:
 
 
 @wp.func
-def pump_step(m: Steering, oil: Oil, engine_speed: float, load: float, drawn: float, s: Pump, dt: float):
-    """Pump 2 and its line after ``dt``, under a ``load`` [Pa] that is sensed while a flow [m³/s] is ``drawn``: its share of
-    :func:`~aoro_gym.twin.laws.steering.steering_step`."""
+def pump_step(m: Steering, oil: Oil, gas: Gas, engine_speed: float, load: float, drawn: float, s: Pump, dt: float):
+    """Pump 2 and its line with its ``gas`` after ``dt``, under a ``load`` [Pa] that is sensed while a flow [m³/s] is
+    ``drawn``: its share of :func:`~aoro_gym.twin.laws.steering.steering_step`."""
     p = pressure(oil, s.line)
     net = (
         s.swash * m.pump_displacement * engine_speed
@@ -95,7 +96,7 @@ def pump_step(m: Steering, oil: Oil, engine_speed: float, load: float, drawn: fl
         - drawn
     )
     out = Pump()
-    out.line = fill(oil, s.line, net, dt, m.pump_line_volume, m.pump_line_compliance)
+    out.line = fill(oil, gas, s.line, net, dt, m.pump_line_volume, m.pump_line_compliance)
     out.ls_pressure = s.ls_pressure + (dt / m.pump_ls_time_constant) * (wp.max(load, 0.0) - s.ls_pressure)
     out.swash = swash_step(m, s.swash, p, s.ls_pressure, dt)
     return out
@@ -189,8 +190,9 @@ def _lead(
     own[4, t] += h / DRAWN * (lacking - own[4, t])
     drawn = state[State.FLOW_IN, t] + own[4, t]
     pump = Pump(own[0, t], own[1, t], own[2, t])
+    gas = free_gas(m.oil, pump.line)
     for _ in range(substeps):
-        pump = pump_step(st, m.oil, state[State.ENGINE_SPEED, t], load, drawn, pump, h / float(substeps))
+        pump = pump_step(st, m.oil, gas, state[State.ENGINE_SPEED, t], load, drawn, pump, h / float(substeps))
     own[1, t] = pump.ls_pressure
     own[2, t] = pump.swash
     state[State.LS_PRESSURE, t] = pump.ls_pressure

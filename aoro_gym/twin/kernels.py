@@ -23,7 +23,16 @@ from typing import Any
 
 import warp as wp
 
-from aoro_gym.twin.laws.arms import Arm, ArmGeometry, ArmState, arm_displace, arm_geometry, arm_oil_torque, arm_step
+from aoro_gym.twin.laws.arms import (
+    Arm,
+    ArmGeometry,
+    ArmState,
+    arm_displace,
+    arm_gas,
+    arm_geometry,
+    arm_oil_torque,
+    arm_step,
+)
 from aoro_gym.twin.laws.bodies import (
     CornerLoad,
     FrameBody,
@@ -37,6 +46,7 @@ from aoro_gym.twin.laws.driveline import (
     DrivelineControl,
     DrivelineState,
     driveline_displace,
+    driveline_gas,
     driveline_step,
     pump_torque,
 )
@@ -53,6 +63,7 @@ from aoro_gym.twin.laws.steering import (
     play,
     play_output,
     steering_displace,
+    steering_gas,
     steering_geometry,
     steering_step,
     steering_torque,
@@ -300,6 +311,13 @@ def hydraulics(
     """
     dt = h / float(num_substeps)
     backlash = m.joint.backlash
+    # what takes a power, once for all substeps
+    gas = steering_gas(oil, steering)
+    gas_fl = arm_gas(oil, arm_fl)
+    gas_fr = arm_gas(oil, arm_fr)
+    gas_rl = arm_gas(oil, arm_rl)
+    gas_rr = arm_gas(oil, arm_rr)
+    gas_driveline = driveline_gas(oil, driveline)
     cylinder_rate = float(joint_rate)
     joint_end = steering_torque(oil, g, steering)
     if mount_stiffness > 0.0:
@@ -316,18 +334,18 @@ def hydraulics(
     for substep in range(num_substeps):
         supply = pressure(oil, steering.supply)
         tank = pressure(oil, steering.tank_line)
-        arm_fl, in_fl, out_fl, ls_fl = arm_step(m.arm, oil, g_fl, arm_rate[0], supply, tank, arm_fl, dt)
-        arm_fr, in_fr, out_fr, ls_fr = arm_step(m.arm, oil, g_fr, arm_rate[1], supply, tank, arm_fr, dt)
-        arm_rl, in_rl, out_rl, ls_rl = arm_step(m.arm, oil, g_rl, arm_rate[2], supply, tank, arm_rl, dt)
-        arm_rr, in_rr, out_rr, ls_rr = arm_step(m.arm, oil, g_rr, arm_rate[3], supply, tank, arm_rr, dt)
+        arm_fl, in_fl, out_fl, ls_fl = arm_step(m.arm, oil, gas_fl, g_fl, arm_rate[0], supply, tank, arm_fl, dt)
+        arm_fr, in_fr, out_fr, ls_fr = arm_step(m.arm, oil, gas_fr, g_fr, arm_rate[1], supply, tank, arm_fr, dt)
+        arm_rl, in_rl, out_rl, ls_rl = arm_step(m.arm, oil, gas_rl, g_rl, arm_rate[2], supply, tank, arm_rl, dt)
+        arm_rr, in_rr, out_rr, ls_rr = arm_step(m.arm, oil, gas_rr, g_rr, arm_rate[3], supply, tank, arm_rr, dt)
         exchange = Exchange()
         exchange.supply_flow = in_fl + in_fr + in_rl + in_rr
         exchange.tank_flow = out_fl + out_fr + out_rl + out_rr
         exchange.load_pressure = wp.max(wp.max(ls_fl, ls_fr), wp.max(ls_rl, ls_rr))
         steering = steering_step(
-            m.steering, oil, g, spool_demand, control.engine_speed, cylinder_rate, exchange, steering, dt
+            m.steering, oil, gas, g, spool_demand, control.engine_speed, cylinder_rate, exchange, steering, dt
         )
-        driveline = driveline_step(m.driveline, oil, control, wheel_rate, driveline, dt)
+        driveline = driveline_step(m.driveline, oil, gas_driveline, control, wheel_rate, driveline, dt)
 
         joint_end = steering_torque(oil, g, steering)
         if mount_stiffness > 0.0:

@@ -24,7 +24,7 @@ from aoro_gym.benchmark.ceiling import OPERATIONS
 from aoro_gym.benchmark.probes import WIDTH, bandwidth, best, full, multiply_add, probe_time
 from aoro_gym.manoeuvres import TwinLost
 from aoro_gym.terrains import Plane, Terrain
-from aoro_gym.twin.laws.fluid import Oil, fill, orifice, pressure, without_gas
+from aoro_gym.twin.laws.fluid import Oil, fill, free_gas, orifice, pressure, without_gas
 from aoro_gym.twin.records import pack
 from tests.benchmarks import terrain_speed
 from tests.benchmarks.counting import CLASSES, FLOATING, Cost, Tally, cost
@@ -83,7 +83,7 @@ def oil_volume(x: float, p: Probe):
     oil = without_gas(p.oil)
     content = x * p.supply
     flow = orifice(p.coefficient, p.supply - pressure(oil, content), oil.laminar_pressure)
-    return fill(oil, content, flow, p.dt, p.volume, p.compliance) / p.supply
+    return fill(oil, free_gas(oil, content), content, flow, p.dt, p.volume, p.compliance) / p.supply
 
 
 PROBES = {f.key: f for f in (multiply_add, maximum, division, root, exponential, oil_volume)}

@@ -14,6 +14,7 @@ from aoro_gym.twin.laws.arms import (
     ArmGeometry,
     ArmState,
     arm_displace,
+    arm_gas,
     arm_geometry,
     arm_oil_torque,
     arm_step,
@@ -121,8 +122,9 @@ def step_kernel(
     i = wp.tid()
     g = arm_geometry(m[i], angle[i], spool[i])
     s = start[i]
+    gas = arm_gas(oil[i], s)
     for _ in range(steps):
-        s, drawn_now, returned_now, load_now = arm_step(m[i], oil[i], g, rate[i], supply[i], tank[i], s, dt[i])
+        s, drawn_now, returned_now, load_now = arm_step(m[i], oil[i], gas, g, rate[i], supply[i], tank[i], s, dt[i])
         drawn[i] = drawn_now
         returned[i] = returned_now
         load[i] = load_now

@@ -14,11 +14,12 @@ from aoro_gym.twin.laws.driveline import (
     DrivelineControl,
     DrivelineState,
     driveline_displace,
+    driveline_gas,
     driveline_step,
     motor_hose_step,
     pump_torque,
 )
-from aoro_gym.twin.laws.fluid import Oil
+from aoro_gym.twin.laws.fluid import Oil, free_gas
 from tests.laws.elements import (
     BAR,
     LITRE_A_MINUTE,
@@ -97,8 +98,9 @@ def hose_kernel(
     given: wp.array(dtype=float),
 ):
     i = wp.tid()
+    gas = free_gas(oil[i], content[i])
     new, from_main, to_back = motor_hose_step(
-        m[i], oil[i], opening[i], displacement[i], rate[i], main[i], back[i], content[i], dt[i]
+        m[i], oil[i], gas, opening[i], displacement[i], rate[i], main[i], back[i], content[i], dt[i]
     )
     filled[i] = new
     taken[i] = from_main
@@ -118,8 +120,9 @@ def run_kernel(
 ):
     i = wp.tid()
     s = start[i]
+    gas = driveline_gas(oil[i], s)
     for _ in range(steps):
-        s = driveline_step(m[i], oil[i], control[i], rates[i], s, dt[i])
+        s = driveline_step(m[i], oil[i], gas, control[i], rates[i], s, dt[i])
     end[i] = s
 
 

@@ -22,6 +22,7 @@ from aoro_gym.twin.laws.steering import (
     play,
     play_output,
     steering_displace,
+    steering_gas,
     steering_geometry,
     steering_step,
     steering_torque,
@@ -206,7 +207,8 @@ def step_kernel(
 ):
     i = wp.tid()
     g = steering_geometry(m[i], angle[i])
-    end[i] = steering_step(m[i], oil[i], g, demand[i], engine_speed[i], joint_rate[i], arms[i], start[i], dt[i])
+    gas = steering_gas(oil[i], start[i])
+    end[i] = steering_step(m[i], oil[i], gas, g, demand[i], engine_speed[i], joint_rate[i], arms[i], start[i], dt[i])
 
 
 @wp.kernel(enable_backward=False)
@@ -247,8 +249,9 @@ def run_kernel(
     first = start[i]
     s = start[i]
     g = steering_geometry(m[i], 0.0)
+    gas = steering_gas(oil[i], first)
     for _ in range(steps):
-        s = steering_step(m[i], oil[i], g, demand[i], 167.0, 0.0, arms[i], s, dt)
+        s = steering_step(m[i], oil[i], gas, g, demand[i], 167.0, 0.0, arms[i], s, dt)
         if hold_supply == 1:
             s.supply = first.supply
         if hold_ports == 1:

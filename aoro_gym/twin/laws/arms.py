@@ -7,7 +7,7 @@ Positive command extends the cylinder: the wheel goes down, the frame up. Machin
 import warp as wp
 
 from aoro_gym.twin.laws.cylinders import Linkage, cylinder_extension
-from aoro_gym.twin.laws.fluid import Oil, fill_chamber, orifice, pressure, relief_valve
+from aoro_gym.twin.laws.fluid import Gas, Oil, fill_chamber, free_gas, orifice, pressure, relief_valve
 
 
 @wp.struct
@@ -53,6 +53,14 @@ class ArmState:
 
 
 @wp.struct
+class ArmGas:
+    """Free gas of both chambers at the start of a main step."""
+
+    bore: Gas
+    rod: Gas
+
+
+@wp.struct
 class ArmGeometry:
     """Chambers at one arm angle, and the valve's opening over one main step."""
 
@@ -80,6 +88,15 @@ def arm_geometry(m: Arm, angle: float, spool: float):
 
 
 @wp.func
+def arm_gas(oil: Oil, s: ArmState):
+    """Free gas of both chambers in the state ``s``."""
+    gas = ArmGas()
+    gas.bore = free_gas(oil, s.bore)
+    gas.rod = free_gas(oil, s.rod)
+    return gas
+
+
+@wp.func
 def arm_oil_torque(oil: Oil, g: ArmGeometry, s: ArmState):
     """Torque [N m] of the oil on the arm, positive raising the wheel: Σ p dV/dφ."""
     return pressure(oil, s.bore) * g.displacement_bore + pressure(oil, s.rod) * g.displacement_rod
@@ -92,20 +109,22 @@ def load_holding(m: Arm, load: float, pilot: float):
 
 
 @wp.func
-def arm_fill(m: Arm, oil: Oil, g: ArmGeometry, s: ArmState, bore_flow: float, rod_flow: float, dt: float):
+def arm_fill(
+    m: Arm, oil: Oil, gas: ArmGas, g: ArmGeometry, s: ArmState, bore_flow: float, rod_flow: float, dt: float
+):
     """Both chambers after ``dt`` [s] of net flows [m³/s]."""
     fixed = m.hose_volume + m.cylinder_dead_volume
     mid_bore = fixed + 0.5 * m.cylinder_bore_area * m.cylinder_linkage.stroke
     mid_rod = fixed + 0.5 * m.cylinder_annulus_area * m.cylinder_linkage.stroke
     out = ArmState()
-    out.bore = fill_chamber(oil, s.bore, bore_flow, dt, g.volume_bore, m.hose_compliance, mid_bore)
-    out.rod = fill_chamber(oil, s.rod, rod_flow, dt, g.volume_rod, m.hose_compliance, mid_rod)
+    out.bore = fill_chamber(oil, gas.bore, s.bore, bore_flow, dt, g.volume_bore, m.hose_compliance, mid_bore)
+    out.rod = fill_chamber(oil, gas.rod, s.rod, rod_flow, dt, g.volume_rod, m.hose_compliance, mid_rod)
     return out
 
 
 @wp.func
 def arm_step(
-    m: Arm, oil: Oil, g: ArmGeometry, rate: float, supply: float, tank: float, s: ArmState, dt: float
+    m: Arm, oil: Oil, gas: ArmGas, g: ArmGeometry, rate: float, supply: float, tank: float, s: ArmState, dt: float
 ):
     """One arm's cylinder over one substep. Returns its state, the flow drawn from the pump [m³/s], the flow to the
     return line [m³/s] and the load it signals [Pa]. A closed valve passes nothing at all."""
@@ -130,10 +149,10 @@ def arm_step(
         load = p_in
         q_b += wp.where(extend, drawn, -out)
         q_r += wp.where(extend, -out, drawn)
-    return arm_fill(m, oil, g, s, q_b, q_r, dt), drawn, returned, load
+    return arm_fill(m, oil, gas, g, s, q_b, q_r, dt), drawn, returned, load
 
 
 @wp.func
 def arm_displace(m: Arm, oil: Oil, g: ArmGeometry, angle: float, s: ArmState):
     """State after the arm has risen by ``angle`` [rad] with its valve shut."""
-    return arm_fill(m, oil, g, s, -g.displacement_bore * angle, -g.displacement_rod * angle, 1.0)
+    return arm_fill(m, oil, arm_gas(oil, s), g, s, -g.displacement_bore * angle, -g.displacement_rod * angle, 1.0)

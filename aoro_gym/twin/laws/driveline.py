@@ -7,7 +7,7 @@ traction valve and gives it to R. Machine section ``driveline``. Source: Merritt
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
 import warp as wp
 
-from aoro_gym.twin.laws.fluid import Oil, check_valve, fill, orifice, pressure, relief_valve
+from aoro_gym.twin.laws.fluid import Gas, Oil, check_valve, fill, free_gas, orifice, pressure, relief_valve
 
 
 @wp.struct
@@ -64,6 +64,19 @@ class DrivelineState:
 
 
 @wp.struct
+class DrivelineGas:
+    """Free gas of the circuit's volumes at the start of a main step."""
+
+    forward: Gas
+    back: Gas
+    wheel_fl: Gas
+    wheel_fr: Gas
+    wheel_rl: Gas
+    wheel_rr: Gas
+    charge: Gas
+
+
+@wp.struct
 class DrivelineControl:
     """What stays constant over one main step."""
 
@@ -75,9 +88,23 @@ class DrivelineControl:
 
 
 @wp.func
+def driveline_gas(oil: Oil, s: DrivelineState):
+    """Free gas of the circuit's volumes in the state ``s``."""
+    gas = DrivelineGas()
+    gas.forward = free_gas(oil, s.forward)
+    gas.back = free_gas(oil, s.back)
+    gas.wheel_fl = free_gas(oil, s.wheel_fl)
+    gas.wheel_fr = free_gas(oil, s.wheel_fr)
+    gas.wheel_rl = free_gas(oil, s.wheel_rl)
+    gas.wheel_rr = free_gas(oil, s.wheel_rr)
+    gas.charge = free_gas(oil, s.charge)
+    return gas
+
+
+@wp.func
 def motor_hose_step(
-    m: Driveline, oil: Oil, opening: float, displacement: float, rate: float, main: float, back: float, content: float,
-    dt: float,
+    m: Driveline, oil: Oil, gas: Gas, opening: float, displacement: float, rate: float, main: float, back: float,
+    content: float, dt: float,
 ):
     """Hose and motor of one wheel over one substep: state [Pa], flow from main F, flow into main R [m³/s].
 
@@ -91,28 +118,30 @@ def motor_hose_step(
         given = wp.min(given, taken)
     if back <= oil.void_pressure:
         given = wp.max(given, 0.0)
-    filled = fill(oil, content, taken - given, dt, m.wheel_hose_volume, m.wheel_hose_compliance)
+    filled = fill(oil, gas, content, taken - given, dt, m.wheel_hose_volume, m.wheel_hose_compliance)
     return filled, taken, given
 
 
 @wp.func
-def driveline_step(m: Driveline, oil: Oil, c: DrivelineControl, rates: wp.vec4, s: DrivelineState, dt: float):
+def driveline_step(
+    m: Driveline, oil: Oil, gas: DrivelineGas, c: DrivelineControl, rates: wp.vec4, s: DrivelineState, dt: float
+):
     """The closed loop over one substep; ``rates`` [rad/s] of the wheels relative to their arms (fl, fr, rl, rr)."""
     lam = oil.laminar_pressure
     p_f = pressure(oil, s.forward)
     p_r = pressure(oil, s.back)
     p_c = pressure(oil, s.charge)
     hose_fl, taken_fl, given_fl = motor_hose_step(
-        m, oil, c.traction[0], c.displacement_front, rates[0], p_f, p_r, s.wheel_fl, dt
+        m, oil, gas.wheel_fl, c.traction[0], c.displacement_front, rates[0], p_f, p_r, s.wheel_fl, dt
     )
     hose_fr, taken_fr, given_fr = motor_hose_step(
-        m, oil, c.traction[1], c.displacement_front, rates[1], p_f, p_r, s.wheel_fr, dt
+        m, oil, gas.wheel_fr, c.traction[1], c.displacement_front, rates[1], p_f, p_r, s.wheel_fr, dt
     )
     hose_rl, taken_rl, given_rl = motor_hose_step(
-        m, oil, c.traction[2], c.displacement_rear, rates[2], p_f, p_r, s.wheel_rl, dt
+        m, oil, gas.wheel_rl, c.traction[2], c.displacement_rear, rates[2], p_f, p_r, s.wheel_rl, dt
     )
     hose_rr, taken_rr, given_rr = motor_hose_step(
-        m, oil, c.traction[3], c.displacement_rear, rates[3], p_f, p_r, s.wheel_rr, dt
+        m, oil, gas.wheel_rr, c.traction[3], c.displacement_rear, rates[3], p_f, p_r, s.wheel_rr, dt
     )
 
     crossed = relief_valve(p_f - p_r, m.relief_pressure, m.relief_ramp, m.relief_flow) - relief_valve(
@@ -146,9 +175,9 @@ def driveline_step(m: Driveline, oil: Oil, c: DrivelineControl, rates: wp.vec4, 
     out.wheel_fr = hose_fr
     out.wheel_rl = hose_rl
     out.wheel_rr = hose_rr
-    out.forward = fill(oil, s.forward, q_f, dt, m.main_volume, m.main_compliance)
-    out.back = fill(oil, s.back, q_r, dt, m.main_volume, m.main_compliance)
-    out.charge = fill(oil, s.charge, q_c, dt, m.charge_volume, m.charge_compliance)
+    out.forward = fill(oil, gas.forward, s.forward, q_f, dt, m.main_volume, m.main_compliance)
+    out.back = fill(oil, gas.back, s.back, q_r, dt, m.main_volume, m.main_compliance)
+    out.charge = fill(oil, gas.charge, s.charge, q_c, dt, m.charge_volume, m.charge_compliance)
     return out
 
 
@@ -161,11 +190,11 @@ def driveline_displace(m: Driveline, oil: Oil, c: DrivelineControl, angles: wp.v
     rear = c.displacement_rear
     given = front * (angles[0] + angles[1]) + rear * (angles[2] + angles[3])
     out = s
-    out.wheel_fl = fill(oil, s.wheel_fl, -front * angles[0], 1.0, hose, walls)
-    out.wheel_fr = fill(oil, s.wheel_fr, -front * angles[1], 1.0, hose, walls)
-    out.wheel_rl = fill(oil, s.wheel_rl, -rear * angles[2], 1.0, hose, walls)
-    out.wheel_rr = fill(oil, s.wheel_rr, -rear * angles[3], 1.0, hose, walls)
-    out.back = fill(oil, s.back, given, 1.0, m.main_volume, m.main_compliance)
+    out.wheel_fl = fill(oil, free_gas(oil, s.wheel_fl), s.wheel_fl, -front * angles[0], 1.0, hose, walls)
+    out.wheel_fr = fill(oil, free_gas(oil, s.wheel_fr), s.wheel_fr, -front * angles[1], 1.0, hose, walls)
+    out.wheel_rl = fill(oil, free_gas(oil, s.wheel_rl), s.wheel_rl, -rear * angles[2], 1.0, hose, walls)
+    out.wheel_rr = fill(oil, free_gas(oil, s.wheel_rr), s.wheel_rr, -rear * angles[3], 1.0, hose, walls)
+    out.back = fill(oil, free_gas(oil, s.back), s.back, given, 1.0, m.main_volume, m.main_compliance)
     return out
 
 

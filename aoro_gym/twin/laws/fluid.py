@@ -8,6 +8,8 @@ Sources: Merritt, *Hydraulic Control Systems* (1967), ch. 3 (orifices) and ch. 1
 import warp as wp
 
 ATMOSPHERIC_PRESSURE = wp.constant(101325.0)
+SERIES_REACH = wp.constant(1.0 / 16.0)
+"""Relative change of pressure up to which :func:`gas_share` is a series: its sixth power is 2⁻²⁴."""
 
 
 @wp.func_native("""
@@ -21,6 +23,17 @@ def inverse_root(x: float) -> float:
     """1/√x: one instruction on CUDA."""
 
 
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return true;
+#else
+    return false;
+#endif
+""")
+def on_cuda() -> bool:
+    """Whether the code is compiled for CUDA."""
+
+
 @wp.struct
 class Oil:
     """The fluid of all circuits (machine section ``oil``)."""
@@ -31,6 +44,14 @@ class Oil:
     polytropic_exponent: float  # [-]
     laminar_pressure: float  # [Pa] below it an orifice is laminar
     void_pressure: float  # [Pa] gauge pressure at which a void forms
+
+
+@wp.struct
+class Gas:
+    """Free gas of a volume at one pressure, from which :func:`gas_share` finds it at those nearby; zeros without gas."""
+
+    share: float  # [-] α e₀, in volumes of the oil with its gas at atmospheric pressure
+    inverse_pressure: float  # [1/Pa] 1/P₀, absolute
 
 
 @wp.func
@@ -81,8 +102,56 @@ def pressure(oil: Oil, content: float):
 
 
 @wp.func
-def oil_bulk_modulus(oil: Oil, p: float):
-    """Effective bulk modulus [Pa] of oil with free gas at gauge pressure ``p`` [Pa].
+def absolute_pressure(p: float):
+    """P [Pa] of free gas at gauge pressure ``p`` [Pa]; bounded below by 5 kPa."""
+    return wp.max(p + ATMOSPHERIC_PRESSURE, 5000.0)
+
+
+@wp.func
+def polytrope(oil: Oil, absolute: float):
+    """Volume α e [-] of the free gas at ``absolute`` pressure P [Pa], e = (p_atm/P)^(1/n)."""
+    return oil.gas_fraction * wp.pow(absolute * (1.0 / ATMOSPHERIC_PRESSURE), -1.0 / oil.polytropic_exponent)
+
+
+@wp.func
+def free_gas(oil: Oil, content: float):
+    """Free gas of a volume in the state ``content`` [Pa]: what the power costs once, :func:`gas_share` need not pay again.
+    """
+    gas = Gas()
+    if oil.gas_fraction > 0.0:
+        absolute = absolute_pressure(pressure(oil, content))
+        gas.share = polytrope(oil, absolute)
+        gas.inverse_pressure = 1.0 / absolute
+    return gas
+
+
+@wp.func
+def gas_share(oil: Oil, gas: Gas, absolute: float):
+    """:func:`polytrope` at ``absolute`` pressure P [Pa], from the ``gas`` at P₀ if that is near: by the binomial series
+
+    α e = α e₀ (1 + d)^(−a) = α e₀ Σ s_k d^k with d = P/P₀ − 1, a = 1/n, s_0 = 1, s_k = −s_(k−1) (a + k − 1)/k.
+
+    What is left out after d⁵ is 6 s_6 ∫₀^d t⁵ (1 + t)^(a−1) dt of the whole. As a ≤ 1 this is at most d⁶, that is one
+    rounding of float32 at |d| = 1/16; beyond, it is the power. On CUDA it always is: there a power is little more than
+    two instructions, and P₀ and e₀ would take registers.
+    """
+    d = absolute * gas.inverse_pressure - 1.0
+    share = float(0.0)
+    if not on_cuda() and wp.abs(d) <= SERIES_REACH:
+        a = 1.0 / oil.polytropic_exponent
+        s_2 = a * (a + 1.0) * (1.0 / 2.0)
+        s_3 = -s_2 * (a + 2.0) * (1.0 / 3.0)
+        s_4 = -s_3 * (a + 3.0) * (1.0 / 4.0)
+        s_5 = -s_4 * (a + 4.0) * (1.0 / 5.0)
+        share = gas.share + gas.share * d * (-a + d * (s_2 + d * (s_3 + d * (s_4 + d * s_5))))
+    else:
+        share = polytrope(oil, absolute)
+    return share
+
+
+@wp.func
+def oil_bulk_modulus(oil: Oil, gas: Gas, p: float):
+    """Effective bulk modulus [Pa] of oil at gauge pressure ``p`` [Pa], with the free ``gas`` known at any pressure.
 
     1/β = [(1−α)/β_l + α e/(n P)] / [(1−α) + α e], e = (p_atm/P)^(1/n), β_l = β_0 + s·max(p, 0), P absolute.
     The gas follows a polytrope and neither dissolves nor is released. P is bounded below by 5 kPa.
@@ -90,12 +159,11 @@ def oil_bulk_modulus(oil: Oil, p: float):
     liquid = oil.bulk_modulus + oil.bulk_modulus_slope * wp.max(p, 0.0)
     modulus = liquid
     if oil.gas_fraction > 0.0:
-        absolute = wp.max(p + ATMOSPHERIC_PRESSURE, 5000.0)
-        expansion = wp.pow(absolute * (1.0 / ATMOSPHERIC_PRESSURE), -1.0 / oil.polytropic_exponent)
-        gas = oil.gas_fraction * expansion
+        absolute = absolute_pressure(p)
+        share = gas_share(oil, gas, absolute)
         rest = 1.0 - oil.gas_fraction
         spring = oil.polytropic_exponent * absolute
-        modulus = (rest + gas) * liquid * spring / (rest * spring + gas * liquid)
+        modulus = (rest + share) * liquid * spring / (rest * spring + share * liquid)
     return modulus
 
 
@@ -108,25 +176,25 @@ def without_gas(oil: Oil):
 
 
 @wp.func
-def volume_stiffness(oil: Oil, content: float, volume: float, hose_compliance: float):
+def volume_stiffness(oil: Oil, gas: Gas, content: float, volume: float, hose_compliance: float):
     """dp/dV [Pa/m³] of a volume in the state ``content`` [Pa]: 1 / (V/β_oil(p) + V_hose/β_hose)."""
-    modulus = oil_bulk_modulus(oil, pressure(oil, content))
+    modulus = oil_bulk_modulus(oil, gas, pressure(oil, content))
     return modulus / (volume + hose_compliance * modulus)
 
 
 @wp.func
-def fill(oil: Oil, content: float, net_flow: float, dt: float, volume: float, hose_compliance: float):
+def fill(oil: Oil, gas: Gas, content: float, net_flow: float, dt: float, volume: float, hose_compliance: float):
     """State of a rigid volume [Pa] after ``dt`` [s] of ``net_flow`` [m³/s]: ṗ = ΣQ / (V/β_oil(p) + V_hose/β_hose).
 
     ``volume`` V [m³] is all the oil; ``hose_compliance`` V_hose/β_hose [m³/Pa] the walls' part. Below the void pressure
     β is constant: the void's volume is kept exactly.
     """
-    return content + dt * net_flow * volume_stiffness(oil, content, volume, hose_compliance)
+    return content + dt * net_flow * volume_stiffness(oil, gas, content, volume, hose_compliance)
 
 
 @wp.func
 def fill_chamber(
-    oil: Oil, content: float, net_flow: float, dt: float, volume: float, hose_compliance: float, nominal: float
+    oil: Oil, gas: Gas, content: float, net_flow: float, dt: float, volume: float, hose_compliance: float, nominal: float
 ):
     """:func:`fill` for a volume that a piston changes.
 
@@ -134,7 +202,7 @@ def fill_chamber(
     moves; a step that crosses the void pressure is split there, so that no oil is made or lost.
     """
     added = dt * net_flow
-    stiffness = volume_stiffness(oil, content, volume, hose_compliance)
+    stiffness = volume_stiffness(oil, gas, content, volume, hose_compliance)
     void_stiffness = oil.bulk_modulus / nominal
     gap = content - oil.void_pressure
     full = gap >= 0.0

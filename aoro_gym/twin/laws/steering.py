@@ -10,10 +10,12 @@ import warp as wp
 
 from aoro_gym.twin.laws.cylinders import Linkage, cylinder_extension
 from aoro_gym.twin.laws.fluid import (
+    Gas,
     Oil,
     check_valve,
     fill,
     fill_chamber,
+    free_gas,
     inverse_root,
     orifice,
     pressure,
@@ -107,6 +109,16 @@ class SteeringState:
 
 
 @wp.struct
+class SteeringGas:
+    """Free gas of the circuit's volumes at the start of a main step."""
+
+    supply: Gas
+    port_a: Gas
+    port_b: Gas
+    tank_line: Gas
+
+
+@wp.struct
 class SteeringGeometry:
     """Chambers at one joint angle."""
 
@@ -145,6 +157,17 @@ def steering_geometry(m: Steering, joint_angle: float):
 
 
 @wp.func
+def steering_gas(oil: Oil, s: SteeringState):
+    """Free gas of the circuit's volumes in the state ``s``."""
+    gas = SteeringGas()
+    gas.supply = free_gas(oil, s.supply)
+    gas.port_a = free_gas(oil, s.port_a)
+    gas.port_b = free_gas(oil, s.port_b)
+    gas.tank_line = free_gas(oil, s.tank_line)
+    return gas
+
+
+@wp.func
 def steering_torque(oil: Oil, g: SteeringGeometry, s: SteeringState):
     """Torque [N m] of the oil on the joint: Σ p dV/dθ."""
     return pressure(oil, s.port_a) * g.displacement_a + pressure(oil, s.port_b) * g.displacement_b
@@ -164,9 +187,13 @@ def port_nominal_volume(m: Steering):
 def steering_displace(m: Steering, oil: Oil, g: SteeringGeometry, angle: float, s: SteeringState):
     """State after the joint has turned by ``angle`` [rad] with all valves shut."""
     nominal = port_nominal_volume(m)
+    gas_a = free_gas(oil, s.port_a)
+    gas_b = free_gas(oil, s.port_b)
+    given_a = -g.displacement_a * angle
+    given_b = -g.displacement_b * angle
     out = s
-    out.port_a = fill_chamber(oil, s.port_a, -g.displacement_a * angle, 1.0, g.volume_a, m.hose_compliance, nominal)
-    out.port_b = fill_chamber(oil, s.port_b, -g.displacement_b * angle, 1.0, g.volume_b, m.hose_compliance, nominal)
+    out.port_a = fill_chamber(oil, gas_a, s.port_a, given_a, 1.0, g.volume_a, m.hose_compliance, nominal)
+    out.port_b = fill_chamber(oil, gas_b, s.port_b, given_b, 1.0, g.volume_b, m.hose_compliance, nominal)
     return out
 
 
@@ -235,6 +262,7 @@ def steering_step(
     m: Steering,
     oil: Oil,
     # at this main step
+    gas: SteeringGas,
     g: SteeringGeometry,
     spool_demand: float,
     engine_speed: float,
@@ -310,10 +338,10 @@ def steering_step(
 
     nominal = port_nominal_volume(m)
     out = SteeringState()
-    out.supply = fill(oil, s.supply, q_supply, dt, m.pump_line_volume, m.pump_line_compliance)
-    out.port_a = fill_chamber(oil, s.port_a, q_a, dt, g.volume_a, m.hose_compliance, nominal)
-    out.port_b = fill_chamber(oil, s.port_b, q_b, dt, g.volume_b, m.hose_compliance, nominal)
-    out.tank_line = fill(oil, s.tank_line, q_tank, dt, m.tank_line_volume, m.tank_line_compliance)
+    out.supply = fill(oil, gas.supply, s.supply, q_supply, dt, m.pump_line_volume, m.pump_line_compliance)
+    out.port_a = fill_chamber(oil, gas.port_a, s.port_a, q_a, dt, g.volume_a, m.hose_compliance, nominal)
+    out.port_b = fill_chamber(oil, gas.port_b, s.port_b, q_b, dt, g.volume_b, m.hose_compliance, nominal)
+    out.tank_line = fill(oil, gas.tank_line, s.tank_line, q_tank, dt, m.tank_line_volume, m.tank_line_compliance)
     out.ls_pressure = s.ls_pressure + (dt / m.pump_ls_time_constant) * (wp.max(ls_target, 0.0) - s.ls_pressure)
     fastest = dt * m.valve_spool_rate_limit
     out.spool = s.spool + wp.clamp((dt / m.valve_spool_time_constant) * (spool_demand - s.spool), -fastest, fastest)
