@@ -385,8 +385,8 @@ class Beside:
 
     @cached_property
     def gains(self) -> dict[str, tuple[float, tuple[float, ...], Floats]]:
-        """By each other effect: what it would gain in cost, all nuisances and the leader's places following, at which places,
-        and the information about these."""
+        """By each other effect: what it would gain in cost, all else following, at which places, and the information about
+        these."""
         tangent = self.leader.tangent
         assert tangent is not None
         tangent = tangent.beside(self.leader.slopes, PRIOR_INFORMATION)

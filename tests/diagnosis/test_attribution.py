@@ -320,9 +320,11 @@ def test_a_partner_is_found_beside_where_its_leader_has_come_to(places):
 
 
 def test_what_others_gain_beside_the_right_leader_is_what_chance_has_them_gain():
-    """Where nothing but noise is left, one effect gains χ² of one degree of freedom; where something is left, all gain that is
-    alike: the more, the less the leader's evidence counts."""
-    world = LinearWorld(np.random.default_rng(1), nuisances=(0.5, -1.0, 0.3), places=(0.4, 0.3), error=ModelError(0.0, 0.0))
+    """Where nothing but noise is left, an effect gains χ² of one degree of freedom; where something is left, all that is
+    alike gain: the more, the less the leader's evidence counts."""
+    world = LinearWorld(
+        np.random.default_rng(1), nuisances=(0.5, -1.0, 0.3), places=(0.4, 0.3), error=ModelError(0.0, 0.0)
+    )
     world.learn()
     linear = Linear(world, world.error)
     (leader,) = refined(linear, Hypothesis(NAMES[:1], 0.0, (0.4,)))
