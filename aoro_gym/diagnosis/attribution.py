@@ -43,12 +43,15 @@ SINGLES = 12
 """Hypotheses of one effect that are likely."""
 LEADERS, PARTNERS = 3, 5
 """The likeliest of one effect, and partners of each that make pairs."""
+NEAR, AHEAD = 100.0, 0.1
+"""Log odds behind the likeliest beyond which an effect does not lead, before its search has ended, and in shares of what the
+likeliest has before nothing."""
 PAIRS = 8
 """Hypotheses of two effects that are likely."""
 MOST = 8
 """Hypotheses that may have a chance."""
-FINALISTS = 4
-"""Of them, those that take all slopes anew."""
+FINALISTS, CLOSE = 4, 0.02
+"""Of them, those that take all slopes anew, and how likely these must be beside the likeliest."""
 FAR = (0.15, 0.5, 0.85)
 """Shares of the way to an end of a range where searches begin once all others have failed, and those of a partner."""
 FARTHER = 20.0
@@ -89,7 +92,7 @@ class Trust:
             its model.
         doubt: Share of the evidence for a gap by which the temperature grows: no effect of the twin is quite that of a
             machine with other laws.
-        others: Factor with which it also grows by what all other effects would explain beside the likeliest one, over what
+        others: Factor with which it also grows by what all other effects would explain beside the two likeliest, over what
             chance has them explain: as they cannot all be there, so much do effects make up for the twin's own error.
         fit: What the right cause leaves, by kind of channel.
         surprise: Mean of the logarithm by which that is larger where something unknown shows.
@@ -113,8 +116,8 @@ class Trust:
 TRUST: Mapping[str, Trust] = {
     "angle": Trust(4.7, 0.0045, {"angle": Fit(0.785, 0.785, 0.07)}, {"angle": 0.2}, declared=0.98),
     "pressure": Trust(
-        2.0, 0.004, {"angle": Fit(0.92, 0.1, 0.17), "pressure": Fit(0.66, 0.14, 0.22)}, {"angle": 0.2, "pressure": 0.85},
-        declared=0.85, sharpness=0.65, others=1.0,
+        1.4, 0.002, {"angle": Fit(0.92, 0.1, 0.17), "pressure": Fit(0.66, 0.14, 0.22)}, {"angle": 0.2, "pressure": 0.85},
+        declared=0.85, sharpness=0.7, others=1.0,
     ),
     "day-one": Trust(
         1.4, 0.008, {"angle": Fit(0.89, 0.89, 0.25), "pressure": Fit(0.31, 0.31, 0.44)}, {"angle": 0.165, "pressure": 1.0},
@@ -224,6 +227,12 @@ def attribute(
         rough = Linear(alike, alike.error.scaled(EASED))
         trade(settled([goes_on(wide, rough)], other.linear, share + 0.08), other)
 
+    def leading(found: Sequence[Hypothesis], margin: float) -> list[Hypothesis]:
+        """Those that may come out ahead; one, where none is far before nothing."""
+        ahead = found[0].log_evidence - searches[()].weighed().log_evidence
+        least = found[0].log_evidence - max(margin, AHEAD * ahead)
+        return [h for h in found[: LEADERS if ahead > CHANCE else 1] if h.log_evidence >= least]
+
     def weighed() -> list[Hypothesis]:
         return [one.weighed() for one in searches.values() if np.isfinite(one.cost)]
 
@@ -238,6 +247,7 @@ def attribute(
         parts = [(name,) for effects in chosen for name in effects]  # one of a pair may be all that there is
         after([*chosen, *parts], 2, many, share)
         last = [h for h in believed(weighed()) if h.effects and h.refined][:FINALISTS]
+        last = [h for h in last if h.probability > CLOSE * last[0].probability]
         descend(last, share + 0.05)
         after([h.effects for h in last], 2, ALL, share + 0.1)
         calibration = [_calibration(other, linear, trust.temperature)] if np.isfinite(other.cost) else []
@@ -253,9 +263,10 @@ def attribute(
     refine(rivals, 1, lambda s, x: progress(s, 0.05 + 0.05 * x))
     new = begin(rivals)
     likely = after([h.effects for h in after(new, 0, few, 0.1)[:SINGLES]], 2, many, 0.15)
-    descend(likely[:LEADERS], 0.2)
+    likely = leading(likely, NEAR)
+    descend(likely, 0.2)
     # partners are looked for beside where leaders end, not on their way
-    leaders = after([h.effects for h in likely[:LEADERS]], 2, ALL, 0.22)
+    leaders = leading(after([h.effects for h in likely], 2, ALL, 0.22), CHANCE)
     paired(leaders, 0.25)
     known = {h.effects for h in leaders}
     pair = next((h for h in _likeliest(weighed()) if len(h.effects) == 2), None)
@@ -269,7 +280,8 @@ def attribute(
     costs = {h.effects: h.cost for h in leaders}
     found = contend(0.4)
     leader = next((h for h in found if h.refined and len(h.effects) == 1), None)
-    if leader is not None and leader.cost < costs.get(leader.effects, np.inf) - FARTHER:
+    ahead = leader is not None and leader.log_evidence > evidence[()] + CHANCE
+    if leader is not None and ahead and leader.cost < costs.get(leader.effects, np.inf) - FARTHER:
         paired([leader], 0.5)
         found = contend(0.55)
     if found[0].effects == (UNKNOWN,):

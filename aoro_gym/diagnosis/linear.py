@@ -384,26 +384,37 @@ class Beside:
         return left
 
     @cached_property
-    def gains(self) -> dict[str, tuple[float, tuple[float, ...], Floats]]:
-        """By each other effect: what it would gain in cost, all else following, at which places, and the information about
-        these."""
+    def _together(self) -> Callable[[tuple[str, ...]], Shift]:
         tangent = self.leader.tangent
         assert tangent is not None
         tangent = tangent.beside(self.leader.slopes, PRIOR_INFORMATION)
-        together = _together(self.axes, self.shifts, lambda x: tangent.projected(x, x), self.target)
+        return _together(self.axes, self.shifts, lambda x: tangent.projected(x, x), self.target)
+
+    @cached_property
+    def gains(self) -> dict[str, tuple[float, tuple[float, ...], Floats]]:
+        """By each other effect: what it would gain in cost, all else following, at which places, and the information about
+        these."""
         found = {}
         for name in self.axes:
-            part = together((name,))
+            part = self._together((name,))
             cost, places, information = part.descend(part.grid())
             found[name] = -cost, places, information
         return found
 
-    @property
+    @cached_property
     def excess(self) -> float:
-        """How much the others would gain, by the upper quartile, over what chance has one of them gain, χ² of one degree of
-        freedom: as they cannot all be there, so much is wrong with the twin, or with the leader."""
-        gains = [gain for gain, _, _ in self.gains.values()]
-        return float(np.quantile(gains, 0.75) / chi2.ppf(0.75, 1)) if gains else 0.0
+        """How much the others would gain beside the leader and its best partner together, by the upper quartile, over what
+        chance has one of them gain, χ² of one degree of freedom: as they cannot all be there, so much is wrong with the
+        twin, or with these two."""
+        if len(self.gains) < 2:
+            return 0.0
+        best, (gain, places, _) = max(self.gains.items(), key=lambda item: item[1][0])
+        more = [
+            -self._together((best, name)).descend((*places, *self.gains[name][1]))[0] - gain
+            for name in self.axes
+            if name != best
+        ]
+        return float(np.quantile(more, 0.75) / chi2.ppf(0.75, 1))
 
     def partners(self) -> list[tuple[tuple[str, ...], tuple[float, ...]]]:
         """Pairs of the leader and another effect, with the places that suit them, the likeliest first."""

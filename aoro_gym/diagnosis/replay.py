@@ -25,10 +25,14 @@ from aoro_gym.twin.records import Output, State
 
 FRAMES = 5
 """Samples a tick where the measuring chain is in question: delays and filters act on these."""
-SUBSTEPS = 20
-"""Hydraulic substeps a main step: pressures are then off by about 0.1 bar, which is less than a sensor's noise and far less
-than the twin's own error, and twins take a third less time than with their usual 30. With 15 a stiff circuit begins to
-ring."""
+MAIN_STEP = 2e-3
+"""Of twins that are compared with logs [s], of which many run: pressures are then off by about 0.3 bar, which is of the size
+of a sensor's noise and far less than the twin's own error, and what effects do to them by 1 or 2 per cent (at most 9, of a
+soft ground). It takes a third less time on a CPU, and on a GPU nearly half less, than 1 ms, where it is 0.1 bar."""
+FINE_STEP = 1e-3
+"""Of twins that are led along a log, or whose figures are compared with others' [s]."""
+SUBSTEPS: Mapping[float, int] = {MAIN_STEP: 30, FINE_STEP: 20}
+"""Hydraulic substeps by main step. With half as many a stiff circuit begins to ring."""
 BATCH, CPU_BATCH = 32768, 1024
 """Twins a launch, on a GPU and on a CPU: there more gain nothing, and a launch that is cut short is lost."""
 STRETCH = 16
@@ -80,6 +84,7 @@ class Task:
 
     variants: Variants
     recording: Recording
+    main_step: float = MAIN_STEP  # [s], one of SUBSTEPS
 
 
 Signals = dict[str, NDArray[np.float32]]
@@ -99,6 +104,7 @@ class Request:
     commands: NDArray[np.float64]  # (K, len(COMMANDS)), each held for a tick
     channels: tuple[str, ...]
     frames: int  # samples a tick
+    main_step: float = MAIN_STEP  # [s]
     measured: Floats | None = None  # (len(LED), K + 1) that twins are led by (:mod:`.following`); None: they run free
     zeros: Floats | None = None  # (len(LED), N) of the sensors that lead
 
@@ -151,9 +157,9 @@ class Simulator:
 
     def run(self, tasks: Sequence[Task], *, lent: bool = False) -> list[Signals]:
         """What the channels of every task's recording would be; if it is ``lent``, until the next launch only."""
-        groups: dict[tuple[int, int], list[int]] = {}
+        groups: dict[tuple[int, int, float], list[int]] = {}
         for index, task in enumerate(tasks):
-            groups.setdefault((id(task.recording), task.variants.frames), []).append(index)
+            groups.setdefault((id(task.recording), task.variants.frames, task.main_step), []).append(index)
         alike: dict[tuple[int, ...], tuple[Machine, Plane]] = {}
         requests = []
         for mine in groups.values():
@@ -161,10 +167,10 @@ class Simulator:
             same = tuple(map(id, variants))
             if same not in alike:
                 alike[same] = _stacked(variants), _stacked_planes(variants)
-            recording = tasks[mine[0]].recording
+            recording, step = tasks[mine[0]].recording, tasks[mine[0]].main_step
             start = np.concatenate([_started(one, recording.start_angle) for one in variants])
             channels = tuple(recording.channels)
-            requests.append(Request(*alike[same], start, recording.commands, channels, variants[0].frames))
+            requests.append(Request(*alike[same], start, recording.commands, channels, variants[0].frames, step))
         out: list[Signals] = [{} for _ in tasks]
         for mine, rows in zip(groups.values(), self.launch(requests), strict=True):
             ends = np.cumsum([0, *(tasks[index].variants.count for index in mine)])
@@ -223,6 +229,7 @@ class Simulator:
             range(len(requests)),
             key=lambda i: (
                 requests[i].measured is None,
+                requests[i].main_step,
                 requests[i].frames,
                 len(requests[i].commands) * (1 if requests[i].frames == 1 else -1),
             ),
@@ -236,8 +243,8 @@ class Simulator:
                 first = requests[batch[0]]
                 shorter, longer = sorted((len(first.commands), len(new.commands)))
                 unlike = new.frames != first.frames or shorter < ALIKE * longer
-                led = new.measured is None and first.measured is not None
-                if sum(requests[i].count for i in batch) + new.count > most or (cpu and unlike) or led:
+                apart = new.main_step != first.main_step or (new.measured is None) != (first.measured is None)
+                if sum(requests[i].count for i in batch) + new.count > most or (cpu and unlike) or apart:
                     batches.append([])
             batches[-1].append(index)
         return batches
@@ -248,16 +255,18 @@ def _led(task: Task, zeros: Floats) -> Request:
     start = np.full(one.count, recording.start_angle) - zeros[0]
     missing = np.full(recording.ticks + 1, np.nan)
     measured = np.stack([recording.channels.get(name, missing) for name in LED])
-    return Request(one.machine, one.plane, start, recording.commands, LACKED, 1, measured, zeros)
+    return Request(one.machine, one.plane, start, recording.commands, LACKED, 1, FINE_STEP, measured, zeros)
 
 
 def _launching(requests: Sequence[Request], device: str) -> Launching:
-    """All at once; those with dense samples last."""
+    """All at once, with the same main step; those with dense samples last."""
     counts = [request.count for request in requests]
     starts = np.cumsum([0, *counts])
     total, ticks = int(starts[-1]), max(len(request.commands) for request in requests)
     machine = _stacked(requests)
-    twin = Twin(total, machine=machine, terrain=_stacked_planes(requests), device=device, substeps=SUBSTEPS)
+    step = requests[0].main_step
+    of = {"device": device, "main_step": step, "substeps": SUBSTEPS[step]}
+    twin = Twin(total, machine=machine, terrain=_stacked_planes(requests), **of)
     limit = np.broadcast_to(np.asarray(machine.joint.range), total)
     twin.reset(joint_angle=np.clip(np.concatenate([request.start for request in requests]), -limit, limit))
 

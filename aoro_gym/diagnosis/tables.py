@@ -50,7 +50,7 @@ from aoro_gym.diagnosis.noise import Floats, ModelError, Whitener
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem, Progress
 from aoro_gym.diagnosis.recording import TICK, Recording
-from aoro_gym.diagnosis.replay import Simulator, Task, Variants
+from aoro_gym.diagnosis.replay import FINE_STEP, Simulator, Task, Variants
 from aoro_gym.diagnosis.result import CALIBRATION, KEY_FIGURES, UNKNOWN, Cause, Diagnosis, Place, Shrinkage
 from aoro_gym.diagnosis.search import ALL, Search, refine, trade
 from aoro_gym.diagnosis.shrinkage import CLEAR, RESAMPLES, typical
@@ -351,7 +351,8 @@ class Turns(Problem):
 
     def _angles(self, variants: Sequence[Variants]) -> list[Floats]:
         """Joint angles (F, N) [rad] by row, as the measuring chain shows them."""
-        found = iter(self.simulator.run([Task(one, turn) for turn in self.recordings for one in variants]))
+        tasks = [Task(one, turn, FINE_STEP) for turn in self.recordings for one in variants]
+        found = iter(self.simulator.run(tasks))
         return [
             np.concatenate([next(found)["joint_angle"] for _ in variants], axis=1).astype(np.float64)
             for _ in self.recordings

@@ -25,7 +25,7 @@ from aoro_gym.diagnosis.attribution import (
 )
 from aoro_gym.diagnosis.axes import PRIOR_INFORMATION, Axis, axes_of
 from aoro_gym.diagnosis.cross_entropy import Population, evolve
-from aoro_gym.diagnosis.linear import Hypothesis, Linear, Misfit
+from aoro_gym.diagnosis.linear import Beside, Hypothesis, Linear, Misfit, Tangent
 from aoro_gym.diagnosis.noise import MERGED, Floats, ModelError, Noise
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem, references_of
@@ -319,24 +319,42 @@ def test_a_partner_is_found_beside_where_its_leader_has_come_to(places):
         )
 
 
-def test_what_others_gain_beside_the_right_leader_is_what_chance_has_them_gain():
-    """Where nothing but noise is left, an effect gains χ² of one degree of freedom; where something is left, all that is
-    alike gain: the more, the less the leader's evidence counts."""
-    world = LinearWorld(
-        np.random.default_rng(1), nuisances=(0.5, -1.0, 0.3), places=(0.4, 0.3), error=ModelError(0.0, 0.0)
+def test_what_others_gain_is_what_they_explain_of_what_is_left():
+    """Against generalised least squares: of the leader with nuisances alone, and of the leader with its best partner, beside
+    whom the others share what is left."""
+    rng = np.random.default_rng(3)
+    names = ("spool_lag", "seal_friction", "joint_friction", "cylinder_leakage", "cross_port_leakage")
+    left = rng.standard_normal(80)
+    sizes = np.array([0.4, 0.9, 0.6, 0.5, 0.7])
+    directions = 4.0 * rng.standard_normal((80, 5)) + np.outer(left, sizes) * 3.0
+    left = left + 0.5 * directions[:, 1]
+    jacobian, slope = rng.standard_normal((80, 3)), rng.standard_normal((80, 1))
+    bounds = np.full(3, -np.inf), np.full(3, np.inf)
+    leader = Hypothesis(
+        ("payload",), 0.0, (0.5,), np.zeros(3), left=left, slopes=slope, tangent=Tangent(jacobian, np.eye(3), bounds)
     )
-    world.learn()
-    linear = Linear(world, world.error)
-    (leader,) = refined(linear, Hypothesis(NAMES[:1], 0.0, (0.4,)))
-    (ahead,) = linear.beside([leader])
-    residual, jacobian, noise, shifts = dense(world, linear)
-    known = np.column_stack([jacobian, shifts[:, :1] / np.sqrt(PRIOR_INFORMATION)])
-    inner = np.linalg.inv(noise + known @ known.T)
-    other = shifts[:, 1]
-    left = residual - shifts[:, 0] * leader.places[0]
-    gain = (other @ inner @ left) ** 2 / (other @ inner @ other)
-    assert ahead.gains[NAMES[1]][0] == pytest.approx(gain, rel=1e-2)
-    assert ahead.excess == pytest.approx(gain / 1.3233, rel=1e-2)  # of one effect, upper quartile and gain are the same
+    axes = {name: axes_of(EFFECTS[name]) for name in names}
+    assert all(len(mine) == 1 and mine[0].none == 0.0 for mine in axes.values()), "places are sizes"
+    shifts = {(n, 0): np.outer(d, axes[n][0].nodes) for n, d in zip(names, directions.T, strict=True)}
+    ahead = Beside(leader, ("payload", *names), axes, shifts)
+
+    inner = np.linalg.inv(np.eye(80) + jacobian @ jacobian.T + slope @ slope.T / PRIOR_INFORMATION)
+
+    def explained(*which: int) -> float:
+        d = directions[:, which]
+        places = np.linalg.solve(d.T @ inner @ d, d.T @ inner @ left)
+        assert np.all((places > 0.0) & (places < 1.0)), "no range is in the way"
+        return float(left @ inner @ d @ places)
+
+    alone = [explained(k) for k in range(5)]
+    np.testing.assert_allclose([ahead.gains[name][0] for name in names], alone, rtol=1e-3)
+    best = int(np.argmax(alone))
+    more = [explained(best, k) - alone[best] for k in range(5) if k != best]
+    assert ahead.excess == pytest.approx(np.quantile(more, 0.75) / 1.3233, rel=1e-2)
+    assert np.quantile(alone, 0.75) > 2.0 * np.quantile(more, 0.75), "what the partner explains would count against all"
+
+
+def test_the_more_others_explain_the_less_the_evidence_counts():
     trust = Trust(2.0, 0.0, others=0.5)
     assert trust.beside(5.0).temperature == pytest.approx(4.0)
     assert trust.beside(0.4) == trust, "less than chance is as good as chance"
