@@ -22,7 +22,7 @@ from scipy.stats import chi2, expon, norm
 
 from aoro_gym.diagnosis.axes import Axis
 from aoro_gym.diagnosis.cross_entropy import Population, evolve
-from aoro_gym.diagnosis.linear import Hypothesis, Linear, Misfit
+from aoro_gym.diagnosis.linear import Beside, Hypothesis, Linear, Misfit
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.problem import Problem, Progress
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN
@@ -77,6 +77,8 @@ class Fit(NamedTuple):
     """Share that is left of the twin's own error."""
     spread: float
     """Standard deviation of the logarithm."""
+    nothing: float | None = None
+    """The same where nothing is the cause, which has no effect that is not quite the machine's; as of any, if not known."""
 
     def ratio(self, misfit: Misfit) -> float:
         """By how much more is left than what is usual."""
@@ -116,8 +118,8 @@ class Trust:
 TRUST: Mapping[str, Trust] = {
     "angle": Trust(4.7, 0.0045, {"angle": Fit(0.785, 0.785, 0.07)}, {"angle": 0.2}, declared=0.98),
     "pressure": Trust(
-        1.4, 0.002, {"angle": Fit(0.92, 0.1, 0.17), "pressure": Fit(0.66, 0.14, 0.22)}, {"angle": 0.2, "pressure": 0.85},
-        declared=0.85, sharpness=0.7, others=1.0,
+        1.4, 0.002, {"angle": Fit(0.92, 0.1, 0.17, 0.1), "pressure": Fit(0.66, 0.14, 0.22, 0.12)},
+        {"angle": 0.2, "pressure": 0.85}, declared=0.85, sharpness=0.7, others=1.0,
     ),
     "day-one": Trust(
         1.4, 0.008, {"angle": Fit(0.89, 0.89, 0.25), "pressure": Fit(0.31, 0.31, 0.44)}, {"angle": 0.165, "pressure": 1.0},
@@ -236,9 +238,18 @@ def attribute(
     def weighed() -> list[Hypothesis]:
         return [one.weighed() for one in searches.values() if np.isfinite(one.cost)]
 
-    def believed(found: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """Weighed with as much trust as the leader deserves that leaves the others least to explain."""
-        return weigh(found, prior, trust.beside(min(excess, default=0.0)))
+    def believed(found: Sequence[Hypothesis], calibrated: bool = False) -> list[Hypothesis]:
+        """Weighed, beside other calibration if so asked, with as much trust as the leader deserves that leaves the others
+        least to explain; or that calibration, where it is ahead of all."""
+        here = trust.beside(min(excess, default=0.0))
+        if calibrated and np.isfinite(other.cost):
+            calibration = _calibration(other, linear, here.temperature)
+            if calibration.log_evidence > max(h.log_evidence for h in found):
+                ahead = Beside(other.weighed(), tuple(problem.axes), problem.axes, linear.shifts)
+                here = trust.beside(ahead.excess)
+            temperature = tempering([*found, calibration], here)
+            found = [*found, _calibration(other, linear, temperature)]
+        return weigh(found, prior, here)
 
     def contend(share: float) -> list[Hypothesis]:
         """All that may have a chance to the end."""
@@ -250,8 +261,7 @@ def attribute(
         last = [h for h in last if h.probability > CLOSE * last[0].probability]
         descend(last, share + 0.05)
         after([h.effects for h in last], 2, ALL, share + 0.1)
-        calibration = [_calibration(other, linear, trust.temperature)] if np.isfinite(other.cost) else []
-        return believed([*weighed(), *calibration])
+        return believed(weighed(), calibrated=True)
 
     searches[()].offered([alone(problem, 1)])
     first = [Search(soft, (name,), places) for name, places in soft.starts(VALLEYS).items()]
@@ -393,24 +403,33 @@ def without(linear: Linear, recordings: Sequence[int], hypothesis: Hypothesis) -
     return np.clip(found[: len(u)], low, high), np.clip(z + found[len(u) :], 0.0, 1.0)
 
 
+def tempering(hypotheses: Sequence[Hypothesis], trust: Trust) -> float:
+    """By which fits count less: the more, the more the best one leaves beside what is usual, which is the size of the error
+    that the data themselves show; and by the doubt that all the evidence for a gap leaves."""
+    nothing, best = _nothing_and_best(hypotheses)
+    temperature = trust.temperature
+    if best.misfit:
+        parts = [(trust.fit[kind].ratio(one), one.count) for kind, one in best.misfit.items()]
+        temperature *= sum(ratio * count for ratio, count in parts) / sum(count for _, count in parts)
+    return temperature + trust.doubt * max(best.log_evidence - nothing.log_evidence, 0.0)
+
+
+def _nothing_and_best(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, Hypothesis]:
+    return next(h for h in hypotheses if not h.effects), max(hypotheses, key=lambda h: h.log_evidence)
+
+
 def weigh(hypotheses: Sequence[Hypothesis], prior: Mapping[tuple[str, ...], float], trust: Trust) -> list[Hypothesis]:
     """``hypotheses`` with their probabilities, the likeliest first; *unknown* joins them, where they say how well they fit.
 
-    What a hypothesis fits better than nothing does is tempered (Miller and Dunson 2019): by a temperature, the more, the
-    more the best one leaves beside what is usual, which is the size of the error that the data themselves show; and by the
-    doubt that all the evidence for a gap leaves. What its freedom costs counts in full.
+    What a hypothesis fits better than nothing does is tempered (:func:`tempering`; Miller and Dunson 2019). What its freedom
+    costs counts in full.
 
     The mean square that the right cause leaves has a known distribution. That something unknown is there beside a hypothesis
     has a prior probability, and makes it larger. All probabilities are taken to a power, as they would else be surer than
     they are right.
     """
-    temperature = trust.temperature
-    nothing = next(h for h in hypotheses if not h.effects)
-    best = max(hypotheses, key=lambda h: h.log_evidence)
-    if best.misfit:
-        parts = [(trust.fit[kind].ratio(one), one.count) for kind, one in best.misfit.items()]
-        temperature *= sum(ratio * count for ratio, count in parts) / sum(count for _, count in parts)
-    temperature += trust.doubt * max(best.log_evidence - nothing.log_evidence, 0.0)
+    nothing, best = _nothing_and_best(hypotheses)
+    temperature = tempering(hypotheses, trust)
 
     def tempered(h: Hypothesis) -> float:
         better = h.log_evidence - nothing.log_evidence
@@ -420,7 +439,7 @@ def weigh(hypotheses: Sequence[Hypothesis], prior: Mapping[tuple[str, ...], floa
         return fits / temperature + (better - fits) + prior[h.effects]
 
     evidence = np.array([tempered(h) for h in hypotheses])
-    alone, beside = np.transpose([fitting(h.misfit, trust) for h in hypotheses])
+    alone, beside = np.transpose([fitting(h, trust) for h in hypotheses])
     logs = evidence + alone
     shows = [bool(h.misfit) for h in hypotheses]
     if any(shows):
@@ -432,19 +451,20 @@ def weigh(hypotheses: Sequence[Hypothesis], prior: Mapping[tuple[str, ...], floa
     return sorted(weighed, key=lambda h: -h.probability)
 
 
-def beyond(kind: str, misfit: Misfit, trust: Trust) -> tuple[float, float]:
+def beyond(hypothesis: Hypothesis, kind: str, trust: Trust) -> tuple[float, float]:
     """Logarithm by which more is left in a ``kind`` of channel than what is usual, and its standard deviation. Better than
     usual is as good as usual."""
-    fit = trust.fit[kind]
-    return max(float(np.log(fit.ratio(misfit))), 0.0), float(np.hypot(fit.spread, np.sqrt(2.0 / misfit.count)))
+    fit, misfit = trust.fit[kind], hypothesis.misfit[kind]
+    spread = fit.spread if hypothesis.effects or fit.nothing is None else fit.nothing
+    return max(float(np.log(fit.ratio(misfit))), 0.0), float(np.hypot(spread, np.sqrt(2.0 / misfit.count)))
 
 
-def fitting(misfit: Mapping[str, Misfit], trust: Trust) -> tuple[float, float]:
+def fitting(hypothesis: Hypothesis, trust: Trust) -> tuple[float, float]:
     """Log density of how well something fits if it is all that there is, and if something unknown is there beside it, which
     shows or does not in any kind of channel."""
     alone = beside = 0.0
-    for kind, one in misfit.items():
-        more, spread = beyond(kind, one, trust)
+    for kind in hypothesis.misfit:
+        more, spread = beyond(hypothesis, kind, trust)
         as_usual = float(norm.logpdf(more, scale=spread))
         shown = float(expon.logpdf(more, scale=trust.surprise[kind])) if more > 0.0 else -np.inf
         alone += as_usual
@@ -464,5 +484,5 @@ def log_priors(names: Iterable[str]) -> dict[tuple[str, ...], float]:
 
 def fit_p(hypothesis: Hypothesis, trust: Trust) -> float:
     """Probability that a refined hypothesis fits no better in any kind of channel, if it holds."""
-    parts = [beyond(kind, one, trust) for kind, one in hypothesis.misfit.items()]
+    parts = [beyond(hypothesis, kind, trust) for kind in hypothesis.misfit]
     return float(np.asarray(chi2.sf(sum((more / spread) ** 2 for more, spread in parts), len(parts))))

@@ -110,11 +110,14 @@ def diagnose(
     if healthy:
         twin, uncertain, found = _commissioned(healthy, given, of, lambda s, share: progress(s, 0.3 * share))
         of |= found
+    elif mode == "day-one":
+        twin = given.with_unsaid()
     problem = Problem(
         recordings, Nuisances(twin, "day" if mode == "commissioned" else "range", uncertain), effects, **of
     )
-    before = problem.given
+    base, before = twin, problem.given
     if mode == "day-one":
+        base, before = given, problem.simulate([Variants(given)])[:, 0]
         settle(problem, STAGES, lambda s, share: progress(s, 0.3 + 0.1 * share))
         problem.louder()
     progress("what every effect does", 0.4)
@@ -129,7 +132,7 @@ def diagnose(
     best = next((h for h in hypotheses if h.refined), None)
     fitted = None if best is None else problem.at(best.nuisances[None], best.effects, row_of(best))
     after = before if fitted is None else problem.simulate([fitted])[:, 0]
-    shrunk, controls = _how_far(problem, linear, hypotheses, before, after, held_out)
+    shrunk, controls = _how_far(problem, linear, hypotheses, base, before, after, held_out)
     components = components_of(hypotheses, effects)
     component = guilty(parts, components)
     causes = tuple(
@@ -151,7 +154,7 @@ def diagnose(
         fit_test_p=None if best is None else fit_p(best, trust),
         shrinkage=shrunk,
         controls=controls,
-        key_figures={} if fitted is None else key_figures(problem, Variants(twin), fitted),
+        key_figures={} if fitted is None else key_figures(problem, Variants(base), fitted),
         next_experiments=next_experiments(linear, hypotheses),
         calibration=moved_by(problem, best),
         alike=alike_effects(linear),
@@ -221,11 +224,13 @@ def _how_far(
     problem: Problem,
     linear: Linear,
     hypotheses: Sequence[Hypothesis],
+    base: Machine,
     before: Floats,
     after: Floats,
     held_out: Sequence[Recording],
 ) -> tuple[tuple[Shrinkage, ...], dict[str, float | None]]:
-    """Shrinkage of fitted and of held-out recordings, and what a wrong cause and a black box get of the latter."""
+    """Shrinkage of fitted and of held-out recordings, against the twin as it was given, ``base``, and what a wrong cause and
+    a black box get of the latter."""
     best = next((h for h in hypotheses if h.refined and h.effects), None)
     if best is None:
         return (), {"cause": None, "wrong_cause": None, "black_box": None}
@@ -234,13 +239,13 @@ def _how_far(
     fitted = shrinkages(problem, before, after, held_out=False)
     if held_out:
         other = problem.of(held_out)
-        base = other.simulate([Variants(problem.nuisances.machine)])[:, 0]
+        start = other.simulate([Variants(base)])[:, 0]
         found = other.simulate(
             [other.at(_own_free(problem, other, h), h.effects, row_of(h)) for h in (best, wrong) if h]
         )
-        left = shrinkages(other, base, found[:, 0], held_out=True)
-        of_wrong = typical(shrinkages(other, base, found[:, 1], held_out=True)) if wrong else None
-        of_box = black_box(problem, before, other, base)
+        left = shrinkages(other, start, found[:, 0], held_out=True)
+        of_wrong = typical(shrinkages(other, start, found[:, 1], held_out=True)) if wrong else None
+        of_box = black_box(problem, before, other, start)
     else:
         left, of_wrong, of_box = _in_turn(problem, linear, best, wrong, before)
     controls = {"cause": typical(left), "wrong_cause": of_wrong, "black_box": of_box}
@@ -332,7 +337,8 @@ def _limitations(
         found.append(f"Not compared, as a log lacks it: {', '.join(unused)}.")
     if mode == "day-one":
         found.append(
-            "No healthy recordings: what the twin's laws do otherwise than the machine's cannot be told from an effect."
+            "No healthy recordings: what the twin's laws do otherwise than the machine's cannot be told from an effect, and "
+            "free air in the oil and the patches that tires stand on, which data sheets leave out, not from calibration."
         )
     if not any("pressure" in name for name in channels):
         found.append("Only the joint angle was logged: effects that mainly show in pressures stay hidden.")

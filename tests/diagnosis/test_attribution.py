@@ -549,23 +549,31 @@ def usual_square(kind: str) -> float:
     return NOISE * fit.noise + (1.0 - NOISE) * fit.error
 
 
-def test_how_well_something_fits_counts_by_its_density():
-    """As usual or better: nothing is lost; a spread above: a half; what is unknown shows in a kind of channel or not."""
+@pytest.mark.parametrize("effects", [(), ("spool_lag",)], ids="+".join)
+def test_how_well_something_fits_counts_by_its_density(effects):
+    """As usual or better: nothing is lost; a spread above: a half; what is unknown shows in a kind of channel or not. Of
+    nothing more is known than of an effect, which may not be quite the machine's."""
     trust = TRUST["pressure"]
-    spread, mean, usual = trust.fit["pressure"].spread, trust.surprise["pressure"], usual_square("pressure")
+    fit, mean, usual = trust.fit["pressure"], trust.surprise["pressure"], usual_square("pressure")
+    spread = fit.spread if effects else fit.nothing
+    assert spread is not None
+
+    def left(**misfit: Misfit) -> Hypothesis:
+        return Hypothesis(effects, 0.0, misfit=misfit)
+
     peak = -np.log(spread * np.sqrt(2.0 * np.pi))
     for square in (0.1 * usual, usual):
-        assert fitting({"pressure": Misfit(square, MANY, NOISE)}, trust) == pytest.approx((peak, peak - np.log(2.0)))
+        found = fitting(left(pressure=Misfit(square, MANY, NOISE)), trust)
+        assert found == pytest.approx((peak, peak - np.log(2.0)))
     worse = Misfit(usual * np.exp(2.0 * spread), MANY, NOISE)
-    alone, beside = fitting({"pressure": worse}, trust)
+    alone, beside = fitting(left(pressure=worse), trust)
     assert alone == pytest.approx(peak - 2.0)
     assert np.exp(beside) == pytest.approx(0.5 * np.exp(peak - 2.0) + 0.5 * np.exp(-2.0 * spread / mean) / mean)
-    good = {kind: Misfit(usual_square(kind), MANY, NOISE) for kind in ("pressure", "angle")}
-    both = fitting(good, trust)
+    both = fitting(left(**{kind: Misfit(usual_square(kind), MANY, NOISE) for kind in ("pressure", "angle")}), trust)
     assert both[0] - both[1] == pytest.approx(np.log(4.0))
-    few = fitting({"pressure": worse._replace(count=2)}, trust)  # whose mean square scatters by one in its logarithm
+    few = fitting(left(pressure=worse._replace(count=2)), trust)  # whose mean square scatters by one in its logarithm
     assert few[0] == pytest.approx(-0.5 * np.log(2.0 * np.pi * (1.0 + spread**2)) - 2.0 * spread**2 / (1.0 + spread**2))
-    p = fit_p(Hypothesis((), 0.0, misfit={"pressure": worse}), trust)
+    p = fit_p(left(pressure=worse), trust)
     assert p == pytest.approx(0.0455, rel=0.01)  # two standard deviations, either side
 
 
