@@ -231,9 +231,10 @@ def attribute(
 
     def leading(found: Sequence[Hypothesis], margin: float) -> list[Hypothesis]:
         """Those that may come out ahead; one, where none is far before nothing."""
-        ahead = found[0].log_evidence - searches[()].weighed().log_evidence
-        least = found[0].log_evidence - max(margin, AHEAD * ahead)
-        return [h for h in found[: LEADERS if ahead > CHANCE else 1] if h.log_evidence >= least]
+        nothing = searches[()].weighed().log_evidence
+        best = max((h.log_evidence for h in found), default=nothing)
+        least = best - max(margin, AHEAD * (best - nothing))
+        return [h for h in found[: LEADERS if best > nothing + CHANCE else 1] if h.log_evidence >= least]
 
     def weighed() -> list[Hypothesis]:
         return [one.weighed() for one in searches.values() if np.isfinite(one.cost)]
