@@ -291,8 +291,11 @@ def attribute(
     costs = {h.effects: h.cost for h in leaders}
     found = contend(0.4)
     leader = next((h for h in found if h.refined and len(h.effects) == 1), None)
-    ahead = leader is not None and leader.log_evidence > evidence[()] + CHANCE
-    if leader is not None and ahead and leader.cost < costs.get(leader.effects, np.inf) - FARTHER:
+    if (
+        leader is not None
+        and leader.log_evidence > evidence[()] + CHANCE
+        and leader.cost < costs.get(leader.effects, np.inf) - FARTHER
+    ):
         paired([leader], 0.5)
         found = contend(0.55)
     if found[0].effects == (UNKNOWN,):

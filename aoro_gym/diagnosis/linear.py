@@ -355,8 +355,8 @@ class Linear:
 
 @dataclass(frozen=True)
 class Beside:
-    """A refined hypothesis of one effect, and what the others do beside it: what an effect does depends on what else is
-    wrong."""
+    """A refined hypothesis of one effect, or of other calibration, and what the others do beside it: what an effect does
+    depends on what else is wrong."""
 
     leader: Hypothesis
     catalogue: tuple[str, ...]  # all effects in the order that pairs have them in

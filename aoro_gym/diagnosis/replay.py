@@ -15,7 +15,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from aoro_gym.diagnosis.following import LACKED, LED, Leader
+from aoro_gym.diagnosis.following import LACKED, LED, STEPS, Leader
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.recording import COMMANDS, TICK, Recording
 from aoro_gym.terrains.plane import Plane
@@ -27,12 +27,12 @@ FRAMES = 5
 """Samples a tick where the measuring chain is in question: delays and filters act on these."""
 MAIN_STEP = 2e-3
 """Of twins that are compared with logs [s], of which many run: pressures are then off by about 0.3 bar, which is of the size
-of a sensor's noise and far less than the twin's own error, and what effects do to them by 1 or 2 per cent (at most 9, of a
-soft ground). It takes a third less time on a CPU, and on a GPU nearly half less, than 1 ms, where it is 0.1 bar."""
-FINE_STEP = 1e-3
+of a sensor's noise and far less than the twin's own error, and what effects do to them by 1 or 2 per cent (at most 9, of
+worn pins and of soft ground). On a CPU it takes three tenths less time than 1 ms, where it is 0.1 bar."""
+FINE_STEP = TICK / STEPS
 """Of twins that are led along a log, or whose figures are compared with others' [s]."""
 SUBSTEPS: Mapping[float, int] = {MAIN_STEP: 30, FINE_STEP: 20}
-"""Hydraulic substeps by main step. With half as many a stiff circuit begins to ring."""
+"""Hydraulic substeps by main step: a third more change pressures by less than a main step half as long does."""
 BATCH, CPU_BATCH = 32768, 1024
 """Twins a launch, on a GPU and on a CPU: there more gain nothing, and a launch that is cut short is lost."""
 STRETCH = 16
@@ -104,7 +104,7 @@ class Request:
     commands: NDArray[np.float64]  # (K, len(COMMANDS)), each held for a tick
     channels: tuple[str, ...]
     frames: int  # samples a tick
-    main_step: float = MAIN_STEP  # [s]
+    main_step: float  # [s]
     measured: Floats | None = None  # (len(LED), K + 1) that twins are led by (:mod:`.following`); None: they run free
     zeros: Floats | None = None  # (len(LED), N) of the sensors that lead
 
