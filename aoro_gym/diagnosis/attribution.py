@@ -116,7 +116,7 @@ class Trust:
 
 
 TRUST: Mapping[str, Trust] = {
-    "angle": Trust(4.7, 0.0045, {"angle": Fit(0.785, 0.785, 0.07)}, {"angle": 0.2}, declared=0.98),
+    "angle": Trust(1.0, 0.001, {"angle": Fit(0.70, 0.50, 0.12)}, {"angle": 0.2}, declared=0.9, sharpness=0.6),
     "pressure": Trust(
         1.4, 0.002, {"angle": Fit(0.92, 0.1, 0.17, 0.1), "pressure": Fit(0.66, 0.14, 0.22, 0.12)},
         {"angle": 0.2, "pressure": 0.85}, declared=0.85, sharpness=0.7, others=1.0,
@@ -128,7 +128,7 @@ TRUST: Mapping[str, Trust] = {
 }  # fmt: skip
 """By the kind of channel that tells most, pressures wherever they were logged, then also by whether there are healthy logs
 that say how much the twin errs (E: the likeliest for machines of the development family)."""
-USUAL_MISFIT: Mapping[str, float] = {"angle": 4.0, "pressure": 0.5}
+USUAL_MISFIT: Mapping[str, float] = {"angle": 1.0, "pressure": 0.5}
 """Factor on the assumed error of the twin (:meth:`~aoro_gym.diagnosis.problem.Problem.misfits`) of those machines."""
 
 

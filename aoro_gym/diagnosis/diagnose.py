@@ -192,9 +192,9 @@ def _commissioned(
         fit.hold_to(population.best[0])
         settle(fit, 1, lambda s, share: progress(s, 0.55 + 0.1 * share))
     noise = fit.louder()
-    fit.be_found(misfit := fit.misfits())
+    fit.be_found(fit.misfits())
     tangent = settle(fit, STAGES - 1, lambda s, share: progress(s, 0.65 + 0.35 * share))
-    found = {"noise": noise, "references": references_of(fit), "misfit": misfit}
+    found = {"noise": noise, "references": references_of(fit), "misfit": fit.misfits()}
     return fit.machine, fit.uncertain(tangent.covariance), found
 
 

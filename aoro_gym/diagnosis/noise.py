@@ -1,7 +1,8 @@
 """What may part a recording from a perfect twin without a cause: noise of the sensors, and the twin's own error.
 
 Residuals are whitened with the covariance of both. Noise is an autoregressive process, fitted to the standstill that
-every recording begins with (Burg 1975: short stretches, sharp lines). The twin's own error is taken as relative: of the
+every recording begins with (Burg 1975: short stretches, sharp lines), and a zero that wanders as slowly as only the residual
+of a whole recording shows. The twin's own error is taken as relative: of the
 joint's rate, which the angle then integrates and which shifts the pressures in time, and of each pressure's excursion, both
 wandering as Ornstein–Uhlenbeck processes.
 """
@@ -49,6 +50,9 @@ NOISY_SWING = 5.0
 """Standard deviations of noise that a swing may have of noise alone; 3.8 are expected of :data:`SWING` normal samples."""
 ENVELOPE = 15
 """Samples over which the size of a residual is taken."""
+WANDERING = 1.2
+"""Memory [s] of a sensor's zero that wanders: an order of the engine's speed close to the sampling rate appears as a beat of
+some seconds, which no standstill of a second shows."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +95,16 @@ class Noise:
     def louder(self, factor: float) -> Noise:
         """Noise of ``factor`` times the power."""
         return Noise(factor * self.covariance)
+
+    def merged(self, count: int) -> Floats:
+        """Covariance (count, count) of averaged samples."""
+        within = np.arange(MERGED)
+        lags = MERGED * np.arange(count)[:, None, None] + within[:, None] - within
+        return toeplitz(self.covariance[np.abs(lags)].mean(axis=(1, 2)))
+
+    def wandering(self, std: float) -> Noise:
+        """The same with a zero that wanders [SI] as an Ornstein–Uhlenbeck process."""
+        return Noise(self.covariance + std**2 * np.exp(-TICK / WANDERING * np.arange(len(self.covariance))))
 
 
 def noise_of(recordings: Sequence[Recording], channel: str, lags: int) -> Noise:
@@ -174,7 +188,7 @@ def whitener(
     count = len(predicted)
     wander, delay, memory = (known[:count, :count] for known in _correlations(1 << (count - 1).bit_length()))
     change = np.gradient(predicted)  # a tick
-    covariance = (1.0 + 1.0 / repeats) * toeplitz(_merged_lags(noise.covariance, count // MERGED))
+    covariance = (1.0 + 1.0 / repeats) * noise.merged(count // MERGED)
     if channel == "joint_angle":
         rates = np.outer(error.rate * change, error.rate * change) * wander
         covariance += merged(np.cumsum(merged(np.cumsum(rates, axis=0)), axis=1).T)
@@ -228,13 +242,6 @@ def _varying(sizes: Floats, correlation: Floats) -> Floats:
             if a != b:
                 total += part.T
     return total / MERGED**2
-
-
-def _merged_lags(covariance: Floats, count: int) -> Floats:
-    """Autocovariance (count,) of merged samples of a process that has this one."""
-    within = np.arange(MERGED)
-    lags = MERGED * np.arange(count)[:, None, None] + within[:, None] - within
-    return covariance[np.abs(lags)].mean(axis=(1, 2))
 
 
 def _swing(values: Floats) -> Floats:

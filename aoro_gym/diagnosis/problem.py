@@ -62,6 +62,8 @@ SWAY = 15
 """Standard deviation, in samples, of the window that parts a signal's sway, of about 3 Hz, from its slow course."""
 MISFITS = (0.06, 0.12, 0.25, 0.5, 1.0, 2.0, 4.0)
 """Factors on the twin's own error that are told apart."""
+WANDERS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.6)
+"""Standard deviations of an angle sensor's wandering zero that are told apart, in those of its noise."""
 SPARSE = 2
 """Of the averaged samples, every so many tell these factors apart: neighbours say the same."""
 KNOWN: Mapping[str, float] = {"angle": 0.3, "pressure": 1.0, "": 1.0}
@@ -423,8 +425,11 @@ class Problem:
         return out
 
     def louder(self) -> dict[str, Noise]:
-        """Its noise, as loud as :meth:`loudness` says, which is what it has from now on."""
+        """Its noise, as loud as :meth:`loudness` says and with zeros that wander by :meth:`wander`, which is what it has
+        from now on."""
         self.noise = {name: self.noise[name].louder(loud) for name, loud in self.loudness().items()}
+        self._holding = {}
+        self.noise |= {name: self.noise[name].wandering(std) for name, std in self.wander().items()}
         self._holding = {}
         return self.noise
 
@@ -445,16 +450,35 @@ class Problem:
         """By how much the twin's own error is larger or smaller than assumed, by channel: the factor f, of :data:`MISFITS`,
         of which what is left at the centre is likeliest, normal with covariance N + f² E of noise and error, once the
         nuisances were fitted."""
-        found = {name: np.zeros(len(MISFITS)) for name in self.signals}
+        likely = self._likely(self.signals, (0.0,))
+        return {name: MISFITS[int(np.argmax(of[:, 0]))] for name, of in likely.items()}
+
+    def wander(self) -> dict[str, float]:
+        """How far [SI] the zeros of angle sensors wander, by channel: what of :data:`WANDERS` is likeliest, whatever the
+        factor on the twin's own error, which grows on the way while a zero wanders at rest, too."""
+        angles = [name for name in self.signals if self.kinds.get(name) == "angle"]
+        likely = self._likely(angles, WANDERS)
+        return {name: WANDERS[int(np.argmax(of.max(axis=0)))] * self.noise[name].std for name, of in likely.items()}
+
+    def _likely(self, names: Sequence[str], wanders: Sequence[float]) -> dict[str, Floats]:
+        """Log likelihood (misfits, wanders) by channel of what is left at the centre, for each of :data:`MISFITS` and of
+        ``wanders``, standard deviations of wandering zeros in those of the noise."""
+        found = {name: np.zeros((len(MISFITS), len(wanders))) for name in names}
         builds = [self.whiteners(self.error.scaled(factor), self.predicted) for factor in (0.0, 1.0)]
         for (_, name), part, *both in zip(self.blocks, self.split(self.left), *builds, strict=True):
+            if name not in found:
+                continue
+            counts, held = both[0].counts, self.misfit.get(name, 1.0)
             noise, whole = (w.factor[::SPARSE] @ w.factor[::SPARSE].T for w in both)
-            left = merged(part)[both[0].counts][::SPARSE]
-            for k, factor in enumerate(MISFITS):
-                factors = cholesky(noise + factor**2 * (whole - noise), lower=True)
+            zero = Noise(np.zeros(len(part) + MERGED)).wandering(self.noise[name].std).merged(len(counts))
+            zero = zero[np.ix_(counts, counts)][::SPARSE, ::SPARSE]
+            left = merged(part)[counts][::SPARSE]
+            for k, j in np.ndindex(found[name].shape):
+                covariance = noise + (MISFITS[k] / held) ** 2 * (whole - noise) + wanders[j] ** 2 * zero
+                factors = cholesky(covariance, lower=True)
                 white = solve_triangular(factors, left, lower=True)
-                found[name][k] -= 0.5 * float(white @ white) + float(np.sum(np.log(np.diag(factors))))
-        return {name: MISFITS[int(np.argmax(likely))] for name, likely in found.items()}
+                found[name][k, j] -= 0.5 * float(white @ white) + float(np.sum(np.log(np.diag(factors))))
+        return found
 
     def loudness(self) -> dict[str, float]:
         """How much more power the residual at the centre has than the noise of the standstill explains, by channel, once

@@ -8,13 +8,25 @@ from aoro_gym.diagnosis.arrival import AFTER, AHEAD, NEVER
 from aoro_gym.diagnosis.axes import Axis
 from aoro_gym.diagnosis.noise import MERGED, ModelError, Noise, whitener
 from aoro_gym.diagnosis.nuisances import Nuisances
-from aoro_gym.diagnosis.problem import FELT, KINDS, KNOWN, START_JITTER, SWAY, ZEROS, Problem, in_step, references_of
+from aoro_gym.diagnosis.problem import (
+    FELT,
+    KINDS,
+    KNOWN,
+    START_JITTER,
+    SWAY,
+    WANDERS,
+    ZEROS,
+    Problem,
+    in_step,
+    references_of,
+)
 from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.diagnosis.replay import Simulator, Task, Variants
 from aoro_gym.diagnosis.search import settle
 from aoro_gym.twin import Machine
 from aoro_gym.twin.effects import EFFECTS
 from tests.diagnosis.manoeuvres import FULL, blank, turn
+from tests.diagnosis.synthetic import linear_of, problem_of
 
 MACHINE = Machine.load("aoro")
 DAY = Nuisances(MACHINE, "day")
@@ -335,3 +347,33 @@ def test_what_only_one_of_the_two_comes_to_is_not_compared():
     np.testing.assert_array_equal(rows[True]["joint_angle"], rows[False]["joint_angle"])
     assert not np.any((rows[True]["pressure_a"] >= arrival - AHEAD) & (rows[True]["pressure_a"] < arrival + AFTER))
     assert np.max(rows[True]["pressure_a"]) >= arrival + AFTER > arrival > np.max(rows[False]["pressure_a"])
+
+
+@pytest.mark.parametrize("share", [0.0, 0.2, 0.6])
+@pytest.mark.parametrize("factor", [0.06, 1.0])
+def test_a_wandering_zero_is_found_beside_the_twins_own_error(share: float, factor: float):
+    """Angles of many turns drawn from white noise, a zero that wanders by a ``share`` of it, and ``factor`` times the twin's
+    error. Turns of 2 s hold 0.8 of an independent value of a zero with a memory of 1.2 s, 32 in all, so that its size is
+    known to 1 in eight: the likeliest of :data:`WANDERS` is the true one or its neighbour, and with it residuals are white."""
+    error, rng, count = ModelError(rate=0.003, pressure=0.0), np.random.default_rng(7), 40
+    course = np.concatenate([np.zeros(60), np.linspace(0.0, 0.6, 100), np.full(41, 0.6)])
+    problem = problem_of({f"turn {k}": {"joint_angle": course} for k in range(count)}, std={"joint_angle": 1e-3})
+    problem.error = error
+    linear_of(problem, np.zeros((len(problem.measured), 1)))
+    problem.predicted = problem.measured.copy()
+    vars(problem)["given"], vars(problem)["given_stops"] = problem.predicted, [False] * count
+    quiet = problem.noise["joint_angle"]
+    problem.noise = {"joint_angle": quiet.wandering(share * quiet.std)}
+    drawn = np.zeros((count, len(course)))
+    for w, row in zip(problem.whiteners(error.scaled(factor), problem.predicted), drawn, strict=True):
+        means = np.repeat(w.factor @ rng.standard_normal(len(w.factor)), MERGED)
+        row[: len(w.counts) * MERGED][np.repeat(w.counts, MERGED)] = means
+    vars(problem)["measured"] = problem.predicted + drawn.ravel()
+    problem.noise = {"joint_angle": quiet}
+    found = problem.wander()["joint_angle"] / quiet.std
+    places = [min(range(len(WANDERS)), key=lambda k: abs(WANDERS[k] - one)) for one in (found, share)]
+    assert abs(places[0] - places[1]) <= 1
+    problem.noise = {"joint_angle": quiet.wandering(found * quiet.std)}
+    problem.be_found(problem.misfits())
+    white = problem.white(problem.whiteners(error, problem.predicted), drawn.ravel())
+    assert np.mean(white**2) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / len(white)))
