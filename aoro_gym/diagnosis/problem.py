@@ -463,7 +463,7 @@ class Problem:
     def _likely(self, names: Sequence[str], wanders: Sequence[float]) -> dict[str, Floats]:
         """Log likelihood (misfits, wanders) by channel of what is left at the centre, for each of :data:`MISFITS` and of
         ``wanders``, standard deviations of wandering zeros in those of the noise."""
-        found = {name: np.zeros((len(MISFITS), len(wanders))) for name in names}
+        found: dict[str, Floats] = {name: np.zeros((len(MISFITS), len(wanders))) for name in names}
         builds = [self.whiteners(self.error.scaled(factor), self.predicted) for factor in (0.0, 1.0)]
         for (_, name), part, *both in zip(self.blocks, self.split(self.left), *builds, strict=True):
             if name not in found:

@@ -354,7 +354,7 @@ def test_what_only_one_of_the_two_comes_to_is_not_compared():
 def test_a_wandering_zero_is_found_beside_the_twins_own_error(share: float, factor: float):
     """Angles of many turns drawn from white noise, a zero that wanders by a ``share`` of it, and ``factor`` times the twin's
     error. Turns of 2 s hold 0.8 of an independent value of a zero with a memory of 1.2 s, 32 in all, so that its size is
-    known to 1 in eight: the likeliest of :data:`WANDERS` is the true one or its neighbour, with which residuals are white."""
+    known to 1 in eight: the likeliest of :data:`WANDERS` is the true one or its neighbour; residuals are then white."""
     error, rng, count = ModelError(rate=0.003, pressure=0.0), np.random.default_rng(7), 40
     course = np.concatenate([np.zeros(60), np.linspace(0.0, 0.6, 100), np.full(41, 0.6)])
     problem = problem_of({f"turn {k}": {"joint_angle": course} for k in range(count)}, std={"joint_angle": 1e-3})
