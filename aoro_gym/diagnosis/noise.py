@@ -2,9 +2,8 @@
 
 Residuals are whitened with the covariance of both. Noise is an autoregressive process, fitted to the standstill that
 every recording begins with (Burg 1975: short stretches, sharp lines), and a zero that wanders as slowly as only the residual
-of a whole recording shows. The twin's own error is taken as relative: of the
-joint's rate, which the angle then integrates and which shifts the pressures in time, and of each pressure's excursion, both
-wandering as Ornstein–Uhlenbeck processes.
+of a whole recording shows. The twin's own error is taken as relative: of the joint's rate, which the angle then integrates
+and which shifts the pressures in time, and of each pressure's excursion, both wandering as Ornstein–Uhlenbeck processes.
 """
 
 from __future__ import annotations

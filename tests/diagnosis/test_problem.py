@@ -375,5 +375,6 @@ def test_a_wandering_zero_is_found_beside_the_twins_own_error(share: float, fact
     assert abs(places[0] - places[1]) <= 1
     problem.noise = {"joint_angle": quiet.wandering(found * quiet.std)}
     problem.be_found(problem.misfits())
+    assert problem.misfits() == problem.misfit  # of the error as it is assumed, whatever was found before
     white = problem.white(problem.whiteners(error, problem.predicted), drawn.ravel())
     assert np.mean(white**2) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / len(white)))
