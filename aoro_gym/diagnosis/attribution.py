@@ -116,10 +116,10 @@ class Trust:
 
 
 TRUST: Mapping[str, Trust] = {
-    "angle": Trust(1.0, 0.001, {"angle": Fit(0.70, 0.50, 0.12)}, {"angle": 0.2}, declared=0.9, sharpness=0.6),
+    "angle": Trust(1.0, 0.001, {"angle": Fit(0.70, 0.50, 0.12)}, {"angle": 0.2}, declared=0.8, sharpness=0.6),
     "pressure": Trust(
-        1.4, 0.002, {"angle": Fit(0.92, 0.1, 0.17, 0.1), "pressure": Fit(0.66, 0.14, 0.22, 0.12)},
-        {"angle": 0.2, "pressure": 0.85}, declared=0.85, sharpness=0.7, others=1.0,
+        1.0, 0.0005, {"angle": Fit(0.70, 0.10, 0.13), "pressure": Fit(0.66, 0.14, 0.22, 0.12)},
+        {"angle": 0.2, "pressure": 0.85}, declared=0.8, sharpness=0.55, others=3.0,
     ),
     "day-one": Trust(
         1.4, 0.008, {"angle": Fit(0.89, 0.89, 0.25), "pressure": Fit(0.31, 0.31, 0.44)}, {"angle": 0.165, "pressure": 1.0},
@@ -128,7 +128,7 @@ TRUST: Mapping[str, Trust] = {
 }  # fmt: skip
 """By the kind of channel that tells most, pressures wherever they were logged, then also by whether there are healthy logs
 that say how much the twin errs (E: the likeliest for machines of the development family)."""
-USUAL_MISFIT: Mapping[str, float] = {"angle": 1.0, "pressure": 0.5}
+USUAL_MISFIT: Mapping[str, float] = {"angle": 1.0, "pressure": 0.125}
 """Factor on the assumed error of the twin (:meth:`~aoro_gym.diagnosis.problem.Problem.misfits`) of those machines."""
 
 

@@ -72,9 +72,11 @@ class ModelError:
         sizes = {name: factor * getattr(self, name) for name in ("rate", "pressure", "swing", "phase")}
         return replace(self, **sizes)
 
-    def found(self, factor: float) -> ModelError:
-        """As it is where the twin turned out to err by ``factor`` of what was assumed."""
-        return self.scaled(max(factor, 1.0) if self.rough else factor)
+    def found(self, factor: float, sways: float = 0.0) -> ModelError:
+        """As it is where the twin turned out to err by ``factor`` of what was assumed, but no less than ``sways`` of it
+        in how far and how fast pressures sway."""
+        found = self.scaled(max(factor, 1.0) if self.rough else factor)
+        return replace(found, swing=max(found.swing, sways * self.swing), phase=max(found.phase, sways * self.phase))
 
 
 EXACT = ModelError(rate=0.0, pressure=0.0)

@@ -247,8 +247,8 @@ def _draw_confusion(score: Score, path: Path) -> None:
         axes.set_xlabel("said first")
         axes.set_ylabel("true")
         pairs = sum(case.kind == "pair" for case in score.cases)
-        without = f", without {pairs} cases with two effects" if pairs else ""
-        axes.set_title(f"Number of cases{without}; right is framed", loc="left")
+        without = f"\nwithout {pairs} cases with two effects" if pairs else ""
+        axes.set_title(f"Number of cases; right is framed{without}", loc="left")
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=150)
 

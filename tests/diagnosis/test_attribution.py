@@ -494,6 +494,7 @@ def test_an_error_other_than_assumed_is_found_and_counted(factor: float):
     again: dict[str, list[float]] = {name: [] for name in STD}
     for seed in range(count):
         world = LinearWorld(np.random.default_rng(seed), error=error)
+        world.sound = True
         world.noise = {name: Noise(1e-6 * noise.covariance) for name, noise in world.noise.items()}
         world.predicted = world.base
         whiteners = world.whiteners(error.scaled(factor), world.base)
@@ -508,6 +509,24 @@ def test_an_error_other_than_assumed_is_found_and_counted(factor: float):
         assert np.mean(np.array(found[name]) == factor) > 0.9
         scatter = 4.0 * np.sqrt(2.0 / (count * COUNT // MERGED))  # of a mean of squares of so many normal numbers
         assert np.mean(again[name]) == pytest.approx(1.0, rel=scatter)
+
+
+def test_sways_of_a_machine_that_may_differ_are_as_uncertain_as_was_assumed():
+    """However well its healthy logs were fitted, which are held to the error that was found in them."""
+    error = ModelError(0.0, 0.0, swing=0.1, phase=0.05)
+    world = LinearWorld(np.random.default_rng(1), error=error)
+    assumed = world.whiteners(error, world.base)
+    world.misfit = dict.fromkeys(STD, 0.1)
+    for sound, expected in ((False, assumed), (True, None)):
+        world.sound = sound
+        found = world.whiteners(error, world.base)
+        if expected is None:
+            world.misfit = {}
+            expected = world.whiteners(error.scaled(0.1), world.base)
+        for one, other in zip(found, expected, strict=True):
+            np.testing.assert_allclose(one.factor, other.factor)
+    pressure = list(STD).index("pressure_a")
+    assert np.trace(assumed[pressure].factor) > np.trace(found[pressure].factor)
 
 
 def test_nuisances_are_those_of_the_same_machine_in_another_problem():

@@ -132,6 +132,15 @@ def test_relative_error_of_the_rate_wanders_the_angle():
     np.testing.assert_allclose(std, exact, rtol=0.03, atol=e * omega * TICK)
 
 
+def test_what_was_found_never_makes_sways_more_certain_than_is_asked():
+    """Rate and pressure by the factor that was found, sways by the larger of it and of what they keep; eased as all is."""
+    error = ModelError(1.0, 2.0, swing=3.0, change=4.0, phase=5.0)
+    assert error.found(0.1, 0.5) == ModelError(0.1, 0.2, swing=1.5, change=4.0, phase=2.5)
+    assert error.found(2.0, 0.5) == error.scaled(2.0)
+    assert error.scaled(10.0).found(0.1, 0.5) == error.found(0.1, 0.5).scaled(10.0)
+    assert error.found(0.1) == error.scaled(0.1)
+
+
 def test_a_late_motion_shows_its_pressures_late():
     """While the rate's error is small beside its memory, at t ≪ T, a lateness of e t times the pressure's rise."""
     rise, e, count = 20e5, 0.01, 12
