@@ -515,18 +515,15 @@ def test_sways_of_a_machine_that_may_differ_are_as_uncertain_as_was_assumed():
     """However well its healthy logs were fitted, which are held to the error that was found in them."""
     error = ModelError(0.0, 0.0, swing=0.1, phase=0.05)
     world = LinearWorld(np.random.default_rng(1), error=error)
-    assumed = world.whiteners(error, world.base)
+    expected = {}
+    for world.sound, factor in ((False, 1.0), (True, 0.1)):
+        expected[world.sound] = world.whiteners(error.scaled(factor), world.base)
     world.misfit = dict.fromkeys(STD, 0.1)
-    for sound, expected in ((False, assumed), (True, None)):
-        world.sound = sound
-        found = world.whiteners(error, world.base)
-        if expected is None:
-            world.misfit = {}
-            expected = world.whiteners(error.scaled(0.1), world.base)
-        for one, other in zip(found, expected, strict=True):
+    for world.sound, those in expected.items():
+        for one, other in zip(world.whiteners(error, world.base), those, strict=True):
             np.testing.assert_allclose(one.factor, other.factor)
     pressure = list(STD).index("pressure_a")
-    assert np.trace(assumed[pressure].factor) > np.trace(found[pressure].factor)
+    assert np.trace(expected[False][pressure].factor) > np.trace(expected[True][pressure].factor)
 
 
 def test_nuisances_are_those_of_the_same_machine_in_another_problem():

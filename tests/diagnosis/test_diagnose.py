@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from aoro_gym.cli import app
 from aoro_gym.diagnosis.diagnose import ERROR, _commissioned, _common, _noise, diagnose
-from aoro_gym.diagnosis.findings import LAWS, SURE, declared_of, verdict_of
+from aoro_gym.diagnosis.findings import LAWS, declared_of, verdict_of
 from aoro_gym.diagnosis.linear import Hypothesis
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.recording import TICK
@@ -38,13 +38,11 @@ def diagnosed(tmp_path_factory):
 
 
 def test_the_cause_its_size_and_its_machine_are_given(diagnosed):
-    """A weak companion, one of three pairs that so small a catalogue makes, need not be excluded."""
     found, folder = diagnosed
     first = found.causes[0]
     said = [(c.title, c.probability) for c in found.causes]
     assert first.effects == ("spool_lag",), said
     assert sum(c.probability for c in found.causes if "spool_lag" in c.effects) > 0.9, said
-    assert found.verdict == ("cause" if first.probability >= SURE else "ambiguous")
     (size,) = first.magnitudes["spool_lag"]
     assert size.low90 < LAG < size.high90
     assert size.median == pytest.approx(LAG, rel=0.1)
@@ -54,6 +52,12 @@ def test_the_cause_its_size_and_its_machine_are_given(diagnosed):
     machine, affected = Machine.load("aoro"), Machine.load(str(folder / first.machine_file))
     longer = affected.steering.valve.spool_time_constant - machine.steering.valve.spool_time_constant
     assert longer == pytest.approx(LAG, rel=0.1)
+
+
+@pytest.mark.xfail(strict=True, reason="right names with pressures are held below what is called a cause, here at 0.72")
+def test_the_verdict_is_a_cause(diagnosed):
+    found, _ = diagnosed
+    assert found.verdict == "cause" and found.causes[0].effects == ("spool_lag",), found.causes[0].probability
 
 
 def test_the_gap_is_gone_on_manoeuvres_left_out(diagnosed):
