@@ -94,8 +94,11 @@ class Trust:
             its model.
         doubt: Share of the evidence for a gap by which the temperature grows: no effect of the twin is quite that of a
             machine with other laws.
-        others: Factor with which it also grows by what all other effects would explain beside the two likeliest, over what
-            chance has them explain: as they cannot all be there, so much do effects make up for the twin's own error.
+        strain: Factor with which it also grows by the strain of the likeliest hypothesis over what is usual: parameters are
+            bent so far from where they should have stayed because a law is not the machine's.
+        usual: Strain where the cause is right.
+        others: Factor with which it also grows by what all other effects would explain beside the likeliest hypothesis,
+            over what chance has them explain: as they cannot all be there, so much do they make up for the twin's own error.
         fit: What the right cause leaves, by kind of channel.
         surprise: Mean of the logarithm by which that is larger where something unknown shows.
         declared: Probability that the declared set of causes holds the truth.
@@ -108,18 +111,25 @@ class Trust:
     surprise: Mapping[str, float] = field(default_factory=dict)
     declared: float = 0.95
     sharpness: float = 1.0
+    strain: float = 0.0
+    usual: float = 1.0
     others: float = 0.0
 
-    def beside(self, excess: float) -> Trust:
-        """The same where all others would explain so many times what chance has them explain."""
-        return replace(self, temperature=self.temperature + self.others * max(excess - 1.0, 0.0))
+    def beside(self, likeliest: Beside) -> Trust:
+        """The same where this is the likeliest hypothesis, and what others do beside it."""
+        hotter = self.strain * max(likeliest.leader.strain / self.usual - 1.0, 0.0)
+        if self.others:
+            hotter += self.others * max(likeliest.excess - 1.0, 0.0)
+        return replace(self, temperature=self.temperature + hotter)
 
 
 TRUST: Mapping[str, Trust] = {
-    "angle": Trust(1.0, 0.001, {"angle": Fit(0.70, 0.50, 0.12)}, {"angle": 0.2}, declared=0.8, sharpness=0.6),
+    "angle": Trust(
+        1.0, 0.001, {"angle": Fit(0.70, 0.50, 0.12)}, {"angle": 0.2}, declared=0.75, sharpness=0.55, strain=1.0, usual=0.2,
+    ),
     "pressure": Trust(
-        1.0, 0.0005, {"angle": Fit(0.70, 0.10, 0.13), "pressure": Fit(0.66, 0.14, 0.22, 0.12)},
-        {"angle": 0.2, "pressure": 0.85}, declared=0.8, sharpness=0.55, others=3.0,
+        1.0, 0.0, {"angle": Fit(0.70, 0.10, 0.13), "pressure": Fit(0.66, 0.14, 0.22, 0.12)},
+        {"angle": 0.2, "pressure": 0.85}, declared=0.8, sharpness=0.6, strain=8.0, usual=0.42, others=0.5,
     ),
     "day-one": Trust(
         1.4, 0.008, {"angle": Fit(0.89, 0.89, 0.25), "pressure": Fit(0.31, 0.31, 0.44)}, {"angle": 0.165, "pressure": 1.0},
@@ -134,12 +144,12 @@ USUAL_MISFIT: Mapping[str, float] = {"angle": 1.0, "pressure": 0.125}
 
 def trust_of(problem: Problem) -> Trust:
     """That of a problem's channels. Its doubt goes by the square of the twin's error, as the healthy logs show it; where
-    there are none, it errs as usual."""
+    there are none, it errs as usual, and parameters may lie anywhere."""
     kinds = {problem.kinds[name] for name in problem.signals if name in problem.kinds}
     kind = "pressure" if "pressure" in kinds else "angle"
     errs = [factor for name, factor in problem.misfit.items() if problem.kinds.get(name) == kind]
     if not errs:
-        return TRUST["day-one" if kind == "pressure" else kind]
+        return TRUST["day-one"] if kind == "pressure" else replace(TRUST[kind], strain=0.0)
     ratio = float(np.median(errs)) / USUAL_MISFIT[kind]
     return replace(TRUST[kind], doubt=TRUST[kind].doubt * ratio**2)
 
@@ -157,7 +167,6 @@ def attribute(
     few, many = DIRECTIONS
     anew: set[tuple[str, ...]] = set()
     tried: set[tuple[str, ...]] = set()
-    excess: list[float] = []
 
     def after(effects: Iterable[tuple[str, ...]], rounds: int, directions: int, share: float) -> list[Hypothesis]:
         """Hypotheses after some more rounds, the likeliest first; nothing and other calibration come along."""
@@ -184,7 +193,6 @@ def attribute(
         found: list[Search] = []
         begun: list[Search] = []
         for ahead in linear.beside(leaders):
-            excess.append(ahead.excess)
             for effects, places in ahead.partners()[:PARTNERS]:
                 starts = [places, _together(searches, ahead.leader, effects)]
                 found.append(Search(linear, effects, starts, ahead, directions=few))
@@ -239,15 +247,18 @@ def attribute(
     def weighed() -> list[Hypothesis]:
         return [one.weighed() for one in searches.values() if np.isfinite(one.cost)]
 
+    def deserved(likeliest: Hypothesis) -> Trust:
+        axes = {name: mine for name, mine in problem.axes.items() if name not in likeliest.effects}
+        return trust.beside(Beside(likeliest, tuple(problem.axes), axes, linear.shifts))
+
     def believed(found: Sequence[Hypothesis], calibrated: bool = False) -> list[Hypothesis]:
-        """Weighed, beside other calibration if so asked, with as much trust as the leader deserves that leaves the others
-        least to explain; or that calibration, where it is ahead of all."""
-        here = trust.beside(min(excess, default=0.0))
+        """Weighed, beside other calibration if so asked, with as much trust as the likeliest deserves."""
+        likeliest = max(found, key=lambda h: h.log_evidence)
+        here = deserved(likeliest)
         if calibrated and np.isfinite(other.cost):
             calibration = _calibration(other, linear, here.temperature)
-            if calibration.log_evidence > max(h.log_evidence for h in found):
-                ahead = Beside(other.weighed(), tuple(problem.axes), problem.axes, linear.shifts)
-                here = trust.beside(ahead.excess)
+            if calibration.log_evidence > likeliest.log_evidence:
+                here = deserved(other.weighed())
             temperature = tempering([*found, calibration], here)
             found = [*found, _calibration(other, linear, temperature)]
         return weigh(found, prior, here)

@@ -234,6 +234,13 @@ class Hypothesis:
     probability: float = 0.0
     misfit: Mapping[str, Misfit] = field(default_factory=dict)  # by kind of channel
 
+    @property
+    def strain(self) -> float:
+        """Mean square of its nuisances, in standard deviations of their prior; 0 if there are none."""
+        if self.tangent is None or not self.nuisances.size:
+            return 0.0
+        return float(self.nuisances @ self.tangent.precision @ self.nuisances) / self.nuisances.size
+
 
 class Linear:
     """A learned problem, whitened under one error of the twin: r(u, z) = r₀ − J u − S φ(z)."""
@@ -355,8 +362,7 @@ class Linear:
 
 @dataclass(frozen=True)
 class Beside:
-    """A refined hypothesis of one effect, or of other calibration, and what the others do beside it: what an effect does
-    depends on what else is wrong."""
+    """A refined hypothesis, and what other effects do beside it: what an effect does depends on what else is wrong."""
 
     leader: Hypothesis
     catalogue: tuple[str, ...]  # all effects in the order that pairs have them in
@@ -403,18 +409,10 @@ class Beside:
 
     @cached_property
     def excess(self) -> float:
-        """How much the others would gain beside the leader and its best partner together, by the upper quartile, over what
-        chance has one of them gain, χ² of one degree of freedom: as they cannot all be there, so much is wrong with the
-        twin, or with these two."""
-        if len(self.gains) < 2:
-            return 0.0
-        best, (gain, places, _) = max(self.gains.items(), key=lambda item: item[1][0])
-        more = [
-            -self._together((best, name)).descend((*places, *self.gains[name][1]))[0] - gain
-            for name in self.axes
-            if name != best
-        ]
-        return float(np.quantile(more, 0.75) / chi2.ppf(0.75, 1))
+        """How much the others would gain beside the leader, by the upper quartile, over what chance has one of them gain, χ²
+        of one degree of freedom: as they cannot all be there, so much is wrong with the twin, or with the leader."""
+        gains = [gain for gain, _, _ in self.gains.values()]
+        return float(np.quantile(gains, 0.75) / chi2.ppf(0.75, 1)) if gains else 0.0
 
     def partners(self) -> list[tuple[tuple[str, ...], tuple[float, ...]]]:
         """Pairs of the leader and another effect, with the places that suit them, the likeliest first."""
