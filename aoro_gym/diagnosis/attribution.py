@@ -248,6 +248,7 @@ def attribute(
         return [one.weighed() for one in searches.values() if np.isfinite(one.cost)]
 
     def deserved(likeliest: Hypothesis) -> Trust:
+        """Where this is the likeliest hypothesis; what others do beside it is taken to be what they do at the centre."""
         axes = {name: mine for name, mine in problem.axes.items() if name not in likeliest.effects}
         return trust.beside(Beside(likeliest, tuple(problem.axes), axes, linear.shifts))
 

@@ -659,14 +659,18 @@ GAPS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
 }
 
 
-@pytest.mark.parametrize("kind", GAPS)
-def test_the_kind_of_a_gap_is_told(kind, monkeypatch):
-    """Each kind of gap, large beside the noise, in a world whose laws are known. Other calibration is fitted with the twin
-    itself, which this world has none of."""
+@pytest.fixture
+def calibrated_alike(monkeypatch):
+    """Other calibration is fitted with the twin itself, which a linear world has none of."""
     monkeypatch.setattr(
         "aoro_gym.diagnosis.attribution.other_calibration",
         lambda problem: Search(Linear(problem, problem.error), ()),
     )
+
+
+@pytest.mark.parametrize("kind", GAPS)
+def test_the_kind_of_a_gap_is_told(kind, calibrated_alike):
+    """Each kind of gap, large beside the noise, in a world whose laws are known."""
     gap, named = GAPS[kind]
     world = LinearWorld(np.random.default_rng(5), **gap, error=ModelError(0.001, 0.002, 0.01, 0.02))
     world.learn()
@@ -677,6 +681,24 @@ def test_the_kind_of_a_gap_is_told(kind, monkeypatch):
     (other,) = [h for h in found if h.effects == (CALIBRATION,)]
     assert not other.refined, "its nuisances are not those of the problem"
     assert {h.effects for h in found} == {(), *((name,) for name in NAMES), NAMES, (UNKNOWN,), (CALIBRATION,)}
+
+
+def test_hypotheses_are_weighed_with_the_trust_that_the_likeliest_deserves(calibrated_alike):
+    """As by hand: hotter by how far its nuisances, as they were drawn, are from where they should be."""
+    gap, named = GAPS["single"]
+    world = LinearWorld(np.random.default_rng(5), **gap, error=ModelError(0.001, 0.002, 0.01, 0.02))
+    world.learn()
+    cool = replace(trust_of(world), others=0.0)
+    found, _ = attribute(world, replace(cool, strain=1e3, usual=0.01))
+    known = [h for h in found if h.effects != (UNKNOWN,)]
+    likeliest = max(known, key=lambda h: h.log_evidence)
+    assert set(named) <= set(likeliest.effects) and likeliest.strain > 0.1
+    hot = replace(cool, temperature=cool.temperature + 1e3 * (likeliest.strain / 0.01 - 1.0))
+    expected, sure = (
+        {h.effects: h.probability for h in weigh(known, log_priors(NAMES), trust)} for trust in (hot, cool)
+    )
+    assert {h.effects: h.probability for h in found} == pytest.approx(expected, rel=1e-9, abs=0.0)
+    assert expected[()] > 1e3 * sure[()], "nothing gains by it"
 
 
 # ---- logs of the twin itself ----
