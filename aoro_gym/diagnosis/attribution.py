@@ -4,8 +4,9 @@ All hypotheses see the same recordings, the same error of the twin and the same 
 model (:mod:`.linear`) says where their searches begin; they are refined with the twin itself (:mod:`.search`), the likelier
 the further, nothing among them, and weighed by Laplace's method. What goes with the likeliest effects is simulated beside
 them, where their own searches have ended. Searches begin under a larger error of the twin, where a far cause is not hidden
-behind oscillations that are out of step. Other calibration is nothing with wider priors. *Unknown* is something beside any
-of these, which shows in that none of them fits as well as the right cause does elsewhere.
+behind oscillations that are out of step; once they have ended, the likeliest go on under a smaller one, which lets pressures
+sway less otherwise than the twin's do, and are weighed by that. Other calibration is nothing with wider priors. *Unknown* is
+something beside any of these, which shows in that none of them fits as well as the right cause does elsewhere.
 """
 
 from __future__ import annotations
@@ -59,6 +60,11 @@ FARTHER = 20.0
 ROAMING, CROWD, ROUNDS = 3, 48, 8
 """Once all have failed: of the likeliest hypotheses of one effect and of two, those that a population of so many machines
 goes on from, and its generations."""
+SWAYS = 0.35
+"""Least factor on the assumed error of how pressures sway (:attr:`.ModelError.sways`) under which hypotheses are weighed:
+searches need more of it to end in the right valley, but what is in it tells more (E, machines of the development family)."""
+FIRM = 7
+"""Hypotheses that go on under it."""
 CHANCE = 25.0
 """Log odds behind the best beyond which a hypothesis has none."""
 SOFT = 3.0
@@ -128,8 +134,8 @@ TRUST: Mapping[str, Trust] = {
         1.0, 0.001, {"angle": Fit(0.70, 0.50, 0.12)}, {"angle": 0.2}, declared=0.75, sharpness=0.55, strain=1.0, usual=0.2,
     ),
     "pressure": Trust(
-        1.0, 0.0, {"angle": Fit(0.70, 0.10, 0.13), "pressure": Fit(0.66, 0.14, 0.22, 0.12)},
-        {"angle": 0.2, "pressure": 0.85}, declared=0.8, sharpness=0.6, strain=8.0, usual=0.42, others=0.5,
+        1.0, 0.0005, {"angle": Fit(0.70, 0.10, 0.13), "pressure": Fit(0.66, 0.14, 0.22, 0.12)},
+        {"angle": 0.2, "pressure": 0.85}, declared=0.8, sharpness=0.6, strain=16.0, usual=0.42, others=0.5,
     ),
     "day-one": Trust(
         1.4, 0.008, {"angle": Fit(0.89, 0.89, 0.25), "pressure": Fit(0.31, 0.31, 0.44)}, {"angle": 0.165, "pressure": 1.0},
@@ -252,17 +258,50 @@ def attribute(
         axes = {name: mine for name, mine in problem.axes.items() if name not in likeliest.effects}
         return trust.beside(Beside(likeliest, tuple(problem.axes), axes, linear.shifts))
 
-    def believed(found: Sequence[Hypothesis], calibrated: bool = False) -> list[Hypothesis]:
-        """Weighed, beside other calibration if so asked, with as much trust as the likeliest deserves."""
+    def believed(found: Sequence[Hypothesis], wide: Search | None = None, under: Linear = linear) -> list[Hypothesis]:
+        """Weighed, beside other calibration where its search is given, with as much trust as the likeliest deserves."""
         likeliest = max(found, key=lambda h: h.log_evidence)
         here = deserved(likeliest)
-        if calibrated and np.isfinite(other.cost):
-            calibration = _calibration(other, linear, here.temperature)
+        if wide is not None and np.isfinite(wide.cost):
+            fits = other.weighed().misfit
+            calibration = replace(_calibration(wide, under, here.temperature), misfit=fits)
             if calibration.log_evidence > likeliest.log_evidence:
                 here = deserved(other.weighed())
             temperature = tempering([*found, calibration], here)
-            found = [*found, _calibration(other, linear, temperature)]
+            found = [*found, replace(_calibration(wide, under, temperature), misfit=fits)]
         return weigh(found, prior, here)
+
+    def firmly(found: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """``found``, weighed where pressures sway less otherwise than the twin's do: the likeliest by what they come to
+        there, the others as far from nothing as they were. How well they fit, and where, is as it was."""
+        error = replace(problem.error, sways=min(problem.error.sways, SWAYS))
+        errs = [problem.misfit.get(name, 1.0) for name in problem.signals if problem.kinds.get(name) == "pressure"]
+        if all(error.found(one).swing == problem.error.found(one).swing for one in errs):
+            return list(found)
+        progress("weighing", 0.97)
+        firm = Linear(problem, error)
+        likely = [h.effects for h in found if h.effects in searches and h.effects][:FIRM]
+        new = firmer([searches[e] for e in ((), *likely)], firm)
+        wide = firmer([other] if np.isfinite(other.cost) else [], Linear(other.linear.problem, error))
+        for one in new:
+            one.directions = ALL
+        refine([*new, *wide], 2)
+        trade(new, *wide)
+        ends = {one.effects: one.weighed() for one in new if np.isfinite(one.cost)}
+        if () not in ends:
+            return list(found)
+        before, nothing = searches[()].weighed(), ends[()]
+        fits = [
+            replace(h, log_evidence=ends[h.effects].log_evidence, cost=ends[h.effects].cost)
+            if h.effects in ends
+            else replace(
+                h,
+                log_evidence=nothing.log_evidence + h.log_evidence - before.log_evidence,
+                cost=nothing.cost + h.cost - before.cost,
+            )
+            for h in weighed()
+        ]
+        return believed(fits, wide[0] if wide else None, firm)
 
     def contend(share: float) -> list[Hypothesis]:
         """All that may have a chance to the end."""
@@ -274,7 +313,7 @@ def attribute(
         last = [h for h in last if h.probability > CLOSE * last[0].probability]
         descend(last, share + 0.05)
         after([h.effects for h in last], 2, ALL, share + 0.1)
-        return believed(weighed(), calibrated=True)
+        return believed(weighed(), other)
 
     searches[()].offered([alone(problem, 1)])
     first = [Search(soft, (name,), places) for name, places in soft.starts(VALLEYS).items()]
@@ -330,7 +369,7 @@ def attribute(
         new = begin(far)
         paired(_likeliest(searches[e].weighed() for e in new)[:1], 0.86)
         found = contend(0.9)
-    return found, linear
+    return firmly(found), linear
 
 
 def _likeliest(hypotheses: Iterable[Hypothesis]) -> list[Hypothesis]:

@@ -66,17 +66,19 @@ class ModelError:
     change: float = 0.0
     phase: float = 0.0
     rough: bool = False  # stays as large as it is, however well the twin does
+    sways: float = 0.0  # least factor on swing and phase, however well the twin does
 
     def scaled(self, factor: float) -> ModelError:
         """All but what is seen beyond the prediction times ``factor``."""
         sizes = {name: factor * getattr(self, name) for name in ("rate", "pressure", "swing", "phase")}
         return replace(self, **sizes)
 
-    def found(self, factor: float, sways: float = 0.0) -> ModelError:
-        """As it is where the twin turned out to err by ``factor`` of what was assumed, but no less than ``sways`` of it
+    def found(self, factor: float) -> ModelError:
+        """As it is where the twin turned out to err by ``factor`` of what was assumed, but no less than :attr:`sways` of it
         in how far and how fast pressures sway."""
         found = self.scaled(max(factor, 1.0) if self.rough else factor)
-        return replace(found, swing=max(found.swing, sways * self.swing), phase=max(found.phase, sways * self.phase))
+        least = self.sways * self.swing, self.sways * self.phase
+        return replace(found, swing=max(found.swing, least[0]), phase=max(found.phase, least[1]))
 
 
 EXACT = ModelError(rate=0.0, pressure=0.0)

@@ -13,7 +13,7 @@ otherwise than the machine's then cancels, up to its own change.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -66,10 +66,6 @@ WANDERS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.6)
 """Standard deviations of an angle sensor's wandering zero that are told apart, in those of its noise."""
 SPARSE = 2
 """Of the averaged samples, every so many tell these factors apart: neighbours say the same."""
-SWAYS = 1.0
-"""Least factor on the assumed error of how pressures sway, however well the twin was fitted to healthy logs: with the least
-change of a machine, oscillations that are hardly damped stay or die, and no search finds the fit that would follow them (E,
-machines of the development family)."""
 KNOWN: Mapping[str, float] = {"angle": 0.3, "pressure": 1.0, "": 1.0}
 """Share of the twin's own error that is left where the healthy machine's residual of the same commands is subtracted, by
 kind of channel: pressures of a machine that differs sway otherwise than they did (E, machines of the development family),
@@ -388,7 +384,7 @@ class Problem:
         for (index, name), mine, seen in parts:
             known = self.references.get((self.recordings[index].signature, name))
             noise, since, counts = self.noise[name], self._since[index], self._counting(index, name)
-            own = error.found(self.misfit.get(name, 1.0), 0.0 if self.sound else SWAYS)
+            own = (replace(error, sways=0.0) if self.sound else error).found(self.misfit.get(name, 1.0))
             of = {"seen": seen, "since": since, "counts": counts}
             if known is None:
                 shown = self.recordings[index].channels[name].astype(np.float64) if self.sound else None

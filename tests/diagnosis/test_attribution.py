@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from aoro_gym.diagnosis.attribution import (
+    SWAYS,
     TRUST,
     USUAL_MISFIT,
     Fit,
@@ -524,7 +525,7 @@ def test_an_error_other_than_assumed_is_found_and_counted(factor: float):
 
 def test_sways_of_a_machine_that_may_differ_are_as_uncertain_as_was_assumed():
     """However well its healthy logs were fitted, which are held to the error that was found in them."""
-    error = ModelError(0.0, 0.0, swing=0.1, phase=0.05)
+    error = ModelError(0.0, 0.0, swing=0.1, phase=0.05, sways=1.0)
     world = LinearWorld(np.random.default_rng(1), error=error)
     expected = {}
     for world.sound, factor in ((False, 1.0), (True, 0.1)):
@@ -699,6 +700,28 @@ def test_hypotheses_are_weighed_with_the_trust_that_the_likeliest_deserves(calib
     )
     assert {h.effects: h.probability for h in found} == pytest.approx(expected, rel=1e-9, abs=0.0)
     assert expected[()] > 1e3 * sure[()], "nothing gains by it"
+
+
+def test_hypotheses_are_weighed_where_pressures_sway_less(calibrated_alike, monkeypatch):
+    """Where all is linear, searches end in the same valley whatever they are held to: so those that began where pressures
+    may sway by all that was assumed are weighed as if they had begun where they may not. How well they fit stays theirs."""
+    gap, named = GAPS["single"]
+    runs: dict[str, dict[tuple[str, ...], Hypothesis]] = {}
+    for name, begun, weighed_under in (("loose", 1.0, 1.0), ("firm", 1.0, SWAYS), ("from the beginning", SWAYS, SWAYS)):
+        error = ModelError(0.001, 0.002, swing=0.01, change=0.02, sways=begun)
+        world = LinearWorld(np.random.default_rng(5), **gap, error=error)
+        world.misfit = {"pressure_a": 0.1}
+        world.learn()
+        monkeypatch.setattr("aoro_gym.diagnosis.attribution.SWAYS", weighed_under)
+        found, _ = attribute(world, trust_of(world))
+        assert found[0].effects == named
+        runs[name] = {h.effects: h for h in found if h.refined}
+    loose, firm, expected = runs.values()
+    for effects, h in expected.items():
+        assert firm[effects].log_evidence == pytest.approx(h.log_evidence, abs=SETTLED)
+        assert firm[effects].misfit == loose[effects].misfit and firm[effects].places == loose[effects].places
+    gain, before = (of[named].log_evidence - of[()].log_evidence for of in (firm, loose))
+    assert gain > before + 10.0, "what is held to less tells more"
 
 
 # ---- logs of the twin itself ----

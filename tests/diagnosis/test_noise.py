@@ -1,5 +1,6 @@
 """Noise and the twin's own error: fitted to standstill, and whitened away."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -135,9 +136,10 @@ def test_relative_error_of_the_rate_wanders_the_angle():
 def test_what_was_found_never_makes_sways_more_certain_than_is_asked():
     """Rate and pressure by the factor that was found, sways by the larger of it and of what they keep; eased as all is."""
     error = ModelError(1.0, 2.0, swing=3.0, change=4.0, phase=5.0)
-    assert error.found(0.1, 0.5) == ModelError(0.1, 0.2, swing=1.5, change=4.0, phase=2.5)
-    assert error.found(2.0, 0.5) == error.scaled(2.0)
-    assert error.scaled(10.0).found(0.1, 0.5) == error.found(0.1, 0.5).scaled(10.0)
+    kept = replace(error, sways=0.5)
+    assert kept.found(0.1) == ModelError(0.1, 0.2, swing=1.5, change=4.0, phase=2.5, sways=0.5)
+    assert kept.found(2.0) == kept.scaled(2.0)
+    assert kept.scaled(10.0).found(0.1) == kept.found(0.1).scaled(10.0)
     assert error.found(0.1) == error.scaled(0.1)
 
 
