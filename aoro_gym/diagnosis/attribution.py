@@ -263,22 +263,25 @@ def attribute(
         likeliest = max(found, key=lambda h: h.log_evidence)
         here = deserved(likeliest)
         if wide is not None and np.isfinite(wide.cost):
-            fits = other.weighed().misfit
-            calibration = replace(_calibration(wide, under, here.temperature), misfit=fits)
-            if calibration.log_evidence > likeliest.log_evidence:
-                here = deserved(other.weighed())
-            temperature = tempering([*found, calibration], here)
-            found = [*found, replace(_calibration(wide, under, temperature), misfit=fits)]
+            loose = other.weighed()
+
+            def calibration(temperature: float) -> Hypothesis:
+                return replace(_calibration(wide, under, temperature), misfit=loose.misfit)
+
+            first = calibration(here.temperature)
+            if first.log_evidence > likeliest.log_evidence:
+                here = deserved(loose)
+            found = [*found, calibration(tempering([*found, first], here))]
         return weigh(found, prior, here)
 
-    def firmly(found: Sequence[Hypothesis]) -> list[Hypothesis]:
+    def firmly(found: list[Hypothesis]) -> list[Hypothesis]:
         """``found``, weighed where pressures sway less otherwise than the twin's do: the likeliest by what they come to
         there, the others as far from nothing as they were. How well they fit, and where, is as it was."""
-        error = replace(problem.error, sways=min(problem.error.sways, SWAYS))
         errs = [problem.misfit.get(name, 1.0) for name in problem.signals if problem.kinds.get(name) == "pressure"]
-        if all(error.found(one).swing == problem.error.found(one).swing for one in errs):
-            return list(found)
+        if problem.error.sways <= SWAYS or min(errs, default=np.inf) >= problem.error.sways:
+            return found
         progress("weighing", 0.97)
+        error = replace(problem.error, sways=SWAYS)
         firm = Linear(problem, error)
         likely = [h.effects for h in found if h.effects in searches and h.effects][:FIRM]
         new = firmer([searches[e] for e in ((), *likely)], firm)
@@ -287,21 +290,18 @@ def attribute(
             one.directions = ALL
         refine([*new, *wide], 2)
         trade(new, *wide)
-        ends = {one.effects: one.weighed() for one in new if np.isfinite(one.cost)}
-        if () not in ends:
-            return list(found)
+        ends = {one.effects: one.weighed() for one in new}
         before, nothing = searches[()].weighed(), ends[()]
-        fits = [
-            replace(h, log_evidence=ends[h.effects].log_evidence, cost=ends[h.effects].cost)
-            if h.effects in ends
-            else replace(
-                h,
-                log_evidence=nothing.log_evidence + h.log_evidence - before.log_evidence,
-                cost=nothing.cost + h.cost - before.cost,
-            )
-            for h in weighed()
-        ]
-        return believed(fits, wide[0] if wide else None, firm)
+
+        def there(h: Hypothesis) -> Hypothesis:
+            if h.effects in ends:
+                evidence, cost = ends[h.effects].log_evidence, ends[h.effects].cost
+            else:
+                evidence = nothing.log_evidence + h.log_evidence - before.log_evidence
+                cost = nothing.cost + h.cost - before.cost
+            return replace(h, log_evidence=evidence, cost=cost)
+
+        return believed([there(h) for h in weighed()], *wide, under=firm)
 
     def contend(share: float) -> list[Hypothesis]:
         """All that may have a chance to the end."""

@@ -77,8 +77,8 @@ class ModelError:
         """As it is where the twin turned out to err by ``factor`` of what was assumed, but no less than :attr:`sways` of it
         in how far and how fast pressures sway."""
         found = self.scaled(max(factor, 1.0) if self.rough else factor)
-        least = self.sways * self.swing, self.sways * self.phase
-        return replace(found, swing=max(found.swing, least[0]), phase=max(found.phase, least[1]))
+        kept = self.scaled(self.sways)
+        return replace(found, swing=max(found.swing, kept.swing), phase=max(found.phase, kept.phase))
 
 
 EXACT = ModelError(rate=0.0, pressure=0.0)
