@@ -43,7 +43,7 @@ APART = 0.05
 SINGLES = 12
 """Hypotheses of one effect that are likely."""
 LEADERS, PARTNERS = 3, 5
-"""The likeliest of one effect, and partners of each that make pairs."""
+"""The likeliest of one effect, which also make pairs with one another, and other partners of each."""
 NEAR, AHEAD = 100.0, 0.1
 """Log odds behind the likeliest beyond which an effect does not lead, before its search has ended, and in shares of what the
 likeliest has before nothing."""
@@ -134,8 +134,8 @@ TRUST: Mapping[str, Trust] = {
         1.0, 0.001, {"angle": Fit(0.70, 0.50, 0.12)}, {"angle": 0.2}, declared=0.75, sharpness=0.55, strain=1.0, usual=0.2,
     ),
     "pressure": Trust(
-        1.0, 0.0005, {"angle": Fit(0.70, 0.10, 0.13), "pressure": Fit(0.66, 0.14, 0.22, 0.12)},
-        {"angle": 0.2, "pressure": 0.85}, declared=0.8, sharpness=0.6, strain=16.0, usual=0.42, others=0.5,
+        1.0, 0.0, {"angle": Fit(0.70, 0.10, 0.13), "pressure": Fit(0.66, 0.14, 0.22, 0.12)},
+        {"angle": 0.2, "pressure": 0.85}, declared=0.8, sharpness=0.6, strain=16.0, usual=0.42, others=0.25,
     ),
     "day-one": Trust(
         1.4, 0.008, {"angle": Fit(0.89, 0.89, 0.25), "pressure": Fit(0.31, 0.31, 0.44)}, {"angle": 0.165, "pressure": 1.0},
@@ -144,20 +144,21 @@ TRUST: Mapping[str, Trust] = {
 }  # fmt: skip
 """By the kind of channel that tells most, pressures wherever they were logged, then also by whether there are healthy logs
 that say how much the twin errs (E: the likeliest for machines of the development family)."""
-USUAL_MISFIT: Mapping[str, float] = {"angle": 1.0, "pressure": 0.125}
-"""Factor on the assumed error of the twin (:meth:`~aoro_gym.diagnosis.problem.Problem.misfits`) of those machines."""
+USUAL_MISFIT: Mapping[str, float] = {"angle": 1.0, "pressure": 0.06}
+"""Factor on the assumed error of the twin (:meth:`~aoro_gym.diagnosis.problem.Problem.misfits`) where its laws are the
+machine's: then samples are as many as they seem."""
 
 
 def trust_of(problem: Problem) -> Trust:
-    """That of a problem's channels. Its doubt goes by the square of the twin's error, as the healthy logs show it; where
-    there are none, it errs as usual, and parameters may lie anywhere."""
+    """That of a problem's channels. Temperature and doubt go by the square of the twin's error, as the healthy logs show it;
+    where there are none, it errs as usual, and parameters may lie anywhere."""
     kinds = {problem.kinds[name] for name in problem.signals if name in problem.kinds}
     kind = "pressure" if "pressure" in kinds else "angle"
     errs = [factor for name, factor in problem.misfit.items() if problem.kinds.get(name) == kind]
     if not errs:
         return TRUST["day-one"] if kind == "pressure" else replace(TRUST[kind], strain=0.0)
-    ratio = float(np.median(errs)) / USUAL_MISFIT[kind]
-    return replace(TRUST[kind], doubt=TRUST[kind].doubt * ratio**2)
+    usual, power = TRUST[kind], (float(np.median(errs)) / USUAL_MISFIT[kind]) ** 2
+    return replace(usual, temperature=usual.temperature * max(power, 1.0), doubt=usual.doubt * power)
 
 
 def attribute(
@@ -194,12 +195,16 @@ def attribute(
         return new
 
     def paired(leaders: Sequence[Hypothesis], share: float) -> None:
-        """Pairs of leaders and what goes best with them: from where the leader has come to, and from the beginning, as what
-        calibration did in a partner's stead is in the way of both."""
+        """Pairs of leaders and what goes best with them, or does best alone: from where the leader has come to, and from the
+        beginning, as what calibration did in a partner's stead is in the way of both."""
         found: list[Search] = []
         begun: list[Search] = []
+        least = searches[()].weighed().log_evidence + CHANCE
+        single = _likeliest(h for h in weighed() if len(h.effects) == 1 and h.log_evidence > least)[:LEADERS]
+        able = {name for h in single for name in h.effects}
         for ahead in linear.beside(leaders):
-            for effects, places in ahead.partners()[:PARTNERS]:
+            pairs = ahead.partners()
+            for effects, places in [*pairs[:PARTNERS], *(pair for pair in pairs[PARTNERS:] if able.issuperset(pair[0]))]:
                 starts = [places, _together(searches, ahead.leader, effects)]
                 found.append(Search(linear, effects, starts, ahead, directions=few))
                 if effects not in tried:

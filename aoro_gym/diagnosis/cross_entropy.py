@@ -12,10 +12,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from aoro_gym.diagnosis.noise import Floats
-from aoro_gym.diagnosis.problem import SWAY, ZEROS, Problem, Progress, sway
+from aoro_gym.diagnosis.problem import SWAY, ZEROS, Problem, Progress
 from aoro_gym.diagnosis.replay import Variants
 
-POPULATION, GENERATIONS = 128, 16
+POPULATION, GENERATIONS = 96, 16
 """Machines of a generation, and how many there are."""
 ELITE = 8
 """One in so many is among the best, around which the next generation is drawn."""
@@ -111,17 +111,3 @@ def misfit(problem: Problem, predicted: Floats) -> Floats:
         floor = problem.noise[name].std ** 2 + ZEROS.get(name, 0.0) ** 2
         total += len(part) / SWAY * np.log(np.mean(part, axis=0) + floor)
     return np.where(np.isnan(total), np.inf, total)
-
-
-def unexplained_sway(problem: Problem) -> float:
-    """Share of the power of all that is not slow in the recordings, beside their noise, which the twin at the centre of a
-    ``problem`` leaves."""
-    left = whole = 0.0
-    for (_, name), residual, measured in zip(
-        problem.blocks, problem.split(problem.left), problem.split(problem.measured), strict=True
-    ):
-        noise = problem.noise[name].std ** 2
-        rest, all_of_it = (float(np.mean(np.square(sway(x)))) for x in (residual, measured))
-        left += max(rest - noise, 0.0) / noise
-        whole += all_of_it / noise
-    return left / whole

@@ -18,7 +18,7 @@ import numpy as np
 from aoro_gym.diagnosis.attribution import attribute, fit_p, trust_of, without
 from aoro_gym.diagnosis.boundaries import boundaries, guilty
 from aoro_gym.diagnosis.credible import credible
-from aoro_gym.diagnosis.cross_entropy import Population, evolve, unexplained_sway
+from aoro_gym.diagnosis.cross_entropy import Population, evolve
 from aoro_gym.diagnosis.experiments import next_experiments
 from aoro_gym.diagnosis.figures import key_figures
 from aoro_gym.diagnosis.findings import (
@@ -48,9 +48,6 @@ ERROR = ModelError(rate=0.003, pressure=0.010, swing=0.06, change=0.1, phase=0.0
 searched, pressures may sway as if it were not fitted, however well it was: with the least change of a machine, oscillations
 that are hardly damped stay or die, and no search finds the fit that would follow them (E, machines of the development
 family)."""
-UNEXPLAINED = 0.1
-"""Share of the sway of healthy logs that a fit of the right machine leaves at most; where more is left, its valley is not
-found yet."""
 STAGES = 2
 """Of the fit of the uncertain parameters."""
 FOLDS = 3
@@ -188,12 +185,11 @@ def _commissioned(
     """What ``healthy`` logs say: the twin that was fitted to them, the covariance of what they leave open, and the noise,
     the references and the misfit that a :class:`Problem` of later logs takes."""
     fit = Problem(healthy, Nuisances(given.with_unsaid(), "commissioning"), {}, sound=True, **of)
-    settle(fit, 1, lambda s, share: progress(s, 0.35 * share))
-    if unexplained_sway(fit) > UNEXPLAINED:
-        population = Population(fit)
-        evolve([population], progress=lambda s, share: progress(s, 0.35 + 0.2 * share))
-        fit.hold_to(population.best[0])
-        settle(fit, 1, lambda s, share: progress(s, 0.55 + 0.1 * share))
+    fit.learn(effects=False)
+    population = Population(fit)
+    evolve([population], progress=lambda s, share: progress(s, 0.4 * share))
+    fit.hold_to(population.best[0])
+    settle(fit, 1, lambda s, share: progress(s, 0.4 + 0.25 * share))
     noise = fit.louder()
     fit.be_found(fit.misfits())
     tangent = settle(fit, STAGES - 1, lambda s, share: progress(s, 0.65 + 0.35 * share))

@@ -641,14 +641,18 @@ def test_what_noise_alone_leaves_is_known(loud: float):
     assert 0.0 < found[0]["pressure"].noise < 0.95
 
 
-def test_doubt_goes_by_the_square_of_what_the_twin_errs():
-    """As healthy logs show it in the pressures where they were logged; without healthy logs, as usual."""
+@pytest.mark.parametrize(("factor", "hotter"), [(0.2, 1.0), (3.0, 9.0)])
+def test_temperature_and_doubt_go_by_the_square_of_what_the_twin_errs(factor, hotter, monkeypatch):
+    """As healthy logs show it in the pressures where they were logged, however little it is no cooler than usual; without
+    healthy logs, as usual."""
     world = LinearWorld(np.random.default_rng(5), error=ModelError(0.05, 0.05))
-    usual = TRUST["pressure"]
     assert trust_of(world) == TRUST["day-one"]
+    usual = replace(TRUST["pressure"], temperature=1.5, doubt=0.01)
+    monkeypatch.setattr("aoro_gym.diagnosis.attribution.TRUST", {**TRUST, "pressure": usual})
     names = [name for name in world.signals if world.kinds.get(name) == "pressure"]
-    world.misfit = {"joint_angle": 9.0, **dict.fromkeys(names, 0.2 * USUAL_MISFIT["pressure"])}
-    assert trust_of(world) == replace(usual, doubt=pytest.approx(0.04 * usual.doubt))
+    world.misfit = {"joint_angle": 9.0, **dict.fromkeys(names, factor * USUAL_MISFIT["pressure"])}
+    expected = replace(usual, temperature=pytest.approx(1.5 * hotter), doubt=pytest.approx(0.01 * factor**2))
+    assert trust_of(world) == expected
 
 
 TRUE = (0.3, -0.5, 0.8)

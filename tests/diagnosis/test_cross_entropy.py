@@ -1,9 +1,8 @@
 """The valley that a population finds, in a world whose sway is a sine of known frequency."""
 
 import numpy as np
-import pytest
 
-from aoro_gym.diagnosis.cross_entropy import SPREAD, Population, evolve, misfit, unexplained_sway
+from aoro_gym.diagnosis.cross_entropy import SPREAD, Population, evolve, misfit
 from aoro_gym.diagnosis.noise import ModelError
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem
@@ -71,18 +70,3 @@ def test_nuisances_are_drawn_by_their_correlated_prior():
     expected = SPREAD**2 * problem.nuisances.correlation[np.ix_(inside, inside)]
     np.testing.assert_allclose(np.cov(drawn[:, inside].T), expected, atol=0.05 * SPREAD**2)
     assert np.ptp(asked[0][:, len(DAY.keys) :]) == 0.0, "a recording's own stay"
-
-
-@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
-def test_unexplained_sway_is_the_share_of_its_power(share):
-    """A twin whose sway is (1 − √share) of the machine's leaves that share; noise is neither's."""
-    rng = np.random.default_rng(4)
-    wave = swaying(MACHINE)[:, 0] - 50e5
-    channels = {
-        "joint_angle": rng.normal(0.0, STD["joint_angle"], len(TIME)),
-        "pressure_a": 50e5 + 1e5 * TIME + wave + rng.normal(0.0, STD["pressure_a"], len(TIME)),
-    }
-    problem = problem_of({"turn": channels})
-    problem.predicted = np.concatenate([0.0 * TIME, 50e5 + 1e5 * TIME + (1.0 - np.sqrt(share)) * wave])
-    # of 500 samples of noise 1/800 of the sway's power
-    assert unexplained_sway(problem) == pytest.approx(share, abs=0.005)
