@@ -131,7 +131,7 @@ class Trust:
 
 TRUST: Mapping[str, Trust] = {
     "angle": Trust(
-        1.0, 0.001, {"angle": Fit(0.70, 0.50, 0.12)}, {"angle": 0.2}, declared=0.75, sharpness=0.55, strain=1.0, usual=0.2,
+        1.0, 0.016, {"angle": Fit(0.70, 0.50, 0.12)}, {"angle": 0.2}, declared=0.75, sharpness=0.55, strain=1.0, usual=0.2,
     ),
     "pressure": Trust(
         1.0, 0.0, {"angle": Fit(0.70, 0.10, 0.13), "pressure": Fit(0.66, 0.14, 0.22, 0.12)},
@@ -144,9 +144,9 @@ TRUST: Mapping[str, Trust] = {
 }  # fmt: skip
 """By the kind of channel that tells most, pressures wherever they were logged, then also by whether there are healthy logs
 that say how much the twin errs (E: the likeliest for machines of the development family)."""
-USUAL_MISFIT: Mapping[str, float] = {"angle": 1.0, "pressure": 0.06}
-"""Factor on the assumed error of the twin (:meth:`~aoro_gym.diagnosis.problem.Problem.misfits`) where its laws are the
-machine's: then samples are as many as they seem."""
+USUAL_MISFIT: Mapping[str, float] = {"angle": 4.0, "pressure": 0.06}
+"""Factor on the assumed error of the twin (:meth:`~aoro_gym.diagnosis.problem.Problem.misfits`) up to which samples are as
+many as they seem."""
 
 
 def trust_of(problem: Problem) -> Trust:
@@ -204,7 +204,10 @@ def attribute(
         able = {name for h in single for name in h.effects}
         for ahead in linear.beside(leaders):
             pairs = ahead.partners()
-            for effects, places in [*pairs[:PARTNERS], *(pair for pair in pairs[PARTNERS:] if able.issuperset(pair[0]))]:
+            for effects, places in [
+                *pairs[:PARTNERS],
+                *(pair for pair in pairs[PARTNERS:] if able.issuperset(pair[0])),
+            ]:
                 starts = [places, _together(searches, ahead.leader, effects)]
                 found.append(Search(linear, effects, starts, ahead, directions=few))
                 if effects not in tried:
