@@ -147,18 +147,20 @@ that say how much the twin errs (E: the likeliest for machines of the developmen
 USUAL_MISFIT: Mapping[str, float] = {"angle": 4.0, "pressure": 0.06}
 """Factor on the assumed error of the twin (:meth:`~aoro_gym.diagnosis.problem.Problem.misfits`) up to which samples are as
 many as they seem."""
+HOTTEST = 8.0
+"""Most that the temperature grows by that (E, machines of the development family, which err by 0.25 at most)."""
 
 
 def trust_of(problem: Problem) -> Trust:
-    """That of a problem's channels. Temperature and doubt go by the square of the twin's error, as the healthy logs show it;
-    where there are none, it errs as usual, and parameters may lie anywhere."""
+    """That of a problem's channels. Temperature, to its end, and doubt go by the square of the twin's error, as the healthy
+    logs show it; where there are none, it errs as usual, and parameters may lie anywhere."""
     kinds = {problem.kinds[name] for name in problem.signals if name in problem.kinds}
     kind = "pressure" if "pressure" in kinds else "angle"
     errs = [factor for name, factor in problem.misfit.items() if problem.kinds.get(name) == kind]
     if not errs:
         return TRUST["day-one"] if kind == "pressure" else replace(TRUST[kind], strain=0.0)
     usual, power = TRUST[kind], (float(np.median(errs)) / USUAL_MISFIT[kind]) ** 2
-    return replace(usual, temperature=usual.temperature * max(power, 1.0), doubt=usual.doubt * power)
+    return replace(usual, temperature=usual.temperature * min(max(power, 1.0), HOTTEST), doubt=usual.doubt * power)
 
 
 def attribute(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from aoro_gym.diagnosis.attribution import (
+    HOTTEST,
     SWAYS,
     TRUST,
     USUAL_MISFIT,
@@ -641,10 +642,10 @@ def test_what_noise_alone_leaves_is_known(loud: float):
     assert 0.0 < found[0]["pressure"].noise < 0.95
 
 
-@pytest.mark.parametrize(("factor", "hotter"), [(0.2, 1.0), (3.0, 9.0)])
+@pytest.mark.parametrize(("factor", "hotter"), [(0.2, 1.0), (2.0, 4.0), (3.0, HOTTEST)])
 def test_temperature_and_doubt_go_by_the_square_of_what_the_twin_errs(factor, hotter, monkeypatch):
-    """As healthy logs show it in the pressures where they were logged, however little it is no cooler than usual; without
-    healthy logs, as usual."""
+    """As healthy logs show it in the pressures where they were logged, however little it is no cooler than usual, however
+    much no hotter than was ever seen; without healthy logs, as usual."""
     world = LinearWorld(np.random.default_rng(5), error=ModelError(0.05, 0.05))
     assert trust_of(world) == TRUST["day-one"]
     usual = replace(TRUST["pressure"], temperature=1.5, doubt=0.01)
