@@ -689,6 +689,16 @@ def test_the_kind_of_a_gap_is_told(kind, calibrated_alike):
     assert {h.effects for h in found} == {(), *((name,) for name in NAMES), NAMES, (UNKNOWN,), (CALIBRATION,)}
 
 
+def test_what_does_best_alone_makes_a_pair(calibrated_alike, monkeypatch):
+    """Where nothing else is tried as a partner, two effects that are far before nothing alone are still tried together."""
+    monkeypatch.setattr("aoro_gym.diagnosis.attribution.PARTNERS", 0)
+    gap, named = GAPS["pair"]
+    world = LinearWorld(np.random.default_rng(5), **gap, error=ModelError(0.001, 0.002, 0.01, 0.02))
+    world.learn()
+    found, _ = attribute(world, trust_of(world))
+    assert found[0].effects == named
+
+
 def test_hypotheses_are_weighed_with_the_trust_that_the_likeliest_deserves(calibrated_alike):
     """As by hand: hotter by how far its nuisances, as they were drawn, are from where they should be."""
     gap, named = GAPS["single"]

@@ -9,9 +9,9 @@ from scipy.stats import norm
 from typer.testing import CliRunner
 
 from aoro_gym.cli import app
-from aoro_gym.diagnosis.diagnose import ERROR, _commissioned, _common, _noise, diagnose
+from aoro_gym.diagnosis.diagnose import ERROR, STAGES, _commissioned, _common, _noise, diagnose
 from aoro_gym.diagnosis.findings import LAWS, declared_of, verdict_of
-from aoro_gym.diagnosis.linear import Hypothesis
+from aoro_gym.diagnosis.linear import Hypothesis, Linear
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.recording import TICK
 from aoro_gym.diagnosis.replay import Simulator, Variants
@@ -111,6 +111,30 @@ def test_healthy_logs_tell_what_data_sheets_leave_out():
         missed = abs(twin.entries[key].value - value) / np.diff(twin.entries[key].range).item()
         assert missed < 4.0 * after.std[k], key
         assert after.std[k] < 0.5 * before.std[k], key
+
+
+def test_the_healthy_fit_goes_on_from_where_a_population_came_to(monkeypatch):
+    """Slopes alone would end in the valley that is next to the given machine."""
+    points, begun = [], []
+
+    def evolve(populations, **_):
+        (population,) = populations
+        points.append(np.full(len(population.best[0]), 0.1))
+        population.best = points[0], population.best[1]
+
+    def settle(problem, stages, progress):
+        begun.append(problem.centre)
+        return Linear(problem, problem.error, effects=False).tangent
+
+    monkeypatch.setattr("aoro_gym.diagnosis.diagnose.evolve", evolve)
+    monkeypatch.setattr("aoro_gym.diagnosis.diagnose.settle", settle)
+    machine = Machine.load("aoro")
+    healthy = record(Variants(machine), [blank("left", turn(0.8, 1.6), -0.3)], np.random.default_rng(3))
+    noise = _noise(healthy, _common(healthy))
+    _commissioned(
+        healthy, machine, {"error": ERROR, "noise": noise, "simulator": Simulator()}, lambda sentence, share: None
+    )
+    assert all(np.array_equal(centre, points[0]) for centre in begun) and len(begun) == STAGES
 
 
 def of(*pairs: tuple[tuple[str, ...], float]) -> list[Hypothesis]:
