@@ -183,7 +183,8 @@ def _commissioned(
     healthy: Sequence[Recording], given: Machine, of: Mapping[str, Any], progress: Progress
 ) -> tuple[Machine, Floats, dict[str, Any]]:
     """What ``healthy`` logs say: the twin that was fitted to them, the covariance of what they leave open, and the noise,
-    the references and the misfit that a :class:`Problem` of later logs takes."""
+    the references and the misfit that a :class:`Problem` of later logs takes. A fit by slopes alone would end in the valley
+    that is next to the given machine, so a population goes first."""
     fit = Problem(healthy, Nuisances(given.with_unsaid(), "commissioning"), {}, sound=True, **of)
     fit.learn(effects=False)
     population = Population(fit)
