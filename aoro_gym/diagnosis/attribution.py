@@ -146,7 +146,7 @@ TRUST: Mapping[str, Trust] = {
 that say how much the twin errs (E: the likeliest for machines of the development family)."""
 USUAL_MISFIT: Mapping[str, float] = {"angle": 4.0, "pressure": 0.06}
 """Factor on the assumed error of the twin (:meth:`~aoro_gym.diagnosis.problem.Problem.misfits`) up to which samples are as
-many as they seem."""
+many as they seem, and at which doubt is as said."""
 HOTTEST = 8.0
 """Most that the temperature grows by that (E, machines of the development family, which err by 0.25 at most)."""
 
@@ -202,14 +202,12 @@ def attribute(
         found: list[Search] = []
         begun: list[Search] = []
         least = searches[()].weighed().log_evidence + CHANCE
-        single = _likeliest(h for h in weighed() if len(h.effects) == 1 and h.log_evidence > least)[:LEADERS]
-        able = {name for h in single for name in h.effects}
+        singles = _likeliest(h for h in weighed() if len(h.effects) == 1 and h.log_evidence > least)
+        able = {name for h in singles[:LEADERS] for name in h.effects}
         for ahead in linear.beside(leaders):
-            pairs = ahead.partners()
-            for effects, places in [
-                *pairs[:PARTNERS],
-                *(pair for pair in pairs[PARTNERS:] if able.issuperset(pair[0])),
-            ]:
+            for rank, (effects, places) in enumerate(ahead.partners()):
+                if rank >= PARTNERS and not able.issuperset(effects):
+                    continue
                 starts = [places, _together(searches, ahead.leader, effects)]
                 found.append(Search(linear, effects, starts, ahead, directions=few))
                 if effects not in tried:
