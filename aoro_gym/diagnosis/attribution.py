@@ -60,9 +60,10 @@ FARTHER = 20.0
 ROAMING, CROWD, ROUNDS = 3, 48, 8
 """Once all have failed: of the likeliest hypotheses of one effect and of two, those that a population of so many machines
 goes on from, and its generations."""
-SWAYS = 0.35
-"""Least factor on the assumed error of how pressures sway (:attr:`.ModelError.sways`) under which hypotheses are weighed:
-searches need more of it to end in the right valley, but what is in it tells more (E, machines of the development family)."""
+SWAYS = 0.1
+"""Least factor on the assumed error of how pressures sway (:attr:`.ModelError.sways`) under which hypotheses are weighed,
+where the twin errs as usual; else it goes by the square of its error. Searches need more of it to end in the right valley,
+but what is in it tells more (E, machines of the development family)."""
 FIRM = 7
 """Hypotheses that go on under it."""
 CHANCE = 25.0
@@ -156,11 +157,16 @@ def trust_of(problem: Problem) -> Trust:
     logs show it; where there are none, it errs as usual, and parameters may lie anywhere."""
     kinds = {problem.kinds[name] for name in problem.signals if name in problem.kinds}
     kind = "pressure" if "pressure" in kinds else "angle"
-    errs = [factor for name, factor in problem.misfit.items() if problem.kinds.get(name) == kind]
-    if not errs:
-        return TRUST["day-one"] if kind == "pressure" else replace(TRUST[kind], strain=0.0)
-    usual, power = TRUST[kind], (float(np.median(errs)) / USUAL_MISFIT[kind]) ** 2
+    usual, power = TRUST[kind], power_of_error(problem, kind)
+    if power is None:
+        return TRUST["day-one"] if kind == "pressure" else replace(usual, strain=0.0)
     return replace(usual, temperature=usual.temperature * min(max(power, 1.0), HOTTEST), doubt=usual.doubt * power)
+
+
+def power_of_error(problem: Problem, kind: str) -> float | None:
+    """Square of what the twin errs in a kind of channel, over the usual, as the healthy logs show it, if there are any."""
+    errs = [factor for name, factor in problem.misfit.items() if problem.kinds.get(name) == kind]
+    return (float(np.median(errs)) / USUAL_MISFIT[kind]) ** 2 if errs else None
 
 
 def attribute(
@@ -219,6 +225,17 @@ def attribute(
         refine(both, 0)
         new = begin(both)
         after([h.effects for h in after(new, 1, few, share)[:PAIRS]], 2, many, share + 0.05)
+
+    def slight(share: float) -> None:
+        """What goes best beside nothing, from where that has come to: what hardly shows is lost among slopes that are few,
+        or of elsewhere."""
+        found = [
+            Search(linear, effects, [places], beside, directions=few)
+            for beside in linear.beside([searches[()].weighed()])
+            for effects, places in beside.partners()[:SINGLES]
+        ]
+        refine(found, 0)
+        after(begin(found), 2, many, share)
 
     def settled(new: Sequence[Search], under: Linear, share: float) -> list[Search]:
         """Where searches under the eased error come to ``under`` a problem's own."""
@@ -285,11 +302,11 @@ def attribute(
     def firmly(found: list[Hypothesis]) -> list[Hypothesis]:
         """``found``, weighed where pressures sway less otherwise than the twin's do: the likeliest by what they come to
         there, the others as far from nothing as they were. How well they fit, and where, is as it was."""
-        errs = [problem.misfit.get(name, 1.0) for name in problem.signals if problem.kinds.get(name) == "pressure"]
-        if problem.error.sways <= SWAYS or min(errs, default=np.inf) >= problem.error.sways:
+        power = power_of_error(problem, "pressure")
+        if power is None or SWAYS * power >= problem.error.sways:
             return found
         progress("weighing", 0.97)
-        error = replace(problem.error, sways=SWAYS)
+        error = replace(problem.error, sways=SWAYS * power)
         firm = Linear(problem, error)
         likely = [h.effects for h in found if h.effects in searches and h.effects][:FIRM]
         new = firmer([searches[e] for e in ((), *likely)], firm)
@@ -332,8 +349,9 @@ def attribute(
         one.directions = few
     refine(rivals, 1, lambda s, x: progress(s, 0.05 + 0.05 * x))
     new = begin(rivals)
-    likely = after([h.effects for h in after(new, 0, few, 0.1)[:SINGLES]], 2, many, 0.15)
-    likely = leading(likely, NEAR)
+    after([h.effects for h in after(new, 0, few, 0.1)[:SINGLES]], 2, many, 0.15)
+    slight(0.17)
+    likely = leading(_likeliest(h for h in weighed() if h.effects), NEAR)
     descend(likely, 0.2)
     # partners are looked for beside where leaders end, not on their way
     leaders = leading(after([h.effects for h in likely], 2, ALL, 0.22), CHANCE)

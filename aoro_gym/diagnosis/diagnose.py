@@ -30,7 +30,7 @@ from aoro_gym.diagnosis.findings import (
     row_of,
     verdict_of,
 )
-from aoro_gym.diagnosis.linear import Hypothesis, Linear
+from aoro_gym.diagnosis.linear import Hypothesis, Linear, Tangent
 from aoro_gym.diagnosis.noise import Floats, ModelError, Noise, noise_of
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem, Progress, references_of
@@ -118,8 +118,7 @@ def diagnose(
     base, before = twin, problem.given
     if mode == "day-one":
         base, before = given, problem.simulate([Variants(given)])[:, 0]
-        settle(problem, STAGES, lambda s, share: progress(s, 0.3 + 0.1 * share))
-        problem.louder()
+        _fit(problem, lambda s, share: progress(s, 0.4 * share))
     progress("what every effect does", 0.4)
     problem.learn()
     trust = trust_of(problem)
@@ -179,22 +178,28 @@ def diagnose_case(place: Path, out: Path, *, sensors: str, device: str) -> Diagn
     return found
 
 
+def _fit(problem: Problem, progress: Progress) -> Tangent:
+    """Move a problem to the best fit of its uncertain parameters, with its noise as loud as it is there. Slopes alone would
+    lead to the valley that is next to the given machine, so a population goes first. Returns the tangent there."""
+    problem.learn(effects=False)
+    population = Population(problem)
+    evolve([population], progress=lambda s, share: progress(s, 0.4 * share))
+    problem.hold_to(population.best[0])
+    settle(problem, 1, lambda s, share: progress(s, 0.4 + 0.25 * share))
+    problem.louder()
+    if problem.sound:
+        problem.be_found(problem.misfits())
+    return settle(problem, STAGES - 1, lambda s, share: progress(s, 0.65 + 0.35 * share))
+
+
 def _commissioned(
     healthy: Sequence[Recording], given: Machine, of: Mapping[str, Any], progress: Progress
 ) -> tuple[Machine, Floats, dict[str, Any]]:
     """What ``healthy`` logs say: the twin that was fitted to them, the covariance of what they leave open, and the noise,
-    the references and the misfit that a :class:`Problem` of later logs takes. A fit by slopes alone would end in the valley
-    that is next to the given machine, so a population goes first."""
+    the references and the misfit that a :class:`Problem` of later logs takes."""
     fit = Problem(healthy, Nuisances(given.with_unsaid(), "commissioning"), {}, sound=True, **of)
-    fit.learn(effects=False)
-    population = Population(fit)
-    evolve([population], progress=lambda s, share: progress(s, 0.4 * share))
-    fit.hold_to(population.best[0])
-    settle(fit, 1, lambda s, share: progress(s, 0.4 + 0.25 * share))
-    noise = fit.louder()
-    fit.be_found(fit.misfits())
-    tangent = settle(fit, STAGES - 1, lambda s, share: progress(s, 0.65 + 0.35 * share))
-    found = {"noise": noise, "references": references_of(fit), "misfit": fit.misfits()}
+    tangent = _fit(fit, progress)
+    found = {"noise": fit.noise, "references": references_of(fit), "misfit": fit.misfits()}
     return fit.machine, fit.uncertain(tangent.covariance), found
 
 
