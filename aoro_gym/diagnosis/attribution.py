@@ -84,8 +84,10 @@ class Fit(NamedTuple):
     """Share that is left of the twin's own error."""
     spread: float
     """Standard deviation of the logarithm."""
-    nothing: float | None = None
-    """The same where nothing is the cause, which has no effect that is not quite the machine's; as of any, if not known."""
+
+    def erring(self, power: float) -> Fit:
+        """That of a twin that errs by ``power``, a square, of what is usual."""
+        return self._replace(error=min(power * self.error, 1.0))
 
     def ratio(self, misfit: Misfit) -> float:
         """By how much more is left than what is usual."""
@@ -135,8 +137,8 @@ TRUST: Mapping[str, Trust] = {
         1.0, 0.016, {"angle": Fit(0.70, 0.50, 0.12)}, {"angle": 0.2}, declared=0.75, sharpness=0.55, strain=1.0, usual=0.2,
     ),
     "pressure": Trust(
-        1.0, 0.0, {"angle": Fit(0.70, 0.10, 0.13), "pressure": Fit(0.66, 0.14, 0.22, 0.12)},
-        {"angle": 0.2, "pressure": 0.85}, declared=0.8, sharpness=0.6, strain=16.0, usual=0.42, others=0.25,
+        1.0, 0.0, {"angle": Fit(0.76, 0.10, 0.11), "pressure": Fit(0.75, 0.016, 0.11)},
+        {"angle": 0.4, "pressure": 0.85}, declared=0.8, sharpness=0.6, strain=16.0, usual=0.42, others=0.25,
     ),
     "day-one": Trust(
         1.4, 0.008, {"angle": Fit(0.89, 0.89, 0.25), "pressure": Fit(0.31, 0.31, 0.44)}, {"angle": 0.165, "pressure": 1.0},
@@ -153,14 +155,16 @@ HOTTEST = 8.0
 
 
 def trust_of(problem: Problem) -> Trust:
-    """That of a problem's channels. Temperature, to its end, and doubt go by the square of the twin's error, as the healthy
-    logs show it; where there are none, it errs as usual, and parameters may lie anywhere."""
+    """That of a problem's channels. Temperature, to its end, doubt, and what pressures leave go by the square of the twin's
+    error, as the healthy logs show it; where there are none, it errs as usual, and parameters may lie anywhere."""
     kinds = {problem.kinds[name] for name in problem.signals if name in problem.kinds}
     kind = "pressure" if "pressure" in kinds else "angle"
     usual, power = TRUST[kind], power_of_error(problem, kind)
     if power is None:
         return TRUST["day-one"] if kind == "pressure" else replace(usual, strain=0.0)
-    return replace(usual, temperature=usual.temperature * min(max(power, 1.0), HOTTEST), doubt=usual.doubt * power)
+    fit = {name: one.erring(power) if name == kind == "pressure" else one for name, one in usual.fit.items()}
+    hotter = min(max(power, 1.0), HOTTEST)
+    return replace(usual, temperature=usual.temperature * hotter, doubt=usual.doubt * power, fit=fit)
 
 
 def power_of_error(problem: Problem, kind: str) -> float | None:
@@ -215,11 +219,11 @@ def attribute(
                 if rank >= PARTNERS and not able.issuperset(effects):
                     continue
                 starts = [places, _together(searches, ahead.leader, effects)]
-                found.append(Search(linear, effects, starts, ahead, directions=few))
+                at_none, *far = _beside(problem.axes, ahead.leader, effects, (0.0, *FAR))
+                found.append(Search(linear, effects, [*starts, at_none], ahead, directions=few))
                 if effects not in tried:
                     tried.add(effects)
-                    starts += _beside(problem.axes, ahead.leader, effects)
-                    begun.append(Search(eased, effects, starts, directions=few))
+                    begun.append(Search(eased, effects, [*starts, *far], directions=few))
         refine(begun, 1)
         both = [*found, *firmer(begun, linear)]
         refine(both, 0)
@@ -230,9 +234,9 @@ def attribute(
         """What goes best beside nothing, from where that has come to: what hardly shows is lost among slopes that are few,
         or of elsewhere."""
         found = [
-            Search(linear, effects, [places], beside, directions=few)
-            for beside in linear.beside([searches[()].weighed()])
-            for effects, places in beside.partners()[:SINGLES]
+            Search(linear, e, [places, *_beside(problem.axes, ahead.leader, e, (0.0,))], ahead, directions=few)
+            for ahead in linear.beside([searches[()].weighed()])
+            for e, places in ahead.partners()[:SINGLES]
         ]
         refine(found, 0)
         after(begin(found), 2, many, share)
@@ -411,14 +415,14 @@ def _together(
 
 
 def _beside(
-    axes: Mapping[str, Sequence[Axis]], leader: Hypothesis, effects: tuple[str, ...]
+    axes: Mapping[str, Sequence[Axis]], leader: Hypothesis, effects: tuple[str, ...], shares: Sequence[float]
 ) -> list[tuple[float, ...]]:
-    """Places of a pair: the leader's, and the other effect's :data:`FAR` from none."""
+    """Places of a leader, and of another effect beside it at ``shares`` of the way from none to an end."""
     (other,) = set(effects) - set(leader.effects)
     of = dict.fromkeys(leader.effects, leader.places)
     return [
         tuple(place for name in effects for place in (start if name == other else of[name]))
-        for start in _around(axes[other], FAR)
+        for start in dict.fromkeys(_around(axes[other], shares))
     ]
 
 
@@ -536,8 +540,7 @@ def beyond(hypothesis: Hypothesis, kind: str, trust: Trust) -> tuple[float, floa
     """Logarithm by which more is left in a ``kind`` of channel than what is usual, and its standard deviation. Better than
     usual is as good as usual."""
     fit, misfit = trust.fit[kind], hypothesis.misfit[kind]
-    spread = fit.spread if hypothesis.effects or fit.nothing is None else fit.nothing
-    return max(float(np.log(fit.ratio(misfit))), 0.0), float(np.hypot(spread, np.sqrt(2.0 / misfit.count)))
+    return max(float(np.log(fit.ratio(misfit))), 0.0), float(np.hypot(fit.spread, np.sqrt(2.0 / misfit.count)))
 
 
 def fitting(hypothesis: Hypothesis, trust: Trust) -> tuple[float, float]:

@@ -24,6 +24,9 @@ SPREADS: Mapping[str, float] = {"day": 0.02, "commissioning": 0.10, "recalibrati
 """Half of what holds 95 % of a parameter, as a share of its range."""
 
 NORMAL95 = 1.96
+FARTHEST = 2.5
+"""Standard deviations within which a parameter stays that effects move, too, once the machine was commissioned: 99 % do, and
+what has moved farther is an effect."""
 
 
 class Nuisances:
@@ -47,8 +50,11 @@ class Nuisances:
         self.machine = machine
         self.space = Space(machine, [entry.key for entry in entries])
 
+        def stays(entry: Parameter) -> bool:
+            return entry.role == "both" and spread in ("day", "recalibration")
+
         def reach(entry: Parameter) -> float:
-            if entry.role == "both" and spread in ("day", "recalibration"):
+            if stays(entry):
                 return float(entry.commissioned[1] - entry.commissioned[0]) / 2.0
             # nobody has calibrated what files do not say
             wide = spread == "commissioning" and entry.key in UNSAID
@@ -68,6 +74,9 @@ class Nuisances:
         """Prior standard deviations (d,) in the unit cube."""
         self.correlation: Floats = covariance / np.outer(self.std, self.std)
         """Of the prior (d, d)."""
+        far = np.where([stays(entry) for entry in entries], FARTHEST * self.std, 1.0)
+        self.ends: tuple[Floats, Floats] = np.maximum(self.place - far, 0.0), np.minimum(self.place + far, 1.0)
+        """Places (d,) in the unit cube that they stay between."""
 
     @property
     def keys(self) -> tuple[str, ...]:

@@ -339,10 +339,11 @@ class Problem:
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
-        """Ends (u,) of the nuisances: of the machine's, those of their ranges."""
+        """Ends (u,) of the nuisances: of the machine's, those of :attr:`.Nuisances.ends`."""
         place, std = self.nuisances.place[self.felt], self.nuisances.std[self.felt]
+        low, high = ((end[self.felt] - place) / std for end in self.nuisances.ends)
         free = np.full(len(self._own), np.inf)
-        return np.concatenate([-place / std, -free]), np.concatenate([(1.0 - place) / std, free])
+        return np.concatenate([low, -free]), np.concatenate([high, free])
 
     @property
     def precision(self) -> Floats:

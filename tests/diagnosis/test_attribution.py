@@ -51,8 +51,9 @@ STD = {"joint_angle": 2e-3, "pressure_a": 0.5e5}
 NAMES = ("spool_lag", "seal_friction")
 """Effects whose axes begin at none."""
 NUISANCES: Any = SimpleNamespace(
-    keys=("first", "second", "third"), place=np.full(3, 0.5), std=np.full(3, 0.05), correlation=np.eye(3)
-)
+    keys=("first", "second", "third"), place=np.full(3, 0.5), std=np.full(3, 0.05), correlation=np.eye(3),
+    ends=(np.zeros(3), np.ones(3)),
+)  # fmt: skip
 
 
 class LinearWorld(Problem):
@@ -578,17 +579,13 @@ def usual_square(kind: str) -> float:
     return NOISE * fit.noise + (1.0 - NOISE) * fit.error
 
 
-@pytest.mark.parametrize("effects", [(), ("spool_lag",)], ids="+".join)
-def test_how_well_something_fits_counts_by_its_density(effects):
-    """As usual or better: nothing is lost; a spread above: a half; what is unknown shows in a kind of channel or not. Of
-    nothing more is known than of an effect, which may not be quite the machine's."""
+def test_how_well_something_fits_counts_by_its_density():
+    """As usual or better: nothing is lost; a spread above: a half; what is unknown shows in a kind of channel or not."""
     trust = TRUST["pressure"]
-    fit, mean, usual = trust.fit["pressure"], trust.surprise["pressure"], usual_square("pressure")
-    spread = fit.spread if effects else fit.nothing
-    assert spread is not None
+    mean, usual, spread = trust.surprise["pressure"], usual_square("pressure"), trust.fit["pressure"].spread
 
     def left(**misfit: Misfit) -> Hypothesis:
-        return Hypothesis(effects, 0.0, misfit=misfit)
+        return Hypothesis(("spool_lag",), 0.0, misfit=misfit)
 
     peak = -np.log(spread * np.sqrt(2.0 * np.pi))
     for square in (0.1 * usual, usual):
@@ -643,17 +640,23 @@ def test_what_noise_alone_leaves_is_known(loud: float):
 
 
 @pytest.mark.parametrize(("factor", "hotter"), [(0.2, 1.0), (2.0, 4.0), (3.0, HOTTEST)])
-def test_temperature_and_doubt_go_by_the_square_of_what_the_twin_errs(factor, hotter, monkeypatch):
+def test_trust_goes_by_the_square_of_what_the_twin_errs(factor, hotter, monkeypatch):
     """As healthy logs show it in the pressures where they were logged, however little it is no cooler than usual, however
     much no hotter than was ever seen; without healthy logs, as usual."""
     world = LinearWorld(np.random.default_rng(5), error=ModelError(0.05, 0.05))
     assert trust_of(world) == TRUST["day-one"]
+    fit = TRUST["pressure"].fit
     usual = replace(TRUST["pressure"], temperature=1.5, doubt=0.01)
     monkeypatch.setattr("aoro_gym.diagnosis.attribution.TRUST", {**TRUST, "pressure": usual})
     names = [name for name in world.signals if world.kinds.get(name) == "pressure"]
     world.misfit = {"joint_angle": 9.0, **dict.fromkeys(names, factor * USUAL_MISFIT["pressure"])}
-    expected = replace(usual, temperature=pytest.approx(1.5 * hotter), doubt=pytest.approx(0.01 * factor**2))
-    assert trust_of(world) == expected
+    found = trust_of(world)
+    assert found.temperature == pytest.approx(1.5 * hotter) and found.doubt == pytest.approx(0.01 * factor**2)
+    assert found.fit["pressure"].error == pytest.approx(factor**2 * fit["pressure"].error)
+    assert found.fit["angle"] == fit["angle"]
+    assert replace(found, temperature=1.5, doubt=0.01, fit=fit) == usual
+    world.misfit = dict.fromkeys(names, 1e3)
+    assert trust_of(world).fit["pressure"].error == 1.0, "all of what was assumed"
 
 
 TRUE = (0.3, -0.5, 0.8)

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.stats import chi
 
 from aoro_gym.calibration.space import LOG_SPAN
-from aoro_gym.diagnosis.nuisances import NORMAL95, SPREADS, Nuisances
+from aoro_gym.diagnosis.nuisances import FARTHEST, NORMAL95, SPREADS, Nuisances
 from aoro_gym.twin import Machine
 
 MACHINE = Machine.load("aoro")
@@ -60,6 +61,21 @@ def test_on_another_day_what_effects_move_stays_as_commissioned():
             assert low - slack * abs(low) <= value <= high + slack * abs(high), key
             if min(entry.range) < low and high < max(entry.range):
                 assert value == pytest.approx(low if side < 0.0 else high, rel=slack), key
+
+
+@pytest.mark.parametrize("spread", SPREADS)
+def test_what_effects_move_does_not_go_far_on_a_commissioned_machine(spread):
+    """Not beyond what 99 % of them do, χ of one degree of freedom, widened by what its fit left open; all else within its
+    range."""
+    count = len(Nuisances(MACHINE, spread).keys)
+    nuisances = Nuisances(MACHINE, spread, np.diag(np.linspace(0.0, 0.02, count) ** 2))
+    low, high = ((end - nuisances.place) / nuisances.std for end in nuisances.ends)
+    ranges = -nuisances.place / nuisances.std, (1.0 - nuisances.place) / nuisances.std
+    held = [spread in ("day", "recalibration") and MACHINE.entries[key].role == "both" for key in nuisances.keys]
+    np.testing.assert_allclose(low, np.where(held, np.maximum(ranges[0], -FARTHEST), ranges[0]))
+    np.testing.assert_allclose(high, np.where(held, np.minimum(ranges[1], FARTHEST), ranges[1]))
+    assert 0.985 < chi.cdf(FARTHEST, 1) < 0.99
+    assert any(held) == (spread in ("day", "recalibration"))
 
 
 def test_what_is_uncertain_of_the_machine_itself_adds_to_the_day():
