@@ -54,7 +54,6 @@ def test_the_cause_its_size_and_its_machine_are_given(diagnosed):
     assert longer == pytest.approx(LAG, rel=0.1)
 
 
-@pytest.mark.xfail(strict=True, reason="right names with pressures are held below what is called a cause, here at 0.75")
 def test_the_verdict_is_a_cause(diagnosed):
     found, _ = diagnosed
     assert found.verdict == "cause" and found.causes[0].effects == ("spool_lag",), found.causes[0].probability
