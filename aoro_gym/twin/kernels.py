@@ -609,11 +609,15 @@ def reset(
     lacking = stand.joint - steering_torque(m.oil, g, steering)
     held = wp.clamp(lacking, -capacity, capacity)
     bearing = held
-    if m.joint.mount_stiffness > 0.0:  # the seals hold the cylinders, which bend the mount
-        bearing = wp.clamp(held, -m.joint.friction_torque, m.joint.friction_torque)
+    if m.joint.mount_stiffness > 0.0:  # the bearing holds the frames, the seals hold the oil, and the mount bears the rest
+        hold = capacity - m.joint.friction_torque
+        bearing = wp.clamp(stand.joint, -m.joint.friction_torque, m.joint.friction_torque)
+        seals = wp.clamp(held - bearing, -hold, hold)
+        bearing += held - bearing - seals  # what is too much for the seals
         bent = stand.joint - bearing
-        state[State.MOUNT_SEALS, t] = (bearing - held) / m.joint.presliding_stiffness
-        state[State.MOUNT, t] = bent / m.joint.mount_stiffness + 0.5 * m.joint.backlash * wp.sign(bent)
+        edge = wp.where(bent == 0.0, 0.0, wp.sign(bent))  # what bears nothing is in the middle of its play
+        state[State.MOUNT_SEALS, t] = -seals / m.joint.presliding_stiffness
+        state[State.MOUNT, t] = bent / m.joint.mount_stiffness + 0.5 * m.joint.backlash * edge
     state[State.JOINT_FRICTION, t] = -bearing / m.joint.presliding_stiffness
     state[State.PORT_A, t] += wp.max(lacking - held, 0.0) / g.displacement_a
     state[State.PORT_B, t] += wp.min(lacking - held, 0.0) / g.displacement_b

@@ -561,6 +561,23 @@ def test_stops_end_the_cylinders_stroke(shipped: Machine):
     np.testing.assert_allclose(angle[1], angle[0], atol=2e-3)
 
 
+def test_a_mount_that_bears_nothing_is_in_the_middle_of_its_play(shipped: Machine):
+    """On level ground no side of it is nearer, whatever the oil does to the cylinders; on a slope it is at an edge, the other
+    one on the joint's other side."""
+    play = 0.01
+    machine = shipped.set({"joint.backlash": np.full(2, play), "joint.compliance": 5e-7}, si=True)
+
+    def rest(slope: float, angle: float) -> Any:
+        twin = Twin(2, machine=machine, terrain=Plane(slope_deg=slope))
+        twin.reset(joint_angle=np.array([angle, -angle]))
+        return twin.state.numpy()[State.MOUNT]
+
+    assert np.all(rest(0.0, 0.3) == 0.0)
+    left, right = rest(5.0, 0.3)
+    assert left * right < 0.0
+    assert min(abs(left), abs(right)) > 0.5 * play
+
+
 def test_a_mount_is_bent_from_the_start_by_what_it_bears(shipped: Machine):
     """On a slope a soft frame with play stands as still as a rigid one, within 0.05 mrad; from an unbent mount it falls
     through most of half the play."""
