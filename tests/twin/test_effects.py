@@ -562,7 +562,7 @@ def test_stops_end_the_cylinders_stroke(shipped: Machine):
 
 
 def test_a_mount_that_bears_nothing_is_in_the_middle_of_its_play(shipped: Machine):
-    """On level ground no side of it is nearer, whatever the oil does to the cylinders; on a slope it is at an edge, the other
+    """On level ground no side of it is nearer, whatever the oil does to the cylinders; on a slope it is at an edge, another
     one on the joint's other side."""
     play = 0.01
     machine = shipped.set({"joint.backlash": np.full(2, play), "joint.compliance": 5e-7}, si=True)
