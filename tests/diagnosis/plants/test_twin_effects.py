@@ -37,15 +37,15 @@ def of_plants(shipped):
     """Logs (ticks, channels) in standard deviations of noise, by effect; "" has none."""
     names = sorted(LAWS | {HAMMERING})
     constants = constants_of([shipped.entries] * (len(names) + 1))
-    healthy = constants_of([shipped.entries])
+    nominal = constants_of([shipped.entries])
     magnitudes = {}
     for index, name in enumerate(names):
         effect = OF_PLANTS[name]
         near, far = sorted((effect.low, effect.high), key=abs) if effect.low > 0.0 else (0.0, effect.low)
         size = near + SEVERITY * (far - near)
-        whole = np.asarray(effect.measure(healthy, 0))
+        whole = np.asarray(effect.measure(nominal, 0))
         magnitudes[name] = np.zeros((*whole.shape[:-1], len(names) + 1))
-        magnitudes[name][..., index] = (size * whole if effect.relative else np.full_like(whole, size))[..., 0]
+        magnitudes[name][..., index] = size * (whole if effect.relative else np.ones_like(whole))[..., 0]
     plant = Plant(with_effects(constants, magnitudes, 0), 0, joint_angle=np.full(len(names) + 1, START))
     held = round(TICK / MAIN_STEP)
     signal = np.repeat(STEERING, held)[:, None] * np.ones(len(names) + 1)
@@ -62,19 +62,23 @@ def of_twins(machine, count):
     return np.stack([np.concatenate([t[name] for t in traces if t]) / std for name, std in CHANNELS.items()], axis=1)
 
 
+@pytest.fixture(scope="module")
+def healthy(shipped):
+    return of_twins(shipped, 1)
+
+
 @pytest.mark.parametrize(("name", "most"), [*((name, 0.06) for name in sorted(LAWS)), (HAMMERING, 0.2)])
-def test_a_plant_s_effect_is_the_twin_s(name, most, of_plants, shipped):
+def test_a_plant_s_effect_is_the_twin_s(name, most, of_plants, healthy, shipped):
     """At the best magnitude, to a four-hundredth of its range or nearer, no more than 6 % of what the effect does is left
     (root mean square): without any effect the two part by half a standard deviation of noise. What cylinders do that hammer
     on their play grows with every blow, and the plants let the bearing rub on them, the twin on the joint: 20 %."""
-    healthy = of_twins(shipped, 1)[:, :, 0]
     axes = axes_of(EFFECTS[name])
     effect = of_plants[name] - of_plants[""]
 
     def left(places):
         """Share (N,) of the effect that the twin's leaves at ``places`` (N, axes)."""
         values = [a.value(z) for a, z in zip(axes, places.T, strict=True)]
-        shown = of_twins(EFFECTS[name].apply(shipped, *values), len(places)) - healthy[:, :, None]
+        shown = of_twins(EFFECTS[name].apply(shipped, *values), len(places)) - healthy
         return np.sqrt(np.mean((effect[:, :, None] - shown) ** 2, axis=(0, 1)) / np.mean(effect**2))
 
     count = 31 if len(axes) == 1 else 16
