@@ -285,8 +285,8 @@ MODULUS_PER_KELVIN = -0.005
 
 
 def _oil_temperature(machine: Machine, change: Quantity) -> Mapping[str, Quantity]:
-    """Laminar leaks and viscous friction by dynamic viscosity, the steering edges' and traction valves' turbulent flows by
-    density, the liquid's modulus."""
+    """Laminar leaks, viscous friction and what the return filter adds with its flow by dynamic viscosity, the steering
+    edges' and traction valves' turbulent flows by density, the liquid's modulus."""
     before, after = COMMISSIONED_TEMPERATURE, COMMISSIONED_TEMPERATURE + np.asarray(change)
     lighter = relative_density(after) / relative_density(before)
     thinner = lighter * (kinematic_viscosity(after) / kinematic_viscosity(before))
@@ -299,7 +299,7 @@ def _oil_temperature(machine: Machine, change: Quantity) -> Mapping[str, Quantit
     )  # fmt: skip
     return {
         **_scaled(*leaks)(machine, 1.0 / thinner),
-        **_scaled("steering.cylinder.seal_viscous")(machine, thinner),
+        **_scaled("steering.cylinder.seal_viscous", "steering.tank_line.back_pressure_ramp")(machine, thinner),
         **_scaled(*turbulent)(machine, 1.0 / np.sqrt(lighter)),
         **_scaled("oil.bulk_modulus")(machine, 1.0 + MODULUS_PER_KELVIN * np.asarray(change)),
     }

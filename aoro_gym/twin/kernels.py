@@ -202,12 +202,12 @@ def arm_seal_capacity(m: Arm, oil: Oil, g: ArmGeometry, s: ArmState, rate: float
 
 
 @wp.func
-def joint_capacity(m: MachineRecord, oil: Oil, g: SteeringGeometry, s: SteeringState, rate: float, bearing: float):
-    """Friction torque [N m] at which the joint breaks away or slides: its ``bearing`` and the seals of both cylinders."""
+def joint_capacity(m: MachineRecord, oil: Oil, g: SteeringGeometry, s: SteeringState, rate: float):
+    """Friction torque [N m] at which the joint breaks away or slides: its bearing and the seals of both cylinders."""
     st = m.steering
     pressures = wp.max(pressure(oil, s.port_a), 0.0) + wp.max(pressure(oil, s.port_b), 0.0)
     return (
-        bearing
+        m.joint.friction_torque
         + g.lever_left
         * seal_friction(
             st.cylinder_seal_preload,
@@ -240,10 +240,10 @@ def cylinders_step(
     x: MountState,
     dt: float,
 ):
-    """Mount after ``dt``, whose cylinders feel oil, seals and ends of the stroke, as the joint does where there is none."""
+    """Mount after ``dt``, whose cylinders feel oil, friction and ends of the stroke, as the joint does without one."""
     stiffness = m.joint.presliding_stiffness
     damping = m.joint.presliding_damping
-    capacity = joint_capacity(m, oil, g, s, x.rate, 0.0)
+    capacity = joint_capacity(m, oil, g, s, x.rate)
     angle = joint + x.deflection
     stop = end_stop(
         angle, x.rate, m.joint.range, m.joint.stop_torsional_stiffness, m.joint.stop_torsional_damping
@@ -251,16 +251,16 @@ def cylinders_step(
     grip = float(0.0)
     drag = m.steering.cylinder_seal_viscous * (g.lever_left * g.lever_left + g.lever_right * g.lever_right)
     torque = (
-        steering_torque(oil, g, s) + dry_friction(x.seals, x.rate, capacity, stiffness, damping) - drag * x.rate + stop
+        steering_torque(oil, g, s) + dry_friction(x.friction, x.rate, capacity, stiffness, damping) - drag * x.rate + stop
     )
-    if wp.abs(stiffness * x.seals + damping * x.rate) < capacity:
+    if wp.abs(stiffness * x.friction + damping * x.rate) < capacity:
         grip += stiffness
         drag += damping
     if stop != 0.0:
         grip += m.joint.stop_torsional_stiffness
         drag += m.joint.stop_torsional_damping
     out = mount_step(g, m.joint.mount_stiffness, m.joint.backlash, torque, grip, drag, joint_rate, x, dt)
-    out.seals = presliding(x.seals, out.rate, dt, capacity, stiffness)
+    out.friction = presliding(x.friction, out.rate, dt, capacity, stiffness)
     return out
 
 
@@ -605,20 +605,17 @@ def reset(
     # the joint: dry friction holds what oil at the return line's pressure does not, higher pressure what is beyond it
     steering = load_steering(state, t)
     g = steering_geometry(st, pose[3, t])
-    capacity = joint_capacity(m, m.oil, g, steering, 0.0, m.joint.friction_torque)
-    lacking = stand.joint - steering_torque(m.oil, g, steering)
+    borne = stand.joint
+    if m.joint.mount_stiffness > 0.0:
+        edge = wp.sign(borne)
+        if m.joint.backlash > 0.0 and wp.abs(borne) <= m.joint.friction_torque:
+            borne = 0.0  # in the middle of its play, while tires hold what is as little
+            edge = 0.0
+        state[State.MOUNT, t] = borne / m.joint.mount_stiffness + 0.5 * m.joint.backlash * edge
+    capacity = joint_capacity(m, m.oil, g, steering, 0.0)
+    lacking = borne - steering_torque(m.oil, g, steering)
     held = wp.clamp(lacking, -capacity, capacity)
-    bearing = held
-    if m.joint.mount_stiffness > 0.0:  # the bearing holds the frames, the seals hold the oil, and the mount bears the rest
-        hold = capacity - m.joint.friction_torque
-        bearing = wp.clamp(stand.joint, -m.joint.friction_torque, m.joint.friction_torque)
-        seals = wp.clamp(held - bearing, -hold, hold)
-        bearing += held - bearing - seals  # what is too much for the seals
-        bent = stand.joint - bearing
-        edge = wp.where(bent == 0.0, 0.0, wp.sign(bent))  # what bears nothing is in the middle of its play
-        state[State.MOUNT_SEALS, t] = -seals / m.joint.presliding_stiffness
-        state[State.MOUNT, t] = bent / m.joint.mount_stiffness + 0.5 * m.joint.backlash * edge
-    state[State.JOINT_FRICTION, t] = -bearing / m.joint.presliding_stiffness
+    state[State.JOINT_FRICTION, t] = -held / m.joint.presliding_stiffness
     state[State.PORT_A, t] += wp.max(lacking - held, 0.0) / g.displacement_a
     state[State.PORT_B, t] += wp.min(lacking - held, 0.0) / g.displacement_b
 
@@ -695,7 +692,6 @@ def advance(
     d_spin = load4(state, int(State.SPIN_ACCELERATION_FL), t)
     bristle_x = load4(state, int(State.BRISTLE_X_FL), t)
     bristle_y = load4(state, int(State.BRISTLE_Y_FL), t)
-    joint_friction = state[State.JOINT_FRICTION, t]
     arm_friction = load4(state, int(State.ARM_FRICTION_FL), t)
     wheel_friction = load4(state, int(State.WHEEL_FRICTION_FL), t)
     twist = load4(state, int(State.TWIST_FL), t)
@@ -704,7 +700,7 @@ def advance(
     mount = MountState()
     mount.deflection = state[State.MOUNT, t]
     mount.rate = state[State.MOUNT_RATE, t]
-    mount.seals = state[State.MOUNT_SEALS, t]
+    mount.friction = state[State.JOINT_FRICTION, t]
     arm_fl = load_arm(state, 0, t)
     arm_fr = load_arm(state, 1, t)
     arm_rl = load_arm(state, 2, t)
@@ -825,20 +821,16 @@ def advance(
             mid_omega_rear = to_rear * mid_omega - mid_joint_rate * z_axis
             mid_velocity_rear = to_rear * mid_velocity
 
-            # ---- joint torque: oil, seals, bearing, stops ------------------------------------------------------------
+            # ---- joint torque: oil, friction, stops; or the mount, whose cylinders feel them ---------------------------
             st = m.steering
-            capacity = m.joint.friction_torque
+            joint_torque = joint_oil
             if m.joint.mount_stiffness == 0.0:
-                capacity = joint_capacity(m, oil, g, steering, mid_joint_rate, m.joint.friction_torque)
-            joint_friction = presliding(joint_friction, joint_rate, h, capacity, m.joint.presliding_stiffness)
-            joint_torque = joint_oil + dry_friction(
-                joint_friction,
-                mid_joint_rate,
-                capacity,
-                m.joint.presliding_stiffness,
-                m.joint.presliding_damping,
-            )
-            if m.joint.mount_stiffness == 0.0:  # else the cylinders feel it
+                capacity = joint_capacity(m, oil, g, steering, mid_joint_rate)
+                stiffness = m.joint.presliding_stiffness
+                mount.friction = presliding(mount.friction, joint_rate, h, capacity, stiffness)
+                joint_torque += dry_friction(
+                    mount.friction, mid_joint_rate, capacity, stiffness, m.joint.presliding_damping
+                )
                 joint_torque -= (
                     st.cylinder_seal_viscous
                     * (g.lever_left * g.lever_left + g.lever_right * g.lever_right)
@@ -1036,8 +1028,8 @@ def advance(
     rest = (
         joint + wp.length(arm) + wp.length(wheel) + wp.length(remainder) + q[0] + q[1] + q[2] + q[3]
         + wp.length(d_velocity) + wp.length(d_omega) + d_joint + wp.length(d_arm) + wp.length(d_spin)
-        + wp.length(bristle_x) + wp.length(bristle_y) + joint_friction + wp.length(arm_friction)
-        + wp.length(wheel_friction) + wp.length(twist) + mount.deflection + mount.rate + mount.seals
+        + wp.length(bristle_x) + wp.length(bristle_y) + wp.length(arm_friction)
+        + wp.length(wheel_friction) + wp.length(twist) + mount.deflection + mount.rate + mount.friction
         + steering.ls_pressure + steering.spool + spool_play + steering.compensator
         + steering.swash + steering.flow_in + steering.flow_out + arm_fl.bore + arm_fl.rod + arm_fr.bore + arm_fr.rod
         + arm_rl.bore + arm_rl.rod + arm_rr.bore + arm_rr.rod + wp.length(arm_spool) + driveline.forward
@@ -1068,7 +1060,6 @@ def advance(
     store4(state, int(State.SPIN_ACCELERATION_FL), t, d_spin)
     store4(state, int(State.BRISTLE_X_FL), t, bristle_x)
     store4(state, int(State.BRISTLE_Y_FL), t, bristle_y)
-    state[State.JOINT_FRICTION, t] = joint_friction
     store4(state, int(State.ARM_FRICTION_FL), t, arm_friction)
     store4(state, int(State.WHEEL_FRICTION_FL), t, wheel_friction)
     store4(state, int(State.TWIST_FL), t, twist)
@@ -1076,7 +1067,7 @@ def advance(
     state[State.PLAY, t] = spool_play
     state[State.MOUNT, t] = mount.deflection
     state[State.MOUNT_RATE, t] = mount.rate
-    state[State.MOUNT_SEALS, t] = mount.seals
+    state[State.JOINT_FRICTION, t] = mount.friction
     store_arm(state, 0, t, arm_fl)
     store_arm(state, 1, t, arm_fr)
     store_arm(state, 2, t, arm_rl)

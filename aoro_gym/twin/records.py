@@ -91,7 +91,7 @@ State: Any = IntEnum(
         *[n.upper() for n in (*_each("arm_friction"), *_each("wheel_friction"), *_each("twist"))],
         # steering circuit
         *("SUPPLY", "PORT_A", "PORT_B", "TANK_LINE", "LS_PRESSURE", "SPOOL", "PLAY", "COMPENSATOR", "SWASH"),
-        *("FLOW_IN", "FLOW_OUT", "MOUNT", "MOUNT_RATE", "MOUNT_SEALS"),
+        *("FLOW_IN", "FLOW_OUT", "MOUNT", "MOUNT_RATE"),
         # arms
         *[n.upper() for n in (*_each("arm_bore"), *_each("arm_rod"), *_each("arm_spool"))],
         # driveline

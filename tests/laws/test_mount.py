@@ -57,7 +57,7 @@ def run_kernel(
 
 
 def at(deflection=0.0, rate=0.0):
-    return record(MountState, deflection=deflection, rate=rate, seals=0.0)
+    return record(MountState, deflection=deflection, rate=rate, friction=0.0)
 
 
 def test_torque_is_a_spring_behind_a_dead_zone_that_never_pulls():

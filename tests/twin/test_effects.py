@@ -316,6 +316,7 @@ def test_warm_oil_leaks_by_viscosity_and_flows_by_density(shipped: Machine):
     for key, factor in (
         ("steering.cylinder.leakage", thinner),
         ("steering.cylinder.seal_viscous", 1.0 / thinner),
+        ("steering.tank_line.back_pressure_ramp", 1.0 / thinner),
         ("steering.valve.nominal_flow_left", lighter**-0.5),
         ("oil.bulk_modulus", 0.8),
     ):

@@ -1,7 +1,8 @@
 """What lies between the steering cylinders and the frames: free play of the pins, bending of mounts and frames.
 
 The cylinders move the joint through a torsion spring behind a dead zone. ``deflection`` x [rad] is how far they are ahead of
-the joint. Oil, seals and the ends of the stroke act on the cylinders, the bearing and the frames' inertia on the joint.
+the joint. Oil, dry friction and the ends of the stroke act on the cylinders, the frames' inertia on the joint: how much of
+the friction is the hinge's own, no log of a tight joint tells, and with all of it here a stiff mount is the rigid joint.
 Without the element (stiffness 0) cylinders and joint are one.
 """
 
@@ -18,7 +19,7 @@ LOSS_TIME = wp.constant(1.0e-3)  # [s] damping over stiffness of mounts and fram
 class MountState:
     deflection: float  # [rad] of the cylinders ahead of the joint
     rate: float  # [rad/s] of the cylinders, as a joint rate
-    seals: float  # [rad] deflection of their seals' dry friction
+    friction: float  # [rad] deflection of the joint's dry friction: seals and bearing
 
 
 @wp.func
@@ -47,10 +48,10 @@ def mount_step(
 ):
     """Mount after ``dt``: I ẇ = τ − T(x, ẋ), ẋ = w − θ̇, with I of both cylinders' moving mass.
 
-    ``torque`` τ [N m] is that of oil, seals and ends of the stroke, and ``grip`` −∂τ/∂θ [N m/rad] and ``drag`` −∂τ/∂w
+    ``torque`` τ [N m] is that of oil, friction and ends of the stroke, and ``grip`` −∂τ/∂θ [N m/rad] and ``drag`` −∂τ/∂w
     [N m s/rad] are how it changes as the cylinders move. Linearly implicit in these and in the spring, so that any
     ``stiffness`` is stable and a great one gives the rigid joint; the oil's stiffness on the moving mass (below 600 Hz) is
-    resolved by the substep. The seals' deflection is left as it is.
+    resolved by the substep. The friction's deflection is left as it is.
     """
     slip = x.rate - joint_rate
     held = wp.where(wp.abs(x.deflection) < 0.5 * backlash, 0.0, dt * stiffness)  # [N m s/rad]
@@ -59,5 +60,5 @@ def mount_step(
     out = MountState()
     out.rate = x.rate + dt * push / (inertia + (dt + LOSS_TIME) * held + dt * (dt * grip + drag))
     out.deflection = x.deflection + dt * (out.rate - joint_rate)
-    out.seals = x.seals
+    out.friction = x.friction
     return out
