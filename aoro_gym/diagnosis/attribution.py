@@ -137,7 +137,7 @@ TRUST: Mapping[str, Trust] = {
         1.0, 0.016, {"angle": Fit(0.70, 0.50, 0.12)}, {"angle": 0.2}, declared=0.75, sharpness=0.55, strain=1.0, usual=0.2,
     ),
     "pressure": Trust(
-        1.0, 0.0, {"angle": Fit(0.76, 0.10, 0.11), "pressure": Fit(0.75, 0.016, 0.11)},
+        1.2, 0.0003, {"angle": Fit(0.76, 0.10, 0.11), "pressure": Fit(0.75, 0.016, 0.11)},
         {"angle": 0.4, "pressure": 0.85}, declared=0.8, sharpness=0.6, strain=16.0, usual=0.42, others=0.25,
     ),
     "day-one": Trust(
@@ -443,7 +443,7 @@ def _around(axes: Sequence[Axis], shares: Sequence[float]) -> list[tuple[float, 
         tuple(z if i != index else z + share * (end - z) for i, z in enumerate(none))
         for index, axis in enumerate(axes)
         for end in (0.0, 1.0)
-        if abs(end - axis.none) > APART
+        if (1.0 - axis.none if end else axis.none) > APART
         for share in shares
     ]
 

@@ -28,7 +28,8 @@ PRIOR_INFORMATION = 12.0
 
 @dataclass(frozen=True)
 class Axis:
-    """One magnitude of one effect, searched between 0 and 1 over its range, and simulated at some ``shares`` of it."""
+    """One magnitude of one effect, searched between 0 and 1 over its range from where it counts as a cause, and simulated at
+    some ``shares`` of the way from none to the ends."""
 
     effect: Effect
     index: int
@@ -40,16 +41,22 @@ class Axis:
 
     @cached_property
     def none(self) -> float:
+        """Place of none, below 0 where not every deviation counts."""
         return float(self.place(self.magnitude.none))
+
+    @property
+    def low(self) -> float:
+        """Magnitude at the place 0."""
+        return self.magnitude.low if self.magnitude.least is None else self.magnitude.least
 
     def value(self, place: Floats | float) -> Floats:
         """Magnitude at ``place`` in [0, 1]."""
-        low, high = self.magnitude.low, self.magnitude.high
+        low, high = self.low, self.magnitude.high
         z = np.asarray(place, dtype=np.float64)
         return low * (high / low) ** z if self.magnitude.scale == "log" else low + (high - low) * z
 
     def place(self, value: Floats | float) -> Floats:
-        low, high = self.magnitude.low, self.magnitude.high
+        low, high = self.low, self.magnitude.high
         v = np.asarray(value, dtype=np.float64)
         return np.log(v / low) / np.log(high / low) if self.magnitude.scale == "log" else (v - low) / (high - low)
 

@@ -60,7 +60,7 @@ KINDS: Mapping[str, str] = {
 """Of channels, by name."""
 SWAY = 15
 """Standard deviation, in samples, of the window that parts a signal's sway, of about 3 Hz, from its slow course."""
-MISFITS = (0.06, 0.12, 0.25, 0.5, 1.0, 2.0, 4.0)
+MISFITS = (0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 2.0, 4.0)
 """Factors on the twin's own error that are told apart."""
 WANDERS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.6)
 """Standard deviations of an angle sensor's wandering zero that are told apart, in those of its noise."""

@@ -79,7 +79,7 @@ class Search:
         self._tried: list[tuple[Floats, Floats]] = []
         self._offers: list[tuple[Floats, Floats, Tangent]] = []  # what others found, with the tangent there
         for places in starts:
-            z = np.array(places, dtype=np.float64)
+            z = np.clip(np.array(places, dtype=np.float64), 0.0, 1.0)
             left = self._expected(z, leader)
             self._tried += [(u, z) for u in (*self.tangent.steps(left, FIRST, firsts[0]), *firsts)]
         self.point = self._tried[0]
@@ -124,7 +124,7 @@ class Search:
             theirs, mine, none = donor.places_by_effect, self.places_by_effect, self.none
             part = theirs.keys() <= mine.keys()
             kept = [theirs.get(name, none[name] if part else place) for name, place in mine.items()]
-            self._offers.append((nuisances, np.concatenate([np.empty(0), *kept]), tangent))
+            self._offers.append((nuisances, np.clip(np.concatenate([np.empty(0), *kept]), 0.0, 1.0), tangent))
             if alike and theirs.keys() != mine.keys():
                 left = donor.residual + tangent.moved(nuisances)
                 left = left + donor.shift_of(theirs.keys() - mine.keys()) - self.shift_of(mine.keys() - theirs.keys())

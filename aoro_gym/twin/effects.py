@@ -89,12 +89,17 @@ class Magnitude:
     source: str
     none: float = 0.0  # the value at which the effect is absent
     scale: str = "linear"  # or "log": what is searched is its logarithm
+    least: float | None = None  # from which on it counts as a cause, where that is not at once; ``none`` is then below
 
     def __post_init__(self) -> None:
         if self.scale not in ("linear", "log"):
             raise ValueError(f"magnitude {self.name}: scale = {self.scale!r} must be linear or log")
         if not self.low <= self.none <= self.high or self.low == self.high:
             raise ValueError(f"magnitude {self.name}: none = {self.none:g} must lie in [{self.low:g}, {self.high:g}]")
+        if self.least is not None and not self.none < self.least < self.high:
+            raise ValueError(
+                f"magnitude {self.name}: least = {self.least:g} must lie between none = {self.none:g} and {self.high:g}"
+            )
         if self.scale == "log" and self.low <= 0.0:
             raise ValueError(f"magnitude {self.name}: low = {self.low:g} must be above 0 on a log scale")
 
@@ -175,7 +180,7 @@ class Effect:
             "magnitudes": [
                 {
                     "name": one.name, "unit": one.unit, "range": [one.low, one.high], "none": one.none, "scale": one.scale,
-                    "source": one.source,
+                    "least": one.least, "source": one.source,
                 }
                 for one in self.magnitudes
             ],
@@ -715,7 +720,9 @@ EFFECTS: Mapping[str, Effect] = {
             "where they touch; the sensor sees the joint.",
             sign="+: more play",
             magnitudes=(
-                Magnitude("play", "rad", 0.0, 0.012, "E, D: pins of 0.3 to 1.5 mm, 0.3° a millimetre, both ends"),
+                Magnitude(
+                    "play", "rad", 0.0, 0.012, "E, D: pins of 0.3 to 1.5 mm, 0.3° a millimetre, both ends", least=TIGHT
+                ),
                 Magnitude(
                     "compliance",
                     "rad/(N*m)",
@@ -736,7 +743,7 @@ EFFECTS: Mapping[str, Effect] = {
             component="joint",
             physics="Frames and cylinder mounts bend, a torsion spring in series with the oil.",
             sign="+: softer",
-            magnitudes=(Magnitude("compliance", "rad/(N*m)", 0.0, 5e-7, "E: 2 to 20 MN m/rad"),),
+            magnitudes=(Magnitude("compliance", "rad/(N*m)", 0.0, 5e-7, "E: 2 to 20 MN m/rad", least=5e-8),),
             operational=(
                 Operational(
                     "joint angle per torque with the cylinders held", "rad/(N*m)", _parameter("joint.compliance")

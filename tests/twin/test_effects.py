@@ -444,6 +444,7 @@ def test_wrong_magnitudes_are_named(magnitude: Any, message: str, shipped: Machi
     [
         ({"scale": "cubic"}, "scale = 'cubic' must be linear or log"),
         ({"none": 2.0}, r"none = 2 must lie in \[0, 1\]"),
+        ({"least": 2.0}, "least = 2 must lie between none = 0 and 1"),
         ({"scale": "log"}, "low = 0 must be above 0 on a log scale"),
     ],
 )
