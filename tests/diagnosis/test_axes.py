@@ -42,7 +42,7 @@ def test_a_cubic_through_none_is_met_between_the_nodes(axis):
 
 def test_what_does_not_count_as_a_cause_lies_below_the_range():
     axis = Axis(EFFECTS["frame_compliance"], 0)
-    least, most = axis.magnitude.least, axis.magnitude.high
+    least, most = axis.low, axis.magnitude.high
     assert axis.value(0.0) == least > axis.magnitude.none == 0.0
     assert axis.none == pytest.approx(-least / (most - least))
     np.testing.assert_allclose(axis.value(axis.nodes), np.array(NODES) * most)
