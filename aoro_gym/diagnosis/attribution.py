@@ -33,8 +33,8 @@ DIRECTIONS = 12, 24
 """Of the nuisances in which a hypothesis takes slopes of its own: at first, and later."""
 VALLEYS = 2
 """Of the cost along an effect's magnitude, in which its search begins."""
-HALFWAY = (0.4,)
-"""Shares of the way to an end of a range where searches begin besides, each for itself: what calibration makes of a far
+FAR_OFF = (0.4, 0.9)
+"""Shares of the way to an end of a range, from whose better one a search begins besides: what calibration makes of a far
 cause only a search tells that has gone there."""
 RIVALS = 2
 """Searches of each effect that go on from there."""
@@ -346,7 +346,7 @@ def attribute(
 
     searches[()].offered([alone(problem, 1)])
     first = [Search(soft, (name,), places) for name, places in soft.starts(VALLEYS).items()]
-    first += [Search(soft, (name,), [start]) for name, axes in problem.axes.items() for start in _around(axes, HALFWAY)]
+    first += [Search(soft, (name,), way) for name, axes in problem.axes.items() for way in ways_of(axes, FAR_OFF)]
     refine(first, 1, lambda s, x: progress(s, 0.05 * x))
     rivals = firmer(_rivals(first), linear)
     for one in rivals:
@@ -437,14 +437,18 @@ def _rivals(searches: Iterable[Search]) -> list[Search]:
 
 
 def _around(axes: Sequence[Axis], shares: Sequence[float]) -> list[tuple[float, ...]]:
-    """Places at ``shares`` of the way from none to an end, on either side, one magnitude at a time."""
+    """All of :func:`ways_of`."""
+    return [place for way in ways_of(axes, shares) for place in way]
+
+
+def ways_of(axes: Sequence[Axis], shares: Sequence[float]) -> list[list[tuple[float, ...]]]:
+    """Places at ``shares`` of the way from none to an end, one magnitude at a time, by magnitude and side."""
     none = [axis.none for axis in axes]
     return [
-        tuple(z if i != index else z + share * (end - z) for i, z in enumerate(none))
+        [tuple(z if i != index else z + share * (end - z) for i, z in enumerate(none)) for share in shares]
         for index, axis in enumerate(axes)
         for end in (0.0, 1.0)
         if (1.0 - axis.none if end else axis.none) > APART
-        for share in shares
     ]
 
 

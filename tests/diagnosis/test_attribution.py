@@ -22,6 +22,7 @@ from aoro_gym.diagnosis.attribution import (
     fitting,
     log_priors,
     trust_of,
+    ways_of,
     weigh,
     without,
 )
@@ -556,6 +557,20 @@ def test_nuisances_are_those_of_the_same_machine_in_another_problem():
         assert its.value(key) == pytest.approx(mine.value(key), rel=1e-9), key
     own = len(narrow.centre) - len(narrow.felt)
     np.testing.assert_array_equal(there[-own:], search.point[0][-own:])
+
+
+def test_ways_lead_from_none_to_every_end():
+    """Of a play that counts from some width on only upwards, of what touches to either side, each with the other at none."""
+    play, compliance = axes_of(EFFECTS["joint_backlash"])
+    ways = ways_of([play, compliance], (0.4, 0.9))
+    assert play.none < 0.0 < compliance.none < 1.0
+    up = np.array([0.4, 0.9])
+    expected = [
+        [(z, compliance.none) for z in play.none + up * (1.0 - play.none)],
+        [(play.none, z) for z in compliance.none * (1.0 - up)],
+        [(play.none, z) for z in compliance.none + up * (1.0 - compliance.none)],
+    ]
+    np.testing.assert_allclose(ways, expected)
 
 
 def test_every_hypothesis_of_a_catalogue_has_a_prior():
