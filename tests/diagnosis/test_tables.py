@@ -38,7 +38,7 @@ from aoro_gym.validation.turns import Turn
 MACHINE = Machine.load("aoro")
 PUBLISHED = Path(str(files("aoro_gym").joinpath("validation/data/left_turn_metrics.csv")))
 CANDIDATES = {name: EFFECTS[name] for name in ("joint_backlash", "spool_lag", "sensor_filter")}
-PLAY, GIVE = 0.01, 5e-8
+PLAY, GIVE = 0.01, 1.5e-7
 """Of the joint [rad], and of its pins [rad/(N m)]."""
 LEVELS = (100.0, 75.0)
 HEAD = "signal_percent,source,turn_time_s,first_peak_L_per_min"
