@@ -106,7 +106,7 @@ class Side:
 def sides_of(axes: Mapping[str, Sequence[Axis]]) -> list[Side]:
     """All that the effects of a problem have."""
     ends = [Side(axis, end) for each in axes.values() for axis in each for end in (0.0, 1.0)]
-    return [side for side in ends if (1.0 - side.axis.none if side.end else side.axis.none) > 1e-9]
+    return [side for side in ends if side.axis.reach(side.end) > 1e-9]
 
 
 def commissioned(

@@ -448,7 +448,7 @@ def ways_of(axes: Sequence[Axis], shares: Sequence[float]) -> list[list[tuple[fl
         [tuple(z if i != index else z + share * (end - z) for i, z in enumerate(none)) for share in shares]
         for index, axis in enumerate(axes)
         for end in (0.0, 1.0)
-        if (1.0 - axis.none if end else axis.none) > APART
+        if axis.reach(end) > APART
     ]
 
 

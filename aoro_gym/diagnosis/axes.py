@@ -44,6 +44,10 @@ class Axis:
         """Place of none, below 0 where not every deviation counts."""
         return float(self.place(self.magnitude.none))
 
+    def reach(self, end: float) -> float:
+        """How far off an ``end`` of the range, 0 or 1, is from none; negative where none lies beyond it."""
+        return 1.0 - self.none if end else self.none
+
     @property
     def low(self) -> float:
         """Magnitude at the place 0."""
