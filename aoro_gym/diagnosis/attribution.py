@@ -38,6 +38,11 @@ FAR_OFF = (0.4, 0.9)
 cause only a search tells that has gone there."""
 RIVALS = 2
 """Searches of each effect that go on from there."""
+FRESH, SHOWN = 4, 50.0
+"""Effects, and pairs, that are searched afresh (:meth:`.Linear.likely`), and the squares by which they must explain more."""
+STRONGER = (1.0, 1.5)
+"""Factors on their sizes with which these searches begin: if what effects do adds up, calibration makes up for too much of
+them, and a deeper valley may lie farther off."""
 APART = 0.05
 """Distance between their places."""
 SINGLES = 12
@@ -53,6 +58,9 @@ MOST = 8
 """Hypotheses that may have a chance."""
 FINALISTS, CLOSE = 4, 0.02
 """Of them, those that take all slopes anew, and how likely these must be beside the likeliest."""
+STRAINED, AGAIN, ASIDE = 1.0, 2, 0.12
+"""Strain of the likeliest hypothesis from which its search is doubted, those of one effect and of two that are searched
+again by other ways, and how far beside their places."""
 FAR = (0.15, 0.5, 0.85)
 """Shares of the way to an end of a range where searches begin once all others have failed, and those of a partner."""
 FARTHER = 20.0
@@ -108,10 +116,15 @@ class Trust:
         usual: Strain where the cause is right.
         others: Factor with which it also grows by what all other effects would explain beside the likeliest hypothesis,
             over what chance has them explain: as they cannot all be there, so much do they make up for the twin's own error.
+        half: Evidence for a gap [nats] at which half of what these two add counts: they say that a cause may be another one,
+            not whether there is any, which the little evidence of healthy machines tells.
+        bent: What they add (:meth:`beside`).
         fit: What the right cause leaves, by kind of channel.
         surprise: Mean of the logarithm by which that is larger where something unknown shows.
         declared: Probability that the declared set of causes holds the truth.
         sharpness: Power of all probabilities: how sure they may be.
+        laws: Standard deviation of the logarithm of a size, beside what logs leave open: the twin finds the size of an
+            effect in its own laws, which are not the machine's.
     """
 
     temperature: float
@@ -123,26 +136,31 @@ class Trust:
     strain: float = 0.0
     usual: float = 1.0
     others: float = 0.0
+    half: float = 1.0
+    bent: float = 0.0
+    laws: float = 0.25
 
     def beside(self, likeliest: Beside) -> Trust:
         """The same where this is the likeliest hypothesis, and what others do beside it."""
-        hotter = self.strain * max(likeliest.leader.strain / self.usual - 1.0, 0.0)
+        bent = self.strain * max(likeliest.leader.strain / self.usual - 1.0, 0.0)
         if self.others:
-            hotter += self.others * max(likeliest.excess - 1.0, 0.0)
-        return replace(self, temperature=self.temperature + hotter)
+            bent += self.others * max(likeliest.excess - 1.0, 0.0)
+        return replace(self, bent=bent)
 
 
 TRUST: Mapping[str, Trust] = {
     "angle": Trust(
-        1.0, 0.016, {"angle": Fit(0.70, 0.50, 0.12)}, {"angle": 0.2}, declared=0.75, sharpness=0.55, strain=1.0, usual=0.2,
+        1.0, 0.016, {"angle": Fit(0.70, 0.50, 0.12)}, {"angle": 0.2}, declared=0.75, sharpness=0.45, strain=1.0, usual=0.2,
+        laws=0.1,
     ),
     "pressure": Trust(
         1.2, 0.0003, {"angle": Fit(0.76, 0.10, 0.11), "pressure": Fit(0.75, 0.016, 0.11)},
         {"angle": 0.4, "pressure": 0.85}, declared=0.8, sharpness=0.6, strain=16.0, usual=0.42, others=0.25,
+        half=200.0, laws=0.12,
     ),
     "day-one": Trust(
-        1.4, 0.008, {"angle": Fit(0.89, 0.89, 0.25), "pressure": Fit(0.31, 0.31, 0.44)}, {"angle": 0.165, "pressure": 1.0},
-        sharpness=0.75,
+        9.0, 0.008, {"angle": Fit(0.89, 0.89, 0.25), "pressure": Fit(0.31, 0.31, 0.44)}, {"angle": 0.165, "pressure": 1.0},
+        sharpness=0.4, laws=0.6,
     ),
 }  # fmt: skip
 """By the kind of channel that tells most, pressures wherever they were logged, then also by whether there are healthy logs
@@ -180,6 +198,7 @@ def attribute(
     were found with."""
     linear = Linear(problem, problem.error)
     soft, eased = (Linear(problem, problem.error.scaled(factor)) for factor in (SOFT, EASED))
+    rough = Linear(problem, ROUGH)
     prior = log_priors(problem.axes)
     other = other_calibration(problem)
     searches: dict[tuple[str, ...], Search] = {(): Search(linear, (), directions=ALL)}
@@ -254,6 +273,34 @@ def attribute(
         anew.update(one.effects for one in new)
         begin(settled(new, linear, share))
 
+    def afresh(share: float) -> None:
+        """What may be all that is wrong, one effect or two, from where the machine's parameters have stayed: with all slopes
+        of its own at once, before it sees what others found. A valley in which calibration makes up for a cause is one that
+        few slopes do not lead out of."""
+        likely = soft.likely(FRESH, SHOWN)
+        anew.update(likely)
+        new = [
+            Search(eased, effects, [_scaled(problem.axes, effects, at, factor) for at in places], directions=ALL)
+            for effects, places in likely.items()
+            for factor in STRONGER
+        ]
+        refine(new, 1, lambda s, x: progress(s, share + 0.01 * x))
+        best = {one.effects: one for one in sorted(new, key=lambda one: -one.cost)}
+        begin(settled(list(best.values()), linear, share + 0.01))
+
+    def by_other_ways(share: float) -> None:
+        """The likeliest causes once more from where the machine's parameters have stayed, down from a rough error and an
+        eased one, and from places beside: where parameters are strained, they may make up for what a search has missed."""
+        ranked = _likeliest(h for h in weighed() if h.effects)
+        likely = [h for count in (1, 2) for h in [h for h in ranked if len(h.effects) == count][:AGAIN]]
+        new = [Search(rough, h.effects, [h.places], directions=ALL) for h in likely]
+        refine(new, 1, lambda s, x: progress(s, share + 0.01 * x))
+        new = firmer(new, eased)
+        for h in likely:
+            aside = (-ASIDE, 0.0, ASIDE) if len(h.places) == 1 else (0.0,)
+            new += [Search(eased, h.effects, [tuple(z + step for z in h.places)], directions=ALL) for step in aside]
+        begin(settled(new, linear, share + 0.01))
+
     def roam(found: Sequence[Hypothesis], share: float) -> None:
         """The likeliest causes, and other calibration, from where populations come to."""
         singles, pairs = ([h.effects for h in found if h.effects in searches and len(h.effects) == n] for n in (1, 2))
@@ -269,8 +316,8 @@ def attribute(
 
         begin(settled([goes_on(one, eased) for one in crowds], linear, share + 0.06))
         alike = other.linear.problem
-        rough = Linear(alike, alike.error.scaled(EASED))
-        trade(settled([goes_on(wide, rough)], other.linear, share + 0.08), other)
+        wider = Linear(alike, alike.error.scaled(EASED))
+        trade(settled([goes_on(wide, wider)], other.linear, share + 0.08), other)
 
     def leading(found: Sequence[Hypothesis], margin: float) -> list[Hypothesis]:
         """Those that may come out ahead; one, where none is far before nothing."""
@@ -352,10 +399,12 @@ def attribute(
     for one in rivals:
         one.directions = few
     refine(rivals, 1, lambda s, x: progress(s, 0.05 + 0.05 * x))
-    new = begin(rivals)
-    after([h.effects for h in after(new, 0, few, 0.1)[:SINGLES]], 2, many, 0.15)
+    begin(rivals)
+    afresh(0.08)
+    singles = [effects for effects in searches if len(effects) == 1]
+    after([h.effects for h in after(singles, 0, few, 0.1)[:SINGLES]], 2, many, 0.15)
     slight(0.17)
-    likely = leading(_likeliest(h for h in weighed() if h.effects), NEAR)
+    likely = leading(_likeliest(h for h in weighed() if len(h.effects) == 1), NEAR)
     descend(likely, 0.2)
     # partners are looked for beside where leaders end, not on their way
     leaders = leading(after([h.effects for h in likely], 2, ALL, 0.22), CHANCE)
@@ -371,6 +420,9 @@ def attribute(
         trade([alone(other.linear.problem, 1)], other)  # what parts the two may be far off
     costs = {h.effects: h.cost for h in leaders}
     found = contend(0.4)
+    if _likeliest(weighed())[0].strain > STRAINED:
+        by_other_ways(0.45)
+        found = contend(0.48)
     leader = next((h for h in found if h.refined and len(h.effects) == 1), None)
     if (
         leader is not None
@@ -385,7 +437,6 @@ def attribute(
         found = contend(0.72)
     if found[0].effects == (UNKNOWN,):
         progress("looking farther off", 0.8)
-        rough = Linear(problem, ROUGH)
         far = [Search(rough, (name,), [start]) for name, axes in problem.axes.items() for start in _around(axes, FAR)]
         refine(far, 0)
         far = sorted((one for one in far if np.isfinite(one.cost)), key=lambda one: one.cost)[:SINGLES]
@@ -434,6 +485,14 @@ def _rivals(searches: Iterable[Search]) -> list[Search]:
         if len(mine) < RIVALS and all(np.max(np.abs(one.point[1] - other.point[1])) > APART for other in mine):
             mine.append(one)
     return [one for mine in kept.values() for one in mine]
+
+
+def _scaled(
+    axes: Mapping[str, Sequence[Axis]], effects: Sequence[str], places: Sequence[float], factor: float
+) -> tuple[float, ...]:
+    """Places of effects that are so many times as large."""
+    none = [axis.none for name in effects for axis in axes[name]]
+    return tuple(z + factor * (place - z) for place, z in zip(places, none, strict=True))
 
 
 def _around(axes: Sequence[Axis], shares: Sequence[float]) -> list[tuple[float, ...]]:
@@ -496,11 +555,12 @@ def tempering(hypotheses: Sequence[Hypothesis], trust: Trust) -> float:
     """By which fits count less: the more, the more the best one leaves beside what is usual, which is the size of the error
     that the data themselves show; and by the doubt that all the evidence for a gap leaves."""
     nothing, best = _nothing_and_best(hypotheses)
-    temperature = trust.temperature
+    ahead = max(best.log_evidence - nothing.log_evidence, 0.0)
+    temperature = trust.temperature + trust.bent * ahead / (ahead + trust.half)
     if best.misfit:
         parts = [(trust.fit[kind].ratio(one), one.count) for kind, one in best.misfit.items()]
         temperature *= sum(ratio * count for ratio, count in parts) / sum(count for _, count in parts)
-    return temperature + trust.doubt * max(best.log_evidence - nothing.log_evidence, 0.0)
+    return temperature + trust.doubt * ahead
 
 
 def _nothing_and_best(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, Hypothesis]:

@@ -135,7 +135,9 @@ def diagnose(
     components = components_of(hypotheses, effects)
     component = guilty(parts, components)
     causes = tuple(
-        cause_of(problem, h, out if h.probability > SURVIVING else None) for h in hypotheses if h.probability > LISTED
+        cause_of(problem, h, trust.laws, out if h.probability > SURVIVING else None)
+        for h in hypotheses
+        if h.probability > LISTED
     )
     return Diagnosis(
         machine=given.name,

@@ -22,9 +22,6 @@ DRAWS = 2000
 """Of the posterior, for intervals of magnitudes."""
 WIDER = 1.5
 """Factor on the standard deviations of places (E)."""
-LAWS = 0.25
-"""Standard deviation of the logarithm of a size, beside what the data leave open: laws of the machine are not those of the
-twin, which finds the size of an effect in its own. Holds nine of ten in cases of the development family (E)."""
 MOVED = 1.0
 """Prior standard deviations by which a parameter must have moved to be listed."""
 ALIKE = 0.95
@@ -70,8 +67,8 @@ def row_of(hypothesis: Hypothesis) -> Floats:
     return np.array(hypothesis.places, dtype=np.float64)[None]
 
 
-def cause_of(problem: Problem, hypothesis: Hypothesis, out: Path | None) -> Cause:
-    """With intervals of its operational magnitudes, and its machine file if ``out`` is given."""
+def cause_of(problem: Problem, hypothesis: Hypothesis, laws: float, out: Path | None) -> Cause:
+    """With its machine file if ``out`` is given, and intervals of its magnitudes, wider by ``laws`` (:class:`.Trust`)."""
     known = tuple(name for name in hypothesis.effects if name in problem.effects)
     components = tuple(dict.fromkeys(problem.effects[name].component for name in known))
     if not known:
@@ -80,7 +77,7 @@ def cause_of(problem: Problem, hypothesis: Hypothesis, out: Path | None) -> Caus
     best = np.array(hypothesis.places)
     spread = WIDER * np.linalg.cholesky(hypothesis.covariance + 1e-12 * np.eye(len(best)))
     drawn = np.clip(best + rng.standard_normal((DRAWS, len(best))) @ spread.T, 0.0, 1.0)
-    other = np.exp(LAWS * rng.standard_normal(DRAWS))
+    other = np.exp(laws * rng.standard_normal(DRAWS))
     nuisances = hypothesis.nuisances if hypothesis.refined else problem.centre
     machine = problem.at(nuisances[None]).machine
     magnitudes: dict[str, tuple[Interval, ...]] = {}

@@ -303,12 +303,57 @@ class Linear:
             for (name, axis), z in zip(axes, places, strict=True)
         ]
 
+    @cached_property
+    def staying(self) -> tuple[Tangent, Floats]:
+        """Tangent of the recordings' own nuisances alone, and residual (D,) where the machine's stay at the centre: what an
+        effect does to those is not known far from there."""
+        problem = self.problem
+        felt = len(problem.felt)
+        low, high = problem.bounds
+        machine = np.append(problem.centre[:felt], np.zeros(self.own.shape[1]))
+        own = Tangent(self.own, problem.precision[felt:, felt:], (low[felt:], high[felt:]))
+        return own, self.residual - self.tangent.moved(machine)
+
+    def likely(self, most: int, least: float) -> dict[tuple[str, ...], list[tuple[float, ...]]]:
+        """Effects and pairs of them that explain most, if what effects do adds up, with their places, each at a node: up to
+        ``most`` of either kind where nuisances follow at once, and as many where the machine's stay. An effect must bring
+        the whitened squares down by ``least``, a pair by so much more than any effect."""
+        nodes = [(axis, float(z)) for mine in self.problem.axes.values() for axis in mine for z in axis.nodes]
+        of = {
+            name: [i for i, (axis, _) in enumerate(nodes) if axis in mine] for name, mine in self.problem.axes.items()
+        }
+        columns = np.concatenate(
+            [self.shifts[name, a.index] for name, mine in self.problem.axes.items() for a in mine], 1
+        )
+
+        def places(name: str, node: int) -> tuple[float, ...]:
+            return tuple(nodes[node][1] if axis is nodes[node][0] else axis.none for axis in self.problem.axes[name])
+
+        found: dict[tuple[str, ...], list[tuple[float, ...]]] = {}
+        for tangent, target in ((self.tangent, self.residual), self.staying):
+            gram, pull = tangent.projected(columns, columns), tangent.projected(columns, target)
+            alone = 2.0 * pull - np.diag(gram)
+            singles = {(name,): (mine[int(np.argmax(alone[mine]))],) for name, mine in of.items()}
+            gains = {effects: float(alone[node]) for effects, (node,) in singles.items()}
+            pairs = {}
+            for pair in combinations(of, 2):
+                one, other = (np.array(of[name]) for name in pair)
+                both = alone[one][:, None] + alone[other] - 2.0 * gram[np.ix_(one, other)]
+                i, j = np.unravel_index(int(np.argmax(both)), both.shape)
+                pairs[pair], gains[pair] = (int(one[i]), int(other[j])), float(both[i, j])
+            for those, floor in ((singles, least), (pairs, max(gains[effects] for effects in singles) + least)):
+                for effects in sorted(those, key=lambda effects: -gains[effects])[:most]:
+                    if gains[effects] > floor:
+                        at = (places(name, node) for name, node in zip(effects, those[effects], strict=True))
+                        found.setdefault(effects, []).append(sum(at, ()))
+        return {effects: list(dict.fromkeys(those)) for effects, those in found.items()}
+
     def starts(self, most: int) -> dict[str, list[tuple[float, ...]]]:
         """Places from which to search for every effect: up to ``most`` valleys each of where nuisances follow at once, and
-        of where they stay at the centre. What an effect does to them is not known far from there."""
-        here = self.residual - self.tangent.moved(self.problem.centre)
+        of where the machine's stay at the centre."""
+        own, here = self.staying
         follow = _together(self.problem.axes, self.shifts, lambda x: self.tangent.projected(x, x), self.residual)
-        stay = _together(self.problem.axes, self.shifts, lambda x: x.T @ x, here)
+        stay = _together(self.problem.axes, self.shifts, lambda x: own.projected(x, x), here)
         return {
             name: list(dict.fromkeys(place for ways in (follow, stay) for place in ways((name,)).valleys(most)))
             for name in self.problem.axes

@@ -600,7 +600,7 @@ def _variants(problem: Turns, hypothesis: Hypothesis) -> Variants:
 
 def _with_file(problem: Turns, hypothesis: Hypothesis, out: Path | None) -> Cause:
     """Also for calibration alone."""
-    cause = cause_of(problem, hypothesis, out)
+    cause = cause_of(problem, hypothesis, TRUST.laws, out)
     if out is None or hypothesis.effects != (CALIBRATION,):
         return cause
     file = f"machines/{CALIBRATION}.toml"

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from aoro_gym.diagnosis.attribution import (
+    ASIDE,
     HOTTEST,
     SWAYS,
     TRUST,
@@ -21,6 +22,7 @@ from aoro_gym.diagnosis.attribution import (
     fit_p,
     fitting,
     log_priors,
+    tempering,
     trust_of,
     ways_of,
     weigh,
@@ -35,7 +37,7 @@ from aoro_gym.diagnosis.problem import Problem, references_of
 from aoro_gym.diagnosis.recording import Recording
 from aoro_gym.diagnosis.replay import Variants
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN
-from aoro_gym.diagnosis.search import ALL, SETTLE, SETTLED, Search, alone, refine, settle, trade
+from aoro_gym.diagnosis.search import ALL, EASED, ROUGH, SETTLE, SETTLED, Search, alone, refine, settle, trade
 from aoro_gym.twin import Machine
 from aoro_gym.twin.effects import EFFECTS
 from tests.diagnosis.manoeuvres import blank, record, turn
@@ -210,6 +212,39 @@ def test_evidence_of_a_pair_is_that_of_a_normal_over_both_ranges(world):
     np.testing.assert_allclose(pair.covariance, np.linalg.inv(inner), rtol=1e-6)
 
 
+def test_what_explains_most_if_effects_add_up_is_found_at_nodes(world):
+    """By hand: over all nodes of both effects, and all pairs of them, where nuisances follow, and where those of the machine
+    stay at the centre and only the recording's own follow. Effects that explain less than asked are not given, nor pairs
+    that explain no more than an effect."""
+    linear = Linear(world, world.error)
+    residual, jacobian, noise, shifts = dense(world, linear)
+    felt = len(world.felt)
+    own = jacobian[:, felt:] @ np.linalg.solve(world.precision[felt:, felt:], jacobian[:, felt:].T)
+    views = (
+        (residual, noise + jacobian @ jacobian.T),
+        (residual - jacobian[:, :felt] @ world.centre[:felt], noise + own),
+    )
+    places = [[axis.none, *axis.nodes] for name in NAMES for axis in world.axes[name]]
+    assert places[0][0] == places[1][0] == 0.0
+    expected: dict[tuple[str, ...], set[tuple[float, ...]]] = {}
+    for target, covariance in views:
+        left = target[:, None] - shifts @ np.array([(a, b) for a in places[0] for b in places[1]]).T
+        squares = np.sum(left * np.linalg.solve(covariance, left), axis=0).reshape(len(places[0]), len(places[1]))
+        gains = squares[0, 0] - squares
+        first, second, both = gains[1:, 0], gains[0, 1:], gains[1:, 1:]
+        i, j = np.unravel_index(np.argmax(both), both.shape)
+        for effects, gain, at, least in (
+            (NAMES[:1], first.max(), (places[0][1 + np.argmax(first)],), 1.0),
+            (NAMES[1:], second.max(), (places[1][1 + np.argmax(second)],), 1.0),
+            (NAMES, both.max(), (places[0][1 + i], places[1][1 + j]), 1.0 + max(first.max(), second.max())),
+        ):
+            if gain > least:
+                expected.setdefault(effects, set()).add(at)
+    assert NAMES in expected and NAMES[:1] not in expected
+    assert {effects: set(found) for effects, found in linear.likely(2, 1.0).items()} == expected
+    assert linear.likely(2, 1e9) == {} == linear.likely(0, 1.0)
+
+
 def least_squares(world: LinearWorld, linear: Linear, effects: Sequence[str]) -> tuple[Floats, Floats, float]:
     """Nuisances (u,), places and least cost of the whitened squares, priors included."""
     residual, jacobian, noise, shifts = dense(world, linear)
@@ -367,12 +402,17 @@ def test_the_more_nuisances_are_strained_and_the_more_others_explain_the_less_th
 
     beside = Beside(bent, (), {}, {})
     strained = Trust(2.0, 0.0, strain=3.0, usual=0.5)
-    assert strained.beside(beside).temperature == pytest.approx(2.0 + 3.0 * (28.0 / 3.0 - 1.0))
-    assert replace(strained, usual=5.0).beside(beside).temperature == 2.0
-    assert Trust(2.0, 0.0, others=0.5).beside(beside).temperature == 2.0, "there are no others"
-    for excess, temperature in ((5.0, 4.0), (0.4, 2.0)):
+    assert strained.beside(beside).bent == pytest.approx(3.0 * (28.0 / 3.0 - 1.0))
+    assert replace(strained, usual=5.0).beside(beside).bent == 0.0
+    assert Trust(2.0, 0.0, others=0.5).beside(beside).bent == 0.0, "there are no others"
+    for excess, bent in ((5.0, 2.0), (0.4, 0.0)):
         beside.__dict__["excess"] = excess
-        assert Trust(2.0, 0.0, others=0.5).beside(beside).temperature == pytest.approx(temperature)
+        assert Trust(2.0, 0.0, others=0.5).beside(beside).bent == pytest.approx(bent)
+
+    bound = Trust(2.0, 0.01, half=30.0, bent=8.0)
+    for ahead, temperature in ((-5.0, 2.0), (0.0, 2.0), (30.0, 6.3), (270.0, 11.9)):  # 2 + 8 a / (a + 30) + 0.01 a
+        hypotheses = [Hypothesis((), 7.0), Hypothesis(("payload",), 7.0 + ahead)]
+        assert tempering(hypotheses, bound) == pytest.approx(temperature)
 
 
 @pytest.mark.parametrize("mine", [NAMES[:1], NAMES], ids="+".join)
@@ -675,6 +715,8 @@ def test_trust_goes_by_the_square_of_what_the_twin_errs(factor, hotter, monkeypa
 
 
 TRUE = (0.3, -0.5, 0.8)
+KNOWN_LAWS: dict[str, Any] = {"temperature": 1.0, "doubt": 0.0, "sharpness": 1.0}
+"""Trust where the evidence counts in full."""
 GAPS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     "nothing": ({"nuisances": TRUE}, ()),
     "single": ({"nuisances": TRUE, "places": (0.0, 0.5)}, NAMES[1:]),
@@ -698,7 +740,7 @@ def test_the_kind_of_a_gap_is_told(kind, calibrated_alike):
     gap, named = GAPS[kind]
     world = LinearWorld(np.random.default_rng(5), **gap, error=ModelError(0.001, 0.002, 0.01, 0.02))
     world.learn()
-    found, _ = attribute(world, trust_of(world))
+    found, _ = attribute(world, replace(trust_of(world), **KNOWN_LAWS))
     assert found[0].effects == named, [(h.effects, h.probability) for h in found[:4]]
     assert found[0].probability > 0.5
     assert sum(h.probability for h in found) == pytest.approx(1.0)
@@ -717,6 +759,49 @@ def test_what_does_best_alone_makes_a_pair(calibrated_alike, monkeypatch):
     assert found[0].effects == named
 
 
+@pytest.mark.parametrize("afresh", [5, 0])
+def test_what_adds_up_to_a_pair_is_searched_afresh(afresh, calibrated_alike, monkeypatch):
+    """Where no effect leads, so that none gets a partner, a pair is found from the start, or not at all."""
+    for name, value in (("LEADERS", 0), ("PARTNERS", 0), ("FRESH", afresh)):
+        monkeypatch.setattr(f"aoro_gym.diagnosis.attribution.{name}", value)
+    gap, named = GAPS["pair"]
+    world = LinearWorld(np.random.default_rng(5), **gap, error=ModelError(0.001, 0.002, 0.01, 0.02))
+    world.learn()
+    found, _ = attribute(world, replace(trust_of(world), **KNOWN_LAWS))
+    assert (named in {h.effects for h in found}) == bool(afresh)
+    assert (found[0].effects == named) == bool(afresh)
+
+
+@pytest.mark.parametrize("strained", [1e-6, 1e6])
+def test_where_parameters_are_strained_the_likeliest_are_searched_by_other_ways(
+    strained, calibrated_alike, monkeypatch
+):
+    """From a rough error, from where they were found and from beside it; and a better end may not get lost by it."""
+    begun: list[tuple[float, tuple[float, ...]]] = []  # by the volume of the error, and its places
+
+    class Watched(Search):
+        def __init__(self, linear: Linear, effects: tuple[str, ...], starts: Any = ((),), *args: Any, **more: Any):
+            if effects == NAMES[1:]:
+                begun.extend((linear.log_volume, tuple(places)) for places in starts)
+            super().__init__(linear, effects, starts, *args, **more)
+
+    monkeypatch.setattr("aoro_gym.diagnosis.attribution.Search", Watched)
+    monkeypatch.setattr("aoro_gym.diagnosis.attribution.STRAINED", strained)
+    gap, named = GAPS["single"]
+    world = LinearWorld(np.random.default_rng(5), **gap, error=ModelError(0.001, 0.002, 0.01, 0.02))
+    world.learn()
+    found, _ = attribute(world, replace(trust_of(world), **KNOWN_LAWS))
+    assert found[0].effects == named
+    (place,) = found[0].places
+    rough, eased = (Linear(world, error).log_volume for error in (ROUGH, world.error.scaled(EASED)))
+    near = [at for volume, (at,) in begun if volume == rough]
+    assert bool(near) == (strained < 1.0)
+    if near:
+        assert near == [pytest.approx(place, abs=1e-2)]
+        for aside in (-ASIDE, 0.0, ASIDE):
+            assert any(abs(at - place - aside) < 1e-2 for volume, (at,) in begun if volume == eased)
+
+
 def test_hypotheses_are_weighed_with_the_trust_that_the_likeliest_deserves(calibrated_alike):
     """As by hand: hotter by how far its nuisances, as they were drawn, are from where they should be."""
     gap, named = GAPS["single"]
@@ -727,7 +812,7 @@ def test_hypotheses_are_weighed_with_the_trust_that_the_likeliest_deserves(calib
     known = [h for h in found if h.effects != (UNKNOWN,)]
     likeliest = max(known, key=lambda h: h.log_evidence)
     assert set(named) <= set(likeliest.effects) and likeliest.strain > 0.1
-    hot = replace(cool, temperature=cool.temperature + 1e3 * (likeliest.strain / 0.01 - 1.0))
+    hot = replace(cool, bent=1e3 * (likeliest.strain / 0.01 - 1.0))
     expected, sure = (
         {h.effects: h.probability for h in weigh(known, log_priors(NAMES), trust)} for trust in (hot, cool)
     )

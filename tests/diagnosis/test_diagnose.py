@@ -9,8 +9,9 @@ from scipy.stats import norm
 from typer.testing import CliRunner
 
 from aoro_gym.cli import app
+from aoro_gym.diagnosis.attribution import TRUST
 from aoro_gym.diagnosis.diagnose import ERROR, STAGES, _commissioned, _common, _noise, diagnose
-from aoro_gym.diagnosis.findings import LAWS, declared_of, verdict_of
+from aoro_gym.diagnosis.findings import declared_of, verdict_of
 from aoro_gym.diagnosis.linear import Hypothesis, Linear
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.recording import TICK
@@ -47,7 +48,7 @@ def test_the_cause_its_size_and_its_machine_are_given(diagnosed):
     assert size.low90 < LAG < size.high90
     assert size.median == pytest.approx(LAG, rel=0.1)
     # two turns say more than what other laws may make of the size; a quantile of so many draws is 0.015 off or less
-    assert np.log(size.high90 / size.low90) == pytest.approx(2.0 * norm.ppf(0.95) * LAWS, rel=0.1)
+    assert np.log(size.high90 / size.low90) == pytest.approx(2.0 * norm.ppf(0.95) * TRUST["pressure"].laws, rel=0.1)
     assert next(iter(found.components)) == "valve"
     machine, affected = Machine.load("aoro"), Machine.load(str(folder / first.machine_file))
     longer = affected.steering.valve.spool_time_constant - machine.steering.valve.spool_time_constant
