@@ -1,12 +1,14 @@
 """Which effect: the evidence for nothing, for each effect, each pair, other calibration, and what the catalogue lacks.
 
-All hypotheses see the same recordings, the same error of the twin and the same nuisances, whose prior is normal. The linear
-model (:mod:`.linear`) says where their searches begin; they are refined with the twin itself (:mod:`.search`), the likelier
-the further, nothing among them, and weighed by Laplace's method. What goes with the likeliest effects is simulated beside
-them, where their own searches have ended. Searches begin under a larger error of the twin, where a far cause is not hidden
-behind oscillations that are out of step; once they have ended, the likeliest go on under a smaller one, which lets pressures
-sway less otherwise than the twin's do, and are weighed by that. Other calibration is nothing with wider priors. *Unknown* is
-something beside any of these, which shows in that none of them fits as well as the right cause does elsewhere.
+All hypotheses see the same recordings, the same error of the twin and the same nuisances, whose prior is normal. The
+linear model (:mod:`.linear`) says where their searches begin; they are refined with the twin itself (:mod:`.search`), the
+likelier the further, nothing among them, and weighed by Laplace's method. What explains most if all adds up, one effect
+or two, is searched afresh before it sees what others found; what goes with the likeliest effects is simulated beside
+them, where their own searches have ended. Searches begin under a larger error of the twin, where a far cause is not
+hidden behind oscillations that are out of step; once they have ended, the likeliest go on under a smaller one, which lets
+pressures sway less otherwise than the twin's do, and are weighed by that. Other calibration is nothing with wider priors.
+*Unknown* is something beside any of these, which shows in that none of them fits as well as the right cause does
+elsewhere.
 """
 
 from __future__ import annotations
@@ -267,6 +269,14 @@ def attribute(
         refine(firm, 1, lambda s, x: progress(s, share + 0.02 + 0.02 * x))
         return firm
 
+    def best_settled(found: Iterable[Search], share: float) -> list[Search]:
+        """Where the best of each hypothesis comes to under a problem's own error. It goes on with the slopes that it has."""
+        best = {one.effects: one for one in sorted(found, key=lambda one: -one.cost)}
+        firm = settled(list(best.values()), linear, share)
+        for one in firm:
+            one.directions = few
+        return firm
+
     def descend(found: Sequence[Hypothesis], share: float) -> None:
         """Each of what was ``found``, once, from the beginning: another way down may end lower."""
         new = [Search(eased, h.effects, [h.places], directions=ALL) for h in found if h.effects not in anew]
@@ -285,8 +295,7 @@ def attribute(
             for factor in STRONGER
         ]
         refine(new, 1, lambda s, x: progress(s, share + 0.01 * x))
-        best = {one.effects: one for one in sorted(new, key=lambda one: -one.cost)}
-        begin(settled(list(best.values()), linear, share + 0.01))
+        begin(best_settled(new, share + 0.01))
 
     def by_other_ways(share: float) -> None:
         """The likeliest causes once more from where the machine's parameters have stayed, down from a rough error and an
@@ -299,7 +308,8 @@ def attribute(
         for h in likely:
             aside = (-ASIDE, 0.0, ASIDE) if len(h.places) == 1 else (0.0,)
             new += [Search(eased, h.effects, [tuple(z + step for z in h.places)], directions=ALL) for step in aside]
-        begin(settled(new, linear, share + 0.01))
+        refine(new, 1, lambda s, x: progress(s, share + 0.01 + 0.01 * x))
+        begin(best_settled(new, share + 0.02))
 
     def roam(found: Sequence[Hypothesis], share: float) -> None:
         """The likeliest causes, and other calibration, from where populations come to."""
