@@ -333,9 +333,12 @@ class Linear:
         for tangent, target in ((self.tangent, self.residual), self.staying):
             gram, pull = tangent.projected(columns, columns), tangent.projected(columns, target)
             alone = 2.0 * pull - np.diag(gram)
-            singles = {(name,): (mine[int(np.argmax(alone[mine]))],) for name, mine in of.items()}
-            gains = {effects: float(alone[node]) for effects, (node,) in singles.items()}
-            pairs = {}
+            gains: dict[tuple[str, ...], float] = {}
+            singles: dict[tuple[str, ...], tuple[int, ...]] = {}
+            pairs: dict[tuple[str, ...], tuple[int, ...]] = {}
+            for name, mine in of.items():
+                node = mine[int(np.argmax(alone[mine]))]
+                singles[name,], gains[name,] = (node,), float(alone[node])
             for pair in combinations(of, 2):
                 one, other = (np.array(of[name]) for name in pair)
                 both = alone[one][:, None] + alone[other] - 2.0 * gram[np.ix_(one, other)]
