@@ -200,7 +200,6 @@ def attribute(
     were found with."""
     linear = Linear(problem, problem.error)
     soft, eased = (Linear(problem, problem.error.scaled(factor)) for factor in (SOFT, EASED))
-    rough = Linear(problem, ROUGH)
     prior = log_priors(problem.axes)
     other = other_calibration(problem)
     searches: dict[tuple[str, ...], Search] = {(): Search(linear, (), directions=ALL)}
@@ -233,8 +232,8 @@ def attribute(
         found: list[Search] = []
         begun: list[Search] = []
         least = searches[()].weighed().log_evidence + CHANCE
-        singles = _likeliest(h for h in weighed() if len(h.effects) == 1 and h.log_evidence > least)
-        able = {name for h in singles[:LEADERS] for name in h.effects}
+        singles = [h for h in ranked(1)[:LEADERS] if h.log_evidence > least]
+        able = {name for h in singles for name in h.effects}
         for ahead in linear.beside(leaders):
             for rank, (effects, places) in enumerate(ahead.partners()):
                 if rank >= PARTNERS and not able.issuperset(effects):
@@ -300,8 +299,8 @@ def attribute(
     def by_other_ways(share: float) -> None:
         """The likeliest causes once more from where the machine's parameters have stayed, down from a rough error and an
         eased one, and from places beside: where parameters are strained, they may make up for what a search has missed."""
-        ranked = _likeliest(h for h in weighed() if h.effects)
-        likely = [h for count in (1, 2) for h in [h for h in ranked if len(h.effects) == count][:AGAIN]]
+        likely = [*ranked(1)[:AGAIN], *ranked(2)[:AGAIN]]
+        rough = Linear(problem, ROUGH)
         new = [Search(rough, h.effects, [h.places], directions=ALL) for h in likely]
         refine(new, 1, lambda s, x: progress(s, share + 0.01 * x))
         new = firmer(new, eased)
@@ -338,6 +337,10 @@ def attribute(
 
     def weighed() -> list[Hypothesis]:
         return [one.weighed() for one in searches.values() if np.isfinite(one.cost)]
+
+    def ranked(count: int) -> list[Hypothesis]:
+        """Of so many effects, the likeliest first."""
+        return _likeliest(h for h in weighed() if len(h.effects) == count)
 
     def deserved(likeliest: Hypothesis) -> Trust:
         """Where this is the likeliest hypothesis; what others do beside it is taken to be what they do at the centre."""
@@ -414,13 +417,13 @@ def attribute(
     singles = [effects for effects in searches if len(effects) == 1]
     after([h.effects for h in after(singles, 0, few, 0.1)[:SINGLES]], 2, many, 0.15)
     slight(0.17)
-    likely = leading(_likeliest(h for h in weighed() if len(h.effects) == 1), NEAR)
+    likely = leading(ranked(1), NEAR)
     descend(likely, 0.2)
     # partners are looked for beside where leaders end, not on their way
     leaders = leading(after([h.effects for h in likely], 2, ALL, 0.22), CHANCE)
     paired(leaders, 0.25)
     known = {h.effects for h in leaders}
-    pair = next((h for h in _likeliest(weighed()) if len(h.effects) == 2), None)
+    pair = next(iter(ranked(2)), None)
     others = [searches[name,] for name in (pair.effects if pair else ()) if (name,) not in known]
     if others:
         paired([one.weighed() for one in others if np.isfinite(one.cost)], 0.3)
@@ -443,10 +446,11 @@ def attribute(
         found = contend(0.55)
     if found[0].effects == (UNKNOWN,):
         roam(found, 0.6)
-        paired(_likeliest(h for h in weighed() if len(h.effects) == 1)[:1], 0.7)
+        paired(ranked(1)[:1], 0.7)
         found = contend(0.72)
     if found[0].effects == (UNKNOWN,):
         progress("looking farther off", 0.8)
+        rough = Linear(problem, ROUGH)
         far = [Search(rough, (name,), [start]) for name, axes in problem.axes.items() for start in _around(axes, FAR)]
         refine(far, 0)
         far = sorted((one for one in far if np.isfinite(one.cost)), key=lambda one: one.cost)[:SINGLES]

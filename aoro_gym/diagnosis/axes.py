@@ -125,6 +125,23 @@ class Shift:
         ways = sorted(product(*minima), key=lambda way: sum(cost for cost, _ in way))
         return [tuple(place for _, place in way) for way in ways[:most]]
 
+    def at_nodes(self) -> tuple[float, tuple[float, ...]]:
+        """Least cost with one node of each effect, whose other axes are at none, and its places."""
+        alone = np.diag(self.gram) - 2.0 * self.linear
+        nodes = [(k, float(z)) for k, axis in enumerate(self.axes) for z in axis.nodes]
+        effects = dict.fromkeys(axis.effect.id for axis in self.axes)
+        first, *others = ([i for i, (k, _) in enumerate(nodes) if self.axes[k].effect.id == name] for name in effects)
+        if others:
+            (second,) = others
+            both = alone[first][:, None] + alone[second] + 2.0 * self.gram[np.ix_(first, second)]
+            i, j = np.unravel_index(int(np.argmin(both)), both.shape)
+            cost, chosen = both[i, j], [first[i], second[j]]
+        else:
+            chosen = [first[int(np.argmin(alone[first]))]]
+            cost = alone[chosen[0]]
+        at = dict(nodes[i] for i in chosen)
+        return float(cost), tuple(at.get(k, axis.none) for k, axis in enumerate(self.axes))
+
     @cached_property
     def _profiles(self) -> list[Floats]:
         """Cost on the grid of each axis for itself."""

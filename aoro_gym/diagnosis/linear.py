@@ -304,73 +304,55 @@ class Linear:
         ]
 
     @cached_property
-    def staying(self) -> tuple[Tangent, Floats]:
-        """Tangent of the recordings' own nuisances alone, and residual (D,) where the machine's stay at the centre: what an
-        effect does to those is not known far from there."""
+    def _following(self) -> Callable[[tuple[str, ...]], Shift]:
+        """What effects do, by their names, if that adds up and nuisances follow at once."""
+        return _together(self.problem.axes, self.shifts, lambda x: self.tangent.projected(x, x), self.residual)
+
+    @cached_property
+    def _staying(self) -> Callable[[tuple[str, ...]], Shift]:
+        """The same where the machine's nuisances stay at the centre and only the recordings' own follow: what an effect does
+        to the machine's is not known far from there."""
         problem = self.problem
         felt = len(problem.felt)
         low, high = problem.bounds
-        machine = np.append(problem.centre[:felt], np.zeros(self.own.shape[1]))
         own = Tangent(self.own, problem.precision[felt:, felt:], (low[felt:], high[felt:]))
-        return own, self.residual - self.tangent.moved(machine)
+        here = self.residual - self.tangent.moved(np.append(problem.centre[:felt], np.zeros(self.own.shape[1])))
+        return _together(problem.axes, self.shifts, lambda x: own.projected(x, x), here)
 
     def likely(self, most: int, least: float) -> dict[tuple[str, ...], list[tuple[float, ...]]]:
         """Effects and pairs of them that explain most, if what effects do adds up, with their places, each at a node: up to
         ``most`` of either kind where nuisances follow at once, and as many where the machine's stay. An effect must bring
         the whitened squares down by ``least``, a pair by so much more than any effect."""
-        nodes = [(axis, float(z)) for mine in self.problem.axes.values() for axis in mine for z in axis.nodes]
-        of = {
-            name: [i for i, (axis, _) in enumerate(nodes) if axis in mine] for name, mine in self.problem.axes.items()
-        }
-        columns = np.concatenate(
-            [self.shifts[name, a.index] for name, mine in self.problem.axes.items() for a in mine], 1
-        )
-
-        def places(name: str, node: int) -> tuple[float, ...]:
-            return tuple(nodes[node][1] if axis is nodes[node][0] else axis.none for axis in self.problem.axes[name])
-
+        singles = [(name,) for name in self.problem.axes]
+        pairs = list(combinations(self.problem.axes, 2))
         found: dict[tuple[str, ...], list[tuple[float, ...]]] = {}
-        for tangent, target in ((self.tangent, self.residual), self.staying):
-            gram, pull = tangent.projected(columns, columns), tangent.projected(columns, target)
-            alone = 2.0 * pull - np.diag(gram)
-            gains: dict[tuple[str, ...], float] = {}
-            singles: dict[tuple[str, ...], tuple[int, ...]] = {}
-            pairs: dict[tuple[str, ...], tuple[int, ...]] = {}
-            for name, mine in of.items():
-                node = mine[int(np.argmax(alone[mine]))]
-                singles[name,], gains[name,] = (node,), float(alone[node])
-            for pair in combinations(of, 2):
-                one, other = (np.array(of[name]) for name in pair)
-                both = alone[one][:, None] + alone[other] - 2.0 * gram[np.ix_(one, other)]
-                i, j = np.unravel_index(int(np.argmax(both)), both.shape)
-                pairs[pair], gains[pair] = (int(one[i]), int(other[j])), float(both[i, j])
-            for those, floor in ((singles, least), (pairs, max(gains[effects] for effects in singles) + least)):
-                for effects in sorted(those, key=lambda effects: -gains[effects])[:most]:
-                    if gains[effects] > floor:
-                        at = (places(name, node) for name, node in zip(effects, those[effects], strict=True))
-                        found.setdefault(effects, []).append(sum(at, ()))
+        for together in (self._following, self._staying):
+            best = {effects: together(effects).at_nodes() for effects in (*singles, *pairs)}
+            lowest = min((best[effects][0] for effects in singles), default=0.0)
+            for those, before in ((singles, 0.0), (pairs, lowest)):
+                for effects in sorted(those, key=lambda effects: best[effects][0])[:most]:
+                    cost, places = best[effects]
+                    if cost < before - least:
+                        found.setdefault(effects, []).append(places)
         return {effects: list(dict.fromkeys(those)) for effects, those in found.items()}
 
     def starts(self, most: int) -> dict[str, list[tuple[float, ...]]]:
         """Places from which to search for every effect: up to ``most`` valleys each of where nuisances follow at once, and
         of where the machine's stay at the centre."""
-        own, here = self.staying
-        follow = _together(self.problem.axes, self.shifts, lambda x: self.tangent.projected(x, x), self.residual)
-        stay = _together(self.problem.axes, self.shifts, lambda x: own.projected(x, x), here)
+        both = self._following, self._staying
         return {
-            name: list(dict.fromkeys(place for ways in (follow, stay) for place in ways((name,)).valleys(most)))
+            name: list(dict.fromkeys(place for together in both for place in together((name,)).valleys(most)))
             for name in self.problem.axes
         }
 
     def screen(self, *, pairs: bool = True) -> dict[tuple[str, ...], Hypothesis]:
         """Nothing, every effect, and, if so asked, every pair with one of the :data:`PARTNERS` likeliest."""
         axes = self.problem.axes
-        together = _together(self.problem.axes, self.shifts, lambda x: self.tangent.projected(x, x), self.residual)
         nothing = float(self.tangent.projected(self.residual, self.residual))
         base = self.evidence()
 
         def screened(effects: tuple[str, ...], first: tuple[float, ...] | None) -> Hypothesis:
-            part = together(effects)
+            part = self._following(effects)
             cost, places, information = part.descend(part.grid() if first is None else first)
             evidence = base - 0.5 * cost + volume(places, information)
             covariance = np.linalg.inv(information + PRIOR_INFORMATION * np.eye(len(places)))

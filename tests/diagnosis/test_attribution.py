@@ -750,8 +750,10 @@ def test_the_kind_of_a_gap_is_told(kind, calibrated_alike):
 
 
 def test_what_does_best_alone_makes_a_pair(calibrated_alike, monkeypatch):
-    """Where nothing else is tried as a partner, two effects that are far before nothing alone are still tried together."""
-    monkeypatch.setattr("aoro_gym.diagnosis.attribution.PARTNERS", 0)
+    """Where nothing else is tried as a partner, and nothing afresh, two effects that are far before nothing alone are still
+    tried together."""
+    for name in ("PARTNERS", "FRESH"):
+        monkeypatch.setattr(f"aoro_gym.diagnosis.attribution.{name}", 0)
     gap, named = GAPS["pair"]
     world = LinearWorld(np.random.default_rng(5), **gap, error=ModelError(0.001, 0.002, 0.01, 0.02))
     world.learn()
