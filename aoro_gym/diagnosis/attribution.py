@@ -28,6 +28,7 @@ from aoro_gym.diagnosis.cross_entropy import Population, evolve
 from aoro_gym.diagnosis.linear import Beside, Hypothesis, Linear, Misfit
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.problem import Problem, Progress
+from aoro_gym.diagnosis.replay import USUAL
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN
 from aoro_gym.diagnosis.search import ALL, EASED, ROUGH, Search, alone, firmer, refine, trade
 
@@ -335,6 +336,11 @@ def attribute(
         least = best - max(margin, AHEAD * (best - nothing))
         return [h for h in found[: LEADERS if best > nothing + CHANCE else 1] if h.log_evidence >= least]
 
+    def near_nothing() -> bool:
+        """Whether no effect has left nothing so far behind that what goes best beside that does not matter."""
+        nothing = searches[()].weighed().log_evidence
+        return all(h.log_evidence < nothing + NEAR for h in ranked(1)[:1])
+
     def weighed() -> list[Hypothesis]:
         return [one.weighed() for one in searches.values() if np.isfinite(one.cost)]
 
@@ -377,7 +383,7 @@ def attribute(
         wide = firmer([other] if np.isfinite(other.cost) else [], Linear(other.linear.problem, error))
         for one in new:
             one.directions = ALL
-        refine([*new, *wide], 2)
+        refine([*new, *wide], 2, slopes=USUAL)
         trade(new, *wide)
         ends = {one.effects: one.weighed() for one in new}
         before, nothing = searches[()].weighed(), ends[()]
@@ -416,7 +422,8 @@ def attribute(
     afresh(0.08)
     singles = [effects for effects in searches if len(effects) == 1]
     after([h.effects for h in after(singles, 0, few, 0.1)[:SINGLES]], 2, many, 0.15)
-    slight(0.17)
+    if near_nothing():
+        slight(0.17)
     likely = leading(ranked(1), NEAR)
     descend(likely, 0.2)
     # partners are looked for beside where leaders end, not on their way

@@ -27,7 +27,7 @@ from aoro_gym.diagnosis.linear import Hypothesis, Linear
 from aoro_gym.diagnosis.noise import Floats, Noise, noise_of
 from aoro_gym.diagnosis.problem import Problem
 from aoro_gym.diagnosis.recording import COMMANDS, REST, TICK, Recording
-from aoro_gym.diagnosis.replay import FINE_STEP, Signals, Simulator, Task, Variants
+from aoro_gym.diagnosis.replay import FINE, Signals, Simulator, Task, Variants
 from aoro_gym.diagnosis.result import Cause, Experiment
 from aoro_gym.diagnosis.where import beyond
 from aoro_gym.sensors.pressure import PressureNoise
@@ -218,7 +218,7 @@ class Yard(Simulator):
     def run(self, tasks: Sequence[Task], *, lent: bool = False) -> list[Signals]:
         """See :meth:`Simulator.run`."""
         # on ground so slippery that wheels count as lifted, longer steps err by bars
-        tasks = [Task(self._trials[one.recording.name].under(one.variants), one.recording, FINE_STEP) for one in tasks]
+        tasks = [Task(self._trials[one.recording.name].under(one.variants), one.recording, FINE) for one in tasks]
         return self._simulator.run(tasks, lent=lent)
 
 

@@ -24,9 +24,12 @@ from scipy.stats import chi2
 from aoro_gym.diagnosis.axes import FEW_NODES, PRIOR_INFORMATION, Axis, Shift, axes_of, volume
 from aoro_gym.diagnosis.noise import EXACT, Floats, ModelError
 from aoro_gym.diagnosis.problem import Problem
+from aoro_gym.diagnosis.replay import COARSE
 
 PARTNERS = 12
 """Effects, the likeliest, of which one at least is in every pair that is screened."""
+FAINT = 0.1
+"""Square of how far, in noise lengths, the prediction must move with a direction of nuisances for it to tell anything."""
 DEPENDENT = 1e-9
 """Ratio of singular values below which moves of nuisances count as dependent."""
 
@@ -150,10 +153,10 @@ class Tangent:
 
     def directions(self, free: int, most: int) -> tuple[Floats, Floats]:
         """Directions (k, u) among the first ``free`` nuisances, each a prior standard deviation long and independent of the
-        others, in which the prediction moves most; and how far it moves (k,)."""
+        others, in which the prediction moves most, and more than :data:`FAINT`; and how far it moves (k,)."""
         root = np.linalg.cholesky(np.linalg.inv(self.precision[:free, :free]))
         power, axes = np.linalg.eigh(root.T @ self._information[:free, :free] @ root)
-        chosen = np.flatnonzero(power > 1.0)[::-1][:most]
+        chosen = np.flatnonzero(power > FAINT)[::-1][:most]
         found = np.zeros((len(chosen), len(self.precision)))
         found[:, :free] = (root @ axes[:, chosen]).T
         return found, np.sqrt(power[chosen])
@@ -380,13 +383,15 @@ class Linear:
         asked = [one for mine in nodes for one in mine.values()]
         if not asked:
             return []
-        white = problem.residuals(self.whiteners, asked)
+        alone = [problem.at(h.nuisances[None], h.effects, np.array([h.places])) for h in leaders]
+        white = problem.residuals(self.whiteners, [*alone, *asked], COARSE)
+        here, white = white[:, : len(alone)], white[:, len(alone) :]
         ends = np.cumsum([one.count for one in asked])
         parts = iter(np.split(white, ends[:-1], axis=1))
         found = []
-        for h, axes, mine in zip(leaders, of, nodes, strict=True):
-            here = (h.left + self.own @ h.nuisances[len(problem.felt) :])[:, None]
-            found.append(Beside(h, tuple(problem.axes), axes, {key: np.nan_to_num(here - next(parts)) for key in mine}))
+        for h, axes, mine, without in zip(leaders, of, nodes, here.T, strict=True):
+            shifts = {key: np.nan_to_num(without[:, None] - next(parts)) for key in mine}
+            found.append(Beside(h, tuple(problem.axes), axes, shifts))
         return found
 
 

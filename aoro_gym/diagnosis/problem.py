@@ -28,7 +28,7 @@ from aoro_gym.diagnosis.axes import Axis, axes_of
 from aoro_gym.diagnosis.noise import MERGED, Floats, ModelError, Noise, Whitener, merged, noise_of, whitener
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.recording import TICK, Recording
-from aoro_gym.diagnosis.replay import SIGNALS, Simulator, Task, Variants
+from aoro_gym.diagnosis.replay import COARSE, SIGNALS, USUAL, Simulator, Steps, Task, Variants
 from aoro_gym.twin import Machine
 from aoro_gym.twin.effects import Effect
 
@@ -290,32 +290,34 @@ class Problem:
             column += len(values)
         return Variants.of(machine, magnitudes, count)
 
-    def simulate(self, variants: Sequence[Variants]) -> Floats:
+    def simulate(self, variants: Sequence[Variants], steps: Steps = USUAL) -> Floats:
         """Stacked predictions (D, N), SI, on the recordings' clocks (:mod:`.arrival`); what the twin loses is NaN."""
-        return self.repeated(variants)[0]
+        return self.repeated(variants, steps)[0]
 
-    def repeated(self, variants: Sequence[Variants]) -> tuple[Floats, list[NDArray[np.bool_]]]:
+    def repeated(self, variants: Sequence[Variants], steps: Steps = USUAL) -> tuple[Floats, list[NDArray[np.bool_]]]:
         """See :meth:`simulate`; and by recording whose joint (N,) comes to a stop."""
         stacked, stops = [], []
-        for signals, stopped in self.shown(variants):
+        for signals, stopped in self.shown(variants, steps):
             stacked += signals.values()
             stops.append(stopped)
         return np.concatenate(stacked).astype(np.float64), stops
 
-    def residuals(self, whiteners: Sequence[Whitener], variants: Sequence[Variants]) -> Floats:
+    def residuals(self, whiteners: Sequence[Whitener], variants: Sequence[Variants], steps: Steps = USUAL) -> Floats:
         """Whitened residuals (D', N) of what :meth:`simulate` gives; NaN of variants that the twin loses."""
         ends = np.cumsum([0, *(len(one.factor) for one in whiteners)])
         blocks = zip(whiteners, ends[:-1], ends[1:], self.split(self.measured), strict=True)
         white = np.empty((ends[-1], sum(one.count for one in variants)), order="F")  # each column is used by itself
-        for signals, _ in self.shown(variants):
+        for signals, _ in self.shown(variants, steps):
             for values in signals.values():
                 whiten, begin, end, measured = next(blocks)
                 white[begin:end] = whiten(measured[:, None] - values)
         return white
 
-    def shown(self, variants: Sequence[Variants]) -> Iterator[tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]]:
+    def shown(
+        self, variants: Sequence[Variants], steps: Steps = USUAL
+    ) -> Iterator[tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]]:
         """By recording: its channels (F, N) SI as the twins show them, on its clock; whose joint (N,) comes to a stop."""
-        tasks = [Task(one, recording) for recording in self.recordings for one in variants]
+        tasks = [Task(one, recording, steps) for recording in self.recordings for one in variants]
         found = iter(self.simulator.run(tasks, lent=True))
         for recording, arrival in zip(self.recordings, self.arrivals, strict=True):
             parts = [next(found) for _ in variants]
@@ -403,20 +405,21 @@ class Problem:
     # ---- learning ----
 
     def _slopes(self, more: Sequence[Variants] = ()) -> Floats:
-        """Prediction and slopes at the centre; the first time chooses what is felt. Returns what ``more`` predict (D, N)."""
+        """Prediction and slopes at the centre; the first time chooses what is felt. Returns what ``more`` add (D, N)."""
         d = len(self.felt)
         points, h = self.neighbours(self.centre)
-        found = self.simulate([self.at(np.vstack([self.centre, points])), *more])
-        self.predicted = found[:, 0]
-        self.slopes = np.nan_to_num(found[:, 1 : d + 1] - found[:, :1]) / h
+        self.predicted = self.simulate([self.at(self.centre[None])])[:, 0]
+        found = self.simulate([self.at(np.vstack([self.centre, points])), *more], COARSE)
+        shifts = np.nan_to_num(found[:, 1:] - found[:, :1])
+        self.slopes, added = shifts[:, :d] / h, shifts[:, d:]
         if self._chosen:
-            return found[:, d + 1 :]
+            return added
         self._chosen = True
         white = self.white(self.held(self.error), self.slopes)
         shown = np.flatnonzero(np.linalg.norm(white, axis=0) > FELT)
         self.slopes, self.felt = self.slopes[:, shown], self.felt[shown]
         self.centre = np.concatenate([self.centre[:d][shown], self.centre[d:]])
-        return found[:, d + 1 :]
+        return added
 
     def uncertain(self, covariance: Floats) -> Floats:
         """Covariance (d, d), in the unit cube, of the machine, given that (u, u) of the nuisances."""
@@ -498,8 +501,7 @@ class Problem:
     def learn(self, *, effects: bool = True) -> None:
         """Simulate around the centre what every nuisance and, if so asked, every effect does."""
         nodes = self.at_nodes(self.axes, self.centre) if effects else {}
-        found = self._slopes(list(nodes.values()))
-        shifts = np.nan_to_num(found - self.predicted[:, None])
+        shifts = self._slopes(list(nodes.values()))
         ends = np.cumsum([0, *(one.count for one in nodes.values())])
         self.shifts = {key: shifts[:, a:b] for key, a, b in zip(nodes, ends[:-1], ends[1:], strict=True)}
 

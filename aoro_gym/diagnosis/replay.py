@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import warp as wp
@@ -25,14 +25,29 @@ from aoro_gym.twin.records import Output, State
 
 FRAMES = 5
 """Samples a tick where the measuring chain is in question: delays and filters act on these."""
-MAIN_STEP = 2e-3
-"""Of twins that are compared with logs [s], of which many run: pressures are then off by about 0.3 bar, which is of the size
-of a sensor's noise and far less than the twin's own error, and what effects do to them by 1 or 2 per cent (at most 9, of
-worn pins and of soft ground). On a CPU it takes three tenths less time than 1 ms, where it is 0.1 bar."""
-FINE_STEP = TICK / STEPS
-"""Of twins that are led along a log, or whose figures are compared with others' [s]."""
-SUBSTEPS: Mapping[float, int] = {MAIN_STEP: 30, FINE_STEP: 20}
-"""Hydraulic substeps by main step: a third more change pressures by less than a main step half as long does."""
+
+
+class Steps(NamedTuple):
+    """How finely twins are simulated."""
+
+    main: float
+    """Main step [s]."""
+    substeps: int
+    """Hydraulic ones within it."""
+
+
+USUAL = Steps(2e-3, 30)
+"""Of twins that are compared with logs, of which many run: pressures are then off by about 0.3 bar, which is of the size of
+a sensor's noise and far less than the twin's own error, and what effects do to them by 1 or 2 per cent (at most 9, of worn
+pins and of soft ground). On a CPU it takes three tenths less time than main steps of 1 ms, where it is 0.1 bar; a third more
+substeps change pressures by less than those do."""
+FINE = Steps(TICK / STEPS, 20)
+"""Of twins that are led along a log, or whose figures are compared with others'."""
+COARSE = Steps(2e-3, 16)
+"""Of twins that are compared with one another: what an effect does is then off by 1.3 per cent (median), and a step on such
+slopes gains 95 to 99.5 per cent of what it would, in three quarters of the time."""
+STILL = round(0.3 / TICK)
+"""Ticks that a twin stands before its first command; on level ground it stands still until then."""
 BATCH, CPU_BATCH = 32768, 1024
 """Twins a launch, on a GPU and on a CPU: there more gain nothing, and a launch that is cut short is lost."""
 STRETCH = 16
@@ -68,6 +83,11 @@ class Variants:
         """Samples a tick that its measuring chain needs."""
         return FRAMES if any(type(effect).record is not Effect.record for effect, _ in self.chain) else 1
 
+    @property
+    def tilted(self) -> bool:
+        """Whether its ground slopes, or an effect says how much."""
+        return bool(np.any(self.plane.slope_deg)) or any(type(one).tilt is not Effect.tilt for one, _ in self.chain)
+
     @classmethod
     def of(cls, machine: Machine, effects: Sequence[tuple[Effect, tuple[Floats | float, ...]]], count: int) -> Variants:
         """``machine`` (one, or ``count`` variants) with ``effects`` at their magnitudes, numbers or shape (count,)."""
@@ -84,7 +104,15 @@ class Task:
 
     variants: Variants
     recording: Recording
-    main_step: float = MAIN_STEP  # [s], one of SUBSTEPS
+    steps: Steps = USUAL
+
+    @property
+    def still(self) -> int:
+        """Ticks at its beginning that need no twin: on level ground nothing moves before the first command."""
+        if self.variants.tilted:
+            return 0
+        moves = np.flatnonzero(np.any(self.recording.commands, axis=1))
+        return max(int(moves[0]) - STILL, 0) if moves.size else 0
 
 
 Signals = dict[str, NDArray[np.float32]]
@@ -104,7 +132,7 @@ class Request:
     commands: NDArray[np.float64]  # (K, len(COMMANDS)), each held for a tick
     channels: tuple[str, ...]
     frames: int  # samples a tick
-    main_step: float  # [s]
+    steps: Steps
     measured: Floats | None = None  # (len(LED), K + 1) that twins are led by (:mod:`.following`); None: they run free
     zeros: Floats | None = None  # (len(LED), N) of the sensors that lead
 
@@ -157,22 +185,24 @@ class Simulator:
 
     def run(self, tasks: Sequence[Task], *, lent: bool = False) -> list[Signals]:
         """What the channels of every task's recording would be; if it is ``lent``, until the next launch only."""
-        groups: dict[tuple[int, int, float], list[int]] = {}
+        groups: dict[tuple[int, int, Steps, int], list[int]] = {}
         for index, task in enumerate(tasks):
-            groups.setdefault((id(task.recording), task.variants.frames, task.main_step), []).append(index)
+            groups.setdefault((id(task.recording), task.variants.frames, task.steps, task.still), []).append(index)
         alike: dict[tuple[int, ...], tuple[Machine, Plane]] = {}
         requests = []
-        for mine in groups.values():
+        for (_, frames, steps, still), mine in groups.items():
             variants = [tasks[index].variants for index in mine]
             same = tuple(map(id, variants))
             if same not in alike:
                 alike[same] = _stacked(variants), _stacked_planes(variants)
-            recording, step = tasks[mine[0]].recording, tasks[mine[0]].main_step
+            recording = tasks[mine[0]].recording
             start = np.concatenate([_started(one, recording.start_angle) for one in variants])
             channels = tuple(recording.channels)
-            requests.append(Request(*alike[same], start, recording.commands, channels, variants[0].frames, step))
+            requests.append(Request(*alike[same], start, recording.commands[still:], channels, frames, steps))
         out: list[Signals] = [{} for _ in tasks]
-        for mine, rows in zip(groups.values(), self.launch(requests), strict=True):
+        for ((_, frames, _, still), mine), rows in zip(groups.items(), self.launch(requests), strict=True):
+            if still:
+                rows = {name: np.pad(values, ((still * frames, 0), (0, 0)), "edge") for name, values in rows.items()}
             ends = np.cumsum([0, *(tasks[index].variants.count for index in mine)])
             for index, begin, end in zip(mine, ends, ends[1:], strict=False):
                 own = {name: values[:, begin:end] for name, values in rows.items()}
@@ -229,7 +259,7 @@ class Simulator:
             range(len(requests)),
             key=lambda i: (
                 requests[i].measured is None,
-                requests[i].main_step,
+                requests[i].steps,
                 requests[i].frames,
                 len(requests[i].commands) * (1 if requests[i].frames == 1 else -1),
             ),
@@ -243,7 +273,7 @@ class Simulator:
                 first = requests[batch[0]]
                 shorter, longer = sorted((len(first.commands), len(new.commands)))
                 unlike = new.frames != first.frames or shorter < ALIKE * longer
-                apart = new.main_step != first.main_step or (new.measured is None) != (first.measured is None)
+                apart = new.steps != first.steps or (new.measured is None) != (first.measured is None)
                 if sum(requests[i].count for i in batch) + new.count > most or (cpu and unlike) or apart:
                     batches.append([])
             batches[-1].append(index)
@@ -255,17 +285,17 @@ def _led(task: Task, zeros: Floats) -> Request:
     start = np.full(one.count, recording.start_angle) - zeros[0]
     missing = np.full(recording.ticks + 1, np.nan)
     measured = np.stack([recording.channels.get(name, missing) for name in LED])
-    return Request(one.machine, one.plane, start, recording.commands, LACKED, 1, FINE_STEP, measured, zeros)
+    return Request(one.machine, one.plane, start, recording.commands, LACKED, 1, FINE, measured, zeros)
 
 
 def _launching(requests: Sequence[Request], device: str) -> Launching:
-    """All at once, with the same main step; those with dense samples last."""
+    """All at once, with the same steps; those with dense samples last."""
     counts = [request.count for request in requests]
     starts = np.cumsum([0, *counts])
     total, ticks = int(starts[-1]), max(len(request.commands) for request in requests)
     machine = _stacked(requests)
-    step = requests[0].main_step
-    of = {"device": device, "main_step": step, "substeps": SUBSTEPS[step]}
+    main, substeps = requests[0].steps
+    of = {"device": device, "main_step": main, "substeps": substeps}
     twin = Twin(total, machine=machine, terrain=_stacked_planes(requests), **of)
     limit = np.broadcast_to(np.asarray(machine.joint.range), total)
     twin.reset(joint_angle=np.clip(np.concatenate([request.start for request in requests]), -limit, limit))

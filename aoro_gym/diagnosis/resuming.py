@@ -75,7 +75,7 @@ class Kept(Simulator):
             total.update(machines[id(one.machine)])
             for part in (one.start, one.commands, *(getattr(one.plane, field.name) for field in fields(one.plane))):
                 total.update(_of_numbers(part))
-            total.update(f"{one.channels} {one.frames} {one.main_step}".encode())
+            total.update(f"{one.channels} {one.frames} {one.steps}".encode())
             for part in (one.measured, one.zeros):
                 total.update(b"" if part is None else _of_numbers(part))
         return total.hexdigest()

@@ -13,8 +13,8 @@ import numpy as np
 from aoro_gym.diagnosis.axes import PRIOR_INFORMATION, volume
 from aoro_gym.diagnosis.linear import Beside, Hypothesis, Linear, Tangent
 from aoro_gym.diagnosis.noise import Floats, ModelError
-from aoro_gym.diagnosis.problem import STEP, STRAIGHT, Problem, Progress
-from aoro_gym.diagnosis.replay import Variants
+from aoro_gym.diagnosis.problem import LARGEST_STEP, STEP, STRAIGHT, Problem, Progress
+from aoro_gym.diagnosis.replay import COARSE, USUAL, Steps, Variants
 
 SETTLED = 0.5
 """Change of the whitened squares by which a search ends."""
@@ -42,10 +42,10 @@ MANY = 8 * len(DAMPING)
 """Directions of slopes along which steps follow one another."""
 SHORTENED = 0.3
 """Share of a step along a direction that must be left within the ranges."""
-TRADED = 4
+TRADED = 3
 """Others whose points a search tries."""
 ALL = 10_000
-"""Directions: all that there are."""
+"""Directions: all that tell anything."""
 
 
 class Search:
@@ -94,6 +94,7 @@ class Search:
         """Whether steps are next, not slopes."""
         self._learned = -1  # directions of the slopes that were taken at ``point``
         self._chords = 0  # steps since then
+        self._dampings = DAMPING  # of the steps that are tried
 
     def _expected(self, z: Floats, leader: Beside | None) -> Floats:
         """Residual (D,) that is left to the nuisances where effects do what they do beside the leader, or around the
@@ -162,7 +163,7 @@ class Search:
         return np.concatenate([(moved / problem.nuisances.std)[problem.felt], u[felt:]])
 
     def variants(self) -> Variants:
-        """Machines to be tried next, or neighbours of the best one along every axis and along :attr:`directions`."""
+        """Machines to be tried next, or the best one and its neighbours along every axis and along :attr:`directions`."""
         if self._offers:
             points, places, _ = zip(*self._offers, strict=True)
             points, places = np.stack(points), np.stack(places)
@@ -172,18 +173,17 @@ class Search:
             u, z = self.point
             self._steps = np.where(z < 0.5, AXIS_STEP, -AXIS_STEP)
             self._moves = self._around(u)
-            points = np.vstack([np.tile(u, (len(z), 1)), u + self._moves])
-            places = np.vstack([z + np.diag(self._steps), np.tile(z, (len(self._moves), 1))])
+            points = np.vstack([np.tile(u, (1 + len(z), 1)), u + self._moves])
+            places = np.vstack([z, z + np.diag(self._steps), np.tile(z, (len(self._moves), 1))])
         return self.linear.problem.at(points, self.effects, places)
 
     def _around(self, u: Floats) -> Floats:
         """Steps (k, u) along which slopes are taken."""
         problem = self.linear.problem
         felt = len(problem.felt)
-        if self.directions >= felt:
-            return problem.neighbours(u, self.tangent.sizes[:felt])[0] - u
         along, sizes = self.tangent.directions(felt, self.directions)
-        steps = along * np.minimum(STEP, STRAIGHT / sizes)[:, None]
+        farthest = np.max(np.abs(along[:, :felt]) * problem.nuisances.std[problem.felt], axis=1, initial=0.0)
+        steps = along * np.minimum(np.minimum(STEP, STRAIGHT / sizes), LARGEST_STEP / farthest)[:, None]
         low, high = self.tangent.bounds
         forward, backward = (np.clip(u + sign * steps, low, high) - u for sign in (1.0, -1.0))
         kept = [np.linalg.norm(moved, axis=1) for moved in (forward, backward)]
@@ -193,7 +193,6 @@ class Search:
     def learn(self, white: Floats) -> None:
         """Take in whitened residuals (D, N) of the machines that were tried, NaN of those that were lost, and choose what is
         next."""
-        linear = self.linear
         lost = np.isnan(np.sum(white, axis=0))
         if self._offers:
             offers, self._offers = self._offers, []
@@ -210,19 +209,20 @@ class Search:
                 self.done = fresh and gain < SETTLED
                 if SETTLED <= gain < np.inf and self._chords < CHORDS and self.directions >= MANY:
                     self._chords += 1
+                    self._dampings = self._dampings[max(best - 1, 0) : best + 2]
                     self._bend(*before)
                     self.trying = self._step() > SETTLED
             else:
                 self.done = fresh or not np.isfinite(self.cost)
                 self.trying = False
         else:
-            u, z = self.point
-            changes = (self.residual + linear.own @ u[len(linear.problem.felt) :])[:, None] - white
+            z, lost = self.point[1], lost[1:] | lost[0]
+            changes = white[:, :1] - white[:, 1:]
             self.slopes = np.where(lost[: len(z)], self.slopes, changes[:, : len(z)] / self._steps)
             known = ~lost[len(z) :]
             if np.any(known):
                 self.tangent = self.tangent.updated(self._moves[known], changes[:, len(z) :][:, known])
-            self._learned, self.trying, self._chords = self.directions, True, 0
+            self._learned, self.trying, self._chords, self._dampings = self.directions, True, 0, DAMPING
             self.done = self._step() < SETTLED
 
     def _bend(self, before: tuple[Floats, Floats], residual: Floats) -> None:
@@ -265,7 +265,7 @@ class Search:
         # places have no prior but their range
         together = self.tangent.beside(self.slopes, LEAST, (-z, 1.0 - z), PRIOR_INFORMATION)
         target = self.residual + self.tangent.moved(u)
-        steps = together.steps(target, DAMPING, np.append(u, np.zeros(len(z))))
+        steps = together.steps(target, self._dampings, np.append(u, np.zeros(len(z))))
         self._tried = [(x[: len(u)], np.clip(z + x[len(u) :], 0.0, 1.0)) for x in steps]
         left = target - together.moved(steps[0])
         return self.cost - self._cost(left, steps[0][: len(u)])
@@ -290,26 +290,32 @@ class Search:
         )  # fmt: skip
 
 
-def refine(searches: Sequence[Search], rounds: int, progress: Progress = lambda sentence, share: None) -> None:
-    """Take every search, of problems with the same recordings, as far as so many rounds of slopes and steps do, all in the
-    same launches."""
+def refine(
+    searches: Sequence[Search],
+    rounds: int,
+    progress: Progress = lambda sentence, share: None,
+    *,
+    slopes: Steps = COARSE,
+) -> None:
+    """Take every search, of problems with the same recordings, as far as so many rounds of ``slopes`` and steps do, all in
+    the same launches."""
     for search in searches:
         search.resume()
     _launch([search for search in searches if not np.isfinite(search.cost)])
     for step in range(rounds):
         progress("refining", step / rounds)
-        _launch([search for search in searches if not (search.done or search.trying)])
+        _launch([search for search in searches if not (search.done or search.trying)], slopes)
         for _ in range(1 + CHORDS):
             _launch([search for search in searches if not search.done and search.trying])
 
 
-def _launch(searches: Sequence[Search]) -> None:
+def _launch(searches: Sequence[Search], steps: Steps = USUAL) -> None:
     if not searches:
         return
     batch = [search.variants() for search in searches]
     linear = searches[0].linear
     asked = [one for one in batch if one.count]  # none of a search that no direction is worth a slope
-    white = linear.problem.residuals(linear.whiteners, asked) if asked else np.empty((len(linear.residual), 0))
+    white = linear.problem.residuals(linear.whiteners, asked, steps) if asked else np.empty((len(linear.residual), 0))
     ends = np.cumsum([one.count for one in batch])
     for search, mine in zip(searches, np.split(white, ends[:-1], axis=1), strict=True):
         search.learn(mine)
@@ -349,9 +355,9 @@ def alone(problem: Problem, rounds: int) -> Search:
     )
     found = [Search(rough, (), directions=ALL)]
     refine(found, 1)
-    for linear, count in ((eased, 1), (own, rounds)):
+    for linear, count, slopes in ((eased, 1, COARSE), (own, rounds, USUAL)):
         found = firmer(found, linear)
-        refine(found, count)
+        refine(found, count, slopes=slopes)
     return found[0]
 
 

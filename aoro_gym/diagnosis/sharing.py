@@ -30,7 +30,7 @@ from threading import Thread
 import numpy as np
 import warp as wp
 
-from aoro_gym.diagnosis.replay import Launching, Request, Signals, Simulator
+from aoro_gym.diagnosis.replay import Launching, Request, Signals, Simulator, Steps
 
 WRITERS = 4
 """Threads that write answers."""
@@ -168,7 +168,10 @@ def _serve(address: str, device: str, ready: Event) -> None:
                     selector.unregister(connection)
                     memories.pop(connection, None)
             if asked and not heard and len(flights) < FLIGHTS:
-                flights.append(_Flight(simulates, asked))
+                alike: dict[frozenset[Steps], list[_Asked]] = {}
+                for one in asked:  # whoever asks for coarse steps need not wait for what others ask by finer ones
+                    alike.setdefault(frozenset(request.steps for request in one.requests), []).append(one)
+                flights += [_Flight(simulates, those) for those in alike.values()]
                 asked = []
             for flight in list(flights):
                 if flight.go_on(writers):

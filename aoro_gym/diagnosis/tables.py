@@ -50,7 +50,7 @@ from aoro_gym.diagnosis.noise import Floats, ModelError, Whitener
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem, Progress
 from aoro_gym.diagnosis.recording import TICK, Recording
-from aoro_gym.diagnosis.replay import FINE_STEP, Simulator, Task, Variants
+from aoro_gym.diagnosis.replay import FINE, Simulator, Steps, Task, Variants
 from aoro_gym.diagnosis.result import CALIBRATION, KEY_FIGURES, UNKNOWN, Cause, Diagnosis, Place, Shrinkage
 from aoro_gym.diagnosis.search import ALL, Search, refine, trade
 from aoro_gym.diagnosis.shrinkage import CLEAR, RESAMPLES, typical
@@ -329,15 +329,16 @@ class Turns(Problem):
         """Shift (D, 1) by one standard deviation of how much of the sensor's noise is in the figures."""
         return 0.5 * self.bias[:, None]
 
-    def repeated(self, variants: Sequence[Variants]) -> tuple[Floats, list[NDArray[np.bool_]]]:
-        """Figures (D, N), between samples; those that do not exist are :data:`FAILED` off. No turn is told by its stop."""
+    def repeated(self, variants: Sequence[Variants], steps: Steps = FINE) -> tuple[Floats, list[NDArray[np.bool_]]]:
+        """Figures (D, N), between samples, by fine steps always; those that do not exist are :data:`FAILED` off. No turn is
+        told by its stop."""
         geometry = self.nuisances.machine
         shown = [self._figures(k, angle, geometry) for k, angle in enumerate(self._angles(variants))]
         found = np.stack([shown[k][name] for k, name in self.compared])
         lost = self.measured + FAILED * np.sqrt(np.diag(self.covariance))
         return np.where(np.isfinite(found), found, lost[:, None]), []
 
-    def residuals(self, whiteners: Sequence[Whitener], variants: Sequence[Variants]) -> Floats:
+    def residuals(self, whiteners: Sequence[Whitener], variants: Sequence[Variants], steps: Steps = FINE) -> Floats:
         """Whitened residuals (D, N) of the figures of :meth:`repeated`."""
         return self.white(whiteners, self.measured[:, None] - self.simulate(variants))
 
@@ -351,7 +352,7 @@ class Turns(Problem):
 
     def _angles(self, variants: Sequence[Variants]) -> list[Floats]:
         """Joint angles (F, N) [rad] by row, as the measuring chain shows them."""
-        tasks = [Task(one, turn, FINE_STEP) for turn in self.recordings for one in variants]
+        tasks = [Task(one, turn, FINE) for turn in self.recordings for one in variants]
         found = iter(self.simulator.run(tasks))
         return [
             np.concatenate([next(found)["joint_angle"] for _ in variants], axis=1).astype(np.float64)

@@ -35,9 +35,9 @@ from aoro_gym.diagnosis.noise import MERGED, Floats, ModelError, Noise
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem, references_of
 from aoro_gym.diagnosis.recording import Recording
-from aoro_gym.diagnosis.replay import Variants
+from aoro_gym.diagnosis.replay import USUAL, Steps, Variants
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN
-from aoro_gym.diagnosis.search import ALL, EASED, ROUGH, SETTLE, SETTLED, Search, alone, refine, settle, trade
+from aoro_gym.diagnosis.search import ALL, DAMPING, EASED, ROUGH, SETTLE, SETTLED, Search, alone, refine, settle, trade
 from aoro_gym.twin import Machine
 from aoro_gym.twin.effects import EFFECTS
 from tests.diagnosis.manoeuvres import blank, record, turn
@@ -102,7 +102,9 @@ class LinearWorld(Problem):
             whole[:, 3 + NAMES.index(name)] = places[:, column]
         return SimpleNamespace(count=len(points), whole=whole)
 
-    def shown(self, variants: Sequence[Any]) -> Iterator[tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]]:
+    def shown(
+        self, variants: Sequence[Any], steps: Steps = USUAL
+    ) -> Iterator[tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]]:
         predicted = self.base[:, None] + self.directions @ np.concatenate([one.whole for one in variants]).T
         channels: dict[str, NDArray[Any]] = {"joint_angle": predicted[:COUNT], "pressure_a": predicted[COUNT:]}
         yield channels, np.zeros(predicted.shape[1], dtype=bool)
@@ -453,7 +455,9 @@ class SwayingWorld(LinearWorld):
         course = np.linspace(0.0, 1.0, COUNT)[:, None] * (1.0 + 0.1 * nuisance)
         return 0.3 * course, 60e5 * np.sin(20.0 * np.pi * course) * np.minimum(course, 0.1) / 0.1
 
-    def shown(self, variants: Sequence[Any]) -> Iterator[tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]]:
+    def shown(
+        self, variants: Sequence[Any], steps: Steps = USUAL
+    ) -> Iterator[tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]]:
         angle, pressure = self._of(np.concatenate([one.whole[:, 0] for one in variants]))
         yield {"joint_angle": angle, "pressure_a": pressure}, np.zeros(angle.shape[1], dtype=bool)
 
@@ -480,8 +484,10 @@ def test_a_rough_fit_steps_over_periods_of_a_sway():
 class BentWorld(LinearWorld):
     """The pressure follows the square of what it would follow, so that slopes change along the way."""
 
-    def shown(self, variants: Sequence[Any]) -> Iterator[tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]]:
-        for signals, stops in super().shown(variants):
+    def shown(
+        self, variants: Sequence[Any], steps: Steps = USUAL
+    ) -> Iterator[tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]]:
+        for signals, stops in super().shown(variants, steps):
             yield signals | {"pressure_a": signals["pressure_a"] + signals["pressure_a"] ** 2 / 3e5}, stops
 
 
@@ -496,20 +502,26 @@ def test_slopes_bend_to_what_a_step_has_done():
     search.resume()
     search.learn(world.residuals(search.linear.whiteners, [search.variants()]))  # slopes
     before, residual, slopes = search.point, search.residual, search.slopes
-    search.learn(world.residuals(search.linear.whiteners, [search.variants()]))  # steps
+    steps = search.variants()
+    assert steps.count == len(DAMPING)
+    search.learn(world.residuals(search.linear.whiteners, [steps]))
     moved, along = (after - one for after, one in zip(search.point, before, strict=True))
     assert np.any(moved != 0.0) and np.any(along != 0.0)
     promised = search.tangent.moved(moved) + search.slopes @ along
     np.testing.assert_allclose(promised, residual - search.residual, rtol=1e-9, atol=1e-9 * np.abs(promised).max())
     assert np.linalg.norm(search.slopes - slopes) > 1e-3 * np.linalg.norm(slopes)
+    search.trying = True  # as if there were more to be gained
+    assert search.variants().count <= 3, "the next are damped much like the best one"
 
 
 def test_a_machine_that_is_lost_is_no_way():
     """Its residuals are NaN, and only its: the others are those that they are without it."""
 
     class Losing(LinearWorld):
-        def shown(self, variants: Sequence[Any]) -> Iterator[tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]]:
-            for signals, stops in super().shown(variants):
+        def shown(
+            self, variants: Sequence[Any], steps: Steps = USUAL
+        ) -> Iterator[tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]]:
+            for signals, stops in super().shown(variants, steps):
                 signals["pressure_a"] = np.where(np.arange(stops.size) == 1, np.nan, signals["pressure_a"])
                 yield signals, stops
 

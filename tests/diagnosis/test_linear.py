@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aoro_gym.diagnosis.linear import Tangent
+from aoro_gym.diagnosis.linear import FAINT, Tangent
 
 SAMPLES, COUNT = 30, 6
 FREE = np.full(COUNT, 9.0)
@@ -101,7 +101,15 @@ def test_directions_are_independent_standard_deviations_that_show_most(tangent):
     assert np.all(np.diff(sizes) <= 0.0)
     root = np.linalg.cholesky(np.linalg.inv(tangent.precision[:4, :4]))
     exact = np.linalg.svd(tangent.jacobian[:, :4] @ root, compute_uv=False)
-    np.testing.assert_allclose(sizes, exact[exact > 1.0][:3])
+    np.testing.assert_allclose(sizes, exact[exact**2 > FAINT][:3])
+
+
+def test_what_hardly_moves_the_prediction_is_no_direction():
+    lengths = np.sqrt(FAINT) * np.array([0.9, 20.0, 1.1, 3.0])
+    wide = np.full(4, np.inf)
+    directions, sizes = Tangent(np.diag(lengths), np.eye(4), (-wide, wide)).directions(4, 10)
+    np.testing.assert_allclose(sizes, lengths[[1, 3, 2]])
+    np.testing.assert_allclose(np.abs(directions), np.eye(4)[[1, 3, 2]], atol=1e-12)
 
 
 def test_unknowns_beside_the_nuisances_have_a_prior_of_their_own(tangent):

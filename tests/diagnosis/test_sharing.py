@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aoro_gym.diagnosis.replay import Simulator, Task, Variants
+from aoro_gym.diagnosis.replay import COARSE, Simulator, Task, Variants
 from aoro_gym.diagnosis.sharing import PREFIX, Remote, sharing, simulator
 from aoro_gym.twin import Machine
 from aoro_gym.twin.effects import EFFECTS
@@ -21,8 +21,9 @@ TASKS = [
     [Task(Variants(MACHINE.scale({"steering.pump.margin": np.array([0.9, 1.1])}), 2), BLANKS[0])],
     [Task(Variants(MACHINE), recording) for recording in BLANKS],
     [Task(Variants.of(MACHINE, [(EFFECTS["sensor_delay"], (0.02,))], 1), BLANKS[1])],
+    [Task(Variants(MACHINE), BLANKS[0], COARSE)],
 ]
-"""Of three that share a device."""
+"""Of four that share a device."""
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +40,7 @@ def assert_same(found, expected):
 
 
 def test_everybody_gets_what_it_would_get_alone(device):
-    """To the bit, three at once, time and again: whatever goes into a launch together."""
+    """To the bit, all at once, time and again: whatever goes into a launch together."""
     alone = [Simulator().run(tasks) for tasks in TASKS]
     members = [simulator(device) for _ in TASKS]
     assert all(isinstance(member, Remote) for member in members)

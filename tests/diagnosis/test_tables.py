@@ -15,7 +15,7 @@ from aoro_gym.cli import app
 from aoro_gym.diagnosis.diagnose import ERROR
 from aoro_gym.diagnosis.linear import Linear
 from aoro_gym.diagnosis.nuisances import Nuisances
-from aoro_gym.diagnosis.replay import FINE_STEP, SUBSTEPS, Variants
+from aoro_gym.diagnosis.replay import FINE, Variants
 from aoro_gym.diagnosis.report import summary, write_report
 from aoro_gym.diagnosis.result import CALIBRATION
 from aoro_gym.diagnosis.tables import (
@@ -153,7 +153,7 @@ def test_figures_that_the_machine_file_was_made_with_are_known():
 
 def test_figures_are_those_that_a_calibration_sees(own):
     """Turns end where the given twin's do, not at its stop: with one machine that is the same."""
-    exact = population_figures(MACHINE, [row.turn for row in own], substeps=SUBSTEPS[FINE_STEP])[:, :, 0]
+    exact = population_figures(MACHINE, [row.turn for row in own], substeps=FINE.substeps)[:, :, 0]
     found = np.array([[row.figures[name] for name in FIGURES] for row in own])
     np.testing.assert_allclose(found, exact, rtol=1e-4)
 
