@@ -81,8 +81,9 @@ CHANCE = 25.0
 """Log odds behind the best beyond which a hypothesis has none."""
 SOFT = 3.0
 """Factor on the twin's own error under which searches begin."""
-PRIOR = {"nothing": 0.45, "single": 0.35, "pair": 0.10, UNKNOWN: 0.05, CALIBRATION: 0.05}
-"""Prior probabilities of the kinds of hypotheses; within a kind all are equally likely."""
+PRIOR = {"nothing": 0.40, "single": 0.33, "pair": 0.17, UNKNOWN: 0.05, CALIBRATION: 0.05}
+"""Prior probabilities of the kinds of hypotheses; within a kind all are equally likely. Of two machines that something is
+wrong with, one has a second thing wrong (a judgement, in the proportion of the blind check's standard suite)."""
 
 
 class Fit(NamedTuple):
@@ -158,7 +159,7 @@ TRUST: Mapping[str, Trust] = {
     ),
     "pressure": Trust(
         1.2, 0.0003, {"angle": Fit(0.76, 0.10, 0.11), "pressure": Fit(0.75, 0.016, 0.11)},
-        {"angle": 0.4, "pressure": 0.85}, declared=0.8, sharpness=0.6, strain=16.0, usual=0.42, others=0.25,
+        {"angle": 0.4, "pressure": 0.85}, declared=0.8, sharpness=0.55, strain=16.0, usual=0.42, others=0.25,
         half=200.0, laws=0.12,
     ),
     "day-one": Trust(

@@ -21,7 +21,7 @@ from aoro_gym.diagnosis.problem import (
     references_of,
 )
 from aoro_gym.diagnosis.recording import TICK, Recording
-from aoro_gym.diagnosis.replay import Simulator, Task, Variants
+from aoro_gym.diagnosis.replay import COARSE, Simulator, Task, Variants
 from aoro_gym.diagnosis.search import settle
 from aoro_gym.twin import Machine
 from aoro_gym.twin.effects import EFFECTS
@@ -91,7 +91,8 @@ def learned():
 
 def test_slopes_foretell_another_machine(learned):
     """Steps of a fifth of a standard deviation in all nuisances at once, to the side on which there is room: slopes are
-    differences over half of one at most."""
+    differences over half of one at most, by coarse steps. If they are a quarter off, a step on them leaves a sixteenth of
+    what it could gain."""
     problem: Problem = learned.problem
     felt = len(problem.felt)
     room = np.where(DAY.place[problem.felt] + 0.5 * DAY.std[problem.felt] <= 1.0, 1.0, -1.0)
@@ -100,8 +101,8 @@ def test_slopes_foretell_another_machine(learned):
     whiteners = problem.whiteners(PERFECT, problem.predicted)
     found = problem.white(whiteners, problem.simulate([problem.at(step)]) - problem.predicted[:, None])
     foretold = problem.white(whiteners, problem.slopes @ step[:, :felt].T)
-    assert np.sum(found * foretold) / np.sum(foretold**2) == pytest.approx(1.0, abs=0.05)
-    assert np.linalg.norm(found - foretold) < 0.15 * np.linalg.norm(found)
+    assert np.sum(found * foretold) / np.sum(foretold**2) == pytest.approx(1.0, abs=0.1)
+    assert np.linalg.norm(found - foretold) < 0.25 * np.linalg.norm(found)
 
 
 def test_what_is_not_felt_is_left_alone(learned):
@@ -121,8 +122,8 @@ def test_shifts_are_what_an_effect_does(learned):
     shifts = problem.shifts["spool_lag", 0]
     place = learned.axis.nodes[1]
     machine = EFFECTS["spool_lag"].apply(MACHINE, float(learned.axis.value(place)))
-    found = problem.simulate([Variants(machine)])[:, 0]
-    np.testing.assert_allclose(shifts[:, 1], found - problem.predicted, rtol=1e-6, atol=1e-9)
+    without, found = problem.simulate([Variants(MACHINE), Variants(machine)], COARSE).T
+    np.testing.assert_allclose(shifts[:, 1], found - without, rtol=1e-6, atol=1e-9)
     # what a lag of the spool does first is to delay the angle: the longer, the more
     angle = problem.split(shifts)[problem.blocks.index((0, "joint_angle"))]
     begun = problem.recordings[0].rest + np.arange(10, 30)
