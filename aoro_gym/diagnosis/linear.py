@@ -30,6 +30,8 @@ PARTNERS = 12
 """Effects, the likeliest, of which one at least is in every pair that is screened."""
 FAINT = 0.1
 """Square of how far, in noise lengths, the prediction must move with a direction of nuisances for it to tell anything."""
+ROUNDING = 1e-12
+"""Share of the squares of slopes by which they count as uncertain where rounding has made them contradict themselves."""
 DEPENDENT = 1e-9
 """Ratio of singular values below which moves of nuisances count as dependent."""
 
@@ -94,7 +96,14 @@ class Tangent:
 
     @cached_property
     def _inner(self) -> tuple[Floats, bool]:
-        return cho_factor(self._normal)
+        try:
+            return cho_factor(self._normal)
+        except np.linalg.LinAlgError:  # what updates have added and taken away has left rounding
+            whole = self.jacobian
+            self._information = whole.T @ whole
+            rounding = np.diag(ROUNDING * np.diag(self._information))
+            self._normal = self.precision + self._information + rounding
+            return cho_factor(self._normal)
 
     @cached_property
     def shrunk(self) -> float:
@@ -184,6 +193,7 @@ class Tangent:
     def steps(self, residual: Floats, dampings: Sequence[float], near: Floats) -> list[Floats]:
         """The same (u,) for each of several ``dampings``: so much of the stiffness keeps them ``near`` others (u,)."""
         pull = self.pull(residual)
+        _ = self._inner  # which sees that the normal matrix is one
         return [
             self._within(
                 self._normal + damping * self.stiffness if damping else self._normal,

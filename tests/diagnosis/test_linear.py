@@ -91,6 +91,21 @@ def test_what_an_update_takes_away_has_no_length(tangent):
     np.testing.assert_allclose(still.sizes, 0.0, atol=1e-1)
 
 
+def test_slopes_that_rounding_makes_contradict_themselves_are_multiplied_anew(tangent):
+    """Squares of slopes that were carried through updates are those of no slopes any more where less than nothing is left of
+    a direction: the best nuisances are those of the slopes themselves."""
+    jacobian = tangent.jacobian.copy()
+    jacobian[:, 0] = jacobian[:, 1]
+    loose = tangent.precision * 1e-3
+    exact = Tangent(jacobian, loose, (-FREE, FREE))
+    apart = np.eye(COUNT)[0] - np.eye(COUNT)[1]
+    rounded = Tangent(jacobian, loose, (-FREE, FREE), inner=jacobian.T @ jacobian - np.outer(apart, apart))
+    assert np.linalg.eigvalsh(loose + jacobian.T @ jacobian - np.outer(apart, apart))[0] < 0.0
+    residual = np.random.default_rng(1).standard_normal(SAMPLES)
+    np.testing.assert_allclose(rounded.best(residual), exact.best(residual), rtol=1e-6)
+    np.testing.assert_allclose(rounded.covariance, exact.covariance, rtol=1e-6)
+
+
 def test_directions_are_independent_standard_deviations_that_show_most(tangent):
     directions, sizes = tangent.directions(4, 3)
     np.testing.assert_allclose(
