@@ -209,7 +209,8 @@ class Search:
                 self.done = fresh and gain < SETTLED
                 if SETTLED <= gain < np.inf and self._chords < CHORDS and self.directions >= MANY:
                     self._chords += 1
-                    self._dampings = self._dampings[max(best - 1, 0) : best + 2]
+                    near = DAMPING.index(self._dampings[best])
+                    self._dampings = DAMPING[max(near - 1, 0) : near + 2]
                     self._bend(*before)
                     self.trying = self._step() > SETTLED
             else:
@@ -314,8 +315,7 @@ def _launch(searches: Sequence[Search], steps: Steps = USUAL) -> None:
         return
     batch = [search.variants() for search in searches]
     linear = searches[0].linear
-    asked = [one for one in batch if one.count]  # none of a search that no direction is worth a slope
-    white = linear.problem.residuals(linear.whiteners, asked, steps) if asked else np.empty((len(linear.residual), 0))
+    white = linear.problem.residuals(linear.whiteners, batch, steps)
     ends = np.cumsum([one.count for one in batch])
     for search, mine in zip(searches, np.split(white, ends[:-1], axis=1), strict=True):
         search.learn(mine)
