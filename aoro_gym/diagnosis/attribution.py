@@ -154,12 +154,12 @@ class Trust:
 
 TRUST: Mapping[str, Trust] = {
     "angle": Trust(
-        1.0, 0.016, {"angle": Fit(0.70, 0.50, 0.12)}, {"angle": 0.2}, declared=0.75, sharpness=0.45, strain=1.0, usual=0.2,
+        1.0, 0.016, {"angle": Fit(0.70, 0.50, 0.12)}, {"angle": 0.2}, declared=0.65, sharpness=0.45, strain=1.0, usual=0.2,
         laws=0.1,
     ),
     "pressure": Trust(
         1.2, 0.0003, {"angle": Fit(0.76, 0.10, 0.11), "pressure": Fit(0.75, 0.016, 0.11)},
-        {"angle": 0.4, "pressure": 0.85}, declared=0.8, sharpness=0.55, strain=16.0, usual=0.42, others=0.25,
+        {"angle": 0.4, "pressure": 0.85}, declared=0.75, sharpness=0.55, strain=16.0, usual=0.42, others=0.25,
         half=200.0, laws=0.12,
     ),
     "day-one": Trust(

@@ -29,7 +29,8 @@ ALIKE = 0.95
 
 
 def verdict_of(hypotheses: Sequence[Hypothesis]) -> str:
-    """See :data:`~aoro_gym.diagnosis.result.VERDICTS`."""
+    """See :data:`~aoro_gym.diagnosis.result.VERDICTS`. A cause is one that is there alone or beside something else: that a
+    second, slight effect cannot be told from none takes nothing from the first."""
     best = hypotheses[0]
     of = {h.effects: h.probability for h in hypotheses}
     innocent = of.get((), 0.0) + of.get((CALIBRATION,), 0.0)
@@ -40,7 +41,10 @@ def verdict_of(hypotheses: Sequence[Hypothesis]) -> str:
         return "no_gap" if of.get((), 0.0) >= of.get((CALIBRATION,), 0.0) else "calibration"
     if unknown >= 0.5:
         return "unknown"
-    return "cause" if best.probability >= SURE and best.effects != (UNKNOWN,) else "ambiguous"
+    if best.effects in ((), (UNKNOWN,), (CALIBRATION,)):
+        return "ambiguous"
+    there = sum(p for effects, p in of.items() if set(best.effects) <= set(effects))
+    return "cause" if there >= SURE else "ambiguous"
 
 
 def declared_of(hypotheses: Sequence[Hypothesis], probability: float) -> tuple[str, ...]:

@@ -349,7 +349,11 @@ def _moved(one: Mapping[str, Any]) -> str:
 def _sure(diagnosis: Diagnosis) -> str:
     sentences = []
     if diagnosis.causes:
+        first = diagnosis.causes[0]
         best = [f"{probability(one.probability)} for {title(one.effects)}" for one in diagnosis.causes[:2]]
+        there = sum(one.probability for one in diagnosis.causes if set(first.effects) <= set(one.effects))
+        if is_named(first) and there - first.probability >= WORTH_NAMING:
+            best[0] += f", {probability(there)} for it alone or beside something else"
         sentences.append(f"{'; '.join(best)}.")
     if diagnosis.fit_test_p is not None:
         left = "More is left than" if diagnosis.fit_test_p < LEAST_FIT else "What is left is no more than"

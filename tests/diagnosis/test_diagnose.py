@@ -149,6 +149,17 @@ def of(*pairs: tuple[tuple[str, ...], float]) -> list[Hypothesis]:
         (of(((), 0.2), ((CALIBRATION,), 0.8)), "calibration", (CALIBRATION,)),
         (of((("payload",), 0.96), ((), 0.04)), "cause", ("payload",)),
         (of((("payload",), 0.6), (("spool_lag",), 0.4)), "ambiguous", ("payload", "spool_lag")),
+        (
+            of((("payload",), 0.7), (("payload", "spool_lag"), 0.2), (("spool_lag",), 0.1)),
+            "cause",
+            ("payload", "spool_lag"),
+        ),
+        (of((("payload", "spool_lag"), 0.7), (("payload",), 0.3)), "ambiguous", ("payload", "spool_lag")),
+        (
+            of(((), 0.08), *(((f"effect {k}",), 0.04) for k in range(23))),
+            "ambiguous",
+            [f"effect {k}" for k in range(22)],
+        ),
         (of(((UNKNOWN,), 0.99), (("payload",), 0.01)), "unknown", (UNKNOWN,)),
         (of((("payload",), 0.7), ((), 0.3)), "inconclusive", ("payload",)),
     ],
