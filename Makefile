@@ -20,7 +20,7 @@ demo: $(VENV)/.core ## validation, a controlled turn and a forest drive, as one 
 	$(BIN)/aoro-gym demo --out $(OUT)
 
 test: $(VENV)/.test ## run the tests, a file at a time on every core
-	$(BIN)/python -m pytest --numprocesses auto --dist loadfile
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 
 lint: $(VENV)/.dev ## check style (ruff) and types (pyright)
 	$(BIN)/ruff check .

@@ -72,7 +72,6 @@ class Tangent:
             whole = self.jacobian
             inner = whole.T @ whole
         self._information = inner
-        self._normal = precision + self._information
 
     @property
     def jacobian(self) -> Floats:
@@ -95,15 +94,16 @@ class Tangent:
         return found
 
     @cached_property
-    def _inner(self) -> tuple[Floats, bool]:
+    def _normal(self) -> tuple[Floats, tuple[Floats, bool]]:
+        """A = P + Jᵀ J (u, u), and its factor."""
+        normal = self.precision + self._information
         try:
-            return cho_factor(self._normal)
+            return normal, cho_factor(normal)
         except np.linalg.LinAlgError:  # what updates have added and taken away has left rounding
             whole = self.jacobian
             self._information = whole.T @ whole
-            rounding = np.diag(ROUNDING * np.diag(self._information))
-            self._normal = self.precision + self._information + rounding
-            return cho_factor(self._normal)
+            normal = self.precision + self._information + np.diag(ROUNDING * np.diag(self._information))
+            return normal, cho_factor(normal)
 
     @cached_property
     def shrunk(self) -> float:
@@ -173,7 +173,7 @@ class Tangent:
     @property
     def covariance(self) -> Floats:
         """Of the posterior of the nuisances (u, u)."""
-        return cho_solve(self._inner, np.eye(len(self._normal)))
+        return cho_solve(self._normal[1], np.eye(len(self.precision)))
 
     @property
     def spread(self) -> Floats:
@@ -184,7 +184,7 @@ class Tangent:
         """columnsᵀ A⁻¹ against."""
         pull = self.pull(against)
         along = pull if columns is against else self.pull(columns)
-        return columns.T @ against - along.T @ cho_solve(self._inner, pull)
+        return columns.T @ against - along.T @ cho_solve(self._normal[1], pull)
 
     def best(self, residual: Floats) -> Floats:
         """Nuisances (u,) within their ranges that explain a ``residual`` (D,) best, priors included."""
@@ -193,19 +193,20 @@ class Tangent:
     def steps(self, residual: Floats, dampings: Sequence[float], near: Floats) -> list[Floats]:
         """The same (u,) for each of several ``dampings``: so much of the stiffness keeps them ``near`` others (u,)."""
         pull = self.pull(residual)
-        _ = self._inner  # which sees that the normal matrix is one
-        return [
-            self._within(
-                self._normal + damping * self.stiffness if damping else self._normal,
-                pull + damping * self.stiffness @ near if damping else pull,
-            )
-            for damping in dampings
-        ]
+        normal, factor = self._normal
 
-    def _within(self, normal: Floats, pull: Floats) -> Floats:
+        def step(damping: float) -> Floats:
+            if not damping:
+                return self._within(normal, factor, pull)
+            damped = normal + damping * self.stiffness
+            return self._within(damped, cho_factor(damped), pull + damping * self.stiffness @ near)
+
+        return [step(damping) for damping in dampings]
+
+    def _within(self, normal: Floats, factor: tuple[Floats, bool], pull: Floats) -> Floats:
         """Solution (u,) of normal x = pull, held at the bounds that it would leave."""
         low, high = self.bounds
-        best: Floats = cho_solve(self._inner if normal is self._normal else cho_factor(normal), pull)
+        best: Floats = cho_solve(factor, pull)
         held = np.zeros(len(best), dtype=bool)
         for _ in range(len(best)):
             beyond = ~held & ((best < low) | (best > high))

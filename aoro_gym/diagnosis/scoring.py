@@ -152,6 +152,10 @@ def _wrong_and_sure(case: Case) -> bool:
     return effects not in ((), (UNKNOWN,), (CALIBRATION,)) and case.first["probability"] >= SURE and not case.right
 
 
+def _false_and_sure(case: Case) -> bool:
+    return _wrong_and_sure(case) and not case.alike(case.first["effects"]) <= case.alike(case.truth)
+
+
 def _declared(case: Case) -> bool:
     return bool(case.alike(case.truth) & case.alike(case.diagnosis["declared_set"]))
 
@@ -256,6 +260,10 @@ FIGURES: tuple[Figure, ...] = (
         "wrong_and_sure", f"any case: the first cause is wrong, at a probability of {SURE} or more", "share",
         _of(("null", "single", "pair", "outside", "nuisance"), _wrong_and_sure, failed=True), _at_most(0.05, 0.03),
         good=0.0,
+    ),
+    Figure(
+        "false_and_sure", "the same, with an effect that is not there", "share",
+        _of(("null", "single", "pair", "outside", "nuisance"), _false_and_sure, failed=True), {}, good=0.0,
     ),
     Figure(
         "coverage", "effects that are named: the 90 % interval holds the size", "share", _covered,

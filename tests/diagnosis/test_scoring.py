@@ -130,6 +130,10 @@ UNKNOWN, INCONCLUSIVE = says("unknown", "unknown"), says("inconclusive", "spool_
         ("wrong_and_sure", "pair", LAG | RATE, says("cause", "spool_lag"), [1]),
         ("wrong_and_sure", "outside", BUMP, says("cause", "joint_friction"), [1]),
         ("wrong_and_sure", "null", {}, "ValueError", [1]),
+        ("false_and_sure", "pair", LAG | RATE, says("cause", "spool_lag"), [0]),
+        ("false_and_sure", "pair", LAG | RATE, says("cause", "spool_lag", "payload"), [1]),
+        ("false_and_sure", "single", LAG, says("cause", "spool_lag", "payload"), [1]),
+        ("false_and_sure", "null", {}, says("cause", "spool_lag", probability=0.79), [0]),
         ("component", "single", LAG, says("cause", "spool_rate", components={"pump": 0.3, "valve": 0.6}), [1]),
         ("component", "single", LAG, says("cause", "spool_lag", components={"pump": 0.7, "valve": 0.3}), [0]),
         ("component", "single", LAG, NO_GAP, [0]),
@@ -253,7 +257,7 @@ def test_figures_tell_levels_effects_and_what_is_detectable_apart():
     assert [case.name for case in result.undetectable] == ["003"]
     assert {case.name: result.failures(case) for case in result.cases if result.failures(case)} == {
         "002": ["named_first", "declared", "component"], "003": ["named_first", "declared", "component"],
-        "001": ["component"], "004": ["coverage", "component"], "006": ["false_alarms", "wrong_and_sure"],
+        "001": ["component"], "004": ["coverage", "component"], "006": ["false_alarms", "wrong_and_sure", "false_and_sure"],
     }  # fmt: skip
     assert result.outcomes["pairs_both"].all.count == 0 and result.outcomes["pairs_both"].met is None
     assert result.confusion == {
@@ -295,7 +299,7 @@ def test_who_knows_meets_every_figure():
     result = everything(knowing)
     # all intervals hold: more than the 94 % that are asked at most
     assert {name: one.met for name, one in result.outcomes.items() if one.met is not True} == {
-        "nuisances_recognised": None, "shrinkage_refitted": None, "coverage": False,
+        "nuisances_recognised": None, "false_and_sure": None, "shrinkage_refitted": None, "coverage": False,
     }  # fmt: skip
     assert result.outcomes["coverage"].all.value == 1.0
     assert not any(result.failures(case) for case in result.cases)
@@ -345,9 +349,9 @@ def test_the_report_hides_nothing(tmp_path):
             assert f"| {figure.title} |" in text, figure.id
     assert (
         "| 001 | single | 1 | spool_lag 0.02 s (severity 0.50) | yes | cause: spool_rate, 0.85 | named_first, declared, "
-        "wrong_and_sure, component |" in text
+        "wrong_and_sure, false_and_sure, component |" in text
     )
-    assert "| failed: ValueError: a \\| in it | outside_recognised, wrong_and_sure |" in text
+    assert "| failed: ValueError: a \\| in it | outside_recognised, wrong_and_sure, false_and_sure |" in text
     assert "| one effect: size of the declared set | ≤ 3 | 1.00 (1) | 1.00 (1) | met |" in text
     assert "| effects that are named: the 90 % interval holds the size | 86 to 94 % | 100 % [21, 100] (1) |" in text
     assert "## Failures: 3 of 4 cases" in text
@@ -406,7 +410,7 @@ def test_the_command_scores(tmp_path):
     assert (named["detectable"]["value"], named["detectable"]["count"], named["met"]) == (1.0, 1, True)
     # without another day the oracle leaves noise alone, so that its S is 1, and the cross-talk of noise with the bump
     assert content["by_case"]["002"]["values"]["shrinkage"] == pytest.approx([0.5], abs=0.01)
-    assert content["by_case"]["004"]["failures"] == ["outside_recognised", "wrong_and_sure"]
+    assert content["by_case"]["004"]["failures"] == ["outside_recognised", "wrong_and_sure", "false_and_sure"]
 
     told = check / "diagnoses-angle" / "oracle" / "002.json"
     first = json.loads(told.read_text())
