@@ -11,7 +11,7 @@ import numpy as np
 from aoro_gym.diagnosis.linear import Hypothesis, Linear
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.problem import Problem
-from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, Cause, Interval
+from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, Cause, Interval, presence
 from aoro_gym.twin.effects import ChainEffect, Effect, GroundEffect
 
 SURE = 0.8
@@ -43,8 +43,7 @@ def verdict_of(hypotheses: Sequence[Hypothesis]) -> str:
         return "unknown"
     if best.effects in ((), (UNKNOWN,), (CALIBRATION,)):
         return "ambiguous"
-    there = sum(p for effects, p in of.items() if set(best.effects) <= set(effects))
-    return "cause" if there >= SURE else "ambiguous"
+    return "cause" if presence(best.effects, of) >= SURE else "ambiguous"
 
 
 def declared_of(hypotheses: Sequence[Hypothesis], probability: float) -> tuple[str, ...]:

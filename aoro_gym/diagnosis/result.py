@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,11 @@ CALIBRATION = "calibration"
 """Stands for parameters elsewhere within their ranges, and no effect."""
 KEY_FIGURES = "key_figures"
 """Stands for a signal where a turn's figures are compared, in their standard deviations (:mod:`.tables`)."""
+
+
+def presence(effects: Sequence[str], probabilities: Mapping[tuple[str, ...], float]) -> float:
+    """Probability that ``effects`` are there, alone or beside something else, by that of every hypothesis."""
+    return sum(p for those, p in probabilities.items() if set(effects) <= set(those))
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from aoro_gym.diagnosis.result import (
     Interval,
     Place,
     Shrinkage,
+    presence,
 )
 from aoro_gym.log import BAR, DEGREE, LITRE_PER_MINUTE
 from aoro_gym.twin.effects import EFFECTS, Effect
@@ -351,7 +352,7 @@ def _sure(diagnosis: Diagnosis) -> str:
     if diagnosis.causes:
         first = diagnosis.causes[0]
         best = [f"{probability(one.probability)} for {title(one.effects)}" for one in diagnosis.causes[:2]]
-        there = sum(one.probability for one in diagnosis.causes if set(first.effects) <= set(one.effects))
+        there = presence(first.effects, {one.effects: one.probability for one in diagnosis.causes})
         if is_named(first) and there - first.probability >= WORTH_NAMING:
             best[0] += f", {probability(there)} for it alone or beside something else"
         sentences.append(f"{'; '.join(best)}.")
