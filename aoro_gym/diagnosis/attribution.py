@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import lsq_linear
-from scipy.special import expit, logsumexp
+from scipy.special import logsumexp
 from scipy.stats import chi2, expon, norm
 
 from aoro_gym.diagnosis.axes import Axis
@@ -31,7 +31,6 @@ from aoro_gym.diagnosis.problem import Problem, Progress
 from aoro_gym.diagnosis.replay import USUAL
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN
 from aoro_gym.diagnosis.search import ALL, EASED, ROUGH, Search, alone, firmer, refine, trade
-from aoro_gym.diagnosis.where import apparent, parts_of
 
 DIRECTIONS = 12, 24
 """Of the nuisances in which a hypothesis takes slopes of its own: at first, and later."""
@@ -127,11 +126,7 @@ class Trust:
         fit: What the right cause leaves, by kind of channel.
         surprise: Mean of the logarithm by which that is larger where something unknown shows.
         declared: Probability that the declared set of causes holds the truth.
-        sharpness: Power of the probabilities of the catalogue's hypotheses: how sure they may be.
-        strictness: Power of the odds that something unknown is there.
-        local: Mean of how apparent what the right hypothesis leaves is in some part (:func:`.where.apparent`), by what that
-            is: ``nothing``, a ``cause``, other calibration. Of kinds that are not named, that is not counted.
-        striking: Mean of that where something unknown shows.
+        sharpness: Power of all probabilities: how sure they may be.
         laws: Standard deviation of the logarithm of a size, beside what logs leave open: the twin finds the size of an
             effect in its own laws, which are not the machine's.
     """
@@ -142,9 +137,6 @@ class Trust:
     surprise: Mapping[str, float] = field(default_factory=dict)
     declared: float = 0.95
     sharpness: float = 1.0
-    strictness: float = 1.0
-    local: Mapping[str, float] = field(default_factory=dict)
-    striking: float = 1.0
     strain: float = 0.0
     usual: float = 1.0
     others: float = 0.0
@@ -162,17 +154,17 @@ class Trust:
 
 TRUST: Mapping[str, Trust] = {
     "angle": Trust(
-        1.0, 0.016, {"angle": Fit(0.70, 0.50, 0.12)}, {"angle": 0.2}, declared=0.65, sharpness=0.45, strictness=0.7,
-        local={"nothing": 1.2, "cause": 2.0, CALIBRATION: 1.6}, striking=10.0, strain=1.0, usual=0.2, laws=0.1,
+        1.0, 0.016, {"angle": Fit(0.70, 0.50, 0.12)}, {"angle": 0.2}, declared=0.65, sharpness=0.45, strain=1.0, usual=0.2,
+        laws=0.1,
     ),
     "pressure": Trust(
         1.2, 0.0003, {"angle": Fit(0.76, 0.10, 0.11), "pressure": Fit(0.75, 0.016, 0.11)},
-        {"angle": 0.4, "pressure": 0.85}, declared=0.75, sharpness=0.55, strictness=0.55, local={"nothing": 1.5},
-        striking=15.0, strain=16.0, usual=0.42, others=0.25, half=200.0, laws=0.12,
+        {"angle": 0.4, "pressure": 0.85}, declared=0.75, sharpness=0.55, strain=16.0, usual=0.42, others=0.25,
+        half=200.0, laws=0.12,
     ),
     "day-one": Trust(
         9.0, 0.008, {"angle": Fit(0.89, 0.89, 0.25), "pressure": Fit(0.31, 0.31, 0.44)}, {"angle": 0.165, "pressure": 1.0},
-        sharpness=0.4, strictness=0.4, laws=0.6,
+        sharpness=0.4, laws=0.6,
     ),
 }  # fmt: skip
 """By the kind of channel that tells most, pressures wherever they were logged, then also by whether there are healthy logs
@@ -191,7 +183,7 @@ def trust_of(problem: Problem) -> Trust:
     kind = "pressure" if "pressure" in kinds else "angle"
     usual, power = TRUST[kind], power_of_error(problem, kind)
     if power is None:
-        return TRUST["day-one"] if kind == "pressure" else replace(usual, strain=0.0, local={})
+        return TRUST["day-one"] if kind == "pressure" else replace(usual, strain=0.0)
     fit = {name: one.erring(power) if name == kind == "pressure" else one for name, one in usual.fit.items()}
     hotter = min(max(power, 1.0), HOTTEST)
     return replace(usual, temperature=usual.temperature * hotter, doubt=usual.doubt * power, fit=fit)
@@ -350,18 +342,6 @@ def attribute(
         nothing = searches[()].weighed().log_evidence
         return all(h.log_evidence < nothing + NEAR for h in ranked(1)[:1])
 
-    parts = tuple(parts_of(problem, linear).values())
-    looked: dict[tuple[str, ...], Hypothesis] = {}
-
-    def seen(h: Hypothesis) -> Hypothesis:
-        """With how apparent what it leaves is, where that counts."""
-        if _kind(h) not in trust.local or h.tangent is None:
-            return h
-        before = looked.get(h.effects)
-        if before is None or before.left is not h.left:
-            looked[h.effects] = before = replace(h, apparent=apparent(h, parts))
-        return replace(h, apparent=before.apparent)
-
     def weighed() -> list[Hypothesis]:
         return [one.weighed() for one in searches.values() if np.isfinite(one.cost)]
 
@@ -380,17 +360,15 @@ def attribute(
         here = deserved(likeliest)
         if wide is not None and np.isfinite(wide.cost):
             loose = other.weighed()
-            fits = seen(replace(loose, effects=(CALIBRATION,)))
 
             def calibration(temperature: float) -> Hypothesis:
-                found = _calibration(wide, under, temperature)
-                return replace(found, misfit=fits.misfit, apparent=fits.apparent)
+                return replace(_calibration(wide, under, temperature), misfit=loose.misfit)
 
             first = calibration(here.temperature)
             if first.log_evidence > likeliest.log_evidence:
                 here = deserved(loose)
             found = [*found, calibration(tempering([*found, first], here))]
-        return weigh([seen(h) for h in found], prior, here)
+        return weigh(found, prior, here)
 
     def firmly(found: list[Hypothesis]) -> list[Hypothesis]:
         """``found``, weighed where pressures sway less otherwise than the twin's do: the likeliest by what they come to
@@ -617,10 +595,9 @@ def weigh(hypotheses: Sequence[Hypothesis], prior: Mapping[tuple[str, ...], floa
     What a hypothesis fits better than nothing does is tempered (:func:`tempering`; Miller and Dunson 2019). What its freedom
     costs counts in full.
 
-    The mean square that the right cause leaves has a known distribution, and so has how apparent it is in the part of the
-    recordings where it is clearest. That something unknown is there beside a hypothesis has a prior probability, and makes
-    both larger. The odds of something unknown, and the probabilities of all others, are taken to a power, as they would else
-    be surer than they are right.
+    The mean square that the right cause leaves has a known distribution. That something unknown is there beside a hypothesis
+    has a prior probability, and makes it larger. All probabilities are taken to a power, as they would else be surer than
+    they are right.
     """
     nothing, best = _nothing_and_best(hypotheses)
     temperature = tempering(hypotheses, trust)
@@ -634,14 +611,13 @@ def weigh(hypotheses: Sequence[Hypothesis], prior: Mapping[tuple[str, ...], floa
 
     evidence = np.array([tempered(h) for h in hypotheses])
     alone, beside = np.transpose([fitting(h, trust) for h in hypotheses])
-    odds = trust.sharpness * (evidence + alone)
-    probabilities = np.exp(odds - float(np.asarray(logsumexp(odds))))
+    logs = evidence + alone
     shows = [bool(h.misfit) for h in hypotheses]
     if any(shows):
-        unknown = logsumexp((evidence + beside)[shows]) + prior[UNKNOWN,] - logsumexp(evidence + alone)
-        absent, there = expit(trust.strictness * np.array([-unknown, unknown]))
         hypotheses = [*hypotheses, Hypothesis((UNKNOWN,), best.log_evidence, cost=best.cost)]
-        probabilities = np.append(absent * probabilities, there)
+        logs = np.append(logs, float(np.asarray(logsumexp((evidence + beside)[shows]))) + prior[UNKNOWN,])
+    logs = trust.sharpness * np.asarray(logs, dtype=np.float64)
+    probabilities = np.exp(logs - float(np.asarray(logsumexp(logs))))
     weighed = [replace(h, probability=float(p)) for h, p in zip(hypotheses, probabilities, strict=True)]
     return sorted(weighed, key=lambda h: -h.probability)
 
@@ -655,7 +631,7 @@ def beyond(hypothesis: Hypothesis, kind: str, trust: Trust) -> tuple[float, floa
 
 def fitting(hypothesis: Hypothesis, trust: Trust) -> tuple[float, float]:
     """Log density of how well something fits if it is all that there is, and if something unknown is there beside it, which
-    shows or does not in any kind of channel, and in some part."""
+    shows or does not in any kind of channel."""
     alone = beside = 0.0
     for kind in hypothesis.misfit:
         more, spread = beyond(hypothesis, kind, trust)
@@ -663,17 +639,7 @@ def fitting(hypothesis: Hypothesis, trust: Trust) -> tuple[float, float]:
         shown = float(expon.logpdf(more, scale=trust.surprise[kind])) if more > 0.0 else -np.inf
         alone += as_usual
         beside += float(np.logaddexp(as_usual, shown)) - np.log(2.0)
-    if not np.isnan(hypothesis.apparent):
-        usual = trust.local[_kind(hypothesis)]  # the densities beside the largest that is usual
-        as_usual = -hypothesis.apparent / usual
-        shown = np.log(usual / trust.striking) - hypothesis.apparent / trust.striking
-        alone += as_usual
-        beside += float(np.logaddexp(as_usual, shown)) - np.log(2.0)
     return alone, beside
-
-
-def _kind(hypothesis: Hypothesis) -> str:
-    return {(): "nothing", (CALIBRATION,): CALIBRATION}.get(hypothesis.effects, "cause")
 
 
 def log_priors(names: Iterable[str]) -> dict[tuple[str, ...], float]:
@@ -687,9 +653,6 @@ def log_priors(names: Iterable[str]) -> dict[tuple[str, ...], float]:
 
 
 def fit_p(hypothesis: Hypothesis, trust: Trust) -> float:
-    """Probability that a refined hypothesis fits no better in any kind of channel, and in no part, if it holds."""
+    """Probability that a refined hypothesis fits no better in any kind of channel, if it holds."""
     parts = [beyond(hypothesis, kind, trust) for kind in hypothesis.misfit]
-    total, freedom = sum((more / spread) ** 2 for more, spread in parts), len(parts)
-    if not np.isnan(hypothesis.apparent):
-        total, freedom = total + 2.0 * hypothesis.apparent / trust.local[_kind(hypothesis)], freedom + 2
-    return float(np.asarray(chi2.sf(total, freedom)))
+    return float(np.asarray(chi2.sf(sum((more / spread) ** 2 for more, spread in parts), len(parts))))

@@ -29,6 +29,7 @@ from aoro_gym.diagnosis.problem import Problem
 from aoro_gym.diagnosis.recording import COMMANDS, REST, TICK, Recording
 from aoro_gym.diagnosis.replay import FINE, Signals, Simulator, Task, Variants
 from aoro_gym.diagnosis.result import Cause, Experiment
+from aoro_gym.diagnosis.where import beyond
 from aoro_gym.sensors.pressure import PressureNoise
 from aoro_gym.twin import Machine
 
@@ -309,11 +310,3 @@ def _family(linear: Linear, blank: Problem, hypothesis: Hypothesis, drawn: Float
         points = np.vstack([points, drawn])
         places += [z] * len(drawn)
     return blank.at(points, hypothesis.effects, np.array(places))
-
-
-def beyond(spread: Floats, columns: Floats) -> Floats:
-    """(I + B Bᵀ)^(−½) of ``columns`` (D,) or (D, N): white again where n standard normals with a ``spread`` B (D, n) come on
-    top of white noise."""
-    directions, sizes, _ = np.linalg.svd(spread, full_matrices=False)
-    shrunk = 1.0 - 1.0 / np.sqrt(1.0 + sizes**2)
-    return columns - (directions * shrunk) @ (directions.T @ columns)

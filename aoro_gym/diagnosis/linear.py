@@ -175,19 +175,10 @@ class Tangent:
         """Of the posterior of the nuisances (u, u)."""
         return cho_solve(self._normal[1], np.eye(len(self.precision)))
 
-    def beyond(self, residual: Floats) -> Floats:
-        """(I + J P⁻¹ Jᵀ)^(−½) r (D,) of a ``residual``: what nuisances may do is taken out of it, and it is white where they
-        are all that there is besides noise.
-
-        With P = R Rᵀ and the eigenvectors V and eigenvalues λ of R⁻¹ Jᵀ J R⁻ᵀ it is r − J R⁻ᵀ V f(λ) Vᵀ R⁻¹ Jᵀ r, where
-        λ f = 1 − 1/√(1 + λ).
-        """
-        root = np.linalg.cholesky(self.precision)
-        half = solve_triangular(root, self._normal[0] - self.precision, lower=True)
-        power, axes = np.linalg.eigh(solve_triangular(root, half.T, lower=True))
-        grown = np.sqrt(1.0 + np.maximum(power, 0.0))
-        along = axes.T @ solve_triangular(root, self.pull(residual), lower=True) / (grown * (1.0 + grown))
-        return residual - self.moved(solve_triangular(root, axes @ along, lower=True, trans=1))
+    @property
+    def spread(self) -> Floats:
+        """B (D, u) with B Bᵀ = J P⁻¹ Jᵀ: what the prior of the nuisances does to the prediction."""
+        return np.linalg.solve(np.linalg.cholesky(self.precision), self.jacobian.T).T
 
     def projected(self, columns: Floats, against: Floats) -> Floats:
         """columnsᵀ A⁻¹ against."""
@@ -256,7 +247,6 @@ class Hypothesis:
     refined: bool = False
     probability: float = 0.0
     misfit: Mapping[str, Misfit] = field(default_factory=dict)  # by kind of channel
-    apparent: float = np.nan  # see where.apparent()
 
     @property
     def strain(self) -> float:

@@ -54,7 +54,7 @@ from aoro_gym.diagnosis.replay import FINE, Simulator, Steps, Task, Variants
 from aoro_gym.diagnosis.result import CALIBRATION, KEY_FIGURES, UNKNOWN, Cause, Diagnosis, Place, Shrinkage
 from aoro_gym.diagnosis.search import ALL, Search, refine, trade
 from aoro_gym.diagnosis.shrinkage import CLEAR, RESAMPLES, typical
-from aoro_gym.diagnosis.where import SIGNIFICANT, probability
+from aoro_gym.diagnosis.where import SIGNIFICANT, beyond, probability
 from aoro_gym.sensors.chain import STANDSTILL
 from aoro_gym.sensors.joint_angle import JointAngleSensor
 from aoro_gym.twin import Machine
@@ -670,7 +670,7 @@ def _black_box(problem: Turns, others: Turns) -> Floats:
 
 def _where(problem: Turns, linear: Linear) -> tuple[tuple[Place, ...], float]:
     """See :func:`.where.places`; each figure is a part."""
-    white = linear.tangent.beyond(linear.residual)
+    white = beyond(linear.tangent.spread, linear.residual)
     p = probability([white[[i]] for i in range(len(white))])
     excess = np.maximum(white**2 - 1.0, 0.0)
     if p > SIGNIFICANT or not np.any(excess):

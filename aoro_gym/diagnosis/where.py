@@ -9,14 +9,11 @@ independent of each other.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
-from aoro_gym.diagnosis.axes import PRIOR_INFORMATION
-from aoro_gym.diagnosis.linear import Hypothesis, Linear
+from aoro_gym.diagnosis.linear import Linear
 from aoro_gym.diagnosis.noise import MERGED, Floats
 from aoro_gym.diagnosis.problem import Problem
 from aoro_gym.diagnosis.recording import TICK, Recording
@@ -29,8 +26,6 @@ JUMP = 0.05
 command goes on as it did."""
 SIGNIFICANT = 0.05
 """Probability of a residual without a cause, above which no place is named."""
-LEAST, TINY = -700.0, -30.0
-"""Logarithm below which a probability is no number of the machine any more, and one below which ln(1 − p) is −p."""
 
 
 def places(problem: Problem, linear: Linear) -> tuple[tuple[Place, ...], float]:
@@ -42,8 +37,8 @@ def places(problem: Problem, linear: Linear) -> tuple[tuple[Place, ...], float]:
         linear: Of ``problem``. With an error that grows with the gap (``ModelError.change``) the probability is an upper
             bound.
     """
-    white = linear.tangent.beyond(linear.residual)
-    parts = parts_of(problem, linear)
+    white = beyond(linear.tangent.spread, linear.residual)
+    parts = _parts(problem, linear)
     excess = {part: float(np.sum(white[rows] ** 2)) - len(rows) for part, rows in parts.items()}
     p = probability([white[rows] for rows in parts.values()])
     above = {part: energy for part, energy in excess.items() if energy > 0.0}
@@ -57,42 +52,29 @@ def places(problem: Problem, linear: Linear) -> tuple[tuple[Place, ...], float]:
     return tuple(sorted(found, key=lambda place: -place.share)), p
 
 
-def probability(parts: Sequence[Floats]) -> float:
-    """Probability that white noise shows as clear a deviation in any of ``parts``, each (n,) samples; see
-    :func:`log_probability`."""
-    return float(np.exp(log_probability(parts)))
+def beyond(spread: Floats, columns: Floats) -> Floats:
+    """(I + B Bᵀ)^(−½) of ``columns`` (D,) or (D, N): white again where n standard normals with a ``spread`` B (D, n) come on
+    top of white noise."""
+    directions, sizes, _ = np.linalg.svd(spread, full_matrices=False)
+    shrunk = 1.0 - 1.0 / np.sqrt(1.0 + sizes**2)
+    return columns - (directions * shrunk) @ (directions.T @ columns)
 
 
-def log_probability(parts: Sequence[Floats]) -> float:
-    """Its natural logarithm.
+def probability(parts: list[Floats]) -> float:
+    """Probability that white noise shows as clear a deviation in any of ``parts``, each (n,) samples.
 
-    Each part is tested twice, for its mean, z² = n w̄² ~ χ²₁, and for the scatter around it, Σ (w − w̄)² ~ χ²ₙ₋₁, which are
+    Each is tested twice, for its mean, z² = n w̄² ~ χ²₁, and for the scatter around it, Σ (w − w̄)² ~ χ²ₙ₋₁, which are
     independent (Cochran). The least of all K probabilities is Tippett's statistic: p = 1 − (1 − least)^K, uniform without a
     cause. Parts that are quieter than expected take nothing away from one that is not.
     """
     means = np.array([np.sum(part) / np.sqrt(len(part)) for part in parts])
     scatter = np.array([part @ part for part in parts]) - means**2
     freedom = np.array([len(part) - 1 for part in parts])
-    several = freedom > 0
-    local = np.concatenate([np.log(2.0) + norm.logsf(np.abs(means)), chi2.logsf(scatter[several], freedom[several])])
-    least = max(float(np.min(local)), LEAST)
-    if least < TINY:
-        return least + float(np.log(len(local)))
-    return float(np.log(-np.expm1(len(local) * np.log1p(-np.exp(least)))))
+    local = np.concatenate([2.0 * norm.sf(np.abs(means)), chi2.sf(scatter[freedom > 0], freedom[freedom > 0])])
+    return float(-np.expm1(len(local) * np.log1p(-np.min(local))))
 
 
-def apparent(hypothesis: Hypothesis, parts: Iterable[NDArray[np.intp]]) -> float:
-    """How apparent what a refined ``hypothesis`` leaves is in the part of it that is clearest, rows of the whitened residual
-    each: −log₁₀ of the probability of as much if it holds."""
-    tangent = hypothesis.tangent
-    assert tangent is not None
-    white = tangent.beside(hypothesis.slopes, PRIOR_INFORMATION).beyond(
-        hypothesis.left + tangent.moved(hypothesis.nuisances)
-    )
-    return -log_probability([white[rows] for rows in parts]) / float(np.log(10.0))
-
-
-def parts_of(problem: Problem, linear: Linear) -> dict[tuple[int, str, str], NDArray[np.intp]]:
+def _parts(problem: Problem, linear: Linear) -> dict[tuple[int, str, str], NDArray[np.intp]]:
     """Rows of the whitened residual that belong to each recording, signal and phase."""
     phased = [phases(r, arrival) for r, arrival in zip(problem.recordings, problem.arrivals, strict=True)]
     parts, first = {}, 0

@@ -670,34 +670,6 @@ def test_how_well_something_fits_counts_by_its_density():
     assert p == pytest.approx(0.0455, rel=0.01)  # two standard deviations, either side
 
 
-def test_what_is_left_in_one_part_counts_by_how_apparent_it_is():
-    """By its density beside the largest that is usual; of what is not known how it is left, nothing counts."""
-    trust = Trust(1.0, 0.0, local={"nothing": 1.5}, striking=10.0)
-    assert fitting(Hypothesis(("spool_lag",), 0.0, apparent=np.nan), trust) == (0.0, 0.0)
-    alone, beside = fitting(Hypothesis((), 0.0, apparent=6.0), trust)
-    assert alone == pytest.approx(-4.0)
-    assert np.exp(beside) == pytest.approx(0.5 * np.exp(-4.0) + 0.5 * 0.15 * np.exp(-0.6))
-    assert fit_p(Hypothesis((), 0.0, apparent=6.0), trust) == pytest.approx(
-        np.exp(-4.0)
-    )  # χ² of two degrees of freedom
-
-
-@pytest.mark.parametrize("apparent", [1.0, 40.0])
-def test_what_is_apparent_in_one_part_is_unknown_if_nothing_explains_it(apparent):
-    """However well all fit on the whole."""
-    trust = TRUST["angle"]
-    misfit = {"angle": Misfit(trust.fit["angle"].noise, MANY, 1.0)}
-    nothing = Hypothesis((), 0.0, cost=40.0, misfit=misfit, refined=True, apparent=apparent)
-    one = Hypothesis(("spool_lag",), -2.0, cost=39.0, misfit=misfit, refined=True, apparent=apparent)
-    found = {h.effects: h.probability for h in weigh([nothing, one], log_priors(("spool_lag",)), trust)}
-    assert (found[UNKNOWN,] > 0.8) == (apparent > 10.0)
-    explained = {
-        h.effects: h.probability
-        for h in weigh([nothing, replace(one, apparent=1.0)], log_priors(("spool_lag",)), trust)
-    }
-    assert explained[UNKNOWN,] < 0.2, "one that explains it is enough"
-
-
 @pytest.mark.parametrize("ratio", [0.3, 1.2, 60.0])
 def test_what_fits_far_worse_than_the_right_cause_is_unknown(ratio):
     """Whatever it is better than; and the larger the error that the data show, the less they say."""

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from scipy.linalg import inv, sqrtm
 from scipy.stats import norm
 
 from aoro_gym.diagnosis import experiments
@@ -16,7 +15,6 @@ from aoro_gym.diagnosis.experiments import (
     Yard,
     _drawn,
     _family,
-    beyond,
     catalogue,
     information,
     next_experiments,
@@ -224,10 +222,3 @@ def test_machines_are_drawn_from_the_posterior(linear, monkeypatch):
     np.testing.assert_allclose(np.mean(drawn[:, problem.felt], axis=0), [1.0, -2.0], atol=0.04)
     others = np.delete(drawn, problem.felt, axis=1)
     np.testing.assert_allclose(np.cov(others.T), np.eye(others.shape[1]), atol=0.05)
-
-
-def test_what_is_beyond_a_spread_is_white_and_symmetric():
-    rng = np.random.default_rng(1)
-    spread = rng.standard_normal((12, 4)) * [0.1, 1.0, 10.0, 1000.0]
-    np.testing.assert_allclose(beyond(spread, np.eye(12)), inv(sqrtm(np.eye(12) + spread @ spread.T)), atol=1e-9)
-    assert np.all(beyond(np.empty((12, 0)), np.eye(12)) == np.eye(12))
