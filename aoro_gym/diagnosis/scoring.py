@@ -22,6 +22,7 @@ import numpy as np
 import warp as wp
 from scipy.stats import binomtest
 
+from aoro_gym.diagnosis.cases import KINDS
 from aoro_gym.diagnosis.oracle import Oracle, Twins, consult
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, VERDICTS
 from aoro_gym.diagnosis.running import read_diagnoses
@@ -258,12 +259,12 @@ FIGURES: tuple[Figure, ...] = (
     ),
     Figure(
         "wrong_and_sure", f"any case: the first cause is wrong, at a probability of {SURE} or more", "share",
-        _of(("null", "single", "pair", "outside", "nuisance"), _wrong_and_sure, failed=True), _at_most(0.05, 0.03),
+        _of(KINDS, _wrong_and_sure, failed=True), _at_most(0.05, 0.03),
         good=0.0,
     ),
     Figure(
         "false_and_sure", "the same, with an effect that is not there", "share",
-        _of(("null", "single", "pair", "outside", "nuisance"), _false_and_sure, failed=True), {}, good=0.0,
+        _of(KINDS, _false_and_sure, failed=True), {}, good=0.0,
     ),
     Figure(
         "coverage", "effects that are named: the 90 % interval holds the size", "share", _covered,
