@@ -1573,7 +1573,7 @@ def atlas(
     Asked of twins of the calibrated ensemble, of no case: what an effect does, less the best that another effect and another
     day can do instead, against what a decision needs. Writes atlas.json (all distances, by sensors and manoeuvre),
     classes.json (effects that 'blind score' counts as one) and atlas.png. The classes that score are those shipped with the
-    package: they are frozen. Takes about a quarter of an hour of one core.
+    package: they are frozen. Takes about 40 minutes of one core.
 
     [bold]Example[/]
 
