@@ -890,6 +890,7 @@ def commissioned():
         {},
         {"spool_lag": 0.3},
         {"spool_lag": 0.3, "entrained_air": 0.4},
+        {"entrained_air": 0.5},
     ],
     ids=lambda given: "+".join(given) or "none",
 )
