@@ -96,14 +96,17 @@ class Fit(NamedTuple):
     """Share that is left of the twin's own error."""
     spread: float
     """Standard deviation of the logarithm."""
+    law: float = 0.0
+    """Share that is left of what the cause explains: the twin's law of an effect is not quite the machine's."""
 
     def erring(self, power: float) -> Fit:
         """That of a twin that errs by ``power``, a square, of what is usual."""
         return self._replace(error=min(power * self.error, 1.0))
 
-    def ratio(self, misfit: Misfit) -> float:
-        """By how much more is left than what is usual."""
-        return misfit.square / (self.noise * misfit.noise + self.error * (1.0 - misfit.noise))
+    def ratio(self, misfit: Misfit, explained: float = 0.0) -> float:
+        """By how much more is left than what is usual where so much of the mean square is ``explained``."""
+        usual = self.noise * misfit.noise + self.error * (1.0 - misfit.noise) + self.law * explained
+        return misfit.square / usual
 
 
 @dataclass(frozen=True)
@@ -158,7 +161,7 @@ TRUST: Mapping[str, Trust] = {
         laws=0.1,
     ),
     "pressure": Trust(
-        1.2, 0.0003, {"angle": Fit(0.76, 0.10, 0.11), "pressure": Fit(0.75, 0.016, 0.11)},
+        1.2, 0.0003, {"angle": Fit(0.76, 0.10, 0.11, 0.3), "pressure": Fit(0.75, 0.016, 0.11, 0.3)},
         {"angle": 0.4, "pressure": 0.85}, declared=0.75, sharpness=0.55, strain=16.0, usual=0.42, others=0.25,
         half=200.0, laws=0.12,
     ),
@@ -610,7 +613,7 @@ def weigh(hypotheses: Sequence[Hypothesis], prior: Mapping[tuple[str, ...], floa
         return fits / temperature + (better - fits) + prior[h.effects]
 
     evidence = np.array([tempered(h) for h in hypotheses])
-    alone, beside = np.transpose([fitting(h, trust) for h in hypotheses])
+    alone, beside = np.transpose([fitting(h, trust, nothing) for h in hypotheses])
     logs = evidence + alone
     shows = [bool(h.misfit) for h in hypotheses]
     if any(shows):
@@ -622,19 +625,21 @@ def weigh(hypotheses: Sequence[Hypothesis], prior: Mapping[tuple[str, ...], floa
     return sorted(weighed, key=lambda h: -h.probability)
 
 
-def beyond(hypothesis: Hypothesis, kind: str, trust: Trust) -> tuple[float, float]:
-    """Logarithm by which more is left in a ``kind`` of channel than what is usual, and its standard deviation. Better than
-    usual is as good as usual."""
+def beyond(hypothesis: Hypothesis, kind: str, trust: Trust, nothing: Hypothesis) -> tuple[float, float]:
+    """Logarithm by which more is left in a ``kind`` of channel than what is usual of what explains so much more than
+    ``nothing`` does, and its standard deviation. Better than usual is as good as usual."""
     fit, misfit = trust.fit[kind], hypothesis.misfit[kind]
-    return max(float(np.log(fit.ratio(misfit))), 0.0), float(np.hypot(fit.spread, np.sqrt(2.0 / misfit.count)))
+    explained = max(nothing.misfit[kind].square - misfit.square, 0.0)
+    more = max(float(np.log(fit.ratio(misfit, explained))), 0.0)
+    return more, float(np.hypot(fit.spread, np.sqrt(2.0 / misfit.count)))
 
 
-def fitting(hypothesis: Hypothesis, trust: Trust) -> tuple[float, float]:
+def fitting(hypothesis: Hypothesis, trust: Trust, nothing: Hypothesis) -> tuple[float, float]:
     """Log density of how well something fits if it is all that there is, and if something unknown is there beside it, which
     shows or does not in any kind of channel."""
     alone = beside = 0.0
     for kind in hypothesis.misfit:
-        more, spread = beyond(hypothesis, kind, trust)
+        more, spread = beyond(hypothesis, kind, trust, nothing)
         as_usual = float(norm.logpdf(more, scale=spread))
         shown = float(expon.logpdf(more, scale=trust.surprise[kind])) if more > 0.0 else -np.inf
         alone += as_usual
@@ -652,7 +657,8 @@ def log_priors(names: Iterable[str]) -> dict[tuple[str, ...], float]:
     return {h: float(np.log(PRIOR[kind] / len(those))) for kind, those in kinds.items() for h in those}
 
 
-def fit_p(hypothesis: Hypothesis, trust: Trust) -> float:
-    """Probability that a refined hypothesis fits no better in any kind of channel, if it holds."""
-    parts = [beyond(hypothesis, kind, trust) for kind in hypothesis.misfit]
+def fit_p(hypothesis: Hypothesis, trust: Trust, nothing: Hypothesis) -> float:
+    """Probability that a refined hypothesis fits no better in any kind of channel, if it holds; ``nothing`` says how much it
+    explains."""
+    parts = [beyond(hypothesis, kind, trust, nothing) for kind in hypothesis.misfit]
     return float(np.asarray(chi2.sf(sum((more / spread) ** 2 for more, spread in parts), len(parts))))

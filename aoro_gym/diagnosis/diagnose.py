@@ -129,6 +129,7 @@ def diagnose(
     gap, gap_p = places(problem, linear)
     parts = boundaries(problem, healthy)
     best = next((h for h in hypotheses if h.refined), None)
+    nothing = next(h for h in hypotheses if not h.effects)
     fitted = None if best is None else problem.at(best.nuisances[None], best.effects, row_of(best))
     after = before if fitted is None else problem.simulate([fitted])[:, 0]
     shrunk, controls = _how_far(problem, linear, hypotheses, base, before, after, held_out)
@@ -152,7 +153,7 @@ def diagnose(
         components=components,
         causes=causes,
         declared_set=declared_of(hypotheses, trust.declared),
-        fit_test_p=None if best is None else fit_p(best, trust),
+        fit_test_p=None if best is None else fit_p(best, trust, nothing),
         shrinkage=shrunk,
         controls=controls,
         key_figures={} if fitted is None else key_figures(problem, Variants(base), fitted),

@@ -19,6 +19,7 @@ from aoro_gym.diagnosis.attribution import (
     Fit,
     Trust,
     attribute,
+    beyond,
     fit_p,
     fitting,
     log_priors,
@@ -282,7 +283,7 @@ def test_a_search_in_a_linear_world_finds_the_least_squares(effects, directions)
     assert found.refined
     # in a linear world there is nothing to be gained by refining
     assert found.log_evidence == pytest.approx(linear.screen()[effects].log_evidence, abs=1e-3)
-    assert fit_p(found, EXACT) > 0.01
+    assert fit_p(found, EXACT, found) > 0.01
 
 
 @pytest.mark.parametrize("effects", [NAMES[:1], NAMES])
@@ -646,28 +647,50 @@ def usual_square(kind: str) -> float:
     return NOISE * fit.noise + (1.0 - NOISE) * fit.error
 
 
+def left(**misfit: Misfit) -> Hypothesis:
+    """A cause that leaves so much."""
+    return Hypothesis(("spool_lag",), 0.0, misfit=misfit)
+
+
 def test_how_well_something_fits_counts_by_its_density():
     """As usual or better: nothing is lost; a spread above: a half; what is unknown shows in a kind of channel or not."""
     trust = TRUST["pressure"]
     mean, usual, spread = trust.surprise["pressure"], usual_square("pressure"), trust.fit["pressure"].spread
 
-    def left(**misfit: Misfit) -> Hypothesis:
-        return Hypothesis(("spool_lag",), 0.0, misfit=misfit)
+    def found(**misfit: Misfit) -> tuple[float, float]:
+        """Beside what leaves as much, so that nothing is explained."""
+        return fitting(left(**misfit), trust, left(**misfit))
 
     peak = -np.log(spread * np.sqrt(2.0 * np.pi))
     for square in (0.1 * usual, usual):
-        found = fitting(left(pressure=Misfit(square, MANY, NOISE)), trust)
-        assert found == pytest.approx((peak, peak - np.log(2.0)))
+        assert found(pressure=Misfit(square, MANY, NOISE)) == pytest.approx((peak, peak - np.log(2.0)))
     worse = Misfit(usual * np.exp(2.0 * spread), MANY, NOISE)
-    alone, beside = fitting(left(pressure=worse), trust)
+    alone, beside = found(pressure=worse)
     assert alone == pytest.approx(peak - 2.0)
     assert np.exp(beside) == pytest.approx(0.5 * np.exp(peak - 2.0) + 0.5 * np.exp(-2.0 * spread / mean) / mean)
-    both = fitting(left(**{kind: Misfit(usual_square(kind), MANY, NOISE) for kind in ("pressure", "angle")}), trust)
+    both = found(**{kind: Misfit(usual_square(kind), MANY, NOISE) for kind in ("pressure", "angle")})
     assert both[0] - both[1] == pytest.approx(np.log(4.0))
-    few = fitting(left(pressure=worse._replace(count=2)), trust)  # whose mean square scatters by one in its logarithm
+    few = found(pressure=worse._replace(count=2))  # whose mean square scatters by one in its logarithm
     assert few[0] == pytest.approx(-0.5 * np.log(2.0 * np.pi * (1.0 + spread**2)) - 2.0 * spread**2 / (1.0 + spread**2))
-    p = fit_p(left(pressure=worse), trust)
+    p = fit_p(left(pressure=worse), trust, left(pressure=worse))
     assert p == pytest.approx(0.0455, rel=0.01)  # two standard deviations, either side
+
+
+def test_the_law_of_what_explains_much_may_be_wrong_by_a_share_of_it():
+    """So much more may be left as the cause explains times the law's share; what explains nothing, or fits worse than
+    nothing, is held to what is usual."""
+    trust = TRUST["pressure"]
+    usual, fit = usual_square("pressure"), trust.fit["pressure"]
+    before = left(pressure=Misfit(20.0 * usual, MANY, NOISE))
+    # what is left, usual + law · (before − left), of which two spreads more are seen
+    factor = np.exp(2.0 * fit.spread)
+    square = factor * (usual + fit.law * 20.0 * usual) / (1.0 + factor * fit.law)
+    after = left(pressure=Misfit(square, MANY, NOISE))
+    assert square > 3.0 * usual
+    assert beyond(after, "pressure", trust, before)[0] == pytest.approx(2.0 * fit.spread)
+    assert fit_p(after, trust, before) == pytest.approx(0.0455, rel=0.01)
+    assert beyond(after, "pressure", trust, after)[0] == pytest.approx(np.log(square / usual))
+    assert beyond(before, "pressure", trust, after)[0] == pytest.approx(np.log(20.0))
 
 
 @pytest.mark.parametrize("ratio", [0.3, 1.2, 60.0])
@@ -909,7 +932,8 @@ def test_the_given_cause_is_named(commissioned, given):
     best = found[0]
     assert set(best.effects) == set(given), best
     assert best.probability > 0.5
-    assert fit_p(best, trust_of(problem)) > 0.01
+    nothing = next(h for h in found if not h.effects)
+    assert fit_p(best, trust_of(problem), nothing) > 0.01
     axes = [axis for name in best.effects for axis in axes_of(EFFECTS[name])]
     for axis, place, variance in zip(axes, best.places, np.diag(best.covariance), strict=True):
         assert place == pytest.approx(given[axis.effect.id], abs=4.0 * np.sqrt(variance) + 0.05)
