@@ -87,8 +87,9 @@ wrong with, one has a second thing wrong (a judgement, in the proportion of the 
 
 
 class Fit(NamedTuple):
-    """How well the right cause fits a kind of channel: its whitened residual has the mean square noise · n + error · (1 − n)
-    where noise alone has n, and the twin's own error is the rest of what was assumed."""
+    """How well the right cause fits a kind of channel: its whitened residual has the mean square
+    noise · n + error · (1 − n) + law · e where noise alone has n, the twin's own error is the rest of what was assumed, and
+    the cause explains e."""
 
     noise: float
     """Share that is left of the noise."""
@@ -97,7 +98,7 @@ class Fit(NamedTuple):
     spread: float
     """Standard deviation of the logarithm."""
     law: float = 0.0
-    """Share that is left of what the cause explains: the twin's law of an effect is not quite the machine's."""
+    """Share of what the cause explains that is left: the twin's law of an effect is not quite the machine's."""
 
     def erring(self, power: float) -> Fit:
         """That of a twin that errs by ``power``, a square, of what is usual."""
