@@ -15,9 +15,8 @@ from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, Cause, Interval, pre
 from aoro_gym.twin.effects import ChainEffect, Effect, GroundEffect
 
 SURE = 0.8
-"""Probability above which one cause is named alone."""
-BEYOND_DOUBT = 0.9
-"""Probability of any cause above which causes are named at all."""
+"""Probability of any cause from which causes are named at all, and of one from which it is named alone. Of the development
+family's healthy machines none had more than 0.77 by the angle, 0.60 with pressures."""
 DRAWS = 2000
 """Of the posterior, for intervals of magnitudes."""
 WIDER = 1.5
@@ -35,7 +34,7 @@ def verdict_of(hypotheses: Sequence[Hypothesis]) -> str:
     of = {h.effects: h.probability for h in hypotheses}
     innocent = of.get((), 0.0) + of.get((CALIBRATION,), 0.0)
     unknown = of.get((UNKNOWN,), 0.0)
-    if innocent > 1.0 - BEYOND_DOUBT:
+    if innocent > 1.0 - SURE:
         if innocent < 0.5:
             return "inconclusive"
         return "no_gap" if of.get((), 0.0) >= of.get((CALIBRATION,), 0.0) else "calibration"

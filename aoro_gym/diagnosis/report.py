@@ -19,7 +19,7 @@ from rich.console import RenderableType
 from rich.markup import escape
 from rich.table import Table
 
-from aoro_gym.diagnosis.result import KEY_FIGURES, PHASES, UNKNOWN, Boundary, Cause, Curve, Diagnosis, Shrinkage
+from aoro_gym.diagnosis.result import KEY_FIGURES, PHASES, UNKNOWN, Boundary, Cause, Curve, Diagnosis, Place, Shrinkage
 from aoro_gym.diagnosis.words import (
     WITHOUT_CAUSE,
     Spoken,
@@ -379,11 +379,19 @@ def _heat_html(
     return card(f"<h3>{html.escape(name)}</h3>{table}")
 
 
-def telling(curves: Sequence[Curve]) -> list[Curve]:
-    """The curves that show most of the gap; one that took no part in the fit is among them if there is any."""
+def telling(curves: Sequence[Curve], where: Sequence[Place] = ()) -> list[Curve]:
+    """The curves that show most of the gap that calibration cannot absorb; one that took no part in the fit is among them
+    if there is any.
 
-    def gap(curve: Curve) -> float:
-        return float(np.nanmean(((curve.measured - curve.before) / curve.spread) ** 2))
+    A sensor that is off by a constant parts measured from simulated more than most causes do, and is none: what has the
+    larger share of ``where`` comes first. The plain difference ranks what has none."""
+    shares: dict[tuple[str, str], float] = {}
+    for place in where:
+        shares[place.manoeuvre, place.signal] = shares.get((place.manoeuvre, place.signal), 0.0) + place.share
+
+    def gap(curve: Curve) -> tuple[float, float]:
+        difference = float(np.nanmean(((curve.measured - curve.before) / curve.spread) ** 2))
+        return shares.get((curve.manoeuvre, curve.signal), 0.0), difference
 
     ranked = sorted(curves, key=gap, reverse=True)
     chosen, rest = ranked[:MOST_CURVES], ranked[MOST_CURVES:]
@@ -393,7 +401,7 @@ def telling(curves: Sequence[Curve]) -> list[Curve]:
 
 
 def _curves_html(diagnosis: Diagnosis) -> str:
-    curves = telling(diagnosis.curves)
+    curves = telling(diagnosis.curves, diagnosis.where)
     if not curves:
         return ""
     after = twin_with(diagnosis.causes)
@@ -402,7 +410,10 @@ def _curves_html(diagnosis: Diagnosis) -> str:
         "with the band that noise and the twin's own error stay in for 90 % of the time."
     )
     if len(diagnosis.curves) > len(curves):
-        text += f" Shown are the {len(curves)} of {len(diagnosis.curves)} signals with the largest gap."
+        text += (
+            f" Shown are the {len(curves)} of {len(diagnosis.curves)} signals with most of the gap that calibration cannot "
+            "absorb."
+        )
     return _paragraph(text) + _grid(card(_curve_html(curve, after)) for curve in curves)
 
 

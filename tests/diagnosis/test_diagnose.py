@@ -162,6 +162,7 @@ def of(*pairs: tuple[tuple[str, ...], float]) -> list[Hypothesis]:
         ),
         (of(((UNKNOWN,), 0.99), (("payload",), 0.01)), "unknown", (UNKNOWN,)),
         (of((("payload",), 0.7), ((), 0.3)), "inconclusive", ("payload",)),
+        (of((("payload",), 0.6), ((), 0.15), (("spool_lag",), 0.25)), "ambiguous", ("payload", "spool_lag")),
     ],
 )
 def test_verdicts_follow_from_probabilities(hypotheses, verdict, declared):

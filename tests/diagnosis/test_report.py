@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from aoro_gym.cli import app
 from aoro_gym.diagnosis.report import KINDS, MOST_CURVES, summary, telling, write_report
-from aoro_gym.diagnosis.result import PHASES, VERDICTS, Cause, Interval
+from aoro_gym.diagnosis.result import PHASES, VERDICTS, Cause, Interval, Place
 from aoro_gym.diagnosis.words import gone, probability, readable, shown, spoken, title
 from aoro_gym.twin.effects import EFFECTS
 from tests.diagnosis.diagnoses import BARE, CAUSE, DIAGNOSES, SIGNALS, curve
@@ -343,7 +343,7 @@ def test_experiments_and_calibration(tmp_path):
 def test_curves_have_their_errors_as_text(tmp_path):
     page = read(CAUSE, tmp_path, curves=True)
     assert len(page.alts) == MOST_CURVES
-    for one, alt in zip(telling(CAUSE.curves), page.alts, strict=True):
+    for one, alt in zip(telling(CAUSE.curves, CAUSE.where), page.alts, strict=True):
         assert readable(one.signal) in alt
         before, after = re.findall(r"by ([\d.]+)\W*(°|bar)", alt)
         for (text, unit), values in ((before, one.before), (after, one.after)):
@@ -358,6 +358,15 @@ def test_curves_with_the_largest_gap_are_shown_and_one_that_was_left_out():
     assert telling([]) == []
     partly = [replace(one, spread=np.where(np.arange(len(one.time)) < 3, np.nan, one.spread)) for one in seen]
     assert [one.manoeuvre for one in telling(partly)] == ["seen_4", "seen_3", "seen_2", "seen_1"]
+
+
+def test_what_calibration_absorbs_is_not_what_curves_show():
+    offset = curve("turn", "pressure_a", gap=50.0, left=50.0)
+    told = curve("turn", "joint_angle", gap=1.0, left=0.1)
+    other = curve("drive", "joint_angle", gap=9.0, left=9.0)
+    where = [Place("valve", phase, "joint_angle", "turn", 0.4) for phase in ("onset", "steady")]
+    assert telling([offset, other, told], where) == [told, offset, other]
+    assert telling([offset, other, told]) == [offset, other, told]
 
 
 def test_one_goes_on_with_the_machine_file_that_the_verdict_earns(verdict, page):
