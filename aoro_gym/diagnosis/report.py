@@ -385,9 +385,7 @@ def telling(curves: Sequence[Curve], where: Sequence[Place] = ()) -> list[Curve]
 
     A sensor that is off by a constant parts measured from simulated more than most causes do, and is none: what has the
     larger share of ``where`` comes first. The plain difference ranks what has none."""
-    shares: dict[tuple[str, str], float] = {}
-    for place in where:
-        shares[place.manoeuvre, place.signal] = shares.get((place.manoeuvre, place.signal), 0.0) + place.share
+    shares = summed(where, lambda place: (place.manoeuvre, place.signal))
 
     def gap(curve: Curve) -> tuple[float, float]:
         difference = float(np.nanmean(((curve.measured - curve.before) / curve.spread) ** 2))

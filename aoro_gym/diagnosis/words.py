@@ -6,7 +6,7 @@ Numbers stand in field units (:func:`readable_unit`) with the digits that they d
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -217,11 +217,13 @@ def sizes(cause: Cause) -> list[tuple[str, str, str]]:
     ]
 
 
-def summed(places: Iterable[Place]) -> dict[tuple[str, str], float]:
-    """Shares over all manoeuvres, by signal and phase."""
+def summed(
+    places: Iterable[Place], key: Callable[[Place], tuple[str, str]] = lambda place: (place.signal, place.phase)
+) -> dict[tuple[str, str], float]:
+    """Shares by a ``key``: by default over all manoeuvres, by signal and phase."""
     sums: dict[tuple[str, str], float] = {}
     for place in places:
-        sums[place.signal, place.phase] = sums.get((place.signal, place.phase), 0.0) + place.share
+        sums[key(place)] = sums.get(key(place), 0.0) + place.share
     return sums
 
 
