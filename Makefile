@@ -8,11 +8,11 @@ OUT ?= demo
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test lint format clean
+.PHONY: help install demo test test-all lint format clean
 .DELETE_ON_ERROR:
 
 help: ## show this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 install: $(VENV)/.core ## set up .venv with the package and its command line
 
@@ -21,6 +21,9 @@ demo: $(VENV)/.core ## validation, a controlled turn and a forest drive, as one 
 
 test: $(VENV)/.test ## run the tests, a file at a time on every core
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
+
+test-all: $(VENV)/.test ## the slow tests, too: many more mutated files, every command in a terminal
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder -m ""
 
 lint: $(VENV)/.dev ## check style (ruff) and types (pyright)
 	$(BIN)/ruff check .
