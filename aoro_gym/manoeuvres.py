@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -67,8 +67,8 @@ class Manoeuvre:
 
 
 @dataclass
-class Recording:
-    """What one twin did: ``time`` (F,) [s] and the twin's output channels (F,) in SI units."""
+class Recording(Mapping[str, NDArray[np.float64]]):
+    """What one twin did: ``time`` (F,) [s] and, by name, the twin's output channels (F,) in SI units."""
 
     manoeuvre: Manoeuvre
     time: NDArray[np.float64]
@@ -77,8 +77,11 @@ class Recording:
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         return self.channels[name]
 
-    def __contains__(self, name: str) -> bool:
-        return name in self.channels
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.channels)
+
+    def __len__(self) -> int:
+        return len(self.channels)
 
 
 class TwinLost(RuntimeError):

@@ -15,7 +15,7 @@ from aoro_gym.envs.randomisation import Draws, Randomisation
 from aoro_gym.envs.terms import ObservationTerm, RewardTerm
 from aoro_gym.terrains import Plane, Terrain
 from aoro_gym.twin import Machine
-from aoro_gym.twin.records import Output, State
+from aoro_gym.twin.records import Output, State, row_of
 
 Terrains = Plane | tuple[Terrain, ...]
 """What the twins stand on: one plane, or terrains to choose from."""
@@ -56,11 +56,7 @@ class Outputs:
 
 def channel_row(channel: str) -> int:
     """Row of an output channel; ValueError that lists the channels if there is none of that name."""
-    try:
-        return int(Output[channel.upper()])
-    except KeyError:
-        known = ", ".join(row.name.lower() for row in Output)
-        raise ValueError(f"there is no output '{channel}'; choose one of: {known}") from None
+    return row_of(Output, channel, "output")
 
 
 def chosen(

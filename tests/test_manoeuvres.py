@@ -99,6 +99,12 @@ def test_a_broken_command_file_is_named_with_its_line(tmp_path, text, message):
         from_file(path)
 
 
+def test_a_recording_is_a_mapping_of_channel_names(left_turn):
+    assert list(left_turn) == list(left_turn.channels) and len(left_turn) == len(left_turn.channels)
+    assert "joint_angle" in left_turn and 0 not in left_turn
+    assert dict(left_turn)["joint_angle"] is left_turn["joint_angle"] is left_turn.channels["joint_angle"]
+
+
 def test_a_recording_covers_the_manoeuvre(left_turn, machine):
     np.testing.assert_allclose(np.diff(left_turn.time), 1e-3)
     before = left_turn.time <= STANDSTILL

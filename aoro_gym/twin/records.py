@@ -5,6 +5,7 @@ loads of neighbouring twins coalesce.
 """
 
 # pyright: reportGeneralTypeIssues=false
+import difflib
 from enum import IntEnum
 from typing import Any
 
@@ -159,6 +160,9 @@ Output: Any = IntEnum(
     start=0,
 )
 
+CHANNELS = tuple(output.name.lower() for output in Output)
+"""Names of all outputs, in the order of their rows."""
+
 OUTPUT_UNITS: dict[str, str] = {}
 for _output in Output:
     _name = _output.name.lower()
@@ -180,6 +184,17 @@ for _output in Output:
         OUTPUT_UNITS[_name] = "N m"
     else:
         OUTPUT_UNITS[_name] = "1"
+
+
+def row_of(rows: type[IntEnum], name: Any, what: str) -> int:
+    """Row of ``name``, ``what`` it is called; ValueError that lists the names if there is none such."""
+    try:
+        return int(rows[name.upper()])
+    except (KeyError, AttributeError):
+        known = [row.name.lower() for row in rows]
+        near = difflib.get_close_matches(str(name), known, n=1)
+        hint = f": did you mean '{near[0]}'? Choose" if near else "; choose"
+        raise ValueError(f"there is no {what} '{name}'{hint} one of: {', '.join(known)}") from None
 
 
 STIFFEST_MOUNT = 2e8

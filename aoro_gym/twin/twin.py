@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from aoro_gym.terrains.terrain import Terrain
 from aoro_gym.twin import kernels
 from aoro_gym.twin.grounds import Grounds
 from aoro_gym.twin.parameters import Machine
-from aoro_gym.twin.records import COMMAND_BOUNDS, Command, MachineRecord, Output, State, pack
+from aoro_gym.twin.records import CHANNELS, COMMAND_BOUNDS, Command, MachineRecord, Output, State, pack, row_of
 
 LONGEST_COMMAND_DELAY = 0.1
 """Upper bound [s] of ``steering.valve.command_delay``; that much of the steering command is kept."""
@@ -39,23 +38,45 @@ STATUS = {kernels.NON_FINITE: "its state became non-finite"}
 """Reasons for which a twin is frozen, by status code (0: running)."""
 
 
-@dataclass(frozen=True)
-class Trace:
-    """Sampled outputs of one :meth:`Twin.step`.
+class UnknownChannel(KeyError):
+    """A trace has no channel of that name."""
 
-    ``time`` [s] has shape (frames,); ``trace[name]`` (frames, num_twins), SI units as in ``OUTPUT_UNITS``.
+    def __str__(self) -> str:
+        return str(self.args[0])  # a KeyError's own text is quoted
+
+
+@dataclass(frozen=True, eq=False)
+class Trace(Mapping[str, npt.NDArray[np.float32]]):
+    """Sampled outputs of one :meth:`Twin.step`: a mapping of channel names to arrays (frames, num_twins).
+
+    SI units as in ``OUTPUT_UNITS``; a name that is not there raises a KeyError that lists the channels.
     """
 
     time: npt.NDArray[np.float64]
-    values: npt.NDArray[Any]  # float32, (frames, channels, num_twins)
+    """(frames,) [s]."""
+    samples: npt.NDArray[Any]
+    """All channels in their order, float32, (frames, channels, num_twins)."""
 
     @property
     def channels(self) -> tuple[str, ...]:
         """Names of all channels."""
-        return tuple(output.name.lower() for output in Output)
+        return CHANNELS
 
     def __getitem__(self, channel: str) -> npt.NDArray[np.float32]:
-        return self.values[:, _row(Output, channel, "output")]
+        try:
+            return self.samples[:, row_of(Output, channel, "output")]
+        except ValueError as error:
+            raise UnknownChannel(str(error)) from None
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(CHANNELS)
+
+    def __len__(self) -> int:
+        return len(CHANNELS)
+
+    # arrays have no one truth value: a trace is compared by identity
+    __eq__ = object.__eq__
+    __hash__ = object.__hash__  # pyright: ignore[reportAssignmentType]
 
 
 class Twin:
@@ -235,7 +256,7 @@ class Twin:
         """
         rows: dict[int, npt.NDArray[np.float32]] = {}
         for name, value in commands.items():
-            row = _row(Command, name, "command")
+            row = row_of(Command, name, "command")
             low, high, _ = COMMAND_BOUNDS[name]
             array = np.asarray(value, dtype=np.float32)
             if array.shape not in ((), (self.num_twins,)):
@@ -276,8 +297,8 @@ class Twin:
         self.advance(duration, sample_every=sample_every)
         if start is None or sample_every is None:
             return None
-        values = self._outputs.numpy().copy()
-        return Trace(time=start + sample_every * np.arange(1, len(values) + 1), values=values)
+        samples = self._outputs.numpy().copy()
+        return Trace(time=start + sample_every * np.arange(1, len(samples) + 1), samples=samples)
 
     def advance(self, duration: float = 0.02, *, sample_every: float | None = None) -> None:
         """Advance all twins under the commands that :attr:`commands` holds, unchecked, and copy nothing to the host.
@@ -440,7 +461,7 @@ class Twin:
 
     def output(self, channel: str) -> npt.NDArray[np.float32]:
         """Last value of an output channel, SI, shape (num_twins,); zero before the first step."""
-        return self._outputs.numpy()[-1, _row(Output, channel, "output")]
+        return self._outputs.numpy()[-1, row_of(Output, channel, "output")]
 
     @property
     def status(self) -> npt.NDArray[Any]:
@@ -467,14 +488,6 @@ def cores() -> int:
 @cache
 def _threads() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(cores(), thread_name_prefix="twin")
-
-
-def _row(rows: type[IntEnum], name: str, what: str) -> int:
-    try:
-        return int(rows[name.upper()])
-    except KeyError:
-        known = ", ".join(row.name.lower() for row in rows)
-        raise ValueError(f"there is no {what} '{name}'; choose one of: {known}") from None
 
 
 def _check_count(what: str, count: int, num_twins: int) -> None:

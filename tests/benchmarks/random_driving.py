@@ -46,7 +46,7 @@ def day(hours: float, twins: int, ground: str, device: str, seed: int) -> dict:
         for _, reason in lost:
             reasons[reason] = reasons.get(reason, 0) + 1
         running = twin.status == 0
-        if not np.isfinite(trace.values[..., running]).all():
+        if not np.isfinite(trace.samples[..., running]).all():
             raise SystemExit("an output is not a number, but its twin runs")
         fastest = max(fastest, float(np.abs(trace["speed"][:, running]).max(initial=0.0)))
         over = np.maximum(np.abs(trace["roll"][-1]), np.abs(trace["pitch"][-1])) > 1.2

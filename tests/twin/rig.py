@@ -42,7 +42,7 @@ def drive(twin: Twin, *phases: tuple[float, Mapping[str, Any]], sample_every: fl
     stepped = [twin.step(commands, duration, sample_every=sample_every) for duration, commands in phases]
     traces = [trace for trace in stepped if trace is not None]
     rows = {name: row for row, name in enumerate(traces[0].channels)}
-    return Log(np.concatenate([t.time for t in traces]), np.concatenate([t.values for t in traces]), rows)
+    return Log(np.concatenate([t.time for t in traces]), np.concatenate([t.samples for t in traces]), rows)
 
 
 def all_wheels(prefix: str, value: Any) -> dict[str, Any]:

@@ -185,7 +185,7 @@ def test_random_driving_loses_nothing_without_a_name(machine):
         commands = {name: rng.uniform(-1.0, 1.0, count) for name in names}
         trace = twin.step({**commands, "gear": rng.integers(1, 4, count)}, 1.0, sample_every=0.1)
         assert trace is not None
-        assert np.all(np.isfinite(trace.values))
+        assert np.all(np.isfinite(trace.samples))
     frozen = np.flatnonzero(twin.status)
     assert [(index, STATUS[int(twin.status[index])]) for index in frozen] == twin.lost
     assert len(frozen) == 0

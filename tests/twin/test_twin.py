@@ -43,7 +43,7 @@ def test_bad_arguments_are_named(arguments, message):
         ({"drive_signal": np.zeros(2)}, r"drive_signal has shape \(2,\), but must be a scalar or \(3,\)"),
         ({"gear": 4}, "gear is 4"),
         ({"gear": 1.5}, r"gear is 1\.5, but must be one of 1, 2, 3"),
-        ({"steer": 0.0}, "there is no command 'steer'; choose one of: steering_signal"),
+        ({"steer": 0.0}, "there is no command 'steer'.* one of: steering_signal"),
     ],
 )
 def test_bad_commands_are_named_and_change_nothing(commands, message):
@@ -119,7 +119,7 @@ def test_a_twin_does_not_depend_on_its_neighbours():
         one = Twin(1, machine=machine.set({key: settings[i]}, si=True))
         alone = one.step({"steering_signal": signals[i]}, 0.4, sample_every=0.01)
         assert alone is not None
-        assert np.array_equal(alone.values[:, :, 0], trace.values[:, :, i])
+        assert np.array_equal(alone.samples[:, :, 0], trace.samples[:, :, i])
 
 
 def test_one_long_launch_equals_many_short_ones():
@@ -146,10 +146,33 @@ def test_trace_samples_the_end_of_every_interval():
     tenth = coarse.step({"steering_signal": 1.0}, 0.06, sample_every=0.01)
     assert every is not None and tenth is not None
     assert np.allclose(tenth.time, 0.01 * np.arange(1, 7), rtol=0.0, atol=1e-12)
-    assert np.array_equal(tenth.values, every.values[9::10])
+    assert np.array_equal(tenth.samples, every.samples[9::10])
     assert np.array_equal(coarse.output("joint_angle"), tenth["joint_angle"][-1])
     with pytest.raises(ValueError, match="there is no output 'joint'"):
-        tenth["joint"]
+        coarse.output("joint")
+
+
+def test_a_trace_is_a_mapping_of_channel_names():
+    twin = Twin(2)
+    trace = twin.step({"steering_signal": 1.0}, 0.03, sample_every=0.01)
+    assert trace is not None
+    assert list(trace) == list(trace.keys()) == list(trace.channels) == list(OUTPUT_UNITS)
+    assert len(trace) == len(Output)
+    assert "pitch" in trace and "nothing" not in trace and 3 not in trace
+    copied = dict(trace)
+    for row, (name, samples) in enumerate(trace.items()):
+        assert samples.shape == (3, 2)
+        assert np.array_equal(samples, trace.samples[:, row]) and np.array_equal(copied[name], samples)
+    assert [samples.shape for samples in trace.values()] == [(3, 2)] * len(trace)
+    assert trace.get("nothing") is None
+    assert trace == trace and trace != twin.step({}, 0.03, sample_every=0.01)
+    with pytest.raises(KeyError) as error:
+        trace["ptich"]
+    assert str(error.value).startswith(
+        "there is no output 'ptich': did you mean 'pitch'? Choose one of: steering_signal,"
+    )
+    with pytest.raises(KeyError, match="there is no output '7'; choose one of: steering_signal"):
+        trace[7]  # pyright: ignore[reportArgumentType]
 
 
 def test_a_non_finite_twin_is_frozen_and_named_while_the_others_go_on():
