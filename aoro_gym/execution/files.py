@@ -1,0 +1,103 @@
+"""Files that are written whole or not at all, whatever ends the process while it writes."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+PARTIAL = ".partial"
+"""In the name of a file that is being written; see :func:`remove_partial_files`."""
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """Yield a temporary path beside ``path`` to write to; it becomes ``path`` when the context ends well.
+
+    The file reaches the disk before it takes its name, so that a crash, a full disk, Ctrl-C or a power cut leave what was
+    there before. Missing folders are made. The temporary name keeps the suffix, by which many writers pick their format.
+
+    Raises:
+        OSError: names ``path`` if the disk is full or the file cannot be written.
+    """
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}{PARTIAL}{path.suffix}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield temporary
+        _flush_to_disk(temporary)
+        os.replace(temporary, path)
+        _flush_to_disk(path.parent)
+    except OSError as error:
+        _remove(temporary)
+        if error.errno is None or error.filename not in (None, str(temporary)):
+            raise
+        raise OSError(error.errno, error.strerror, str(path)) from error
+    except BaseException:  # Ctrl-C, too
+        _remove(temporary)
+        raise
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write ``content`` to ``path``, whole or not at all; see :func:`written_whole`."""
+    with written_whole(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write ``text`` to ``path`` in UTF-8, whole or not at all; see :func:`written_whole`."""
+    write_bytes(path, text.encode())
+
+
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write ``content`` whole or not at all; ``ValueError`` if it holds a number that JSON has not."""
+    write_text(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Read a JSON object; ``ValueError`` that names the file if it holds none."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except RecursionError:
+        raise ValueError(f"{path} is not JSON: it is nested too deeply; restore it, or name another file") from None
+    except ValueError as error:  # no JSON, no UTF-8, or an integer of too many digits
+        raise ValueError(f"{path} is not JSON: {error}; restore it, or name another file") from None
+    if not isinstance(content, dict):
+        raise ValueError(f"{path} holds no JSON object; restore it, or name another file")
+    return content
+
+
+def check_writable(path: Path) -> None:
+    """``ValueError`` unless a file can be written to ``path``; folders that are missing can be made."""
+    if path.is_dir():
+        raise ValueError(f"{path} is a folder; name a file in it")
+    parent = next(parent for parent in path.absolute().parents if parent.exists())
+    if not parent.is_dir():
+        raise ValueError(f"{path} cannot be written: {parent} is a file, not a folder")
+    if not os.access(path if path.exists() else parent, os.W_OK):
+        raise ValueError(f"{path} cannot be written: no permission for {path if path.exists() else parent}")
+
+
+def remove_partial_files(folder: Path) -> None:
+    """Remove what killed processes left unfinished in ``folder`` and below; only for who holds the folder's lock."""
+    for path in folder.rglob(f".*{PARTIAL}*"):
+        _remove(path)
+
+
+def _remove(path: Path) -> None:
+    with suppress(OSError):
+        path.unlink()
+
+
+def _flush_to_disk(path: Path) -> None:
+    """Wait until the file's, or the folder's, content has reached the disk."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    except OSError:
+        if path.is_file():
+            raise  # a full disk may show only here; some file systems cannot flush folders
+    finally:
+        os.close(handle)

@@ -1,0 +1,113 @@
+"""What the results in a folder follow from, so that work that goes on there is the work that was begun.
+
+A folder's record names every input, in words or by its digest, the versions of the libraries and the sources of the package.
+An input that is another one now is refused by its name: what was computed with it would be mixed with what comes. So is
+changed code, unless the user accepts it, which the record then tells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from aoro_gym.execution.digest import digest, sources, versions
+from aoro_gym.execution.files import read_json, write_json
+
+PROVENANCE = "provenance.json"
+"""The record's name in a folder of results."""
+DIGEST = "sha256 "
+"""What the text of a value that is too long to be shown begins with."""
+NAMED = 3
+"""Changes that a message names; it counts the others."""
+
+
+class ChangedInput(ValueError):
+    """What is asked for now differs from what the folder was begun with."""
+
+
+class ChangedCode(ValueError):
+    """The package or a library differs from what the folder was begun with."""
+
+
+def check_provenance(
+    file: Path, inputs: Mapping[str, Any], *, restart: str = "--restart", accept_code_change: bool = False
+) -> None:
+    """Write the record ``file`` of new work, or check that the work it tells of is what ``inputs`` ask for.
+
+    Args:
+        file: The record, usually :data:`PROVENANCE` in the folder of the results, whose lock is held.
+        inputs: By name, everything that the results depend on: plain values, mappings of such, arrays, objects, and
+            :class:`~aoro_gym.execution.digest.Contents` of files.
+        restart: What a user does to begin anew, for the message.
+        accept_code_change: Whether to go on with other code or versions, which is then recorded.
+
+    Raises:
+        ChangedInput: names the inputs that differ, with both values where they are short.
+        ChangedCode: names files and versions that differ.
+        TypeError: an input cannot be told from others.
+    """
+    asked = dict(_described("", inputs))
+    code = {
+        "versions": dict(versions()),
+        "sources": {name: f"{DIGEST}{value}" for name, value in sources().items()},
+    }
+    if not file.exists():
+        write_json(file, {"inputs": asked, **code, "accepted_code_changes": []})
+        return
+    record = read_json(file)
+    changes = list(_differences(_mapping(record, "inputs"), asked))
+    if changes:
+        raise ChangedInput(f"{file.parent} was begun with other inputs: {_listed(changes)}; {restart} begins anew")
+    changes = [change for key in ("versions", "sources") for change in _differences(_mapping(record, key), code[key])]
+    if not changes:
+        return
+    if not accept_code_change:
+        raise ChangedCode(
+            f"{file.parent} was begun with other code: {_listed(changes)}; --accept-code-change goes on and records it,"
+            f" {restart} begins anew"
+        )
+    accepted = [*record.get("accepted_code_changes", []), {"at": _now(), "changes": changes}]
+    write_json(file, {"inputs": asked, **code, "accepted_code_changes": accepted})
+
+
+def _described(name: str, value: Any) -> Iterator[tuple[str, str]]:
+    """Each part of an input by its dotted name: short plain values in words, all else by its digest."""
+    if isinstance(value, Mapping) and value and all(isinstance(key, str) for key in value):
+        for key, part in value.items():
+            yield from _described(f"{name} {key}".strip(), part)
+    elif isinstance(value, bool | int | float | str) or value is None:
+        text = repr(value)
+        yield name, text if len(text) <= 60 else f"{DIGEST}{digest(value)[:16]}"
+    else:
+        yield name, f"{DIGEST}{digest(value)[:16]}"
+
+
+def _differences(before: Mapping[str, str], now: Mapping[str, str]) -> Iterator[str]:
+    for name in sorted({*before, *now}):
+        if before.get(name) == now.get(name):
+            continue
+        values = [source.get(name, "absent") for source in (before, now)]
+        if all(value.startswith(DIGEST) for value in values):
+            yield f"{name} has changed"
+        else:
+            yield f"{name} was {_shown(values[0])}, is {_shown(values[1])}"
+
+
+def _shown(value: str) -> str:
+    return "another" if value.startswith(DIGEST) else value
+
+
+def _listed(changes: list[str]) -> str:
+    more = len(changes) - NAMED
+    return ", ".join(changes[:NAMED]) + (f", and {more} more" if more > 0 else "")
+
+
+def _mapping(record: Mapping[str, Any], key: str) -> Mapping[str, str]:
+    found = record.get(key)
+    return found if isinstance(found, Mapping) else {}
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")

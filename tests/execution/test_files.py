@@ -1,0 +1,104 @@
+"""Files are written whole or not at all."""
+
+import errno
+import os
+import resource
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from aoro_gym.execution.files import read_json, remove_partial_files, write_json, write_text, written_whole
+
+
+def test_new_content_replaces_the_old_at_once(tmp_path: Path):
+    path = tmp_path / "made" / "table.csv"
+    write_text(path, "old")
+    with written_whole(path) as temporary:
+        temporary.write_text("new")
+        assert path.read_text() == "old"
+        assert temporary.suffix == ".csv"
+    assert path.read_text() == "new"
+    assert [file.name for file in path.parent.iterdir()] == ["table.csv"]
+
+
+@pytest.mark.parametrize("fault", [ValueError, KeyboardInterrupt])
+def test_an_interrupted_write_leaves_what_was_there(tmp_path: Path, fault: type[BaseException]):
+    path = tmp_path / "a.json"
+    write_text(path, "old")
+    with pytest.raises(fault), written_whole(path) as temporary:
+        temporary.write_text("half of the n")
+        raise fault
+    assert path.read_text() == "old"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_full_disk_leaves_what_was_there_and_names_the_file(tmp_path: Path):
+    """A limit on the size of files stands in for the disk; the kernel reports it as it reports a full one."""
+    path = tmp_path / "big.json"
+    write_text(path, "old")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+        with pytest.raises(OSError) as caught:
+            write_json(path, {"text": "x" * 10_000})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, handler)
+    assert caught.value.errno == errno.EFBIG
+    assert caught.value.filename == str(path)
+    assert path.read_text() == "old"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_killed_writer_leaves_what_was_there(tmp_path: Path):
+    path = tmp_path / "a.csv"
+    write_text(path, "old")
+    script = (
+        "import os, signal, sys; from pathlib import Path; from aoro_gym.execution.files import written_whole\n"
+        "with written_whole(Path(sys.argv[1])) as temporary:\n"
+        "    temporary.write_text('half'); os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script, str(path)], check=False)
+    assert done.returncode == -signal.SIGKILL
+    assert path.read_text() == "old"
+    assert len(list(tmp_path.iterdir())) == 2
+    remove_partial_files(tmp_path)
+    assert [file.name for file in tmp_path.iterdir()] == ["a.csv"]
+
+
+def test_files_get_the_usual_permissions(tmp_path: Path):
+    path = tmp_path / "a.txt"
+    mask = os.umask(0o022)
+    try:
+        write_text(path, "x")
+    finally:
+        os.umask(mask)
+    assert path.stat().st_mode & 0o777 == 0o644
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"[" * 100_000 + b"]" * 100_000, "nested too deeply"),
+        (b'{"a": ' + b"1" * 10_000 + b"}", "is not JSON"),
+        (b'{"a": "\xff"}', "is not JSON"),
+        (b"[1, 2]", "holds no JSON object"),
+        (b'{"a": 1', "is not JSON"),
+    ],
+)
+def test_foreign_json_is_one_error_that_names_the_file(tmp_path: Path, content: bytes, says: str):
+    path = tmp_path / "a.json"
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=says) as caught:
+        read_json(path)
+    assert str(path) in str(caught.value)
+
+
+def test_json_without_numbers_for_nan(tmp_path: Path):
+    with pytest.raises(ValueError):
+        write_json(tmp_path / "a.json", {"a": float("nan")})
+    assert list(tmp_path.iterdir()) == []
