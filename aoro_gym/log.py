@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from aoro_gym.sensors.chain import SAMPLE_RATE, sample
 from aoro_gym.sensors.joint_angle import JointAngleSensor
 from aoro_gym.sensors.pressure import PressureSensor
+from aoro_gym.twin.records import COMMAND_BOUNDS
 
 RATE = SAMPLE_RATE
 """Samples a second [Hz] of the machine's logger."""
@@ -92,7 +93,8 @@ def log_columns(
 ) -> dict[str, NDArray]:
     """The columns of a log, 100 samples a second, from channels in SI units over ``time`` [s].
 
-    A sample is the last state at or before its time, as a logger without an anti-alias filter takes it.
+    A sample is the last state at or before its time, as a logger without an anti-alias filter takes it. A command's is the
+    one that holds from that time on, as everything that reads logs takes it.
 
     Args:
         time: Instants [s] (F,).
@@ -105,18 +107,20 @@ def log_columns(
     si = {name: sample(instants, np.asarray(values, dtype=np.float64))[1] for name, values in channels.items()}
 
     columns: dict[str, NDArray] = {"time_s": ticks}
-    if "steering_signal" in si:
-        columns["steering_signal"] = si["steering_signal"]
-        columns["steering_signal_V"] = voltage_from_signal(si["steering_signal"])
-    if "drive_signal" in si:
-        columns["drive_signal"] = si["drive_signal"]
+    # between two instants acts the command that stands at the later one
+    begins = np.searchsorted(instants, ticks + 1e-6 / RATE, side="right").clip(max=len(instants) - 1)
+    for name in COMMAND_BOUNDS:
+        if name in channels:
+            columns[name] = np.asarray(channels[name], dtype=np.float64)[begins]
+            if name == "steering_signal":
+                columns["steering_signal_V"] = voltage_from_signal(columns[name])
     streams = [None] * len(_MEASURED) if rng is None else rng.spawn(len(_MEASURED))  # one a column, whichever there are
     for (column, channel, size), stream in zip(_MEASURED, streams, strict=True):
         if channel in si:
             measured = si[channel] if stream is None else _measured(channel, instants, channels[channel], stream)
             columns[column] = measured / size
     for channel, values in si.items():
-        if channel not in ("time", "steering_signal", "drive_signal"):
+        if channel != "time" and channel not in COMMAND_BOUNDS:
             unit, size = field_unit(channel)
             columns[f"true_{channel}_{unit}" if unit else f"true_{channel}"] = values / size
     return columns

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.log import MEASURED_COLUMNS, RATE, Table, read_table, signal_from_voltage
-from aoro_gym.twin.records import COMMAND_BOUNDS
+from aoro_gym.twin.records import CHANNELS, COMMAND_BOUNDS
 
 if TYPE_CHECKING:
     from aoro_gym.twin import Twin
@@ -68,7 +68,7 @@ class Manoeuvre:
 
 @dataclass
 class Recording(Mapping[str, NDArray[np.float64]]):
-    """What one twin did: ``time`` (F,) [s] and, by name, the twin's output channels (F,) in SI units."""
+    """What one twin did: ``time`` (F,) [s] and, by name, its outputs (F,) in SI units and the manoeuvre's commands."""
 
     manoeuvre: Manoeuvre
     time: NDArray[np.float64]
@@ -205,7 +205,10 @@ def run(
     rest_steps, done = 0, 0
 
     twin.reset(joint_angle=manoeuvre.start_angle)
+    held = {name: initial for name, (_, _, initial) in COMMAND_BOUNDS.items()}
+    told = {name for segment in manoeuvre.segments for name in segment.commands} - set(CHANNELS)
     for segment in manoeuvre.segments:
+        held |= segment.commands
         left = segment.steps
         while left and rest_steps * main_step < SETTLE:
             steps = min(chunk, left)
@@ -218,6 +221,8 @@ def run(
             times.append(trace.time[kept])
             for name in trace.channels:
                 rows.setdefault(name, []).append(trace[name][kept, 0].astype(np.float64))
+            for name in told:
+                rows.setdefault(name, []).append(np.full(len(trace.time[kept]), held[name]))
             left -= steps
             done += steps
             if manoeuvre.stop_angle is not None:

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from aoro_gym import log
-from aoro_gym.twin.records import OUTPUT_UNITS
+from aoro_gym.manoeuvres import from_file, run
+from aoro_gym.twin import Machine, Twin
+from aoro_gym.twin.records import COMMAND_BOUNDS, OUTPUT_UNITS
 
 SI_OF_FIELD_UNIT = {
     "bar": "Pa",
@@ -50,7 +52,8 @@ def test_columns_are_sampled_at_100_hz_in_field_units():
     columns = log.log_columns(time, channels)
     np.testing.assert_allclose(columns["time_s"], np.arange(1, 101) / 100)
     np.testing.assert_allclose(columns["joint_angle_rad"], columns["time_s"])
-    np.testing.assert_allclose(columns["steering_signal_V"], np.where(columns["time_s"] > 0.5, 0.5, 2.5))
+    # the signal steps at 0.5 s: the row of that time has the new one, which holds from there on
+    np.testing.assert_allclose(columns["steering_signal_V"], np.where(columns["time_s"] > 0.495, 0.5, 2.5))
     np.testing.assert_allclose(columns["pressure_a_bar"], 2.0)
     np.testing.assert_allclose(columns["engine_speed_rpm"], 300.0)
     np.testing.assert_allclose(columns["wheel_speed_fl_rad_per_s"], -columns["time_s"])
@@ -93,6 +96,30 @@ def test_a_sample_is_the_last_state_at_or_before_its_time():
     columns = log.log_columns(time, {"spool": np.array([1.0, 2.0, 3.0])})
     np.testing.assert_allclose(columns["time_s"], [0.01, 0.02])
     np.testing.assert_allclose(columns["true_spool"], [1.0, 3.0])
+
+
+def test_every_command_of_a_manoeuvre_is_logged_and_drives_the_same_again(tmp_path):
+    """A log driven again commands at every instant from its first row on what the manoeuvre did."""
+    commands = tmp_path / "commands.csv"
+    commands.write_text("time_s,drive_signal,arm_fl,gear,traction_rr\n0,0,0,2,1\n0.1,0.5,-0.3,2,0\n0.3,0.2,0,2,1\n")
+    twin = Twin(1, machine=Machine.load("aoro"))
+    plan = from_file(commands, duration=0.4)
+    path = tmp_path / "drive.csv"
+    recording = run(twin, plan)
+    log.write_log(path, log.log_columns(recording.time, recording.channels))
+    again = from_file(path)
+    for time in (0.015, 0.095, 0.105, 0.295, 0.305, 0.385):
+        assert _held(again, time) == pytest.approx(_held(plan, time) | {"steering_signal": 0.0}), time
+
+
+def _held(plan, time):
+    """Commands of a manoeuvre at a time [s], the ones at rest where it names none."""
+    begin, held = 0.0, {name: COMMAND_BOUNDS[name][2] for name in ("drive_signal", "arm_fl", "gear", "traction_rr")}
+    for segment in plan.segments:
+        if begin <= time:
+            held |= segment.commands
+        begin += segment.steps * plan.main_step
+    return held
 
 
 def test_too_short_for_a_sample():
