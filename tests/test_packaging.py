@@ -24,8 +24,8 @@ LINKED = ("envs", "terrains", "agents")
 
 TOOLS = {"log", "figures", "manoeuvres", "report"}
 STUDIES = {"validation", "calibration", "diagnosis"}
-EVERYONE_SEES = {"execution"}
-"""Knows nothing of physics, and imports no other part."""
+EVERYONE_SEES = {"execution", "recording"}
+"""Know nothing of physics, and import no other part."""
 MAY_SEE = {
     # data flows terrains -> twin -> sensors -> envs -> agents; studies see twin and sensors, never envs or agents,
     # and agents may use what studies find
@@ -34,6 +34,7 @@ MAY_SEE = {
     "execution": set(),
     "kept": set(),
     "lazy": set(),
+    "recording": set(),
     "style": set(),
     "terrains": {"lazy", "style"},
     "twin": {"terrains"},
