@@ -1,7 +1,8 @@
 """One content digest for everything that is kept: two inputs have the same digest if, and only if, they are the same.
 
 Values are told apart by type, shape and bits; files by their contents, never by their names; functions and classes by their
-source. What cannot be told apart raises ``TypeError``, so that nothing is ever found under a digest that leaves it out.
+source, and those that are no part of this package also by the global names and modules that they use. What cannot be told
+apart raises ``TypeError``, so that nothing is ever found under a digest that leaves it out.
 """
 
 from __future__ import annotations
@@ -13,9 +14,10 @@ import platform
 import struct
 import sys
 import types
+from abc import ABC
 from collections.abc import Iterator, Mapping, Set
-from dataclasses import dataclass, fields, is_dataclass
-from functools import cache, partial
+from dataclasses import dataclass, field, fields, is_dataclass
+from functools import cache, cached_property, partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path, PurePath
 from typing import Any
@@ -24,7 +26,9 @@ import numpy as np
 
 import aoro_gym
 
-LIBRARIES = ("gymnasium", "numpy", "scipy", "stable-baselines3", "skrl", "torch", "trimesh", "warp-lang")
+LIBRARIES = (
+    "gymnasium", "numpy", "optuna", "ray", "scipy", "stable-baselines3", "skrl", "torch", "trimesh", "warp-lang",
+)  # fmt: skip
 """Whose versions change what is computed."""
 
 
@@ -48,9 +52,12 @@ def digest(*parts: Any) -> str:
         OSError: a file cannot be read.
     """
     total = hashlib.sha256()
-    for token in _tokens(parts, []):
-        total.update(struct.pack("<Q", len(token)))
-        total.update(token)
+    try:
+        for token in _tokens(parts, _Around()):
+            total.update(struct.pack("<Q", len(token)))
+            total.update(token)
+    except RecursionError:
+        raise TypeError("what is nested so deeply cannot be told from others") from None
     return total.hexdigest()
 
 
@@ -79,83 +86,194 @@ def versions() -> dict[str, str]:
     return found
 
 
-def _tokens(value: Any, inside: list[int]) -> Iterator[bytes]:
-    """Bytes that tell ``value`` from all others; ``inside`` are the containers around it."""
+@dataclass
+class _Around:
+    """What was met on the way to a value."""
+
+    containers: list[int] = field(default_factory=list)
+    """Identities of what the value is in, outermost first: it may hold a reference to one of them."""
+    code: dict[int, tuple[int, Any]] = field(default_factory=dict)
+    """Functions, classes and modules by identity, numbered: many name one another."""
+
+
+def _tokens(value: Any, around: _Around) -> Iterator[bytes]:
+    """Bytes that tell ``value`` from all others."""
     if value is None or isinstance(value, bool | int | str | bytes | PurePath | complex):
         yield f"{type(value).__name__}:".encode() + (value if isinstance(value, bytes) else str(value).encode())
     elif isinstance(value, float):
         yield b"float:" + struct.pack("<d", value)
-    elif isinstance(value, np.generic | np.ndarray):
-        yield from _array_tokens(np.asarray(value))
     elif isinstance(value, Contents):
         yield from _file_tokens(value.path)
-    elif id(value) in inside:
-        yield f"again:{len(inside) - inside.index(id(value))}".encode()  # a reference to what is around it
+    elif id(value) in around.containers:
+        yield f"again:{len(around.containers) - around.containers.index(id(value))}".encode()
+    elif id(value) in around.code:
+        yield f"code:{around.code[id(value)][0]}".encode()
     else:
-        inside.append(id(value))
-        yield from _compound_tokens(value, inside)
-        inside.pop()
+        if isinstance(value, type | types.FunctionType | types.ModuleType):
+            around.code[id(value)] = len(around.code), value
+        around.containers.append(id(value))
+        yield from _compound_tokens(value, around)
+        around.containers.pop()
 
 
-def _compound_tokens(value: Any, inside: list[int]) -> Iterator[bytes]:
-    if isinstance(value, Mapping):
-        yield f"mapping:{len(value)}".encode()
+def _compound_tokens(value: Any, around: _Around) -> Iterator[bytes]:
+    if isinstance(value, np.generic | np.ndarray):
+        yield from _array_tokens(value, around)
+    elif isinstance(value, Mapping):
+        yield from _kind_tokens(value, "mapping", around)
+        yield f"{len(value)}".encode()
         for key, key_digest in sorted(((key, digest(key)) for key in value), key=lambda pair: pair[1]):
             yield key_digest.encode()
-            yield from _tokens(value[key], inside)
+            yield from _tokens(value[key], around)
     elif isinstance(value, Set):
-        yield f"set:{len(value)}".encode()
+        yield from _kind_tokens(value, "set", around)
+        yield f"{len(value)}".encode()
         yield from sorted(digest(item).encode() for item in value)
     elif isinstance(value, list | tuple):
-        yield f"{type(value).__name__}:{len(value)}".encode()
+        yield from _kind_tokens(value, type(value).__name__, around)
+        yield f"{len(value)}".encode()
         for item in value:
-            yield from _tokens(item, inside)
-    elif is_dataclass(value) and not isinstance(value, type):
-        yield _qualified(type(value)).encode()
-        for field in fields(value):
-            yield field.name.encode()
-            yield from _tokens(getattr(value, field.name), inside)
-    elif isinstance(value, type | types.FunctionType | types.MethodType | types.BuiltinFunctionType | partial):
-        yield from _code_tokens(value, inside)
+            yield from _tokens(item, around)
+    elif isinstance(value, type):
+        yield from _class_tokens(value, around)
+    elif isinstance(value, types.FunctionType | types.MethodType | types.BuiltinFunctionType | np.ufunc | partial):
+        yield from _function_tokens(value, around)
+    elif isinstance(value, types.ModuleType):
+        yield from _module_tokens(value)
+    elif is_dataclass(value):
+        yield from _class_tokens(type(value), around)
+        for name, part in _state(value).items():
+            yield name.encode()
+            yield from _tokens(part, around)
     elif hasattr(value, "detach") and hasattr(value, "numpy"):
-        yield from _array_tokens(value.detach().cpu().numpy())  # a tensor
+        yield from _array_tokens(value.detach().cpu().numpy(), around)  # a tensor
     else:
-        yield from _object_tokens(value, inside)
+        yield from _object_tokens(value, around)
 
 
-def _array_tokens(array: np.ndarray) -> Iterator[bytes]:
+def _kind_tokens(value: Any, kind: str, around: _Around) -> Iterator[bytes]:
+    """What a container is; of one of an own class, that and what it holds beside its items."""
+    if not _is_own(type(value)):
+        yield kind.encode()
+        return
+    yield from _class_tokens(type(value), around)
+    yield from _tokens(getattr(value, "__dict__", None), around)
+
+
+def _array_tokens(array: Any, around: _Around) -> Iterator[bytes]:
+    if isinstance(array, np.ma.MaskedArray):
+        yield b"masked"
+        yield from _array_tokens(np.ma.getmaskarray(array), around)
+        array = array.filled(0) if array.dtype.names is None else array.data
+    array = np.asarray(array)
     if array.dtype.hasobject:
         yield f"objects:{array.shape}".encode()
         for item in array.ravel().tolist():
-            yield from _tokens(item, [])
+            yield from _tokens(item, around)
     else:
-        yield f"array:{array.dtype.str}:{array.shape}".encode()
+        kind = array.dtype.str if array.dtype.names is None else repr(array.dtype.descr)
+        yield f"array:{kind}:{array.shape}".encode()
         yield np.ascontiguousarray(array).tobytes()
 
 
-def _code_tokens(value: Any, inside: list[int]) -> Iterator[bytes]:
-    """A function by its source, defaults and what it closes over; a class by its source and its bases'."""
+def _state(value: Any) -> dict[str, Any]:
+    """Fields of a dataclass's instance and whatever else was set on it, less what it has calculated from them."""
+    names = (one.name for one in fields(value) if hasattr(value, one.name))
+    return {name: getattr(value, name) for name in names} | _uncalculated(value, getattr(value, "__dict__", {}))
+
+
+def _uncalculated(value: Any, state: Mapping[str, Any]) -> dict[str, Any]:
+    kept = {
+        name for base in type(value).__mro__ for name, what in vars(base).items() if isinstance(what, cached_property)
+    }
+    return {name: part for name, part in state.items() if name not in kept}
+
+
+def _class_tokens(value: type, around: _Around) -> Iterator[bytes]:
+    """A class by its name and, of its own bases and itself, source and attributes."""
+    yield f"class:{_qualified(value)}".encode()
+    for base in value.__mro__:
+        if not _is_own(base):
+            continue
+        yield _source(base)
+        if _is_ours(base):  # all of the package's sources are in code_digest()
+            continue
+        for name, part in sorted(vars(base).items()):
+            part = _defined(part)
+            if isinstance(part, types.FunctionType) or not (name.startswith("__") or isinstance(part, _STORAGE)):
+                yield name.encode()
+                yield from _tokens(part, around)
+
+
+_STORAGE = types.MemberDescriptorType | types.GetSetDescriptorType | types.WrapperDescriptorType | type(ABC._abc_impl)  # pyright: ignore[reportAttributeAccessIssue]
+"""Attributes of a class that are how Python keeps its instances, not its state."""
+
+
+def _defined(part: Any) -> Any:
+    """The function of a method, property or the like; anything else as it is."""
+    if isinstance(part, staticmethod | classmethod):
+        return part.__func__
+    if isinstance(part, property):
+        return part.fget
+    return part.func if isinstance(part, cached_property) else part
+
+
+def _function_tokens(value: Any, around: _Around) -> Iterator[bytes]:
+    """A function by its source, its code, its defaults, what it closes over, and the global names that it looks up."""
     if isinstance(value, partial):
         yield b"partial"
-        yield from _tokens((value.func, value.args, value.keywords), inside)
+        yield from _tokens((value.func, value.args, value.keywords), around)
     elif isinstance(value, types.MethodType):
         yield b"method"
-        yield from _tokens((value.__func__, value.__self__), inside)
-    elif isinstance(value, type):
-        yield f"class:{_qualified(value)}".encode()
-        for base in value.__mro__:
-            if _is_own(base):
-                yield _source(base)
+        yield from _tokens((value.__func__, value.__self__), around)
     elif isinstance(value, types.FunctionType):
         yield f"function:{_qualified(value)}".encode()
         yield _source(value)
-        cells = tuple(cell.cell_contents for cell in value.__closure__ or ())
-        yield from _tokens((value.__defaults__, value.__kwdefaults__, cells), inside)
+        yield from _code_tokens(value.__code__)
+        cells = tuple(_content(cell) for cell in value.__closure__ or ())
+        yield from _tokens((value.__defaults__, value.__kwdefaults__, cells), around)
+        if _is_own(value) and not _is_ours(value):
+            for name in sorted(_names(value.__code__) & value.__globals__.keys()):
+                yield name.encode()
+                yield from _tokens(value.__globals__[name], around)
     else:
         yield f"builtin:{_qualified(value)}".encode()
+        of = getattr(value, "__self__", None)
+        if not isinstance(of, types.ModuleType):
+            yield from _tokens(of, around)
 
 
-def _object_tokens(value: Any, inside: list[int]) -> Iterator[bytes]:
+def _content(cell: Any) -> Any:
+    try:
+        return cell.cell_contents
+    except ValueError:  # not yet filled
+        return None
+
+
+def _code_tokens(code: types.CodeType) -> Iterator[bytes]:
+    """Two functions on one line have one source; their code differs."""
+    yield code.co_code + repr((code.co_names, code.co_varnames, code.co_freevars)).encode()
+    for constant in code.co_consts:
+        if isinstance(constant, types.CodeType):
+            yield from _code_tokens(constant)
+        else:
+            yield from _tokens(constant, _Around())
+
+
+def _names(code: types.CodeType) -> set[str]:
+    """Names that a function, and the functions within it, look up."""
+    inner = (constant for constant in code.co_consts if isinstance(constant, types.CodeType))
+    return {*code.co_names}.union(*(_names(one) for one in inner))
+
+
+def _module_tokens(module: types.ModuleType) -> Iterator[bytes]:
+    yield f"module:{module.__name__}".encode()
+    file = getattr(module, "__file__", None)
+    if file is not None and _is_own_file(file) and not module.__name__.startswith(f"{aoro_gym.__name__}."):
+        yield from _file_tokens(Path(file))
+
+
+def _object_tokens(value: Any, around: _Around) -> Iterator[bytes]:
     """Any other object by its class and the state that it would be copied with."""
     try:
         made = value.__reduce_ex__(2)
@@ -164,11 +282,14 @@ def _object_tokens(value: Any, inside: list[int]) -> Iterator[bytes]:
     yield f"object:{_qualified(type(value))}".encode()
     if isinstance(made, str):
         yield made.encode()
+        yield from _tokens(getattr(value, "__wrapped__", None), around)  # such as a function whose results are kept
         return
-    yield from _code_tokens(type(value), inside)
-    _, arguments, state, items, pairs = (*made, None, None, None)[:5]
+    yield from _class_tokens(type(value), around)
+    maker, arguments, state, items, pairs = (*made, None, None, None)[:5]
+    yield _qualified(maker).encode()
     arguments = [item for item in arguments or () if item is not type(value)]
-    yield from _tokens((arguments, state, list(items or ()), list(pairs or ())), inside)
+    state = _uncalculated(value, state) if isinstance(state, dict) else state
+    yield from _tokens((arguments, state, list(items or ()), list(pairs or ())), around)
 
 
 def _file_tokens(path: Path) -> Iterator[bytes]:
@@ -191,21 +312,30 @@ def _files_below(root: Path) -> Iterator[tuple[str, Path]]:
 
 
 def _qualified(value: Any) -> str:
-    return f"{getattr(value, '__module__', '')}.{getattr(value, '__qualname__', repr(value))}"
+    name = getattr(value, "__qualname__", None) or getattr(value, "__name__", None) or repr(value)
+    return f"{getattr(value, '__module__', '')}.{name}"
 
 
-def _is_own(base: type) -> bool:
-    """Whether a class is neither Python's nor a library's, whose versions count instead."""
-    module = sys.modules.get(base.__module__)
+def _is_own(value: Any) -> bool:
+    """Whether a class or function is neither Python's nor a library's, whose versions count instead."""
+    module = sys.modules.get(value.__module__ or "")
+    if module is None or module.__name__ == "__main__":  # a file that was loaded by hand, or a prompt
+        return True
     file = getattr(module, "__file__", None)
-    return base.__module__ == "__main__" or (
-        file is not None and "site-packages" not in file and not file.startswith(os.path.dirname(os.__file__))
-    )
+    return file is not None and _is_own_file(file)
+
+
+def _is_own_file(file: str) -> bool:
+    return "site-packages" not in file and not file.startswith(os.path.dirname(os.__file__))
+
+
+def _is_ours(value: Any) -> bool:
+    """Whether a class or function is this package's."""
+    return f"{value.__module__}.".startswith(f"{aoro_gym.__name__}.")
 
 
 def _source(value: Any) -> bytes:
     try:
         return inspect.getsource(value).encode()
     except (OSError, TypeError):  # typed at a prompt, or compiled
-        code = getattr(value, "__code__", None)
-        return b"" if code is None else code.co_code + repr(code.co_consts).encode()
+        return b""

@@ -9,6 +9,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+LOCK = ".lock"
+"""In a folder that one process at a time writes into; see :mod:`aoro_gym.execution.locking`."""
 PARTIAL = ".partial"
 """In the name of a file that is being written; see :func:`remove_partial_files`."""
 
@@ -81,9 +83,15 @@ def check_writable(path: Path) -> None:
 
 
 def remove_partial_files(folder: Path) -> None:
-    """Remove what killed processes left unfinished in ``folder`` and below; only for who holds the folder's lock."""
-    for path in folder.rglob(f".*{PARTIAL}*"):
-        _remove(path)
+    """Remove what killed processes left unfinished in ``folder`` and below; only for who holds the folder's lock.
+
+    Folders below that are locked on their own are left alone: another process may be writing there.
+    """
+    for place, names, files in os.walk(folder):
+        names[:] = [name for name in names if not (Path(place) / name / LOCK).exists()]
+        for name in files:
+            if name.startswith(".") and PARTIAL in name:
+                _remove(Path(place) / name)
 
 
 def _remove(path: Path) -> None:

@@ -13,10 +13,10 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from aoro_gym.execution.files import remove_partial_files, write_json
+from aoro_gym.execution.files import LOCK, remove_partial_files, write_json
 
-LOCK, HOLDER = ".lock", ".lock.json"
-"""In a locked folder: the file that is locked, and who holds it."""
+HOLDER = ".lock.json"
+"""In a locked folder: who holds it."""
 
 
 class FolderInUse(ValueError):

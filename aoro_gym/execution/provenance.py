@@ -19,6 +19,8 @@ PROVENANCE = "provenance.json"
 """The record's name in a folder of results."""
 DIGEST = "sha256 "
 """What the text of a value that is too long to be shown begins with."""
+SHOWN = 60
+"""Characters of a value that is shown, at most."""
 NAMED = 3
 """Changes that a message names; it counts the others."""
 
@@ -72,16 +74,38 @@ def check_provenance(
     write_json(file, {"inputs": asked, **code, "accepted_code_changes": accepted})
 
 
+def changed_inputs(file: Path, inputs: Mapping[str, Any]) -> list[str]:
+    """What of ``inputs`` differs from the record ``file``, in words; inputs that are not asked about do not count.
+
+    Raises OSError if there is no record, ValueError if it is damaged.
+    """
+    before = _mapping(read_json(file), "inputs")
+    asked = dict(_described("", inputs))
+    about = {key: value for key, value in before.items() if any(f"{key} ".startswith(f"{name} ") for name in inputs)}
+    return list(_differences(about, asked))
+
+
 def _described(name: str, value: Any) -> Iterator[tuple[str, str]]:
     """Each part of an input by its dotted name: short plain values in words, all else by its digest."""
     if isinstance(value, Mapping) and value and all(isinstance(key, str) for key in value):
         for key, part in value.items():
             yield from _described(f"{name} {key}".strip(), part)
-    elif isinstance(value, bool | int | float | str) or value is None:
-        text = repr(value)
-        yield name, text if len(text) <= 60 else f"{DIGEST}{digest(value)[:16]}"
+    elif _is_plain(value) and len(text := _text(value)) <= SHOWN:
+        yield name, text
     else:
         yield name, f"{DIGEST}{digest(value)[:16]}"
+
+
+def _is_plain(value: Any) -> bool:
+    if isinstance(value, list | tuple):
+        return all(map(_is_plain, value))
+    return isinstance(value, bool | int | float | str) or value is None
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_text, value))}]"
+    return repr(float(value) if isinstance(value, float) else value)
 
 
 def _differences(before: Mapping[str, str], now: Mapping[str, str]) -> Iterator[str]:

@@ -37,6 +37,16 @@ def test_what_a_killed_holder_left_unfinished_is_removed(tmp_path: Path):
         assert [file.name for file in (tmp_path / "deep").iterdir()] == ["policy.json"]
 
 
+def test_what_is_being_written_in_a_folder_of_its_own_lock_stays(tmp_path: Path):
+    """A run of its own writes there, while this one begins in the folder around it."""
+    with locked(tmp_path / "seed_1"):
+        (tmp_path / "seed_1" / ".policy.77.partial.json").write_text("half")
+        with locked(tmp_path):
+            assert (tmp_path / "seed_1" / ".policy.77.partial.json").exists()
+    with locked(tmp_path / "seed_1"):
+        assert not (tmp_path / "seed_1" / ".policy.77.partial.json").exists()
+
+
 def test_a_process_may_lock_its_folder_again(tmp_path: Path):
     script = (
         "import sys; from pathlib import Path; from aoro_gym.execution.locking import FolderInUse, locked\n"

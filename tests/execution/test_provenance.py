@@ -3,11 +3,12 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from aoro_gym.execution import provenance
 from aoro_gym.execution.digest import Contents, sources
-from aoro_gym.execution.provenance import ChangedCode, ChangedInput, check_provenance
+from aoro_gym.execution.provenance import ChangedCode, ChangedInput, changed_inputs, check_provenance
 
 
 def test_the_same_inputs_go_on(tmp_path: Path):
@@ -53,3 +54,24 @@ def test_changed_code_is_named_and_may_be_accepted(tmp_path: Path, monkeypatch: 
     accepted = json.loads(file.read_text())["accepted_code_changes"]
     assert accepted[0]["changes"] == ["twin/kernels.py has changed"]
     check_provenance(file, {"seed": 3})  # the new code is what the folder goes on with
+
+
+def test_short_lists_are_shown_and_numbers_of_every_kind_are_numbers(tmp_path: Path):
+    file = tmp_path / "provenance.json"
+    check_provenance(file, {"net_arch": [64, 64], "rate": np.float64(0.5)})
+    check_provenance(file, {"net_arch": (64, 64), "rate": 0.5})
+    with pytest.raises(ChangedInput, match=r"net_arch was \[64, 64\], is \[64, 32\]"):
+        check_provenance(file, {"net_arch": [64, 32], "rate": 0.5})
+
+
+def test_some_inputs_are_compared_without_the_others(tmp_path: Path):
+    file = tmp_path / "provenance.json"
+    check_provenance(file, {"machine": {"mass": 1.0, "length": 2.0}, "machine_name": "a", "seed": 3})
+    assert changed_inputs(file, {"machine": {"mass": 1.0, "length": 2.0}}) == []
+    assert changed_inputs(file, {"machine": {"mass": 1.5}}) == [
+        "machine length was 2.0, is absent",
+        "machine mass was 1.0, is 1.5",
+    ]
+    assert changed_inputs(file, {"seed": 4}) == ["seed was 3, is 4"]
+    with pytest.raises(FileNotFoundError):
+        changed_inputs(tmp_path / "none.json", {})
