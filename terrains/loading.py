@@ -25,10 +25,11 @@ from aoro_gym.terrains.frame import GroundRule, Request
 from aoro_gym.terrains.ground import Ground
 from aoro_gym.terrains.ground_filter import ground_points
 from aoro_gym.terrains.heights import Heights
-from aoro_gym.terrains.read_cloud import read_las, read_text
+from aoro_gym.terrains.read_las import read_las
 from aoro_gym.terrains.read_mesh import read_mesh
 from aoro_gym.terrains.read_raster import SUFFIXES as RASTERS
 from aoro_gym.terrains.read_raster import read_heights, read_raster
+from aoro_gym.terrains.read_text_cloud import read_text
 from aoro_gym.terrains.repair import drop_pieces, fill_holes, remove_spikes
 from aoro_gym.terrains.terrain import LARGEST_COORDINATE, Terrain
 
