@@ -1644,9 +1644,11 @@ def _machine(name: str, settings: list[str] | None, factors: list[str] | None) -
     values, scales = _assignments("--set", settings), _assignments("--scale", factors)
     for key in values.keys() & scales.keys():
         raise ValueError(f"{key} is given to both --set and --scale; give one")
-    if values:
-        chosen = chosen.set(values)
-    return chosen.scale(scales) if scales else chosen
+    chosen = chosen.set(values, check_ranges=False) if values else chosen
+    chosen = chosen.scale(scales, check_ranges=False) if scales else chosen
+    for message in chosen.outside_ranges([*values, *scales]).values():
+        _err().print(f"[yellow]warning:[/] {escape(message)}", soft_wrap=True, highlight=False)
+    return chosen
 
 
 def _logs_in(path: Path) -> list[Path]:

@@ -127,8 +127,8 @@ class Draws:
                 scale[key] = scale.get(key, 1.0) * self.ground_friction
         try:
             if self.machine:
-                machine = machine.set(self.machine)
-            return machine.scale(scale) if scale else machine
+                machine = machine.set(self.machine, check_ranges=False)
+            return machine.scale(scale, check_ranges=False) if scale else machine
         except ValueError as error:
             raise ValueError(
                 f"randomisation drew a machine that cannot be: {error}; narrow that key's range"
@@ -140,7 +140,7 @@ def variants(machine: Machine, indices: NDArray[np.intp]) -> Machine:
     if machine.num_variants == 1:
         return machine
     batched = {key: entry.value for key, entry in machine.entries.items() if isinstance(entry.value, np.ndarray)}
-    return machine.set({key: value[indices] for key, value in batched.items()})
+    return machine.set({key: value[indices] for key, value in batched.items()}, check_ranges=False)
 
 
 def _checked(name: str, span: Any, lowest: float, highest: float) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -26,6 +27,7 @@ from aoro_gym.envs.terms import observations_of, rewards_of
 from aoro_gym.sensors.attitude import angles_of
 from aoro_gym.terrains import Plane, Terrain
 from aoro_gym.twin import Machine, Twin
+from aoro_gym.twin.parameters import InvalidMachine, OutsideRangeWarning, shortened
 from aoro_gym.twin.records import WHEELS, Command
 from aoro_gym.twin.twin import STATUS
 
@@ -154,6 +156,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         """Where the arrays live that the task calculates with."""
         self._own_machines = own_machines
         self._machine_changed = np.zeros(self.num_envs, dtype=bool)
+        self._warned_of: set[str] = set()  # parameters outside of their ranges
         self._done = np.ones(self.num_envs, dtype=bool)  # the host knows who waits for a reset
         with self.arrays.ordered():
             self._allocate()
@@ -295,23 +298,51 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         """Machines of the sub-environments ``where`` for their next episode, handed to the twins where they changed."""
         asked = options.get("machine")
         if asked is not None:
-            if not isinstance(asked, Mapping):
-                raise ValueError(f"options['machine'] is {asked!r}, but must map dotted keys to values")
-            if not self._own_machines:
-                raise ValueError("options['machine'] needs a machine for every twin: drop own_machines=False")
-            values = {}
-            for key, value in asked.items():
-                array = np.asarray(value)
-                if array.shape not in ((), (self.num_envs,)):
-                    raise ValueError(
-                        f"options['machine'][{key!r}] has shape {array.shape}, but must be a number or ({self.num_envs},)"
-                    )
-                values[key] = array[where] if array.ndim else value
-            machine = machine.set(values)
+            machine = self._asked_machines(where, machine, asked)
         varied = bool(asked) or self.task.randomisation.varies_machine
         if varied or self._machine_changed[where].any():
             self.twin.set_machines(where, machine)
         self._machine_changed[where] = varied
+        return machine
+
+    def _asked_machines(self, where: NDArray[np.intp], machine: Machine, asked: Any) -> Machine:
+        """``machine`` with the values of ``options["machine"]``: checked, and named by key and sub-environment."""
+        if not isinstance(asked, Mapping):
+            raise ValueError(f"options['machine'] is {shortened(asked)}, but must map dotted keys to values")
+        if not self._own_machines:
+            raise ValueError("options['machine'] needs a machine for every twin: drop own_machines=False")
+        values = {}
+        for key, value in asked.items():
+            try:
+                array = np.asarray(value)
+            except (TypeError, ValueError, RuntimeError):  # ragged lists, tensors of a device
+                array = np.asarray(None)
+            if array.shape not in ((), (self.num_envs,)):
+                raise ValueError(
+                    f"options['machine'][{key!r}] has shape {array.shape}, but must be a number or ({self.num_envs},)"
+                )
+            if array.dtype.kind not in "iuf":
+                raise ValueError(
+                    f"options['machine'][{key!r}] is {shortened(value)}, but must be a number or ({self.num_envs},) numbers"
+                )
+            values[key] = array[where] if array.ndim else array.item()
+
+        lone = f" of sub-environment {where[0]}" if len(where) == 1 < self.num_envs else ""
+        option = f"options['machine']{lone}"
+
+        def called(index: int) -> str:
+            return f" of sub-environment {where[index]}"
+
+        try:
+            machine = machine.set(values, check_ranges=False)
+        except InvalidMachine as error:
+            raise ValueError(f"{option}: {error.told(called)}") from None
+        except ValueError as error:
+            raise ValueError(f"{option}: {error}") from None
+        for key, message in machine.outside_ranges(values, called).items():
+            if key not in self._warned_of:
+                warnings.warn(f"{option}: {message}", OutsideRangeWarning, stacklevel=2)
+                self._warned_of.add(key)
         return machine
 
     # ---- step --------------------------------------------------------------------------------------------------------

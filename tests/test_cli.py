@@ -91,6 +91,17 @@ def test_parameters_json_follows_set_and_scale():
     assert set(plain["oil.bulk_modulus"]) >= {"key", "value", "unit", "range", "role", "source"}
 
 
+def test_implausible_values_are_named_once_on_the_terminal():
+    result = call("parameters", "spool_time_constant", "--set", "steering.valve.spool_time_constant=5", "--json")
+    assert result.exit_code == 0
+    assert " ".join(result.stderr.split()) == (
+        "warning: steering.valve.spool_time_constant = 5 s: outside of its plausible range 0.008 to 0.06 s; "
+        "physically possible, so it is taken"
+    )
+    assert json.loads(result.stdout)[0]["value"] == 5.0
+    assert "warning" not in call("parameters", "spool_time", "--set", "steering.valve.spool_time_constant=0.02").output
+
+
 def test_simulate_writes_log_manifest_figures_and_plots(turn):
     path, shown = turn
     assert shown.exit_code == 0

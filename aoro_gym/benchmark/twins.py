@@ -21,7 +21,7 @@ def randomised(machine: Machine, count: int, seed: int) -> Machine:
     """``count`` variants of ``machine``: every parameter that is not known hardware, drawn for each."""
     rng = np.random.default_rng((seed, 2))
     uncertain = [p.key for p in machine.parameters() if p.role in ("nuisance", "both")]
-    return machine.scale({key: rng.uniform(1.0 - SPREAD, 1.0 + SPREAD, count) for key in uncertain})
+    return machine.scale({key: rng.uniform(1.0 - SPREAD, 1.0 + SPREAD, count) for key in uncertain}, check_ranges=False)
 
 
 def twins(

@@ -226,6 +226,8 @@ def _finished(space: Space, point: NDArray[np.float64]) -> Machine:
     machine = space.machine.set(values, source=FIGURES_SOURCE).levelled()
     out = machine.entries["steering.valve.nominal_drop_out_left"].value
     machine = machine.set(
-        {"steering.valve.nominal_drop_out_right": float(out)}, source="C: taken to be made like the left edge"
+        {"steering.valve.nominal_drop_out_right": float(out)},
+        source="C: taken to be made like the left edge",
+        check_ranges=False,
     )
     return meet_times_and_pressure(machine, ("left", "right"))

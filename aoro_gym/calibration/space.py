@@ -64,8 +64,8 @@ class Space:
         """Machine with one variant a point, (N, d); one point (d,) or (1, d) gives a plain machine."""
         values = np.atleast_2d(self.values(points))
         if len(values) == 1:
-            return self.machine.set({key: float(values[0, i]) for i, key in enumerate(self.keys)})
-        return self.machine.set({key: values[:, i] for i, key in enumerate(self.keys)})
+            return self.machine.set({key: float(values[0, i]) for i, key in enumerate(self.keys)}, check_ranges=False)
+        return self.machine.set({key: values[:, i] for i, key in enumerate(self.keys)}, check_ranges=False)
 
     def leaning(self, point: ArrayLike, margin: float = 0.01) -> list[tuple[str, str]]:
         """Parameters that lean on an end of their range: (key, "low" or "high")."""

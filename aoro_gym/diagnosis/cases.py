@@ -350,7 +350,7 @@ def _case(
     member = MACHINES / "ensemble" / f"{rng.choice(family.members)}.toml"
     plant = _varied(_loaded(member), rng, _built)
     baseline = _baseline(plant, rng) if level else {}
-    plant = plant.set(baseline)
+    plant = plant.set(baseline, check_ranges=False)
     commissioned = mode == "commissioned"
     spread = _moved if kind == "nuisance" else _wandering
     later = _varied(plant, rng, spread) if commissioned or kind == "nuisance" else plant
@@ -396,7 +396,8 @@ def _varied(machine: Machine, rng: np.random.Generator, spread: Callable[[Parame
         drawn = values + half * np.clip(rng.standard_normal(len(values)) / 1.96, -1.0, 1.0)
         drawn = np.clip(drawn, np.minimum(low, values), np.maximum(high, values))
         try:
-            return machine.set({entry.key: float(value) for entry, value in zip(uncertain, drawn, strict=True)})
+            values_by_key = {entry.key: float(value) for entry, value in zip(uncertain, drawn, strict=True)}
+            return machine.set(values_by_key, check_ranges=False)
         except ValueError as error:  # parts that do not fit together
             refused = str(error)
     raise ValueError(f"{TRIES} draws around machine {machine.name} all failed, the last by {refused}")

@@ -91,4 +91,6 @@ class Nuisances:
         what would leave a range stays at its end."""
         moved = np.flatnonzero(np.any(deviations != 0.0, axis=0))
         values = self.space.values(np.clip(self.place + self.std * deviations, 0.0, 1.0))
-        return self.machine.set({self.keys[i]: values[:, i] if len(values) > 1 else float(values[0, i]) for i in moved})
+        return self.machine.set(
+            {self.keys[i]: values[:, i] if len(values) > 1 else float(values[0, i]) for i in moved}, check_ranges=False
+        )

@@ -447,7 +447,7 @@ def _stacked(parts: Sequence[Variants | Request]) -> Machine:
             values[key] = np.empty(ends[-1])
             for place, value in zip(places, column, strict=True):
                 values[key][place] = value
-    return first.set(values)
+    return first.set(values, check_ranges=False)
 
 
 _PLANE = ("slope_deg", "direction_deg", "friction", "rolling_resistance")

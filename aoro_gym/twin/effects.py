@@ -216,7 +216,7 @@ class MachineEffect(Effect):
         changes = self.change(machine, *self._checked(magnitude))
         entries = machine.entries
         values = {key: entries[key].value + added / UNITS[entries[key].unit][1] for key, added in changes.items()}
-        return machine.set(values, source=f"effect {self.id}")
+        return machine.set(values, source=f"effect {self.id}", check_ranges=False)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,8 @@ forward, y left, z up; joint angle and steering positive to the left.
 
 import difflib
 import fnmatch
-from collections.abc import Iterator, Mapping
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from os import PathLike
@@ -16,7 +17,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.twin.machine_file import Parameter, read_machine, write_machine
 from aoro_gym.twin.quantities import UNITS, Declaration, Quantity, as_quantity, with_unit
@@ -34,6 +35,29 @@ from aoro_gym.twin.sections import (
     Tire,
     Wheel,
 )
+
+RANGE_SLACK = 1e-9
+"""Of a range's larger end [-]: values that are rounded at its ends lie within it."""
+
+
+class OutsideRangeWarning(UserWarning):
+    """A parameter is outside of its machine's plausible range, though within physical bounds."""
+
+
+class InvalidMachine(ValueError):
+    """Parameters that no machine can have; ``shown`` are those that the sentence is about, and at which variant."""
+
+    def __init__(self, shown: Sequence[tuple[Parameter, NDArray[np.bool_]]], sentence: str):
+        self.shown, self.sentence = tuple(shown), sentence
+        super().__init__(self.told())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return ValueError, (str(self),)  # what crosses processes is the message
+
+    def told(self, called: Callable[[int], str] | None = None) -> str:
+        """The message; ``called`` gives what follows a key for the variant of a number, by default ``[number]``."""
+        return ", ".join(_shown(entry, where, called) for entry, where in self.shown) + f": {self.sentence}"
+
 
 UNSAID: Mapping[str, tuple[float, tuple[float, float]]] = {
     "oil.gas_fraction": (0.005, (0.0, 0.02)),  # S18: 0.5 %
@@ -86,11 +110,18 @@ class Machine:
         si: bool = False,
         source: str | None = None,
         ranges: Mapping[str, tuple[float, float]] | None = None,
+        check_ranges: bool = True,
     ) -> "Machine":
-        """Machine with ``values`` by dotted key, each a number or shape (N,), in the file's unit or in SI.
+        """Machine with other values of some parameters.
 
-        ``source`` replaces the source of these parameters, say "calibrated on ...", and ``ranges`` (in the file's unit)
-        their ranges, say after a measurement. Raises ValueError.
+        Args:
+            values: By dotted key, each a number or shape (N,).
+            si: Whether they are in SI; by default in the file's unit.
+            source: Where they come from, say "calibrated on ..."; by default what it was.
+            ranges: Plausible ranges in the file's unit, say after a measurement; by default what they were.
+            check_ranges: Warn (:class:`OutsideRangeWarning`), once a parameter, of values outside of their plausible range.
+
+        Raises ValueError naming the key, its value and its bound.
         """
         entries = dict(self.entries)
         for key, value in values.items():
@@ -102,17 +133,44 @@ class Machine:
                 source=entry.source if source is None else source,
                 range=(ranges or {}).get(key, entry.range),
             )
-        return self._build(self.name, entries, self.entries)
+        machine = self._build(self.name, entries, self.entries)
+        if check_ranges:
+            for message in machine.outside_ranges(values).values():
+                warnings.warn(message, OutsideRangeWarning, stacklevel=2)
+        return machine
 
-    def scale(self, factors: Mapping[str, ArrayLike]) -> "Machine":
-        """Machine with the given parameters multiplied by ``factors``, each a number or shape (N,)."""
+    def scale(self, factors: Mapping[str, ArrayLike], *, check_ranges: bool = True) -> "Machine":
+        """Machine with the given parameters multiplied by ``factors``, each a number or shape (N,); see :meth:`set`."""
         scaled = {}
         for key, factor in factors.items():
             value, number = self._entry(key).value, _number(key, factor)
             if np.ndim(value) and np.ndim(number) and np.size(value) != np.size(number):
                 raise ValueError(f"{key} has {np.size(value)} variants, its factor {np.size(number)}; give as many")
             scaled[key] = value * number
-        return self.set(scaled)
+        machine = self.set(scaled, check_ranges=False)
+        if check_ranges:
+            for message in machine.outside_ranges(scaled).values():
+                warnings.warn(message, OutsideRangeWarning, stacklevel=2)
+        return machine
+
+    def outside_ranges(self, keys: Iterable[str], called: Callable[[int], str] | None = None) -> dict[str, str]:
+        """A sentence by key for each of the parameters ``keys`` that is outside of its plausible range.
+
+        ``called`` gives what follows a key for the variant of a number, by default ``[number]``.
+        """
+        messages = {}
+        for key in keys:
+            entry = self.entries[key]
+            low, high = entry.range
+            slack = RANGE_SLACK * max(abs(low), abs(high))
+            out = np.less(entry.value, low - slack) | np.greater(entry.value, high + slack)
+            if np.any(out):
+                others = f" (and {np.sum(out) - 1} more)" if np.sum(out) > 1 else ""
+                messages[key] = (
+                    f"{_shown(entry, out, called)}{others}: outside of its plausible range {low:g} to "
+                    f"{with_unit(high, entry.unit)}; physically possible, so it is taken"
+                )
+        return messages
 
     def levelled(self) -> "Machine":
         """Machine whose pivots are as high on its frames as lets the design ground plane lie on the ground at rest.
@@ -125,6 +183,7 @@ class Machine:
             {"arm.pivot_height": height},
             si=True,
             source="C: the calibrated machine stands level on its tires, arms at rest",
+            check_ranges=False,
         )
 
     def with_unsaid(self) -> "Machine":
@@ -229,15 +288,28 @@ def _component(kind: Any, prefix: str, entries: Mapping[str, Parameter]) -> Any:
 
 def _number(key: str, value: ArrayLike) -> Quantity:
     """``value`` as a float, or as an array of shape (N,) with N ≥ 2."""
-    array = np.array(value)
+    try:
+        array = np.array(value)
+    except (TypeError, ValueError, RuntimeError):  # ragged lists, tensors of a device
+        raise ValueError(
+            f"{key} = {shortened(value)}: must be a number, or an array of numbers in shape (N,)"
+        ) from None
     if array.dtype.kind not in "iuf":
-        raise ValueError(f"{key} = {value!r}: must be a number or an array of numbers")
+        raise ValueError(f"{key} = {shortened(value)}: must be a number or an array of numbers")
     if array.ndim > 1 or array.size == 0:
         raise ValueError(f"{key} has shape {array.shape}: give one number, or one a twin in shape (N,)")
     return as_quantity(array if array.size > 1 else array.item())
 
 
-def _unknown(key: str) -> str:
+def shortened(value: Any) -> str:
+    """``repr(value)``, at most 60 characters of it."""
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _unknown(key: Any) -> str:
+    if not isinstance(key, str):
+        return f"unknown parameter {key!r}: keys are dotted names, as in 'tire.friction_static'"
     near = difflib.get_close_matches(key, DECLARATIONS, n=1, cutoff=0.5)
     same_name = [known for known in DECLARATIONS if known.rsplit(".", 1)[-1] == key.rsplit(".", 1)[-1]]
     hint = [*near, *same_name][:1]
@@ -271,23 +343,24 @@ def _validated(entries: Mapping[str, Parameter], known: Mapping[str, Parameter])
             raise ValueError(f"{key}: unit {entry.unit!r} {problem}; use one of: {fitting}")
         admitted = declaration.admits(entry.si)
         if not np.all(admitted):
-            raise ValueError(f"{_shown(entry, ~admitted)}: must be finite and {declaration.bounds(entry.unit)}")
+            raise InvalidMachine([(entry, ~admitted)], f"must be finite and {declaration.bounds(entry.unit)}")
     _num_variants(entries)
     return {key: entries[key] for key in DECLARATIONS}
 
 
-def _shown(entry: Parameter, where: Any) -> str:
-    """``key = value unit`` of the first variant at which ``where`` holds."""
+def _shown(entry: Parameter, where: Any, called: Callable[[int], str] | None = None) -> str:
+    """``key = value unit`` of the first variant at which ``where`` holds; see :meth:`InvalidMachine.told`."""
     if isinstance(entry.value, np.ndarray):
         index = int(np.argmax(where))
-        return f"{entry.key}[{index}] = {with_unit(entry.value[index], entry.unit)}"
+        suffix = f"[{index}]" if called is None else called(index)
+        return f"{entry.key}{suffix} = {with_unit(entry.value[index], entry.unit)}"
     return f"{entry.key} = {with_unit(entry.value, entry.unit)}"
 
 
 def _require(machine: Machine, holds: Any, keys: list[str], sentence: str) -> None:
     if not np.all(holds):
         where = np.logical_not(holds)
-        raise ValueError(", ".join(_shown(machine.entries[key], where) for key in keys) + f": {sentence}")
+        raise InvalidMachine([(machine.entries[key], where) for key in keys], sentence)
 
 
 def _check_components(machine: Machine) -> None:

@@ -79,13 +79,14 @@ def stacked(machines: Sequence[Machine]) -> Machine:
     if not values:  # all alike: any array makes variants of them
         key = next(iter(first.entries))
         values[key] = np.full(sum(counts), first.entries[key].si)
-    return first.set(values, si=True)
+    return first.set(values, si=True, check_ranges=False)
 
 
 def repeated(machine: Machine, times: int) -> Machine:
     """The variants of ``machine`` one after the other, ``times`` over; a machine with one variant stays as it is."""
     return machine.set(
-        {key: np.tile(entry.value, times) for key, entry in machine.entries.items() if np.ndim(entry.value)}
+        {key: np.tile(entry.value, times) for key, entry in machine.entries.items() if np.ndim(entry.value)},
+        check_ranges=False,
     )
 
 
@@ -159,7 +160,7 @@ def motor_pressure_at(
         substeps: Hydraulic substeps a main step.
     """
     if not brake:
-        machine = machine.set({"driveline.brake.disc_torque": 0.0})
+        machine = machine.set({"driveline.brake.disc_torque": 0.0}, check_ranges=False)
     variants = machine.num_variants
     tried = np.array([0.2, 0.4, 0.6, 0.8, 1.0])
     batch = repeated(machine, len(tried))

@@ -1,5 +1,6 @@
 """Sub-environments are the single environment, to the bit; episodes end and begin as Gymnasium says."""
 
+import warnings
 from typing import Any
 
 import gymnasium
@@ -10,6 +11,8 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 from aoro_gym.envs import register_envs
 from aoro_gym.envs.turning import MILD, TurningEnv, TurningVectorEnv
+from aoro_gym.terrains import Plane
+from aoro_gym.twin import OutsideRangeWarning
 from aoro_gym.twin.records import State
 
 register_envs()
@@ -237,6 +240,33 @@ def test_machine_option_holds_for_one_episode():
     assert fast > 1.4 * slow
 
 
+@pytest.mark.parametrize("env_id", [TURNING, "AORO/PathTracking-v0"])
+def test_implausible_machines_are_named_once_by_key_and_sub_environment(env_id):
+    arguments: Any = {} if env_id == TURNING else {"terrain": Plane()}
+    env: Any = gymnasium.make_vec(env_id, num_envs=3, **arguments)
+    lag = "steering.valve.spool_time_constant"
+    with pytest.warns(OutsideRangeWarning) as caught:
+        env.reset(seed=0, options={"machine": {lag: [0.01, 0.01, 0.9], "wheel.mass": 215.0}})
+        env.reset(options={"machine": {lag: [0.8, 0.01, 0.9]}})  # once a key
+        env.reset(options={"machine": {"frame.front.mass": 9000.0}})
+    assert [str(warning.message).partition(";")[0] for warning in caught] == [
+        f"options['machine']: {lag} of sub-environment 2 = 0.9 s: outside of its plausible range 0.008 to 0.06 s",
+        "options['machine']: frame.front.mass = 9000 kg: outside of its plausible range 3200 to 4500 kg",
+    ]
+    with pytest.warns(OutsideRangeWarning, match=f"of sub-environment 1: {lag} = 0.7 s"):
+        other: Any = make(3)
+        mask = np.array([False, True, False])
+        other.reset(options={"machine": {lag: [0.01, 0.7, 0.01]}, "reset_mask": mask})
+
+
+def test_randomised_machines_pass_in_silence():
+    env = make(8, randomisation=MILD)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for seed in range(20):
+            env.reset(seed=seed)
+
+
 def turn_of_default():
     env = make(1)
     env.reset(options={"joint_angle": 0.0})
@@ -285,6 +315,28 @@ def test_wrong_arguments_are_named(arguments, message):
         ({"machine": 3}, "must map dotted keys to values"),
         ({"machine": {"steering.valve.colour": 1.0}}, "unknown parameter 'steering.valve.colour'"),
         ({"machine": {"joint.range": [38.0, 39.0, 40.0]}}, "shape \\(3,\\), but must be a number or \\(2,\\)"),
+        (
+            {"machine": {"joint.range": [[38.0], [39.0, 40.0]]}},
+            r"'joint.range'\] is \[\[38.*, but must be a number or \(2,\)",
+        ),
+        ({"machine": {"joint.range": "wide"}}, r"'joint.range'\] is 'wide', but must be a number or \(2,\) numbers"),
+        (
+            {"machine": {"joint.range": [True, False]}},
+            r"'joint.range'\] is \[True, False\], but must be a number or \(2,\)",
+        ),
+        (
+            {"machine": {"joint.rnge": 38.0}},
+            r"^options\['machine'\]: unknown parameter 'joint.rnge': did you mean 'joint.range'",
+        ),
+        ({"machine": {5: 38.0}}, r"^options\['machine'\]: unknown parameter 5: keys are dotted names"),
+        (
+            {"machine": {"wheel.mass": [220.0, -1.0]}},
+            r"^options\['machine'\]: wheel.mass of sub-environment 1 = -1 kg: must be finite and above 0 kg",
+        ),
+        (
+            {"machine": {"tire.stiffness": [400.0, 1.0]}, "reset_mask": np.array([False, True])},
+            r"^options\['machine'\] of sub-environment 1: .*tire.stiffness = 1 kN/m: the rear wheels cannot reach",
+        ),
     ],
 )
 def test_wrong_options_are_named(options, message):

@@ -1,7 +1,10 @@
 """The machine file and its parameters: units, validation, variants, round trip."""
 
+import copy
 import inspect
+import pickle
 import re
+import warnings
 from dataclasses import FrozenInstanceError, fields, is_dataclass
 from functools import cached_property
 from importlib.resources import files
@@ -11,8 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from aoro_gym.twin.effects import EFFECTS
 from aoro_gym.twin.machine_file import ROLES, bundled_machines
-from aoro_gym.twin.parameters import DECLARATIONS, UNSAID, Machine
+from aoro_gym.twin.parameters import DECLARATIONS, UNSAID, InvalidMachine, Machine, OutsideRangeWarning
 from aoro_gym.twin.quantities import UNITS
 
 BUNDLED = files("aoro_gym").joinpath("machines", "aoro_datasheet.toml").read_text(encoding="utf-8")
@@ -483,3 +487,61 @@ def test_files_that_are_not_there(tmp_path: Path) -> None:
 def test_another_unit_of_the_same_kind_is_welcome(tmp_path: Path) -> None:
     path = _edited(tmp_path, "steering.cylinder.dead_length", value="505", unit='"mm"', range="[490, 600]")
     assert Machine.load(path).steering.cylinder.dead_length == pytest.approx(0.505, rel=1e-14)
+
+
+# --- plausible ranges ---
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "shown"),
+    [
+        ("steering.valve.spool_time_constant", 1e6, " = 1e+06 s: outside of its plausible range 0.008 to 0.06 s"),
+        ("steering.valve.spool_time_constant", 0.07, " = 0.07 s: outside of its plausible range 0.008 to 0.06 s"),
+        ("frame.front.mass", 1.0, " = 1 kg: outside of its plausible range 3200 to 4500 kg"),
+        ("steering.pump.margin", 1e5, " = 100000 bar: outside of its plausible range 14 to 25 bar"),
+        ("steering.valve.spool_time_constant", [0.02, 0.5, 0.7], "[1] = 0.5 s (and 1 more): outside of its plausible"),
+    ],
+)
+def test_values_outside_of_their_plausible_range_are_named(key, value, shown) -> None:
+    with pytest.warns(OutsideRangeWarning) as caught:
+        machine = Machine.load("aoro").set({key: value, "wheel.mass": 215.0})
+    assert [str(warning.message).startswith(f"{key}{shown}") for warning in caught] == [True]
+    np.testing.assert_array_equal(machine.entries[key].value, value)  # taken all the same
+    with pytest.warns(OutsideRangeWarning, match=re.escape(shown.partition(":")[2])):
+        machine.scale({key: 1.01})
+
+
+def test_plausible_values_pass_in_silence(machine: Machine) -> None:
+    drawn = np.random.default_rng(0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for entry in machine.parameters():
+            if entry.role in ("nuisance", "both"):
+                for value in (*entry.range, entry.value, drawn.uniform(*entry.range)):
+                    try:
+                        machine.set({entry.key: value})
+                    except InvalidMachine:  # at this end parts do not fit together
+                        continue
+                machine.set({entry.key: machine.value(entry.key)}, si=True)  # rounded at the range's end
+        machine.set({"steering.valve.spool_time_constant": 0.5}, check_ranges=False)
+        machine.set({"steering.valve.spool_time_constant": 0.5}, ranges={"steering.valve.spool_time_constant": (0, 1)})
+        EFFECTS["spool_lag"].apply(machine, 0.06)  # leaves the range on purpose
+
+
+@pytest.mark.parametrize("value", [[[1.0], [2.0, 3.0]], {"a": 1}, [None, 1.0], "12", 1 + 2j, 10**400, [True, False]])
+def test_what_is_no_number_is_named(machine: Machine, value) -> None:
+    with pytest.raises(ValueError, match=r"^tire\.radius = .*: must be a number"):
+        machine.set({"tire.radius": value})
+
+
+def test_machines_are_copied_and_pickled(machine: Machine) -> None:
+    varied = machine.scale({"tire.stiffness": np.array([0.9, 1.0, 1.1])})
+    for made in (copy.deepcopy(varied), copy.copy(varied), pickle.loads(pickle.dumps(varied))):
+        assert made.num_variants == 3
+        for key, entry in varied.entries.items():
+            np.testing.assert_array_equal(made.entries[key].value, entry.value)
+            np.testing.assert_array_equal(made.value(key), varied.value(key))
+        assert made.rest.height == pytest.approx(varied.rest.height, abs=0.0)
+    with pytest.raises(ValueError, match=r"wheel\.mass = -1 kg") as refused:
+        machine.set({"wheel.mass": -1.0})
+    assert str(pickle.loads(pickle.dumps(refused.value))) == str(refused.value)
