@@ -9,6 +9,7 @@ import numpy as np
 from scipy import ndimage
 
 from aoro_gym.terrains.heights import Heights
+from aoro_gym.terrains.length_units import listed
 from aoro_gym.terrains.repair import EIGHT
 
 STEEPEST_DEG = 45.0
@@ -107,7 +108,7 @@ def measure(heights: Heights, report: Report) -> None:
     if area < SMALLEST_PIECE:
         raise TerrainError(
             f"{report.source}: its ground covers {area:.3g} m², but the vehicle needs at least {SMALLEST_PIECE:g} m²;"
-            f" if the unit is another one ({report.units}), say units=... (m, km, cm, mm, ft, us-ft or in)"
+            f" if the unit is another one ({report.units}), say units=... ({listed()})"
         )
     slope = np.degrees(np.arctan(heights.gradient()[covered]))
     report.ground_m2, report.ground_share = area, float(covered.mean())

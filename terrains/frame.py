@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from aoro_gym.terrains.check import Report, TerrainError
 from aoro_gym.terrains.extras import extra
-from aoro_gym.terrains.georeference import axis_unit, horizontal, utm_zone
+from aoro_gym.terrains.georeference import MOST_SCALE_ERROR, axis_unit, horizontal, scale_factors, utm_zone
 from aoro_gym.terrains.heights import MOST_NODES, grid_shape
+from aoro_gym.terrains.length_units import UNITS, Unit, listed, unit_named
 from aoro_gym.terrains.terrain import LARGEST_COORDINATE
 
-UNITS = {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048, "us-ft": 1200.0 / 3937.0, "in": 0.0254}
-"""Size [m] of the units that a file may count in."""
 UP = ("x", "y", "z")
 
 SMALLEST_EXTENT, LARGEST_EXTENT = 5.0, 20_000.0
@@ -32,6 +31,9 @@ FARTHEST = 1e12
 Array = NDArray[np.float64]
 Window = tuple[float, float, float, float]
 GroundRule = Literal["class", "filter", "all"]
+Known = Literal["asked", "declared", "format", "assumed", "settled"]
+"""How the unit of heights is known: said by the caller, by the file, fixed by the file's format, taken as that of the
+plan, or settled since by :mod:`~aoro_gym.terrains.plausibility`."""
 
 
 @dataclass(frozen=True)
@@ -47,13 +49,23 @@ class Request:
     hole_limit: float = 5.0
     spike_limit: float = 0.5
     ground: GroundRule | None = None
+    nodata: tuple[float, ...] | None = None
+    """Values that mean "unknown" beside those that the file declares; None: they are recognised."""
+    band: int | None = None
     progress: Callable[[float], None] | None = None
 
     def __post_init__(self) -> None:
         for key in ("units", "z_units"):
             value = getattr(self, key)
             if value is not None and value not in UNITS:
-                raise TerrainError(f"{key} = {value!r} is none of {', '.join(UNITS)}")
+                named = unit_named(value) if isinstance(value, str) else None
+                if named is None or named.name not in UNITS:
+                    raise TerrainError(f"{key} = {value!r} is none of {', '.join(UNITS)}")
+                object.__setattr__(self, key, named.name)
+        if self.band is not None and not (isinstance(self.band, int) and self.band >= 1):
+            raise TerrainError(f"band = {self.band!r} must be a positive integer: bands are counted from 1")
+        if self.nodata is not None and not all(isinstance(value, int | float) for value in self.nodata):
+            raise TerrainError(f"nodata = {self.nodata!r} must be numbers")
         if self.up is not None and self.up not in UP:
             raise TerrainError(f"up = {self.up!r} is none of {', '.join(UP)}")
         if self.ground not in (None, "class", "filter", "all"):
@@ -93,14 +105,22 @@ class Frame:
     high: Array
     crs: str | None
     projection: Any = None
-    """``pyproj.Transformer`` from degrees to ``crs``; None where the source is in metres or feet already."""
+    """``pyproj.Transformer`` from the source's system (degrees, or lengths that are not those of the ground) to ``crs``;
+    None where the source's lengths are those of the ground."""
+    source: Any = None
+    """The source's system (``pyproj.CRS``) where ``projection`` is one."""
+    before: float = 1.0
+    """Raw coordinates times this are in the unit of ``source``."""
+    z_known: Known = "assumed"
+    z_unit: str = "m"
+    """Name of the unit of heights."""
 
     def local(self, raw: Array) -> Array:
         """(N, 3) raw points in local coordinates."""
         points = turned(np.asarray(raw, dtype=np.float64), self.up)
         x, y = points[:, 0], points[:, 1]
         if self.projection is not None:
-            x, y = self.projection.transform(x, y)
+            x, y = self.projection.transform(x * self.before, y * self.before)
         plan = np.stack([x, y], axis=1) * self.scale - np.asarray(self.origin)
         return np.column_stack([plan, points[:, 2] * self.z_scale])
 
@@ -114,6 +134,22 @@ def turned(points: Array, up: str) -> Array:
     return points
 
 
+@dataclass(frozen=True)
+class _Plan:
+    """How raw x and y become metres, and the bounds [m] of the source."""
+
+    scale: float
+    text: str
+    low: Array
+    high: Array
+    system: Any = None
+    projection: Any = None
+    source: Any = None
+    before: float = 1.0
+    window: Window | None = None
+    """What is wanted, in the coordinates of ``low`` and ``high``."""
+
+
 def find_frame(
     request: Request,
     report: Report,
@@ -124,6 +160,7 @@ def find_frame(
     up: str = "z",
     crs: Any = None,
     unit: str | None = None,
+    z_unit: Unit | None = None,
 ) -> Frame:
     """The frame of points between ``raw_low`` and ``raw_high`` (3,); notes in ``report`` how each part is known.
 
@@ -136,6 +173,7 @@ def find_frame(
         up: Raw axis that points up.
         crs: What the file says of its coordinate system, as pyproj reads it.
         unit: Unit that the format fixes.
+        z_unit: Unit of the heights that the file declares beside its coordinate system.
     """
     corners = turned(np.stack([raw_low, raw_high]), up)
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -143,39 +181,128 @@ def find_frame(
         raise TerrainError(
             f"{report.source}: its coordinates reach from {low.tolist()} to {high.tolist()}; it is broken"
         )
-    given = request.crs if request.crs is not None else crs
-    system = horizontal(given) if given is not None else None
-    projection = None
-    if system is not None and system.is_geographic:
-        projection, system, low, high = _into_utm(report, system, low, high)
-        scale, plan_unit = 1.0, "degrees"
-        if request.units is not None:
-            raise TerrainError(
-                f"{report.source}: units = {request.units!r}, but its crs counts in degrees; drop one of the two"
-            )
-    elif request.units is not None:
-        scale, plan_unit = UNITS[request.units], f"{request.units} (as asked)"
-    elif system is not None:
-        scale = axis_unit(system)
-        plan_unit = f"{system.axis_info[0].unit_name} (of its crs)"
-    elif unit is not None:
-        scale, plan_unit = UNITS[unit], f"{unit} (of its format)"
-    else:
-        scale, plan_unit = _guess_scale(report, high - low, spacing)
-    z_scale, z_unit = _z_scale(request, report, given, scale, plan_unit)
-    report.units = plan_unit if z_unit == plan_unit else f"{plan_unit}; heights in {z_unit}"
-    low, high = low[:2] * scale, high[:2] * scale
-    low, high = _crop(request, report, low, high)
+    plan = _find_plan(request, report, low, high, spacing, crs, unit)
+    z_scale, z_name, known = _z_scale(request, report, crs, plan, unit, z_unit)
+    report.units = plan.text if z_name == plan.text else f"{plan.text}; heights in {z_name}"
+    low, high = _crop(request, report, plan)
     if max(np.abs(low).max(), np.abs(high).max()) > LARGEST_COORDINATE:
         middle = np.floor((low + high) / 2.0)
         origin = float(middle[0]), float(middle[1])
     else:
         origin = 0.0, 0.0
     name = None
-    if system is not None:
-        authority = system.to_authority(min_confidence=70)
-        name = ":".join(authority) if authority else system.to_wkt()
-    return Frame(up, scale, z_scale, origin, low - origin, high - origin, name, projection)
+    if plan.system is not None:
+        authority = plan.system.to_authority(min_confidence=70)
+        name = ":".join(authority) if authority else plan.system.to_wkt()
+    return Frame(
+        up,
+        plan.scale,
+        z_scale,
+        origin,
+        low - origin,
+        high - origin,
+        name,
+        plan.projection,
+        plan.source,
+        plan.before,
+        known,
+        z_name.split(" (")[0],
+    )
+
+
+def _find_plan(
+    request: Request, report: Report, low: Array, high: Array, spacing: float, crs: Any, unit: str | None
+) -> _Plan:
+    given = request.crs if request.crs is not None else crs
+    system = horizontal(given) if given is not None else None
+    if system is not None and system.is_geographic:
+        if request.units is not None:
+            raise TerrainError(
+                f"{report.source}: units = {request.units!r}, but its crs counts in degrees; drop one of the two"
+            )
+        return _into_utm(request, report, system, low, high)
+    if request.units is not None:
+        scale, text = UNITS[request.units], f"{request.units} (as asked)"
+    elif system is not None:
+        scale = axis_unit(system)
+        text = f"{system.axis_info[0].unit_name} (of its crs)"
+    elif unit is not None:
+        scale, text = UNITS[unit], f"{unit} (of its format)"
+    else:
+        scale, text = _guess_scale(report, high - low, spacing)
+    plan = _Plan(scale, text, low[:2] * scale, high[:2] * scale, system, window=request.window)
+    return plan if system is None else _on_the_ground(request, report, plan, high[:2] - low[:2])
+
+
+def _on_the_ground(request: Request, report: Report, plan: _Plan, size: Array) -> _Plan:
+    """``plan``, or the UTM zone of its place where lengths of its projection are not those of the ground."""
+    metre = axis_unit(plan.system)
+    inside = plan
+    if plan.window is not None and (cut := _cut(plan.low, plan.high, plan.window)) is not None:
+        inside = replace(plan, low=cut[0], high=cut[1])
+    middle = (inside.low + inside.high) / 2.0 / metre
+    factors = scale_factors(plan.system, *middle)
+    if factors is None:
+        report.warnings.append(
+            f"({middle[0]:.6g}, {middle[1]:.6g}) is no place in {plan.system.name}: are the coordinates local ones, or"
+            " is it another crs (crs=...)?"
+        )
+        return plan
+    worst = max(factors, key=lambda factor: abs(np.log(factor)))
+    if abs(worst - 1.0) <= MOST_SCALE_ERROR:
+        return plan
+    pyproj = extra("pyproj", "a change of coordinates")
+    place = pyproj.Transformer.from_crs(plan.system, "EPSG:4326", always_xy=True).transform(*middle)
+    if max(np.abs(plan.low).max(), np.abs(plan.high).max()) < 2.0 * LARGEST_COORDINATE and not _in_use(
+        plan.system, *place
+    ):
+        report.warnings.append(
+            f"coordinates near zero lie outside of the area of {plan.system.name}, so they are taken as local metres;"
+            " its lengths would be"
+            f" {worst:.3g} times those on the ground there"
+        )
+        return plan
+    why = f"lengths of {plan.system.name} are {worst:.3g} times those on the ground here"
+    before = plan.scale / metre
+    return _projected(report, plan.system, inside, plan, place, why, before)
+
+
+def _in_use(system: Any, longitude: float, latitude: float) -> bool:
+    """Whether the place lies within the area for which the system is meant."""
+    area = system.area_of_use
+    if area is None:
+        return True
+    wide = (longitude - area.west) % 360.0 <= (area.east - area.west) % 360.0 or area.east - area.west >= 360.0
+    return wide and area.south <= latitude <= area.north
+
+
+def _projected(
+    report: Report, source: Any, inside: _Plan, plan: _Plan, place: tuple[float, float], why: str, before: float
+) -> _Plan:
+    """``plan`` in the UTM zone of ``place`` (longitude, latitude); a window in coordinates of the source goes along."""
+    pyproj = extra("pyproj", "a change of coordinates")
+    metre = 1.0 if source.is_geographic else axis_unit(source)
+    longitude, latitude = place
+    target = utm_zone(latitude, longitude)
+    projection = pyproj.Transformer.from_crs(source, target, always_xy=True)
+
+    def bounds(part: _Plan) -> tuple[Array, Array]:
+        xy = np.array(projection.transform_bounds(*part.low / metre, *part.high / metre))
+        if not np.isfinite(xy).all():
+            raise TerrainError(
+                f"{report.source}: coordinates from {(part.low / metre).tolist()} to {(part.high / metre).tolist()} in"
+                f" {source.name} do not fit a UTM zone"
+            )
+        return xy[:2], xy[2:]
+
+    low, high = bounds(plan)
+    window = plan.window
+    if window is not None and inside is not plan:  # it was given in the source's coordinates
+        first, last = bounds(inside)
+        window = float(first[0]), float(first[1]), float(last[0]), float(last[1])
+    report.change("projected", 1, f"into {target.name}, so that lengths are those on the ground: {why}")
+    text = "degrees" if source.is_geographic else plan.text
+    return _Plan(1.0, text, low, high, target, projection, source, before, window)
 
 
 def sound(points: Array) -> NDArray[np.bool_]:
@@ -206,24 +333,28 @@ def choose_cell(request: Request, report: Report, low: Array, high: Array, natur
     return natural
 
 
-def _into_utm(report: Report, system: Any, low: Array, high: Array) -> tuple[Any, Any, Array, Array]:
-    """The change of degrees into their UTM zone, that zone, and the bounds [m] in it."""
-    if np.abs([low[0], high[0]]).max() > 360.0 or np.abs([low[1], high[1]]).max() > 90.0:
+def _into_utm(request: Request, report: Report, system: Any, low: Array, high: Array) -> _Plan:
+    """Degrees in the UTM zone of their middle."""
+    degree = float(np.degrees(system.axis_info[0].unit_conversion_factor))
+    if np.abs([low[0], high[0]]).max() * degree > 360.0 or np.abs([low[1], high[1]]).max() * degree > 90.0:
         raise TerrainError(
             f"{report.source}: coordinates from {low[:2].tolist()} to {high[:2].tolist()} are no degrees, but its crs"
             f" ({system.name}) says so; give the right crs=..."
         )
+    plan = _Plan(1.0, "degrees", low[:2], high[:2], system, window=request.window)
+    inside = plan
+    if plan.window is not None and (cut := _cut(plan.low, plan.high, plan.window)) is not None:
+        inside = replace(plan, low=cut[0], high=cut[1])
     pyproj = extra("pyproj", "a terrain in degrees")
-    longitude, latitude = (low[:2] + high[:2]) / 2.0
-    target = utm_zone(float(latitude), float(longitude))
-    projection = pyproj.Transformer.from_crs(system, target, always_xy=True)
-    report.change("projected", 1, f"from degrees ({system.name}) into {target.name}, so that lengths are in metres")
-    xy = np.array(projection.transform_bounds(low[0], low[1], high[0], high[1]))
-    if not np.isfinite(xy).all():
-        raise TerrainError(
-            f"{report.source}: degrees from {low[:2].tolist()} to {high[:2].tolist()} do not fit a UTM zone"
-        )
-    return projection, target, np.array([*xy[:2], low[2]]), np.array([*xy[2:], high[2]])
+    middle = (inside.low + inside.high) / 2.0
+    place = pyproj.Transformer.from_crs(system, "EPSG:4326", always_xy=True).transform(*middle)
+    return _projected(report, system, inside, plan, place, f"it counts in degrees ({system.name})", 1.0)
+
+
+def _cut(low: Array, high: Array, window: Window) -> tuple[Array, Array] | None:
+    """The part of the rectangle within ``window``; None where there is none."""
+    first, last = np.maximum(low, window[:2]), np.minimum(high, window[2:])
+    return (first, last) if np.all(first < last) else None
 
 
 def _guess_scale(report: Report, size: Array, spacing: float) -> tuple[float, str]:
@@ -252,35 +383,57 @@ def _guess_scale(report: Report, size: Array, spacing: float) -> tuple[float, st
         return 1.0, "m (nothing said)"
     raise TerrainError(
         f"{report.source}: it is {extent:.3g} units wide with {spacing:.3g} between points, which is no ground"
-        " to drive on in m, mm or km; say units=... (m, km, cm, mm, ft, us-ft or in)"
+        f" to drive on in m, mm or km; say units=... ({listed()})"
     )
 
 
-def _z_scale(request: Request, report: Report, crs: Any, scale: float, plan_unit: str) -> tuple[float, str]:
-    """Metres a unit of height, and how that is known."""
+def _z_scale(
+    request: Request, report: Report, crs: Any, plan: _Plan, unit: str | None, declared: Unit | None
+) -> tuple[float, str, Known]:
+    """Metres a unit of height, its name, and how that is known: what is said first in this order."""
     if request.z_units is not None:
-        return UNITS[request.z_units], f"{request.z_units} (as asked)"
-    if crs is not None:
-        pyproj = extra("pyproj", "a coordinate reference system")
-        system = pyproj.CRS.from_user_input(crs)
-        upright = [axis for axis in system.axis_info if axis.direction == "up"]
-        if upright:
-            return float(upright[0].unit_conversion_factor), f"{upright[0].unit_name} (of its crs)"
-    if plan_unit == "degrees":
-        return 1.0, "m (nothing said)"
-    if np.isclose(scale, UNITS["ft"], rtol=1e-5) and request.units is None:
+        return UNITS[request.z_units], f"{request.z_units} (as asked)", "asked"
+    upright = _vertical(request.crs) or _vertical(crs)
+    if declared is not None:
+        if upright is None or np.isclose(upright.metres, declared.metres, rtol=1e-9):
+            return declared.metres, f"{declared.name} (as its heights declare)", "declared"
+        report.warnings.append(
+            f"its heights declare {declared.name}, its crs {upright.name}: {declared.name} is taken; z_units=... decides"
+        )
+        return declared.metres, f"{declared.name} (as its heights declare)", "declared"
+    if upright is not None:
+        return upright.metres, f"{upright.name} (of its crs)", "declared"
+    if request.units is not None:
+        return plan.scale if plan.projection is None else UNITS[request.units], plan.text, "asked"
+    if plan.text == "degrees":
+        return 1.0, "m (nothing said)", "assumed"
+    scale = plan.scale if plan.projection is None else axis_unit(plan.source)
+    if np.isclose(scale, UNITS["ft"], rtol=1e-5):
         report.warnings.append(
             "nothing is said of the unit of heights: feet, as in the plan; give z_units='m' if they are metres"
         )
-    return scale, plan_unit
+    return scale, plan.text, "format" if unit is not None and plan.text.endswith("(of its format)") else "assumed"
 
 
-def _crop(request: Request, report: Report, low: Array, high: Array) -> tuple[Array, Array]:
+def _vertical(crs: Any) -> Unit | None:
+    """The unit of a coordinate system's vertical axis; None if it has none, or nobody can read it."""
+    if crs is None:
+        return None
+    pyproj = extra("pyproj", "a coordinate reference system")
+    try:
+        system = pyproj.CRS.from_user_input(crs)
+    except pyproj.exceptions.CRSError:
+        return None
+    axis = next((axis for axis in system.axis_info if axis.direction == "up"), None)
+    return None if axis is None else Unit(axis.unit_name, float(axis.unit_conversion_factor))
+
+
+def _crop(request: Request, report: Report, plan: _Plan) -> tuple[Array, Array]:
     """Bounds [m] less what lies outside of the window, and what float32 cannot hold."""
-    if request.window is not None:
-        west, south, east, north = request.window
-        cut = np.maximum(low, [west, south]), np.minimum(high, [east, north])
-        if not np.all(cut[0] < cut[1]):
+    low, high = plan.low, plan.high
+    if plan.window is not None:
+        cut = _cut(low, high, plan.window)
+        if cut is None:
             raise TerrainError(
                 f"{report.source}: window = {request.window} lies outside of its extent,"
                 f" {low[0]:.0f}, {low[1]:.0f}, {high[0]:.0f}, {high[1]:.0f} m"

@@ -1,7 +1,9 @@
 """Where a terrain lies on the Earth: between its local frame, projected coordinates, and latitude and longitude.
 
 Local x and y are the axes of the terrain's coordinate reference system in metres, less its origin: grid north, not true
-north, and grid distances, which in UTM are up to 0.4 ‰ shorter than those on the ground. Heights stay as they are.
+north, and grid distances, which in UTM are up to 0.4 ‰ shorter than those on the ground. A system whose metres are off
+those of the ground by more than 1 % (Web Mercator away from the equator) is brought to its UTM zone on loading. Heights
+stay as they are.
 """
 
 from __future__ import annotations
@@ -15,6 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from aoro_gym.terrains.extras import extra
 from aoro_gym.terrains.terrain import Terrain
 
+MOST_SCALE_ERROR = 0.01
+"""Share by which lengths of a projection may be off those on the ground."""
 GEOGRAPHIC = "EPSG:4326"
 """Latitude and longitude as satellite receivers give them (WGS 84)."""
 
@@ -82,12 +86,12 @@ def horizontal(crs: str) -> Any:
     try:
         system = pyproj.CRS.from_user_input(crs)
     except pyproj.exceptions.CRSError:
-        raise ValueError(f"crs {crs!r} is unknown; give a code such as 'EPSG:32633'") from None
+        raise ValueError(f"crs {_short(crs)} is unknown; give a code such as 'EPSG:32633'") from None
     flat = system.sub_crs_list[0] if system.is_compound else system
     flat = flat.to_2d()
     if not (flat.is_projected or flat.is_geographic):
         raise ValueError(
-            f"crs {crs!r} ({flat.name}) is neither projected nor geographic; give a code such as 'EPSG:32633'"
+            f"crs {_short(crs)} ({flat.name}) is neither projected nor geographic; give a code such as 'EPSG:32633'"
         )
     return flat
 
@@ -98,11 +102,39 @@ def utm_zone(latitude: float, longitude: float) -> Any:
     return horizontal(f"EPSG:{32600 + zone if latitude >= 0.0 else 32700 + zone}")
 
 
+def scale_factors(system: Any, x: float, y: float) -> tuple[float, float] | None:
+    """Lengths in a projected ``system`` by those on its ellipsoid, around a place in its own unit: least and most.
+
+    Measured with geodesics in eight directions, as a projection may stretch one and not the other. None where the place
+    has no latitude and longitude.
+    """
+    pyproj = extra("pyproj", "the scale of a projection")
+    metre = axis_unit(system)
+    back = pyproj.Transformer.from_crs(system, system.geodetic_crs, always_xy=True)
+    angle = np.arange(0.0, np.pi, np.pi / 8.0)
+    step = 50.0 / metre
+    ends = [back.transform(x + sign * step * np.cos(angle), y + sign * step * np.sin(angle)) for sign in (-1.0, 1.0)]
+    if not np.isfinite(ends).all():
+        return None
+    degree = np.degrees(system.geodetic_crs.axis_info[0].unit_conversion_factor)
+    (a, b), (c, d) = np.asarray(ends) * degree
+    length = system.get_geod().inv(a, b, c, d)[2]
+    if not np.all(length > 0.0):
+        return None
+    return float(100.0 / length.max()), float(100.0 / length.min())
+
+
 def axis_unit(system: Any) -> float:
     """Size [m] of the unit of a projected system's axes."""
     if not system.is_projected:
         raise ValueError(f"crs {system.name} counts in degrees; a terrain needs a projected one, such as its UTM zone")
     return float(system.axis_info[0].unit_conversion_factor)
+
+
+def _short(text: Any) -> str:
+    """What was given, as far as a message bears it."""
+    said = repr(str(text))
+    return said if len(said) <= 80 else f"{said[:77]}...'"
 
 
 def _transform(source: Any, target: Any, first: NDArray[np.float64], second: NDArray[np.float64]) -> Plan:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,4 +23,5 @@ class Ground:
     def with_z_times(self, factor: float) -> Ground:
         """The same with all heights multiplied by ``factor``."""
         mesh = None if self.mesh is None else (self.mesh[0] * [1.0, 1.0, factor], self.mesh[1])
-        return Ground(self.heights.replaced(self.heights.z * factor), self.frame, mesh)
+        frame = replace(self.frame, z_scale=self.frame.z_scale * factor)
+        return Ground(self.heights.replaced(self.heights.z * factor), frame, mesh)

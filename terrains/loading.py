@@ -25,6 +25,7 @@ from aoro_gym.terrains.frame import GroundRule, Request
 from aoro_gym.terrains.ground import Ground
 from aoro_gym.terrains.ground_filter import ground_points
 from aoro_gym.terrains.heights import Heights
+from aoro_gym.terrains.plausibility import settle_heights
 from aoro_gym.terrains.read_las import read_las
 from aoro_gym.terrains.read_mesh import read_mesh
 from aoro_gym.terrains.read_raster import SUFFIXES as RASTERS
@@ -37,9 +38,6 @@ CLOUDS = (".las", ".laz")
 TEXTS = (".xyz", ".csv", ".txt", ".pts", ".asc_xyz")
 MESHES = (".ply", ".obj", ".stl", ".glb", ".gltf", ".off", ".3mf", ".dae")
 ARRAYS = (".npy",)
-
-UPRIGHT = 60.0
-"""Median slope [deg] at which heights are in another unit than the plan, rather than ground."""
 
 
 class Loaded(NamedTuple):
@@ -74,8 +72,8 @@ def load(
         source: A mesh (.ply .obj .stl .glb .gltf .off .3mf .dae), an elevation raster (.tif .asc .img .dem .hgt), a point
             cloud (.las .laz .xyz .csv .txt .pts, or a mesh without faces), or heights (.npy, or an array (rows, columns)
             with row 0 in the south).
-        units: Unit of the source: m, km, cm, mm, ft, us-ft or in.
-        z_units: Unit of its heights, where it is another one.
+        units: Unit of the source: m, km, dm, cm, mm, ft, us-ft or in.
+        z_units: Unit of its heights, where it is another one. What it says is believed.
         up: Its axis that points up: x, y or z.
         crs: Its coordinate reference system, as pyproj reads it, such as ``"EPSG:32633"``. Degrees become metres of their
             UTM zone.
@@ -112,7 +110,7 @@ def load(
     if up is not None:
         report.up = f"{up} (as asked)"
     found = _read(path, source, request, report)
-    found = _upright_heights(found, request, report)
+    found = settle_heights(found, request, report)
     found = _repaired(found, request, report)
     try:
         terrain = _terrain(
@@ -174,27 +172,6 @@ def _read_array(path: Path, request: Request, report: Report) -> Ground:
     except Exception as error:  # whatever numpy finds wrong with a broken file
         raise TerrainError(f"{path}: cannot be read as an array: {error}") from None
     return read_heights(array, request, report)
-
-
-def _upright_heights(found: Ground, request: Request, report: Report) -> Ground:
-    """Heights a thousand times too large brought to metres, if nobody said otherwise."""
-    steepness = found.heights.gradient()
-    steepness = steepness[np.isfinite(steepness)]
-    if not len(steepness):
-        return found
-    median = float(np.median(steepness))
-    if median <= np.tan(np.radians(UPRIGHT)) or request.z_units is not None:
-        return found
-    slope = np.degrees(np.arctan(median)), np.degrees(np.arctan(median / 1000.0))
-    if slope[1] > 45.0:
-        return found  # refused with the other figures
-    report.change(
-        "z_units",
-        1,
-        f"heights read as mm: half of the ground would be steeper than {slope[0]:.0f}°, so it is {slope[1]:.1f}°",
-    )
-    report.units += "; heights in mm (recognised by their slope)"
-    return found.with_z_times(1e-3)
 
 
 def _repaired(found: Ground, request: Request, report: Report) -> Ground:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from aoro_gym.terrains.check import Report, TerrainError
 from aoro_gym.terrains.extras import extra
 from aoro_gym.terrains.frame import UNITS, Request, choose_cell, find_frame
-from aoro_gym.terrains.georeference import horizontal, utm_zone
+from aoro_gym.terrains.georeference import horizontal, scale_factors, utm_zone
 from aoro_gym.terrains.ground import Ground
 from aoro_gym.terrains.heights import Heights
 
@@ -56,7 +56,10 @@ def _read(rasterio: Any, data: Any, request: Request, report: Report) -> Ground:
     crs = data.crs.to_wkt() if data.crs else None
     if request.crs is not None or crs is not None:
         system = horizontal(request.crs if request.crs is not None else crs)
-        if system.is_geographic or not plain:  # degrees are turned into metres here, so that pixels stay square
+        off = None if system.is_geographic else scale_factors(system, *a @ (data.width / 2.0, data.height / 2.0))
+        if (
+            system.is_geographic or not plain or _far_off(off)
+        ):  # degrees are turned into metres here, so that pixels stay square
             return _read_warped(rasterio, data, system, request, report)
     elif not plain:
         raise TerrainError(
@@ -72,6 +75,7 @@ def _read(rasterio: Any, data: Any, request: Request, report: Report) -> Ground:
 
 def _read_warped(rasterio: Any, data: Any, system: Any, request: Request, report: Report) -> Ground:
     """Through GDAL's reprojection, where pixels are not square or count in degrees."""
+    from rasterio import warp
     from rasterio.enums import Resampling
     from rasterio.vrt import WarpedVRT
 
@@ -83,6 +87,11 @@ def _read_warped(rasterio: Any, data: Any, system: Any, request: Request, report
                 f"{report.source}: bounds {tuple(data.bounds)} are no degrees, but its crs ({system.name}) says so"
             )
         target = utm_zone((south + north) / 2.0, (west + east) / 2.0)
+    elif _far_off(scale_factors(system, *data.transform @ (data.width / 2.0, data.height / 2.0))):
+        place = warp.transform(
+            system.to_wkt(), "EPSG:4326", *([v] for v in data.transform @ (data.width / 2.0, data.height / 2.0))
+        )
+        target = utm_zone(place[1][0], place[0][0])
     nodata = data.nodata if data.nodata is not None else -9999.0
     source = rasterio.crs.CRS.from_wkt(system.to_wkt())
     wanted = rasterio.crs.CRS.from_wkt(target.to_wkt())
@@ -91,6 +100,10 @@ def _read_warped(rasterio: Any, data: Any, system: Any, request: Request, report
     ) as warped:
         report.change("projected", 1, f"set upright in {target.name}, interpolated bilinearly")
         return _read_plain(rasterio, warped, target.to_wkt(), replace(request, crs=None), report)
+
+
+def _far_off(factors: tuple[float, float] | None) -> bool:
+    return factors is not None and max(abs(f - 1.0) for f in factors) > 0.01
 
 
 def _read_plain(rasterio: Any, data: Any, crs: str | None, request: Request, report: Report) -> Ground:
@@ -191,5 +204,7 @@ def read_heights(array: Any, request: Request, report: Report) -> Ground:
     choose_cell(request, report, np.zeros(3), size, request.cell)
     in_metres = replace(request, units="m", z_units=request.z_units or request.units or "m")
     frame = find_frame(in_metres, report, np.zeros(3), size, spacing=request.cell)
+    if request.z_units is None and request.units is None:
+        frame = replace(frame, z_known="assumed")
     report.points_read = z.size
     return Ground(Heights(_known(z * frame.z_scale, report), request.cell), frame)

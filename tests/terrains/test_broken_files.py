@@ -32,8 +32,10 @@ def sources(folder: Path) -> dict[str, bytes]:
     z = heights()
     ground = Terrain.from_heights(z, cell=1.0)
     mesh = trimesh.Trimesh(ground.vertices.copy(), ground.faces.copy(), process=False)
-    for suffix in (".ply", ".obj", ".stl", ".glb", ".off"):
+    for suffix in (".ply", ".obj", ".stl", ".off"):
         mesh.export(folder / f"ground{suffix}")
+    x, y, height = ground.vertices.T
+    trimesh.Trimesh(np.stack([x, height, -y], axis=1), ground.faces.copy(), process=False).export(folder / "ground.glb")
     mesh.export(folder / "text.ply", encoding="ascii")
     place = rasterio.Affine(1.0, 0.0, 430_000.0, 0.0, -1.0, 5_150_000.0)
     for name, more in (
