@@ -89,6 +89,13 @@ RayOption = Annotated[
     str | None,
     typer.Option("--ray", metavar="auto|local|HOST:PORT", help="Spread over a Ray cluster, of this computer if local."),
 ]
+RestartOption = Annotated[
+    bool, typer.Option("--restart", help="Forget what an interrupted run has kept, and begin anew.")
+]
+AcceptCodeChangeOption = Annotated[
+    bool,
+    typer.Option("--accept-code-change", help="Go on with results of another version of the code, and record that."),
+]
 blind = typer.Typer(
     no_args_is_help=True,
     help="The blind check: a diagnosis on machines whose deviation is withheld. In turn: seal, run, score; atlas.",
@@ -396,7 +403,7 @@ def validate(
       aoro-gym validate --recalibrate --out again
     """
     with _checking_input():
-        from aoro_gym.log import check_writable
+        from aoro_gym.execution.files import check_writable
         from aoro_gym.twin import Machine
 
         _check_folder(out, "index.html")
@@ -472,7 +479,8 @@ def calibrate(
       aoro-gym validate --machine mine.toml
     """
     with _checking_input():
-        from aoro_gym.log import check_writable, read_table
+        from aoro_gym.execution.files import check_writable
+        from aoro_gym.log import read_table
 
         if published == use_logs:
             raise ValueError("give one of --published and --logs LOG...")
@@ -541,6 +549,8 @@ def diagnose(
     set_: SetOption = None,
     scale: ScaleOption = None,
     device: DeviceOption = "cpu",
+    restart: RestartOption = False,
+    accept_code_change: AcceptCodeChangeOption = False,
 ) -> None:
     """Say why a machine and its twin disagree: where, because of what, by how much, and what to record next.
 
@@ -568,7 +578,7 @@ def diagnose(
     """
     with _checking_input():
         from aoro_gym.diagnosis.recording import read_recording
-        from aoro_gym.log import check_writable
+        from aoro_gym.execution.files import check_writable
 
         if bool(logs) == bool(metrics):
             raise ValueError("give LOGs or --metrics TABLE, and not both")
@@ -580,7 +590,7 @@ def diagnose(
         if metrics:
             if healthy or commissioned:
                 raise ValueError("--metrics knows no healthy machine: leave out --healthy and --commissioned")
-            _diagnose_table(metrics, source, fit, holdout, chosen, device, out)
+            _diagnose_table(metrics, source, fit, holdout, chosen, device, out, restart, accept_code_change)
             return
         if source:
             raise ValueError(f"--source {source} belongs to --metrics TABLE; logs have no sources")
@@ -597,7 +607,15 @@ def diagnose(
     from aoro_gym.diagnosis.report import summary, write_report
     from aoro_gym.diagnosis.resuming import resumable
 
-    with _running(), _resumable(), _bar("diagnosing") as tell, resumable(device, out) as simulator:
+    inputs = {"machine": chosen.identity, "commissioned": commissioned}
+    for role, those in (("log", used), ("healthy log", before), ("held-out log", left_out)):
+        inputs[role] = {one.name: one for one in those}
+    with (
+        _running(),
+        _resumable(),
+        _bar("diagnosing") as tell,
+        resumable(device, out, inputs, restart=restart, accept_code_change=accept_code_change) as simulator,
+    ):
         found = find(
             used,
             chosen,
@@ -607,7 +625,7 @@ def diagnose(
             simulator=simulator,
             out=out,
             progress=tell,
-        )
+        ).with_code_changes(simulator.code_changes)
         written = [found.save(out), write_report(found, out)]
     for item in summary(found):
         _out().print(item)
@@ -622,6 +640,8 @@ def _diagnose_table(
     machine: Machine,
     device: str,
     out: Path,
+    restart: bool,
+    accept_code_change: bool,
 ) -> None:
     from aoro_gym.diagnosis.report import summary, write_report
     from aoro_gym.diagnosis.resuming import resumable
@@ -635,8 +655,15 @@ def _diagnose_table(
     used = [row for row in rows if row not in left_out]
     if not used:
         raise ValueError("--holdout leaves no row to fit; leave one at least")
-    with _running(), _resumable(), _bar("diagnosing") as tell, resumable(device, out) as simulator:
+    inputs = {"machine": machine.identity, "rows": used, "held-out rows": left_out}
+    with (
+        _running(),
+        _resumable(),
+        _bar("diagnosing") as tell,
+        resumable(device, out, inputs, restart=restart, accept_code_change=accept_code_change) as simulator,
+    ):
         found = diagnose_rows(used, machine, held_out=left_out, simulator=simulator, out=out, progress=tell)
+        found = found.with_code_changes(simulator.code_changes)
         written = [found.save(out), write_report(found, out)]
     for item in summary(found):
         _out().print(item)
@@ -687,7 +714,7 @@ def terrain(
       aoro-gym terrain big.tif --window 430000 5150000 430400 5150400
     """
     with _checking_input():
-        from aoro_gym.log import check_writable
+        from aoro_gym.execution.files import check_writable
         from aoro_gym.terrains.figures import draw_terrain
         from aoro_gym.terrains.loading import load, save
 
@@ -1255,7 +1282,7 @@ def export(
     """
     with _checking_input():
         from aoro_gym.agents.learned import load_policy, write_onnx
-        from aoro_gym.log import check_writable
+        from aoro_gym.execution.files import check_writable
 
         target = policy.with_suffix(".onnx") if out is None else out
         check_writable(target)
@@ -1332,7 +1359,7 @@ def bench(
       aoro-gym bench --what train --trainer sb3,resident --ground raster --device cuda:0 --twins 4096,16384
     """
     with _checking_input():
-        from aoro_gym.log import check_writable
+        from aoro_gym.execution.files import check_writable
 
         counts = _counts("--twins", twins)
         if json_file is not None:
@@ -1401,6 +1428,7 @@ def seal(
         int | None, typer.Option("--seed", metavar="N", help="Makes the same cases again, which are then not blind.")
     ] = None,
     workers: WorkersOption = None,
+    accept_code_change: AcceptCodeChangeOption = False,
 ) -> None:
     """Make cases whose answers are withheld, and publish the digest of the answers.
 
@@ -1422,7 +1450,7 @@ def seal(
     with _checking_input():
         from aoro_gym.diagnosis.cases import FAMILIES, SUITES
         from aoro_gym.diagnosis.sealing import write_cases
-        from aoro_gym.log import check_writable
+        from aoro_gym.execution.files import check_writable
 
         for option, value, known in (("suite", suite, SUITES), ("family", family, FAMILIES)):
             if value not in known:
@@ -1445,6 +1473,7 @@ def seal(
                 family=FAMILIES[family],
                 seed=seed,
                 workers=processes,
+                accept_code_change=accept_code_change,
                 progress=tell,
             )
     _say([folder / "seal.json", file])
@@ -1466,6 +1495,8 @@ def blind_run(
     workers: WorkersOption = None,
     ray: RayOption = None,
     device: DeviceOption = "cpu",
+    restart: RestartOption = False,
+    accept_code_change: AcceptCodeChangeOption = False,
 ) -> None:
     """Diagnose every case of a sealed suite.
 
@@ -1486,7 +1517,7 @@ def blind_run(
     """
     with _checking_input():
         from aoro_gym.diagnosis.running import diagnoses_folder, logged_sensors, run_cases
-        from aoro_gym.log import check_writable
+        from aoro_gym.execution.files import check_writable
 
         given = logged_sensors(folder) if sensors is None else sensors
         target = diagnoses_folder(folder, given) if out is None else out
@@ -1495,7 +1526,15 @@ def blind_run(
         processes = _workers(workers)
         with _running(), _resumable(), _bar("diagnosing") as tell:
             failures = run_cases(
-                folder, target, sensors=given, device=device, workers=processes, ray=ray, progress=tell
+                folder,
+                target,
+                sensors=given,
+                device=device,
+                workers=processes,
+                ray=ray,
+                restart=restart,
+                accept_code_change=accept_code_change,
+                progress=tell,
             )
     for name, reason in failures.items():
         _err().print(f"[bold red]case {name} failed:[/] {escape(reason)}", soft_wrap=True, highlight=False)
@@ -1608,12 +1647,16 @@ def _checking_input() -> Iterator[None]:
 
 @contextmanager
 def _running() -> Iterator[None]:
-    """Turn a run that failed into one line and exit code 1."""
+    """Turn a run that failed into one line and exit code 1; with 2 where its folder is another run's."""
     from aoro_gym.cluster import ClusterError
+    from aoro_gym.execution.locking import FolderInUse
+    from aoro_gym.execution.provenance import ChangedCode, ChangedInput
     from aoro_gym.manoeuvres import TwinLost
 
     try:
         yield
+    except (ChangedCode, ChangedInput, FolderInUse) as error:
+        _fail(error, 2)
     except (TwinLost, ClusterError, OSError) as error:
         _fail(error, 1)
 
@@ -1863,7 +1906,7 @@ def _check_seed(seed: int) -> None:
 
 
 def _check_folder(path: Path, file: str) -> None:
-    from aoro_gym.log import check_writable
+    from aoro_gym.execution.files import check_writable
 
     if path.exists() and not path.is_dir():
         raise ValueError(f"--out {path} is a file; name a folder")
@@ -2244,9 +2287,9 @@ def _figure_table(section: Section) -> Table:
 
 
 def _write_json(path: Path, content: Any) -> None:
-    from aoro_gym.log import write_whole
+    from aoro_gym.execution.files import write_json
 
-    write_whole(path, json.dumps(_with_nulls(content), indent=2, ensure_ascii=False, allow_nan=False))
+    write_json(path, _with_nulls(content))
 
 
 def _with_nulls(content: Any) -> Any:

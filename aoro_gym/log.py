@@ -10,7 +10,6 @@ from __future__ import annotations
 import csv
 import json
 import math
-import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from aoro_gym.execution.files import check_writable, read_json, write_json, write_text, written_whole  # noqa: F401
 from aoro_gym.sensors.chain import SAMPLE_RATE, sample
 from aoro_gym.sensors.joint_angle import JointAngleSensor
 from aoro_gym.sensors.pressure import PressureSensor
@@ -140,62 +140,26 @@ def _measured(
 def write_log(path: Path, columns: Mapping[str, ArrayLike], manifest: Mapping[str, Any] | None = None) -> list[Path]:
     """Write ``columns`` to ``path`` (.csv or .parquet) and ``manifest`` beside it (.toml); returns what was written."""
     check_log_path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     arrays = {name: np.asarray(values, dtype=np.float64) for name, values in columns.items()}
-    if path.suffix == ".parquet":
-        import pyarrow
-        import pyarrow.parquet
+    with written_whole(path) as temporary:
+        if path.suffix == ".parquet":
+            import pyarrow
+            import pyarrow.parquet
 
-        pyarrow.parquet.write_table(pyarrow.table(arrays), path)
-    else:
-        np.savetxt(
-            path,
-            np.column_stack(list(arrays.values())),
-            fmt="%.9g",
-            delimiter=",",
-            header=",".join(arrays),
-            comments="",
-        )
+            pyarrow.parquet.write_table(pyarrow.table(arrays), temporary)
+        else:
+            rows = np.column_stack(list(arrays.values()))
+            np.savetxt(temporary, rows, fmt="%.9g", delimiter=",", header=",".join(arrays), comments="")
     written = [path]
     if manifest is not None:
         written.append(path.with_suffix(".toml"))
-        written[-1].write_text(_toml(manifest), encoding="utf-8")
+        write_text(written[-1], _toml(manifest))
     return written
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write ``text`` and a line's end to ``path``, whole or not at all; folders that are missing are made."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f"{path.name}.partial")
-    partial.write_text(text + "\n", encoding="utf-8")
-    partial.replace(path)
-
-
-def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write ``content`` whole or not at all; ValueError if it holds a number that JSON has not."""
-    write_whole(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False))
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    """ValueError that names the file if it holds no JSON object."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path} is not JSON: {error}; restore it, or name another file") from None
-    if not isinstance(content, dict):
-        raise ValueError(f"{path} holds no JSON object; restore it, or name another file")
-    return content
-
-
-def check_writable(path: Path) -> None:
-    """``ValueError`` unless a file can be written to ``path``; folders that are missing can be made."""
-    if path.is_dir():
-        raise ValueError(f"{path} is a folder; name a file in it")
-    parent = next(parent for parent in path.absolute().parents if parent.exists())
-    if not parent.is_dir():
-        raise ValueError(f"{path} cannot be written: {parent} is a file, not a folder")
-    if not os.access(path if path.exists() else parent, os.W_OK):
-        raise ValueError(f"{path} cannot be written: no permission for {path if path.exists() else parent}")
+    """Write ``text`` and a line's end, whole or not at all."""
+    write_text(path, text + "\n")
 
 
 def check_log_path(path: Path) -> None:

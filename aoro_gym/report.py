@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym import __version__
+from aoro_gym.execution.files import write_text, written_whole
 from aoro_gym.figures import turn_start
 from aoro_gym.log import BAR, DEGREE, LITRE_PER_MINUTE, RPM
 from aoro_gym.manoeuvres import Recording
@@ -164,8 +165,8 @@ def write_png(path: Path, section: Section) -> None:
         for axis in axes[: len(drawn)][-2:]:
             axis.set_xlabel("time [s]")
             axis.tick_params(labelbottom=True)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path)
+        with written_whole(path) as temporary:
+            figure.savefig(temporary)
 
 
 @dataclass(frozen=True)
@@ -235,8 +236,7 @@ def write_page(
         plotly=get_plotlyjs() if interactive else "",
         footer=html.escape(f"Drawn by aoro-gym {__version__}. {footer}"),
     )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(page, encoding="utf-8")
+    write_text(path, page)
 
 
 def card(content: str) -> str:

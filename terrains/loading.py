@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from aoro_gym.execution.files import write_json, written_whole
 from aoro_gym.terrains.check import SMALLEST_PIECE, Report, TerrainError, measure
 from aoro_gym.terrains.frame import GroundRule, Request
 from aoro_gym.terrains.ground import Ground
@@ -138,12 +139,10 @@ def save(loaded: Loaded, path: Path) -> list[Path]:
     import trimesh
 
     terrain, report = loaded
-    path.parent.mkdir(parents=True, exist_ok=True)
-    trimesh.Trimesh(np.array(terrain.vertices), np.array(terrain.faces), process=False).export(path)
+    with written_whole(path) as temporary:
+        trimesh.Trimesh(np.array(terrain.vertices), np.array(terrain.faces), process=False).export(temporary)
     beside = path.with_suffix(".json")
-    beside.write_text(
-        json.dumps(report.to_json(), indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8"
-    )
+    write_json(beside, report.to_json())
     return [path, beside]
 
 

@@ -19,6 +19,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.execution.files import write_bytes, written_whole
 from aoro_gym.terrains.extras import extra
 from aoro_gym.terrains.forest import Forest
 from aoro_gym.terrains.terrain import Terrain
@@ -123,7 +124,7 @@ class Scan:
             data = trimesh.Trimesh(vertices, faces, process=False).export(file_type=kind)
         except (KeyError, ValueError) as error:
             raise ValueError(f"{target}: meshes are written as .ply, .obj, .stl or .glb ({error})") from None
-        target.write_bytes(_bytes(data))
+        write_bytes(target, _bytes(data))
 
     def _save_las(self, target: Path) -> None:
         laspy = extra("laspy", f"the point cloud {target.name}")
@@ -135,7 +136,8 @@ class Scan:
         cloud = laspy.LasData(header)
         cloud.x, cloud.y, cloud.z = world.T
         cloud.classification = self.classes
-        cloud.write(str(target))
+        with written_whole(target) as temporary:
+            cloud.write(str(temporary))
 
 
 def scan(

@@ -13,7 +13,7 @@ import numpy as np
 from rich.table import Table
 
 from aoro_gym.diagnosis.atlas import Atlas, classes_of
-from aoro_gym.log import write_whole
+from aoro_gym.execution.files import write_text, written_whole
 from aoro_gym.style import BLUE, INK, PLOT_STYLE, RED, SHADE, SOFT
 
 CLOSE = 3.0
@@ -36,7 +36,7 @@ def write_atlas(atlas: Atlas, folder: Path) -> list[Path]:
 def _write(path: Path, content: Mapping[str, Any]) -> None:
     """As JSON, with a line for each innermost list."""
     text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
-    write_whole(path, re.sub(r"\[[^\[\]{}]*\]", lambda found: re.sub(r"\s+", " ", found[0]), text) + "\n")
+    write_text(path, re.sub(r"\[[^\[\]{}]*\]", lambda found: re.sub(r"\s+", " ", found[0]), text) + "\n")
 
 
 def tables(atlas: Atlas) -> Iterator[Table]:
@@ -108,5 +108,5 @@ def _draw(atlas: Atlas, path: Path) -> None:
         bar.set_ticks(ticks, labels=[f"{value:g}" for value in ticks], minor=False)
         bar.minorticks_off()
         bar.set_label("how far apart: alike below 1, classes framed; grey: does not stand out")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=120, bbox_inches="tight")
+        with written_whole(path) as temporary:
+            figure.savefig(temporary, dpi=120, bbox_inches="tight")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from aoro_gym.execution.files import write_json
 
 VERDICTS: Mapping[str, str] = {
     "no_gap": "There is nothing above noise and the twin's own error.",
@@ -259,14 +261,17 @@ class Diagnosis:
             "seconds": self.seconds,
         }
 
+    def with_code_changes(self, changes: Sequence[str]) -> Diagnosis:
+        """The diagnosis that says of which other code it holds launches, if there are any."""
+        if not changes:
+            return self
+        said = f"Parts were computed by another version of the code: {', '.join(changes)}."
+        return replace(self, limitations=(*self.limitations, said))
+
     def save(self, folder: Path) -> Path:
         """Write ``diagnosis.json`` into ``folder``."""
-        import json
-
-        from aoro_gym.log import write_whole
-
         path = folder / "diagnosis.json"
-        write_whole(path, json.dumps(self.as_dict(), indent=2, ensure_ascii=False, allow_nan=False))
+        write_json(path, self.as_dict())
         return path
 
 

@@ -1,4 +1,4 @@
-"""Launches that are kept on disc while a diagnosis runs, so that one that was killed goes on where it was.
+"""Launches that are kept on disk while a diagnosis runs, so that one that was killed goes on where it was.
 
 A diagnosis is deterministic, and nearly all of its time goes into launches. Begun again it asks for the same ones in the
 same order, and those that were kept cost no more than to read them. With the whole catalogue they take about 2 MB a signal
@@ -7,51 +7,76 @@ and second of log until the diagnosis is done; compressed it would be two thirds
 
 from __future__ import annotations
 
-import hashlib
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 import warp as wp
-from numpy.typing import ArrayLike
 
 from aoro_gym.diagnosis.replay import Request, Signals, Simulator
-from aoro_gym.kept import read_arrays, sources, write_arrays
-from aoro_gym.twin import Machine
+from aoro_gym.execution.arrays import read_arrays, write_arrays
+from aoro_gym.execution.digest import digest
+from aoro_gym.execution.locking import locked
+from aoro_gym.execution.provenance import PROVENANCE, check_provenance
 
 FOLDER = ".launches"
 """In that of the result."""
-PACKAGES = "twin", "terrains", "diagnosis"
-"""Of aoro_gym: their sources make a launch what it is."""
 
 
 @contextmanager
-def resumable(device: str, out: Path) -> Iterator[Simulator]:
-    """A simulator that keeps its launches beside the result in ``out`` until the context ends well."""
-    yield Kept(device, out / FOLDER)
-    shutil.rmtree(out / FOLDER, ignore_errors=True)
+def resumable(
+    device: str,
+    out: Path,
+    inputs: Mapping[str, Any] | None = None,
+    *,
+    restart: bool = False,
+    accept_code_change: bool = False,
+) -> Iterator[Kept]:
+    """Hold ``out`` and give a simulator that keeps its launches beside the result there until the context ends well.
+
+    Args:
+        device: See :class:`Simulator`.
+        out: Folder of the result.
+        inputs: What the diagnosis follows from, by name; an unfinished one that was begun with others is refused.
+        restart: Forget what an unfinished one has kept.
+        accept_code_change: Go on with what was kept by other code, and record that.
+
+    Raises:
+        FolderInUse: another process writes into ``out``.
+        ChangedInput, ChangedCode: see :func:`~aoro_gym.execution.provenance.check_provenance`.
+    """
+    with locked(out):
+        folder = out / FOLDER
+        if restart:
+            shutil.rmtree(folder, ignore_errors=True)
+        asked = {"device": device, "processor": wp.get_device(device).name, **(inputs or {})}
+        begun = any(folder.glob("*.npz"))
+        changes = check_provenance(folder / PROVENANCE, asked, begun=begun, accept_code_change=accept_code_change)
+        yield Kept(device, folder, changes)
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 class Kept(Simulator):
     """Keeps what it launches, and reads what was kept.
 
-    Files are numbered, and named by a digest of all that a launch follows from: requests, device, sources. Where an earlier
-    run was another one, what it kept from there on is removed, so that a folder never holds more than one run.
+    Files are numbered, and named by a digest of all requests and the device. Where an earlier run was another one, what it
+    kept from there on is removed, so that a folder never holds more than one run.
 
     Args:
         device: See :class:`Simulator`.
         folder: Where launches are kept; it is made with the first.
+        code_changes: What of the code differs from that of launches which were kept before, in words.
     """
 
-    def __init__(self, device: str, folder: Path):
+    def __init__(self, device: str, folder: Path, code_changes: Sequence[str] = ()):
         super().__init__(device)
+        self.code_changes = tuple(code_changes)
         self._folder = folder
         self._launches = 0
-        origin = f"{sources(PACKAGES)} {device} {wp.get_device(device).name}"
-        self._origin = hashlib.sha256(origin.encode())
+        self._processor = wp.get_device(device).name
 
     def launch_together(self, requests: Sequence[Request]) -> list[Signals]:
         """See :meth:`Simulator.launch_together`."""
@@ -59,7 +84,7 @@ class Kept(Simulator):
         path = self._folder / f"{number:04d}-{self._digest(requests)}.npz"
         found = _read(path, requests)
         if found is None:
-            for other in self._folder.glob("*-*.npz*"):
+            for other in self._folder.glob("[0-9]*-*.npz"):
                 if int(other.name.partition("-")[0]) >= number:
                     other.unlink(missing_ok=True)
             found = super().launch_together(requests)
@@ -67,30 +92,14 @@ class Kept(Simulator):
         return found
 
     def _digest(self, requests: Sequence[Request]) -> str:
-        total = self._origin.copy()
-        machines: dict[int, bytes] = {}  # recordings are repeated by the same variants
-        for one in requests:
-            if id(one.machine) not in machines:
-                machines[id(one.machine)] = _of_machine(one.machine)
-            total.update(machines[id(one.machine)])
-            for part in (one.start, one.commands, *(getattr(one.plane, field.name) for field in fields(one.plane))):
-                total.update(_of_numbers(part))
-            total.update(f"{one.channels} {one.frames} {one.steps}".encode())
-            for part in (one.measured, one.zeros):
-                total.update(b"" if part is None else _of_numbers(part))
-        return total.hexdigest()
-
-
-def _of_machine(machine: Machine) -> bytes:
-    total = hashlib.sha256()
-    for key, entry in machine.entries.items():
-        total.update(f"{key} {entry.unit} ".encode() + _of_numbers(entry.value))
-    return total.digest()
-
-
-def _of_numbers(values: ArrayLike) -> bytes:
-    numbers = np.asarray(values, dtype=np.float64)
-    return f"{numbers.shape} ".encode() + numbers.tobytes()
+        machines = {id(one.machine): one.machine for one in requests}  # recordings are repeated by the same variants
+        known = {key: digest(machine.identity) for key, machine in machines.items()}
+        parts = [
+            {"machine": known[id(one.machine)]}
+            | {field.name: getattr(one, field.name) for field in fields(one) if field.name != "machine"}
+            for one in requests
+        ]
+        return digest(self.device, self._processor, parts)
 
 
 def _read(path: Path, requests: Sequence[Request]) -> list[Signals] | None:

@@ -13,7 +13,10 @@ from aoro_gym.cluster import Failed, connected, on_ray
 from aoro_gym.diagnosis.sealing import SENSORS
 from aoro_gym.diagnosis.sharing import PREFIX, sharing
 from aoro_gym.diagnosis.workers import Failure, Tell, spread
-from aoro_gym.log import read_json, write_json, write_whole
+from aoro_gym.execution.digest import Contents
+from aoro_gym.execution.files import read_json, write_json, write_text
+from aoro_gym.execution.locking import locked
+from aoro_gym.execution.provenance import PROVENANCE, check_provenance
 
 YIELDING = 10
 """Niceness of processes that share a device."""
@@ -44,10 +47,12 @@ def run_cases(
     device: str = "cpu",
     workers: int = 1,
     ray: str | None = None,
+    restart: bool = False,
+    accept_code_change: bool = False,
     diagnose: Diagnose | None = None,
     progress: Callable[[str, float], Any] = lambda sentence, share: None,
 ) -> dict[str, str]:
-    """Diagnose every case of a sealed suite that has no diagnosis yet; those that failed are tried again.
+    """Diagnose every case of a sealed suite that has no diagnosis by this code yet; those that failed are tried again.
 
     Args:
         folder: With ``cases`` and ``seal.json``.
@@ -57,6 +62,8 @@ def run_cases(
         workers: Processes at once.
         ray: Address of a Ray cluster whose nodes share ``folder`` and ``out``, to diagnose there instead; see
             :func:`aoro_gym.cluster.connected`.
+        restart: Diagnose all cases anew.
+        accept_code_change: Keep diagnoses that other code has made, and record that in ``out``.
         diagnose: What does it, a function of a module; by default that of :mod:`.diagnose`.
         progress: Called with a sentence and the share done.
 
@@ -65,6 +72,8 @@ def run_cases(
 
     Raises:
         ValueError: ``folder`` holds no sealed suite with these sensors, or ``out`` diagnoses of another one.
+        FolderInUse: another process writes into ``out``.
+        ChangedInput, ChangedCode: see :func:`~aoro_gym.execution.provenance.check_provenance`.
     """
     cases, logged = sealed_cases(folder), logged_sensors(folder)
     if sensors not in SENSORS:
@@ -72,14 +81,13 @@ def run_cases(
     if not set(SENSORS[sensors]) <= set(SENSORS[logged]):
         raise ValueError(f"sensors {sensors!r}: the cases in {folder} log {logged!r} only")
     about = {"sensors": sensors, "cases": read_json(folder / "seal.json")["sha256"]["cases"]}
-    kept = out / "run.json"
-    if kept.exists() and read_json(kept) != about:
-        raise ValueError(f"{out} holds diagnoses of other cases, or with other sensors; name another folder")
-    write_json(kept, about)
-
-    waiting = [name for name in cases if not (out / name / RESULT).exists()]
-    failures = {}
     with ExitStack() as stack:
+        stack.enter_context(locked(out))
+        if restart:
+            _forget(out)
+        _check_kept(folder, out, cases, about, device, accept_code_change)
+        waiting = [name for name in cases if not (out / name / RESULT).exists()]
+        failures = {}
         devices = device.split(",")
         if ray is None and diagnose is None and waiting and (workers > 1 or len(devices) > 1):
             devices = [stack.enter_context(sharing(one)) for one in devices]
@@ -97,9 +105,34 @@ def run_cases(
             error.unlink(missing_ok=True)
             if failure is not None:
                 failures[name] = failure.reason
-                write_whole(error, f"{failure.reason}\n{failure.trace}")
+                write_text(error, f"{failure.reason}\n{failure.trace}\n")
             progress(f"diagnosing: {done} of {len(cases)} cases", done / len(cases))
     return dict(sorted(failures.items()))
+
+
+def _check_kept(
+    folder: Path, out: Path, cases: list[str], about: dict[str, Any], device: str, accept_code_change: bool
+) -> None:
+    """Record what the diagnoses in ``out`` follow from; refuse those of other cases, sensors, devices or code."""
+    kept = out / "run.json"
+    if kept.exists() and read_json(kept) != about:
+        raise ValueError(f"{out} holds diagnoses of other cases, or with other sensors; name another folder")
+    inputs = {
+        "sensors": about["sensors"],
+        "device": device.partition(":")[0],  # twins on another card of its kind are the same
+        "case": {name: Contents(folder / "cases" / name) for name in cases},
+    }
+    begun = any((out / name / RESULT).exists() for name in cases)
+    check_provenance(out / PROVENANCE, inputs, begun=begun, accept_code_change=accept_code_change)
+    write_json(kept, about)
+
+
+def _forget(out: Path) -> None:
+    """Remove all diagnoses in ``out``, and what they follow from."""
+    for result in [*out.glob(f"*/{RESULT}"), *out.glob(f"*/{FAILED}")]:
+        result.unlink()
+    for name in ("run.json", PROVENANCE):
+        (out / name).unlink(missing_ok=True)
 
 
 def sealed_cases(folder: Path) -> list[str]:

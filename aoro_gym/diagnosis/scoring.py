@@ -8,7 +8,6 @@ failed counts against every share that it belongs to.
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -29,8 +28,9 @@ from aoro_gym.diagnosis.running import read_diagnoses
 from aoro_gym.diagnosis.sealing import SENSORS, exact_folder, open_seal
 from aoro_gym.diagnosis.sharing import sharing, simulator
 from aoro_gym.diagnosis.workers import Tell, spread
-from aoro_gym.kept import sources
-from aoro_gym.log import read_json, write_json
+from aoro_gym.execution.digest import code_digest, digest
+from aoro_gym.execution.files import read_json, write_json
+from aoro_gym.execution.locking import locked
 
 CONFIDENCE = 0.95
 """Of the figures' intervals."""
@@ -514,15 +514,15 @@ def _consulted(
     progress: Callable[[str, float], Any],
 ) -> dict[str, Oracle]:
     """What the oracle says of the cases ``names``; files of other cases, or of another version's oracle, are replaced."""
-    seal = json.dumps(read_json(folder / "seal.json")["sha256"])
-    about = {"of": hashlib.sha256(f"{sources(['diagnosis', 'twin'])} {seal} {sensors}".encode()).hexdigest()}
+    about = {"of": digest(code_digest(), read_json(folder / "seal.json")["sha256"], sensors, device.partition(":")[0])}
 
     def missing(name: str) -> bool:
         file = out / f"{name}.json"
-        return not file.is_file() or read_json(file)["of"] != about["of"]
+        return not file.is_file() or read_json(file).get("of") != about["of"]
 
     waiting = [name for name in names if missing(name)]
     with ExitStack() as stack:
+        stack.enter_context(locked(out))
         shared = stack.enter_context(sharing(device)) if workers > 1 and waiting else device
         jobs = {
             name: (folder / "cases" / name, exact_folder(answers) / f"{name}.npz", sensors, shared, out, about)

@@ -13,7 +13,7 @@ from rich.table import Table
 from aoro_gym.diagnosis.plants.effects import EFFECTS
 from aoro_gym.diagnosis.result import CALIBRATION
 from aoro_gym.diagnosis.scoring import FAILED, TWO, Case, Estimate, Outcome, Score
-from aoro_gym.log import write_json, write_whole
+from aoro_gym.execution.files import write_json, write_text, written_whole
 from aoro_gym.style import BLUE, PLOT_STYLE, RED
 
 ORDER = ("nothing", CALIBRATION, *EFFECTS, TWO, "unknown", "inconclusive", FAILED)
@@ -35,7 +35,7 @@ def write_score(score: Score, folder: Path) -> list[Path]:
     """Write ``score.json``, ``score.md`` and ``confusion.png``; returns their paths."""
     paths = [folder / name for name in ("score.json", "score.md", "confusion.png")]
     write_json(paths[0], score.as_dict())
-    write_whole(paths[1], _markdown(score))
+    write_text(paths[1], _markdown(score) + "\n")
     _draw_confusion(score, paths[2])
     return paths
 
@@ -250,7 +250,8 @@ def _draw_confusion(score: Score, path: Path) -> None:
         without = f"\nwithout {pairs} cases with two effects" if pairs else ""
         axes.set_title(f"Number of cases; right is framed{without}", loc="left")
         path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=150)
+        with written_whole(path) as temporary:
+            figure.savefig(temporary, dpi=150)
 
 
 def _words(name: str) -> str:

@@ -23,7 +23,10 @@ from aoro_gym.diagnosis.cases import Case, Family, Suite, plan
 from aoro_gym.diagnosis.plants.constants import COMMISSIONED_CELSIUS
 from aoro_gym.diagnosis.plants.runs import Recorded, Run, record
 from aoro_gym.diagnosis.workers import Tell, spread
-from aoro_gym.log import BAR, NOISY, RPM, read_json, voltage_from_signal, write_json, write_log
+from aoro_gym.execution.files import read_json, write_json, written_whole
+from aoro_gym.execution.locking import locked
+from aoro_gym.execution.provenance import PROVENANCE, check_provenance
+from aoro_gym.log import BAR, NOISY, RPM, voltage_from_signal, write_log
 
 COLUMNS = {
     "joint_angle": ("joint_angle_rad", 1.0), "pressure_a": ("pressure_a_bar", BAR), "pressure_b": ("pressure_b_bar", BAR),
@@ -55,6 +58,7 @@ def write_cases(
     seed: int | None = None,
     batch: int = BATCH,
     workers: int = 1,
+    accept_code_change: bool = False,
     progress: Callable[[str, float], Any] = lambda sentence, share: None,
 ) -> dict[str, Any]:
     """Draw, simulate, write and seal the cases of a suite; goes on where an interrupted call stopped.
@@ -70,6 +74,7 @@ def write_cases(
             not called blind.
         batch: Cases simulated together.
         workers: Processes that share the batches; the files are the same however many.
+        accept_code_change: Keep cases that other code has made, and record that in ``folder``.
         progress: Called with a sentence and the share done.
 
     Returns:
@@ -77,6 +82,8 @@ def write_cases(
 
     Raises:
         ValueError: ``answers`` lies in ``folder``, or what is there belongs to another suite.
+        FolderInUse: another process writes into ``folder``.
+        ChangedInput, ChangedCode: see :func:`~aoro_gym.execution.provenance.check_provenance`.
         ChildProcessError: a batch failed; the others that ended are kept.
     """
     if sensors not in SENSORS:
@@ -86,29 +93,60 @@ def write_cases(
     asked = {
         "suite": suite.name, "mode": mode, "sensors": sensors, "family": family.name, "aoro_gym": __version__,
     }  # fmt: skip
+    with locked(folder):
+        sealed, cases = _drawn(suite, folder, answers, asked, family=family, seed=seed)
+        begun = (folder / "cases").exists()
+        check_provenance(
+            folder / PROVENANCE, asked, begun=begun, restart="a new folder", accept_code_change=accept_code_change
+        )
+        if (folder / "seal.json").exists():
+            return open_seal(folder, answers)
+        _simulate(cases, folder, answers, sensors, batch=batch, workers=workers, progress=progress)
+        seal = {**asked, "cases": len(cases), "blind": sealed["blind"], "sha256": _digests(folder, answers)}
+        if not sealed["blind"]:
+            seal["seed"] = sealed["seed"]
+        write_json(folder / "seal.json", seal)
+    return sealed
+
+
+def _drawn(
+    suite: Suite, folder: Path, answers: Path, asked: Mapping[str, Any], *, family: Family, seed: int | None
+) -> tuple[dict[str, Any], list[Case]]:
+    """What ``answers`` hold, from an interrupted call or drawn and written now, and the cases that follow."""
+    mode = asked["mode"]
     if answers.exists():
         sealed = read_json(answers)
         for name, value in {**asked, **({} if seed is None else {"seed": seed})}.items():
             if sealed.get(name) != value:
                 raise ValueError(f"answers {answers} are of {name} {sealed.get(name)}, not {value}; name another file")
-        if (folder / "seal.json").exists():
-            return open_seal(folder, answers)
         cases = plan(suite, mode=mode, family=family, seed=sealed["seed"])
-        if sealed["cases"] != {case.name: case.answer() for case in cases}:
+        if not (folder / "seal.json").exists() and sealed["cases"] != {case.name: case.answer() for case in cases}:
             raise ValueError(
                 f"answers {answers} do not follow from their seed: they, or the code that draws them, were changed; begin "
                 "a new folder"
             )
-    elif (folder / "cases").exists():
+        return sealed, cases
+    if (folder / "cases").exists():
         raise ValueError(f"{folder} holds cases, but their answers are not in {answers}; name the right file")
-    else:
-        blind = seed is None
-        drawn = secrets.randbits(128) if seed is None else seed
-        cases = plan(suite, mode=mode, family=family, seed=drawn)
-        about = {**asked, "blind": blind, "seed": drawn, "salt": secrets.token_hex(SALT)}
-        sealed = {**about, "cases": {case.name: case.answer() for case in cases}}
-        write_json(answers, sealed)  # before the first case, so that an interrupted suite has its seed
+    drawn = secrets.randbits(128) if seed is None else seed
+    cases = plan(suite, mode=mode, family=family, seed=drawn)
+    about = {**asked, "blind": seed is None, "seed": drawn, "salt": secrets.token_hex(SALT)}
+    sealed = {**about, "cases": {case.name: case.answer() for case in cases}}
+    write_json(answers, sealed)  # before the first case, so that an interrupted suite has its seed
+    return sealed, cases
 
+
+def _simulate(
+    cases: Sequence[Case],
+    folder: Path,
+    answers: Path,
+    sensors: str,
+    *,
+    batch: int,
+    workers: int,
+    progress: Callable[[str, float], Any],
+) -> None:
+    """Simulate and write the cases that are not there yet, in batches."""
     missing = [part for part in _batches(cases, batch) if not all(_place(folder, case).exists() for case in part)]
     ticks = sum(len(run.steering) for part in missing for case in part for run in _flat(case.runs()))
     done = 0
@@ -125,11 +163,6 @@ def write_cases(
     for names, failure in spread(_make, jobs, workers=workers, tell=tell):
         if failure is not None:
             raise ChildProcessError(f"{names} could not be simulated: {failure.reason}")
-    seal = {**asked, "cases": len(cases), "blind": sealed["blind"], "sha256": _digests(folder, answers)}
-    if not sealed["blind"]:
-        seal["seed"] = sealed["seed"]
-    write_json(folder / "seal.json", seal)
-    return sealed
 
 
 def open_seal(folder: Path, answers: Path) -> dict[str, Any]:
@@ -235,8 +268,8 @@ def _write_exact(path: Path, case: Case, found: Mapping[str, Sequence[Recorded]]
         for trial, log in zip(case.trials, logs, strict=True)
         for channel in SENSORS[sensors]
     }
-    path.parent.mkdir(parents=True, exist_ok=True)
-    np.savez_compressed(path, **arrays)  # pyright: ignore[reportArgumentType]  keys are names of arrays
+    with written_whole(path) as temporary:
+        np.savez_compressed(temporary, **arrays)  # pyright: ignore[reportArgumentType]  keys are names of arrays
 
 
 def _digests(folder: Path, answers: Path) -> dict[str, str]:

@@ -2,8 +2,9 @@
 
 A GPU takes as long for one twin as for thousands, and processes that launch by themselves take turns. So one process
 launches for all: what several ask for while others are served goes into the next launch together, and some launches are
-under way at once. Answers are written into memory that the one who asks shares with the one who launches: they are hundreds
-of megabytes, which pipes would take longer for than the twins do.
+under way at once. Who asks must know the key that a process shares with those that it starts. Answers are written into
+memory that the one who asks shares with the one who launches: they are hundreds of megabytes, which pipes would take longer
+for than the twins do.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ class Remote(Simulator):
 
     def __init__(self, device: str):
         super().__init__(device)
-        self._connection = Client(device.removeprefix(PREFIX))
+        self._connection = Client(device.removeprefix(PREFIX), authkey=multiprocessing.current_process().authkey)
         self._memory: mmap.mmap | None = None
 
     def launch(self, requests: Sequence[Request]) -> list[Signals]:
@@ -136,14 +137,15 @@ def _serve(address: str, device: str, ready: Event) -> None:
     joined: SimpleQueue[Connection] = SimpleQueue()
     memories: dict[Connection, mmap.mmap] = {}
     with (
-        Listener(address, "AF_UNIX", backlog=256) as listener,
+        Listener(address, "AF_UNIX", backlog=256, authkey=multiprocessing.current_process().authkey) as listener,
         ThreadPoolExecutor(WRITERS) as writers,
         DefaultSelector() as selector,
     ):
 
         def accept() -> None:
             while True:
-                joined.put(listener.accept())
+                with suppress(multiprocessing.AuthenticationError, EOFError, ConnectionError):  # of no process of ours
+                    joined.put(listener.accept())
 
         Thread(target=accept, daemon=True).start()
         ready.set()

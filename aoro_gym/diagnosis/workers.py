@@ -14,6 +14,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
+from threading import Thread
 from typing import Any
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
@@ -111,6 +112,7 @@ class _Worker:
 
 def _serve(work: Callable[..., Any], connection: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes of a terminal; the parent ends these
+    Thread(target=_end_with_parent, daemon=True).start()
     while True:
         try:
             arguments = connection.recv()
@@ -122,6 +124,14 @@ def _serve(work: Callable[..., Any], connection: Connection) -> None:
             connection.send(Failure(f"{type(error).__name__}: {error}", traceback.format_exc()))
         else:
             connection.send(None)
+
+
+def _end_with_parent() -> None:
+    """End this process once its parent has ended, however that was: nobody waits for its job any more."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 @contextmanager

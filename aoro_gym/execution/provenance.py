@@ -7,7 +7,7 @@ changed code, unless the user accepts it, which the record then tells.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -34,16 +34,25 @@ class ChangedCode(ValueError):
 
 
 def check_provenance(
-    file: Path, inputs: Mapping[str, Any], *, restart: str = "--restart", accept_code_change: bool = False
-) -> None:
+    file: Path,
+    inputs: Mapping[str, Any],
+    *,
+    begun: bool = False,
+    restart: str = "--restart",
+    accept_code_change: bool = False,
+) -> list[str]:
     """Write the record ``file`` of new work, or check that the work it tells of is what ``inputs`` ask for.
 
     Args:
         file: The record, usually :data:`PROVENANCE` in the folder of the results, whose lock is held.
         inputs: By name, everything that the results depend on: plain values, mappings of such, arrays, objects, and
             :class:`~aoro_gym.execution.digest.Contents` of files.
+        begun: Whether there are results already: without a record nobody knows which code they come from.
         restart: What a user does to begin anew, for the message.
         accept_code_change: Whether to go on with other code or versions, which is then recorded.
+
+    Returns:
+        All changes of the code that were accepted, now and before, in words.
 
     Raises:
         ChangedInput: names the inputs that differ, with both values where they are short.
@@ -51,27 +60,26 @@ def check_provenance(
         TypeError: an input cannot be told from others.
     """
     asked = dict(_described("", inputs))
-    code = {
-        "versions": dict(versions()),
-        "sources": {name: f"{DIGEST}{value}" for name, value in sources().items()},
-    }
-    if not file.exists():
-        write_json(file, {"inputs": asked, **code, "accepted_code_changes": []})
-        return
-    record = read_json(file)
-    changes = list(_differences(_mapping(record, "inputs"), asked))
-    if changes:
-        raise ChangedInput(f"{file.parent} was begun with other inputs: {_listed(changes)}; {restart} begins anew")
-    changes = [change for key in ("versions", "sources") for change in _differences(_mapping(record, key), code[key])]
-    if not changes:
-        return
-    if not accept_code_change:
+    code = {"versions": dict(versions()), "sources": {name: DIGEST + value for name, value in sources().items()}}
+    record = read_json(file) if file.exists() else None
+    if record is None:
+        changes = ["results without a record of their code"] if begun else []
+    else:
+        other = list(_differences(_mapping(record, "inputs"), asked))
+        if other:
+            raise ChangedInput(f"{file.parent} was begun with other inputs: {_listed(other)}; {restart} begins anew")
+        changes = [change for key in code for change in _differences(_mapping(record, key), code[key])]
+    if changes and not accept_code_change:
         raise ChangedCode(
             f"{file.parent} was begun with other code: {_listed(changes)}; --accept-code-change goes on and records it,"
             f" {restart} begins anew"
         )
-    accepted = [*record.get("accepted_code_changes", []), {"at": _now(), "changes": changes}]
-    write_json(file, {"inputs": asked, **code, "accepted_code_changes": accepted})
+    accepted = [] if record is None else list(record.get("accepted_code_changes", []))
+    if changes:
+        accepted.append({"at": datetime.now(UTC).isoformat(timespec="seconds"), "changes": changes})
+    if changes or record is None:
+        write_json(file, {"inputs": asked, **code, "accepted_code_changes": accepted})
+    return [change for one in accepted for change in one["changes"]]
 
 
 def changed_inputs(file: Path, inputs: Mapping[str, Any]) -> list[str]:
@@ -123,7 +131,7 @@ def _shown(value: str) -> str:
     return "another" if value.startswith(DIGEST) else value
 
 
-def _listed(changes: list[str]) -> str:
+def _listed(changes: Sequence[str]) -> str:
     more = len(changes) - NAMED
     return ", ".join(changes[:NAMED]) + (f", and {more} more" if more > 0 else "")
 
@@ -131,7 +139,3 @@ def _listed(changes: list[str]) -> str:
 def _mapping(record: Mapping[str, Any], key: str) -> Mapping[str, str]:
     found = record.get(key)
     return found if isinstance(found, Mapping) else {}
-
-
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")

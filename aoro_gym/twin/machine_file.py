@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from aoro_gym.execution.files import write_text
 from aoro_gym.twin.quantities import UNITS, Quantity, as_quantity
 
 ROLES = ("fixed", "nuisance", "effect", "both")
@@ -127,7 +128,7 @@ def write_machine(path: str | PathLike[str], entries: Mapping[str, Parameter]) -
             *([f"note = {json.dumps(entry.note, ensure_ascii=False)}"] if entry.note else []),
             "",
         ]
-    Path(path).write_text("\n".join(lines), encoding="utf-8")
+    write_text(Path(path), "\n".join(lines))
 
 
 def _tables(document: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:

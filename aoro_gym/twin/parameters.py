@@ -224,6 +224,16 @@ class Machine:
         glob = pattern if any(c in pattern for c in "*?[") else f"*{pattern}*"
         return [entry for key, entry in self.entries.items() if fnmatch.fnmatchcase(key.lower(), glob.lower())]
 
+    @property
+    def identity(self) -> dict[str, dict[str, Any]]:
+        """All that results follow from, by key: values and ranges in SI, and roles; neither name nor notes."""
+        size = {key: UNITS[entry.unit][1] for key, entry in self.entries.items()}
+        return {
+            "value": {key: entry.si for key, entry in self.entries.items()},
+            "range": {key: [limit * size[key] for limit in entry.range] for key, entry in self.entries.items()},
+            "role": {key: entry.role for key, entry in self.entries.items()},
+        }
+
     @cached_property
     def num_variants(self) -> int:
         """N if any parameter is an array of shape (N,), else 1."""

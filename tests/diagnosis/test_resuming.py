@@ -9,11 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-import aoro_gym
-from aoro_gym.diagnosis import resuming
 from aoro_gym.diagnosis.diagnose import diagnose
 from aoro_gym.diagnosis.replay import Request, Signals, Simulator, Task, Variants
 from aoro_gym.diagnosis.resuming import FOLDER, Kept, resumable
+from aoro_gym.execution import provenance
+from aoro_gym.execution.digest import sources
+from aoro_gym.execution.files import read_json, write_json
+from aoro_gym.execution.locking import LOCK
+from aoro_gym.execution.provenance import ChangedCode, ChangedInput
 from aoro_gym.terrains import Plane
 from aoro_gym.twin import Machine
 from aoro_gym.twin.effects import EFFECTS
@@ -37,23 +40,49 @@ def begin(folder: Path) -> None:
     lagging(Kept("cpu", folder))
 
 
+def diagnose_into(out: Path) -> None:
+    """All that the command does between its input and its result."""
+    with resumable("cpu", out, {"machine": MACHINE.identity}) as simulator:
+        found = lagging(simulator)
+        write_json(out / "diagnosis.json", found)
+
+
 def test_what_was_killed_goes_on_to_the_same_result(tmp_path, launches):
     whole = lagging(Simulator())
     everything = len(launches)
     process = multiprocessing.get_context("spawn").Process(target=begin, args=(tmp_path,))
     process.start()
-    while len(list(tmp_path.glob("*.npz"))) < KILLED_AFTER:
+    while len(list(tmp_path.glob("[0-9]*.npz"))) < KILLED_AFTER:
         assert process.is_alive(), "it ended before it was killed"
         time.sleep(0.01)
     process.kill()
     process.join()
-    kept = len(list(tmp_path.glob("*.npz")))
+    kept = len(list(tmp_path.glob("[0-9]*.npz")))
     assert KILLED_AFTER <= kept < everything
     launches.clear()
     resumed = lagging(Kept("cpu", tmp_path))
     assert len(launches) == everything - kept
     assert resumed.pop("seconds") > 0.0 and whole.pop("seconds") > 0.0
     assert json.dumps(resumed) == json.dumps(whole)
+
+
+@pytest.mark.slow
+def test_killed_ten_times_at_random_moments_it_comes_to_the_same_result(tmp_path):
+    began = time.monotonic()
+    diagnose_into(tmp_path / "whole")
+    whole, took = read_json(tmp_path / "whole" / "diagnosis.json"), time.monotonic() - began
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        process = multiprocessing.get_context("spawn").Process(target=diagnose_into, args=(tmp_path / "killed",))
+        process.start()
+        process.join(timeout=rng.uniform(0.0, 1.5 * took))
+        process.kill()
+        process.join()
+    diagnose_into(tmp_path / "killed")
+    killed = read_json(tmp_path / "killed" / "diagnosis.json")
+    assert killed.pop("seconds") > 0.0 and whole.pop("seconds") > 0.0
+    assert json.dumps(killed) == json.dumps(whole)
+    assert {file.name for file in (tmp_path / "killed").iterdir()} == {"diagnosis.json", LOCK}
 
 
 @pytest.fixture
@@ -106,16 +135,35 @@ def test_what_another_run_kept_is_not_read_but_removed(other, tmp_path, launches
     assert_same(found, Simulator().run(other))
 
 
-def test_what_other_sources_launched_is_not_read(tmp_path, launches, monkeypatch):
-    Kept("cpu", tmp_path).run(task())
-    monkeypatch.setattr(resuming, "PACKAGES", ("twin",))
-    Kept("cpu", tmp_path).run(task())
+def interrupt(out: Path, **inputs: Any) -> None:
+    """A diagnosis that has kept a launch in ``out`` when Ctrl-C ends it."""
+    with pytest.raises(KeyboardInterrupt), resumable("cpu", out, inputs) as simulator:
+        simulator.run(task())
+        raise KeyboardInterrupt
+
+
+def test_an_unfinished_diagnosis_goes_on_with_its_inputs_only(tmp_path, launches):
+    heavier = MACHINE.scale({"frame.front.mass": 1.01})
+    interrupt(tmp_path, machine=MACHINE.identity)
+    with pytest.raises(ChangedInput, match=r"machine value frame.front.mass was .*--restart begins anew"):
+        interrupt(tmp_path, machine=heavier.identity)
+    interrupt(tmp_path, machine=MACHINE.identity)
+    assert len(launches) == 1
+    with resumable("cpu", tmp_path, {"machine": heavier.identity}, restart=True) as simulator:
+        simulator.run(task())
     assert len(launches) == 2
 
 
-def test_every_source_of_a_launch_is_looked_at():
-    folder = Path(aoro_gym.__file__).parent
-    assert all(any((folder / package).rglob("*.py")) for package in resuming.PACKAGES)
+def test_launches_of_other_code_are_named_and_kept_only_if_accepted(tmp_path, launches, monkeypatch):
+    interrupt(tmp_path)
+    edited = {**sources(), "twin/kernels.py": "0" * 16}
+    monkeypatch.setattr(provenance, "sources", lambda: edited)
+    with pytest.raises(ChangedCode, match=r"twin/kernels.py has changed.*--accept-code-change"):
+        interrupt(tmp_path)
+    with resumable("cpu", tmp_path, accept_code_change=True) as simulator:
+        simulator.run(task())
+    assert simulator.code_changes == ("twin/kernels.py has changed",)
+    assert len(launches) == 1
 
 
 @pytest.mark.parametrize("damage", [lambda whole: b"", lambda whole: whole[:-50], lambda whole: b"?" * len(whole)])
@@ -131,10 +179,10 @@ def test_nothing_stays_of_a_diagnosis_that_ends_well(tmp_path):
     with pytest.raises(KeyboardInterrupt), resumable("cpu", tmp_path) as simulator:
         simulator.run(task())
         raise KeyboardInterrupt
-    assert len(list((tmp_path / FOLDER).iterdir())) == 1
+    assert len(list((tmp_path / FOLDER).glob("*.npz"))) == 1
     with resumable("cpu", tmp_path) as simulator:
         simulator.run(task())
-    assert not list(tmp_path.iterdir())
+    assert {file.name for file in tmp_path.iterdir()} == {LOCK}
 
 
 def test_a_diagnosis_does_not_end_where_nothing_can_be_kept(tmp_path):

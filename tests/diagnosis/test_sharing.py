@@ -121,7 +121,7 @@ def test_nobody_is_left_of_a_parent_that_was_killed(tmp_path):
         assert parent.is_alive()
         time.sleep(0.1)
     address = file.read_text(encoding="utf-8").removeprefix(PREFIX)
-    Client(address).close()
+    Client(address, authkey=multiprocessing.current_process().authkey).close()
     assert parent.pid is not None
     orphans = children(parent.pid)
     assert orphans and all(map(runs, orphans))

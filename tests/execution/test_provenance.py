@@ -75,3 +75,12 @@ def test_some_inputs_are_compared_without_the_others(tmp_path: Path):
     assert changed_inputs(file, {"seed": 4}) == ["seed was 3, is 4"]
     with pytest.raises(FileNotFoundError):
         changed_inputs(tmp_path / "none.json", {})
+
+
+def test_results_without_a_record_are_of_unknown_code(tmp_path: Path):
+    file = tmp_path / "provenance.json"
+    with pytest.raises(ChangedCode, match=r"without a record.*--accept-code-change"):
+        check_provenance(file, {"seed": 3}, begun=True)
+    assert not file.exists()
+    check_provenance(file, {"seed": 3}, begun=True, accept_code_change=True)
+    assert json.loads(file.read_text())["accepted_code_changes"]
