@@ -80,8 +80,12 @@ def write_report(
         passages.append(Passage("From above", text, plans))
     drawn = []
     for policy, run in result.runs.items() if films else ():
-        stem = folder / _file_name(policy)
-        drawn.append(write_film(result, run, stem, progress=lambda share, name=policy: tell(f"film: {name}", share)))
+        stem, before = folder / _file_name(policy), len(drawn) / len(result.runs)
+
+        def told(share: float, name: str = policy, before: float = before) -> None:
+            tell(f"film: {name}", before + share / len(result.runs))
+
+        drawn.append(write_film(result, run, stem, progress=told))
         passages.append(Passage(policy, film_caption(result, run), [drawn[-1]]))
     about = f"{result.env}, {counted(result)} a policy from seed {result.seed}."
     write_html(page, "AORO: evaluation", f"{about} {lead or f'Machine {result.machine.name}.'}", [], passages)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import inspect
 import json
 import math
-import shutil
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -20,12 +19,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, get_type_hints
 
 import typer
-from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
+from typer.core import TyperGroup
 
-from aoro_gym import __version__
+from aoro_gym import __version__, terminal
 from aoro_gym.agents.training_plan import TrainingPlan
 
 if TYPE_CHECKING:
@@ -37,8 +35,20 @@ if TYPE_CHECKING:
     from aoro_gym.twin import Machine, Twin
     from aoro_gym.validation import Validation
 
+
+class _Commands(TyperGroup):
+    """Ends with one line where a command is interrupted that has none of its own."""
+
+    def invoke(self, ctx: typer.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            _interrupted("the same command begins anew")
+
+
 app = typer.Typer(
     name="aoro-gym",
+    cls=_Commands,
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode="rich",
@@ -84,6 +94,12 @@ RepeatsOption = Annotated[
 ]
 WorkersOption = Annotated[
     int | None, typer.Option("--workers", metavar="N", help="Processes at once. Default: the number of cores.")
+]
+QuietOption = Annotated[
+    bool,
+    typer.Option(
+        "--quiet", "-q", callback=terminal.set_quiet, help="Show no progress; results, warnings and errors remain."
+    ),
 ]
 RayOption = Annotated[
     str | None,
@@ -188,7 +204,7 @@ def parameters(
         limits = f"{p.range[0]:.6g} - {p.range[1]:.6g}"
         source = f"{p.source} ({p.note})" if p.note else p.source
         table.add_row(p.key, f"{p.value:.6g}", "" if p.unit == "1" else p.unit, limits, p.role, escape(source))
-    _out().print(table)
+    terminal.out().print(table)
 
 
 def _list_effects(
@@ -227,7 +243,7 @@ def _list_effects(
             escape("\n".join(measured)),
             escape(row["physics"]),
         )
-    _out().print(table)
+    terminal.out().print(table)
 
 
 @app.command()
@@ -273,6 +289,7 @@ def simulate(
     scale: ScaleOption = None,
     device: DeviceOption = "cpu",
     seed: SeedOption = 0,
+    quiet: QuietOption = False,
 ) -> None:
     """Run one manoeuvre and write its log, plots and key figures.
 
@@ -304,9 +321,9 @@ def simulate(
     made_by = _made_by(machine, set_, scale, device, seed, ideal=ideal)
     section = _run(twin, plan)
     written = _write(section, twin, out, made_by)
-    _out().print(_figure_table(section))
+    terminal.out().print(_figure_table(section))
     if section.recording.manoeuvre.turn and section.figures["turn_time_s"] is None:
-        typer.echo("The turn did not reach its stop, so it has no key figures; a longer --duration may help.")
+        terminal.out().print("The turn did not reach its stop, so it has no key figures; a longer --duration may help.")
     _say(written)
 
 
@@ -318,6 +335,7 @@ def demo(
     scale: ScaleOption = None,
     device: DeviceOption = "cpu",
     seed: SeedOption = 0,
+    quiet: QuietOption = False,
 ) -> None:
     """Validate the twin, let controllers steer and policies drive it, turn fully left and drive straight on: one page.
 
@@ -351,7 +369,7 @@ def demo(
     for name, plan in plans.items():
         sections.append(_run(twin, plan))
         _write(sections[-1], twin, out / f"{name}.csv", made_by, page=False)
-        _out().print(_figure_table(sections[-1]))
+        terminal.out().print(_figure_table(sections[-1]))
     from aoro_gym.report import write_html
 
     page = out / "index.html"
@@ -386,6 +404,7 @@ def validate(
     scale: ScaleOption = None,
     device: DeviceOption = "cpu",
     seed: SeedOption = 0,
+    quiet: QuietOption = False,
 ) -> None:
     """Full turns of the twin beside the published machine and its published twin.
 
@@ -431,7 +450,7 @@ def validate(
     result = _validated(chosen, second, family, device, seed)
     with _running():
         written += write_report(result, out)
-    print_tables(_out(), result)
+    print_tables(terminal.out(), result)
     _say(written)
 
 
@@ -460,6 +479,7 @@ def calibrate(
     scale: ScaleOption = None,
     device: DeviceOption = "cpu",
     seed: SeedOption = 0,
+    quiet: QuietOption = False,
 ) -> None:
     """Fit the machine's uncertain parameters within their ranges, to published figures or to your logs.
 
@@ -551,6 +571,7 @@ def diagnose(
     device: DeviceOption = "cpu",
     restart: RestartOption = False,
     accept_code_change: AcceptCodeChangeOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Say why a machine and its twin disagree: where, because of what, by how much, and what to record next.
 
@@ -613,7 +634,7 @@ def diagnose(
     with (
         _running(),
         _resumable(),
-        _bar("diagnosing") as tell,
+        terminal.progress("diagnosing") as tell,
         resumable(device, out, inputs, restart=restart, accept_code_change=accept_code_change) as simulator,
     ):
         found = find(
@@ -628,7 +649,7 @@ def diagnose(
         ).with_code_changes(simulator.code_changes)
         written = [found.save(out), write_report(found, out)]
     for item in summary(found):
-        _out().print(item)
+        terminal.out().print(item)
     _say(written)
 
 
@@ -659,14 +680,14 @@ def _diagnose_table(
     with (
         _running(),
         _resumable(),
-        _bar("diagnosing") as tell,
+        terminal.progress("diagnosing") as tell,
         resumable(device, out, inputs, restart=restart, accept_code_change=accept_code_change) as simulator,
     ):
         found = diagnose_rows(used, machine, held_out=left_out, simulator=simulator, out=out, progress=tell)
         found = found.with_code_changes(simulator.code_changes)
         written = [found.save(out), write_report(found, out)]
     for item in summary(found):
-        _out().print(item)
+        terminal.out().print(item)
     _say(written)
 
 
@@ -698,6 +719,7 @@ def terrain(
         str | None,
         typer.Option("--ground", metavar="class|filter|all", help="What is ground. Default: the class, if given."),
     ] = None,
+    quiet: QuietOption = False,
 ) -> None:
     """Load ground to drive on, check and repair it, and say what was done.
 
@@ -725,7 +747,7 @@ def terrain(
             if path.resolve() == file.resolve():
                 raise ValueError(f"--out {mesh} would overwrite {file}; choose another name")
             check_writable(path)
-        with _bar(file.name) as tell:
+        with terminal.progress(file.name) as tell:
             loaded = load(
                 file,
                 units=units,
@@ -744,7 +766,7 @@ def terrain(
         written.append(mesh.with_suffix(".png"))
         draw_terrain(loaded.terrain).savefig(written[-1], bbox_inches="tight")
     for item in _terrain_tables(loaded.report):
-        _out().print(item, highlight=False)
+        terminal.out().print(item, highlight=False)
     _say(written)
 
 
@@ -788,6 +810,7 @@ def evaluate(
     scale: ScaleOption = None,
     device: DeviceOption = "cpu",
     seed: SeedOption = 0,
+    quiet: QuietOption = False,
 ) -> None:
     """Drive the same episodes under several policies, and compare them.
 
@@ -823,7 +846,8 @@ def evaluate(
     from aoro_gym.agents.evaluation_report import table, write_report
     from aoro_gym.agents.keeping import resumable
 
-    with _bar(env) as tell, _running(), resumable(out) as kept:
+    with _resumable(), terminal.progress(env) as tell, _running(), resumable(out) as kept:
+        driven = 0.5 if films else 0.95
         with _checking_input():  # such as paths that leave the ground
             result = evaluation.evaluate(
                 env,
@@ -836,10 +860,11 @@ def evaluate(
                 device=device,
                 ray=ray,
                 kept=kept,
-                progress=tell,
+                progress=terminal.within(tell, 0.0, driven),
             )
-        written = write_report(result, out, films=films, lead=_lead(made_by), made_by=made_by, progress=tell)
-    _out().print(table(result))
+        drawing = terminal.within(tell, driven, 1.0)
+        written = write_report(result, out, films=films, lead=_lead(made_by), made_by=made_by, progress=drawing)
+    terminal.out().print(table(result))
     _say(written)
 
 
@@ -873,6 +898,7 @@ def leaderboard(
     seed: Annotated[
         int | None, typer.Option("--seed", help="Of the first episode. Default: one that is held out.")
     ] = None,
+    quiet: QuietOption = False,
 ) -> None:
     """Rank policies and tuned controllers on seeds, grounds and machines that none of them saw.
 
@@ -905,14 +931,14 @@ def leaderboard(
         chosen = _machine(machine, set_, scale)
         _check_seed(seed)
         _check_device(device)
-    with _bar(env) as tell, _running(), resumable(out) as kept:
+    with _resumable(), terminal.progress(env) as tell, _running(), resumable(out) as kept:
         with _checking_input():  # such as a cluster that is not there
             result = board.compare(
                 env, policies, episodes=episodes, repeats=repeats, seed=seed, machine=chosen, device=device, ray=ray,
                 kept=kept, progress=tell,
             )  # fmt: skip
         written = board.write(result, out, readme=readme, made_by=_made_by(machine, set_, scale, device, seed))
-    _out().print(board.table(result))
+    terminal.out().print(board.table(result))
     _say(written)
 
 
@@ -922,6 +948,7 @@ def curves(
         list[Path], typer.Argument(metavar="FOLDER...", help="Of 'aoro-gym train', done or on the way.")
     ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to.")] = Path("curves"),
+    quiet: QuietOption = False,
 ) -> None:
     """Learning curves of trainings, beside the reference controllers on the episodes that they were evaluated on.
 
@@ -942,12 +969,12 @@ def curves(
         chosen = _machine(plan.machine, plan.set, plan.scale)
         _check_device(plan.device)
         held_out = _training_courses(replace(plan, forests=1))[1]
-    with _bar(plan.env) as tell, _running():
+    with terminal.progress(plan.env) as tell, _running():
         beside = drawing.references(plan, chosen, held_out, tell)
         picture = out / "curves.png"
         _write_json(out / "curves.json", drawing.to_json(found, beside))
         drawing.write_figure(found, beside, picture)
-    _out().print(drawing.table(found, beside))
+    terminal.out().print(drawing.table(found, beside))
     _say([picture, out / "curves.json"])
 
 
@@ -982,6 +1009,7 @@ def gap(
     scale: ScaleOption = None,
     device: DeviceOption = "cpu",
     seed: SeedOption = 0,
+    quiet: QuietOption = False,
 ) -> None:
     """What a gap costs a policy, how much of that a diagnosis foresees, and how much retraining wins back.
 
@@ -1022,7 +1050,7 @@ def gap(
     if retrain:
         for name, where in (("retrained", found), ("control", chosen)):
             others[name] = _learned_on(env, policy, out / name, machine=where, steps=retrain, seed=seed, device=device)
-    with _bar(env) as tell, _running():
+    with terminal.progress(env) as tell, _running():
         result = gaps.measure(
             env,
             make,
@@ -1039,7 +1067,7 @@ def gap(
     made_by = _made_by(machine, set_, scale, device, seed)
     made_by |= {"policy": policy, "plant": plant, "effects": effect, "improved": found.name, "retrain": retrain}
     _write_json(out / "gap.json", result.to_json() | {"made_by": made_by})
-    _out().print(gaps.table(result))
+    terminal.out().print(gaps.table(result))
     _say([out / "gap.json"])
 
 
@@ -1058,8 +1086,10 @@ def _learned_on(
         training.versions("sb3")  # all is there
         recipe = training.continued(plan, folder)
         courses, held_out = _training_courses(plan)
-    with _learning_bar(f"{env}, {folder.name}") as tell, _running(), _checking_input():
-        training.train(plan, recipe, folder, machine=machine, courses=courses, held_out=held_out, tell=tell)
+    doing = f"{env}, {folder.name}"
+    with terminal.progress(doing) as tell, _running(), _checking_input():
+        heard = terminal.learning(tell, doing)
+        training.train(plan, recipe, folder, machine=machine, courses=courses, held_out=held_out, tell=heard)
     return learned.load_policy(folder / "best.json").made_for
 
 
@@ -1110,6 +1140,7 @@ def train(
     space: Annotated[
         Path | None, typer.Option("--space", metavar="FILE.yml", help="With --trials: what is searched. Default: ours.")
     ] = None,
+    quiet: QuietOption = False,
     **options: Any,
 ) -> None:
     """Train a policy, on many twins at once.
@@ -1182,12 +1213,12 @@ def train(
             recipe = training.begin(plan, folder)
     began = time.perf_counter()
     try:
-        with _learning_bar(plan.env) as tell, _running(), _checking_input():
-            found = training.train(plan, recipe, folder, machine=chosen, courses=courses, held_out=held_out, tell=tell)
+        with terminal.progress(plan.env) as tell, _running(), _checking_input():
+            heard = terminal.learning(tell, plan.env)
+            found = training.train(plan, recipe, folder, machine=chosen, courses=courses, held_out=held_out, tell=heard)
     except KeyboardInterrupt:
-        _err().print(f"[bold]interrupted:[/] aoro-gym train --resume {folder} goes on", highlight=False)
-        raise typer.Exit(130) from None
-    _out().print(_training_table(found))
+        _interrupted(f"aoro-gym train --resume {folder} goes on")
+    terminal.out().print(_training_table(found))
     typer.echo(f"trained for {time.perf_counter() - began:.0f} s")
     _say([folder / name for name in (training.RECORD, training.EVALUATIONS, "policy.json", "best.json")])
 
@@ -1210,12 +1241,12 @@ def _train_on_cluster(options: dict[str, Any], *, out: Path | None, ray: str, se
             place, plan = folder / f"seed_{seed}", replace(first, seed=seed)
             plans[place] = plan
             recipes[place] = training.continued(plan, place)
-    with _bar(first.env) as tell, _running(), _resumable(), _checking_input():
+    with terminal.progress(first.env) as tell, _running(), _resumable(), _checking_input():
         found = training.train_seeds(
             plans, recipes, ray=ray, machine=chosen, courses=courses, held_out=held_out, progress=tell
         )
     for place, evaluations in sorted(found.items()):
-        _out().print(_training_table(evaluations))
+        terminal.out().print(_training_table(evaluations))
         _say([place / "best.json"])
 
 
@@ -1234,12 +1265,12 @@ def _search_on_cluster(options: dict[str, Any], *, out: Path | None, ray: str, t
         chosen = _machine(plan.machine, plan.set, plan.scale)
         courses, held_out = _training_courses(plan)
         training.versions(plan.trainer)  # all is there
-    with _bar(plan.env) as tell, _running(), _resumable(), _checking_input():
+    with terminal.progress(plan.env) as tell, _running(), _resumable(), _checking_input():
         found = searching.search(
             plan, dimensions, folder,
             trials=trials, ray=ray, machine=chosen, courses=courses, held_out=held_out, progress=tell,
         )  # fmt: skip
-    _out().print(_trials_table(found))
+    terminal.out().print(_trials_table(found))
     if not found or found[0].best is None:
         why = found[0].failed if found else "none began"
         _fail(ValueError(f"no trial came to an evaluation; the first says: {why}"), 1)
@@ -1269,6 +1300,7 @@ def export(
     trust_pickle: Annotated[
         bool, typer.Option("--trust-pickle", help="Load a .zip of Stable-Baselines3, which runs code of its maker.")
     ] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Write a learned policy as ONNX, for the vehicle's computer.
 
@@ -1333,6 +1365,7 @@ def bench(
     scale: ScaleOption = None,
     device: DeviceOption = "cpu",
     seed: SeedOption = 0,
+    quiet: QuietOption = False,
 ) -> None:
     """Measure how fast twins and environments step, beside other engines, and how fast a policy learns.
 
@@ -1391,10 +1424,10 @@ def bench(
         if json_file is not None:
             _write_json(json_file, so_far)
 
-    with _bar("bench") as tell, _running():
+    with terminal.progress("bench") as tell, _running():
         result = run(plan, chosen, tell, save)
     for table in tables(result):
-        _out().print(table)
+        terminal.out().print(table)
     if json_file is not None:
         _say([json_file])
 
@@ -1429,6 +1462,7 @@ def seal(
     ] = None,
     workers: WorkersOption = None,
     accept_code_change: AcceptCodeChangeOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Make cases whose answers are withheld, and publish the digest of the answers.
 
@@ -1463,7 +1497,7 @@ def seal(
         check_writable(folder / "seal.json")
         check_writable(file)
         processes = _workers(workers)
-        with _running(), _resumable(), _bar("simulating plants") as tell:
+        with _running(), _resumable(), terminal.progress("simulating plants") as tell:
             write_cases(
                 SUITES[suite],
                 folder,
@@ -1497,6 +1531,7 @@ def blind_run(
     device: DeviceOption = "cpu",
     restart: RestartOption = False,
     accept_code_change: AcceptCodeChangeOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Diagnose every case of a sealed suite.
 
@@ -1524,7 +1559,7 @@ def blind_run(
         check_writable(target / "run.json")
         _check_device(device)
         processes = _workers(workers)
-        with _running(), _resumable(), _bar("diagnosing") as tell:
+        with _running(), _resumable(), terminal.progress("diagnosing") as tell:
             failures = run_cases(
                 folder,
                 target,
@@ -1537,7 +1572,7 @@ def blind_run(
                 progress=tell,
             )
     for name, reason in failures.items():
-        _err().print(f"[bold red]case {name} failed:[/] {escape(reason)}", soft_wrap=True, highlight=False)
+        terminal.err().print(f"[bold red]case {name} failed:[/] {escape(reason)}", soft_wrap=True, highlight=False)
     _say([target])
     if failures:
         raise typer.Exit(1)
@@ -1564,6 +1599,7 @@ def blind_score(
     ] = None,
     workers: WorkersOption = None,
     device: DeviceOption = "cpu",
+    quiet: QuietOption = False,
 ) -> None:
     """Open the seal, and hold every diagnosis against its answer.
 
@@ -1592,12 +1628,12 @@ def blind_score(
         _check_device(device)
         file = folder.with_name(f"{folder.name}.answers.json") if answers is None else answers
         processes = _workers(workers)
-        with _running(), _resumable(), _bar("opening the seal") as tell:
+        with _running(), _resumable(), terminal.progress("opening the seal") as tell:
             result = score_cases(
                 folder, file, found, target / "oracle", device=device, workers=processes, progress=tell
             )
     for table in tables(result):
-        _out().print(table)
+        terminal.out().print(table)
     with _running():
         _say(write_score(result, target))
 
@@ -1606,6 +1642,7 @@ def blind_score(
 def atlas(
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to.")],
     device: DeviceOption = "cpu",
+    quiet: QuietOption = False,
 ) -> None:
     """Which effects look alike, from which sensors and manoeuvres, whatever a diagnosis makes of them.
 
@@ -1625,11 +1662,11 @@ def atlas(
 
         _check_folder(out, "atlas.json")
         _check_device(device)
-    with _running(), _bar("twins") as tell:
+    with _running(), terminal.progress("twins") as tell:
         found = survey(simulator=Simulator(device), progress=tell)
         written = write_atlas(found, out)
     for table in tables(found):
-        _out().print(table)
+        terminal.out().print(table)
     _say(written)
 
 
@@ -1667,20 +1704,23 @@ def _resumable() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        _err().print("[bold]interrupted:[/] the same command goes on from where it stopped", highlight=False)
-        raise typer.Exit(130) from None
+        _interrupted("the same command goes on from where it stopped")
+
+
+def _interrupted(what_next: str) -> NoReturn:
+    terminal.err().print(f"[bold]interrupted:[/] {escape(what_next)}", soft_wrap=True, highlight=False)
+    raise typer.Exit(130) from None
 
 
 def _fail(error: Exception, code: int) -> NoReturn:
     message = str(error)
     if isinstance(error, OSError) and error.strerror:
         message = f"{error.filename}: {error.strerror}"
-    _err().print(f"[bold red]error:[/] {escape(' '.join(message.split()))}", soft_wrap=True, highlight=False)
+    terminal.err().print(f"[bold red]error:[/] {escape(' '.join(message.split()))}", soft_wrap=True, highlight=False)
     raise typer.Exit(code) from None
 
 
 def _machine(name: str, settings: list[str] | None, factors: list[str] | None) -> Machine:
-    _hush()
     from aoro_gym.twin import Machine
 
     chosen = Machine.load(name)
@@ -1690,7 +1730,7 @@ def _machine(name: str, settings: list[str] | None, factors: list[str] | None) -
     chosen = chosen.set(values, check_ranges=False) if values else chosen
     chosen = chosen.scale(scales, check_ranges=False) if scales else chosen
     for message in chosen.outside_ranges([*values, *scales]).values():
-        _err().print(f"[yellow]warning:[/] {escape(message)}", soft_wrap=True, highlight=False)
+        terminal.warn(message)
     return chosen
 
 
@@ -1771,9 +1811,8 @@ def _twin(machine: Machine, terrain: Plane | None, device: str, seed: int) -> Tw
     _check_device(device)
     from aoro_gym.twin import Twin
 
-    with _err().status("preparing the twin (the first run on a computer compiles it)"):
-        twin = Twin(machine=machine, terrain=terrain, device=device)
-        twin.step(duration=twin.main_step)
+    twin = Twin(machine=machine, terrain=terrain, device=device)
+    twin.step(duration=twin.main_step)
     return twin
 
 
@@ -1791,16 +1830,16 @@ def _courses(env: str, terrain: Path | None, path: Path | None, path_length: flo
     ground: Plane | Terrain = Plane()
     if terrain is not None:
         doing = f"loading {terrain.name}"
-        with _bar(doing) as tell:
+        with terminal.progress(doing) as tell:
             ground, report = load(terrain, progress=lambda share: tell(doing, share))
         for warning in report.warnings:
-            _err().print(f"[yellow]mind:[/] {escape(warning)}", highlight=False)
+            terminal.warn(warning)
     if path is None:
         paths = generated_paths(ground, length=path_length)
     else:
         found, about = load_path(path, ground if isinstance(ground, Terrain) else None)
         for warning in about.warnings:
-            _err().print(f"[yellow]mind:[/] {escape(warning)}", highlight=False)
+            terminal.warn(warning)
         paths = (found,)
     return [Course(ground, paths, name="level ground" if isinstance(ground, Plane) else ground.name)]
 
@@ -1816,7 +1855,7 @@ def _training_courses(plan: TrainingPlan) -> tuple[list[Course] | None, list[Cou
 
     if courses is None:
         doing, grown, total = "growing forests", [], plan.forests + len(HELD_OUT_FORESTS)
-        with _bar(doing) as tell:
+        with terminal.progress(doing) as tell:
             for seed in range(1, min(HELD_OUT_FORESTS)):
                 tell(doing, len(grown) / total)
                 with suppress(NoDrivablePath):  # a forest too dense is passed over
@@ -1876,20 +1915,15 @@ def _policy_name(name: str) -> str:
     return "-".join(part for part in file.with_suffix("").parts if part not in (file.anchor, ".", ".."))
 
 
-def _hush() -> None:
-    """No banner and no compile times of Warp between the tables."""
-    import warp
-
-    warp.config.log_level = warp.LOG_ERROR
-
-
 def _check_device(device: str) -> None:
-    import warp
+    from aoro_gym.execution import devices
 
-    _hush()
-    known = [known.alias for known in warp.get_devices()]
-    if device not in (*known, *(["cuda"] if warp.is_cuda_available() else [])):
-        raise ValueError(f"--device {device!r} is not available here; choose one of: {', '.join(known)}")
+    if terminal.is_quiet():
+        devices.say = lambda text: None
+    try:
+        devices.find(device)
+    except ValueError as error:
+        raise ValueError(f"--{error}") from error
 
 
 def _workers(asked: int | None) -> int:
@@ -1960,7 +1994,7 @@ def _run(twin: Twin, plan: Manoeuvre) -> Section:
     from aoro_gym.manoeuvres import run
     from aoro_gym.report import Section
 
-    with _bar(plan.title) as tell, _running():
+    with terminal.progress(plan.title) as tell, _running():
         recording = run(
             twin,
             plan,
@@ -2034,7 +2068,7 @@ def _made_by(
 def _validated(chosen: Machine, second: Machine | None, family: list[Machine], device: str, seed: int) -> Validation:
     from aoro_gym.validation import validate
 
-    with _bar("validation") as tell, _running():
+    with terminal.progress("validation") as tell, _running():
         return validate(chosen, uncalibrated=second, ensemble=family, device=device, seed=seed, progress=tell)
 
 
@@ -2045,7 +2079,7 @@ def _validation_passage(result: Validation, folder: Path) -> Passage:
 
     with _running():
         write_report(result, folder)
-    print_tables(_out(), result)
+    print_tables(terminal.out(), result)
     reached, of = result.reached()
     text = (
         f"Full turns beside the published machine: {reached} of {of} figures of the published twin are within bounds."
@@ -2068,8 +2102,9 @@ def _swing(chosen: Machine, device: str, seed: int, path: Path) -> Passage:
     observation, info = env.reset(seed=seed, options=start)
     steps = round(len(SWING_TARGETS_DEG) * SWING_HOLD_S * env.metadata["render_fps"])
     frames = []
-    with _progress() as progress:
-        for step in progress.track(range(steps), description="AORO/Turning-v0"):
+    with terminal.progress("AORO/Turning-v0") as tell:
+        for step in range(steps):
+            tell("AORO/Turning-v0", step / steps)
             observation, _, terminated, _, info = env.step(policy(observation[None])[0])
             if step % 5 == 0:
                 frames.append(env.render())
@@ -2098,12 +2133,14 @@ def _forest_drive(chosen: Machine, device: str, seed: int, folder: Path) -> Pass
     from aoro_gym.terrains.forest import forest
     from aoro_gym.terrains.scan import scan
 
-    with _bar("scanning a forest") as tell, _running():
+    with terminal.progress("scanning a forest") as tell, _running():
         grown = forest(FOREST_SEED, size=FOREST_SIZE)
         file = folder / "scan.ply"
         folder.mkdir(parents=True, exist_ok=True)
         scan(grown, FOREST_SEED, density=SCAN_DENSITY).save_mesh(file)
-        terrain, report = load(file, name="scanned forest", progress=lambda share: tell("loading the scan", share))
+        terrain, report = load(
+            file, name="scanned forest", progress=lambda share: tell("loading the scan", 0.2 * share)
+        )
         path = drivable_path(terrain, FOREST_SEED, length=DRIVE_LENGTH, obstacles=grown.circles("tree"))
         result = evaluate(
             DRIVE,
@@ -2113,14 +2150,14 @@ def _forest_drive(chosen: Machine, device: str, seed: int, folder: Path) -> Pass
             courses=[Course(terrain, (path,), name=terrain.name, trees=grown.trees)],
             machine=chosen,
             device=device,
-            progress=lambda _, share: tell(DRIVE, share),
+            progress=lambda _, share: tell(DRIVE, 0.2 + 0.4 * share),
         )
         run, other = (result.runs[name] for name in DRIVERS)
         film = write_film(
             result,
             run,
             folder / "drive",
-            progress=lambda share: tell("drawing the drive", share),
+            progress=lambda share: tell("drawing the drive", 0.6 + 0.4 * share),
         )
         plans = write_plans(result, folder)
     figures, others = ({name: float(values[0]) for name, values in one.figures.items()} for one in (run, other))
@@ -2140,7 +2177,7 @@ def _calibrate(fit: Callable[..., Any], out: Path, **options: Any) -> list[Path]
     checkpoint = out.with_name(f"{out.name}.checkpoint.json")
     with _checking_input():
         out.parent.mkdir(parents=True, exist_ok=True)
-        with _resumable(), _bar("calibration") as tell:
+        with _resumable(), terminal.progress("calibration") as tell:
             found = fit(checkpoint=checkpoint, progress=tell, **options)
         found.machine.save(out)
         written = [out]
@@ -2157,7 +2194,7 @@ def _calibrate(fit: Callable[..., Any], out: Path, **options: Any) -> list[Path]
         for part in checkpoint.parent.glob(f"{checkpoint.stem}*.json"):
             part.unlink()
     for item in _calibration_tables(found.report):
-        _out().print(item, highlight=False)
+        terminal.out().print(item, highlight=False)
     return written
 
 
@@ -2304,52 +2341,3 @@ def _with_nulls(content: Any) -> Any:
 def _say(written: list[Path]) -> None:
     for path in written:
         typer.echo(f"wrote {path}")
-
-
-# --- consoles ---
-
-
-def _out() -> Console:
-    """Standard output; wide where it is no terminal, so that nothing is cut."""
-    console = Console()
-    return console if console.is_terminal else Console(width=max(200, shutil.get_terminal_size().columns))
-
-
-def _err() -> Console:
-    return Console(stderr=True)
-
-
-def _progress() -> Progress:
-    console = _err()
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn(compact=True))
-    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
-
-
-@contextmanager
-def _learning_bar(what: str) -> Iterator[Callable[[Any], None]]:
-    """A bar of a training; what it gives is told where the training stands."""
-    console = _err()
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.completed:,.0f}/{task.total:,.0f}  {task.fields[text]}"),
-        TimeRemainingColumn(compact=True),
-    )
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task(what, total=None, text="")
-
-        def tell(now: Any) -> None:
-            text = f"{now.steps_per_s:,.0f} steps/s"
-            if math.isfinite(now.episode_return):
-                text += f"  return {now.episode_return:.4g}  success {now.success:.0%}"
-            progress.update(task, completed=now.steps, total=now.total, text=text, description=f"{what}, {now.doing}")
-
-        yield tell
-
-
-@contextmanager
-def _bar(what: str) -> Iterator[Callable[[str, float], None]]:
-    """A bar of progress; what it gives is told what is being done, and the share that is."""
-    with _progress() as progress:
-        task = progress.add_task(what, total=1.0)
-        yield lambda what, share: progress.update(task, description=what, completed=share)

@@ -11,6 +11,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from aoro_gym.arrays import HOST, Array, Arrays
+from aoro_gym.execution import devices
 from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.terrains.forest import forest
 from aoro_gym.terrains.planning import drivable_ground
@@ -102,6 +103,7 @@ class HeightMap:
 @cache
 def surface(terrain: Terrain, device: str) -> Raster:
     """The terrain's raster, on the host, made once on each ``device`` that needs it."""
+    devices.start()
     mesh = wp.Mesh(
         points=wp.array(terrain.vertices, dtype=wp.vec3, device=device),
         indices=wp.array(terrain.faces.ravel(), dtype=int, device=device),

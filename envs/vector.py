@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import sys
-import threading
-import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,8 +32,6 @@ BASE_OPTIONS = ("reset_mask", "machine", "terrain", "sensor_seed")
 """Keys of ``reset(options=...)`` that every task takes."""
 OUTPUTS = ("numpy", "torch")
 """Kinds of arrays that environments hand out."""
-ANNOUNCE_AFTER = 2.0
-"""Time [s] after which a start that takes longer is explained."""
 
 
 class TwinVectorEnv(VectorEnv[Array, Array, Array]):
@@ -141,17 +135,16 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         }
 
         self.generators: list[np.random.Generator | None] = [None] * self.num_envs
-        with compilation_announced(device):
-            self.twin = Twin(
-                self.num_envs,
-                machine=machine,
-                terrain=terrain,
-                ground=ground,
-                device=device,
-                own_machines=own_machines,
-            )
-            # compiles everything, and gives the outputs the size that they keep
-            self.twin.step(duration=task.control_step, sample_every=task.sample_step)
+        self.twin = Twin(
+            self.num_envs,
+            machine=machine,
+            terrain=terrain,
+            ground=ground,
+            device=device,
+            own_machines=own_machines,
+        )
+        # gives the outputs the size that they keep
+        self.twin.step(duration=task.control_step, sample_every=task.sample_step)
         self.arrays = HOST if output == "numpy" else Arrays.torch(str(self.twin.device))
         """Where the arrays live that the task calculates with."""
         self._own_machines = own_machines
@@ -609,28 +602,3 @@ def _replaced(
         **_each({name: masks[name] for name in kept}, lambda mask: mask & ~where),
         **_each({name: masks[name] for name in renewed}, lambda mask: mask | where),
     }
-
-
-@contextmanager
-def compilation_announced(device: str) -> Iterator[None]:
-    """Says so on the standard error if what runs inside takes long, as the first compilation of the kernels does."""
-    began = time.perf_counter()
-    said = threading.Event()
-
-    def announce() -> None:
-        said.set()
-        print(
-            f"aoro-gym: preparing the twin for {device}; the first time on a computer this compiles it ...",
-            file=sys.stderr,
-            flush=True,
-        )
-
-    timer = threading.Timer(ANNOUNCE_AFTER, announce)
-    timer.daemon = True
-    timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()
-    if said.is_set():
-        print(f"aoro-gym: ready after {time.perf_counter() - began:.0f} s", file=sys.stderr, flush=True)

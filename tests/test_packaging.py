@@ -36,6 +36,7 @@ MAY_SEE = {
     "lazy": set(),
     "recording": set(),
     "style": set(),
+    "terminal": set(),
     "terrains": {"lazy", "style"},
     "twin": {"terrains"},
     "sensors": {"arrays", "terrains", "twin"},
@@ -45,7 +46,7 @@ MAY_SEE = {
     **{part: {"style", "terrains", "twin", "sensors", "validation", *TOOLS} for part in TOOLS},
     **{part: {"cluster", "kept", "style", "terrains", "twin", "sensors", *TOOLS, *STUDIES} for part in STUDIES},
     "benchmark": {"terrains", "twin", "sensors", "envs", "agents", *TOOLS},
-    "cli": {"terrains", "twin", "sensors", "envs", "agents", "benchmark", "cluster", *TOOLS, *STUDIES},
+    "cli": {"terrains", "twin", "sensors", "envs", "agents", "benchmark", "cluster", "terminal", *TOOLS, *STUDIES},
     "__main__": {"cli"},
     "__init__": {"lazy", "terrains", "twin", "envs"},
 }

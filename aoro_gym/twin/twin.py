@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import warp as wp
 
+from aoro_gym.execution import devices
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.terrains.raster import CELL
 from aoro_gym.terrains.terrain import Terrain
@@ -135,11 +136,7 @@ class Twin:
         self.terrain = terrain if terrain is not None else Plane()
         self.main_step = float(main_step)
         self.substeps = int(substeps)
-        try:
-            self.device = wp.get_device(device)
-        except Exception as error:
-            known = ", ".join(d.alias for d in wp.get_devices())
-            raise ValueError(f"device '{device}' is not available here; choose one of: {known}") from error
+        self.device = devices.find(device)
         _check_count("the machine", self.machine.num_variants, self.num_twins)
         records = pack(self.machine)
         if own_machines:
@@ -165,7 +162,8 @@ class Twin:
         self._mask = wp.ones(n, dtype=bool, device=self.device)
         self._pose = wp.zeros((4, n), dtype=float, device=self.device)
         self._numbers = wp.zeros(n, dtype=int, device=self.device)
-        self.reset()
+        with devices.compiling(self._reset_kernel, self.device, BLOCK_DIM):
+            self.reset()
 
     @property
     def machines(self) -> wp.array:

@@ -395,14 +395,3 @@ def test_a_single_environment_has_no_batch(name):
         TurningEnv(None, **{name: 2})
     with pytest.raises(ValueError, match="'reset_mask'\\] belongs to vector environments"):
         gymnasium.make(TURNING).reset(options={"reset_mask": np.array([True])})
-
-
-def test_long_compilations_are_announced(capsys, monkeypatch):
-    from aoro_gym.envs import vector
-
-    monkeypatch.setattr(vector, "ANNOUNCE_AFTER", 0.0)
-    with vector.compilation_announced("cpu"):
-        pass
-    said = capsys.readouterr().err
-    assert "preparing the twin for cpu" in said
-    assert "ready after" in said
