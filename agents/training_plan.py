@@ -18,7 +18,12 @@ TRAINERS = {"sb3": ALGORITHMS, "resident": ("ppo",)}
 """Algorithms by what runs them: Stable-Baselines3 (the package itself for dagger), or skrl with all arrays on the device."""
 
 
-def option(default: Any, metavar: str, text: str) -> Any:
+PATH_HELP = "Path on it (.gpx .kml .kmz .geojson .csv). Default: generated, drivable ones."
+TRACK_HELP = "Which line of the --path's file, where it holds several: its name or number, N.N a part of it."
+JOIN_GAPS_HELP = "Bridge gaps of the --path's recording by straight lines."
+
+
+def option(default: Any, metavar: str | None, text: str) -> Any:
     """A field that the command line offers."""
     return field(default=default, metadata={"metavar": metavar, "help": text})
 
@@ -33,7 +38,9 @@ class TrainingPlan:
         "sb3", "|".join(TRAINERS), "Stable-Baselines3, or skrl's PPO with all arrays on the device, for GPUs."
     )
     terrain: str | None = option(None, "FILE", "Ground: a mesh, raster or cloud. Default: generated forests.")
-    path: str | None = option(None, "FILE", "Path on it (.gpx, .csv). Default: generated, drivable ones.")
+    path: str | None = option(None, "FILE", PATH_HELP)
+    track: str | None = option(None, "NAME|N", TRACK_HELP)
+    join_gaps: bool = option(False, None, JOIN_GAPS_HELP)
     path_length: float = option(60.0, "M", "Of the paths that are generated on --terrain.")
     forests: int = option(12, "N", "Generated forests to learn on, where there is no --terrain.")
     machine: str = option("aoro", "NAME|FILE", "Bundled machine, or a machine file (.toml).")
@@ -94,8 +101,9 @@ class TrainingPlan:
         for one in fields(self):
             value = getattr(self, one.name)
             if value != one.default:
+                name = f"--{one.name.replace('_', '-')}"
                 for each in value if isinstance(value, list) else [value]:
-                    words += [f"--{one.name.replace('_', '-')}", str(each)]
+                    words += [name] if each is True else [name, str(each)]
         return shlex.join(words)
 
     @property

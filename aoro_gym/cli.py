@@ -24,7 +24,7 @@ from rich.table import Table
 from typer.core import TyperGroup
 
 from aoro_gym import __version__, terminal
-from aoro_gym.agents.training_plan import TrainingPlan
+from aoro_gym.agents.training_plan import JOIN_GAPS_HELP, PATH_HELP, TRACK_HELP, TrainingPlan
 
 if TYPE_CHECKING:
     from aoro_gym.agents.reference import Factory
@@ -793,8 +793,10 @@ def evaluate(
     ] = None,
     path: Annotated[
         Path | None,
-        typer.Option("--path", metavar="FILE", help="Path on it (.gpx, .csv). Default: generated, drivable ones."),
+        typer.Option("--path", metavar="FILE", help=PATH_HELP),
     ] = None,
+    track: Annotated[str | None, typer.Option("--track", metavar="NAME|N", help=TRACK_HELP)] = None,
+    join_gaps: Annotated[bool, typer.Option("--join-gaps", help=JOIN_GAPS_HELP)] = False,
     path_length: Annotated[
         float, typer.Option("--path-length", metavar="M", help="Of the paths that are generated on --terrain.")
     ] = 60.0,
@@ -840,9 +842,10 @@ def evaluate(
         chosen = _machine(machine, set_, scale)
         _check_seed(seed)
         _check_device(device)
-        courses = _courses(env, terrain, path, path_length)
+        courses = _courses(env, terrain, path, path_length, track=track, join_gaps=join_gaps)
     made_by = _made_by(machine, set_, scale, device, seed)
     made_by |= {"terrain": None if terrain is None else str(terrain), "path": None if path is None else str(path)}
+    made_by |= {"track": track, "join_gaps": join_gaps}
     from aoro_gym.agents.evaluation_report import table, write_report
     from aoro_gym.agents.keeping import resumable
 
@@ -1816,9 +1819,28 @@ def _twin(machine: Machine, terrain: Plane | None, device: str, seed: int) -> Tw
     return twin
 
 
-def _courses(env: str, terrain: Path | None, path: Path | None, path_length: float) -> list[Course] | None:
+def _courses(
+    env: str,
+    terrain: Path | None,
+    path: Path | None,
+    path_length: float,
+    *,
+    track: str | None = None,
+    join_gaps: bool = False,
+) -> list[Course] | None:
     """Where to drive: a terrain from a file, with the path of a file or with paths that are generated; None leaves it to
-    the environment."""
+    the environment.
+
+    Args:
+        env: Id of the environment.
+        terrain: File of the ground; None: level.
+        path: File of the path; None: generated ones.
+        path_length: Of generated paths [m].
+        track: Line of the path's file.
+        join_gaps: Whether its gaps are bridged.
+    """
+    if path is None and (track is not None or join_gaps):
+        raise ValueError(f"{'--join-gaps' if track is None else '--track'} is for a path; give its file with --path")
     if terrain is None and path is None:
         return None
     if env != "AORO/PathTracking-v0":
@@ -1837,7 +1859,10 @@ def _courses(env: str, terrain: Path | None, path: Path | None, path_length: flo
     if path is None:
         paths = generated_paths(ground, length=path_length)
     else:
-        found, about = load_path(path, ground if isinstance(ground, Terrain) else None)
+        on = ground if isinstance(ground, Terrain) else None
+        found, about = load_path(path, on, track=track, join_gaps=join_gaps)
+        if not terminal.is_quiet():
+            terminal.err().print(escape(about.summary), highlight=False, soft_wrap=True)
         for warning in about.warnings:
             terminal.warn(warning)
         paths = (found,)
@@ -1847,7 +1872,7 @@ def _courses(env: str, terrain: Path | None, path: Path | None, path_length: flo
 def _training_courses(plan: TrainingPlan) -> tuple[list[Course] | None, list[Course] | None]:
     """Where to learn, and where to evaluate: other forests, or other paths over the same ground, or the only path."""
     terrain, path = (None if name is None else Path(name) for name in (plan.terrain, plan.path))
-    courses = _courses(plan.env, terrain, path, plan.path_length)
+    courses = _courses(plan.env, terrain, path, plan.path_length, track=plan.track, join_gaps=plan.join_gaps)
     if plan.env != DRIVE:
         return None, None
     from aoro_gym.envs.courses import Course, forest_course, generated_paths

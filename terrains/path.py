@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 CLOSEST = 1e-3
 """Least distance [m] of neighbouring points: below it they say nothing about the path's direction."""
+MOST_POINTS = 400_000
+"""Points that a path is resampled to: 100 km with one every 0.25 m."""
 REACH = 5.0
 """How far [m] along the path to look for the projection of a point whose last one is known."""
 
@@ -49,14 +51,17 @@ class Path:
         if not np.isfinite(points).all():
             bad = int(np.argmin(np.isfinite(points).all(axis=1)))
             raise ValueError(f"path point {bad} is {points[bad].tolist()}, but must be finite; leave it out")
-        for apart, what in ((1, "repeats"), (2, "turns straight back to")):
+        for apart, what, fix in (
+            (1, "repeats", "leave it out"),
+            (2, "turns straight back to", "leave it out, or split the path where it turns round"),
+        ):
             ahead = np.roll(points, -apart, axis=0)
             gap = np.linalg.norm(ahead - points, axis=1)[: None if self.closed else len(points) - apart]
             if np.any(gap < CLOSEST):
                 first = int(np.argmin(gap))
                 raise ValueError(
                     f"path point {(first + apart) % len(points)} {what} point {first}: they are {gap[first]:.2g} m apart,"
-                    f" but must be at least {CLOSEST:g} m; leave it out"
+                    f" but must be at least {CLOSEST:g} m; {fix}"
                 )
         points.flags.writeable = False
         object.__setattr__(self, "points", points)
@@ -322,6 +327,11 @@ def _pieces(length: float, spacing: float) -> int:
     """How many segments of about ``spacing`` [m] make ``length``."""
     if not spacing >= CLOSEST:
         raise ValueError(f"spacing is {spacing:g} m, but must be at least {CLOSEST:g} m")
+    if length > MOST_POINTS * spacing:
+        raise ValueError(
+            f"a path of {length / 1e3:.6g} km with a point every {spacing:g} m has more than {MOST_POINTS:,} points; cut it,"
+            f" or give a spacing of at least {length / MOST_POINTS:.2g} m"
+        )
     return max(round(length / spacing), 1)
 
 

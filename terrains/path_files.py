@@ -1,4 +1,4 @@
-"""Paths from files and into them: recorded GPX tracks, and CSV with latitude and longitude or metres.
+"""Paths from files and into them: recorded or drawn lines of GPX, KML, KMZ, GeoJSON and CSV.
 
 >>> from aoro_gym.terrains import load_path
 >>> path, report = load_path("lap.gpx", terrain)  # doctest: +SKIP
@@ -9,40 +9,43 @@ from __future__ import annotations
 
 import csv
 import os
-import re
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path as File
 from typing import Any, NamedTuple
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
+from aoro_gym.execution.files import write_bytes, written_whole
 from aoro_gym.terrains.check import Change
-from aoro_gym.terrains.extras import extra
-from aoro_gym.terrains.georeference import from_world, to_geographic, to_local
+from aoro_gym.terrains.frame import FARTHEST
+from aoro_gym.terrains.georeference import axis_unit, horizontal, to_geographic
 from aoro_gym.terrains.path import Path
+from aoro_gym.terrains.path_placement import place
 from aoro_gym.terrains.planning import JOINT_RANGE_DEG, turning_radius
-from aoro_gym.terrains.terrain import LARGEST_COORDINATE, Terrain
+from aoro_gym.terrains.read_path_table import read_table_of_places
+from aoro_gym.terrains.read_tracks import read_document
+from aoro_gym.terrains.terrain import Terrain
+from aoro_gym.terrains.track_parts import STANDSTILL, TURN_REACH, Indices, Parts, described, find_parts, gaps_told
+from aoro_gym.terrains.tracks import Found, Track, choose, length, metres, plan
 
 Array = NDArray[Any]
 
-STANDSTILL = 0.15
-"""Points [m] closer to the last one than this are the same place: several times the noise of RTK."""
-FARTHEST_JUMP = 2.0
-"""A point farther than this [m], and than five usual steps, from both of its neighbours is a wrong one."""
 SPARSE = 1.5
 """Points [m] farther apart than this are waypoints to lead a curve through, not a recording to smooth."""
-GAP = 1.5
+LAP_GAP = 1.5
 """A recording that ends within this [m] of its start, in about its direction, is a lap."""
+MOST_BLANK = 0.5
+"""Share of the points without a speed up to which it is interpolated."""
 
-COLUMNS = {
-    "latitude": r"(gps|rtk)?lat(itude)?(deg|wgs84)?",
-    "longitude": r"(gps|rtk)?(lon|lng|long|longitude)(deg|wgs84)?",
-    "x": r"(local|true)?(position)?x(m)?|e|east(ing)?(m)?",
-    "y": r"(local|true)?(position)?y(m)?|n|north(ing)?(m)?",
-    "speed": r"(target|gps|reference)?(speed|velocity)(mpers|ms|m/s)?|v",
+READERS: dict[str, Callable[[File], Found]] = {
+    **dict.fromkeys((".gpx", ".kml", ".kmz", ".geojson", ".json"), read_document),
+    **dict.fromkeys((".csv", ".tsv", ".txt"), read_table_of_places),
 }
-"""Headers that are recognised, without regard to case, blanks, underscores and brackets."""
+"""By suffix."""
 
 
 @dataclass
@@ -58,7 +61,10 @@ class PathReport:
     """How its coordinates became local ones."""
     tangent_point: tuple[float, float] | None = None
     """Latitude and longitude [deg] of local (0, 0), where no terrain said."""
+    unread: str = ""
+    """What else the file holds, such as columns that a path has no use for."""
     changes: list[Change] = field(default_factory=list)
+    """What was changed, and what was assumed where the file does not say."""
     warnings: list[str] = field(default_factory=list)
 
     def change(self, what: str, count: int, text: str) -> None:
@@ -66,11 +72,16 @@ class PathReport:
         if count:
             self.changes.append(Change(what, count, text))
 
-    def __str__(self) -> str:
+    @property
+    def summary(self) -> str:
+        """What was read, not read and changed, without the warnings."""
         lines = [f"{self.source}: {self.points} points, {self.kind}; {self.frame}"]
+        lines += [f"  not read: {self.unread}"] if self.unread else []
         lines += [f"  changed: {change.text}" for change in self.changes]
-        lines += [f"  warning: {warning}" for warning in self.warnings]
         return "\n".join(lines)
+
+    def __str__(self) -> str:
+        return "\n".join([self.summary, *(f"  warning: {warning}" for warning in self.warnings)])
 
 
 class LoadedPath(NamedTuple):
@@ -85,43 +96,68 @@ def load_path(
     terrain: Terrain | None = None,
     *,
     crs: str | None = None,
+    track: str | int | None = None,
+    join_gaps: bool = False,
     closed: bool | None = None,
     smoothing: float = 3.0,
     spacing: float | None = 0.25,
     name: str | None = None,
 ) -> LoadedPath:
-    """A path from a GPX or CSV file, in the local frame of ``terrain``.
+    """A path from a GPX, KML, KMZ, GeoJSON or CSV file, in the local frame of ``terrain``.
 
     Latitude and longitude go through the terrain's coordinate reference system; without one, x is east and y north [m]
     from the first point. Metres are local ones, unless ``crs`` says otherwise or they lie as far out as the terrain's
-    origin.
+    origin. Of a recording with gaps the longest part is taken, with a warning.
 
     Args:
-        source: ``.gpx`` (the longest track, else route, else the waypoints), or ``.csv``, ``.txt``: columns by header,
-            parted by commas, semicolons, tabs or blanks.
+        source: ``.gpx``, ``.kml``, ``.kmz``, ``.geojson``, ``.json``; or ``.csv``, ``.tsv``, ``.txt``: columns by header,
+            with their units in it.
         terrain: Whose frame the path is brought to.
-        crs: Of x and y in the file, as pyproj reads it (``"EPSG:32633"``).
+        crs: Of the file's coordinates, as pyproj reads it (``"EPSG:32633"``); wins over what the file says.
+        track: Which of the file's lines is meant, where it holds several: its name, or its number from 1. Parts of a
+            line are named as ``NAME.N`` or ``N.N``, of the only line as ``N``, too.
+        join_gaps: Whether gaps are bridged by straight lines.
         closed: Whether the last point leads on to the first; None: if the ends meet.
         smoothing: Wiggles of a recording shorter than this [m] are taken out (:meth:`Path.smooth`); 0 for none. Points
             more than ``SPARSE`` apart become waypoints of a spline instead.
         spacing: Of the path's points [m]; None keeps those of the file, unsmoothed.
         name: Of the path; the file's by default.
 
-    Raises ``ValueError`` in one sentence with file, reason and fix; ``OSError`` if the file cannot be opened.
+    Raises ``ValueError`` in one sentence with file, reason and fix: where nothing says which of several lines is meant,
+    where the recording turns round on the spot, where another reading of its coordinates fits the terrain better;
+    ``OSError`` if the file cannot be opened.
     """
     file = File(source)
-    if not 0.0 <= smoothing <= 100.0:
-        raise ValueError(f"smoothing is {smoothing:g} m, but must be in [0, 100]")
     report = PathReport(source=str(file))
-    columns = _read_gpx(file, report) if file.suffix.lower() == ".gpx" else _read_csv(file, report)
-    points, speed = _local(columns, terrain, crs, report)
-    report.points = len(points)
     try:
-        path = _cleaned(points, speed, closed, spacing is not None, report)
+        if not 0.0 <= smoothing <= 100.0:
+            raise ValueError(f"smoothing is {smoothing:g} m, but must be in [0, 100]")
+        reader = READERS.get(file.suffix.lower())
+        if reader is None:
+            raise ValueError(f"paths are read from {' '.join(READERS)}; export it as one of these")
+        found = reader(file)
+        report.warnings += found.warnings
+        for text in found.assumed:
+            report.change("assumed", 1, text)
+        report.unread = found.other
+        one, part, number = choose(found, track)
+        one = _finite(_of_one_kind(one, terrain, crs), report)
+        report.kind, report.points = one.title, one.size
+        one = _taken(
+            one,
+            _rough_plan(one, crs),
+            part,
+            "" if len(found) == 1 else f"{number}.",
+            join_gaps,
+            smoothing,
+            spacing is not None,
+            report,
+        )
+        path = _path(one, terrain, crs, closed, report)
         path = replace(path, name=name or file.stem)
         if spacing is not None:
             path = _smoothed(path, smoothing, spacing, report)
-    except ValueError as error:  # what a path itself refuses
+    except ValueError as error:
         raise ValueError(f"{file}: {error}") from None
     _check(path, terrain, report)
     return LoadedPath(path, report)
@@ -138,16 +174,8 @@ def save_path(path: Path, file: str | os.PathLike[str], terrain: Terrain | None 
     if target.suffix.lower() == ".gpx":
         if terrain is None or not placed:
             raise ValueError(f"{target}: GPX needs latitude and longitude; give a terrain with a crs, or write a .csv")
-        gpx = extra("gpxpy.gpx", "a GPX file")
-        segment = gpx.GPXTrackSegment()
         around = slice(None) if not path.closed else [*range(len(x)), 0]
-        for latitude, longitude in zip(*to_geographic(terrain, x[around], y[around]), strict=True):
-            segment.points.append(gpx.GPXTrackPoint(round(float(latitude), 9), round(float(longitude), 9)))
-        track = gpx.GPXTrack(name=path.name)
-        track.segments.append(segment)
-        book = gpx.GPX()
-        book.tracks.append(track)
-        target.write_text(book.to_xml(), encoding="utf-8")
+        _write_gpx(target, path.name, *to_geographic(terrain, x[around], y[around]))
         return
     if target.suffix.lower() != ".csv":
         raise ValueError(f"{target}: paths are written as .csv or .gpx")
@@ -157,176 +185,157 @@ def save_path(path: Path, file: str | os.PathLike[str], terrain: Terrain | None 
     columns |= {"s_m": path.stations, "heading_rad": path.headings, "curvature_per_m": path.curvatures}
     if path.speed is not None:
         columns["speed_m_per_s"] = path.speed
-    with target.open("w", newline="", encoding="utf-8") as out:
+    with written_whole(target) as temporary, temporary.open("w", newline="", encoding="utf-8") as out:
         writer = csv.writer(out)
         writer.writerow(columns)
         for row in zip(*columns.values(), strict=True):
             writer.writerow([f"{value:.12g}" for value in row])
 
 
-def _read_gpx(file: File, report: PathReport) -> dict[str, Array]:
-    gpxpy = extra("gpxpy", "a GPX file")
-    text = _text(file)
-    try:
-        book = gpxpy.parse(text)
-    except Exception as error:  # whatever the library finds wrong with a broken file
-        raise ValueError(f"{file}: cannot be read as GPX: {error}") from None
-    candidates: list[tuple[str, list[Any]]] = [
-        (f"GPX track {track.name or number + 1!r}", [point for part in track.segments for point in part.points])
-        for number, track in enumerate(book.tracks)
-    ]
-    if not any(points for _, points in candidates):
-        candidates = [(f"GPX route {route.name or n + 1!r}", route.points) for n, route in enumerate(book.routes)]
-    if not any(points for _, points in candidates):
-        candidates = [("GPX waypoints", book.waypoints)]
-    kind, points = max(candidates, key=lambda item: len(item[1]))
-    if not points:
-        raise ValueError(f"{file}: it has no track, route or waypoints")
-    others = sum(1 for _, other in candidates if other) - 1
-    report.change("left_out", others, f"{others} shorter tracks or routes of the file left out")
-    report.kind = kind
-    return {
-        "latitude": np.array([point.latitude for point in points], dtype=np.float64),
-        "longitude": np.array([point.longitude for point in points], dtype=np.float64),
-    }
+def _write_gpx(target: File, name: str, latitude: Array, longitude: Array) -> None:
+    book = ElementTree.Element("gpx", version="1.1", creator="aoro-gym", xmlns="http://www.topografix.com/GPX/1/1")
+    track = ElementTree.SubElement(book, "trk")
+    ElementTree.SubElement(track, "name").text = name
+    segment = ElementTree.SubElement(track, "trkseg")
+    for north, east in zip(latitude, longitude, strict=True):
+        ElementTree.SubElement(segment, "trkpt", lat=f"{north:.9f}", lon=f"{east:.9f}")
+    ElementTree.indent(book)
+    write_bytes(target, ElementTree.tostring(book, encoding="utf-8", xml_declaration=True))
 
 
-def _read_csv(file: File, report: PathReport) -> dict[str, Array]:
-    lines = [line for line in _text(file).splitlines() if line.strip() and not line.lstrip().startswith("#")]
-    if not lines:
-        raise ValueError(f"{file}: it has no lines")
-    mark = next((mark for mark in (";", "\t", ",") if mark in lines[0]), None)
-    rows = [line.split() for line in lines] if mark is None else list(csv.reader(lines, delimiter=mark))
-    first = [_number(cell) for cell in rows[0]]
-    if len(first) >= 2 and None not in first[:2]:
-        found = {"x": 0, "y": 1}
-        report.kind = "two columns without a header, taken for x and y [m]"
-        degrees = [(a, b) for a, b, *_ in ([_number(cell) for cell in row] for row in rows if len(row) > 1)]
-        spread = np.ptp(np.array(degrees, dtype=np.float64), axis=0)
-        if np.all(spread < 0.5) and len(rows) > 2:
-            raise ValueError(f"{file}: its columns have no header and look like degrees; add latitude,longitude or x,y")
-    else:
-        bare = [re.sub(r"[\s_\-\[\]()°.]", "", cell.lower()) for cell in rows[0]]
-        found = {}
-        for key, pattern in COLUMNS.items():
-            fitting = [i for i, cell in enumerate(bare) if re.fullmatch(pattern, cell)]
-            if fitting:
-                found[key] = fitting[0]
-        header, rows = ", ".join(rows[0]), rows[1:]
-        if not ({"latitude", "longitude"} <= found.keys() or {"x", "y"} <= found.keys()):
-            raise ValueError(
-                f"{file}: its header is {header}, but must name latitude and longitude [deg], or x and y [m]"
-            )
-    geographic, plane = {"latitude", "longitude"} <= found.keys(), {"x", "y"} <= found.keys()
-    columns = {
-        key: np.array([_number(row[i]) if i < len(row) else None for row in rows], dtype=np.float64)
-        for key, i in found.items()
-    }
-    if not report.kind:
-        report.kind = " and ".join(["latitude, longitude"] * geographic + ["x, y"] * plane)
-    return columns
+def _of_one_kind(track: Track, terrain: Terrain | None, crs: str | None) -> Track:
+    """The track with either degrees or x and y, whichever leads to the terrain."""
+    columns = track.columns
+    system = crs if crs is not None else track.crs
+    in_degrees = system is not None and horizontal(system).is_geographic
+    if {"latitude", "x"} <= columns.keys():
+        placed = terrain is not None and terrain.crs is not None
+        degrees = in_degrees or (placed and system is None)
+        unwanted = ("x", "y") if degrees else ("latitude", "longitude")
+        columns = {key: values for key, values in columns.items() if key not in unwanted}
+    elif "x" in columns and in_degrees:
+        names = {"x": "longitude", "y": "latitude"}
+        columns = {names.get(key, key): values for key, values in columns.items()}
+    elif "latitude" in columns and system is not None and not in_degrees and not track.is_surely_degrees:
+        names = {"longitude": "x", "latitude": "y"}
+        columns = {names.get(key, key): values for key, values in columns.items()}
+    return replace(track, columns=columns)
 
 
-def _text(file: File) -> str:
-    data = file.read_bytes()
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return data.decode("latin-1")
-
-
-def _number(cell: str) -> float | None:
-    """The number in a cell, with a decimal point or comma; None if there is none."""
-    try:
-        return float(cell.strip().replace(",", "."))
-    except ValueError:
-        return None
-
-
-def _local(
-    columns: dict[str, Array], terrain: Terrain | None, crs: str | None, report: PathReport
-) -> tuple[Array, Array | None]:
-    """(P, 2) local points and (P,) speeds of the finite rows."""
-    whole = np.all([np.isfinite(columns[key]) for key in columns if key != "speed"], axis=0)
-    report.change("incomplete", int((~whole).sum()), f"{int((~whole).sum())} rows without coordinates left out")
-    columns = {key: values[whole] for key, values in columns.items()}
-    if whole.sum() < 2:
-        raise ValueError(f"{report.source}: it has {int(whole.sum())} points with coordinates; a path needs at least 2")
-    placed = terrain is not None and terrain.crs is not None
-    if "latitude" in columns and (placed or "x" not in columns):
-        points = _from_degrees(columns["latitude"], columns["longitude"], terrain, report)
-    else:
-        points = _from_metres(columns["x"], columns["y"], terrain, crs, report)
-    speed = columns.get("speed")
-    if speed is not None and not np.isfinite(speed).all():
-        report.change("speed", 1, "the speed is not given at every point and left out")
-        speed = None
-    return points, speed
-
-
-def _from_degrees(latitude: Array, longitude: Array, terrain: Terrain | None, report: PathReport) -> Array:
-    if terrain is not None and terrain.crs is not None:
-        report.frame = f"brought to {terrain.name!r} through {terrain.crs.splitlines()[0][:60]}"
-        return np.stack(to_local(terrain, latitude, longitude), axis=1)
-    for key, values, bound in (("latitude", latitude, 90.0), ("longitude", longitude, 180.0)):
-        if np.abs(values).max() > bound:
-            worst = values[np.argmax(np.abs(values))]
-            raise ValueError(f"{report.source}: {key} = {worst:g} is outside [-{bound:g}, {bound:g}] deg")
-    pyproj = extra("pyproj", "a path in latitude and longitude")
-    first = (float(latitude[0]), float(longitude[0]))
-    plane = pyproj.Proj(proj="aeqd", lat_0=first[0], lon_0=first[1], datum="WGS84")
-    report.tangent_point = first
-    report.frame = f"x east, y north [m] from its first point at {first[0]:.7f}°, {first[1]:.7f}°"
-    if terrain is not None:
+def _finite(track: Track, report: PathReport) -> Track:
+    """The track without points that have no coordinates, or none of this world."""
+    places = np.stack([values for key, values in track.columns.items() if key != "speed"])
+    known = ~np.isnan(places).any(axis=0)
+    sound = np.all(np.abs(np.where(np.isnan(places), 0.0, places)) <= FARTHEST, axis=0)
+    report.change("incomplete", int((~known).sum()), f"{int((~known).sum())} rows without coordinates left out")
+    broken = np.flatnonzero(known & ~sound)
+    if len(broken):
+        worst = places[:, broken[0]]
         report.warnings.append(
-            f"terrain {terrain.name!r} has no coordinate reference system: the path starts at its local origin;"
-            " load the terrain with crs='EPSG:...' to lay it where it was driven"
+            f"{len(broken)} points whose coordinates are no place on Earth left out, such as {track.place(int(broken[0]))}:"
+            f" {worst[0]:g}, {worst[1]:g}"
         )
-    return np.stack(plane(longitude, latitude), axis=1)
+    whole = np.flatnonzero(known & sound)
+    if len(whole) < 2:
+        raise ValueError(f"it has {len(whole)} points with coordinates; a path needs at least 2")
+    return track.taken(whole)
 
 
-def _from_metres(x: Array, y: Array, terrain: Terrain | None, crs: str | None, report: PathReport) -> Array:
-    if crs is not None:
-        if terrain is None:
-            raise ValueError(
-                f"{report.source}: crs = {crs!r} places the path on Earth; give the terrain to bring it to"
-            )
-        report.frame = f"brought from {crs} to {terrain.name!r}"
-        return np.stack(from_world(terrain, x, y, crs=crs), axis=1)
-    points = np.stack([x, y], axis=1)
-    report.frame = "local x, y [m]"
-    if np.abs(points).max() <= LARGEST_COORDINATE:
-        return points
-    if terrain is None or not any(terrain.origin[:2]):
-        raise ValueError(
-            f"{report.source}: its coordinates reach {np.abs(points).max():.0f} m, which are no local ones; give the terrain"
-            " they belong to, or crs='EPSG:...'"
-        )
-    points = points - np.asarray(terrain.origin[:2])
-    report.change("shifted", 1, f"world coordinates, brought to {terrain.name!r} by its origin")
-    if np.abs(points).max() > LARGEST_COORDINATE:
-        raise ValueError(
-            f"{report.source}: its coordinates lie {np.abs(points).max():.0f} m from the terrain; give crs=..."
-        )
-    return points
+def _rough_plan(track: Track, crs: str | None) -> Array:
+    """(P, 2) about where its points are [m], in any frame."""
+    system = crs if crs is not None else track.crs
+    unit = axis_unit(horizontal(system)) if system is not None and "x" in track.columns else 1.0
+    return plan(track) * unit
 
 
-def _cleaned(points: Array, speed: Array | None, closed: bool | None, thin: bool, report: PathReport) -> Path:
-    """A path without standstill, wrong points and the end of a lap that overlaps its start."""
-    kept = np.arange(len(points))
-    if thin:
-        kept = _moving(points)
+def _taken(
+    track: Track,
+    points: Array,
+    part: int | None,
+    label: str,
+    join_gaps: bool,
+    smoothing: float,
+    thin: bool,
+    report: PathReport,
+) -> Track:
+    """What of a track is driven in one go, without standstill and strays.
+
+    Args:
+        track: Of finite coordinates.
+        points: (P, 2) about where they are [m].
+        part: Its part that is meant, from 1; None: not said.
+        label: What stands before the number of a part where it is asked for.
+        join_gaps: Whether gaps are bridged.
+        smoothing: Wiggles shorter than this [m] are no turns.
+        thin: Whether standstill and strays are left out.
+        report: Gets what was left out.
+    """
+    parts = find_parts(track, points, reach=max(TURN_REACH, smoothing / 3.0))
+    if len(parts.kept) < 2:
+        raise ValueError(f"its points all lie within {STANDSTILL:g} m: the vehicle stood still")
+    if join_gaps and parts.gaps:
+        wide = sum(cut.gap or 0.0 for cut in parts.gaps)
+        report.warnings.append(f"{gaps_told(track, parts)}: {metres(wide)} that were not recorded are bridged straight")
+        parts = parts.with_gaps_joined()
+    if parts.joined:
         report.change(
-            "standstill",
-            len(points) - len(kept),
-            f"{len(points) - len(kept)} points within {STANDSTILL:g} m of the one before (standstill) left out",
+            "segments",
+            len(parts.joined),
+            f"{len(parts.joined) + 1} segments joined, at most {max(parts.joined):.1f} m apart",
         )
-        wrong = _jumps(points[kept])
-        report.change("jumps", int(wrong.sum()), f"{int(wrong.sum())} points that jump away and back left out")
-        kept = kept[~wrong]
-        if len(kept) < 2:
-            raise ValueError(f"its points all lie within {STANDSTILL:g} m: the vehicle stood still")
-    points, speed = points[kept], None if speed is None else speed[kept]
+    chosen = _part(track, points, parts, part, label, report)
+    first = 0 if chosen[0] == parts.kept[0] else int(chosen[0])
+    last = len(points) if chosen[-1] == parts.kept[-1] else int(chosen[-1]) + 1
+    if not thin:
+        return track.taken(np.arange(first, last))
+    strays = int(((first <= parts.strays) & (parts.strays < last)).sum())
+    standing = last - first - len(chosen) - strays
+    report.change(
+        "standstill", standing, f"{standing} points within {STANDSTILL:g} m of the one before (standstill) left out"
+    )
+    if strays:
+        wrong = parts.strays[(first <= parts.strays) & (parts.strays < last)]
+        report.change(
+            "jumps", strays, f"{strays} points that jump away and back left out, such as {track.place(int(wrong[0]))}"
+        )
+    return track.taken(chosen)
+
+
+def _part(track: Track, points: Array, parts: Parts, part: int | None, label: str, report: PathReport) -> Indices:
+    """The part that is meant, or the longest between gaps; ``ValueError`` where the recording turns round."""
+    every = parts.parts
+    list_ = f"{len(every)} parts: {described(track, parts, points)}"
+    if not every:
+        raise ValueError(f"it has no two points in a row without a gap: {gaps_told(track, parts)}")
+    ask = f"track={label}N (--track)"
+    if part is not None:
+        if not 1 <= part <= len(every):
+            raise ValueError(f"part {part} is asked for, but it has {list_}")
+        if len(every) > 1:
+            report.change("part", 1, f"part {part} of {list_}")
+        return every[part - 1]
+    longest = max(parts.stretches, key=lambda stretch: length(points[stretch]))
+    turns = parts.turns_in(longest)
+    if len(turns):
+        inside = longest[longest <= turns[0]]
+        more = f" and {len(turns) - 1} more times" if len(turns) > 1 else ""
+        raise ValueError(
+            f"the recording turns round on the spot at {metres(length(points[inside]))}"
+            f" ({track.place(int(turns[0]))}){more}, which no path can; split it there, or take one with {ask} of its"
+            f" {list_}"
+        )
+    if parts.gaps:
+        number = 1 + next(i for i, one in enumerate(every) if one[0] == longest[0])
+        report.warnings.append(
+            f"{gaps_told(track, parts)}: not bridged; part {number}, the longest, is taken of {list_}; {ask} takes another,"
+            " join_gaps=True (--join-gaps) bridges the gaps"
+        )
+    return longest
+
+
+def _path(track: Track, terrain: Terrain | None, crs: str | None, closed: bool | None, report: PathReport) -> Path:
+    """The path through a track's points, without the end of a lap that overlaps its start."""
+    points, speed = place(track, terrain, crs, report), _speed(track, report)
     ends = _lap(points)
     if closed is None:
         closed = ends is not None
@@ -338,25 +347,27 @@ def _cleaned(points: Array, speed: Array | None, closed: bool | None, thin: bool
     return Path(points, closed, speed)
 
 
-def _moving(points: Array) -> NDArray[np.intp]:
-    """Indices of the points that lie apart from the last one taken."""
-    kept = [0]
-    for i in range(1, len(points)):
-        if np.hypot(*(points[i] - points[kept[-1]])) >= STANDSTILL:
-            kept.append(i)
-    return np.array(kept)
-
-
-def _jumps(points: Array) -> NDArray[np.bool_]:
-    """Inner points far from both neighbours, which are near to each other."""
-    wrong = np.zeros(len(points), dtype=bool)
-    if len(points) < 5:
-        return wrong
-    step = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    far = step > max(FARTHEST_JUMP, 5.0 * float(np.median(step)))
-    back = np.linalg.norm(points[2:] - points[:-2], axis=1) < 0.5 * (step[:-1] + step[1:])
-    wrong[1:-1] = far[:-1] & far[1:] & back
-    return wrong
+def _speed(track: Track, report: PathReport) -> Array | None:
+    """(P,) speed [m/s], between its values where some are missing."""
+    speed = track.columns.get("speed")
+    if speed is None:
+        return None
+    wrong = np.flatnonzero((speed < 0.0) | np.isinf(speed))
+    if len(wrong):
+        raise ValueError(
+            f"its speed at {track.place(int(wrong[0]))} is {speed[wrong[0]]:g} m/s, but must be finite and at least 0; leave"
+            " the speeds out, or split the recording where it goes backwards"
+        )
+    blank = np.isnan(speed)
+    count = int(blank.sum())
+    if count > MOST_BLANK * len(speed):
+        report.warnings.append(f"no speed is read: {count} of {len(speed)} points have none")
+        return None
+    if count:
+        index = np.arange(len(speed))
+        speed = np.interp(index, index[~blank], speed[~blank])
+        report.change("speed", count, f"{count} of {len(speed)} points have no speed: interpolated")
+    return speed
 
 
 def _lap(points: Array) -> int | None:
@@ -369,13 +380,13 @@ def _lap(points: Array) -> int | None:
     # from the end back: what lies beyond the start, beside its first metres, was driven twice
     while last > 3:
         to_start = points[0] - points[last - 1]
-        if np.hypot(*to_start) > GAP or to_start @ start >= STANDSTILL / 2.0:
+        if np.hypot(*to_start) > LAP_GAP or to_start @ start >= STANDSTILL / 2.0:
             break
         last -= 1
     apart = points[0] - points[last - 1]
     usual = float(np.median(np.linalg.norm(np.diff(points, axis=0), axis=1)))
     arrives = points[last - 1] - points[last - 2]
-    if np.hypot(*apart) > max(GAP, 1.5 * usual) or arrives @ start < 0.7 * np.hypot(*arrives):
+    if np.hypot(*apart) > max(LAP_GAP, 1.5 * usual) or arrives @ start < 0.7 * np.hypot(*arrives):
         return None
     return last
 
@@ -391,7 +402,7 @@ def _smoothed(path: Path, smoothing: float, spacing: float, report: PathReport) 
     if smoothing == 0.0:
         return path.resample(spacing)
     curve = path.smooth(smoothing, spacing=min(spacing, 0.4 * smoothing)).resample(spacing)
-    moved = np.abs(curve.project(path.points)[1])
+    moved = _distance(path.points, curve)
     report.change(
         "smoothed",
         len(path.points),
@@ -399,6 +410,12 @@ def _smoothed(path: Path, smoothing: float, spacing: float, report: PathReport) 
         f" {moved.max() * 100:.1f} cm at most",
     )
     return curve
+
+
+def _distance(points: Array, curve: Path) -> Array:
+    """(P,) distance [m] of points from a curve whose points lie close to one another."""
+    nearest = np.asarray(KDTree(curve.points).query(points)[1])
+    return np.abs(curve.project(points, curve.stations[nearest])[1])
 
 
 def _check(path: Path, terrain: Terrain | None, report: PathReport) -> None:

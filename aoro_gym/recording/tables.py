@@ -455,6 +455,23 @@ class Table:
             raise ValueError(f"{self.path}: the header names the column {shown(name)} twice")
         return found[0]
 
+    def numbers_or_blank(self, name: str) -> NDArray[np.float64]:
+        """Values of the column ``name``, NaN where it is blank or says that there is none; raises as :meth:`numbers`."""
+        index = self.index(name)
+        self._used.add(index)
+        texts = self._source.texts([index])
+        if texts is None:
+            return self._typed_numbers(name, self._source.typed(index))
+        values = np.full(len(self), np.nan)
+        for row, cell in enumerate(texts[0]):
+            if cell.strip().lower() in _MISSING:
+                continue
+            value = parse_number(cell, self.dialect.decimal)
+            if value is None:
+                raise ValueError(self._not_a_number(name, row, cell, 0))
+            values[row] = value
+        return values
+
     def numbers(self, name: str) -> NDArray[np.float64]:
         """Values of the column ``name``: numbers, all of them finite.
 

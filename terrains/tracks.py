@@ -1,0 +1,174 @@
+"""Tracks: the lines that a file of recorded or drawn places holds, and the choice of one of them."""
+
+from __future__ import annotations
+
+import reprlib
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+LONGEST_NAME = 40
+"""Characters of a file's word that a message repeats."""
+MOST_LISTED = 5
+"""Candidates that a message lists."""
+EARTH_RADIUS = 6_371_000.0
+"""[m], for lengths in messages and for finding gaps."""
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """One line of a file, as it stands there."""
+
+    kind: str
+    """Such as ``GPX track``."""
+    name: str
+    """Empty if the file gives none."""
+    columns: dict[str, Array]
+    """(P,) each: ``latitude`` and ``longitude`` [deg], or ``x`` and ``y`` [m, or the unit of ``crs``]; ``speed`` [m/s]."""
+    starts: tuple[int, ...] = (0,)
+    """Indices at which its segments begin."""
+    lines: NDArray[np.intp] | None = None
+    """(P,) lines of the file; None where it has none."""
+    numbers: NDArray[np.intp] | None = None
+    """(P,) numbers of the points in the file, from 1; None where all are here."""
+    crs: str | None = None
+    """Coordinate reference system of ``x`` and ``y``, where the file tells."""
+    is_surely_degrees: bool = True
+    """Whether latitude and longitude are what a header or the format says, rather than what GeoJSON has by default."""
+
+    @property
+    def title(self) -> str:
+        """How messages call it."""
+        return f"{self.kind} {shown(self.name)}" if self.name else self.kind
+
+    @property
+    def size(self) -> int:
+        """Number of points."""
+        return len(next(iter(self.columns.values())))
+
+    def place(self, index: int) -> str:
+        """How messages call one of its points."""
+        line = "" if self.lines is None else f" (line {self.lines[index]})"
+        return f"point {self.number(index)}{line}"
+
+    def number(self, index: int) -> int:
+        """Number of a point in the file, from 1."""
+        return index + 1 if self.numbers is None else int(self.numbers[index])
+
+    def taken(self, chosen: NDArray[np.intp], keys: Sequence[str] | None = None) -> Track:
+        """The same with the points at ``chosen`` (in their order) only, and with these columns only."""
+        numbers = np.arange(1, self.size + 1) if self.numbers is None else self.numbers
+        starts = np.unique(np.searchsorted(chosen, self.starts))
+        return replace(
+            self,
+            columns={key: values[chosen] for key, values in self.columns.items() if keys is None or key in keys},
+            starts=(0, *(int(start) for start in starts if 0 < start < len(chosen))),
+            lines=None if self.lines is None else self.lines[chosen],
+            numbers=numbers[chosen],
+        )
+
+
+class Found(list[Track]):
+    """The tracks of a file, and what there is to say of its reading."""
+
+    def __init__(self, tracks: Iterable[Track] = ()) -> None:
+        super().__init__(tracks)
+        self.unread: Counter[str] = Counter()
+        """What else the file holds, by its kind."""
+        self.other = ""
+        """The same in words."""
+        self.assumed: list[str] = []
+        """What the file does not say."""
+        self.warnings: list[str] = []
+
+
+def counted(kinds: Counter[str]) -> str:
+    """Kinds with their numbers, for a message."""
+    return ", ".join(f"{count} x {kind}" for kind, count in kinds.items() if count)
+
+
+def shown(text: object) -> str:
+    """A word or value of the file for a message: on one line, not too long."""
+    word = repr(text) if isinstance(text, str) else reprlib.repr(text)
+    return word if len(word) <= LONGEST_NAME + 2 else f"{word[:LONGEST_NAME]}…{word[-1]}"
+
+
+def plan(track: Track) -> Array:
+    """(P, 2) about east and north [m] of its points, from their middle: good for lengths and gaps, not for driving."""
+    if "latitude" not in track.columns:
+        return np.stack([track.columns["x"], track.columns["y"]], axis=1).astype(np.float64)
+    latitude, longitude = np.radians(track.columns["latitude"]), np.radians(track.columns["longitude"])
+    if not np.isfinite(latitude).any():
+        return np.full((track.size, 2), np.nan)
+    middle = float(np.nanmedian(latitude))
+    first = longitude[int(np.argmax(np.isfinite(longitude)))]
+    east = (longitude - first + np.pi) % (2.0 * np.pi) - np.pi  # across the date line, too
+    return EARTH_RADIUS * np.stack([east * np.cos(middle), latitude - middle], axis=1)
+
+
+def length(points: Array) -> float:
+    """Length [m] of a line through (P, 2) points, of the finite ones."""
+    whole = points[np.isfinite(points).all(axis=1)]
+    return float(np.hypot(*np.diff(whole, axis=0).T).sum())
+
+
+def choose(tracks: Sequence[Track], wanted: str | int | None) -> tuple[Track, int | None, int]:
+    """The track that is meant, which of its parts (None: not said), and its number from 1.
+
+    Args:
+        tracks: At least one.
+        wanted: A name, a number from 1, or either with ``.N`` for a part of the track; of a single track, N is its part.
+            None where there is no choice.
+
+    Raises ``ValueError`` with the list of candidates where nothing says which one, or no one is called so.
+    """
+    if wanted is None:
+        if len(tracks) == 1:
+            return tracks[0], None, 1
+        raise ValueError(f"it holds {_listed(tracks)}; say which with track=NAME or N (--track)")
+    for word, part in _readings(wanted):
+        found = [number for number, track in enumerate(tracks, 1) if isinstance(wanted, str) and track.name == word]
+        if len(found) > 1:
+            raise ValueError(
+                f"{len(found)} tracks are called {shown(word)}; say which by its number: {_listed(tracks)}"
+            )
+        if found:
+            return tracks[found[0] - 1], part, found[0]
+        if word.isdecimal() and len(word) < 10:
+            number = int(word)
+            if len(tracks) == 1 and part is None:
+                return tracks[0], number, 1  # a part of the only track
+            if 1 <= number <= len(tracks):
+                return tracks[number - 1], part, number
+    raise ValueError(f"no track is called {shown(wanted)}; it holds {_listed(tracks)}")
+
+
+def _readings(wanted: str | int) -> list[tuple[str, int | None]]:
+    """The word whole, then as track and part."""
+    word = str(wanted)
+    track, dot, part = word.rpartition(".")
+    readings: list[tuple[str, int | None]] = [(word, None)]
+    if dot and part.isdecimal() and len(part) < 10:
+        readings.append((track, int(part)))
+    return readings
+
+
+def _listed(tracks: Sequence[Track]) -> str:
+    items = []
+    for number, track in enumerate(tracks[:MOST_LISTED], 1):
+        segments = f" in {len(track.starts)} segments" if len(track.starts) > 1 else ""
+        items.append(f"{number} {track.title} ({track.size} points{segments}, {metres(length(plan(track)))})")
+    more = f" and {len(tracks) - MOST_LISTED} more" if len(tracks) > MOST_LISTED else ""
+    count = "1 track" if len(tracks) == 1 else f"{len(tracks)} tracks"
+    return f"{count}: {', '.join(items)}{more}"
+
+
+def metres(value: float) -> str:
+    """A length for a message."""
+    return f"{value:.1f} m" if value < 1000.0 else f"{value / 1000.0:,.1f} km"
