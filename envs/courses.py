@@ -1,21 +1,22 @@
-"""Where a vehicle drives: a terrain with paths over it, and a small library of them that is made once."""
+"""Where a vehicle drives: a terrain with paths over it, and a small library of them that is made once a computer."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from functools import cache, lru_cache
+from functools import cache
+from pathlib import Path as Folder
+from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
-import warp as wp
 from numpy.typing import NDArray
 
+from aoro_gym import terrains
 from aoro_gym.arrays import HOST, Array, Arrays
-from aoro_gym.execution import devices
+from aoro_gym.execution.cache import computed_with, kept
 from aoro_gym.terrains import Path, Plane, Terrain
-from aoro_gym.terrains.forest import forest
-from aoro_gym.terrains.planning import drivable_ground
-from aoro_gym.terrains.raster import CELL, Raster, rasterise
+from aoro_gym.terrains.raster import CELL, surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,17 +101,6 @@ class HeightMap:
         return (1.0 - v) * south + v * ((1.0 - u) * nodes[node] + u * nodes[node + 1])
 
 
-@cache
-def surface(terrain: Terrain, device: str) -> Raster:
-    """The terrain's raster, on the host, made once on each ``device`` that needs it."""
-    devices.start()
-    mesh = wp.Mesh(
-        points=wp.array(terrain.vertices, dtype=wp.vec3, device=device),
-        indices=wp.array(terrain.faces.ravel(), dtype=int, device=device),
-    )
-    return rasterise(terrain, mesh)
-
-
 def as_courses(
     courses: Sequence[Course] | None, terrain: Terrain | Plane | None, path: Path | None
 ) -> tuple[Course, ...]:
@@ -138,14 +128,32 @@ def as_courses(
     return (Course(terrain, paths, name=getattr(terrain, "name", "plane")),)
 
 
-@lru_cache(maxsize=16)
+PATHS_KEPT = 16
+"""Sets of generated paths that are remembered for one terrain."""
+_generated: WeakKeyDictionary[Terrain | Plane, dict[tuple[int, float, int], tuple[Path, ...]]] = WeakKeyDictionary()
+
+
 def generated_paths(terrain: Terrain | Plane, count: int = 4, length: float = 60.0, first: int = 0) -> tuple[Path, ...]:
-    """Drivable paths over ``terrain``, always the same, of the seeds from ``first`` on.
+    """Drivable paths over ``terrain``, always the same, of the seeds from ``first`` on; kept on disk, and remembered while
+    the terrain lives.
 
     Raises ValueError if there is no room for them.
     """
-    ground = drivable_ground(terrain)
-    return tuple(ground.path(seed, length=length) for seed in range(first, first + count))
+    known = _generated.setdefault(terrain, {})
+    key = (count, length, first)
+    if key not in known:
+
+        def make() -> tuple[Path, ...]:
+            from aoro_gym.terrains.planning import drivable_ground
+
+            ground = drivable_ground(terrain)
+            return tuple(ground.path(seed, length=length) for seed in range(first, first + count))
+
+        shape = terrain if isinstance(terrain, Plane) else (terrain.vertices, terrain.faces)
+        known[key] = kept("paths", (shape, key, *_code()), make, _packed_paths, _unpacked_paths)
+        if len(known) > PATHS_KEPT:
+            del known[next(iter(known))]
+    return known[key]
 
 
 LIBRARY_SEEDS, LIBRARY_SIZE, LIBRARY_PATHS = (1, 2, 3), (60.0, 60.0), 4
@@ -154,16 +162,71 @@ LIBRARY_SEEDS, LIBRARY_SIZE, LIBRARY_PATHS = (1, 2, 3), (60.0, 60.0), 4
 
 @cache
 def library() -> tuple[Course, ...]:
-    """The courses that an environment draws from by default: forests with drivable paths between the trees, made once in a
-    process and shared by all environments."""
+    """The courses that an environment draws from by default: forests with drivable paths between the trees, made once on a
+    computer and shared by all environments of a process."""
     return tuple(forest_course(seed, size=LIBRARY_SIZE, count=LIBRARY_PATHS) for seed in LIBRARY_SEEDS)
 
 
 def forest_course(
     seed: int, *, size: tuple[float, float] = LIBRARY_SIZE, count: int = 4, length: float = 60.0
 ) -> Course:
-    """A generated forest of ``size`` [m] with ``count`` drivable paths of ``length`` [m]; the same for the same seed."""
-    grown = forest(seed, size=size)
-    ground = drivable_ground(grown.terrain, obstacles=grown.circles("tree"))
-    paths = tuple(ground.path(number, length=length) for number in range(count))
-    return Course(grown.terrain, paths, name=f"forest {seed}", trees=grown.trees)
+    """A generated forest of ``size`` [m] with ``count`` drivable paths of ``length`` [m]; the same for the same seed, and
+    kept on disk."""
+
+    def make() -> Course:
+        from aoro_gym.terrains.forest import forest
+        from aoro_gym.terrains.planning import drivable_ground
+
+        grown = forest(seed, size=size)
+        ground = drivable_ground(grown.terrain, obstacles=grown.circles("tree"))
+        paths = tuple(ground.path(number, length=length) for number in range(count))
+        return Course(grown.terrain, paths, name=f"forest {seed}", trees=grown.trees)
+
+    return kept("courses", (seed, size, count, length, *_code()), make, _packed, _unpacked)
+
+
+# ---- on disk ---------------------------------------------------------------------------------------------------------
+
+
+def _code() -> tuple[Any, ...]:
+    """What a course depends on beside its arguments."""
+    return computed_with(Folder(__file__).resolve(), Folder(terrains.__file__).parent)
+
+
+def _packed(course: Course) -> dict[str, Any]:
+    """Arrays that hold a course over triangles."""
+    ground = course.terrain
+    assert isinstance(ground, Terrain)
+    arrays = {
+        **{f"terrain.{entry.name}": getattr(ground, entry.name) for entry in fields(Terrain)},
+        **_packed_paths(course.paths),
+        "name": course.name,
+        "trees": course.trees,
+    }
+    return {name: value for name, value in arrays.items() if value is not None}
+
+
+def _unpacked(arrays: Mapping[str, Any]) -> Course:
+    ground = {name.removeprefix("terrain."): value for name, value in arrays.items() if name.startswith("terrain.")}
+    ground |= {name: str(ground[name]) for name in ("name", "crs") if name in ground}
+    ground["origin"] = tuple(ground["origin"].tolist())
+    return Course(Terrain(**ground), _unpacked_paths(arrays), name=str(arrays["name"]), trees=arrays["trees"])
+
+
+def _packed_paths(paths: tuple[Path, ...]) -> dict[str, Any]:
+    arrays: dict[str, Any] = {"paths": len(paths)}
+    for number, path in enumerate(paths):
+        arrays |= {f"path.{number}.{entry.name}": getattr(path, entry.name) for entry in fields(Path)}
+    return {name: value for name, value in arrays.items() if value is not None}
+
+
+def _unpacked_paths(arrays: Mapping[str, Any]) -> tuple[Path, ...]:
+    return tuple(
+        Path(
+            arrays[f"path.{number}.points"],
+            bool(arrays[f"path.{number}.closed"]),
+            arrays.get(f"path.{number}.speed"),
+            str(arrays[f"path.{number}.name"]),
+        )
+        for number in range(int(arrays["paths"]))
+    )

@@ -5,14 +5,18 @@ What a node holds is defined in :mod:`aoro_gym.twin.laws.ground`, which interpol
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any, cast
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
+from aoro_gym.execution import devices
+from aoro_gym.execution.cache import computed_with, kept
 from aoro_gym.terrains.survey import bound, survey
 from aoro_gym.terrains.terrain import Terrain
 
@@ -20,6 +24,10 @@ CELL = 0.25
 """Distance [m] of nodes, if not told otherwise. Bilinear interpolation errs by κ CELL²/4, 3 mm at 5 m of curvature."""
 MOST_NODES = 200_000_000
 """Of one raster: 5.6 GB."""
+LARGEST_SHARED = 128 * 2**20
+"""Bytes of a raster that is remembered as long as its terrain lives, for all who ask; larger ones are made anew."""
+MOST_SHARED = 4
+"""Rasters of one terrain, by device and cell, that are remembered."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +45,62 @@ class Raster:
     ceilings: NDArray[np.float32]
     """(rows, columns): a height [m] that no ground exceeds in the cell north-east of the node, be it asked from the nodes
     or from the triangles."""
+
+
+_shared: WeakKeyDictionary[Terrain, dict[tuple[str, float], Raster]] = WeakKeyDictionary()
+
+
+def surface(terrain: Terrain, device: str, *, cell: float = CELL, mesh: wp.Mesh | None = None) -> Raster:
+    """Raster of ``terrain`` as the ``device`` makes it, on the host, read-only; remembered while the terrain lives.
+    One of a CPU is also kept on disk.
+
+    Args:
+        terrain: Triangles.
+        device: Warp device, ``"cpu"`` or ``"cuda:N"``.
+        cell: Distance of the nodes [m].
+        mesh: The triangles on the device, if they are there already.
+
+    Raises:
+        ValueError: the cell is not positive or too small for the extent.
+    """
+    shared = _shared.setdefault(terrain, {})
+    raster = shared.get((device, cell))
+    if raster is None:
+
+        def make() -> Raster:
+            return rasterise(terrain, mesh or triangles(terrain, device), cell)
+
+        ground = (terrain.vertices, terrain.faces, terrain.friction, terrain.rolling_resistance)
+        on_cpu = devices.find(device).is_cpu
+        raster = kept("rasters", (ground, cell, *_code()), make, _packed, _unpacked) if on_cpu else make()
+        for values in (raster.nodes, raster.cover, raster.ceilings):
+            values.flags.writeable = False
+        if raster.nodes.nbytes + raster.cover.nbytes + raster.ceilings.nbytes <= LARGEST_SHARED:
+            shared[device, cell] = raster
+            if len(shared) > MOST_SHARED:
+                del shared[next(iter(shared))]
+    return raster
+
+
+def triangles(terrain: Terrain, device: Any) -> wp.Mesh:
+    """The terrain's triangles on ``device``."""
+    return wp.Mesh(
+        points=wp.array(terrain.vertices, dtype=wp.vec3, device=device),
+        indices=wp.array(terrain.faces.ravel(), dtype=int, device=device),
+    )
+
+
+def _code() -> tuple[Any, ...]:
+    return computed_with(Path(__file__), Path(__file__).with_name("survey.py"))
+
+
+def _packed(raster: Raster) -> dict[str, Any]:
+    return {entry.name: getattr(raster, entry.name) for entry in fields(Raster)}
+
+
+def _unpacked(arrays: Mapping[str, Any]) -> Raster:
+    corner = (float(arrays["corner"][0]), float(arrays["corner"][1]))
+    return Raster(corner, float(arrays["cell"]), arrays["nodes"], arrays["cover"], arrays["ceilings"])
 
 
 def rasterise(terrain: Terrain, mesh: wp.Mesh, cell: float = CELL) -> Raster:
@@ -94,6 +158,8 @@ def rasterise(terrain: Terrain, mesh: wp.Mesh, cell: float = CELL) -> Raster:
             f"cell is {cell} m, so wide that no node lies over terrain '{terrain.name}'; take smaller cells"
         )
     if unknown.any():
+        from scipy.ndimage import distance_transform_edt
+
         nearest: Any = distance_transform_edt(unknown, return_distances=False, return_indices=True)
         planes = planes[tuple(nearest)]
         planes[unknown, 1:] = 0.0

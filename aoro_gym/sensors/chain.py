@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import butter, sosfiltfilt
 
 if TYPE_CHECKING:
     from aoro_gym.twin.sections import SteeringCylinder
@@ -79,6 +78,8 @@ def low_pass(
     """
     if not 0.0 < cutoff < 0.5 * rate:
         raise ValueError(f"cutoff is {cutoff:g} Hz, but must be in (0, {0.5 * rate:g}) Hz at {rate:g} samples a second")
+    from scipy.signal import butter, sosfiltfilt  # half a second to import
+
     sections = butter(order, cutoff, fs=rate, output="sos")
     return sosfiltfilt(sections, np.asarray(values, dtype=np.float64), axis=0)
 

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import lfilter
 
 from aoro_gym.arrays import HOST, Array, Arrays, Index, floats, namespace
 from aoro_gym.sensors.chain import SAMPLE_RATE, sample, sampling_rate
@@ -218,6 +217,7 @@ class JointAngleSensor:
             self._fresh[rows] = False
         value = true
         if self.cutoff is not None:
+
             feedback, now, before = _first_order(self.cutoff, self.interval)
             value = feedback * past[0] + now * true + before * earlier
             self._before[rows] = true
@@ -253,6 +253,8 @@ class JointAngleSensor:
                 f"angle has {count} columns, but there are {self.num_twins} sensors; give as many, or use one"
             )
         if self.cutoff is not None:
+            from scipy.signal import lfilter  # half a second to import
+
             feedback, now, before = _first_order(self.cutoff, 1.0 / sampling_rate(instants))
             values = values[0] + lfilter([now, before], [1.0, -feedback], values - values[0], axis=0)
         ticks, sampled = sample(instants, values, offset=offset)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import warp as wp
 
 from aoro_gym.terrains.plane import Plane
-from aoro_gym.terrains.raster import CELL, rasterise
+from aoro_gym.terrains.raster import CELL, surface, triangles
 from aoro_gym.terrains.terrain import Terrain
 from aoro_gym.twin.kernels import multiply
 from aoro_gym.twin.laws.ground import Ground, Meshes, Planes, Rasters, Site
@@ -115,11 +115,8 @@ def _terrains(
     sites: Any = np.zeros(len(terrains), dtype=layout)
     rasters, meshes, first = [], [], 0
     for site, terrain in zip(sites, terrains, strict=True):
-        mesh = wp.Mesh(
-            points=wp.array(terrain.vertices, dtype=wp.vec3, device=device),
-            indices=wp.array(terrain.faces.ravel(), dtype=int, device=device),
-        )
-        raster = rasterise(terrain, mesh, cell)
+        mesh = triangles(terrain, device)
+        raster = surface(terrain, str(device), cell=cell, mesh=mesh)
         rows, columns = raster.ceilings.shape
         site["x"], site["y"] = raster.corner
         site["inverse_cell"] = 1.0 / raster.cell
