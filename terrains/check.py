@@ -24,6 +24,10 @@ ROUGHNESS_WINDOW = 2.0
 """Side [m] of the square whose mean height roughness is measured from."""
 
 
+GUESSES = ("up", "units", "z_units", "crs", "columns")
+"""Changes that are an interpretation, so that an error after them may come of it."""
+
+
 class TerrainError(ValueError):
     """A file that is no terrain, or a terrain that cannot be driven on; the message says why and what to do."""
 
@@ -95,6 +99,12 @@ class Report:
         """Note a change, unless it concerned nothing."""
         if count:
             self.changes.append(Change(what, count, text))
+
+    def doubts(self) -> str:
+        """What was taken for granted or is in doubt already, to follow an error that may come of it; blank if nothing is."""
+        told = [change.text for change in self.changes if change.what in GUESSES]
+        told += [text for text in self.warnings if text.startswith("coordinates ")]
+        return f" (before that: {'; '.join(told)})" if told else ""
 
     def to_json(self) -> dict[str, Any]:
         """All of it as JSON's types."""

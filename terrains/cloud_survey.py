@@ -14,8 +14,14 @@ from aoro_gym.terrains.frame import Request, sound
 
 NOISE_CLASSES = (7, 18)
 """Low and high noise (ASPRS LAS 1.4)."""
-UNKNOWN_HEIGHTS = (-9999.0, -99999.0, -999999.0, -32768.0, -32767.0, 9999.0, 99999.0, 32767.0)
+CERTAIN = (-9999.0, -99999.0, -999999.0, -32768.0, -32767.0, 32767.0)
 """Heights that stand for "unknown" where they lie apart from all others."""
+USUAL = (0.0, -1.0, -99.0, -999.0, 999.0, 9999.0, 99999.0)
+"""Heights that often do, and may be heights where they are many."""
+FEW = 0.2
+"""Share of the points up to which usual marks are few."""
+APART = 10.0
+"""Distance of a usual mark from all other heights, at least."""
 MANY_ZEROS = 10
 """Points at exactly (0, 0, 0) from which these are missed echoes: a corner of a grid is at most eight triangles' own."""
 STRAY_RANGE, STRAY_SHARE, FEW_STRAYS = 10.0, 1e-3, 3
@@ -50,7 +56,9 @@ class Cloud:
     """As declared; 0 if nothing is."""
     chunks: Callable[[], Iterator[Chunk]]
     up: str | None = None
-    """Axis that the format, or the names of columns, fix as up."""
+    """Axis that is up beyond doubt, by the specification of LAS or the names of columns."""
+    rule: str = "z"
+    """Axis that is up unless the points clearly say otherwise."""
     crs: Any = None
     unit: str | None = None
     """Of the plan, where no ``crs`` tells it."""
@@ -110,11 +118,11 @@ def survey(cloud: Cloud, request: Request, report: Report) -> Survey:
     given = request.crs is not None or cloud.crs is not None
     tally = _pass(cloud, request, "xyz".index(up or "z"))
     if up is None:
-        up = "z" if given else _guess_up(tally, report)
+        up = "z" if given else _guess_up(tally, cloud.rule, report)
         if up == "y":
             tally = _pass(cloud, request, 1)
     axis = "xyz".index(up)
-    unknown = _unknown(tally, axis)
+    unknown = _unknown(tally, axis, request)
     box = _box(tally, axis) if request.window is None else None
     strays = 0
     if box is not None and tally.count and (np.any(tally.low < box[0]) or np.any(tally.high > box[1])):
@@ -122,7 +130,7 @@ def survey(cloud: Cloud, request: Request, report: Report) -> Survey:
         strays = inside.reasons.get("stray", 0)
         if 0 < strays <= max(FEW_STRAYS, STRAY_SHARE * tally.count):
             tally = inside
-            unknown = _unknown(tally, axis)
+            unknown = _unknown(tally, axis, request)
         else:
             box, strays = None, 0
     else:
@@ -143,6 +151,7 @@ def survey(cloud: Cloud, request: Request, report: Report) -> Survey:
 
 def _pass(cloud: Cloud, request: Request, axis: int, box: tuple[Array, Array] | None = None) -> _Tally:
     tally = _Tally()
+    marks = (None, *CERTAIN, *USUAL) if request.nodata is None else request.nodata
     for chunk in cloud.chunks():
         start = tally.read
         tally.read += len(chunk.points)
@@ -155,7 +164,7 @@ def _pass(cloud: Cloud, request: Request, axis: int, box: tuple[Array, Array] | 
             inside = np.all((points >= box[0]) & (points <= box[1]), axis=1)
             tally.reasons["stray"] = tally.reasons.get("stray", 0) + int((~inside).sum())
             points = points[inside]
-        for key in (None, *UNKNOWN_HEIGHTS):
+        for key in marks:
             like = _like(points, axis, key)
             tally.doubt(key, points[like])
             points = points[~like]
@@ -194,8 +203,10 @@ def _like(points: Array, axis: int, key: float | None) -> Mask:
     return np.abs(points[:, axis] - key) < 1e-6 * max(1.0, abs(key))
 
 
-def _unknown(tally: _Tally, axis: int) -> list[float | None]:
+def _unknown(tally: _Tally, axis: int, request: Request) -> list[float | None]:
     """The heights that mean "unknown", and None for points at (0, 0, 0) that are none; others extend the bounds."""
+    if request.nodata is not None:
+        return list(tally.doubtful)
     meant: list[float | None] = []
     low, high = tally.low.copy(), tally.high.copy()
     size = high - low
@@ -206,7 +217,9 @@ def _unknown(tally: _Tally, axis: int) -> list[float | None]:
             outside = np.maximum(np.maximum(low, -high), 0.0)
             apart = number >= MANY_ZEROS or float(np.linalg.norm(outside)) > 0.5 * float(np.linalg.norm(size))
         else:
-            apart = key < low[axis] - size[axis] or key > high[axis] + size[axis]
+            gap = max(low[axis] - key, key - high[axis])
+            few = key in CERTAIN or number <= FEW * tally.count
+            apart = few and gap > max(size[axis], 0.0 if key in CERTAIN else APART)
         if apart:
             meant.append(key)
         else:
@@ -227,19 +240,20 @@ def _box(tally: _Tally, axis: int) -> tuple[Array, Array] | None:
     return low, high
 
 
-def _guess_up(tally: _Tally, report: Report) -> str:
-    """z, unless the points of a patch seen along y lie much closer together than those of a patch seen along z."""
+def _guess_up(tally: _Tally, rule: str, report: Report) -> str:
+    """``rule`` (y or z), unless points of a patch seen along the other lie much closer together."""
     points = np.concatenate([np.zeros((0, 3)), *tally.sample])
     if len(points) < 100:
-        return "z"
-    y, z = _thickness(points, 1), _thickness(points, 2)
-    size = np.subtract(*np.percentile(points, [99, 1], axis=0))
-    if not (THINNER * y < z and size[1] < 0.5 * min(size[0], size[2])):
-        return "z"
-    report.up = "y (thinnest along it)"
-    text = f"y taken as up: patches are {y:.3g} thick along y and {z:.3g} along z; up='z' says otherwise"
-    report.change("up", 1, text)
-    return "y"
+        return rule
+    other = "y" if rule == "z" else "z"
+    thick = {axis: _thickness(points, "xyz".index(axis)) for axis in "yz"}
+    size = dict(zip("xyz", np.subtract(*np.percentile(points, [99, 1], axis=0)), strict=True))
+    if not (THINNER * thick[other] < thick[rule] and size[other] < 0.5 * min(size["x"], size[rule])):
+        return rule
+    report.up = f"{other} (thinnest along it)"
+    text = f"{other} taken as up: patches are {thick[other]:.3g} thick along {other} and {thick[rule]:.3g} along {rule}"
+    report.change("up", 1, f"{text}; up='{rule}' keeps {rule}")
+    return other
 
 
 def _thickness(points: Array, axis: int) -> float:

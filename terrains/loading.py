@@ -110,9 +110,12 @@ def load(
     report = Report(source=str(path) if path else "array of heights")
     if up is not None:
         report.up = f"{up} (as asked)"
-    found = _read(path, source, request, report)
-    found = settle_heights(found, request, report)
-    found = _repaired(found, request, report)
+    try:
+        found = _read(path, source, request, report)
+        found = settle_heights(found, request, report)
+        found = _repaired(found, request, report)
+    except TerrainError as error:
+        raise TerrainError(f"{error}{report.doubts()}") from None
     try:
         terrain = _terrain(
             found,

@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from aoro_gym.terrains.check import Report
 
+FEWEST = 50
+"""Points from which lost digits show."""
 COARSE = 0.1
 """Share of the distance of neighbouring points from which a step of their coordinates is large."""
 TWICE = 0.02
@@ -20,30 +22,31 @@ Array = NDArray[np.float64]
 
 
 def note_lost_precision(
-    plan: Array, spacing: float, metre: float, report: Report, steps: Array | None = None, names: str = "xy"
+    points: Array, spacing: float, metre: float, report: Report, steps: Array | None = None, names: str = "xy"
 ) -> None:
     """Warn where coordinates go in steps that displace the points.
 
     A grid whose lines lie on the steps is none of these: it is whole, however few digits it has.
 
     Args:
-        plan: (N, 2) horizontal coordinates of neighbouring points, as in the file.
-        spacing: Their typical distance, in the same unit.
+        points: (N, 3) neighbouring points in the file's units, the last axis up.
+        spacing: Their typical distance in plan, in the same unit.
         metre: Metres a unit.
         report: Where to warn.
         steps: (2,) steps that the format declares.
-        names: Of the two axes.
+        names: Of the two horizontal axes.
     """
-    if len(plan) < 3 or not spacing > 0.0:
+    points = np.unique(points, axis=0)
+    if len(points) < FEWEST or not spacing > 0.0:
         return
-    found = [_step(values) for values in plan.T]
+    found = [_step(values) for values in points[:, :2].T]
     if steps is not None:
         found = [(max(step, float(given)), single) for (step, single), given in zip(found, steps, strict=True)]
     axis = int(np.argmax([step for step, _ in found]))
     step, single = found[axis]
-    if step < COARSE * spacing or not _displaced(plan):
+    if step < COARSE * spacing or not (_fallen_together(points, step) or (single and _no_grid(points))):
         return
-    farthest = float(np.abs(plan[:, axis]).max())
+    farthest = float(np.abs(points[:, axis]).max())
     kind = "are single precision (float32)" if single else "have few digits"
     report.warnings.append(
         f"coordinates {kind}: steps of {step * metre:.3g} m at {names[axis]} = {farthest:,.0f}, where points are"
@@ -71,10 +74,15 @@ def _step(values: Array) -> tuple[float, bool]:
     return decimal, False
 
 
-def _displaced(plan: Array) -> bool:
-    """Whether places have fallen together, or are no grid."""
-    places = len(np.unique(plan, axis=0))
-    if places < (1.0 - TWICE) * len(plan):
-        return True
-    rows, columns = (len(np.unique(values)) for values in plan.T)
-    return rows * columns > REGULAR * len(plan)
+def _fallen_together(points: Array, step: float) -> bool:
+    """Whether many points share their place with another, about as high: no wall, but two places that became one."""
+    order = np.lexsort((points[:, 2], points[:, 1], points[:, 0]))
+    rises = np.diff(points[order], axis=0)
+    same = np.all(rises[:, :2] == 0.0, axis=1)
+    return int(same.sum()) > TWICE * len(points) and float(np.median(rises[same, 2])) <= 2.0 * step
+
+
+def _no_grid(points: Array) -> bool:
+    """Whether the places are no rows and columns."""
+    rows, columns = (len(np.unique(values)) for values in points[:, :2].T)
+    return rows * columns > REGULAR * len(points)

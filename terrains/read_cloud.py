@@ -45,16 +45,14 @@ BOUNDS_TOLERANCE = 2.0
 Array = NDArray[np.float64]
 
 
-def read_points(
-    points: Array, request: Request, report: Report, unit: str | None = None, up: str | None = None
-) -> Ground:
-    """A cloud in memory: (N, 3); ``unit`` and ``up`` where its format fixes them."""
+def read_points(points: Array, request: Request, report: Report, unit: str | None = None, rule: str = "z") -> Ground:
+    """A cloud in memory: (N, 3); ``unit`` and ``rule``, the axis that is up, as its format has them."""
 
     def chunks() -> Iterator[Chunk]:
         for start in range(0, len(points), CHUNK):
             yield Chunk(points[start : start + CHUNK])
 
-    return read_cloud(Cloud(len(points), chunks, up=up, unit=unit), request, report)
+    return read_cloud(Cloud(len(points), chunks, rule=rule, unit=unit), request, report)
 
 
 def read_cloud(cloud: Cloud, request: Request, report: Report) -> Ground:
@@ -73,8 +71,8 @@ def read_cloud(cloud: Cloud, request: Request, report: Report) -> Ground:
         request, report, found.low, found.high, spacing=spacing, up=found.up, crs=cloud.crs, unit=cloud.unit
     )
     if frame.projection is None:
-        axes = ["xyz".index(name) for name in PLAN[found.up]]
-        steps = None if cloud.steps is None else cloud.steps[axes]
+        axes = ["xyz".index(name) for name in PLAN[found.up] + found.up]
+        steps = None if cloud.steps is None else cloud.steps[axes[:2]]
         note_lost_precision(found.neighbours[:, axes], spacing, frame.scale, report, steps, PLAN[found.up])
     low, high = frame.low, frame.high
     if frame.projection is None:

@@ -6,20 +6,26 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from aoro_gym.terrains.check import SMALLEST_PIECE, Report, TerrainError
+from aoro_gym.terrains.cloud_survey import NEIGHBOURS
 from aoro_gym.terrains.frame import Request, choose_cell, find_frame, sound
 from aoro_gym.terrains.ground import Ground
 from aoro_gym.terrains.heights import sample_triangles
-from aoro_gym.terrains.read_cloud import read_points
+from aoro_gym.terrains.mesh_files import load_mesh
+from aoro_gym.terrains.precision import note_lost_precision
+from aoro_gym.terrains.read_cloud import PLAN, read_points
 from aoro_gym.terrains.repair import remove_spikes
 
 Y_UP = (".glb", ".gltf")
 """Formats that fix y as up, and metres."""
+CLEARLY, UNCERTAIN = 2.0, 1.1
+"""How many times more of the surface faces along an axis that is taken as up, and from which one is named."""
+ONE_SIDED = 0.9
+"""Share of what faces along an axis that does so with the same side, where all of it is seen from above."""
 MERGED = 1e-4
 """Vertices within about this distance [m] are one."""
 OVERHANG = 0.3
@@ -35,9 +41,11 @@ Faces = NDArray[np.int64]
 
 def read_mesh(path: Path, request: Request, report: Report) -> Ground:
     """The drivable surface of a mesh file; a file of points only goes the way of a cloud."""
-    vertices, faces, unit = _loaded(path)
+    vertices, faces = load_mesh(path)
+    by_rule = path.suffix.lower() in Y_UP
+    unit = "m" if by_rule else None
     if not len(faces):
-        return read_points(vertices, request, report)
+        return read_points(vertices, request, report, unit=unit, rule="y" if by_rule else "z")
     report.kind = "mesh"
     report.points_read = len(vertices)
     vertices, faces = _finite(vertices, faces, report)
@@ -45,6 +53,10 @@ def read_mesh(path: Path, request: Request, report: Report) -> Ground:
     used = vertices[faces.ravel()]
     edge = float(np.median(np.linalg.norm(np.diff(used.reshape(-1, 3, 3)[:, :2], axis=1), axis=2)))
     frame = find_frame(request, report, used.min(axis=0), used.max(axis=0), spacing=edge, up=up, unit=unit)
+    if frame.projection is None:
+        plan = np.unique(faces[:NEIGHBOURS])
+        axes = ["xyz".index(name) for name in PLAN[up] + up]
+        note_lost_precision(vertices[plan][:, axes], edge, frame.scale, report, names=PLAN[up])
     vertices = frame.local(vertices)
     faces = _inside(vertices, faces, frame.low, frame.high, report)
     vertices, faces = _cleaned(vertices, faces, report)
@@ -83,47 +95,44 @@ def read_mesh(path: Path, request: Request, report: Report) -> Ground:
     return Ground(heights, frame)
 
 
-def _loaded(path: Path) -> tuple[Array, Faces, str | None]:
-    """Vertices, faces (none for points) and the unit that the file tells."""
-    try:
-        loaded: Any = trimesh.load(path, process=False)
-        if isinstance(loaded, trimesh.Scene):
-            loaded = loaded.to_mesh()
-        vertices = np.array(loaded.vertices, dtype=np.float64)
-        faces = np.array(getattr(loaded, "faces", np.zeros((0, 3))), dtype=np.int64)
-    except Exception as error:  # whatever trimesh finds wrong with a broken file
-        text = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise TerrainError(f"{path}: cannot be read as a mesh: {text}") from None
-    if vertices.ndim != 2 or vertices.shape[1] != 3 or not len(vertices):
-        raise TerrainError(f"{path}: it holds no points")
-    return vertices, faces.reshape(-1, 3), "m" if path.suffix.lower() in Y_UP else None
-
-
 def _finite(vertices: Array, faces: Faces, report: Report) -> tuple[Array, Faces]:
-    """Faces whose corners exist and are finite."""
+    """Faces whose corners are finite."""
     whole = sound(vertices)
-    there = np.asarray(np.all((faces >= 0) & (faces < len(vertices)), axis=1))
-    good = there.copy()
-    good[there] = whole[faces[there]].all(axis=1)
+    good = np.asarray(whole[faces].all(axis=1))
     lost = int((~good).sum())
     if lost == len(faces):
         raise TerrainError(f"{report.source}: none of its {len(faces):,} triangles has finite corners; it is broken")
-    report.change("broken_triangles", lost, f"{lost:,} triangles with corners that are missing or not finite removed")
+    report.change("broken_triangles", lost, f"{lost:,} triangles with corners that are not finite removed")
     return np.where(whole[:, None], vertices, 0.0), faces[good]
 
 
 def _guess_up(path: Path, vertices: Array, faces: Faces, report: Report) -> str:
-    """By the format, or the axis along which most of the surface faces."""
-    if path.suffix.lower() in Y_UP:
-        report.up = f"y (of {path.suffix[1:].upper()})"
-        return "y"
+    """The axis along which most of the surface faces; where none stands out, that of the format, with a warning."""
     a, b, c = (vertices[faces[:, i]] for i in range(3))
-    facing = np.abs(np.cross(b - a, c - a)).sum(axis=0)
-    if facing[1] > 2.0 * max(facing[0], facing[2]):
-        report.up = "y (most of the surface faces along it)"
-        report.change("up", 1, f"y taken as up: {facing[1] / facing.sum():.0%} of the surface faces along it")
-        return "y"
-    return "z"
+    normals = np.cross(b - a, c - a)
+    facing = np.abs(normals).sum(axis=0) + 1e-300
+    share = dict(zip("xyz", facing / facing.sum(), strict=True))
+    sided = dict(zip("xyz", np.abs(normals.sum(axis=0)) / facing, strict=True))
+    by_rule = path.suffix.lower() in Y_UP
+    rule, other = ("y", "z") if by_rule else ("z", "y")
+    rule_text = f"glTF's rule of {rule}" if by_rule else f"the usual {rule}"
+    clearly = share[other] > CLEARLY * max(share[axis] for axis in "xyz" if axis != other)
+    # Seen along the axis that is up, all of a ground shows one side; across it, as many slopes fall as rise.
+    one_sided = share[other] > share[rule] and sided[other] > ONE_SIDED and sided[rule] < 0.5 * ONE_SIDED
+    if clearly or one_sided:
+        report.up = f"{other} (most of the surface faces along it)"
+        text = f"{other} taken as up against {rule_text}: {share[other]:.0%} of the surface faces along {other}"
+        report.change("up", 1, f"{text}; up='{rule}' keeps {rule}")
+        return other
+    best = max(share, key=lambda axis: share[axis])
+    if share[best] > share[rule] * UNCERTAIN:
+        report.warnings.append(
+            f"{rule} is taken as up by {rule_text}, but {share[best]:.0%} of the surface faces along {best} and"
+            f" {share[rule]:.0%} along {rule}; up='{best}' says otherwise"
+        )
+    if by_rule:
+        report.up = f"y (of {path.suffix[1:].upper()})"
+    return rule
 
 
 def _inside(vertices: Array, faces: Faces, low: Array, high: Array, report: Report) -> Faces:
