@@ -24,7 +24,7 @@ from aoro_gym.terrains.check import Change
 from aoro_gym.terrains.frame import FARTHEST
 from aoro_gym.terrains.georeference import axis_unit, horizontal, to_geographic
 from aoro_gym.terrains.path import Path
-from aoro_gym.terrains.path_placement import place
+from aoro_gym.terrains.path_placement import check_reading, place
 from aoro_gym.terrains.planning import JOINT_RANGE_DEG, turning_radius
 from aoro_gym.terrains.read_path_table import read_table_of_places
 from aoro_gym.terrains.read_tracks import read_document
@@ -38,6 +38,10 @@ SPARSE = 1.5
 """Points [m] farther apart than this are waypoints to lead a curve through, not a recording to smooth."""
 LAP_GAP = 1.5
 """A recording that ends within this [m] of its start, in about its direction, is a lap."""
+MOSTLY = 0.9
+"""Share of the points whose coordinates are right from which on the others are damage."""
+MANY_TURNS = 5
+"""Turns on the spot beyond which they may be noise."""
 MOST_BLANK = 0.5
 """Share of the points without a speed up to which it is interpolated."""
 
@@ -142,6 +146,7 @@ def load_path(
         report.unread = found.other
         one, part, number = choose(found, track)
         one = _finite(_of_one_kind(one, terrain, crs), report)
+        check_reading(one, terrain, crs)
         report.kind, report.points = one.title, one.size
         one = _taken(
             one,
@@ -228,6 +233,10 @@ def _finite(track: Track, report: PathReport) -> Track:
     known = ~np.isnan(places).any(axis=0)
     sound = np.all(np.abs(np.where(np.isnan(places), 0.0, places)) <= FARTHEST, axis=0)
     report.change("incomplete", int((~known).sum()), f"{int((~known).sum())} rows without coordinates left out")
+    if "latitude" in track.columns:
+        on_earth = (np.abs(track.columns["latitude"]) <= 90.0) & (np.abs(track.columns["longitude"]) <= 180.0)
+        if np.sum(on_earth & known & sound) >= MOSTLY * np.sum(known & sound):  # else all of them are something else
+            sound &= on_earth
     broken = np.flatnonzero(known & ~sound)
     if len(broken):
         worst = places[:, broken[0]]
@@ -272,7 +281,9 @@ def _taken(
     """
     parts = find_parts(track, points, reach=max(TURN_REACH, smoothing / 3.0))
     if len(parts.kept) < 2:
-        raise ValueError(f"its points all lie within {STANDSTILL:g} m: the vehicle stood still")
+        raise ValueError(
+            f"its points all lie within {STANDSTILL:g} m: the vehicle stood still, or they are in a larger unit than m"
+        )
     if join_gaps and parts.gaps:
         wide = sum(cut.gap or 0.0 for cut in parts.gaps)
         report.warnings.append(f"{gaps_told(track, parts)}: {metres(wide)} that were not recorded are bridged straight")
@@ -319,6 +330,7 @@ def _part(track: Track, points: Array, parts: Parts, part: int | None, label: st
     if len(turns):
         inside = longest[longest <= turns[0]]
         more = f" and {len(turns) - 1} more times" if len(turns) > 1 else ""
+        more += ", unless that is noise (then give a larger smoothing=...)" if len(turns) > MANY_TURNS else ""
         raise ValueError(
             f"the recording turns round on the spot at {metres(length(points[inside]))}"
             f" ({track.place(int(turns[0]))}){more}, which no path can; split it there, or take one with {ask} of its"

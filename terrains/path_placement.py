@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -32,6 +32,14 @@ class Notes(Protocol):
     def change(self, what: str, count: int, text: str) -> None: ...
 
 
+def check_reading(track: Track, terrain: Terrain | None, crs: str | None) -> None:
+    """``ValueError`` where degrees are none, or metres lie nowhere near the terrain, so that their unit is another one."""
+    if "latitude" in track.columns:
+        _check_degrees(track, track.columns["latitude"], track.columns["longitude"])
+    elif terrain is not None and crs is None and track.crs is None:
+        _metres(track.columns["x"], track.columns["y"], terrain)
+
+
 def place(track: Track, terrain: Terrain | None, crs: str | None, notes: Notes) -> Array:
     """(P, 2) local points of a track whose coordinates are finite; raises ``ValueError`` without the file's name.
 
@@ -42,18 +50,11 @@ def place(track: Track, terrain: Terrain | None, crs: str | None, notes: Notes) 
         notes: Gets the frame, changes and warnings.
     """
     system = crs if crs is not None else track.crs
-    degrees = "latitude" in track.columns
-    if system is not None and degrees and not horizontal(system).is_geographic:
-        raise ValueError(
-            f"crs = {system!r} counts in metres, but the file is in degrees; drop crs, or name its columns"
-        )
-    if degrees or (system is not None and horizontal(system).is_geographic):
-        if degrees:
-            y, x = track.columns["latitude"], track.columns["longitude"]
-        else:
-            y, x = track.columns["y"], track.columns["x"]
-        _check_degrees(track, y, x)
-        points = _from_degrees(y, x, system or GEOGRAPHIC, terrain, notes)
+    if "latitude" in track.columns:
+        if system is not None and not horizontal(system).is_geographic:
+            raise ValueError(f"crs = {system!r} counts in metres, but the file is in degrees; drop crs")
+        latitude, longitude = track.columns["latitude"], track.columns["longitude"]
+        points = _from_degrees(latitude, longitude, system or GEOGRAPHIC, terrain, notes)
     elif system is not None:
         points = _from_system(track.columns["x"], track.columns["y"], system, terrain, notes)
     else:
@@ -170,39 +171,44 @@ def _geographic(x: Array, y: Array, system: str) -> tuple[Array, Array]:
 def _from_metres(x: Array, y: Array, terrain: Terrain | None, notes: Notes) -> Array:
     points = np.stack([x, y], axis=1)
     notes.frame = "local x, y [m]"
+    if terrain is not None:
+        shift = _metres(x, y, terrain)
+        notes.change("shifted", int(shift.any()), f"world coordinates, brought to {terrain.name!r} by its origin")
+        return points - shift
     largest = float(np.abs(points).max())
-    if terrain is None:
-        if largest <= LARGEST_COORDINATE:
-            return points
+    if largest > LARGEST_COORDINATE:
         raise ValueError(
             f"its coordinates reach {largest:.9g} m, which are no local ones; give the terrain they belong to, or"
             " crs='EPSG:...'"
         )
-    world = points - np.asarray(terrain.origin[:2])
-    readings = [(points, "")] if largest <= LARGEST_COORDINATE else []
-    if any(terrain.origin[:2]):
-        readings.append((world, f"world coordinates, brought to {terrain.name!r} by its origin"))
-    found = [text for text, reading in _other_readings(points, terrain) if _share_on(reading, terrain) >= SURE]
-    for reading, text in readings:
+    return points
+
+
+def _metres(x: Array, y: Array, terrain: Terrain) -> Array:
+    """(2,) what brings x, y [m] to the terrain's frame: nothing, or its origin; ``ValueError`` where neither does."""
+    points = np.stack([x, y], axis=1)
+    origin = np.asarray(terrain.origin[:2])
+    shifts = [np.zeros(2), origin] if origin.any() else [np.zeros(2)]
+    found = [text for text, reading in _other_readings(points, shifts) if _share_on(reading, terrain) >= SURE]
+    for shift in shifts:
+        reading = points - shift
         if _share_on(reading, terrain) > 0.0 or (not found and _apart(reading, terrain) == 0.0):
-            notes.change("shifted", bool(text), text)
-            return reading
-    apart = min(_apart(points, terrain), _apart(world, terrain))
-    advice = " or ".join(found) if found else "if its coordinates are in another system or unit, say crs='EPSG:...'"
-    raise ValueError(
-        f"it lies {metres(apart)} from terrain {terrain.name!r}: {advice if len(found) < 2 else advice + '; say which'}"
-    )
+            return shift
+    apart = min(_apart(points - shift, terrain) for shift in shifts)
+    advice = " or ".join(found) + ("; say which" if len(found) > 1 else "")
+    if not found:
+        advice = "if its coordinates are in another system or unit, say crs='EPSG:...'"
+    raise ValueError(f"it lies {metres(apart)} from terrain {terrain.name!r}: {advice}")
 
 
-def _other_readings(points: Array, terrain: Terrain) -> Iterator[tuple[str, Array]]:
+def _other_readings(points: Array, shifts: Sequence[Array]) -> Iterator[tuple[str, Array]]:
     """What the coordinates could be instead, with the points that this gives: as local and as world ones."""
-    origins = [np.zeros(2)] + ([np.asarray(terrain.origin[:2])] if any(terrain.origin[:2]) else [])
-    for origin in origins:
-        yield "x and y look interchanged: exchange the two in the file", points[:, ::-1] - origin
+    for shift in shifts:
+        yield "x and y look interchanged: exchange the two in the file", points[:, ::-1] - shift
         for unit, size in UNITS.items():
-            if unit == "m":
-                continue
-            yield f"they look like {unit}: name the columns x_{unit} and y_{unit}", points * size - origin
+            if unit != "m":
+                name = unit.replace("-", "")
+                yield f"they look like {unit}: name the columns x_{name} and y_{name}", points * size - shift
 
 
 def _on_terrain(

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from aoro_gym.terrains.tracks import MOST_LISTED, Track, length, metres
 
@@ -35,6 +36,13 @@ TURN_COSINES = (-0.9, -0.7)
 
 STRAIGHT = 0.6
 """Share of a length driven by which it leads away where a recording turns round; where it stands and drifts, it does not."""
+
+DENSE = 1.5
+"""Usual step [m] up to which neighbouring points tell their noise, rather than the line's bends."""
+QUIET = 0.15
+"""Noise [m] of a coordinate that does not look like turning round."""
+NOISE_OF_BEND = math.sqrt(6.0) * math.sqrt(2.0 * math.log(2.0))
+"""Median length of a second difference of points, by the standard deviation of their independent noise."""
 
 
 @dataclass(frozen=True)
@@ -180,10 +188,22 @@ def _strays(points: Array) -> NDArray[np.bool_]:
     return stray
 
 
+def _without_noise(points: Array) -> Array:
+    """Dense points with their noise averaged down to ``QUIET``, so that its back and forth is no turning round."""
+    step = np.hypot(*np.diff(points, axis=0).T)
+    if len(points) < FEW or np.median(step) > DENSE:
+        return points
+    bend = np.hypot(*np.diff(points, 2, axis=0).T)
+    noise = float(np.median(bend)) / NOISE_OF_BEND
+    count = min(math.ceil((noise / QUIET) ** 2), len(points) // 4)
+    return uniform_filter1d(points, count, axis=0, mode="nearest") if count > 1 else points
+
+
 def _turns(points: Array, reach: float) -> list[int]:
     """Indices at which a line of moving points goes back the way it came."""
     if len(points) < 3:
         return []
+    points = _without_noise(points)
     s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     inner = s[1:-1]
 

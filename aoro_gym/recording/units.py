@@ -139,7 +139,7 @@ _SPELLINGS: dict[str, list[tuple[str, float]]] = {
         ("kn kt kts knot knots", 1852 / 3600),
         ("mph", 1609.344 / 3600),
         ("kmh kmph kph kmhr", 1000 / 3600),
-        ("mps", 1.0),
+        ("mps ms", 1.0),
         ("mmps", 1e-3),
         ("cmps", 1e-2),
         ("fps ftps", 0.3048),

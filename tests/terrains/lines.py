@@ -25,6 +25,11 @@ def straight(
     return np.asarray(start) + s[:, None] * np.array([np.cos(heading), np.sin(heading)])
 
 
+def moved(points: np.ndarray, east: float, north: float) -> np.ndarray:
+    """The points shifted [m]."""
+    return points + np.array([east, north])
+
+
 def gpx(*bodies: str) -> str:
     start = '<?xml version="1.0"?>\n<gpx version="1.1" creator="t" xmlns="http://www.topografix.com/GPX/1/1">\n'
     return start + "\n".join(bodies) + "</gpx>"
