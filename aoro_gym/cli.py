@@ -499,8 +499,8 @@ def calibrate(
       aoro-gym validate --machine mine.toml
     """
     with _checking_input():
+        from aoro_gym.calibration.logs import read_recording
         from aoro_gym.execution.files import check_writable
-        from aoro_gym.log import read_table
 
         if published == use_logs:
             raise ValueError("give one of --published and --logs LOG...")
@@ -518,7 +518,7 @@ def calibrate(
         _check_seed(seed)
         _check_device(device)
         for path in logs or []:
-            read_table(path)
+            read_recording(path)
     from aoro_gym.calibration.logs import calibrate_logs
     from aoro_gym.calibration.published import calibrate_published
 
@@ -1764,16 +1764,15 @@ def _selected(option: str, patterns: list[str] | None, recordings: list[Any]) ->
 
 def _assignments(option: str, texts: list[str] | None) -> dict[str, float]:
     """``KEY=NUMBER`` texts as a dict."""
+    from aoro_gym.recording.tables import parse_number
+
     pairs: dict[str, float] = {}
     for text in texts or []:
         key, equals, number = (part.strip() for part in text.partition("="))
         if not (key and equals):
             raise ValueError(f"{option} {text!r} is not KEY=NUMBER, such as {option} oil.gas_fraction=0.01")
-        try:
-            value = float(number)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
+        value = parse_number(number)
+        if value is None:
             raise ValueError(f"{option} {key}={number}: {number!r} is not a finite number")
         if key in pairs:
             raise ValueError(f"{option} names {key} twice; give it once")
@@ -1785,6 +1784,7 @@ def _manoeuvre(
     name: str, signal: float | None, duration: float | None, start_angle: float | None, machine: Machine, out: Path
 ) -> Manoeuvre:
     from aoro_gym import manoeuvres
+    from aoro_gym.recording.tables import listed
 
     joint_range = float(machine.joint.range)
     if name in ("left", "right", "drive"):
@@ -1805,7 +1805,10 @@ def _manoeuvre(
     if not abs(angle) <= joint_range:
         limit = math.degrees(joint_range)
         raise ValueError(f"--start-angle = {start_angle:g} is outside [{-limit:g}, {limit:g}] deg (joint.range)")
-    return manoeuvres.from_file(path, start_angle=angle, duration=duration)
+    plan = manoeuvres.from_file(path, start_angle=angle, duration=duration)
+    if plan.unread:
+        terminal.warn(f"{path}: unknown columns were not read: {listed(plan.unread)}")
+    return plan
 
 
 def _twin(machine: Machine, terrain: Plane | None, device: str, seed: int) -> Twin:

@@ -7,12 +7,10 @@ and with which sensors.
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -64,11 +62,6 @@ IDEAL = "ideal"
 NOISY = "joint angle: published kind of noise; pressures: typical transmitters; the others: ideal"
 """What a manifest says of the sensors."""
 
-MEASURED_COLUMNS = re.compile(
-    "|".join([*(re.escape(column) for column, *_ in _MEASURED), "joint_angle_deg", "imu_.*", "gps_.*", "true_.*"])
-)
-"""Names of the columns of a log that are no commands."""
-
 
 def field_unit(channel: str) -> tuple[str, float]:
     """Unit of a channel at the edge, as it stands in a column's name, and that unit's SI value; '' for pure numbers."""
@@ -81,11 +74,6 @@ def field_unit(channel: str) -> tuple[str, float]:
 def voltage_from_signal(signal: ArrayLike) -> NDArray[np.float64]:
     """Steering voltage [V] of a signal in [-1, 1]: 0.5 V is full left, 4.5 V full right."""
     return 2.5 - 2.0 * np.asarray(signal, dtype=np.float64)
-
-
-def signal_from_voltage(voltage: ArrayLike) -> NDArray[np.float64]:
-    """Steering signal in [-1, 1] of a voltage [V]; inverse of :func:`voltage_from_signal`."""
-    return (2.5 - np.asarray(voltage, dtype=np.float64)) / 2.0
 
 
 def log_columns(
@@ -172,108 +160,6 @@ def check_log_path(path: Path) -> None:
             import pyarrow  # noqa: F401
         except ImportError:
             raise ValueError(f"log {path} needs pyarrow: pip install 'aoro-gym[parquet]', or end it in .csv") from None
-
-
-@dataclass(frozen=True)
-class Table:
-    """Columns of numbers read from a file."""
-
-    path: Path
-    columns: dict[str, NDArray[np.float64]]
-    lines: NDArray[np.int64]
-    """Line of the file that each row stands on, from 1."""
-
-    def __getitem__(self, name: str) -> NDArray[np.float64]:
-        return self.columns[name]
-
-    def where(self, row: int) -> str:
-        """File and line of a row, for messages."""
-        return f"{self.path}, line {self.lines[row]}"
-
-
-def read_table(path: Path) -> Table:
-    """Read a log or a command file: a header with ``time_s``, then rows of finite numbers; ``#`` starts a comment line.
-
-    Raises:
-        ValueError: names the file, the line and the column of the first fault.
-    """
-    if not path.is_file():
-        raise ValueError(f"{path} is not a file" if path.exists() else f"file {path} does not exist")
-    if path.suffix == ".parquet":
-        return _read_parquet(path)
-    header: list[str] = []
-    rows: list[list[float]] = []
-    lines: list[int] = []
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            reader = csv.reader(stream)
-            for cells in reader:
-                if not any(cell.strip() for cell in cells) or cells[0].lstrip().startswith("#"):
-                    continue
-                if header:
-                    rows.append(_numbers(path, reader.line_num, header, cells))
-                    lines.append(reader.line_num)
-                else:
-                    header = _header(path, [cell.strip() for cell in cells])
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ValueError(f"{path} is not a CSV text file: {error}") from None
-    if not rows:
-        raise ValueError(f"{path} holds no rows; it needs a header such as time_s,steering_signal and rows of numbers")
-    values = np.array(rows, dtype=np.float64)
-    return Table(path, {name: values[:, index] for index, name in enumerate(header)}, np.array(lines))
-
-
-def _read_parquet(path: Path) -> Table:
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError:
-        raise ValueError(f"{path} needs pyarrow: pip install 'aoro-gym[parquet]'") from None
-    try:
-        table = pyarrow.parquet.read_table(path)
-    except pyarrow.ArrowException as error:
-        raise ValueError(f"{path} is not a Parquet file: {error}") from None
-    names = _header(path, table.column_names)
-    lines = np.arange(1, table.num_rows + 1)
-    if not table.num_rows:
-        raise ValueError(f"{path} holds no rows")
-    columns = {}
-    for name in names:
-        try:
-            columns[name] = table[name].to_numpy().astype(np.float64)
-        except (TypeError, ValueError):
-            raise ValueError(f"{path}: column {name!r} does not hold numbers") from None
-        for index in np.flatnonzero(~np.isfinite(columns[name])):
-            raise ValueError(
-                f"{path}, line {lines[index]}: {name} = {columns[name][index]} is not a finite number; leave such rows out"
-            )
-    return Table(path, columns, lines)
-
-
-def _header(path: Path, names: list[str]) -> list[str]:
-    if "time_s" not in names:
-        raise ValueError(f"{path}: the header has no column time_s, only {', '.join(names)}")
-    for name in names:
-        if names.count(name) > 1:
-            raise ValueError(f"{path}: the header names the column {name!r} twice")
-    return names
-
-
-def _numbers(path: Path, line: int, header: list[str], cells: list[str]) -> list[float]:
-    if len(cells) != len(header):
-        raise ValueError(f"{path}, line {line}: {len(cells)} values where the header names {len(header)} columns")
-    row = []
-    for name, cell in zip(header, cells, strict=True):
-        try:
-            value = float(cell)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise ValueError(
-                f"{path}, line {line}: {name} = {cell.strip()!r} is not a finite number; leave such rows out"
-            )
-        row.append(value)
-    return row
 
 
 def _toml(values: Mapping[str, Any]) -> str:

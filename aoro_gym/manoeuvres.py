@@ -6,7 +6,6 @@ drive that every validation uses, or any sequence read from a file.
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -16,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym.log import MEASURED_COLUMNS, RATE, Table, read_table, signal_from_voltage
+from aoro_gym.log import RATE
+from aoro_gym.recording.command_files import read_commands
 from aoro_gym.twin.records import CHANNELS, COMMAND_BOUNDS
 
 if TYPE_CHECKING:
@@ -59,6 +59,8 @@ class Manoeuvre:
     stop_angle: float | None = None
     """Joint angle [rad] at which the manoeuvre may end early, after a rest of :data:`SETTLE`."""
     signal_percent: float | None = None
+    unread: tuple[str, ...] = ()
+    """Columns of the file that the commands came from which were not read."""
 
     @property
     def duration(self) -> float:
@@ -134,30 +136,24 @@ def straight_drive(signal: float, *, duration: float | None = None, main_step: f
 def from_file(
     path: Path, *, start_angle: float = 0.0, duration: float | None = None, main_step: float = 1e-3
 ) -> Manoeuvre:
-    """Commands from a table with ``time_s`` and one column a command, each row held until the next.
+    """Commands from a table (CSV of any dialect, or Parquet) with a column of time and one a command, each row held until
+    the next.
 
-    A log can be driven again: its measured and ``true_*`` columns are passed over, and ``steering_signal_V`` serves
-    where ``steering_signal`` is missing. Before the first row every command is at rest. The manoeuvre ends with the
-    last row, or after ``duration`` [s].
+    Columns are found by quantity and unit (``steering_signal [%]``, ``time_ms``). A log can be driven again: its measured
+    and ``true_*`` columns are passed over, unknown ones named (:attr:`Manoeuvre.unread`), and ``steering_signal_V``
+    serves where ``steering_signal`` is missing. Before the first row every command is at rest. The manoeuvre ends with the
+    last row, or after ``duration`` [s]. A clock that counts since 1970 begins with the first row.
     """
-    table = read_table(path)
-    columns = _command_columns(table)
-    steps = np.rint(table["time_s"] / main_step).astype(np.int64)
-    for index, seconds in enumerate(table["time_s"]):
-        where = f"{table.where(index)}: time_s = {seconds:g}"
+    file = read_commands(path)
+    steps = np.rint(file.time / main_step).astype(np.int64)
+    for index, seconds in enumerate(file.time):
+        where = f"{file.table.where(index)}: {file.clock} = {seconds:g}"
         if not 0.0 <= seconds <= LONGEST:
             raise ValueError(f"{where} is outside [0, {LONGEST:g}] s; let the file start at 0")
         if index and steps[index] <= steps[index - 1]:
-            before = table["time_s"][index - 1]
+            before = file.time[index - 1]
             raise ValueError(f"{where} does not follow {before:g} by a main step of {main_step:g} s or more")
-    for name, values in columns.items():
-        low, high, _ = COMMAND_BOUNDS[name]
-        for index in np.flatnonzero(~((values >= low) & (values <= high))):
-            raise ValueError(f"{table.where(int(index))}: {name} = {values[index]:g} is outside [{low:g}, {high:g}]")
-        if name == "gear" and (values != np.rint(values)).any():
-            index = int(np.argmax(values != np.rint(values)))
-            raise ValueError(f"{table.where(index)}: gear = {values[index]:g} is none of 1, 2, 3")
-
+    columns = file.commands
     last = int(steps[-1]) if duration is None else round(_checked_duration(duration) / main_step)
     if last * main_step < SHORTEST:
         raise ValueError(f"{path} ends at {last * main_step:g} s, before {SHORTEST:g} s; add a row, or give --duration")
@@ -176,6 +172,7 @@ def from_file(
         start_angle=start_angle,
         segments=tuple(segments),
         main_step=main_step,
+        unread=file.unread,
     )
 
 
@@ -237,31 +234,6 @@ def run(
 def _step(command: str, value: float, total: float, main_step: float) -> tuple[Segment, Segment]:
     rest = round(STANDSTILL / main_step)
     return Segment(rest, {command: 0.0}), Segment(round(total / main_step) - rest, {command: value})
-
-
-def _command_columns(table: Table) -> dict[str, NDArray[np.float64]]:
-    """The command columns of ``table``; a voltage becomes a signal."""
-    columns: dict[str, NDArray[np.float64]] = {}
-    voltage = None
-    for name, values in table.columns.items():
-        if name == "steering_signal_V":
-            voltage = values
-        elif name in COMMAND_BOUNDS:
-            columns[name] = values
-        elif name != "time_s" and not MEASURED_COLUMNS.fullmatch(name):
-            known = [*COMMAND_BOUNDS, "steering_signal_V"]
-            near = difflib.get_close_matches(name, known, n=1)
-            hint = f"did you mean {near[0]!r}?" if near else f"known: time_s, {', '.join(known)}"
-            raise ValueError(f"{table.path}: unknown column {name!r}; {hint}")
-    if voltage is not None and "steering_signal" not in columns:
-        for index in np.flatnonzero(~((voltage >= 0.5) & (voltage <= 4.5))):
-            raise ValueError(
-                f"{table.where(int(index))}: steering_signal_V = {voltage[index]:g} is outside [0.5, 4.5] V"
-            )
-        columns["steering_signal"] = np.clip(signal_from_voltage(voltage), -1.0, 1.0)
-    if not columns:
-        raise ValueError(f"{table.path} has no command column; known: {', '.join(COMMAND_BOUNDS)}")
-    return columns
 
 
 def _checked_duration(duration: float, *, longer_than: float = 0.0) -> float:

@@ -19,21 +19,16 @@ from aoro_gym.calibration.ensemble import draw_ensemble, posterior_factor
 from aoro_gym.calibration.fit import least_squares_fit
 from aoro_gym.calibration.published import FELT, Calibration
 from aoro_gym.calibration.space import Space
-from aoro_gym.log import read_table, signal_from_voltage
+from aoro_gym.recording import logs
+from aoro_gym.recording.logs import TICK
 from aoro_gym.sensors.chain import low_pass
 from aoro_gym.twin import Machine, Twin
-
-TICK = 0.01
-"""Interval [s] at which logs are resampled and commands are held."""
 
 EVERY = 4
 """Every so many ticks enter the fit: at 25 Hz the 7 Hz low-pass leaves little that is new between samples."""
 
 CUTOFF = 7.0
 """Cut-off [Hz] of the low-pass."""
-
-REST = 0.3
-"""Standstill [s] that every log has to begin with: it gives the start angle and the noise."""
 
 CHANNELS: dict[str, tuple[str, float, float]] = {
     # column: output of the twin, SI value of the column's unit, least standard deviation [column's unit]
@@ -42,6 +37,8 @@ CHANNELS: dict[str, tuple[str, float, float]] = {
     "pressure_b_bar": ("pressure_b", 1e5, 0.5),
     "pump_pressure_bar": ("pump_pressure", 1e5, 0.5),
 }
+
+TWIN_CHANNELS = tuple(name for name, _, _ in CHANNELS.values())
 
 PRIOR_STD = 0.25
 """Standard deviation that a range, read as 95 %, gives a parameter in the unit cube."""
@@ -62,56 +59,22 @@ class Recording:
 
 
 def read_recording(path: Path) -> Recording:
-    """Read a log for calibration.
+    """Read a log (:func:`aoro_gym.recording.logs.read_recording`) for calibration.
 
     Raises:
         ValueError: names the file, the column and what is missing or inconsistent.
     """
-    table = read_table(path)
-    time = table["time_s"]
-    if len(time) < 10 or np.any(np.diff(time) <= 0.0):
-        row = int(np.argmax(np.diff(time) <= 0.0)) + 1 if len(time) >= 10 else len(time) - 1
-        raise ValueError(f"{table.where(row)}: time_s must increase from row to row, over ten rows at least")
-    widest = float(np.max(np.diff(time)))
-    if widest > 0.05:
-        row = int(np.argmax(np.diff(time))) + 1
-        raise ValueError(
-            f"{table.where(row)}: a gap of {widest:.3f} s; a calibration needs at least 20 samples a second"
-        )
-    if "steering_signal" in table.columns:
-        signal = table["steering_signal"]
-    elif "steering_signal_V" in table.columns:
-        signal = signal_from_voltage(table["steering_signal_V"])
-    else:
-        raise ValueError(f"{path} has neither a column steering_signal nor steering_signal_V")
-    if np.max(np.abs(signal)) > 1.0 + 1e-6:
-        row = int(np.argmax(np.abs(signal)))
-        raise ValueError(f"{table.where(row)}: steering_signal is {signal[row]:.4g}, but must be in [-1, 1]")
-    columns = dict(table.columns)
-    if "joint_angle_rad" not in columns and "joint_angle_deg" in columns:
-        columns["joint_angle_rad"] = np.radians(columns["joint_angle_deg"])
-    if "joint_angle_rad" not in columns:
-        raise ValueError(f"{path} has no column joint_angle_rad or joint_angle_deg")
-    if np.max(np.abs(columns["joint_angle_rad"])) > 1.6:
-        raise ValueError(f"{path}: joint_angle_rad reaches {np.max(np.abs(columns['joint_angle_rad'])):.3g}: degrees?")
-
-    grid = np.arange(0.0, time[-1] - time[0] + 1e-9, TICK)
-    since = time - time[0]
-    held = signal[np.searchsorted(since, grid + 1e-9, side="right") - 1]
-    moving = np.flatnonzero(held != 0.0)
-    rest = int(moving[0]) if moving.size else len(held)
-    if rest * TICK < REST:
-        raise ValueError(f"{path} begins with {rest * TICK:.2f} s of zero signal; a calibration needs {REST} s of rest")
+    log = logs.read_recording(path, purpose="a calibration", commands=("steering_signal",), channels=TWIN_CHANNELS)
+    signal = log.commands["steering_signal"]
     channels, std = {}, {}
-    for column, (_, _, least) in CHANNELS.items():
-        if column in columns:
-            filtered = low_pass(np.interp(grid, since, columns[column]), rate=1.0 / TICK, cutoff=CUTOFF)
+    for column, (name, unit, least) in CHANNELS.items():
+        if name in log.channels:
+            filtered = low_pass(log.channels[name] / unit, rate=1.0 / TICK, cutoff=CUTOFF)
             channels[column] = filtered
             # neighbouring samples share what the low-pass leaves: each counts for less than one
             shared = np.sqrt(max(1.0, 1.0 / (TICK * EVERY) / (2.0 * CUTOFF)))
-            std[column] = shared * float(np.hypot(np.std(filtered[:rest]), least))
-    start = float(np.mean(np.interp(grid[:rest], since, columns["joint_angle_rad"])))
-    return Recording(path, np.clip(held, -1.0, 1.0), channels, std, start)
+            std[column] = shared * float(np.hypot(np.std(filtered[: log.rest - 1]), least))
+    return Recording(path, np.append(signal, signal[-1]), channels, std, log.start_angle)
 
 
 def repeat(machine: Machine, recording: Recording, *, device: str = "cpu") -> dict[str, NDArray[np.float64]]:

@@ -44,7 +44,7 @@ from aoro_gym.diagnosis.problem import Problem, on_clock_of
 from aoro_gym.diagnosis.recording import Recording
 from aoro_gym.diagnosis.replay import FINE, Signals, Simulator, Task, Variants
 from aoro_gym.diagnosis.sealing import COLUMNS
-from aoro_gym.log import read_table
+from aoro_gym.recording.tables import read_table
 from aoro_gym.twin import Machine
 
 SIGNIFICANCE = 0.01
@@ -248,9 +248,10 @@ def _beside_calibration(
 
 def _as_written(path: Path, only: Sequence[str]) -> Recording:
     """A log of the suite, taken as it is: one that a diagnosis refuses is scored, too."""
-    columns = read_table(path).columns
+    columns = read_table(path)
     steering = columns["steering_signal"][:-1]
-    commands = np.stack([steering, columns.get("drive_signal", np.zeros(len(steering) + 1))[:-1]], axis=1)
+    drive = columns["drive_signal"][:-1] if "drive_signal" in columns else np.zeros_like(steering)
+    commands = np.stack([steering, drive], axis=1)
     named = {name: COLUMNS[name] for name in only}
     channels = {name: columns[column] * unit for name, (column, unit) in named.items() if column in columns}
     rest = int(np.argmax(np.any(commands != 0.0, axis=1))) + 1

@@ -446,6 +446,13 @@ class Table:
         """File and line of a row, for messages."""
         return f"{self.path}, line {self.lines[row]}"
 
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        return self.numbers(name)
+
+    def without_last_row(self) -> Table:
+        """The same table less its last row, in which its file may have been cut."""
+        return Table(self.path, self.names, self.lines[:-1], self.dialect, False, self._source)
+
     def index(self, name: str) -> int:
         """Column called ``name``; ``ValueError`` if there is none, or two."""
         found = self._indices.get(name)
@@ -491,7 +498,7 @@ class Table:
             if texts is None:
                 self._numbers[index] = self._typed_numbers(name, self._source.typed(index))
             else:
-                self._numbers[index] = self._text_numbers(name, texts[position])
+                self._numbers[index] = self._text_numbers(name, texts[position][: len(self)])
 
     def _text_numbers(self, name: str, cells: list[str]) -> NDArray[np.float64]:
         if _PLAIN.fullmatch("\n".join(cells)) and self.dialect.decimal == ".":
@@ -553,7 +560,7 @@ class Table:
         texts = self._source.texts([index])
         if texts is None:
             return self._typed_elapsed(name, unit, self._source.typed(index))
-        cells = texts[0]
+        cells = texts[0][: len(self)]
         if cells and _stamp(cells[0]) is not None:
             return _since_first(np.array(self._stamps(name, cells), dtype=object), 1e-9), "stamps of date and time"
         if all(_INTEGER.fullmatch(cell.strip()) for cell in cells):
@@ -561,6 +568,14 @@ class Table:
         values = self.numbers(name)
         factor, said = self._clock_unit(name, unit, float(np.max(np.abs(values))))
         return (values - values[0]) * factor if factor != 1.0 else values - values[0], said
+
+    def starts_at(self, name: str, unit: Unit | None) -> float:
+        """Seconds of a clock's first row; 0 where it holds stamps, or counts for longer than a year."""
+        try:
+            first = float(self.numbers(name)[0]) * (1.0 if unit is None else unit.factor)
+        except ValueError:
+            return 0.0
+        return first if abs(first) < 3e7 else 0.0
 
     def _counted(self, name: str, unit: Unit | None, ticks: NDArray[Any]) -> tuple[NDArray[np.float64], str]:
         factor, said = self._clock_unit(name, unit, float(max(map(abs, ticks))))

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from aoro_gym.recording.commands import COMMAND_BOUNDS, WHEELS
 from aoro_gym.twin.laws.arms import Arm
 from aoro_gym.twin.laws.bodies import Corner, FrameBody
 from aoro_gym.twin.laws.driveline import Driveline
@@ -21,9 +22,6 @@ from aoro_gym.twin.laws.steering import Steering
 from aoro_gym.twin.laws.tires import Hull, Tire
 from aoro_gym.twin.parameters import Machine
 from aoro_gym.twin.quantities import Quantity
-
-WHEELS = ("fl", "fr", "rl", "rr")
-"""Order of wheels and arms everywhere: front left, front right, rear left, rear right."""
 
 
 @wp.struct
@@ -104,28 +102,7 @@ State: Any = IntEnum(
     start=0,
 )
 
-Command: Any = IntEnum(
-    "Command",
-    [
-        "STEERING_SIGNAL",
-        "DRIVE_SIGNAL",
-        *[n.upper() for n in _each("arm")],
-        *[n.upper() for n in _each("traction")],
-        "GEAR",
-        "PARKING_BRAKE",
-    ],
-    start=0,
-)
-
-COMMAND_BOUNDS: dict[str, tuple[float, float, float]] = {
-    "steering_signal": (-1.0, 1.0, 0.0),
-    "drive_signal": (-1.0, 1.0, 0.0),
-    **dict.fromkeys(_each("arm"), (-1.0, 1.0, 0.0)),
-    **dict.fromkeys(_each("traction"), (0.0, 1.0, 1.0)),
-    "gear": (1.0, 3.0, 1.0),
-    "parking_brake": (0.0, 1.0, 0.0),
-}
-"""Lowest, highest and initial value of every command."""
+Command: Any = IntEnum("Command", [n.upper() for n in COMMAND_BOUNDS], start=0)
 
 Output: Any = IntEnum(
     "Output",

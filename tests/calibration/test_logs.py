@@ -109,13 +109,25 @@ def test_an_interrupted_calibration_resumes(found):
 @pytest.mark.parametrize(
     ("columns", "rows", "message"),
     [
-        ("time_s,joint_angle_rad", [(0.01 * i, 0.0) for i in range(50)], "neither a column steering_signal"),
-        ("time_s,steering_signal", [(0.01 * i, 0.0) for i in range(50)], "no column joint_angle"),
-        ("time_s,steering_signal,joint_angle_rad", [(0.01 * i, 1.0, 0.0) for i in range(50)], "begins with 0.00 s"),
-        ("time_s,steering_signal,joint_angle_rad", [(0.01 * i, 0.0, 40.0) for i in range(50)], "degrees"),
-        ("time_s,steering_signal,joint_angle_rad", [(0.01 * (i % 7), 0.0, 0.0) for i in range(50)], "must increase"),
-        ("time_s,steering_signal,joint_angle_rad", [(0.1 * i, 0.0, 0.0) for i in range(50)], "a gap of 0.100 s"),
-        ("time_s,steering_signal,joint_angle_rad", [(0.01 * i, 2.0, 0.0) for i in range(50)], "steering_signal is 2"),
+        ("time_s,joint_angle_rad", [(0.01 * i, 0.0) for i in range(200)], "neither a column steering_signal"),
+        ("time_s,steering_signal", [(0.01 * i, 0.0) for i in range(200)], "no column joint_angle"),
+        (
+            "time_s,steering_signal,joint_angle_rad",
+            [(0.01 * i, 1.0, 0.001 * i) for i in range(200)],
+            "begins with 0.01 s",
+        ),
+        ("time_s,steering_signal,joint_angle_rad", [(0.01 * i, 0.0, 40.0) for i in range(200)], "degrees"),
+        (
+            "time_s,steering_signal,joint_angle_rad",
+            [(0.01 * (i % 7), 0.0, 0.0) for i in range(200)],
+            "repeats or runs backwards",
+        ),
+        (
+            "time_s,steering_signal,joint_angle_rad",
+            [(0.1 * i, 0.0, 0.0) for i in range(200)],
+            "has 10 samples a second; a calibration needs 20",
+        ),
+        ("time_s,steering_signal,joint_angle_rad", [(0.01 * i, 2.0, 0.0) for i in range(200)], "steering_signal is 2"),
     ],
 )
 def test_bad_logs_are_named(tmp_path, columns, rows, message):

@@ -16,7 +16,7 @@ from aoro_gym.diagnosis.cases import DAY, FAMILIES, INSIDE, KINDS, MACHINES, MOD
 from aoro_gym.diagnosis.plants.effects import EFFECTS, OUTSIDE
 from aoro_gym.diagnosis.plants.sensors import Noise
 from aoro_gym.diagnosis.sealing import COLUMNS, SENSORS, exact_folder, open_seal, write_cases
-from aoro_gym.log import read_table
+from aoro_gym.recording.tables import read_table
 
 SCORE, DEVELOPMENT = FAMILIES["score"], FAMILIES["development"]
 TINY = Suite("tiny", null=1, single=1, pair=1, outside=1, nuisance=1)
@@ -175,7 +175,7 @@ def test_a_case_holds_what_a_user_has(sealed):
                 ]
                 if log.stem == "rolling_jerk":
                     columns.insert(3, "drive_signal")
-                assert list(table.columns) == columns
+                assert list(table.names) == columns
                 assert np.diff(table["time_s"]) == pytest.approx(0.01)
                 assert log.with_suffix(".toml").is_file()
         healthy, later = ((place / day / "jerk.csv").read_bytes() for day in ("healthy", "logs"))
@@ -322,7 +322,7 @@ def test_the_command_seals(tmp_path, monkeypatch):
     assert open_seal(check, tmp_path / "check.answers.json") == answers
     assert not list(check.rglob("healthy"))
     table = read_table(check / "cases" / "001" / "logs" / "jerk.csv")
-    assert list(table.columns) == ["time_s", "steering_signal", "steering_signal_V", "joint_angle_rad"]
+    assert list(table.names) == ["time_s", "steering_signal", "steering_signal_V", "joint_angle_rad"]
     assert (check / "cases" / "001" / "machine.toml").read_bytes() == (MACHINES / "aoro.toml").read_bytes()
 
     wrong = runner.invoke(app, ["blind", "seal", "--suite", "huge", str(check)])

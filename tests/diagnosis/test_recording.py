@@ -211,11 +211,22 @@ def test_bad_log_is_refused_with_its_reason(tmp_path, table, says):
             "pressure_a_bar stays at exactly 50 for 1.99 s: its sensor is saturated, or hangs; it was not used",
         ),
         (changed(pressure_a_bar=lambda p: held(p, 120, 140)), "line 122: pressure_a_bar stays at exactly"),
-        ({**columns(), "pressure_a_psi": columns()["pressure_a_bar"]}, "unknown columns were not read: pressure_a_psi"),
+        ({**columns(), "oil_level_mm": columns()["pressure_a_bar"]}, "unknown columns were not read: oil_level_mm"),
+        ({**columns(), "pressure_a_psi": columns()["pressure_a_bar"]}, "pressure_a_psi not read, as pressure_a_bar is"),
         (changed(steering_signal=lambda x: np.where(np.arange(len(x)) > 100, 0.8, x)), "ends under a command"),
         (changed(joint_angle_rad=lambda x: -0.6 + 0.01 * (x + 0.6)), "hardly moves"),
     ],
-    ids=["one stamp", "small gap", "dead sensor", "saturated", "hangs", "unknown column", "cut", "stuck"],
+    ids=[
+        "one stamp",
+        "small gap",
+        "dead sensor",
+        "saturated",
+        "hangs",
+        "unknown column",
+        "two of a kind",
+        "cut",
+        "stuck",
+    ],
 )
 def test_poor_log_is_used_with_its_limitation_named(tmp_path, table, says):
     recording = read_recording(written(tmp_path, table))

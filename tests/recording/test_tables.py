@@ -283,3 +283,42 @@ def test_dialects_of_point_clouds(tmp_path):
         number_rows(["1;2", "1_0;3"], Dialect(separator=";"), (0, 1), where="cloud.csv", first_line=11)
     with pytest.raises(ValueError, match=r"line 12: 1 values where a row has 2"):
         number_rows(["1;2", "3"], Dialect(separator=";"), (0, 1), where="cloud.csv", first_line=11)
+
+
+def test_comments_blank_lines_and_byte_order_marks_are_passed_over(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("\ufeff# made by hand\n\ntime_s, spool\n0, 1\n\n# more\n1, 2\n", encoding="utf-8")
+    table = read_table(path)
+    np.testing.assert_array_equal(table["spool"], [1.0, 2.0])
+    assert table.where(1) == f"{path}, line 7"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "holds no rows"),
+        ("time_s,a\n", "holds no rows"),
+        ("time_s,a\n0,1\n1\n", "line 3: 1 values where the header names 2 columns"),
+        ("time_s,a\n0,1\n1,x\n", "line 3: a = 'x' is not a finite number"),
+        ("time_s,a\n0,nan\n", "line 2: a = 'nan' is not a finite number"),
+        ("time_s,a\n0,inf\n", "line 2: a = 'inf' is not a finite number"),
+        ("time_s,a\n0,\n", "line 2: a = '' is not a finite number"),
+    ],
+)
+def test_a_broken_file_is_named_with_its_line(tmp_path, text, message):
+    path = tmp_path / "broken.csv"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=re.escape(message)) as caught:
+        read_table(path).numbers("a")
+    assert "broken.csv" in str(caught.value)
+
+
+def test_missing_and_binary_files(tmp_path):
+    with pytest.raises(ValueError, match="does not exist"):
+        read_table(tmp_path / "none.csv")
+    with pytest.raises(ValueError, match="is not a file"):
+        read_table(tmp_path)
+    for name, what in (("image.csv", "CSV text"), ("image.parquet", "Parquet")):
+        (tmp_path / name).write_bytes(b"\x89PNG\xff\xfe\x00")
+        with pytest.raises(ValueError, match=f"is not a {what} file"):
+            read_table(tmp_path / name)
