@@ -11,18 +11,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.markup import escape
-from rich.table import Table
 
-from aoro_gym.agents.evaluation import TRIALS, Evaluation, evaluate
-from aoro_gym.agents.evaluation_report import COLOURS, RATES, describe, shown_as
-from aoro_gym.agents.leaderboard import MORE_IS_BETTER, SUCCESS
+from aoro_gym.agents.evaluation import BOUNDED, MORE_IS_BETTER, OVER, SUCCESS, TRIALS, Evaluation, evaluate
+from aoro_gym.agents.evaluation_report import COLOURS, describe, named, shown_as
 from aoro_gym.agents.reference import REFERENCE_POLICIES
 from aoro_gym.agents.training import EVALUATION_SEED, EVALUATIONS, recall
 from aoro_gym.agents.training_plan import TrainingPlan
 from aoro_gym.envs.courses import Course
 from aoro_gym.log import read_json
 from aoro_gym.style import INK, PLOT_STYLE, SOFT
+from aoro_gym.terminal import Comparison
 from aoro_gym.twin import Machine
 
 
@@ -39,6 +37,8 @@ class Curve:
     """Wall-clock time of the slowest seed at each evaluation [min] (M,), evaluations included."""
     figures: Mapping[str, np.ndarray]
     """Mean of each figure over an evaluation's episodes, by name (K, M); NaN where no episode had one."""
+    bounds: Mapping[str, np.ndarray]
+    """Whether the mean is a lower bound, likewise; see :data:`~aoro_gym.agents.evaluation.BOUNDED`."""
 
     @property
     def name(self) -> str:
@@ -79,14 +79,28 @@ def _curve(members: Sequence[tuple[TrainingPlan, list[dict[str, Any]]]]) -> Curv
         raise ValueError(f"the seeds of {plan.command} are {seeds}; give each training once")
     count = min(len(found) for _, found in members)
     names = list(members[0][1][0]["figures"])
-    means = [[[one["figures"][name]["mean"] for one in found[:count]] for _, found in members] for name in names]
+    means = [[[_mean_of(one["figures"], name) for one in found[:count]] for _, found in members] for name in names]
+    bounds = [
+        [[bool(one["figures"][name].get("lower_bounds")) for one in found[:count]] for _, found in members]
+        for name in names
+    ]
     return Curve(
         plan,
         seeds,
         steps=[one["steps"] for one in members[0][1][:count]],
         minutes=[max(found[k]["elapsed_s"] for _, found in members) / 60.0 for k in range(count)],
         figures={name: np.array(values, dtype=np.float64) for name, values in zip(names, means, strict=True)},
+        bounds={name: np.array(values, dtype=bool) for name, values in zip(names, bounds, strict=True)},
     )
+
+
+def _mean_of(figures: Mapping[str, Mapping[str, Any]], name: str) -> float | None:
+    """Mean of a figure. Evaluations that don't say over how many episodes it is are of versions in which those that failed
+    counted: where some did, nothing is known."""
+    figure = figures[name]
+    if name in (*OVER, *BOUNDED) and "episodes" not in figure and figures[SUCCESS]["mean"] != 1.0:
+        return None
+    return figure["mean"]
 
 
 def references(
@@ -139,25 +153,42 @@ def _plain(values: np.ndarray) -> Any:
     return [[value if np.isfinite(value) else None for value in row] for row in values.tolist()]
 
 
-def table(curves: Sequence[Curve], beside: Evaluation) -> Table:
-    """The last evaluations, and the controllers."""
+def table(curves: Sequence[Curve], beside: Evaluation) -> Comparison:
+    """The last evaluations, and the controllers: the best first, by success, then by the first decisive figure."""
     figures = {name: shown_as(describe(name)[1]) for name in compared(beside.env)}
-    drawn = Table(title=f"{beside.env}: last evaluation", title_justify="left", header_style="bold")
-    for head in ("", "seeds", "steps", "min"):
-        drawn.add_column(head, justify="left" if head == "" else "right")
+    head = ["", "seeds", "steps", "min"]
     for name in figures:
-        words, unit = describe(name)
-        drawn.add_column(escape(f"{words} [{unit}]"), justify="right")
+        words, unit = named(name)
+        head.append(f"{words} [{unit}]")
+    found: list[tuple[tuple[float, float], list[str]]] = []
+    decisive = TRIALS[beside.env].decisive[0]
     for one in curves:
-        last = [scale * one.figures[name][:, -1] for name, scale in figures.items()]
-        said = [
-            f"{np.mean(values):.3g}" + (f" ({min(values):.3g} to {max(values):.3g})" if len(values) > 1 else "")
-            for values in last
+        last = {name: scale * one.figures[name][:, -1] for name, scale in figures.items()}
+        cells = [_said(values, bool(one.bounds[name][:, -1].any())) for name, values in last.items()]
+        row = [one.name, str(len(one.seeds)), f"{one.steps[-1]:,}", f"{one.minutes[-1]:.1f}", *cells]
+        found.append((_rank(float(np.mean(last[SUCCESS])), float(np.mean(last[decisive])), decisive), row))
+    for policy, values in beside.summary.items():
+        cells = [
+            _said(np.array([scale * values[name].mean]), values[name].bounds > 0) for name, scale in figures.items()
         ]
-        drawn.add_row(one.name, str(len(one.seeds)), f"{one.steps[-1]:,}", f"{one.minutes[-1]:.1f}", *map(escape, said))
-    for policy, found in beside.summary.items():
-        drawn.add_row(policy, "", "", "", *(f"{scale * found[name].mean:.3g}" for name, scale in figures.items()))
-    return drawn
+        success = shown_as("%") * values[SUCCESS].mean
+        found.append((_rank(success, values[decisive].mean, decisive), [policy, "", "", "", *cells]))
+    rows = [row for _, row in sorted(found, key=lambda one: one[0])]
+    return Comparison(f"{beside.env}: last evaluation, the best first", head, rows, note="≥: a lower bound")
+
+
+def _said(values: np.ndarray, bound: bool) -> str:
+    """Mean and range of a figure over the seeds that have it."""
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return "-"
+    text = f"{'≥ ' if bound else ''}{np.mean(known):.3g}"
+    return text + (f" ({min(known):.3g} to {max(known):.3g})" if len(values) > 1 else "")
+
+
+def _rank(success: float, value: float, decisive: str) -> tuple[float, float]:
+    value = -value if decisive in MORE_IS_BETTER else value
+    return -success, value if np.isfinite(value) else np.inf
 
 
 def write_figure(curves: Sequence[Curve], beside: Evaluation, path: Path) -> None:
@@ -185,11 +216,12 @@ def write_figure(curves: Sequence[Curve], beside: Evaluation, path: Path) -> Non
                 style, colour = ("--", ":", "-.", (0, (9, 3)))[k % 4], (INK, SOFT)[k % 2]
                 axis.axhline(value, color=colour, lw=1.2, ls=style, label=policy)
                 shown.append(value)
-            low, high = np.nanmin(shown), np.nanmax(shown)
+            known = [value for value in shown if np.isfinite(value)] or [0.0, 1.0]  # who fails has no figure
+            low, high = min(known), max(known)
             margin = 0.15 * max(high - low, 0.02 * abs(high), 1e-9)
             top = min(high + margin, 100.0 + 0.2 * margin) if unit == "%" else high + margin
             axis.set_ylim(low - margin, top)  # what the first evaluations find may lie outside
-            better = "more" if name in (*MORE_IS_BETTER, *RATES) else "less"
+            better = "more" if name in MORE_IS_BETTER else "less"
             axis.set_title(f"{words} [{unit}], {better} is better", loc="left", fontsize=10.0, fontweight="bold")
             axis.set_xlim(left=0.0)
             axis.set_xlabel("million environment steps")

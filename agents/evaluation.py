@@ -7,7 +7,9 @@
 >>> found.summary["bang-bang"]["settling_time_s"].mean  # doctest: +SKIP
 
 Episode i has the seed ``seed`` + i whoever drives, and with it its course, its machine, its start and its noise. Figures
-say their unit in their name; of an episode that failed they are over what was driven.
+say their unit in their name. Who fails is not the better for it: figures that failing would flatter are those of what was
+achieved (:data:`OVER`), and say over how many episodes, or are lower bounds (:data:`BOUNDED`); policies are ranked by their
+success first.
 
 Two questions have two intervals. What would other episodes give? The episodes are resampled (:func:`interval`). What would
 other noise and other machines give in these episodes? With ``repeats``, each is driven several times: repeat r of episode
@@ -54,8 +56,23 @@ FIGURE = "figure "
 """Before the name of a figure in a file."""
 STATION = 0.25
 """Distance [m] at which the error of a drive is kept."""
-RATES = ("success_rate",)
+SUCCESS = "success_rate"
+RATES = (SUCCESS,)
 """Figures that count episodes."""
+OVER: Mapping[str, str] = {
+    **dict.fromkeys(
+        ("cross_track_rms_m", "cross_track_mean_m", "cross_track_p95_m", "speed_m_per_s", "energy_kJ", "duration_s"),
+        "successful episodes",
+    ),
+    **dict.fromkeys(
+        ("rise_time_s", "overshoot_deg", "worst_overshoot_deg", "flow_overshoot_share"), "targets that were reached"
+    ),
+}
+"""What a figure is over, where it is not over everything that was driven; NaN of an episode that has nothing of it."""
+BOUNDED: Mapping[str, str] = {"settling_time_s": "settled_share", "worst_tilt_deg": SUCCESS}
+"""Figures that are lower bounds in an episode whose share, of the other name, is below 1: of a target that was not settled
+the time that it stood counts, and of a path that was not driven to its end the part that was."""
+MORE_IS_BETTER = (SUCCESS, "speed_m_per_s", "return", "settled_share", "driven_m")
 
 Floats = NDArray[np.float64]
 
@@ -68,6 +85,10 @@ class Interval(NamedTuple):
     low95: float
     """NaN, as ``high95``, with fewer than two episodes; only of a rate one episode says something."""
     high95: float
+    episodes: int | None = None
+    """Over so many: those that have the figure."""
+    bounds: int = 0
+    """In so many of them it is a lower bound, and so is the mean."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +107,16 @@ class Episodes:
     """(N, K, 2) where the vehicle's reference point was [m]; no rows where the task is no drive."""
     film: NDArray[np.float32]
     """(T, channels) of the first episode, as a task's scene draws them."""
+
+    def bounded(self, name: str) -> NDArray[np.bool_]:
+        """Whether a figure is a lower bound, (N,)."""
+        if name not in BOUNDED:
+            return np.zeros(len(self.endings), dtype=bool)
+        return self.figures[BOUNDED[name]] < 1.0
+
+    def exact(self, name: str) -> Floats:
+        """A figure (N,), NaN where it is a lower bound: of those no difference says anything."""
+        return np.where(self.bounded(name), np.nan, self.figures[name])
 
     def joined(self, other: Episodes) -> Episodes:
         """These episodes, then the ``other`` ones; the film is the first one's."""
@@ -135,7 +166,7 @@ class Trial:
     error: str
     """What they are, with its unit."""
     decisive: tuple[str, ...]
-    """Figures that policies are compared by, beside their success; less is better, but for the speed."""
+    """Figures that policies are compared by, after their success; less is better, but for the speed."""
 
 
 @dataclass(frozen=True)
@@ -166,11 +197,21 @@ class Evaluation:
         """Every figure by policy and name."""
         return {
             policy: {
-                name: interval(values, rate=True) if name in RATES else self.over_episodes(values)
-                for name, values in run.figures.items()
+                name: interval(run.figures[name], rate=True) if name in RATES else self.of(run, name)
+                for name in run.figures
             }
             for policy, run in self.runs.items()
         }
+
+    @property
+    def ranking(self) -> list[str]:
+        """Policies from the best to the worst: by success, then by the first decisive figure."""
+        return ranked(self.summary, self.trial.decisive[0])
+
+    def of(self, run: Episodes, name: str, statistic: Callable[..., Any] = np.nanmean) -> Interval:
+        """A figure of ``run``, over the episodes that have it."""
+        found = self.over_episodes(run.figures[name], statistic)
+        return found._replace(bounds=int(run.bounded(name).sum()))
 
     def over_episodes(self, values: Floats, statistic: Callable[..., Any] = np.nanmean) -> Interval:
         """Of a figure (repeats * episodes,), as other episodes might have been driven: each resampled with its repeats."""
@@ -184,11 +225,7 @@ class Evaluation:
     def interquartile(self) -> dict[str, dict[str, Interval]]:
         """The same for the mean of the middle half of the episodes; not of rates, of which it would be 0 or 1."""
         return {
-            policy: {
-                name: self.over_episodes(values, interquartile_mean)
-                for name, values in run.figures.items()
-                if name not in RATES
-            }
+            policy: {name: self.of(run, name, interquartile_mean) for name in run.figures if name not in RATES}
             for policy, run in self.runs.items()
         }
 
@@ -199,7 +236,12 @@ class Evaluation:
         if self.repeats == 1:
             return {}
         return {
-            policy: {name: self.over_repeats(run.figures[name], interquartile_mean) for name in self.trial.decisive}
+            policy: {
+                name: self.over_repeats(run.figures[name], interquartile_mean)._replace(
+                    bounds=int(run.bounded(name).sum())
+                )
+                for name in self.trial.decisive
+            }
             for policy, run in self.runs.items()
         }
 
@@ -217,15 +259,15 @@ class Evaluation:
 
     @property
     def differences(self) -> dict[str, dict[str, Interval]]:
-        """Every figure of the other policies less that of the first one, episode by episode: what they share cancels."""
+        """Every figure of the other policies less that of the first one, episode by episode, over those in which both have
+        it: what they share cancels."""
         first, *others = self.runs
-        return {
-            policy: {
-                name: self.over_episodes(values - self.runs[first].figures[name])
-                for name, values in self.runs[policy].figures.items()
-            }
-            for policy in others
-        }
+        return {policy: self.less(policy, first, tuple(self.runs[policy].figures)) for policy in others}
+
+    def less(self, policy: str, other: str, names: Sequence[str]) -> dict[str, Interval]:
+        """Figures of ``policy`` less those of ``other``, likewise."""
+        one, two = self.runs[policy], self.runs[other]
+        return {name: self.over_episodes(one.exact(name) - two.exact(name)) for name in names}
 
     @property
     def asked(self) -> dict[str, Any]:
@@ -242,6 +284,8 @@ class Evaluation:
     def to_json(self) -> dict[str, Any]:
         """Content of ``evaluation.json``; None where an interval says nothing."""
         return self.asked | {
+            "ranking": self.ranking,
+            "over": {name: what for name, what in OVER.items() if name in next(iter(self.runs.values())).figures},
             "policies": plain(self.summary),
             "interquartile_means": plain(self.interquartile),
             "stratified_interquartile_means": plain(self.stratified),
@@ -487,13 +531,13 @@ def interval(values: Floats, *, rate: bool = False, statistic: Callable[..., Any
         return _of_rows(values, statistic)
     values = values[np.isfinite(values)]
     if not values.size:
-        return Interval(math.nan, math.nan, math.nan)
+        return Interval(math.nan, math.nan, math.nan, 0)
     if rate:
         low, high = binomtest(round(values.sum()), values.size).proportion_ci(CONFIDENCE)
-        return Interval(float(values.mean()), float(low), float(high))
+        return Interval(float(values.mean()), float(low), float(high), values.size)
     mean = float(statistic(values))
     if values.size < 2:
-        return Interval(mean, math.nan, math.nan)
+        return Interval(mean, math.nan, math.nan, values.size)
     found = bootstrap(
         (values,),
         statistic,
@@ -503,22 +547,22 @@ def interval(values: Floats, *, rate: bool = False, statistic: Callable[..., Any
         batch=max(1, 1_000_000 // values.size),
         rng=np.random.default_rng(0),
     ).confidence_interval
-    return Interval(mean, float(found.low), float(found.high))
+    return Interval(mean, float(found.low), float(found.high), values.size)
 
 
 def _of_rows(values: Floats, statistic: Callable[..., Any]) -> Interval:
     """The same of rows (N, R), resampled whole; the statistic leaves out what is NaN."""
     known = values[np.isfinite(values)]
     if not known.size:
-        return Interval(math.nan, math.nan, math.nan)
+        return Interval(math.nan, math.nan, math.nan, 0)
     if len(values) < 2:
-        return Interval(float(statistic(known)), math.nan, math.nan)
+        return Interval(float(statistic(known)), math.nan, math.nan, known.size)
 
     def resampled(rng: np.random.Generator, count: int) -> Floats:
         drawn = values[rng.integers(len(values), size=(count, len(values)))].reshape(count, -1)
         return statistic(drawn[np.isfinite(drawn).any(axis=1)], axis=-1)
 
-    return Interval(float(statistic(known)), *_percentiles(resampled, values.size))
+    return Interval(float(statistic(known)), *_percentiles(resampled, values.size), known.size)
 
 
 def stratified_interval(
@@ -540,13 +584,13 @@ def stratified_interval(
     """
     known = np.isfinite(values)
     if not known.any():
-        return Interval(math.nan, math.nan, math.nan)
+        return Interval(math.nan, math.nan, math.nan, 0)
     order = np.argsort(strata[known], kind="stable")
     members = values[known][order]
     _, counts = np.unique(strata[known], return_counts=True)
     mean = float(statistic(members))
     if counts.max() < 2:
-        return Interval(mean, math.nan, math.nan)
+        return Interval(mean, math.nan, math.nan, members.size)
     draws = np.maximum(counts - 1, 1)
     first, size = (np.repeat(of_each, draws) for of_each in (np.cumsum(counts) - counts, counts))
 
@@ -554,7 +598,7 @@ def stratified_interval(
         rows = first + (rng.random((count, len(first))) * size).astype(np.intp)
         return statistic(members[rows], axis=-1)
 
-    return Interval(mean, *_percentiles(resampled, len(first)))
+    return Interval(mean, *_percentiles(resampled, len(first)), members.size)
 
 
 def _percentiles(resampled: Callable[[np.random.Generator, int], Floats], size: int) -> tuple[float, float]:
@@ -567,15 +611,31 @@ def _percentiles(resampled: Callable[[np.random.Generator, int], Floats], size: 
     return float(low), float(high)
 
 
+def ranked(figures: Mapping[str, Mapping[str, Interval]], decisive: str) -> list[str]:
+    """Policies from the best to the worst by their figures: success first, then ``decisive``; who has none of it is last."""
+    sign = -1.0 if decisive in MORE_IS_BETTER else 1.0
+
+    def rank(policy: str) -> tuple[float, float]:
+        value = sign * figures[policy][decisive].mean
+        return -figures[policy][SUCCESS].mean, value if math.isfinite(value) else math.inf
+
+    return sorted(figures, key=rank)
+
+
 def plain(figures: Mapping[str, Mapping[str, Interval]]) -> dict[str, dict[str, dict[str, float | None]]]:
-    """Figures by policy and name for JSON; None where an interval says nothing."""
-    return {
-        policy: {
-            name: {key: number if math.isfinite(number) else None for key, number in value._asdict().items()}
-            for name, value in found.items()
-        }
-        for policy, found in figures.items()
-    }
+    """Figures by policy and name for JSON; None where an interval says nothing. ``episodes`` is over how many a figure is,
+    and ``lower_bounds`` in how many of those it is at least so much."""
+    return {policy: {name: _plain(value) for name, value in found.items()} for policy, found in figures.items()}
+
+
+def _plain(value: Interval) -> dict[str, float | None]:
+    numbers = {"mean": value.mean, "low95": value.low95, "high95": value.high95}
+    found: dict[str, float | None] = {key: number if math.isfinite(number) else None for key, number in numbers.items()}
+    if value.episodes is not None:
+        found["episodes"] = value.episodes
+    if value.bounds:
+        found["lower_bounds"] = value.bounds
+    return found
 
 
 def _begun(seeds: list[int], asked: list[int] | None) -> dict[str, Any]:
@@ -648,8 +708,9 @@ def drive_paths(
     tilt = np.degrees(np.arccos(np.clip(np.cos(data["roll"]) * np.cos(data["pitch"]), -1.0, 1.0)))
     parts = [slice(1, 1 + count) for count in steps]
     error = [np.abs(data["cross_track"][i, part]) for i, part in enumerate(parts)]
+    arrived = last["is_success"].astype(bool)
     figures = {
-        "success_rate": last["is_success"],
+        SUCCESS: last["is_success"],
         "cross_track_rms_m": np.array([np.sqrt((e**2).mean()) for e in error]),
         "cross_track_mean_m": np.array([e.mean() for e in error]),
         "cross_track_p95_m": np.array([np.quantile(e, 0.95) for e in error]),
@@ -660,6 +721,7 @@ def drive_paths(
         "duration_s": steps * env.task.control_step,
         "return": returns,
     }
+    figures |= {name: np.where(arrived, values, np.nan) for name, values in figures.items() if name in OVER}
     stations = STATION * np.arange(1 + math.ceil(float(whole.max()) / STATION))
     errors, places = np.full((n, len(stations)), np.nan), np.full((n, len(stations), 2), np.nan)
     for i, part in enumerate(parts):
@@ -708,13 +770,14 @@ def turn_joints(
     def mean(values: NDArray[Any]) -> Floats:
         return np.array([_mean(values[rows]) for rows in mine])
 
+    settled = np.isfinite(found["settling_time"])
     figures = {
-        "success_rate": run.success.astype(np.float64),
-        "settling_time_s": mean(found["settling_time"]),
-        "settled_share": mean(np.isfinite(found["settling_time"]) * 1.0),
+        SUCCESS: run.success.astype(np.float64),
+        "settling_time_s": mean(np.where(settled, found["settling_time"], found["held"])),
+        "settled_share": mean(settled * 1.0),
         "rise_time_s": mean(found["rise_time"]),
         "overshoot_deg": mean(np.degrees(found["overshoot"])),
-        "worst_overshoot_deg": np.array([np.degrees(found["overshoot"][rows].max()) for rows in mine]),
+        "worst_overshoot_deg": np.array([_worst(np.degrees(found["overshoot"][rows])) for rows in mine]),
         "flow_overshoot_share": mean(found["flow_overshoot"]),
         "final_error_deg": mean(np.degrees(found["final_error"])),
         "return": run.returns,
@@ -739,6 +802,12 @@ def turn_joints(
         np.zeros((env.num_envs, 0, 2)),
         np.array(film),
     )
+
+
+def _worst(values: Floats) -> float:
+    """The largest of those that are not NaN; NaN if all are."""
+    finite = values[np.isfinite(values)]
+    return float(finite.max()) if finite.size else math.nan
 
 
 def _mean(values: Floats) -> float:

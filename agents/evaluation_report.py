@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.table import Table
 
-from aoro_gym.agents.evaluation import RATES, Episodes, Evaluation, Interval
+from aoro_gym.agents.evaluation import BOUNDED, OVER, RATES, Episodes, Evaluation, Interval
 from aoro_gym.envs.courses import Course
 from aoro_gym.report import Passage, write_gif, write_html
 from aoro_gym.style import AMBER, BLUE, GREEN, INK, PLOT_STYLE, PURPLE, RED, SOFT
+from aoro_gym.terminal import Comparison
 from aoro_gym.terrains import Plane
 from aoro_gym.terrains.figures import draw_terrain, place_legend
 from aoro_gym.terrains.forest import Obstacle
@@ -71,7 +71,8 @@ def write_report(
     ]
     if len(result.runs) > 1:
         text = (
-            f"Each policy less {next(iter(result.runs))}, episode by episode: what the episodes share cancels, so these "
+            f"Each policy less {next(iter(result.runs))}, episode by episode, over those in which both have the figure and "
+            "neither is a lower bound: what the episodes share cancels, so these "
             "intervals tell policies apart whose own overlap. Those that leave out 0 are beyond chance."
         )
         passages.insert(1, Passage("Differences", text, table=difference_rows(result)))
@@ -109,65 +110,79 @@ def shown_as(unit: str) -> float:
     return 100.0 if unit == "%" else 1.0
 
 
-def shown(value: Interval, unit: str, *, finer: int = 0) -> str:
-    """``mean [low, high]`` to three digits of the mean and ``finer`` ones; shares in per cent."""
+def named(name: str) -> tuple[str, str]:
+    """The same, with what the figure is over where that is not everything: ('cross track rms, of successes', 'm')."""
+    words, unit = describe(name)
+    return (f"{words}, {SHORT[OVER[name]]}", unit) if name in OVER else (words, unit)
+
+
+SHORT = {"successful episodes": "of successes", "targets that were reached": "of targets reached"}
+"""What figures are over, in a table."""
+MARKS = (
+    "≥: a lower bound, as not all targets were settled or paths driven. (n): over n episodes, as the others have none."
+)
+"""What :func:`shown` marks."""
+
+
+def shown(value: Interval, unit: str, *, finer: int = 0, total: int | None = None) -> str:
+    """``mean [low, high]`` to three digits of the mean and ``finer`` ones; shares in per cent. After ``≥`` where it is a
+    lower bound, before ``(n)`` where it is over n episodes of the ``total`` only."""
     if not math.isfinite(value.mean):
         return "-"
     scale = shown_as(unit)
     size = abs(scale * value.mean)
     digits = 0 if unit == "%" or size >= 100.0 else 1 if size >= 10.0 else 2 if size >= 1.0 else 3
-    mean, low, high = (f"{scale * number:.{digits + finer}f}" for number in value)
-    return mean if not math.isfinite(value.low95) else f"{mean} [{low}, {high}]"
+    mean, low, high = (f"{scale * number:.{digits + finer}f}" for number in value[:3])
+    text = mean if not math.isfinite(value.low95) else f"{mean} [{low}, {high}]"
+    if value.bounds:
+        text = f"≥ {text}"
+    return text if value.episodes is None or total in (None, value.episodes) else f"{text} ({value.episodes})"
 
 
 def figure_rows(result: Evaluation) -> list[list[str]]:
-    """The figures and endings, a column for each policy; the first row is the head."""
-    summary, endings = result.summary, result.endings
-    rows = [["mean [95 % interval]", "unit", *result.runs]]
+    """The figures and endings, a column for each policy, the best first; the first row is the head."""
+    summary, middle, endings, policies = result.summary, result.interquartile, result.endings, result.ranking
+    total = result.episodes * result.repeats
+    rows = [["mean [95 % interval]", "unit", *policies]]
     for name in next(iter(summary.values())):
-        words, unit = describe(name)
-        rows.append([words, unit, *(shown(summary[policy][name], unit) for policy in result.runs)])
-    middle = result.interquartile
+        words, unit = named(name)
+        rows.append([words, unit, *(shown(summary[policy][name], unit, total=total) for policy in policies)])
     for name in result.trial.decisive:
-        words, unit = describe(name)
-        values = [shown(middle[policy][name], unit) for policy in result.runs]
+        words, unit = named(name)
+        values = [shown(middle[policy][name], unit, total=total) for policy in policies]
         rows.append([f"{words}, middle half", unit, *values])
     for name in result.trial.decisive if result.stratified else ():
-        words, unit = describe(name)
-        values = [shown(result.stratified[policy][name], unit, finer=1) for policy in result.runs]
+        words, unit = named(name)
+        values = [shown(result.stratified[policy][name], unit, finer=1, total=total) for policy in policies]
         rows.append([f"{words}, middle half, over repeats", unit, *values])
     if len(next(iter(endings.values()))) > 1 or result.courses:
         for ending in next(iter(endings.values())):
-            rows.append([f"ended: {ending}", "%", *(shown(endings[policy][ending], "%") for policy in result.runs)])
+            rows.append([f"ended: {ending}", "%", *(shown(endings[policy][ending], "%") for policy in policies)])
     return rows
 
 
 def difference_rows(result: Evaluation) -> list[list[str]]:
     """Every figure of the other policies less that of the first one, a column for each; the first row is the head."""
     differences = result.differences
+    total = result.episodes * result.repeats
     rows = [["mean difference [95 % interval]", "unit", *differences]]
     for name in next(iter(result.runs.values())).figures:
-        words, unit = describe(name)
-        rows.append([words, unit, *(shown(found[name], unit) for found in differences.values())])
+        words, unit = named(name)
+        rows.append([words, unit, *(shown(found[name], unit, total=total) for found in differences.values())])
     return rows
 
 
-def table(result: Evaluation) -> Table:
+def table(result: Evaluation) -> Comparison:
     """The same for a terminal."""
     head, *rows = figure_rows(result)
-    title = f"{result.env}: {counted(result)} a policy"
-    drawn = Table(title=title, title_justify="left", header_style="bold")
-    for index, name in enumerate(head):
-        drawn.add_column(name, justify="left" if index < 2 else "right")
-    for row in rows:
-        drawn.add_row(*row)
-    return drawn
+    return Comparison(f"{result.env}: {counted(result)} a policy, the best first", head, rows, lead=2, note=MARKS)
 
 
 def _explained(result: Evaluation) -> str:
     text = (
         "Every policy drove the same episodes: same seeds, courses, starts and noise. Means over the episodes with 95 % "
-        "intervals: bootstrap over the episodes, of rates exact (Clopper and Pearson)."
+        "intervals: bootstrap over the episodes, of rates exact (Clopper and Pearson). Policies stand by their success, "
+        f"then by {describe(result.trial.decisive[0])[0]}. {MARKS}"
     )
     if result.repeats > 1:
         text += (
@@ -175,7 +190,7 @@ def _explained(result: Evaluation) -> str:
             "episodes, by a stratified bootstrap."
         )
     if result.courses:
-        text += " Errors are true ones of the front axle's middle; of a failed episode, up to its end."
+        text += " Errors are true ones of the front axle's middle."
         names = [course.name for course in result.courses]
         text += f" Driven on: {', '.join(names)}."
     return text
@@ -189,7 +204,7 @@ def write_figures(result: Evaluation, path: Path) -> None:
     import matplotlib
     from matplotlib.figure import Figure
 
-    summary, policies = result.summary, list(result.runs)
+    summary, policies = result.summary, result.ranking
     names = list(next(iter(summary.values())))
     columns = 2 if len(names) < 5 else 3
     rows = math.ceil(len(names) / columns)
@@ -199,7 +214,12 @@ def write_figures(result: Evaluation, path: Path) -> None:
         spread = np.random.default_rng(0).uniform(-0.25, 0.25, result.episodes * result.repeats)
         for index, name in enumerate(names):
             axis = axes[index]
-            words, unit = describe(name)
+            words, unit = named(name)
+            words = (
+                f"{words}, at least"
+                if name in BOUNDED and any(found[name].bounds for found in summary.values())
+                else words
+            )
             scale = shown_as(unit)
             for height, policy in enumerate(policies):
                 value = summary[policy][name]
@@ -386,7 +406,9 @@ def film_caption(result: Evaluation, run: Episodes) -> str:
     text = f"Its first episode, {speed:.2g} x real time; it ended so: {run.endings[0]}."
     if "cross_track_rms_m" in run.figures:
         driven, error = run.figures["driven_m"][0], run.figures["cross_track_rms_m"][0]
-        text += f" {driven:.1f} m driven, {error:.3f} m off the path (root mean square)."
+        text += f" {driven:.1f} m driven" + (
+            f", {error:.3f} m off the path (root mean square)." if math.isfinite(error) else "."
+        )
     return text
 
 

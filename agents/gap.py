@@ -22,14 +22,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.markup import escape
-from rich.table import Table
 from scipy.stats import bootstrap
 
 from aoro_gym.agents.evaluation import (
     CONFIDENCE,
     RESAMPLES,
     TRIALS,
+    Episodes,
     Evaluation,
     Floats,
     Interval,
@@ -37,7 +36,7 @@ from aoro_gym.agents.evaluation import (
     interval,
     plain,
 )
-from aoro_gym.agents.evaluation_report import describe, shown
+from aoro_gym.agents.evaluation_report import MARKS, named, shown
 from aoro_gym.agents.leaderboard import SEED
 from aoro_gym.agents.learned import LearnedPolicy
 from aoro_gym.agents.perturbations import SWITCHABLE
@@ -45,6 +44,7 @@ from aoro_gym.agents.reference import Factory
 from aoro_gym.agents.training_plan import TrainingPlan
 from aoro_gym.envs.courses import Course
 from aoro_gym.log import read_json
+from aoro_gym.terminal import Comparison
 from aoro_gym.twin import Machine
 
 BASELINE, PLANT, IMPROVED = "baseline", "plant", "improved twin"
@@ -62,8 +62,8 @@ class Gap:
     env: str
     episodes: int
     seed: int
-    driven: Mapping[str, Mapping[str, Floats]]
-    """By :data:`BASELINE`, :data:`PLANT`, … and figure, (N,)."""
+    driven: Mapping[str, Episodes]
+    """By :data:`BASELINE`, :data:`PLANT`, …."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -74,8 +74,13 @@ class Gap:
     def figures(self) -> dict[str, dict[str, Interval]]:
         """Means by who drove where."""
         return {
-            place: {name: interval(values[name], rate=name == "success_rate") for name in self.names}
-            for place, values in self.driven.items()
+            place: {
+                name: interval(run.figures[name], rate=name == "success_rate")._replace(
+                    bounds=int(run.bounded(name).sum())
+                )
+                for name in self.names
+            }
+            for place, run in self.driven.items()
         }
 
     @cached_property
@@ -107,7 +112,7 @@ class Gap:
 
     def _change(self, name: str, figure: str) -> Floats:
         more, less = self._differences[name]
-        return self.driven[more][figure] - self.driven[less][figure]
+        return self.driven[more].exact(figure) - self.driven[less].exact(figure)
 
     def to_json(self) -> dict[str, Any]:
         """Content of ``gap.json``."""
@@ -200,7 +205,7 @@ def measure(
             device=device,
             progress=tell,
         )
-        driven[name] = found.runs[name].figures
+        driven[name] = found.runs[name]
     return Gap(env, episodes, seed, driven)
 
 
@@ -258,20 +263,18 @@ def diagnosed(folder: Path) -> Path:
     return folder / files[0]
 
 
-def table(gap: Gap) -> Table:
+def table(gap: Gap) -> Comparison:
     """For a terminal: figures by who drove where, then the changes and their shares of the loss."""
-    drawn = Table(
-        title=f"{gap.env}: {gap.episodes} episodes each, mean \\[95 %]", title_justify="left", header_style="bold"
-    )
-    drawn.add_column("")
-    units = [describe(name) for name in gap.names]
-    for words, unit in units:
-        drawn.add_column(escape(f"{words} [{unit}]") if unit else words, justify="right")
-    for place, values in gap.figures.items():
-        drawn.add_row(place, *(shown(values[name], unit) for name, (_, unit) in zip(gap.names, units, strict=True)))
-    drawn.add_section()
+    units = {name: named(name) for name in gap.names}
+    head = ["", *(f"{words} [{unit}]" if unit else words for words, unit in units.values())]
+
+    def row(what: str, values: Mapping[str, Interval], unit: str | None = None) -> list[str]:
+        cells = (shown(values[name], unit or units[name][1], total=gap.episodes) for name in gap.names)
+        return [what, *cells]
+
+    rows = [row(place, values) for place, values in gap.figures.items()]
     for name, values in gap.changes.items():
-        drawn.add_row(name, *(shown(values[one], unit) for one, (_, unit) in zip(gap.names, units, strict=True)))
+        rows.append(row(name, values))
         if name in gap.shares:
-            drawn.add_row("  share of the loss [%]", *(shown(gap.shares[name][one], "%") for one in gap.names))
-    return drawn
+            rows.append(row("  share of the loss [%]", gap.shares[name], "%"))
+    return Comparison(f"{gap.env}: {gap.episodes} episodes each, mean [95 %]", head, rows, note=MARKS)

@@ -9,31 +9,36 @@ of the evaluations that choose a training's best policy.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
-from rich.markup import escape
-from rich.table import Table
-
-from aoro_gym.agents.evaluation import Evaluation, Interval, evaluate, interquartile_mean, interval, plain
-from aoro_gym.agents.evaluation_report import COLOURS, counted, describe, shown, shown_as
+from aoro_gym.agents.evaluation import (
+    MORE_IS_BETTER,
+    SUCCESS,
+    Evaluation,
+    Interval,
+    evaluate,
+    interquartile_mean,
+    interval,
+    plain,
+    ranked,
+)
+from aoro_gym.agents.evaluation_report import COLOURS, MARKS, counted, describe, named, shown, shown_as
 from aoro_gym.agents.perturbations import PERTURBATIONS
 from aoro_gym.agents.reference import REFERENCE_POLICIES, Factory
 from aoro_gym.envs.courses import Course, forest_course
 from aoro_gym.log import write_whole
 from aoro_gym.style import PLOT_STYLE
+from aoro_gym.terminal import Comparison
 from aoro_gym.twin import Machine
 
 SEED = 40_000
 """Of the first episode."""
 FORESTS = (201, 202, 203, 204)
 """Seeds of the forests: other ones than those of training, tuning and the evaluations in between."""
-SUCCESS = "success_rate"
-MORE_IS_BETTER = ("speed_m_per_s",)
 
 
 @dataclass(frozen=True)
@@ -50,14 +55,8 @@ class Leaderboard:
 
     @cached_property
     def policies(self) -> list[str]:
-        """From the best to the worst: by the first decisive figure, on the strangest machines."""
-        figure, strangest = self.any.trial.decisive[0], self.middle[list(self.found)[-1]]
-
-        def rank(policy: str) -> float:
-            value = strangest[policy][figure].mean
-            return value if math.isfinite(value) else math.inf  # such as the time of who never settles
-
-        return sorted(self.any.runs, key=rank)
+        """From the best to the worst on the strangest machines: by success, then by the first decisive figure."""
+        return ranked(self.middle[list(self.found)[-1]], self.any.trial.decisive[0])
 
     @cached_property
     def middle(self) -> dict[str, dict[str, dict[str, Interval]]]:
@@ -67,7 +66,7 @@ class Leaderboard:
             name: {
                 policy: {
                     SUCCESS: interval(run.figures[SUCCESS], rate=True),
-                    **{figure: result.over_episodes(run.figures[figure], interquartile_mean) for figure in figures},
+                    **{figure: result.of(run, figure, interquartile_mean) for figure in figures},
                 }
                 for policy, run in result.runs.items()
             }
@@ -89,18 +88,13 @@ class Leaderboard:
     @cached_property
     def differences(self) -> dict[str, dict[str, dict[str, Interval]]]:
         """Mean of the decisive figures of every other policy less those of the best reference controller, episode by
-        episode."""
+        episode, over those in which both have them."""
         best = self.best_reference
         if best is None:
             return {}
         return {
             name: {
-                policy: {
-                    figure: result.over_episodes(run.figures[figure] - result.runs[best].figures[figure])
-                    for figure in self.any.trial.decisive
-                }
-                for policy, run in result.runs.items()
-                if policy != best
+                policy: result.less(policy, best, self.any.trial.decisive) for policy in result.runs if policy != best
             }
             for name, result in self.found.items()
         }
@@ -196,7 +190,7 @@ def rows(result: Leaderboard) -> list[list[str]]:
     head = ["policy"]
     for name in result.found:
         for figure in figures:
-            words, unit = describe(figure)
+            words, unit = named(figure)
             head.append(f"{words} [{unit}], {name}")
     return [
         head,
@@ -213,10 +207,12 @@ def rows(result: Leaderboard) -> list[list[str]]:
 def cell(result: Leaderboard, name: str, policy: str, figure: str) -> str:
     """A figure with its interval over episodes; where each was driven more than once, that over repeats comes before it."""
     unit, value = describe(figure)[1], result.middle[name][policy][figure]
+    total = result.any.episodes * result.any.repeats
     if name not in result.stratified or figure == SUCCESS:
-        return shown(value, unit)
+        return shown(value, unit, total=total)
     before = shown(result.stratified[name][policy][figure], unit, finer=1)
-    return f"{before} {shown(value, unit).partition(' ')[2]}".rstrip()
+    _, bracket, interval = shown(value, unit, total=total).partition("[")
+    return f"{before} {bracket}{interval}".rstrip()
 
 
 def markdown(result: Leaderboard) -> str:
@@ -230,12 +226,15 @@ def markdown(result: Leaderboard) -> str:
             "mean of the middle half [95 %, noise and machines drawn anew for these episodes] [95 %, other episodes]"
         )
     lines = [
-        f"`{result.any.env}`, {episodes}; {meaning}, of success the share of all:",
+        f"`{result.any.env}`, {episodes}; {meaning}, of success the share of all; the best first, by success, then by "
+        f"{describe(result.any.trial.decisive[0])[0]}:",
         "",
         "| " + " | ".join(["", *(row[0] for row in body)]) + " |",
         "|---" * (1 + len(body)) + "|",
     ]
     lines += ["| " + " | ".join([name, *(row[k] for row in body)]) + " |" for k, name in enumerate(head) if k]
+    if any(mark in cell for row in body for cell in row[1:] for mark in "≥("):
+        lines += ["", MARKS]
     best = result.best_reference
     for policy in result.policies:
         if best is None or policy in REFERENCE_POLICIES[result.any.env]:
@@ -262,21 +261,12 @@ def around_table(readme: Path, env: str) -> tuple[str, str]:
     return before + found, closed + after
 
 
-def table(result: Leaderboard) -> Table:
-    """The same for a terminal."""
+def table(result: Leaderboard) -> Comparison:
+    """The same for a terminal: figures down, policies across."""
     head, *body = rows(result)
-    drawn = Table(
-        title=f"{result.any.env}: {counted(result.any)}, middle half",
-        title_justify="left",
-        header_style="bold",
-    )
-    drawn.add_column("")
-    for row in body:
-        drawn.add_column(row[0], justify="right")
-    for k, name in enumerate(head):
-        if k:
-            drawn.add_row(escape(name), *(escape(row[k]) for row in body))
-    return drawn
+    cells = [[name, *(row[k] for row in body)] for k, name in enumerate(head) if k]
+    title = f"{result.any.env}: {counted(result.any)}, middle half, the best first"
+    return Comparison(title, ["", *(row[0] for row in body)], cells, note=MARKS)
 
 
 def write_figure(result: Leaderboard, path: Path) -> None:

@@ -111,12 +111,14 @@ def rollout(
 
 
 def responses(run: Rollout, *, tolerance: float, shortest: float = 2.0) -> dict[str, NDArray[np.float64]]:
-    """How the joint responded to every target held for at least ``shortest`` [s]; arrays of shape (targets,).
+    """How the joint responded to every target held for at least ``shortest`` [s]; arrays of shape (targets,). A target that
+    is set within ``tolerance`` of where the joint is asks for no response: a joint that stands still would settle at once.
 
     - ``episode``: which of the rollout's it was;
+    - ``held``: how long the target stood [s];
     - ``step``: change that the target asked for [rad], positive left;
     - ``rise_time``: until the joint has made 90 % of it [s]; NaN if never;
-    - ``overshoot``: largest excursion beyond the target [rad];
+    - ``overshoot``: largest excursion beyond the target [rad]; NaN if the joint did not come within ``tolerance`` of it;
     - ``settling_time``: until the joint stays within ``tolerance`` [rad] of the target [s]; NaN if it does not;
     - ``final_error``: mean distance from the target over the last 0.5 s [rad];
     - ``flow_overshoot``: see :func:`flow_overshoot`.
@@ -124,7 +126,7 @@ def responses(run: Rollout, *, tolerance: float, shortest: float = 2.0) -> dict[
     found: dict[str, list[float]] = {
         name: []
         for name in (
-            "episode", "step", "rise_time", "overshoot", "settling_time", "final_error", "flow_overshoot",
+            "episode", "held", "step", "rise_time", "overshoot", "settling_time", "final_error", "flow_overshoot",
         )
     }  # fmt: skip
     flows = flow_curves(run)
@@ -137,6 +139,8 @@ def responses(run: Rollout, *, tolerance: float, shortest: float = 2.0) -> dict[
                 continue
             before = angle[first - 1] if first else float(run.start_angle[i])
             step = target[first] - before
+            if abs(step) <= tolerance:
+                continue
             made = (angle[first:end] - before) / step
             away = np.abs(angle[first:end] - target[first])
             late = np.flatnonzero(away > tolerance)
@@ -144,11 +148,13 @@ def responses(run: Rollout, *, tolerance: float, shortest: float = 2.0) -> dict[
             fine = slice(ratio * first, ratio * end)
             direction = np.sign(step)
             found["episode"].append(i)
+            found["held"].append((end - first) * run.control_step)
             found["step"].append(step)
             found["rise_time"].append(
                 (np.argmax(made >= 0.9) + 1) * run.control_step if (made >= 0.9).any() else np.nan
             )
-            found["overshoot"].append(max(float((made.max() - 1.0) * abs(step)), 0.0))
+            beyond = float((made.max() - 1.0) * abs(step))
+            found["overshoot"].append(max(beyond, 0.0) if beyond >= -tolerance else np.nan)
             found["settling_time"].append((settled + 1) * run.control_step if settled < end - first else np.nan)
             found["final_error"].append(float(away[-round(0.5 / run.control_step) :].mean()))
             found["flow_overshoot"].append(

@@ -27,6 +27,7 @@ from aoro_gym import __version__, terminal
 from aoro_gym.agents.training_plan import JOIN_GAPS_HELP, PATH_HELP, TRACK_HELP, TrainingPlan
 
 if TYPE_CHECKING:
+    from aoro_gym.agents.evaluation import Episodes
     from aoro_gym.agents.reference import Factory
     from aoro_gym.envs import Course
     from aoro_gym.manoeuvres import Manoeuvre, Recording
@@ -2188,16 +2189,24 @@ def _forest_drive(chosen: Machine, device: str, seed: int, folder: Path) -> Pass
             progress=lambda share: tell("drawing the drive", 0.6 + 0.4 * share),
         )
         plans = write_plans(result, folder)
-    figures, others = ({name: float(values[0]) for name, values in one.figures.items()} for one in (run, other))
     changes = "; ".join(change.text for change in report.changes)
     text = (
         f"A generated forest is scanned with noise and holes, saved as a mesh and loaded back ({changes}). The learned "
         f"policy {DRIVERS[0]} of {DRIVE} follows a generated path by the machine's own sensors: "
-        f"{figures['driven_m']:.1f} m at {figures['speed_m_per_s']:.2f} m/s, {figures['cross_track_rms_m']:.3f} m off the "
-        f"path (root mean square); {DRIVERS[1]} on the same path {others['cross_track_rms_m']:.3f} m at "
-        f"{others['speed_m_per_s']:.2f} m/s. They ended so: {run.endings[0]}; {other.endings[0]}."
+        f"{_driven(run)}; {DRIVERS[1]} on the same path: {_driven(other)}. They ended so: {run.endings[0]}; "
+        f"{other.endings[0]}."
     )
     return Passage("A drive over scanned ground", text, [film, *plans])
+
+
+def _driven(run: Episodes) -> str:
+    """What a policy did in its first episode."""
+    figures = {name: float(values[0]) for name, values in run.figures.items()}
+    text = f"{figures['driven_m']:.1f} m driven"
+    if not figures["success_rate"]:
+        return f"{text}, not to the end"
+    error, speed = figures["cross_track_rms_m"], figures["speed_m_per_s"]
+    return f"{text} at {speed:.2f} m/s, {error:.3f} m off the path (root mean square)"
 
 
 def _calibrate(fit: Callable[..., Any], out: Path, **options: Any) -> list[Path]:
@@ -2226,20 +2235,28 @@ def _calibrate(fit: Callable[..., Any], out: Path, **options: Any) -> list[Path]
     return written
 
 
-def _training_table(found: list[dict[str, Any]]) -> Table:
-    """The first, the best and the last evaluation of a training."""
+def _training_table(found: list[dict[str, Any]]) -> terminal.Comparison:
+    """The first evaluation of a training, that of the best return, and the last one."""
+    from aoro_gym.agents.evaluation import Interval
+    from aoro_gym.agents.evaluation_report import MARKS, named, shown
+
     best = max(found, key=lambda one: one["figures"]["return"]["mean"])
-    chosen = {"first": found[0], "best": best, "last": found[-1]}
-    table = Table(title="Evaluations, means over episodes", title_justify="left", header_style="bold")
-    table.add_column("")
-    for name in chosen:
-        table.add_column(name, justify="right")
-    table.add_row("steps", *(f"{one['steps']:,}" for one in chosen.values()))
-    table.add_row("after [s]", *(f"{one['elapsed_s']:.0f}" for one in chosen.values()))
-    for figure in found[0]["figures"]:
-        means = (one["figures"][figure]["mean"] for one in chosen.values())
-        table.add_row(figure, *("" if mean is None else f"{mean:.4g}" for mean in means))
-    return table
+    chosen = {"first": found[0], "best return": best, "last": found[-1]}
+    rows = [
+        ["steps", "", *(f"{one['steps']:,}" for one in chosen.values())],
+        ["after", "s", *(f"{one['elapsed_s']:.0f}" for one in chosen.values())],
+    ]
+    total = max(figure.get("episodes", 0) for figure in found[0]["figures"].values())
+    for name in found[0]["figures"]:
+        words, unit = named(name)
+        cells = []
+        for one in chosen.values():
+            figure = one["figures"][name]
+            mean = math.nan if figure["mean"] is None else figure["mean"]
+            value = Interval(mean, math.nan, math.nan, figure.get("episodes"), figure.get("lower_bounds", 0))
+            cells.append(shown(value, unit, total=total))
+        rows.append([words, unit, *cells])
+    return terminal.Comparison("Evaluations, means over episodes", ["", "unit", *chosen], rows, lead=2, note=MARKS)
 
 
 def _calibration_tables(report: dict[str, Any]) -> Iterator[Table | str]:

@@ -11,14 +11,15 @@ import shutil
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from rich.console import Console
+from rich.cells import cell_len
+from rich.console import Console, ConsoleOptions, RenderResult
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
-from rich.table import Column
+from rich.table import Column, Table
 from rich.text import Text
 
 EVERY = 10.0
@@ -72,6 +73,73 @@ def clock(seconds: float | None) -> str:
     minutes, rest = divmod(math.ceil(max(seconds, 0.0)), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
+
+
+class Comparison:
+    """A table that fits the console: where its columns don't stand beside each other, some stand below, after the leading
+    ones again. Names are shown as they are, whatever markup they hold.
+
+    Args:
+        title: Above it.
+        head: Of the columns.
+        rows: As many cells each.
+        lead: Leading columns that say what a row is; the others hold values.
+        note: Below it.
+    """
+
+    LEAD_SHARE, HEAD_WORD = 0.4, 14
+    """Most of a narrow console that leading columns take, and characters of a head's words before they are folded."""
+
+    def __init__(
+        self, title: str, head: Sequence[str], rows: Sequence[Sequence[str]], *, lead: int = 1, note: str = ""
+    ):
+        self.title, self.head, self.rows, self.lead, self.note = title, head, rows, lead, note
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        columns = range(len(self.head))
+        widths = [max([cell_len(self.head[k]), *self._lengths(k)]) for k in columns]
+        if sum(widths) + _borders(len(widths)) <= options.max_width:
+            yield self._table(list(columns), widths, self.title)
+        else:
+            for k, (group, narrow) in enumerate(self._groups(widths, options.max_width)):
+                yield self._table(group, narrow, self.title if k == 0 else "")
+        if self.note:
+            yield Text(self.note, style="dim")
+
+    def _lengths(self, column: int) -> list[int]:
+        return [cell_len(row[column]) for row in self.rows]
+
+    def _groups(self, widths: Sequence[int], room: int) -> Iterator[tuple[list[int], list[int]]]:
+        """Columns that stand beside each other, and their widths."""
+        lead = list(range(self.lead))
+        spare = int(self.LEAD_SHARE * room) - sum(widths[k] for k in lead[1:])
+        narrow = [max(min(widths[0], spare), 8), *(widths[k] for k in lead[1:])]
+        left = room - sum(narrow) - _borders(self.lead)
+        group: list[int] = []
+        sizes: list[int] = []
+        for k in range(self.lead, len(widths)):
+            words = [min(cell_len(word), self.HEAD_WORD) for word in self.head[k].split()]
+            size = min(max([1, *words, *self._lengths(k)]), left - 3)
+            if group and sum(sizes) + size + 3 * (len(sizes) + 1) > left:
+                yield [*lead, *group], [*narrow, *sizes]
+                group, sizes = [], []
+            group.append(k)
+            sizes.append(size)
+        yield [*lead, *group], [*narrow, *sizes]
+
+    def _table(self, columns: Sequence[int], widths: Sequence[int], title: str) -> Table:
+        drawn = Table(title=Text(title) if title else None, title_justify="left", header_style="bold")
+        for k, width in zip(columns, widths, strict=True):
+            side = "left" if k < self.lead else "right"
+            drawn.add_column(Text(self.head[k]), justify=side, overflow="fold", width=width)
+        for row in self.rows:
+            drawn.add_row(*(Text(row[k]) for k in columns))
+        return drawn
+
+
+def _borders(count: int) -> int:
+    """Characters around so many columns."""
+    return 3 * count + 1
 
 
 class Track:

@@ -26,7 +26,7 @@ def trained(folder: Path, plan: TrainingPlan, values: list[float | None]) -> Pat
         {
             "steps": 100 * (k + 1),
             "elapsed_s": 60.0 * (k + 1) + plan.seed,
-            "figures": {name: {"mean": value, "low95": None, "high95": None} for name in FIGURES},
+            "figures": {name: {"mean": value, "low95": None, "high95": None, "episodes": 2} for name in FIGURES},
         }
         for k, value in enumerate(values)
     ]
@@ -47,6 +47,31 @@ def test_seeds_make_one_curve(tmp_path):
     assert np.isnan(other.figures["success_rate"]).all()
     started = read([trained(tmp_path / "d", replace(PLAN, start="some/taught.json"), [1.0])])
     assert started[0].name == "ppo, from taught"
+
+
+def test_failed_episodes_of_an_older_version_are_not_drawn(tmp_path):
+    """It let them count: a policy that never settles was the quickest."""
+    folder = trained(tmp_path / "a", PLAN, [0.5, 1.0])
+    text = (folder / "evaluations.json").read_text()
+    (folder / "evaluations.json").write_text(text.replace(', "episodes": 2', ""))
+    (one,) = read([folder])
+    np.testing.assert_array_equal(one.figures["success_rate"], [[0.5, 1.0]])
+    np.testing.assert_array_equal(one.figures["settling_time_s"], [[np.nan, 1.0]])
+
+
+def test_lower_bounds_are_marked_and_success_ranks_first(tmp_path):
+    folder = trained(tmp_path / "a", PLAN, [0.1])
+    text = (folder / "evaluations.json").read_text()
+    (folder / "evaluations.json").write_text(text.replace('"episodes": 2', '"episodes": 2, "lower_bounds": 1', 1))
+    (one,) = read([folder])
+    assert one.bounds["settling_time_s"].tolist() == [[True]]
+    assert not one.bounds["overshoot_deg"].any()
+    out = tmp_path / "out"
+    shown = CliRunner().invoke(app, ["curves", str(folder), "--out", str(out)], catch_exceptions=False)
+    lines = [line for line in shown.output.splitlines() if line.startswith("│")]
+    # 0.1 s would be the quickest of all
+    assert [line.split()[1] for line in lines][-1] == "ppo"
+    assert "≥ 0.1" in lines[-1]
 
 
 def test_what_cannot_be_drawn_is_named(tmp_path):

@@ -75,6 +75,28 @@ def test_who_arrives_succeeds_and_who_sleeps_is_out_of_time(found):
     assert np.all(np.abs(found.runs["asleep"].figures["driven_m"]) < 0.05)
 
 
+def test_who_fails_is_not_the_better_for_it(found):
+    """Who stands still keeps off no path, needs no energy and tilts nowhere: none of that is tabled as if it had driven."""
+    asleep = found.summary["asleep"]
+    for name in (
+        "cross_track_rms_m",
+        "cross_track_mean_m",
+        "cross_track_p95_m",
+        "speed_m_per_s",
+        "energy_kJ",
+        "duration_s",
+    ):
+        assert np.isnan(found.runs["asleep"].figures[name]).all()
+        assert asleep[name].episodes == 0 and math.isnan(asleep[name].mean)
+        assert found.differences["asleep"][name].episodes == 0
+    assert (asleep["worst_tilt_deg"].bounds, found.summary["preview"]["worst_tilt_deg"].bounds) == (3, 0)
+    assert (asleep["driven_m"].episodes, asleep["return"].episodes) == (3, 3)
+    rows = {row[0]: row for row in evaluation_report.figure_rows(found)}
+    assert rows["mean [95 % interval]"][2:] == ["preview", "asleep"]
+    assert rows["cross track rms, of successes"][3] == "-"
+    assert rows["worst tilt"][3].startswith("≥ ")
+
+
 def test_every_policy_drives_the_same_episodes(found):
     first, second = found.runs.values()
     np.testing.assert_array_equal(first.course, second.course)
@@ -158,7 +180,7 @@ def test_policies_forget_what_ended():
     run = drive_paths(env, policy, seeds)
     assert policy.forgotten[0] is None
     np.testing.assert_array_equal(policy.forgotten[1], [False, True])
-    assert run.figures["duration_s"][1] < run.figures["duration_s"][0]
+    assert np.isnan(run.figures["duration_s"]).all()  # neither arrived
 
 
 def _path_of(env, seed):
@@ -349,7 +371,10 @@ def test_report_holds_everything(found, tmp_path, monkeypatch):
     content = json.loads(written[0].read_text())
     assert (content["env"], content["episodes"], content["seed"]) == (TRACKING, 3, 5)
     figures = content["policies"]["preview"]
-    assert set(figures["cross_track_rms_m"]) == {"mean", "low95", "high95"}
+    assert set(figures["cross_track_rms_m"]) == {"mean", "low95", "high95", "episodes"}
+    assert figures["cross_track_rms_m"]["episodes"] == 3
+    assert content["policies"]["asleep"]["cross_track_rms_m"]["episodes"] == 0
+    assert content["ranking"] == ["preview", "asleep"]
     assert figures["success_rate"]["high95"] == 1.0
     assert content["endings"]["preview"][END_OF_PATH]["mean"] == 1.0
     middle = content["interquartile_means"]["preview"]

@@ -1,6 +1,7 @@
 """The leaderboard: everyone on the same strange machines, ranks and differences that follow from what was driven."""
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -8,10 +9,12 @@ from scipy.stats import trim_mean
 
 from aoro_gym.agents import leaderboard
 from aoro_gym.agents.evaluation import (
+    Interval,
     evaluate,
     interquartile_mean,
     interval,
     policy_factory,
+    ranked,
     stratified_interval,
 )
 from aoro_gym.agents.evaluation_report import shown
@@ -60,9 +63,47 @@ def test_cells_are_interquartile_means(found):
     cell = found.middle["perturbed"]["proportional-derivative"]["overshoot_deg"]
     assert cell.mean == pytest.approx(trim_mean(run.figures["overshoot_deg"], 0.25))
     assert cell.low95 <= cell.mean <= cell.high95
-    difference = found.differences["perturbed"]["still"]["overshoot_deg"]
-    other = found.found["perturbed"].runs["still"].figures["overshoot_deg"]
-    assert difference.mean == pytest.approx((other - run.figures["overshoot_deg"]).mean())
+    result = found.found["perturbed"]
+    difference = result.less("still", "proportional-derivative", ["final_error_deg"])["final_error_deg"]
+    other = result.runs["still"].figures["final_error_deg"]
+    assert difference.mean == pytest.approx((other - run.figures["final_error_deg"]).mean())
+
+
+def test_who_never_settles_is_not_the_quickest(found):
+    """Its times are lower bounds, it has no overshoot, and no difference says otherwise."""
+    for name in PERTURBATIONS:
+        run, cells = found.found[name].runs["still"], found.middle[name]["still"]
+        assert run.figures["success_rate"].sum() == 0.0
+        settling = cells["settling_time_s"]
+        assert settling.bounds == settling.episodes == 4
+        # targets stand 2.5 s and longer
+        assert settling.mean >= 2.5 > found.middle[name]["proportional-derivative"]["settling_time_s"].mean
+        assert leaderboard.cell(found, name, "still", "settling_time_s").startswith("≥ ")
+        assert (cells["overshoot_deg"].episodes, np.isnan(cells["overshoot_deg"].mean)) == (0, True)
+        assert leaderboard.cell(found, name, "still", "overshoot_deg") == "-"
+        assert found.differences[name]["still"]["settling_time_s"].episodes == 0
+    plain = found.to_json()["evaluations"]["perturbed"]
+    assert plain["ranking"] == ["proportional-derivative", "still"]
+    assert plain["policies"]["still"]["settling_time_s"]["lower_bounds"] == 4
+    assert plain["policies"]["still"]["overshoot_deg"] == {"mean": None, "low95": None, "high95": None, "episodes": 0}
+    assert plain["over"]["overshoot_deg"] == "targets that were reached"
+
+
+def test_success_ranks_before_all_else():
+    def figures(success: float, settling: float) -> dict[str, Interval]:
+        return {
+            name: Interval(value, value, value)
+            for name, value in (("success_rate", success), ("settling_time_s", settling), ("speed_m_per_s", settling))
+        }
+
+    policies = {
+        "quick": figures(0.5, 0.1),
+        "never": figures(0.0, math.nan),
+        "slow": figures(1.0, 2.0),
+        "good": figures(1.0, 1.0),
+    }
+    assert ranked(policies, "settling_time_s") == ["good", "slow", "quick", "never"]
+    assert ranked(policies, "speed_m_per_s") == ["slow", "good", "quick", "never"]
 
 
 def test_policies_know_the_machine_of_the_file_only():
@@ -102,19 +143,22 @@ def test_cells_of_repeats_have_both_intervals(tmp_path):
     values = run.figures["settling_time_s"]
     assert values.shape == (6,)
     narrow = found.stratified["perturbed"]["bang-bang"]["settling_time_s"]
-    assert narrow == stratified_interval(values, np.tile(np.arange(3), 2), statistic=interquartile_mean)
+    bounds = int((run.figures["settled_share"] < 1.0).sum())
+    assert narrow == stratified_interval(values, np.tile(np.arange(3), 2), statistic=interquartile_mean)._replace(
+        bounds=bounds
+    )
     wide = found.middle["perturbed"]["bang-bang"]["settling_time_s"]
-    assert wide == interval(values.reshape(2, 3).T, statistic=interquartile_mean)
+    assert wide == interval(values.reshape(2, 3).T, statistic=interquartile_mean)._replace(bounds=bounds)
     assert wide.mean == narrow.mean
     cell = leaderboard.cell(found, "perturbed", "bang-bang", "settling_time_s")
-    assert cell == f"{shown(narrow, 's', finer=1)} {shown(wide, 's').partition(' ')[2]}"
+    assert cell == f"{shown(narrow, 's', finer=1)} [{shown(wide, 's').partition('[')[2]}"
     assert cell.count("[") == 2
     assert leaderboard.cell(found, "perturbed", "bang-bang", "success_rate").count("[") == 1
     assert "3 episodes a cell, each driven 2 times" in leaderboard.markdown(found)
     content = found.to_json()
     assert set(content["stratified_interquartile_means"]) == set(PERTURBATIONS)
-    other = found.found["perturbed"].runs["proportional-derivative"].figures["settling_time_s"]
-    gap = (values - other) * (1.0 if found.best_reference == "proportional-derivative" else -1.0)
+    other = found.found["perturbed"].runs["proportional-derivative"].exact("settling_time_s")
+    gap = (run.exact("settling_time_s") - other) * (1.0 if found.best_reference == "proportional-derivative" else -1.0)
     (worse,) = found.differences["perturbed"].values()
     assert worse["settling_time_s"] == interval(gap.reshape(2, 3).T, statistic=np.nanmean)
 

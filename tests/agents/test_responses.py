@@ -57,7 +57,23 @@ def test_what_is_never_reached_has_no_time():
     found = responses(run_of(np.zeros(200), 0.5), tolerance=0.01)
     assert np.isnan(found["rise_time"]).all()
     assert np.isnan(found["settling_time"]).all()
+    assert np.isnan(found["overshoot"]).all()
+    np.testing.assert_allclose(found["held"], 4.0)
     np.testing.assert_allclose(found["final_error"], 0.5)
+
+
+def test_a_joint_that_stands_where_the_next_target_is_has_not_settled_on_it():
+    """It never moves; the second target happens to lie where it stands."""
+    target = np.concatenate([np.full(150, 0.5), np.full(150, 0.004)])
+    found = responses(run_of(np.zeros(300), target), tolerance=0.01)
+    np.testing.assert_allclose(found["step"], [0.5])
+    assert np.isnan(found["settling_time"]).all()
+
+
+def test_whoever_comes_within_the_tolerance_has_an_overshoot():
+    for last, overshoot in ((0.489, np.nan), (0.491, 0.0), (0.5, 0.0), (0.52, 0.02)):
+        found = responses(run_of(np.linspace(0.0, last, 200), 0.5), tolerance=0.01)
+        np.testing.assert_allclose(found["overshoot"], overshoot, atol=1e-7)
 
 
 def test_returns_sum_the_rewards():
