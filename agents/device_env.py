@@ -72,7 +72,7 @@ class DeviceEnv:
     """Steps a :class:`~aoro_gym.envs.vector.TwinVectorEnv` with tensors.
 
     Args:
-        envs: Made with ``output="torch"`` and the default ``autoreset_mode``.
+        envs: Made with ``output="torch"`` and ``autoreset_mode="SameStep"``.
         norm_obs: Whether to normalise observations: (x − mean) / √(variance + epsilon), within ±``clip_obs``.
         norm_reward: Whether to divide rewards by the deviation of the discounted return, within ±``clip_reward``.
         clip_obs: See above.

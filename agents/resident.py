@@ -14,6 +14,7 @@ from typing import Any
 
 import gymnasium
 import torch  # pyright: ignore[reportMissingImports]
+from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.logger import Logger  # pyright: ignore[reportMissingImports]
 from torch.nn import Parameter  # pyright: ignore[reportMissingImports]
 
@@ -125,7 +126,12 @@ class Resident:
         self._rollout = int(asked.n_steps)
         register_envs()
         made: Any = gymnasium.make_vec(
-            plan.env, num_envs=int(asked.n_envs), device=plan.device, output="torch", **env_kwargs
+            plan.env,
+            num_envs=int(asked.n_envs),
+            device=plan.device,
+            output="torch",
+            autoreset_mode=AutoresetMode.SAME_STEP,
+            **env_kwargs,
         )
         self.envs: TwinVectorEnv = made.unwrapped
         try:

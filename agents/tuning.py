@@ -23,6 +23,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from scipy.optimize import differential_evolution
 
@@ -203,11 +204,13 @@ def drive(env: PathTrackingVectorEnv, policy: Policy, seeds: list[int] | int, st
     """Drive every sub-environment through one episode, or through its first ``steps`` control steps.
 
     Args:
-        env: Made with the default ``autoreset_mode``; what follows the first episode does not count.
+        env: Made with ``autoreset_mode="SameStep"``; what follows the first episode does not count.
         policy: Who drives; reset first.
         seeds: Of sub-environment 0, or one each.
         steps: Largest number of control steps; by default until all episodes have ended.
     """
+    if env.autoreset_mode is not AutoresetMode.SAME_STEP:
+        raise ValueError(f"autoreset_mode is {env.autoreset_mode.value!r}, but a comparison needs 'SameStep'")
     n = env.num_envs
     policy.reset()
     observations, infos = env.reset(seed=seeds)
@@ -238,7 +241,7 @@ def drive(env: PathTrackingVectorEnv, policy: Policy, seeds: list[int] | int, st
 def _tracking_env(
     num_envs: int, device: str, randomisation: PathTrackingRandomisation = FIXED
 ) -> PathTrackingVectorEnv:
-    return PathTrackingVectorEnv(num_envs, randomisation=randomisation, device=device)
+    return PathTrackingVectorEnv(num_envs, randomisation=randomisation, device=device, autoreset_mode="SameStep")
 
 
 def tracking_cost(env: PathTrackingVectorEnv, policy: Policy, seeds: list[int], steps: int) -> NDArray[np.float64]:

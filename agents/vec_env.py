@@ -54,7 +54,12 @@ def make_vec_env(
     Raises ValueError naming a wrong argument.
     """
     register_envs()
-    arguments = {"device": device, "output": "numpy" if device == "cpu" else "torch", **(env_kwargs or {})}
+    arguments = {
+        "device": device,
+        "output": "numpy" if device == "cpu" else "torch",
+        "autoreset_mode": AutoresetMode.SAME_STEP,
+        **(env_kwargs or {}),
+    }
     if arguments.get("render_mode") is not None:
         arguments["output"] = "numpy"
     envs = gymnasium.make_vec(env_id, num_envs=n_envs, **arguments)
@@ -77,7 +82,7 @@ class TwinVecEnv(VecEnv):
     - :meth:`set_options` also takes one dictionary with arrays of shape (num_envs,), as the vector environment does.
 
     Args:
-        envs: Made with the default ``autoreset_mode``.
+        envs: Made with ``autoreset_mode="SameStep"``.
 
     Raises ValueError if it resets otherwise.
     """

@@ -32,7 +32,7 @@ from aoro_gym.envs.randomisation import COMMISSIONED, Draws, Randomisation, Rang
 from aoro_gym.envs.single import TwinEnv
 from aoro_gym.envs.task import Outputs, Start, Terrains, chosen, divides, given, sensing
 from aoro_gym.envs.terms import Frozen, ObservationTerm, RewardTerm, changed_observations, changed_rewards
-from aoro_gym.envs.vector import TwinVectorEnv
+from aoro_gym.envs.vector import TwinVectorEnv, check_keywords
 from aoro_gym.sensors import (
     Antennas,
     Gps,
@@ -1049,6 +1049,7 @@ class PathTrackingVectorEnv(TwinVectorEnv):
         scan_x: tuple[float, ...] | None = None,
         **arguments: Any,
     ):
+        check_keywords(type(self), arguments)
         config = PathTrackingConfig() if config is None else config
         if arms is not None:
             config = replace(config, arms=_arm_control(arms))

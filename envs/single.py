@@ -11,8 +11,11 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from aoro_gym.envs.rendering import RENDER_MODES
-from aoro_gym.envs.vector import TwinVectorEnv
+from aoro_gym.envs.vector import TwinVectorEnv, check_keywords
 from aoro_gym.twin import Twin
+
+BATCH_ARGUMENTS = ("num_envs", "autoreset_mode", "output")
+"""Arguments that only vector environments have."""
 
 
 class TwinEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -26,9 +29,10 @@ class TwinEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}  # noqa: RUF012
 
     def __init__(self, render_mode: str | None = None, **arguments: Any):
-        for name in ("num_envs", "autoreset_mode", "output"):
+        for name in BATCH_ARGUMENTS:
             if name in arguments:
                 raise ValueError(f"{name} belongs to gymnasium.make_vec; one environment has none")
+        check_keywords(self.vector_type, arguments, BATCH_ARGUMENTS)
         self.vector = self.vector_type(
             num_envs=1, autoreset_mode=AutoresetMode.DISABLED, render_mode=render_mode, **arguments
         )

@@ -24,7 +24,7 @@ from aoro_gym.envs.randomisation import COMMISSIONED, Draws, Randomisation
 from aoro_gym.envs.single import TwinEnv
 from aoro_gym.envs.task import Outputs, Start, Terrains, chosen, divides, given, sensing
 from aoro_gym.envs.terms import Frozen, ObservationTerm, RewardTerm, changed_observations, changed_rewards
-from aoro_gym.envs.vector import TwinVectorEnv
+from aoro_gym.envs.vector import TwinVectorEnv, check_keywords
 from aoro_gym.sensors import JointAngleNoise, PressureNoise, PressureSensor
 from aoro_gym.terrains import Plane
 from aoro_gym.twin import Machine
@@ -589,6 +589,7 @@ class TurningVectorEnv(TwinVectorEnv):
         randomisation: Randomisation | None = None,
         **arguments: Any,
     ):
+        check_keywords(type(self), arguments)
         config = TurningConfig() if config is None else config
         observe_pressures = config.observe_pressures if observe_pressures is None else observe_pressures
         observed = {**config.observation_terms, **(PRESSURE_TERMS if observe_pressures else {})}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import difflib
+import inspect
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -40,9 +42,10 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
     Seeds follow Gymnasium: ``reset(seed=s)`` gives sub-environment i the seed s + i and a generator of its own, so that
     it repeats, to the bit, the single environment that is reset with s + i.
 
-    Autoreset: ``SAME_STEP`` (the default) resets a sub-environment in the step that ends its episode; the observation
-    is the new episode's, and ``info["final_obs"]``, ``info["final_info"]`` hold the end of the old one. ``NEXT_STEP``
-    resets it in the following step, whose action is ignored. ``DISABLED`` leaves it to
+    Autoreset: ``NEXT_STEP``, the default as it is Gymnasium's, resets a sub-environment in the step after the one that ends
+    its episode; that step's action is ignored. Gymnasium's own vector wrappers need it. ``SAME_STEP`` resets it in the step
+    that ends its episode; the observation is the new episode's, and ``info["final_obs"]``, ``info["final_info"]`` hold the
+    end of the old one. Training asks for it, as no step is lost. ``DISABLED`` leaves it to
     ``reset(options={"reset_mask": mask})``.
 
     ``reset(options=...)`` holds for the episodes that this reset begins, and takes for all tasks:
@@ -89,7 +92,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
     metadata: dict[str, Any] = {  # noqa: RUF012 (an instance replaces it)
         "render_modes": list(RENDER_MODES),
         "render_fps": 50,
-        "autoreset_mode": AutoresetMode.SAME_STEP,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
     single_observation_space: spaces.Box[Any]
     single_action_space: spaces.Box[Any]
@@ -105,7 +108,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         device: str = "cpu",
         output: str = "numpy",
         own_machines: bool = True,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
     ):
@@ -561,6 +564,28 @@ def contributions(infos: Infos) -> dict[str, Array]:
         for name, value in infos.items()
         if name.startswith("reward/")
     }
+
+
+class UnknownArgument(TypeError, ValueError):
+    """A keyword that an environment does not take."""
+
+
+def check_keywords(kind: type[TwinVectorEnv], arguments: Mapping[str, Any], without: Sequence[str] = ()) -> None:
+    """Raise :class:`UnknownArgument`, which lists the keywords of ``kind`` less those ``without``, if ``arguments`` holds
+    another."""
+    known: list[str] = []
+    for one in kind.__mro__:
+        if issubclass(one, TwinVectorEnv) and "__init__" in vars(one):
+            signature = inspect.signature(one.__init__).parameters.values()
+            known += [each.name for each in signature if each.kind is not inspect.Parameter.VAR_KEYWORD]
+    known = [name for name in dict.fromkeys(known) if name not in ("self", "task", *without)]
+    for name in arguments:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1)
+            hint = f": did you mean {near[0]!r}? It takes" if near else "; it takes"
+            raise UnknownArgument(
+                f"{kind.__name__.replace('Vector', '')} has no argument {name!r}{hint} {', '.join(known)}"
+            )
 
 
 def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:

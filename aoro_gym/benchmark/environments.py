@@ -47,6 +47,7 @@ def environments(
         num_envs=count,
         machine=randomised(machine, count, seed) if randomise else machine,
         device=device,
+        autoreset_mode="SameStep",
         **options,
     )
     vector: Any = env.unwrapped

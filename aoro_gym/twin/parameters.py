@@ -45,18 +45,28 @@ class OutsideRangeWarning(UserWarning):
 
 
 class InvalidMachine(ValueError):
-    """Parameters that no machine can have; ``shown`` are those that the sentence is about, and at which variant."""
+    """Parameters that no machine can have."""
 
-    def __init__(self, shown: Sequence[tuple[Parameter, NDArray[np.bool_]]], sentence: str):
-        self.shown, self.sentence = tuple(shown), sentence
-        super().__init__(self.told())
+    shown: tuple[tuple[Parameter, NDArray[np.bool_]], ...] = ()
+    """What the message is about, and at which variant."""
+    sentence = ""
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return ValueError, (str(self),)  # what crosses processes is the message
+    @classmethod
+    def of(cls, shown: Sequence[tuple[Parameter, NDArray[np.bool_]]], sentence: str) -> "InvalidMachine":
+        """The values that are ``shown``, and what is wrong with them."""
+        error = cls(_told(shown, sentence))
+        error.shown, error.sentence = tuple(shown), sentence
+        return error
 
-    def told(self, called: Callable[[int], str] | None = None) -> str:
+    def told(self, called: Callable[[int], str]) -> str:
         """The message; ``called`` gives what follows a key for the variant of a number, by default ``[number]``."""
-        return ", ".join(_shown(entry, where, called) for entry, where in self.shown) + f": {self.sentence}"
+        return _told(self.shown, self.sentence, called) if self.shown else str(self)
+
+
+def _told(
+    shown: Iterable[tuple[Parameter, NDArray[np.bool_]]], sentence: str, called: Callable[[int], str] | None = None
+) -> str:
+    return ", ".join(_shown(entry, where, called) for entry, where in shown) + f": {sentence}"
 
 
 UNSAID: Mapping[str, tuple[float, tuple[float, float]]] = {
@@ -353,7 +363,7 @@ def _validated(entries: Mapping[str, Parameter], known: Mapping[str, Parameter])
             raise ValueError(f"{key}: unit {entry.unit!r} {problem}; use one of: {fitting}")
         admitted = declaration.admits(entry.si)
         if not np.all(admitted):
-            raise InvalidMachine([(entry, ~admitted)], f"must be finite and {declaration.bounds(entry.unit)}")
+            raise InvalidMachine.of([(entry, ~admitted)], f"must be finite and {declaration.bounds(entry.unit)}")
     _num_variants(entries)
     return {key: entries[key] for key in DECLARATIONS}
 
@@ -370,7 +380,7 @@ def _shown(entry: Parameter, where: Any, called: Callable[[int], str] | None = N
 def _require(machine: Machine, holds: Any, keys: list[str], sentence: str) -> None:
     if not np.all(holds):
         where = np.logical_not(holds)
-        raise InvalidMachine([(machine.entries[key], where) for key in keys], sentence)
+        raise InvalidMachine.of([(machine.entries[key], where) for key in keys], sentence)
 
 
 def _check_components(machine: Machine) -> None:

@@ -21,6 +21,7 @@ COUNT = 3
 
 def make(env: str = TURNING, *, output: str = "torch", **arguments) -> Any:
     register_envs()
+    arguments = {"autoreset_mode": "SameStep", **arguments}
     return gymnasium.make_vec(env, num_envs=COUNT, output=output, **arguments).unwrapped
 
 

@@ -53,7 +53,7 @@ def test_tuning_finds_the_least_cost_and_tries_what_was_found_by_hand(monkeypatc
         return np.log(policy.look_ahead / 1.3) ** 2 + (policy.lead_time - 0.2) ** 2
 
     name = "AORO/PathTracking-v0"
-    env = PathTrackingVectorEnv(24, courses=[Course(Plane(), (SHORT,))])
+    env = PathTrackingVectorEnv(24, courses=[Course(Plane(), (SHORT,))], autoreset_mode="SameStep")
     study = replace(tuning.STUDIES[name], make=lambda num_envs, device: env, cost=cost)
     monkeypatch.setitem(tuning.STUDIES, name, study)
     found = tuning.tune("pure-pursuit", name, population=24, generations=40, episodes=1)
@@ -81,7 +81,7 @@ class Aside(Straight):
 
 
 def test_drives_are_judged_by_error_travel_and_failure():
-    env = PathTrackingVectorEnv(2, courses=[Course(Plane(), (SHORT,))], randomisation=FIXED)
+    env = PathTrackingVectorEnv(2, courses=[Course(Plane(), (SHORT,))], randomisation=FIXED, autoreset_mode="SameStep")
     lost = tuning.drive(env, Aside(), 0)
     assert lost.ending == ["lost the path"] * 2
     assert lost.failed.all() and not lost.success.any()

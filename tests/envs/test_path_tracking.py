@@ -321,7 +321,7 @@ def test_sub_environment_is_the_single_one_to_the_bit(arguments):
     """On the default forests; with autoreset."""
     count, steps = 3, 24
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (steps, count, 2)).astype(np.float32)
-    vector: Any = gymnasium.make_vec(NAME, num_envs=count, max_episode_steps=10, **arguments)
+    vector: Any = gymnasium.make_vec(NAME, num_envs=count, max_episode_steps=10, autoreset_mode="SameStep", **arguments)
     log = [vector.reset(seed=7), *(vector.step(action) for action in actions)]
     for i in range(count):
         env: Any = gymnasium.make(NAME, max_episode_steps=10, **arguments)

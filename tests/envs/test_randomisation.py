@@ -52,7 +52,7 @@ def test_nothing_drawn_leaves_the_machine_alone(machine):
 
 
 def test_every_episode_gets_another_machine():
-    env = TurningVectorEnv(3, randomisation=MILD, max_episode_steps=2)
+    env = TurningVectorEnv(3, randomisation=MILD, max_episode_steps=2, autoreset_mode="SameStep")
     env.reset(seed=0)
     step = np.zeros((3, 1), dtype=np.float32)
     records: list[Any] = [env.twin._machines.numpy().copy()]

@@ -134,7 +134,7 @@ def test_reasons_are_numbered():
 
 
 def test_a_lost_twin_is_said_so_and_recovers():
-    env = PathTrackingVectorEnv(2, courses=(LEVEL,), output="torch")
+    env = PathTrackingVectorEnv(2, courses=(LEVEL,), output="torch", autoreset_mode="SameStep")
     before, _ = env.reset(seed=0)
     env.twin.state.numpy()[State.JOINT_RATE, 1] = np.nan
     observations, rewards, terminated, _, infos = env.step(torch.zeros((2, 2)))

@@ -1,6 +1,7 @@
 """Sub-environments are the single environment, to the bit; episodes end and begin as Gymnasium says."""
 
 import warnings
+from functools import partial
 from typing import Any
 
 import gymnasium
@@ -10,7 +11,9 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 from aoro_gym.envs import register_envs
+from aoro_gym.envs.path_tracking import PathTrackingVectorEnv
 from aoro_gym.envs.turning import MILD, TurningEnv, TurningVectorEnv
+from aoro_gym.envs.vector import check_keywords
 from aoro_gym.terrains import Plane
 from aoro_gym.twin import OutsideRangeWarning
 from aoro_gym.twin.records import State
@@ -32,7 +35,9 @@ def lose(env, index):
 def test_sub_environment_is_the_single_one_to_the_bit(arguments):
     count, steps = 3, 45
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (steps, count, 1)).astype(np.float32)
-    vector: Any = gymnasium.make_vec(TURNING, num_envs=count, max_episode_steps=20, **arguments)
+    vector: Any = gymnasium.make_vec(
+        TURNING, num_envs=count, max_episode_steps=20, autoreset_mode="SameStep", **arguments
+    )
     log = [vector.reset(seed=7), *(vector.step(action) for action in actions)]
     for i in range(count):
         env: Any = gymnasium.make(TURNING, max_episode_steps=20, **arguments)
@@ -78,7 +83,7 @@ def test_same_seed_same_trajectory_and_another_seed_another():
 
 
 def test_same_step_resets_at_once_and_keeps_the_end():
-    env = make(2, max_episode_steps=4)
+    env = make(2, max_episode_steps=4, autoreset_mode="SameStep")
     assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
     env.reset(seed=0)
     zero = np.zeros((2, 1), dtype=np.float32)
@@ -97,7 +102,8 @@ def test_same_step_resets_at_once_and_keeps_the_end():
 
 
 def test_next_step_resets_one_step_later():
-    env = make(2, max_episode_steps=3, autoreset_mode=AutoresetMode.NEXT_STEP)
+    env = make(2, max_episode_steps=3)
+    assert env.metadata["autoreset_mode"] is env.autoreset_mode is AutoresetMode.NEXT_STEP  # as Gymnasium's default
     env.reset(seed=0)
     zero = np.zeros((2, 1), dtype=np.float32)
     for _ in range(2):
@@ -189,6 +195,88 @@ def test_gymnasiums_statistics_count_the_reward_terms(mode):
     np.testing.assert_allclose(infos["episode"]["r"], total)
 
 
+WRAPPERS = [
+    ("NormalizeObservation", {}),
+    ("NormalizeReward", {}),
+    ("FlattenObservation", {}),
+    ("TransformObservation", {"func": lambda observations: observations}),
+    ("TransformAction", {"func": lambda actions: actions}),
+    ("TransformReward", {"func": lambda rewards: 2.0 * rewards}),
+    ("ClipAction", {}),
+    ("ClipReward", {"max_reward": 1.0}),
+    ("RescaleAction", {"min_action": -2.0, "max_action": 2.0}),
+    ("RescaleObservation", {"min_obs": 0.0, "max_obs": 1.0}),
+    ("DtypeObservation", {"dtype": np.float64}),
+    ("RecordEpisodeStatistics", {}),
+    ("DictInfoToList", {}),
+    ("VectorizeTransformObservation", {"wrapper": gymnasium.wrappers.TransformObservation, "func": lambda x: x}),
+]
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning", "ignore::RuntimeWarning")  # Gymnasium's, of float64 bounds
+@pytest.mark.parametrize(("name", "arguments"), WRAPPERS, ids=[name for name, _ in WRAPPERS])
+def test_gymnasiums_vector_wrappers_work_as_it_is_made(name, arguments):
+    inner: Any = gymnasium.make_vec(TURNING, num_envs=2, max_episode_steps=3)
+    if name in ("TransformObservation", "VectorizeTransformObservation"):
+        space = inner.single_observation_space
+        arguments = {**arguments, "observation_space" if name[0] == "V" else "single_observation_space": space}
+    env = getattr(gymnasium.wrappers.vector, name)(inner, **arguments)
+    observations, _ = env.reset(seed=0)
+    ended = 0
+    for _ in range(9):
+        assert observations.shape == env.observation_space.shape
+        assert np.isfinite(observations).all()
+        observations, rewards, terminated, truncated, _ = env.step(env.action_space.sample())
+        assert np.isfinite(rewards).all()
+        ended += int(np.sum(terminated | truncated))
+    assert ended == 4  # 3 steps and the one that resets, twice
+
+
+def test_same_step_is_refused_by_those_wrappers_and_by_name():
+    env: Any = gymnasium.make_vec(TURNING, num_envs=2, autoreset_mode="SameStep")
+    with pytest.raises(ValueError, match="NEXT_STEP or DISABLED, got"):
+        gymnasium.wrappers.vector.NormalizeObservation(env)
+
+
+@pytest.mark.parametrize("env_id", [TURNING, "AORO/PathTracking-v0"])
+@pytest.mark.parametrize(
+    ("keywords", "message"),
+    [
+        (
+            {"zebra": 1},
+            "has no argument 'zebra'; it takes .*randomisation, .*machine, .*max_episode_steps, render_mode",
+        ),
+        (
+            {"terain": 1, "own_machines": True},
+            "has no argument 'terain': did you mean 'terrain'\\? It takes .*ground, device",
+        ),
+        ({"reward_term": {}}, "did you mean 'reward_terms'"),
+        ({"Device": "cpu"}, "did you mean 'device'"),
+    ],
+)
+def test_unknown_keywords_are_answered_with_the_known_ones(env_id, keywords, message):
+    for make_one, own in (
+        (gymnasium.make, ()),
+        (partial(gymnasium.make_vec, num_envs=2), ("num_envs", "autoreset_mode")),
+    ):
+        for error in (TypeError, ValueError):
+            with pytest.raises(error, match=message) as caught:
+                make_one(env_id, **keywords)
+        told = str(caught.value)  # pyright: ignore[reportPossiblyUnboundVariable]
+        assert all((name in told) == bool(own) for name in ("num_envs", "autoreset_mode"))
+        assert "self" not in told and "task" not in told and "arguments" not in told
+
+
+def test_every_keyword_that_is_listed_is_taken():
+    """The list is that of the signatures: each name reaches its own check, not that of unknown ones."""
+    for kind in (TurningVectorEnv, PathTrackingVectorEnv):
+        with pytest.raises(ValueError, match="it takes") as caught:
+            kind(2, nothing_like_it=1)
+        names = str(caught.value).partition("it takes ")[2].split(", ")
+        assert {"config", "machine", "terrain", "ground", "device", "output", "render_mode"} < set(names)
+        check_keywords(kind, dict.fromkeys(names))
+
+
 def test_reward_is_the_sum_of_its_logged_terms():
     env = make(2)
     env.reset(seed=0)
@@ -221,7 +309,7 @@ def test_machines_may_differ_between_sub_environments(machine):
 
 
 def test_machine_option_holds_for_one_episode():
-    env = make(2, max_episode_steps=40)
+    env = make(2, max_episode_steps=40, autoreset_mode="SameStep")
     full = np.ones((2, 1), dtype=np.float32)
 
     def turn():
