@@ -206,6 +206,7 @@ def test_evaluate_a_terrain_and_a_path(tmp_path):
     out = tmp_path / "evaluation"
     shown = call("evaluate", *options, "--policy", "preview", "--episodes", 2, "--seed", 3, "--no-films", "--out", out)
     assert shown.exit_code == 0, shown.output
+    assert "lane.csv: 4 points, x, y; local x, y [m]" in shown.stderr.replace("\n", " ")
     content = json.loads((out / "evaluation.json").read_text())
     assert (content["env"], content["episodes"], content["seed"]) == ("AORO/PathTracking-v0", 2, 3)
     assert list(content["policies"]) == ["stanley", "preview"]
@@ -227,6 +228,27 @@ def test_evaluate_a_terrain_and_a_path(tmp_path):
     shown = call("evaluate", *options)
     assert shown.exit_code == 2
     assert "path 'short' is 3.00 m long, but must be at least 6.00 m" in " ".join(shown.stderr.split())
+
+
+@pytest.mark.parametrize("command", ["evaluate", "train"])
+def test_a_track_of_several_is_asked_for(tmp_path, command):
+    one, other = (f"<trk><name>{name}</name><trkseg>{{}}</trkseg></trk>" for name in ("[/x] route", "yard"))
+    points = "".join(f'<trkpt lat="{60 + 1e-5 * i:.6f}" lon="24"/>' for i in range(3))
+    (tmp_path / "two.gpx").write_text(f"<gpx>{one.format(points)}{other.format(points)}</gpx>")
+    asked = [command, "--env", "AORO/PathTracking-v0", "--path", tmp_path / "two.gpx", "--out", tmp_path / "out"]
+    shown = call(*asked)
+    assert shown.exit_code == 2
+    said = " ".join(shown.stderr.split())
+    assert "it holds 2 tracks: 1 GPX track '[/x] route' (3 points, 2.2 m), 2 GPX track 'yard'" in said
+    assert "(--track)" in said
+    shown = call(*asked, "--track", "yards")
+    assert shown.exit_code == 2
+    assert "no track is called 'yards'; it holds 2 tracks" in " ".join(shown.stderr.split())
+    shown = call(*asked, "--track", "[/x] route")
+    assert shown.exit_code == 2  # too short to drive
+    assert "path 'two' is 2.23 m long" in " ".join(shown.stderr.split())
+    without = [command, "--env", "AORO/PathTracking-v0", "--out", tmp_path / "out"]
+    assert "--join-gaps is for a path; give its file with --path" in call(*without, "--join-gaps").stderr
 
 
 def test_policies_in_files_are_evaluated_and_exported(tmp_path):
