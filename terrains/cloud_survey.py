@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from aoro_gym.terrains.check import Report, TerrainError
 from aoro_gym.terrains.frame import Request, sound
+from aoro_gym.terrains.length_units import Unit
 
 NOISE_CLASSES = (7, 18)
 """Low and high noise (ASPRS LAS 1.4)."""
@@ -62,6 +63,8 @@ class Cloud:
     crs: Any = None
     unit: str | None = None
     """Of the plan, where no ``crs`` tells it."""
+    z_unit: Unit | None = None
+    """Of heights, where it is declared beside the coordinate system."""
     steps: Array | None = None
     """(3,) steps of the coordinates, where the format declares them."""
     bounds: tuple[Array, Array] | None = None

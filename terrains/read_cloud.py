@@ -37,6 +37,8 @@ OUTLIER_DEPTH = 1.5
 """Depth [m] below the third lowest of 5 x 5 cells of what is no ground but a multiple echo."""
 FLAT, TALL = 0.05, 1.0
 """A height-normalised cloud: ground within the first, and points above the second [m]."""
+DEGREES = 0.5
+"""Width of a cloud up to which its coordinates may be degrees."""
 PLAN = {"x": "zy", "y": "xz", "z": "xy"}
 """Axes of the plan by the axis that is up."""
 BOUNDS_TOLERANCE = 2.0
@@ -66,9 +68,19 @@ def read_cloud(cloud: Cloud, request: Request, report: Report) -> Ground:
     corners = turned(np.stack([found.low, found.high]), found.up)
     plan = np.ptp(corners, axis=0)[:2]
     _check_flat(found, plan, report)
+    if cloud.crs is None and cloud.unit is None and request.crs is None and request.units is None:
+        _check_degrees(found, plan, report)
     spacing = float(np.sqrt(float(np.prod(plan)) / found.count))
     frame = find_frame(
-        request, report, found.low, found.high, spacing=spacing, up=found.up, crs=cloud.crs, unit=cloud.unit
+        request,
+        report,
+        found.low,
+        found.high,
+        spacing=spacing,
+        up=found.up,
+        crs=cloud.crs,
+        unit=cloud.unit,
+        z_unit=cloud.z_unit,
     )
     if frame.projection is None:
         axes = ["xyz".index(name) for name in PLAN[found.up] + found.up]
@@ -118,6 +130,18 @@ def _check_flat(found: Survey, plan: Array, report: Report) -> None:
                 f"{report.source}: all of its {found.count:,} points lie at {name} = {value:.10g}, which is no ground;"
                 " was it written with too few digits, or is another axis up (up=...)?"
             )
+
+
+def _check_degrees(found: Survey, plan: Array, report: Report) -> None:
+    """``TerrainError`` for coordinates that are degrees by all appearances, of which nothing is said."""
+    low, high = found.low[:2], found.high[:2]
+    earthly = np.all(np.abs([low, high]) <= 180.0) and found.up == "z"
+    if earthly and plan.max() < DEGREES and plan.max() < 0.01 * (found.high[2] - found.low[2]):
+        raise TerrainError(
+            f"{report.source}: x from {low[0]:.10g} to {high[0]:.10g} and y from {low[1]:.10g} to {high[1]:.10g} are as if"
+            " in degrees, and nothing is said of their coordinate system; give crs='EPSG:4326' if x is the longitude and y"
+            " the latitude, or units=..."
+        )
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,10 @@ import numpy as np
 from aoro_gym.terrains.check import Report, TerrainError
 from aoro_gym.terrains.cloud_survey import Chunk, Cloud
 from aoro_gym.terrains.extras import extra
-from aoro_gym.terrains.frame import UNITS, Request
+from aoro_gym.terrains.frame import Request
 from aoro_gym.terrains.georeference import horizontal
 from aoro_gym.terrains.ground import Ground
+from aoro_gym.terrains.length_units import UNITS, Unit
 from aoro_gym.terrains.read_cloud import CHUNK, Array, broken, read_cloud
 
 LENGTHS = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)
@@ -68,7 +69,7 @@ def read_las(path: Path, request: Request, report: Report) -> Ground:
             _check_chunk_table(path, head, report)
         count = head.count if head.compressed else _count(path, head, report)
         with laspy.open(path) as file:
-            system, unit = _system(file.header, request, report)
+            system, unit, z_unit = _system(file.header, request, report)
 
     def chunks() -> Iterator[Chunk]:
         read = 0
@@ -82,7 +83,8 @@ def read_las(path: Path, request: Request, report: Report) -> Ground:
         if read < count:
             raise TerrainError(f"{path}: {read:,} of {count:,} points, so it is cut off; get it again")
 
-    cloud = Cloud(count, chunks, up="z", crs=system, unit=unit, steps=head.scales, bounds=(head.low, head.high))
+    bounds = head.low, head.high
+    cloud = Cloud(count, chunks, up="z", crs=system, unit=unit, z_unit=z_unit, steps=head.scales, bounds=bounds)
     return read_cloud(cloud, request, report)
 
 
@@ -212,8 +214,8 @@ def _check_chunk_table(path: Path, head: Header, report: Report) -> None:
         )
 
 
-def _system(header: Any, request: Request, report: Report) -> tuple[Any, str | None]:
-    """Coordinate system that the records tell (WKT before GeoTIFF keys), and the unit of the plan where only that is told.
+def _system(header: Any, request: Request, report: Report) -> tuple[str | None, str | None, Unit | None]:
+    """Coordinate system that the records tell (WKT before GeoTIFF keys), and units of the plan and of heights beside it.
 
     What is broken, or no place on Earth, is a warning: the points can be read without.
     """
@@ -249,9 +251,7 @@ def _system(header: Any, request: Request, report: Report) -> tuple[Any, str | N
     if faults and request.crs is None:
         rest = f"{system.name} is taken from the other record" if system is not None else "its crs is unknown"
         report.warnings.append(f"{'; '.join(faults)}; {rest}; crs='EPSG:...' (--crs) says it")
-    if system is not None and height is not None and request.crs is None:
-        system = _with_heights(system, height)
-    return (None if system is None else system.to_wkt()), unit
+    return (None if system is None else system.to_wkt()), unit, None if height is None else Unit(height, UNITS[height])
 
 
 def _parsed(record: Any) -> Any:
@@ -272,14 +272,3 @@ def _unit_of(system: Any) -> str | None:
     """Name of the unit of a local system's axes, if it is one of ours."""
     factor = float(system.axis_info[0].unit_conversion_factor) if system.axis_info else 0.0
     return next((name for name, size in UNITS.items() if np.isclose(size, factor, rtol=1e-7)), None)
-
-
-def _with_heights(system: Any, unit: str) -> Any:
-    """``system`` with heights in ``unit``, unless it says itself in which they are."""
-    if any(axis.direction == "up" for axis in system.axis_info):
-        return system
-    crs = extra("pyproj.crs", "a coordinate reference system")
-    heights = crs.CRS.from_wkt(
-        f'VERT_CS["heights",VERT_DATUM["unknown",2005],UNIT["{unit}",{UNITS[unit]!r}],AXIS["Up",UP]]'
-    )
-    return crs.CompoundCRS(f"{system.name} + heights in {unit}", components=[system, heights])

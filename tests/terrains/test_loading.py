@@ -466,7 +466,7 @@ def broken_files(folder: Path) -> dict[str, tuple[Path, str]]:
     las = write_las(folder / "whole.laz", *cloud()).read_bytes()
     put("cut.laz", las[: len(las) // 2], "cut off|cannot be read as a point cloud")
     write_raster(put("voids.tif", None, "there is no ground in it"), np.full((20, 20), np.nan))
-    put("words.csv", b"tree,height\noak,12\n", "no line of numbers x, y, z")
+    put("words.csv", b"tree,height\noak,12\n", "no line of numbers x, y, z|columns are named tree, height")
     put("nothing.xyz", b"1 2 3\n", "1 points are no ground")
     put("what.docx", b"x", "terrains end in one of")
     np.save(put("cube.npy", None, "have the shape"), np.zeros((3, 3, 3)))
