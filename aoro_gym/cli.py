@@ -702,7 +702,7 @@ def terrain(
         typer.Option("--out", "-o", metavar="MESH", help="Terrain to write (.ply). Default: FILE_terrain.ply, here."),
     ] = None,
     units: Annotated[
-        str | None, typer.Option("--units", metavar="UNIT", help="m, km, cm, mm, ft, us-ft or in.")
+        str | None, typer.Option("--units", metavar="UNIT", help="m, km, dm, cm, mm, ft, us-ft or in.")
     ] = None,
     z_units: Annotated[str | None, typer.Option("--z-units", metavar="UNIT", help="Of heights, if another.")] = None,
     up: Annotated[str | None, typer.Option("--up", metavar="AXIS", help="Axis that points up: x, y or z.")] = None,
@@ -721,6 +721,13 @@ def terrain(
         typer.Option("--ground", metavar="class|filter|all", help="What is ground. Default: the class, if given."),
     ] = None,
     quiet: QuietOption = False,
+    nodata: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--nodata", metavar="VALUE", help="Height that means unknown; none: there is no other. Repeatable."
+        ),
+    ] = None,
+    band: Annotated[int | None, typer.Option("--band", metavar="N", help="Band of a raster with the heights.")] = None,
 ) -> None:
     """Load ground to drive on, check and repair it, and say what was done.
 
@@ -735,6 +742,7 @@ def terrain(
       aoro-gym terrain forest.laz --hole-limit 10 --out forest.ply
       aoro-gym terrain scan.obj --units mm --up y
       aoro-gym terrain big.tif --window 430000 5150000 430400 5150400
+      aoro-gym terrain depth.tif --z-units dm --nodata 0 --nodata -999 --band 1
     """
     with _checking_input():
         from aoro_gym.execution.files import check_writable
@@ -760,6 +768,8 @@ def terrain(
                 hole_limit=hole_limit,
                 spike_limit=spike_limit,
                 ground=ground,  # pyright: ignore[reportArgumentType]  load checks it
+                nodata=_nodata(nodata),
+                band=band,
                 progress=lambda share: tell(file.name, share),
             )
     with _running():
@@ -2304,9 +2314,24 @@ def _calibration_tables(report: dict[str, Any]) -> Iterator[Table | str]:
     yield _listed("not felt, so left as they were", report.get("not_felt", []))
 
 
+def _nodata(texts: list[str] | None) -> list[float] | None:
+    """Heights that mean unknown, of ``--nodata``; ``none`` says that there are no others than the file's."""
+    if not texts:
+        return None
+    values = []
+    for text in texts:
+        if text.casefold() == "none":
+            continue
+        try:
+            values.append(float(text.replace("_", "?")))
+        except ValueError:
+            raise ValueError(f"--nodata {text} is no number; give a height such as -9999, or none") from None
+    return values
+
+
 def _terrain_tables(report: Report) -> Iterator[Table | str]:
     """What was read, what was changed on the way, and what to mind."""
-    table = Table(title=f"Ground of {report.source}", title_justify="left", header_style="bold")
+    table = Table(title=f"Ground of {escape(report.source)}", title_justify="left", header_style="bold")
     table.add_column("what")
     table.add_column("value")
     size_x, size_y, size_z = report.extent_m
@@ -2331,13 +2356,13 @@ def _terrain_tables(report: Report) -> Iterator[Table | str]:
     for change in report.changes:
         yield f"  {escape(change.text)}"
     for warning in report.warnings:
-        yield f"[yellow]mind:[/] {escape(warning)}"
+        yield f"[yellow]warning:[/] {escape(warning)}"
     if report.holes:
         inside = [hole for hole in report.holes if not hole.at_edge]
         area = sum(hole.area_m2 for hole in report.holes)
         plural = "" if len(report.holes) == 1 else "s"
         count = f"{len(report.holes)} place{plural} without ground, {len(inside)} of them inside"
-        yield f"[yellow]mind:[/] {count}; {area:,.0f} m² in all"
+        yield f"[yellow]warning:[/] {count}; {area:,.0f} m² in all"
         for hole in report.holes[:MOST_HOLES]:
             where = f"x {hole.west:.1f} to {hole.east:.1f} m, y {hole.south:.1f} to {hole.north:.1f} m"
             yield f"  {hole.area_m2:,.1f} m² at {where}{' (at the edge)' if hole.at_edge else ''}"

@@ -269,7 +269,8 @@ def _on_the_ground(request: Request, report: Report, plan: _Plan, size: Array) -
 
 def _in_use(system: Any, longitude: float, latitude: float) -> bool:
     """Whether the place lies within the area for which the system is meant."""
-    area = system.area_of_use
+    authority = system.to_authority(min_confidence=70)  # what files say of a system leaves out where it is meant for
+    area = extra("pyproj", "an area of use").CRS.from_authority(*authority).area_of_use if authority else None
     if area is None:
         return True
     wide = (longitude - area.west) % 360.0 <= (area.east - area.west) % 360.0 or area.east - area.west >= 360.0

@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -60,6 +60,8 @@ def load(
     hole_limit: float = 5.0,
     spike_limit: float = 0.5,
     ground: GroundRule | None = None,
+    nodata: Sequence[float] | float | None = None,
+    band: int | None = None,
     friction: float = 1.0,
     rolling_resistance: float = 1.0,
     name: str | None = None,
@@ -84,6 +86,9 @@ def load(
         spike_limit: Height [m] of spikes that are removed.
         ground: What of a cloud is ground: points of the ground ``class``, what a ``filter`` takes for it, or ``all``;
             by default the class if there is one. ``filter`` also takes vegetation and buildings off rasters and meshes.
+        nodata: Values that mean "unknown" in a raster, an array or a cloud, beside those that the file declares. By
+            default they are recognised; ``()`` says that there are none.
+        band: Which band of a raster holds the heights, from 1; by default the only one, or the one described so.
         friction: Multiplier of the tires' friction; 1 is dry asphalt.
         rolling_resistance: Multiplier of the tires' rolling resistance; 1 is asphalt.
         name: Name of the terrain; the file's by default.
@@ -104,6 +109,8 @@ def load(
         hole_limit=hole_limit,
         spike_limit=spike_limit,
         ground=ground,
+        nodata=None if nodata is None else tuple(float(value) for value in np.atleast_1d(nodata)),
+        band=band,
         progress=progress,
     )
     path = Path(source) if isinstance(source, str | os.PathLike) else None

@@ -4,198 +4,264 @@ from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.terrains.bands import SAMPLE, Band, choose_band
 from aoro_gym.terrains.check import Report, TerrainError
 from aoro_gym.terrains.extras import extra
-from aoro_gym.terrains.frame import UNITS, Request, choose_cell, find_frame
-from aoro_gym.terrains.georeference import horizontal, scale_factors, utm_zone
+from aoro_gym.terrains.frame import Frame, Request, choose_cell, find_frame
+from aoro_gym.terrains.georeference import horizontal
 from aoro_gym.terrains.ground import Ground
 from aoro_gym.terrains.heights import Heights
+from aoro_gym.terrains.masking import Marks, find_marks, note_marks, same
+from aoro_gym.terrains.plausibility import settle_heights
 
 SUFFIXES = {".tif": "GTiff", ".tiff": "GTiff", ".asc": "AAIGrid", ".img": "HFA", ".dem": "USGSDEM", ".hgt": "SRTMHGT"}
 """GDAL's driver of each suffix: others could open what the file names, even elsewhere."""
-HIGHEST = 9000.0
-"""Largest height [m] either way on Earth's land; beyond lie values for "unknown" that the file does not declare."""
 MOST_PIXELS = 2_000_000_000
 """Most pixels of the window that is read; beyond, thinning them takes minutes."""
+SQUARE = 1e-3
+"""Difference of a pixel's sides, by the larger one, up to which it is square."""
+SOMEWHERE = "EPSG:32631"
+"""The system that GDAL is told on both sides where pixels are set upright, not projected."""
+
+Array = NDArray[np.float64]
 
 
 def read_raster(path: Path, request: Request, report: Report) -> Ground:
-    """Heights of the first band; voids are NaN, pixel centres are nodes."""
+    """Heights of one band; voids are NaN, pixel centres are nodes."""
     rasterio = extra("rasterio", f"the elevation raster {path.name}")
     report.kind = "raster"
-    with warnings.catch_warnings(), rasterio.Env(GDAL_DISABLE_READDIR_ON_OPEN="EMPTY_DIR", CPL_LOG="/dev/null"):
+    # Files beside it (mask, world file, metadata) are looked for by name, without a list of the folder.
+    with warnings.catch_warnings(), rasterio.Env(GDAL_DISABLE_READDIR_ON_OPEN="TRUE", CPL_LOG="/dev/null"):
         warnings.simplefilter("ignore")  # what is not georeferenced is said below
         try:
             with rasterio.open(path, driver=SUFFIXES[path.suffix.lower()]) as data:
-                return _read(rasterio, data, request, report)
+                return _read(data, request, report)
         except TerrainError:
             raise
         except Exception as error:  # whatever GDAL finds wrong with a broken file
-            raise TerrainError(f"{path}: cannot be read as a raster: {error}") from None
+            text = " ".join(str(error).split())[:200] or type(error).__name__
+            raise TerrainError(f"{path}: cannot be read as a raster: {text}") from None
 
 
-def _read(rasterio: Any, data: Any, request: Request, report: Report) -> Ground:
-    if data.count != 1:
-        kinds = ", ".join(sorted(set(data.dtypes)))
-        raise TerrainError(
-            f"{report.source}: it has {data.count} bands ({kinds}), so it is a picture; heights stand in one band"
-        )
-    if np.dtype(data.dtypes[0]).kind == "c":
-        raise TerrainError(f"{report.source}: its values are complex numbers, not heights")
+def _read(data: Any, request: Request, report: Report) -> Ground:
+    band = choose_band(data, request, report)
     if min(data.shape) < 2:
         raise TerrainError(f"{report.source}: {data.width} x {data.height} pixels are no ground")
-    a = data.transform
-    plain = a.b == 0.0 and a.d == 0.0 and a.a > 0.0 and a.e < 0.0 and math.isclose(a.a, -a.e, rel_tol=1e-3)
-    crs = data.crs.to_wkt() if data.crs else None
-    if request.crs is not None or crs is not None:
-        system = horizontal(request.crs if request.crs is not None else crs)
-        off = None if system.is_geographic else scale_factors(system, *a @ (data.width / 2.0, data.height / 2.0))
-        if (
-            system.is_geographic or not plain or _far_off(off)
-        ):  # degrees are turned into metres here, so that pixels stay square
-            return _read_warped(rasterio, data, system, request, report)
-    elif not plain:
-        raise TerrainError(
-            f"{report.source}: its pixels are turned or oblong and its crs is unknown; give crs='EPSG:...'"
-            " to have them set upright"
+    place, crs = _placed(data, request, report)
+    sides = math.hypot(place.a, place.d), math.hypot(place.b, place.e)
+    if not (all(np.isfinite(tuple(place))) and abs(place.determinant) > 1e-9 * sides[0] * sides[1] > 0.0):
+        raise TerrainError(f"{report.source}: its pixels have no size: {tuple(place)[:6]}; it is broken")
+    corners = np.array([place @ (x, y) for x in (0.5, data.width - 0.5) for y in (0.5, data.height - 0.5)])
+    low, high = np.array([*corners.min(axis=0), 0.0]), np.array([*corners.max(axis=0), 0.0])
+    spacing = math.sqrt(abs(place.determinant))
+    frame = find_frame(request, report, low, high, spacing=spacing, crs=crs, z_unit=band.unit)
+    straight = (place.b == place.d == 0.0 or place.a == place.e == 0.0) and math.isclose(*sides, rel_tol=SQUARE)
+    upright = frame.projection is None and straight
+    heights = (_read_upright if upright else _read_turned)(band, place, frame, request, report)
+    heights = heights.replaced(band.heights(heights.z) * frame.z_scale)
+    return settle_heights(Ground(heights, frame), request, report, of_bytes=band.of_bytes)
+
+
+def _placed(data: Any, request: Request, report: Report) -> tuple[Any, str | None]:
+    """Where pixels lie (``affine.Affine``), and in which system."""
+    place, crs = data.transform, data.crs
+    if place.is_identity and data.gcps[0]:
+        from rasterio.transform import from_gcps
+
+        place, crs = from_gcps(data.gcps[0]), data.gcps[1] or crs
+        report.warnings.append(
+            f"placed by {len(data.gcps[0])} ground control points, by an affine change; set it upright with gdalwarp for"
+            " a closer one"
         )
-    if data.transform.is_identity and crs is None:
+    elif place.is_identity and not crs:
         report.warnings.append(
             "nothing is said of the size of a pixel: 1 m is taken; give units=... if it is another one"
         )
-    return _read_plain(rasterio, data, crs, request, report)
+    wkt = crs.to_wkt() if crs else None
+    if wkt is not None and request.crs is None:
+        try:
+            horizontal(wkt)
+        except ValueError as error:
+            report.warnings.append(f"its coordinate system is passed over: {error}")
+            wkt = None
+    return place, wkt
 
 
-def _read_warped(rasterio: Any, data: Any, system: Any, request: Request, report: Report) -> Ground:
-    """Through GDAL's reprojection, where pixels are not square or count in degrees."""
-    from rasterio import warp
-    from rasterio.enums import Resampling
-    from rasterio.vrt import WarpedVRT
-
-    target = system
-    if system.is_geographic:
-        west, south, east, north = data.bounds
-        if max(abs(west), abs(east)) > 360.0 or max(abs(south), abs(north)) > 90.0:
-            raise TerrainError(
-                f"{report.source}: bounds {tuple(data.bounds)} are no degrees, but its crs ({system.name}) says so"
-            )
-        target = utm_zone((south + north) / 2.0, (west + east) / 2.0)
-    elif _far_off(scale_factors(system, *data.transform @ (data.width / 2.0, data.height / 2.0))):
-        place = warp.transform(
-            system.to_wkt(), "EPSG:4326", *([v] for v in data.transform @ (data.width / 2.0, data.height / 2.0))
-        )
-        target = utm_zone(place[1][0], place[0][0])
-    nodata = data.nodata if data.nodata is not None else -9999.0
-    source = rasterio.crs.CRS.from_wkt(system.to_wkt())
-    wanted = rasterio.crs.CRS.from_wkt(target.to_wkt())
-    with WarpedVRT(
-        data, src_crs=source, crs=wanted, resampling=Resampling.bilinear, nodata=nodata, dtype="float64"
-    ) as warped:
-        report.change("projected", 1, f"set upright in {target.name}, interpolated bilinearly")
-        return _read_plain(rasterio, warped, target.to_wkt(), replace(request, crs=None), report)
-
-
-def _far_off(factors: tuple[float, float] | None) -> bool:
-    return factors is not None and max(abs(f - 1.0) for f in factors) > 0.01
-
-
-def _read_plain(rasterio: Any, data: Any, crs: str | None, request: Request, report: Report) -> Ground:
-    """North up, square pixels: the window, thinned where it is finer than the cell asked for."""
-    from rasterio.enums import Resampling
+def _read_upright(band: Band, place: Any, frame: Frame, request: Request, report: Report) -> Heights:
+    """Square pixels along the axes, as they are: the window, thinned where it is finer than the cell asked for."""
     from rasterio.windows import Window
 
-    pixel = data.transform.a
-    left, top = data.transform.c, data.transform.f
-    low = np.array([left + 0.5 * pixel, top - (data.height - 0.5) * pixel, 0.0])
-    high = np.array([left + (data.width - 0.5) * pixel, top - 0.5 * pixel, 0.0])
-    frame = find_frame(request, report, low, high, spacing=pixel, crs=crs)
+    data = band.data
+    turned = place.a == 0.0  # rows run along x
+    along = (
+        [(place.b, data.height), (place.d, data.width)] if turned else [(place.a, data.width), (place.e, data.height)]
+    )
+    corner = np.array([place @ (0.5, 0.5), place @ (data.width - 0.5, data.height - 0.5)]).min(axis=0)
+    pixel = abs(along[0][0])
     world = pixel * frame.scale  # m
-    wanted_low, wanted_high = (np.asarray(v) + frame.origin for v in (frame.low, frame.high))
-    start = math.ceil((wanted_low[0] / frame.scale - low[0]) / pixel - 1e-6)
-    stop = math.floor((wanted_high[0] / frame.scale - low[0]) / pixel + 1e-6) + 1
-    upper = math.ceil((high[1] - wanted_high[1] / frame.scale) / pixel - 1e-6)
-    lower = math.floor((high[1] - wanted_low[1] / frame.scale) / pixel + 1e-6) + 1
-    columns, rows = stop - start, lower - upper
-    if columns < 2 or rows < 2:
-        raise TerrainError(
-            f"{report.source}: the window holds {columns} x {rows} pixels of {world:.3g} m; it takes 2 x 2"
-        )
-    if columns * rows > MOST_PIXELS:
-        raise TerrainError(f"{report.source}: {columns:,} x {rows:,} pixels; give a window=(west, south, east, north)")
+    first = [math.ceil(((frame.low[i] + frame.origin[i]) / frame.scale - corner[i]) / pixel - 1e-6) for i in (0, 1)]
+    last = [math.floor(((frame.high[i] + frame.origin[i]) / frame.scale - corner[i]) / pixel + 1e-6) for i in (0, 1)]
+    number = [last[i] - first[i] + 1 for i in (0, 1)]
+    _check_size(report, number, world)
     # Whole blocks of pixels become one height, so that cells stay square and lie where they say.
     cell = choose_cell(request, report, frame.low, frame.high, world)
     block = max(1, round(cell / world) if request.cell is not None else math.ceil(cell / world - 1e-6))
-    rows, columns = rows // block, columns // block
+    columns, rows = (n // block for n in number)
     if min(rows, columns) < 2:
         raise TerrainError(f"{report.source}: cell = {cell:g} m leaves {columns} x {rows} heights; it takes 2 x 2")
     if request.cell is not None and not math.isclose(block * world, request.cell, rel_tol=1e-3):
         report.change("cell", 1, f"cell of {block * world:.3g} m, the multiple of the pixel next to {request.cell:g} m")
-    if block > 1:
-        report.change("averaged", rows * columns, f"blocks of {block} x {block} pixels of {world:.3g} m averaged")
-    top = lower - rows * block
-    z = data.read(
-        1,
-        window=Window(start, top, columns * block, rows * block),  # pyright: ignore[reportCallIssue]
-        out_shape=(rows, columns),
-        masked=True,
-        out_dtype="float64",
-        resampling=Resampling.average if block > 1 else Resampling.nearest,
+    _note_blocks(report, block, rows * columns, world)
+    # From the west and the south to the file's own rows and columns.
+    start = [
+        first[i] if step > 0.0 else whole - first[i] - n * block
+        for i, ((step, whole), n) in enumerate(zip(along, (columns, rows), strict=True))
+    ]
+    if turned:
+        window: Any = Window(start[1], start[0], rows * block, columns * block)  # pyright: ignore[reportCallIssue]
+    else:
+        window = Window(start[0], start[1], columns * block, rows * block)  # pyright: ignore[reportCallIssue]
+    z = _values(band, window, block, frame.z_scale, report)
+    z = z.T if turned else z
+    z = z[:: 1 if along[1][0] > 0.0 else -1, :: 1 if along[0][0] > 0.0 else -1]
+    offset = 0.5 * (block - 1)  # of the middle of the south-western block
+    x, y = ((corner[i] + (first[i] + offset) * pixel) * frame.scale - frame.origin[i] for i in (0, 1))
+    return Heights(np.ascontiguousarray(z), block * world, (float(x), float(y)))
+
+
+def _read_turned(band: Band, place: Any, frame: Frame, request: Request, report: Report) -> Heights:
+    """Heights interpolated bilinearly in ``frame``, where pixels are turned, oblong or in another projection."""
+    from rasterio.crs import CRS
+    from rasterio.enums import Resampling
+    from rasterio.warp import reproject
+    from rasterio.windows import Window
+
+    data = band.data
+    grid = _Turned(place, frame)
+    natural = grid.pixel(data.width, data.height)
+    cell = choose_cell(request, report, frame.low, frame.high, natural)
+    columns, rows = (int(n) for n in np.floor((frame.high - frame.low) / cell + 1e-6).astype(int) + 1)
+    west, north, east, south = grid.window(frame.low, frame.high, data.width, data.height)
+    if min(rows, columns) < 2 or east - west < 2 or south - north < 2:
+        raise TerrainError(
+            f"{report.source}: the window holds {columns} x {rows} heights of {cell:.3g} m; it takes 2 x 2"
+        )
+    _check_size(report, [east - west, south - north], natural)
+    block = max(1, math.floor(cell / natural + 1e-6))
+    _note_blocks(report, block, rows * columns, natural)
+    window: Any = Window(west, north, east - west, south - north)  # pyright: ignore[reportCallIssue]
+    z = _values(band, window, block, frame.z_scale, report)
+    out = np.full((rows, columns), np.nan)
+    affine = type(place)
+    source = frame.source.to_wkt() if frame.projection is not None else SOMEWHERE
+    top = frame.low[1] + frame.origin[1] + (rows - 0.5) * cell
+    reproject(
+        z,
+        out,
+        src_transform=grid.world @ affine.translation(west, north) @ affine.scale(block),
+        src_crs=CRS.from_user_input(source),
+        src_nodata=np.nan,
+        dst_transform=affine(cell, 0.0, frame.low[0] + frame.origin[0] - 0.5 * cell, 0.0, -cell, top),
+        dst_crs=CRS.from_user_input(frame.crs if frame.projection is not None else SOMEWHERE),
+        dst_nodata=np.nan,
+        resampling=Resampling.bilinear,
+        tolerance=0.0,
     )
-    z = np.ma.filled(z, np.nan)[::-1] * data.scales[0] + data.offsets[0]
-    report.points_read = rows * columns * block**2
-    # The middle of the south-western block; `lower` counts pixels from the north to the southern edge of the window.
-    offset = 0.5 * (block - 1)
-    corner_x = (low[0] + (start + offset) * pixel) * frame.scale - frame.origin[0]
-    corner_y = (high[1] - (lower - 1 - offset) * pixel) * frame.scale - frame.origin[1]
-    z_scale = UNITS.get(_band_unit(data), None) if request.z_units is None else None
-    if z_scale is not None and z_scale != frame.z_scale:
-        report.units += f"; heights in {_band_unit(data)} (of its band)"
-    z = _known(z * (frame.z_scale if z_scale is None else z_scale), report)
-    return Ground(Heights(z, block * world, (float(corner_x), float(corner_y))), frame)
+    if frame.projection is None:
+        report.change("projected", 1, "pixels are turned or oblong: set upright, interpolated bilinearly")
+    else:
+        report.change("interpolated", rows * columns, f"heights every {cell:.3g} m interpolated bilinearly")
+    return Heights(out[::-1].copy(), cell, (float(frame.low[0]), float(frame.low[1])))
 
 
-def _band_unit(data: Any) -> str:
-    said = (data.units[0] or "").strip().lower()
-    names = {
-        "metre": "m",
-        "meter": "m",
-        "meters": "m",
-        "metres": "m",
-        "foot": "ft",
-        "feet": "ft",
-        "us survey foot": "us-ft",
-    }
-    return names.get(said, said)
+@dataclass(frozen=True)
+class _Turned:
+    """Between rows and columns of a raster and metres of its frame."""
+
+    place: Any
+    frame: Frame
+
+    @property
+    def world(self) -> Any:
+        """Pixels to the coordinates that are projected, or to metres where none are."""
+        factor = self.frame.before if self.frame.projection is not None else self.frame.scale
+        return type(self.place).scale(factor) @ self.place
+
+    def pixel(self, width: int, height: int) -> float:
+        """Side [m] of a square as large as a pixel in the middle."""
+        x, y = np.array([self.world @ (width / 2.0 + i, height / 2.0 + j) for i, j in ((0, 0), (1, 0), (0, 1))]).T
+        if self.frame.projection is not None:
+            x, y = self.frame.projection.transform(x, y)
+        area = abs((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]))
+        return float(np.sqrt(area))
+
+    def window(self, low: Array, high: Array, width: int, height: int) -> tuple[int, int, int, int]:
+        """First column and row, and those after the last, of what ``low`` and ``high`` [m, local] need."""
+        share = np.linspace(0.0, 1.0, 21)
+        x, y = np.meshgrid(*(low[i] + share * (high[i] - low[i]) + self.frame.origin[i] for i in (0, 1)))
+        x, y = x.ravel(), y.ravel()
+        if self.frame.projection is not None:
+            x, y = self.frame.projection.transform(x, y, direction="INVERSE")
+        there = np.isfinite(x) & np.isfinite(y)
+        if not there.any():
+            return 0, 0, width, height
+        column, row = np.array(~self.world @ (x[there], y[there]))
+        return (
+            int(np.clip(np.floor(column.min()) - 2, 0, width)),
+            int(np.clip(np.floor(row.min()) - 2, 0, height)),
+            int(np.clip(np.ceil(column.max()) + 2, 0, width)),
+            int(np.clip(np.ceil(row.max()) + 2, 0, height)),
+        )
 
 
-def _known(z: NDArray[np.float64], report: Report) -> NDArray[np.float64]:
-    """``z`` with NaN for what cannot be a height."""
-    with np.errstate(invalid="ignore"):
-        wild = np.isinf(z) | (np.abs(z) > HIGHEST * 1e3)  # in millimetres still
-    z = np.where(wild, np.nan, z)
-    report.change("wild_heights", int(wild.sum()), f"{int(wild.sum())} heights beyond any on Earth taken as unknown")
-    voids = int(np.isnan(z).sum())
-    if voids == z.size:
-        raise TerrainError(f"{report.source}: none of its {z.size} heights is known; there is no ground in it")
-    return np.ascontiguousarray(z)
+def _values(band: Band, window: Any, block: int, metre: float, report: Report) -> Array:
+    """Raw values of the window, NaN where they are unknown; what was left out is noted."""
+    band.recognise(window, metre)
+    z = band.read(window, block)
+    total = int(window.width) * int(window.height)
+    report.points_read = total
+    band.note(report, total)
+    return z
+
+
+def _check_size(report: Report, number: list[int], pixel: float) -> None:
+    columns, rows = number
+    if columns < 2 or rows < 2:
+        raise TerrainError(
+            f"{report.source}: the window holds {columns} x {rows} pixels of {pixel:.3g} m; it takes 2 x 2"
+        )
+    if columns * rows > MOST_PIXELS:
+        raise TerrainError(f"{report.source}: {columns:,} x {rows:,} pixels; give a window=(west, south, east, north)")
+
+
+def _note_blocks(report: Report, block: int, count: int, pixel: float) -> None:
+    if block > 1:
+        report.change("averaged", count, f"blocks of {block} x {block} pixels of {pixel:.3g} m averaged")
 
 
 def read_heights(array: Any, request: Request, report: Report) -> Ground:
     """An array of heights, row 0 in the south; its cell is ``request.cell``."""
     report.kind = "heights"
     try:
-        z = np.asarray(array, dtype=np.float64)
+        values = np.asarray(array)
     except (TypeError, ValueError):
         raise TerrainError(f"{report.source}: heights must be numbers") from None
-    if z.ndim != 2 or min(z.shape) < 2:
-        raise TerrainError(f"{report.source}: heights have the shape {z.shape}; give at least 2 rows and 2 columns")
+    if values.ndim != 2 or min(values.shape) < 2:
+        raise TerrainError(
+            f"{report.source}: heights have the shape {values.shape}; give at least 2 rows and 2 columns"
+        )
+    if values.dtype.kind not in "iuf":
+        raise TerrainError(f"{report.source}: heights must be numbers, but are of the type {str(values.dtype)[:40]}")
+    z = values.astype(np.float64)
+    if request.band is not None:
+        raise TerrainError(f"{report.source}: an array has no bands; drop band=...")
     if request.cell is None:
         raise TerrainError(f"{report.source}: an array says nothing of the distance of its heights; give cell=... [m]")
     if request.window is not None:
@@ -207,4 +273,27 @@ def read_heights(array: Any, request: Request, report: Report) -> Ground:
     if request.z_units is None and request.units is None:
         frame = replace(frame, z_known="assumed")
     report.points_read = z.size
-    return Ground(Heights(_known(z * frame.z_scale, report), request.cell), frame)
+    z = _known(z, values.dtype, frame.z_scale, request, report)
+    return Ground(Heights(z * frame.z_scale, request.cell), frame)
+
+
+def _known(z: Array, dtype: np.dtype[Any], metre: float, request: Request, report: Report) -> Array:
+    """``z`` with NaN for what is unknown."""
+    marks, declared = Marks(), np.zeros(z.shape, dtype=bool)
+    if request.nodata is None:
+        thin = 1 + z.size // SAMPLE
+        limits = (float(np.iinfo(dtype).min), float(np.iinfo(dtype).max)) if dtype.kind in "iu" else None
+        marks = find_marks(z[::thin], metre, limits)
+    for value in request.nodata or ():
+        declared |= same(z, value)
+    report.change("unknown", int(declared.sum()), f"{int(declared.sum()):,} heights unknown (nodata as asked)")
+    z[declared] = np.nan
+    counts = {value: int(same(z, value).sum()) for value in marks.values}
+    for value in marks.values:
+        z[same(z, value)] = np.nan
+    beyond = marks.unknown(z) & ~np.isnan(z)
+    note_marks(marks, counts, int(beyond.sum()), report)
+    z[beyond] = np.nan
+    if not np.isfinite(z).any():
+        raise TerrainError(f"{report.source}: none of its {z.size:,} heights is known; there is no ground in it")
+    return z
