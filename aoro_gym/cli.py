@@ -19,8 +19,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, get_type_hints
 
 import typer
+from rich.console import RenderableType
 from rich.markup import escape
+from rich.padding import Padding
 from rich.table import Table
+from rich.text import Text
 from typer.core import TyperGroup
 
 from aoro_gym import __version__, terminal
@@ -70,6 +73,8 @@ DRIVE, DRIVE_LENGTH, DRIVERS = "AORO/PathTracking-v0", 40.0, ("paths-dagger", "p
 """The demo's path over it [m], and who follows it: a shipped policy, and a reference controller beside it."""
 HELD_OUT_FORESTS, HELD_OUT_PATHS = (101, 102, 103), 100
 """What trainings are evaluated on: seeds of forests, and the first seed of other paths over the same ground."""
+FULL_SIGNAL_V = 2.0
+"""Distance [V] of the full steering signal from the middle."""
 MOST_EPISODES = 10_000
 """Of one evaluation."""
 MOST_HOLES = 8
@@ -194,18 +199,32 @@ def parameters(
         ]
         typer.echo(json.dumps(rows, indent=2, ensure_ascii=False))
         return
-    table = Table(box=None, pad_edge=False, header_style="bold", title_justify="left")
-    table.add_column("key", style="cyan", no_wrap=True)
-    table.add_column("value", justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
-    table.add_column("range", no_wrap=True)
-    table.add_column("role", no_wrap=True)
+    for item in _parameter_rows(found, terminal.out().width):
+        terminal.out().print(item, highlight=False)
+
+
+PARAMETERS_WIDTH = 120
+"""Characters from which a parameter has one row of a table."""
+
+
+def _parameter_rows(found: Sequence[Any], width: int) -> Iterator[RenderableType]:
+    """A table of parameters; where the console is narrow, two lines each."""
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column("key", style="cyan", overflow="fold")
+    for name in ("value", "unit", "range", "role"):
+        table.add_column(name, justify="right" if name == "value" else "left", no_wrap=True)
     table.add_column("source", style="dim", overflow="fold")
     for p in found:
         limits = f"{p.range[0]:.6g} - {p.range[1]:.6g}"
         source = f"{p.source} ({p.note})" if p.note else p.source
-        table.add_row(p.key, f"{p.value:.6g}", "" if p.unit == "1" else p.unit, limits, p.role, escape(source))
-    terminal.out().print(table)
+        unit = "" if p.unit == "1" else p.unit
+        if width < PARAMETERS_WIDTH:
+            yield Text.assemble((p.key, "cyan"), " = ", f"{p.value:.6g} {unit}".rstrip(), f"  ({limits}, {p.role})")
+            yield Padding(Text(source, "dim"), (0, 0, 0, 4))
+        else:
+            table.add_row(escape(p.key), f"{p.value:.6g}", escape(unit), limits, p.role, escape(source))
+    if width >= PARAMETERS_WIDTH:
+        yield table
 
 
 def _list_effects(
@@ -221,8 +240,8 @@ def _list_effects(
         typer.echo(json.dumps(rows, indent=2, ensure_ascii=False))
         return
     table = Table(box=None, pad_edge=False, header_style="bold")
-    table.add_column("effect", style="cyan", no_wrap=True)
-    table.add_column("component", no_wrap=True)
+    table.add_column("effect", style="cyan", overflow="fold")
+    table.add_column("component", overflow="fold")
     table.add_column("magnitude and range", overflow="fold")
     table.add_column("what is measured: without, at the ends", overflow="fold")
     table.add_column("physics", style="dim", overflow="fold")
@@ -1295,13 +1314,13 @@ def _trials_table(found: Sequence[Any]) -> Table:
     """The trials of a search, the best first."""
     table = Table(header_style="bold")
     for head in ("trial", "return", "steps", "hyper-parameters"):
-        table.add_column(head, justify="right" if head in ("return", "steps") else "left")
+        table.add_column(head, justify="right" if head in ("return", "steps") else "left", overflow="fold")
     for one in found:
         if one.best is None:
-            table.add_row(one.folder.name, "-", "0", escape(one.failed or "did not begin"))
+            table.add_row(escape(one.folder.name), "-", "0", escape(one.failed or "did not begin"))
         else:
             steps, mean = one.evaluations[-1]["steps"], one.best["figures"]["return"]["mean"]
-            table.add_row(one.folder.name, f"{mean:.4g}", f"{steps:,}", escape(", ".join(one.params)))
+            table.add_row(escape(one.folder.name), f"{mean:.4g}", f"{steps:,}", escape(", ".join(one.params)))
     return table
 
 
@@ -1802,7 +1821,11 @@ def _manoeuvre(
         if start_angle is not None:
             raise ValueError(f"--start-angle serves a command file only; {name} starts at its own angle")
         if name == "drive":
+            _check_percent(signal, 1.0)
             return manoeuvres.straight_drive(0.5 if signal is None else signal / 100.0, duration=duration)
+        valve = machine.steering.valve
+        dead_band = valve.dead_band_left if name == "left" else valve.dead_band_right
+        _check_percent(signal, 100.0 * float(dead_band) / FULL_SIGNAL_V)
         share = 1.0 if signal is None else signal / 100.0
         return manoeuvres.standing_turn(1 if name == "left" else -1, share, joint_range, duration=duration)
     if signal is not None:
@@ -1820,6 +1843,20 @@ def _manoeuvre(
     if plan.unread:
         terminal.warn(f"{path}: unknown columns were not read: {listed(plan.unread)}")
     return plan
+
+
+def _check_percent(signal: float | None, dead_band: float) -> None:
+    """ValueError for a share where per cent are meant; a warning for a signal [%] within the dead band [%] of the valve."""
+    if signal is None:
+        return
+    if 0.0 < abs(signal) <= 1.0:
+        raise ValueError(
+            f"--signal = {signal:g} is in per cent, and {signal:g} % would move nothing; did you mean {100.0 * signal:g}?"
+        )
+    if 0.0 < signal <= dead_band:
+        terminal.warn(
+            f"--signal = {signal:g} % is within the valve's dead band, {dead_band:.3g} %; the joint will not turn"
+        )
 
 
 def _twin(machine: Machine, terrain: Plane | None, device: str, seed: int) -> Twin:
@@ -2119,10 +2156,7 @@ def _validation_passage(result: Validation, folder: Path) -> Passage:
     with _running():
         write_report(result, folder)
     print_tables(terminal.out(), result)
-    reached, of = result.reached()
-    text = (
-        f"Full turns beside the published machine: {reached} of {of} figures of the published twin are within bounds."
-    )
+    text = result.headline()
     pictures = [folder / "left_turns.png", folder / "errors.png"]
     return Passage("Validation", text, pictures, more=f"{folder.name}/index.html")
 
@@ -2269,37 +2303,30 @@ def _training_table(found: list[dict[str, Any]]) -> terminal.Comparison:
     return terminal.Comparison("Evaluations, means over episodes", ["", "unit", *chosen], rows, lead=2, note=MARKS)
 
 
-def _calibration_tables(report: dict[str, Any]) -> Iterator[Table | str]:
+def _calibration_tables(report: dict[str, Any]) -> Iterator[terminal.Comparison | str]:
     """What a calibration found: misses of figures or intervals of parameters, then what it leaves open."""
     from aoro_gym.report import describe
 
     misses: dict[str, dict[str, float]] = report.get("misses_tolerances", {})
     if misses:
-        table = Table(title="Misses of left turns, in tolerances", title_justify="left", header_style="bold")
-        table.add_column("key figure")
-        for level in misses:
-            table.add_column(f"{level} % signal", justify="right")
-        for name in next(iter(misses.values())):
-            row = [misses[level][name] for level in misses]
-            table.add_row(describe(name)[0], *(f"[{'green' if abs(m) <= 1 else 'red'}]{m:+.2f}[/]" for m in row))
-        yield table
+        rows = [
+            [describe(name)[0], *(_miss(misses[level][name]) for level in misses)]
+            for name in next(iter(misses.values()))
+        ]
+        head = ["key figure", *(f"{level} % signal" for level in misses)]
+        yield terminal.Comparison("Misses of left turns, in tolerances", head, rows)
     single: dict[str, float] = report.get("single_misses_tolerances", {})
     if single:
-        table = Table(title="Misses of single figures, in tolerances", title_justify="left", header_style="bold")
-        table.add_column("figure")
-        table.add_column("miss", justify="right")
-        for name, miss in single.items():
-            table.add_row(name.replace("_", " "), f"[{'green' if abs(miss) <= 1 else 'red'}]{miss:+.2f}[/]")
-        yield table
+        rows = [[name.replace("_", " "), _miss(miss)] for name, miss in single.items()]
+        yield terminal.Comparison("Misses of single figures, in tolerances", ("figure", "miss"), rows)
     if report.get("parameters"):
-        table = Table(title="Parameters that the logs feel", title_justify="left", header_style="bold")
-        for column in ("key", "value", "95 % interval", "unit", ""):
-            table.add_column(column, justify="right" if column == "value" else "left")
+        rows = []
         for p in report["parameters"]:
-            mark = "[green]identified[/]" if p["identified"] else "[yellow]not identified[/]"
+            mark = Text("identified", "green") if p["identified"] else Text("not identified", "yellow")
             unit = "" if p["unit"] == "1" else p["unit"]
-            table.add_row(p["key"], f"{p['value']:.4g}", f"{p['low95']:.4g} - {p['high95']:.4g}", unit, mark)
-        yield table
+            rows.append([p["key"], f"{p['value']:.4g}", f"{p['low95']:.4g} - {p['high95']:.4g}", unit, mark])
+        head = ("key", "value", "95 % interval", "unit", "")
+        yield terminal.Comparison("Parameters that the logs feel", head, rows)
     for key, text in (
         ("largest_miss_tolerances", "largest miss: {:.2f} tolerances"),
         ("largest_change_at_half_the_substep_tolerances", "largest change at half the substep: {:.2f} tolerances"),
@@ -2329,11 +2356,16 @@ def _nodata(texts: list[str] | None) -> list[float] | None:
     return values
 
 
+def _miss(miss: float) -> Text:
+    """In tolerances, green where it is within one."""
+    return Text(f"{miss:+.2f}", "green" if abs(miss) <= 1 else "red")
+
+
 def _terrain_tables(report: Report) -> Iterator[Table | str]:
     """What was read, what was changed on the way, and what to mind."""
-    table = Table(title=f"Ground of {escape(report.source)}", title_justify="left", header_style="bold")
-    table.add_column("what")
-    table.add_column("value")
+    table = Table(title=Text(f"Ground of {report.source}"), title_justify="left", header_style="bold")
+    table.add_column("what", overflow="fold")
+    table.add_column("value", overflow="fold")
     size_x, size_y, size_z = report.extent_m
     spacing = f"one every {report.cell_m:.3g} m" if report.cell_m is not None else "as in the file"
     for name, value in (
@@ -2380,17 +2412,14 @@ def _lead(made_by: dict[str, Any]) -> str:
     return f"Machine {machine['file']}" + (f", with {', '.join(changes)}" if changes else ", as in its file") + "."
 
 
-def _figure_table(section: Section) -> Table:
+def _figure_table(section: Section) -> terminal.Comparison:
     from aoro_gym.report import describe, show
 
-    table = Table(title=section.title, title_justify="left", header_style="bold")
-    table.add_column("key figure")
-    table.add_column("value", justify="right")
-    table.add_column("unit")
+    rows = []
     for key, value in section.figures.items():
         name, unit, _ = describe(key)
-        table.add_row(name, show(key, value), unit)
-    return table
+        rows.append([name, show(key, value), unit])
+    return terminal.Comparison(section.title, ("key figure", "value", "unit"), rows)
 
 
 def _write_json(path: Path, content: Any) -> None:

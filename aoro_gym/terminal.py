@@ -82,7 +82,7 @@ class Comparison:
     Args:
         title: Above it.
         head: Of the columns.
-        rows: As many cells each.
+        rows: As many cells each, strings or styled text.
         lead: Leading columns that say what a row is; the others hold values.
         note: Below it.
     """
@@ -91,9 +91,24 @@ class Comparison:
     """Most of a narrow console that leading columns take, and characters of a head's words before they are folded."""
 
     def __init__(
-        self, title: str, head: Sequence[str], rows: Sequence[Sequence[str]], *, lead: int = 1, note: str = ""
+        self,
+        title: str,
+        head: Sequence[str],
+        rows: Sequence[Sequence[str | Text]],
+        *,
+        lead: int = 1,
+        note: str = "",
     ):
-        self.title, self.head, self.rows, self.lead, self.note = title, head, rows, lead, note
+        self.title, self.head, self.rows, self.lead, self.note = title, head, list(rows), lead, note
+
+    def add(self, *cells: str | Text) -> None:
+        """A further row."""
+        self.rows.append(cells)
+
+    @property
+    def row_count(self) -> int:
+        """Rows below the head."""
+        return len(self.rows)
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         columns = range(len(self.head))
@@ -107,7 +122,7 @@ class Comparison:
             yield Text(self.note, style="dim")
 
     def _lengths(self, column: int) -> list[int]:
-        return [cell_len(row[column]) for row in self.rows]
+        return [cell_len(line) for row in self.rows for line in str(row[column]).split("\n")]
 
     def _groups(self, widths: Sequence[int], room: int) -> Iterator[tuple[list[int], list[int]]]:
         """Columns that stand beside each other, and their widths."""
@@ -133,7 +148,7 @@ class Comparison:
             side = "left" if k < self.lead else "right"
             drawn.add_column(Text(self.head[k]), justify=side, overflow="fold", width=width)
         for row in self.rows:
-            drawn.add_row(*(Text(row[k]) for k in columns))
+            drawn.add_row(*(cell if isinstance(cell := row[k], Text) else Text(cell) for k in columns))
         return drawn
 
 

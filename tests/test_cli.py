@@ -177,7 +177,8 @@ def test_demo(tmp_path):
     assert "Full turn left" in page
     assert "Straight drive" in page
     assert str(tmp_path / "demo" / "index.html") in shown.stdout
-    assert "of 21 figures of the published twin are within bounds" in page
+    assert "of 25 figures of the published machine itself are met, and" in page
+    assert "of 21 of its published twin. Farthest from the machine: the first peak at 50 % signal, +" in page
     assert "AORO/Turning-v0" in page
     assert page.count("data:image/gif;base64,") == 1
     assert page.count("data:video/mp4;base64,") == 1
@@ -468,6 +469,11 @@ def test_terrain(tmp_path):
         ("simulate -m good.csv --start-angle nan", "--start-angle = nan is outside"),
         ("simulate -m left --start-angle 5", "--start-angle serves a command file only"),
         ("simulate -m left --signal nan", "--signal = nan is outside (0, 100] %"),
+        (
+            "simulate -m left --signal 0.75",
+            "--signal = 0.75 is in per cent, and 0.75 % would move nothing; did you mean 75?",
+        ),
+        ("simulate -m drive --signal 0.5", "did you mean 50?"),
         ("simulate -m right --signal -50", "--signal = -50 is outside (0, 100] %"),
         ("simulate -m left --duration 0.2", "--duration = 0.2 is outside [0.61, 3600] s"),
         ("simulate -m left --out log.xlsx", "log log.xlsx must end in .csv or .parquet"),

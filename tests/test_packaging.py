@@ -57,8 +57,11 @@ MAY_SEE = {
     },
     # the key figures of a turn are defined in validation, for the machine and for every drawing of a twin
     **{part: {"style", "terrains", "twin", "sensors", "validation", *TOOLS} for part in TOOLS},
-    **{part: {"cluster", "kept", "style", "terrains", "twin", "sensors", *TOOLS, *STUDIES} for part in STUDIES},
-    "benchmark": {"terrains", "twin", "sensors", "envs", "agents", *TOOLS},
+    **{
+        part: {"cluster", "kept", "style", "terminal", "terrains", "twin", "sensors", *TOOLS, *STUDIES}
+        for part in STUDIES
+    },
+    "benchmark": {"terminal", "terrains", "twin", "sensors", "envs", "agents", *TOOLS},
     "cli": {"terrains", "twin", "sensors", "envs", "agents", "benchmark", "cluster", "terminal", *TOOLS, *STUDIES},
     "__main__": {"cli"},
     "__init__": {"lazy", "terrains", "twin", "envs"},

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from rich.table import Table
-
 from aoro_gym.benchmark.peers import sound
+from aoro_gym.terminal import Comparison
 
 
-def tables(result: dict[str, Any]) -> list[Table]:
+def tables(result: dict[str, Any]) -> list[Comparison]:
     """Tables of the benchmark ``result``: cases, then what there is of peers, ratios and start-up."""
     on = result["machine"]
     cases = _table(
@@ -19,7 +18,7 @@ def tables(result: dict[str, Any]) -> list[Table]:
     own = next((case for case in result["cases"] if "share_of_ceiling" in case), None)
     if own is not None:
         per_s, whose = on["ceiling"], "a core" if own["device"] == "cpu" else "the device"
-        cases.caption = (
+        cases.note = (
             f"ceiling of {whose}: {per_s['operations_per_s']:.3g} scalar operations and {per_s['bytes_per_s']:.3g} bytes a "
             f"second; a step takes {own['operations_per_step']:,} and {own['bytes_per_step']:,.0f}"
         )
@@ -27,7 +26,7 @@ def tables(result: dict[str, Any]) -> list[Table]:
         factor = case["real_time_factor"]
         share = case.get("share_of_ceiling")
         memory = case.get("memory", {}).get("bytes_per_twin")
-        cases.add_row(
+        cases.add(
             f"{case['what']}, {case['trainer']}" if "trainer" in case else case["what"],
             case["ground"] + ", randomised" * case["randomised"],
             f"{case['twins']}",
@@ -45,18 +44,18 @@ def tables(result: dict[str, Any]) -> list[Table]:
         for row in result["peers"]:
             verdict = "yes" if row in good else ", ".join([*row["dropped"], f"{row['finite']} finite"])
             name = f"{row['what']} {row['version']}"
-            peers.add_row(name, f"{row['worlds']}", _count(row.get("threads")), *_rates(row), verdict)
+            peers.add(name, f"{row['worlds']}", _count(row.get("threads")), *_rates(row), verdict)
         shown.append(peers)
     if result["ratios"]:
         compared = _table("", ("ratio", ""))
         for name, ratio in result["ratios"].items():
-            compared.add_row(name.replace("_", " "), f"{ratio:.3g}")
+            compared.add(name.replace("_", " "), f"{ratio:.3g}")
         shown.append(compared)
     if "startup" in result:
         startup = _table("Fresh processes", ("start-up", "s"))
         for name, value in result["startup"].items():
             if name.endswith("_s"):
-                startup.add_row(name.removesuffix("_s").replace("_", " "), f"{value:.2f}")
+                startup.add(name.removesuffix("_s").replace("_", " "), f"{value:.2f}")
         shown.append(startup)
     return shown
 
@@ -73,8 +72,5 @@ def _count(value: float | None) -> str:
     return "" if value is None else f"{value:,.0f}"
 
 
-def _table(title: str, columns: tuple[str, ...]) -> Table:
-    table = Table(title=title, title_justify="left", header_style="bold")
-    for index, column in enumerate(columns):
-        table.add_column(column, justify="right" if index else "left")
-    return table
+def _table(title: str, columns: tuple[str, ...]) -> Comparison:
+    return Comparison(title, columns, [])

@@ -125,10 +125,10 @@ def _shrinkage_summary(found: Sequence[Shrinkage]) -> Table:
     table = Table(
         title="Share of the gap that is gone, with its 90 % interval", title_justify="left", header_style="bold"
     )
-    table.add_column("manoeuvre")
-    table.add_column("part")
+    table.add_column("manoeuvre", overflow="fold")
+    table.add_column("part", overflow="fold")
     for signal in signals:
-        table.add_column(readable(signal), justify="right")
+        table.add_column(readable(signal), justify="right", overflow="fold")
     rows: dict[tuple[str, str], dict[str, str]] = {}
     for one in sorted(found, key=_kind):
         row = rows.setdefault((one.manoeuvre, KINDS[_kind(one)]), {})

@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
-from rich.table import Table
+from rich.markup import escape
+from rich.text import Text
 
 from aoro_gym.report import card, describe, interactive_plot, picture, show, write_page
 from aoro_gym.style import AMBER, BLUE, GREEN, INK, PLOT_STYLE, SHADE, SOFT
+from aoro_gym.terminal import Comparison
 from aoro_gym.validation.key_figures import FIGURES, SECOND_PEAK, STEADY, UNDERSHOOT_END
 from aoro_gym.validation.published import Row
 from aoro_gym.validation.study import TARGETS, Curve, Validation
@@ -112,42 +114,36 @@ def print_tables(console: Console, result: Validation) -> None:
     """Print the key figures of all turns, the checks and the notes."""
     shown = _columns_in_use(result)
     for direction in ("left", "right"):
-        table = Table(title=f"Full turns to the {direction}", title_justify="left", header_style="bold")
-        for index, column in enumerate(COLUMNS):
-            if index in shown:
-                table.add_column(column, justify="left" if index < 2 else "right", no_wrap=index < 2)
+        table = Comparison(f"Full turns to the {direction}", [COLUMNS[index] for index in shown], [], lead=2)
         for turn in (turn for turn in TURNS if turn.direction == direction):
             blank = [""] * (len(shown) - 1)
-            table.add_row(f"[bold]{turn.signal_percent:g} % signal[/]", *blank)
+            table.add(Text(f"{turn.signal_percent:g} % signal", style="bold"), *blank)
             for line in (line for line in lines(result, direction) if line.turn == turn):
-                cells = _cells(line)
+                cells: list[str | Text] = [*_cells(line)]
+                cells[0] = f"  {cells[0]}"
                 if line.mark is not None:
-                    cells[6] = f"[{'green' if line.mark else 'red'}]{cells[6]}[/]"
-                table.add_row(*(f"  {cells[0]}" if index == 0 else cells[index] for index in shown))
-            table.add_section()
+                    cells[6] = Text(str(cells[6]), style="green" if line.mark else "red")
+                table.add(*(cells[index] for index in shown))
         console.print(table)
-    table = Table(title="Checks", title_justify="left", header_style="bold")
-    for column in ("what", "value", "published", "bound", "unit", ""):
-        table.add_column(column, justify="right" if column in ("value", "published", "bound") else "left")
+    table = Comparison("Checks", ("what", "value", "published", "bound", "unit", ""), [])
     for check in result.checks:
-        mark = "[green]reached[/]" if check["reached"] else "[red]missed[/]"
-        table.add_row(*_check_cells(check), mark)
+        mark = Text("reached", style="green") if check["reached"] else Text("missed", style="red")
+        table.add(*_check_cells(check), mark)
     console.print(table)
     console.print(_verdict(result), highlight=False)
     for note in result.notes:
-        console.print(f"[yellow]note:[/] {note}", highlight=False)
+        console.print(f"[yellow]note:[/] {escape(note)}", highlight=False)
 
 
 def _verdict(result: Validation) -> str:
-    reached, of = result.reached()
     filtered, raw = result.misfit(), result.misfit("twin_raw")
-    text = f"{reached} of {of} figures of the published twin are within their bounds"
+    text = result.headline()
     if filtered is None or raw is None:
-        return text + "."
+        return text
     nearer = "filtered" if filtered <= raw else "unfiltered"
     return (
-        f"{text}; error over bound, root mean square: {filtered:.2f} filtered, {raw:.2f} unfiltered: with these "
-        f"parameters the published twin's curve agrees better {nearer}."
+        f"{text} Error over bound against the published twin, root mean square: {filtered:.2f} filtered, {raw:.2f} "
+        f"unfiltered: with these parameters its curve agrees better {nearer}."
     )
 
 

@@ -63,6 +63,39 @@ class Curve:
     high: NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class Miss:
+    """How far a figure of a turn is from a published one."""
+
+    figure: str
+    signal_percent: float
+    direction: str
+    error: float | None
+    """None where the twin has no such figure."""
+    kind: str
+    """``relative`` or ``difference``."""
+    bound: float
+
+    @property
+    def in_bounds(self) -> float:
+        """The error's size as a multiple of its bound."""
+        return math.inf if self.error is None else abs(self.error) / (self.bound + _SLACK)
+
+    @property
+    def words(self) -> str:
+        """Such as ``first peak at 50 %, +38.9 %``."""
+        from aoro_gym.report import describe
+
+        name, unit, _ = describe(self.figure)
+        if self.error is None:
+            miss = "not reached"
+        elif self.kind == "relative":
+            miss = f"{100.0 * self.error:+.1f} %"
+        else:
+            miss = f"{self.error:+.2f} {unit}"
+        return f"the {name} at {self.signal_percent:g} % signal, {miss}"
+
+
 @dataclass(frozen=True, eq=False)
 class Validation:
     """What :func:`validate` found; flows in L/min, times in s."""
@@ -111,6 +144,31 @@ class Validation:
             if mark is not None
         ]
         return sum(marks), len(marks)
+
+    def misses(self, reference: str, source: str = "twin") -> list[Miss]:
+        """How far the figures of ``source`` are from those of a published ``reference``, by the bounds of
+        :data:`TARGETS`; the farthest first, those that are not known before all."""
+        found = []
+        for item in self.errors:
+            if item["source"] != source or item["reference"] != reference:
+                continue
+            published_row = self.row(reference, Turn(item["direction"], item["signal_percent"]))
+            for name, (kind, bound) in TARGETS.items():
+                if published_row is None or published_row[name] is None:
+                    continue
+                error = item[kind][name]
+                found.append(Miss(name, item["signal_percent"], item["direction"], error, kind, bound))
+        return sorted(found, key=lambda one: -one.in_bounds)
+
+    def headline(self) -> str:
+        """How near the twin is to what was published: to the machine itself, and to its published twin."""
+        machine, twin = self.misses("physical"), self.misses("mevea")
+        near, near_twin = (sum(one.in_bounds <= 1.0 for one in misses) for misses in (machine, twin))
+        text = (
+            f"Full turns, by the same bounds: {near} of {len(machine)} figures of the published machine itself are met, and "
+            f"{near_twin} of {len(twin)} of its published twin"
+        )
+        return f"{text}. Farthest from the machine: {machine[0].words}." if machine else f"{text}."
 
     def misfit(self, source: str = "twin") -> float | None:
         """Root mean square of error over bound against the published twin; None where a figure is missing."""

@@ -14,7 +14,7 @@ from aoro_gym.sensors.chain import sample, turn_flow
 from aoro_gym.validation import FIGURES, key_figures_batch, validate
 from aoro_gym.validation.report import print_tables, write_report
 from aoro_gym.validation.study import TARGETS, Validation, noise_spread
-from aoro_gym.validation.turns import TURNS, run_turns
+from aoro_gym.validation.turns import TURNS, Turn, run_turns
 
 KEY = "steering.valve.spool_time_constant"
 
@@ -157,6 +157,23 @@ def test_tables(result):
     assert "104.4" in text
 
 
+def test_the_headline_names_the_machine_and_its_published_twin(result):
+    machine = result.misses("physical")
+    assert len(machine) == 25  # to the left all, to the right the time at full signal and what follows from it
+    # by hand, of the row of 50 %: the machine's first peak is 32.4 L/min
+    (peak,) = (one for one in machine if (one.figure, one.signal_percent) == ("first_peak_L_per_min", 50.0))
+    twin = result.row("twin", Turn("left", 50.0))
+    assert twin is not None and isinstance(twin["first_peak_L_per_min"], float)
+    assert peak.error == pytest.approx(twin["first_peak_L_per_min"] / 32.4 - 1.0)
+    assert peak.in_bounds == pytest.approx(abs(peak.error) / 0.05, rel=1e-6)
+    assert machine == sorted(machine, key=lambda one: -one.in_bounds)
+    met = sum(one.in_bounds <= 1.0 for one in machine)
+    assert f"{met} of 25 figures of the published machine itself" in result.headline()
+    assert f"{result.reached()[0]} of 21 of its published twin" in result.headline()
+    assert machine[0].words in result.headline()
+    assert sum(one.in_bounds <= 1.0 for one in result.misses("mevea")) == result.reached()[0]
+
+
 def test_a_report_without_second_machine_noise_and_ensemble(machine, tmp_path, monkeypatch):
     monkeypatch.setattr("aoro_gym.validation.study.motor_pressure_at", lambda *_, **__: np.array([np.nan]))
     plain = validate(machine, noise_runs=0)
@@ -188,5 +205,6 @@ def test_a_lost_twin_and_one_that_does_not_arrive_leave_blanks(machine, tmp_path
         assert result.noise[index]["turn_time_s"] == {"low90": None, "median": None, "high90": None}
     assert result.reached()[1] == 21
     assert result.reached()[0] <= 14
+    assert "at 75 % signal, not reached" in result.headline()
     write_report(result, tmp_path)
     print_tables(Console(file=io.StringIO()), result)
