@@ -584,6 +584,10 @@ def diagnose(
     commissioned: Annotated[
         bool, typer.Option("--commissioned", help="The machine file was fitted to this very machine.")
     ] = False,
+    check: Annotated[
+        bool,
+        typer.Option("--check", help="Read the logs, say what was read, in which units, what is missing; no more."),
+    ] = False,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")] = Path("diagnosis"),
     machine: MachineOption = MACHINE,
     set_: SetOption = None,
@@ -610,8 +614,12 @@ def diagnose(
     Writes DIR/diagnosis.json, DIR/report.html and a machine file for every cause that survives. A verdict of a cause is
     only as good as the blind check says (aoro-gym blind --help). Killed at any time, the same command goes on where it was.
 
+    --check reads LOGs and --healthy as a diagnosis would, says what it read, in which units, what is missing and what is
+    doubtful, and stops: with exit code 2 if a log is refused.
+
     [bold]Examples[/]
 
+      aoro-gym diagnose --check later/*.csv
       aoro-gym diagnose later/*.csv --healthy healthy --machine mine.toml --out diagnosis
       aoro-gym diagnose left.csv right.csv ramp.csv --holdout ramp
       aoro-gym diagnose later/*.csv --healthy healthy --device cuda:0
@@ -623,6 +631,11 @@ def diagnose(
 
         if bool(logs) == bool(metrics):
             raise ValueError("give LOGs or --metrics TABLE, and not both")
+        if check:
+            if metrics:
+                raise ValueError("--check reads LOGs, not --metrics TABLE; leave one out")
+            _check_logs([*(logs or []), *(path for one in healthy or [] for path in _logs_in(one))])
+            return
         if fit and holdout:
             raise ValueError("give --fit or --holdout, not both: what is not fitted is held out")
         check_writable(out / "diagnosis.json")
@@ -671,6 +684,24 @@ def diagnose(
     for item in summary(found):
         terminal.out().print(item)
     _say(written)
+
+
+def _check_logs(paths: list[Path]) -> None:
+    """Say what a diagnosis would read of every log; exit with 2 if it refuses one."""
+    from aoro_gym.diagnosis.recording import CHANNELS, read_log
+    from aoro_gym.recording.summary import describe
+
+    refused = 0
+    for path in paths:
+        try:
+            lines = describe(read_log(path), channels=CHANNELS)
+        except (ValueError, OSError) as error:
+            refused += 1
+            terminal.err().print(f"[bold red]error:[/] {escape(str(error))}", soft_wrap=True, highlight=False)
+            continue
+        terminal.out().print("\n".join(lines), soft_wrap=True, highlight=False, markup=False)
+    if refused:
+        raise ValueError(f"{refused} of {len(paths)} logs cannot be used")
 
 
 def _diagnose_table(

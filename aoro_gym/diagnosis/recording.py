@@ -13,7 +13,7 @@ from aoro_gym.recording import logs
 from aoro_gym.recording.logs import REST, TICK
 from aoro_gym.twin.records import Command
 
-__all__ = ["CHANNELS", "COMMANDS", "REST", "TICK", "Recording", "logs_in", "read_recording"]
+__all__ = ["CHANNELS", "COMMANDS", "REST", "TICK", "Recording", "logs_in", "read_log", "read_recording"]
 
 PURPOSE = "a diagnosis"
 
@@ -55,10 +55,15 @@ def read_recording(path: Path) -> Recording:
     Raises:
         ValueError: the log cannot be used; names the file, the line or column, the value, and what is needed.
     """
-    log = logs.read_recording(path, purpose=PURPOSE, commands=tuple(COMMANDS), channels=CHANNELS)
+    log = read_log(path)
     ticks = len(log.channels["joint_angle"]) - 1
     commands = np.stack([log.commands.get(name, np.zeros(ticks)) for name in COMMANDS], axis=1)
     return Recording(log.name, commands, log.channels, log.rest, log.start_angle, log.limitations, log.manifest)
+
+
+def read_log(path: Path) -> logs.Recording:
+    """A log as a diagnosis reads it, with what was read of it; ``ValueError`` as :func:`read_recording`."""
+    return logs.read_recording(path, purpose=PURPOSE, commands=tuple(COMMANDS), channels=CHANNELS)
 
 
 def logs_in(folder: Path) -> list[Path]:

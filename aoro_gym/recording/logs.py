@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from aoro_gym.recording.commands import COMMAND_BOUNDS, WHEELS
 from aoro_gym.recording.tables import Table, listed, read_table, shown
-from aoro_gym.recording.units import NamedQuantity, Unit, parse_name, splits
+from aoro_gym.recording.units import LONGEST_NAME, NamedQuantity, Unit, canonical, parse_name, splits
 
 Floats = NDArray[np.float64]
 
@@ -104,6 +104,7 @@ QUANTITIES: dict[str, Quantity] = {
 }  # fmt: skip
 """Everything that a log is asked for."""
 
+_FIRST_WORDS = tuple({base.split("_")[0] for one in QUANTITIES.values() for base in one.bases})
 _BY_BASE: dict[str, list[str]] = {}
 for _name, _one in QUANTITIES.items():
     for _base in _one.bases:
@@ -231,7 +232,7 @@ def find_quantities(names: Collection[str]) -> dict[str, list[tuple[str, NamedQu
     """Columns of each of :data:`QUANTITIES`, those with the project's own name first."""
     found: dict[str, list[tuple[str, NamedQuantity]]] = {}
     for name in names:
-        if name.lower().startswith("true_"):
+        if name.lower().startswith("true_") or not canonical(name[:LONGEST_NAME]).startswith(_FIRST_WORDS):
             continue
         asked = dict.fromkeys(key for split in splits(name) for key in _BY_BASE.get(split.base, ()))
         fitting = [(key, parse_name(name, QUANTITIES[key].bases, *QUANTITIES[key].dimensions)) for key in asked]
@@ -280,7 +281,7 @@ class _Reading:
         if unknown:
             self.note(f"unknown columns were not read: {listed(unknown)}")
         if unused:
-            self.note(f"{listed(unused)} not read, as {self.purpose} does not use them")
+            self.note(f"not read, as {self.purpose} has no use for it: {listed(unused)}")
         for key, ((name, quantity), *others) in found.items():
             wanted = key in ("time", "joint_angle", "steering_voltage") or key in commands or key in channels
             if not wanted and key in CHANNELS:
@@ -365,17 +366,18 @@ class _Reading:
         return self.columns[key].name not in self.table.unread
 
     def _check_sampling(self, time: Floats, keep: NDArray[np.intp], column: Column) -> None:
+        hint = f"{column.name} was read in {column.reading}"
         if not SHORTEST <= time[-1] <= LONGEST:
-            needs = f"{SHORTEST} s at least" if time[-1] < SHORTEST else f"six hours at most; {self._unit_hint(column)}"
+            needs = f"{SHORTEST} s at least" if time[-1] < SHORTEST else "six hours at most"
             raise ValueError(
-                f"{self.path} covers {time[-1]:.2f} s with {len(time)} samples; {self.purpose} needs {needs}"
+                f"{self.path} covers {time[-1]:.2f} s with {len(time)} samples; {self.purpose} needs {needs} ({hint})"
             )
         steps = np.diff(time)
         usual = float(np.median(steps))
         if usual > COARSEST:
             raise ValueError(
                 f"{self.path} has {1.0 / usual:.3g} samples a second; {self.purpose} needs {1.0 / COARSEST:.0f} at least: "
-                f"the first peak of a turn lasts a tenth of a second; {self._unit_hint(column)}"
+                f"the first peak of a turn lasts a tenth of a second ({hint})"
             )
         widest = int(np.argmax(steps))
         where = self.table.where(int(keep[widest]))
@@ -383,10 +385,6 @@ class _Reading:
             raise ValueError(f"{where}: a gap of {steps[widest]:.2f} s; split the log there, or log without gaps")
         if steps[widest] > 2.5 * usual:
             self.notes.append(f"{where}: a gap of {steps[widest]:.3f} s, bridged by a straight line")
-
-    def _unit_hint(self, column: Column) -> str:
-        unit = "seconds" if column.unit is None else column.unit.symbol
-        return f"{column.name} was read in {unit}"
 
     # -------------------------------------------------------------------------------------------------------- commands
 

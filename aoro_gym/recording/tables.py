@@ -772,6 +772,8 @@ class _Parquet:
     """Columns of a Parquet file."""
 
     path: Path
+    rows: int
+    """As its metadata say."""
 
     def texts(self, indices: Sequence[int]) -> None:
         return None
@@ -790,6 +792,10 @@ class _Parquet:
                 column = column.dictionary_decode()
         except (pyarrow.ArrowException, OSError, KeyError, UnicodeDecodeError) as error:
             raise ValueError(f"{self.path} is not a whole Parquet file: {_one_line(error)}") from None
+        if len(column) != self.rows:
+            raise ValueError(
+                f"{self.path} is not a whole Parquet file: column {shown(name)} has {len(column):,} of {self.rows:,} rows"
+            )
         return column
 
 
@@ -812,7 +818,7 @@ def _read_parquet(path: Path) -> Table:
             f"{path} has {rows:,} rows of {len(names):,} columns; more than {MOST_CELLS:,} cells or {MOST_COLUMNS:,} "
             "columns are not read"
         )
-    return Table(path, names, np.arange(1, rows + 1), Dialect(names=names, columns=len(names)), False, _Parquet(path))
+    return Table(path, names, np.arange(1, rows + 1), Dialect(names=names, columns=len(names)), False, _Parquet(path, rows))
 
 
 def _one_line(error: Exception) -> str:

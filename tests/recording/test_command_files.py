@@ -1,0 +1,63 @@
+"""Command files in every dialect and unit give the same manoeuvre."""
+
+import re
+
+import numpy as np
+import pytest
+
+from aoro_gym.manoeuvres import from_file
+from aoro_gym.recording.command_files import read_commands
+
+PLAIN = "time_s,steering_signal,gear\n0.1,0,1\n0.2,-0.5,1\n0.5,0.25,2\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        PLAIN,
+        PLAIN.replace(",", ";").replace(".", ","),
+        PLAIN.replace(",", "\t"),
+        "time_ms,steering_signal [%],gear\n100,0,1\n200,-50,1\n500,25,2\n",
+        "t/s,Steering signal (‰),Gear\n0.1,0,1\n0.2,-500,1\n0.5,250,2\n",
+        "time,steering_signal_V,gear\ns,V,1\n0.1,2.5,1\n0.2,3.5,1\n0.5,2.0,2\n",
+        "time,steering_signal_mV,gear,\n0.1,2500,1,\n0.2,3500,1,\n0.5,2000,2,\n",
+        PLAIN.replace("gear\n", "gear,remark,pressure_a_bar,true_spool\n").replace("1\n", "1,x,,nan\n").replace("2\n", "2,,,\n"),  # noqa: E501
+    ],
+)  # fmt: skip
+def test_dialects_and_units(tmp_path, text):
+    path = tmp_path / "commands.csv"
+    path.write_text(text, encoding="utf-8")
+    file = read_commands(path)
+    np.testing.assert_allclose(file.time, [0.1, 0.2, 0.5], atol=1e-15)
+    np.testing.assert_allclose(file.commands["steering_signal"], [0.0, -0.5, 0.25], atol=1e-15)
+    np.testing.assert_array_equal(file.commands["gear"], [1.0, 1.0, 2.0])
+    plan = from_file(path)
+    assert [segment.steps for segment in plan.segments] == [100, 100, 300]
+    assert plan.unread == (("remark",) if "remark" in text else ())
+
+
+def test_a_clock_since_1970_begins_with_its_first_row(tmp_path):
+    path = tmp_path / "commands.csv"
+    path.write_text("stamp,drive_signal\n" + "".join(f"{1777881600 * 10**9 + k * 10**8},0.{k}\n" for k in range(3)))
+    np.testing.assert_allclose(read_commands(path).time, [0.0, 0.1, 0.2])
+    assert [segment.steps for segment in from_file(path).segments] == [100, 100]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("time_s,stering_signal\n0,0\n1,1\n", "unknown column 'stering_signal'; did you mean 'steering_signal'?"),
+        ("time_s,steering_signal [furlong]\n0,0\n1,1\n", "is in 'furlong', which is no unit"),
+        ("time_s,drive_signal_percent\n0,0\n1,120\n", "line 3: drive_signal_percent = 1.2 is outside [-1, 1]"),
+        ("time_s,drive_signal\n0,0\n1,1_0\n", "line 3: drive_signal = '1_0' is not a finite number"),
+        ("time_s,drive_signal\n0,0\n1,\n", "line 3: drive_signal = '' is not a finite number: it is blank in 1 of 2"),
+        ("time_s,drive_signal\n0,0\n1777881600000000000,1\n", "these are nanoseconds since 1970"),
+        ("time_ms,time_us,drive_signal\n0,0,0\n1,1,1\n", "time_ms, time_us name the same quantity; leave one"),
+        ("drive_signal,steering_signal\n0,0\n1,1\n", "no column time_s, only drive_signal, steering_signal"),
+    ],
+)
+def test_faults_are_named(tmp_path, text, message):
+    path = tmp_path / "commands.csv"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=re.escape(message)):
+        from_file(path)
