@@ -14,7 +14,10 @@ loaded. :func:`load_policy` takes them only from those who say that they trust i
 
 from __future__ import annotations
 
+import errno
 import json
+import math
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.agents.controllers import Actions, Observations
+from aoro_gym.execution.files import read_json
 from aoro_gym.log import write_whole
 
 FORMAT = 1
@@ -90,10 +94,14 @@ class LearnedPolicy:
                 raise ValueError(f"layer {k} holds numbers that are not finite")
         if self.low.shape != (sizes[-1],) or self.high.shape != (sizes[-1],):
             raise ValueError(f"the network gives {sizes[-1]} actions, but {self.low.shape[0]} have bounds")
-        if self.normalisation is not None and self.normalisation.mean.shape != (sizes[0],):
-            raise ValueError(
-                f"the network takes {sizes[0]} numbers, but {self.normalisation.mean.shape[0]} are normalised"
-            )
+        if not (self.low <= self.high).all():
+            raise ValueError("the lower bound of an action is above the upper one")
+        if self.normalisation is not None:
+            for moment in (self.normalisation.mean, self.normalisation.variance):
+                if moment.shape != (sizes[0],):
+                    raise ValueError(f"the network takes {sizes[0]} numbers, but {len(moment)} are normalised")
+            if not (self.normalisation.variance >= 0.0).all():
+                raise ValueError("a variance of the normalisation is below 0")
 
     @property
     def sizes(self) -> list[int]:
@@ -170,34 +178,121 @@ class LearnedPolicy:
 
         Raises ValueError naming the file and what is wrong in it, OSError if there is none.
         """
-        from safetensors import SafetensorError
-        from safetensors.numpy import load
-
         numbers, about = path.with_suffix(".safetensors"), path.with_suffix(".json")
+        if path.is_file() and not about.is_file():
+            raise ValueError(f"{path} needs {about.name} beside it, which says what its numbers mean")
+        description = read_json(about)
         try:
-            description = json.loads(about.read_text(encoding="utf-8"))
-            if description["format"] != FORMAT:
-                raise ValueError(f"format is {description['format']}, but this version reads {FORMAT}")
-            arrays = load(numbers.read_bytes())
-            layers, normalisation = range(len(description["network"]["sizes"]) - 1), description["normalisation"]
-            return cls(
-                weights=tuple(arrays[f"layer{k}.weight"] for k in layers),
-                biases=tuple(arrays[f"layer{k}.bias"] for k in layers),
-                activation=description["network"]["activation"],
-                squashed=description["network"]["squashed"],
-                low=arrays["action.low"],
-                high=arrays["action.high"],
-                normalisation=None
-                if normalisation is None
-                else Normalisation(arrays["observation.mean"], arrays["observation.variance"], **normalisation),
-                environment=description["environment"],
-                layout={name: slice(*span) for name, span in description["observation"].items()},
-                training=description["training"],
+            fields, sizes, normalised = _read_description(description)
+        except ValueError as error:
+            raise ValueError(f"{about} is no policy's: {error}") from None
+        arrays = _read_numbers(numbers)
+        try:
+            normalisation = None
+            if normalised is not None:
+                mean, variance = (_array(arrays, f"observation.{name}", 1, np.float64) for name in ("mean", "variance"))
+                normalisation = Normalisation(mean, variance, **normalised)
+            found = cls(
+                weights=tuple(_array(arrays, f"layer{k}.weight", 2) for k in range(len(sizes) - 1)),
+                biases=tuple(_array(arrays, f"layer{k}.bias", 1) for k in range(len(sizes) - 1)),
+                low=_array(arrays, "action.low", 1),
+                high=_array(arrays, "action.high", 1),
+                normalisation=normalisation,
+                **fields,
             )
-        except KeyError as error:
-            raise ValueError(f"{about} or {numbers.name} lacks {error}") from error
-        except (SafetensorError, ValueError, TypeError) as error:
-            raise ValueError(f"{about} with {numbers.name} is no policy: {error}") from error
+            if found.sizes != sizes:
+                raise ValueError(f"its layers have the sizes {found.sizes}, not {_short(sizes)}")
+            return found
+        except ValueError as error:
+            raise ValueError(f"{numbers} is not the policy that {about.name} describes: {error}") from None
+
+
+def _read_description(content: Mapping[str, Any]) -> tuple[dict[str, Any], list[int], dict[str, float] | None]:
+    """Fields of a :class:`LearnedPolicy`, its sizes and the numbers of its normalisation, from a policy's
+    JSON.
+
+    Raises ValueError that names what is missing or wrong.
+    """
+    if _entry(content, "format", int) != FORMAT:
+        raise ValueError(f"format is {_short(content['format'])}, but this version reads {FORMAT}")
+    network = _entry(content, "network", dict)
+    sizes = _entry(network, "sizes", list)
+    if len(sizes) < 2 or not all(isinstance(one, int) and not isinstance(one, bool) and one > 0 for one in sizes):
+        raise ValueError(f"sizes is {_short(sizes)}, but must be two whole numbers or more, each above 0")
+    layout = {}
+    for name, span in _entry(content, "observation", dict).items():
+        whole = isinstance(span, list) and len(span) == 2 and all(type(end) is int for end in span)
+        if not whole or not 0 <= span[0] < span[1] <= sizes[0]:
+            raise ValueError(
+                f"observation {_short(name)} is {_short(span)}, but must be [first, end] in [0, {sizes[0]}]"
+            )
+        layout[name] = slice(*span)
+    normalised = None
+    if "normalisation" not in content:
+        raise ValueError("normalisation is missing; null stands for none")
+    if content["normalisation"] is not None:
+        found = _entry(content, "normalisation", dict)
+        normalised = {name: _positive(found, name) for name in ("epsilon", "clip")}
+    fields = {
+        "activation": _entry(network, "activation", str),
+        "squashed": _entry(network, "squashed", bool),
+        "environment": _entry(content, "environment", str),
+        "layout": layout,
+        "training": _entry(content, "training", dict),
+    }
+    return fields, sizes, normalised
+
+
+def _entry(content: Mapping[str, Any], name: str, kind: type) -> Any:
+    """An entry of the kind; ValueError if it is missing or another."""
+    kinds = {int: "a whole number", dict: "an object", list: "a list", str: "text", bool: "true or false"}
+    if name not in content:
+        raise ValueError(f"{name} is missing")
+    if type(content[name]) is not kind:
+        raise ValueError(f"{name} is {_short(content[name])}, but must be {kinds[kind]}")
+    return content[name]
+
+
+def _positive(content: Mapping[str, Any], name: str) -> float:
+    value = content.get(name)
+    try:
+        number = float(value) if type(value) in (int, float) else math.nan  # pyright: ignore[reportArgumentType]
+    except OverflowError:
+        number = math.inf
+    if not 0.0 < number < math.inf:
+        raise ValueError(f"{name} is {_short(value)}, but must be a finite number above 0")
+    return number
+
+
+def _short(value: Any) -> str:
+    """What a file holds, for a message."""
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:40]}... ({len(text)} characters)"
+
+
+def _read_numbers(file: Path) -> dict[str, NDArray[Any]]:
+    """Arrays by name; ValueError that names the file if it holds none, OSError if there is none."""
+    from safetensors.numpy import load
+
+    content = file.read_bytes()
+    try:
+        return load(content)
+    except Exception as error:  # of a foreign library, for whatever bytes
+        raise ValueError(f"{file} is no .safetensors: {_short(str(error))}") from None
+
+
+def _array(arrays: Mapping[str, NDArray[Any]], name: str, dimensions: int, kind: Any = np.float32) -> NDArray[Any]:
+    """An array of finite numbers; ValueError if it is missing or another."""
+    if name not in arrays:
+        raise ValueError(f"{name} is missing")
+    found = arrays[name]
+    if found.ndim != dimensions or found.dtype.kind != "f":
+        raise ValueError(
+            f"{name} has shape {found.shape} and type {found.dtype}, but must be {dimensions}-dimensional floats"
+        )
+    if not np.isfinite(found).all():
+        raise ValueError(f"{name} holds numbers that are not finite")
+    return found.astype(kind, copy=False)
 
 
 def shipped_policies(environment: str) -> dict[str, Path]:
@@ -230,13 +325,17 @@ def _from_zip(path: Path) -> LearnedPolicy:
         raise ValueError(f"{path} needs {error.name}: pip install 'aoro-gym[agents]'") from error
     import pickle
 
-    data, parameters, _ = load_from_zip_file(path, device="cpu")
-    if data is None:
-        raise ValueError(f"{path} holds no policy of Stable-Baselines3")
-    policy = data["policy_class"](
-        data["observation_space"], data["action_space"], lambda _: 0.0, **data.get("policy_kwargs", {})
-    )
-    policy.load_state_dict(parameters["policy"])
+    if not path.is_file():
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
+    try:
+        data, parameters, _ = load_from_zip_file(path, device="cpu")
+        data = data or {}
+        policy = data["policy_class"](
+            data["observation_space"], data["action_space"], lambda _: 0.0, **data.get("policy_kwargs", {})
+        )
+        policy.load_state_dict(parameters["policy"])
+    except Exception as error:  # a pickle of whoever may fail with anything
+        raise ValueError(f"{path} holds no policy of Stable-Baselines3: {_short(str(error))}") from error
     normaliser = None
     for folder in (path.parent, path.with_suffix("")):
         if (folder / "vecnormalize.pkl").exists():

@@ -97,13 +97,41 @@ def test_loading_and_acting_need_no_torch(tmp_path):
     assert done.stdout.strip() == "(2, 1) False"
 
 
+DEEP = "[" * 100_000 + "]" * 100_000
+DIGITS = "9" * 400
+
+
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
         (lambda about: about.update(format=2), "format is 2, but this version reads 1"),
         (lambda about: about["network"].update(activation="swish"), "activation is 'swish'; choose one of: tanh, relu"),
-        (lambda about: about["network"].update(sizes=[8, 16, 12, 4, 1]), "lacks 'layer3.weight'"),
-        (lambda about: about.pop("normalisation"), "lacks 'normalisation'"),
+        (lambda about: about["network"].update(sizes=[8, 16, 12, 4, 1]), r"layer3\.weight is missing"),
+        (lambda about: about["network"].update(sizes=[8, 16, 13, 1]), r"has the sizes|have the sizes \[8, 16, 12, 1\]"),
+        (lambda about: about.pop("normalisation"), "normalisation is missing"),
+        (lambda about: about.pop("network"), "network is missing"),
+        (lambda about: about.update(network=[1, 2]), r"network is \[1, 2\], but must be an object"),
+        (lambda about: about["network"].update(sizes="8, 1"), "sizes is '8, 1', but must be a list"),
+        (lambda about: about["network"].update(sizes=[8]), r"sizes is \[8\], but must be two whole numbers or more"),
+        (lambda about: about["network"].update(sizes=[8, -1]), "each above 0"),
+        (lambda about: about["network"].update(sizes=[8, True]), "each above 0"),
+        (lambda about: about["network"].update(sizes=[8, 10**400]), "is not the policy that"),
+        (lambda about: about["network"].update(activation=["tanh"]), r"activation is \['tanh'\], but must be text"),
+        (lambda about: about["network"].update(squashed="no"), "squashed is 'no', but must be true or false"),
+        (lambda about: about.update(environment=None), "environment is None, but must be text"),
+        (lambda about: about.update(training=[]), "training is \\[\\], but must be an object"),
+        (lambda about: about.update(observation=[1]), r"observation is \[1\], but must be an object"),
+        (lambda about: about["observation"].update(target=7), r"observation 'target' is 7, but must be \[first, end\]"),
+        (lambda about: about["observation"].update(target=[3, 99]), r"must be \[first, end\] in \[0, 8\]"),
+        (
+            lambda about: about["normalisation"].update(clip=int(DIGITS)),
+            "clip is 9+... .400 characters., but must be a finite",
+        ),
+        (
+            lambda about: about["normalisation"].update(epsilon="small"),
+            "epsilon is 'small', but must be a finite number",
+        ),
+        (lambda about: about["normalisation"].pop("clip"), "clip is None"),
     ],
 )
 def test_what_is_wrong_in_a_file_is_named(spoil, message, tmp_path):
@@ -111,21 +139,111 @@ def test_what_is_wrong_in_a_file_is_named(spoil, message, tmp_path):
     description = json.loads(about.read_text())
     spoil(description)
     about.write_text(json.dumps(description))
-    with pytest.raises(ValueError, match=message):
-        LearnedPolicy.load(about)
+    with pytest.raises(ValueError, match=message) as caught:
+        load_policy(about)
+    assert str(tmp_path / "mine") in str(caught.value)
+    assert len(str(caught.value)) < len(str(tmp_path)) + 300
+
+
+@pytest.mark.parametrize(
+    "text", ["", "null", "[1, 2]", '"text"', DEEP, f'{{"format": {DIGITS * 20}}}', '{"format": NaN}', "\x00"]
+)
+def test_what_is_no_description_is_named(text, tmp_path):
+    _, about = network().save(tmp_path / "[/x] mine$")
+    about.write_text(text)
+    with pytest.raises(ValueError) as caught:
+        load_policy(about)
+    assert str(about) in str(caught.value)
+    assert len(str(caught.value)) < len(str(tmp_path)) + 300
 
 
 def test_broken_numbers_are_named(tmp_path):
-    numbers, _ = network().save(tmp_path / "mine")
-    numbers.write_bytes(b"nothing of the kind")
-    with pytest.raises(ValueError, match="is no policy"):
-        LearnedPolicy.load(numbers)
+    numbers, about = network().save(tmp_path / "mine")
+    whole = numbers.read_bytes()
+    for content in (b"", b"nothing of the kind", whole[:40], whole[:-4], b"\xff" * 16, (2**60).to_bytes(8, "little")):
+        numbers.write_bytes(content)
+        with pytest.raises(ValueError, match=r"mine\.safetensors is no \.safetensors"):
+            load_policy(numbers)
     with pytest.raises(OSError, match="another"):
         LearnedPolicy.load(tmp_path / "another.json")
+    about.unlink()
+    with pytest.raises(ValueError, match=r"mine\.safetensors needs mine\.json beside it"):
+        load_policy(numbers)
     with pytest.raises(ValueError, match="layer 1 holds numbers that are not finite"):
         policy = network()
         policy.weights[1][0, 0] = np.nan
         policy.__post_init__()
+
+
+@pytest.mark.parametrize(
+    ("name", "array", "message"),
+    [
+        ("layer0.weight", None, r"layer0\.weight is missing"),
+        ("layer0.weight", np.zeros((16, 8), dtype=np.int32), "type int32, but must be 2-dimensional floats"),
+        ("layer0.weight", np.zeros((16, 7), dtype=np.float32), "8 numbers|7 numbers|7 are|takes 7"),
+        ("layer0.bias", np.zeros((16, 1), dtype=np.float32), r"shape \(16, 1\)"),
+        ("action.low", np.full(1, 2.0, dtype=np.float32), "lower bound of an action is above"),
+        ("action.high", np.full(1, np.inf, dtype=np.float32), r"action\.high holds numbers that are not finite"),
+        ("observation.variance", np.full(8, -1.0), "a variance of the normalisation is below 0"),
+        ("observation.variance", np.full(9, 1.0), "takes 8 numbers, but 9 are normalised"),
+    ],
+)
+def test_numbers_of_another_policy_are_named(name, array, message, tmp_path):
+    from safetensors.numpy import load, save
+
+    numbers, _ = network().save(tmp_path / "mine")
+    arrays = {key: value for key, value in load(numbers.read_bytes()).items() if key != name}
+    numbers.write_bytes(save(arrays if array is None else {**arrays, name: array}))
+    with pytest.raises(ValueError, match=message) as caught:
+        load_policy(numbers)
+    assert str(numbers) in str(caught.value)
+
+
+def test_valid_neighbours_are_read(tmp_path, observations):
+    """Numbers as JSON may write them, a policy without normalisation or known columns, and doubles."""
+    from safetensors.numpy import load, save
+
+    numbers, about = network().save(tmp_path / "mine")
+    expected = load_policy(numbers)(observations)
+    description = json.loads(about.read_text())
+    description["normalisation"]["clip"] = 5  # a whole number, too
+    description["observation"] = {}
+    description["unknown"] = "is left alone"
+    about.write_text(json.dumps(description, indent=None))
+    np.testing.assert_array_equal(load_policy(about)(observations), expected)
+    wide = {name: array.astype(np.float64) for name, array in load(numbers.read_bytes()).items()}
+    numbers.write_bytes(save(wide))
+    np.testing.assert_array_equal(load_policy(about)(observations), expected)
+    description["normalisation"] = None
+    about.write_text(json.dumps(description))
+    assert load_policy(about).normalisation is None
+
+
+@pytest.mark.parametrize("examples", [60, pytest.param(10_000, marks=pytest.mark.slow)])
+def test_mutated_policies_are_refused_clearly(examples, tmp_path):
+    numbers, about = network().save(tmp_path / "mine")
+    files = {numbers: numbers.read_bytes(), about: about.read_bytes()}
+    rng = np.random.default_rng(examples)
+    for _ in range(examples):
+        file = (numbers, about)[rng.integers(2)]
+        content = bytearray(files[file])
+        for _ in range(rng.integers(1, 4)):
+            first = int(rng.integers(len(content)))
+            match rng.integers(3):
+                case 0:
+                    content[first] = rng.integers(256)
+                case 1:
+                    del content[first : first + int(rng.integers(1, 50))]
+                case _:
+                    content[first:first] = content[first // 2 : first // 2 + int(rng.integers(1, 50))]
+            content = content or bytearray(b" ")
+        file.write_bytes(bytes(content))
+        try:
+            load_policy(about)
+        except (ValueError, OSError) as error:
+            assert str(tmp_path / "mine") in str(error)
+            assert len(str(error)) < len(str(tmp_path)) + 400
+        file.write_bytes(files[file])
 
 
 def test_pickles_need_trust(tmp_path):
