@@ -20,6 +20,7 @@ TRAINERS = {"sb3": ALGORITHMS, "resident": ("ppo",)}
 
 PATH_HELP = "Path on it (.gpx .kml .kmz .geojson .csv). Default: generated, drivable ones."
 TRACK_HELP = "Which line of the --path's file, where it holds several: its name or number, N.N a part of it."
+PATH_CRS_HELP = "Coordinate reference system of the --path's coordinates, such as EPSG:32633."
 JOIN_GAPS_HELP = "Bridge gaps of the --path's recording by straight lines."
 
 
@@ -41,6 +42,7 @@ class TrainingPlan:
     path: str | None = option(None, "FILE", PATH_HELP)
     track: str | None = option(None, "NAME|N", TRACK_HELP)
     join_gaps: bool = option(False, None, JOIN_GAPS_HELP)
+    path_crs: str | None = option(None, "CRS", PATH_CRS_HELP)
     path_length: float = option(60.0, "M", "Of the paths that are generated on --terrain.")
     forests: int = option(12, "N", "Generated forests to learn on, where there is no --terrain.")
     machine: str = option("aoro", "NAME|FILE", "Bundled machine, or a machine file (.toml).")

@@ -27,7 +27,7 @@ from rich.text import Text
 from typer.core import TyperGroup
 
 from aoro_gym import __version__, terminal
-from aoro_gym.agents.training_plan import JOIN_GAPS_HELP, PATH_HELP, TRACK_HELP, TrainingPlan
+from aoro_gym.agents.training_plan import JOIN_GAPS_HELP, PATH_CRS_HELP, PATH_HELP, TRACK_HELP, TrainingPlan
 
 if TYPE_CHECKING:
     from aoro_gym.agents.evaluation import Episodes
@@ -858,6 +858,7 @@ def evaluate(
     ] = None,
     track: Annotated[str | None, typer.Option("--track", metavar="NAME|N", help=TRACK_HELP)] = None,
     join_gaps: Annotated[bool, typer.Option("--join-gaps", help=JOIN_GAPS_HELP)] = False,
+    path_crs: Annotated[str | None, typer.Option("--path-crs", metavar="CRS", help=PATH_CRS_HELP)] = None,
     path_length: Annotated[
         float, typer.Option("--path-length", metavar="M", help="Of the paths that are generated on --terrain.")
     ] = 60.0,
@@ -903,10 +904,10 @@ def evaluate(
         chosen = _machine(machine, set_, scale)
         _check_seed(seed)
         _check_device(device)
-        courses = _courses(env, terrain, path, path_length, track=track, join_gaps=join_gaps)
+        courses = _courses(env, terrain, path, path_length, track=track, join_gaps=join_gaps, path_crs=path_crs)
     made_by = _made_by(machine, set_, scale, device, seed)
     made_by |= {"terrain": None if terrain is None else str(terrain), "path": None if path is None else str(path)}
-    made_by |= {"track": track, "join_gaps": join_gaps}
+    made_by |= {"track": track, "join_gaps": join_gaps, "path_crs": path_crs}
     from aoro_gym.agents.evaluation_report import table, write_report
     from aoro_gym.agents.keeping import resumable
 
@@ -1909,6 +1910,7 @@ def _courses(
     *,
     track: str | None = None,
     join_gaps: bool = False,
+    path_crs: str | None = None,
 ) -> list[Course] | None:
     """Where to drive: a terrain from a file, with the path of a file or with paths that are generated; None leaves it to
     the environment.
@@ -1920,9 +1922,15 @@ def _courses(
         path_length: Of generated paths [m].
         track: Line of the path's file.
         join_gaps: Whether its gaps are bridged.
+        path_crs: Coordinate reference system of its coordinates.
     """
-    if path is None and (track is not None or join_gaps):
-        raise ValueError(f"{'--join-gaps' if track is None else '--track'} is for a path; give its file with --path")
+    for option, given in (
+        ("--track", track is not None),
+        ("--join-gaps", join_gaps),
+        ("--path-crs", path_crs is not None),
+    ):
+        if given and path is None:
+            raise ValueError(f"{option} is for a path; give its file with --path")
     if terrain is None and path is None:
         return None
     if env != "AORO/PathTracking-v0":
@@ -1942,11 +1950,13 @@ def _courses(
         paths = generated_paths(ground, length=path_length)
     else:
         on = ground if isinstance(ground, Terrain) else None
-        found, about = load_path(path, on, track=track, join_gaps=join_gaps)
+        found, about = load_path(path, on, track=track, join_gaps=join_gaps, crs=path_crs)
         if not terminal.is_quiet():
             terminal.err().print(escape(about.summary), highlight=False, soft_wrap=True)
         for warning in about.warnings:
             terminal.warn(warning)
+        if found.speed is not None:
+            terminal.warn(f"{path} gives speeds, which {env} does not follow: it drives at its working speed")
         paths = (found,)
     return [Course(ground, paths, name="level ground" if isinstance(ground, Plane) else ground.name)]
 
@@ -1954,7 +1964,8 @@ def _courses(
 def _training_courses(plan: TrainingPlan) -> tuple[list[Course] | None, list[Course] | None]:
     """Where to learn, and where to evaluate: other forests, or other paths over the same ground, or the only path."""
     terrain, path = (None if name is None else Path(name) for name in (plan.terrain, plan.path))
-    courses = _courses(plan.env, terrain, path, plan.path_length, track=plan.track, join_gaps=plan.join_gaps)
+    how = {"track": plan.track, "join_gaps": plan.join_gaps, "path_crs": plan.path_crs}
+    courses = _courses(plan.env, terrain, path, plan.path_length, **how)
     if plan.env != DRIVE:
         return None, None
     from aoro_gym.envs.courses import Course, forest_course, generated_paths

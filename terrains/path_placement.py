@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.terrains.extras import extra
-from aoro_gym.terrains.georeference import GEOGRAPHIC, axis_unit, from_world, horizontal, scale_factors, terrain_crs
+from aoro_gym.terrains.georeference import (
+    GEOGRAPHIC,
+    axis_unit,
+    from_world,
+    horizontal,
+    scale_factors,
+    terrain_crs,
+    to_geographic,
+    utm_zone,
+)
 from aoro_gym.terrains.length_units import UNITS
 from aoro_gym.terrains.terrain import LARGEST_COORDINATE, Terrain
 from aoro_gym.terrains.tracks import Track, metres
@@ -81,7 +91,7 @@ def _check_degrees(track: Track, latitude: Array, longitude: Array) -> None:
         elif max(np.abs(latitude).max() / 90.0, np.abs(longitude).max() / 180.0) > 1e5:
             text += ": degrees times ten million?" if np.abs(values[worst]) < 1.8e9 else ""
         elif np.abs(values[worst]) > 360.0:
-            text += "; if the file is in metres, say crs='EPSG:...'"
+            text += "; if the file is in metres, say crs='EPSG:...' (--path-crs)"
         raise ValueError(text)
 
 
@@ -165,6 +175,7 @@ def _geographic(x: Array, y: Array, system: str) -> tuple[Array, Array]:
         )
     raise ValueError(
         f"its coordinates, such as {x[0]:.9g}, {y[0]:.9g}, lie outside of the area of {system}; give the right crs=..."
+        " (--path-crs)"
     )
 
 
@@ -179,7 +190,7 @@ def _from_metres(x: Array, y: Array, terrain: Terrain | None, notes: Notes) -> A
     if largest > LARGEST_COORDINATE:
         raise ValueError(
             f"its coordinates reach {largest:.9g} m, which are no local ones; give the terrain they belong to, or"
-            " crs='EPSG:...'"
+            " crs='EPSG:...' (--path-crs)"
         )
     return points
 
@@ -189,7 +200,7 @@ def _metres(x: Array, y: Array, terrain: Terrain) -> Array:
     points = np.stack([x, y], axis=1)
     origin = np.asarray(terrain.origin[:2])
     shifts = [np.zeros(2), origin] if origin.any() else [np.zeros(2)]
-    found = [text for text, reading in _other_readings(points, shifts) if _share_on(reading, terrain) >= SURE]
+    found = [text for text, reading in _other_readings(points, shifts, terrain) if _share_on(reading, terrain) >= SURE]
     for shift in shifts:
         reading = points - shift
         if _share_on(reading, terrain) > 0.0 or (not found and _apart(reading, terrain) == 0.0):
@@ -197,18 +208,41 @@ def _metres(x: Array, y: Array, terrain: Terrain) -> Array:
     apart = min(_apart(points - shift, terrain) for shift in shifts)
     advice = " or ".join(found) + ("; say which" if len(found) > 1 else "")
     if not found:
-        advice = "if its coordinates are in another system or unit, say crs='EPSG:...'"
+        advice = "if its coordinates are in another system or unit, say crs='EPSG:...' (--path-crs)"
     raise ValueError(f"it lies {metres(apart)} from terrain {terrain.name!r}: {advice}")
 
 
-def _other_readings(points: Array, shifts: Sequence[Array]) -> Iterator[tuple[str, Array]]:
+def _other_readings(points: Array, shifts: Sequence[Array], terrain: Terrain) -> Iterator[tuple[str, Array]]:
     """What the coordinates could be instead, with the points that this gives: as local and as world ones."""
+    for crs in _systems_around(terrain):
+        for text, (first, second) in (
+            ("", points.T),
+            ("interchanged and ", points.T[::-1]),
+        ):
+            with suppress(ValueError):  # outside of that system
+                reading = np.stack(from_world(terrain, first, second, crs=crs), axis=1)
+                what = "longitude and latitude" if crs == GEOGRAPHIC else crs
+                yield (
+                    f"they look like {text}{what}: {'exchange the two, and ' if text else ''}say crs={crs!r} (--path-crs)",
+                    reading,
+                )
     for shift in shifts:
         yield "x and y look interchanged: exchange the two in the file", points[:, ::-1] - shift
         for unit, size in UNITS.items():
             if unit != "m":
                 name = unit.replace("-", "")
                 yield f"they look like {unit}: name the columns x_{name} and y_{name}", points * size - shift
+
+
+def _systems_around(terrain: Terrain) -> list[str]:
+    """Systems in which people have coordinates there: degrees, Web Mercator, UTM zones."""
+    if terrain.crs is None:
+        return []
+    low, high = terrain.extent
+    latitude, longitude = (float(value) for value in to_geographic(terrain, *(0.5 * (low + high))[:2]))
+    zones = [utm_zone(latitude, longitude + 6.0 * side) for side in range(-2, 3)]
+    codes = [f"EPSG:{zone.to_epsg()}" for zone in zones]
+    return [GEOGRAPHIC, "EPSG:3857", *(code for code in codes if code != terrain.crs)]
 
 
 def _on_terrain(

@@ -33,6 +33,8 @@ TURN_REACH = 1.0
 """Length [m] before and after a place on which directions are compared, to tell whether the recording turns round."""
 TURN_COSINES = (-0.9, -0.7)
 """Of the angle between the directions on that length, and on twice of it: 154° and 134° apart."""
+NARROW_TURN_COSINE = -0.93
+"""Of the same on three times of it alone: a way back beside the way out, about a metre away."""
 
 STRAIGHT = 0.6
 """Share of a length driven by which it leads away where a recording turns round; where it stands and drifts, it does not."""
@@ -218,12 +220,19 @@ def _turns(points: Array, reach: float) -> list[int]:
         product = np.maximum(sizes[0] * sizes[1], 1e-12)
         return np.sum(back * ahead, axis=1) / product, *sizes
 
-    near, back, ahead = chords(reach)
-    wide, far_back, far_ahead = chords(2.0 * reach)
-    turning = (near < TURN_COSINES[0]) & (wide < TURN_COSINES[1])
-    for left, gone in ((inner, far_back), (s[-1] - inner, far_ahead)):
-        turning &= (left >= 0.5 * reach) & (gone >= STRAIGHT * np.minimum(left, 2.0 * reach))
-    turning = np.flatnonzero(turning)
+    def leads_away(length: float, back: Array, ahead: Array) -> NDArray[np.bool_]:
+        """Where something is driven on both sides, and goes somewhere."""
+        sides = ((inner, back), (s[-1] - inner, ahead))
+        return np.all(
+            [(left >= 0.5 * reach) & (gone >= STRAIGHT * np.minimum(left, length)) for left, gone in sides], axis=0
+        )
+
+    near, _, _ = chords(reach)
+    wide, back, ahead = chords(2.0 * reach)
+    sharp = (near < TURN_COSINES[0]) & (wide < TURN_COSINES[1]) & leads_away(2.0 * reach, back, ahead)
+    widest, back, ahead = chords(3.0 * reach)
+    narrow = (widest < NARROW_TURN_COSINE) & leads_away(3.0 * reach, back, ahead)
+    turning = np.flatnonzero(sharp | narrow)
     found: list[int] = []
     for group in np.split(turning, np.flatnonzero(np.diff(inner[turning]) > reach) + 1):
         if len(group):

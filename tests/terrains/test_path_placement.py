@@ -155,7 +155,15 @@ def test_world_metres_by_the_origin(tmp_path, terrain):
     assert "they look like km: name the columns x_km and y_km" in refusal(tmp_path, "E,N\n" + in_km, terrain)
     path, _ = loaded(tmp_path, "x_km,y_km\n" + in_km, terrain)
     np.testing.assert_allclose(path.points[0], world[0] - ORIGIN[:2], atol=1e-2)
-    other = pyproj.Transformer.from_crs(CRS, "EPSG:32634", always_xy=True).transform(*world.T)
+    for crs in ("EPSG:32634", "EPSG:32636", "EPSG:3857", "EPSG:4326"):
+        other = pyproj.Transformer.from_crs(CRS, crs, always_xy=True).transform(*world.T)
+        text = "E,N\n" + "".join(f"{x:.9f},{y:.9f}\n" for x, y in zip(*other, strict=True))
+        said = refusal(tmp_path, text, terrain)
+        what = "longitude and latitude" if crs == "EPSG:4326" else crs
+        assert f"they look like {what}: say crs='{crs}'" in said
+        path, _ = loaded(tmp_path, text, terrain, crs=crs)
+        np.testing.assert_allclose(path.points[0], world[0] - ORIGIN[:2], atol=1e-3)
+    other = pyproj.Transformer.from_crs(CRS, "EPSG:25830", always_xy=True).transform(*world.T)
     said = refusal(tmp_path, table(np.stack(other, axis=1), "E,N"), terrain)
     assert "if its coordinates are in another system or unit, say crs='EPSG:...'" in said
 

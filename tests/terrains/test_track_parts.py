@@ -164,6 +164,14 @@ def test_out_and_back_is_said_and_parted(tmp_path, noise, step):
         loaded(tmp_path, both, track=3)
 
 
+@pytest.mark.parametrize("beside", [0.1, 0.3, 0.6, 0.8])
+def test_a_way_back_close_beside_the_way_out_is_a_turn_on_the_spot(tmp_path, beside):
+    both = np.concatenate([straight(60.0, 0.5), straight(60.0, 0.5, start=(beside, 60.0), heading_deg=-90.0)])
+    with pytest.raises(ValueError, match=r"turns round on the spot at (59|60|61)\.\d m .* its 2 parts"):
+        loaded(tmp_path, both)
+    assert loaded(tmp_path, both, track=2).path.length == pytest.approx(60.0, abs=1.5)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_out_and_back_is_seen_through_noise(tmp_path, seed):
     both = np.concatenate([straight(60.0, 0.4), straight(60.0, 0.4)[::-1]])
