@@ -96,7 +96,8 @@ CHANNELS: dict[str, Quantity] = {
 QUANTITIES: dict[str, Quantity] = {
     "time": _quantity(
         "time_s", "time", "time", "t", "timestamp", "time_stamp", "stamp", "header_stamp", "datetime", "date_time", "utc",
-        "elapsed", "elapsed_time", "sim_time", "clock",
+        "time_utc", "utc_time", "timestamp_utc", "gps_time", "time_local", "local_time", "elapsed", "elapsed_time",
+        "sim_time", "clock",
     ),
     "steering_voltage": _quantity("steering_signal_V", "voltage", "steering_signal", "steering_voltage"),
     **{name: _quantity(name, "ratio", name) for name in COMMAND_BOUNDS},
@@ -180,6 +181,8 @@ def read_recording(
     if table.is_cut and len(table) > 1:
         notes.append(f"{table.where(-1)}: the file ends within a line; its last row was left out")
         table = table.without_last_row()
+    if table.dialect.passed_over:
+        notes.append(f"{path.name}: {table.dialect.passed_over} lines before the header were passed over")
     channels = {"joint_angle", *channels}
     reading = _Reading(table, purpose, notes)
     reading.find_columns(commands, channels)
@@ -234,18 +237,34 @@ def find_quantities(names: Collection[str]) -> dict[str, list[tuple[str, NamedQu
     for name in names:
         if name.lower().startswith("true_") or not canonical(name[:LONGEST_NAME]).startswith(_FIRST_WORDS):
             continue
-        asked = dict.fromkeys(key for split in splits(name) for key in _BY_BASE.get(split.base, ()))
-        fitting = [(key, parse_name(name, QUANTITIES[key].bases, *QUANTITIES[key].dimensions)) for key in asked]
-        # steering_signal is a share unless its unit is a voltage
-        known = [(key, one) for key, one in fitting if one is not None and one.unit is not None]
-        bare = [
-            (key, one) for key, one in fitting if one is not None and one.unit is None and key != "steering_voltage"
-        ]
-        for key, one in (known or bare)[:1]:
-            found.setdefault(key, []).append((name, one))
+        named = _named(name)
+        if named is not None:
+            found.setdefault(named[0], []).append((name, named[1]))
     for key, columns in found.items():
-        columns.sort(key=lambda column: column[0] != QUANTITIES[key].column)
+        fitting = [column for column in columns if not column[1].is_unknown]
+        found[key] = sorted(fitting or columns, key=lambda column: column[0] != QUANTITIES[key].column)
+    if "time" in found and found["time"][0][1].is_unknown and found["time"][0][1].base == "t":
+        del found["time"]  # T [°C]
     return found
+
+
+def _named(name: str) -> tuple[str, NamedQuantity] | None:
+    """The quantity that a column's name says; None if it is another one."""
+    parted = splits(name)
+    asked = dict.fromkeys(key for split in parted for key in _BY_BASE.get(split.base, ()))
+    fitting = [(key, parse_name(name, QUANTITIES[key].bases, *QUANTITIES[key].dimensions)) for key in asked]
+    found = [(key, one) for key, one in fitting if one is not None]
+    # steering_signal is a share unless its unit is a voltage
+    known = [(key, one) for key, one in found if one.unit is not None]
+    bare = [(key, one) for key, one in found if one.unit is None and key != "steering_voltage"]
+    # joint_angle_bar, drive_signal_V: a unit of something else
+    misfits = [
+        (key, NamedQuantity(split.base, None, split.unit_text))
+        for split in parted
+        for key in _BY_BASE.get(split.base, ())
+        if split.unit_text and key != "steering_voltage"
+    ]
+    return next(iter(known or bare or misfits), None)
 
 
 def _idle(commands: Mapping[str, Floats]) -> NDArray[np.bool_]:
@@ -341,7 +360,7 @@ class _Reading:
         left_out = np.setdiff1d(np.arange(len(time)), keep)
         where, share = self.table.where(int(left_out[0])), len(left_out) / len(time)
         is_sorted = bool(np.all(np.diff(time) >= 0.0))
-        if is_sorted and self._repeats(time, keep, left_out):
+        if self._repeats(time, keep, left_out):
             self.note(f"{len(left_out)} rows repeat another one in time and value, and were left out")
             return
         if share <= LEFT_OUT:
@@ -358,7 +377,9 @@ class _Reading:
 
     def _repeats(self, time: Floats, keep: NDArray[np.intp], left_out: NDArray[np.intp]) -> bool:
         """Whether every row that is left out says the same as the one kept at its instant."""
-        kept = keep[np.searchsorted(time[keep], time[left_out])]
+        kept = keep[np.minimum(np.searchsorted(time[keep], time[left_out]), len(keep) - 1)]
+        if not np.array_equal(time[kept], time[left_out]):
+            return False
         values = (self.numbers(key) for key in self.columns if key != "time" and self._is_loaded(key))
         return all(np.array_equal(one[left_out], one[kept]) for one in values)
 

@@ -14,7 +14,7 @@ import itertools
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import date
 from functools import cached_property
 from operator import itemgetter
@@ -30,7 +30,7 @@ SAMPLE = 1 << 16
 """Bytes at the begin of a file that tell its dialect."""
 SAMPLE_LINES = 200
 """Lines that tell it, at most; at least a tenth of them, however long they are."""
-LARGEST_FILE = 1 << 29
+LARGEST_FILE = 1 << 28
 """Bytes of a text file that is read as a table."""
 MOST_COLUMNS = 100_000
 """Columns of a table."""
@@ -71,7 +71,7 @@ class Dialect:
     is_header_comment: bool = False
     """Whether the names stand in a comment, so that they may be none."""
     passed_over: int = 0
-    """Lines before the header that are neither comments nor blank."""
+    """Lines of words before the header."""
 
 
 def sniff(sample: bytes, *, is_whole: bool = True) -> Dialect:
@@ -319,7 +319,7 @@ def _layout(lines: list[str], records: list[_Record], usual: int, separator: str
     rows = [record for record in records[start:] if _width(record, usual) == usual]
     return Dialect(
         encoding, separator, _decimal(cell for row in rows for cell in row.cells), tuple(names), usual, skip, count,
-        is_comment, header or 0,
+        is_comment, sum(1 for index in texts if header is not None and index < header),
     )  # fmt: skip
 
 
@@ -733,6 +733,8 @@ def _read_text(path: Path) -> Table:
     except ValueError as error:
         raise ValueError(f"{path} is not a CSV text file: {str(error).removeprefix('is not a text file: ')}") from None
     dialect = _find_dialect(text, encoding)
+    if dialect.separator != "," and not re.search(r"[0-9]\.[0-9]", text) and re.search(r"[0-9],[0-9]", text):
+        dialect = replace(dialect, decimal=",")  # whole numbers for long, as at rest
     names = dialect.names
     if not names:
         hint = "" if not text.strip() else f"; its first line is {shown(text.strip().splitlines()[0])}"
@@ -818,7 +820,9 @@ def _read_parquet(path: Path) -> Table:
             f"{path} has {rows:,} rows of {len(names):,} columns; more than {MOST_CELLS:,} cells or {MOST_COLUMNS:,} "
             "columns are not read"
         )
-    return Table(path, names, np.arange(1, rows + 1), Dialect(names=names, columns=len(names)), False, _Parquet(path, rows))
+    return Table(
+        path, names, np.arange(1, rows + 1), Dialect(names=names, columns=len(names)), False, _Parquet(path, rows)
+    )
 
 
 def _one_line(error: Exception) -> str:

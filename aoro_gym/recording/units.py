@@ -162,7 +162,7 @@ _SPELLINGS: dict[str, list[tuple[str, float]]] = {
         ("lbf lb lbs", 4.4482216152605),
     ],
     "pressure": [
-        ("bar bars", 1e5),
+        ("bar bars barg bar(g)", 1e5),
         ("mbar mbars millibar millibars", 1e2),
         ("MPa megapascal megapascals", 1e6),
         ("mPa", 1e-3),
@@ -371,7 +371,7 @@ def parse_name(name: str, bases: Container[str] | re.Pattern[str], *dimensions: 
         if not (bases.fullmatch(base) if isinstance(bases, re.Pattern) else base in bases):
             continue
         if not unit_text:
-            return misfit or NamedQuantity(base, None)
+            return NamedQuantity(base, None)
         unit = find_unit(unit_text, *dimensions)
         if unit is not None:
             return NamedQuantity(base, unit, unit_text)

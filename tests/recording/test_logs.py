@@ -188,9 +188,10 @@ def with_events() -> dict:
         ),
         (shuffled([*range(200), *range(206, 400)]), "a gap of 0.070 s, bridged"),
         (shuffled([k for k in range(400) for _ in range(2)]), "400 rows repeat another one in time and value"),
-        (shuffled([*range(100), *range(50, 400)]), "rows left out|sort them"),
+        (shuffled([*range(100), *range(50, 400)]), "50 rows repeat another one in time and value"),
+        ({**columns(), "time_s": np.r_[K[:200], K[:200]] / 100}, "sort them"),
     ],
-    ids=["events", "out of order", "gap", "all twice", "a stretch again"],
+    ids=["events", "out of order", "gap", "all twice", "a stretch again", "a clock that restarts"],
 )
 def test_calibrate_and_diagnose_leave_out_the_same_rows(tmp_path, plain, table, says):
     path = write(tmp_path / "log.csv", table)
@@ -312,3 +313,53 @@ def test_twenty_thousand_columns(tmp_path):
     found = read_recording(path)
     assert len(found.unread) == 20_000
     assert max(map(len, found.limitations)) < 300
+
+
+def test_a_log_that_stands_twice_in_its_file_is_read_once(tmp_path, plain):
+    found = read_recording(write(tmp_path / "log.csv", shuffled([*range(400), *range(400)])))
+    assert_same(found, plain)
+    assert found.limitations == ("log.csv: 400 rows repeat another one in time and value, and were left out",)
+
+
+def test_lines_before_the_header_are_passed_over_and_counted(tmp_path, plain):
+    path = write(tmp_path / "log.csv", columns(), separator=";", decimal=",")
+    path.write_text("Logger AX-7\nMachine;no. 3\n\n" + path.read_text(), encoding="utf-8")
+    found = read_recording(path)
+    assert_same(found, plain)
+    assert found.limitations == ("log.csv: 2 lines before the header were passed over",)
+
+
+def test_a_line_of_units_under_the_header(tmp_path, plain):
+    table = {
+        "Time": 1e3 * K / 100,
+        "Steering signal": 100 * columns()["steering_signal"],
+        "Joint angle": np.degrees(columns()["joint_angle_rad"]),
+        "Pressure A": 100 * columns()["pressure_a_bar"],
+    }
+    path = write(tmp_path / "log.csv", table, separator=";", decimal=",")
+    path.write_text(path.read_text().replace("\n", "\nms;%;°;kPa\n", 1), encoding="cp1252")
+    found = read_recording(path)
+    assert_same(found, plain)
+    assert found.limitations == ()
+
+
+def test_a_command_in_a_unit_of_something_else_is_not_passed_over(tmp_path):
+    path = write(tmp_path / "log.csv", {**columns(), "drive_signal_V": 2.5 + 0.0 * K})
+    with pytest.raises(ValueError, match="'drive_signal_V' is in 'V', which is no unit of this quantity"):
+        read_recording(path)
+
+
+def test_time_with_its_zone_in_brackets(tmp_path, plain):
+    table = columns()
+    del table["time_s"]
+    stamps = [f"2026-05-04T08:00:{k / 100:06.3f}" for k in K]
+    assert_same(read_recording(write(tmp_path / "log.csv", {"Time (UTC)": stamps, **table})), plain)
+
+
+@pytest.mark.parametrize("clock", ["time_s", "time", "t [s]"])
+def test_a_temperature_is_no_clock(tmp_path, plain, clock):
+    table = {"T [°C]": np.full(len(K), 41.0), **renamed(time_s=(clock, 1.0))}
+    found = read_recording(write(tmp_path / "log.csv", table))
+    assert_same(found, plain)
+    assert found.columns["time"].name == clock
+    assert found.limitations == ("log.csv: unknown columns were not read: T [°C]",)

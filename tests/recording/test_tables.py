@@ -322,3 +322,11 @@ def test_missing_and_binary_files(tmp_path):
         (tmp_path / name).write_bytes(b"\x89PNG\xff\xfe\x00")
         with pytest.raises(ValueError, match=f"is not a {what} file"):
             read_table(tmp_path / name)
+
+
+def test_a_decimal_comma_that_comes_late(tmp_path):
+    """A machine at rest writes whole numbers for long."""
+    path = tmp_path / "table.csv"
+    path.write_text("a;b\n" + "0;0\n" * 500 + "1,5;-0,25\n")
+    table = read_table(path)
+    assert (table["a"][-1], table["b"][-1]) == (1.5, -0.25)
