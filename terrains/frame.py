@@ -64,8 +64,6 @@ class Request:
                 object.__setattr__(self, key, named.name)
         if self.band is not None and not (isinstance(self.band, int) and self.band >= 1):
             raise TerrainError(f"band = {self.band!r} must be a positive integer: bands are counted from 1")
-        if self.nodata is not None and not all(isinstance(value, int | float) for value in self.nodata):
-            raise TerrainError(f"nodata = {self.nodata!r} must be numbers")
         if self.up is not None and self.up not in UP:
             raise TerrainError(f"up = {self.up!r} is none of {', '.join(UP)}")
         if self.ground not in (None, "class", "filter", "all"):

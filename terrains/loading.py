@@ -22,7 +22,8 @@ from numpy.typing import ArrayLike
 
 from aoro_gym.execution.files import write_json, written_whole
 from aoro_gym.terrains.check import SMALLEST_PIECE, Report, TerrainError, measure
-from aoro_gym.terrains.frame import GroundRule, Request
+from aoro_gym.terrains.frame import FARTHEST, GroundRule, Request
+from aoro_gym.terrains.georeference import MOST_SCALE_ERROR, axis_unit, horizontal, scale_factors
 from aoro_gym.terrains.ground import Ground
 from aoro_gym.terrains.ground_filter import ground_points
 from aoro_gym.terrains.heights import Heights
@@ -39,6 +40,8 @@ CLOUDS = (".las", ".laz")
 TEXTS = (".xyz", ".csv", ".txt", ".pts", ".asc_xyz")
 MESHES = (".ply", ".obj", ".stl", ".glb", ".gltf", ".off", ".3mf", ".dae")
 ARRAYS = (".npy",)
+MOST_BYTES_BESIDE = 50_000_000
+"""Largest report beside a mesh that is read."""
 
 
 class Loaded(NamedTuple):
@@ -109,10 +112,15 @@ def load(
         hole_limit=hole_limit,
         spike_limit=spike_limit,
         ground=ground,
-        nodata=None if nodata is None else tuple(float(value) for value in np.atleast_1d(nodata)),
+        nodata=_numbers(nodata),
         band=band,
         progress=progress,
     )
+    if crs is not None:
+        try:
+            horizontal(crs)
+        except ValueError as error:
+            raise TerrainError(str(error)) from None
     path = Path(source) if isinstance(source, str | os.PathLike) else None
     report = Report(source=str(path) if path else "array of heights")
     if up is not None:
@@ -130,7 +138,7 @@ def load(
             friction,
             rolling_resistance,
             name or (path.stem if path else "heights"),
-            _report_beside(path),
+            _report_beside(path, report),
         )
     except TerrainError:
         raise
@@ -156,6 +164,13 @@ def save(loaded: Loaded, path: Path) -> list[Path]:
     return [path, beside]
 
 
+def _numbers(nodata: Sequence[float] | float | None) -> tuple[float, ...] | None:
+    try:
+        return None if nodata is None else tuple(float(value) for value in np.atleast_1d(nodata))
+    except (TypeError, ValueError):
+        raise TerrainError(f"nodata = {f'{nodata!r}'[:80]} must be a number, or several") from None
+
+
 def _read(path: Path | None, source: Any, request: Request, report: Report) -> Ground:
     if path is None:
         return read_heights(source, request, report)
@@ -177,9 +192,18 @@ def _read(path: Path | None, source: Any, request: Request, report: Report) -> G
 
 def _read_array(path: Path, request: Request, report: Report) -> Ground:
     try:
-        array = np.load(path, allow_pickle=False)
+        array = np.load(path, mmap_mode="r", allow_pickle=False)  # holds what the header claims against the file's size
+    except OSError:
+        raise
     except Exception as error:  # whatever numpy finds wrong with a broken file
-        raise TerrainError(f"{path}: cannot be read as an array: {error}") from None
+        text = " ".join(str(error).split())[:200] or type(error).__name__
+        raise TerrainError(f"{path}: cannot be read as an array: {text}") from None
+    if not isinstance(array, np.ndarray):
+        names = ", ".join(array.files[:8])
+        array.close()
+        raise TerrainError(
+            f"{path}: it is an archive of arrays ({names[:150]}), not one; save the heights with numpy.save"
+        )
     return read_heights(array, request, report)
 
 
@@ -226,16 +250,61 @@ def _without_obstacles(heights: Heights, request: Request) -> tuple[Heights, int
     return heights.replaced(z), int((~mask).sum())
 
 
-def _report_beside(path: Path | None) -> dict[str, Any] | None:
-    """Origin and coordinate system in the report that ``save`` wrote beside a mesh; None without one."""
+def _report_beside(path: Path | None, report: Report) -> dict[str, Any] | None:
+    """Origin and coordinate system in the report that ``save`` wrote beside a mesh.
+
+    None without one, or, with a warning, if it says nothing of use. Some other program's file is no report.
+    """
     if path is None or path.suffix.lower() != ".ply":
         return None
+    beside = path.with_suffix(".json")
+    if not beside.exists():
+        return None
+    ignored = f"{beside} is passed over, so the place on Earth is unknown:"
     try:
-        content = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
-        x, y, z = (float(value) for value in content["origin_m"])
-        return {"origin": (x, y, z), "crs": content["crs"]} if content["crs"] is not None else None
-    except (OSError, ValueError, TypeError, KeyError):
-        return None  # some other file, or none
+        if beside.stat().st_size > MOST_BYTES_BESIDE:
+            report.warnings.append(f"{ignored} it is larger than {MOST_BYTES_BESIDE / 1e6:.0f} MB")
+            return None
+        content = json.loads(beside.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        text = "too deep" if isinstance(error, RecursionError) else " ".join(str(error).split())[:150]
+        report.warnings.append(f"{ignored} it cannot be read as JSON ({text})")
+        return None
+    if not isinstance(content, dict) or "origin_m" not in content or content.get("crs") is None:
+        return None  # some other file, or of a terrain without a place
+    return _place(content, ignored, report)
+
+
+def _place(content: dict[str, Any], ignored: str, report: Report) -> dict[str, Any] | None:
+    """``origin`` and ``crs`` of a report, if they are."""
+    origin, crs = content["origin_m"], content["crs"]
+    numbers = isinstance(origin, list) and len(origin) == 3
+    numbers = numbers and all(isinstance(v, int | float) and not isinstance(v, bool) for v in origin)
+    if not numbers or not all(abs(value) <= FARTHEST for value in origin):  # False for NaN
+        text = f"{origin!r}"[:80]
+        report.warnings.append(f"{ignored} origin_m is {text}, but must be three finite numbers")
+        return None
+    try:
+        system = horizontal(crs) if isinstance(crs, str) else None
+    except ValueError as error:
+        report.warnings.append(f"{ignored} {error}")
+        return None
+    if system is None or not system.is_projected:
+        report.warnings.append(f"{ignored} crs is {f'{crs!r}'[:80]}, but must be the name of a projected system")
+        return None
+    x, y, z = (float(value) for value in origin)
+    metre = axis_unit(system)
+    factors = scale_factors(system, x / metre, y / metre)
+    if factors is None or max(abs(factor - 1.0) for factor in factors) > MOST_SCALE_ERROR:
+        far = (
+            "no place on Earth"
+            if factors is None
+            else f"where its lengths are {factors[1]:.3g} times those on the ground"
+        )
+        report.warnings.append(
+            f"{report.source} lies in {system.name} at ({x:.0f}, {y:.0f}) m, {far}; load its source again"
+        )
+    return {"origin": (x, y, z), "crs": crs}
 
 
 def _terrain(

@@ -36,6 +36,8 @@ UNRELATED = 1.2
 noise, 2 for a smooth surface, 1.3 to 1.8 for natural ground, 1.3 for a natural photograph."""
 NOISE, NOISE_SHARE = 0.25, 0.1
 """Standard deviation [m], and by the distance of neighbours, of the noise of a survey."""
+MUCH_NOISE = 0.1
+"""Standard deviation [m] of noise that is said where there is nothing else."""
 ENOUGH = 1_000_000
 """Heights whose neighbours are looked at."""
 BYTES = 1.4
@@ -92,6 +94,11 @@ def settle_heights(found: Ground, request: Request, report: Report, *, of_bytes:
     if slope <= UPRIGHT:
         if frame.z_known == "assumed" and report.kind != "heights":  # an array is in metres, as load says
             _note_doubt(report, unit, slope, others)
+            if of_bytes:
+                report.warnings.append(
+                    f"its values are bytes, as those of pictures and maps of classes; taken as heights in {unit}:"
+                    " z_units=... says it"
+                )
         return settled
     if frame.z_known == "declared":
         if others:
@@ -159,7 +166,15 @@ def _refuse_pictures(heights: Heights, request: Request, report: Report, of_byte
         return
     ratio, difference = found
     noise = difference * np.sqrt(np.pi) / 2.0  # of two values of the same normal distribution
-    if noise <= max(NOISE, NOISE_SHARE * heights.cell) or ratio > (BYTES if of_bytes else UNRELATED):
+    if ratio > (BYTES if of_bytes else UNRELATED):
+        return
+    if noise <= max(NOISE, NOISE_SHARE * heights.cell):
+        spread = float(np.subtract(*np.percentile(heights.z[heights.known], [84.0, 16.0]))) / 2.0
+        if noise > max(MUCH_NOISE, NOISE_SHARE * heights.cell) and spread < 1.2 * noise:
+            report.warnings.append(
+                f"neighbouring heights have nothing to do with each other: level ground under {noise:.2g} m of noise, or a"
+                " picture"
+            )
         return
     text = (
         f"neighbouring pixels have nothing to do with each other: they differ by {difference:.3g} m on average, those two"

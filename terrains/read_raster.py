@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+import sys
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.terrains.ascii_grid import check_ascii_grid
 from aoro_gym.terrains.bands import SAMPLE, Band, choose_band
 from aoro_gym.terrains.check import Report, TerrainError
 from aoro_gym.terrains.extras import extra
@@ -37,8 +41,14 @@ def read_raster(path: Path, request: Request, report: Report) -> Ground:
     """Heights of one band; voids are NaN, pixel centres are nodes."""
     rasterio = extra("rasterio", f"the elevation raster {path.name}")
     report.kind = "raster"
+    if path.suffix.lower() == ".asc":
+        check_ascii_grid(path)
     # Files beside it (mask, world file, metadata) are looked for by name, without a list of the folder.
-    with warnings.catch_warnings(), rasterio.Env(GDAL_DISABLE_READDIR_ON_OPEN="TRUE", CPL_LOG="/dev/null"):
+    with (
+        warnings.catch_warnings(),
+        _without_undecodable_messages(),
+        rasterio.Env(GDAL_DISABLE_READDIR_ON_OPEN="TRUE", CPL_LOG="/dev/null"),
+    ):
         warnings.simplefilter("ignore")  # what is not georeferenced is said below
         try:
             with rasterio.open(path, driver=SUFFIXES[path.suffix.lower()]) as data:
@@ -46,8 +56,26 @@ def read_raster(path: Path, request: Request, report: Report) -> Ground:
         except TerrainError:
             raise
         except Exception as error:  # whatever GDAL finds wrong with a broken file
-            text = " ".join(str(error).split())[:200] or type(error).__name__
+            text = " ".join(str(error.__cause__ or error).split())[:200] or type(error).__name__
+            if any(sign in text for sign in ("Read failed", "IReadBlock", "TIFFRead")):
+                text = f"its pixels cannot all be read, so it is cut off or broken; get it again ({text[-60:]})"
             raise TerrainError(f"{path}: cannot be read as a raster: {text}") from None
+
+
+@contextmanager
+def _without_undecodable_messages() -> Iterator[None]:
+    """Nothing on the terminal where GDAL quotes bytes of a broken file that rasterio cannot decode for its log."""
+    before = sys.unraisablehook
+
+    def hook(unraisable: Any) -> None:
+        if not issubclass(unraisable.exc_type, UnicodeDecodeError):
+            before(unraisable)
+
+    sys.unraisablehook = hook
+    try:
+        yield
+    finally:
+        sys.unraisablehook = before
 
 
 def _read(data: Any, request: Request, report: Report) -> Ground:
@@ -57,7 +85,9 @@ def _read(data: Any, request: Request, report: Report) -> Ground:
     place, crs = _placed(data, request, report)
     sides = math.hypot(place.a, place.d), math.hypot(place.b, place.e)
     if not (all(np.isfinite(tuple(place))) and abs(place.determinant) > 1e-9 * sides[0] * sides[1] > 0.0):
-        raise TerrainError(f"{report.source}: its pixels have no size: {tuple(place)[:6]}; it is broken")
+        raise TerrainError(
+            f"{report.source}: the place or the size of its pixels is no number: {tuple(place)[:6]}; it is broken"
+        )
     corners = np.array([place @ (x, y) for x in (0.5, data.width - 0.5) for y in (0.5, data.height - 0.5)])
     low, high = np.array([*corners.min(axis=0), 0.0]), np.array([*corners.max(axis=0), 0.0])
     spacing = math.sqrt(abs(place.determinant))
