@@ -180,7 +180,8 @@ def save_path(path: Path, file: str | os.PathLike[str], terrain: Terrain | None 
         if terrain is None or not placed:
             raise ValueError(f"{target}: GPX needs latitude and longitude; give a terrain with a crs, or write a .csv")
         around = slice(None) if not path.closed else [*range(len(x)), 0]
-        _write_gpx(target, path.name, *to_geographic(terrain, x[around], y[around]))
+        speed = None if path.speed is None else path.speed[around]
+        _write_gpx(target, path.name, *to_geographic(terrain, x[around], y[around]), speed)
         return
     if target.suffix.lower() != ".csv":
         raise ValueError(f"{target}: paths are written as .csv or .gpx")
@@ -197,13 +198,19 @@ def save_path(path: Path, file: str | os.PathLike[str], terrain: Terrain | None 
             writer.writerow([f"{value:.12g}" for value in row])
 
 
-def _write_gpx(target: File, name: str, latitude: Array, longitude: Array) -> None:
-    book = ElementTree.Element("gpx", version="1.1", creator="aoro-gym", xmlns="http://www.topografix.com/GPX/1/1")
+def _write_gpx(target: File, name: str, latitude: Array, longitude: Array, speed: Array | None) -> None:
+    garmin = "http://www.garmin.com/xmlschemas/TrackPointExtension/v2"  # GPX 1.1 itself has no speed
+    spaces = {"xmlns": "http://www.topografix.com/GPX/1/1", "xmlns:gpxtpx": garmin}
+    book = ElementTree.Element("gpx", version="1.1", creator="aoro-gym", attrib=spaces)
     track = ElementTree.SubElement(book, "trk")
     ElementTree.SubElement(track, "name").text = name
     segment = ElementTree.SubElement(track, "trkseg")
-    for north, east in zip(latitude, longitude, strict=True):
-        ElementTree.SubElement(segment, "trkpt", lat=f"{north:.9f}", lon=f"{east:.9f}")
+    for number, (north, east) in enumerate(zip(latitude, longitude, strict=True)):
+        point = ElementTree.SubElement(segment, "trkpt", lat=f"{north:.9f}", lon=f"{east:.9f}")
+        if speed is not None:
+            inner = ElementTree.SubElement(point, "extensions")
+            inner = ElementTree.SubElement(inner, "gpxtpx:TrackPointExtension")
+            ElementTree.SubElement(inner, "gpxtpx:speed").text = f"{speed[number]:.6g}"
     ElementTree.indent(book)
     write_bytes(target, ElementTree.tostring(book, encoding="utf-8", xml_declaration=True))
 

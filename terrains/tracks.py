@@ -17,8 +17,8 @@ LONGEST_NAME = 40
 """Characters of a file's word that a message repeats."""
 MOST_LISTED = 5
 """Candidates that a message lists."""
-EARTH_RADIUS = 6_371_000.0
-"""[m], for lengths in messages and for finding gaps."""
+EQUATOR_RADIUS, ECCENTRICITY_SQUARED = 6_378_137.0, 6.694_38e-3
+"""Of WGS 84 [m], [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +109,10 @@ def plan(track: Track) -> Array:
     middle = float(np.nanmedian(latitude))
     first = longitude[int(np.argmax(np.isfinite(longitude)))]
     east = (longitude - first + np.pi) % (2.0 * np.pi) - np.pi  # across the date line, too
-    return EARTH_RADIUS * np.stack([east * np.cos(middle), latitude - middle], axis=1)
+    flat = 1.0 - ECCENTRICITY_SQUARED * np.sin(middle) ** 2
+    across = EQUATOR_RADIUS / np.sqrt(flat)  # radii of curvature there, along the parallel and along the meridian
+    along = across * (1.0 - ECCENTRICITY_SQUARED) / flat
+    return np.stack([across * np.cos(middle) * east, along * (latitude - middle)], axis=1)
 
 
 def length(points: Array) -> float:

@@ -330,3 +330,12 @@ def test_a_decimal_comma_that_comes_late(tmp_path):
     path.write_text("a;b\n" + "0;0\n" * 500 + "1,5;-0,25\n")
     table = read_table(path)
     assert (table["a"][-1], table["b"][-1]) == (1.5, -0.25)
+
+
+def test_blank_cells_where_they_may_be(tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text("a,b\n1,2\n,3\nn/a,4\n5,x\n")
+    table = read_table(path)
+    np.testing.assert_array_equal(table.numbers_or_blank("a"), [1.0, np.nan, np.nan, 5.0])
+    with pytest.raises(ValueError, match="line 5: b = 'x' is not a"):
+        table.numbers_or_blank("b")
