@@ -834,7 +834,10 @@ def terrain(
 @app.command()
 def evaluate(
     env: Annotated[
-        str, typer.Option("--env", metavar="ID", help="AORO/PathTracking-v0 or AORO/Turning-v0.")
+        str,
+        typer.Option(
+            "--env", metavar="ID", show_default=False, help="AORO/PathTracking-v0, the default, or AORO/Turning-v0."
+        ),
     ] = "AORO/PathTracking-v0",
     policy: Annotated[
         list[str] | None,

@@ -16,6 +16,7 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 
 import aoro_gym
@@ -47,8 +48,11 @@ class Shown(NamedTuple):
         return [line for part in self.text.split("\n") for line in part.split("\r")]
 
 
-def in_terminal(*arguments: object, folder: Path, interrupt: str | None = None, limit: float = 300.0) -> Shown:
-    """Run the command under a pseudo-terminal; Ctrl-C is pressed once ``interrupt`` stands on the screen."""
+def in_terminal(
+    *arguments: object, folder: Path, interrupt: str | None = None, after: float = 0.0, limit: float = 600.0
+) -> Shown:
+    """Run the command under a pseudo-terminal; Ctrl-C is pressed ``after`` so many seconds once ``interrupt`` stands on the
+    screen."""
     master, slave = pty.openpty()
     fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, COLUMNS, 0, 0))
 
@@ -62,7 +66,7 @@ def in_terminal(*arguments: object, folder: Path, interrupt: str | None = None, 
         command, stdin=slave, stdout=slave, stderr=slave, cwd=folder, env=environment, preexec_fn=lead, close_fds=True
     )
     os.close(slave)
-    found, until = b"", time.monotonic() + limit
+    found, until, press = b"", time.monotonic() + limit, None
     while True:
         ready, _, _ = select.select([master], [], [], max(0.0, min(1.0, until - time.monotonic())))
         if ready:
@@ -74,9 +78,11 @@ def in_terminal(*arguments: object, folder: Path, interrupt: str | None = None, 
                 break
             found += part
             if interrupt is not None and interrupt in found.decode(errors="replace"):
-                os.write(master, b"\x03")
-                interrupt = None
-        elif time.monotonic() > until:
+                interrupt, press = None, time.monotonic() + after
+        if press is not None and time.monotonic() >= press:
+            os.write(master, b"\x03")
+            press = None
+        if time.monotonic() > until:
             os.killpg(process.pid, signal.SIGKILL)
             break
     os.close(master)
@@ -93,26 +99,148 @@ def in_pipe(*arguments: object, folder: Path, **environment: str) -> subprocess.
 
 TINY = ("--steps", 500, "--n-envs", 2, "--checkpoint-every", 250, "--eval-episodes", 1, "--param", "batch_size=64")
 """A training that is over at once."""
+TURNING = ("--env", "AORO/Turning-v0")
+BOXES = "│┃┏┡└┌╭"
 
 
-def test_a_training_in_a_terminal(tmp_path):
-    pytest.importorskip("stable_baselines3")
-    shown = in_terminal("train", *TINY, "--out", "run", folder=tmp_path)
+def checked(shown: Shown) -> str:
+    """Text of a command that went well: no table is wider than the terminal, or cut."""
     assert shown.code == 0, shown.text
-    assert "--:--" in shown.text  # before anything is known
-    assert re.search(r"learning .* \d+ % +\d+:\d\d", shown.text), shown.text
-    assert re.search(r"of 500 steps, [\d,]+ a second", shown.text)
-    assert "wrote run/best.json" in shown.text
-    assert max(map(len, shown.lines)) <= COLUMNS
+    assert "Traceback" not in shown.text
+    tables = [line for line in shown.lines if line[:1] in BOXES and line]
+    for line in tables:
+        assert len(line) <= COLUMNS, line
+        assert "…" not in line, line
+    return shown.text
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory) -> Path:
+    """A folder in which a policy was trained in ``run``, in a terminal."""
+    pytest.importorskip("stable_baselines3")
+    folder = tmp_path_factory.mktemp("trained")
+    (folder / "shown.txt").write_text(checked(in_terminal("train", *TINY, "--out", "run", folder=folder)))
+    return folder
+
+
+def test_a_training_in_a_terminal(trained):
+    text = (trained / "shown.txt").read_text()
+    assert "--:--" in text  # before anything is known
+    assert re.search(r"learning .* \d+ % +\d+:\d\d", text), text
+    assert re.search(r"of 500 steps, [\d,]+ a second", text)
+    assert "success rate" in text
+    assert "wrote run/best.json" in text
 
 
 def test_a_simulation_in_a_terminal(tmp_path):
     shown = in_terminal("simulate", "-m", "left", "--duration", 1, "--out", "log.csv", folder=tmp_path)
-    assert shown.code == 0, shown.text
+    assert "wrote log.csv" in checked(shown)
     assert ERASED in shown.raw
-    assert "wrote log.csv" in shown.text
     assert max(map(len, shown.lines)) <= COLUMNS
     quiet = in_terminal("simulate", "-m", "left", "--duration", 1, "--out", "log.csv", "--quiet", folder=tmp_path)
-    assert quiet.code == 0
+    assert "wrote log.csv" in checked(quiet)
     assert ERASED not in quiet.raw
-    assert "wrote log.csv" in quiet.text
+
+
+COMMANDS: list[tuple[str, tuple[object, ...]]] = [
+    ("parameters", ("parameters", "steering")),
+    ("effects", ("parameters", "--effects")),
+    ("drive", ("simulate", "-m", "drive", "--duration", 1, "--out", "[/x] $a$.csv")),
+    ("demo", ("demo",)),
+    ("validate", ("validate", "--ensemble", "none")),
+    ("calibrate", ("calibrate", "--logs", "log.csv", "--starts", 1, "--population", 2, "--force")),
+    ("terrain", ("terrain", "ground.npy", "--cell", 1)),
+    ("evaluate", ("evaluate", *TURNING, "--episodes", 2)),
+    (
+        "evaluate a drive",
+        ("evaluate", "--terrain", "ground.npy", "--policy", "stanley", "--policy", "preview", "--episodes", 1),
+    ),
+    ("leaderboard", ("leaderboard", *TURNING, "--episodes", 2)),
+    ("curves", ("curves", "run")),
+    (
+        "gap",
+        ("gap", *TURNING, "--policy", "bang-bang", "--effect", "spool_lag=0.05", "--improved", "aoro", "--episodes", 2),
+    ),
+    (
+        "gap that retrains",
+        (
+            *("gap", *TURNING, "--policy", "run/best.json", "--effect", "spool_lag=0.05", "--improved", "aoro"),
+            *("--episodes", 1, "--retrain", 300),
+        ),
+    ),
+    ("export", ("export", "run/best.json")),
+    ("bench", ("bench", "--twins", "1,2", "--seconds", 0.02)),
+]
+
+
+@pytest.fixture(scope="module")
+def inputs(trained) -> Path:
+    """What commands are given, beside the training."""
+    heights = np.add.outer(np.zeros(121), 0.02 * np.arange(121.0))
+    np.save(trained / "ground.npy", heights)
+    made = in_pipe("simulate", "-m", "left", "--duration", 2.5, "--out", "log.csv", folder=trained)
+    assert made.returncode == 0, made.stderr
+    return trained
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "arguments"), [pytest.param(*one, id=one[0]) for one in COMMANDS])
+def test_commands_in_a_terminal_in_a_pipe_and_quiet(name, arguments, inputs):
+    if name == "export":
+        pytest.importorskip("onnx")
+    text = checked(in_terminal(*arguments, folder=inputs))
+    again = () if name in ("parameters", "effects") else ("--quiet",)
+    piped = in_pipe(*arguments, folder=inputs)
+    assert (piped.returncode, "\x1b" in piped.stdout + piped.stderr) == (0, False), piped.stderr
+    assert "Traceback" not in piped.stderr
+    quiet = in_terminal(*arguments, *again, folder=inputs)
+    checked(quiet)
+    assert ERASED not in quiet.raw
+    for written in re.findall(r"^wrote (.*)$", piped.stdout, re.MULTILINE):
+        assert written in text
+        assert written in quiet.text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("arguments", "goes_on"),
+    [
+        (("calibrate", "--logs", "log.csv", "--out", "c.toml"), "the same command goes on from where it stopped"),
+        (("diagnose", "log.csv", "--out", "d"), "the same command goes on from where it stopped"),
+        (("evaluate", *TURNING, "--episodes", 64, "--out", "e"), "the same command goes on from where it stopped"),
+        (("leaderboard", *TURNING, "--episodes", 64, "--out", "l"), "the same command goes on from where it stopped"),
+        (("blind", "seal", "--workers", 2, "--seed", 1, "suite"), "the same command goes on from where it stopped"),
+        (("train", "--steps", 100_000, "--n-envs", 2, "--out", "t"), "aoro-gym train --resume t goes on"),
+        (("validate", "--out", "v"), "the same command begins anew"),
+        (("bench", "--twins", 1), "the same command begins anew"),
+    ],
+)
+@pytest.mark.parametrize("after", [0.0, 4.0])
+def test_ctrl_c_ends_with_one_line(arguments, goes_on, after, inputs):
+    shown = in_terminal(*arguments, folder=inputs, interrupt="%", after=after)
+    if shown.code == 0:
+        pytest.skip("it was done before")
+    assert shown.code == 130, shown.text
+    assert "Traceback" not in shown.text and "Error" not in shown.text, shown.text
+    assert [line for line in shown.lines if line.strip()][-1] == f"interrupted: {goes_on}"
+
+
+@pytest.mark.slow
+def test_lines_of_a_diagnosis_in_a_pipe(inputs):
+    """At least one every 15 s, each with an estimate that is a number once two shares are known."""
+    began, times, lines = time.monotonic(), [], []
+    command = [sys.executable, "-m", "aoro_gym", "diagnose", "log.csv", "--out", "d2"]
+    process = subprocess.Popen(
+        command, cwd=inputs, env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stderr is not None
+    for line in process.stderr:
+        times.append(time.monotonic() - began)
+        lines.append(line.strip())
+        if len(lines) == 5:
+            process.send_signal(signal.SIGINT)
+    assert process.wait() == 130
+    assert lines[-1] == "interrupted: the same command goes on from where it stopped"
+    assert max(np.diff([0.0, *times[:5]])) < 15.0
+    assert all(re.fullmatch(r".+: \d+ %, (--:--|[\d:]+) left", line) for line in lines[:5]), lines
+    assert re.search(r"\d:\d\d left", lines[4])
