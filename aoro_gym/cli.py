@@ -836,7 +836,7 @@ def evaluate(
     env: Annotated[
         str,
         typer.Option(
-            "--env", metavar="ID", show_default=False, help="AORO/PathTracking-v0, the default, or AORO/Turning-v0."
+            "--env", metavar="ID", show_default=False, help="AORO/PathTracking-v0 by default, or AORO/Turning-v0."
         ),
     ] = "AORO/PathTracking-v0",
     policy: Annotated[
