@@ -219,6 +219,11 @@ def _find_plan(
                 f"{report.source}: units = {request.units!r}, but its crs counts in degrees; drop one of the two"
             )
         return _into_utm(request, report, system, low, high)
+    if system is not None and max(high[:2] - low[:2]) < 1.0 and np.all(np.abs([low[:2], high[:2]]) <= (180.0, 90.0)):
+        raise TerrainError(
+            f"{report.source}: coordinates from {low[:2].tolist()} to {high[:2].tolist()} look like degrees, but its crs"
+            f" ({system.name}) counts in {system.axis_info[0].unit_name}; give the right one, such as crs='EPSG:4326'"
+        )
     if request.units is not None:
         scale, text = UNITS[request.units], f"{request.units} (as asked)"
     elif system is not None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from aoro_gym.terrains.check import Report, TerrainError
-from aoro_gym.terrains.frame import Request
+from aoro_gym.terrains.frame import Known, Request
 from aoro_gym.terrains.ground import Ground
 from aoro_gym.terrains.heights import Heights
 from aoro_gym.terrains.length_units import UNITS, unit_named
@@ -92,30 +92,27 @@ def settle_heights(found: Ground, request: Request, report: Report, *, of_bytes:
         if not np.isclose(UNITS[reading.unit], frame.z_scale, rtol=1e-3)
     ]
     if slope <= UPRIGHT:
-        if frame.z_known == "assumed" and report.kind != "heights":  # an array is in metres, as load says
-            _note_doubt(report, unit, slope, others)
-            if of_bytes:
+        if report.kind != "heights":  # an array is in metres, as load says
+            _note_doubt(report, frame.z_known, unit, slope, others)
+            if of_bytes and frame.z_known == "assumed":
                 report.warnings.append(
                     f"its values are bytes, as those of pictures and maps of classes; taken as heights in {unit}:"
                     " z_units=... says it"
                 )
         return settled
-    if frame.z_known == "declared":
-        if others:
-            raise TerrainError(
-                f"{report.source}: its heights are declared as {unit}, but half of the ground would be steeper than"
-                f" {slope:.0f}°; {_listed(others)} would make a ground: say z_units=... (--z-units)"
-            )
-        return settled  # refused with the other figures
-    if len(others) == 1 and report.kind != "mesh":
+    if frame.z_known == "assumed" and report.kind != "mesh" and len(others) == 1:
         return _taken(settled, report, unit, slope, others[0])
-    if others:
-        raise TerrainError(
-            f"{report.source}: nothing is said of the unit of its heights, and half of the ground would be steeper than"
-            f" {slope:.0f}° in {unit}; by median slope, {_listed(others)} would make a ground: say z_units=..."
-            " (--z-units)" + _other_reasons(report, unit)
-        )
-    return settled  # refused with the other figures
+    if not others:
+        return settled  # refused with the other figures
+    said = (
+        f"its heights are declared as {unit}"
+        if frame.z_known == "declared"
+        else "nothing is said of the unit of its heights"
+    )
+    raise TerrainError(
+        f"{report.source}: {said}, and half of the ground would be steeper than {slope:.0f}° in {unit}; by median slope,"
+        f" {_listed(others)} would make a ground: say z_units=... (--z-units)" + _other_reasons(report, unit)
+    )
 
 
 def median_steepness(heights: Heights) -> float | None:
@@ -202,19 +199,21 @@ def _taken(found: Ground, report: Report, unit: str, slope: float, reading: Read
     return found.with_z_times(UNITS[reading.unit] / found.frame.z_scale)
 
 
-def _note_doubt(report: Report, unit: str, slope: float, others: list[Reading]) -> None:
-    """A warning where the unit of the plan makes a ground, but not one that is common."""
-    if slope >= DOUBTFUL:
-        gentler = [reading for reading in others if reading.slope_deg < slope]
-        if gentler:
-            report.warnings.append(
-                f"nothing is said of the unit of heights: {unit}, which makes half of the ground steeper than"
-                f" {slope:.0f}°; {_listed(gentler)} would be gentler: z_units=... says it"
-            )
-    elif 0.0 < slope < LEVEL and (steeper := [reading for reading in others if reading.unit == "km"]):
+def _note_doubt(report: Report, known: Known, unit: str, slope: float, others: list[Reading]) -> None:
+    """A warning where the unit makes a ground, but not one that is common."""
+    silent = f"nothing is said of the unit of heights: {unit}"
+    gentler = [reading for reading in others if reading.slope_deg < slope]
+    if known == "assumed" and slope >= DOUBTFUL and gentler:
         report.warnings.append(
-            f"nothing is said of the unit of heights: {unit}, in which the ground is level (median slope {slope:.2g}°);"
-            f" {_listed(steeper)} would be steeper: z_units=... says it"
+            f"{silent}, which makes half of the ground steeper than {slope:.0f}°; {_listed(gentler)} would be gentler:"
+            " z_units=... says it"
+        )
+    likely = "km" if known == "assumed" else "m"  # a level ground in metres is common
+    if 0.0 < slope < LEVEL and any(reading.unit == likely for reading in others):
+        said = silent if known == "assumed" else f"heights are declared as {unit}"
+        report.warnings.append(
+            f"{said}, in which the ground is level (median slope {slope:.2g}°); {_listed(others)} would be steeper:"
+            " z_units=... says it"
         )
 
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -65,17 +66,21 @@ def read_raster(path: Path, request: Request, report: Report) -> Ground:
 @contextmanager
 def _without_undecodable_messages() -> Iterator[None]:
     """Nothing on the terminal where GDAL quotes bytes of a broken file that rasterio cannot decode for its log."""
-    before = sys.unraisablehook
+    before = sys.unraisablehook, sys.excepthook
 
-    def hook(unraisable: Any) -> None:
-        if not issubclass(unraisable.exc_type, UnicodeDecodeError):
-            before(unraisable)
+    def unraisable(what: Any) -> None:
+        if not issubclass(what.exc_type, UnicodeDecodeError):
+            before[0](what)
 
-    sys.unraisablehook = hook
+    def uncaught(kind: type[BaseException], value: BaseException, trace: TracebackType | None) -> None:
+        if not issubclass(kind, UnicodeDecodeError):
+            before[1](kind, value, trace)
+
+    sys.unraisablehook, sys.excepthook = unraisable, uncaught  # rasterio's own code, in C, calls both
     try:
         yield
     finally:
-        sys.unraisablehook = before
+        sys.unraisablehook, sys.excepthook = before
 
 
 def _read(data: Any, request: Request, report: Report) -> Ground:

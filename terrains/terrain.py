@@ -93,7 +93,9 @@ class Terrain:
         if not whole.any():
             raise ValueError("terrain heights have no cell with four finite corners; there is no ground to stand on")
         faces = np.concatenate([np.stack([a, b, c], axis=1)[whole], np.stack([a, c, d], axis=1)[whole]])
-        used = np.unique(faces)
+        met = np.zeros(z.size, dtype=bool)
+        met[faces.ravel()] = True
+        used = np.flatnonzero(met)
         renumbered = np.zeros(z.size, dtype=np.int32)
         renumbered[used] = np.arange(len(used))
         cover = {"friction": friction, "rolling_resistance": rolling_resistance}

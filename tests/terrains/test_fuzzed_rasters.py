@@ -158,7 +158,8 @@ def test_many_damaged_files(tmp_path, kind):
 
 
 @pytest.mark.parametrize("name", sorted(path.name for path in CORPUS.glob("*")))
-def test_corpus(tmp_path, name):
+def test_corpus(tmp_path, capfd, name):
     file = tmp_path / name
     file.write_bytes((CORPUS / name).read_bytes())
     answer(file)
+    assert capfd.readouterr() == ("", "")

@@ -5,7 +5,7 @@ import pyproj
 import pytest
 
 from aoro_gym.terrains import Terrain
-from aoro_gym.terrains.georeference import from_world, to_geographic, to_local
+from aoro_gym.terrains.georeference import from_world, scale_factors, to_geographic, to_local
 
 CHABLAIS = (46.2, 6.8)  # latitude, longitude [deg], UTM zone 32
 
@@ -75,3 +75,39 @@ def test_shapes_broadcast():
 def test_refuses(crs, latitude, longitude, message):
     with pytest.raises(ValueError, match=message):
         to_local(ground(crs), latitude, longitude)
+
+
+@pytest.mark.parametrize(
+    ("crs", "longitude", "latitude"),
+    [
+        ("EPSG:32635", 27.0, 60.0),
+        ("EPSG:32635", 10.0, 60.0),
+        ("EPSG:2154", 3.0, 60.0),
+        ("EPSG:3413", -45.0, 50.0),
+        ("EPSG:4087", 10.0, 60.0),
+        ("EPSG:2227", -121.0, 37.7),
+    ],
+)
+def test_scale_factors(crs, longitude, latitude):
+    """Against PROJ's derivatives of the projection; ours are of geodesics 100 m long."""
+    system = pyproj.CRS.from_user_input(crs)
+    x, y = pyproj.Transformer.from_crs(system.geodetic_crs, system, always_xy=True).transform(longitude, latitude)
+    found = scale_factors(system, x, y)
+    assert found is not None
+    factors = pyproj.Proj(system).get_factors(longitude, latitude)
+    # between Tissot's axes, at most 11.25 degrees off them
+    assert found[0] == pytest.approx(
+        factors.tissot_semiminor, rel=0.04 * (1.0 - factors.tissot_semiminor / factors.tissot_semimajor) + 1e-4
+    )
+    assert found[1] == pytest.approx(
+        factors.tissot_semimajor, rel=0.04 * (factors.tissot_semimajor / factors.tissot_semiminor - 1.0) + 1e-4
+    )
+
+
+def test_scale_of_web_mercator():
+    """The sphere of its formulas on the ellipsoid: secant of the latitude, within 0.7 %."""
+    system = pyproj.CRS.from_epsg(3857)
+    x, y = pyproj.Transformer.from_crs(4326, 3857, always_xy=True).transform(24.0, 60.0)
+    found = scale_factors(system, x, y)
+    assert found == pytest.approx((2.0, 2.0), rel=7e-3)
+    assert scale_factors(pyproj.CRS.from_epsg(32635), 1e9, 1e9) is None

@@ -416,6 +416,44 @@ def test_a_declared_unit_that_makes_no_ground_is_refused(tmp_path):
     assert np.abs(errors(load(path, z_units="mm").terrain)).max() < 1e-5
 
 
+def test_a_declared_unit_that_makes_the_ground_level_is_doubted(tmp_path):
+    z = sampled(north_up())
+    path = write(tmp_path / "g.tif", [z], place=north_up(), change=lambda d: d.set_band_unit(1, "millimetre"))
+    _, report = load(path)
+    assert report.extent_m[2] == pytest.approx(np.ptp(z) * 1e-3, rel=1e-3)
+    assert any("declared as mm" in text and "m (" in text for text in report.warnings)
+
+
+def test_degrees_under_a_system_of_metres(tmp_path):
+    place = Affine(1e-5, 0.0, 24.0, 0.0, -1e-5, 60.0)
+    path = write(tmp_path / "g.tif", [sampled(north_up())], place=place)
+    with pytest.raises(TerrainError, match=r"look like degrees, but its crs .*EPSG:4326"):
+        load(path)
+    _, report = load(path, crs="EPSG:4326")
+    assert report.extent_m[1] == pytest.approx(N * 1e-5 * 111_412.0, rel=0.05)
+
+
+def test_a_broken_or_local_system_of_the_file(tmp_path):
+    """The caller's comes first; without it, the ground is local, and it is said."""
+    path = write(tmp_path / "g.tif", [sampled(north_up())], place=north_up(), crs='LOCAL_CS["site",UNIT["metre",1]]')
+    terrain, report = load(path)
+    assert terrain.crs is None
+    assert any("coordinate system is passed over" in text for text in report.warnings)
+    terrain, report = load(path, crs="EPSG:32635")
+    assert terrain.crs == "EPSG:32635"
+    assert report.warnings == []
+    with pytest.raises(TerrainError, match="crs 'EPSG:0' is unknown"):
+        load(path, crs="EPSG:0")
+
+
+def test_bytes_are_doubted(tmp_path):
+    path = write(tmp_path / "g.tif", [np.rint(sampled(north_up()))], place=north_up(), dtype="uint8")
+    terrain, report = load(path)
+    assert np.abs(errors(terrain)).max() <= 0.5
+    assert any("bytes" in text for text in report.warnings)
+    assert load(path, z_units="m").report.warnings == []
+
+
 def test_declarations_that_contradict_each_other(tmp_path):
     z = sampled(north_up())
     path = write(
