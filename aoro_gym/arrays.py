@@ -47,6 +47,9 @@ class Arrays:
             ) from error
         return cls(xp, torch.device(device))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _arrays_on, (None if self.on_host else str(self.device),)  # a module cannot be pickled
+
     def zeros(self, shape: int | tuple[int, ...], dtype: Any = None) -> Array:
         """Float64, unless ``dtype`` says otherwise."""
         return self.full(shape, 0, dtype)
@@ -109,6 +112,10 @@ class Arrays:
 
 HOST = Arrays()
 """NumPy."""
+
+
+def _arrays_on(device: str | None) -> Arrays:
+    return HOST if device is None else Arrays.torch(device)
 
 
 def namespace(*values: Any) -> Any:

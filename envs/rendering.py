@@ -56,6 +56,14 @@ class Renderer:
         self._newest = frames - 1
         self._window: Window | None = None
 
+    def traces(self) -> tuple[NDArray[np.float32], int]:
+        """What is kept of all sub-environments, for :meth:`take_up`."""
+        return self._history, self._newest
+
+    def take_up(self, traces: tuple[NDArray[np.float32], int]) -> None:
+        """Go on from the traces of another renderer."""
+        self._history, self._newest = traces
+
     def restart(self, where: NDArray[np.intp], traces: NDArray[np.float32]) -> None:
         """Forget the sub-environments ``where``; ``traces`` (channels, N) are their first."""
         self._history[:, :, where] = np.nan

@@ -18,6 +18,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from aoro_gym.arrays import HOST, Array, Arrays, floats, namespace
+from aoro_gym.envs.copying import copied, pickled
 from aoro_gym.envs.randomisation import variants
 from aoro_gym.envs.rendering import RENDER_MODES, Renderer
 from aoro_gym.envs.task import Outputs, Task, channel_row
@@ -194,6 +195,35 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             low += [term.low] * size
             high += [term.high] * size
         return spaces.Box(np.array(low, dtype=np.float32), np.array(high, dtype=np.float32))
+
+    # ---- copies ------------------------------------------------------------------------------------------------------
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> TwinVectorEnv:
+        return copied(self, memo)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return pickled(self)
+
+    def aliases(self, twin: Twin | None = None) -> tuple[Array, ...]:
+        """This environment's arrays that are the memory of its twin; as they are of another ``twin`` like it."""
+        if self.arrays.on_host and self.twin.device.is_cuda:  # these are copies of it
+            return ()
+        if twin is None and hasattr(self, "_outputs"):
+            return self._commands, self._status, self._outputs.values, self._outputs.state
+        twin = self.twin if twin is None else twin
+        return tuple(self.arrays.alias(array) for array in (twin.commands, twin.status_codes, twin.outputs, twin.state))
+
+    def copied_state(self) -> dict[str, Any]:
+        """Everything but the twin, for :meth:`restore_state`."""
+        traces = None if self._renderer is None else self._renderer.traces()
+        return {**{name: value for name, value in vars(self).items() if name != "twin"}, "_renderer": traces}
+
+    def restore_state(self, state: Mapping[str, Any]) -> None:
+        """Take up what :meth:`copied_state` gave; pictures are drawn anew."""
+        vars(self).update({**state, "_renderer": None})
+        if state["_renderer"] is not None:
+            self._renderer = Renderer(self.task, self.num_envs, self.twin.machine)
+            self._renderer.take_up(state["_renderer"])
 
     # ---- reset -------------------------------------------------------------------------------------------------------
 

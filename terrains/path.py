@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -77,6 +77,15 @@ class Path:
                 )
             speed.flags.writeable = False
             object.__setattr__(self, "speed", speed)
+
+    def __copy__(self) -> Path:
+        return self  # immutable
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Path:
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), tuple(getattr(self, entry.name) for entry in fields(self))  # read-only again, and checked
 
     @classmethod
     def spline(

@@ -44,6 +44,15 @@ class Plane:
             listed = ", ".join(f"{name} has {length}" for name, length in lengths.items())
             raise ValueError(f"terrain fields differ in length: {listed}; give each one value, or one a twin")
 
+    def __copy__(self) -> Plane:
+        return self  # immutable
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Plane:
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), tuple(getattr(self, entry.name) for entry in fields(self))  # read-only again, and checked
+
     @property
     def normal(self) -> NDArray[np.float64]:
         """Upward unit normal in the world's frame: (3,), or (N, 3) where slope or direction is an array."""

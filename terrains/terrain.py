@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -56,6 +56,15 @@ class Terrain:
             object.__setattr__(self, name, value)
         for name in ("friction", "rolling_resistance"):
             object.__setattr__(self, name, _multiplier(name, getattr(self, name), len(vertices)))
+
+    def __copy__(self) -> Terrain:
+        return self  # immutable
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Terrain:
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), tuple(getattr(self, entry.name) for entry in fields(self))  # read-only again, and checked
 
     @classmethod
     def from_heights(

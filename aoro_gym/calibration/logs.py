@@ -79,7 +79,7 @@ def read_recording(path: Path) -> Recording:
 
 def repeat(machine: Machine, recording: Recording, *, device: str = "cpu") -> dict[str, NDArray[np.float64]]:
     """What the twins of ``machine`` (N variants) log under a recording's commands: (F, N) a column, low-passed."""
-    twin = Twin(machine.num_variants, machine=machine, device=device)
+    twin = Twin(machine.num_variants, machine=machine, device=device, check_step=False)
     limit = np.asarray(machine.joint.range)
     twin.reset(joint_angle=np.clip(recording.start_angle, -limit, limit))
     parts: dict[str, list[NDArray]] = {column: [] for column in recording.channels}

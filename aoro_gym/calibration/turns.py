@@ -36,7 +36,7 @@ def population_figures(
     count = machine.num_variants
     out = np.empty((len(turns), len(FIGURES), count))
     for i, turn in enumerate(turns):
-        twin = Twin(count, machine=machine, device=device, substeps=substeps)
+        twin = Twin(count, machine=machine, device=device, substeps=substeps, check_step=False)
         twin.reset(joint_angle=-turn.sign * np.asarray(machine.joint.range))
         rest = twin.step({}, STANDSTILL, sample_every=SAMPLING)
         signal = turn.sign * turn.signal_percent / 100.0

@@ -296,7 +296,7 @@ def _launching(requests: Sequence[Request], device: str) -> Launching:
     machine = _stacked(requests)
     main, substeps = requests[0].steps
     of = {"device": device, "main_step": main, "substeps": substeps}
-    twin = Twin(total, machine=machine, terrain=_stacked_planes(requests), **of)
+    twin = Twin(total, machine=machine, terrain=_stacked_planes(requests), check_step=False, **of)
     limit = np.broadcast_to(np.asarray(machine.joint.range), total)
     twin.reset(joint_angle=np.clip(np.concatenate([request.start for request in requests]), -limit, limit))
 

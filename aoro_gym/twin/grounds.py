@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -59,6 +59,21 @@ class Grounds:
             raise ValueError(f"terrain {listed}; give a Plane, a Terrain, or a sequence of Terrains")
         self.count = len(terrains)
         self.device_struct, self._meshes = _terrains(terrains, num_twins, KINDS[kind], cell, gravity, device)
+
+    def standing(self) -> dict[str, npt.NDArray[Any]]:
+        """What each twin stands on, with its multipliers, for :meth:`stand`."""
+        out = {"twins": self.device_struct.twins.numpy().copy()}
+        if self.count:
+            sites = self.device_struct.terrains.numpy()
+            out["number"] = np.argmax(out["twins"]["first"][:, None] == sites["first"], axis=1)
+        return out
+
+    def stand(self, standing: Mapping[str, npt.NDArray[Any]]) -> None:
+        """Put the twins where others stood on the same grounds."""
+        twins, rows = self.device_struct.twins, standing["twins"].copy()
+        if self.count:
+            rows["mesh"] = self.device_struct.terrains.numpy()["mesh"][standing["number"]]  # an address
+        wp.copy(twins, wp.array(rows, dtype=twins.dtype, device=twins.device))
 
     def set_multipliers(
         self, chosen: npt.NDArray[np.int32], friction: npt.ArrayLike | None, rolling_resistance: npt.ArrayLike | None

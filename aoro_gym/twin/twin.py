@@ -20,6 +20,7 @@ from aoro_gym.terrains.raster import CELL
 from aoro_gym.terrains.terrain import Terrain
 from aoro_gym.twin import kernels
 from aoro_gym.twin.grounds import Grounds
+from aoro_gym.twin.hydraulic_step import check_hydraulic_step, warn_of_fine_step
 from aoro_gym.twin.parameters import Machine
 from aoro_gym.twin.records import CHANNELS, COMMAND_BOUNDS, Command, MachineRecord, Output, State, pack, row_of
 
@@ -34,6 +35,9 @@ FIRST = 8
 """Of the arguments of the kernel that advances: the number of the first twin."""
 WORTH_THREADS = 200
 """Twin-steps of a launch (about 4 µs each on a core) from which several CPU threads pay."""
+
+STATE_ARRAYS = ("_machines", "state", "commands", "_history", "_clock", "_status", "_outputs")
+"""What a twin's next steps depend on, beside its ground."""
 
 STATUS = {kernels.NON_FINITE: "its state became non-finite"}
 """Reasons for which a twin is frozen, by status code (0: running)."""
@@ -100,6 +104,9 @@ class Twin:
         main_step: Time step of the bodies [s].
         substeps: Hydraulic substeps a main step.
         gravity: [m/s²].
+        check_step: Refuse a hydraulic step at which the circuits of a machine are unstable, and warn
+            (:class:`~aoro_gym.twin.hydraulic_step.FineStepWarning`) of one so fine that rounding outweighs what it gains.
+            Off for populations of a search, which are judged by their results.
 
     Raises:
         ValueError: a value is out of its bound; the message names it.
@@ -119,6 +126,7 @@ class Twin:
         main_step: float = 1e-3,
         substeps: int = 30,
         gravity: float = 9.81,
+        check_step: bool = True,
     ):
         if not isinstance(num_twins, int | np.integer) or num_twins < 1:
             raise ValueError(f"num_twins is {num_twins}, but must be a whole number of at least 1")
@@ -138,6 +146,11 @@ class Twin:
         self.substeps = int(substeps)
         self.device = devices.find(device)
         _check_count("the machine", self.machine.num_variants, self.num_twins)
+        self._check_step = check_step
+        self._made = {"ground": ground, "cell": cell, "own_machines": own_machines, "gravity": gravity}
+        if check_step:
+            check_hydraulic_step(self.machine, self.main_step, self.substeps)
+            warn_of_fine_step(self.main_step, self.substeps, stacklevel=3)
         records = pack(self.machine)
         if own_machines:
             records = np.resize(records, self.num_twins)
@@ -164,6 +177,20 @@ class Twin:
         self._numbers = wp.zeros(n, dtype=int, device=self.device)
         with devices.compiling(self._reset_kernel, self.device, BLOCK_DIM):
             self.reset()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A copy goes on from the same state, to the bit; on another computer it needs the same device."""
+        made = {
+            **self._made,
+            "num_twins": self.num_twins,
+            "machine": self.machine,
+            "terrain": self.terrain,
+            "device": self.device.alias,
+            "main_step": self.main_step,
+            "substeps": self.substeps,
+        }
+        state = {name: getattr(self, name).numpy().copy() for name in STATE_ARRAYS}
+        return _restored, (type(self), made, self._check_step, self.threads, state, self._grounds.standing())
 
     @property
     def machines(self) -> wp.array:
@@ -432,7 +459,8 @@ class Twin:
             machine: One machine for all of them, or K variants.
 
         Raises:
-            ValueError: this twin shares one machine between all copies, or the numbers disagree.
+            ValueError: this twin shares one machine between all copies, the numbers disagree, or the circuits of a machine
+                are unstable at the twin's hydraulic step.
         """
         if self._machines.shape[0] != self.num_twins:
             raise ValueError(
@@ -440,6 +468,8 @@ class Twin:
             )
         chosen = self._chosen(indices)
         _check_count("the machine", machine.num_variants, max(len(chosen), 1))
+        if self._check_step:
+            check_hydraulic_step(machine, self.main_step, self.substeps, numbers=chosen)
         rows = np.resize(pack(machine), len(chosen))
         wp.launch(
             kernels.exchange,
@@ -476,6 +506,25 @@ class Twin:
         """Index and reason of every frozen twin; a reset revives it."""
         status = self.status
         return [(int(i), STATUS[int(status[i])]) for i in np.flatnonzero(status)]
+
+
+def _restored(
+    kind: type[Twin],
+    made: Mapping[str, Any],
+    check_step: bool,
+    threads: int,
+    state: Mapping[str, npt.NDArray[Any]],
+    standing: Mapping[str, npt.NDArray[Any]],
+) -> Twin:
+    """The twin that was made so, in the state that it was in."""
+    twin = kind(**made, threads=min(threads, cores()), check_step=False)  # it was checked when it was made
+    twin._check_step = check_step
+    twin._outputs = wp.zeros(state["_outputs"].shape, dtype=float, device=twin.device)
+    for name, values in state.items():
+        array = getattr(twin, name)
+        wp.copy(array, wp.array(values, dtype=array.dtype, device=twin.device))
+    twin._grounds.stand(standing)
+    return twin
 
 
 def cores() -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from aoro_gym.sensors.chain import SAMPLE_RATE, measured_flow, sample
 from aoro_gym.sensors.joint_angle import JointAngleNoise, JointAngleSensor
 from aoro_gym.twin import Machine
+from aoro_gym.twin.hydraulic_step import FineStepWarning
 from aoro_gym.validation.key_figures import FIGURES, key_figures_batch, turn_span
 from aoro_gym.validation.published import Row, published, published_rows
 from aoro_gym.validation.turns import TURNS, Recording, Turn, motor_pressure_at, rim_speed, run_turns, stacked
@@ -262,7 +264,9 @@ def validate(
     tell("sensor noise", 0.3)
     spread = noise_spread(recording, noise or JointAngleNoise.published(), noise_runs, seed) if noise_runs else []
     tell("half the hydraulic step, and straight drives", 0.6)
-    fine = run_turns(chosen, device=device, substeps=2 * substeps)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FineStepWarning)
+        fine = run_turns(chosen, device=device, substeps=2 * substeps)
     names = [chosen.name, *([second.name] if second is not None else [])]
     return Validation(
         machine=names[0],

@@ -114,7 +114,14 @@ def run_turns(
     sign = np.repeat([turn.sign for turn in turns], variants)
     signal = sign * np.repeat([turn.signal_percent / 100.0 for turn in turns], variants)
     reach = np.broadcast_to(batch.joint.range, sign.shape)
-    twin = Twin(len(sign), machine=batch, device=device, main_step=main_step, substeps=substeps)
+    twin = Twin(
+        len(sign),
+        machine=batch,
+        device=device,
+        main_step=main_step,
+        substeps=substeps,
+        check_step=machine.num_variants == 1,
+    )
     twin.reset(joint_angle=-sign * reach)
     traces = [twin.step({"steering_signal": 0.0}, REST_BEFORE, sample_every=main_step)]
     rested, done = 0.0, REST_BEFORE
@@ -179,7 +186,7 @@ def rim_speed(machine: Machine, *, device: str = "cpu", substeps: int = 30) -> N
         device: ``"cpu"`` or ``"cuda:N"``.
         substeps: Hydraulic substeps a main step.
     """
-    twin = Twin(machine.num_variants, machine=machine, device=device, substeps=substeps)
+    twin = Twin(machine.num_variants, machine=machine, device=device, substeps=substeps, check_step=False)
     twin.reset(joint_angle=-np.asarray(machine.joint.range))
     twin.step(duration=REST_BEFORE)
     trace = twin.step({"steering_signal": 1.0}, RIM_TURN, sample_every=0.01)
@@ -190,7 +197,7 @@ def rim_speed(machine: Machine, *, device: str = "cpu", substeps: int = 30) -> N
 
 def _drive(signal: NDArray[np.float64], machine: Machine, device: str, substeps: int) -> tuple[NDArray, NDArray]:
     """Steady speed [m/s] and pressure drop over the motors [Pa] by drive signal."""
-    twin = Twin(len(signal), machine=machine, device=device, substeps=substeps)
+    twin = Twin(len(signal), machine=machine, device=device, substeps=substeps, check_step=False)
     twin.step({"drive_signal": 0.0}, REST_BEFORE)
     twin.step({"drive_signal": signal}, DRIVE_SETTLE)
     trace = twin.step(duration=DRIVE_MEAN, sample_every=0.01)

@@ -1,0 +1,132 @@
+"""The bound of the hydraulic step: the twin is steady below it and rings not far above it, whatever machine it is."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from aoro_gym.twin import Machine, Twin
+from aoro_gym.twin.hydraulic_step import FINEST, FineStepWarning, check_hydraulic_step, largest_hydraulic_step
+
+MAIN = 1e-3
+PRESSURES = (
+    "pressure_a", "pressure_b", "pump_pressure", "return_pressure", "drive_pressure_forward", "drive_pressure_return",
+    "charge_pressure", "motor_pressure_fl", "arm_pressure_bore_fl", "arm_pressure_rod_fl",
+)  # fmt: skip
+RINGING = 0.3e5
+"""Pressure [Pa] that alternates from sample to sample, as a sensor's noise does."""
+MACHINES = {
+    "as it is": {},
+    "small charge line": {"driveline.charge.volume": 0.3},
+    "large charge line": {"driveline.charge.volume": 3.0},
+    "small return line": {"steering.tank_line.volume": 0.2},
+    "short wheel hoses": {"driveline.wheel_hose_volume": 0.2},
+    "stiff oil": {"oil.bulk_modulus": 2.0},
+    "wide traction valves": {"driveline.traction.nominal_flow": 4.0},
+}
+
+
+def ringing(machine: Machine, substeps: int) -> float:
+    """Largest alternation [Pa] of any pressure in driving, turning and lifting, each at its end."""
+    twin = Twin(machine=machine, main_step=MAIN, substeps=substeps, check_step=False)
+    worst = 0.0
+    for commands, duration in (
+        ({"drive_signal": 0.5}, 1.0),
+        ({"steering_signal": 0.6}, 0.5),
+        ({"drive_signal": 0.0, "steering_signal": -1.0}, 0.8),
+        ({"steering_signal": 0.0, "arm_fl": 0.5}, 0.3),
+    ):
+        trace = twin.step(commands, duration, sample_every=MAIN)
+        assert trace is not None
+        late = np.stack([trace[name][-200:, 0] for name in PRESSURES]).astype(float)
+        worst = max(worst, float(np.median(np.abs(np.diff(late, 3, axis=1)), axis=1).max()) / 8.0)
+    return worst
+
+
+def odd(count: float) -> int:
+    """Of an even number of substeps each sample would meet the same side of what alternates."""
+    return int(count) | 1
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_the_largest_stable_step_is_one_to_two_and_a_half_bounds(name):
+    changed = Machine.load("aoro").scale(MACHINES[name], check_ranges=False)
+    bound = float(largest_hydraulic_step(changed)[0])
+    below = odd(np.ceil(MAIN / bound) + 1)
+    assert MAIN / below < bound
+    assert ringing(changed, below) < RINGING
+    above = odd(MAIN / (2.5 * bound)) - 2 * (odd(MAIN / (2.5 * bound)) > MAIN / (2.5 * bound))
+    assert ringing(changed, max(above, 1)) > RINGING
+
+
+def test_the_bound_of_one_volume_is_in_closed_form():
+    """A charge line so small that it decides alone: 2 / (K (C/√p_lam + Q/ramp)), K = β / (V + C_walls β)."""
+    machine = Machine.load("aoro").set({"driveline.charge.volume": 0.001}, check_ranges=False)
+    line, oil = machine.driveline, machine.oil
+    modulus = oil.bulk_modulus + oil.bulk_modulus_slope * line.charge.relief_pressure
+    stiffness = modulus / (line.charge.volume + line.charge_compliance * modulus)
+    slope = line.charge.cv_check / np.sqrt(oil.laminar_pressure) + line.charge.relief_flow / line.charge.relief_ramp
+    # the mains beside it, a thousand times larger, add a little
+    assert largest_hydraulic_step(machine)[0] == pytest.approx(2.0 / (stiffness * slope), rel=2e-2)
+
+
+def test_bounds_are_those_of_each_variant():
+    factors = np.array([0.2, 1.0, 3.0])
+    many = largest_hydraulic_step(Machine.load("aoro").scale({"driveline.charge.volume": factors}, check_ranges=False))
+    for factor, bound in zip(factors, many, strict=True):
+        one = Machine.load("aoro").scale({"driveline.charge.volume": factor}, check_ranges=False)
+        assert largest_hydraulic_step(one)[0] == pytest.approx(bound, rel=1e-12)
+    assert many[0] < many[1] < many[2]
+
+
+def test_a_slow_lag_bounds_the_step_too():
+    quick = Machine.load("aoro").set({"steering.valve.spool_time_constant": 1e-5}, check_ranges=False)
+    assert largest_hydraulic_step(quick)[0] == pytest.approx(2e-5)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"substeps": 1}, r"^substeps is 1, a hydraulic step of 1e\+03 µs, but the circuits of machine 'aoro' are stable "
+         r"only up to 68\.8 µs: take substeps of at least 15, or a shorter main_step$"),
+        ({"substeps": 14}, "take substeps of at least 15"),
+        ({"main_step": 2e-3, "substeps": 20}, "a hydraulic step of 100 µs.* take substeps of at least 30"),
+    ],
+)  # fmt: skip
+def test_an_unstable_step_is_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        Twin(**arguments)
+
+
+def test_a_machine_that_is_too_stiff_for_the_step_is_refused_by_the_twins_number():
+    machine = Machine.load("aoro")
+    stiff = machine.scale({"driveline.charge.volume": 0.2}, check_ranges=False)
+    with pytest.raises(ValueError, match=r"substeps is 30, .* only up to 14\.\d µs: take substeps of at least 6\d"):
+        Twin(machine=stiff)
+    both = machine.scale({"driveline.charge.volume": np.array([1.0, 0.2])}, check_ranges=False)
+    with pytest.raises(ValueError, match="of twin 1 are stable only up to"):
+        Twin(2, machine=both)
+    twin = Twin(5, own_machines=True)
+    with pytest.raises(ValueError, match="of twin 4 are stable only up to"):
+        twin.set_machines([2, 4], both)
+    twin.set_machines([2], machine)
+
+
+def test_steps_that_are_used_pass_in_silence_and_finer_ones_are_named():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for main_step, substeps in ((1e-3, 15), (1e-3, 20), (1e-3, 30), (1e-3, 40), (2e-3, 30), (2e-3, 80), (5e-4, 15)):
+            Twin(main_step=main_step, substeps=substeps)
+        Twin(substeps=120, check_step=False)
+    for main_step, substeps, most in ((1e-3, 41, 40), (1e-3, 120, 40), (5e-4, 30, 20), (2e-5, 1, 1)):
+        if main_step / substeps < FINEST:
+            with pytest.warns(FineStepWarning, match=f"finer than 25 µs, .* take substeps of at most {most}$"):
+                Twin(main_step=main_step, substeps=substeps)
+
+
+def test_bundled_machines_are_stable_at_the_default_step():
+    from aoro_gym.twin.machine_file import bundled_machines
+
+    for name in bundled_machines():
+        check_hydraulic_step(Machine.load(name), 1e-3, 30)
+        assert 1.1 * largest_hydraulic_step(Machine.load(name))[0] > 2.0 * 1e-3 / 30
