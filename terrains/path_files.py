@@ -29,8 +29,9 @@ from aoro_gym.terrains.planning import JOINT_RANGE_DEG, turning_radius
 from aoro_gym.terrains.read_path_table import read_table_of_places
 from aoro_gym.terrains.read_tracks import read_document
 from aoro_gym.terrains.terrain import Terrain
+from aoro_gym.terrains.track_choice import choose
 from aoro_gym.terrains.track_parts import STANDSTILL, TURN_REACH, Indices, Parts, described, find_parts, gaps_told
-from aoro_gym.terrains.tracks import Found, Track, choose, length, metres, plan
+from aoro_gym.terrains.tracks import Found, Track, length, metres, plan
 
 Array = NDArray[Any]
 
@@ -38,7 +39,7 @@ SPARSE = 1.5
 """Points [m] farther apart than this are waypoints to lead a curve through, not a recording to smooth."""
 LAP_GAP = 1.5
 """A recording that ends within this [m] of its start, in about its direction, is a lap."""
-MOSTLY = 0.9
+MOSTLY = 0.5
 """Share of the points whose coordinates are right from which on the others are damage."""
 MANY_TURNS = 5
 """Turns on the spot beyond which they may be noise."""

@@ -88,8 +88,8 @@ def _check_degrees(track: Track, latitude: Array, longitude: Array) -> None:
         text = f"{key} = {values[worst]:.9g} at {track.place(worst)} is outside [-{bound:g}, {bound:g}] deg"
         if np.abs(latitude).min() > 90.0 and np.abs(latitude).max() <= 180.0 and np.abs(longitude).max() <= 90.0:
             text += ": latitude and longitude look interchanged; exchange the two"
-        elif max(np.abs(latitude).max() / 90.0, np.abs(longitude).max() / 180.0) > 1e5:
-            text += ": degrees times ten million?" if np.abs(values[worst]) < 1.8e9 else ""
+        elif 9e6 < np.median(np.abs(values)) <= bound * 1e7:
+            text += ": degrees times ten million?"
         elif np.abs(values[worst]) > 360.0:
             text += "; if the file is in metres, say crs='EPSG:...' (--path-crs)"
         raise ValueError(text)

@@ -1,4 +1,4 @@
-"""Tracks: the lines that a file of recorded or drawn places holds, and the choice of one of them."""
+"""Tracks: the lines that a file of recorded or drawn places holds."""
 
 from __future__ import annotations
 
@@ -103,11 +103,12 @@ def plan(track: Track) -> Array:
     """(P, 2) about east and north [m] of its points, from their middle: good for lengths and gaps, not for driving."""
     if "latitude" not in track.columns:
         return np.stack([track.columns["x"], track.columns["y"]], axis=1).astype(np.float64)
-    latitude, longitude = np.radians(track.columns["latitude"]), np.radians(track.columns["longitude"])
-    if not np.isfinite(latitude).any():
+    degrees = np.stack([track.columns["latitude"], track.columns["longitude"]])
+    latitude, longitude = np.radians(np.where(np.isfinite(degrees), degrees, np.nan))
+    whole = np.flatnonzero(np.isfinite(latitude + longitude))
+    if not len(whole):
         return np.full((track.size, 2), np.nan)
-    middle = float(np.nanmedian(latitude))
-    first = longitude[int(np.argmax(np.isfinite(longitude)))]
+    middle, first = float(np.median(latitude[whole])), longitude[whole[0]]
     east = (longitude - first + np.pi) % (2.0 * np.pi) - np.pi  # across the date line, too
     flat = 1.0 - ECCENTRICITY_SQUARED * np.sin(middle) ** 2
     across = EQUATOR_RADIUS / np.sqrt(flat)  # radii of curvature there, along the parallel and along the meridian
@@ -119,57 +120,6 @@ def length(points: Array) -> float:
     """Length [m] of a line through (P, 2) points, of the finite ones."""
     whole = points[np.isfinite(points).all(axis=1)]
     return float(np.hypot(*np.diff(whole, axis=0).T).sum())
-
-
-def choose(tracks: Sequence[Track], wanted: str | int | None) -> tuple[Track, int | None, int]:
-    """The track that is meant, which of its parts (None: not said), and its number from 1.
-
-    Args:
-        tracks: At least one.
-        wanted: A name, a number from 1, or either with ``.N`` for a part of the track; of a single track, N is its part.
-            None where there is no choice.
-
-    Raises ``ValueError`` with the list of candidates where nothing says which one, or no one is called so.
-    """
-    if wanted is None:
-        if len(tracks) == 1:
-            return tracks[0], None, 1
-        raise ValueError(f"it holds {_listed(tracks)}; say which with track=NAME or N (--track)")
-    for word, part in _readings(wanted):
-        found = [number for number, track in enumerate(tracks, 1) if isinstance(wanted, str) and track.name == word]
-        if len(found) > 1:
-            raise ValueError(
-                f"{len(found)} tracks are called {shown(word)}; say which by its number: {_listed(tracks)}"
-            )
-        if found:
-            return tracks[found[0] - 1], part, found[0]
-        if word.isdecimal() and len(word) < 10:
-            number = int(word)
-            if len(tracks) == 1 and part is None:
-                return tracks[0], number, 1  # a part of the only track
-            if 1 <= number <= len(tracks):
-                return tracks[number - 1], part, number
-    raise ValueError(f"no track is called {shown(wanted)}; it holds {_listed(tracks)}")
-
-
-def _readings(wanted: str | int) -> list[tuple[str, int | None]]:
-    """The word whole, then as track and part."""
-    word = str(wanted)
-    track, dot, part = word.rpartition(".")
-    readings: list[tuple[str, int | None]] = [(word, None)]
-    if dot and part.isdecimal() and len(part) < 10:
-        readings.append((track, int(part)))
-    return readings
-
-
-def _listed(tracks: Sequence[Track]) -> str:
-    items = []
-    for number, track in enumerate(tracks[:MOST_LISTED], 1):
-        segments = f" in {len(track.starts)} segments" if len(track.starts) > 1 else ""
-        items.append(f"{number} {track.title} ({track.size} points{segments}, {metres(length(plan(track)))})")
-    more = f" and {len(tracks) - MOST_LISTED} more" if len(tracks) > MOST_LISTED else ""
-    count = "1 track" if len(tracks) == 1 else f"{len(tracks)} tracks"
-    return f"{count}: {', '.join(items)}{more}"
 
 
 def metres(value: float) -> str:

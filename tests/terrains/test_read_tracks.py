@@ -189,6 +189,20 @@ def test_names_that_are_hard(tmp_path):
     assert "and 45 more" in refusal(tmp_path, "a.gpx", many).replace("\n", "")
 
 
+@pytest.mark.parametrize("wrong", ["", "nan", "inf", "9" * 400, "1e300", "-1e9"])
+def test_tracks_with_wrong_numbers_are_listed_and_read(tmp_path, wrong):
+    broken = trk(ROAD, name="broken").replace('lat="60.0', f'lat="{wrong}" was="60.0', 3)
+    listed = refusal(tmp_path, "a.gpx", gpx(broken, trk(ROAD, name="whole")))
+    assert "'broken' (24 points" in listed
+    assert "'whole' (24 points, 115.0 m)" in listed
+    path, report = loaded(tmp_path, "a.gpx", gpx(broken, trk(ROAD)), track="broken")
+    is_along(path, ROAD[3:])
+    if wrong not in ("", "nan"):
+        assert "3 points whose coordinates are no place on Earth left out, such as point 1" in report.warnings[0]
+    else:
+        assert "3 rows without coordinates left out" in str(report)
+
+
 def test_what_is_not_read_is_named(tmp_path):
     assert "2 x GPX waypoint" in loaded(tmp_path, "a.gpx", gpx(wpt(YARD[:2]), trk(ROAD))).report.unread
     one = loaded(tmp_path, "a.gpx", gpx(trk(ROAD), trk(YARD[:1]))).report

@@ -78,6 +78,12 @@ def test_parts_of_one_track_of_several(tmp_path):
     assert "track=2.N" in load_path(tmp_path / "a.gpx", track=2).report.warnings[0]
     with pytest.raises(ValueError, match="part 3 is asked for, but it has 2 parts: 1 "):
         load_path(tmp_path / "a.gpx", track="day.3")
+    (tmp_path / "b.gpx").write_text(gpx(trk(FIRST, SECOND, name="day"), trk(FIRST, FIRST[::-1]), trk(FIRST)))
+    with pytest.raises(ValueError) as caught:
+        load_path(tmp_path / "b.gpx")
+    said = str(caught.value)
+    assert "1 GPX track 'day' (181 points, 134.4 m, 1 gap up to 44.9 m)" in said
+    assert "2 GPX track (240 points, 119.0 m, 1 turn on the spot), 3 GPX track (120 points, 59.5 m);" in said
 
 
 @pytest.mark.parametrize("step", [12.0, 30.0, 80.0])
