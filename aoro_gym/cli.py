@@ -1640,7 +1640,9 @@ def blind_run(
                 progress=tell,
             )
     for name, reason in failures.items():
-        terminal.err().print(f"[bold red]case {name} failed:[/] {escape(reason)}", soft_wrap=True, highlight=False)
+        terminal.err().print(
+            f"[bold red]case {escape(name)} failed:[/] {escape(reason)}", soft_wrap=True, highlight=False
+        )
     _say([target])
     if failures:
         raise typer.Exit(1)
@@ -2039,8 +2041,7 @@ def _policy_name(name: str) -> str:
 def _check_device(device: str) -> None:
     from aoro_gym.execution import devices
 
-    if terminal.is_quiet():
-        devices.say = lambda text: None
+    devices.set_quiet(terminal.is_quiet())
     try:
         devices.find(device)
     except ValueError as error:
@@ -2448,7 +2449,7 @@ def _terrain_tables(report: Report) -> Iterator[Table | str]:
 
 
 def _listed(what: str, items: Sequence[str]) -> str:
-    return f"{what}: {', '.join(items) if items else 'none'}"
+    return escape(f"{what}: {', '.join(items) if items else 'none'}")
 
 
 def _lead(made_by: dict[str, Any]) -> str:

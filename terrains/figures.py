@@ -211,7 +211,7 @@ def _finish(axes: Axes, low: NDArray[np.float64], high: NDArray[np.float64], han
     for spine in axes.spines.values():
         spine.set_color(SOFT)
     relief = high[2] - low[2]
-    axes.set_title(title, loc="left", color=INK, fontsize=11, fontweight="bold", pad=8)
+    axes.set_title(title, loc="left", color=INK, fontsize=11, fontweight="bold", pad=8, parse_math=False)
     note = f"{high[0] - low[0]:.0f} m x {high[1] - low[1]:.0f} m, relief {relief:.1f} m"
     if handles:
         place_legend(axes, handles)

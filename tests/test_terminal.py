@@ -1,10 +1,14 @@
 """Progress: shares never fall, estimates are numbers once two shares are known, lines come where there is no terminal."""
 
+import io
 import math
 import re
 import time
+from typing import Any
 
 import pytest
+from rich.console import Console
+from rich.text import Text
 
 from aoro_gym import terminal
 from aoro_gym.agents.watching import Progress
@@ -121,3 +125,38 @@ def test_short_commands_and_quiet_ones_leave_no_line(capsys, monkeypatch):
         time.sleep(0.1)
         tell("done", 1.0)
     assert capsys.readouterr() == ("", "")
+
+
+NAMES = ("policy", "[/x] $a$", "a/very/long/path/of/a/policy/that/somebody/has/trained/best", "c", "d", "e")
+
+
+def shown(width: int, **options: Any) -> list[str]:
+    rows = [[f"figure {k}, of successes", "m/s", *(f"{k}.123 [0.111, 0.135]" for _ in NAMES)] for k in range(3)]
+    console = Console(file=io.StringIO(), width=width)
+    console.print(terminal.Comparison("title [/y]", ["mean", "unit", *NAMES], rows, lead=2, **options))
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue().splitlines()
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 120, 400])
+def test_tables_fit_and_cut_nothing(width):
+    lines = shown(width, note="note [/z]")
+    assert max(map(len, lines)) <= width
+    assert not any("…" in line for line in lines)
+    text = "".join(lines)
+    assert "title [/y]" in text and "note [/z]" in text
+    for name in NAMES:
+        letters = [line.split("┃") for line in lines if "┃" in line]
+        heads = "".join(part.strip() for cells in letters for part in cells)
+        assert set(name.replace(" ", "")) <= set(heads)
+    assert text.count("2.123 [0.111, 0.135]") == len(NAMES) or width < 60
+    assert sum(line.startswith("┏") for line in lines) == {40: 6, 60: 6, 80: 3, 120: 2, 400: 1}[width]
+
+
+def test_what_is_styled_and_what_has_lines_fits_too():
+    table = terminal.Comparison("t", ["what", "mark"], [], note="")
+    table.add("first\nsecond line", Text("missed", style="red"))
+    console = Console(file=io.StringIO(), width=30)
+    console.print(table)
+    assert isinstance(console.file, io.StringIO)
+    assert "│ second line │ " in console.file.getvalue() and table.row_count == 1

@@ -12,7 +12,7 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -26,12 +26,18 @@ NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 NO_GPU = "the NVIDIA driver (libcuda) was not found"
 
 
+_quiet = False
+
+
+def set_quiet(quiet: bool) -> None:
+    """Whether nothing is said of compilations, which take long enough to look like a fault."""
+    global _quiet
+    _quiet = quiet
+
+
 def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
-
-
-say: Callable[[str], Any] = _say
-"""Told when kernels are about to be compiled, which takes long enough to look like a fault."""
+    if not _quiet:
+        print(text, file=sys.stderr, flush=True)
 
 
 @cache
@@ -63,10 +69,10 @@ def compiling(kernel: Any, device: Any, block_dim: int) -> Iterator[None]:
     if _compiled(kernel.module, device, 1 if device.is_cpu else block_dim):
         yield
         return
-    say(f"compiling the twin for {device.alias}, once on a computer: about half a minute ...")
+    _say(f"compiling the twin for {device.alias}, once on a computer: about half a minute ...")
     began = time.perf_counter()
     yield
-    say(f"compiled in {time.perf_counter() - began:.0f} s")
+    _say(f"compiled in {time.perf_counter() - began:.0f} s")
 
 
 def _compiled(module: Any, device: Any, block_dim: int) -> bool:

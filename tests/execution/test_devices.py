@@ -50,7 +50,7 @@ def test_only_the_line_itself_is_left_out(capfd):
 
 def test_compilations_are_announced_when_they_come(monkeypatch):
     said: list[str] = []
-    monkeypatch.setattr(devices, "say", said.append)
+    monkeypatch.setattr(devices, "_say", said.append)
     aoro_gym.Twin()
     kernel = aoro_gym.Twin()._reset_kernel
     with devices.compiling(kernel, devices.find("cpu"), 32):
@@ -69,3 +69,11 @@ def test_compilations_are_announced_when_they_come(monkeypatch):
     with devices.compiling(kernel, devices.find("cpu"), 32):
         said.append("inside")
     assert [line.split(" ")[0] for line in said] == ["compiling", "inside", "compiled"]
+
+
+def test_who_wants_quiet_hears_nothing_of_compilations(capsys, monkeypatch):
+    monkeypatch.setattr(devices, "_quiet", False)
+    devices._say("compiling")
+    devices.set_quiet(True)
+    devices._say("compiling")
+    assert capsys.readouterr().err == "compiling\n"

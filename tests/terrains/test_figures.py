@@ -90,3 +90,9 @@ def test_can_be_written():
     file = io.BytesIO()
     draw_terrain(halves()).savefig(file, format="png")
     assert file.getvalue().startswith(b"\x89PNG")
+
+
+def test_names_that_are_markup_are_drawn_as_they_are():
+    figure = draw_terrain(halves(), title=r"$\nope{$ [/x]")
+    figure.savefig(io.BytesIO())  # mathtext would fail
+    assert figure.axes[0].get_title(loc="left") == r"$\nope{$ [/x]"
