@@ -17,7 +17,6 @@ How far figures scatter:
 
 from __future__ import annotations
 
-import csv
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -55,6 +54,7 @@ from aoro_gym.diagnosis.result import CALIBRATION, KEY_FIGURES, UNKNOWN, Cause, 
 from aoro_gym.diagnosis.search import ALL, Search, refine, trade
 from aoro_gym.diagnosis.shrinkage import CLEAR, RESAMPLES, typical
 from aoro_gym.diagnosis.where import SIGNIFICANT, beyond, probability
+from aoro_gym.recording.tables import listed, parse_number, read_table, shown
 from aoro_gym.sensors.chain import STANDSTILL
 from aoro_gym.sensors.joint_angle import JointAngleSensor
 from aoro_gym.twin import Machine
@@ -135,42 +135,37 @@ class Row:
 def read_rows(path: Path, source: str | None = None) -> list[Row]:
     """Rows of ``source`` in a table (CSV); by default of the only source that it has.
 
-    Columns: ``signal_percent``, ``source``, figures, ``direction`` (``left`` where there is none), and ``std_*`` of figures.
-    Empty cells are figures that are not known; lines that begin with ``#`` are no rows.
+    The table may be of any dialect (:mod:`aoro_gym.recording.tables`). Columns: ``signal_percent``, ``source``, figures,
+    ``direction`` (``left`` where there is none), and ``std_*`` of figures. Empty cells are figures that are not known;
+    lines that begin with ``#`` are no rows.
 
     Raises:
         ValueError: the table cannot be used; names the line and column, the value, and what is needed.
     """
-    lines = [
-        (number, text)
-        for number, text in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
-        if text.strip() and not text.startswith("#")
-    ]
-    if len(lines) < 2:
-        raise ValueError(f"{path} has no rows; a table has signal_percent, source and figures such as {FIGURES[0]}")
-    (_, head), *body = zip((number for number, _ in lines), csv.reader(text for _, text in lines), strict=True)
-    head = [name.strip() for name in head]
+    table = read_table(path)
+    head = table.names
     missing = [name for name in ("signal_percent", "source") if name not in head]
     if missing or not set(head) & set(FIGURES):
         lacking = missing or [f"a figure (one at least of {', '.join(FIGURES)})"]
-        raise ValueError(f"{path} has no column {' and '.join(lacking)}; its columns are {', '.join(head)}")
+        raise ValueError(f"{path} has no column {' and '.join(lacking)}; its columns are {listed(head)}")
     allowed = {"signal_percent", "source", "direction", *FIGURES, *(STD + name for name in FIGURES)}
     strange = [name for name in head if name not in allowed]
     if strange:
         raise ValueError(
-            f"{path}: unknown column {strange[0]!r}; figures are {', '.join(FIGURES)}, or {STD} before one"
+            f"{path}: unknown column {shown(strange[0])}; figures are {', '.join(FIGURES)}, or {STD} before one"
         )
-    cells = {}
-    for number, line in body:
-        if len(line) != len(head):
-            raise ValueError(f"{path}, line {number}: {len(line)} cells under {len(head)} columns")
-        cells[number] = {name: cell.strip() for name, cell in zip(head, line, strict=True)}
+    columns = {name: table.texts(name) for name in head}
+    cells = {int(line): {name: columns[name][row] for name in head} for row, line in enumerate(table.lines)}
     sources = list(dict.fromkeys(one["source"] for one in cells.values()))
     source = sources[0] if source is None and len(sources) == 1 else source
     if source not in sources:
         asked = "--source is needed" if source is None else f"no row of source {source!r}"
-        raise ValueError(f"{path}: {asked}; choose one of {', '.join(sources)}")
-    rows = [_parsed(f"{path}, line {number}", one) for number, one in cells.items() if one["source"] == source]
+        raise ValueError(f"{path}: {asked}; choose one of {listed(sources)}")
+    rows = [
+        _parsed(f"{path}, line {number}", one, table.dialect.decimal)
+        for number, one in cells.items()
+        if one["source"] == source
+    ]
     turns = [row.turn for row in rows]
     for row in rows:
         if turns.count(row.turn) > 1:
@@ -178,13 +173,12 @@ def read_rows(path: Path, source: str | None = None) -> list[Row]:
     return rows
 
 
-def _parsed(where: str, cells: Mapping[str, str]) -> Row:
+def _parsed(where: str, cells: Mapping[str, str], decimal: str) -> Row:
     def number(name: str, least: float, most: float) -> float:
         text = cells[name]
-        try:
-            value = float(text)
-        except ValueError:
-            raise ValueError(f"{where}: {name} is {text!r}, but must be a number") from None
+        value = parse_number(text, decimal)
+        if value is None:
+            raise ValueError(f"{where}: {name} is {shown(text)}, but must be a number")
         if not least < value <= most:
             raise ValueError(f"{where}: {name} is {text}, but must be above {least:g} and at most {most:g}")
         return value

@@ -488,6 +488,15 @@ class Table:
         self.load(name)
         return self._numbers[self.index(name)]
 
+    def texts(self, name: str) -> list[str]:
+        """Cells of the column ``name``, blanks around them left out; those of a typed column as Python writes them."""
+        index = self.index(name)
+        self._used.add(index)
+        texts = self._source.texts([index])
+        if texts is None:
+            return ["" if value is None else str(value) for value in self._source.typed(index).to_pylist()]
+        return [cell.strip() for cell in texts[0][: len(self)]]
+
     def load(self, *names: str) -> None:
         """Read several columns in one pass, as :meth:`numbers` does."""
         indices = [index for index in map(self.index, names) if index not in self._numbers]

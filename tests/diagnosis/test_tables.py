@@ -78,6 +78,15 @@ def test_a_table_is_read(tmp_path):
     assert read_rows(path, "other")[0].title == "left, 50 %"
 
 
+def test_a_table_of_a_spreadsheet_is_read(tmp_path):
+    path = tmp_path / "table.csv"
+    path.write_text("source;signal_percent;turn_time_s\nmine;75;3,1\nmine;100;2,25\n", encoding="utf-16")
+    assert [row.figures["turn_time_s"] for row in read_rows(path)] == [3.1, 2.25]
+    path.write_text("source,signal_percent,turn_time_s\nmine,1_00,3.1\n")
+    with pytest.raises(ValueError, match="signal_percent is '1_00', but must be a number"):
+        read_rows(path)
+
+
 def test_the_published_table_is_read():
     rows = read_rows(PUBLISHED, "physical")
     assert [row.title for row in rows] == ["left, 100 %", "left, 75 %", "left, 50 %"]
@@ -92,9 +101,9 @@ def test_the_published_table_is_read():
         ("source,turn_time_s\nm,2\n", [], "no column signal_percent"),
         ("signal_percent,source\n100,m\n", [], "one at least of turn_time_s"),
         (f"{HEAD},notes\n100,m,2,90,x\n", [], "unknown column 'notes'"),
-        (f"{HEAD}\n100,m,2\n", [], "line 2: 3 cells under 4 columns"),
+        (f"{HEAD}\n100,m,2\n", [], "line 2: 3 values where the header names 4 columns"),
         (f"{HEAD}\n100,m,two,90\n", [], "turn_time_s is 'two', but must be a number"),
-        (f"{HEAD}\n100,m,nan,90\n", [], "turn_time_s is nan"),
+        (f"{HEAD}\n100,m,nan,90\n", [], "turn_time_s is 'nan', but must be a number"),
         (f"{HEAD}\n0,m,2,90\n", [], "signal_percent is 0, but must be above 0"),
         (f"{HEAD}\n100,m,,\n", [], "no figure is known"),
         (f"{HEAD}\n100,m,2,90\n100,m,2.1,91\n", [], "twice"),
