@@ -26,8 +26,12 @@ CLASS_THRESHOLD = 0.5
 """Largest height above the cloth [m] of what is ground."""
 STEEP_TERRAIN = 1
 """The softest of the three cloths: it follows slopes."""
+COARSEST_CLOTH = 0.25
+"""Largest mesh width of the cloth, by the distance of the points under it: finer ones only cost time."""
 RELIEF_CELL = 10.0
 """Cell of the coarse relief [m]. What is narrower than two of them, such as a house, does not lift it."""
+MOST_RELIEF = 1_000_000
+"""Cells of the relief; over kilometres they become larger."""
 TILE, OVERLAP = 400.0, 20.0
 """Side of what one cloth covers, and how far it reaches beyond [m]."""
 
@@ -64,11 +68,13 @@ def ground_points(points: Points, progress: Callable[[float], None] | None = Non
 
 def relief(points: Points) -> Points:
     """(N,) coarse height of the ground below ``points``: the lowest of each cell, without what rises from it alone."""
-    plan = (points[:, :2] - points[:, :2].min(axis=0)) / RELIEF_CELL
+    size = np.ptp(points[:, :2], axis=0)
+    cell = max(RELIEF_CELL, float(np.sqrt(np.prod(size + RELIEF_CELL) / MOST_RELIEF)))
+    plan = (points[:, :2] - points[:, :2].min(axis=0)) / cell
     shape = tuple(int(n) + 1 for n in plan.max(axis=0))
-    cell = np.floor(plan).astype(np.int64) @ np.array([shape[1], 1])
-    order = np.lexsort((points[:, 2], cell))
-    _, first = np.unique(cell[order], return_index=True)
+    number = np.floor(plan).astype(np.int64) @ np.array([shape[1], 1])
+    order = np.lexsort((points[:, 2], number))
+    _, first = np.unique(number[order], return_index=True)
     lowest = order[first]
     centres = np.indices(shape).reshape(2, -1).T.astype(np.float64) + 0.5
     z = interpolate(plan[lowest], points[lowest, 2], centres).reshape(shape)
@@ -78,7 +84,8 @@ def relief(points: Points) -> Points:
 
 def _drop_cloth(csf: Any, points: Points) -> NDArray[np.bool_]:
     cloth = csf.CSF()
-    cloth.params.cloth_resolution = CLOTH
+    spacing = float(np.sqrt(np.prod(np.ptp(points[:, :2], axis=0)) / len(points)))
+    cloth.params.cloth_resolution = max(CLOTH, COARSEST_CLOTH * spacing)
     cloth.params.rigidness = STEEP_TERRAIN
     cloth.params.class_threshold = CLASS_THRESHOLD
     cloth.params.bSloopSmooth = True

@@ -7,14 +7,16 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
-from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
-from scipy.spatial import QhullError
+from scipy.interpolate import LinearNDInterpolator
+from scipy.spatial import Delaunay, KDTree, QhullError
 
 from aoro_gym.terrains.heights import Heights
 
 SPIKE_STEEPNESS = 1.75
 """Tangent of the slope (60°) on both sides of what is a spike rather than ground."""
 
+SAME_PLACE = 1e-6
+"""Distance [m, or nodes] up to which two places are one."""
 EIGHT = np.ones((3, 3), dtype=bool)
 """Nodes that share an edge or a corner of a cell are neighbours."""
 
@@ -92,13 +94,33 @@ def _distance(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
 def interpolate(plan: NDArray[np.float64], z: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray[np.float64]:
     """Heights at the positions ``wanted`` (M, 2), linear on the Delaunay triangles of ``plan`` (N, 2) with heights ``z``.
 
-    Outside of the triangles, and where all positions lie on one line, the nearest height counts.
+    Outside of the triangles, and where all positions lie on one line, the nearest height counts; positions that are one
+    of ``plan`` have its height.
     """
-    try:
-        found = np.asarray(LinearNDInterpolator(plan, z)(wanted))
-    except (QhullError, ValueError):
-        found = np.full(len(wanted), np.nan)
-    lost = ~np.isfinite(found)
-    if lost.any():
-        found[lost] = NearestNDInterpolator(plan, z)(wanted[lost])
+    distance, nearest = KDTree(plan).query(wanted)
+    found = z[nearest]
+    apart = distance > SAME_PLACE
+    if apart.any():
+        try:
+            linear = np.asarray(LinearNDInterpolator(_triangles(plan), z)(wanted[apart]))
+        except (QhullError, ValueError):
+            return found
+        found[apart] = np.where(np.isfinite(linear), linear, found[apart])
     return found
+
+
+def _triangles(plan: NDArray[np.float64]) -> Delaunay:
+    """Triangles of ``plan`` with their barycentric transforms, as ``Delaunay.transform`` documents them.
+
+    scipy gets these by a call of LAPACK a triangle, which takes sixty times longer where the threads of BLAS have to
+    wait for other processes; set beforehand, they are taken as they are.
+    """
+    triangles = Delaunay(plan)
+    a, b, c = (plan[triangles.simplices[:, corner]] for corner in range(3))
+    u, v = a - c, b - c
+    area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    flat = np.abs(area) <= 1e-12 * np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1)
+    area = np.where(flat, np.nan, area)[:, np.newaxis]  # NaN, as scipy has it for triangles without an area
+    first, second = np.stack([v[:, 1], -v[:, 0]], axis=1) / area, np.stack([-u[:, 1], u[:, 0]], axis=1) / area
+    cast(Any, triangles)._transform = np.ascontiguousarray(np.stack([first, second, c], axis=1))
+    return triangles
