@@ -130,7 +130,8 @@ def load(
         found = settle_heights(found, request, report)
         found = _repaired(found, request, report)
     except TerrainError as error:
-        raise TerrainError(f"{error}{report.doubts()}") from None
+        text = "".join(c if c.isprintable() else "\ufffd" for c in f"{error}{report.doubts()}")
+        raise TerrainError(text) from None
     try:
         terrain = _terrain(
             found,

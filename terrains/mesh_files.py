@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import logging
 import re
 import struct
 import warnings
@@ -81,6 +82,7 @@ def load_mesh(path: Path) -> tuple[Array, Faces]:
 
 def _read(path: Path) -> tuple[Array, Faces]:
     """What trimesh makes of the file."""
+    logging.getLogger("trimesh").addHandler(logging.NullHandler())  # what is wrong is raised here, not printed
     with warnings.catch_warnings():
         warnings.filterwarnings("error", category=DeprecationWarning)  # numpy's, of text that is no number
         loaded: Any = trimesh.load(path, process=False, skip_materials=True)

@@ -89,7 +89,8 @@ def read_las(path: Path, request: Request, report: Report) -> Ground:
 
 
 def _chunk(points: Any) -> Chunk:
-    xyz = np.stack([points.x, points.y, points.z], axis=1)
+    with np.errstate(over="ignore"):  # what is infinite is left out, and counted
+        xyz = np.stack([points.x, points.y, points.z], axis=1)
     classes = np.asarray(points.classification, dtype=np.uint8)
     flags = {
         name: np.asarray(getattr(points, name, np.zeros(len(xyz))), dtype=bool) for name in ("withheld", "synthetic")
