@@ -83,7 +83,7 @@ def load_mesh(path: Path) -> tuple[Array, Faces]:
 def _read(path: Path) -> tuple[Array, Faces]:
     """What trimesh makes of the file."""
     logging.getLogger("trimesh").addHandler(logging.NullHandler())  # what is wrong is raised here, not printed
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), np.errstate(all="ignore"):  # what is not finite is told apart afterwards
         warnings.filterwarnings("error", category=DeprecationWarning)  # numpy's, of text that is no number
         loaded: Any = trimesh.load(path, process=False, skip_materials=True)
         if isinstance(loaded, trimesh.Scene):
