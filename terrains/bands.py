@@ -110,7 +110,8 @@ class Band:
             f"{self.declared_unknown:,} heights unknown ({' or '.join(names) or 'masked'})",
         )
         note_marks(self.marks, self.counts, self.beyond, report)
-        if self.declared_unknown + self.beyond + sum(self.counts.values()) >= total:
+        left_out = sum(self.counts.get(value, 0) for value in self.marks.values)
+        if self.declared_unknown + self.beyond + left_out >= total:
             raise TerrainError(f"{report.source}: none of its {total:,} heights is known; there is no ground in it")
 
     def _nodata_text(self) -> str:
@@ -138,6 +139,8 @@ class Band:
             self.counts[value] = self.counts.get(value, 0) + int(here.sum())
             z[here] = np.nan
             known = known & ~here
+        for value in dict(self.marks.suspects):
+            self.counts[value] = self.counts.get(value, 0) + int(same(z, value).sum())
         beyond = known & self.marks.unknown(z)
         self.beyond += int(beyond.sum())
         z[beyond] = np.nan

@@ -25,6 +25,8 @@ STEP = 10.0
 """How many times larger the step to a mark is than the largest percent of steps of the rest."""
 APART = 10.0
 """Distance [m] of a mark from the rest, at least."""
+SEA = 25.0
+"""The same for 0, at which the sea stands: few coasts are steeper all along."""
 FAR = 50.0
 """The same where the rest is of few different values, as steps and platforms that somebody drew, or the value is no usual
 mark."""
@@ -136,8 +138,9 @@ def _is_mark(z: Array, value: float, metre: float, marks: Marks) -> bool:
     certain = any(same(np.array([value]), known)[0] for known in CERTAIN)
     if certain and outside and abs(value) * metre > 0.5 * HIGHEST and gap > max(spread, APART / metre):
         return True  # no height in metres, whatever its surroundings
-    apart = APART if various else FAR
-    if sharp and different > 2 and gap > max(0.1 * spread, apart / metre):
+    apart = (SEA if value == 0.0 else APART) if various else FAR
+    picture = different <= 2 and count > FEW_SHARE * (count + len(rest))
+    if sharp and not picture and gap > max(0.1 * spread, apart / metre):
         return True
     if sharp and count >= 4 and various and step > 2.0 / metre:
         marks.suspects.append((value, step * metre))
@@ -164,11 +167,12 @@ def note_marks(marks: Marks, counts: dict[float, int], beyond: int, report: Repo
 
     Args:
         marks: What was found.
-        counts: How many pixels have each of its values, by value.
+        counts: How many pixels have each of its values and suspects, by value.
         beyond: How many lie beyond its range.
         report: Told.
     """
-    for value, count in counts.items():
+    for value in marks.values:
+        count = counts.get(value, 0)
         report.change(
             "undeclared_nodata", count, f"{count:,} heights of exactly {value:.10g} taken as unknown (undeclared)"
         )
@@ -185,7 +189,8 @@ def note_marks(marks: Marks, counts: dict[float, int], beyond: int, report: Repo
         else f"{beyond:,} heights between the ground and a mark of unknown, or beyond any on Earth, taken as unknown",
     )
     for value, step in dict(marks.suspects).items():
-        report.warnings.append(
-            f"many pixels are exactly {value:.10g}, {step:.3g} m from those around them, and taken as heights; if they"
-            f" mean unknown, say nodata={value:.10g} (--nodata {value:.10g})"
-        )
+        if count := counts.get(value, 0):
+            report.warnings.append(
+                f"{count:,} pixels are exactly {value:.10g}, {step:.3g} m from those around them, and taken as heights; if"
+                f" they mean unknown, say nodata={value:.10g} (--nodata {value:.10g})"
+            )

@@ -323,7 +323,7 @@ def _known(z: Array, dtype: np.dtype[Any], metre: float, request: Request, repor
         declared |= same(z, value)
     report.change("unknown", int(declared.sum()), f"{int(declared.sum()):,} heights unknown (nodata as asked)")
     z[declared] = np.nan
-    counts = {value: int(same(z, value).sum()) for value in marks.values}
+    counts = {value: int(same(z, value).sum()) for value in (*marks.values, *dict(marks.suspects))}
     for value in marks.values:
         z[same(z, value)] = np.nan
     beyond = marks.unknown(z) & ~np.isnan(z)

@@ -133,6 +133,14 @@ def test_heights_stay(name):
     assert marks.suspects == []
 
 
+def test_level_ground_and_values_of_a_picture():
+    z = np.full((N, N), 150.0)
+    z[:9, :9] = 0.0
+    assert find_marks(z).values == [0.0]
+    checkered = 255.0 * (np.indices((N, N)).sum(axis=0) % 2)
+    assert find_marks(checkered).values == []
+
+
 def test_more_than_one_mark_and_blends_between_mark_and_ground(tmp_path):
     z = with_lake(-9999.0)
     z[:8, :10] = 0.0
@@ -190,6 +198,14 @@ def test_arrays(tmp_path):
     assert changes(report)["wild_heights"] == 144
     _, report = load(with_lake(150.25), cell=1.0, hole_limit=0.0, nodata=150.25)
     assert changes(report)["unknown"] == 144
+
+
+def test_the_sea_below_a_cliff_stays_and_is_named(tmp_path):
+    z = np.where(np.arange(N) < 30, 0.0, ground(20.0))
+    terrain, report = load(write(tmp_path / "g.tif", z))
+    assert len(terrain.vertices) == N * N
+    text = next(text for text in report.warnings if "--nodata 0" in text)
+    assert "1,800 pixels are exactly 0" in text
 
 
 def test_a_doubtful_value_that_is_kept_is_named():

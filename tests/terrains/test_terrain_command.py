@@ -1,0 +1,91 @@
+"""The verb ``terrain``: what is doubtful reaches the terminal, and its options reach the file."""
+
+import json
+
+import numpy as np
+import pytest
+import rasterio
+from typer.testing import CliRunner
+
+from aoro_gym.cli import app
+
+N = 40
+
+
+def write(path, bands, dtype="float32"):
+    with rasterio.open(
+        path,
+        "w",
+        driver="GTiff",
+        height=N,
+        width=N,
+        count=len(bands),
+        dtype=dtype,
+        crs="EPSG:32635",
+        transform=rasterio.Affine(1.0, 0.0, 5e5, 0.0, -1.0, 6.65e6),
+    ) as data:
+        for number, band in enumerate(bands, 1):
+            data.write(band.astype(dtype), number)
+    return path
+
+
+def ground():
+    i, j = np.mgrid[0:N, 0:N]
+    return 150.0 + 4.0 * np.sin(j / 5.0) + 3.0 * np.cos(i / 6.0)
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    """Exit status, words on the terminal with single spaces, and the report."""
+    monkeypatch.chdir(tmp_path)
+
+    def command(*arguments: str):
+        done = CliRunner().invoke(app, ["terrain", *arguments, "--out", "x.ply"])
+        beside = tmp_path / "x.json"
+        report = json.loads(beside.read_text()) if done.exit_code == 0 else None
+        return done.exit_code, " ".join(done.output.split()), report
+
+    return command
+
+
+def test_units_are_asked_for_and_told(run, tmp_path):
+    write(tmp_path / "dm.tif", [np.rint(10.0 * ground())], "int16")
+    status, text, _ = run("dm.tif")
+    assert status == 2
+    assert "dm.tif: nothing is said of the unit of its heights" in text
+    assert "--z-units" in text
+    assert "Traceback" not in text
+    status, _, report = run("dm.tif", "--z-units", "dm")
+    assert status == 0
+    assert report["extent_m"][2] == pytest.approx(np.ptp(ground()), abs=0.1)
+
+
+def test_marks_of_unknown(run, tmp_path):
+    z = ground()
+    z[10:20, 10:20] = 0.0
+    write(tmp_path / "[x] zero.tif", [z])
+    status, text, report = run("[x] zero.tif")
+    assert status == 0
+    assert "100 heights of exactly 0 taken as unknown" in text
+    assert "100 pixels are exactly 0" in text
+    assert "--nodata 0" in text
+    status, text, report = run("[x] zero.tif", "--nodata", "-7", "--nodata", "0")
+    assert (status, report["extent_m"][2] < 20.0) == (0, True)
+    assert "--nodata" not in text
+    status, _, report = run("[x] zero.tif", "--nodata", "none")
+    assert (status, report["extent_m"][2] > 100.0) == (0, True)
+    for wrong in ("x", "1_0"):
+        status, text, _ = run("[x] zero.tif", "--nodata", wrong)
+        assert status == 2
+        assert f"--nodata {wrong} is no number" in text
+
+
+def test_bands(run, tmp_path):
+    write(tmp_path / "two.tif", [ground(), 2.0 + 0.1 * ground()])
+    status, text, _ = run("two.tif")
+    assert status == 2
+    assert "--band" in text
+    status, text, report = run("two.tif", "--band", "2")
+    assert status == 0
+    assert report["extent_m"][2] == pytest.approx(0.1 * np.ptp(ground()), abs=1e-3)
+    assert "band 2 taken as asked" in text
