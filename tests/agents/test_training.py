@@ -321,7 +321,14 @@ def test_machines_to_learn_on_are_drawn_and_none_of_an_evaluation(training, tmp_
 def test_command_is_the_plan(monkeypatch):
     from typer.testing import CliRunner
 
-    plan = TrainingPlan(seed=3, param=["n_steps=16", "policy_kwargs={net_arch: [8]}"], set=["oil.gas_fraction=0.01"])
+    plan = TrainingPlan(
+        seed=3,
+        param=["n_steps=16", "policy_kwargs={net_arch: [8]}"],
+        set=["oil.gas_fraction=0.01"],
+        path="two.gpx",
+        track="[/x] day 2",
+        join_gaps=True,
+    )
     asked = []
     monkeypatch.setattr(cli, "_check_extra", lambda *_: None)
     monkeypatch.setattr(cli, "TrainingPlan", lambda **values: asked.append(TrainingPlan(**values)) or _stop())
@@ -337,7 +344,9 @@ def _stop():
 
 
 def test_every_field_has_a_help_text():
-    assert all(one.metadata["help"].endswith(".") and one.metadata["metavar"] for one in fields(TrainingPlan))
+    for one in fields(TrainingPlan):
+        assert one.metadata["help"].endswith(".")
+        assert one.metadata["metavar"] or one.default is False  # a switch has no value
 
 
 def test_evaluation_is_on_ground_that_was_held_out(tmp_path, monkeypatch):
