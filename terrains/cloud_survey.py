@@ -12,13 +12,10 @@ from numpy.typing import NDArray
 from aoro_gym.terrains.check import Report, TerrainError
 from aoro_gym.terrains.frame import Request, sound
 from aoro_gym.terrains.length_units import Unit
+from aoro_gym.terrains.masking import CERTAIN, USUAL
 
 NOISE_CLASSES = (7, 18)
 """Low and high noise (ASPRS LAS 1.4)."""
-CERTAIN = (-9999.0, -99999.0, -999999.0, -32768.0, -32767.0, 32767.0)
-"""Heights that stand for "unknown" where they lie apart from all others."""
-USUAL = (0.0, -1.0, -99.0, -999.0, 999.0, 9999.0, 99999.0)
-"""Heights that often do, and may be heights where they are many."""
 FEW = 0.2
 """Share of the points up to which usual marks are few."""
 APART = 10.0

@@ -267,4 +267,6 @@ def broken(path: Path, what: str) -> Iterator[None]:
         if not isinstance(error, Exception) and type(error).__name__ != "PanicException":  # lazrs panics in Rust's way
             raise
         text = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise TerrainError(f"{path}: cannot be read as {what}: {text}") from None
+        if isinstance(error, ValueError) and text.startswith(str(path)):  # it says so itself
+            raise TerrainError(text) from None
+        raise TerrainError(f"{path}: cannot be read as {what}: {text[:200]}") from None

@@ -28,7 +28,7 @@ NAMES = {
     for role, words in {
         "x": r"x|e|east|easting|eastings|ost|ostwert|rechts|rechtswert|rw|est",
         "y": r"y|n|north|northing|northings|nord|nordwert|hoch|hochwert|hw",
-        "z": r"z|h|hgt|height|elev|elevation|alt|altitude|hoehe|höhe|hohe|kote|level|rl|msl|"
+        "z": r"z|h|hgt|height|elev|elevation|alt|altitude|hoehe|höhe|hohe|kote|level|rl|msl|up|"
         r"(?:ellipsoidal|orthometric|geoid|ellips?|ortho|antenna|terrain|surface|dem|dtm)_(?:h|hgt|height|elevation)|"
         r"(?:height|elevation|altitude)_(?:msl|asl|amsl|ellipsoidal|orthometric|above_sea_level)",
         "latitude": r"lat|latitude|breite|breitengrad|geographische_breite",
@@ -133,7 +133,8 @@ def _find_layout(path: Path, dialect: Dialect, report: Report) -> Layout:
     if not sample:
         names = f"; its first line names {listed(dialect.names)}" if dialect.names else ""
         raise TerrainError(f"{path}: no line of numbers x, y, z among the first 200{names}")
-    numeric = [i for i in range(dialect.columns) if all(_may_be_number(cells, i) for cells in sample)]
+    # A word here and there is a fault, named with its line when it is met; a column of words is none of numbers.
+    numeric = [i for i in range(dialect.columns) if 2 * sum(_may_be_number(row, i) for row in sample) > len(sample)]
     if dialect.names:
         layout = _by_names(path, dialect, numeric, report)
         if layout is not None:
@@ -180,9 +181,11 @@ def _by_names(path: Path, dialect: Dialect, numeric: list[int], report: Report) 
             f"{path}: {len(dialect.names)} columns are named ({listed(dialect.names)}), but its rows have"
             f" {dialect.columns} values"
         )
-    words = next((dialect.names[chosen[role][0]] for role in roles if chosen[role][0] not in numeric), None)
-    if words is not None:
-        raise TerrainError(f"{path}: column {words[:40]!r} holds words among the first rows, not numbers")
+    for role in roles:
+        others = [dialect.names[index] for index, _ in found[role] if index != chosen[role][0]]
+        if others:
+            text = f"{role} is read from column {dialect.names[chosen[role][0]]}, not from {listed(others)}"
+            report.change("columns", len(others), text)
     classes = chosen.get("class")
     if classes is not None and classes[0] not in numeric:
         classes = None

@@ -213,7 +213,7 @@ def test_trees_are_told_from_ground(tmp_path, suffix):
 def test_chunks_do_not_matter(tmp_path, monkeypatch):
     path = write_las(tmp_path / "forest.laz", *cloud())
     whole = load(path).terrain
-    monkeypatch.setattr("aoro_gym.terrains.read_cloud.CHUNK", 7_001)
+    monkeypatch.setattr("aoro_gym.terrains.read_las.CHUNK", 7_001)
     parts = load(path).terrain
     np.testing.assert_allclose(parts.vertices, whole.vertices, atol=1e-9)  # order of summation
 

@@ -235,6 +235,24 @@ def test_blank_and_missing_heights_are_left_out(tmp_path):
     assert changes(report)["broken_points"] == 5
 
 
+def test_a_choice_between_columns_is_said(tmp_path):
+    x, y, z = points().T.tolist()
+    text = "easting,northing,ellipsoidal height,elevation\n" + rows([x, y, [0.5] * 441, z], separator=",")
+    terrain, report = read(tmp_path / "two.csv", text)
+    assert_plane(terrain)
+    assert "z is read from column elevation, not from ellipsoidal height" in texts(report)
+
+
+@pytest.mark.parametrize("at", [5, 300])
+@pytest.mark.parametrize("header", ["", "x,y,z,intensity\n"])
+def test_a_word_among_numbers_moves_no_column(tmp_path, at, header):
+    lines = rows([*points().T.tolist(), [7] * 441], separator=",").splitlines()
+    lines[at] = "500003.00,6650003.00,1.50.00,7"
+    line = at + 1 + bool(header)
+    with pytest.raises(TerrainError, match=rf"line {line}: '1\.50\.00' in column 3 is not a number"):
+        read(tmp_path / "word.csv", header + "\n".join(lines) + "\n")
+
+
 @pytest.mark.parametrize(
     ("line", "message"),
     [
@@ -265,3 +283,16 @@ def test_no_cloud_is_one_clear_error(tmp_path, content):
 def test_names_that_are_markup_are_shown_as_they_are(tmp_path):
     with pytest.raises(TerrainError, match=r"named \[/x\], \$b, \{c\}"):
         read(tmp_path / "markup.csv", "[/x],$b,{c}\n" + xyz_rows(separator=","))
+
+
+def test_chunks_do_not_matter(tmp_path, monkeypatch):
+    monkeypatch.setattr("aoro_gym.terrains.read_text_cloud.CHUNK", 50)
+    for name in ("decimal commas, names", "comments", "counts of two stations"):
+        terrain, report = read(tmp_path / "cloud.xyz", DIALECTS[name])
+        assert_plane(terrain)
+        assert report.points_read == 441
+    lines = xyz_rows().splitlines()
+    lines[300] = "500010 6650010 wood"
+    with pytest.raises(TerrainError, match=r"^[^:]*cloud\.xyz, line 301: 'wood' in column 3") as caught:
+        read(tmp_path / "cloud.xyz", "\n".join(lines))
+    assert str(caught.value).count("cloud.xyz") == 1
