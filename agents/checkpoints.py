@@ -9,26 +9,67 @@ from __future__ import annotations
 
 import json
 import random
+import zipfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import torch  # pyright: ignore[reportMissingImports]
 
+from aoro_gym.execution.files import written_whole
+
 
 def save_checkpoint(path: Path, state: Mapping[str, Any], notes: Mapping[str, Any]) -> None:
-    """Write what a learner gives as its ``state`` (tensors and plain values), and ``notes`` that JSON can hold."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f"{path.name}.partial")
-    torch.save({**state, "notes": json.dumps(notes)}, partial)
-    partial.replace(path)
+    """Write what a learner gives as its ``state`` (tensors and plain values), and ``notes`` that JSON can hold.
+
+    Raises OSError if the disk is full.
+    """
+    with written_whole(path) as temporary, temporary.open("wb") as raw:
+        file: Any = _Remembering(raw)
+        try:
+            torch.save({**state, "notes": json.dumps(notes)}, file)
+        except RuntimeError:  # which torch makes of whatever went wrong while it wrote
+            if file.error is None:
+                raise
+            raise file.error from None
 
 
 def load_checkpoint(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The state, on the host, and the notes."""
-    content = torch.load(path, map_location="cpu", weights_only=True)
-    return content, json.loads(content.pop("notes"))
+    """The state, on the host, and the notes.
+
+    Raises ValueError if the file is damaged.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:  # torch itself compares no checksums
+            bad = archive.testzip()
+        if bad is not None:
+            raise ValueError(f"the checksum of {bad} is another")
+        content = torch.load(path, map_location="cpu", weights_only=True)
+        return content, json.loads(content.pop("notes"))
+    except OSError:
+        raise
+    except Exception as error:  # whatever zipfile, zlib, pickle and torch make of a damaged file
+        reason = " ".join(str(error).split())[:100]
+        raise ValueError(f"{path} is damaged ({reason}); restore it, or begin anew with --restart") from None
+
+
+class _Remembering:
+    """A file that keeps the error of a write."""
+
+    def __init__(self, file: BinaryIO):
+        self._file = file
+        self.error: OSError | None = None
+
+    def write(self, content: Any) -> int:
+        try:
+            return self._file.write(content)
+        except OSError as error:
+            self.error = error
+            raise
+
+    def flush(self) -> None:
+        self._file.flush()
 
 
 def random_states(device: torch.device) -> dict[str, Any]:

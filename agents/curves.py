@@ -12,13 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from aoro_gym.agents.evaluation import BOUNDED, MORE_IS_BETTER, OVER, SUCCESS, TRIALS, Evaluation, evaluate
+from aoro_gym.agents.evaluation import BOUNDED, MORE_IS_BETTER, OVER, SUCCESS, TRIALS, Evaluation, asked_of, evaluate
 from aoro_gym.agents.evaluation_report import COLOURS, describe, named, shown_as
 from aoro_gym.agents.reference import REFERENCE_POLICIES
-from aoro_gym.agents.training import EVALUATION_SEED, EVALUATIONS, recall
+from aoro_gym.agents.training import EVALUATION_SEED, EVALUATIONS, judged_by, recall
 from aoro_gym.agents.training_plan import TrainingPlan
 from aoro_gym.envs.courses import Course
-from aoro_gym.log import read_json
+from aoro_gym.execution.files import read_json, written_whole
+from aoro_gym.execution.provenance import PROVENANCE, changed_inputs, listed
 from aoro_gym.style import INK, PLOT_STYLE, SOFT
 from aoro_gym.terminal import Comparison
 from aoro_gym.twin import Machine
@@ -56,9 +57,7 @@ def read(folders: Sequence[Path]) -> list[Curve]:
         plan, _ = recall(folder)
         if not (folder / EVALUATIONS).exists():
             raise ValueError(f"{folder} holds no {EVALUATIONS} yet; let its training reach the first evaluation")
-        found = read_json(folder / EVALUATIONS).get("evaluations")
-        if not found:
-            raise ValueError(f"{folder / EVALUATIONS} holds no evaluations; restore it, or name another folder")
+        found = _evaluations(folder)
         groups.setdefault(replace(plan, seed=0).command, []).append((plan, found))
     if not groups:
         raise ValueError("there is no training; give folders that 'aoro-gym train' wrote")
@@ -71,6 +70,31 @@ def read(folders: Sequence[Path]) -> list[Curve]:
                     "give trainings that are judged alike"
                 )
     return [_curve(members) for members in groups.values()]
+
+
+def _evaluations(folder: Path) -> list[dict[str, Any]]:
+    """What a training found; ValueError if its file is damaged."""
+    file, again = folder / EVALUATIONS, f"aoro-gym train --resume {folder} writes it again"
+    try:
+        found = read_json(file).get("evaluations")
+        if not found:
+            raise ValueError(f"{file} holds no evaluations")
+        for one in found:
+            if not (
+                _are_numbers(one["steps"], one["elapsed_s"]) and one["figures"].keys() == found[0]["figures"].keys()
+            ):
+                raise ValueError(f"{file} holds an evaluation without its numbers")
+            for figure in one["figures"].values():
+                if figure["mean"] is not None and not _are_numbers(figure["mean"]):
+                    raise ValueError(f"{file} holds an evaluation without its numbers")
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        reason = error if isinstance(error, ValueError) else f"{file} is damaged"
+        raise ValueError(f"{reason}; {again}") from None
+    return found
+
+
+def _are_numbers(*values: Any) -> bool:
+    return all(isinstance(value, int | float) and np.isfinite(value) for value in values)
 
 
 def _curve(members: Sequence[tuple[TrainingPlan, list[dict[str, Any]]]]) -> Curve:
@@ -103,11 +127,46 @@ def _mean_of(figures: Mapping[str, Mapping[str, Any]], name: str) -> float | Non
     return figure["mean"]
 
 
+def check_inputs(folders: Sequence[Path], machine: Machine, held_out: Sequence[Course] | None) -> list[str]:
+    """Check that trainings were evaluated on this machine and on these courses; returns warnings of those that do not say.
+
+    Raises ValueError naming what differs.
+    """
+    warnings = []
+    for folder in folders:
+        plan, record = recall(folder)[0], folder / PROVENANCE
+        if not record.exists():
+            warnings.append(
+                f"{folder} has no {PROVENANCE}: whether its machine and ground are those of today is unknown"
+            )
+            continue
+        changes = changed_inputs(record, judged_by(plan, machine, held_out))
+        if changes:
+            raise ValueError(
+                f"{folder} was evaluated otherwise than the controllers would be now: {listed(changes)}; restore that, or"
+                " leave the folder out"
+            )
+    return warnings
+
+
+def references_asked(plan: TrainingPlan, machine: Machine, held_out: Sequence[Course] | None) -> dict[str, Any]:
+    """What :func:`references` depends on, by name."""
+    return asked_of(
+        plan.env,
+        REFERENCE_POLICIES[plan.env],
+        machine=machine,
+        courses=held_out,
+        episodes=plan.eval_episodes,
+        device=plan.device,
+    )
+
+
 def references(
     plan: TrainingPlan,
     machine: Machine,
     held_out: Sequence[Course] | None,
     progress: Callable[[str, float], Any] | None = None,
+    kept: Path | None = None,
 ) -> Evaluation:
     """The reference controllers on the episodes that trainings of ``plan`` are evaluated on."""
     return evaluate(
@@ -118,6 +177,7 @@ def references(
         courses=held_out,
         machine=machine,
         device=plan.device,
+        kept=kept,
         progress=progress,
     )
 
@@ -228,4 +288,5 @@ def write_figure(curves: Sequence[Curve], beside: Evaluation, path: Path) -> Non
             axis.grid(True)
             axis.spines[["top", "right"]].set_visible(False)
         figure.axes[-1].legend(frameon=False, fontsize=8.0)
-        figure.savefig(path)
+        with written_whole(path) as temporary:
+            figure.savefig(temporary)

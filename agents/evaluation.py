@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial, reduce
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -32,7 +32,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from scipy.stats import binomtest, bootstrap, trim_mean
 
-from aoro_gym.agents import learned
+from aoro_gym.agents import inputs, learned
 from aoro_gym.agents.controllers import Policy
 from aoro_gym.agents.keeping import Kept
 from aoro_gym.agents.reference import REFERENCE_POLICIES, Factory
@@ -294,6 +294,25 @@ class Evaluation:
         }
 
 
+def asked_of(
+    env: str,
+    policies: Mapping[str, Factory],
+    *,
+    machine: Machine,
+    courses: Sequence[Course] | None = None,
+    **others: Any,
+) -> dict[str, Any]:
+    """What an evaluation with these arguments, see :func:`evaluate`, depends on, by name."""
+    return {
+        "env": env,
+        "policy": {name: inputs.policy_content(policy) for name, policy in policies.items()},
+        "machine": inputs.machine_values(machine),
+        "terrain": inputs.grounds(courses),
+        "path": inputs.paths(courses),
+        **others,
+    }
+
+
 def policy_factory(env: str, name: str, *, trust_pickle: bool = False) -> Factory:
     """What makes the policy that is called ``name`` for an environment: a reference controller, a policy that comes with
     the package, or that of a file; see :mod:`aoro_gym.agents.learned`.
@@ -371,8 +390,15 @@ def evaluate(
     )
     drive = TRIALS[env].drive if repeats == 1 else partial(_repeated, TRIALS[env].drive, seed, episodes)
     seeds = seed + np.arange(episodes * repeats)
-    grounds = [asdict(course) for course in courses] if kept is not None and courses is not None else None
-    keeper = Kept(kept, env, grounds, device, reward_terms, None if repeats == 1 else (seed, episodes))
+    keeper = Kept(
+        kept,
+        env,
+        None if courses is None else (inputs.grounds(courses), inputs.paths(courses)),
+        inputs.machine_values(machine),
+        device,
+        None if reward_terms is None else list(reward_terms.items()),  # their sum depends on their order
+        None if repeats == 1 else (seed, episodes),
+    )
     if ray is None:
         arguments = {"make": make, "machine": machine, "drawn": drawn, "kept": keeper, "progress": progress}
         runs = _here(drive, policies, seeds, **arguments)
@@ -425,7 +451,8 @@ def _here(
     done = 0
     for part in _parts(seeds, AT_ONCE):
         plant = drawn(machine, part)
-        before = {name: kept.find(policy, part, plant) for name, policy in policies.items()}
+        files = {name: kept.file(policy, part, plant) for name, policy in policies.items()}
+        before = {name: kept.find(file) for name, file in files.items()}
         if None in before.values():
             if known is None or known.num_envs != len(part):
                 known = vector = make(len(part), machine=machine)
@@ -440,7 +467,7 @@ def _here(
             arrays = before[name]
             if arrays is None:
                 run = drive(vector, policy(known), part, tell)
-                kept.keep(policy, part, plant, run.arrays())
+                kept.keep(files[name], run.arrays())
             else:
                 run = Episodes.of(arrays)
             runs[name] = runs[name].joined(run) if name in runs else run
@@ -467,15 +494,15 @@ def _on_cluster(
     shards = _parts(seeds, SHARD)
     jobs = {f"{name}, part {k}": (policy, part) for name, policy in policies.items() for k, part in enumerate(shards)}
     plants = [drawn(machine, part) for part in shards]
-    plant = {job: plants[k % len(shards)] for k, job in enumerate(jobs)}
-    before = {job: kept.find(*jobs[job], plant[job]) for job in jobs}
+    files = {job: kept.file(*jobs[job], plants[k % len(shards)]) for k, job in enumerate(jobs)}
+    before = {job: kept.find(file) for job, file in files.items()}
     found = {job: Episodes.of(arrays) for job, arrays in before.items() if arrays is not None}
     with connected(ray):
         for job, run in on_ray(work, {job: jobs[job] for job in jobs if job not in found}, device=device):
             if isinstance(run, Failed):
                 raise ClusterError(f"{job}: {run.reason}")
             found[job] = run
-            kept.keep(*jobs[job], plant[job], run.arrays())
+            kept.keep(files[job], run.arrays())
             if progress is not None:
                 progress(job, len(found) / len(jobs))
     return {

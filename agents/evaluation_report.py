@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from aoro_gym.agents.evaluation import BOUNDED, OVER, RATES, Episodes, Evaluation, Interval
 from aoro_gym.envs.courses import Course
+from aoro_gym.execution.files import write_json, written_whole
 from aoro_gym.report import Passage, write_gif, write_html
 from aoro_gym.style import AMBER, BLUE, GREEN, INK, PLOT_STYLE, PURPLE, RED, SOFT
 from aoro_gym.terminal import Comparison
@@ -55,13 +55,11 @@ def write_report(
     """
     tell = progress or (lambda what, share: None)
     tell("plots", 0.0)
-    folder.mkdir(parents=True, exist_ok=True)
     summary, figures, errors, page = (
         folder / name for name in ("evaluation.json", "figures.png", "errors.png", "index.html")
     )
     content = result.to_json() | ({} if made_by is None else {"made_by": dict(made_by)})
-    content = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
-    summary.write_text(content + "\n", encoding="utf-8")
+    write_json(summary, content)
     write_figures(result, figures)
     write_errors(result, errors)
     plans = write_plans(result, folder)
@@ -243,7 +241,8 @@ def write_figures(result: Evaluation, path: Path) -> None:
             axis.spines[["top", "right", "left"]].set_visible(False)
         for axis in axes[len(names) :]:
             axis.set_visible(False)
-        figure.savefig(path)
+        with written_whole(path) as temporary:
+            figure.savefig(temporary)
 
 
 def write_errors(result: Evaluation, path: Path) -> None:
@@ -287,7 +286,8 @@ def write_errors(result: Evaluation, path: Path) -> None:
         axes[0].legend(frameon=False, fontsize=8.5, ncols=3, loc="upper right")
         for axis in axes[count:]:
             axis.set_visible(False)
-        figure.savefig(path)
+        with written_whole(path) as temporary:
+            figure.savefig(temporary)
 
 
 def write_plans(result: Evaluation, folder: Path) -> list[Path]:
@@ -331,7 +331,8 @@ def _write_plan(result: Evaluation, number: int, path: Path) -> None:
                     axis.plot(*trace[-1], "X", color=colour, ms=8, mec="white", mew=0.8, zorder=30)
             handles.append(Line2D([], [], color=colour, lw=1.8, label=policy))
         place_legend(axis, handles)
-        figure.savefig(path, dpi=110, bbox_inches="tight")
+        with written_whole(path) as temporary:
+            figure.savefig(temporary, dpi=110, bbox_inches="tight")
 
 
 def _ground(course: Course) -> Any:
@@ -382,10 +383,12 @@ def write_film(
         write_gif(path, _lighter(frames), frames_per_second=0.5 * rate)
         return path
     path = stem.with_name(f"{stem.name}.mp4")
-    path.parent.mkdir(parents=True, exist_ok=True)
     clip = ImageSequenceClip(frames, fps=rate)
-    clip.write_videofile(str(path), codec="libx264", audio=False, logger=None, pixel_format="yuv420p")
-    clip.close()
+    try:
+        with written_whole(path) as temporary:
+            clip.write_videofile(str(temporary), codec="libx264", audio=False, logger=None, pixel_format="yuv420p")
+    finally:
+        clip.close()
     return path
 
 

@@ -38,12 +38,12 @@ from aoro_gym.agents.evaluation import (
 )
 from aoro_gym.agents.evaluation_report import MARKS, named, shown
 from aoro_gym.agents.leaderboard import SEED
-from aoro_gym.agents.learned import LearnedPolicy
+from aoro_gym.agents.learned import LearnedPolicy, shipped_policies
 from aoro_gym.agents.perturbations import SWITCHABLE
 from aoro_gym.agents.reference import Factory
 from aoro_gym.agents.training_plan import TrainingPlan
 from aoro_gym.envs.courses import Course
-from aoro_gym.log import read_json
+from aoro_gym.execution.files import read_json
 from aoro_gym.terminal import Comparison
 from aoro_gym.twin import Machine
 
@@ -163,6 +163,7 @@ def measure(
     seed: int = SEED,
     courses: Sequence[Course] | None = None,
     device: str = "cpu",
+    kept: Path | None = None,
     progress: Callable[[str, float], Any] | None = None,
 ) -> Gap:
     """Drive.
@@ -179,6 +180,7 @@ def measure(
         seed: Of the first episode.
         courses: Where to drive.
         device: Of the twins.
+        kept: Folder to keep episodes in, see :func:`~aoro_gym.agents.evaluation.evaluate`.
         progress: Called with what is driven and the share of everything that is done.
     """
     rounds: list[tuple[str, Factory, Machine]] = [
@@ -203,15 +205,22 @@ def measure(
             # policies know the baseline, wherever they drive
             drawn=lambda known, seeds, machine=machine: machine,
             device=device,
+            kept=kept,
             progress=tell,
         )
         driven[name] = found.runs[name]
     return Gap(env, episodes, seed, driven)
 
 
-def retraining_plan(env: str, policy: LearnedPolicy, file: Path, *, steps: int, seed: int, device: str) -> TrainingPlan:
-    """Asks for the policy of ``file`` to learn on for ``steps``."""
-    network = ", ".join(str(size) for size in policy.sizes[1:-1])
+def retraining_plan(env: str, policy: str, *, steps: int, seed: int, device: str) -> TrainingPlan:
+    """Asks for a policy, of a file or shipped, to learn on for ``steps``.
+
+    Raises ValueError if it is not of the package's own files, OSError if there is none.
+    """
+    file = shipped_policies(env).get(policy, Path(policy))
+    if file.suffix not in (".json", ".safetensors"):
+        raise ValueError(f"--policy {policy} cannot be retrained; give a file that 'aoro-gym train' wrote")
+    network = ", ".join(str(size) for size in LearnedPolicy.load(file).sizes[1:-1])
     return TrainingPlan(
         env=env,
         start=str(file),

@@ -8,7 +8,6 @@ of the evaluations that choose a training's best policy.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -30,7 +29,7 @@ from aoro_gym.agents.evaluation_report import COLOURS, MARKS, counted, describe,
 from aoro_gym.agents.perturbations import PERTURBATIONS
 from aoro_gym.agents.reference import REFERENCE_POLICIES, Factory
 from aoro_gym.envs.courses import Course, forest_course
-from aoro_gym.log import write_whole
+from aoro_gym.execution.files import write_json, write_text, written_whole
 from aoro_gym.style import PLOT_STYLE
 from aoro_gym.terminal import Comparison
 from aoro_gym.twin import Machine
@@ -171,16 +170,15 @@ def write(
 
     Raises ValueError if the readme lacks the marks.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     summary, text, picture = (folder / f"leaderboard.{end}" for end in ("json", "md", "png"))
     content = result.to_json() | ({} if made_by is None else {"made_by": dict(made_by)})
-    summary.write_text(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
+    write_json(summary, content)
     lines = markdown(result)
-    text.write_text(lines, encoding="utf-8")
+    write_text(text, lines)
     write_figure(result, picture)
     if readme is None:
         return [summary, text, picture]
-    write_whole(readme, lines.join(around_table(readme, result.any.env)).removesuffix("\n"))
+    write_text(readme, lines.join(around_table(readme, result.any.env)))
     return [summary, text, picture, readme]
 
 
@@ -309,4 +307,5 @@ def write_figure(result: Leaderboard, path: Path) -> None:
                 Line2D([], [], color="grey", lw=1.3, label="95 %, other episodes"),
             ]
         figure.legend(handles=handles, loc="outside upper left", ncols=len(handles), frameon=False, fontsize=8.5)
-        figure.savefig(path)
+        with written_whole(path) as temporary:
+            figure.savefig(temporary)

@@ -15,6 +15,7 @@ loaded. :func:`load_policy` takes them only from those who say that they trust i
 from __future__ import annotations
 
 import errno
+import hashlib
 import json
 import math
 import os
@@ -27,10 +28,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.agents.controllers import Actions, Observations
-from aoro_gym.execution.files import read_json
-from aoro_gym.log import write_whole
+from aoro_gym.execution.files import read_json, write_bytes, written_whole
 
-FORMAT = 1
+FORMAT, FORMATS = 2, (1, 2)
+"""Of the files that are written, and those that are read; those of 1 do not say which numbers they are of."""
 SHIPPED = Path(__file__).parent / "policies"
 ACTIVATIONS = {"tanh": np.tanh, "relu": lambda x: np.maximum(x, 0.0)}
 """Of the hidden layers, by name."""
@@ -146,31 +147,63 @@ class LearnedPolicy:
     # ---- files
 
     def save(self, path: Path) -> list[Path]:
-        """Write ``path`` with the suffixes .safetensors and .json."""
+        """Write ``path`` with the suffixes .safetensors and .json, each whole or not at all.
+
+        The JSON has the digest of the numbers that it describes: one of other numbers is refused when it is loaded.
+        """
         from safetensors.numpy import save
 
         numbers, about = path.with_suffix(".safetensors"), path.with_suffix(".json")
-        arrays: dict[str, NDArray[Any]] = {"action.low": self.low, "action.high": self.high}
+        content = save({name: np.ascontiguousarray(array) for name, array in self.arrays().items()})
+        description = {**self.description(), "numbers": _fingerprint(content)}
+        with written_whole(numbers) as first, written_whole(about) as second:
+            first.write_bytes(content)
+            second.write_text(json.dumps(description, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+        return [numbers, about]
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """All numbers by name."""
+        found: dict[str, NDArray[Any]] = {"action.low": self.low, "action.high": self.high}
         for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
-            arrays |= {f"layer{k}.weight": weight, f"layer{k}.bias": bias}
-        normalisation = None
+            found |= {f"layer{k}.weight": weight, f"layer{k}.bias": bias}
         if self.normalisation is not None:
-            arrays |= {"observation.mean": self.normalisation.mean, "observation.variance": self.normalisation.variance}
-            normalisation = {"epsilon": self.normalisation.epsilon, "clip": self.normalisation.clip}
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial = numbers.with_name(f"{numbers.name}.partial")
-        partial.write_bytes(save({name: np.ascontiguousarray(array) for name, array in arrays.items()}))
-        partial.replace(numbers)
-        description = {
+            found |= {"observation.mean": self.normalisation.mean, "observation.variance": self.normalisation.variance}
+        return found
+
+    def description(self) -> dict[str, Any]:
+        """What the numbers mean, for JSON."""
+        one = self.normalisation
+        return {
             "format": FORMAT,
             "environment": self.environment,
             "observation": {name: [span.start, span.stop] for name, span in self.layout.items()},
-            "normalisation": normalisation,
+            "normalisation": None if one is None else {"epsilon": one.epsilon, "clip": one.clip},
             "network": {"sizes": self.sizes, "activation": self.activation, "squashed": self.squashed},
             "training": dict(self.training),
         }
-        write_whole(about, json.dumps(description, indent=2, ensure_ascii=False))
-        return [numbers, about]
+
+    @classmethod
+    def of(cls, description: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> LearnedPolicy:
+        """What :meth:`description` and :meth:`arrays` were of.
+
+        Raises ValueError naming what is missing or wrong.
+        """
+        fields, sizes, normalised = _read_description(description)
+        normalisation = None
+        if normalised is not None:
+            mean, variance = (_array(arrays, f"observation.{name}", 1, np.float64) for name in ("mean", "variance"))
+            normalisation = Normalisation(mean, variance, **normalised)
+        found = cls(
+            weights=tuple(_array(arrays, f"layer{k}.weight", 2) for k in range(len(sizes) - 1)),
+            biases=tuple(_array(arrays, f"layer{k}.bias", 1) for k in range(len(sizes) - 1)),
+            low=_array(arrays, "action.low", 1),
+            high=_array(arrays, "action.high", 1),
+            normalisation=normalisation,
+            **fields,
+        )
+        if found.sizes != sizes:
+            raise ValueError(f"its layers have the sizes {found.sizes}, not {shortened(sizes)}")
+        return found
 
     @classmethod
     def load(cls, path: Path) -> LearnedPolicy:
@@ -183,28 +216,27 @@ class LearnedPolicy:
             raise ValueError(f"{path} needs {about.name} beside it, which says what its numbers mean")
         description = read_json(about)
         try:
-            fields, sizes, normalised = _read_description(description)
+            _read_description(description)
         except ValueError as error:
             raise ValueError(f"{about} is no policy's: {error}") from None
-        arrays = _read_numbers(numbers)
+        content = numbers.read_bytes()
         try:
-            normalisation = None
-            if normalised is not None:
-                mean, variance = (_array(arrays, f"observation.{name}", 1, np.float64) for name in ("mean", "variance"))
-                normalisation = Normalisation(mean, variance, **normalised)
-            found = cls(
-                weights=tuple(_array(arrays, f"layer{k}.weight", 2) for k in range(len(sizes) - 1)),
-                biases=tuple(_array(arrays, f"layer{k}.bias", 1) for k in range(len(sizes) - 1)),
-                low=_array(arrays, "action.low", 1),
-                high=_array(arrays, "action.high", 1),
-                normalisation=normalisation,
-                **fields,
-            )
-            if found.sizes != sizes:
-                raise ValueError(f"its layers have the sizes {found.sizes}, not {_short(sizes)}")
+            found = cls.of(description, _read_numbers(numbers, content))
+            if description["format"] == FORMAT and description.get("numbers") != _fingerprint(content):
+                raise ValueError("its numbers are others; resume the training, which writes both, or restore them")
             return found
+        except _NoNumbers:
+            raise
         except ValueError as error:
             raise ValueError(f"{numbers} is not the policy that {about.name} describes: {error}") from None
+
+
+def _fingerprint(content: bytes) -> str:
+    return f"sha256:{hashlib.sha256(content).hexdigest()}"
+
+
+class _NoNumbers(ValueError):
+    """A file holds no arrays."""
 
 
 def _read_description(content: Mapping[str, Any]) -> tuple[dict[str, Any], list[int], dict[str, float] | None]:
@@ -213,18 +245,19 @@ def _read_description(content: Mapping[str, Any]) -> tuple[dict[str, Any], list[
 
     Raises ValueError that names what is missing or wrong.
     """
-    if _entry(content, "format", int) != FORMAT:
-        raise ValueError(f"format is {_short(content['format'])}, but this version reads {FORMAT}")
+    if _entry(content, "format", int) not in FORMATS:
+        known = ", ".join(map(str, FORMATS))
+        raise ValueError(f"format is {shortened(content['format'])}, but this version reads {known}")
     network = _entry(content, "network", dict)
     sizes = _entry(network, "sizes", list)
     if len(sizes) < 2 or not all(isinstance(one, int) and not isinstance(one, bool) and one > 0 for one in sizes):
-        raise ValueError(f"sizes is {_short(sizes)}, but must be two whole numbers or more, each above 0")
+        raise ValueError(f"sizes is {shortened(sizes)}, but must be two whole numbers or more, each above 0")
     layout = {}
     for name, span in _entry(content, "observation", dict).items():
         whole = isinstance(span, list) and len(span) == 2 and all(type(end) is int for end in span)
         if not whole or not 0 <= span[0] < span[1] <= sizes[0]:
             raise ValueError(
-                f"observation {_short(name)} is {_short(span)}, but must be [first, end] in [0, {sizes[0]}]"
+                f"observation {shortened(name)} is {shortened(span)}, but must be [first, end] in [0, {sizes[0]}]"
             )
         layout[name] = slice(*span)
     normalised = None
@@ -249,7 +282,7 @@ def _entry(content: Mapping[str, Any], name: str, kind: type) -> Any:
     if name not in content:
         raise ValueError(f"{name} is missing")
     if type(content[name]) is not kind:
-        raise ValueError(f"{name} is {_short(content[name])}, but must be {kinds[kind]}")
+        raise ValueError(f"{name} is {shortened(content[name])}, but must be {kinds[kind]}")
     return content[name]
 
 
@@ -260,25 +293,24 @@ def _positive(content: Mapping[str, Any], name: str) -> float:
     except OverflowError:
         number = math.inf
     if not 0.0 < number < math.inf:
-        raise ValueError(f"{name} is {_short(value)}, but must be a finite number above 0")
+        raise ValueError(f"{name} is {shortened(value)}, but must be a finite number above 0")
     return number
 
 
-def _short(value: Any) -> str:
+def shortened(value: Any) -> str:
     """What a file holds, for a message."""
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:40]}... ({len(text)} characters)"
 
 
-def _read_numbers(file: Path) -> dict[str, NDArray[Any]]:
-    """Arrays by name; ValueError that names the file if it holds none, OSError if there is none."""
+def _read_numbers(file: Path, content: bytes) -> dict[str, NDArray[Any]]:
+    """Arrays by name; an error that names the file if it holds none."""
     from safetensors.numpy import load
 
-    content = file.read_bytes()
     try:
         return load(content)
     except Exception as error:  # of a foreign library, for whatever bytes
-        raise ValueError(f"{file} is no .safetensors: {_short(str(error))}") from None
+        raise _NoNumbers(f"{file} is no .safetensors: {shortened(str(error))}") from None
 
 
 def _array(arrays: Mapping[str, NDArray[Any]], name: str, dimensions: int, kind: Any = np.float32) -> NDArray[Any]:
@@ -335,7 +367,7 @@ def _from_zip(path: Path) -> LearnedPolicy:
         )
         policy.load_state_dict(parameters["policy"])
     except Exception as error:  # a pickle of whoever may fail with anything
-        raise ValueError(f"{path} holds no policy of Stable-Baselines3: {_short(str(error))}") from error
+        raise ValueError(f"{path} holds no policy of Stable-Baselines3: {shortened(str(error))}") from error
     normaliser = None
     for folder in (path.parent, path.with_suffix("")):
         if (folder / "vecnormalize.pkl").exists():
@@ -510,8 +542,7 @@ def write_onnx(policy: LearnedPolicy, path: Path) -> None:
     terms = {name: [span.start, span.stop] for name, span in policy.layout.items()}
     helper.set_model_props(model, {"environment": policy.environment, "observation": json.dumps(terms)})
     onnx.checker.check_model(model, full_check=True)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(model.SerializeToString())
+    write_bytes(path, model.SerializeToString())
 
 
 def _listed(layout: Mapping[str, slice]) -> str:

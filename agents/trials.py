@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 import math
 import os
+import shutil
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,17 +19,20 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from aoro_gym.agents.training import EVALUATIONS, continued, entry_of, read_recipe, train
+from aoro_gym.agents.training import EVALUATIONS, continued, entry_of, inputs_of, read_recipe, train
 from aoro_gym.agents.training_plan import HYPERPARAMS, TrainingPlan
 from aoro_gym.cluster import RETRIES, connected
 from aoro_gym.envs.courses import Course
-from aoro_gym.log import read_json, write_json, write_whole
+from aoro_gym.execution.files import read_json, write_json, write_text
+from aoro_gym.execution.locking import locked
+from aoro_gym.execution.provenance import PROVENANCE, check_provenance
 from aoro_gym.twin import Machine
 
 SPACES = HYPERPARAMS / "spaces.yml"
 """What is searched, by algorithm."""
-KEPT = "search.json"
-"""What was asked for, in the folder of a search; beside it ``tune`` holds what Ray Tune knows, ``trials`` the trainings."""
+KEPT, TUNE, TRIALS, RESULT, BEST = "search.json", "tune", "trials", "trials.json", "best.yml"
+"""In the folder of a search: what was asked for, what Ray Tune knows, the trainings, what they came to, and the best one's
+hyper-parameters. ``provenance.json`` tells what the search follows from."""
 METRIC = "return"
 """Of an evaluation: its mean is to be large."""
 REDUCTION = 3
@@ -120,6 +124,8 @@ def search(
     machine: Machine,
     courses: Sequence[Course] | None = None,
     held_out: Sequence[Course] | None = None,
+    restart: bool = False,
+    accept_code_change: bool = False,
     progress: Callable[[str, float], Any] = lambda what, share: None,
 ) -> list[Trial]:
     """Search hyper-parameters on a cluster; goes on where an interrupted call stopped.
@@ -133,22 +139,25 @@ def search(
         machine: To learn on.
         courses: Where to learn.
         held_out: Where to evaluate.
+        restart: Whether to begin anew where there is a search already.
+        accept_code_change: Whether to go on with a search that other code began.
         progress: Called with what is done and the share that is.
 
     Returns:
         All trials, the best first.
 
     Raises:
-        ValueError: Ray Tune or Optuna is missing, there is no such cluster, the recipe is wrong, or ``folder`` holds another
-            search.
+        ValueError: Ray Tune or Optuna is missing, there is no such cluster, the recipe is wrong, ``folder`` holds another
+            search, which the message names, or another process writes to it.
     """
     # nodes work in other folders
     files = {name: getattr(plan, name) for name in ("hyperparams", "curriculum", "start")}
     plan = replace(plan, **{name: str(Path(file).absolute()) for name, file in files.items() if file is not None})
-    total = read_recipe(plan).hyperparams["n_timesteps"]
+    recipe = read_recipe(plan)
+    total = recipe.hyperparams["n_timesteps"]
     os.environ.setdefault("TUNE_DISABLE_SIGINT_HANDLER", "1")  # Ctrl-C ends the search here, as everything else
     os.environ.setdefault("RAY_AIR_NEW_OUTPUT", "0")  # of its two ways to report, the one that can be silent
-    with connected(ray):
+    with locked(folder), connected(ray):
         try:
             import optuna  # pyright: ignore[reportMissingImports]
             from ray import tune  # pyright: ignore[reportMissingImports]
@@ -157,16 +166,21 @@ def search(
         except ImportError as error:
             raise ValueError(f"{error.name} is missing: pip install 'aoro-gym[ray]'") from error
 
-        _check_the_same(plan, space, trials, folder)
+        asked = inputs_of(plan, recipe, machine=machine, courses=courses, held_out=held_out)
+        asked |= {"space": {one.name: repr(one) for one in space}, "trials": trials}
+        if restart or not (folder / TRIALS).exists():
+            _clear(folder)
+        check_provenance(folder / PROVENANCE, asked, accept_code_change=accept_code_change)
+        write_json(folder / KEPT, {"command": plan.command, "space": [repr(one) for one in space], "trials": trials})
         optuna.logging.set_verbosity(optuna.logging.WARNING)
         logging.getLogger("ray.tune").setLevel(logging.WARNING)
         known = {
             "plan": plan, "space": tuple(space), "folder": folder.absolute(), "machine": machine, "courses": courses,
-            "held_out": held_out,
+            "held_out": held_out, "accept_code_change": accept_code_change,
         }  # fmt: skip
         resources: dict[str, float] = {"cpu": 1, "gpu": 0 if plan.device == "cpu" else 1}
         work = tune.with_resources(tune.with_parameters(_trial, **known), resources)
-        place = folder.absolute() / "tune"
+        place = folder.absolute() / TUNE
         if tune.Tuner.can_restore(str(place)):
             tuner = tune.Tuner.restore(str(place), work, resume_unfinished=True, restart_errored=True)
         else:
@@ -202,7 +216,7 @@ def search(
 def read_trials(folder: Path) -> list[Trial]:
     """The trials of a search, the best first."""
     found = []
-    for file in sorted(folder.glob("trials/*/trial.json")):
+    for file in sorted(folder.glob(f"{TRIALS}/*/trial.json")):
         record, place, failed = read_json(file), file.parent, file.with_name("error.txt")
         evaluations = read_json(place / EVALUATIONS)["evaluations"] if (place / EVALUATIONS).exists() else []
         why = failed.read_text(encoding="utf-8").strip() if failed.exists() else ""
@@ -210,18 +224,12 @@ def read_trials(folder: Path) -> list[Trial]:
     return sorted(found, key=lambda one: -one.value)
 
 
-def _check_the_same(plan: TrainingPlan, space: Sequence[Dimension], trials: int, folder: Path) -> None:
-    """Write what is asked to ``folder``, or ValueError if it holds something else."""
-    asked = {"command": plan.command, "space": [repr(one) for one in space], "trials": trials}
-    if (folder / KEPT).exists():
-        before = read_json(folder / KEPT)
-        for name, value in asked.items():
-            if before.get(name) != value:
-                raise ValueError(
-                    f"{folder} holds a search whose {name} is {before.get(name)}, not {value}; give another --out"
-                )
-    else:
-        write_json(folder / KEPT, asked)
+def _clear(folder: Path) -> None:
+    """Remove what a search has written."""
+    for name in (TUNE, TRIALS):
+        shutil.rmtree(folder / name, ignore_errors=True)
+    for name in (PROVENANCE, KEPT, RESULT, BEST):
+        (folder / name).unlink(missing_ok=True)
 
 
 def _domain(tune: Any, one: Dimension) -> Any:
@@ -239,24 +247,33 @@ def _trial(
     machine: Machine,
     courses: Sequence[Course] | None,
     held_out: Sequence[Course] | None,
+    accept_code_change: bool,
 ) -> None:
     """What a node does: a training that says what every evaluation finds, from its last checkpoint if there is one."""
     from ray import tune  # pyright: ignore[reportMissingImports]
 
+    told = []
+
     def tell(evaluation: Mapping[str, Any]) -> None:
+        told.append(evaluation["steps"])
         tune.report({"steps": evaluation["steps"], METRIC: evaluation["figures"][METRIC]["mean"]})
 
     params = [one.text(config[one.name]) for one in space]
-    place = folder / "trials" / tune.get_context().get_trial_id()
+    place = folder / TRIALS / tune.get_context().get_trial_id()
     write_json(place / "trial.json", {"params": params})
     own = replace(plan, param=[*(plan.param or []), *params])
     try:
         recipe = continued(own, place)
         if (place / EVALUATIONS).exists():  # its process may have died before it told
             tell(read_json(place / EVALUATIONS)["evaluations"][-1])
-        train(own, recipe, place, machine=machine, courses=courses, held_out=held_out, evaluated=tell)
+        found = train(
+            own, recipe, place, machine=machine, courses=courses, held_out=held_out,
+            accept_code_change=accept_code_change, evaluated=tell,
+        )  # fmt: skip
+        if found and found[-1]["steps"] not in told:  # it died between its checkpoint and its last evaluation's file
+            tell(found[-1])
     except (ValueError, RuntimeError) as error:  # it would fail again
-        write_whole(place / "error.txt", f"{type(error).__name__}: {error}")
+        write_text(place / "error.txt", f"{type(error).__name__}: {error}\n")
         tune.report({"steps": 0, METRIC: WORST})
 
 
@@ -293,8 +310,8 @@ def _write(plan: TrainingPlan, found: Sequence[Trial], folder: Path) -> None:
             for one in found
         ],
     }
-    write_json(folder / "trials.json", content)
+    write_json(folder / RESULT, content)
     if found and found[0].best is not None:
         recipe = read_recipe(replace(plan, param=[*(plan.param or []), *found[0].params]))
         text = yaml.safe_dump({plan.env: dict(recipe.hyperparams)}, sort_keys=False, default_flow_style=None)
-        write_whole(folder / "best.yml", text.rstrip())
+        write_text(folder / BEST, text)

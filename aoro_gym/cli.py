@@ -6,12 +6,14 @@ exit code 1. Tables and JSON go to the standard output, progress and errors to t
 
 from __future__ import annotations
 
+import errno
 import inspect
 import json
 import math
+import shlex
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import fields, replace
 from fnmatch import fnmatch
 from importlib.util import find_spec
@@ -62,6 +64,8 @@ app = typer.Typer(
 
 MACHINE, DATASHEET = "aoro", "aoro_datasheet"
 """Bundled machines: the calibrated one, and the one before any calibration."""
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Errors that are no fault of the input."""
 NONE = "none"
 """What leaves an optional machine out."""
 SWING_TARGETS_DEG = (-22.0, 18.0, -8.0)
@@ -871,6 +875,8 @@ def evaluate(
         "evaluation"
     ),
     films: Annotated[bool, typer.Option("--films/--no-films", help="Draw each policy's first episode.")] = True,
+    restart: RestartOption = False,
+    accept_code_change: AcceptCodeChangeOption = False,
     ray: RayOption = None,
     machine: MachineOption = MACHINE,
     set_: SetOption = None,
@@ -912,24 +918,20 @@ def evaluate(
     made_by |= {"terrain": None if terrain is None else str(terrain), "path": None if path is None else str(path)}
     made_by |= {"track": track, "join_gaps": join_gaps, "path_crs": path_crs}
     from aoro_gym.agents.evaluation_report import table, write_report
-    from aoro_gym.agents.keeping import resumable
+    from aoro_gym.agents.keeping import accepted, resumable
 
-    with _resumable(), terminal.progress(env) as tell, _running(), resumable(out) as kept:
+    asked: dict[str, Any] = {
+        "episodes": episodes, "repeats": repeats, "seed": seed, "courses": courses, "machine": chosen, "device": device,
+    }  # fmt: skip
+    inputs = evaluation.asked_of(env, policies, **asked)
+    episodes_of = resumable(out, inputs, restart=restart, accept_code_change=accept_code_change)
+    with _resumable(), _running(), _entered(episodes_of) as kept, terminal.progress(env) as tell:
         driven = 0.5 if films else 0.95
         with _checking_input():  # such as paths that leave the ground
             result = evaluation.evaluate(
-                env,
-                policies,
-                episodes=episodes,
-                repeats=repeats,
-                seed=seed,
-                courses=courses,
-                machine=chosen,
-                device=device,
-                ray=ray,
-                kept=kept,
-                progress=terminal.within(tell, 0.0, driven),
+                env, policies, **asked, ray=ray, kept=kept, progress=terminal.within(tell, 0.0, driven)
             )
+        made_by |= accepted(kept)
         drawing = terminal.within(tell, driven, 1.0)
         written = write_report(result, out, films=films, lead=_lead(made_by), made_by=made_by, progress=drawing)
     terminal.out().print(table(result))
@@ -958,6 +960,8 @@ def leaderboard(
         Path | None,
         typer.Option("--readme", metavar="FILE.md", help="Put the table between the marks of this file, too."),
     ] = None,
+    restart: RestartOption = False,
+    accept_code_change: AcceptCodeChangeOption = False,
     ray: RayOption = None,
     machine: MachineOption = MACHINE,
     set_: SetOption = None,
@@ -988,7 +992,9 @@ def leaderboard(
     """
     with _checking_input():
         from aoro_gym.agents import leaderboard as board
-        from aoro_gym.agents.keeping import resumable
+        from aoro_gym.agents.evaluation import asked_of
+        from aoro_gym.agents.inputs import machine_ranges
+        from aoro_gym.agents.keeping import accepted, resumable
 
         _check_folder(out, "leaderboard.json")
         policies = _policies(env, policy)
@@ -999,13 +1005,16 @@ def leaderboard(
         chosen = _machine(machine, set_, scale)
         _check_seed(seed)
         _check_device(device)
-    with _resumable(), terminal.progress(env) as tell, _running(), resumable(out) as kept:
+    asked: dict[str, Any] = {
+        "episodes": episodes, "repeats": repeats, "seed": seed, "machine": chosen, "device": device,
+    }  # fmt: skip
+    inputs = asked_of(env, policies, **asked) | {"machine ranges": machine_ranges(chosen)}
+    episodes_of = resumable(out, inputs, restart=restart, accept_code_change=accept_code_change)
+    with _resumable(), _running(), _entered(episodes_of) as kept, terminal.progress(env) as tell:
         with _checking_input():  # such as a cluster that is not there
-            result = board.compare(
-                env, policies, episodes=episodes, repeats=repeats, seed=seed, machine=chosen, device=device, ray=ray,
-                kept=kept, progress=tell,
-            )  # fmt: skip
-        written = board.write(result, out, readme=readme, made_by=_made_by(machine, set_, scale, device, seed))
+            result = board.compare(env, policies, **asked, ray=ray, kept=kept, progress=tell)
+        made_by = _made_by(machine, set_, scale, device, seed) | accepted(kept)
+        written = board.write(result, out, readme=readme, made_by=made_by)
     terminal.out().print(board.table(result))
     _say(written)
 
@@ -1016,6 +1025,8 @@ def curves(
         list[Path], typer.Argument(metavar="FOLDER...", help="Of 'aoro-gym train', done or on the way.")
     ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to.")] = Path("curves"),
+    restart: RestartOption = False,
+    accept_code_change: AcceptCodeChangeOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Learning curves of trainings, beside the reference controllers on the episodes that they were evaluated on.
@@ -1030,6 +1041,7 @@ def curves(
     """
     with _checking_input():
         from aoro_gym.agents import curves as drawing
+        from aoro_gym.agents.keeping import accepted, resumable
 
         _check_folder(out, "curves.json")
         found = drawing.read(folders)
@@ -1037,10 +1049,14 @@ def curves(
         chosen = _machine(plan.machine, plan.set, plan.scale)
         _check_device(plan.device)
         held_out = _training_courses(replace(plan, forests=1))[1]
-    with terminal.progress(plan.env) as tell, _running():
-        beside = drawing.references(plan, chosen, held_out, tell)
+        for warning in drawing.check_inputs(folders, chosen, held_out):
+            terminal.warn(warning)
+    inputs = drawing.references_asked(plan, chosen, held_out)
+    episodes_of = resumable(out, inputs, restart=restart, accept_code_change=accept_code_change)
+    with _resumable(), _running(), _entered(episodes_of) as kept, terminal.progress(plan.env) as tell:
+        beside = drawing.references(plan, chosen, held_out, tell, kept)
         picture = out / "curves.png"
-        _write_json(out / "curves.json", drawing.to_json(found, beside))
+        _write_json(out / "curves.json", drawing.to_json(found, beside) | accepted(kept))
         drawing.write_figure(found, beside, picture)
     terminal.out().print(drawing.table(found, beside))
     _say([picture, out / "curves.json"])
@@ -1072,6 +1088,8 @@ def gap(
     ] = 0,
     episodes: Annotated[int, typer.Option("--episodes", metavar="N", help="Episodes in each place.")] = 64,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to.")] = Path("gap"),
+    restart: RestartOption = False,
+    accept_code_change: AcceptCodeChangeOption = False,
     machine: MachineOption = MACHINE,
     set_: SetOption = None,
     scale: ScaleOption = None,
@@ -1083,8 +1101,8 @@ def gap(
 
     The policy drives the same episodes in the baseline (--machine), in the plant (--plant, --effect) and in the twin that a
     diagnosis improved (--diagnosis or --improved). With --retrain it learns on for so many steps in the improved twin, and
-    as many in the baseline for comparison, and both drive in the plant. It is called again to go on with a retraining that
-    was interrupted.
+    as many in the baseline for comparison, and both drive in the plant. Ctrl-C is safe: the same command goes on where it
+    stopped, and a retraining that is done is not done again. With another twin or policy --restart begins anew.
 
     FOLDER gets gap.json, and the retrained policies.
 
@@ -1096,6 +1114,9 @@ def gap(
     """
     with _checking_input():
         from aoro_gym.agents import gap as gaps
+        from aoro_gym.agents.evaluation import asked_of
+        from aoro_gym.agents.inputs import machine_values
+        from aoro_gym.agents.keeping import accepted, resumable
         from aoro_gym.agents.leaderboard import forests
 
         _check_folder(out, "gap.json")
@@ -1114,51 +1135,50 @@ def gap(
         found = _machine(improved, None, None)
         _check_seed(seed)
         _check_device(device)
-    others: dict[str, Factory] = {}
-    if retrain:
-        for name, where in (("retrained", found), ("control", chosen)):
-            others[name] = _learned_on(env, policy, out / name, machine=where, steps=retrain, seed=seed, device=device)
-    with terminal.progress(env) as tell, _running():
-        result = gaps.measure(
-            env,
-            make,
-            baseline=chosen,
-            plant=driven,
-            improved=found,
-            **others,
-            episodes=episodes,
-            seed=gaps.SEED + seed,
-            courses=forests() if env == DRIVE else None,
-            device=device,
-            progress=tell,
-        )
+    asked: dict[str, Any] = {
+        "episodes": episodes, "seed": gaps.SEED + seed, "courses": forests() if env == DRIVE else None, "device": device,
+    }  # fmt: skip
+    inputs = asked_of(env, {policy: make}, machine=chosen, retrain=retrain, **asked)
+    inputs |= {"plant": machine_values(driven), "improved": machine_values(found)}
+    episodes_of = resumable(out, inputs, restart=restart, accept_code_change=accept_code_change)
     made_by = _made_by(machine, set_, scale, device, seed)
     made_by |= {"policy": policy, "plant": plant, "effects": effect, "improved": found.name, "retrain": retrain}
-    _write_json(out / "gap.json", result.to_json() | {"made_by": made_by})
+    with _resumable(), _running(), _entered(episodes_of) as kept:
+        others: dict[str, Factory] = {}
+        for name, where in (("retrained", found), ("control", chosen)) if retrain else ():
+            with _checking_input():
+                plan = gaps.retraining_plan(env, policy, steps=retrain, seed=seed, device=device)
+            others[name] = _learned_on(
+                plan, out / name, machine=where, restart=restart, accept_code_change=accept_code_change
+            )
+        with terminal.progress(env) as tell:
+            result = gaps.measure(
+                env, make, baseline=chosen, plant=driven, improved=found, **others, **asked, kept=kept, progress=tell
+            )
+        made_by |= accepted(kept)
+        _write_json(out / "gap.json", result.to_json() | {"made_by": made_by})
     terminal.out().print(gaps.table(result))
     _say([out / "gap.json"])
 
 
 def _learned_on(
-    env: str, policy: str, folder: Path, *, machine: Machine, steps: int, seed: int, device: str
+    plan: TrainingPlan, folder: Path, *, machine: Machine, restart: bool, accept_code_change: bool
 ) -> Factory:
-    """The policy of a file after learning on for so many steps, or what an earlier call has come to."""
+    """The policy that a plan starts from after learning on, or what an earlier call of the same has come to."""
     with _checking_input():
-        from aoro_gym.agents import gap as gaps
-        from aoro_gym.agents import learned, training
+        from aoro_gym.agents import training
+        from aoro_gym.agents.learned import load_policy
 
-        file = learned.shipped_policies(env).get(policy, Path(policy))
-        if file.suffix not in (".json", ".safetensors"):
-            raise ValueError(f"--policy {policy} cannot be retrained; give a file that 'aoro-gym train' wrote")
-        plan = gaps.retraining_plan(env, learned.load_policy(file), file, steps=steps, seed=seed, device=device)
-        training.versions("sb3")  # all is there
-        recipe = training.continued(plan, folder)
+        training.versions(plan.trainer)  # all is there
+        recipe = training.continued(plan, folder, restart=restart)
         courses, held_out = _training_courses(plan)
-    doing = f"{env}, {folder.name}"
-    with terminal.progress(doing) as tell, _running(), _checking_input():
-        heard = terminal.learning(tell, doing)
-        training.train(plan, recipe, folder, machine=machine, courses=courses, held_out=held_out, tell=heard)
-    return learned.load_policy(folder / "best.json").made_for
+    doing = f"{plan.env}, {folder.name}"
+    with terminal.progress(doing) as tell, _checking_input(), _running():
+        training.train(
+            plan, recipe, folder, machine=machine, courses=courses, held_out=held_out,
+            accept_code_change=accept_code_change, tell=terminal.learning(tell, doing),
+        )  # fmt: skip
+    return load_policy(folder / "best.json").made_for
 
 
 def _options_of(plan: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -1208,6 +1228,8 @@ def train(
     space: Annotated[
         Path | None, typer.Option("--space", metavar="FILE.yml", help="With --trials: what is searched. Default: ours.")
     ] = None,
+    restart: RestartOption = False,
+    accept_code_change: AcceptCodeChangeOption = False,
     quiet: QuietOption = False,
     **options: Any,
 ) -> None:
@@ -1219,15 +1241,16 @@ def train(
 
     Hyper-parameters are in the RL Zoo's format, a curriculum says what differs from episode to episode; the package has
     both, for CPUs and for GPUs. The training is evaluated and saved every --checkpoint-every steps of each sub-environment,
-    and can be killed at any time: --resume goes on from the last checkpoint, on a CPU to the same weights to the bit.
+    and can be killed at any time: --resume goes on from the last checkpoint, on a CPU to the same weights to the bit, and
+    with nothing else: a machine, ground, policy or file that has changed since is named.
 
     With --ray, N trainings run on a cluster whose nodes share FOLDER, each in FOLDER/seed_K. One whose node dies goes on
     elsewhere; after Ctrl-C the same command goes on with all. With --trials, Ray Tune searches hyper-parameters for the best
     return: Optuna proposes, trials that fall behind end early; FOLDER/best.yml is for --hyperparams.
 
-    FOLDER gets training.json (all that was asked), checkpoint.pt, evaluations.json, policy.json with policy.safetensors (and
-    best.*, of the best return), and log, for TensorBoard. Needs pip install 'aoro-gym\\[agents]', --trainer resident
-    'aoro-gym\\[resident]'.
+    FOLDER gets training.json (all that was asked), provenance.json (what it follows from), checkpoint.pt, evaluations.json,
+    policy.json with policy.safetensors (and best.*, of the best return), and log, for TensorBoard. Needs
+    pip install 'aoro-gym\\[agents]', --trainer resident 'aoro-gym\\[resident]'.
 
     [bold]Examples[/]
 
@@ -1251,50 +1274,69 @@ def train(
                 _fail(
                     ValueError("--seeds and --trials are both given; search first, then train seeds with best.yml"), 2
                 )
-            _search_on_cluster(options, out=out, ray=ray, trials=trials, space=space)
+            _search_on_cluster(
+                options, out=out, ray=ray, trials=trials, space=space,
+                restart=restart, accept_code_change=accept_code_change,
+            )  # fmt: skip
             return
-        _train_on_cluster(options, out=out, ray=ray, seeds=1 if seeds is None else seeds)
+        _train_on_cluster(
+            options, out=out, ray=ray, seeds=1 if seeds is None else seeds,
+            restart=restart, accept_code_change=accept_code_change,
+        )  # fmt: skip
         return
-    with _checking_input():
-        from aoro_gym.agents import training
+    folder: Path | None = None
 
-        if seeds is not None:
-            raise ValueError("--seeds needs --ray; without it, give --seed of each training")
-        if trials is not None:
-            raise ValueError("--trials needs --ray; --ray local is this computer alone")
-        if resume is not None:
-            for name in ("out", *options):
-                source = context.get_parameter_source(name)
-                if source is not None and source.name != "DEFAULT":
-                    raise ValueError(f"--{name.replace('_', '-')} was settled when the training began; leave it out")
-            folder = resume
-            plan, recipe = training.recall(folder)
-        else:
-            plan = TrainingPlan(**options)
-            folder = out or Path("runs") / f"{plan.env.split('/')[-1]}_{plan.algo}_{plan.seed}"
-            _check_folder(folder, training.RECORD)
-        chosen = _machine(plan.machine, plan.set, plan.scale)
-        _check_device(plan.device)
-        courses, held_out = _training_courses(plan)
-        training.versions(plan.trainer)  # all is there
-        if resume is None:
-            recipe = training.begin(plan, folder)
-    began = time.perf_counter()
-    try:
-        with terminal.progress(plan.env) as tell, _running(), _checking_input():
-            heard = terminal.learning(tell, plan.env)
-            found = training.train(plan, recipe, folder, machine=chosen, courses=courses, held_out=held_out, tell=heard)
-    except KeyboardInterrupt:
-        _interrupted(f"aoro-gym train --resume {folder} goes on")
+    def goes_on() -> str:
+        if folder is None or not (folder / "training.json").exists():
+            return "nothing was begun yet; the same command begins"
+        return f"aoro-gym train --resume {shlex.quote(str(folder))} goes on"
+
+    with _resumable(goes_on):
+        with _checking_input():
+            from aoro_gym.agents import training
+            from aoro_gym.execution.locking import locked
+
+            if seeds is not None:
+                raise ValueError("--seeds needs --ray; without it, give --seed of each training")
+            if trials is not None:
+                raise ValueError("--trials needs --ray; --ray local is this computer alone")
+            if resume is not None:
+                for name in ("out", *options):
+                    source = context.get_parameter_source(name)
+                    if source is not None and source.name != "DEFAULT":
+                        option = name.replace("_", "-")
+                        raise ValueError(f"--{option} was settled when the training began; leave it out")
+                plan, recipe = training.recall(resume)
+                folder = resume
+            else:
+                plan = TrainingPlan(**options)
+                folder = out or Path("runs") / f"{plan.env.split('/')[-1]}_{plan.algo}_{plan.seed}"
+                _check_folder(folder, training.RECORD)
+            chosen = _machine(plan.machine, plan.set, plan.scale)
+            _check_device(plan.device)
+            courses, held_out = _training_courses(plan)
+            training.versions(plan.trainer)  # all is there
+        began = time.perf_counter()
+        with _entered(locked(folder)), _checking_input():
+            if resume is None or restart:
+                recipe = training.begin(plan, folder, restart=restart)
+            with terminal.progress(plan.env) as tell, _running():
+                found = training.train(
+                    plan, recipe, folder, machine=chosen, courses=courses, held_out=held_out,
+                    accept_code_change=accept_code_change, tell=terminal.learning(tell, plan.env),
+                )  # fmt: skip
     terminal.out().print(_training_table(found))
     typer.echo(f"trained for {time.perf_counter() - began:.0f} s")
     _say([folder / name for name in (training.RECORD, training.EVALUATIONS, "policy.json", "best.json")])
 
 
-def _train_on_cluster(options: dict[str, Any], *, out: Path | None, ray: str, seeds: int) -> None:
+def _train_on_cluster(
+    options: dict[str, Any], *, out: Path | None, ray: str, seeds: int, restart: bool, accept_code_change: bool
+) -> None:
     """``train --ray``."""
     with _checking_input():
         from aoro_gym.agents import training
+        from aoro_gym.execution.locking import locked
 
         if seeds < 1:
             raise ValueError(f"--seeds = {seeds} is below 1")
@@ -1304,21 +1346,29 @@ def _train_on_cluster(options: dict[str, Any], *, out: Path | None, ray: str, se
         chosen = _machine(first.machine, first.set, first.scale)
         courses, held_out = _training_courses(first)
         training.versions(first.trainer)  # all is there
-        plans, recipes = {}, {}
-        for seed in range(first.seed, first.seed + seeds):
-            place, plan = folder / f"seed_{seed}", replace(first, seed=seed)
-            plans[place] = plan
-            recipes[place] = training.continued(plan, place)
-    with terminal.progress(first.env) as tell, _running(), _resumable(), _checking_input():
-        found = training.train_seeds(
-            plans, recipes, ray=ray, machine=chosen, courses=courses, held_out=held_out, progress=tell
-        )
+    with _resumable(), _running(), _entered(locked(folder)), _checking_input():
+        plans = {folder / f"seed_{seed}": replace(first, seed=seed) for seed in range(first.seed, first.seed + seeds)}
+        recipes = {place: training.continued(plan, place, restart=restart) for place, plan in plans.items()}
+        with terminal.progress(first.env) as tell:
+            found = training.train_seeds(
+                plans, recipes, ray=ray, machine=chosen, courses=courses, held_out=held_out,
+                accept_code_change=accept_code_change, progress=tell,
+            )  # fmt: skip
     for place, evaluations in sorted(found.items()):
         terminal.out().print(_training_table(evaluations))
         _say([place / "best.json"])
 
 
-def _search_on_cluster(options: dict[str, Any], *, out: Path | None, ray: str, trials: int, space: Path | None) -> None:
+def _search_on_cluster(
+    options: dict[str, Any],
+    *,
+    out: Path | None,
+    ray: str,
+    trials: int,
+    space: Path | None,
+    restart: bool,
+    accept_code_change: bool,
+) -> None:
     """``train --ray --trials``."""
     with _checking_input():
         from aoro_gym.agents import training
@@ -1336,7 +1386,8 @@ def _search_on_cluster(options: dict[str, Any], *, out: Path | None, ray: str, t
     with terminal.progress(plan.env) as tell, _running(), _resumable(), _checking_input():
         found = searching.search(
             plan, dimensions, folder,
-            trials=trials, ray=ray, machine=chosen, courses=courses, held_out=held_out, progress=tell,
+            trials=trials, ray=ray, machine=chosen, courses=courses, held_out=held_out,
+            restart=restart, accept_code_change=accept_code_change, progress=tell,
         )  # fmt: skip
     terminal.out().print(_trials_table(found))
     if not found or found[0].best is None:
@@ -1383,10 +1434,13 @@ def export(
     with _checking_input():
         from aoro_gym.agents.learned import load_policy, write_onnx
         from aoro_gym.execution.files import check_writable
+        from aoro_gym.execution.locking import locked
 
         target = policy.with_suffix(".onnx") if out is None else out
         check_writable(target)
-        write_onnx(load_policy(policy, trust_pickle=trust_pickle), target)
+        loaded = load_policy(policy, trust_pickle=trust_pickle)
+        with locked(target.parent):
+            write_onnx(loaded, target)
     _say([target])
 
 
@@ -1769,12 +1823,21 @@ def _running() -> Iterator[None]:
 
 
 @contextmanager
-def _resumable() -> Iterator[None]:
-    """Turn Ctrl-C into one line and exit code 130, where the same command goes on later."""
+def _resumable(
+    goes_on: Callable[[], str] = lambda: "the same command goes on from where it stopped",
+) -> Iterator[None]:
+    """Turn Ctrl-C into one line that says how to go on, and exit code 130; a full disk gets that line, too."""
     try:
         yield
     except KeyboardInterrupt:
-        _interrupted("the same command goes on from where it stopped")
+        _interrupted(goes_on())
+    except _DiskFull:
+        terminal.err().print(f"[bold]afterwards:[/] {escape(goes_on())}", soft_wrap=True, highlight=False)
+        raise
+
+
+class _DiskFull(typer.Exit):
+    """No room for what was to be written."""
 
 
 def _interrupted(what_next: str) -> NoReturn:
@@ -1782,12 +1845,23 @@ def _interrupted(what_next: str) -> NoReturn:
     raise typer.Exit(130) from None
 
 
+@contextmanager
+def _entered(context: AbstractContextManager[Any]) -> Iterator[Any]:
+    """Hold ``context``; what keeps it from being entered, such as a folder in use, is wrong input."""
+    with ExitStack() as held:
+        with _checking_input():
+            found = held.enter_context(context)
+        yield found
+
+
 def _fail(error: Exception, code: int) -> NoReturn:
-    message = str(error)
+    message, full = str(error), isinstance(error, OSError) and error.errno in DISK_FULL
     if isinstance(error, OSError) and error.strerror:
-        message = f"{error.filename}: {error.strerror}"
+        message = error.strerror if error.filename is None else f"{error.filename}: {error.strerror}"
+    if full:
+        message += "; make room and try again"
     terminal.err().print(f"[bold red]error:[/] {escape(' '.join(message.split()))}", soft_wrap=True, highlight=False)
-    raise typer.Exit(code) from None
+    raise (_DiskFull(1) if full else typer.Exit(code)) from None
 
 
 def _machine(name: str, settings: list[str] | None, factors: list[str] | None) -> Machine:

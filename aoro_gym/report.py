@@ -283,9 +283,11 @@ def write_gif(path: Path, frames: Sequence[NDArray[np.uint8]], *, frames_per_sec
     # one palette for all: of the last frame, whose traces are full
     palette = Image.fromarray(frames[-1]).quantize(64)
     pictures = [Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-    path.parent.mkdir(parents=True, exist_ok=True)
     hundredths = max(2, round(100.0 / frames_per_second))
-    pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=10 * hundredths, loop=0, optimize=False)
+    with written_whole(path) as temporary:
+        pictures[0].save(
+            temporary, save_all=True, append_images=pictures[1:], duration=10 * hundredths, loop=0, optimize=False
+        )
 
 
 def describe(key: str) -> tuple[str, str, int]:

@@ -57,29 +57,38 @@ def check_provenance(
     Raises:
         ChangedInput: names the inputs that differ, with both values where they are short.
         ChangedCode: names files and versions that differ.
+        ValueError: the record is damaged.
         TypeError: an input cannot be told from others.
     """
     asked = dict(_described("", inputs))
     code = {"versions": dict(versions()), "sources": {name: DIGEST + value for name, value in sources().items()}}
-    record = read_json(file) if file.exists() else None
+    try:
+        record = read_json(file) if file.exists() else None
+    except ValueError as error:
+        raise ValueError(f"{error}; {restart} begins anew") from None
     if record is None:
         changes = ["results without a record of their code"] if begun else []
     else:
         other = list(_differences(_mapping(record, "inputs"), asked))
         if other:
-            raise ChangedInput(f"{file.parent} was begun with other inputs: {_listed(other)}; {restart} begins anew")
+            raise ChangedInput(f"{file.parent} was begun with other inputs: {listed(other)}; {restart} begins anew")
         changes = [change for key in code for change in _differences(_mapping(record, key), code[key])]
     if changes and not accept_code_change:
         raise ChangedCode(
-            f"{file.parent} was begun with other code: {_listed(changes)}; --accept-code-change goes on and records it,"
+            f"{file.parent} was begun with other code: {listed(changes)}; --accept-code-change goes on and records it,"
             f" {restart} begins anew"
         )
-    accepted = [] if record is None else list(record.get("accepted_code_changes", []))
+    accepted = [] if record is None else _accepted(record)
     if changes:
         accepted.append({"at": datetime.now(UTC).isoformat(timespec="seconds"), "changes": changes})
     if changes or record is None:
         write_json(file, {"inputs": asked, **code, "accepted_code_changes": accepted})
     return [change for one in accepted for change in one["changes"]]
+
+
+def accepted_code_changes(file: Path) -> list[Any]:
+    """The changes of code that the record ``file`` tells of: when each was accepted, and what it was."""
+    return _accepted(read_json(file))
 
 
 def changed_inputs(file: Path, inputs: Mapping[str, Any]) -> list[str]:
@@ -131,9 +140,15 @@ def _shown(value: str) -> str:
     return "another" if value.startswith(DIGEST) else value
 
 
-def _listed(changes: Sequence[str]) -> str:
+def listed(changes: Sequence[str]) -> str:
+    """Changes for a message: the first ones, and how many more there are."""
     more = len(changes) - NAMED
     return ", ".join(changes[:NAMED]) + (f", and {more} more" if more > 0 else "")
+
+
+def _accepted(record: Mapping[str, Any]) -> list[Any]:
+    found = record.get("accepted_code_changes")
+    return [one for one in found if isinstance(one, dict) and "changes" in one] if isinstance(found, list) else []
 
 
 def _mapping(record: Mapping[str, Any], key: str) -> Mapping[str, str]:

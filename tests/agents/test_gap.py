@@ -26,7 +26,14 @@ def gap_of(**returns) -> Gap:
     def driven(value: float) -> Episodes:
         figures = dict.fromkeys(NAMES, easy + value) | {"settled_share": np.ones(50)}
         none = np.zeros((50, 0))
-        return Episodes(figures, ["time is up"] * 50, np.zeros((50, 2), dtype=np.intp), none, none[..., None], none)
+        return Episodes(
+            figures,
+            ["time is up"] * 50,
+            np.zeros((50, 2), dtype=np.intp),
+            none,
+            none[..., None],
+            none.astype(np.float32),
+        )
 
     return Gap(TURNING, 50, 0, {place: driven(value) for place, value in returns.items()})
 
@@ -121,5 +128,22 @@ def test_command_retrains_and_goes_on(tmp_path):
     shown = CliRunner().invoke(app, command, catch_exceptions=False)
     assert shown.exit_code == 0
     assert (tmp_path / "gap" / "retrained" / "checkpoint.pt").stat().st_mtime_ns == trained  # it was done
-    shown = CliRunner().invoke(app, [*command, "--seed", "1"], catch_exceptions=False)
-    assert (shown.exit_code, "holds another training" in " ".join(shown.stderr.split())) == (2, True)
+
+    def refused(*others: str) -> str:
+        shown = CliRunner().invoke(app, [*command, *others], catch_exceptions=False)
+        assert shown.exit_code == 2
+        return " ".join(shown.stderr.split())
+
+    place = tmp_path / "gap" / "retrained"
+    assert f"{place} was begun with other inputs: seed was 0, is 1; --restart begins anew" in refused("--seed", "1")
+    assert "steps was 1, is 2" in refused("--retrain", "2")
+    # the baseline's policy is looked at after the improved twin's
+    assert "control was begun with other inputs: machine oil.gas_fraction" in refused("--set", "oil.gas_fraction=0.01")
+    EFFECTS["spool_lag"].apply(MACHINE, 0.055).save(tmp_path / "found.toml")
+    assert "retrained was begun with other inputs: machine steering.valve.spool_time_constant" in refused()
+    before = (place / "best.safetensors").read_bytes()
+    shown = CliRunner().invoke(app, [*command, "--restart"], catch_exceptions=False)
+    assert shown.exit_code == 0, shown.output
+    assert (place / "best.safetensors").read_bytes() != before
+    (tmp_path / "run" / "policy.json").write_text("{}")
+    assert "policy.json" in refused()

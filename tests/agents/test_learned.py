@@ -104,7 +104,7 @@ DIGITS = "9" * 400
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda about: about.update(format=2), "format is 2, but this version reads 1"),
+        (lambda about: about.update(format=3), "format is 3, but this version reads 1, 2"),
         (lambda about: about["network"].update(activation="swish"), "activation is 'swish'; choose one of: tanh, relu"),
         (lambda about: about["network"].update(sizes=[8, 16, 12, 4, 1]), r"layer3\.weight is missing"),
         (lambda about: about["network"].update(sizes=[8, 16, 13, 1]), r"has the sizes|have the sizes \[8, 16, 12, 1\]"),
@@ -199,6 +199,16 @@ def test_numbers_of_another_policy_are_named(name, array, message, tmp_path):
     assert str(numbers) in str(caught.value)
 
 
+def test_files_of_two_policies_are_no_policy(tmp_path):
+    """As a crash between the two files of one would leave them, or a copy of one of them."""
+    one, other = network().save(tmp_path / "one"), network(7).save(tmp_path / "other")
+    for first, second in ((one, other), (other, one)):
+        first[0].with_name("mixed.safetensors").write_bytes(first[0].read_bytes())
+        first[1].with_name("mixed.json").write_bytes(second[1].read_bytes())
+        with pytest.raises(ValueError, match=r"mixed\.safetensors is not the policy .* its numbers are others; resume"):
+            load_policy(tmp_path / "mixed.json")
+
+
 def test_valid_neighbours_are_read(tmp_path, observations):
     """Numbers as JSON may write them, a policy without normalisation or known columns, and doubles."""
     from safetensors.numpy import load, save
@@ -209,6 +219,7 @@ def test_valid_neighbours_are_read(tmp_path, observations):
     description["normalisation"]["clip"] = 5  # a whole number, too
     description["observation"] = {}
     description["unknown"] = "is left alone"
+    description["format"] = 1  # which does not say which numbers it is of
     about.write_text(json.dumps(description, indent=None))
     np.testing.assert_array_equal(load_policy(about)(observations), expected)
     wide = {name: array.astype(np.float64) for name, array in load(numbers.read_bytes()).items()}
