@@ -599,6 +599,12 @@ class Table:
                     f"{self.where(row)}: {listed([name])} = {shown(cell)} is no time as the rows before it"
                 )
             stamps.append(stamp)
+        dates = {re.split(r"[T ,]", cell.strip())[0] for cell in cells} if "/" in cells[0] else set()
+        if len(dates) > 1:
+            raise ValueError(
+                f"{self.path}: day and month of {listed([name])} cannot be told apart, from {shown(min(dates))} to "
+                f"{shown(max(dates))}; write 2026-05-04T08:00:00"
+            )
         return stamps
 
     def _typed_elapsed(self, name: str, unit: Unit | None, column: Any) -> tuple[NDArray[np.float64], str]:
@@ -648,7 +654,8 @@ def _since_first(ticks: NDArray[Any], factor: float) -> NDArray[np.float64]:
 
 
 _STAMP = re.compile(
-    r"(?:(?P<year>\d{4})-(?P<month>\d\d)-(?P<day>\d\d)[T ]|(?P<day2>\d\d?)\.(?P<month2>\d\d?)\.(?P<year2>\d{4})[T ,]\s*)?"
+    r"(?:(?P<year>\d{4})-(?P<month>\d\d)-(?P<day>\d\d)[T ]|(?P<day2>\d\d?)\.(?P<month2>\d\d?)\.(?P<year2>\d{4})[T ,]\s*|"
+    r"\d\d?/\d\d?/\d{4}[T ,]\s*)?"
     r"(?P<hour>\d\d?):(?P<minute>\d\d)(?::(?P<second>\d\d)(?:[.,](?P<part>\d{1,15}))?)?"
     r"\s*(?:Z|UTC|GMT|(?P<zone>[+-]\d\d(?::?\d\d)?))?",
     re.ASCII,
@@ -656,7 +663,10 @@ _STAMP = re.compile(
 
 
 def _stamp(cell: str) -> int | None:
-    """Nanoseconds of a date and time (ISO 8601, or day.month.year), or of a time of day; None if it is neither."""
+    """Nanoseconds of a date and time (ISO 8601, or day.month.year), or of a time of day; None if it is neither.
+
+    Day and month cannot be told apart between slashes: such a date counts for nothing.
+    """
     match = _STAMP.fullmatch(cell.strip()) if len(cell) < 80 else None
     if match is None:
         return None

@@ -218,6 +218,15 @@ def test_a_clock_beyond_its_unit_is_named(tmp_path):
         read_table(path).elapsed("time_s", find_unit("s", "time"))
 
 
+def test_dates_with_slashes_serve_within_a_day(tmp_path):
+    path = tmp_path / "clock.csv"
+    path.write_text("clock,a\n" + "".join(f"05/04/2026 08:00:{k}.5,0\n" for k in (10, 11, 12)))
+    np.testing.assert_array_equal(read_table(path).elapsed("clock", None)[0], [0.0, 1.0, 2.0])
+    path.write_text("clock,a\n05/04/2026 23:59:59,0\n06/04/2026 00:00:00,0\n")
+    with pytest.raises(ValueError, match="day and month of clock cannot be told apart"):
+        read_table(path).elapsed("clock", None)
+
+
 def parquet(path, **columns):
     pyarrow.parquet.write_table(pyarrow.table(columns), path)
     return read_table(path)
