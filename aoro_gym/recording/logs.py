@@ -96,8 +96,8 @@ CHANNELS: dict[str, Quantity] = {
 QUANTITIES: dict[str, Quantity] = {
     "time": _quantity(
         "time_s", "time", "time", "t", "timestamp", "time_stamp", "stamp", "header_stamp", "datetime", "date_time",
-        "date_and_time", "utc", "time_utc", "utc_time", "timestamp_utc", "gps_time", "time_local", "local_time", "elapsed", "elapsed_time",
-        "sim_time", "clock",
+        "date_and_time", "utc", "time_utc", "utc_time", "timestamp_utc", "gps_time", "time_local", "local_time", "elapsed",
+        "elapsed_time", "sim_time", "clock",
     ),
     "steering_voltage": _quantity("steering_signal_V", "voltage", "steering_signal", "steering_voltage"),
     **{name: _quantity(name, "ratio", name) for name in COMMAND_BOUNDS},
