@@ -186,7 +186,10 @@ def _parsed(where: str, cells: Mapping[str, str], decimal: str) -> Row:
     direction = cells.get("direction") or "left"
     if direction not in ("left", "right"):
         raise ValueError(f"{where}: direction is {direction!r}, but must be left or right")
-    turn = Turn(direction, number("signal_percent", 0.0, 100.0))
+    percent = number("signal_percent", 0.0, 100.0)
+    if percent <= 1.0:  # no machine turns at so little
+        raise ValueError(f"{where}: signal_percent is {percent:g}, a share; did you mean {100.0 * percent:g}?")
+    turn = Turn(direction, percent)
     figures = {name: number(name, 0.0, 1e3) for name in FIGURES if cells.get(name)}
     std = {name: number(STD + name, 0.0, 1e3) for name in figures if cells.get(STD + name)}
     if not figures:

@@ -104,6 +104,7 @@ def test_the_published_table_is_read():
         (f"{HEAD}\n100,m,2\n", [], "line 2: 3 values where the header names 4 columns"),
         (f"{HEAD}\n100,m,two,90\n", [], "turn_time_s is 'two', but must be a number"),
         (f"{HEAD}\n100,m,nan,90\n", [], "turn_time_s is 'nan', but must be a number"),
+        (f"{HEAD}\n0.75,m,2,90\n", [], "signal_percent is 0.75, a share; did you mean 75?"),
         (f"{HEAD}\n0,m,2,90\n", [], "signal_percent is 0, but must be above 0"),
         (f"{HEAD}\n100,m,,\n", [], "no figure is known"),
         (f"{HEAD}\n100,m,2,90\n100,m,2.1,91\n", [], "twice"),
