@@ -76,7 +76,7 @@ def test_controllers_reach_their_targets(kind):
 
 def test_a_rollout_needs_an_environment_that_waits():
     env = TurningVectorEnv(1)
-    with pytest.raises(ValueError, match="autoreset_mode is 'SameStep', but a rollout needs 'Disabled'"):
+    with pytest.raises(ValueError, match="autoreset_mode is 'NextStep', but a rollout needs 'Disabled'"):
         rollout(env, BangBang(env.observation_layout), seed=0)
 
 

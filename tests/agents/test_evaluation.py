@@ -189,7 +189,7 @@ def _path_of(env, seed):
 
 def test_an_evaluation_needs_its_own_resets():
     env = PathTrackingVectorEnv(1, courses=[SHORT])
-    with pytest.raises(ValueError, match="'SameStep', but an evaluation needs 'Disabled'"):
+    with pytest.raises(ValueError, match="'NextStep', but an evaluation needs 'Disabled'"):
         drive_paths(env, Asleep(env), [0])
 
 
