@@ -119,7 +119,7 @@ def test_an_interrupted_calibration_resumes(found):
         ("time_s,steering_signal,joint_angle_rad", [(0.01 * i, 0.0, 40.0) for i in range(200)], "degrees"),
         (
             "time_s,steering_signal,joint_angle_rad",
-            [(0.01 * (i % 7), 0.0, 0.0) for i in range(200)],
+            [(0.01 * (i % 7), 0.0, 0.001 * i) for i in range(200)],
             "repeats or runs backwards",
         ),
         (
