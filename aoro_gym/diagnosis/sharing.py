@@ -32,6 +32,7 @@ import numpy as np
 import warp as wp
 
 from aoro_gym.diagnosis.replay import Launching, Request, Signals, Simulator, Steps
+from aoro_gym.diagnosis.workers import interrupts_held
 
 WRITERS = 4
 """Threads that write answers."""
@@ -119,7 +120,8 @@ def sharing(device: str) -> Iterator[str]:
         address = str(Path(folder) / "launches")
         ready = context.Event()
         process = context.Process(target=_serve, args=(address, device, ready), daemon=True)
-        process.start()
+        with interrupts_held():
+            process.start()
         try:
             while not ready.wait(0.1):
                 if not process.is_alive():

@@ -86,7 +86,7 @@ class _Worker:
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(work, theirs), daemon=True)
-        with _single_threaded():
+        with _single_threaded(), interrupts_held():
             self.process.start()
         theirs.close()  # so that the pipe ends with the process
         self.job = ""
@@ -132,6 +132,17 @@ def _end_with_parent() -> None:
     if parent is not None:
         parent.join()
         os._exit(1)
+
+
+@contextmanager
+def interrupts_held() -> Iterator[None]:
+    """Processes that begin meanwhile never see Ctrl-C, not even before their first line of code, which would end in a
+    traceback; it reaches this one afterwards."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

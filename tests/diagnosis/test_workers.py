@@ -2,11 +2,12 @@
 
 import multiprocessing
 import os
+import signal
 import time
 
 import pytest
 
-from aoro_gym.diagnosis.workers import THREADS, Failure, spread
+from aoro_gym.diagnosis.workers import THREADS, Failure, _Worker, spread
 
 
 def note(tell, path, amount):
@@ -58,6 +59,19 @@ def test_whoever_stops_listening_ends_them():
     assert time.monotonic() - begun < 60.0
     assert not multiprocessing.active_children()
     assert dict(os.environ) == before
+
+
+def test_ctrl_c_does_not_reach_a_worker_that_begins(tmp_path, capfd):
+    """Pressed before its first line of code, when it would end in a traceback."""
+    worker = _Worker(note)
+    assert worker.process.pid is not None
+    os.kill(worker.process.pid, signal.SIGINT)
+    worker.begin("a", (tmp_path / "a", 1))
+    assert [worker.hear(), worker.hear()][-1] is None
+    worker.end()
+    assert (tmp_path / "a").exists()
+    assert "KeyboardInterrupt" not in capfd.readouterr().err
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, set())
 
 
 def test_no_worker_is_refused():
