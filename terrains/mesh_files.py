@@ -39,6 +39,8 @@ PLAINLY = {
     " declares; save it as triangles"
 }
 """What some of trimesh's errors mean."""
+MOST_VERTICES = 50_000_000
+"""Vertices of a scene, those of a mesh counted as often as it is placed."""
 STL_HEAD, STL_FACET = 84, 50
 """Bytes of a binary STL before its triangles, and of each."""
 
@@ -276,7 +278,7 @@ def _check_gltf(path: Path) -> tuple[int | None, int | None]:
     tree = json.loads(content)
     try:
         _check_gltf_tree(path, tree)
-    except (KeyError, TypeError, AttributeError) as error:
+    except (KeyError, IndexError, TypeError, AttributeError) as error:
         raise TerrainError(f"{path}: its JSON is no glTF ({type(error).__name__}: {error})") from None
     return None, None
 
@@ -293,6 +295,15 @@ def _check_gltf_tree(path: Path, tree: Any) -> None:
                 f"{path}: its accessor {number} declares {accessor['count']:.12g} items, but there are {held:,} bytes; it is"
                 " broken"
             )
+    counts = [
+        sum(tree["accessors"][part["attributes"]["POSITION"]]["count"] for part in mesh["primitives"])
+        for mesh in tree.get("meshes", [])
+    ]
+    total = sum(counts[node["mesh"]] for node in tree.get("nodes", []) if "mesh" in node)
+    if total > MOST_VERTICES:
+        raise TerrainError(
+            f"{path}: its scene shows {total:,} vertices, some many times, more than {MOST_VERTICES:,}; split it"
+        )
     packed = [name for name in tree.get("extensionsRequired", []) if re.search("draco|meshopt|quantization", name)]
     if packed:
         raise TerrainError(f"{path}: its mesh is compressed ({packed[0]}), which is not read; save it without")

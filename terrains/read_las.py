@@ -119,7 +119,8 @@ def _header(path: Path) -> Header:
         end = first if extended and first >= start else size
     if start > size or 54 * records > size:
         raise TerrainError(
-            f"{path}: its header promises {records:,} records and points from byte {start:,} on, but it is broken"
+            f"{path}: its header declares {records:,} records and {count:,} points from byte {start:,} on, but it holds"
+            f" {size:,} bytes, so it is cut off or broken; get it again"
         )
     known = point_format & 0x3F
     if known < len(LENGTHS) and length < LENGTHS[known]:

@@ -343,6 +343,22 @@ def test_compressed_gltf_is_named(tmp_path):
         load(tmp_path / "draco.glb")
 
 
+def test_a_mesh_that_is_placed_too_often_is_refused(tmp_path):
+    vertices, faces = ground()
+    scene = trimesh.Scene()
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    for number in range(3):
+        scene.add_geometry(mesh, node_name=str(number), geom_name="ground")
+    for name, content in scene.export(file_type="gltf").items():
+        (tmp_path / name).write_bytes(content)
+    assert len(load(tmp_path / "model.gltf").terrain.vertices) == SIDE**2
+    tree = json.loads((tmp_path / "model.gltf").read_text())
+    tree["nodes"] += [{"mesh": 0}] * 120_000
+    (tmp_path / "model.gltf").write_text(json.dumps(tree))
+    with pytest.raises(TerrainError, match="vertices, some many times, more than 50,000,000"):
+        load(tmp_path / "model.gltf")
+
+
 @pytest.mark.parametrize(("suffix", "library"), [(".dae", "pycollada"), (".3mf", "lxml")])
 def test_a_format_whose_library_is_missing_says_so(tmp_path, monkeypatch, suffix, library):
     monkeypatch.setitem(__import__("sys").modules, {"pycollada": "collada"}.get(library, library), None)
