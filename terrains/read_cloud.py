@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ from aoro_gym.terrains.frame import Frame, Request, choose_cell, find_frame, tur
 from aoro_gym.terrains.ground import Ground
 from aoro_gym.terrains.ground_filter import ground_points
 from aoro_gym.terrains.heights import Heights, grid_shape
+from aoro_gym.terrains.plausibility import settle_heights
 from aoro_gym.terrains.precision import note_lost_precision
 from aoro_gym.terrains.repair import interpolate
 
@@ -29,6 +30,8 @@ GROUND_CLASSES = (2, 8)
 """Ground, and model key points (ASPRS LAS 1.4)."""
 FEWEST = 20
 """Fewest points that make a ground."""
+ENVELOPE = 4.0
+"""Width [m] of the window whose lowest point tells the unit of heights."""
 ENOUGH_GROUND = 0.02
 """Least share of the occupied cells that holds points of the ground class, if the class is to be relied on."""
 NATURAL_CELL = (0.25, 1.0)
@@ -93,7 +96,7 @@ def read_cloud(cloud: Cloud, request: Request, report: Report) -> Ground:
         spacing = float(np.sqrt(np.prod(high - low) / found.count))
     natural = float(np.clip(round(2.0 * spacing, 2), *NATURAL_CELL))
     cell = choose_cell(request, report, low, high, natural)
-    thin = _thin(cloud, found, frame, cell, request, report)
+    thin, frame = _settled(_thin(cloud, found, frame, cell, request, report), cell, frame, request, report)
     ground = _pick_ground(thin, cell, request, report)
     if len(ground) < FEWEST:
         raise TerrainError(
@@ -206,6 +209,33 @@ def _thin(cloud: Cloud, found: Survey, frame: Frame, cell: float, request: Reque
         ground_count=ground_count,
         top=top,
     )
+
+
+def _settled(thin: Thinned, cell: float, frame: Frame, request: Request, report: Report) -> tuple[Thinned, Frame]:
+    """``thin`` in metres of height, told by its lower envelope, in which trees and buildings are few.
+
+    The filter that tells ground from them compares heights with metres, so this comes first. Where the unit stays, it is
+    looked at again with the ground that was found.
+    """
+    points = thin.mean_ground if len(thin.mean_ground) >= ENOUGH_GROUND * len(thin.lowest) else thin.lowest
+    column, row = np.rint((points[:, :2] - thin.low) / cell).astype(np.int64).T
+    grid = np.full(thin.shape, np.inf)
+    row, column = np.clip(row, 0, thin.shape[0] - 1), np.clip(column, 0, thin.shape[1] - 1)
+    np.minimum.at(grid, (row, column), points[:, 2])
+    width = min(max(5, round(ENVELOPE / cell)), max(1, min(thin.shape) // 4))
+    grid = ndimage.minimum_filter(grid, size=width, mode="constant", cval=np.inf)
+    heights = Heights(np.where(np.isfinite(grid), grid, np.nan), cell)
+    told = Report(report.source, kind=report.kind, units=report.units)
+    settled = settle_heights(Ground(heights, frame), request, told).frame
+    factor = settled.z_scale / frame.z_scale
+    if factor == 1.0:
+        return thin, frame
+    report.changes += told.changes
+    report.warnings += told.warnings
+    report.units = told.units
+    scale = np.array([1.0, 1.0, factor])
+    lowest, mean = thin.lowest * scale, thin.mean_ground.reshape(-1, 3) * scale
+    return replace(thin, lowest=lowest, mean_ground=mean, top=thin.top * factor), settled
 
 
 def _pick_ground(thin: Thinned, cell: float, request: Request, report: Report) -> Array:

@@ -5,7 +5,7 @@ import pyproj
 import pytest
 import trimesh
 
-from aoro_gym.terrains import Terrain, load, to_geographic
+from aoro_gym.terrains import Terrain, TerrainError, load, to_geographic
 from aoro_gym.terrains.check import Report
 from aoro_gym.terrains.frame import Request, find_frame
 
@@ -81,3 +81,23 @@ def test_a_vertical_unit_of_the_file_holds_beside_the_callers_plan():
     )
     assert frame.z_scale == pytest.approx(1200.0 / 3937.0)
     assert frame.crs == "EPSG:32635"
+
+
+def rolling():
+    i, j = np.mgrid[0:60, 0:60]
+    return j.ravel() + 5e5, i.ravel() + 6.65e6, (150.0 + 4.0 * np.sin(j / 5.0) + 3.0 * np.cos(i / 6.0)).ravel()
+
+
+@pytest.mark.parametrize(("unit", "metres"), [("m", 1.0), ("dm", 0.1), ("cm", 0.01), ("mm", 0.001)])
+def test_the_unit_of_a_clouds_heights_is_settled_before_its_ground_is_told(tmp_path, unit, metres):
+    x, y, z = rolling()
+    np.savetxt(tmp_path / "g.xyz", np.stack([x, y, z / metres], axis=1), fmt="%.2f")
+    if unit in ("dm", "cm"):  # 33 degrees, or a tenth of it
+        with pytest.raises(TerrainError, match=rf"unit of its heights.*{unit} \(.*--z-units"):
+            load(tmp_path / "g.xyz")
+        terrain, report = load(tmp_path / "g.xyz", z_units=unit)
+    else:
+        terrain, report = load(tmp_path / "g.xyz")
+        assert ("z_units" in {change.what for change in report.changes}) == (unit == "mm")
+    assert report.extent_m[2] == pytest.approx(np.ptp(z), rel=0.02)
+    assert len(terrain.vertices) > 2000
