@@ -1135,6 +1135,7 @@ def gap(
         found = _machine(improved, None, None)
         _check_seed(seed)
         _check_device(device)
+        plan = gaps.retraining_plan(env, policy, steps=retrain, seed=seed, device=device) if retrain else None
     asked: dict[str, Any] = {
         "episodes": episodes, "seed": gaps.SEED + seed, "courses": forests() if env == DRIVE else None, "device": device,
     }  # fmt: skip
@@ -1145,12 +1146,11 @@ def gap(
     made_by |= {"policy": policy, "plant": plant, "effects": effect, "improved": found.name, "retrain": retrain}
     with _resumable(), _running(), _entered(episodes_of) as kept:
         others: dict[str, Factory] = {}
-        for name, where in (("retrained", found), ("control", chosen)) if retrain else ():
-            with _checking_input():
-                plan = gaps.retraining_plan(env, policy, steps=retrain, seed=seed, device=device)
-            others[name] = _learned_on(
-                plan, out / name, machine=where, restart=restart, accept_code_change=accept_code_change
-            )
+        if plan is not None:
+            for name, where in (("retrained", found), ("control", chosen)):
+                others[name] = _learned_on(
+                    plan, out / name, machine=where, restart=restart, accept_code_change=accept_code_change
+                )
         with terminal.progress(env) as tell:
             result = gaps.measure(
                 env, make, baseline=chosen, plant=driven, improved=found, **others, **asked, kept=kept, progress=tell
