@@ -90,7 +90,7 @@ def _drop_cloth(csf: Any, points: Points) -> NDArray[np.bool_]:
     cloth.params.class_threshold = CLASS_THRESHOLD
     cloth.params.bSloopSmooth = True
     ground, rest = csf.VecInt(), csf.VecInt()
-    with _silenced():
+    with silenced(1):
         cloth.setPointCloud(np.ascontiguousarray(points - points.min(axis=0)))
         cloth.do_filtering(ground, rest, False)
     mask = np.zeros(len(points), dtype=bool)
@@ -99,14 +99,14 @@ def _drop_cloth(csf: Any, points: Points) -> NDArray[np.bool_]:
 
 
 @contextmanager
-def _silenced() -> Iterator[None]:
-    """Keep what compiled code prints away from the standard output."""
-    sys.stdout.flush()
-    kept = os.dup(1)
+def silenced(descriptor: int) -> Iterator[None]:
+    """Keep what compiled code prints away from the standard output (1), or that for errors (2)."""
+    (sys.stdout if descriptor == 1 else sys.stderr).flush()
+    kept = os.dup(descriptor)
     try:
         with open(os.devnull, "wb") as nowhere:
-            os.dup2(nowhere.fileno(), 1)
+            os.dup2(nowhere.fileno(), descriptor)
             yield
     finally:
-        os.dup2(kept, 1)
+        os.dup2(kept, descriptor)
         os.close(kept)

@@ -20,6 +20,7 @@ from aoro_gym.terrains.extras import extra
 from aoro_gym.terrains.frame import Request
 from aoro_gym.terrains.georeference import horizontal
 from aoro_gym.terrains.ground import Ground
+from aoro_gym.terrains.ground_filter import silenced
 from aoro_gym.terrains.length_units import UNITS, Unit
 from aoro_gym.terrains.read_cloud import CHUNK, Array, broken, read_cloud
 
@@ -75,8 +76,11 @@ def read_las(path: Path, request: Request, report: Report) -> Ground:
         read = 0
         with broken(path, "a point cloud (LAS)"), laspy.open(path) as file:
             file.header.point_count = count
-            for points in file.chunk_iterator(CHUNK):
-                if not len(points):
+            parts = file.chunk_iterator(CHUNK)
+            while True:
+                with silenced(2):  # lazrs tells of its panics there
+                    points = next(parts, None)
+                if points is None or not len(points):
                     break
                 read += len(points)
                 yield _chunk(points)
