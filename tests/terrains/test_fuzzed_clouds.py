@@ -177,7 +177,8 @@ def test_many_damaged_files_are_read_or_refused(tmp_path, kind):
 
 
 @pytest.mark.parametrize("file", sorted(CORPUS.glob("*")), ids=lambda file: file.name)
-def test_what_was_once_answered_otherwise(tmp_path, file):
+def test_what_was_once_answered_otherwise(tmp_path, capfd, file):
     copy = tmp_path / file.name
     copy.write_bytes(file.read_bytes())
     answer(copy)
+    assert capfd.readouterr() == ("", "")
