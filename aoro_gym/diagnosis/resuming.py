@@ -55,7 +55,12 @@ def resumable(
         asked = {"device": device, "processor": wp.get_device(device).name, **(inputs or {})}
         begun = any(folder.glob("*.npz"))
         changes = check_provenance(folder / PROVENANCE, asked, begun=begun, accept_code_change=accept_code_change)
-        yield Kept(device, folder, changes)
+        try:
+            yield Kept(device, folder, changes)
+        except BaseException:
+            if not any(folder.glob("*.npz")):  # nothing to go on from
+                shutil.rmtree(folder, ignore_errors=True)
+            raise
         shutil.rmtree(folder, ignore_errors=True)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -28,11 +29,13 @@ def locked(folder: Path) -> Iterator[None]:
     """Hold ``folder`` for this process until the context ends; it is made if it is missing.
 
     The lock goes with its process, however that ends. What a killed holder left unfinished is removed. A process may lock
-    a folder that it holds already: the lock is freed when the outermost context ends.
+    a folder that it holds already: the lock is freed when the outermost context ends. A folder that was made here goes
+    again if an error ends the context before anything is written there.
 
     Raises:
         FolderInUse: another process holds it; the message names process, host, command and since when.
     """
+    is_new = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
     lock = FileLock(folder / LOCK, timeout=0.0, is_singleton=True, thread_local=False)
     try:
@@ -45,6 +48,10 @@ def locked(folder: Path) -> Iterator[None]:
             with suppress(OSError):  # who holds it is a help, not a condition
                 write_json(folder / HOLDER, _this_process())
         yield
+    except BaseException:
+        if is_new and {file.name for file in folder.iterdir()} <= {LOCK, HOLDER}:
+            shutil.rmtree(folder, ignore_errors=True)
+        raise
     finally:
         if lock.lock_counter == 1:
             (folder / HOLDER).unlink(missing_ok=True)

@@ -217,7 +217,6 @@ class JointAngleSensor:
             self._fresh[rows] = False
         value = true
         if self.cutoff is not None:
-
             feedback, now, before = _first_order(self.cutoff, self.interval)
             value = feedback * past[0] + now * true + before * earlier
             self._before[rows] = true

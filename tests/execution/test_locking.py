@@ -65,6 +65,16 @@ def test_a_process_may_lock_its_folder_again(tmp_path: Path):
     assert {file.name for file in tmp_path.iterdir()} <= {LOCK}
 
 
+def test_what_is_refused_leaves_no_folder(tmp_path: Path):
+    with pytest.raises(ValueError), locked(tmp_path / "new"):
+        raise ValueError("refused")
+    assert not (tmp_path / "new").exists()
+    with pytest.raises(ValueError), locked(tmp_path / "begun"):
+        (tmp_path / "begun" / "result.json").write_text("{}")
+        raise ValueError("failed")
+    assert (tmp_path / "begun" / "result.json").exists()
+
+
 def test_the_lock_is_freed_by_an_error(tmp_path: Path):
     with pytest.raises(KeyboardInterrupt), locked(tmp_path):
         os.kill(os.getpid(), signal.SIGINT)
