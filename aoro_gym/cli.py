@@ -113,7 +113,9 @@ QuietOption = Annotated[
 ]
 RayOption = Annotated[
     str | None,
-    typer.Option("--ray", metavar="auto|local|HOST:PORT", help="Spread over a Ray cluster, of this computer if local."),
+    typer.Option(
+        "--ray", metavar="ADDRESS", help="Spread over a Ray cluster: auto, local (this computer), or HOST:PORT."
+    ),
 ]
 RestartOption = Annotated[
     bool, typer.Option("--restart", help="Forget what an interrupted run has kept, and begin anew.")
