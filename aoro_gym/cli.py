@@ -430,6 +430,8 @@ def validate(
     scale: ScaleOption = None,
     device: DeviceOption = "cpu",
     seed: SeedOption = 0,
+    restart: RestartOption = False,
+    accept_code_change: AcceptCodeChangeOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Full turns of the twin beside the published machine and its published twin.
@@ -469,7 +471,10 @@ def validate(
 
         assert second is not None
         file = out / "calibrated.toml"
-        written += _calibrate(lambda **options: calibrate_published(second, **options), file, seed=seed, device=device)
+        written += _calibrate(
+            lambda **options: calibrate_published(second, **options), file, force=True, seed=seed, device=device,
+            restart=restart, accept_code_change=accept_code_change,
+        )  # fmt: skip
         chosen = Machine.load(file)
     from aoro_gym.validation.report import print_tables, write_report
 
@@ -505,14 +510,23 @@ def calibrate(
     scale: ScaleOption = None,
     device: DeviceOption = "cpu",
     seed: SeedOption = 0,
+    force: Annotated[
+        bool, typer.Option("--force", help="Write FILE even if the machine that was found does not fit.")
+    ] = False,
+    restart: RestartOption = False,
+    accept_code_change: AcceptCodeChangeOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Fit the machine's uncertain parameters within their ranges, to published figures or to your logs.
 
     --published: the published procedure (valve curve, dead band, turn times, driving pressure), then all uncertain
-    parameters against the key figures of the published twin. --logs: the twin repeats the commands of each LOG, and its
-    joint angle and pressures are compared sample by sample. A LOG needs time_s, steering_signal (or steering_signal_V),
-    joint_angle_rad (or joint_angle_deg) and a rest at its begin; pressures help. Full turns and slow ramps say most.
+    parameters against the key figures of the published twin. --logs: the twin repeats all commands of each LOG (steering,
+    drive, arms, traction, gear, parking brake) on the ground and under the conditions of the manifest beside it, and its
+    joint angle, pressures and engine speed are compared sample by sample. A LOG needs time_s, a command such as
+    steering_signal, joint_angle_rad (or _deg) and a rest at its begin; pressures help. Full turns and slow ramps say most.
+
+    First comes the verdict: whether the machine that was found does what it was calibrated to. If not, the exit code is 1
+    and FILE is not written, unless by --force.
 
     Writes FILE, its report beside it (.json) and, with --ensemble, the folder FILE_ensemble. Ctrl-C is safe: the same
     command goes on where it stopped.
@@ -525,7 +539,7 @@ def calibrate(
       aoro-gym validate --machine mine.toml
     """
     with _checking_input():
-        from aoro_gym.calibration.logs import read_recording
+        from aoro_gym.calibration.recordings import read_recording
         from aoro_gym.execution.files import check_writable
 
         if published == use_logs:
@@ -540,6 +554,9 @@ def calibrate(
         if out.suffix != ".toml":
             raise ValueError(f"--out {out} must end in .toml")
         check_writable(out)
+        for path in logs or []:
+            if out.resolve() in (path.resolve(), path.with_suffix(".toml").resolve()):
+                raise ValueError(f"--out {out} would replace the manifest of {path}; name another file")
         chosen = _machine(machine, set_, scale)
         _check_seed(seed)
         _check_device(device)
@@ -553,7 +570,12 @@ def calibrate(
     def fit(**options: Any) -> Any:
         return calibrate_published(chosen, **options) if published else calibrate_logs(chosen, logs or [], **options)
 
-    _say(_calibrate(fit, out, ensemble=ensemble, seed=seed, device=device, **sizes))
+    _say(
+        _calibrate(
+            fit, out, force=force, ensemble=ensemble, seed=seed, device=device, restart=restart,
+            accept_code_change=accept_code_change, **sizes,
+        )
+    )  # fmt: skip
 
 
 @app.command()
@@ -2375,29 +2397,23 @@ def _driven(run: Episodes) -> str:
     return f"{text} at {speed:.2f} m/s, {error:.3f} m off the path (root mean square)"
 
 
-def _calibrate(fit: Callable[..., Any], out: Path, **options: Any) -> list[Path]:
-    """Calibrate, print what was found, and write the machine, its ensemble and the report; returns the paths."""
-    checkpoint = out.with_name(f"{out.name}.checkpoint.json")
-    with _checking_input():
-        out.parent.mkdir(parents=True, exist_ok=True)
-        with _resumable(), terminal.progress("calibration") as tell:
-            found = fit(checkpoint=checkpoint, progress=tell, **options)
-        found.machine.save(out)
-        written = [out]
-        if found.ensemble:
-            folder = out.with_name(f"{out.stem}_ensemble")
-            folder.mkdir(exist_ok=True)
-            for old in folder.glob("[0-9][0-9].toml"):
-                old.unlink()
-            for index, member in enumerate(found.ensemble):
-                written.append(folder / f"{index + 1:02d}.toml")
-                member.save(written[-1])
-        written.append(out.with_suffix(".json"))
-        _write_json(written[-1], found.report)
-        for part in checkpoint.parent.glob(f"{checkpoint.stem}*.json"):
-            part.unlink()
+def _calibrate(fit: Callable[..., Any], out: Path, *, force: bool = False, **options: Any) -> list[Path]:
+    """Calibrate, print the verdict and what was found, and write machine, ensemble and report; returns the paths."""
+    from aoro_gym.calibration.output import calibrate_to
+
+    with _checking_input(), _resumable(), terminal.progress("calibration") as tell:
+        found, written = calibrate_to(out, lambda folder: fit(folder=folder, progress=tell, **options), force=force)
     for item in _calibration_tables(found.report):
         terminal.out().print(item, highlight=False)
+    if not found.fits and not force:
+        terminal.out().print(f"wrote {written[-1]}", soft_wrap=True, markup=False, highlight=False)
+        terminal.err().print(
+            f"[bold red]error:[/] {escape(str(out))} was not written, as no machine that was tried does what it was"
+            " calibrated to; --force writes it all the same",
+            soft_wrap=True,
+            highlight=False,
+        )
+        raise typer.Exit(1)
     return written
 
 
@@ -2426,9 +2442,19 @@ def _training_table(found: list[dict[str, Any]]) -> terminal.Comparison:
 
 
 def _calibration_tables(report: dict[str, Any]) -> Iterator[terminal.Comparison | str]:
-    """What a calibration found: misses of figures or intervals of parameters, then what it leaves open."""
+    """What a calibration found: its verdict, misses of figures or intervals of parameters, then what it leaves open."""
     from aoro_gym.report import describe
 
+    verdict = report["verdict"]
+    yield f"[bold {'green' if verdict['fits'] else 'red'}]{escape(verdict['sentence'])}[/]"
+    for log in report.get("conditions", []):
+        yield f"{escape(log['log'])}: {escape('; '.join(log['used']))}"
+        for warning in log["warnings"]:
+            yield f"[yellow]warning:[/] {escape(warning)}"
+    for warning in report.get("warnings", []):
+        yield f"[yellow]warning:[/] {escape(warning)}"
+    if report.get("accepted_code_changes"):
+        yield _listed("changes of the code that were accepted", report["accepted_code_changes"])
     misses: dict[str, dict[str, float]] = report.get("misses_tolerances", {})
     if misses:
         rows = [

@@ -319,7 +319,7 @@ def test_policies_in_files_are_evaluated_and_exported(tmp_path):
 @pytest.fixture
 def quick(monkeypatch):
     """Calls of the heavy parts: machines that were validated, and options of calibrations."""
-    calls = SimpleNamespace(validated=[], calibrated=[], stop=False)
+    calls = SimpleNamespace(validated=[], calibrated=[], stop=False, verdict={"fits": True, "sentence": "fits: [/x] 1"})
     found = validation.validate
 
     def quick_validate(machine, **options):
@@ -329,15 +329,16 @@ def quick(monkeypatch):
         return found(machine, **options)
 
     def quick_calibrate(what):
-        def calibrate(machine, *logs, ensemble=0, checkpoint, progress, **options):
+        def calibrate(machine, *logs, ensemble=0, folder, progress, **options):
+            assert not options.pop("restart") and not options.pop("accept_code_change")
             calls.calibrated.append((what, machine.name, *logs, {"ensemble": ensemble, **options}))
             progress("searching", 0.5)
-            checkpoint.write_text("{}")
+            (folder / "search.json").write_text("{}")
             if calls.stop:
                 raise KeyboardInterrupt
             better = machine.set({"oil.gas_fraction": 0.01}, source="calibrated")
             members = tuple(machine.set({"oil.gas_fraction": 0.01 + 0.001 * (i + 1)}) for i in range(ensemble))
-            return Calibration(better, members, REPORTS[what])
+            return Calibration(better, members, REPORTS[what] | {"verdict": calls.verdict})
 
         return calibrate
 
@@ -354,7 +355,7 @@ REPORTS = {
             "50": {"turn_time_s": 0.1, "mean_flow_L_per_min": 0.0},
         },
         "largest_miss_tolerances": 2.0,
-        "largest_change_at_half_the_substep_tolerances": math.nan,
+        "largest_change_at_half_the_substep_tolerances": None,
         "leaning_on_a_bound": [{"key": "oil.bulk_modulus", "end": "low"}],
         "not_felt": ["wheel.mass"],
     },
@@ -413,7 +414,7 @@ def test_calibrate_against_the_published_figures(tmp_path, quick):
     members = sorted((out.parent / "mine_ensemble").iterdir())
     assert [member.name for member in members] == ["01.toml", "02.toml"]
     report = json.loads(out.with_suffix(".json").read_text())
-    assert report["largest_change_at_half_the_substep_tolerances"] is None
+    assert report["machine_file"] == str(out)
     assert sorted(path.name for path in out.parent.iterdir()) == ["mine.json", "mine.toml", "mine_ensemble"]
     for text in (
         "100 % signal",
@@ -429,6 +430,7 @@ def test_calibrate_on_logs(turn, tmp_path, quick):
     shown = call("calibrate", "--logs", turn[0], turn[0], "--machine", "aoro", "--out", tmp_path / "mine.toml")
     assert shown.exit_code == 0, shown.output
     assert quick.calibrated == [("logs", "aoro", [turn[0]] * 2, {"ensemble": 0, "seed": 0, "device": "cpu"})]
+    assert shown.stdout.startswith("fits: [/x] 1\n")
     for text in ("a.b", "1 - 3", "not identified", "residuals: 1.50", "leaning on a bound of its range: none"):
         assert text in shown.stdout
 
@@ -439,7 +441,28 @@ def test_an_interrupted_calibration_says_that_it_resumes(tmp_path, quick):
     assert shown.exit_code == 130
     assert shown.stdout == ""
     assert shown.stderr == "interrupted: the same command goes on from where it stopped\n"
-    assert [path.name for path in tmp_path.iterdir()] == ["mine.toml.checkpoint.json"]
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.toml.unfinished"]
+
+
+def test_a_calibration_that_does_not_fit_ends_with_its_verdict_and_without_a_machine(turn, tmp_path, quick):
+    quick.verdict = {"fits": False, "sentence": "does not fit: 16 standard deviations where 1 is noise"}
+    out = tmp_path / "mine.toml"
+    shown = call("calibrate", "--logs", turn[0], "--ensemble", 1, "--out", out)
+    assert shown.exit_code == 1
+    assert shown.stdout.startswith("does not fit: 16 standard deviations where 1 is noise\n")
+    assert f"error: {out} was not written" in shown.stderr and "--force" in shown.stderr
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.json", "mine.toml.unfinished"]
+    assert json.loads(out.with_suffix(".json").read_text())["machine_file"] is None
+
+    shown = call("calibrate", "--logs", turn[0], "--ensemble", 1, "--out", out, "--force")
+    assert shown.exit_code == 0, shown.output
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.json", "mine.toml", "mine_ensemble"]
+
+
+def test_a_calibration_does_not_replace_the_manifest_of_its_log(turn, quick):
+    shown = call("calibrate", "--logs", turn[0], "--out", turn[0].with_suffix(".toml"))
+    assert (shown.exit_code, "would replace the manifest of" in shown.stderr) == (2, True)
+    assert quick.calibrated == []
 
 
 def test_bench(tmp_path):

@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 
 from aoro_gym.calibration.fit import STEP, Residuals
 
+CANDIDATES = 256
+"""Points that are drawn for an ensemble, in each of its rounds."""
+
 
 def posterior_factor(
     residuals: Residuals, point: NDArray[np.float64], prior_std: float
@@ -37,7 +40,7 @@ def draw_ensemble(
     count: int,
     *,
     accept: Callable[[NDArray[np.float64]], NDArray[np.bool_]],
-    candidates: int = 256,
+    candidates: int = CANDIDATES,
     prior_std: float = 0.25,
     seed: int = 0,
 ) -> NDArray[np.float64]:

@@ -9,18 +9,20 @@ trust region has to be guessed. From the data-sheet machine this ended at 14.5 o
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 from scipy.stats import qmc
 
-from aoro_gym.log import write_whole
+from aoro_gym.calibration.progress import Work
+from aoro_gym.execution.digest import digest
+from aoro_gym.execution.files import read_json, write_text
 
 STEP = 0.02
 """Finite-difference step in the unit cube: large against float32 noise, small against the curvature."""
@@ -31,15 +33,17 @@ FAILED = 20.0
 Residuals = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Points (N, d) → residuals (R, N) in standard deviations; NaN where there is none."""
 
-Progress = Callable[[str, float], None]
-"""Called with a sentence and the share in [0, 1] that is done."""
-
-
 BOXES = (0.01, 0.03, 0.1, 0.2, 0.4)
 """Half widths, in the unit cube, of the boxes within which a step is tried."""
 
 ENOUGH = 1e-3
 """A step that lowers the cost by less than this share ends a search."""
+
+BATCH = 64
+"""Members of the first population that are evaluated, and kept, together."""
+
+USUAL_STEPS = 8
+"""Steps that a search usually takes, for the estimate of its end."""
 
 
 @dataclass(frozen=True)
@@ -66,12 +70,12 @@ def least_squares_fit(
     initial: NDArray[np.float64] | None = None,
     problem: str = "",
     checkpoint: Path | None = None,
-    progress: Progress = lambda sentence, share: None,
+    work: Work | None = None,
 ) -> list[Fit]:
     """Fit from several starts, the best first.
 
-    A seeded Sobol population around the prior is evaluated in one launch a batch; its best members are refined one by
-    one. Every finished part is kept in ``checkpoint`` and not repeated when the same search is called again.
+    A seeded Sobol population around the prior is evaluated in batches; its best members are refined one by one. Every
+    batch and every step is kept in ``checkpoint``: the same search, called again, goes on there and finds the same.
 
     Args:
         residuals: See :data:`Residuals`.
@@ -84,89 +88,136 @@ def least_squares_fit(
         spread: Standard deviation of the population around the prior in the unit cube.
         seed: Seed of the population.
         initial: Point (d,) to refine, in place of a population.
-        problem: What is fitted to what; a checkpoint of another problem is not resumed.
+        problem: Digest of what is fitted to what; a checkpoint of another problem is not resumed.
         checkpoint: File (JSON) to resume from and to write to.
-        progress: Called as parts end.
-    """
-    dimension = len(prior)
-    signature = {
-        "prior": [float(u) for u in prior], "prior_weight": prior_weight, "population": population, "seed": seed,
-        "initial": None if initial is None else initial.tolist(), "spread": spread,
-        "max_iterations": max_iterations, "problem": hashlib.sha256(problem.encode()).hexdigest(),
-    }  # fmt: skip
-    done = _resume(checkpoint, signature)
+        work: Told as parts begin; ``residuals`` count their work themselves.
 
-    def evaluate(points: NDArray[np.float64]) -> NDArray[np.float64]:
-        found = residuals(np.atleast_2d(points))
+    Raises:
+        ValueError: the checkpoint is damaged.
+    """
+    signature = digest(
+        prior, prior_weight, starts, population, max_iterations, spread, seed, initial, problem, STEP, BOXES, ENOUGH
+    )
+    search = _Search(residuals, prior, prior_weight, max_iterations, _Kept(checkpoint, signature), work or Work())
+    ranking = search.ranked(starts, population, spread, seed) if initial is None else [initial.tolist()]
+    for index in range(starts):
+        search.refine(index, starts, ranking[index])
+    return sorted(search.kept.fits, key=lambda fit: fit.cost)
+
+
+class _Kept:
+    """Parts of a search that are done, in a file if there is one."""
+
+    def __init__(self, path: Path | None, signature: str):
+        self.path, self.signature = path, signature
+        self.costs: list[list[float]] = []  # of the batches of the first population
+        self.fits: list[Fit] = []
+        self.step: dict[str, Any] | None = None  # where the refinement that runs stands
+        if path is not None and path.exists():
+            self._read(path)
+
+    def _read(self, path: Path) -> None:
+        content = read_json(path)
+        if content.get("signature") != self.signature:
+            return
+        try:
+            self.costs = [[float(cost) for cost in batch] for batch in content["costs"]]
+            self.fits = [
+                Fit(
+                    tuple(map(float, fit["point"])), tuple(map(float, fit["residuals"])), float(fit["cost"]),
+                    int(fit["evaluations"]),
+                )
+                for fit in content["fits"]
+            ]  # fmt: skip
+            step = content["step"]
+            self.step = step and {
+                "iteration": int(step["iteration"]), "evaluations": int(step["evaluations"]),
+                "step": float(step["step"]), "point": list(map(float, step["point"])),
+                "reach": list(map(float, step["reach"])),
+            }  # fmt: skip
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
+            raise ValueError(f"{path} is damaged ({type(error).__name__}: {error}); --restart begins anew") from None
+
+    def write(self) -> None:
+        if self.path is not None:
+            fits = [asdict(fit) for fit in self.fits]
+            content = {"signature": self.signature, "costs": self.costs, "fits": fits, "step": self.step}
+            write_text(self.path, json.dumps(content))
+
+
+@dataclass
+class _Search:
+    """One search; see :func:`least_squares_fit`."""
+
+    residuals: Residuals
+    prior: NDArray[np.float64]
+    prior_weight: float
+    max_iterations: int
+    kept: _Kept
+    work: Work
+
+    def evaluate(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Residuals (R, N) of points (N, d), within ± :data:`FAILED`."""
+        found = self.residuals(np.atleast_2d(points))
         return np.clip(np.where(np.isfinite(found), found, FAILED), -FAILED, FAILED)
 
-    if "ranking" not in done and initial is not None:
-        done["ranking"] = [initial.tolist()]
-    if "ranking" not in done:
-        progress(f"evaluating a population of {population}", 0.0)
+    def ranked(self, starts: int, population: int, spread: float, seed: int) -> list[list[float]]:
+        """The prior and the best others of the first population."""
+        dimension = len(self.prior)
         normal = qmc.MultivariateNormalQMC(np.zeros(dimension), rng=np.random.default_rng(seed)).random(population)
-        points = np.clip(prior + spread * normal, 0.01, 0.99)
-        points[0] = np.clip(prior, 0.01, 0.99)
-        batches = np.array_split(points, max(1, population // 64))
-        cost = []
-        for i, batch in enumerate(batches):
-            cost.append(np.sum(np.square(evaluate(batch)), axis=0))
-            progress(f"evaluating a population of {population}", 0.3 * (i + 1) / len(batches))
-        ranking = np.argsort(np.concatenate(cost))
-        ranking = np.concatenate([[0], ranking[ranking != 0]])[: max(starts, 1)]
-        done["ranking"] = points[ranking].tolist()
-        _save(checkpoint, signature, done)
+        points = np.clip(self.prior + spread * normal, 0.01, 0.99)
+        points[0] = np.clip(self.prior, 0.01, 0.99)
+        batches = np.array_split(points, max(1, population // BATCH))
+        if len(self.kept.costs) < len(batches):
+            self.work.begin("population", f"evaluating a population of {population}")
+        for batch in batches[len(self.kept.costs) :]:
+            self.kept.costs.append(np.sum(np.square(self.evaluate(batch)), axis=0).tolist())
+            self.kept.write()
+        order = np.argsort(np.concatenate(self.kept.costs))
+        order = np.concatenate([[0], order[order != 0]])[: max(starts, 1)]
+        return points[order].tolist()
 
-    def refine(start: list[float], told: Callable[[int], None]) -> Fit:
+    def refine(self, index: int, starts: int, start: list[float]) -> None:
         """Gauss–Newton within the bounds and a box around the point; boxes of all sizes are tried in one launch."""
-        point = np.array(start)
-        pull = prior_weight / 0.25
-        step, reach, evaluations = STEP, np.array(BOXES), 0
-        data = np.empty(0)
-        for iteration in range(max_iterations):
-            told(iteration)
-            steps = np.where(point < 0.5, step, -step)
-            found = evaluate(np.vstack([point, point + np.diag(steps)]))
-            data = found[:, 0]
-            slopes = np.vstack([(found[:, 1:] - found[:, :1]) / steps, np.eye(dimension) * pull])
-            aim = -np.concatenate([data, pull * (point - prior)])
-            tried = [point]
-            for box in reach:
-                ends = np.maximum(-point, -box) - 1e-9, np.minimum(1.0 - point, box) + 1e-9
-                tried.append(np.clip(point + lsq_linear(slopes, aim, ends).x, 0.0, 1.0))
-            found = evaluate(np.array(tried))
-            evaluations += dimension + 1 + len(tried)
-            costs = np.sum(np.square(found), axis=0) + np.sum(np.square(pull * (np.array(tried) - prior)), axis=1)
-            best = int(np.argmin(costs))
-            data, point = found[:, best], tried[best]
-            if costs[best] > (1.0 - ENOUGH) * costs[0]:
-                if step < STEP:
-                    break
-                step, reach = 0.5 * step, reach / 3.0  # once more, nearer: the figures are not quite smooth
-        cost = float(np.sum(np.square(data)) + np.sum(np.square(pull * (point - prior))))
-        return Fit(tuple(map(float, point)), tuple(map(float, data)), cost, evaluations)
+        if index < len(self.kept.fits):
+            return
+        at = self.kept.step or {
+            "iteration": 0, "evaluations": 0, "step": STEP, "point": start, "reach": list(BOXES)
+        }  # fmt: skip
+        self.work.begin(f"start {index + 1}", f"start {index + 1} of {starts}")
+        ends = False
+        while not ends:
+            self.work.say(f"start {index + 1} of {starts}, step {at['iteration'] + 1}")
+            data, cost, ends = self._improve(at)
+            ends = ends or at["iteration"] >= self.max_iterations
+            self.kept.step = at
+            if ends:
+                fit = Fit(tuple(at["point"]), tuple(map(float, data)), cost, at["evaluations"])
+                self.kept.fits.append(fit)
+                self.kept.step = None
+            self.kept.write()
 
-    for i in range(len(done["fits"]), starts):
-
-        def told(iteration: int, start: int = i) -> None:
-            share = (start + iteration / max_iterations) / starts
-            progress(f"start {start + 1} of {starts}, step {iteration + 1}", 0.3 + 0.7 * share)
-
-        done["fits"].append(asdict(refine(done["ranking"][i], told)))
-        _save(checkpoint, signature, done)
-    progress("refined", 1.0)
-    fits = [Fit(tuple(f["point"]), tuple(f["residuals"]), f["cost"], f["evaluations"]) for f in done["fits"]]
-    return sorted(fits, key=lambda fit: fit.cost)
-
-
-def _resume(checkpoint: Path | None, signature: dict) -> dict:
-    if checkpoint is not None and checkpoint.exists():
-        kept = json.loads(checkpoint.read_text(encoding="utf-8"))
-        if kept.get("signature") == signature:
-            return kept["done"]
-    return {"fits": []}
-
-
-def _save(checkpoint: Path | None, signature: dict, done: dict) -> None:
-    if checkpoint is not None:
-        write_whole(checkpoint, json.dumps({"signature": signature, "done": done}))
+    def _improve(self, at: dict[str, Any]) -> tuple[NDArray[np.float64], float, bool]:
+        """Take one step from where ``at`` stands; its residuals and cost, and whether the search has ended."""
+        point, reach, pull = np.array(at["point"]), np.array(at["reach"]), self.prior_weight / 0.25
+        dimension = len(point)
+        steps = np.where(point < 0.5, at["step"], -at["step"])
+        found = self.evaluate(np.vstack([point, point + np.diag(steps)]))
+        slopes = np.vstack([(found[:, 1:] - found[:, :1]) / steps, np.eye(dimension) * pull])
+        aim = -np.concatenate([found[:, 0], pull * (point - self.prior)])
+        tried = [point]
+        for box in reach:
+            ends = np.maximum(-point, -box) - 1e-9, np.minimum(1.0 - point, box) + 1e-9
+            tried.append(np.clip(point + lsq_linear(slopes, aim, ends).x, 0.0, 1.0))
+        found = self.evaluate(np.array(tried))
+        costs = np.sum(np.square(found), axis=0) + np.sum(np.square(pull * (np.array(tried) - self.prior)), axis=1)
+        best = int(np.argmin(costs))
+        at["iteration"] += 1
+        at["evaluations"] += dimension + 1 + len(tried)
+        at["point"] = tried[best].tolist()
+        has_ended = False
+        if costs[best] > (1.0 - ENOUGH) * costs[0]:
+            has_ended = at["step"] < STEP
+            # once more, nearer: the figures are not quite smooth
+            at["step"], at["reach"] = 0.5 * at["step"], (reach / 3.0).tolist()
+        return found[:, best], float(costs[best]), has_ended

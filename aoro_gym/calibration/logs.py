@@ -1,44 +1,33 @@
-"""Calibration from a user's logs of standing turns: full turns, ramps, anything that the steering signal commands.
+"""Calibration from a user's logs: full turns, ramps, drives, anything that the commands of a log tell the machine to do.
 
-The twin repeats the log's commands and its angle and pressures are compared sample by sample, both behind the same
-zero-phase 7 Hz low-pass. What the data fix and what they leave open is said parameter by parameter.
+The twin repeats all commands of each log, on its ground, and its angle and pressures are compared sample by sample, both
+behind the same zero-phase 7 Hz low-pass. What the data fix and what they leave open is said parameter by parameter, and
+whether any machine of this kind does what the logs say (:mod:`.verdict`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from aoro_gym.calibration.ensemble import draw_ensemble, posterior_factor
-from aoro_gym.calibration.fit import least_squares_fit
+from aoro_gym.calibration.ensemble import CANDIDATES, draw_ensemble, posterior_factor
+from aoro_gym.calibration.fit import BOXES, USUAL_STEPS, Fit, Residuals, least_squares_fit
+from aoro_gym.calibration.progress import Progress, Work
 from aoro_gym.calibration.published import FELT, Calibration
+from aoro_gym.calibration.recordings import CHANNELS, EVERY, Recording, read_recording, whitened
+from aoro_gym.calibration.replay import ENGINE_SPEED, repeat
+from aoro_gym.calibration.resuming import log_inputs, resumable
 from aoro_gym.calibration.space import Space
-from aoro_gym.recording import logs
+from aoro_gym.calibration.verdict import judge
+from aoro_gym.execution.digest import digest
 from aoro_gym.recording.logs import TICK
-from aoro_gym.sensors.chain import low_pass
-from aoro_gym.twin import Machine, Twin
-
-EVERY = 4
-"""Every so many ticks enter the fit: at 25 Hz the 7 Hz low-pass leaves little that is new between samples."""
-
-CUTOFF = 7.0
-"""Cut-off [Hz] of the low-pass."""
-
-CHANNELS: dict[str, tuple[str, float, float]] = {
-    # column: output of the twin, SI value of the column's unit, least standard deviation [column's unit]
-    "joint_angle_rad": ("joint_angle", 1.0, 2e-4),
-    "pressure_a_bar": ("pressure_a", 1e5, 0.5),
-    "pressure_b_bar": ("pressure_b", 1e5, 0.5),
-    "pump_pressure_bar": ("pump_pressure", 1e5, 0.5),
-}
-
-TWIN_CHANNELS = tuple(name for name, _, _ in CHANNELS.values())
+from aoro_gym.twin import Machine
 
 PRIOR_STD = 0.25
 """Standard deviation that a range, read as 95 %, gives a parameter in the unit cube."""
@@ -46,74 +35,8 @@ PRIOR_STD = 0.25
 IDENTIFIED = 0.5
 """A parameter counts as identified if the data shrink its standard deviation below this share of the prior one."""
 
-
-@dataclass(frozen=True)
-class Recording:
-    """A log on the tick grid."""
-
-    path: Path
-    signal: NDArray[np.float64]  # (F,) steering signal held from tick to tick
-    channels: dict[str, NDArray[np.float64]]  # (F,) low-passed, in the column's unit
-    std: dict[str, float]  # of a sample that enters the fit, in the column's unit
-    start_angle: float  # [rad]
-
-
-def read_recording(path: Path) -> Recording:
-    """Read a log (:func:`aoro_gym.recording.logs.read_recording`) for calibration.
-
-    Raises:
-        ValueError: names the file, the column and what is missing or inconsistent.
-    """
-    log = logs.read_recording(path, purpose="a calibration", commands=("steering_signal",), channels=TWIN_CHANNELS)
-    signal = log.commands["steering_signal"]
-    channels, std = {}, {}
-    for column, (name, unit, least) in CHANNELS.items():
-        if name in log.channels:
-            filtered = low_pass(log.channels[name] / unit, rate=1.0 / TICK, cutoff=CUTOFF)
-            channels[column] = filtered
-            # neighbouring samples share what the low-pass leaves: each counts for less than one
-            shared = np.sqrt(max(1.0, 1.0 / (TICK * EVERY) / (2.0 * CUTOFF)))
-            std[column] = shared * float(np.hypot(np.std(filtered[: log.rest - 1]), least))
-    return Recording(path, np.append(signal, signal[-1]), channels, std, log.start_angle)
-
-
-def repeat(machine: Machine, recording: Recording, *, device: str = "cpu") -> dict[str, NDArray[np.float64]]:
-    """What the twins of ``machine`` (N variants) log under a recording's commands: (F, N) a column, low-passed."""
-    twin = Twin(machine.num_variants, machine=machine, device=device, check_step=False)
-    limit = np.asarray(machine.joint.range)
-    twin.reset(joint_angle=np.clip(recording.start_angle, -limit, limit))
-    parts: dict[str, list[NDArray]] = {column: [] for column in recording.channels}
-    for column, part in parts.items():
-        part.append(twin_value(twin, column)[None])
-    # the sample at a tick shows what the commands before it have done
-    changes = np.flatnonzero(np.diff(recording.signal[:-1])) + 1
-    edges = [0, *changes.tolist(), len(recording.signal) - 1]
-    for begin, end in pairwise(edges):
-        trace = twin.step(
-            {"steering_signal": recording.signal[begin]}, round((end - begin) * TICK, 6), sample_every=TICK
-        )
-        assert trace is not None
-        for column, part in parts.items():
-            name, unit, _ = CHANNELS[column]
-            part.append(trace[name] / unit)
-    out = {}
-    for column, part in parts.items():
-        values = np.concatenate(part).astype(np.float64)
-        values[:, twin.status != 0] = np.nan
-        out[column] = low_pass(np.nan_to_num(values), rate=1.0 / TICK, cutoff=CUTOFF)
-        out[column][:, twin.status != 0] = np.nan
-    return out
-
-
-def twin_value(twin: Twin, column: str) -> NDArray[np.float64]:
-    """Value (N,) of a column right after a reset, from the state."""
-    from aoro_gym.twin.records import State
-
-    row = {
-        "joint_angle_rad": State.JOINT, "pressure_a_bar": State.PORT_A, "pressure_b_bar": State.PORT_B,
-        "pump_pressure_bar": State.SUPPLY,
-    }[column]  # fmt: skip
-    return twin.state.numpy()[row].astype(np.float64) / CHANNELS[column][1]
+SEARCH = "search.json"
+"""What is kept of the search, in the folder of an unfinished calibration."""
 
 
 def calibrate_logs(
@@ -126,100 +49,175 @@ def calibrate_logs(
     population: int = 64,
     seed: int = 0,
     device: str = "cpu",
-    checkpoint: Path | None = None,
-    progress: Callable[[str, float], None] = lambda sentence, share: None,
+    folder: Path | None = None,
+    restart: bool = False,
+    accept_code_change: bool = False,
+    progress: Progress = lambda sentence, share: None,
 ) -> Calibration:
-    """Calibrate ``machine`` against logs of standing turns.
+    """Calibrate ``machine`` against logs.
 
     All uncertain parameters that the logs feel are searched within their ranges. The report gives every one its value
-    and 95 % interval (Gauss–Newton posterior, widened where the residuals are larger than the noise explains) and says
-    whether the data identify it.
+    and 95 % interval (Gauss–Newton posterior, widened where the residuals are larger than the noise explains), says
+    whether the data identify it, and begins with the verdict: whether the machine that was found does what the logs say.
 
     Args:
         machine: Start of the search; its ranges bound it.
-        logs: Files with ``time_s``, ``steering_signal`` (or ``_V``), ``joint_angle_rad`` (or ``_deg``), and pressures
-            ``pressure_a_bar``, ``pressure_b_bar``, ``pump_pressure_bar`` if they were measured.
+        logs: Files with ``time_s``, the commands that the machine was given, ``joint_angle_rad`` (or ``_deg``), and
+            pressures and the engine's speed as far as they were measured; beside them the manifests, if there are any.
         keys: Parameters that may change; by default all that are uncertain.
         ensemble: Further machines that fit as well, as different as the logs allow.
         starts: Searches that are refined.
         population: Machines of the first population.
         seed: Seed of population and ensemble.
         device: Where the twins run.
-        checkpoint: File to resume from.
+        folder: Where finished parts are kept, to resume from; it is locked.
+        restart: Begin anew, whatever the folder holds.
+        accept_code_change: Resume though the code has changed since, and record that.
         progress: Called with a sentence and the share done.
 
     Raises:
-        ValueError: a log cannot be used; the message names file, line and reason.
+        ValueError: a log cannot be used; the message names file, line and reason. Or ``folder`` was begun with other
+            inputs or code, which are named, or another process works in it.
     """
-    recordings = [read_recording(Path(path)) for path in logs]
-    if not recordings:
+    paths = [Path(path) for path in logs]
+    if not paths:
         raise ValueError("no log given; name at least one")
+    recordings = [read_recording(path) for path in paths]
+    inputs = {
+        "machine": machine.identity,
+        "logs": log_inputs(paths),
+        "keys": None if keys is None else list(keys),
+        "ensemble": ensemble, "starts": starts, "population": population, "seed": seed, "device": device,
+    }  # fmt: skip
+    with resumable(folder, inputs, restart=restart, accept_code_change=accept_code_change) as accepted:
+        uncertain = list(keys or (p.key for p in machine.parameters() if p.role in ("nuisance", "both")))
+        pinned = [
+            key for key in uncertain if key == ENGINE_SPEED and any(r.manifest.engine_speed_rpm for r in recordings)
+        ]
+        uncertain = [key for key in uncertain if key not in pinned]
+        phases = _phases(len(uncertain), starts, population, ensemble)
+        comparison = _Comparison(recordings, device, Work(progress, phases))
+        felt = comparison.felt(Space(machine, uncertain))
+        space = Space(machine, [key for key, is_felt in zip(uncertain, felt, strict=True) if is_felt])
+        if not space.keys:
+            raise ValueError("no parameter that may change is felt by the logs; the machine hardly moves in them")
+        comparison.work.expect(_phases(len(space.keys), starts, population, ensemble))
+        fits = least_squares_fit(
+            comparison.residuals(space), space.point(), prior_weight=1.0, starts=starts, population=population, seed=seed,
+            problem=digest(space.describe(), recordings), checkpoint=folder / SEARCH if folder else None,
+            work=comparison.work,
+        )  # fmt: skip
+        found = _found(comparison, space, fits, ensemble, seed)
+        not_felt = [key for key, is_felt in zip(uncertain, felt, strict=True) if not is_felt]
+        found.report.update(not_felt=not_felt, fixed_by_manifests=pinned, seed=seed, accepted_code_changes=accepted)
+        comparison.work.end()
+        return found
 
-    def misses(space: Space, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        population = space.population(points)
+
+def _phases(free: int, starts: int, population: int, ensemble: int) -> dict[str, float]:
+    """Work that is expected of each phase with so many ``free`` parameters, in machines that repeat all logs."""
+    return {
+        "sensitivity": free + 1.0,
+        "population": float(population),
+        **{f"start {index + 1}": float(USUAL_STEPS * (free + 1 + len(BOXES) + 1)) for index in range(starts)},
+        "intervals": free + 2.0,
+        **({"ensemble": float(CANDIDATES)} if ensemble else {}),
+    }
+
+
+@dataclass(frozen=True)
+class _Comparison:
+    """Machines beside recordings."""
+
+    recordings: Sequence[Recording]
+    device: str
+    work: Work
+
+    def repeated(self, machine: Machine) -> Iterator[tuple[Recording, dict[str, NDArray[np.float64]]]]:
+        """Each recording and what the variants of ``machine`` do under its commands."""
+        seconds = sum((recording.count - 1) * TICK for recording in self.recordings)
+        for recording in self.recordings:
+            yield (
+                recording,
+                repeat(machine, recording, device=self.device, progress=lambda done: self.work.did(done / seconds)),
+            )
+
+    def misses(self, machine: Machine) -> NDArray[np.float64]:
+        """What parts the variants of ``machine`` from the recordings, in standard deviations of noise (R, N)."""
         rows = []
-        for recording in recordings:
-            found = repeat(population, recording, device=device)
-            for column, measured in recording.channels.items():
-                rows.append((found[column] - measured[:, None])[::EVERY] / recording.std[column])
+        for recording, found in self.repeated(machine):
+            for channel, measured in recording.channels.items():
+                miss = (found[channel] - measured[:, None])[::EVERY]
+                rows.append(whitened(miss, recording.std[channel], CHANNELS[channel].zero))
         return np.concatenate(rows)
 
-    progress("which parameters the logs feel", 0.0)
-    uncertain = list(keys or (p.key for p in machine.parameters() if p.role in ("nuisance", "both")))
-    whole = Space(machine, uncertain)
-    _, jacobian = posterior_factor(lambda points: misses(whole, points), whole.point(), PRIOR_STD)
-    felt = PRIOR_STD * np.linalg.norm(jacobian, axis=0) > FELT
-    space = Space(machine, [key for key, is_felt in zip(uncertain, felt, strict=True) if is_felt])
+    def residuals(self, space: Space) -> Residuals:
+        """The misses of points."""
+        return lambda points: self.misses(space.population(points))
 
-    def residuals(points: NDArray[np.float64]) -> NDArray[np.float64]:
-        return misses(space, points)
+    def felt(self, space: Space) -> NDArray[np.bool_]:
+        """Which parameters of ``space`` the recordings feel."""
+        self.work.begin("sensitivity", "which parameters the logs feel")
+        _, jacobian = posterior_factor(self.residuals(space), space.point(), PRIOR_STD)
+        return PRIOR_STD * np.linalg.norm(jacobian, axis=0) > FELT
 
-    fits = least_squares_fit(
-        residuals, space.point(), prior_weight=1.0, starts=starts, population=population, seed=seed,
-        problem=space.describe() + repr([(r.signal.tobytes(), r.channels["joint_angle_rad"].tobytes()) for r in recordings]),
-        checkpoint=checkpoint, progress=lambda sentence, share: progress(sentence, 0.1 + 0.8 * share),
-    )  # fmt: skip
+
+def _found(comparison: _Comparison, space: Space, fits: Sequence[Fit], ensemble: int, seed: int) -> Calibration:
+    """The machine of the best fit, its verdict, intervals and ensemble."""
+    comparison.work.begin("intervals", "what the logs identify")
     best = np.array(fits[0].point)
+    residuals = comparison.residuals(space)
+    leaning = space.leaning(best)
+    verdict = judge(comparison.repeated(space.population(best)), len(leaning), len(space.keys))
     data = np.array(fits[0].residuals)
-
-    progress("what the logs identify", 0.9)
-    factor, _ = posterior_factor(residuals, best, PRIOR_STD)
     birge = max(1.0, float(np.sqrt(np.mean(data**2))))
+    factor, _ = posterior_factor(residuals, best, PRIOR_STD)
     std = np.minimum(birge * np.linalg.norm(factor, axis=1), PRIOR_STD)
-    low, high = (space.values(np.clip(best + sign * 1.96 * std, 0.0, 1.0)) for sign in (-1.0, 1.0))
-    values = space.values(best)
-
     points = best[None]
     if ensemble:
-        progress(f"an ensemble of {ensemble}", 0.92)
+        comparison.work.begin("ensemble", f"an ensemble of {ensemble}")
         allowed = float(np.sum(data**2)) + birge**2 * float(chi2.ppf(0.95, len(best)))
         points = draw_ensemble(
             residuals, np.array([fit.point for fit in fits]), ensemble + 1, prior_std=PRIOR_STD, seed=seed,
-            accept=lambda found: np.sum(found**2, axis=0) <= allowed,
+            candidates=CANDIDATES, accept=lambda found: np.sum(found**2, axis=0) <= allowed,
         )  # fmt: skip
-    names = ", ".join(recording.path.name for recording in recordings)
+    names = ", ".join(recording.path.name for recording in comparison.recordings)
+    source = f"C: calibrated on {names}" + ("" if verdict.fits else f"; {verdict.sentence}")
     machines = [
-        machine.set(
-            {key: float(v) for key, v in zip(space.keys, space.values(point), strict=True)},
-            source=f"C: calibrated on {names}",
+        space.machine.set(
+            {key: float(v) for key, v in zip(space.keys, space.values(point), strict=True)}, source=source
         )
         for point in points
     ]
     report = {
+        "verdict": asdict(verdict),
         "method": "bounded least squares on joint angle and pressures, behind a zero-phase 7 Hz low-pass",
-        "logs": [str(recording.path) for recording in recordings],
-        "starts": [{"cost": fit.cost, "evaluations": fit.evaluations} for fit in fits],
-        "rms_residual_std": float(np.sqrt(np.mean(data**2))),
-        "parameters": [
-            {
-                "key": key, "unit": machine.entries[key].unit, "value": float(v), "low95": float(a), "high95": float(b),
-                "identified": bool(s < IDENTIFIED * PRIOR_STD),
-            }
-            for key, v, a, b, s in zip(space.keys, values, low, high, std, strict=True)
+        "logs": [str(recording.path) for recording in comparison.recordings],
+        "conditions": [_conditions(recording) for recording in comparison.recordings],
+        "warnings": [
+            f"{message}; the search begins at that end"
+            for message in space.machine.outside_ranges(space.keys).values()
         ],
-        "not_felt": [key for key, is_felt in zip(uncertain, felt, strict=True) if not is_felt],
-        "leaning_on_a_bound": [{"key": key, "end": end} for key, end in space.leaning(best)],
-        "seed": seed,
+        "starts": [{"cost": fit.cost, "evaluations": fit.evaluations} for fit in fits],
+        "rms_residual_std": verdict.residual_std,
+        "parameters": _parameters(space, best, std),
+        "leaning_on_a_bound": [{"key": key, "end": end} for key, end in leaning],
     }  # fmt: skip
-    progress("done", 1.0)
     return Calibration(machines[0], tuple(machines[1:]), report)
+
+
+def _parameters(space: Space, best: NDArray[np.float64], std: NDArray[np.float64]) -> list[dict[str, Any]]:
+    """Value and 95 % interval of each parameter, from the standard deviations (d,) of the point."""
+    low, high = (space.values(np.clip(best + sign * 1.96 * std, 0.0, 1.0)) for sign in (-1.0, 1.0))
+    return [
+        {
+            "key": key, "unit": space.machine.entries[key].unit, "value": float(v), "low95": float(a), "high95": float(b),
+            "identified": bool(s < IDENTIFIED * PRIOR_STD),
+        }
+        for key, v, a, b, s in zip(space.keys, space.values(best), low, high, std, strict=True)
+    ]  # fmt: skip
+
+
+def _conditions(recording: Recording) -> dict[str, Any]:
+    """What is used of a log and of its manifest, and what not."""
+    return {"log": str(recording.path), "used": list(recording.used), "warnings": list(recording.warnings)}

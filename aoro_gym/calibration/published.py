@@ -10,11 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym.calibration.ensemble import draw_ensemble, posterior_factor
-from aoro_gym.calibration.fit import least_squares_fit
+from aoro_gym.calibration.ensemble import CANDIDATES, draw_ensemble, posterior_factor
+from aoro_gym.calibration.fit import BOXES, USUAL_STEPS, Fit, Residuals, least_squares_fit
 from aoro_gym.calibration.procedure import meet_times_and_pressure, published_procedure, rolling_pressure
+from aoro_gym.calibration.progress import Progress, Work
+from aoro_gym.calibration.resuming import resumable
 from aoro_gym.calibration.space import Space
 from aoro_gym.calibration.turns import population_figures
+from aoro_gym.execution.digest import digest
 from aoro_gym.twin import Machine
 from aoro_gym.validation.key_figures import FIGURES
 from aoro_gym.validation.published import published, published_rows
@@ -65,7 +68,12 @@ SINGLE_FIGURES: Mapping[str, tuple[Callable[[Machine, str, int], NDArray[np.floa
 }
 """Published figures beside those of the turns: how a machine's (N,) is found, and its relative tolerance."""
 
-Progress = Callable[[str, float], None]
+LARGEST_MISS = 3.0
+"""Tolerances by which a machine of this kind may miss a figure. Tolerances are read as 95 %: three of them are six standard
+deviations, which no figure of 25 misses by chance."""
+
+PROCEDURE = 15.0
+"""Work of the published procedure, in machines that do all turns of :data:`LEVELS`."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +84,11 @@ class Calibration:
     ensemble: tuple[Machine, ...]
     report: dict[str, Any]
 
+    @property
+    def fits(self) -> bool:
+        """Whether the machine does what it was calibrated to."""
+        return bool(self.report["verdict"]["fits"])
+
 
 def calibrate_published(
     datasheet: Machine,
@@ -85,14 +98,16 @@ def calibrate_published(
     population: int = 512,
     seed: int = 0,
     device: str = "cpu",
-    checkpoint: Path | None = None,
+    folder: Path | None = None,
+    restart: bool = False,
+    accept_code_change: bool = False,
     progress: Progress = lambda sentence, share: None,
 ) -> Calibration:
     """Calibrate ``datasheet`` against the published figures.
 
     First the published procedure alone; then all uncertain parameters within their ranges against the key figures of
     the published twin (rows ``mevea``), from several starts; then the procedure's iterations once more, for the other
-    side and the brake. Every search is seeded and resumes from ``checkpoint``.
+    side and the brake. Every search is seeded and resumes from ``folder``.
 
     Args:
         datasheet: Machine before any calibration; its ranges bound the search.
@@ -101,105 +116,202 @@ def calibrate_published(
         population: Machines of the first population.
         seed: Seed of population and ensemble.
         device: Where the twins run.
-        checkpoint: File to resume from.
+        folder: Where finished parts are kept, to resume from; it is locked.
+        restart: Begin anew, whatever the folder holds.
+        accept_code_change: Resume though the code has changed since, and record that.
         progress: Called with a sentence and the share done.
-    """
-    progress("the published procedure", 0.0)
-    start = published_procedure(datasheet, lambda sentence, share: progress(sentence, 0.1 * share))
-    target, tolerance = _targets()
 
-    def misses(space: Space, points: NDArray[np.float64], substeps: int = 30) -> NDArray[np.float64]:
-        """Misses (figures of the turns, then single ones, N) in half tolerances."""
-        machine = space.population(points).levelled()
-        found = population_figures(machine, LEVELS, device=device, substeps=substeps)
-        turning = ((found - target[:, :, None]) / tolerance[:, :, None]).reshape(target.size, -1)
+    Raises:
+        ValueError: a step of the procedure cannot be done within the ranges. Or ``folder`` was begun with other inputs or
+            code, which are named, or another process works in it.
+    """
+    inputs = {
+        "machine": datasheet.identity, "published": True, "ensemble": ensemble, "starts": starts,
+        "population": population, "seed": seed, "device": device,
+    }  # fmt: skip
+    with resumable(folder, inputs, restart=restart, accept_code_change=accept_code_change) as accepted:
+        uncertain = [p.key for p in datasheet.parameters() if p.role in ("nuisance", "both")]
+        work = Work(progress, _phases(len(uncertain), starts, population, ensemble))
+        comparison = _Comparison(*_targets(), device=device, work=work)
+        work.begin("procedure", "the published procedure")
+        start = published_procedure(datasheet, comparison.told("procedure", PROCEDURE))
+        felt = comparison.felt(Space(start, uncertain), seed)
+        space = Space(start, [key for key, is_felt in zip(uncertain, felt, strict=True) if is_felt])
+        work.expect(_phases(len(space.keys), starts, population, ensemble))
+        fits, chosen, weight = _searched(comparison, space, starts, population, seed, folder)
+        points = _ensemble(comparison, space, fits, chosen, ensemble, seed)
+        machines, dropped = _machines(comparison, space, points)
+        report = {
+            "verdict": comparison.verdict(chosen, len(space.leaning(chosen.point)), len(space.keys)),
+            "method": "published procedure, then bounded least squares on the published twin's key figures of left turns",
+            "starts": [{"cost": fit.cost, "evaluations": fit.evaluations} for fit in fits],
+            "searched": list(space.keys),
+            "not_felt": [key for key, is_felt in zip(uncertain, felt, strict=True) if not is_felt],
+            "leaning_on_a_bound": [{"key": key, "end": end} for key, end in space.leaning(chosen.point)],
+            "pull_to_the_data_sheet": weight,
+            **comparison.described(space, chosen),
+            "ensemble": len(machines) - 1,
+            "ensemble_wanted": ensemble,
+            "ensemble_dropped": dropped,
+            "seed": seed,
+            "accepted_code_changes": accepted,
+        }
+        work.end()
+        return Calibration(machines[0], tuple(machines[1:]), report)
+
+
+def _phases(free: int, starts: int, population: int, ensemble: int) -> dict[str, float]:
+    """Work that is expected of each phase with so many ``free`` parameters, in machines that do all turns."""
+    step = free + 1 + len(BOXES) + 1
+    return {
+        "procedure": PROCEDURE,
+        "sensitivity": (1 + PROBES) * (free + 1.0),
+        "population": float(population),
+        **{f"start {index + 1}": float(USUAL_STEPS * step) for index in range(starts)},
+        **{f"pull {weight:g}": 0.5 * PULL_ITERATIONS * step for weight in PRIOR_WEIGHTS[1:]},
+        "substeps": 3.0,
+        **({"ensemble": float(CANDIDATES)} if ensemble else {}),
+        "finishing": 2.0 * PROCEDURE * (1 + ensemble),
+    }
+
+
+@dataclass(frozen=True)
+class _Comparison:
+    """Machines beside the published figures, (levels, figures), and their tolerances."""
+
+    target: NDArray[np.float64]
+    tolerance: NDArray[np.float64]
+    device: str
+    work: Work
+
+    def misses(self, machine: Machine, substeps: int = 30) -> NDArray[np.float64]:
+        """Misses (figures of the turns, then single ones, N) of the variants of ``machine`` in half tolerances."""
+        levelled = machine.levelled()
+        found = population_figures(levelled, LEVELS, device=self.device, substeps=substeps, progress=self.work.did)
+        turning = ((found - self.target[:, :, None]) / self.tolerance[:, :, None]).reshape(self.target.size, -1)
         count = turning.shape[1]
         single = [
-            np.broadcast_to((measure(machine, device, substeps) / published(name) - 1.0) / bound, count)
+            np.broadcast_to((measure(levelled, self.device, substeps) / published(name) - 1.0) / bound, count)
             for name, (measure, bound) in SINGLE_FIGURES.items()
         ]
         return 2.0 * np.vstack([turning, *single])
 
-    progress("which parameters the figures feel", 0.1)
-    uncertain = [p.key for p in start.parameters() if p.role in ("nuisance", "both")]
-    whole = Space(start, uncertain)
-    rng = np.random.default_rng(seed)
-    probes = [whole.point(), *rng.uniform(0.1, 0.9, (PROBES, len(uncertain)))]
-    felt = np.zeros(len(uncertain), dtype=bool)
-    for i, probe in enumerate(probes):
-        _, jacobian = posterior_factor(lambda points: misses(whole, points), probe, 0.25)
-        felt |= 0.25 * np.linalg.norm(jacobian, axis=0) / 2.0 > FELT
-        progress("which parameters the figures feel", 0.1 + 0.05 * (i + 1) / len(probes))
-    space = Space(start, [key for key, is_felt in zip(uncertain, felt, strict=True) if is_felt])
+    def residuals(self, space: Space) -> Residuals:
+        """The misses of points."""
+        return lambda points: self.misses(space.population(points))
 
-    def residuals(points: NDArray[np.float64]) -> NDArray[np.float64]:
-        return misses(space, points)
+    def told(self, phase: str, expected: float) -> Progress:
+        """Progress of something that tells shares of a phase."""
+        before = 0.0
 
+        def tell(sentence: str, share: float) -> None:
+            nonlocal before
+            self.work.say(sentence)
+            self.work.did(expected * max(share - before, 0.0))
+            before = max(share, before)
+
+        return tell
+
+    def felt(self, space: Space, seed: int) -> NDArray[np.bool_]:
+        """Which parameters of ``space`` the figures feel, at its machine or at one of some random points."""
+        self.work.begin("sensitivity", "which parameters the figures feel")
+        rng = np.random.default_rng(seed)
+        felt = np.zeros(len(space.keys), dtype=bool)
+        for probe in (space.point(), *rng.uniform(0.1, 0.9, (PROBES, len(space.keys)))):
+            _, jacobian = posterior_factor(self.residuals(space), probe, 0.25)
+            felt |= 0.25 * np.linalg.norm(jacobian, axis=0) / 2.0 > FELT
+        return felt
+
+    def verdict(self, fit: Fit, on_a_bound: int, parameters: int) -> dict[str, Any]:
+        """Whether a machine of this kind has the figures."""
+        worst = float(np.max(np.abs(fit.residuals)) / 2.0)
+        fits = worst <= LARGEST_MISS
+        bound = f"{on_a_bound} of {parameters} parameters on a bound of their range"
+        sentence = (
+            f"fits: the largest miss is {worst:.2f} tolerances, {bound}"
+            if fits
+            else f"does not fit: the largest miss is {worst:.1f} tolerances, where {LARGEST_MISS:g} are the most, {bound};"
+            " no machine within these ranges has the published figures"
+        )
+        return {
+            "fits": fits, "sentence": sentence, "largest_miss_tolerances": worst, "bound_tolerances": LARGEST_MISS,
+            "on_a_bound": on_a_bound, "parameters": parameters,
+        }  # fmt: skip
+
+    def described(self, space: Space, fit: Fit) -> dict[str, Any]:
+        """The misses of a fit, figure by figure, and what half the substep changes."""
+        self.work.begin("substeps", "half the substep")
+        machine = space.population(np.array(fit.point))
+        halved = self.misses(machine, substeps=60)[:, 0] - self.misses(machine)[:, 0]
+        change = float(np.max(np.abs(halved)) / 2.0)
+        rows = np.reshape(fit.residuals[: self.target.size], self.target.shape) / 2.0
+        return {
+            "largest_miss_tolerances": float(np.max(np.abs(fit.residuals)) / 2.0),
+            "misses_tolerances": {
+                f"{turn.signal_percent:g}": dict(zip(FIGURES, row, strict=True))
+                for turn, row in zip(LEVELS, rows.tolist(), strict=True)
+            },
+            "single_misses_tolerances": dict(
+                zip(SINGLE_FIGURES, np.divide(fit.residuals[self.target.size :], 2.0).tolist(), strict=True)
+            ),
+            # none where a turn fails at one of the substeps
+            "largest_change_at_half_the_substep_tolerances": change if np.isfinite(change) else None,
+        }
+
+
+def _searched(
+    comparison: _Comparison, space: Space, starts: int, population: int, seed: int, folder: Path | None
+) -> tuple[list[Fit], Fit, float]:
+    """All fits, the one of the heaviest pull to the data sheet that leaves every figure within its tolerance, the pull."""
     single = [(name, published(name), bound) for name, (_, bound) in SINGLE_FIGURES.items()]
-    problem = space.describe() + repr((target.tolist(), tolerance.tolist(), single))
+    problem = digest(space.describe(), comparison.target, comparison.tolerance, single)
+    residuals = comparison.residuals(space)
     fits = least_squares_fit(
         residuals, space.point(), prior_weight=PRIOR_WEIGHTS[0], starts=starts, population=population, seed=seed,
-        problem=problem, checkpoint=checkpoint,
-        progress=lambda sentence, share: progress(sentence, 0.15 + 0.5 * share),
+        problem=problem, checkpoint=folder / "search.json" if folder else None, work=comparison.work,
     )  # fmt: skip
     chosen, weight = fits[0], PRIOR_WEIGHTS[0]
-    for i, heavier in enumerate(PRIOR_WEIGHTS[1:]):
-        progress(f"nearer to the data sheet, pull {heavier:g}", 0.65 + 0.15 * i / len(PRIOR_WEIGHTS))
+    for heavier in PRIOR_WEIGHTS[1:]:
+        comparison.work.begin(f"pull {heavier:g}", f"nearer to the data sheet, pull {heavier:g}")
         pulled = least_squares_fit(
             residuals, space.point(), prior_weight=heavier, starts=1, population=1, initial=np.array(chosen.point),
-            max_iterations=PULL_ITERATIONS,
-            problem=problem, checkpoint=checkpoint and checkpoint.with_name(f"{checkpoint.stem}-{heavier:g}.json"),
+            max_iterations=PULL_ITERATIONS, problem=problem, work=comparison.work,
+            checkpoint=folder / f"search-{heavier:g}.json" if folder else None,
         )[0]  # fmt: skip
         if np.max(np.abs(pulled.residuals)) > 2.0:
             break
         chosen, weight = pulled, heavier
-    best = np.array(chosen.point)
+    return fits, chosen, weight
 
-    progress("half the substep", 0.8)
-    halved = misses(space, best, substeps=60)[:, 0] - misses(space, best)[:, 0]
-    points = best[None]
-    if ensemble:
-        progress(f"an ensemble of {ensemble}", 0.82)
-        fitted = np.array([chosen.point, *(fit.point for fit in fits)])
-        allowed = np.abs(chosen.residuals)[:, None] + 2.0 * EQUALLY_WELL
-        points = draw_ensemble(
-            residuals, fitted, ensemble + 1, accept=lambda found: np.all(np.abs(found) <= allowed, axis=0), seed=seed
-        )
 
+def _ensemble(
+    comparison: _Comparison, space: Space, fits: list[Fit], chosen: Fit, count: int, seed: int
+) -> NDArray[np.float64]:
+    """The chosen point and up to ``count`` others that fit as well, (1 + count, d)."""
+    if not count:
+        return np.array([chosen.point])
+    comparison.work.begin("ensemble", f"an ensemble of {count}")
+    fitted = np.array([chosen.point, *(fit.point for fit in fits)])
+    allowed = np.abs(chosen.residuals)[:, None] + 2.0 * EQUALLY_WELL
+    return draw_ensemble(
+        comparison.residuals(space), fitted, count + 1, candidates=CANDIDATES, seed=seed,
+        accept=lambda found: np.all(np.abs(found) <= allowed, axis=0),
+    )  # fmt: skip
+
+
+def _machines(comparison: _Comparison, space: Space, points: NDArray[np.float64]) -> tuple[list[Machine], list[str]]:
+    """The machines of ``points``, finished by the procedure, and why others than the first could not be."""
+    comparison.work.begin("finishing", "right turn and disc brake")
     machines, dropped = [], []
     for i, point in enumerate(points):
-        progress("right turn and disc brake", 0.88 + 0.12 * i / len(points))
         try:
             machines.append(_finished(space, point))
         except ValueError as error:
             if i == 0:
                 raise
             dropped.append(str(error))
-    report = {
-        "method": "published procedure, then bounded least squares on the published twin's key figures of left turns",
-        "starts": [{"cost": fit.cost, "evaluations": fit.evaluations} for fit in fits],
-        "searched": list(space.keys),
-        "not_felt": [key for key, is_felt in zip(uncertain, felt, strict=True) if not is_felt],
-        "leaning_on_a_bound": [{"key": key, "end": end} for key, end in space.leaning(best)],
-        "pull_to_the_data_sheet": weight,
-        "largest_miss_tolerances": float(np.max(np.abs(chosen.residuals)) / 2.0),
-        "misses_tolerances": {
-            f"{turn.signal_percent:g}": dict(zip(FIGURES, row, strict=True))
-            for turn, row in zip(
-                LEVELS, (np.reshape(chosen.residuals[: target.size], target.shape) / 2.0).tolist(), strict=True
-            )
-        },
-        "single_misses_tolerances": dict(
-            zip(SINGLE_FIGURES, np.divide(chosen.residuals[target.size :], 2.0).tolist(), strict=True)
-        ),
-        "largest_change_at_half_the_substep_tolerances": float(np.max(np.abs(halved)) / 2.0),
-        "ensemble": len(machines) - 1,
-        "ensemble_wanted": ensemble,
-        "ensemble_dropped": dropped,
-        "seed": seed,
-    }
-    progress("done", 1.0)
-    return Calibration(machines[0], tuple(machines[1:]), report)
+        comparison.work.did(2.0 * PROCEDURE)
+    return machines, dropped
 
 
 def _targets() -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ SAMPLING = 0.01
 PATIENCE = 1.4
 """A turn that takes this many times as long as the published machine's counts as failed."""
 
+CHUNK = 1.0
+"""Simulated time [s] after which it is told how far the turns are."""
+
 _SIGNAL_PERCENT = (50.0, 75.0, 100.0)
 _EXPECTED = {"left": (6.9, 2.6, 2.0), "right": (11.2, 3.3, 2.2)}  # [s] of the published machine, at least
 
@@ -30,19 +33,39 @@ def longest(turn: Turn) -> float:
 
 
 def population_figures(
-    machine: Machine, turns: Sequence[Turn], *, device: str = "cpu", substeps: int = 30
+    machine: Machine,
+    turns: Sequence[Turn],
+    *,
+    device: str = "cpu",
+    substeps: int = 30,
+    progress: Callable[[float], None] = lambda machines: None,
 ) -> NDArray[np.float64]:
-    """Key figures, interpolated between samples, of all variants: (turns, figures, N); NaN where a turn failed."""
+    """Key figures, interpolated between samples, of all variants: (turns, figures, N); NaN where a turn failed.
+
+    Args:
+        machine: N variants.
+        turns: What each of them does.
+        device: Where the twins run.
+        substeps: Hydraulic substeps a main step.
+        progress: Called with the number of machines, whole and parts, that have done all turns since the last call.
+    """
     count = machine.num_variants
     out = np.empty((len(turns), len(FIGURES), count))
+    whole = sum(STANDSTILL + round(longest(turn) + STANDSTILL, 2) for turn in turns)
     for i, turn in enumerate(turns):
         twin = Twin(count, machine=machine, device=device, substeps=substeps, check_step=False)
         twin.reset(joint_angle=-turn.sign * np.asarray(machine.joint.range))
-        rest = twin.step({}, STANDSTILL, sample_every=SAMPLING)
         signal = turn.sign * turn.signal_percent / 100.0
-        move = twin.step({"steering_signal": signal}, round(longest(turn) + STANDSTILL, 2), sample_every=SAMPLING)
-        assert rest is not None and move is not None
-        angle = np.concatenate([rest["joint_angle"], move["joint_angle"]]).astype(np.float64)
+        parts = []
+        for commands, duration in (({}, STANDSTILL), ({"steering_signal": signal}, longest(turn) + STANDSTILL)):
+            left = round(duration, 2)
+            while left > 0.0:
+                trace = twin.step(commands, min(left, CHUNK), sample_every=SAMPLING)
+                assert trace is not None
+                parts.append(trace["joint_angle"])
+                progress(min(left, CHUNK) / whole * count)
+                left = round(left - CHUNK, 2)
+        angle = np.concatenate(parts).astype(np.float64)
         figures = key_figures_batch(SAMPLING * np.arange(len(angle)), angle, machine, interpolate=True)
         out[i] = [figures[name] for name in FIGURES]
         out[i][:, twin.status != 0] = np.nan

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -11,6 +13,11 @@ from typing import Any
 
 LOCK = ".lock"
 """In a folder that one process at a time writes into; see :mod:`aoro_gym.execution.locking`."""
+
+LARGEST_TOML = 1 << 20
+"""Bytes of a TOML file that is read."""
+_DEEP_KEY = re.compile(r"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){40}""")
+
 PARTIAL = ".partial"
 """In the name of a file that is being written; see :func:`remove_partial_files`."""
 
@@ -71,6 +78,23 @@ def read_json(path: Path) -> dict[str, Any]:
     return content
 
 
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file; ``ValueError`` in one sentence that names the file if it holds none, or is too large or too deep."""
+    if path.stat().st_size > LARGEST_TOML:
+        raise ValueError(f"{path} has {path.stat().st_size:,} bytes, but a TOML file at most {LARGEST_TOML:,}")
+    try:
+        text = path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n")
+        if _DEEP_KEY.search(text):  # tomllib's time grows with the square of a key's length
+            raise RecursionError
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError(f"{path} is not TOML: it is nested too deeply") from None
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path} is not TOML: byte {error.start + 1:,} is not UTF-8; save it as UTF-8") from None
+    except ValueError as error:  # no TOML, or an integer of too many digits
+        raise ValueError(f"{path} is not TOML: {_shortened(str(error))}") from None
+
+
 def check_writable(path: Path) -> None:
     """``ValueError`` unless a file can be written to ``path``; folders that are missing can be made."""
     if path.is_dir():
@@ -92,6 +116,12 @@ def remove_partial_files(folder: Path) -> None:
         for name in files:
             if name.startswith(".") and PARTIAL in name:
                 _remove(Path(place) / name)
+
+
+def _shortened(text: str, most: int = 200) -> str:
+    """``text`` in one line of at most ``most`` characters."""
+    line = " ".join(text.split())
+    return line if len(line) <= most else f"{line[: most - 1]}…"
 
 
 def _remove(path: Path) -> None:

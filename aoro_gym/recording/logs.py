@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 import re
-import tomllib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.recording.commands import COMMAND_BOUNDS, WHEELS
+from aoro_gym.recording.manifest import Manifest, read_manifest
 from aoro_gym.recording.tables import Table, listed, read_table, shown
 from aoro_gym.recording.units import LONGEST_NAME, NamedQuantity, Unit, canonical, parse_name, splits
 
@@ -145,7 +145,7 @@ class Recording:
     unread: tuple[str, ...]
     """Columns that were not."""
     limitations: tuple[str, ...] = ()
-    manifest: dict[str, Any] = field(default_factory=dict)
+    manifest: Manifest = field(default_factory=Manifest)
 
     @property
     def name(self) -> str:
@@ -176,7 +176,7 @@ def read_recording(
         ValueError: the log cannot be used; names the file, the line or column, the value, and what is needed.
     """
     manifest = read_manifest(path)
-    notes: list[str] = []
+    notes: list[str] = list(manifest.warnings)
     table = read_table(path)
     if table.is_cut and len(table) > 1:
         notes.append(f"{table.where(-1)}: the file ends within a line; its last row was left out")
@@ -213,17 +213,6 @@ def read_recording(
         path, held, sampled, rest, float(np.mean(sampled["joint_angle"][:rest])), 1.0 / float(np.median(np.diff(time))),
         dict(reading.columns), table.unread, tuple(notes), manifest,
     )  # fmt: skip
-
-
-def read_manifest(path: Path) -> dict[str, Any]:
-    """The manifest (.toml) beside a log; empty if there is none."""
-    beside = path.with_suffix(".toml")
-    if not beside.is_file():
-        return {}
-    try:
-        return tomllib.loads(beside.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise ValueError(f"manifest {beside} is not TOML: {str(error)[:120]}") from None
 
 
 def signal_from_voltage(voltage: Floats) -> Floats:

@@ -38,7 +38,7 @@ def describe(recording: Recording, *, channels: Collection[str] = tuple(CHANNELS
         ("read, but not usable", unused),
         ("missing", missing),
         ("not read", unread),
-        ("manifest", list(recording.manifest)),
+        ("manifest", list(recording.manifest.values)),
     ):
         if names:
             lines.append(f"  {what}: {listed(names, 300)}")

@@ -1,8 +1,10 @@
 """Machine files (TOML): reading, and writing in one canonical form."""
 
 import json
-import tomllib
+import math
+import sys
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.resources import files
@@ -12,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from aoro_gym.execution.files import write_text
+from aoro_gym.execution.files import read_toml, write_text
 from aoro_gym.twin.quantities import UNITS, Quantity, as_quantity
 
 ROLES = ("fixed", "nuisance", "effect", "both")
@@ -50,6 +52,11 @@ _HEADER = """\
 COMMISSIONED_SPREAD = 0.02
 """Relative half range (about 95 %) of a parameter that effects move too, on a machine that was commissioned: healthy logs
 have fixed it, and from day to day it wanders by no more. What leaves it is an effect."""
+
+DEEPEST = 8
+"""Levels of tables that a machine file may have."""
+LONGEST_ECHO = 60
+"""Characters of a name or a value that a message repeats."""
 
 _FIELDS = ("value", "unit", "range", "source", "role")
 
@@ -92,25 +99,33 @@ def bundled_machines() -> list[str]:
 def read_machine(name_or_path: str | PathLike[str]) -> tuple[str, dict[str, Parameter]]:
     """Name and parameters by dotted key, as written: neither units, bounds nor completeness are checked here.
 
-    Raises FileNotFoundError, or ValueError if the file is not TOML or a table lacks a field.
+    Raises FileNotFoundError, or ValueError that names the file if it is not TOML or a table lacks a field.
     """
     path = Path(name_or_path)
     if path.suffix == ".toml":
         if not path.is_file():
             raise FileNotFoundError(f"no machine file {path}")
-        name, text = path.stem, path.read_text(encoding="utf-8")
+        name = path.stem
     else:
         name = str(name_or_path)
         if name not in bundled_machines():
             raise FileNotFoundError(
                 f"no bundled machine {name!r}: use one of {', '.join(bundled_machines())}, or a path that ends in .toml"
             )
-        text = files("aoro_gym").joinpath("machines", f"{name}.toml").read_text(encoding="utf-8")
+        path = Path(str(files("aoro_gym").joinpath("machines", f"{name}.toml")))
+    document = read_toml(path)
+    with naming(name_or_path):
+        return name, {key: _parameter(key, table) for key, table in _tables(document)}
+
+
+@contextmanager
+def naming(name_or_path: str | PathLike[str]) -> Iterator[None]:
+    """Put the name of a machine, or its file, before the message of a ``ValueError``."""
     try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"{name_or_path}: {error}") from error
-    return name, {key: _parameter(key, table) for key, table in _tables(document)}
+        yield
+    except ValueError as error:
+        what = "machine file" if str(name_or_path).endswith(".toml") else "machine"
+        raise ValueError(f"{what} {name_or_path}: {error}") from None
 
 
 def write_machine(path: str | PathLike[str], entries: Mapping[str, Parameter]) -> None:
@@ -131,37 +146,40 @@ def write_machine(path: str | PathLike[str], entries: Mapping[str, Parameter]) -
     write_text(Path(path), "\n".join(lines))
 
 
-def _tables(document: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
+def _tables(document: Mapping[str, Any], prefix: str = "", depth: int = 0) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Dotted key and table of every parameter; a table that holds a ``value`` is one."""
     for name, content in document.items():
         key = prefix + name
         if not isinstance(content, Mapping):
-            raise ValueError(f"{key}: not a table; give [{key}] with {', '.join(_FIELDS)}")
+            raise ValueError(f"{_short(key)}: not a table; give [{_short(key)}] with {', '.join(_FIELDS)}")
         if "value" in content or not any(isinstance(inner, Mapping) for inner in content.values()):
             yield key, content
+        elif depth >= DEEPEST:
+            raise ValueError(f"{_short(key)}: tables are nested more than {DEEPEST} deep; no parameter is")
         else:
-            yield from _tables(content, f"{key}.")
+            yield from _tables(content, f"{key}.", depth + 1)
 
 
 def _parameter(key: str, table: Mapping[str, Any]) -> Parameter:
+    shown = _short(key)
     missing = [name for name in _FIELDS if name not in table]
     if missing:
-        raise ValueError(f"{key}: lacks {', '.join(missing)}")
-    surplus = [name for name in table if name not in (*_FIELDS, "note")]
+        raise ValueError(f"{shown}: lacks {', '.join(missing)}")
+    surplus = [_short(name) for name in table if name not in (*_FIELDS, "note")]
     if surplus:
-        raise ValueError(f"{key}: unknown field {', '.join(surplus)}; a table has {', '.join(_FIELDS)} and note")
+        raise ValueError(f"{shown}: unknown field {', '.join(surplus[:5])}; a table has {', '.join(_FIELDS)} and note")
     value, limits = table["value"], table["range"]
     if not _is_number(value):
-        raise ValueError(f"{key} = {value!r}: must be a number")
+        raise ValueError(f"{shown} = {_echo(value)}: must be a finite number")
     if not (isinstance(limits, list) and len(limits) == 2 and all(map(_is_number, limits)) and limits[0] <= limits[1]):
-        raise ValueError(f"{key}: range = {limits!r}: must be [low, high] with low ≤ high")
+        raise ValueError(f"{shown}: range = {_echo(limits)}: must be [low, high] with finite low ≤ high")
     for name in ("unit", "source", "role", "note"):
         if not isinstance(table.get(name, ""), str):
-            raise ValueError(f"{key}: {name} = {table[name]!r}: must be text")
+            raise ValueError(f"{shown}: {name} = {_echo(table[name])}: must be text")
     if not table["source"]:
-        raise ValueError(f"{key}: source is empty; say where the value comes from")
+        raise ValueError(f"{shown}: source is empty; say where the value comes from")
     if table["role"] not in ROLES:
-        raise ValueError(f"{key}: role = {table['role']!r}: must be one of {', '.join(ROLES)}")
+        raise ValueError(f"{shown}: role = {_echo(table['role'])}: must be one of {', '.join(ROLES)}")
     return Parameter(
         key=key,
         value=float(value),
@@ -174,7 +192,25 @@ def _parameter(key: str, table: Mapping[str, Any]) -> Parameter:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    """Whether ``value`` is a finite number that a float can hold."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return abs(value) <= sys.float_info.max  # false for NaN; exact for integers of any length
+
+
+def _echo(value: Any) -> str:
+    """``value`` as a message repeats it."""
+    if isinstance(value, int) and not isinstance(value, bool) and value.bit_length() > 64:
+        return f"an integer of {int(value.bit_length() * math.log10(2.0)) + 1} digits"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_echo, value[:2]))}{', …' if len(value) > 2 else ''}]"
+    return "a table" if isinstance(value, Mapping) else _short(repr(value))
+
+
+def _short(text: str) -> str:
+    """``text`` in one line of at most :data:`LONGEST_ECHO` characters."""
+    line = " ".join(text.split())
+    return line if len(line) <= LONGEST_ECHO else f"{line[: LONGEST_ECHO - 1]}…"
 
 
 def _toml_number(value: float) -> str:

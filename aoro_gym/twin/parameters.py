@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from aoro_gym.twin.machine_file import Parameter, read_machine, write_machine
+from aoro_gym.twin.machine_file import Parameter, naming, read_machine, write_machine
 from aoro_gym.twin.quantities import UNITS, Declaration, Quantity, as_quantity, with_unit
 from aoro_gym.twin.rest import Corner, RestPose, composite_corner, rest_pose
 from aoro_gym.twin.sections import (
@@ -101,7 +101,8 @@ class Machine:
         Raises FileNotFoundError, or ValueError naming key, value, unit, bound and fix.
         """
         name, entries = read_machine(name_or_path)
-        return cls._build(name, entries)
+        with naming(name_or_path):
+            return cls._build(name, entries)
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write a machine file with units, ranges, sources and roles; raises ValueError for a batched machine."""
@@ -330,10 +331,10 @@ def shortened(value: Any) -> str:
 def _unknown(key: Any) -> str:
     if not isinstance(key, str):
         return f"unknown parameter {key!r}: keys are dotted names, as in 'tire.friction_static'"
-    near = difflib.get_close_matches(key, DECLARATIONS, n=1, cutoff=0.5)
+    near = difflib.get_close_matches(key[:100], DECLARATIONS, n=1, cutoff=0.5)
     same_name = [known for known in DECLARATIONS if known.rsplit(".", 1)[-1] == key.rsplit(".", 1)[-1]]
     hint = [*near, *same_name][:1]
-    return f"unknown parameter {key!r}" + (f": did you mean {hint[0]!r}?" if hint else "")
+    return f"unknown parameter {shortened(key)}" + (f": did you mean {hint[0]!r}?" if hint else "")
 
 
 def _num_variants(entries: Mapping[str, Parameter]) -> int:
@@ -352,7 +353,8 @@ def _validated(entries: Mapping[str, Parameter], known: Mapping[str, Parameter])
             raise ValueError(_unknown(key))
     missing = [key for key in DECLARATIONS if key not in entries]
     if missing:
-        raise ValueError(f"missing parameters: {', '.join(missing)}; add a table [KEY] for each")
+        more = f" and {len(missing) - 5} more" if len(missing) > 5 else ""
+        raise ValueError(f"missing parameters: {', '.join(missing[:5])}{more}; add a table [KEY] for each")
     for key, declaration in DECLARATIONS.items():
         entry = entries[key]
         if known.get(key) is entry:
@@ -360,7 +362,7 @@ def _validated(entries: Mapping[str, Parameter], known: Mapping[str, Parameter])
         if UNITS.get(entry.unit, ("", 1.0))[0] != declaration.unit:
             fitting = ", ".join(unit for unit, (si, _) in UNITS.items() if si == declaration.unit)
             problem = "does not measure it" if entry.unit in UNITS else "is unknown"
-            raise ValueError(f"{key}: unit {entry.unit!r} {problem}; use one of: {fitting}")
+            raise ValueError(f"{key}: unit {shortened(entry.unit)} {problem}; use one of: {fitting}")
         admitted = declaration.admits(entry.si)
         if not np.all(admitted):
             raise InvalidMachine.of([(entry, ~admitted)], f"must be finite and {declaration.bounds(entry.unit)}")

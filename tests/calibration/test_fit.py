@@ -80,11 +80,56 @@ def test_a_checkpoint_of_another_search_is_not_used(tmp_path):
         curved, np.array([0.6, 0.4]), prior_weight=1e-3, starts=1, population=16, seed=0, checkpoint=path
     )
     kept = json.loads(path.read_text())
-    kept["done"]["fits"][0]["cost"] = -1.0
+    kept["fits"][0]["cost"] = -1.0
     path.write_text(json.dumps(kept))
     arguments = {"prior_weight": 1e-3, "starts": 1, "population": 16, "checkpoint": path}
     assert least_squares_fit(curved, np.array([0.6, 0.4]), seed=0, **arguments)[0].cost == -1.0
     assert least_squares_fit(curved, np.array([0.6, 0.4]), seed=1, **arguments)[0].cost == pytest.approx(first[0].cost)
+
+
+@pytest.mark.parametrize("stop", [1, 2, 3, 6, 9])
+def test_a_search_that_was_ended_anywhere_finds_the_same(tmp_path, stop):
+    arguments = {"prior_weight": 1e-3, "starts": 2, "population": 128}
+    whole = least_squares_fit(curved, np.array([0.6, 0.4]), **arguments)
+    calls = []
+
+    def interrupted(points):
+        calls.append(len(points))
+        if len(calls) == stop:
+            raise KeyboardInterrupt
+        return curved(points)
+
+    path = tmp_path / "c.json"
+    with pytest.raises(KeyboardInterrupt):
+        least_squares_fit(interrupted, np.array([0.6, 0.4]), checkpoint=path, **arguments)
+    before = len(calls)
+    assert least_squares_fit(interrupted, np.array([0.6, 0.4]), checkpoint=path, **arguments) == whole
+    alone = []
+    least_squares_fit(lambda points: (alone.append(1), curved(points))[1], np.array([0.6, 0.4]), **arguments)
+    # what was kept is not computed again: two evaluations are a step, which is kept whole
+    assert len(calls) - before <= len(alone) - (before - 1) + 1
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda kept: kept | {"fits": 3},
+        lambda kept: kept | {"costs": [["a"]]},
+        lambda kept: kept | {"step": {"iteration": 1}},
+        lambda kept: {"signature": kept["signature"]},
+        lambda kept: kept | {"fits": [{"point": [None]}]},
+    ],
+)
+def test_a_damaged_checkpoint_is_named(tmp_path, change):
+    path = tmp_path / "c.json"
+    arguments = {"prior_weight": 1e-3, "starts": 1, "population": 16, "checkpoint": path}
+    least_squares_fit(curved, np.array([0.6, 0.4]), **arguments)
+    path.write_text(json.dumps(change(json.loads(path.read_text()))))
+    with pytest.raises(ValueError, match=rf"{path} is damaged .* --restart begins anew"):
+        least_squares_fit(curved, np.array([0.6, 0.4]), **arguments)
+    path.write_text("{")
+    with pytest.raises(ValueError, match=rf"{path} is not JSON"):
+        least_squares_fit(curved, np.array([0.6, 0.4]), **arguments)
 
 
 def test_ensemble_spreads_where_the_data_are_blind():

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from aoro_gym.calibration.logs import calibrate_logs, read_recording
+from aoro_gym.calibration.logs import calibrate_logs
+from aoro_gym.calibration.recordings import read_recording
 from aoro_gym.twin import Machine, Twin
 
 # Sought parameters, and the values of the machine that wrote the logs (file units).
@@ -49,9 +50,9 @@ def found(tmp_path_factory):
         write_log(folder / f"turn{i}.csv", machine, signal, duration, i)
         for i, (signal, duration) in enumerate([(1.0, 1.8), (-1.0, 1.5), (0.6, 1.5)])
     ]
-    checkpoint = folder / "checkpoint.json"
-    result = calibrate_logs(start, logs, keys=list(HIDDEN), starts=1, population=16, ensemble=3, checkpoint=checkpoint)
-    return start, logs, result, checkpoint
+    kept = folder / "kept"
+    result = calibrate_logs(start, logs, keys=list(HIDDEN), starts=1, population=16, ensemble=3, folder=kept)
+    return start, logs, result, kept
 
 
 def test_identified_parameters_lie_within_their_intervals(found):
@@ -83,6 +84,9 @@ def test_the_noise_is_all_that_is_left(found):
     """Residuals of a converged fit are of the order of one standard deviation, less what the floors add."""
     _, _, result, _ = found
     assert 0.2 < result.report["rms_residual_std"] < 1.5
+    verdict = result.report["verdict"]
+    assert verdict["fits"] and verdict["sentence"].startswith("fits: ")
+    assert set(verdict["channels"]) == {"joint_angle", "pressure_a", "pressure_b", "pump_pressure"}
 
 
 def test_ensemble_fits_as_well_and_differs(found):
@@ -92,18 +96,19 @@ def test_ensemble_fits_as_well_and_differs(found):
     assert len(np.unique(values, axis=0)) == 4
 
 
-def test_an_interrupted_calibration_resumes(found):
-    start, logs, result, checkpoint = found
-    kept = checkpoint.read_text()
+def test_a_calibration_that_is_called_again_computes_no_search_again(found):
+    start, logs, result, folder = found
+    kept = (folder / "search.json").read_text()
     sentences = []
     again = calibrate_logs(
-        start, logs, keys=list(HIDDEN), starts=1, population=16, checkpoint=checkpoint,
+        start, logs, keys=list(HIDDEN), starts=1, population=16, ensemble=3, folder=folder,
         progress=lambda sentence, share: sentences.append(sentence),
     )  # fmt: skip
-    assert checkpoint.read_text() == kept
-    assert not any("refining" in sentence or "population" in sentence for sentence in sentences)
-    for key in set(HIDDEN) - set(result.report["not_felt"]):
-        assert again.machine.entries[key].value == result.machine.entries[key].value
+    assert (folder / "search.json").read_text() == kept
+    assert not any("start" in sentence or "population" in sentence for sentence in sentences)
+    assert again.report == result.report
+    for one, other in zip((again.machine, *again.ensemble), (result.machine, *result.ensemble), strict=True):
+        assert one.identity == other.identity
 
 
 @pytest.mark.parametrize(
