@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.text import Text
 
+from aoro_gym.execution.files import written_whole
 from aoro_gym.report import card, describe, interactive_plot, picture, show, write_page
 from aoro_gym.style import AMBER, BLUE, GREEN, INK, PLOT_STYLE, SHADE, SOFT
 from aoro_gym.terminal import Comparison
@@ -235,7 +236,8 @@ def write_turns(result: Validation, direction: str, path: Path) -> None:
             handles.values(), handles.keys(), loc="outside lower left", ncols=len(handles), frameon=False, fontsize=9.5
         )
         path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path)
+        with written_whole(path) as temporary:
+            figure.savefig(temporary)
 
 
 def _draw_curve(axis: Any, curve: Curve, zoomed: bool, handles: dict[str, Any]) -> None:
@@ -338,7 +340,8 @@ def write_errors(result: Validation, path: Path) -> None:
             axis.set_yticks(range(len(FIGURES)), [describe(name)[0] for name in FIGURES], fontsize=10.5)
         figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=4, frameon=False, fontsize=9.5)
         path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path)
+        with written_whole(path) as temporary:
+            figure.savefig(temporary)
 
 
 def _draw_errors(axis: Any, result: Validation, turn: Turn, name: str, place: int, handles: dict[str, Any]) -> None:

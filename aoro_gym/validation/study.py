@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from aoro_gym.execution.files import write_json
 from aoro_gym.sensors.chain import SAMPLE_RATE, measured_flow, sample
 from aoro_gym.sensors.joint_angle import JointAngleNoise, JointAngleSensor
 from aoro_gym.twin import Machine
@@ -206,10 +206,8 @@ class Validation:
         }
 
     def save(self, path: Path) -> None:
-        """Write :meth:`to_json` to ``path``."""
-        path.parent.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(self.to_json(), indent=2, ensure_ascii=False, allow_nan=False)
-        path.write_text(text + "\n", encoding="utf-8")
+        """Write :meth:`to_json` to ``path``, whole or not at all."""
+        write_json(path, self.to_json())
 
 
 def validate(
