@@ -100,7 +100,6 @@ whole(work_in(out / "parted"))
 EVALUATION = """
 import aoro_gym.agents.evaluation as evaluation
 from aoro_gym.agents import keeping
-from aoro_gym.agents.perturbations import perturbed
 from aoro_gym.execution.files import write_json
 
 out, mode = Path(sys.argv[1]), sys.argv[2]
@@ -111,9 +110,7 @@ policies = {name: evaluation.policy_factory(env, name) for name in ("proportiona
 def work_in(folder):
     def work():
         with keeping.resumable(folder, {"seed": 3}) as kept:
-            found = evaluation.evaluate(
-                env, policies, episodes=int(sys.argv[4]), seed=3, drawn=perturbed, kept=kept
-            )
+            found = evaluation.evaluate(env, policies, episodes=int(sys.argv[4]), seed=3, kept=kept)
             write_json(folder / "evaluation.json", found.to_json())
     return work
 
