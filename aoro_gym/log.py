@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from aoro_gym.execution.files import check_writable, read_json, write_json, write_text, written_whole  # noqa: F401
+from aoro_gym.execution.files import check_writable, write_text, written_whole
 from aoro_gym.sensors.chain import SAMPLE_RATE, sample
 from aoro_gym.sensors.joint_angle import JointAngleSensor
 from aoro_gym.sensors.pressure import PressureSensor
@@ -143,11 +143,6 @@ def write_log(path: Path, columns: Mapping[str, ArrayLike], manifest: Mapping[st
         written.append(path.with_suffix(".toml"))
         write_text(written[-1], _toml(manifest))
     return written
-
-
-def write_whole(path: Path, text: str) -> None:
-    """Write ``text`` and a line's end, whole or not at all."""
-    write_text(path, text + "\n")
 
 
 def check_log_path(path: Path) -> None:

@@ -6,7 +6,8 @@ import numpy as np
 
 from aoro_gym.diagnosis.cases import MACHINES
 from aoro_gym.diagnosis.sealing import _digests, exact_folder
-from aoro_gym.log import write_json, write_log
+from aoro_gym.execution.files import write_json
+from aoro_gym.log import write_log
 
 NOISE = 1e-3
 """Standard deviation [rad] of the angle's noise, white."""
