@@ -7,6 +7,7 @@ the same version of the package on every node, and, where jobs read or write fil
 
 from __future__ import annotations
 
+import os
 import socket
 import traceback
 from collections.abc import Callable, Iterator, Mapping
@@ -41,8 +42,13 @@ def connected(address: str) -> Iterator[None]:
     """Connection to the cluster at ``address``: ``auto`` for the one that this computer belongs to, ``local``, or HOST:PORT;
     a connection that there is already stays.
 
+    A cluster of this computer alone asks whoever connects for a token, which Ray makes (from its version 2.52 on, before
+    it is imported); one that was started elsewhere does as ``RAY_AUTH_MODE`` said there.
+
     Raises ValueError if Ray is missing or there is no such cluster.
     """
+    if address == LOCAL:
+        os.environ.setdefault("RAY_AUTH_MODE", "token")
     try:
         import ray  # pyright: ignore[reportMissingImports]
     except ImportError as error:
