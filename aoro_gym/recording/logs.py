@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from aoro_gym.recording.commands import COMMAND_BOUNDS, WHEELS
 from aoro_gym.recording.manifest import Manifest, read_manifest
 from aoro_gym.recording.tables import Table, listed, read_table, shown
-from aoro_gym.recording.units import LONGEST_NAME, NamedQuantity, Unit, canonical, parse_name, splits
+from aoro_gym.recording.units import LONGEST_NAME, NamedQuantity, Unit, canonical, find_unit, parse_name, splits
 
 Floats = NDArray[np.float64]
 
@@ -77,13 +77,38 @@ def _quantity(column: str, dimensions: str, *bases: str) -> Quantity:
 
 
 CHANNELS: dict[str, Quantity] = {
-    "joint_angle": _quantity("joint_angle_rad", "angle", "joint_angle", "articulation_angle"),
-    "pressure_a": _quantity("pressure_a_bar", "pressure", "pressure_a", "port_a_pressure", "pressure_port_a"),
-    "pressure_b": _quantity("pressure_b_bar", "pressure", "pressure_b", "port_b_pressure", "pressure_port_b"),
-    "pump_pressure": _quantity("pump_pressure_bar", "pressure", "pump_pressure", "pressure_pump"),
+    "joint_angle": _quantity(
+        "joint_angle_rad",
+        "angle",
+        "joint_angle",
+        "articulation_angle",
+        "angle",
+        "knickwinkel",
+        "gelenkwinkel",
+        "winkel",
+        "angle_d_articulation",
+    ),
+    "pressure_a": _quantity(
+        "pressure_a_bar", "pressure", "pressure_a", "port_a_pressure", "pressure_port_a", "druck_a", "pression_a"
+    ),
+    "pressure_b": _quantity(
+        "pressure_b_bar", "pressure", "pressure_b", "port_b_pressure", "pressure_port_b", "druck_b", "pression_b"
+    ),
+    "pump_pressure": _quantity(
+        "pump_pressure_bar", "pressure", "pump_pressure", "pressure_pump", "pumpendruck", "pression_pompe"
+    ),
     "drive_pressure_forward": _quantity("drive_pressure_forward_bar", "pressure", "drive_pressure_forward"),
     "drive_pressure_return": _quantity("drive_pressure_return_bar", "pressure", "drive_pressure_return"),
-    "engine_speed": _quantity("engine_speed_rpm", "rotational_speed", "engine_speed"),
+    "engine_speed": _quantity(
+        "engine_speed_rpm",
+        "rotational_speed",
+        "engine_speed",
+        "engine",
+        "drehzahl",
+        "motordrehzahl",
+        "régime_moteur",
+        "regime_moteur",
+    ),
     **{
         f"wheel_rate_{wheel}": _quantity(
             f"wheel_speed_{wheel}_rad_per_s", "rotational_speed", f"wheel_speed_{wheel}", f"wheel_rate_{wheel}"
@@ -93,14 +118,25 @@ CHANNELS: dict[str, Quantity] = {
 }
 """Measured quantities, by the twin's output."""
 
+_STEERING = (
+    "steering_signal", "steering_command", "steering_cmd", "steer_command", "steer_cmd", "steering", "steer", "lenksignal",
+    "lenkbefehl", "lenkung", "commande_de_direction",
+)  # fmt: skip
+LOOSE = frozenset(("angle", "winkel", "engine", "steering", "steer", "lenkung"))
+"""Names that say what is meant with a fitting unit only, and give way to plainer ones; that they were taken is said."""
+GERMAN = frozenset(("knickwinkel", "gelenkwinkel", "winkel"))
+"""Angles whose unit "Grad" is the degree; elsewhere the word may be the gon, too, and is asked for."""
+
 QUANTITIES: dict[str, Quantity] = {
     "time": _quantity(
         "time_s", "time", "time", "t", "timestamp", "time_stamp", "stamp", "header_stamp", "datetime", "date_time",
         "date_and_time", "utc", "time_utc", "utc_time", "timestamp_utc", "gps_time", "time_local", "local_time", "elapsed",
-        "elapsed_time", "sim_time", "clock",
+        "elapsed_time", "sim_time", "clock", "epoch", "epoch_time", "unix_time", "zeit", "uhrzeit", "zeitstempel",
+        "datum_zeit", "datum_uhrzeit", "temps", "heure", "horodatage",
     ),
-    "steering_voltage": _quantity("steering_signal_V", "voltage", "steering_signal", "steering_voltage"),
+    "steering_voltage": _quantity("steering_signal_V", "voltage", "steering_voltage", "lenkspannung", *_STEERING),
     **{name: _quantity(name, "ratio", name) for name in COMMAND_BOUNDS},
+    "steering_signal": _quantity("steering_signal", "ratio", *_STEERING),
     **CHANNELS,
 }  # fmt: skip
 """Everything that a log is asked for."""
@@ -231,6 +267,7 @@ def find_quantities(names: Collection[str]) -> dict[str, list[tuple[str, NamedQu
             found.setdefault(named[0], []).append((name, named[1]))
     for key, columns in found.items():
         fitting = [column for column in columns if not column[1].is_unknown]
+        fitting = [column for column in fitting if column[1].base not in LOOSE] or fitting
         found[key] = sorted(fitting or columns, key=lambda column: column[0] != QUANTITIES[key].column)
     if "time" in found and found["time"][0][1].is_unknown and found["time"][0][1].base == "t":
         del found["time"]  # T [°C]
@@ -242,7 +279,8 @@ def _named(name: str) -> tuple[str, NamedQuantity] | None:
     parted = splits(name)
     asked = dict.fromkeys(key for split in parted for key in _BY_BASE.get(split.base, ()))
     fitting = [(key, parse_name(name, QUANTITIES[key].bases, *QUANTITIES[key].dimensions)) for key in asked]
-    found = [(key, one) for key, one in fitting if one is not None]
+    found = [(key, _in_german(one)) for key, one in fitting if one is not None]
+    found = [(key, one) for key, one in found if one.unit is not None or one.base not in LOOSE]
     # steering_signal is a share unless its unit is a voltage
     known = [(key, one) for key, one in found if one.unit is not None]
     bare = [(key, one) for key, one in found if one.unit is None and key != "steering_voltage"]
@@ -251,9 +289,14 @@ def _named(name: str) -> tuple[str, NamedQuantity] | None:
         (key, NamedQuantity(split.base, None, split.unit_text))
         for split in parted
         for key in _BY_BASE.get(split.base, ())
-        if split.unit_text and key != "steering_voltage"
+        if split.unit_text and key != "steering_voltage" and split.base not in LOOSE
     ]
     return next(iter(known or bare or misfits), None)
+
+
+def _in_german(one: NamedQuantity) -> NamedQuantity:
+    is_degree = one.base in GERMAN and one.unit_text.strip(" .").lower() == "grad"
+    return replace(one, unit=find_unit("deg", "angle")) if is_degree else one
 
 
 def _idle(commands: Mapping[str, Floats]) -> NDArray[np.bool_]:
@@ -303,9 +346,12 @@ class _Reading:
             if quantity.is_unknown:
                 said = f"column {shown(name)} is in {shown(quantity.unit_text)}, which is no unit of this quantity"
                 if wanted:
-                    raise ValueError(f"{self.path}: {said}; name it {QUANTITIES[key].column}, for instance")
+                    doubt = " (degrees or gon?)" if quantity.unit_text.lower() == "grad" else ""
+                    raise ValueError(f"{self.path}: {said}{doubt}; name it {QUANTITIES[key].column}, for instance")
                 self.note(f"{said}; it was not read")
                 continue
+            if quantity.base in LOOSE:
+                self.note(f"{name} was taken for {QUANTITIES[key].column}")
             self.columns[key] = Column(name, quantity.unit, "" if quantity.unit is None else quantity.unit.symbol)
         wanted = {*channels, *commands, "steering_voltage"}
         self.table.load(*(column.name for key, column in self.columns.items() if key in wanted))

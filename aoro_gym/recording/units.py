@@ -126,7 +126,7 @@ _SPELLINGS: dict[str, list[tuple[str, float]]] = {
         ("urad urads microradian microradians", 1e-6),
         ("deg degs degree degrees °", math.pi / 180),
         ("mdeg millidegree millidegrees", math.pi / 180e3),
-        ("gon gons grad grads gradian gradians", math.pi / 200),
+        ("gon gons gradian gradians", math.pi / 200),  # "grad" is the degree in German
         ("mgon", math.pi / 200e3),
         ("mil mils", 2 * math.pi / 6400),
         ("rev revs revolution revolutions turn turns cycle cycles", 2 * math.pi),
@@ -146,7 +146,8 @@ _SPELLINGS: dict[str, list[tuple[str, float]]] = {
     ],
     "acceleration": [("g g0 gee", 9.80665), ("mps2 mpss", 1.0)],
     "angular_rate": [
-        ("rpm rev/min u/min", 2 * math.pi / 60),
+        ("rpm rev/min r/min u/min tr/min", 2 * math.pi / 60),
+        ("krpm", 2e3 * math.pi / 60),
         ("rps", 2 * math.pi),
         ("dps degps", math.pi / 180),
         ("radps", 1.0),

@@ -363,3 +363,40 @@ def test_a_temperature_is_no_clock(tmp_path, plain, clock):
     assert_same(found, plain)
     assert found.columns["time"].name == clock
     assert found.limitations == ("log.csv: unknown columns were not read: T [°C]",)
+
+
+@pytest.mark.parametrize(
+    ("heads", "factors", "said"),
+    [
+        (("Zeit [s]", "Lenksignal [%]", "Knickwinkel (°)", "Druck A [bar]"), (1, 100, 180 / np.pi, 1), ""),
+        (("Zeit(ms)", "Lenkbefehl [‰]", "Knickwinkel [Grad]", "Druck A [MPa]"), (1e3, 1e3, 180 / np.pi, 0.1), ""),
+        (("Temps (s)", "Commande de direction (%)", "Angle d'articulation (mrad)", "Pression A (kPa)"),
+         (1, 100, 1e3, 100), ""),
+        (("t[s]", "steering [%]", "Angle (°)", "pressure_a_bar"), (1, 100, 180 / np.pi, 1), "Angle (°) was taken for"),
+        (("epoch_s", "steering_percent", "Winkel [gon]", "pressure_a_bar"), (1, 100, 200 / np.pi, 1), "Winkel [gon] was"),
+    ],
+)  # fmt: skip
+def test_headers_in_german_french_and_short(tmp_path, plain, heads, factors, said):
+    table = dict(zip(heads, (f * v for f, v in zip(factors, columns().values(), strict=True)), strict=True))
+    found = read_recording(write(tmp_path / "log.csv", table, ";", decimal=","))
+    for name, values in plain.channels.items():
+        np.testing.assert_allclose(found.channels[name], values, rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(found.commands["steering_signal"], plain.commands["steering_signal"], atol=1e-12)
+    assert found.unread == ()
+    assert said in " ".join(found.limitations)
+    assert bool(said) == bool(found.limitations)
+
+
+def test_a_short_name_needs_a_fitting_unit_and_gives_way_to_a_plain_one(tmp_path, plain):
+    table = {**columns(), "Angle (°)": K * 1.0, "steering [deg]": K * 2.0}
+    found = read_recording(write(tmp_path / "log.csv", table))
+    np.testing.assert_array_equal(found.channels["joint_angle"], plain.channels["joint_angle"])
+    assert set(found.unread) == {"Angle (°)", "steering [deg]"}
+    with pytest.raises(ValueError, match="neither a column steering_signal"):
+        read_recording(write(tmp_path / "log.csv", renamed(steering_signal=("steering", 1.0))))
+
+
+def test_grad_is_asked_for_where_it_may_be_degrees_or_gon(tmp_path):
+    table = renamed(joint_angle_rad=("joint_angle [Grad]", 180 / np.pi))
+    with pytest.raises(ValueError, match=r"'Grad', which is no unit of this quantity \(degrees or gon\?\)"):
+        read_recording(write(tmp_path / "log.csv", table))
