@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.recording.units import parse_name
 from aoro_gym.terrains.check import Report, TerrainError
 from aoro_gym.terrains.frame import Request
 from aoro_gym.terrains.length_units import Unit, listed, says_nothing, unit_named
@@ -35,6 +36,7 @@ OTHERS = frozenset(
     )
 )
 """Words in the description of a band that tells something else of the same place."""
+_HEIGHT_NAME = re.compile(rf"(?:{'|'.join(HEIGHTS)})(?:_(?:{'|'.join(HEIGHTS)}|model|above_sea_level))*")
 COLOURS = frozenset(("red", "green", "blue", "cyan", "magenta", "yellow", "black", "hue", "saturation", "lightness"))
 STRIP = 4_000_000
 """Pixels that are read in one go, about."""
@@ -58,6 +60,8 @@ class Band:
     """As the band declares it."""
     marks: Marks = field(default_factory=Marks)
     declared_unknown: int = 0
+    known: tuple[float, float] = (np.inf, -np.inf)
+    """Least and largest raw value that is known, of those read."""
     beyond: int = 0
     counts: dict[float, int] = field(default_factory=dict)
 
@@ -98,6 +102,8 @@ class Band:
             z, unknown = self._declared(strip, None)
             self.declared_unknown += int(unknown.sum())
             self._leave_out(z, ~unknown)
+            if np.isfinite(z).any():
+                self.known = min(self.known[0], float(np.nanmin(z))), max(self.known[1], float(np.nanmax(z)))
             parts.append(_means(z, block))
         return np.concatenate(parts)
 
@@ -110,6 +116,13 @@ class Band:
             f"{self.declared_unknown:,} heights unknown ({' or '.join(names) or 'masked'})",
         )
         note_marks(self.marks, self.counts, self.beyond, report)
+        mark = self.data.nodata
+        if self.declared_unknown and mark is not None and self.known[0] < mark < self.known[1]:
+            report.warnings.append(
+                f"{self.declared_unknown:,} heights are unknown, as the file declares {mark:.10g} to mean that, but others"
+                f" lie below and above it, from {self.known[0]:.6g} to {self.known[1]:.6g}; if they are heights, take the"
+                " mark out of the file (gdal_edit.py -unsetnodata)"
+            )
         left_out = sum(self.counts.get(value, 0) for value in self.marks.values)
         if self.declared_unknown + self.beyond + left_out >= total:
             raise TerrainError(f"{report.source}: none of its {total:,} heights is known; there is no ground in it")
@@ -220,7 +233,7 @@ def _declared_unit(data: Any, number: int, report: Report) -> Unit | None:
     tags = {key.casefold(): value for key, value in data.tags(number).items()}
     said = data.units[number - 1] or tags.get("units") or tags.get("unit") or tags.get("unittype") or ""
     if says_nothing(said):
-        return None
+        return _told_unit(data, number, report)
     found = unit_named(said)
     if found is None:
         raise TerrainError(
@@ -241,3 +254,29 @@ def _means(z: Array, block: int) -> Array:
     count = known.sum(axis=(1, 3))
     total = np.where(known, z, 0.0).sum(axis=(1, 3))
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def _told_unit(data: Any, number: int, report: Report) -> Unit | None:
+    """The unit that the description of the band (``elevation (dm)``, ``dtm_cm``) or a tag of heights tells, if any does."""
+    described = parse_name(data.descriptions[number - 1] or "", _HEIGHT_NAME, "length")
+    tags = {re.sub(r"[\W_]+", "", key.casefold()): value for key, value in {**data.tags(), **data.tags(number)}.items()}
+    told = [("description", described.unit_text if described is not None and described.unit is not None else "")]
+    told += [
+        (f"tag {key}", tags.get(key, ""))
+        for key in (
+            "verticalunits",
+            "verticalunit",
+            "zunits",
+            "zunit",
+            "heightunits",
+            "elevationunits",
+            "units",
+            "unit",
+        )
+    ]
+    for where, text in told:
+        found = unit_named(text)
+        if found is not None:
+            report.change("z_units", 1, f"heights in {found.name}, as its {where} says")
+            return found
+    return None

@@ -46,6 +46,12 @@ BYTES = 1.4
 Array = NDArray[np.float64]
 
 
+STEEP_STEP = 0.25
+"""Rounding of heights, by the width of a cell, from which its steps are named."""
+LEAST_STEP = 0.2
+"""And in metres: below it a wheel rolls over them."""
+
+
 @dataclass(frozen=True)
 class Reading:
     """Heights in one unit."""
@@ -82,6 +88,7 @@ def settle_heights(found: Ground, request: Request, report: Report, *, of_bytes:
     unit = _short(frame.z_unit)
     _refuse_pictures(heights, request, report, of_bytes)
     settled = replace(found, frame=replace(frame, z_known="settled"))
+    _note_terraces(heights, report)
     steepness = median_steepness(heights)
     if steepness is None:
         return settled
@@ -111,8 +118,22 @@ def settle_heights(found: Ground, request: Request, report: Report, *, of_bytes:
     )
     raise TerrainError(
         f"{report.source}: {said}, and half of the ground would be steeper than {slope:.0f}° in {unit}; by median slope,"
-        f" {_listed(others)} would make a ground: say z_units=... (--z-units)" + _other_reasons(report, unit)
+        f" {_listed(others)} would make a ground: say z_units=... (--z-units)" + _other_reasons(report, unit, of_bytes)
     )
+
+
+def _note_terraces(heights: Heights, report: Report) -> None:
+    """A warning where heights are rounded so coarsely that their steps are obstacles."""
+    levels = np.unique(heights.z[heights.known])
+    if report.kind not in ("raster", "heights") or not 4 <= len(levels) <= 10_000:
+        return
+    step = float(np.diff(levels).min())
+    counts = (levels - levels[0]) / step
+    if step >= max(STEEP_STEP * heights.cell, LEAST_STEP) and np.allclose(counts, np.rint(counts), atol=1e-3):
+        report.warnings.append(
+            f"its heights are rounded to {step:.3g} m, on cells of {heights.cell:.3g} m: the terrain has steps of"
+            f" {step:.3g} m where the ground is smooth; smooth them, or get finer heights"
+        )
 
 
 def median_steepness(heights: Heights) -> float | None:
@@ -217,9 +238,11 @@ def _note_doubt(report: Report, known: Known, unit: str, slope: float, others: l
         )
 
 
-def _other_reasons(report: Report, unit: str) -> str:
+def _other_reasons(report: Report, unit: str, of_bytes: bool) -> str:
     if report.kind == "mesh":
         return f"; or is another axis up (up=...)? z_units={unit!r} keeps it"
+    if of_bytes:
+        return "; its values are bytes, as those of a picture or a hillshade, which holds no heights"
     return f"; z_units={unit!r} if trees and buildings are left in"
 
 

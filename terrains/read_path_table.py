@@ -21,14 +21,17 @@ NARROWEST = 0.5
 
 _PLACE = r"(?:(?:gps|rtk|gnss|local|true|map|world|utm|vehicle)_)?(?:(?:position|pos)_)?"
 ROLES: dict[str, tuple[re.Pattern[str], str]] = {
-    "latitude": (re.compile(_PLACE + r"lat(?:itude)?(?:_wgs_?84)?"), "angle"),
-    "longitude": (re.compile(_PLACE + r"(?:lon|lng|long|longitude)(?:_wgs_?84)?"), "angle"),
-    "x": (re.compile(_PLACE + r"(?:x(?:_coord(?:inate)?)?|e|east(?:ing)?)"), "length"),
-    "y": (re.compile(_PLACE + r"(?:y(?:_coord(?:inate)?)?|n|north(?:ing)?)"), "length"),
+    "latitude": (re.compile(_PLACE + r"(?:lat(?:itude)?(?:_wgs_?84)?|(?:geographische_)?breite(?:ngrad)?)"), "angle"),
+    "longitude": (
+        re.compile(_PLACE + r"(?:(?:lon|lng|long|longitude)(?:_wgs_?84)?|(?:geographische_)?l(?:ä|ae)nge(?:ngrad)?)"),
+        "angle",
+    ),
+    "x": (re.compile(_PLACE + r"(?:x(?:_coord(?:inate)?)?|e|east(?:ing)?|ostwert|rechtswert)"), "length"),
+    "y": (re.compile(_PLACE + r"(?:y(?:_coord(?:inate)?)?|n|north(?:ing)?|nordwert|hochwert)"), "length"),
     "speed": (
         re.compile(
             r"(?:(?:target|reference|ref|desired|set|gps|gnss|rtk|ground|vehicle|driving|drive|travel|forward)_)*"
-            r"(?:speed|velocity|vel|v|sog|speed_over_ground)"
+            r"(?:speed|velocity|vel|v|sog|speed_over_ground|geschwindigkeit|fahrgeschwindigkeit|vitesse)"
         ),
         "speed",
     ),
@@ -44,6 +47,8 @@ _COUNTERPART = {
     "e": "n",
     "east": "north",
     "easting": "northing",
+    "ostwert": "nordwert",
+    "rechtswert": "hochwert",
 }
 
 

@@ -85,6 +85,8 @@ def _without_undecodable_messages() -> Iterator[None]:
 
 def _read(data: Any, request: Request, report: Report) -> Ground:
     band = choose_band(data, request, report)
+    if request.up in ("x", "y"):
+        report.warnings.append(f"up={request.up!r} is passed over: the heights of a raster are its values")
     if min(data.shape) < 2:
         raise TerrainError(f"{report.source}: {data.width} x {data.height} pixels are no ground")
     place, crs = _placed(data, request, report)

@@ -40,6 +40,9 @@ NAMES = {
 SURE = re.compile(r"x|y|z|easting|northing|elevation|height|latitude|longitude", re.IGNORECASE)
 """Those that win where several columns hold the same."""
 COUNT_LINE = re.compile(r"\s*[0-9]{1,15}\s*")
+THOUSANDS = re.compile(
+    r"(?<![\d.,])\d{1,3}(?:(?:,\d{3})+\.\d|(?:\.\d{3})+,\d|(?:['’\u00a0\u202f]\d{3})+)\d*(?:[.,]\d+)?"
+)
 NUMBERED = 20
 """Rows from which whole numbers one after another are points' numbers, not a coordinate."""
 
@@ -130,6 +133,8 @@ def _geographic(path: Path, request: Request, report: Report) -> str | None:
 def _find_layout(path: Path, dialect: Dialect, report: Report) -> Layout:
     """Columns by the header; without one, the first three numbers of a row."""
     sample = _sample(path, dialect)
+    if any(mark in line for line in _first_lines(path, dialect) for mark in "\u00a0\u202f"):
+        _refuse_thousands(path, dialect)
     if not sample:
         names = f"; its first line names {listed(dialect.names)}" if dialect.names else ""
         raise TerrainError(f"{path}: no line of numbers x, y, z among the first 200{names}")
@@ -150,12 +155,16 @@ def _find_layout(path: Path, dialect: Dialect, report: Report) -> Layout:
 
 def _sample(path: Path, dialect: Dialect) -> list[list[str]]:
     """Cells of the first rows."""
-    with path.open(encoding=dialect.encoding, errors="replace") as file:
-        lines = [line.strip() for line in itertools.islice(file, dialect.skip, dialect.skip + 200)]
+    lines = [line.strip() for line in _first_lines(path, dialect)]
     rows = [line for line in lines if line and not line.startswith(("#", "//", "%")) and not COUNT_LINE.fullmatch(line)]
     cells = [row.split(dialect.separator) for row in rows]
     cells = [[cell.strip().strip('"') for cell in row] for row in cells]
     return [row for row in cells if sum(map(is_number, row)) > 0]
+
+
+def _first_lines(path: Path, dialect: Dialect) -> list[str]:
+    with path.open(encoding=dialect.encoding, errors="replace") as file:
+        return list(itertools.islice(file, dialect.skip, dialect.skip + 200))
 
 
 def _may_be_number(cells: list[str], index: int) -> bool:
@@ -230,9 +239,19 @@ def _short(metres: float) -> str:
     return next((name for name, size in UNITS.items() if np.isclose(size, metres, rtol=1e-9)), f"{metres:g} m")
 
 
+def _refuse_thousands(path: Path, dialect: Dialect) -> None:
+    """``TerrainError`` that says so, where a row holds numbers with separators of thousands."""
+    for line in _first_lines(path, dialect):
+        if len(found := THOUSANDS.findall(line)) > 1:
+            raise TerrainError(
+                f"{path}: its numbers have separators of thousands ({found[0][:30]!r}); write it without them"
+            )
+
+
 def _by_position(path: Path, dialect: Dialect, numeric: list[int], sample: list[list[str]], report: Report) -> Layout:
     """The first three columns of numbers, after one that counts the points."""
     if len(numeric) < 3:
+        _refuse_thousands(path, dialect)
         raise TerrainError(f"{path}, line {dialect.skip + 1}: {len(numeric)} numbers in a row; a point has x, y and z")
     if len(numeric) > 3 and _counts(path, dialect, numeric[0], sample, report):
         report.change("columns", 1, f"column {numeric[0] + 1} counts the points, so x, y and z are read after it")

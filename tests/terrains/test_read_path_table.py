@@ -175,3 +175,22 @@ def test_units_that_nobody_knows(tmp_path):
 )
 def test_broken_tables_are_refused_in_a_line(tmp_path, text, message):
     assert message in refusal(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ("header", "factors"),
+    [
+        ("Rechtswert [m];Hochwert [m];Geschwindigkeit [km/h]", (1.0, 1.0, 3.6)),
+        ("Ostwert;Nordwert;Vitesse (m/s)", (1.0, 1.0, 1.0)),
+        ("Länge [°];Breite [°];Fahrgeschwindigkeit [m/s]", (1e-5, 1e-5, 1.0)),
+    ],
+)
+def test_headers_in_german(tmp_path, header, factors):
+    columns = [factor * values for factor, values in zip(factors, (X, Y, np.full(30, 2.0)), strict=True)]
+    text = rows(*columns, header=header, mark=";").replace(".", ",")
+    path, report = loaded(tmp_path, text, spacing=None)
+    scale = 1.0 if factors[0] == 1.0 else 1e-5 * 111319.49
+    np.testing.assert_allclose(path.points[:, 0], scale * X, atol=1e-4)
+    np.testing.assert_allclose(path.points[:, 1], scale * Y, rtol=0.01, atol=1e-4)
+    np.testing.assert_allclose(path.speed, 2.0, rtol=1e-12)
+    assert not report.unread

@@ -494,3 +494,60 @@ def test_coarse_noisy_ground_is_none(tmp_path):
     z = np.rint(100.0 + np.random.default_rng(2).normal(0.0, 2.0, (N, N)))
     terrain, _ = load(write(tmp_path / "g.tif", [z], place=north_up(30.0), dtype="int16"), spike_limit=1000.0)
     np.testing.assert_array_equal(terrain.vertices[:, 2].reshape(N, N)[::-1] + terrain.origin[2], z)
+
+
+def test_a_unit_told_by_a_description_or_a_tag(tmp_path):
+    heights = height(*np.meshgrid(np.arange(N), np.arange(N)))
+    plain = load(write(tmp_path / "m.tif", [heights], place=north_up())).terrain.vertices
+    for description, tags, factor, unit in (
+        ("elevation (dm)", {}, 10.0, "dm"),
+        ("Height [cm]", {}, 100.0, "cm"),
+        ("dtm_ft", {}, 1 / 0.3048, "ft"),
+        (None, {"VERTICAL_UNITS": "cm"}, 100.0, "cm"),
+        (None, {"UNITS": "US survey feet"}, 3937 / 1200, "us-ft"),
+        ("elevation (NAVD88)", {"AREA": "m2"}, 1.0, None),
+        ("heights", {"UNITS": "see readme"}, 1.0, None),
+    ):
+
+        def change(data, description=description, tags=tags):
+            data.update_tags(**tags)
+            if description:
+                data.set_band_description(1, description)
+
+        file = write(tmp_path / "u.tif", [heights * factor], place=north_up(), dtype="float64", change=change)
+        terrain, report = load(file)
+        np.testing.assert_allclose(terrain.vertices, plain, atol=2e-5)
+        assert [change.text.split(", as")[0] for change in report.changes if change.what == "z_units"] == (
+            [f"heights in {unit}"] if unit else []
+        )
+
+
+def test_a_declared_mark_amid_the_heights_is_doubtful(tmp_path):
+    heights = np.round(height(*np.meshgrid(np.arange(N), np.arange(N))))
+    report = load(write(tmp_path / "a.tif", [heights], place=north_up(), nodata=150)).report
+    assert any(
+        f"{int((heights == 150).sum()):,} heights are unknown, as the file declares 150" in w for w in report.warnings
+    )
+    for mark in (-9999, 0, 9999):
+        voids = heights.copy()
+        voids[5:9, 5:9] = mark
+        report = load(write(tmp_path / "b.tif", [voids], place=north_up(), nodata=mark)).report
+        assert not any("heights are unknown" in warning for warning in report.warnings)
+
+
+@pytest.mark.parametrize(
+    ("pixel", "step", "told"), [(1.0, 1.0, True), (2.0, 0.5, True), (30.0, 1.0, False), (1.0, 0.1, False)]
+)
+def test_steps_of_rounded_heights_are_named_where_they_are_obstacles(tmp_path, pixel, step, told):
+    heights = np.round(height(*np.meshgrid(np.arange(N), np.arange(N))) / step) * step
+    report = load(write(tmp_path / "a.tif", [heights], place=north_up(pixel), dtype="float64")).report
+    assert any(f"rounded to {step:g} m, on cells of {pixel:g} m" in warning for warning in report.warnings) == told
+
+
+def test_an_up_axis_of_a_raster_is_passed_over_with_a_word(tmp_path):
+    heights = height(*np.meshgrid(np.arange(N), np.arange(N)))
+    file = write(tmp_path / "a.tif", [heights], place=north_up())
+    terrain, report = load(file, up="y")
+    np.testing.assert_array_equal(terrain.vertices, load(file, up="z").terrain.vertices)
+    assert any("up='y' is passed over" in warning for warning in report.warnings)
+    assert not any("passed over" in warning for warning in load(file, up="z").report.warnings)

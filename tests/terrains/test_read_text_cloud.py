@@ -296,3 +296,26 @@ def test_chunks_do_not_matter(tmp_path, monkeypatch):
     with pytest.raises(TerrainError, match=r"^[^:]*cloud\.xyz, line 301: 'wood' in column 3") as caught:
         read(tmp_path / "cloud.xyz", "\n".join(lines))
     assert str(caught.value).count("cloud.xyz") == 1
+
+
+@pytest.mark.parametrize(
+    ("separator", "thousands", "decimal"),
+    [
+        (";", ",", "."),
+        (" ", ",", "."),
+        (";", ".", ","),
+        ("\t", ".", ","),
+        (";", "'", "."),
+        ("\t", "\u202f", ","),
+        (";", "’", "."),
+    ],
+)
+def test_separators_of_thousands_are_named(tmp_path, separator, thousands, decimal):
+    def cell(value):
+        return f"{value:,.2f}".replace(".", "?").replace(",", thousands).replace("?", decimal)
+
+    text = "".join(separator.join(cell(value) for value in row) + "\n" for row in points())
+    with pytest.raises(
+        TerrainError, match=r"a\.xyz: its numbers have separators of thousands \(.*\); write it without them$"
+    ):
+        read(tmp_path / "a.xyz", text)
