@@ -40,6 +40,8 @@ CLOUDS = (".las", ".laz")
 TEXTS = (".xyz", ".csv", ".txt", ".pts", ".asc_xyz")
 MESHES = (".ply", ".obj", ".stl", ".glb", ".gltf", ".off", ".3mf", ".dae")
 ARRAYS = (".npy",)
+LOST = 0.9
+"""Share of a cloud's width or length below which ground that a filter found is named as narrower."""
 MOST_BYTES_BESIDE = 50_000_000
 """Largest report beside a mesh that is read."""
 
@@ -188,7 +190,12 @@ def _read(path: Path | None, source: Any, request: Request, report: Report) -> G
     with path.open("rb") as file:  # one clear OSError, before any library meets the name
         if not file.read(1):
             raise TerrainError(f"{path}: the file is empty")
-    return readers[suffix](path, request, report)
+    if request.band is not None and suffix not in (*RASTERS, *ARRAYS):
+        raise TerrainError(f"{path}: only a raster has bands; drop band=... (--band)")
+    ground = readers[suffix](path, request, report)
+    if request.nodata and report.kind == "mesh":
+        report.warnings.append("nodata is passed over: a mesh with faces has no value that means unknown")
+    return ground
 
 
 def _read_array(path: Path, request: Request, report: Report) -> Ground:
@@ -239,8 +246,23 @@ def _repaired(found: Ground, request: Request, report: Report) -> Ground:
     report.change(
         "pieces_removed", len(dropped), f"pieces of ground below {SMALLEST_PIECE:g} m² removed: {len(dropped):,}"
     )
+    _note_lost(heights, report)
     measure(heights, report)
     return Ground(heights, found.frame)
+
+
+def _note_lost(heights: Heights, report: Report) -> None:
+    """A warning where the filter left much of what a cloud covers without ground."""
+    if not any(change.what == "ground_by_filter" for change in report.changes):
+        return
+    held = [np.flatnonzero(heights.known.any(axis=axis)) for axis in (0, 1)]
+    whole = [(count - 1) * heights.cell for count in heights.z.shape[::-1]]
+    left = [(one[-1] - one[0]) * heights.cell if len(one) else 0.0 for one in held]
+    if any(a < LOST * b for a, b in zip(left, whole, strict=True)):
+        report.warnings.append(
+            f"ground is found on {left[0]:.3g} m x {left[1]:.3g} m of the {whole[0]:.3g} m x {whole[1]:.3g} m that the"
+            " points cover; the rest is taken for vegetation and buildings: ground='all' keeps it"
+        )
 
 
 def _without_obstacles(heights: Heights, request: Request) -> tuple[Heights, int]:

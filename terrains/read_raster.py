@@ -122,6 +122,12 @@ def _placed(data: Any, request: Request, report: Report) -> tuple[Any, str | Non
             "nothing is said of the size of a pixel: 1 m is taken; give units=... if it is another one"
         )
     wkt = crs.to_wkt() if crs else None
+    projection = Path(data.name).with_suffix(".prj")
+    if wkt is None and request.crs is None and projection.is_file():
+        report.warnings.append(
+            f"{projection.name} beside it names no coordinate system that is known, so none is taken; crs=... (--crs) says"
+            " which it is"
+        )
     if wkt is not None and request.crs is None:
         try:
             horizontal(wkt)

@@ -537,3 +537,29 @@ def test_missing_library_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "rasterio", None)
     with pytest.raises(ValueError, match=r"needs rasterio: pip install 'aoro-gym\[terrain\]'"):
         load(path)
+
+
+def _tilted_cloud(path, rise):
+    """A strip of 50 m x 10 m of points, whose southern half climbs by ``rise`` [m/m], and z of a plane in the north."""
+    x, y = (v.ravel() for v in np.meshgrid(np.arange(0.0, 10.1, 0.5), np.arange(0.0, 50.1, 0.5)))
+    z = 150.0 + 0.02 * x + rise * np.maximum(y - 25.0, 0.0)
+    path.write_text("".join(f"{a:.2f} {b:.2f} {c:.3f}\n" for a, b, c in zip(x, y, z, strict=True)))
+    return path
+
+
+def test_ground_that_a_filter_loses_is_named(tmp_path):
+    report = load(_tilted_cloud(tmp_path / "steep.xyz", 3.0), ground="filter", cell=0.5).report
+    assert any("m of the 10 m x 50 m that the points cover" in warning for warning in report.warnings)
+    for rise in (0.0, 0.2):
+        terrain, report = load(_tilted_cloud(tmp_path / "mild.xyz", rise), ground="filter", cell=0.5)
+        np.testing.assert_allclose(np.ptp(terrain.vertices, axis=0), (10.0, 50.0, 0.2 + 25.0 * rise), atol=0.6)
+        assert not any("that the points cover" in warning for warning in report.warnings)
+
+
+def test_options_that_a_format_has_no_place_for(tmp_path):
+    cloud = _tilted_cloud(tmp_path / "a.xyz", 0.0)
+    with pytest.raises(TerrainError, match=r"a\.xyz: only a raster has bands; drop band=\.\.\. \(--band\)"):
+        load(cloud, band=1)
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 20 0 0\nv 20 20 1\nv 0 20 1\nf 1 2 3\nf 1 3 4\n")
+    assert any("nodata is passed over" in warning for warning in load(tmp_path / "a.obj", nodata=0).report.warnings)
+    assert not load(tmp_path / "a.obj", nodata=()).report.warnings

@@ -551,3 +551,18 @@ def test_an_up_axis_of_a_raster_is_passed_over_with_a_word(tmp_path):
     np.testing.assert_array_equal(terrain.vertices, load(file, up="z").terrain.vertices)
     assert any("up='y' is passed over" in warning for warning in report.warnings)
     assert not any("passed over" in warning for warning in load(file, up="z").report.warnings)
+
+
+@pytest.mark.parametrize(("text", "told"), [('PROJCS["broken', True), ("", True), (None, False), ("EPSG:32635", False)])
+def test_a_projection_beside_it_that_says_nothing_is_named(tmp_path, text, told):
+    heights = height(*np.meshgrid(np.arange(N), np.arange(N)))
+    head = f"ncols {N}\nnrows {N}\nxllcorner {CORNER[0]}\nyllcorner {CORNER[1]}\ncellsize 1\n"
+    (tmp_path / "a.asc").write_text(head + "\n".join(" ".join(f"{v:.3f}" for v in row) for row in heights) + "\n")
+    if text is not None:
+        wkt = CRS.from_user_input(text).to_wkt() if text.startswith("EPSG") else text
+        (tmp_path / "a.prj").write_text(wkt)
+    terrain, report = load(tmp_path / "a.asc")
+    assert any("a.prj beside it names no coordinate system" in warning for warning in report.warnings) == told
+    said, answer = load(tmp_path / "a.asc", crs="EPSG:32635")
+    np.testing.assert_array_equal(said.vertices, terrain.vertices)
+    assert not any("a.prj" in warning for warning in answer.warnings)
