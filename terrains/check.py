@@ -116,9 +116,11 @@ def measure(heights: Heights, report: Report) -> None:
     covered = heights.covered
     area = float(covered.sum()) * heights.cell**2
     if area < SMALLEST_PIECE:
+        filtered = any(change.what == "ground_by_filter" for change in report.changes)
+        hint = "; ground='all' keeps what the filter took for vegetation and buildings" if filtered else ""
         raise TerrainError(
             f"{report.source}: its ground covers {area:.3g} m², but the vehicle needs at least {SMALLEST_PIECE:g} m²;"
-            f" if the unit is another one ({report.units}), say units=... ({listed()})"
+            f" if the unit is another one ({report.units}), say units=... or z_units=... ({listed()}){hint}"
         )
     slope = np.degrees(np.arctan(heights.gradient()[covered]))
     report.ground_m2, report.ground_share = area, float(covered.mean())

@@ -33,7 +33,7 @@ from aoro_gym.terrains.read_mesh import read_mesh
 from aoro_gym.terrains.read_raster import SUFFIXES as RASTERS
 from aoro_gym.terrains.read_raster import read_heights, read_raster
 from aoro_gym.terrains.read_text_cloud import read_text
-from aoro_gym.terrains.repair import drop_pieces, fill_holes, remove_spikes
+from aoro_gym.terrains.repair import SPIKE_STEEPNESS, drop_pieces, fill_holes, remove_spikes
 from aoro_gym.terrains.terrain import LARGEST_COORDINATE, Terrain
 
 CLOUDS = (".las", ".laz")
@@ -227,9 +227,8 @@ def _repaired(found: Ground, request: Request, report: Report) -> Ground:
             "obstacles_removed", taken, f"{taken:,} heights of vegetation and buildings removed (cloth simulation)"
         )
     heights, spikes = remove_spikes(heights, request.spike_limit)
-    report.change(
-        "spikes_removed", spikes, f"{spikes:,} heights that stuck out by more than {request.spike_limit:g} m removed"
-    )
+    limit = max(request.spike_limit, SPIKE_STEEPNESS * heights.cell)
+    report.change("spikes_removed", spikes, f"{spikes:,} heights that stuck out by more than {limit:.3g} m removed")
     before = int(heights.known.sum())
     heights, filled = fill_holes(heights, request.hole_limit)
     share = filled / max(before + filled, 1)

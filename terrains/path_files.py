@@ -346,9 +346,11 @@ def _part(track: Track, points: Array, parts: Parts, part: int | None, label: st
         )
     if parts.gaps:
         number = 1 + next(i for i, one in enumerate(every) if one[0] == longest[0])
+        taken = f"part {number}, the longest, is taken of {list_}; {ask} takes another"
+        if len(every) == 1:
+            taken = f"only {described(track, parts, points).removeprefix('1 ').strip('()')} are taken"
         report.warnings.append(
-            f"{gaps_told(track, parts)}: not bridged; part {number}, the longest, is taken of {list_}; {ask} takes another,"
-            " join_gaps=True (--join-gaps) bridges the gaps"
+            f"{gaps_told(track, parts)}: not bridged; {taken}, join_gaps=True (--join-gaps) bridges the gaps"
         )
     return longest
 

@@ -563,3 +563,13 @@ def test_options_that_a_format_has_no_place_for(tmp_path):
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 20 0 0\nv 20 20 1\nv 0 20 1\nf 1 2 3\nf 1 3 4\n")
     assert any("nodata is passed over" in warning for warning in load(tmp_path / "a.obj", nodata=0).report.warnings)
     assert not load(tmp_path / "a.obj", nodata=()).report.warnings
+
+
+def test_a_spike_is_named_by_the_height_that_counts_on_its_cells(tmp_path):
+    for cell, limit in ((0.1, "0.5"), (2.0, "3.5")):
+        heights = np.add.outer(np.arange(60.0), np.zeros(60)) * 0.01 * cell
+        heights[30, 30] += 20.0
+        report = load(heights, cell=cell).report
+        assert [c.text for c in report.changes if c.what == "spikes_removed"] == [
+            f"1 heights that stuck out by more than {limit} m removed"
+        ]

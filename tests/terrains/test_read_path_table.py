@@ -194,3 +194,10 @@ def test_headers_in_german(tmp_path, header, factors):
     np.testing.assert_allclose(path.points[:, 1], scale * Y, rtol=0.01, atol=1e-4)
     np.testing.assert_allclose(path.speed, 2.0, rtol=1e-12)
     assert not report.unread
+
+
+def test_a_point_far_off_is_left_out_with_a_word(tmp_path):
+    columns = np.r_[0.0, X + 400.0], np.r_[0.0, Y + 400.0]
+    path, report = loaded(tmp_path, rows(*columns, header="x_m,y_m"), spacing=None)
+    np.testing.assert_allclose(path.points[:, :2], np.stack([X + 400.0, Y + 400.0], axis=1), atol=1e-6)
+    assert "not bridged; only points 2 to 31, 29.1 m are taken, join_gaps=True" in " ".join(report.warnings)
