@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym.recording.tables import Dialect, is_number, listed, number_rows, sniff_file
+from aoro_gym.recording.tables import THOUSANDS, Dialect, is_number, listed, number_rows, sniff_file
 from aoro_gym.recording.units import NamedQuantity, parse_name
 from aoro_gym.terrains.check import Report, TerrainError
 from aoro_gym.terrains.cloud_survey import Chunk, Cloud
@@ -40,9 +40,6 @@ NAMES = {
 SURE = re.compile(r"x|y|z|easting|northing|elevation|height|latitude|longitude", re.IGNORECASE)
 """Those that win where several columns hold the same."""
 COUNT_LINE = re.compile(r"\s*[0-9]{1,15}\s*")
-THOUSANDS = re.compile(
-    r"(?<![\d.,])\d{1,3}(?:(?:,\d{3})+\.\d|(?:\.\d{3})+,\d|(?:['’\u00a0\u202f]\d{3})+)\d*(?:[.,]\d+)?"
-)
 NUMBERED = 20
 """Rows from which whole numbers one after another are points' numbers, not a coordinate."""
 

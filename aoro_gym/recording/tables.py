@@ -36,6 +36,10 @@ MOST_COLUMNS = 100_000
 """Columns of a table."""
 MOST_CELLS = 50_000_000
 """Cells of a table."""
+THOUSANDS = re.compile(
+    r"(?<![\d.,])\d{1,3}(?:(?:,\d{3})+\.\d|(?:\.\d{3})+,\d|(?:['’\u00a0\u202f]\d{3})+)\d*(?:[.,]\d+)?"
+)
+"""Numbers with separators of thousands; nobody can tell them from two numbers for sure, so they are not read."""
 LONGEST_ECHO = 40
 """Characters of a cell, or a name, that a message repeats."""
 LARGEST_TIME = 1e11
@@ -532,6 +536,8 @@ class Table:
         if parse_number(cell, "," if self.dialect.decimal == "." else ".") is not None:
             mark = "point" if self.dialect.decimal == "." else "comma"
             return f"{said}: other numbers of the file have a decimal {mark}; write all with the same one"
+        if THOUSANDS.search(cell):
+            return f"{said}: it has separators of thousands; write the column without them"
         return f"{said}; leave such rows out"
 
     def _typed_numbers(self, name: str, column: Any) -> NDArray[np.float64]:

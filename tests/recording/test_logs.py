@@ -400,3 +400,13 @@ def test_grad_is_asked_for_where_it_may_be_degrees_or_gon(tmp_path):
     table = renamed(joint_angle_rad=("joint_angle [Grad]", 180 / np.pi))
     with pytest.raises(ValueError, match=r"'Grad', which is no unit of this quantity \(degrees or gon\?\)"):
         read_recording(write(tmp_path / "log.csv", table))
+
+
+@pytest.mark.parametrize("cell", ["4.000.000,5", "4'000'000,5", "4\u202f000\u202f000,5"])
+def test_separators_of_thousands_are_named(tmp_path, cell):
+    file = write(tmp_path / "log.csv", renamed(pressure_a_bar=("pressure_a [Pa]", 1e5)), ";", decimal=",")
+    lines = file.read_text(encoding="utf-8").splitlines()
+    lines[9] = f"{lines[9].rpartition(';')[0]};{cell}"
+    file.write_text("\n".join(lines), encoding="utf-8")
+    with pytest.raises(ValueError, match=r"line 10: .* it has separators of thousands; write the column without them"):
+        read_recording(file)
