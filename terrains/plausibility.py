@@ -128,8 +128,10 @@ def _note_terraces(heights: Heights, report: Report) -> None:
     if report.kind not in ("raster", "heights") or not 4 <= len(levels) <= 10_000:
         return
     step = float(np.diff(levels).min())
+    if step < max(STEEP_STEP * heights.cell, LEAST_STEP):
+        return
     counts = (levels - levels[0]) / step
-    if step >= max(STEEP_STEP * heights.cell, LEAST_STEP) and np.allclose(counts, np.rint(counts), atol=1e-3):
+    if np.allclose(counts, np.rint(counts), atol=1e-3):
         report.warnings.append(
             f"its heights are rounded to {step:.3g} m, on cells of {heights.cell:.3g} m: the terrain has steps of"
             f" {step:.3g} m where the ground is smooth; smooth them, or get finer heights"

@@ -87,3 +87,11 @@ def test_likeness_of_processes():
     assert difference == pytest.approx(2.0 / np.sqrt(np.pi), rel=0.03)  # the cut takes a little
     assert others[0][0] < others[1][0] == pytest.approx(2.0)
     assert likeness(np.zeros((20, 20))) is None
+
+
+def test_levels_that_differ_by_next_to_nothing_are_no_steps():
+    heights = 100.0 + np.add.outer(np.arange(30.0), np.arange(30.0)) * 0.05
+    heights[3, 3] = np.nextafter(heights[3, 3], 200.0)
+    heights[:2] = 0.0
+    heights[0, 0] = 5e-324
+    assert not any("rounded" in warning for warning in load(heights, cell=1.0, nodata=()).report.warnings)
