@@ -587,7 +587,7 @@ def test_terrain(tmp_path):
         ("calibrate --published --starts 0", "--starts = 0 is below 1"),
         ("calibrate --published --device tpu", "--device 'tpu' is not available here"),
         ("terrain none.tif", "none.tif: No such file or directory"),
-        ("terrain good.csv", "good.csv, line 2: 2 numbers; a point has x, y and z"),
+        ("terrain good.csv", "good.csv: its columns are named time_s, steering_signal, which are not x, y and z"),
         ("terrain bad.toml", "bad.toml: terrains end in one of"),
         ("terrain good.csv --out fine.stl", "--out fine.stl must end in .ply"),
         ("terrain good.csv --units yards", "units = 'yards' is none of"),

@@ -35,6 +35,7 @@ def learn(learner: Dagger, steps: int) -> None:
     learner.learn(steps, Watch(Clock(400), learner.episodes, lambda progress: None, every=9.0), seed=3)
 
 
+@pytest.mark.slow
 def test_the_network_comes_to_the_median_of_the_teacher_s_actions():
     """A teacher that acts by -2 e, of an error e ~ N(0, 1) that is measured with an error ~ N(0, 1): given the measured m,
     the median of e is m / 2, so what fits best is -m. Of 20,000 pairs its slope scatters by √(π / 2) 2 √½ / √2 / √20,000 =

@@ -126,7 +126,7 @@ def trained(tmp_path_factory) -> Path:
 def test_a_training_in_a_terminal(trained):
     text = (trained / "shown.txt").read_text()
     assert "--:--" in text  # before anything is known
-    assert re.search(r"learning .* \d+ % +\d+:\d\d", text), text
+    assert re.search(r"(learning|evaluating) .* \d+ % +\d+:\d\d", text), text
     assert re.search(r"of 500 steps, [\d,]+ a second", text)
     assert "success rate" in text
     assert "wrote run/best.json" in text

@@ -907,6 +907,7 @@ def commissioned():
     return Commissioned()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "given",
     [

@@ -17,6 +17,7 @@ from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.recording import TICK
 from aoro_gym.diagnosis.replay import Simulator, Variants
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, VERDICTS
+from aoro_gym.execution.files import LOCK
 from aoro_gym.log import write_log
 from aoro_gym.twin import Machine
 from aoro_gym.twin.effects import EFFECTS
@@ -95,6 +96,7 @@ def test_only_signals_that_all_logs_have_are_compared():
     assert _common([whole, angle]) == ("joint_angle",)
 
 
+@pytest.mark.slow
 def test_healthy_logs_tell_what_data_sheets_leave_out():
     """Air in the oil and tires that stand on patches: what the fit finds lies within four standard deviations of what it
     leaves open, which is a small part of what was open before."""
@@ -206,5 +208,5 @@ def test_a_log_of_radians_named_degrees_gives_no_cause(tmp_path):
     content = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
     assert content["verdict"] == "inconclusive" and content["causes"] == []
     assert "radians or degrees" in content["limitations"][0]
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["diagnosis.json", "report.html"]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [LOCK, "diagnosis.json", "report.html"]
     assert "radians or degrees" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")

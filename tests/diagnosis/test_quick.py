@@ -1,5 +1,7 @@
 """A part of the quick suite, end to end: cases are made and sealed, diagnosed without their answers, and scored."""
 
+import pytest
+
 from aoro_gym.diagnosis.cases import FAMILIES, SUITES, Suite
 from aoro_gym.diagnosis.running import diagnoses_folder, read_diagnoses, run_cases
 from aoro_gym.diagnosis.scoring import score_cases
@@ -8,6 +10,7 @@ from aoro_gym.diagnosis.sealing import write_cases
 PART = Suite("part", null=1, single=0, pair=0, outside=0, nuisance=0, logs=SUITES["quick"].logs)
 
 
+@pytest.mark.slow
 def test_a_part_of_the_quick_suite(tmp_path):
     """Of a healthy machine nothing is said to be wrong, and the score says so. By the angle alone, which takes less time."""
     cases, answers, out = tmp_path / "check", tmp_path / "answers.json", diagnoses_folder(tmp_path / "check", "angle")

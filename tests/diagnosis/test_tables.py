@@ -273,6 +273,7 @@ def test_another_calibration_is_called_so(tmp_path):
     assert after == pytest.approx(found.key_figures["left, 100 %"]["turn_time_s"]["measured"], rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_cause_its_size_and_what_is_gone_elsewhere(tmp_path):
     """Play of the joint, fitted at one level and asked of another."""
     shown = rows_of(Variants.of(MACHINE, [(EFFECTS["joint_backlash"], (PLAY, GIVE))], 1), levels=(75.0, 60.0, 100.0))
