@@ -22,7 +22,7 @@ demo: $(VENV)/.core ## validation, a controlled turn and a forest drive, as one 
 test: $(VENV)/.test ## run the tests, a file at a time on every core
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 
-test-all: $(VENV)/.test ## the slow tests, too: many more mutated files, every command in a terminal
+test-all: $(VENV)/.agents ## the slow tests, too: many more mutated files, every command in a terminal
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder -m ""
 
 lint: $(VENV)/.dev ## check style (ruff) and types (pyright)
@@ -53,6 +53,11 @@ $(VENV)/.core: $(VENV)/.python pyproject.toml constraints.txt
 
 $(VENV)/.test: $(VENV)/.core
 	$(INSTALL) --editable '.[test]'
+	@touch $@
+
+# What learns: without it the tests of trainings are skipped.
+$(VENV)/.agents: $(VENV)/.test
+	$(INSTALL) --editable '.[agents,resident]'
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/.test
