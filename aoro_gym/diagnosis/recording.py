@@ -58,7 +58,9 @@ def read_recording(path: Path) -> Recording:
     log = read_log(path)
     ticks = len(log.channels["joint_angle"]) - 1
     commands = np.stack([log.commands.get(name, np.zeros(ticks)) for name in COMMANDS], axis=1)
-    return Recording(log.name, commands, log.channels, log.rest, log.start_angle, log.limitations, dict(log.manifest.values))
+    return Recording(
+        log.name, commands, log.channels, log.rest, log.start_angle, log.limitations, dict(log.manifest.values)
+    )
 
 
 def read_log(path: Path) -> logs.Recording:
