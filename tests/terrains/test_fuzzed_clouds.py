@@ -4,6 +4,7 @@ import signal
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 import laspy
 import numpy as np
@@ -45,6 +46,11 @@ def _mesh(kind: str, **options) -> bytes:
     return data.encode() if isinstance(data, str) else bytes(data)
 
 
+def _points() -> bytes:
+    data: Any = trimesh.PointCloud(POINTS).export(file_type="ply")
+    return bytes(data)
+
+
 def _text(before: str, separator: str, decimal: str, after: str = "") -> bytes:
     lines = (separator.join(f"{value:.3f}".replace(".", decimal) for value in point) + after for point in FAR)
     return (before + "\n".join(lines) + "\n").encode()
@@ -60,7 +66,7 @@ SEEDS: dict[str, list[bytes]] = {
     "ply": [
         _mesh("ply"),
         _mesh("ply", encoding="ascii"),
-        bytes(trimesh.PointCloud(POINTS).export(file_type="ply")),
+        _points(),
     ],
     "obj": [_mesh("obj"), _mesh("obj").replace(b"f 1 2", b"f -90 -89")],
     "stl": [_mesh("stl"), _mesh("stl_ascii")],

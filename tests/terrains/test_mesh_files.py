@@ -3,6 +3,7 @@
 import json
 import struct
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,6 +25,11 @@ def ground(cell: float = 1.0, shape=height) -> tuple[np.ndarray, np.ndarray]:
     below = np.stack([corner, corner + 1, corner + SIDE + 1], axis=1)
     above = np.stack([corner, corner + SIDE + 1, corner + SIDE], axis=1)
     return np.stack([x, y, shape(x, y)], axis=-1).reshape(-1, 3), np.concatenate([below, above])
+
+
+def exported(what, kind: str) -> Any:
+    """What trimesh writes of this kind: text, bytes, or files by name."""
+    return what.export(file_type=kind)
 
 
 def export(path: Path, vertices, faces, **options) -> Path:
@@ -79,7 +85,7 @@ def test_gltf_with_z_up_is_told_by_its_surface(tmp_path, suffix, shape):
     vertices, faces = ground(shape=shape)
     path = export(tmp_path / "zup.glb", vertices, faces)
     if suffix == ".gltf":
-        for name, content in trimesh.Trimesh(vertices, faces, process=False).export(file_type="gltf").items():
+        for name, content in exported(trimesh.Trimesh(vertices, faces, process=False), "gltf").items():
             (tmp_path / name).write_bytes(content)
         path = tmp_path / "model.gltf"
     terrain, report = load(path)
@@ -256,9 +262,9 @@ def cut_files() -> dict[str, tuple[str, bytes, str]]:
     """Suffix, content and what the error says."""
     vertices, faces = ground()
     ply, off, obj = ascii_ply(vertices, faces), write_off(vertices, faces), write_obj(vertices, faces)
-    stl = trimesh.Trimesh(vertices, faces, process=False).export(file_type="stl_ascii")
-    glb = trimesh.Trimesh(vertices, faces, process=False).export(file_type="glb")
-    binary = trimesh.Trimesh(vertices, faces, process=False).export(file_type="stl")
+    stl = exported(trimesh.Trimesh(vertices, faces, process=False), "stl_ascii")
+    glb = exported(trimesh.Trimesh(vertices, faces, process=False), "glb")
+    binary = exported(trimesh.Trimesh(vertices, faces, process=False), "stl")
     beyond = [*faces[:-1].tolist(), [0, 1, 5000]]
     return {
         "PLY, faces gone": (
@@ -349,7 +355,7 @@ def test_a_mesh_that_is_placed_too_often_is_refused(tmp_path):
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     for number in range(3):
         scene.add_geometry(mesh, node_name=str(number), geom_name="ground")
-    for name, content in scene.export(file_type="gltf").items():
+    for name, content in exported(scene, "gltf").items():
         (tmp_path / name).write_bytes(content)
     assert len(load(tmp_path / "model.gltf").terrain.vertices) == SIDE**2
     tree = json.loads((tmp_path / "model.gltf").read_text())

@@ -280,7 +280,9 @@ def test_declared_units_of_heights_are_taken(tmp_path):
     xyz = points()
     xyz[:, 2] /= 0.3048
     keys = geo_keys((3072, 32635), (4099, 9002))
-    path = write(tmp_path / "feet.las", xyz, version="1.2", point_format=0, shift=[*SHIFT[:2], 0.0], records=[keys])
+    path = write(
+        tmp_path / "feet.las", xyz, version="1.2", point_format=0, shift=np.array([*SHIFT[:2], 0.0]), records=[keys]
+    )
     terrain, report = load(path, cell=CELL, ground="all")
     assert_plane_above_zero(terrain)
     assert "ft" in report.units

@@ -192,6 +192,7 @@ def test_headers_in_german(tmp_path, header, factors):
     scale = 1.0 if factors[0] == 1.0 else 1e-5 * 111319.49
     np.testing.assert_allclose(path.points[:, 0], scale * X, atol=1e-4)
     np.testing.assert_allclose(path.points[:, 1], scale * Y, rtol=0.01, atol=1e-4)
+    assert path.speed is not None
     np.testing.assert_allclose(path.speed, 2.0, rtol=1e-12)
     assert not report.unread
 
