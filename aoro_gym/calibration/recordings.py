@@ -15,6 +15,7 @@ from aoro_gym.recording.logs import TICK
 from aoro_gym.recording.manifest import Manifest
 from aoro_gym.recording.tables import listed
 from aoro_gym.sensors.chain import low_pass
+from aoro_gym.terrains import Plane
 from aoro_gym.twin.records import State
 
 EVERY = 4
@@ -105,8 +106,8 @@ def _used(log: logs.Recording) -> tuple[str, ...]:
         f"measured {', '.join(log.channels)}",
         f"start at rest, joint angle {np.degrees(log.start_angle):.2f}°",
     ]
-    if manifest.plane is not None:
-        plane = manifest.plane
+    if manifest.ground is not None:
+        plane = Plane(**manifest.ground)
         found.append(
             f"ground: slope {plane.slope_deg:g}° towards {plane.direction_deg:g}°, friction x {plane.friction:g}, rolling"
             f" resistance x {plane.rolling_resistance:g}"

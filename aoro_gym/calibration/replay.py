@@ -12,6 +12,7 @@ from aoro_gym.calibration.recordings import CHANNELS, CUTOFF, Recording
 from aoro_gym.recording.logs import TICK
 from aoro_gym.recording.manifest import Manifest
 from aoro_gym.sensors.chain import low_pass
+from aoro_gym.terrains import Plane
 from aoro_gym.twin import Machine, Twin
 from aoro_gym.twin.effects import COMMISSIONED_TEMPERATURE, EFFECTS
 
@@ -61,7 +62,7 @@ def repeat(
     twin = Twin(
         count,
         machine=under_conditions(machine, recording.manifest),
-        terrain=recording.manifest.plane,
+        terrain=None if recording.manifest.ground is None else Plane(**recording.manifest.ground),
         device=device,
         check_step=False,
     )

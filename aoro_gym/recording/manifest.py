@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from aoro_gym.execution.files import read_toml
-from aoro_gym.terrains.plane import BOUNDS, Plane
 
 LONGEST_ECHO = 60
 """Characters of a value that a message repeats."""
@@ -28,6 +27,13 @@ _NUMBERS: Mapping[str, tuple[float, float, str]] = {
     "duration_s": (0.0, 1e6, "s"),
     "start_angle_deg": (-90.0, 90.0, "deg"),
 }
+GROUND: Mapping[str, tuple[float, float, str]] = {
+    "slope_deg": (-45.0, 45.0, "deg"),
+    "direction_deg": (-360.0, 360.0, "deg"),
+    "friction": (0.01, 2.0, "x asphalt"),
+    "rolling_resistance": (0.0, 50.0, "x asphalt"),
+}
+"""Of the table ``ground``: the fields of an inclined plane, with their bounds."""
 _TEXTS = ("manoeuvre", "sensors")
 _TABLES = ("ground", "machine", "simulation")
 KEYS = (*_NUMBERS, "gear", "filters", *_TEXTS, *_TABLES)
@@ -41,7 +47,8 @@ class Manifest:
     path: Path | None = None
     values: Mapping[str, Any] = field(default_factory=dict)
     """All that it holds, as it stands there."""
-    plane: Plane | None = None
+    ground: Mapping[str, float] | None = None
+    """Fields of the inclined plane that was driven on, by the keys of :data:`GROUND`."""
     oil_temperature_C: float | None = None
     engine_speed_rpm: float | None = None
     gear: int | None = None
@@ -72,7 +79,7 @@ def read_manifest(log: Path) -> Manifest:
         return Manifest(
             path,
             values,
-            plane=_plane(values["ground"]) if "ground" in values else None,
+            ground=_ground(values["ground"]) if "ground" in values else None,
             oil_temperature_C=numbers.get("oil_temperature_C"),
             engine_speed_rpm=numbers.get("engine_speed_rpm"),
             gear=_gear(values["gear"]) if "gear" in values else None,
@@ -85,13 +92,8 @@ def read_manifest(log: Path) -> Manifest:
         raise ValueError(f"manifest {path}: {error}") from None
 
 
-def _plane(ground: Mapping[str, Any]) -> Plane:
-    fields = {}
-    for key, value in ground.items():
-        if key in BOUNDS:
-            low, high, unit = BOUNDS[key]
-            fields[key] = _number(f"ground.{key}", value, (low, high, unit))
-    return Plane(**fields)
+def _ground(table: Mapping[str, Any]) -> dict[str, float]:
+    return {key: _number(f"ground.{key}", value, GROUND[key]) for key, value in table.items() if key in GROUND}
 
 
 def _number(key: str, value: Any, bounds: tuple[float, float, str]) -> float:
@@ -125,7 +127,7 @@ def _typed(key: str, value: Any, kind: Callable[..., Any], name: str) -> Any:
 def _unknown(path: Path, values: Mapping[str, Any]) -> list[str]:
     ground = values.get("ground", {})
     found = [(key, KEYS) for key in values if key not in KEYS]
-    found += [(f"ground.{key}", tuple(f"ground.{known}" for known in BOUNDS)) for key in ground if key not in BOUNDS]
+    found += [(f"ground.{key}", tuple(f"ground.{known}" for known in GROUND)) for key in ground if key not in GROUND]
     sentences = []
     for key, known in found[:5]:
         near = difflib.get_close_matches(key[:LONGEST_ECHO], known, n=1)

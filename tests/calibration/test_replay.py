@@ -38,10 +38,14 @@ def write_drive(folder: Path, name: str, machine: Machine, seed: int = 3) -> Pat
     commands = folder / f"{name}_commands.csv"
     commands.write_text(text)
     manifest = Manifest(
-        plane=Plane(**conditions.get("ground", {})),
+        ground=conditions.get("ground", {}),
         **{key: conditions.get(key) for key in ("gear", "oil_temperature_C", "payload_kg", "engine_speed_rpm")},
     )
-    twin = Twin(1, machine=under_conditions(machine, manifest), terrain=manifest.plane)
+    twin = Twin(
+        1,
+        machine=under_conditions(machine, manifest),
+        terrain=None if manifest.ground is None else Plane(**manifest.ground),
+    )
     plan = from_file(commands)
     if manifest.gear:
         gear = {"gear": manifest.gear}
@@ -94,9 +98,9 @@ def test_without_one_of_the_commands_more_than_noise_is_left(logs, name, left_ou
         )
 
 
-@pytest.mark.parametrize("condition", ["plane", "oil_temperature_C", "payload_kg", "engine_speed_rpm", "gear"])
+@pytest.mark.parametrize("condition", ["ground", "oil_temperature_C", "payload_kg", "engine_speed_rpm", "gear"])
 def test_without_one_of_the_conditions_more_than_noise_is_left(logs, condition):
-    recording = logs["all" if condition == "plane" else "backwards"]
+    recording = logs["all" if condition == "ground" else "backwards"]
     whole = verdict_of(Machine.load("aoro"), recording)
     without = replace(recording, manifest=replace(recording.manifest, **{condition: None}))
     assert verdict_of(Machine.load("aoro"), without).residual_std > 1.3 * whole.residual_std

@@ -7,7 +7,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from aoro_gym.recording import manifest
 from aoro_gym.recording.manifest import Manifest, read_manifest
+from aoro_gym.terrains import plane
 
 USUAL = b"""\
 manoeuvre = "left"
@@ -49,9 +51,7 @@ def test_values_are_read_as_they_stand(tmp_path: Path, content: bytes) -> None:
     assert (found.engine_speed_rpm, found.oil_temperature_C, found.gear, found.payload_kg) == (1595.0, 35.0, 1, 250.0)
     assert found.filters == ("1st order, 20 Hz",)
     assert found.tire_pressure_bar is None and found.warnings == ()
-    assert found.plane is not None
-    assert (found.plane.slope_deg, found.plane.direction_deg) == (1.5, -90.0)
-    assert (found.plane.friction, found.plane.rolling_resistance) == (0.8, 2.0)
+    assert found.ground == {"slope_deg": 1.5, "direction_deg": -90.0, "friction": 0.8, "rolling_resistance": 2.0}
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,7 @@ def test_unknown_keys_are_named_not_read(tmp_path: Path) -> None:
         USUAL.replace(b"oil_temperature_C", b"oil_temperatur_C").replace(b"slope_deg", b"slope") + b"\n[x]\n[[y]]\n"
     )
     found = read_manifest(written(tmp_path, content))
-    assert found.oil_temperature_C is None and found.plane is not None and found.plane.slope_deg == 0.0
+    assert found.oil_temperature_C is None and found.ground is not None and "slope_deg" not in found.ground
     said = "\n".join(found.warnings)
     assert "unknown key 'oil_temperatur_C' was not read; did you mean 'oil_temperature_C'?" in said
     assert "unknown key 'ground.slope' was not read; did you mean 'ground.slope_deg'?" in said
@@ -138,3 +138,7 @@ def test_mutated_manifests_are_read_or_refused_in_a_line(tmp_path: Path, mutatio
 @given(mutations=MUTATIONS)
 def test_many_mutated_manifests_are_read_or_refused_in_a_line(tmp_path: Path, mutations) -> None:
     check(tmp_path, mutations)
+
+
+def test_a_ground_has_the_bounds_of_a_plane():
+    assert manifest.GROUND == plane.BOUNDS
