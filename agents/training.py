@@ -267,7 +267,7 @@ def inputs_of(
         "hyperparams": hyperparams,
         "curriculum": recipe.stages,
         "start": None if plan.start is None else inputs.policy_content(LearnedPolicy.load(Path(plan.start))),
-        "machine ranges": None if plan.perturbation is None else inputs.machine_ranges(machine),
+        "ranges": None if plan.perturbation is None else inputs.machine_ranges(machine),
         "terrain": inputs.grounds(courses),
         "path": inputs.paths(courses),
         **judged_by(plan, machine, held_out),

@@ -28,7 +28,7 @@ from aoro_gym.envs.path_tracking import MILD as TRACKING_MILD
 from aoro_gym.envs.path_tracking import REWARD_TERMS as TRACKING_TERMS
 from aoro_gym.envs.turning import FIXED, MILD, REWARD_TERMS, Turning
 from aoro_gym.execution import provenance
-from aoro_gym.execution.provenance import ChangedCode, ChangedInput
+from aoro_gym.execution.provenance import ChangedCode, ChangedInput, changed_inputs, check_provenance
 from aoro_gym.terrains import Path as Line
 from aoro_gym.terrains import Plane, Terrain
 from aoro_gym.terrains.planning import NoDrivablePath
@@ -311,6 +311,17 @@ def test_what_has_not_changed_goes_on(begun, training):
     assert json.loads((begun / "run" / "evaluations.json").read_text())["evaluations"] == found
 
 
+def test_an_evaluation_is_compared_with_what_it_followed_from_alone(tmp_path, training):
+    """As ``curves`` asks: other inputs of the training, such as what machines are drawn within, do not count."""
+    plan, machine = plan_of(perturbation="perturbed"), Machine.load("aoro")
+    record = tmp_path / "provenance.json"
+    check_provenance(record, training.inputs_of(plan, training.read_recipe(plan), machine=machine))
+    assert changed_inputs(record, training.judged_by(plan, machine, None)) == []
+    heavier = machine.scale({"frame.front.mass": 1.01})
+    (said,) = changed_inputs(record, training.judged_by(plan, heavier, None))
+    assert said.startswith("machine frame.front.mass was")
+
+
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
@@ -319,7 +330,7 @@ def test_what_has_not_changed_goes_on(begun, training):
         ({"checkpoint_every": 25}, "checkpoint_every was 50, is 25"),
         ({"eval_episodes": 2}, "eval_episodes was 1, is 2"),
         ({"param": ["n_epochs=3"]}, "hyperparams n_epochs was 1, is 3"),
-        ({"perturbation": "perturbed"}, "machine ranges .* and .* more"),
+        ({"perturbation": "perturbed"}, "ranges .* and .* more"),
     ],
 )
 def test_another_plan_is_refused(begun, training, changes, says):

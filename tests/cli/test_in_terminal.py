@@ -153,7 +153,7 @@ COMMANDS: list[tuple[str, tuple[object, ...]]] = [
     ("evaluate", ("evaluate", *TURNING, "--episodes", 2)),
     (
         "evaluate a drive",
-        ("evaluate", "--terrain", "ground.npy", "--policy", "stanley", "--policy", "preview", "--episodes", 1),
+        ("evaluate", "--terrain", "ground.ply", "--policy", "stanley", "--policy", "preview", "--episodes", 1),
     ),
     ("leaderboard", ("leaderboard", *TURNING, "--episodes", 2)),
     ("curves", ("curves", "run")),
@@ -178,8 +178,12 @@ def inputs(trained) -> Path:
     """What commands are given, beside the training."""
     heights = np.add.outer(np.zeros(121), 0.02 * np.arange(121.0))
     np.save(trained / "ground.npy", heights)
-    made = in_pipe("simulate", "-m", "left", "--duration", 2.5, "--out", "log.csv", folder=trained)
-    assert made.returncode == 0, made.stderr
+    for command in (
+        ("simulate", "-m", "left", "--duration", 2.5, "--out", "log.csv"),
+        ("terrain", "ground.npy", "--cell", 1, "--out", "ground.ply"),
+    ):
+        made = in_pipe(*command, folder=trained)
+        assert made.returncode == 0, made.stderr
     return trained
 
 
