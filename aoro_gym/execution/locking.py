@@ -49,7 +49,7 @@ def locked(folder: Path) -> Iterator[None]:
                 write_json(folder / HOLDER, _this_process())
         yield
     except BaseException:
-        if is_new and {file.name for file in folder.iterdir()} <= {LOCK, HOLDER}:
+        if is_new and folder.is_dir() and {file.name for file in folder.iterdir()} <= {LOCK, HOLDER}:
             shutil.rmtree(folder, ignore_errors=True)
         raise
     finally:

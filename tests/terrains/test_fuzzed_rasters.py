@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import rasterio
 from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from rasterio.enums import ColorInterp
 
 from aoro_gym.terrains import load
+from tests.terrains.damage import damaged
 
 CORPUS = File(__file__).parent / "corpus" / "rasters"
 """Files that were once answered otherwise."""
@@ -77,28 +77,6 @@ TOKENS = (
 )  # fmt: skip
 
 
-@st.composite
-def damaged(draw: st.DrawFn, kind: str) -> bytes:
-    """A seed with up to six places cut, copied, overwritten or filled in; every other one within the header."""
-    data = bytearray(draw(st.sampled_from(SEEDS[kind])))
-    for _ in range(draw(st.integers(1, 6))):
-        start = draw(st.integers(0, len(data) if draw(st.booleans()) else min(len(data), 400)))
-        size = draw(st.sampled_from((0, 1, 2, 4, 8, 60, 400)))
-        how = draw(st.sampled_from(("over", "over", "token", "bit", "byte", "cut", "copy")))
-        if how in ("token", "over"):
-            token = draw(st.sampled_from(TOKENS))
-            data[start : start + (len(token) if how == "over" else size)] = token
-        elif how == "bit" and start < len(data):
-            data[start] ^= 1 << draw(st.integers(0, 7))
-        elif how == "byte":
-            data[start : start + 1] = draw(st.binary(min_size=1, max_size=2))
-        elif how == "cut":
-            del data[start : start + size]
-        else:
-            data[start:start] = data[start : start + size] * 3
-    return bytes(data)
-
-
 def answer(file: File) -> None:
     """Read the file, or be refused as everybody is to be refused."""
     began = time.process_time()
@@ -124,7 +102,7 @@ def fuzz(kind: str, file: File, examples: int) -> None:
         derandomize=True,
         suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
     )
-    @given(damaged(kind))
+    @given(damaged(SEEDS[kind], TOKENS))
     def run(data: bytes) -> None:
         file.write_bytes(data)
         answer(file)
