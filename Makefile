@@ -19,11 +19,13 @@ install: $(VENV)/.core ## set up .venv with the package and its command line
 demo: $(VENV)/.core ## validation, a controlled turn and a forest drive, as one page (OUT=folder, default demo)
 	$(BIN)/aoro-gym demo --out $(OUT)
 
-test: $(VENV)/.test ## run the tests, a file at a time on every core
-	$(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
+PYTEST := $(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
+
+test: $(VENV)/.agents ## run the tests, a file at a time on every core
+	$(PYTEST)
 
 test-all: $(VENV)/.agents ## the slow tests, too: many more mutated files, every command in a terminal
-	$(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder -m ""
+	$(PYTEST) -m ""
 
 lint: $(VENV)/.dev ## check style (ruff) and types (pyright)
 	$(BIN)/ruff check .
@@ -55,7 +57,7 @@ $(VENV)/.test: $(VENV)/.core
 	$(INSTALL) --editable '.[test]'
 	@touch $@
 
-# What learns: without it the tests of trainings are skipped.
+# What learns: the tests of trainings need it.
 $(VENV)/.agents: $(VENV)/.test
 	$(INSTALL) --editable '.[agents,resident]'
 	@touch $@

@@ -1,4 +1,8 @@
-"""What the tests share: the twin's recordings of two short manoeuvres, run once."""
+"""What the tests share: the twin's recordings of two short manoeuvres, run once; which may be skipped; slowest files."""
+
+from collections import defaultdict
+from collections.abc import Generator
+from pathlib import Path
 
 import pytest
 import warp
@@ -8,6 +12,47 @@ from aoro_gym.calibration.procedure import measured_curve
 from aoro_gym.manoeuvres import Recording, run, standing_turn, straight_drive
 
 warp.config.log_level = warp.LOG_ERROR
+
+ROOT = Path(__file__).parents[1]
+MAY_SKIP = tuple(
+    line.split(" # ")[0]
+    for line in (ROOT / "tests" / "may_skip.txt").read_text(encoding="utf-8").splitlines()
+    if not line.startswith("#")
+)
+"""Tests and files that may be skipped."""
+
+
+def _refuse(report: pytest.TestReport | pytest.CollectReport) -> None:
+    """Turn a skip that is not listed into a failure."""
+    if report.skipped and not hasattr(report, "wasxfail") and not report.nodeid.startswith(MAY_SKIP):
+        report.outcome = "failed"
+        report.longrepr = f"{report.nodeid} is not in tests/may_skip.txt, but was skipped: {report.longreprtext}"
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    report = yield
+    _refuse(report)
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report() -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    report = yield
+    _refuse(report)
+    return report
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Name the slowest files: seconds of their tests and fixtures, without imports."""
+    seconds: defaultdict[str, float] = defaultdict(float)
+    for reports in terminalreporter.stats.values():
+        for report in reports:
+            if isinstance(report, pytest.TestReport):
+                seconds[report.nodeid.split("::")[0]] += report.duration
+    terminalreporter.section(f"slowest files of {sum(seconds.values()):.0f} s")
+    for name in sorted(seconds, key=seconds.__getitem__, reverse=True)[:20]:
+        terminalreporter.write_line(f"{seconds[name]:7.1f} s  {name}")
 
 
 @pytest.fixture(scope="session")
