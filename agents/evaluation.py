@@ -41,7 +41,7 @@ from aoro_gym.cluster import ClusterError, Failed, connected, on_ray
 from aoro_gym.envs.courses import Course, library
 from aoro_gym.envs.path_tracking import PathTrackingVectorEnv
 from aoro_gym.envs.turning import TurningVectorEnv
-from aoro_gym.twin import Machine
+from aoro_gym.machine import Machine
 
 AT_ONCE = 64
 """Episodes that are driven together."""

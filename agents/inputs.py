@@ -12,7 +12,7 @@ from typing import Any
 
 from aoro_gym.agents.learned import LearnedPolicy
 from aoro_gym.envs.courses import Course
-from aoro_gym.twin import Machine
+from aoro_gym.machine import Machine
 
 
 def machine_values(machine: Machine) -> dict[str, Any]:

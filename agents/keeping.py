@@ -18,7 +18,7 @@ from aoro_gym.execution.arrays import read_arrays, write_arrays
 from aoro_gym.execution.digest import code_digest, digest
 from aoro_gym.execution.locking import locked
 from aoro_gym.execution.provenance import PROVENANCE, accepted_code_changes, check_provenance
-from aoro_gym.twin import Machine
+from aoro_gym.machine import Machine
 
 FOLDER = ".episodes"
 """In that of the result."""

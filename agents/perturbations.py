@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.diagnosis.nuisances import Nuisances
-from aoro_gym.twin import Machine
-from aoro_gym.twin.effects import EFFECTS, MachineEffect, Magnitude
+from aoro_gym.effects.catalogue import EFFECTS, MachineEffect, Magnitude
+from aoro_gym.machine import Machine
 
 Perturbation = Callable[[Machine, Sequence[int]], Machine]
 """Gives a machine with one variant a seed."""

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from aoro_gym.agents.controllers import Policy
 from aoro_gym.envs.turning import TurningVectorEnv
+from aoro_gym.machine.sections import SteeringCylinder
 from aoro_gym.manoeuvres import TwinLost
 from aoro_gym.sensors.chain import STANDSTILL, measured_flow
-from aoro_gym.twin.sections import SteeringCylinder
 from aoro_gym.validation.key_figures import STEADY, TOLERANCE
 
 EPISODE_STEPS = 500

@@ -54,7 +54,7 @@ from aoro_gym.execution.digest import digest
 from aoro_gym.execution.files import read_json, write_json
 from aoro_gym.execution.locking import locked
 from aoro_gym.execution.provenance import PROVENANCE, check_provenance
-from aoro_gym.twin import Machine
+from aoro_gym.machine import Machine
 
 if TYPE_CHECKING:
     from aoro_gym.agents.watching import Clock, Progress, Watch

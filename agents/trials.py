@@ -26,7 +26,7 @@ from aoro_gym.envs.courses import Course
 from aoro_gym.execution.files import read_json, write_json, write_text
 from aoro_gym.execution.locking import locked
 from aoro_gym.execution.provenance import PROVENANCE, check_provenance
-from aoro_gym.twin import Machine
+from aoro_gym.machine import Machine
 
 SPACES = HYPERPARAMS / "spaces.yml"
 """What is searched, by algorithm."""

@@ -17,8 +17,9 @@ from aoro_gym.envs.registration import register_envs
 from aoro_gym.lazy import on_first_use
 
 if TYPE_CHECKING:
+    from aoro_gym.machine import Machine
     from aoro_gym.terrains import Plane
-    from aoro_gym.twin import Machine, Twin
+    from aoro_gym.twin import Twin
 
 __version__ = "0.1.0"
 __all__ = ["Machine", "Plane", "Twin", "__version__"]
@@ -27,7 +28,8 @@ __getattr__, __dir__ = on_first_use(
     __name__,
     {
         "terrains": ("Plane",),
-        "twin": ("Machine", "Twin"),
+        "machine": ("Machine",),
+        "twin": ("Twin",),
     },
 )
 

@@ -35,10 +35,11 @@ if TYPE_CHECKING:
     from aoro_gym.agents.evaluation import Episodes
     from aoro_gym.agents.reference import Factory
     from aoro_gym.envs import Course
+    from aoro_gym.machine import Machine
     from aoro_gym.manoeuvres import Manoeuvre, Recording
     from aoro_gym.report import Passage, Section
     from aoro_gym.terrains import Plane, Report
-    from aoro_gym.twin import Machine, Twin
+    from aoro_gym.twin import Twin
     from aoro_gym.validation import Validation
 
 
@@ -238,7 +239,7 @@ def _list_effects(
 ) -> None:
     """The catalogue of effects, with what they measure without and at the ends of their ranges."""
     with _checking_input():
-        from aoro_gym.twin.effects import matching
+        from aoro_gym.effects.catalogue import matching
 
         chosen = _machine(machine, set_, scale)
         rows = [effect.describe(chosen) for effect in matching(pattern)]
@@ -451,7 +452,7 @@ def validate(
     """
     with _checking_input():
         from aoro_gym.execution.files import check_writable
-        from aoro_gym.twin import Machine
+        from aoro_gym.machine import Machine
 
         _check_folder(out, "index.html")
         if recalibrate and (machine != MACHINE or set_ or scale):
@@ -1889,7 +1890,7 @@ def _fail(error: Exception, code: int) -> NoReturn:
 
 
 def _machine(name: str, settings: list[str] | None, factors: list[str] | None) -> Machine:
-    from aoro_gym.twin import Machine
+    from aoro_gym.machine import Machine
 
     chosen = Machine.load(name)
     values, scales = _assignments("--set", settings), _assignments("--scale", factors)

@@ -16,8 +16,8 @@ from aoro_gym.validation import key_figures as turns
 from aoro_gym.validation.key_figures import FIGURES, TOLERANCE
 
 if TYPE_CHECKING:
+    from aoro_gym.machine.sections import SteeringCylinder
     from aoro_gym.manoeuvres import Recording
-    from aoro_gym.twin.sections import SteeringCylinder
 
 UNFILTERED = ("turn_time_s", "mean_flow_L_per_min")
 """Figures that the filter does not enter."""

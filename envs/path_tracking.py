@@ -33,6 +33,7 @@ from aoro_gym.envs.single import TwinEnv
 from aoro_gym.envs.task import Outputs, Start, Terrains, chosen, divides, given, sensing
 from aoro_gym.envs.terms import Frozen, ObservationTerm, RewardTerm, changed_observations, changed_rewards
 from aoro_gym.envs.vector import TwinVectorEnv, check_keywords
+from aoro_gym.machine import Machine
 from aoro_gym.sensors import (
     Antennas,
     Gps,
@@ -52,7 +53,6 @@ from aoro_gym.sensors.attitude import in_world, wrapped
 from aoro_gym.sensors.imu import specific_force
 from aoro_gym.sensors.wheel_speed import ground_speed
 from aoro_gym.terrains import Path, Plane, Terrain
-from aoro_gym.twin import Machine
 from aoro_gym.twin.records import WHEELS, Output, State
 
 CROSS_TRACK_SCALE = 0.5

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.envs.terms import Frozen
-from aoro_gym.twin import Machine
-from aoro_gym.twin.parameters import DECLARATIONS
+from aoro_gym.machine import Machine
+from aoro_gym.machine.parameters import DECLARATIONS
 
 Range = tuple[float, float]
 """Lowest and highest value of a uniform draw; equal ones draw nothing but that value."""

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from aoro_gym.machine import Machine
 from aoro_gym.style import AMBER, BLUE, GREEN, GRID, INK, RED, SOFT
-from aoro_gym.twin import Machine
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from aoro_gym.arrays import HOST, Array, Arrays, Index
 from aoro_gym.envs.randomisation import Draws, Randomisation
 from aoro_gym.envs.terms import ObservationTerm, RewardTerm
+from aoro_gym.machine import Machine
 from aoro_gym.terrains import Plane, Terrain
-from aoro_gym.twin import Machine
 from aoro_gym.twin.records import Output, State, row_of
 
 Terrains = Plane | tuple[Terrain, ...]

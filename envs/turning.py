@@ -25,9 +25,9 @@ from aoro_gym.envs.single import TwinEnv
 from aoro_gym.envs.task import Outputs, Start, Terrains, chosen, divides, given, sensing
 from aoro_gym.envs.terms import Frozen, ObservationTerm, RewardTerm, changed_observations, changed_rewards
 from aoro_gym.envs.vector import TwinVectorEnv, check_keywords
+from aoro_gym.machine import Machine
 from aoro_gym.sensors import JointAngleNoise, PressureNoise, PressureSensor
 from aoro_gym.terrains import Plane
-from aoro_gym.twin import Machine
 from aoro_gym.twin.records import Output
 
 FULL_FLOW = 1.2e-3

@@ -23,10 +23,11 @@ from aoro_gym.envs.randomisation import variants
 from aoro_gym.envs.rendering import RENDER_MODES, Renderer
 from aoro_gym.envs.task import Outputs, Task, channel_row
 from aoro_gym.envs.terms import observations_of, rewards_of
+from aoro_gym.machine import Machine
+from aoro_gym.machine.parameters import InvalidMachine, OutsideRangeWarning, shortened
 from aoro_gym.sensors.attitude import angles_of
 from aoro_gym.terrains import Plane, Terrain
-from aoro_gym.twin import Machine, Twin
-from aoro_gym.twin.parameters import InvalidMachine, OutsideRangeWarning, shortened
+from aoro_gym.twin import Twin
 from aoro_gym.twin.records import WHEELS, Command
 from aoro_gym.twin.twin import STATUS
 

@@ -1,6 +1,6 @@
 """The raster of a terrain: the effective road plane of its triangles at the nodes of a grid.
 
-What a node holds is defined in :mod:`aoro_gym.twin.laws.ground`, which interpolates it.
+What a node holds is defined in :mod:`aoro_gym.twin.physics.ground`, which interpolates it.
 """
 
 from __future__ import annotations

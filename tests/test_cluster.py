@@ -20,7 +20,7 @@ from ray.cluster_utils import Cluster  # pyright: ignore[reportMissingImports]
 
 from aoro_gym.agents.evaluation import evaluate, policy_factory
 from aoro_gym.cluster import Failed, connected, on_ray
-from aoro_gym.twin import Machine
+from aoro_gym.machine import Machine
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # what Ray warns of is its own
 TURNING = "AORO/Turning-v0"

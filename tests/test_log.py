@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from aoro_gym import log
+from aoro_gym.machine import Machine
 from aoro_gym.manoeuvres import from_file, run
 from aoro_gym.recording.logs import signal_from_voltage
 from aoro_gym.recording.tables import read_table
-from aoro_gym.twin import Machine, Twin
+from aoro_gym.twin import Twin
 from aoro_gym.twin.records import COMMAND_BOUNDS, OUTPUT_UNITS
 
 SI_OF_FIELD_UNIT = {

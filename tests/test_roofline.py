@@ -10,7 +10,7 @@ import pytest
 import warp as wp
 
 from aoro_gym import Twin
-from aoro_gym.twin.laws.fluid import Oil, fill_chamber, free_gas, orifice
+from aoro_gym.twin.physics.fluid import Oil, fill_chamber, free_gas, orifice
 from aoro_gym.twin.records import Command, Output, State, pack
 from tests.benchmarks import roofline
 from tests.benchmarks.counting import (

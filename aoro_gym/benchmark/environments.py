@@ -12,8 +12,8 @@ import aoro_gym  # noqa: F401 (registers the environments)
 from aoro_gym.benchmark.scene import CHANGES
 from aoro_gym.benchmark.timing import Subject
 from aoro_gym.benchmark.twins import randomised
+from aoro_gym.machine import Machine
 from aoro_gym.terrains import Plane
-from aoro_gym.twin import Machine
 
 ENVIRONMENT = "AORO/PathTracking-v0"
 OUTPUTS = ("numpy", "torch")

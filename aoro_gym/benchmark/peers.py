@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from aoro_gym.benchmark.scene import CELL, CHANGES, CONTROL_STEP, heights, signals, starts
 from aoro_gym.benchmark.timing import Subject
 from aoro_gym.benchmark.vehicle import OPTIONS, TIME_STEP, controls, load, poses
-from aoro_gym.twin import Machine
+from aoro_gym.machine import Machine
 
 WORLDS = {"mujoco": (1, 16, 64), "mujoco_warp": (1024, 4096, 8192, 16384, 32768, 65536)}
 """Peers by name, and the batches among which each has its best."""

@@ -18,7 +18,7 @@ from aoro_gym.benchmark.timing import Subject, computer, measure
 from aoro_gym.benchmark.trainings import trainings
 from aoro_gym.benchmark.twins import twins
 from aoro_gym.envs.registration import ENVIRONMENTS
-from aoro_gym.twin import Machine
+from aoro_gym.machine import Machine
 from aoro_gym.twin.twin import cores
 
 WHAT = ("twin", "env", "train")

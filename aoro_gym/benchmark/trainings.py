@@ -10,7 +10,7 @@ from aoro_gym.agents.curriculum import curriculum
 from aoro_gym.agents.training_plan import TrainingPlan
 from aoro_gym.benchmark.environments import ENVIRONMENT, placed
 from aoro_gym.benchmark.timing import Subject
-from aoro_gym.twin import Machine
+from aoro_gym.machine import Machine
 
 
 def trainings(

@@ -9,9 +9,10 @@ import warp as wp
 
 from aoro_gym.benchmark.scene import CHANGES, CONTROL_STEP, signals, starts, terrain
 from aoro_gym.benchmark.timing import Subject
+from aoro_gym.machine import Machine
 from aoro_gym.manoeuvres import TwinLost
 from aoro_gym.terrains import Plane
-from aoro_gym.twin import Machine, Twin
+from aoro_gym.twin import Twin
 
 SPREAD = 0.05
 """Uncertain parameters are drawn within this share of their value to either side."""

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from aoro_gym.twin import Machine
+from aoro_gym.machine import Machine
+from aoro_gym.machine.rest import GRAVITY
+from aoro_gym.machine.sections import HalfFrame
 from aoro_gym.twin.records import WHEELS
-from aoro_gym.twin.rest import GRAVITY
-from aoro_gym.twin.sections import HalfFrame
 
 TIME_STEP = 1e-3
 """[s]"""

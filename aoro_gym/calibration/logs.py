@@ -26,8 +26,8 @@ from aoro_gym.calibration.resuming import log_inputs, resumable
 from aoro_gym.calibration.space import Space
 from aoro_gym.calibration.verdict import judge
 from aoro_gym.execution.digest import digest
+from aoro_gym.machine import Machine
 from aoro_gym.recording.logs import TICK
-from aoro_gym.twin import Machine
 
 PRIOR_STD = 0.25
 """Standard deviation that a range, read as 95 %, gives a parameter in the unit cube."""

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.calibration.recordings import CHANNELS, CUTOFF, Recording
+from aoro_gym.effects.catalogue import COMMISSIONED_TEMPERATURE, EFFECTS
+from aoro_gym.machine import Machine
 from aoro_gym.recording.logs import TICK
 from aoro_gym.recording.manifest import Manifest
 from aoro_gym.sensors.chain import low_pass
 from aoro_gym.terrains import Plane
-from aoro_gym.twin import Machine, Twin
-from aoro_gym.twin.effects import COMMISSIONED_TEMPERATURE, EFFECTS
+from aoro_gym.twin import Twin
 
 CHUNK = 50
 """Ticks after which it is told how far the twins are."""
@@ -25,7 +26,7 @@ ENGINE_SPEED = "engine.set_speed"
 def under_conditions(machine: Machine, manifest: Manifest) -> Machine:
     """``machine`` with the engine's speed, the oil's temperature and the payload of a manifest.
 
-    A machine file describes the machine at the temperature of :data:`~aoro_gym.twin.effects.COMMISSIONED_TEMPERATURE`.
+    A machine file describes the machine at the temperature of :data:`~aoro_gym.effects.catalogue.COMMISSIONED_TEMPERATURE`.
 
     Raises:
         ValueError: names the manifest if the machine cannot be had under its conditions.

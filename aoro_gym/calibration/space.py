@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from aoro_gym.twin.parameters import Machine
+from aoro_gym.machine.parameters import Machine
 
 LOG_SPAN = 3.5
 """A range whose ends differ by more than this factor is searched on a logarithmic scale."""

@@ -44,10 +44,10 @@ from aoro_gym.diagnosis.problem import Problem, Progress, Reference
 from aoro_gym.diagnosis.recording import COMMANDS, TICK, Recording
 from aoro_gym.diagnosis.replay import Simulator, Task, Variants
 from aoro_gym.diagnosis.sealing import SENSORS
+from aoro_gym.effects.catalogue import EFFECTS, Effect
+from aoro_gym.machine import Machine
 from aoro_gym.sensors.joint_angle import JointAngleSensor
 from aoro_gym.sensors.pressure import PressureSensor
-from aoro_gym.twin import Machine
-from aoro_gym.twin.effects import EFFECTS, Effect
 
 MEMBERS = FAMILIES["development"].members[:3]
 """Of the calibrated ensemble: none that machines of a scored suite descend from."""

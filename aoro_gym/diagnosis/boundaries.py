@@ -46,7 +46,7 @@ from aoro_gym.diagnosis.problem import START_JITTER, ZEROS, Problem
 from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.diagnosis.replay import Task
 from aoro_gym.diagnosis.result import Boundary
-from aoro_gym.twin import Machine
+from aoro_gym.machine import Machine
 
 PARTS: Mapping[str, tuple[str, ...]] = {
     "mechanics": ("cylinders", "joint", "wheels_and_ground", "mass", "driveline"),

@@ -24,8 +24,8 @@ from aoro_gym.diagnosis.plants.constants import constants_of
 from aoro_gym.diagnosis.plants.effects import EFFECTS, OUTSIDE, Effect
 from aoro_gym.diagnosis.plants.runs import TICK, Run
 from aoro_gym.diagnosis.plants.sensors import Noise
-from aoro_gym.twin.machine_file import Parameter
-from aoro_gym.twin.parameters import Machine
+from aoro_gym.machine.machine_file import Parameter
+from aoro_gym.machine.parameters import Machine
 
 Array = NDArray[np.float64]
 

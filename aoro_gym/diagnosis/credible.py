@@ -16,7 +16,7 @@ from aoro_gym.diagnosis.arrival import AHEAD, NEVER, arrivals
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.diagnosis.replay import Signals, Simulator, Task, Variants
-from aoro_gym.twin import Machine
+from aoro_gym.machine import Machine
 
 FAR = 5.0
 """Factor between machine and twin that no effect of the catalogue explains."""

@@ -30,8 +30,8 @@ from aoro_gym.diagnosis.recording import COMMANDS, REST, TICK, Recording
 from aoro_gym.diagnosis.replay import FINE, Signals, Simulator, Task, Variants
 from aoro_gym.diagnosis.result import Cause, Experiment
 from aoro_gym.diagnosis.where import beyond
+from aoro_gym.machine import Machine
 from aoro_gym.sensors.pressure import PressureNoise
-from aoro_gym.twin import Machine
 
 DURATION = 2.5
 """Simulated time [s] of every manoeuvre, with the standstill before it."""

@@ -29,9 +29,9 @@ import warp as wp
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.recording import TICK
 from aoro_gym.twin import Twin
-from aoro_gym.twin.laws.bodies import CornerLoad, accelerate, hinge_rotation
-from aoro_gym.twin.laws.fluid import Gas, Oil, fill, free_gas, orifice, pressure, relief_valve, volume_stiffness
-from aoro_gym.twin.laws.steering import Steering, steering_geometry, swash_step, valve_opening
+from aoro_gym.twin.physics.bodies import CornerLoad, accelerate, hinge_rotation
+from aoro_gym.twin.physics.fluid import Gas, Oil, fill, free_gas, orifice, pressure, relief_valve, volume_stiffness
+from aoro_gym.twin.physics.steering import Steering, steering_geometry, swash_step, valve_opening
 from aoro_gym.twin.records import MachineRecord, State
 
 LED = ("joint_angle", "pressure_a", "pressure_b", "pump_pressure")
@@ -86,7 +86,7 @@ class Pump:
 @wp.func
 def pump_step(m: Steering, oil: Oil, gas: Gas, engine_speed: float, load: float, drawn: float, s: Pump, dt: float):
     """Pump 2 and its line with its ``gas`` after ``dt``, under a ``load`` [Pa] that is sensed while a flow [m³/s] is
-    ``drawn``: its share of :func:`~aoro_gym.twin.laws.steering.steering_step`."""
+    ``drawn``: its share of :func:`~aoro_gym.twin.physics.steering.steering_step`."""
     p = pressure(oil, s.line)
     net = (
         s.swash * m.pump_displacement * engine_speed

@@ -16,9 +16,9 @@ import numpy as np
 
 from aoro_gym.calibration.space import Space
 from aoro_gym.diagnosis.noise import Floats
-from aoro_gym.twin import Machine
-from aoro_gym.twin.machine_file import Parameter
-from aoro_gym.twin.parameters import UNSAID
+from aoro_gym.machine import Machine
+from aoro_gym.machine.machine_file import Parameter
+from aoro_gym.machine.parameters import UNSAID
 
 SPREADS: Mapping[str, float] = {"day": 0.02, "commissioning": 0.10, "recalibration": 0.25, "range": 0.5}
 """Half of what holds 95 % of a parameter, as a share of its range."""

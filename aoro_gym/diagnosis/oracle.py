@@ -44,8 +44,8 @@ from aoro_gym.diagnosis.problem import Problem, on_clock_of
 from aoro_gym.diagnosis.recording import Recording
 from aoro_gym.diagnosis.replay import FINE, Signals, Simulator, Task, Variants
 from aoro_gym.diagnosis.sealing import COLUMNS
+from aoro_gym.machine import Machine
 from aoro_gym.recording.tables import read_table
-from aoro_gym.twin import Machine
 
 SIGNIFICANCE = 0.01
 """Probability of rejecting "nothing" where nothing is."""

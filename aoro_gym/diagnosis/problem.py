@@ -29,8 +29,8 @@ from aoro_gym.diagnosis.noise import MERGED, Floats, ModelError, Noise, Whitener
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.diagnosis.replay import COARSE, SIGNALS, USUAL, Simulator, Steps, Task, Variants
-from aoro_gym.twin import Machine
-from aoro_gym.twin.effects import Effect
+from aoro_gym.effects.catalogue import Effect
+from aoro_gym.machine import Machine
 
 STEP = 0.5
 """Finite-difference step of nuisances, in prior standard deviations."""

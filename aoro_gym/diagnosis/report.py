@@ -45,9 +45,9 @@ from aoro_gym.diagnosis.words import (
     twin_with,
     with_unit,
 )
+from aoro_gym.effects.catalogue import EFFECTS, Effect
 from aoro_gym.report import card, describe, show, write_page
 from aoro_gym.style import AMBER, BLUE, GREEN, GRID, INK, PLOT_STYLE, PURPLE, RED, SOFT
-from aoro_gym.twin.effects import EFFECTS, Effect
 
 COLOURS: Mapping[str, str] = {
     "no_gap": GREEN, "calibration": BLUE, "cause": RED, "ambiguous": AMBER, "unknown": PURPLE, "inconclusive": SOFT,

@@ -102,7 +102,7 @@ class Cause:
 
     Attributes:
         magnitudes: By effect, how far its operational magnitudes lie from those of the twin without it, one or two.
-        settings: By effect, the magnitudes that the twin takes (:mod:`aoro_gym.twin.effects`).
+        settings: By effect, the magnitudes that the twin takes (:mod:`aoro_gym.effects.catalogue`).
         components: Parts of the machine that its effects lie in.
         machine_file: Written machine with the effect, relative to the result; empty if none was written.
     """

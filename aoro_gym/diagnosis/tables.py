@@ -54,11 +54,11 @@ from aoro_gym.diagnosis.result import CALIBRATION, KEY_FIGURES, UNKNOWN, Cause, 
 from aoro_gym.diagnosis.search import ALL, Search, refine, trade
 from aoro_gym.diagnosis.shrinkage import CLEAR, RESAMPLES, typical
 from aoro_gym.diagnosis.where import SIGNIFICANT, beyond, probability
+from aoro_gym.effects.catalogue import EFFECTS, Effect
+from aoro_gym.machine import Machine
 from aoro_gym.recording.tables import listed, parse_number, read_table, shown
 from aoro_gym.sensors.chain import STANDSTILL
 from aoro_gym.sensors.joint_angle import JointAngleSensor
-from aoro_gym.twin import Machine
-from aoro_gym.twin.effects import EFFECTS, Effect
 from aoro_gym.validation.key_figures import FIGURES, LITRE_PER_MINUTE, key_figures_batch
 from aoro_gym.validation.published import published_rows
 from aoro_gym.validation.study import TARGETS

@@ -25,8 +25,8 @@ from aoro_gym.diagnosis.result import (
     Shrinkage,
     presence,
 )
+from aoro_gym.effects.catalogue import EFFECTS, Effect
 from aoro_gym.log import BAR, DEGREE, LITRE_PER_MINUTE
-from aoro_gym.twin.effects import EFFECTS, Effect
 
 WORTH_NAMING = 0.05
 """Probability from which a cause is named among those that cannot be told apart."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
-    from aoro_gym.twin.sections import SteeringCylinder
+    from aoro_gym.machine.sections import SteeringCylinder
 
 SAMPLE_RATE = 100.0
 """Samples a second [Hz] of the joint-angle sensor."""

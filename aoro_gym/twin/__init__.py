@@ -1,6 +1,5 @@
 """The twin: rigid bodies, tires, hydraulics and engine of an articulated vehicle in one fused Warp kernel."""
 
-from aoro_gym.twin.parameters import Machine, OutsideRangeWarning
 from aoro_gym.twin.twin import Trace, Twin
 
-__all__ = ["Machine", "OutsideRangeWarning", "Trace", "Twin"]
+__all__ = ["Trace", "Twin"]

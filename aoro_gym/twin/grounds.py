@@ -13,7 +13,7 @@ from aoro_gym.terrains.plane import Plane
 from aoro_gym.terrains.raster import CELL, surface, triangles
 from aoro_gym.terrains.terrain import Terrain
 from aoro_gym.twin.kernels import multiply
-from aoro_gym.twin.laws.ground import Ground, Meshes, Planes, Rasters, Site
+from aoro_gym.twin.physics.ground import Ground, Meshes, Planes, Rasters, Site
 
 KINDS = {"raster": Rasters, "mesh": Meshes}
 """How twins feel a terrain, by name."""
@@ -50,7 +50,7 @@ class Grounds:
         """Terrains to choose from; 0 for planes."""
         if isinstance(terrain, Plane):
             self.device_struct: Any = _planes(terrain, num_twins, gravity, device)
-            """What kernels take as their ``terrain`` (see :mod:`aoro_gym.twin.laws.ground`)."""
+            """What kernels take as their ``terrain`` (see :mod:`aoro_gym.twin.physics.ground`)."""
             return
         terrains = [terrain] if isinstance(terrain, Terrain) else list(terrain)
         wrong = [type(one).__name__ for one in terrains if not isinstance(one, Terrain)]

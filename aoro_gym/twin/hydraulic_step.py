@@ -3,7 +3,7 @@
 Every volume i of a circuit obeys ṗ_i = K_i Σ_j G_ij (p_j − p_i), with K = dp/dV its stiffness [Pa/m³] and G = dQ/dΔp the
 slopes [m³/s/Pa] of the restrictors between volumes, or between a volume and the tank. With the circuit's weighted Laplacian
 L this is ṗ = −K L p, and K L is similar to the symmetric K^½ L K^½: its eigenvalues λ are real and not negative, and the
-twin's explicit Euler steps (:func:`aoro_gym.twin.laws.steering.steering_step`) damp every mode if dt λ_max < 2 (Hairer and
+explicit Euler steps of :func:`aoro_gym.twin.physics.steering.steering_step` damp every mode if dt λ_max < 2 (Hairer and
 Wanner, *Solving Ordinary Differential Equations II*, 1996, section IV.2). Beyond, the fastest mode rings from one step to
 the next until restrictors turn turbulent and lose slope, so by more the larger the step.
 
@@ -22,8 +22,8 @@ import warnings
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym.twin.parameters import Machine
-from aoro_gym.twin.quantities import Quantity
+from aoro_gym.machine.parameters import Machine
+from aoro_gym.machine.quantities import Quantity
 
 
 class FineStepWarning(UserWarning):

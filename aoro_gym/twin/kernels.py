@@ -23,7 +23,7 @@ from typing import Any
 
 import warp as wp
 
-from aoro_gym.twin.laws.arms import (
+from aoro_gym.twin.physics.arms import (
     Arm,
     ArmGeometry,
     ArmState,
@@ -33,7 +33,7 @@ from aoro_gym.twin.laws.arms import (
     arm_oil_torque,
     arm_step,
 )
-from aoro_gym.twin.laws.bodies import (
+from aoro_gym.twin.physics.bodies import (
     CornerLoad,
     FrameBody,
     accelerate,
@@ -42,7 +42,7 @@ from aoro_gym.twin.laws.bodies import (
     hull_corner,
     wheel_centre,
 )
-from aoro_gym.twin.laws.driveline import (
+from aoro_gym.twin.physics.driveline import (
     DrivelineControl,
     DrivelineState,
     driveline_displace,
@@ -50,13 +50,13 @@ from aoro_gym.twin.laws.driveline import (
     driveline_step,
     pump_torque,
 )
-from aoro_gym.twin.laws.engine import EngineState, engine_step, full_load_torque, governed_speed
-from aoro_gym.twin.laws.fluid import Oil, pressure, without_gas
-from aoro_gym.twin.laws.friction import dry_friction, end_stop, lag, presliding, seal_friction
-from aoro_gym.twin.laws.ground import ceiling, footing, place
-from aoro_gym.twin.laws.mount import MountState, mount_step, mount_torque
-from aoro_gym.twin.laws.stance import stance
-from aoro_gym.twin.laws.steering import (
+from aoro_gym.twin.physics.engine import EngineState, engine_step, full_load_torque, governed_speed
+from aoro_gym.twin.physics.fluid import Oil, pressure, without_gas
+from aoro_gym.twin.physics.friction import dry_friction, end_stop, lag, presliding, seal_friction
+from aoro_gym.twin.physics.ground import ceiling, footing, place
+from aoro_gym.twin.physics.mount import MountState, mount_step, mount_torque
+from aoro_gym.twin.physics.stance import stance
+from aoro_gym.twin.physics.steering import (
     Exchange,
     SteeringGeometry,
     SteeringState,
@@ -68,7 +68,7 @@ from aoro_gym.twin.laws.steering import (
     steering_step,
     steering_torque,
 )
-from aoro_gym.twin.laws.tires import Hull, hull_contact, tire_contact
+from aoro_gym.twin.physics.tires import Hull, hull_contact, tire_contact
 from aoro_gym.twin.records import Command, MachineRecord, Output, State
 
 OK = wp.constant(0)

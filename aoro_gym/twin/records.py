@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from aoro_gym.machine.parameters import Machine
+from aoro_gym.machine.quantities import Quantity
 from aoro_gym.recording.commands import COMMAND_BOUNDS, WHEELS
-from aoro_gym.twin.laws.arms import Arm
-from aoro_gym.twin.laws.bodies import Corner, FrameBody
-from aoro_gym.twin.laws.driveline import Driveline
-from aoro_gym.twin.laws.engine import Engine
-from aoro_gym.twin.laws.fluid import Oil
-from aoro_gym.twin.laws.steering import Steering
-from aoro_gym.twin.laws.tires import Hull, Tire
-from aoro_gym.twin.parameters import Machine
-from aoro_gym.twin.quantities import Quantity
+from aoro_gym.twin.physics.arms import Arm
+from aoro_gym.twin.physics.bodies import Corner, FrameBody
+from aoro_gym.twin.physics.driveline import Driveline
+from aoro_gym.twin.physics.engine import Engine
+from aoro_gym.twin.physics.fluid import Oil
+from aoro_gym.twin.physics.steering import Steering
+from aoro_gym.twin.physics.tires import Hull, Tire
 
 
 @wp.struct

@@ -15,13 +15,13 @@ import numpy.typing as npt
 import warp as wp
 
 from aoro_gym.execution import devices
+from aoro_gym.machine.parameters import Machine
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.terrains.raster import CELL
 from aoro_gym.terrains.terrain import Terrain
 from aoro_gym.twin import kernels
 from aoro_gym.twin.grounds import Grounds
 from aoro_gym.twin.hydraulic_step import check_hydraulic_step, warn_of_fine_step
-from aoro_gym.twin.parameters import Machine
 from aoro_gym.twin.records import CHANNELS, COMMAND_BOUNDS, Command, MachineRecord, Output, State, pack, row_of
 
 LONGEST_COMMAND_DELAY = 0.1
@@ -199,7 +199,7 @@ class Twin:
 
     @property
     def ground(self) -> Any:
-        """What the twins stand on, on the device: the ``terrain`` of :func:`aoro_gym.twin.laws.ground.footing`."""
+        """What the twins stand on, on the device: the ``terrain`` of :func:`aoro_gym.twin.physics.ground.footing`."""
         return self._grounds.device_struct
 
     def reset(

@@ -20,9 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from aoro_gym.machine import Machine
+from aoro_gym.machine.sections import SteeringCylinder
 from aoro_gym.sensors.chain import STANDSTILL, measured_flow, sampling_rate
-from aoro_gym.twin import Machine
-from aoro_gym.twin.sections import SteeringCylinder
 
 TOLERANCE = math.radians(0.1)
 """Angle [rad] within which a joint has not left its start, or has reached its stop."""

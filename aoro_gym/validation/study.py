@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.execution.files import write_json
+from aoro_gym.machine import Machine
 from aoro_gym.sensors.chain import SAMPLE_RATE, measured_flow, sample
 from aoro_gym.sensors.joint_angle import JointAngleNoise, JointAngleSensor
-from aoro_gym.twin import Machine
 from aoro_gym.twin.hydraulic_step import FineStepWarning
 from aoro_gym.validation.key_figures import FIGURES, key_figures_batch, turn_span
 from aoro_gym.validation.published import Row, published, published_rows

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.machine import Machine
 from aoro_gym.sensors.chain import turn_flow
-from aoro_gym.twin import Machine, Twin
+from aoro_gym.twin import Twin
 from aoro_gym.twin.records import WHEELS
 from aoro_gym.validation.key_figures import TOLERANCE
 

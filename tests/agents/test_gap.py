@@ -11,8 +11,8 @@ from aoro_gym.agents import gap
 from aoro_gym.agents.evaluation import Episodes, policy_factory
 from aoro_gym.agents.gap import BASELINE, CONTROL, IMPROVED, PLANT, RETRAINED, Gap, measure, share_of
 from aoro_gym.cli import app
-from aoro_gym.twin import Machine
-from aoro_gym.twin.effects import EFFECTS
+from aoro_gym.effects.catalogue import EFFECTS
+from aoro_gym.machine import Machine
 
 TURNING = "AORO/Turning-v0"
 MACHINE = Machine.load("aoro")

@@ -22,9 +22,9 @@ from aoro_gym.cli import app
 from aoro_gym.envs import Course
 from aoro_gym.execution import provenance
 from aoro_gym.execution.files import write_json
+from aoro_gym.machine import Machine
 from aoro_gym.terrains import Path as Line
 from aoro_gym.terrains import Plane, Terrain
-from aoro_gym.twin import Machine
 
 TURNING = "AORO/Turning-v0"
 NAMES = ("proportional-derivative", "turning-ppo")

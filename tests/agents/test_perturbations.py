@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from aoro_gym.agents.perturbations import SWITCHABLE, as_given, magnitude_at, perturbed, with_effect
-from aoro_gym.twin import Machine
-from aoro_gym.twin.effects import EFFECTS
+from aoro_gym.effects.catalogue import EFFECTS
+from aoro_gym.machine import Machine
 
 MACHINE = Machine.load("aoro")
 SEEDS = [7, 8, 9, 10]

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from aoro_gym.agents.responses import Rollout, flow_curves, flow_overshoot, responses
+from aoro_gym.machine import Machine
 from aoro_gym.sensors.chain import turn_flow
-from aoro_gym.twin import Machine
 
 STEP = 0.02
 CYLINDER = Machine.load("aoro").steering.cylinder

@@ -30,7 +30,7 @@ import numpy as np
 import warp as wp
 
 from aoro_gym.twin import kernels
-from aoro_gym.twin.laws.ground import Ground, Planes, Site
+from aoro_gym.twin.physics.ground import Ground, Planes, Site
 from aoro_gym.twin.records import MachineRecord
 from aoro_gym.twin.twin import Twin
 

@@ -9,7 +9,7 @@ from aoro_gym.calibration.ensemble import draw_ensemble, farthest_apart, posteri
 from aoro_gym.calibration.fit import FAILED, least_squares_fit
 from aoro_gym.calibration.procedure import crossing
 from aoro_gym.calibration.space import Space
-from aoro_gym.twin import Machine
+from aoro_gym.machine import Machine
 
 KEYS = ("steering.valve.spool_time_constant", "steering.pump.margin", "joint.friction_torque")
 

@@ -5,7 +5,8 @@ import pytest
 
 from aoro_gym.calibration.logs import calibrate_logs
 from aoro_gym.calibration.recordings import read_recording
-from aoro_gym.twin import Machine, Twin
+from aoro_gym.machine import Machine
+from aoro_gym.twin import Twin
 
 # Sought parameters, and the values of the machine that wrote the logs (file units).
 HIDDEN = {

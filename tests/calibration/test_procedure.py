@@ -11,7 +11,7 @@ from aoro_gym.calibration.procedure import (
     solve,
     turn_time,
 )
-from aoro_gym.twin import Machine
+from aoro_gym.machine import Machine
 from aoro_gym.validation.published import published, valve_flow
 
 

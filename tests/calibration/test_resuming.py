@@ -20,7 +20,7 @@ from aoro_gym.execution import provenance
 from aoro_gym.execution.digest import sources
 from aoro_gym.execution.locking import FolderInUse
 from aoro_gym.execution.provenance import ChangedCode, ChangedInput
-from aoro_gym.twin import Machine
+from aoro_gym.machine import Machine
 
 KEYS = ("steering.valve.nominal_flow_left", "steering.valve.spool_time_constant")
 
@@ -29,7 +29,7 @@ import sys
 from pathlib import Path
 from aoro_gym.calibration.logs import calibrate_logs
 from aoro_gym.calibration.output import calibrate_to
-from aoro_gym.twin import Machine
+from aoro_gym.machine import Machine
 
 machine = Machine.load("aoro_datasheet")
 options = {"keys": sys.argv[3:], "starts": 2, "population": 128, "ensemble": 2}

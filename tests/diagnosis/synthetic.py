@@ -9,7 +9,7 @@ from aoro_gym.diagnosis.noise import Floats, ModelError, Noise
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem, References
 from aoro_gym.diagnosis.recording import Recording
-from aoro_gym.twin import Machine
+from aoro_gym.machine import Machine
 from tests.diagnosis.manoeuvres import turn
 
 MACHINE = Machine.load("aoro")

@@ -34,8 +34,8 @@ from aoro_gym.diagnosis.axes import axes_of
 from aoro_gym.diagnosis.cases import FAMILIES, MACHINES, WEAKEST, Trial
 from aoro_gym.diagnosis.problem import Problem
 from aoro_gym.diagnosis.scoring import CLASSES, read_classes
-from aoro_gym.twin import Machine
-from aoro_gym.twin.effects import EFFECTS
+from aoro_gym.effects.catalogue import EFFECTS
+from aoro_gym.machine import Machine
 from tests.diagnosis.synthetic import STD, linear_of, problem_of
 
 COUNT = 200

@@ -39,8 +39,8 @@ from aoro_gym.diagnosis.recording import Recording
 from aoro_gym.diagnosis.replay import USUAL, Steps, Variants
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN
 from aoro_gym.diagnosis.search import ALL, DAMPING, EASED, ROUGH, SETTLE, SETTLED, Search, alone, refine, settle, trade
-from aoro_gym.twin import Machine
-from aoro_gym.twin.effects import EFFECTS
+from aoro_gym.effects.catalogue import EFFECTS
+from aoro_gym.machine import Machine
 from tests.diagnosis.manoeuvres import blank, record, turn
 
 EXACT = Trust(1.0, 0.0, dict.fromkeys(("angle", "pressure"), Fit(1.0, 1.0, 0.1)), {"angle": 1.0, "pressure": 1.0})

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aoro_gym.diagnosis.axes import NODES, PRIOR_INFORMATION, Axis, Shift, axes_of, volume
-from aoro_gym.twin.effects import EFFECTS
+from aoro_gym.effects.catalogue import EFFECTS
 
 ALL_AXES = [axis for effect in EFFECTS.values() for axis in axes_of(effect)]
 FROM_END = [Axis(EFFECTS["spool_lag"], 0), Axis(EFFECTS["seal_friction"], 0)]

@@ -9,8 +9,8 @@ from aoro_gym.diagnosis.credible import BEYOND, FAR, SWING, credible
 from aoro_gym.diagnosis.diagnose import diagnose
 from aoro_gym.diagnosis.recording import Recording
 from aoro_gym.diagnosis.replay import Simulator, Variants
-from aoro_gym.twin import Machine
-from aoro_gym.twin.effects import EFFECTS
+from aoro_gym.effects.catalogue import EFFECTS
+from aoro_gym.machine import Machine
 from tests.diagnosis.manoeuvres import blank, record, turn
 
 MACHINE = Machine.load("aoro")

@@ -17,10 +17,10 @@ from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.recording import TICK
 from aoro_gym.diagnosis.replay import Simulator, Variants
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, VERDICTS
+from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.execution.files import LOCK
 from aoro_gym.log import write_log
-from aoro_gym.twin import Machine
-from aoro_gym.twin.effects import EFFECTS
+from aoro_gym.machine import Machine
 from tests.diagnosis.manoeuvres import FULL, blank, record, turn
 
 CANDIDATES = {name: EFFECTS[name] for name in ("spool_lag", "joint_friction", "sensor_gain")}

@@ -25,8 +25,8 @@ from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem
 from aoro_gym.diagnosis.recording import REST, TICK
 from aoro_gym.diagnosis.replay import Simulator, Task, Variants
-from aoro_gym.twin import Machine
-from aoro_gym.twin.effects import EFFECTS
+from aoro_gym.effects.catalogue import EFFECTS
+from aoro_gym.machine import Machine
 from tests.diagnosis.manoeuvres import FULL, blank, turn
 
 MACHINE = Machine.load("aoro")

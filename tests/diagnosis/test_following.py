@@ -6,8 +6,8 @@ import pytest
 from aoro_gym.diagnosis.following import LACKED, LED
 from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.diagnosis.replay import Simulator, Task, Variants
-from aoro_gym.twin import Machine
-from aoro_gym.twin.effects import EFFECTS
+from aoro_gym.effects.catalogue import EFFECTS
+from aoro_gym.machine import Machine
 from tests.diagnosis.manoeuvres import FULL, blank, turn
 
 MACHINE = Machine.load("aoro")

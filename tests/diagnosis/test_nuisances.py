@@ -6,7 +6,7 @@ from scipy.stats import chi
 
 from aoro_gym.calibration.space import LOG_SPAN
 from aoro_gym.diagnosis.nuisances import FARTHEST, NORMAL95, SPREADS, Nuisances
-from aoro_gym.twin import Machine
+from aoro_gym.machine import Machine
 
 MACHINE = Machine.load("aoro")
 

@@ -12,7 +12,7 @@ from aoro_gym.diagnosis.oracle import beside, consult, evidence_of, information,
 from aoro_gym.diagnosis.recording import read_recording
 from aoro_gym.diagnosis.replay import Simulator, Task, Variants
 from aoro_gym.log import write_log
-from aoro_gym.twin import Machine
+from aoro_gym.machine import Machine
 from tests.diagnosis.suites import NOISE, RESTING, SAMPLES, deviation, write_case
 
 COUNT = 60

@@ -23,8 +23,8 @@ from aoro_gym.diagnosis.problem import (
 from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.diagnosis.replay import COARSE, USUAL, Simulator, Task, Variants
 from aoro_gym.diagnosis.search import settle
-from aoro_gym.twin import Machine
-from aoro_gym.twin.effects import EFFECTS
+from aoro_gym.effects.catalogue import EFFECTS
+from aoro_gym.machine import Machine
 from tests.diagnosis.manoeuvres import FULL, blank, turn
 from tests.diagnosis.synthetic import linear_of, problem_of
 

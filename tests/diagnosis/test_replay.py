@@ -20,9 +20,10 @@ from aoro_gym.diagnosis.replay import (
     Task,
     Variants,
 )
+from aoro_gym.effects.catalogue import EFFECTS
+from aoro_gym.machine import Machine
 from aoro_gym.terrains.plane import Plane
-from aoro_gym.twin import Machine, Twin
-from aoro_gym.twin.effects import EFFECTS
+from aoro_gym.twin import Twin
 from tests.diagnosis.manoeuvres import blank, turn
 
 BLANKS = [blank("left", turn(1.0, 1.5), -0.5), blank("right", turn(-0.6, 1.8), 0.3)]

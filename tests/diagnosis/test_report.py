@@ -15,7 +15,7 @@ from aoro_gym.cli import app
 from aoro_gym.diagnosis.report import KINDS, MOST_CURVES, summary, telling, write_report
 from aoro_gym.diagnosis.result import PHASES, VERDICTS, Cause, Interval, Place
 from aoro_gym.diagnosis.words import gone, probability, readable, shown, spoken, title
-from aoro_gym.twin.effects import EFFECTS
+from aoro_gym.effects.catalogue import EFFECTS
 from tests.diagnosis.diagnoses import BARE, CAUSE, DIAGNOSES, SIGNALS, curve
 
 VOID = {"meta", "br", "img", "link"}
@@ -127,7 +127,7 @@ def test_sizes_stand_in_field_units(unit, median, low, high, expected):
 
 def test_every_operational_magnitude_is_readable():
     """At the ends of the ranges no effect's size is so large or small that one counts digits."""
-    from aoro_gym.twin import Machine
+    from aoro_gym.machine import Machine
 
     machine = Machine.load("aoro")
     for effect in EFFECTS.values():

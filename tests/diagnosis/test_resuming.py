@@ -12,14 +12,14 @@ import pytest
 from aoro_gym.diagnosis.diagnose import diagnose
 from aoro_gym.diagnosis.replay import Request, Signals, Simulator, Task, Variants
 from aoro_gym.diagnosis.resuming import FOLDER, Kept, resumable
+from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.execution import provenance
 from aoro_gym.execution.digest import sources
 from aoro_gym.execution.files import read_json, write_json
 from aoro_gym.execution.locking import LOCK
 from aoro_gym.execution.provenance import ChangedCode, ChangedInput
+from aoro_gym.machine import Machine
 from aoro_gym.terrains import Plane
-from aoro_gym.twin import Machine
-from aoro_gym.twin.effects import EFFECTS
 from tests.diagnosis.manoeuvres import blank, record, turn
 
 MACHINE = Machine.load("aoro")

@@ -16,8 +16,8 @@ from aoro_gym.diagnosis.plants.effects import EFFECTS as PLANT_EFFECTS
 from aoro_gym.diagnosis.running import run_cases
 from aoro_gym.diagnosis.scoring import FIGURES, Score, estimate, read_classes, score
 from aoro_gym.diagnosis.scoring_report import sheets, tables, write_score
-from aoro_gym.twin import Machine
-from aoro_gym.twin.effects import EFFECTS as TWIN_EFFECTS
+from aoro_gym.effects.catalogue import EFFECTS as TWIN_EFFECTS
+from aoro_gym.machine import Machine
 from tests.diagnosis.suites import ABOUT, effect, write_suite
 
 SEEN = Oracle(900.0, 400.0, {("left_100", "joint_angle"): 0.8, ("steps", "joint_angle"): 0.5})

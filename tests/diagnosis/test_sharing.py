@@ -11,8 +11,8 @@ import pytest
 
 from aoro_gym.diagnosis.replay import COARSE, Simulator, Task, Variants
 from aoro_gym.diagnosis.sharing import PREFIX, Remote, sharing, simulator
-from aoro_gym.twin import Machine
-from aoro_gym.twin.effects import EFFECTS
+from aoro_gym.effects.catalogue import EFFECTS
+from aoro_gym.machine import Machine
 from tests.diagnosis.manoeuvres import blank, turn
 
 MACHINE = Machine.load("aoro")

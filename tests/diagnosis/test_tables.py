@@ -30,8 +30,8 @@ from aoro_gym.diagnosis.tables import (
     read_rows,
     selected,
 )
-from aoro_gym.twin import Machine
-from aoro_gym.twin.effects import EFFECTS
+from aoro_gym.effects.catalogue import EFFECTS
+from aoro_gym.machine import Machine
 from aoro_gym.validation.key_figures import FIGURES
 from aoro_gym.validation.turns import Turn
 

@@ -14,8 +14,8 @@ from aoro_gym.envs import register_envs
 from aoro_gym.envs.path_tracking import PathTrackingVectorEnv
 from aoro_gym.envs.turning import MILD, TurningEnv, TurningVectorEnv
 from aoro_gym.envs.vector import check_keywords
+from aoro_gym.machine import OutsideRangeWarning
 from aoro_gym.terrains import Plane
-from aoro_gym.twin import OutsideRangeWarning
 from aoro_gym.twin.records import State
 
 register_envs()

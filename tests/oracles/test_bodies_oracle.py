@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from aoro_gym.twin.parameters import Machine
+from aoro_gym.machine.parameters import Machine
 from tests.oracles.bodies import (
     DIRECTION_OF_WHEEL,
     HALF_OF_WHEEL,

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from aoro_gym.machine.parameters import Machine
 from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.terrains.planning import (
     HALF_WHEELBASE,
@@ -17,7 +18,6 @@ from aoro_gym.terrains.planning import (
     drivable_path,
     turning_radius,
 )
-from aoro_gym.twin.parameters import Machine
 
 SIZE, CELL = (57.0, 103.0), 0.5
 

@@ -7,7 +7,8 @@ The float64 reference of the bodies measures kinetic energy and momentum.
 import numpy as np
 import pytest
 
-from aoro_gym.twin import Machine, Twin
+from aoro_gym.machine import Machine
+from aoro_gym.twin import Twin
 from aoro_gym.twin.records import State
 from tests.oracles.bodies import BodyModel
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from aoro_gym.agents.perturbations import PERTURBATIONS
-from aoro_gym.twin import Machine, Twin
+from aoro_gym.machine import Machine
+from aoro_gym.twin import Twin
 from aoro_gym.twin.hydraulic_step import FINEST, FineStepWarning, check_hydraulic_step, largest_hydraulic_step
 
 MAIN = 1e-3
@@ -137,7 +138,7 @@ def test_steps_that_are_used_pass_in_silence_and_finer_ones_are_named():
 
 
 def test_bundled_machines_are_stable_at_the_default_step():
-    from aoro_gym.twin.machine_file import bundled_machines
+    from aoro_gym.machine.machine_file import bundled_machines
 
     for name in bundled_machines():
         check_hydraulic_step(Machine.load(name), 1e-3, 30)

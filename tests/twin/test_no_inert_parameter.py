@@ -12,8 +12,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 import pytest
 
+from aoro_gym.machine.parameters import Machine
 from aoro_gym.terrains.plane import Plane
-from aoro_gym.twin.parameters import Machine
 from aoro_gym.twin.records import WHEELS, State
 from aoro_gym.twin.twin import Twin
 from tests.twin.rig import Log, all_wheels, drive

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import warp as wp
 
+from aoro_gym.machine import Machine
 from aoro_gym.terrains.plane import Plane
-from aoro_gym.twin import Machine, Twin
+from aoro_gym.twin import Twin
 from aoro_gym.twin.records import COMMAND_BOUNDS, OUTPUT_UNITS, Command, MachineRecord, Output, State, pack
 from aoro_gym.twin.twin import WORTH_THREADS, cores
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from aoro_gym.diagnosis.plants.fluid import Array
-from aoro_gym.twin.machine_file import Parameter
+from aoro_gym.machine.machine_file import Parameter
 
 COMMISSIONED_CELSIUS = 35.0
 """Oil temperature [°C] at which the machine file holds."""

@@ -14,7 +14,7 @@ from aoro_gym.diagnosis.plants.effects import with_effects
 from aoro_gym.diagnosis.plants.fluid import Array
 from aoro_gym.diagnosis.plants.plant import MAIN_STEP, Plant, simulate
 from aoro_gym.diagnosis.plants.sensors import Noise, measured
-from aoro_gym.twin.machine_file import Parameter
+from aoro_gym.machine.machine_file import Parameter
 
 TICK = 0.01
 """Interval [s] over which commands are held."""

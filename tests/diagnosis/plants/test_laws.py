@@ -304,4 +304,4 @@ def test_plants_share_no_law_with_the_twin():
         if line.startswith(("from aoro_gym", "import aoro_gym"))
     }
     outside = {name for name in seen if not name.startswith("aoro_gym.diagnosis.plants")}
-    assert outside == {"aoro_gym.twin.machine_file"}
+    assert outside == {"aoro_gym.machine.machine_file"}

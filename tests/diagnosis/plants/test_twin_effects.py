@@ -11,7 +11,7 @@ from aoro_gym.diagnosis.plants.constants import constants_of
 from aoro_gym.diagnosis.plants.effects import EFFECTS as OF_PLANTS
 from aoro_gym.diagnosis.plants.effects import with_effects
 from aoro_gym.diagnosis.plants.plant import MAIN_STEP, Plant, simulate
-from aoro_gym.twin.effects import EFFECTS
+from aoro_gym.effects.catalogue import EFFECTS
 
 CHANNELS = {"joint_angle": np.radians(0.03), "pressure_a": 0.5e5, "pressure_b": 0.5e5, "pump_pressure": 0.5e5}
 """Noise of the sensors."""

@@ -1,0 +1,223 @@
+"""Machine files (TOML): reading, and writing in one canonical form."""
+
+import json
+import math
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.resources import files
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aoro_gym.execution.files import read_toml, write_text
+from aoro_gym.machine.quantities import UNITS, Quantity, as_quantity
+
+ROLES = ("fixed", "nuisance", "effect", "both")
+
+_HEADER = """\
+# Machine file: one table a parameter, [section.key], in this order.
+#
+#   value   in `unit`; pressures are gauge, angles positive left and up
+#   unit    one of the units that the loader knows
+#   range   [low, high], same unit: a soft prior (about 95 %), not a bound of validity
+#   source  tag and note
+#             P   published: Lehto et al., Machines 2026, 14, 128
+#             A   the laboratory's public hardware page
+#             S#  another public source, listed below
+#             D   derived by arithmetic from published figures
+#             1D  inferred with a reduced model of the joint alone; neither measured nor published
+#             R   recalled from catalogues or textbooks, not verified
+#             E   engineering estimate
+#             C   calibrated: found by fitting the twin
+#   role    fixed     known hardware
+#           nuisance  uncertain: a calibration may move it
+#           effect    moved by an effect of the catalogue only
+#           both      uncertain, and moved by effects too: within 2 % once the machine is commissioned
+#   note    optional remark
+#
+# S5  Danfoss, Series 90 electric displacement control MCV111B, manual
+# S7  field notes on closed-loop hydrostatics, unreviewed (low weight)
+# S8  John Deere 4045TF250, leaflet                S9  John Deere 4045H generator engine, leaflet
+# S11 Project Chrono, HMMWV LuGre tire             S14 Simscape wheel-loader model, parameter scripts
+# S16 Hopsan, default hydraulic component library  S17 MathWorks, Hydraulic Fluid and Isothermal Liquid
+# S18 MapleSim, constant-volume component          S27 Hydraulic fluids, lecture text
+# S29 Precision Mining, rolling-resistance appendix
+"""
+
+COMMISSIONED_SPREAD = 0.02
+"""Relative half range (about 95 %) of a parameter that effects move too, on a machine that was commissioned: healthy logs
+have fixed it, and from day to day it wanders by no more. What leaves it is an effect."""
+
+DEEPEST = 8
+"""Levels of tables that a machine file may have."""
+LONGEST_ECHO = 60
+"""Characters of a name or a value that a message repeats."""
+
+_FIELDS = ("value", "unit", "range", "source", "role")
+
+
+@dataclass(frozen=True, eq=False)
+class Parameter:
+    """One parameter as the machine file has it."""
+
+    key: str
+    value: Quantity  # in ``unit``; float or shape (N,)
+    unit: str
+    range: tuple[float, float]  # in ``unit``
+    source: str
+    role: str
+    note: str = ""
+
+    @cached_property
+    def si(self) -> Quantity:
+        """Value in SI; arrays are read-only."""
+        return as_quantity(self.value * UNITS[self.unit][1])
+
+    @property
+    def commissioned(self) -> tuple[Quantity, Quantity]:
+        """Soft range, in ``unit``, in which the parameter stays while nothing is wrong with a commissioned machine."""
+        if self.role == "nuisance":
+            return self.range
+        spread = COMMISSIONED_SPREAD * np.abs(self.value) if self.role == "both" else 0.0
+        return self.value - spread, self.value + spread
+
+
+def bundled_machines() -> list[str]:
+    """Names of the machines that come with the package."""
+    return sorted(
+        entry.name.removesuffix(".toml")
+        for entry in files("aoro_gym").joinpath("machines").iterdir()
+        if entry.name.endswith(".toml")
+    )
+
+
+def read_machine(name_or_path: str | PathLike[str]) -> tuple[str, dict[str, Parameter]]:
+    """Name and parameters by dotted key, as written: neither units, bounds nor completeness are checked here.
+
+    Raises FileNotFoundError, or ValueError that names the file if it is not TOML or a table lacks a field.
+    """
+    path = Path(name_or_path)
+    if path.suffix == ".toml":
+        if not path.is_file():
+            raise FileNotFoundError(f"no machine file {path}")
+        name = path.stem
+    else:
+        name = str(name_or_path)
+        if name not in bundled_machines():
+            raise FileNotFoundError(
+                f"no bundled machine {name!r}: use one of {', '.join(bundled_machines())}, or a path that ends in .toml"
+            )
+        path = Path(str(files("aoro_gym").joinpath("machines", f"{name}.toml")))
+    document = read_toml(path)
+    with naming(name_or_path):
+        return name, {key: _parameter(key, table) for key, table in _tables(document)}
+
+
+@contextmanager
+def naming(name_or_path: str | PathLike[str]) -> Iterator[None]:
+    """Put the name of a machine, or its file, before the message of a ``ValueError``."""
+    try:
+        yield
+    except ValueError as error:
+        what = "machine file" if str(name_or_path).endswith(".toml") else "machine"
+        raise ValueError(f"{what} {name_or_path}: {error}") from None
+
+
+def write_machine(path: str | PathLike[str], entries: Mapping[str, Parameter]) -> None:
+    """Write ``entries`` (single values) in their order."""
+    lines = [_HEADER]
+    for entry in entries.values():
+        low, high = entry.range
+        lines += [
+            f"[{entry.key}]",
+            f"value = {_toml_number(float(entry.value))}",
+            f"unit = {json.dumps(entry.unit, ensure_ascii=False)}",
+            f"range = [{_toml_number(low)}, {_toml_number(high)}]",
+            f"source = {json.dumps(entry.source, ensure_ascii=False)}",
+            f"role = {json.dumps(entry.role, ensure_ascii=False)}",
+            *([f"note = {json.dumps(entry.note, ensure_ascii=False)}"] if entry.note else []),
+            "",
+        ]
+    write_text(Path(path), "\n".join(lines))
+
+
+def _tables(document: Mapping[str, Any], prefix: str = "", depth: int = 0) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Dotted key and table of every parameter; a table that holds a ``value`` is one."""
+    for name, content in document.items():
+        key = prefix + name
+        if not isinstance(content, Mapping):
+            raise ValueError(f"{_short(key)}: not a table; give [{_short(key)}] with {', '.join(_FIELDS)}")
+        if "value" in content or not any(isinstance(inner, Mapping) for inner in content.values()):
+            yield key, content
+        elif depth >= DEEPEST:
+            raise ValueError(f"{_short(key)}: tables are nested more than {DEEPEST} deep; no parameter is")
+        else:
+            yield from _tables(content, f"{key}.", depth + 1)
+
+
+def _parameter(key: str, table: Mapping[str, Any]) -> Parameter:
+    shown = _short(key)
+    missing = [name for name in _FIELDS if name not in table]
+    if missing:
+        raise ValueError(f"{shown}: lacks {', '.join(missing)}")
+    surplus = [_short(name) for name in table if name not in (*_FIELDS, "note")]
+    if surplus:
+        raise ValueError(f"{shown}: unknown field {', '.join(surplus[:5])}; a table has {', '.join(_FIELDS)} and note")
+    value, limits = table["value"], table["range"]
+    if not _is_number(value):
+        raise ValueError(f"{shown} = {_echo(value)}: must be a finite number")
+    if not (isinstance(limits, list) and len(limits) == 2 and all(map(_is_number, limits)) and limits[0] <= limits[1]):
+        raise ValueError(f"{shown}: range = {_echo(limits)}: must be [low, high] with finite low ≤ high")
+    for name in ("unit", "source", "role", "note"):
+        if not isinstance(table.get(name, ""), str):
+            raise ValueError(f"{shown}: {name} = {_echo(table[name])}: must be text")
+    if not table["source"]:
+        raise ValueError(f"{shown}: source is empty; say where the value comes from")
+    if table["role"] not in ROLES:
+        raise ValueError(f"{shown}: role = {_echo(table['role'])}: must be one of {', '.join(ROLES)}")
+    return Parameter(
+        key=key,
+        value=float(value),
+        unit=table["unit"],
+        range=(float(limits[0]), float(limits[1])),
+        source=table["source"],
+        role=table["role"],
+        note=table.get("note", ""),
+    )
+
+
+def _is_number(value: Any) -> bool:
+    """Whether ``value`` is a finite number that a float can hold."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return abs(value) <= sys.float_info.max  # false for NaN; exact for integers of any length
+
+
+def _echo(value: Any) -> str:
+    """``value`` as a message repeats it."""
+    if isinstance(value, int) and not isinstance(value, bool) and value.bit_length() > 64:
+        return f"an integer of {int(value.bit_length() * math.log10(2.0)) + 1} digits"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_echo, value[:2]))}{', …' if len(value) > 2 else ''}]"
+    return "a table" if isinstance(value, Mapping) else _short(repr(value))
+
+
+def _short(text: str) -> str:
+    """``text`` in one line of at most :data:`LONGEST_ECHO` characters."""
+    line = " ".join(text.split())
+    return line if len(line) <= LONGEST_ECHO else f"{line[: LONGEST_ECHO - 1]}…"
+
+
+def _toml_number(value: float) -> str:
+    """Shortest text that reads back as the same float."""
+    if value.is_integer() and abs(value) < 1e6:
+        return str(int(value))
+    mantissa, _, exponent = repr(value).partition("e")
+    if not exponent and abs(value) >= 1e6:
+        mantissa, _, exponent = np.format_float_scientific(value, trim="-").partition("e")
+    return f"{mantissa}e{int(exponent)}" if exponent else mantissa

@@ -1,0 +1,158 @@
+"""The pendulum arms' cylinders: proportional section with an ideal compensator, and load-holding valves.
+
+Positive command extends the cylinder: the wheel goes down, the frame up. Machine section ``arm``.
+"""
+
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
+import warp as wp
+
+from aoro_gym.twin.physics.cylinders import Linkage, cylinder_extension
+from aoro_gym.twin.physics.fluid import Gas, Oil, fill_chamber, free_gas, orifice, pressure, relief_valve
+
+
+@wp.struct
+class Arm:
+    """Parameters of a pendulum arm (all four alike): geometry, friction and hydraulics."""
+
+    length: float  # [m] pivot to wheel centre
+    swing: float  # [rad] half range about level
+    pivot_lateral: float  # [m]
+    stop_torsional_stiffness: float  # [N m/rad]
+    stop_torsional_damping: float  # [N m s/rad]
+    presliding_stiffness: float  # [N m/rad]
+    presliding_damping: float  # [N m s/rad]
+    rod_rest_pressure: float  # [Pa]
+    hose_volume: float  # [m³] a side
+    hose_compliance: float  # [m³/Pa]
+    cylinder_linkage: Linkage
+    cylinder_bore_area: float  # [m²]
+    cylinder_annulus_area: float  # [m²]
+    cylinder_dead_volume: float  # [m³] an end
+    cylinder_seal_preload: float  # [N]
+    cylinder_seal_pressure_coefficient: float  # [N/Pa]
+    cylinder_seal_static_ratio: float  # [-]
+    cylinder_seal_stribeck_velocity: float  # [m/s]
+    cylinder_seal_viscous: float  # [N s/m]
+    valve_cv: float  # [m³/s/√Pa] an edge, fully open
+    valve_pressure_drop: float  # [Pa] that the compensator leaves over the edge
+    valve_dead_band: float  # [-]
+    valve_time_constant: float  # [s]
+    valve_rate_limit: float  # [1/s]
+    valve_holding_pressure: float  # [Pa] load-holding valve opens unpiloted
+    valve_holding_ramp: float  # [Pa]
+    valve_pilot_ratio: float  # [-]
+    valve_port_relief: float  # [Pa]
+    valve_port_ramp: float  # [Pa]
+    valve_port_flow: float  # [m³/s]
+
+
+@wp.struct
+class ArmState:
+    bore: float  # [Pa] content
+    rod: float  # [Pa] content
+
+
+@wp.struct
+class ArmGas:
+    """Free gas of both chambers at the start of a main step."""
+
+    bore: Gas
+    rod: Gas
+
+
+@wp.struct
+class ArmGeometry:
+    """Chambers at one arm angle, and the valve's opening over one main step."""
+
+    volume_bore: float  # [m³]
+    volume_rod: float
+    displacement_bore: float  # [m³/rad] dV/dφ (negative: the cylinder shortens as the wheel rises)
+    displacement_rod: float
+    lever: float  # [m] dL/dγ
+    opening: float  # [-] −1 (retract) … 1 (extend), beyond the dead band
+
+
+@wp.func
+def arm_geometry(m: Arm, angle: float, spool: float):
+    """Chambers of an arm's cylinder at arm ``angle`` [rad]; ``spool`` [-1, 1] of its valve."""
+    extension, lever = cylinder_extension(m.cylinder_linkage, -angle)
+    fixed = m.hose_volume + m.cylinder_dead_volume
+    g = ArmGeometry()
+    g.volume_bore = fixed + m.cylinder_bore_area * extension
+    g.volume_rod = fixed + m.cylinder_annulus_area * (m.cylinder_linkage.stroke - extension)
+    g.displacement_bore = -m.cylinder_bore_area * lever
+    g.displacement_rod = m.cylinder_annulus_area * lever
+    g.lever = lever
+    g.opening = wp.sign(spool) * wp.max(wp.abs(spool) - m.valve_dead_band, 0.0) / (1.0 - m.valve_dead_band)
+    return g
+
+
+@wp.func
+def arm_gas(oil: Oil, s: ArmState):
+    """Free gas of both chambers in the state ``s``."""
+    gas = ArmGas()
+    gas.bore = free_gas(oil, s.bore)
+    gas.rod = free_gas(oil, s.rod)
+    return gas
+
+
+@wp.func
+def arm_oil_torque(oil: Oil, g: ArmGeometry, s: ArmState):
+    """Torque [N m] of the oil on the arm, positive raising the wheel: Σ p dV/dφ."""
+    return pressure(oil, s.bore) * g.displacement_bore + pressure(oil, s.rod) * g.displacement_rod
+
+
+@wp.func
+def load_holding(m: Arm, load: float, pilot: float):
+    """Opening [0…1] of a counterbalance valve: p_load + R p_pilot against its setting."""
+    return wp.clamp((load + m.valve_pilot_ratio * pilot - m.valve_holding_pressure) / m.valve_holding_ramp, 0.0, 1.0)
+
+
+@wp.func
+def arm_fill(
+    m: Arm, oil: Oil, gas: ArmGas, g: ArmGeometry, s: ArmState, bore_flow: float, rod_flow: float, dt: float
+):
+    """Both chambers after ``dt`` [s] of net flows [m³/s]."""
+    fixed = m.hose_volume + m.cylinder_dead_volume
+    mid_bore = fixed + 0.5 * m.cylinder_bore_area * m.cylinder_linkage.stroke
+    mid_rod = fixed + 0.5 * m.cylinder_annulus_area * m.cylinder_linkage.stroke
+    out = ArmState()
+    out.bore = fill_chamber(oil, gas.bore, s.bore, bore_flow, dt, g.volume_bore, m.hose_compliance, mid_bore)
+    out.rod = fill_chamber(oil, gas.rod, s.rod, rod_flow, dt, g.volume_rod, m.hose_compliance, mid_rod)
+    return out
+
+
+@wp.func
+def arm_step(
+    m: Arm, oil: Oil, gas: ArmGas, g: ArmGeometry, rate: float, supply: float, tank: float, s: ArmState, dt: float
+):
+    """One arm's cylinder over one substep. Returns its state, the flow drawn from the pump [m³/s], the flow to the
+    return line [m³/s] and the load it signals [Pa]. A closed valve passes nothing at all."""
+    lam = oil.laminar_pressure
+    p_b = pressure(oil, s.bore)
+    p_r = pressure(oil, s.rod)
+    relief_b = relief_valve(p_b - tank, m.valve_port_relief, m.valve_port_ramp, m.valve_port_flow)
+    relief_r = relief_valve(p_r - tank, m.valve_port_relief, m.valve_port_ramp, m.valve_port_flow)
+    q_b = -relief_b - g.displacement_bore * rate
+    q_r = -relief_r - g.displacement_rod * rate
+    drawn = float(0.0)
+    returned = relief_b + relief_r
+    load = float(0.0)
+    if g.opening != 0.0:
+        cv = wp.abs(g.opening) * m.valve_cv
+        extend = g.opening > 0.0
+        p_in = wp.where(extend, p_b, p_r)
+        p_out = wp.where(extend, p_r, p_b)
+        drawn = orifice(cv, wp.clamp(supply - p_in, 0.0, m.valve_pressure_drop), lam)
+        out = load_holding(m, p_out, p_in) * orifice(cv, wp.max(p_out - tank, 0.0), lam)
+        returned += out
+        load = p_in
+        q_b += wp.where(extend, drawn, -out)
+        q_r += wp.where(extend, -out, drawn)
+    return arm_fill(m, oil, gas, g, s, q_b, q_r, dt), drawn, returned, load
+
+
+@wp.func
+def arm_displace(m: Arm, oil: Oil, g: ArmGeometry, angle: float, s: ArmState):
+    """State after the arm has risen by ``angle`` [rad] with its valve shut."""
+    return arm_fill(m, oil, arm_gas(oil, s), g, s, -g.displacement_bore * angle, -g.displacement_rod * angle, 1.0)

@@ -1,0 +1,126 @@
+"""Whatever bytes a machine file holds: a machine, or one line that names the file, in bounded time."""
+
+import re
+import time
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from aoro_gym.machine import Machine
+
+BUNDLED = files("aoro_gym").joinpath("machines", "aoro_datasheet.toml").read_bytes()
+MASS = b'[wheel.mass]\nvalue = 220\nunit = "kg"\nrange = [170, 300]\n'
+"""The table that the tests below change."""
+
+PARTS = [
+    b"nan", b"-inf", b"1e999", b"1" * 400, b"1" * 5000, b"[" * 3000, b"{a=" * 3000, b'"', b'"""', b"\n[", b"]]",
+    b"\xff\xfe", b"\0", b"a." * 3000, b"= {}", b"true", b"1979-05-27", b"0x10", b"1_0", b"\n[wheel]\n", b"value = 1\n",
+    b"[/x]", b"$", b"\r\n", b"\\",
+    b"\nx = 1\n", b"[300, 170]", b"''", "µ".encode(), b"#" * 50_000,
+]  # fmt: skip
+MUTATIONS = st.lists(
+    st.tuples(st.integers(0, len(BUNDLED)), st.integers(0, 40), st.sampled_from(PARTS) | st.binary(max_size=4)),
+    min_size=1,
+    max_size=3,
+)
+
+
+def mutated(mutations) -> bytes:
+    content = BUNDLED
+    for place, length, part in mutations:
+        content = content[:place] + part + content[place + length :]
+    return content
+
+
+def check(path: Path, content: bytes) -> None:
+    path.write_bytes(content)
+    begin = time.process_time()
+    try:
+        machine = Machine.load(path)
+    except ValueError as error:
+        message = str(error)
+        assert str(path) in message
+        assert "\n" not in message and len(message) < len(str(path)) + 500, message
+    else:
+        assert machine.num_variants == 1
+    assert time.process_time() - begin < 5.0
+
+
+@settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(mutations=MUTATIONS)
+def test_mutated_machine_files_are_machines_or_one_line(tmp_path: Path, mutations) -> None:
+    check(tmp_path / "mutated.toml", mutated(mutations))
+
+
+@pytest.mark.slow
+@settings(max_examples=10_000, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(mutations=MUTATIONS)
+def test_many_mutated_machine_files_are_machines_or_one_line(tmp_path: Path, mutations) -> None:
+    check(tmp_path / "mutated.toml", mutated(mutations))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        (b"value = 220\n", b"value = " + b"1" * 400 + b"\n", r"wheel\.mass = an integer of 400 digits: must be a finite"),
+        (b"value = 220\n", b"value = " + b"1" * 5000 + b"\n", "is not TOML: Exceeds the limit"),
+        (b"value = 220\n", b"value = nan\n", r"wheel\.mass = nan: must be a finite number"),
+        (b"value = 220\n", b"value = -inf\n", r"wheel\.mass = -inf: must be a finite number"),
+        (b"value = 220\n", b"value = 1e999\n", r"wheel\.mass = inf: must be a finite number"),
+        (b"value = 220\n", b"value = [220]\n", r"wheel\.mass = \[220\]: must be a finite number"),
+        (b"value = 220\n", b"value = 1979-05-27\n", r"wheel\.mass = datetime.date"),
+        (b"value = 220\n", b"value = " + b"[" * 5000 + b"]" * 5000 + b"\n", "nested too deeply"),
+        (b"value = 220\n", b"value = 220\n" + b"a." * 5000 + b"a = 1\n", "nested too deeply"),
+        (b"value = 220\n", b"value = 220\nvalue = 221\n", "is not TOML: Cannot overwrite"),
+        (b"value = 220\n", b"value = \xff220\n", "is not TOML: byte .* is not UTF-8"),
+        (b"value = 220\n", b'value = "' + b"x" * 10_000 + b'"\n', r"wheel\.mass = 'xxx.*…: must be a finite number"),
+        (b"value = 220\n", b"value = -3\n", r"wheel\.mass = -3 kg: must be finite and"),
+        (b"range = [170, 300]", b"range = [300, 170]", r"range = \[300, 170\]: must be \[low, high\]"),
+        (b"range = [170, 300]", b"range = [170, inf]", r"range = \[170, inf\]: must be \[low, high\] with finite"),
+        (b"range = [170, 300]", b"range = [170, " + b"1" * 400 + b"]", "range = .*an integer of 400 digits"),
+        (b"range = [170, 300]", b"range = [" + b"1," * 9000 + b"2]", r"range = \[1, 1, …\]"),
+        (b"[wheel.mass]", b"[wheel.ma\nss]", "is not TOML"),
+        (b"[wheel.mass]", b"[wheel." + b"m" * 9000 + b"]", "unknown parameter 'wheel.mmm"),
+        (b"[wheel.mass]", b"[" + b"a." * 20 + b"b]", "nested more than 8 deep"),
+    ],
+)  # fmt: skip
+def test_each_fault_is_named_with_the_file(tmp_path: Path, old: bytes, new: bytes, says: str) -> None:
+    content = BUNDLED.replace(MASS, MASS.replace(old, new), 1)
+    assert content != BUNDLED
+    path = tmp_path / "edited.toml"
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=says) as caught:
+        Machine.load(path)
+    message = str(caught.value)
+    assert re.match(rf"(machine file )?{re.escape(str(path))}", message)
+    assert "\n" not in message and len(message) < len(str(path)) + 400
+
+
+@pytest.mark.parametrize(
+    ("change", "mass"),
+    [
+        (lambda content: b"\xef\xbb\xbf" + content, 220.0),  # a byte order mark
+        (lambda content: content.replace(b"\n", b"\r\n"), 220.0),  # Windows
+        (lambda content: content.replace(MASS, MASS.replace(b"220", b"2.2e2")), 220.0),
+        (lambda content: content.replace(MASS, MASS.replace(b"220", b"310")), 310.0),  # outside of its plausible range
+        (lambda content: b"# note: " + b"." * 5000 + b"\n" + content, 220.0),
+    ],
+)
+def test_valid_neighbours_are_read_value_for_value(tmp_path: Path, change, mass) -> None:
+    path = tmp_path / "neighbour.toml"
+    path.write_bytes(change(BUNDLED))
+    machine, bundled = Machine.load(path), Machine.load("aoro_datasheet")
+    assert machine.wheel.mass == mass
+    assert {k: e.si for k, e in machine.entries.items() if k != "wheel.mass"} == {
+        k: e.si for k, e in bundled.entries.items() if k != "wheel.mass"
+    }
+
+
+def test_a_file_of_many_megabytes_is_refused_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "large.toml"
+    path.write_bytes(b"#" * (1 << 21))
+    with pytest.raises(ValueError, match=r"large\.toml has 2,097,152 bytes, but a TOML file at most 1,048,576"):
+        Machine.load(path)
