@@ -20,11 +20,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-from aoro_gym.arrays import Array
 from aoro_gym.envs import path_tracking, turning
 from aoro_gym.envs.randomisation import Randomisation
 from aoro_gym.envs.task import Task
 from aoro_gym.envs.terms import RewardTerm, changed_rewards
+from aoro_gym.execution.array_api import Array
 
 SPREADS: Mapping[str, Mapping[str, Randomisation]] = {
     "AORO/Turning-v0": {"fixed": turning.FIXED, "mild": turning.MILD},

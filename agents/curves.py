@@ -21,8 +21,8 @@ from aoro_gym.envs.courses import Course
 from aoro_gym.execution.files import read_json, written_whole
 from aoro_gym.execution.provenance import PROVENANCE, changed_inputs, listed
 from aoro_gym.machine import Machine
-from aoro_gym.style import INK, PLOT_STYLE, SOFT
-from aoro_gym.terminal import Comparison
+from aoro_gym.reporting.style import INK, PLOT_STYLE, SOFT
+from aoro_gym.reporting.terminal import Comparison
 
 
 @dataclass(frozen=True)

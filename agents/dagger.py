@@ -31,9 +31,9 @@ from aoro_gym.agents.reference import reference_policy
 from aoro_gym.agents.training_plan import TrainingPlan
 from aoro_gym.agents.vec_env import make_vec_env
 from aoro_gym.agents.watching import Clock, Watch
-from aoro_gym.arrays import Array
 from aoro_gym.envs import path_tracking, turning
 from aoro_gym.envs.vector import TwinVectorEnv
+from aoro_gym.execution.array_api import Array
 
 EXACT: Mapping[str, Mapping[str, Callable[[Any], Array]]] = {
     "AORO/Turning-v0": turning.EXACT_TERMS,

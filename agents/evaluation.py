@@ -37,10 +37,10 @@ from aoro_gym.agents.controllers import Policy
 from aoro_gym.agents.keeping import Kept
 from aoro_gym.agents.reference import REFERENCE_POLICIES, Factory
 from aoro_gym.agents.responses import EPISODE_STEPS, responses, rollout
-from aoro_gym.cluster import ClusterError, Failed, connected, on_ray
 from aoro_gym.envs.courses import Course, library
 from aoro_gym.envs.path_tracking import PathTrackingVectorEnv
 from aoro_gym.envs.turning import TurningVectorEnv
+from aoro_gym.execution.cluster import ClusterError, Failed, connected, on_ray
 from aoro_gym.machine import Machine
 
 AT_ONCE = 64
@@ -365,8 +365,8 @@ def evaluate(
             default the same.
         device: ``"cpu"`` or ``"cuda:N"``.
         reward_terms: Changes by name to what the return is made of; see :mod:`aoro_gym.envs.terms`.
-        ray: Address of the Ray cluster to drive on, see :func:`aoro_gym.cluster.connected`; here by default. The episodes
-            are the same.
+        ray: Address of the Ray cluster to drive on, see :func:`aoro_gym.execution.cluster.connected`; here by default.
+            The episodes are the same.
         kept: Folder to keep episodes in, by parts, and to read those from that were driven before; see
             :mod:`aoro_gym.agents.keeping`.
         progress: Called with a policy's name and the share of everything that is done.

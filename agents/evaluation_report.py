@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from aoro_gym.agents.evaluation import BOUNDED, OVER, RATES, Episodes, Evaluation, Interval
 from aoro_gym.envs.courses import Course
 from aoro_gym.execution.files import write_json, written_whole
-from aoro_gym.report import Passage, write_gif, write_html
-from aoro_gym.style import AMBER, BLUE, GREEN, INK, PLOT_STYLE, PURPLE, RED, SOFT
-from aoro_gym.terminal import Comparison
+from aoro_gym.reporting.page import Passage, write_gif, write_html
+from aoro_gym.reporting.style import AMBER, BLUE, GREEN, INK, PLOT_STYLE, PURPLE, RED, SOFT
+from aoro_gym.reporting.terminal import Comparison
 from aoro_gym.terrains import Plane
 from aoro_gym.terrains.figures import draw_terrain, place_legend
 from aoro_gym.terrains.forest import Obstacle

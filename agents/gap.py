@@ -45,7 +45,7 @@ from aoro_gym.agents.training_plan import TrainingPlan
 from aoro_gym.envs.courses import Course
 from aoro_gym.execution.files import read_json
 from aoro_gym.machine import Machine
-from aoro_gym.terminal import Comparison
+from aoro_gym.reporting.terminal import Comparison
 
 BASELINE, PLANT, IMPROVED = "baseline", "plant", "improved twin"
 """Where the policy drives."""

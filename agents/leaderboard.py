@@ -31,8 +31,8 @@ from aoro_gym.agents.reference import REFERENCE_POLICIES, Factory
 from aoro_gym.envs.courses import Course, forest_course
 from aoro_gym.execution.files import write_json, write_text, written_whole
 from aoro_gym.machine import Machine
-from aoro_gym.style import PLOT_STYLE
-from aoro_gym.terminal import Comparison
+from aoro_gym.reporting.style import PLOT_STYLE
+from aoro_gym.reporting.terminal import Comparison
 
 SEED = 40_000
 """Of the first episode."""

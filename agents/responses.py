@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from aoro_gym.agents.controllers import Policy
 from aoro_gym.envs.turning import TurningVectorEnv
 from aoro_gym.machine.sections import SteeringCylinder
-from aoro_gym.manoeuvres import TwinLost
 from aoro_gym.sensors.chain import STANDSTILL, measured_flow
-from aoro_gym.validation.key_figures import STEADY, TOLERANCE
+from aoro_gym.simulation.key_figures import STEADY, TOLERANCE
+from aoro_gym.simulation.manoeuvres import TwinLost
 
 EPISODE_STEPS = 500
 """Control steps of an episode of ``AORO/Turning-v0``."""
@@ -184,7 +184,7 @@ def flow_curves(run: Rollout) -> dict[float, NDArray[np.float64]]:
 def flow_overshoot(flow: NDArray[np.float64], turned: NDArray[np.float64], step: float, tolerance: float) -> float:
     """Peak of a turn's flow curve above its steady value, as a share [-] of the latter.
 
-    As of the full turns in :mod:`aoro_gym.validation.key_figures`: t = 0 where the joint has left its start by 0.1°, the
+    As of the full turns in :mod:`aoro_gym.simulation.key_figures`: t = 0 where the joint has left its start by 0.1°, the
     steady flow is the mean over [0.48 T, 0.92 T]. Two things differ, for a target is no stop: T is when the joint comes
     within ``tolerance`` of it, as it may come to rest there; and the peak is the largest flow up to T, as a short turn is
     over before 0.3 s.

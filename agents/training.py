@@ -48,8 +48,8 @@ from aoro_gym.agents.evaluation import TRIALS, evaluate
 from aoro_gym.agents.learned import LearnedPolicy, shortened
 from aoro_gym.agents.perturbations import PERTURBATIONS
 from aoro_gym.agents.training_plan import TrainingPlan
-from aoro_gym.cluster import ClusterError, Failed, connected, on_ray
 from aoro_gym.envs.courses import Course
+from aoro_gym.execution.cluster import ClusterError, Failed, connected, on_ray
 from aoro_gym.execution.digest import digest
 from aoro_gym.execution.files import read_json, write_json
 from aoro_gym.execution.locking import locked
@@ -489,7 +489,7 @@ def train_seeds(
     Args:
         plans: By folder, as :func:`begin` or :func:`recall` were given or gave; likewise ``recipes``.
         recipes: See there.
-        ray: Address of the cluster, see :func:`aoro_gym.cluster.connected`.
+        ray: Address of the cluster, see :func:`aoro_gym.execution.cluster.connected`.
         machine: To learn on.
         courses: Where to learn.
         held_out: Where to evaluate.

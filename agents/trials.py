@@ -21,8 +21,8 @@ from typing import Any
 
 from aoro_gym.agents.training import EVALUATIONS, continued, entry_of, inputs_of, read_recipe, train
 from aoro_gym.agents.training_plan import HYPERPARAMS, TrainingPlan
-from aoro_gym.cluster import RETRIES, connected
 from aoro_gym.envs.courses import Course
+from aoro_gym.execution.cluster import RETRIES, connected
 from aoro_gym.execution.files import read_json, write_json, write_text
 from aoro_gym.execution.locking import locked
 from aoro_gym.execution.provenance import PROVENANCE, check_provenance
@@ -135,7 +135,7 @@ def search(
         space: What is searched.
         folder: Gets ``trials`` with a training each, ``search.json``, ``trials.json`` and ``best.yml``; all nodes see it.
         trials: How many, those included that fall behind.
-        ray: Address of the cluster, see :func:`aoro_gym.cluster.connected`.
+        ray: Address of the cluster, see :func:`aoro_gym.execution.cluster.connected`.
         machine: To learn on.
         courses: Where to learn.
         held_out: Where to evaluate.

@@ -18,9 +18,9 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from aoro_gym.arrays import Array
 from aoro_gym.envs import register_envs
 from aoro_gym.envs.vector import TwinVectorEnv, contributions
+from aoro_gym.execution.array_api import Array
 
 try:
     from stable_baselines3.common.vec_env import VecEnv, VecMonitor  # pyright: ignore[reportMissingImports]

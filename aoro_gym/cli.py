@@ -28,16 +28,17 @@ from rich.table import Table
 from rich.text import Text
 from typer.core import TyperGroup
 
-from aoro_gym import __version__, terminal
+from aoro_gym import __version__
 from aoro_gym.agents.training_plan import JOIN_GAPS_HELP, PATH_CRS_HELP, PATH_HELP, TRACK_HELP, TrainingPlan
+from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
     from aoro_gym.agents.evaluation import Episodes
     from aoro_gym.agents.reference import Factory
     from aoro_gym.envs import Course
     from aoro_gym.machine import Machine
-    from aoro_gym.manoeuvres import Manoeuvre, Recording
-    from aoro_gym.report import Passage, Section
+    from aoro_gym.reporting.page import Passage, Section
+    from aoro_gym.simulation.manoeuvres import Manoeuvre, Recording
     from aoro_gym.terrains import Plane, Report
     from aoro_gym.twin import Twin
     from aoro_gym.validation import Validation
@@ -337,7 +338,7 @@ def simulate(
       aoro-gym simulate --manoeuvre my_commands.csv --start-angle 10 --out mine.csv
     """
     with _checking_input():
-        from aoro_gym.log import check_log_path
+        from aoro_gym.simulation.log import check_log_path
         from aoro_gym.terrains import Plane
 
         check_log_path(out)
@@ -377,7 +378,7 @@ def demo(
       aoro-gym demo --out cold --scale steering.valve.spool_time_constant=5
     """
     with _checking_input():
-        from aoro_gym.manoeuvres import standing_turn, straight_drive
+        from aoro_gym.simulation.manoeuvres import standing_turn, straight_drive
 
         _check_folder(out, "index.html")
         chosen = _machine(machine, set_, scale)
@@ -397,7 +398,7 @@ def demo(
         sections.append(_run(twin, plan))
         _write(sections[-1], twin, out / f"{name}.csv", made_by, page=False)
         terminal.out().print(_figure_table(sections[-1]))
-    from aoro_gym.report import write_html
+    from aoro_gym.reporting.page import write_html
 
     page = out / "index.html"
     write_html(page, "AORO twin: demo", _lead(made_by), sections, passages)
@@ -1629,8 +1630,8 @@ def seal(
       aoro-gym blind seal --suite quick --family development --seed 1 tuning
     """
     with _checking_input():
-        from aoro_gym.diagnosis.cases import FAMILIES, SUITES
-        from aoro_gym.diagnosis.sealing import write_cases
+        from aoro_gym.diagnosis_benchmark.cases import FAMILIES, SUITES
+        from aoro_gym.diagnosis_benchmark.sealing import write_cases
         from aoro_gym.execution.files import check_writable
 
         for option, value, known in (("suite", suite, SUITES), ("family", family, FAMILIES)):
@@ -1698,7 +1699,7 @@ def blind_run(
       aoro-gym blind run blind_standard --device cuda:0,cuda:1 --workers 120
     """
     with _checking_input():
-        from aoro_gym.diagnosis.running import diagnoses_folder, logged_sensors, run_cases
+        from aoro_gym.diagnosis_benchmark.running import diagnoses_folder, logged_sensors, run_cases
         from aoro_gym.execution.files import check_writable
 
         given = logged_sensors(folder) if sensors is None else sensors
@@ -1767,9 +1768,9 @@ def blind_score(
       aoro-gym blind score blind_standard --answers kept_elsewhere.json --out score_standard
     """
     with _checking_input():
-        from aoro_gym.diagnosis.running import diagnoses_folder, logged_sensors
-        from aoro_gym.diagnosis.scoring import score_cases
-        from aoro_gym.diagnosis.scoring_report import tables, write_score
+        from aoro_gym.diagnosis_benchmark.running import diagnoses_folder, logged_sensors
+        from aoro_gym.diagnosis_benchmark.scoring import score_cases
+        from aoro_gym.diagnosis_benchmark.scoring_report import tables, write_score
 
         found = diagnoses_folder(folder, logged_sensors(folder)) if diagnoses is None else diagnoses
         target = found if out is None else out
@@ -1805,9 +1806,9 @@ def atlas(
       aoro-gym blind atlas --out atlas
     """
     with _checking_input():
-        from aoro_gym.diagnosis.atlas import survey
-        from aoro_gym.diagnosis.atlas_report import tables, write_atlas
         from aoro_gym.diagnosis.replay import Simulator
+        from aoro_gym.diagnosis_benchmark.atlas import survey
+        from aoro_gym.diagnosis_benchmark.atlas_report import tables, write_atlas
 
         _check_folder(out, "atlas.json")
         _check_device(device)
@@ -1834,10 +1835,10 @@ def _checking_input() -> Iterator[None]:
 @contextmanager
 def _running() -> Iterator[None]:
     """Turn a run that failed into one line and exit code 1; with 2 where its folder is another run's."""
-    from aoro_gym.cluster import ClusterError
+    from aoro_gym.execution.cluster import ClusterError
     from aoro_gym.execution.locking import FolderInUse
     from aoro_gym.execution.provenance import ChangedCode, ChangedInput
-    from aoro_gym.manoeuvres import TwinLost
+    from aoro_gym.simulation.manoeuvres import TwinLost
 
     try:
         yield
@@ -1949,8 +1950,8 @@ def _assignments(option: str, texts: list[str] | None) -> dict[str, float]:
 def _manoeuvre(
     name: str, signal: float | None, duration: float | None, start_angle: float | None, machine: Machine, out: Path
 ) -> Manoeuvre:
-    from aoro_gym import manoeuvres
     from aoro_gym.recording.tables import listed
+    from aoro_gym.simulation import manoeuvres
 
     joint_range = float(machine.joint.range)
     if name in ("left", "right", "drive"):
@@ -2211,9 +2212,9 @@ def _counts(option: str, text: str) -> tuple[int, ...]:
 
 
 def _run(twin: Twin, plan: Manoeuvre) -> Section:
-    from aoro_gym.figures import key_figures
-    from aoro_gym.manoeuvres import run
-    from aoro_gym.report import Section
+    from aoro_gym.reporting.page import Section
+    from aoro_gym.simulation.figures import key_figures
+    from aoro_gym.simulation.manoeuvres import run
 
     with terminal.progress(plan.title) as tell, _running():
         recording = run(
@@ -2229,8 +2230,8 @@ def _write(section: Section, twin: Twin, out: Path, made_by: dict[str, Any], *, 
     """Log, manifest, key figures and plots; returns the paths."""
     import numpy as np
 
-    from aoro_gym.log import log_columns, write_log
-    from aoro_gym.report import write_html, write_png
+    from aoro_gym.reporting.page import write_html, write_png
+    from aoro_gym.simulation.log import log_columns, write_log
 
     plan = section.recording.manoeuvre
     about = _about(section.recording, twin, made_by)
@@ -2248,7 +2249,7 @@ def _write(section: Section, twin: Twin, out: Path, made_by: dict[str, Any], *, 
 
 def _about(recording: Recording, twin: Twin, made_by: dict[str, Any]) -> dict[str, Any]:
     """The manifest of a log."""
-    from aoro_gym.log import IDEAL, NOISY
+    from aoro_gym.simulation.log import IDEAL, NOISY
     from aoro_gym.terrains import Plane
 
     plan, terrain = recording.manoeuvre, twin.terrain
@@ -2295,7 +2296,7 @@ def _validated(chosen: Machine, second: Machine | None, family: list[Machine], d
 
 def _validation_passage(result: Validation, folder: Path) -> Passage:
     """The report of a validation in ``folder``, and what the demo shows of it."""
-    from aoro_gym.report import Passage
+    from aoro_gym.reporting.page import Passage
     from aoro_gym.validation.report import print_tables, write_report
 
     with _running():
@@ -2312,7 +2313,7 @@ def _swing(chosen: Machine, device: str, seed: int, path: Path) -> Passage:
 
     from aoro_gym.agents import ProportionalDerivative
     from aoro_gym.envs import TurningEnv
-    from aoro_gym.report import Passage, write_gif
+    from aoro_gym.reporting.page import Passage, write_gif
 
     env = TurningEnv(machine=chosen, device=device, render_mode="rgb_array")
     policy = ProportionalDerivative(env.observation_layout)
@@ -2346,7 +2347,7 @@ def _forest_drive(chosen: Machine, device: str, seed: int, folder: Path) -> Pass
     from aoro_gym.agents.evaluation import evaluate, policy_factory
     from aoro_gym.agents.evaluation_report import write_film, write_plans
     from aoro_gym.envs import Course
-    from aoro_gym.report import Passage
+    from aoro_gym.reporting.page import Passage
     from aoro_gym.terrains import drivable_path, load
     from aoro_gym.terrains.forest import forest
     from aoro_gym.terrains.scan import scan
@@ -2444,7 +2445,7 @@ def _training_table(found: list[dict[str, Any]]) -> terminal.Comparison:
 
 def _calibration_tables(report: dict[str, Any]) -> Iterator[terminal.Comparison | str]:
     """What a calibration found: its verdict, misses of figures or intervals of parameters, then what it leaves open."""
-    from aoro_gym.report import describe
+    from aoro_gym.reporting.page import describe
 
     verdict = report["verdict"]
     yield f"[bold {'green' if verdict['fits'] else 'red'}]{escape(verdict['sentence'])}[/]"
@@ -2562,7 +2563,7 @@ def _lead(made_by: dict[str, Any]) -> str:
 
 
 def _figure_table(section: Section) -> terminal.Comparison:
-    from aoro_gym.report import describe, show
+    from aoro_gym.reporting.page import describe, show
 
     rows = []
     for key, value in section.figures.items():

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aoro_gym.arrays import HOST, Array, Arrays, Index, namespace
+from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, namespace
 
 GEAR_DISPLACEMENT = (1.0, 0.75, 0.5)
 """Displacement of all motors in gears 1, 2 and 3, as a share of the full one: half on one axle, then on both."""

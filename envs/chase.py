@@ -18,8 +18,8 @@ from aoro_gym.envs.courses import Course, HeightMap
 from aoro_gym.envs.path_table import PathTable
 from aoro_gym.envs.rendering import PAPER, Canvas, Traces
 from aoro_gym.machine import Machine
+from aoro_gym.reporting.style import AMBER, BLUE, GREEN, INK, RED, SOFT
 from aoro_gym.sensors.attitude import in_world
-from aoro_gym.style import AMBER, BLUE, GREEN, INK, RED, SOFT
 from aoro_gym.twin.records import WHEELS
 
 SIZE = (1120, 630)

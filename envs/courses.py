@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym import terrains
-from aoro_gym.arrays import HOST, Array, Arrays
+from aoro_gym.execution.array_api import HOST, Array, Arrays
 from aoro_gym.execution.cache import computed_with, kept
 from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.terrains.raster import CELL, surface

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aoro_gym.arrays import HOST, Array, Arrays, Index
+from aoro_gym.execution.array_api import HOST, Array, Arrays, Index
 from aoro_gym.sensors import JointAngleNoise, JointAngleSensor
 from aoro_gym.sensors.joint_angle import slope_weights
 

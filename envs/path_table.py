@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym.arrays import HOST, Array, Arrays
+from aoro_gym.execution.array_api import HOST, Array, Arrays
 from aoro_gym.terrains import Path
 
 

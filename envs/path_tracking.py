@@ -23,7 +23,6 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from aoro_gym.arrays import HOST, Array, Arrays, Index, floats
 from aoro_gym.envs.assistance import ArmControl, ArmController, AutomaticGear, GearShift, Stance, TractionControl
 from aoro_gym.envs.courses import Course, HeightMap, as_courses
 from aoro_gym.envs.joint import MeasuredJoint
@@ -33,6 +32,7 @@ from aoro_gym.envs.single import TwinEnv
 from aoro_gym.envs.task import Outputs, Start, Terrains, chosen, divides, given, sensing
 from aoro_gym.envs.terms import Frozen, ObservationTerm, RewardTerm, changed_observations, changed_rewards
 from aoro_gym.envs.vector import TwinVectorEnv, check_keywords
+from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats
 from aoro_gym.machine import Machine
 from aoro_gym.sensors import (
     Antennas,

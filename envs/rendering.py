@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.machine import Machine
-from aoro_gym.style import AMBER, BLUE, GREEN, GRID, INK, RED, SOFT
+from aoro_gym.reporting.style import AMBER, BLUE, GREEN, GRID, INK, RED, SOFT
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

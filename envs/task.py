@@ -10,9 +10,9 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from aoro_gym.arrays import HOST, Array, Arrays, Index
 from aoro_gym.envs.randomisation import Draws, Randomisation
 from aoro_gym.envs.terms import ObservationTerm, RewardTerm
+from aoro_gym.execution.array_api import HOST, Array, Arrays, Index
 from aoro_gym.machine import Machine
 from aoro_gym.terrains import Plane, Terrain
 from aoro_gym.twin.records import Output, State, row_of

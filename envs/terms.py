@@ -27,7 +27,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from aoro_gym.arrays import Array
+from aoro_gym.execution.array_api import Array
 
 LARGEST = 1e6
 """Bound of an observation term that states none; check_env wants finite spaces."""

@@ -17,12 +17,12 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from aoro_gym.arrays import HOST, Array, Arrays, floats, namespace
 from aoro_gym.envs.copying import copied, pickled
 from aoro_gym.envs.randomisation import variants
 from aoro_gym.envs.rendering import RENDER_MODES, Renderer
 from aoro_gym.envs.task import Outputs, Task, channel_row
 from aoro_gym.envs.terms import observations_of, rewards_of
+from aoro_gym.execution.array_api import HOST, Array, Arrays, floats, namespace
 from aoro_gym.machine import Machine
 from aoro_gym.machine.parameters import InvalidMachine, OutsideRangeWarning, shortened
 from aoro_gym.sensors.attitude import angles_of

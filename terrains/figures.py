@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym.style import INK, SOFT
+from aoro_gym.reporting.style import INK, SOFT
 from aoro_gym.terrains.forest import COVERS, Obstacle, Zone
 from aoro_gym.terrains.heights import Heights, sample_triangles
 from aoro_gym.terrains.path import Path

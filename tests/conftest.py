@@ -9,7 +9,7 @@ import warp
 
 from aoro_gym import Machine, Twin
 from aoro_gym.calibration.procedure import measured_curve
-from aoro_gym.manoeuvres import Recording, run, standing_turn, straight_drive
+from aoro_gym.simulation.manoeuvres import Recording, run, standing_turn, straight_drive
 
 warp.config.log_level = warp.LOG_ERROR
 

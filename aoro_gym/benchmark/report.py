@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from aoro_gym.benchmark.peers import sound
-from aoro_gym.terminal import Comparison
+from aoro_gym.reporting.terminal import Comparison
 
 
 def tables(result: dict[str, Any]) -> list[Comparison]:

@@ -10,7 +10,7 @@ import warp as wp
 from aoro_gym.benchmark.scene import CHANGES, CONTROL_STEP, signals, starts, terrain
 from aoro_gym.benchmark.timing import Subject
 from aoro_gym.machine import Machine
-from aoro_gym.manoeuvres import TwinLost
+from aoro_gym.simulation.manoeuvres import TwinLost
 from aoro_gym.terrains import Plane
 from aoro_gym.twin import Twin
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from aoro_gym.calibration.turns import population_figures
 from aoro_gym.machine import Machine
-from aoro_gym.validation.key_figures import FIGURES
+from aoro_gym.simulation.key_figures import FIGURES
 from aoro_gym.validation.published import published, published_rows, valve_flow
 from aoro_gym.validation.turns import Turn, motor_pressure_at
 

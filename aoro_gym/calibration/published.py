@@ -19,7 +19,7 @@ from aoro_gym.calibration.space import Space
 from aoro_gym.calibration.turns import population_figures
 from aoro_gym.execution.digest import digest
 from aoro_gym.machine import Machine
-from aoro_gym.validation.key_figures import FIGURES
+from aoro_gym.simulation.key_figures import FIGURES
 from aoro_gym.validation.published import published, published_rows
 from aoro_gym.validation.study import (
     BARE_PRESSURE_TARGET,

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.machine import Machine
+from aoro_gym.simulation.key_figures import FIGURES, key_figures_batch
 from aoro_gym.twin import Twin
-from aoro_gym.validation.key_figures import FIGURES, key_figures_batch
 from aoro_gym.validation.turns import Turn
 
 STANDSTILL = 0.6

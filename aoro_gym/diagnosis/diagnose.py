@@ -169,8 +169,8 @@ def diagnose(
 def diagnose_case(place: Path, out: Path, *, sensors: str, device: str) -> Diagnosis:
     """Diagnose a case of the blind check: ``machine.toml``, ``logs/*.csv`` and, if there, ``healthy/*.csv`` in ``place``;
     writes ``diagnosis.json`` to ``out``."""
-    from aoro_gym.diagnosis.sealing import SENSORS
     from aoro_gym.diagnosis.sharing import simulator
+    from aoro_gym.diagnosis_benchmark.sealing import SENSORS
 
     recordings, healthy = (
         [_only(read_recording(path), SENSORS[sensors]) for path in logs_in(place / purpose)]

@@ -11,7 +11,7 @@ from aoro_gym.diagnosis.problem import Problem
 from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.diagnosis.replay import FINE, Task, Variants
 from aoro_gym.sensors.chain import STANDSTILL
-from aoro_gym.validation.key_figures import FIGURES, key_figures_batch
+from aoro_gym.simulation.key_figures import FIGURES, key_figures_batch
 
 NEAR_STOP = np.radians(2.0)
 """Angle [rad] from the stop within which a full turn begins."""
@@ -22,7 +22,7 @@ def key_figures(
     problem: Problem, before: Variants, after: Variants
 ) -> Mapping[str, Mapping[str, Mapping[str, float | None]]]:
     """By turn and figure: measured, before, after; means over repeats, in the units of
-    :mod:`aoro_gym.validation.key_figures`.
+    :mod:`aoro_gym.simulation.key_figures`.
 
     Measured is what the log says: what a healthy machine does otherwise than its twin is in it, too. The stop is where each
     angle comes to rest. None where a log does not show a figure.

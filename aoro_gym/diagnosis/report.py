@@ -46,8 +46,8 @@ from aoro_gym.diagnosis.words import (
     with_unit,
 )
 from aoro_gym.effects.catalogue import EFFECTS, Effect
-from aoro_gym.report import card, describe, show, write_page
-from aoro_gym.style import AMBER, BLUE, GREEN, GRID, INK, PLOT_STYLE, PURPLE, RED, SOFT
+from aoro_gym.reporting.page import card, describe, show, write_page
+from aoro_gym.reporting.style import AMBER, BLUE, GREEN, GRID, INK, PLOT_STYLE, PURPLE, RED, SOFT
 
 COLOURS: Mapping[str, str] = {
     "no_gap": GREEN, "calibration": BLUE, "cause": RED, "ambiguous": AMBER, "unknown": PURPLE, "inconclusive": SOFT,

@@ -32,7 +32,7 @@ import numpy as np
 import warp as wp
 
 from aoro_gym.diagnosis.replay import Launching, Request, Signals, Simulator, Steps
-from aoro_gym.diagnosis.workers import interrupts_held
+from aoro_gym.execution.workers import interrupts_held
 
 WRITERS = 4
 """Threads that write answers."""

@@ -1,6 +1,6 @@
 """From a table of key figures to a diagnosis: for machines of which no log exists, only what was published of full turns.
 
-A row is one full turn with its figures (:mod:`aoro_gym.validation.key_figures`). What may part them from the twin's is a
+A row is one full turn with its figures (:mod:`aoro_gym.simulation.key_figures`). What may part them from the twin's is a
 :class:`~aoro_gym.diagnosis.problem.Problem` whose measurements are figures instead of samples, so that all of day one's
 method holds: uncertain parameters within their ranges, every effect and pair with the same freedom, Laplace's evidence.
 *Nothing* is the twin as it was given; *calibration* is other parameters within their ranges. As no healthy log says that
@@ -59,7 +59,7 @@ from aoro_gym.machine import Machine
 from aoro_gym.recording.tables import listed, parse_number, read_table, shown
 from aoro_gym.sensors.chain import STANDSTILL
 from aoro_gym.sensors.joint_angle import JointAngleSensor
-from aoro_gym.validation.key_figures import FIGURES, LITRE_PER_MINUTE, key_figures_batch
+from aoro_gym.simulation.key_figures import FIGURES, LITRE_PER_MINUTE, key_figures_batch
 from aoro_gym.validation.published import published_rows
 from aoro_gym.validation.study import TARGETS
 from aoro_gym.validation.turns import REST_AFTER, REST_BEFORE, Turn
@@ -112,7 +112,7 @@ class Row:
     """One full turn in a table.
 
     Attributes:
-        figures: Those that are known, by their names in :data:`~aoro_gym.validation.key_figures.FIGURES`.
+        figures: Those that are known, by their names in :data:`~aoro_gym.simulation.key_figures.FIGURES`.
         std: Their standard deviations, where the table has them.
     """
 

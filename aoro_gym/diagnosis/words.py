@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from aoro_gym import log
 from aoro_gym.diagnosis.result import (
     CALIBRATION,
     KEY_FIGURES,
@@ -26,7 +25,8 @@ from aoro_gym.diagnosis.result import (
     presence,
 )
 from aoro_gym.effects.catalogue import EFFECTS, Effect
-from aoro_gym.log import BAR, DEGREE, LITRE_PER_MINUTE
+from aoro_gym.simulation import log
+from aoro_gym.simulation.log import BAR, DEGREE, LITRE_PER_MINUTE
 
 WORTH_NAMING = 0.05
 """Probability from which a cause is named among those that cannot be told apart."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from aoro_gym.arrays import Array, floats, namespace
+from aoro_gym.execution.array_api import Array, floats, namespace
 
 
 def in_world(roll: Array, pitch: Array, yaw: Array, vector: Array) -> Array:

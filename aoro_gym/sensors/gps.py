@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aoro_gym.arrays import HOST, Array, Arrays, Index
+from aoro_gym.execution.array_api import HOST, Array, Arrays, Index
 from aoro_gym.sensors.attitude import in_world, wrapped
 from aoro_gym.sensors.noise import (
     Drift,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aoro_gym.arrays import HOST, Array, Arrays, Index, floats, namespace
+from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats, namespace
 from aoro_gym.sensors.chain import SAMPLE_RATE
 from aoro_gym.sensors.noise import (
     Drift,

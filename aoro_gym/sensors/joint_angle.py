@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from aoro_gym.arrays import HOST, Array, Arrays, Index, floats, namespace
+from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats, namespace
 from aoro_gym.sensors.chain import SAMPLE_RATE, sample, sampling_rate
 from aoro_gym.sensors.noise import (
     Seeds,

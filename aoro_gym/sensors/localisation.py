@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from aoro_gym.arrays import HOST, Array, Arrays, Index, floats
+from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats
 from aoro_gym.sensors.attitude import in_world, wrapped
 from aoro_gym.sensors.gps import Antennas, GpsReading
 from aoro_gym.sensors.noise import chosen_rows

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from aoro_gym.arrays import HOST, Array, Arrays, Index, namespace
+from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, namespace
 
 Seeds = Array
 """int64 (N,), or (C, N) for C channels: 64 bits each. Signed, as torch calculates with no others."""

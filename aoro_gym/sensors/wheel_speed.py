@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aoro_gym.arrays import HOST, Array, Arrays, Index, floats, namespace
+from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats, namespace
 from aoro_gym.sensors.noise import (
     Seeds,
     channels,

@@ -9,7 +9,7 @@ import csv
 from functools import cache
 from importlib.resources import files
 
-from aoro_gym.validation.key_figures import FIGURES
+from aoro_gym.simulation.key_figures import FIGURES
 
 Row = dict[str, str | float | None]
 """A row of key figures: ``direction``, ``signal_percent``, ``source``, and every name of ``FIGURES`` (None: unknown)."""

@@ -16,10 +16,10 @@ from rich.markup import escape
 from rich.text import Text
 
 from aoro_gym.execution.files import written_whole
-from aoro_gym.report import card, describe, interactive_plot, picture, show, write_page
-from aoro_gym.style import AMBER, BLUE, GREEN, INK, PLOT_STYLE, SHADE, SOFT
-from aoro_gym.terminal import Comparison
-from aoro_gym.validation.key_figures import FIGURES, SECOND_PEAK, STEADY, UNDERSHOOT_END
+from aoro_gym.reporting.page import card, describe, interactive_plot, picture, show, write_page
+from aoro_gym.reporting.style import AMBER, BLUE, GREEN, INK, PLOT_STYLE, SHADE, SOFT
+from aoro_gym.reporting.terminal import Comparison
+from aoro_gym.simulation.key_figures import FIGURES, SECOND_PEAK, STEADY, UNDERSHOOT_END
 from aoro_gym.validation.published import Row
 from aoro_gym.validation.study import TARGETS, Curve, Validation
 from aoro_gym.validation.turns import TURNS, Turn

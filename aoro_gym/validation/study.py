@@ -16,8 +16,8 @@ from aoro_gym.execution.files import write_json
 from aoro_gym.machine import Machine
 from aoro_gym.sensors.chain import SAMPLE_RATE, measured_flow, sample
 from aoro_gym.sensors.joint_angle import JointAngleNoise, JointAngleSensor
+from aoro_gym.simulation.key_figures import FIGURES, key_figures_batch, turn_span
 from aoro_gym.twin.hydraulic_step import FineStepWarning
-from aoro_gym.validation.key_figures import FIGURES, key_figures_batch, turn_span
 from aoro_gym.validation.published import Row, published, published_rows
 from aoro_gym.validation.turns import TURNS, Recording, Turn, motor_pressure_at, rim_speed, run_turns, stacked
 
@@ -86,7 +86,7 @@ class Miss:
     @property
     def words(self) -> str:
         """Such as ``first peak at 50 %, +38.9 %``."""
-        from aoro_gym.report import describe
+        from aoro_gym.reporting.page import describe
 
         name, unit, _ = describe(self.figure)
         if self.error is None:

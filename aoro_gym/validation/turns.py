@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from aoro_gym.machine import Machine
 from aoro_gym.sensors.chain import turn_flow
+from aoro_gym.simulation.key_figures import TOLERANCE
 from aoro_gym.twin import Twin
 from aoro_gym.twin.records import WHEELS
-from aoro_gym.validation.key_figures import TOLERANCE
 
 REST_BEFORE = 0.6
 """Standstill [s] before the signal's step: the machine settles, and the filter needs half a second."""

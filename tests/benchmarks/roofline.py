@@ -22,7 +22,7 @@ from rich.progress import track
 from aoro_gym import Machine, Twin
 from aoro_gym.benchmark.ceiling import OPERATIONS
 from aoro_gym.benchmark.probes import WIDTH, bandwidth, best, full, multiply_add, probe_time
-from aoro_gym.manoeuvres import TwinLost
+from aoro_gym.simulation.manoeuvres import TwinLost
 from aoro_gym.terrains import Plane, Terrain
 from aoro_gym.twin.physics.fluid import Oil, fill, free_gas, orifice, pressure, without_gas
 from aoro_gym.twin.records import pack

@@ -12,8 +12,8 @@ import numpy as np
 
 from aoro_gym import Machine, Twin
 from aoro_gym.agents.controllers import ProportionalDerivative
-from aoro_gym.arrays import Array
 from aoro_gym.envs.turning import TurningConfig
+from aoro_gym.execution.array_api import Array
 
 COUNT, SEED = 1000, 5
 LAYOUT = {"error": slice(0, 1), "joint_rate": slice(1, 2)}

@@ -11,10 +11,10 @@ from aoro_gym.calibration.recordings import CHANNELS, Recording, read_recording,
 from aoro_gym.calibration.replay import repeat, under_conditions
 from aoro_gym.calibration.verdict import Verdict, judge
 from aoro_gym.effects.catalogue import EFFECTS
-from aoro_gym.log import log_columns, write_log
 from aoro_gym.machine import Machine
-from aoro_gym.manoeuvres import from_file, run
 from aoro_gym.recording.manifest import Manifest
+from aoro_gym.simulation.log import log_columns, write_log
+from aoro_gym.simulation.manoeuvres import from_file, run
 from aoro_gym.terrains import Plane
 from aoro_gym.twin import Twin
 

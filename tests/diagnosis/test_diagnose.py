@@ -19,8 +19,8 @@ from aoro_gym.diagnosis.replay import Simulator, Variants
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, VERDICTS
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.execution.files import LOCK
-from aoro_gym.log import write_log
 from aoro_gym.machine import Machine
+from aoro_gym.simulation.log import write_log
 from tests.diagnosis.manoeuvres import FULL, blank, record, turn
 
 CANDIDATES = {name: EFFECTS[name] for name in ("spool_lag", "joint_friction", "sensor_gain")}

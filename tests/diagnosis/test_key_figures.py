@@ -13,8 +13,8 @@ from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.diagnosis.replay import FINE, Simulator, Task, Variants
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.machine import Machine
-from aoro_gym.validation import key_figures as published
-from aoro_gym.validation.key_figures import FIGURES
+from aoro_gym.simulation import key_figures as published
+from aoro_gym.simulation.key_figures import FIGURES
 from tests.diagnosis.manoeuvres import turn
 
 MACHINE = Machine.load("aoro")

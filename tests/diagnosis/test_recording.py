@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aoro_gym.diagnosis.recording import REST, TICK, read_recording
-from aoro_gym.log import write_log
+from aoro_gym.simulation.log import write_log
 
 
 def columns(duration: float = 3.0, rate: float = 100.0, rest: float = 0.5, level: float = 0.8) -> dict:

@@ -32,7 +32,7 @@ from aoro_gym.diagnosis.tables import (
 )
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.machine import Machine
-from aoro_gym.validation.key_figures import FIGURES
+from aoro_gym.simulation.key_figures import FIGURES
 from aoro_gym.validation.turns import Turn
 
 MACHINE = Machine.load("aoro")

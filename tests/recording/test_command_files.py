@@ -5,8 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from aoro_gym.manoeuvres import from_file
 from aoro_gym.recording.command_files import read_commands
+from aoro_gym.simulation.manoeuvres import from_file
 
 PLAIN = "time_s,steering_signal,gear\n0.1,0,1\n0.2,-0.5,1\n0.5,0.25,2\n"
 

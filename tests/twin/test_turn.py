@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from aoro_gym.sensors.chain import turn_flow
+from aoro_gym.simulation.key_figures import key_figures
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.twin.records import WHEELS, State
 from aoro_gym.twin.twin import Twin
-from aoro_gym.validation.key_figures import key_figures
 from tests.twin.rig import SteeringLedger, drive, integral, orifice, states
 
 SIGNALS = np.array([1.0, 0.75, 0.5, -1.0, -0.75, -0.5])  # positive left

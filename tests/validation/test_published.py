@@ -4,7 +4,7 @@ from importlib.resources import files
 
 import pytest
 
-from aoro_gym.validation.key_figures import FIGURES
+from aoro_gym.simulation.key_figures import FIGURES
 from aoro_gym.validation.published import published, published_rows, valve_flow
 
 

@@ -1,0 +1,1 @@
+"""Reports: self-contained pages, plots, and tables and progress in a terminal."""

@@ -1,0 +1,1 @@
+"""Simulated manoeuvres: commands, recordings of the twin, logs, and key figures of full turns."""
