@@ -16,13 +16,19 @@ from typing import TYPE_CHECKING
 from aoro_gym.lazy import on_first_use
 
 if TYPE_CHECKING:
-    from aoro_gym.agents.controllers import BangBang, Policy, ProportionalDerivative
-    from aoro_gym.agents.evaluation import Evaluation, evaluate
-    from aoro_gym.agents.learned import LearnedPolicy, load_policy, shipped_policies
-    from aoro_gym.agents.path_controllers import FullSpeedSteering, PreviewRegulator, PurePursuit, Stanley, Vehicle
-    from aoro_gym.agents.reference import REFERENCE_POLICIES, reference_policy
-    from aoro_gym.agents.responses import Rollout, responses, rollout
-    from aoro_gym.agents.vec_env import TwinVecEnv, make_vec_env
+    from aoro_gym.agents.controllers.path_tracking import (
+        FullSpeedSteering,
+        PreviewRegulator,
+        PurePursuit,
+        Stanley,
+        Vehicle,
+    )
+    from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES, reference_policy
+    from aoro_gym.agents.controllers.turning import BangBang, Policy, ProportionalDerivative
+    from aoro_gym.agents.evaluation.evaluate import Evaluation, evaluate
+    from aoro_gym.agents.evaluation.responses import Rollout, responses, rollout
+    from aoro_gym.agents.policies.learned import LearnedPolicy, load_policy, shipped_policies
+    from aoro_gym.agents.training.vec_env import TwinVecEnv, make_vec_env
 
 __all__ = [
     "REFERENCE_POLICIES",
@@ -50,12 +56,12 @@ __all__ = [
 __getattr__, __dir__ = on_first_use(
     __name__,
     {
-        "controllers": ("BangBang", "Policy", "ProportionalDerivative"),
-        "evaluation": ("Evaluation", "evaluate"),
-        "learned": ("LearnedPolicy", "load_policy", "shipped_policies"),
-        "path_controllers": ("FullSpeedSteering", "PreviewRegulator", "PurePursuit", "Stanley", "Vehicle"),
-        "reference": ("REFERENCE_POLICIES", "reference_policy"),
-        "responses": ("Rollout", "responses", "rollout"),
-        "vec_env": ("TwinVecEnv", "make_vec_env"),
+        "controllers.turning": ("BangBang", "Policy", "ProportionalDerivative"),
+        "evaluation.evaluate": ("Evaluation", "evaluate"),
+        "policies.learned": ("LearnedPolicy", "load_policy", "shipped_policies"),
+        "controllers.path_tracking": ("FullSpeedSteering", "PreviewRegulator", "PurePursuit", "Stanley", "Vehicle"),
+        "controllers.reference": ("REFERENCE_POLICIES", "reference_policy"),
+        "evaluation.responses": ("Rollout", "responses", "rollout"),
+        "training.vec_env": ("TwinVecEnv", "make_vec_env"),
     },
 )

@@ -29,12 +29,12 @@ from rich.text import Text
 from typer.core import TyperGroup
 
 from aoro_gym import __version__
-from aoro_gym.agents.training_plan import JOIN_GAPS_HELP, PATH_CRS_HELP, PATH_HELP, TRACK_HELP, TrainingPlan
+from aoro_gym.agents.training.plan import JOIN_GAPS_HELP, PATH_CRS_HELP, PATH_HELP, TRACK_HELP, TrainingPlan
 from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
-    from aoro_gym.agents.evaluation import Episodes
-    from aoro_gym.agents.reference import Factory
+    from aoro_gym.agents.controllers.reference import Factory
+    from aoro_gym.agents.evaluation.evaluate import Episodes
     from aoro_gym.envs import Course
     from aoro_gym.machine import Machine
     from aoro_gym.reporting.page import Passage, Section
@@ -827,7 +827,7 @@ def terrain(
     with _checking_input():
         from aoro_gym.execution.files import check_writable
         from aoro_gym.terrains.figures import draw_terrain
-        from aoro_gym.terrains.loading import load, save
+        from aoro_gym.terrains.io.loading import load, save
 
         mesh = out if out is not None else Path(f"{file.stem}_terrain.ply")
         if mesh.suffix != ".ply":
@@ -931,7 +931,7 @@ def evaluate(
       aoro-gym evaluate --env AORO/Turning-v0 --policy proportional-derivative --policy runs/turning/policy.json
     """
     with _checking_input():
-        from aoro_gym.agents import evaluation
+        from aoro_gym.agents.evaluation import evaluate as evaluation
 
         _check_folder(out, "index.html")
         policies = _policies(env, policy, trust_pickle=trust_pickle)
@@ -943,8 +943,8 @@ def evaluate(
     made_by = _made_by(machine, set_, scale, device, seed)
     made_by |= {"terrain": None if terrain is None else str(terrain), "path": None if path is None else str(path)}
     made_by |= {"track": track, "join_gaps": join_gaps, "path_crs": path_crs}
-    from aoro_gym.agents.evaluation_report import table, write_report
-    from aoro_gym.agents.keeping import accepted, resumable
+    from aoro_gym.agents.evaluation.episodes import accepted, resumable
+    from aoro_gym.agents.evaluation.report import table, write_report
 
     asked: dict[str, Any] = {
         "episodes": episodes, "repeats": repeats, "seed": seed, "courses": courses, "machine": chosen, "device": device,
@@ -1017,10 +1017,10 @@ def leaderboard(
       aoro-gym leaderboard --policy preview --policy runs/mine/best.json
     """
     with _checking_input():
-        from aoro_gym.agents import leaderboard as board
-        from aoro_gym.agents.evaluation import asked_of
-        from aoro_gym.agents.inputs import machine_ranges
-        from aoro_gym.agents.keeping import accepted, resumable
+        from aoro_gym.agents.evaluation import leaderboard as board
+        from aoro_gym.agents.evaluation.episodes import accepted, resumable
+        from aoro_gym.agents.evaluation.evaluate import asked_of
+        from aoro_gym.agents.evaluation.inputs import machine_ranges
 
         _check_folder(out, "leaderboard.json")
         policies = _policies(env, policy)
@@ -1066,8 +1066,8 @@ def curves(
       aoro-gym curves runs/turning_*
     """
     with _checking_input():
-        from aoro_gym.agents import curves as drawing
-        from aoro_gym.agents.keeping import accepted, resumable
+        from aoro_gym.agents.evaluation.episodes import accepted, resumable
+        from aoro_gym.agents.training import curves as drawing
 
         _check_folder(out, "curves.json")
         found = drawing.read(folders)
@@ -1139,11 +1139,11 @@ def gap(
       aoro-gym gap --policy runs/mine/best.json --plant field.toml --diagnosis diagnosis --retrain 500000
     """
     with _checking_input():
-        from aoro_gym.agents import gap as gaps
-        from aoro_gym.agents.evaluation import asked_of
-        from aoro_gym.agents.inputs import machine_values
-        from aoro_gym.agents.keeping import accepted, resumable
-        from aoro_gym.agents.leaderboard import forests
+        from aoro_gym.agents.evaluation.episodes import accepted, resumable
+        from aoro_gym.agents.evaluation.evaluate import asked_of
+        from aoro_gym.agents.evaluation.inputs import machine_values
+        from aoro_gym.agents.evaluation.leaderboard import forests
+        from aoro_gym.agents.training import gap as gaps
 
         _check_folder(out, "gap.json")
         _, make = next(iter(_policies(env, [policy]).items()))
@@ -1192,8 +1192,8 @@ def _learned_on(
 ) -> Factory:
     """The policy that a plan starts from after learning on, or what an earlier call of the same has come to."""
     with _checking_input():
-        from aoro_gym.agents import training
-        from aoro_gym.agents.learned import load_policy
+        from aoro_gym.agents.policies.learned import load_policy
+        from aoro_gym.agents.training import train as training
 
         training.versions(plan.trainer)  # all is there
         recipe = training.continued(plan, folder, restart=restart)
@@ -1319,7 +1319,7 @@ def train(
 
     with _resumable(goes_on):
         with _checking_input():
-            from aoro_gym.agents import training
+            from aoro_gym.agents.training import train as training
             from aoro_gym.execution.locking import locked
 
             if seeds is not None:
@@ -1361,7 +1361,7 @@ def _train_on_cluster(
 ) -> None:
     """``train --ray``."""
     with _checking_input():
-        from aoro_gym.agents import training
+        from aoro_gym.agents.training import train as training
         from aoro_gym.execution.locking import locked
 
         if seeds < 1:
@@ -1397,8 +1397,8 @@ def _search_on_cluster(
 ) -> None:
     """``train --ray --trials``."""
     with _checking_input():
-        from aoro_gym.agents import training
-        from aoro_gym.agents import trials as searching
+        from aoro_gym.agents.training import search as searching
+        from aoro_gym.agents.training import train as training
 
         if trials < 1:
             raise ValueError(f"--trials = {trials} is below 1")
@@ -1458,7 +1458,7 @@ def export(
       aoro-gym export runs/turning/policy.json --out turning.onnx
     """
     with _checking_input():
-        from aoro_gym.agents.learned import load_policy, write_onnx
+        from aoro_gym.agents.policies.learned import load_policy, write_onnx
         from aoro_gym.execution.files import check_writable
         from aoro_gym.execution.locking import locked
 
@@ -2041,7 +2041,7 @@ def _courses(
     if env != "AORO/PathTracking-v0":
         given = "--terrain" if path is None else "--path"
         raise ValueError(f"{given} is for AORO/PathTracking-v0; {env} turns on level ground")
-    from aoro_gym.envs.courses import Course, generated_paths
+    from aoro_gym.envs.path_tracking.courses import Course, generated_paths
     from aoro_gym.terrains import Plane, Terrain, load, load_path
 
     ground: Plane | Terrain = Plane()
@@ -2073,8 +2073,8 @@ def _training_courses(plan: TrainingPlan) -> tuple[list[Course] | None, list[Cou
     courses = _courses(plan.env, terrain, path, plan.path_length, **how)
     if plan.env != DRIVE:
         return None, None
-    from aoro_gym.envs.courses import Course, forest_course, generated_paths
-    from aoro_gym.terrains.planning import NoDrivablePath
+    from aoro_gym.envs.path_tracking.courses import Course, forest_course, generated_paths
+    from aoro_gym.terrains.paths.planning import NoDrivablePath
 
     if courses is None:
         doing, grown, total = "growing forests", [], plan.forests + len(HELD_OUT_FORESTS)
@@ -2119,9 +2119,9 @@ def _check_episodes(episodes: int, repeats: int = 1) -> None:
 
 def _policies(env: str, asked: list[str] | None, *, trust_pickle: bool = False) -> dict[str, Factory]:
     """What makes each policy, by its name in reports; all controllers and shipped policies if none is asked for."""
-    from aoro_gym.agents import evaluation
-    from aoro_gym.agents.learned import shipped_policies
-    from aoro_gym.agents.reference import REFERENCE_POLICIES
+    from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES
+    from aoro_gym.agents.evaluation import evaluate as evaluation
+    from aoro_gym.agents.policies.learned import shipped_policies
 
     if env not in evaluation.TRIALS:
         raise ValueError(f"--env {env!r} cannot be evaluated; choose one of: {', '.join(evaluation.TRIALS)}")
@@ -2344,13 +2344,13 @@ def _swing(chosen: Machine, device: str, seed: int, path: Path) -> Passage:
 def _forest_drive(chosen: Machine, device: str, seed: int, folder: Path) -> Passage:
     """An episode of ``AORO/PathTracking-v0`` on the scan of a generated forest, by a learned policy and by a controller; the
     scan, a plan view and a film of it stand in ``folder``."""
-    from aoro_gym.agents.evaluation import evaluate, policy_factory
-    from aoro_gym.agents.evaluation_report import write_film, write_plans
+    from aoro_gym.agents.evaluation.evaluate import evaluate, policy_factory
+    from aoro_gym.agents.evaluation.report import write_film, write_plans
     from aoro_gym.envs import Course
     from aoro_gym.reporting.page import Passage
     from aoro_gym.terrains import drivable_path, load
-    from aoro_gym.terrains.forest import forest
-    from aoro_gym.terrains.scan import scan
+    from aoro_gym.terrains.generate.forest import forest
+    from aoro_gym.terrains.generate.scan import scan
 
     with terminal.progress("scanning a forest") as tell, _running():
         grown = forest(FOREST_SEED, size=FOREST_SIZE)
@@ -2421,8 +2421,8 @@ def _calibrate(fit: Callable[..., Any], out: Path, *, force: bool = False, **opt
 
 def _training_table(found: list[dict[str, Any]]) -> terminal.Comparison:
     """The first evaluation of a training, that of the best return, and the last one."""
-    from aoro_gym.agents.evaluation import Interval
-    from aoro_gym.agents.evaluation_report import MARKS, named, shown
+    from aoro_gym.agents.evaluation.evaluate import Interval
+    from aoro_gym.agents.evaluation.report import MARKS, named, shown
 
     best = max(found, key=lambda one: one["figures"]["return"]["mean"])
     chosen = {"first": found[0], "best return": best, "last": found[-1]}

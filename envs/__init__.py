@@ -20,9 +20,11 @@ from aoro_gym.envs.registration import ENVIRONMENTS, register_envs
 from aoro_gym.lazy import on_first_use
 
 if TYPE_CHECKING:
-    from aoro_gym.envs.assistance import ArmControl
-    from aoro_gym.envs.courses import Course, forest_course
-    from aoro_gym.envs.path_tracking import (
+    from aoro_gym.envs.core.randomisation import Randomisation
+    from aoro_gym.envs.core.terms import ObservationTerm, RewardTerm
+    from aoro_gym.envs.path_tracking.assistance import ArmControl
+    from aoro_gym.envs.path_tracking.courses import Course, forest_course
+    from aoro_gym.envs.path_tracking.task import (
         PathTracking,
         PathTrackingConfig,
         PathTrackingEnv,
@@ -30,9 +32,7 @@ if TYPE_CHECKING:
         PathTrackingVectorEnv,
         PathTrackingView,
     )
-    from aoro_gym.envs.randomisation import Randomisation
-    from aoro_gym.envs.terms import ObservationTerm, RewardTerm
-    from aoro_gym.envs.turning import Turning, TurningConfig, TurningEnv, TurningVectorEnv, TurningView
+    from aoro_gym.envs.turning.task import Turning, TurningConfig, TurningEnv, TurningVectorEnv, TurningView
 
 __all__ = [
     "ENVIRONMENTS",
@@ -59,9 +59,9 @@ __all__ = [
 __getattr__, __dir__ = on_first_use(
     __name__,
     {
-        "assistance": ("ArmControl",),
-        "courses": ("Course", "forest_course"),
-        "path_tracking": (
+        "path_tracking.assistance": ("ArmControl",),
+        "path_tracking.courses": ("Course", "forest_course"),
+        "path_tracking.task": (
             "PathTracking",
             "PathTrackingConfig",
             "PathTrackingEnv",
@@ -69,8 +69,8 @@ __getattr__, __dir__ = on_first_use(
             "PathTrackingVectorEnv",
             "PathTrackingView",
         ),
-        "randomisation": ("Randomisation",),
-        "terms": ("ObservationTerm", "RewardTerm"),
-        "turning": ("Turning", "TurningConfig", "TurningEnv", "TurningVectorEnv", "TurningView"),
+        "core.randomisation": ("Randomisation",),
+        "core.terms": ("ObservationTerm", "RewardTerm"),
+        "turning.task": ("Turning", "TurningConfig", "TurningEnv", "TurningVectorEnv", "TurningView"),
     },
 )

@@ -7,16 +7,16 @@
 from typing import TYPE_CHECKING
 
 from aoro_gym.lazy import on_first_use
-from aoro_gym.terrains.path import Path
+from aoro_gym.terrains.paths.path import Path
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.terrains.terrain import Terrain
 
 if TYPE_CHECKING:
-    from aoro_gym.terrains.check import Report, TerrainError
     from aoro_gym.terrains.georeference import from_world, to_geographic, to_local
-    from aoro_gym.terrains.loading import Loaded, load
-    from aoro_gym.terrains.path_files import LoadedPath, PathReport, load_path, save_path
-    from aoro_gym.terrains.planning import drivable_path
+    from aoro_gym.terrains.io.check import Report, TerrainError
+    from aoro_gym.terrains.io.loading import Loaded, load
+    from aoro_gym.terrains.paths.path_files import LoadedPath, PathReport, load_path, save_path
+    from aoro_gym.terrains.paths.planning import drivable_path
 
 __all__ = [
     "Loaded",
@@ -39,10 +39,10 @@ __all__ = [
 __getattr__, __dir__ = on_first_use(
     __name__,
     {
-        "check": ("Report", "TerrainError"),
+        "io.check": ("Report", "TerrainError"),
         "georeference": ("from_world", "to_geographic", "to_local"),
-        "loading": ("Loaded", "load"),
-        "path_files": ("LoadedPath", "PathReport", "load_path", "save_path"),
-        "planning": ("drivable_path",),
+        "io.loading": ("Loaded", "load"),
+        "paths.path_files": ("LoadedPath", "PathReport", "load_path", "save_path"),
+        "paths.planning": ("drivable_path",),
     },
 )

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.reporting.style import INK, SOFT
-from aoro_gym.terrains.forest import COVERS, Obstacle, Zone
+from aoro_gym.terrains.generate.forest import COVERS, Obstacle, Zone
 from aoro_gym.terrains.heights import Heights, sample_triangles
-from aoro_gym.terrains.path import Path
+from aoro_gym.terrains.paths.path import Path
 from aoro_gym.terrains.terrain import Terrain
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from aoro_gym.agents.training_plan import TRAINERS
+from aoro_gym.agents.training.plan import TRAINERS
 from aoro_gym.benchmark import peers
 from aoro_gym.benchmark.ceiling import beside, counted, measure_ceiling
 from aoro_gym.benchmark.environments import ENVIRONMENT, OUTPUTS, environments
@@ -37,7 +37,7 @@ class Plan:
     env: str = ENVIRONMENT
     """Which environment steps, and is learned in."""
     trainers: tuple[str, ...] = ("sb3",)
-    """Who learns: some of :data:`aoro_gym.agents.training_plan.TRAINERS`."""
+    """Who learns: some of :data:`aoro_gym.agents.training.plan.TRAINERS`."""
     ground: str = "plane"
     """One of :data:`GROUNDS`."""
     randomise: bool = False
@@ -79,7 +79,7 @@ class Plan:
         if self.env != ENVIRONMENT and self.ground != "plane" and {"env", "train"} & set(self.what):
             raise ValueError(f"ground is {self.ground!r}, but {self.env} is timed on the plane; drop one of the two")
         if "train" in self.what:
-            from aoro_gym.agents.training import versions
+            from aoro_gym.agents.training.train import versions
 
             for trainer in self.trainers:
                 versions(trainer)  # all is there

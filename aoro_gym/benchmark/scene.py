@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.terrains import Terrain
-from aoro_gym.terrains.forest import forest
+from aoro_gym.terrains.generate.forest import forest
 
 GROUNDS = ("plane", "raster", "mesh")
 """Level asphalt, or a forest that the twins feel as a raster or as its triangles."""

@@ -6,8 +6,8 @@ import math
 
 import warp as wp
 
-from aoro_gym.agents.curriculum import curriculum
-from aoro_gym.agents.training_plan import TrainingPlan
+from aoro_gym.agents.training.curriculum import curriculum
+from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.benchmark.environments import ENVIRONMENT, placed
 from aoro_gym.benchmark.timing import Subject
 from aoro_gym.machine import Machine
@@ -30,8 +30,8 @@ def trainings(
 
     Raises ValueError if a library of the trainer's is missing.
     """
-    from aoro_gym.agents.training import learner_of, read_recipe
-    from aoro_gym.agents.watching import Clock, Watch
+    from aoro_gym.agents.training.callbacks import Clock, Watch
+    from aoro_gym.agents.training.train import learner_of, read_recipe
 
     plan = TrainingPlan(env=environment, trainer=trainer, device=device, seed=seed)
     recipe = read_recipe(plan)

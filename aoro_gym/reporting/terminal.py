@@ -269,7 +269,7 @@ def within(tell: Tell, begin: float, end: float) -> Tell:
 
 
 def learning(tell: Tell, what: str) -> Callable[[Any], None]:
-    """Takes reports of a training (:class:`aoro_gym.agents.watching.Progress`) and tells them on."""
+    """Takes reports of a training (:class:`aoro_gym.agents.training.callbacks.Progress`) and tells them on."""
 
     def report(now: Any) -> None:
         detail = f"{now.steps:,} of {now.total:,} steps, {now.steps_per_s:,.0f} a second"

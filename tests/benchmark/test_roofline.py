@@ -12,8 +12,8 @@ import warp as wp
 from aoro_gym import Twin
 from aoro_gym.twin.physics.fluid import Oil, fill_chamber, free_gas, orifice
 from aoro_gym.twin.records import Command, Output, State, pack
-from tests.benchmarks import roofline
-from tests.benchmarks.counting import (
+from studies import roofline_results as roofline
+from studies.counting import (
     Matrix,
     Quaternion,
     Tally,

@@ -2,8 +2,8 @@
 
 import pytest
 
-from aoro_gym.agents import training
-from aoro_gym.agents.training_plan import TRAINERS
+from aoro_gym.agents.training import train as training
+from aoro_gym.agents.training.plan import TRAINERS
 from aoro_gym.benchmark.report import tables
 from aoro_gym.benchmark.run import Plan, run
 from aoro_gym.benchmark.timing import RUNS

@@ -18,7 +18,7 @@ import ray  # pyright: ignore[reportMissingImports]
 from ray import cloudpickle  # pyright: ignore[reportMissingImports]
 from ray.cluster_utils import Cluster  # pyright: ignore[reportMissingImports]
 
-from aoro_gym.agents.evaluation import evaluate, policy_factory
+from aoro_gym.agents.evaluation.evaluate import evaluate, policy_factory
 from aoro_gym.execution.cluster import Failed, connected, on_ray
 from aoro_gym.machine import Machine
 
@@ -88,7 +88,7 @@ class Dying:
 
 
 def test_an_evaluation_with_a_killed_worker_is_the_one_made_here(cluster, tmp_path, monkeypatch):
-    monkeypatch.setattr("aoro_gym.agents.evaluation.SHARD", 2)
+    monkeypatch.setattr("aoro_gym.agents.evaluation.evaluate.SHARD", 2)
     told = []
     there = evaluate(
         TURNING,
@@ -119,8 +119,8 @@ def test_trainings_outlive_a_node_and_come_to_the_same_weights(cluster, tmp_path
         pytest.importorskip(name)
     from safetensors.numpy import load
 
-    from aoro_gym.agents import training
-    from aoro_gym.agents.training_plan import TrainingPlan
+    from aoro_gym.agents.training import train as training
+    from aoro_gym.agents.training.plan import TrainingPlan
 
     machine = Machine.load("aoro")
     small = ["n_steps=25", "batch_size=50", "n_epochs=1"]
@@ -159,8 +159,9 @@ def test_a_search_outlives_its_workers_and_its_trials_can_be_had_again(cluster, 
     psutil = pytest.importorskip("psutil")
     from safetensors.numpy import load
 
-    from aoro_gym.agents import training, trials
-    from aoro_gym.agents.training_plan import HYPERPARAMS, TrainingPlan
+    from aoro_gym.agents.training import search as trials
+    from aoro_gym.agents.training import train as training
+    from aoro_gym.agents.training.plan import HYPERPARAMS, TrainingPlan
 
     machine, folder = Machine.load("aoro"), tmp_path / "search"
     monkeypatch.chdir(tmp_path)  # where the recipe is found; trials work elsewhere

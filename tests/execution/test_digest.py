@@ -271,9 +271,9 @@ def test_every_source_of_the_package_counts():
     names = set(sources())
     assert {
         "twin/kernels.py",
-        "envs/vector.py",
-        "terrains/loading.py",
-        "agents/training.py",
+        "envs/core/vector.py",
+        "terrains/io/loading.py",
+        "agents/training/train.py",
         "machines/aoro.toml",
     } <= names
     assert not any("__pycache__" in name for name in names)

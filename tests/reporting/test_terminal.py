@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 from rich.text import Text
 
-from aoro_gym.agents.watching import Progress
+from aoro_gym.agents.training.callbacks import Progress
 from aoro_gym.reporting import terminal
 
 

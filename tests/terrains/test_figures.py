@@ -9,7 +9,7 @@ from matplotlib.colors import to_rgb
 
 from aoro_gym.terrains import Path, Terrain
 from aoro_gym.terrains.figures import PATH, ZONE_COLOURS, draw_terrain
-from aoro_gym.terrains.forest import COVERS, Obstacle, Zone
+from aoro_gym.terrains.generate.forest import COVERS, Obstacle, Zone
 
 
 @pytest.fixture(autouse=True)

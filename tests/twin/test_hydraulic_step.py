@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
-from aoro_gym.agents.perturbations import PERTURBATIONS
+from aoro_gym.agents.evaluation.perturbations import PERTURBATIONS
 from aoro_gym.machine import Machine
 from aoro_gym.twin import Twin
 from aoro_gym.twin.hydraulic_step import FINEST, FineStepWarning, check_hydraulic_step, largest_hydraulic_step

@@ -1,0 +1,1 @@
+"""Reference controllers, and how they are tuned."""

@@ -1,0 +1,60 @@
+"""The reference controllers of every environment, by name.
+
+>>> import gymnasium
+>>> from aoro_gym.agents.controllers.reference import reference_policy
+>>> from aoro_gym.envs import register_envs
+>>> register_envs()
+>>> envs = gymnasium.make_vec("AORO/Turning-v0", num_envs=2)
+>>> policy = reference_policy("AORO/Turning-v0", "bang-bang", envs)
+>>> policy(envs.reset(seed=1)[0]).shape
+(2, 1)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+from aoro_gym.agents.controllers.path_tracking import FullSpeedSteering, PreviewRegulator, PurePursuit, Stanley, Vehicle
+from aoro_gym.agents.controllers.turning import BangBang, Policy, ProportionalDerivative
+
+Factory = Callable[[Any], Policy]
+"""Makes the policy for an environment, wrapped or not; its observations come with a leading axis of sub-environments."""
+
+
+def _observing(controller: Callable[[Any], Policy], env: Any) -> Policy:
+    return controller(env.unwrapped.observation_layout)
+
+
+def _steering(controller: Callable[[Vehicle], Policy], env: Any) -> Policy:
+    return controller(Vehicle.of(env))
+
+
+REFERENCE_POLICIES: Mapping[str, Mapping[str, Factory]] = {
+    "AORO/Turning-v0": {
+        "bang-bang": partial(_observing, BangBang),
+        "proportional-derivative": partial(_observing, ProportionalDerivative),
+    },
+    "AORO/PathTracking-v0": {
+        "pure-pursuit": partial(_steering, PurePursuit),
+        "stanley": partial(_steering, Stanley),
+        "preview": partial(_steering, PreviewRegulator),
+        "bang-bang": partial(_steering, FullSpeedSteering),
+    },
+}
+"""By the environment's id, then by the controller's name."""
+
+
+def reference_policy(environment: str, name: str, env: Any) -> Policy:
+    """The reference controller ``name`` of ``environment`` for its instance ``env``.
+
+    Raises ValueError if there is none of this name, naming those that there are.
+    """
+    for key, known, what in (
+        (environment, REFERENCE_POLICIES, "environment with reference controllers"),
+        (name, REFERENCE_POLICIES.get(environment, {}), f"reference controller of {environment}"),
+    ):
+        if key not in known:
+            raise ValueError(f"{key!r} is no {what}; choose one of: {', '.join(map(repr, known))}")
+    return REFERENCE_POLICIES[environment][name](env)

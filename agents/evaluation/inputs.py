@@ -1,0 +1,49 @@
+"""What the results of policies follow from, as :mod:`aoro_gym.execution.digest` tells it apart.
+
+A machine is its values in SI, a course its ground and its paths, a policy what it does: what they are called, and in which
+file they stand, does not count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import Any
+
+from aoro_gym.agents.policies.learned import LearnedPolicy
+from aoro_gym.envs.path_tracking.courses import Course
+from aoro_gym.machine import Machine
+
+
+def machine_values(machine: Machine) -> dict[str, Any]:
+    """Every parameter in SI, by dotted key."""
+    return machine.identity["value"]
+
+
+def machine_ranges(machine: Machine) -> dict[str, Any]:
+    """Range in SI and role of every parameter, by dotted key: what other machines are drawn by."""
+    return {name: machine.identity[name] for name in ("range", "role")}
+
+
+def grounds(courses: Sequence[Course] | None) -> list[Any]:
+    """Of each course the ground: its arrays, its coordinate system and where its origin lies in it."""
+    return [] if courses is None else [_unnamed(course.terrain) for course in courses]
+
+
+def paths(courses: Sequence[Course] | None) -> list[Any]:
+    """Of each course its paths."""
+    return [] if courses is None else [[_unnamed(path) for path in course.paths] for course in courses]
+
+
+def policy_content(policy: Any) -> Any:
+    """What a policy, or what makes one, does; of a learned one without how it came about."""
+    made_of = getattr(policy, "__self__", policy)
+    if not isinstance(made_of, LearnedPolicy):
+        return policy
+    return [{one.name: getattr(made_of, one.name) for one in fields(made_of) if one.name != "training"}]
+
+
+def _unnamed(part: Any) -> dict[str, Any]:
+    """A terrain or a path by its kind and its fields, but for its name."""
+    found = {one.name: getattr(part, one.name) for one in fields(part) if one.name != "name"}
+    return {"kind": type(part).__name__} | found

@@ -1,0 +1,115 @@
+"""Machines that a policy was not made for: every parameter within its range, and effects of the catalogue switched on.
+
+>>> from aoro_gym.agents.evaluation.perturbations import PERTURBATIONS
+>>> from aoro_gym.twin import Machine
+>>> PERTURBATIONS["perturbed"](Machine.load("aoro"), [1, 2, 3]).num_variants
+3
+
+What a seed draws does not depend on its neighbours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aoro_gym.diagnosis.nuisances import Nuisances
+from aoro_gym.effects.catalogue import EFFECTS, MachineEffect, Magnitude
+from aoro_gym.machine import Machine
+
+Perturbation = Callable[[Machine, Sequence[int]], Machine]
+"""Gives a machine with one variant a seed."""
+
+SWITCHABLE: Mapping[str, MachineEffect] = {
+    name: effect for name, effect in EFFECTS.items() if isinstance(effect, MachineEffect)
+}
+"""Effects that act on the machine. Those of the measuring chain act on logs, and ground slopes by itself in the tasks."""
+TRIES = 100
+"""Draws of a machine before it counts as impossible to vary."""
+
+_PARAMETERS, _EFFECT = 1, 2  # streams of a seed
+
+
+def as_given(machine: Machine, seeds: Sequence[int]) -> Machine:
+    """The machine as it is, for every seed."""
+    return machine
+
+
+def perturbed(machine: Machine, seeds: Sequence[int]) -> Machine:
+    """All uncertain parameters at once, drawn normally around the machine's own values, 95 % within half of their range to
+    either side, and never outside of it.
+
+    Raises ValueError if the machine's file leaves no room to vary it.
+    """
+    spread = Nuisances(machine, "range")
+    generators = [np.random.default_rng([seed, _PARAMETERS]) for seed in seeds]
+
+    def draw(index: int) -> NDArray[np.float64]:
+        return generators[index].standard_normal(len(spread.keys))
+
+    rows = np.array([draw(index) for index in range(len(seeds))])
+    for index in range(len(seeds)):
+        for _ in range(TRIES):
+            if _can_be(lambda row=rows[index]: spread.machines(row[None])):
+                break
+            rows[index] = draw(index)
+        else:
+            raise ValueError(
+                f"seed {seeds[index]}: no machine in {TRIES} draws can be; narrow ranges of {machine.name}"
+            )
+    return spread.machines(rows)
+
+
+def with_effect(machine: Machine, seeds: Sequence[int]) -> Machine:
+    """As :func:`perturbed`, and one effect of :data:`SWITCHABLE` in each, of a size from nothing to the end of its range.
+
+    Raises ValueError likewise.
+    """
+    found = perturbed(machine, seeds)
+    names = list(SWITCHABLE)
+    sizes = {name: np.tile([[one] for one in SWITCHABLE[name].none], (1, len(seeds))) for name in names}
+    for index, seed in enumerate(seeds):
+        alone = perturbed(machine, [seed])
+        rng = np.random.default_rng([seed, _EFFECT])
+        for _ in range(TRIES):
+            name = names[rng.integers(len(names))]
+            size = [magnitude_at(one, rng.uniform(-1.0, 1.0)) for one in SWITCHABLE[name].magnitudes]
+            if _can_be(lambda effect=SWITCHABLE[name], size=size, alone=alone: effect.apply(alone, *size)):
+                sizes[name][:, index] = size
+                break
+        else:
+            raise ValueError(f"seed {seed}: no effect in {TRIES} draws can be on a machine near {machine.name}")
+    for name, size in sizes.items():
+        if np.any(size != np.array(SWITCHABLE[name].none)[:, None]):
+            found = SWITCHABLE[name].apply(found, *size)
+    return found
+
+
+PERTURBATIONS: Mapping[str, Perturbation] = {
+    "as calibrated": as_given,
+    "perturbed": perturbed,
+    "with an effect": with_effect,
+}
+"""By name, each harder than the one before."""
+
+
+def magnitude_at(magnitude: Magnitude, severity: float) -> float:
+    """The magnitude at a severity from -1 to 1: 0 is none, the sign says to which end of the range; where there is but one
+    end, the sign does not count."""
+    ends = {-1.0: magnitude.low, 1.0: magnitude.high}
+    side = 1.0 if severity >= 0.0 else -1.0
+    end = ends[side] if ends[side] != magnitude.none else ends[-side]
+    share = abs(severity)
+    if magnitude.scale == "log":
+        return float(magnitude.none * (end / magnitude.none) ** share)
+    return float(magnitude.none + share * (end - magnitude.none))
+
+
+def _can_be(make: Callable[[], Machine]) -> bool:
+    try:
+        make()
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,1 @@
+"""Learned policies as files, and those that are shipped."""

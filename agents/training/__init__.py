@@ -1,0 +1,1 @@
+"""Training: trainers, plans, checkpoints, curricula, searches of hyper-parameters."""

@@ -1,0 +1,301 @@
+"""Learning curves: what the evaluations of several trainings found, beside the reference controllers on the same episodes.
+
+Trainings that differ by their seed alone make one curve: the mean over the seeds, within the least and the largest of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES
+from aoro_gym.agents.evaluation.evaluate import (
+    BOUNDED,
+    MORE_IS_BETTER,
+    OVER,
+    SUCCESS,
+    TRIALS,
+    Evaluation,
+    asked_of,
+    evaluate,
+)
+from aoro_gym.agents.evaluation.report import COLOURS, describe, named, shown_as
+from aoro_gym.agents.training.plan import TrainingPlan
+from aoro_gym.agents.training.train import EVALUATION_SEED, EVALUATIONS, judged_by, recall
+from aoro_gym.envs.path_tracking.courses import Course
+from aoro_gym.execution.files import read_json, written_whole
+from aoro_gym.execution.provenance import PROVENANCE, changed_inputs, listed
+from aoro_gym.machine import Machine
+from aoro_gym.reporting.style import INK, PLOT_STYLE, SOFT
+from aoro_gym.reporting.terminal import Comparison
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Trainings that differ by their seed alone, K of them, evaluated M times each."""
+
+    plan: TrainingPlan
+    """Of the first one."""
+    seeds: tuple[int, ...]
+    steps: Sequence[int]
+    """(M,)"""
+    minutes: Sequence[float]
+    """Wall-clock time of the slowest seed at each evaluation [min] (M,), evaluations included."""
+    figures: Mapping[str, np.ndarray]
+    """Mean of each figure over an evaluation's episodes, by name (K, M); NaN where no episode had one."""
+    bounds: Mapping[str, np.ndarray]
+    """Whether the mean is a lower bound, likewise; see :data:`~aoro_gym.agents.evaluation.evaluate.BOUNDED`."""
+
+    @property
+    def name(self) -> str:
+        """Of the algorithm, and where it learned on from, if it did."""
+        return self.plan.algo if self.plan.start is None else f"{self.plan.algo}, from {Path(self.plan.start).stem}"
+
+
+def read(folders: Sequence[Path]) -> list[Curve]:
+    """Curves of the trainings in ``folders``, in their order; of one that is not done, those evaluations that there are.
+
+    Raises ValueError if there is none, or if they are not of one environment and judged alike.
+    """
+    groups: dict[str, list[tuple[TrainingPlan, list[dict[str, Any]]]]] = {}
+    for folder in folders:
+        plan, _ = recall(folder)
+        if not (folder / EVALUATIONS).exists():
+            raise ValueError(f"{folder} holds no {EVALUATIONS} yet; let its training reach the first evaluation")
+        found = _evaluations(folder)
+        groups.setdefault(replace(plan, seed=0).command, []).append((plan, found))
+    if not groups:
+        raise ValueError("there is no training; give folders that 'aoro-gym train' wrote")
+    first, *others = (members[0][0] for members in groups.values())
+    for other in others:
+        for name in ("env", "eval_episodes", "terrain", "path", "path_length", "machine", "set", "scale"):
+            if getattr(other, name) != getattr(first, name):
+                raise ValueError(
+                    f"{name} is {getattr(first, name)!r} in one training and {getattr(other, name)!r} in another; "
+                    "give trainings that are judged alike"
+                )
+    return [_curve(members) for members in groups.values()]
+
+
+def _evaluations(folder: Path) -> list[dict[str, Any]]:
+    """What a training found; ValueError if its file is damaged."""
+    file, again = folder / EVALUATIONS, f"aoro-gym train --resume {folder} writes it again"
+    try:
+        found = read_json(file).get("evaluations")
+        if not found:
+            raise ValueError(f"{file} holds no evaluations")
+        for one in found:
+            if not (
+                _are_numbers(one["steps"], one["elapsed_s"]) and one["figures"].keys() == found[0]["figures"].keys()
+            ):
+                raise ValueError(f"{file} holds an evaluation without its numbers")
+            for figure in one["figures"].values():
+                if figure["mean"] is not None and not _are_numbers(figure["mean"]):
+                    raise ValueError(f"{file} holds an evaluation without its numbers")
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        reason = error if isinstance(error, ValueError) else f"{file} is damaged"
+        raise ValueError(f"{reason}; {again}") from None
+    return found
+
+
+def _are_numbers(*values: Any) -> bool:
+    return all(isinstance(value, int | float) and np.isfinite(value) for value in values)
+
+
+def _curve(members: Sequence[tuple[TrainingPlan, list[dict[str, Any]]]]) -> Curve:
+    plan, seeds = members[0][0], tuple(one.seed for one, _ in members)
+    if len(set(seeds)) < len(seeds):
+        raise ValueError(f"the seeds of {plan.command} are {seeds}; give each training once")
+    count = min(len(found) for _, found in members)
+    names = list(members[0][1][0]["figures"])
+    means = [[[_mean_of(one["figures"], name) for one in found[:count]] for _, found in members] for name in names]
+    bounds = [
+        [[bool(one["figures"][name].get("lower_bounds")) for one in found[:count]] for _, found in members]
+        for name in names
+    ]
+    return Curve(
+        plan,
+        seeds,
+        steps=[one["steps"] for one in members[0][1][:count]],
+        minutes=[max(found[k]["elapsed_s"] for _, found in members) / 60.0 for k in range(count)],
+        figures={name: np.array(values, dtype=np.float64) for name, values in zip(names, means, strict=True)},
+        bounds={name: np.array(values, dtype=bool) for name, values in zip(names, bounds, strict=True)},
+    )
+
+
+def _mean_of(figures: Mapping[str, Mapping[str, Any]], name: str) -> float | None:
+    """Mean of a figure. Evaluations that don't say over how many episodes it is are of versions in which those that failed
+    counted: where some did, nothing is known."""
+    figure = figures[name]
+    if name in (*OVER, *BOUNDED) and "episodes" not in figure and figures[SUCCESS]["mean"] != 1.0:
+        return None
+    return figure["mean"]
+
+
+def check_inputs(folders: Sequence[Path], machine: Machine, held_out: Sequence[Course] | None) -> list[str]:
+    """Check that trainings were evaluated on this machine and on these courses; returns warnings of those that do not say.
+
+    Raises ValueError naming what differs.
+    """
+    warnings = []
+    for folder in folders:
+        plan, record = recall(folder)[0], folder / PROVENANCE
+        if not record.exists():
+            warnings.append(
+                f"{folder} has no {PROVENANCE}: whether its machine and ground are those of today is unknown"
+            )
+            continue
+        changes = changed_inputs(record, judged_by(plan, machine, held_out))
+        if changes:
+            raise ValueError(
+                f"{folder} was evaluated otherwise than the controllers would be now: {listed(changes)}; restore that, or"
+                " leave the folder out"
+            )
+    return warnings
+
+
+def references_asked(plan: TrainingPlan, machine: Machine, held_out: Sequence[Course] | None) -> dict[str, Any]:
+    """What :func:`references` depends on, by name."""
+    return asked_of(
+        plan.env,
+        REFERENCE_POLICIES[plan.env],
+        machine=machine,
+        courses=held_out,
+        episodes=plan.eval_episodes,
+        device=plan.device,
+    )
+
+
+def references(
+    plan: TrainingPlan,
+    machine: Machine,
+    held_out: Sequence[Course] | None,
+    progress: Callable[[str, float], Any] | None = None,
+    kept: Path | None = None,
+) -> Evaluation:
+    """The reference controllers on the episodes that trainings of ``plan`` are evaluated on."""
+    return evaluate(
+        plan.env,
+        REFERENCE_POLICIES[plan.env],
+        episodes=plan.eval_episodes,
+        seed=EVALUATION_SEED,
+        courses=held_out,
+        machine=machine,
+        device=plan.device,
+        kept=kept,
+        progress=progress,
+    )
+
+
+# ---- reports ---------------------------------------------------------------------------------------------------------
+
+
+def compared(env: str) -> tuple[str, ...]:
+    """The figures that curves show."""
+    return (*TRIALS[env].decisive, SUCCESS)
+
+
+def to_json(curves: Sequence[Curve], beside: Evaluation) -> dict[str, Any]:
+    """Content of ``curves.json``."""
+    return {
+        "env": beside.env,
+        "curves": [
+            {
+                "command": one.plan.command,
+                "seeds": one.seeds,
+                "steps": one.steps,
+                "minutes": one.minutes,
+                "figures": {name: _plain(values) for name, values in one.figures.items()},
+            }
+            for one in curves
+        ],
+        "references": beside.to_json()["policies"],
+    }
+
+
+def _plain(values: np.ndarray) -> Any:
+    """With None in the place of NaN."""
+    return [[value if np.isfinite(value) else None for value in row] for row in values.tolist()]
+
+
+def table(curves: Sequence[Curve], beside: Evaluation) -> Comparison:
+    """The last evaluations, and the controllers: the best first, by success, then by the first decisive figure."""
+    figures = {name: shown_as(describe(name)[1]) for name in compared(beside.env)}
+    head = ["", "seeds", "steps", "min"]
+    for name in figures:
+        words, unit = named(name)
+        head.append(f"{words} [{unit}]")
+    found: list[tuple[tuple[float, float], list[str]]] = []
+    decisive = TRIALS[beside.env].decisive[0]
+    for one in curves:
+        last = {name: scale * one.figures[name][:, -1] for name, scale in figures.items()}
+        cells = [_said(values, bool(one.bounds[name][:, -1].any())) for name, values in last.items()]
+        row = [one.name, str(len(one.seeds)), f"{one.steps[-1]:,}", f"{one.minutes[-1]:.1f}", *cells]
+        found.append((_rank(float(np.mean(last[SUCCESS])), float(np.mean(last[decisive])), decisive), row))
+    for policy, values in beside.summary.items():
+        cells = [
+            _said(np.array([scale * values[name].mean]), values[name].bounds > 0) for name, scale in figures.items()
+        ]
+        success = shown_as("%") * values[SUCCESS].mean
+        found.append((_rank(success, values[decisive].mean, decisive), [policy, "", "", "", *cells]))
+    rows = [row for _, row in sorted(found, key=lambda one: one[0])]
+    return Comparison(f"{beside.env}: last evaluation, the best first", head, rows, note="≥: a lower bound")
+
+
+def _said(values: np.ndarray, bound: bool) -> str:
+    """Mean and range of a figure over the seeds that have it."""
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return "-"
+    text = f"{'≥ ' if bound else ''}{np.mean(known):.3g}"
+    return text + (f" ({min(known):.3g} to {max(known):.3g})" if len(values) > 1 else "")
+
+
+def _rank(success: float, value: float, decisive: str) -> tuple[float, float]:
+    value = -value if decisive in MORE_IS_BETTER else value
+    return -success, value if np.isfinite(value) else np.inf
+
+
+def write_figure(curves: Sequence[Curve], beside: Evaluation, path: Path) -> None:
+    """A panel for each figure over the steps: mean and spread of the seeds, and the controllers as dashed lines."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    figures = compared(beside.env)
+    with matplotlib.rc_context(PLOT_STYLE):
+        figure = Figure(figsize=(3.9 * len(figures), 3.4), dpi=130, layout="constrained")
+        for axis, name in zip(figure.subplots(1, len(figures), squeeze=False)[0], figures, strict=True):
+            words, unit = describe(name)
+            scale = shown_as(unit)
+            shown = []
+            for k, one in enumerate(curves):
+                values, colour = scale * one.figures[name], COLOURS[k % len(COLOURS)]
+                steps = np.array(one.steps) / 1e6
+                mean = values.mean(axis=0)
+                label = f"{one.name}, {len(one.seeds)} seed{'s' * (len(one.seeds) > 1)}, {one.minutes[-1]:.0f} min"
+                axis.fill_between(steps, values.min(axis=0), values.max(axis=0), color=colour, alpha=0.18, lw=0.0)
+                axis.plot(steps, mean, "o-", color=colour, ms=3.5, lw=1.6, label=label)
+                shown += [*values[:, len(steps) // 3 :].ravel()]
+            for k, (policy, found) in enumerate(beside.summary.items()):
+                value = scale * found[name].mean
+                style, colour = ("--", ":", "-.", (0, (9, 3)))[k % 4], (INK, SOFT)[k % 2]
+                axis.axhline(value, color=colour, lw=1.2, ls=style, label=policy)
+                shown.append(value)
+            known = [value for value in shown if np.isfinite(value)] or [0.0, 1.0]  # who fails has no figure
+            low, high = min(known), max(known)
+            margin = 0.15 * max(high - low, 0.02 * abs(high), 1e-9)
+            top = min(high + margin, 100.0 + 0.2 * margin) if unit == "%" else high + margin
+            axis.set_ylim(low - margin, top)  # what the first evaluations find may lie outside
+            better = "more" if name in MORE_IS_BETTER else "less"
+            axis.set_title(f"{words} [{unit}], {better} is better", loc="left", fontsize=10.0, fontweight="bold")
+            axis.set_xlim(left=0.0)
+            axis.set_xlabel("million environment steps")
+            axis.grid(True)
+            axis.spines[["top", "right"]].set_visible(False)
+        figure.axes[-1].legend(frameon=False, fontsize=8.0)
+        with written_whole(path) as temporary:
+            figure.savefig(temporary)

@@ -1,0 +1,259 @@
+"""What learns from a teacher that sees more: a network does, by what the machine measures, as a reference controller does
+that is told the truth.
+
+The teacher is told exact errors, so it is quicker than noise would let it be; the middle of what it does, given a
+measurement, is what the network comes to (D. Chen et al., "Learning by cheating", CoRL 2019), so it trusts each sensor by
+how much it tells. The middle is the median, by least absolute deviations: where left and right are as likely the mean would
+be a signal within the valve's dead band, at which nothing moves. Pairs of observation and teacher's action are gathered
+where the network itself leads (S. Ross, G. Gordon and D. Bagnell, "A reduction of imitation learning and structured
+prediction to no-regret online learning", AISTATS 2011): the teacher drives the first rollout, the network, disturbed by
+``action_noise``, all others, and after each of them the network is fitted to all pairs that are kept. There is no reward in
+it; PPO can learn on from where it ends (``--start``).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import torch  # pyright: ignore[reportMissingImports]
+from numpy.typing import NDArray
+
+from aoro_gym.agents.controllers.reference import reference_policy
+from aoro_gym.agents.controllers.turning import Policy
+from aoro_gym.agents.policies.learned import LearnedPolicy, Normalisation, into_network, of_network
+from aoro_gym.agents.training.callbacks import Clock, Watch
+from aoro_gym.agents.training.checkpoints import random_states, restore_random_states
+from aoro_gym.agents.training.perceptron import perceptron
+from aoro_gym.agents.training.plan import TrainingPlan
+from aoro_gym.agents.training.vec_env import make_vec_env
+from aoro_gym.envs.core.vector import TwinVectorEnv
+from aoro_gym.envs.path_tracking import task as path_tracking
+from aoro_gym.envs.turning import task as turning
+from aoro_gym.execution.array_api import Array
+
+EXACT: Mapping[str, Mapping[str, Callable[[Any], Array]]] = {
+    "AORO/Turning-v0": turning.EXACT_TERMS,
+    "AORO/PathTracking-v0": path_tracking.EXACT_TERMS,
+}
+"""True values of measured observation terms, by the environment's id, then by the term's name."""
+EPSILON, CLIP = 1e-8, 10.0
+"""Of the normalisation, as ``VecNormalize`` has them."""
+EPISODES = 100
+"""The last ones that are told of."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hyperparams:
+    """Raises ValueError naming one, its value and its bound."""
+
+    n_timesteps: float
+    n_envs: int
+    teacher: str
+    """Name of a reference controller."""
+    teacher_kwargs: Mapping[str, float] = field(default_factory=dict)
+    """Gains other than its own, which are tuned for noisy sensors."""
+    n_steps: int = 1000
+    """Of each sub-environment between two fits."""
+    buffer_size: int = 256_000
+    """Pairs that are kept, the newest ones. Where the teacher drives, errors are small beside the noise of what is measured,
+    and a measurement means little; the sooner that is forgotten, the sooner the network trusts its own ones."""
+    action_noise: float = 0.1
+    """Standard deviation by which the network's actions are disturbed while it drives."""
+    n_epochs: int = 5
+    """Of a fit, over all pairs that are kept."""
+    batch_size: int = 1024
+    learning_rate: float | str = "lin_2e-3"
+    """At which a fit begins, to fall to 0 in its course; ``lin_NUMBER`` also falls from fit to fit."""
+    net_arch: tuple[int, ...] = (64, 64)
+
+    def __post_init__(self) -> None:
+        for name in ("n_envs", "n_steps", "buffer_size", "n_epochs", "batch_size"):
+            value = getattr(self, name)
+            if value != int(value) or value < 1:
+                raise ValueError(f"{name} is {value!r}, but must be a whole number of at least 1")
+        if self.buffer_size < self.n_envs * self.n_steps:
+            raise ValueError(
+                f"buffer_size is {self.buffer_size}, but must hold a rollout, n_envs * n_steps = "
+                f"{self.n_envs * self.n_steps}"
+            )
+        if not 0.0 <= self.action_noise < math.inf:
+            raise ValueError(f"action_noise is {self.action_noise}, but must be at least 0 and finite")
+
+
+class Dagger:
+    """A :class:`aoro_gym.agents.training.train.Learner`: dataset aggregation with a teacher that knows the true errors.
+
+    Args:
+        plan: What to train; of it the environment, the seed and the device count here.
+        hyperparams: See :class:`Hyperparams`.
+        clock: That schedules follow.
+        env_kwargs: Arguments of the environment.
+
+    Raises ValueError naming a wrong hyper-parameter.
+    """
+
+    def __init__(self, plan: TrainingPlan, hyperparams: Mapping[str, Any], clock: Clock, env_kwargs: Mapping[str, Any]):
+        try:
+            self._asked = asked = Hyperparams(**hyperparams)
+        except TypeError as error:
+            raise ValueError(f"hyper-parameters of {plan.env} that dagger does not take: {error}") from error
+        self._env: Any = make_vec_env(plan.env, int(asked.n_envs), plan.seed, device=plan.device, env_kwargs=env_kwargs)
+        self.envs: TwinVectorEnv = self._env.unwrapped.envs
+        self._device = torch.device(plan.device)
+        self._learning_rate = clock.schedule("learning_rate", asked.learning_rate)
+        self._exact = EXACT[plan.env]
+        self._teacher = _teacher(plan.env, asked, self.envs)
+        torch.manual_seed(plan.seed)
+        seen, acts = self.envs.single_observation_space.shape[0], self.envs.single_action_space.shape[0]
+        self._net = perceptron([seen, *asked.net_arch, acts]).to(self._device)
+        self._mean: NDArray[np.float64] | None = None  # of the first rollout, as is the variance
+        self._variance = np.ones(seen)
+        self._observations = np.zeros((0, seen), dtype=np.float32)
+        self._actions = np.zeros((0, acts), dtype=np.float32)
+        self._last_observations: NDArray[np.float32] | None = None
+        self._episodes: deque[tuple[float, float]] = deque(maxlen=EPISODES)
+        self._logger: Any = None
+        self.steps = 0
+
+    def log_to(self, logger: Any) -> None:
+        self._logger = logger
+
+    def learn(self, steps: int, watch: Watch, *, seed: int | None) -> None:
+        if seed is not None:
+            self._env.seed(seed)
+            self._last_observations = self._env.reset()
+        if self._last_observations is None:
+            raise ValueError("seed is None, but there are no running episodes to go on with; give a seed")
+        end = self.steps + steps
+        while self.steps < end:
+            rollout = min(self._asked.n_steps, math.ceil((end - self.steps) / self.envs.num_envs))
+            rate = self._learning_rate(0.0)  # before the clock moves on, to its end at last
+            self._gather(rollout, watch)
+            watch.report("fitting")
+            self._fit(rate)
+
+    def _gather(self, rollout: int, watch: Watch) -> None:
+        """Drive for so many control steps, and keep what was seen and what the teacher would have done."""
+        led, space = self._mean is not None, self.envs.single_action_space
+        policy = self.policy() if led else None
+        seen, done = [], []
+        observations = self._last_observations
+        assert observations is not None
+        for _ in range(rollout):
+            wanted = self._teacher(self._truth(observations)).astype(np.float32)
+            seen.append(observations.copy())
+            done.append(wanted)
+            actions = wanted if policy is None else policy(observations)
+            noise = self._asked.action_noise * torch.randn(actions.shape).numpy() if led else 0.0
+            observations, _, _, infos = self._env.step(np.clip(actions + noise, space.low, space.high))
+            for info in infos:
+                if "episode" in info:
+                    self._episodes.append((info["episode"]["r"], float(info.get("is_success", math.nan))))
+            self.steps += self.envs.num_envs
+            watch.moved(self.steps)
+        self._last_observations = observations
+        keep = int(self._asked.buffer_size)
+        self._observations = np.concatenate([self._observations, *seen])[-keep:]
+        self._actions = np.concatenate([self._actions, *done])[-keep:]
+        if self._mean is None:
+            self._mean = self._observations.mean(axis=0, dtype=np.float64)
+            self._variance = self._observations.var(axis=0, dtype=np.float64)
+
+    def _truth(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The observations with true values in the place of measured ones, where there are any."""
+        view, told = self.envs.task.view(), observations.copy()
+        for name, exact in self._exact.items():
+            if name in self.envs.observation_layout:
+                told[:, self.envs.observation_layout[name]] = self.envs.arrays.host(exact(view))[:, None]
+        return told
+
+    def _fit(self, learning_rate: float) -> None:
+        """Least absolute deviations from the teacher's actions, by Adam."""
+        asked, normalise = self._asked, self._normalisation()
+        inputs = torch.from_numpy(normalise(self._observations)).to(self._device)
+        wanted = torch.from_numpy(self._actions).to(self._device)
+        size = min(int(asked.batch_size), len(inputs))
+        batches = len(inputs) // size * int(asked.n_epochs)
+        optimizer = torch.optim.Adam(self._net.parameters(), lr=learning_rate)
+        falling = torch.optim.lr_scheduler.LinearLR(optimizer, 1.0, 0.0, batches)
+        left = torch.zeros((), device=self._device)
+        for _ in range(int(asked.n_epochs)):
+            left.zero_()
+            order = torch.randperm(len(inputs))[: len(inputs) // size * size].to(self._device)
+            for rows in order.split(size):
+                loss = torch.nn.functional.l1_loss(self._net(inputs[rows]), wanted[rows])
+                optimizer.zero_grad()
+                loss.backward()
+                optimizer.step()
+                falling.step()
+                left += loss.detach()
+        if self._logger is not None:
+            mean_return, success = self.episodes()
+            for name, value in (
+                ("train/absolute_error", float(left) * asked.n_epochs / batches),
+                ("train/pairs", len(inputs)),
+                ("rollout/ep_rew_mean", mean_return),
+                ("rollout/success_rate", success),
+                ("time/total_timesteps", self.steps),
+            ):
+                self._logger.record(name, value)
+            self._logger.dump(self.steps)
+
+    def _normalisation(self) -> Normalisation:
+        assert self._mean is not None
+        return Normalisation(self._mean, self._variance, EPSILON, CLIP)
+
+    def episodes(self) -> tuple[float, float]:
+        if not self._episodes:
+            return math.nan, math.nan
+        returns, success = np.mean(self._episodes, axis=0)
+        return float(returns), float(success)
+
+    def policy(self, **about: Any) -> LearnedPolicy:
+        normalisation = None if self._mean is None else self._normalisation()
+        return of_network(self._net, self.envs.single_action_space, normalisation=normalisation, **about)
+
+    def start_from(self, policy: LearnedPolicy) -> None:
+        into_network(policy, self._net, normalised=True)
+        assert policy.normalisation is not None
+        self._mean, self._variance = policy.normalisation.mean.copy(), policy.normalisation.variance.copy()
+
+    def hold_actor(self, held: bool) -> None:
+        """There is no critic."""
+
+    def state(self) -> dict[str, Any]:
+        mean = [] if self._mean is None else self._mean
+        return {
+            "network": self._net.state_dict(),
+            "moments": [torch.tensor(values, dtype=torch.float64) for values in (mean, self._variance)],
+            "pairs": [torch.from_numpy(values) for values in (self._observations, self._actions)],
+            "episodes": [list(one) for one in self._episodes],
+            "steps": self.steps,
+            "random": random_states(self._device),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        self._net.load_state_dict(state["network"])
+        mean, self._variance = (values.numpy() for values in state["moments"])
+        self._mean = mean if len(mean) else None
+        self._observations, self._actions = (values.numpy() for values in state["pairs"])
+        self._episodes = deque(map(tuple, state["episodes"]), maxlen=EPISODES)
+        self.steps = state["steps"]
+        restore_random_states(state["random"], self._device)
+
+    def close(self) -> None:
+        self._env.close()
+
+
+def _teacher(env: str, asked: Hyperparams, envs: TwinVectorEnv) -> Policy:
+    """The reference controller of this name, with the gains that were asked for."""
+    teacher: Any = reference_policy(env, asked.teacher, envs)
+    try:
+        return replace(teacher, **asked.teacher_kwargs)
+    except TypeError as error:
+        raise ValueError(f"teacher_kwargs {dict(asked.teacher_kwargs)} of {asked.teacher}: {error}") from error

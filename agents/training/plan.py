@@ -1,0 +1,122 @@
+"""What a training is asked to do: one dataclass that is command line, log and configuration at once.
+
+Nothing heavy is imported here: the command line shows its fields.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+HYPERPARAMS = Path(__file__).parents[1] / "hyperparams"
+"""Hyper-parameters by algorithm, in the RL Zoo's format, and curricula."""
+ALGORITHMS = ("ppo", "sac", "dagger")
+TRAINERS = {"sb3": ALGORITHMS, "resident": ("ppo",)}
+"""Algorithms by what runs them: Stable-Baselines3 (the package itself for dagger), or skrl with all arrays on the device."""
+
+
+PATH_HELP = "Path on it (.gpx .kml .kmz .geojson .csv). Default: generated, drivable ones."
+TRACK_HELP = "Which line of the --path's file, where it holds several: its name or number, N.N a part of it."
+PATH_CRS_HELP = "Coordinate reference system of the --path's coordinates, such as EPSG:32633."
+JOIN_GAPS_HELP = "Bridge gaps of the --path's recording by straight lines."
+
+
+def option(default: Any, metavar: str | None, text: str) -> Any:
+    """A field that the command line offers."""
+    return field(default=default, metadata={"metavar": metavar, "help": text})
+
+
+@dataclass(frozen=True)
+class TrainingPlan:
+    """Raises ValueError naming the field, its value and its bound."""
+
+    env: str = option("AORO/Turning-v0", "ID", "AORO/Turning-v0 or AORO/PathTracking-v0.")
+    algo: str = option("ppo", "|".join(ALGORITHMS), "Algorithm; dagger imitates a controller that knows the truth.")
+    trainer: str = option(
+        "sb3", "|".join(TRAINERS), "Stable-Baselines3, or skrl's PPO with all arrays on the device, for GPUs."
+    )
+    terrain: str | None = option(None, "FILE", "Ground: a mesh, raster or cloud. Default: generated forests.")
+    path: str | None = option(None, "FILE", PATH_HELP)
+    track: str | None = option(None, "NAME|N", TRACK_HELP)
+    join_gaps: bool = option(False, None, JOIN_GAPS_HELP)
+    path_crs: str | None = option(None, "CRS", PATH_CRS_HELP)
+    path_length: float = option(60.0, "M", "Of the paths that are generated on --terrain.")
+    forests: int = option(12, "N", "Generated forests to learn on, where there is no --terrain.")
+    machine: str = option("aoro", "NAME|FILE", "Bundled machine, or a machine file (.toml).")
+    set: list[str] | None = option(None, "KEY=VALUE", "Set a parameter, in the unit of the machine file. Repeatable.")
+    scale: list[str] | None = option(None, "KEY=FACTOR", "Multiply a parameter. Repeatable.")
+    perturbation: str | None = option(
+        None,
+        "NAME",
+        "Learn on machines drawn as the leaderboard draws them: perturbed, or 'with an effect'. Default: the machine alone.",
+    )
+    device: str = option("cpu", "cpu|cuda:N", "Where twins run and networks learn.")
+    seed: int = option(0, "N", "Seed of all that is random.")
+    steps: int | None = option(None, "N", "Environment steps. Default: the hyper-parameters' n_timesteps.")
+    n_envs: int | None = option(None, "N", "Sub-environments. Default: the hyper-parameters'.")
+    hyperparams: str | None = option(None, "FILE.yml", "Hyper-parameters, in the RL Zoo's format. Default: ours.")
+    param: list[str] | None = option(None, "NAME=VALUE", "Another value of a hyper-parameter. Repeatable.")
+    start: str | None = option(
+        None, "FILE.json", "Policy to learn on from, with a network as the hyper-parameters say."
+    )
+    curriculum: str | None = option(None, "FILE.yml", "What differs from episode to episode, and when. Default: ours.")
+    checkpoint_every: int = option(
+        4000,
+        "N",
+        "Control steps of each sub-environment between checkpoints, with an evaluation; several episodes long.",
+    )
+    eval_episodes: int = option(32, "N", "Episodes of an evaluation, on seeds and terrains that are held out.")
+
+    def __post_init__(self) -> None:
+        if self.algo not in ALGORITHMS:
+            raise ValueError(f"algo is {self.algo!r}; choose one of: {', '.join(ALGORITHMS)}")
+        if self.trainer not in TRAINERS:
+            raise ValueError(f"trainer is {self.trainer!r}; choose one of: {', '.join(TRAINERS)}")
+        if self.algo not in TRAINERS[self.trainer]:
+            raise ValueError(
+                f"algo is {self.algo!r}, but the trainer {self.trainer!r} has {', '.join(TRAINERS[self.trainer])} only; "
+                "give that, or another --trainer"
+            )
+        for name, least in (
+            ("seed", 0), ("steps", 1), ("n_envs", 1), ("forests", 1), ("checkpoint_every", 1), ("eval_episodes", 1),
+        ):  # fmt: skip
+            value = getattr(self, name)
+            if value is not None and value < least:
+                raise ValueError(f"{name} is {value}, but must be at least {least}")
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> TrainingPlan:
+        """The plan of such a dictionary as :meth:`to_json` gives."""
+        return cls(**values)
+
+    def to_json(self) -> dict[str, Any]:
+        """Every field by name."""
+        return asdict(self)
+
+    @property
+    def command(self) -> str:
+        """The command line that asks for this plan."""
+        words = ["aoro-gym", "train"]
+        for one in fields(self):
+            value = getattr(self, one.name)
+            if value != one.default:
+                name = f"--{one.name.replace('_', '-')}"
+                for each in value if isinstance(value, list) else [value]:
+                    words += [name] if each is True else [name, str(each)]
+        return shlex.join(words)
+
+    @property
+    def hyperparams_file(self) -> Path:
+        """The YAML file of the hyper-parameters: the given one, or that of the algorithm on this kind of device."""
+        if self.hyperparams is not None:
+            return Path(self.hyperparams)
+        cuda = HYPERPARAMS / f"{self.algo}_cuda.yml"
+        return cuda if self.device != "cpu" and cuda.exists() else HYPERPARAMS / f"{self.algo}.yml"
+
+    @property
+    def curriculum_file(self) -> Path:
+        """The YAML file of the curriculum."""
+        return HYPERPARAMS / "curricula.yml" if self.curriculum is None else Path(self.curriculum)

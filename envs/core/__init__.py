@@ -1,0 +1,1 @@
+"""The parts that all tasks share: vector environment, task interface, terms, randomisation, drawing."""

@@ -1,0 +1,660 @@
+"""Many sub-environments that are the twins of one :class:`~aoro_gym.twin.Twin`: one launch a control step."""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from aoro_gym.envs.core.copying import copied, pickled
+from aoro_gym.envs.core.randomisation import variants
+from aoro_gym.envs.core.rendering import RENDER_MODES, Renderer
+from aoro_gym.envs.core.task import Outputs, Task, channel_row
+from aoro_gym.envs.core.terms import observations_of, rewards_of
+from aoro_gym.execution.array_api import HOST, Array, Arrays, floats, namespace
+from aoro_gym.machine import Machine
+from aoro_gym.machine.parameters import InvalidMachine, OutsideRangeWarning, shortened
+from aoro_gym.sensors.attitude import angles_of
+from aoro_gym.terrains import Plane, Terrain
+from aoro_gym.twin import Twin
+from aoro_gym.twin.records import WHEELS, Command
+from aoro_gym.twin.twin import STATUS
+
+Infos = dict[str, Any]
+BASE_OPTIONS = ("reset_mask", "machine", "terrain", "sensor_seed")
+"""Keys of ``reset(options=...)`` that every task takes."""
+OUTPUTS = ("numpy", "torch")
+"""Kinds of arrays that environments hand out."""
+
+
+class TwinVectorEnv(VectorEnv[Array, Array, Array]):
+    """A task on ``num_envs`` twins that advance together.
+
+    Seeds follow Gymnasium: ``reset(seed=s)`` gives sub-environment i the seed s + i and a generator of its own, so that
+    it repeats, to the bit, the single environment that is reset with s + i.
+
+    Autoreset: ``NEXT_STEP``, the default as it is Gymnasium's, resets a sub-environment in the step after the one that ends
+    its episode; that step's action is ignored. Gymnasium's own vector wrappers need it. ``SAME_STEP`` resets it in the step
+    that ends its episode; the observation is the new episode's, and ``info["final_obs"]``, ``info["final_info"]`` hold the
+    end of the old one. Training asks for it, as no step is lost. ``DISABLED`` leaves it to
+    ``reset(options={"reset_mask": mask})``.
+
+    ``reset(options=...)`` holds for the episodes that this reset begins, and takes for all tasks:
+
+    - ``reset_mask``: booleans (num_envs,), which sub-environments to reset; all by default;
+    - ``machine``: values by dotted key in the machine file's unit, each a number or of shape (num_envs,); with
+      ``own_machines=False`` there is but one machine and this fails;
+    - ``terrain``: which of the terrains, a whole number or (num_envs,) of them; drawn by default;
+    - ``sensor_seed``: whole numbers (num_envs,) that draw the sensors' errors, by which an episode is repeated with others;
+      by default the episode's own seed draws them, too.
+
+    With ``output="torch"`` all that :meth:`reset` and :meth:`step` hand out are tensors on the twins' device, and actions
+    may be such tensors; nothing of it comes to the host, which reads a few flags a step, and what ended if something did.
+    Starts are drawn on the host, by each sub-environment's generator, and uploaded for those that begin.
+    What differs from NumPy's arrays:
+
+    - Observations are not copied: the environment reads its tensor once more in the next step. Keep it as long as you
+      like, but do not write to it. Rewards, terminations, truncations and infos are yours.
+    - What :meth:`output` gives, and ``view.output`` in a term, aliases the twins' memory: it holds until the next step or
+      reset.
+    - ``info["termination"]`` are numbers, indices into :attr:`termination_reasons`; ``info["final_obs"]`` is a tensor like
+      the observations, which holds where ``info["_final_obs"]`` does.
+    - Masks of infos (``info["_NAME"]``) that are equal may be one tensor.
+    - Actions that are not finite count as 0 until the error is raised at the end of the step.
+    - Launches run on torch's current stream.
+
+    Args:
+        task: What to do.
+        num_envs: Sub-environments, at least 1.
+        machine: Bundled name, machine file or :class:`Machine`; one machine, or ``num_envs`` variants.
+        terrain: Ground: a plane (level asphalt by default), a terrain, or several that episodes choose from.
+        ground: How twins feel a terrain, ``"raster"`` or ``"mesh"``; see :class:`~aoro_gym.twin.Twin`.
+        device: ``"cpu"`` or ``"cuda:N"``.
+        output: ``"numpy"``, or ``"torch"`` for tensors on the device (needs ``aoro-gym[torch]``).
+        own_machines: Give every twin its own machine record, as randomised machines need it.
+        autoreset_mode: See above; an :class:`AutoresetMode` or its value.
+        max_episode_steps: Control steps after which an episode is truncated; never by default.
+        render_mode: None, ``"rgb_array"`` or ``"human"``.
+
+    Raises:
+        ValueError: naming the argument, its value and its bound.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012 (an instance replaces it)
+        "render_modes": list(RENDER_MODES),
+        "render_fps": 50,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+    single_observation_space: spaces.Box[Any]
+    single_action_space: spaces.Box[Any]
+
+    def __init__(
+        self,
+        task: Task,
+        num_envs: int = 1,
+        *,
+        machine: str | Path | Machine = "aoro",
+        terrain: Plane | Terrain | Sequence[Terrain] | None = None,
+        ground: str = "raster",
+        device: str = "cpu",
+        output: str = "numpy",
+        own_machines: bool = True,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+    ):
+        if isinstance(num_envs, bool) or not isinstance(num_envs, int | np.integer) or num_envs < 1:
+            raise ValueError(f"num_envs is {num_envs!r}, but must be a whole number of at least 1")
+        if max_episode_steps is not None and (
+            not isinstance(max_episode_steps, int | np.integer) or max_episode_steps < 1
+        ):
+            raise ValueError(f"max_episode_steps is {max_episode_steps!r}, but must be None or at least 1")
+        if render_mode is not None and render_mode not in RENDER_MODES:
+            raise ValueError(f"render_mode is {render_mode!r}; choose None, {' or '.join(map(repr, RENDER_MODES))}")
+        if task.randomisation.varies_machine and not own_machines:
+            raise ValueError("own_machines is False, but the randomisation varies machines; drop one of the two")
+        if output not in OUTPUTS:
+            raise ValueError(f"output is {output!r}; choose one of: {', '.join(map(repr, OUTPUTS))}")
+        if render_mode is not None and output != "numpy":
+            raise ValueError(f"render_mode is {render_mode!r}, but pictures are drawn on the host: take output='numpy'")
+        self.task = task
+        self.num_envs = int(num_envs)
+        self.max_episode_steps = max_episode_steps
+        self.render_mode = render_mode
+        self.autoreset_mode = _autoreset_mode(autoreset_mode)
+        self.metadata = {
+            **type(self).metadata,
+            "render_fps": round(1.0 / task.control_step),
+            "autoreset_mode": self.autoreset_mode,
+        }
+
+        self.generators: list[np.random.Generator | None] = [None] * self.num_envs
+        self.twin = Twin(
+            self.num_envs,
+            machine=machine,
+            terrain=terrain,
+            ground=ground,
+            device=device,
+            own_machines=own_machines,
+        )
+        # gives the outputs the size that they keep
+        self.twin.step(duration=task.control_step, sample_every=task.sample_step)
+        self.arrays = HOST if output == "numpy" else Arrays.torch(str(self.twin.device))
+        """Where the arrays live that the task calculates with."""
+        self._own_machines = own_machines
+        self._machine_changed = np.zeros(self.num_envs, dtype=bool)
+        self._warned_of: set[str] = set()  # parameters outside of their ranges
+        self._done = np.ones(self.num_envs, dtype=bool)  # the host knows who waits for a reset
+        with self.arrays.ordered():
+            self._allocate()
+        self._renderer = Renderer(task, self.num_envs, self.twin.machine) if render_mode is not None else None
+
+    def _allocate(self) -> None:
+        arrays, n = self.arrays, self.num_envs
+        self._outputs = self._read_outputs()
+        self._commands = arrays.alias(self.twin.commands)
+        self._steps = arrays.zeros(n, arrays.xp.int64)
+
+        ground_of = self.twin.terrain
+        if isinstance(ground_of, Terrain):
+            ground_of = (ground_of,)
+        self.task.allocate(n, ground_of if isinstance(ground_of, Plane) else tuple(ground_of), arrays)
+        self._endings = self.task.endings()[1]
+        self.termination_reasons = [*self._endings, *(f"twin lost: {reason}" for reason in STATUS.values())]
+        """Why episodes terminate; the first one, which is empty, goes on."""
+        self.single_action_space = self.task.action_space
+        self.action_space = batch_space(self.single_action_space, n)
+        self.observation_layout: dict[str, slice] = {}
+        """Columns of the observation by term."""
+        self.single_observation_space = self._observation_space()
+        self.observation_space = batch_space(self.single_observation_space, n)
+        self._observation = arrays.zeros((n, *self.single_observation_space.shape), arrays.xp.float32)
+        self._lowest, self._highest, self._least_action, self._largest_action = (
+            arrays.asarray(bound, arrays.xp.float32)
+            for space in (self.single_observation_space, self.single_action_space)
+            for bound in (space.low, space.high)
+        )
+
+    def _observation_space(self) -> spaces.Box:
+        parts = observations_of(self.task.observation_terms, self.task.view(), self.num_envs)
+        low, high, end = [], [], 0
+        for (name, term), part in zip(self.task.observation_terms.items(), parts, strict=True):
+            size = part.shape[1]
+            self.observation_layout[name] = slice(end, end + size)
+            end += size
+            low += [term.low] * size
+            high += [term.high] * size
+        return spaces.Box(np.array(low, dtype=np.float32), np.array(high, dtype=np.float32))
+
+    # ---- copies ------------------------------------------------------------------------------------------------------
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> TwinVectorEnv:
+        return copied(self, memo)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return pickled(self)
+
+    def aliases(self, twin: Twin | None = None) -> tuple[Array, ...]:
+        """This environment's arrays that are the memory of its twin; as they are of another ``twin`` like it."""
+        if self.arrays.on_host and self.twin.device.is_cuda:  # these are copies of it
+            return ()
+        if twin is None and hasattr(self, "_outputs"):
+            return self._commands, self._status, self._outputs.values, self._outputs.state
+        twin = self.twin if twin is None else twin
+        return tuple(self.arrays.alias(array) for array in (twin.commands, twin.status_codes, twin.outputs, twin.state))
+
+    def copied_state(self) -> dict[str, Any]:
+        """Everything but the twin, for :meth:`restore_state`."""
+        traces = None if self._renderer is None else self._renderer.traces()
+        return {**{name: value for name, value in vars(self).items() if name != "twin"}, "_renderer": traces}
+
+    def restore_state(self, state: Mapping[str, Any]) -> None:
+        """Take up what :meth:`copied_state` gave; pictures are drawn anew."""
+        vars(self).update({**state, "_renderer": None})
+        if state["_renderer"] is not None:
+            self._renderer = Renderer(self.task, self.num_envs, self.twin.machine)
+            self._renderer.take_up(state["_renderer"])
+
+    # ---- reset -------------------------------------------------------------------------------------------------------
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[Array, Infos]:
+        """Begin episodes; see the class for seeds and options.
+
+        Returns:
+            Observations (num_envs, …) and infos.
+        """
+        options = {} if options is None else options
+        mask = self._reset_mask(options)
+        self._seed(seed, mask)
+        with self.arrays.ordered():
+            self._start(np.flatnonzero(mask), options)
+            chosen = self.arrays.asarray(mask, self.arrays.xp.bool)
+            self._observe(chosen)
+            if self.arrays.host(self._wrong_observation()):
+                self._complain_of_observation()
+            infos = self.task.info()
+            infos = _with_masks(_where(chosen, infos), dict.fromkeys(infos, chosen))
+        if self.render_mode == "human":
+            self.render()
+        return self._handed_out(self._observation), infos
+
+    def _seed(self, seed: int | Sequence[int | None] | None, mask: NDArray[np.bool_]) -> None:
+        if seed is None or isinstance(seed, int | np.integer):
+            seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
+        else:
+            seeds = list(seed)
+            if len(seeds) != self.num_envs:
+                raise ValueError(f"seed has {len(seeds)} entries, but must have num_envs = {self.num_envs}")
+        for i in np.flatnonzero(mask):
+            if seeds[i] is not None or self.generators[i] is None:
+                self.generators[i], used = seeding.np_random(seeds[i])
+                if i == 0:
+                    self._np_random_seed = used
+        self._np_random = self.generators[0]
+
+    def _reset_mask(self, options: Mapping[str, Any]) -> NDArray[np.bool_]:
+        known = (*BASE_OPTIONS, *self.task.option_names)
+        for key in options:
+            if key not in known:
+                raise ValueError(f"options has the unknown key {key!r}; choose from: {', '.join(known)}")
+        if options.get("reset_mask") is None:
+            return np.ones(self.num_envs, dtype=bool)
+        mask = np.asarray(options["reset_mask"])
+        if mask.shape != (self.num_envs,) or mask.dtype != bool:
+            raise ValueError(
+                f"options['reset_mask'] has shape {mask.shape} and type {mask.dtype}, but must be ({self.num_envs},) of bool"
+            )
+        if not mask.any():
+            raise ValueError("options['reset_mask'] selects no sub-environment; set at least one entry")
+        return mask
+
+    def _start(self, where: NDArray[np.intp], options: Mapping[str, Any]) -> None:
+        """Begin the episodes of the sub-environments ``where``."""
+        generators = [generator for i in where if (generator := self.generators[i]) is not None]
+        draws = self.task.randomisation.draw(generators)
+        machine = self._machines(where, draws.apply(variants(self.twin.machine, where)), options)
+        start = self.task.start(where, generators, draws, machine, options)
+
+        mask = np.zeros(self.num_envs, dtype=bool)
+        mask[where] = True
+        position, heading, joint_angle = np.zeros((self.num_envs, 2)), np.zeros(self.num_envs), np.zeros(self.num_envs)
+        position[where], heading[where], joint_angle[where] = start.position, start.heading, start.joint_angle
+        terrain = None
+        if start.terrain is not None:
+            terrain = np.zeros(self.num_envs, dtype=np.int32)
+            terrain[where] = start.terrain
+        self.twin.reset(mask, position=position, heading=heading, joint_angle=joint_angle, terrain=terrain)
+        rows = self.arrays.index(where)
+        self._steps[rows] = 0
+        self._done[where] = False
+
+        # the twin's outputs come with its first step: until then, what is known of a machine at rest
+        values = self._outputs.values
+        self._outputs = Outputs(values, self.arrays.alias(self.twin.state))
+        values[:, :, rows] = 0.0
+        for channel, value in {
+            "position_x": self._outputs.states("X", 3)[:, rows],
+            "roll": self.arrays.xp.stack(angles_of(self._outputs.states("QX", 4)[:, rows])),
+            f"arm_angle_{WHEELS[0]}": self._outputs.states("ARM_FL", len(WHEELS))[:, rows],
+            "joint_angle": start.joint_angle,
+            "pressure_a": machine.steering.tank_line.back_pressure,
+            "pressure_b": machine.steering.tank_line.back_pressure,
+            "pump_pressure": machine.steering.pump.margin,
+            "engine_speed": machine.engine.set_speed,
+        }.items():
+            row, count = channel_row(channel), len(value) if getattr(value, "ndim", 0) == 2 else 1
+            self.arrays.put(values, (slice(None), slice(row, row + count), rows), value)
+        self.task.rest(rows, self._outputs)
+        if self._renderer is not None:
+            self._renderer.restart(where, self.task.traces())
+
+    def _machines(self, where: NDArray[np.intp], machine: Machine, options: Mapping[str, Any]) -> Machine:
+        """Machines of the sub-environments ``where`` for their next episode, handed to the twins where they changed."""
+        asked = options.get("machine")
+        if asked is not None:
+            machine = self._asked_machines(where, machine, asked)
+        varied = bool(asked) or self.task.randomisation.varies_machine
+        if varied or self._machine_changed[where].any():
+            self.twin.set_machines(where, machine)
+        self._machine_changed[where] = varied
+        return machine
+
+    def _asked_machines(self, where: NDArray[np.intp], machine: Machine, asked: Any) -> Machine:
+        """``machine`` with the values of ``options["machine"]``: checked, and named by key and sub-environment."""
+        if not isinstance(asked, Mapping):
+            raise ValueError(f"options['machine'] is {shortened(asked)}, but must map dotted keys to values")
+        if not self._own_machines:
+            raise ValueError("options['machine'] needs a machine for every twin: drop own_machines=False")
+        values = {}
+        for key, value in asked.items():
+            try:
+                array = np.asarray(value)
+            except (TypeError, ValueError, RuntimeError):  # ragged lists, tensors of a device
+                array = np.asarray(None)
+            if array.shape not in ((), (self.num_envs,)):
+                raise ValueError(
+                    f"options['machine'][{key!r}] has shape {array.shape}, but must be a number or ({self.num_envs},)"
+                )
+            if array.dtype.kind not in "iuf":
+                raise ValueError(
+                    f"options['machine'][{key!r}] is {shortened(value)}, but must be a number or ({self.num_envs},) numbers"
+                )
+            values[key] = array[where] if array.ndim else array.item()
+
+        lone = f" of sub-environment {where[0]}" if len(where) == 1 < self.num_envs else ""
+        option = f"options['machine']{lone}"
+
+        def called(index: int) -> str:
+            return f" of sub-environment {where[index]}"
+
+        try:
+            machine = machine.set(values, check_ranges=False)
+        except InvalidMachine as error:
+            raise ValueError(f"{option}: {error.told(called)}") from None
+        except ValueError as error:
+            raise ValueError(f"{option}: {error}") from None
+        for key, message in machine.outside_ranges(values, called).items():
+            if key not in self._warned_of:
+                warnings.warn(f"{option}: {message}", OutsideRangeWarning, stacklevel=2)
+                self._warned_of.add(key)
+        return machine
+
+    # ---- step --------------------------------------------------------------------------------------------------------
+
+    def step(self, actions: Array) -> tuple[Array, Array, Array, Array, Infos]:
+        """Advance every sub-environment by one control step in one launch.
+
+        Args:
+            actions: (num_envs, A); clipped into the action space.
+
+        Returns:
+            Observations (num_envs, …), rewards, terminations, truncations (each (num_envs,)) and infos.
+            ``info["reward/NAME"]`` is the weighted contribution of each reward term; ``info["termination"]`` the
+            reason of each terminated episode.
+
+        Raises:
+            ValueError: actions of the wrong shape, or not finite; a term that returns what it must not.
+            gymnasium.error.ResetNeeded: a sub-environment has not been reset, or its episode has ended.
+        """
+        resetting = self._done.copy()
+        if resetting.any():
+            fresh = any(generator is None for generator in self.generators)
+            if fresh or self.autoreset_mode is not AutoresetMode.NEXT_STEP:
+                raise gymnasium.error.ResetNeeded(
+                    f"sub-environment {int(np.argmax(self._done))} has no running episode; call reset() first, for some "
+                    "with options={'reset_mask': mask}"
+                )
+        actions, meant = self._taken_actions(actions)
+        with self.arrays.ordered():
+            result = self._advance(actions, meant, resetting)
+        if self.render_mode == "human":
+            self.render()
+        return result
+
+    def _advance(
+        self, actions: Array, meant: Array, resetting: NDArray[np.bool_]
+    ) -> tuple[Array, Array, Array, Array, Infos]:
+        """A control step; those that are ``resetting`` begin an episode in it. ``meant`` (N,): whose actions are finite."""
+        arrays, xp = self.arrays, self.arrays.xp
+        for name, command in self.task.commands(actions).items():
+            self._commands[int(Command[name.upper()])] = command
+        if arrays.on_host and self.twin.device.is_cuda:
+            self.twin.commands.assign(self._commands)
+        self.twin.advance(self.task.control_step, sample_every=self.task.sample_step)
+        self._steps += 1
+        self._outputs = self._read_outputs()
+        lost = self._status != 0
+        self.task.advance(self._outputs, floats(self._steps) * self.task.control_step)
+
+        running = xp.ones_like(lost)
+        if resetting.any():
+            running = ~arrays.asarray(resetting, xp.bool)
+        contributions = rewards_of(self.task.reward_terms, self.task.view(), self.num_envs)
+        values = xp.stack([xp.astype(value, xp.float32) for value in contributions.values()])
+        values = xp.where(running & ~lost, values, 0.0)
+        rewards = values[0]
+        for value in values[1:]:
+            rewards = rewards + value
+        infos = {f"reward/{name}": value for name, value in zip(contributions, values, strict=True)}
+
+        ending = xp.where(lost, self._status + (len(self._endings) - 1), self.task.endings()[0])
+        ending = xp.where(running, ending, 0)
+        terminated = ending != 0
+        truncated = self.task.overdue()
+        if self.max_episode_steps is not None:
+            truncated = truncated | (self._steps >= self.max_episode_steps)
+        truncated = truncated & running & ~terminated
+        done = terminated | truncated
+        self.task.renew()
+        infos |= self.task.info()
+        if "is_success" in infos:
+            infos["is_success"] &= ~lost
+        if self._renderer is not None:
+            self._renderer.record(self.task.traces())
+        masks = dict.fromkeys(infos, running)
+
+        if resetting.any():
+            self._start(np.flatnonzero(resetting), {})
+        self._observe(~(lost & running))
+        # all that the host waits for
+        unmeant, wrong_reward = ~xp.all(meant), ~xp.all(xp.isfinite(rewards))
+        flags = xp.stack([unmeant, wrong_reward, self._wrong_observation(), xp.any(terminated), xp.any(done)])
+        unmeant, wrong_reward, wrong_observation, any_terminated, any_done = arrays.host(flags)
+        if unmeant:
+            self._complain_of_action(meant)
+        if wrong_reward:
+            self._complain_of_reward(values)
+        if wrong_observation:
+            self._complain_of_observation()
+        if resetting.any():
+            infos, masks = _replaced(infos, masks, self.task.info(), ~running)
+        if any_terminated:
+            infos["termination"], masks["termination"] = self._reasons(ending), terminated
+        self._done = np.array(arrays.host(done)) if any_done else np.zeros(self.num_envs, dtype=bool)
+        if any_done and self.autoreset_mode is AutoresetMode.SAME_STEP:
+            infos = self._same_step(infos, masks, done)
+        else:
+            infos = _with_masks(infos, masks)
+        return self._handed_out(self._observation), rewards, terminated, truncated, infos
+
+    def _same_step(self, infos: Infos, masks: dict[str, Array], done: Array) -> Infos:
+        """Reset the sub-environments whose episode just ended, and put the end of the old one into the infos."""
+        final = self._observation  # a new one follows
+        if self.arrays.on_host:
+            final = np.full(self.num_envs, None, dtype=object)
+            for i in np.flatnonzero(done):
+                final[i] = self._observation[i].copy()
+        final_info = _with_masks(_where(done, infos), _each(masks, lambda mask: mask & done))
+        self._start(np.flatnonzero(self._done), {})
+        self._observe(done)
+        if self.arrays.host(self._wrong_observation()):
+            self._complain_of_observation()
+        infos, masks = _replaced(infos, masks, self.task.info(), done)
+        return {
+            **_with_masks(infos, masks),
+            "final_obs": final,
+            "_final_obs": done,
+            "final_info": final_info,
+            "_final_info": done,
+        }
+
+    def _taken_actions(self, actions: Array) -> tuple[Array, Array]:
+        """Actions (N, A) within the action space, and which of them (N,) were finite; the others are 0."""
+        arrays, xp = self.arrays, self.arrays.xp
+        on_host = namespace(actions) is np
+        actions = np.asarray(actions, dtype=np.float32) if on_host else actions
+        if tuple(actions.shape) != self.action_space.shape:
+            raise ValueError(f"actions have shape {tuple(actions.shape)}, but must have {self.action_space.shape}")
+        if on_host and not np.isfinite(actions).all():
+            self._complain_of_action(np.isfinite(actions).all(axis=1))
+        actions = arrays.asarray(actions, xp.float32)
+        finite = xp.isfinite(actions)
+        actions = xp.clip(xp.where(finite, actions, 0.0), self._least_action, self._largest_action)
+        return actions, xp.all(finite, axis=1)
+
+    def _complain_of_action(self, meant: Array) -> None:
+        meant = meant if isinstance(meant, np.ndarray) else self.arrays.host(meant)
+        raise ValueError(f"the action of sub-environment {int(np.argmin(meant))} is not finite")
+
+    def _complain_of_reward(self, values: Array) -> None:
+        values = self.arrays.host(values)
+        term, i = np.argwhere(~np.isfinite(values))[0]
+        name = list(self.task.reward_terms)[term]
+        raise ValueError(f"reward_terms[{name!r}] is {values[term, i]} in sub-environment {i}; return finite numbers")
+
+    def _complain_of_observation(self) -> None:
+        observation = self.arrays.host(self._observation)
+        row, column = np.argwhere(~np.isfinite(observation))[0]
+        name = next(name for name, span in self.observation_layout.items() if span.start <= column < span.stop)
+        raise ValueError(
+            f"observation_terms[{name!r}] is {observation[row, column]} in sub-environment {row}; return finite numbers"
+        )
+
+    def _read_outputs(self) -> Outputs:
+        """The outputs and the status of the twins at the end of a step."""
+        arrays, xp = self.arrays, self.arrays.xp
+        values = arrays.alias(self.twin.outputs)
+        self._status = arrays.alias(self.twin.status_codes)
+        if not arrays.surely_none(self._status != 0):  # a lost twin shows what is no number
+            values[...] = xp.where(xp.isfinite(values), values, 0.0)
+        return Outputs(values, arrays.alias(self.twin.state))  # which stays at the last good one
+
+    def _observe(self, mask: Array) -> None:
+        """Renew the observations where ``mask`` holds; the others keep their last one."""
+        arrays, xp = self.arrays, self.arrays.xp
+        parts = observations_of(self.task.observation_terms, self.task.view(), self.num_envs)
+        observation = xp.clip(xp.astype(xp.concat(parts, axis=1), xp.float32), self._lowest, self._highest)
+        if not arrays.surely_none(~mask):
+            observation = xp.where(mask[:, None], observation, self._observation)
+        self._observation = observation
+
+    def _wrong_observation(self) -> Array:
+        """Whether any observation is not finite."""
+        return ~self.arrays.xp.all(self.arrays.xp.isfinite(self._observation))
+
+    def _handed_out(self, observation: Array) -> Array:
+        return observation.copy() if self.arrays.on_host else observation
+
+    def _reasons(self, ending: Array) -> Array:
+        """Why episodes terminate (N,): words, or None for those that go on; indices on a device."""
+        if not self.arrays.on_host:
+            return ending
+        reasons = np.full(self.num_envs, None, dtype=object)
+        for i in np.flatnonzero(ending):
+            reasons[i] = self.termination_reasons[ending[i]]
+        return reasons
+
+    # ---- rendering ---------------------------------------------------------------------------------------------------
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:  # type: ignore[override]
+        """One frame (height, width, 3) a sub-environment; for ``"human"`` the first one's window, and None."""
+        if self.render_mode is None:
+            gymnasium.logger.warn('render() draws nothing: make the environment with render_mode="rgb_array"')
+            return None
+        assert self._renderer is not None, "the environment is closed"
+        if self.render_mode == "human":
+            self._renderer.show()
+            return None
+        return tuple(self._renderer.frame(i) for i in range(self.num_envs))
+
+    def close_extras(self, **_: Any) -> None:
+        """Close the window, if there is one."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def output(self, channel: str) -> Array:
+        """The twins' exact output channel at the end of the last control step, SI, float32 (num_envs,); a tensor aliases the
+        twins' memory."""
+        return self._handed_out(self._outputs.last(channel))
+
+    @property
+    def time(self) -> Array:
+        """Time since the start of the episode [s], shape (num_envs,)."""
+        return floats(self._steps) * self.task.control_step
+
+
+def contributions(infos: Infos) -> dict[str, Array]:
+    """What each reward term gave in the step of these infos (num_envs,), as ``reward/NAME``, ends of episodes included."""
+    final = infos.get("final_info", {})
+    return {
+        name: value + final[name] if final else value  # either is 0 where the other holds
+        for name, value in infos.items()
+        if name.startswith("reward/")
+    }
+
+
+class UnknownArgument(TypeError, ValueError):
+    """A keyword that an environment does not take."""
+
+
+def check_keywords(kind: type[TwinVectorEnv], arguments: Mapping[str, Any], without: Sequence[str] = ()) -> None:
+    """Raise :class:`UnknownArgument`, which lists the keywords of ``kind`` less those ``without``, if ``arguments`` holds
+    another."""
+    known: list[str] = []
+    for one in kind.__mro__:
+        if issubclass(one, TwinVectorEnv) and "__init__" in vars(one):
+            signature = inspect.signature(one.__init__).parameters.values()
+            known += [each.name for each in signature if each.kind is not inspect.Parameter.VAR_KEYWORD]
+    known = [name for name in dict.fromkeys(known) if name not in ("self", "task", *without)]
+    for name in arguments:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1)
+            hint = f": did you mean {near[0]!r}? It takes" if near else "; it takes"
+            raise UnknownArgument(
+                f"{kind.__name__.replace('Vector', '')} has no argument {name!r}{hint} {', '.join(known)}"
+            )
+
+
+def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
+    try:
+        return AutoresetMode(mode)
+    except ValueError:
+        known = ", ".join(repr(m.value) for m in AutoresetMode)
+        raise ValueError(f"autoreset_mode is {mode!r}; choose one of: {known}") from None
+
+
+def _where(mask: Array, values: Mapping[str, Array]) -> dict[str, Array]:
+    """``values`` where ``mask`` holds, else zero, or None for objects."""
+    xp = namespace(mask)
+    return {
+        name: xp.where(mask, value, None if value.dtype == object else xp.zeros_like(value))
+        for name, value in values.items()
+    }
+
+
+def _each(masks: Mapping[str, Array], change: Callable[[Array], Array]) -> dict[str, Array]:
+    """``change`` of every mask, calculated once for those that are one array."""
+    changed = {id(mask): change(mask) for mask in {id(mask): mask for mask in masks.values()}.values()}
+    return {name: changed[id(mask)] for name, mask in masks.items()}
+
+
+def _with_masks(values: Mapping[str, Array], masks: Mapping[str, Array]) -> Infos:
+    """Gymnasium's vector infos: every key has a mask that says which sub-environments it holds for."""
+    return {key: entry for name, value in values.items() for key, entry in ((name, value), (f"_{name}", masks[name]))}
+
+
+def _replaced(
+    values: Mapping[str, Array], masks: Mapping[str, Array], begun: Mapping[str, Array], where: Array
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Infos of a step, with those of a reset ``begun`` in its place where ``where`` holds."""
+    xp = namespace(where)
+    kept = {name: value for name, value in values.items() if name not in begun}
+    renewed = {name: xp.where(where, begun[name], values[name]) for name in values if name in begun}
+    return {**_where(~where, kept), **renewed}, {
+        **_each({name: masks[name] for name in kept}, lambda mask: mask & ~where),
+        **_each({name: masks[name] for name in renewed}, lambda mask: mask | where),
+    }

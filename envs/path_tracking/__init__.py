@@ -1,0 +1,1 @@
+"""AORO/PathTracking-v0: drive along a path over rough ground."""

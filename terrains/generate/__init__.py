@@ -1,0 +1,1 @@
+"""Generated terrains: procedural forests, and imperfect scans of them."""

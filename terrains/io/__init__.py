@@ -1,0 +1,1 @@
+"""Readers of terrains: meshes, elevation rasters, point clouds; checks and repairs."""

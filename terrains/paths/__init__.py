@@ -1,0 +1,1 @@
+"""Paths over a terrain: geometry, planning, readers and writers."""

@@ -1,0 +1,61 @@
+"""Machines that policies were not made for: within ranges, repeatable, and with one effect each."""
+
+import numpy as np
+import pytest
+
+from aoro_gym.agents.evaluation.perturbations import SWITCHABLE, as_given, magnitude_at, perturbed, with_effect
+from aoro_gym.effects.catalogue import EFFECTS
+from aoro_gym.machine import Machine
+
+MACHINE = Machine.load("aoro")
+SEEDS = [7, 8, 9, 10]
+
+
+def values_of(machine):
+    return {key: np.broadcast_to(entry.value, machine.num_variants) for key, entry in machine.entries.items()}
+
+
+def test_every_uncertain_parameter_is_drawn_within_its_range():
+    found = values_of(perturbed(MACHINE, SEEDS))
+    moved = 0
+    for key, entry in MACHINE.entries.items():
+        if entry.role in ("nuisance", "both"):
+            low, high = entry.range
+            slack = 1e-9 * (high - low)
+            assert np.all((found[key] >= low - slack) & (found[key] <= high + slack)), key
+            moved += len(np.unique(found[key])) > 1
+        elif entry.role == "fixed":
+            np.testing.assert_array_equal(found[key], entry.value, err_msg=key)
+    # some lean on an end of their range, where half of the draws end
+    assert moved > 0.9 * sum(entry.role in ("nuisance", "both") for entry in MACHINE.entries.values())
+
+
+def test_what_a_seed_draws_does_not_depend_on_its_neighbours():
+    for draw in (perturbed, with_effect):
+        together, alone = values_of(draw(MACHINE, SEEDS)), values_of(draw(MACHINE, [SEEDS[2]]))
+        for key, value in together.items():
+            assert value[2] == alone[key][0], key
+
+
+def test_each_machine_has_one_effect():
+    plain, with_one = values_of(perturbed(MACHINE, SEEDS)), values_of(with_effect(MACHINE, SEEDS))
+    changed = [{key for key in plain if plain[key][i] != with_one[key][i]} for i in range(len(SEEDS))]
+    assert all(changed)
+    # an effect moves a few parameters that belong together
+    assert all(len(keys) <= 12 for keys in changed)
+    assert len({frozenset(keys) for keys in changed}) > 1
+
+
+def test_severity_spans_a_magnitude():
+    for effect in SWITCHABLE.values():
+        for magnitude in effect.magnitudes:
+            assert magnitude_at(magnitude, 0.0) == magnitude.none
+            ends = sorted({magnitude_at(magnitude, -1.0), magnitude_at(magnitude, 1.0)})
+            assert ends == pytest.approx(sorted({magnitude.low, magnitude.high} - {magnitude.none}))
+            assert magnitude.low <= magnitude_at(magnitude, -0.5) <= magnitude.high
+    factor = EFFECTS["pump_response"].magnitudes[0]
+    assert magnitude_at(factor, 0.5) == pytest.approx(np.sqrt(3.0))
+
+
+def test_as_given_is_the_machine_itself():
+    assert as_given(MACHINE, SEEDS) is MACHINE

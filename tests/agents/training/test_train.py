@@ -1,0 +1,755 @@
+"""Trainings: killed and resumed they come to the same weights; what is asked is written down, and what is wrong is named."""
+
+import io
+import itertools
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import zipfile
+from dataclasses import fields, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aoro_gym import Machine, cli
+from aoro_gym.agents.evaluation import leaderboard
+from aoro_gym.agents.evaluation.perturbations import PERTURBATIONS
+from aoro_gym.agents.training.curriculum import curriculum, stage_at
+from aoro_gym.agents.training.plan import HYPERPARAMS, TrainingPlan
+from aoro_gym.envs import Course
+from aoro_gym.envs.path_tracking.task import MILD as TRACKING_MILD
+from aoro_gym.envs.path_tracking.task import REWARD_TERMS as TRACKING_TERMS
+from aoro_gym.envs.turning.task import FIXED, MILD, REWARD_TERMS, Turning
+from aoro_gym.execution import provenance
+from aoro_gym.execution.provenance import ChangedCode, ChangedInput, changed_inputs, check_provenance
+from aoro_gym.terrains import Path as Line
+from aoro_gym.terrains import Plane, Terrain
+from aoro_gym.terrains.paths.planning import NoDrivablePath
+
+TURNING, TRACKING = "AORO/Turning-v0", "AORO/PathTracking-v0"
+ROOT = Path(__file__).resolve().parents[3]
+SMALL = {
+    "ppo": {"n_steps": 25, "batch_size": 50, "n_epochs": 2, "learning_rate": "lin_1e-3"},
+    "sac": {"buffer_size": 240, "learning_starts": 60, "batch_size": 16, "train_freq": 5, "gradient_steps": 2},
+    "dagger": {"n_steps": 25, "buffer_size": 120, "batch_size": 50, "n_epochs": 2},
+}
+"""Hyper-parameters of trainings that take seconds: 100 steps in parts of 50, on two sub-environments."""
+
+
+TRAINERS = ["sb3", "resident"]
+
+
+def plan_of(algo: str = "ppo", **changes) -> TrainingPlan:
+    if changes.get("trainer") == "resident":
+        pytest.importorskip("skrl")
+        pytest.importorskip("array_api_compat")
+    values = {"steps": 200, "n_envs": 2, "checkpoint_every": 50, "eval_episodes": 1, "seed": 5, **changes}
+    return TrainingPlan(algo=algo, param=[f"{name}={value}" for name, value in SMALL[algo].items()], **values)
+
+
+@pytest.fixture
+def training():
+    pytest.importorskip("stable_baselines3")
+    pytest.importorskip("tensorboard")
+    pytest.importorskip("yaml")
+    from aoro_gym.agents.training import train as training
+
+    return training
+
+
+def weights(folder: Path) -> dict[str, np.ndarray]:
+    from safetensors.numpy import load
+
+    return load((folder / "policy.safetensors").read_bytes())
+
+
+# ---- resuming --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("algo", "trainer"), [("ppo", "sb3"), ("sac", "sb3"), ("ppo", "resident"), ("dagger", "sb3")])
+def test_resumed_training_is_the_uninterrupted_one_to_the_bit(algo, trainer, training, tmp_path, monkeypatch):
+    import torch  # pyright: ignore[reportMissingImports]
+
+    plan, machine = plan_of(algo, trainer=trainer), Machine.load("aoro")
+    recipe = training.begin(plan, tmp_path / "whole")
+    found = training.train(plan, recipe, tmp_path / "whole", machine=machine)
+    # SAC steps on to the end of a part; PPO's rollouts are 50 steps of the 100 of a part
+    assert [one["steps"] for one in found] == [100, 200]
+
+    training.begin(plan, tmp_path / "parted")
+    reports = []
+
+    def interrupt(progress) -> None:
+        reports.append(progress)
+        if progress.steps > 100:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("aoro_gym.agents.training.callbacks.REPORT_EVERY", 0.0)
+    with pytest.raises(KeyboardInterrupt):
+        training.train(plan, recipe, tmp_path / "parted", machine=machine, tell=interrupt)
+    assert reports[-1].steps == 102
+    np.random.seed(0)  # noqa: NPY002 (what happens between must not matter)
+    torch.manual_seed(0)
+    again, recalled = training.recall(tmp_path / "parted")
+    assert (again, recalled.hyperparams) == (plan, recipe.hyperparams)
+    resumed = training.train(again, recalled, tmp_path / "parted", machine=machine)
+
+    whole, parted = weights(tmp_path / "whole"), weights(tmp_path / "parted")
+    assert set(whole) == set(parted)
+    for name, values in whole.items():
+        np.testing.assert_array_equal(values, parted[name], err_msg=name)
+    for one, other in zip(found, resumed, strict=True):
+        assert (one["steps"], one["figures"]) == (other["steps"], other["figures"])
+    states = [torch.load(tmp_path / name / "checkpoint.pt", weights_only=True) for name in ("whole", "parted")]
+    same(*({key: value for key, value in state.items() if key not in ("notes", "statistics")} for state in states))
+
+
+def same(one, other) -> None:
+    """Fails unless two checkpoints are equal to the bit."""
+    if isinstance(one, dict):
+        assert one.keys() == other.keys()
+        for key in one:
+            same(one[key], other[key])
+    elif hasattr(one, "numpy"):
+        np.testing.assert_array_equal(one.numpy(), other.numpy())
+    elif isinstance(one, list | tuple):
+        assert len(one) == len(other)
+        for a, b in zip(one, other, strict=True):
+            same(a, b)
+    else:
+        assert one == other
+
+
+@pytest.mark.parametrize("trainer", TRAINERS)
+def test_learning_changes_the_policy_and_another_seed_another(trainer, training, tmp_path):
+    machine, found = Machine.load("aoro"), {}
+    for name, steps, seed in (("short", 100, 5), ("long", 200, 5), ("other", 200, 6)):
+        plan = plan_of(trainer=trainer, steps=steps, seed=seed)
+        training.train(plan, training.begin(plan, tmp_path / name), tmp_path / name, machine=machine)
+        found[name] = weights(tmp_path / name)["layer0.weight"]
+    assert not np.array_equal(found["short"], found["long"])
+    assert not np.array_equal(found["other"], found["long"])
+
+
+@pytest.mark.parametrize("trainer", TRAINERS)
+def test_a_training_learns_on_from_a_policy(trainer, training, tmp_path):
+    from aoro_gym.agents.policies.learned import load_policy
+
+    machine, first, second = Machine.load("aoro"), tmp_path / "first", tmp_path / "second"
+    training.train(plan_of(), training.begin(plan_of(), first), first, machine=machine)
+    # so small a step that nothing is learned: what is left is the policy that was started from
+    plan = plan_of(start=str(first / "policy.json"), seed=6, steps=100, trainer=trainer)
+    plan = replace(plan, param=[*(plan.param or []), "learning_rate=1e-30"])
+    assert "--start" in plan.command
+    training.train(plan, training.begin(plan, second), second, machine=machine)
+    before, after = (load_policy(folder / "policy.json") for folder in (first, second))
+    for one, other in zip(before.weights, after.weights, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert before.normalisation is not None and after.normalisation is not None
+    # 100 observations against 1e7
+    np.testing.assert_allclose(after.normalisation.mean, before.normalisation.mean, atol=1e-4)
+    np.testing.assert_allclose(after.normalisation.variance, before.normalisation.variance, rtol=1e-3, atol=1e-6)
+
+    wide = replace(plan, param=[*(plan.param or []), "policy_kwargs={net_arch: [8]}"])
+    with pytest.raises(ValueError, match=r"layers \[8, 64, 64, 1\] with tanh, but the network to train \[8, 8, 1\]"):
+        training.train(wide, training.begin(wide, tmp_path / "wide"), tmp_path / "wide", machine=machine)
+    with pytest.raises(FileNotFoundError):
+        training.begin(plan_of(start="none.json"), tmp_path / "none")
+
+
+@pytest.mark.parametrize(("algo", "trainer"), [("ppo", "sb3"), ("sac", "sb3"), ("ppo", "resident")])
+def test_a_held_actor_stays_while_the_critic_learns(algo, trainer, training):
+    from aoro_gym.agents.training.callbacks import Clock, Watch
+
+    plan = plan_of(algo, trainer=trainer)
+    clock = Clock(1000)
+    learner = training.learner_of(
+        plan, training.read_recipe(plan).hyperparams, clock, {"machine": Machine.load("aoro")}
+    )
+    watch = Watch(clock, learner.episodes, lambda progress: None, every=0.5)
+
+    def critic() -> np.ndarray:
+        state = learner.state()
+        if trainer == "resident":
+            return next(iter(state["modules"]["value"].values())).numpy().copy()
+        name = "mlp_extractor.value_net.0.weight" if algo == "ppo" else "critic.qf0.0.weight"
+        return state["parameters"]["policy"][name].numpy().copy()
+
+    try:
+        learner.learn(200, watch, seed=0)
+        learner.hold_actor(True)
+        before = learner.policy().weights, critic()
+        learner.learn(200, watch, seed=1)
+        for one, other in zip(before[0], learner.policy().weights, strict=True):
+            np.testing.assert_array_equal(one, other)
+        assert np.any(critic() != before[1])
+        learner.hold_actor(False)
+        learner.learn(200, watch, seed=2)
+        assert all(np.any(one != other) for one, other in zip(before[0], learner.policy().weights, strict=True))
+    finally:
+        learner.close()
+
+
+def test_the_critic_learns_first_where_there_is_a_policy_to_start_from(training, tmp_path, monkeypatch):
+    """A tenth of the steps, whatever the parts are; not without a policy, and not again."""
+    from aoro_gym.agents.training.stable_baselines import StableBaselines
+
+    held, hold = [], StableBaselines.hold_actor
+
+    def follow(self, is_held: bool) -> None:
+        held.append((self.steps, is_held))
+        hold(self, is_held)
+
+    monkeypatch.setattr(StableBaselines, "hold_actor", follow)
+    machine, first, second = Machine.load("aoro"), tmp_path / "first", tmp_path / "second"
+    training.train(plan_of(), training.begin(plan_of(), first), first, machine=machine)
+    assert held == [(0, False), (100, False)]
+    held.clear()
+    plan = plan_of(start=str(first / "policy.json"), steps=500, seed=6)
+    training.train(plan, training.begin(plan, second), second, machine=machine)
+    assert held == [(0, True), *((steps, False) for steps in range(50, 500, 100))]
+
+
+def test_a_killed_command_goes_on(training, tmp_path):
+    """SIGKILL between two checkpoints; then the same weights as without it."""
+    from typer.testing import CliRunner
+
+    from aoro_gym.cli import app
+
+    plan = plan_of(steps=500)
+    whole, parted = tmp_path / "whole", tmp_path / "parted"
+    training.train(plan, training.begin(plan, whole), whole, machine=Machine.load("aoro"))
+    command = [sys.executable, "-m", *plan.command.replace("aoro-gym", "aoro_gym").split(), "--out", str(parted)]
+    running = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 180.0
+    while not (parted / "checkpoint.pt").exists() and running.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.005)
+    os.kill(running.pid, signal.SIGKILL)
+    running.wait()
+    done = read_evaluations(parted / "checkpoint.pt")
+    assert 1 <= len(done) < 5  # it was killed on the way
+    shown = CliRunner().invoke(app, ["train", "--resume", str(parted)], catch_exceptions=False)
+    assert f"wrote {parted / 'best.json'}" in shown.stdout
+    assert len(list((parted / "log").iterdir())) == 2  # it did not begin anew
+    for name, values in weights(whole).items():
+        np.testing.assert_array_equal(values, weights(parted)[name], err_msg=name)
+    shown = CliRunner().invoke(app, ["train", "--resume", str(parted), "--seed", "3"])
+    assert shown.exit_code == 2
+    assert "--seed was settled when the training began; leave it out" in " ".join(shown.stderr.split())
+
+
+def read_evaluations(checkpoint: Path) -> list[Any]:
+    from aoro_gym.agents.training.checkpoints import load_checkpoint
+
+    return load_checkpoint(checkpoint)[1]["evaluations"]
+
+
+# ---- what it goes on with --------------------------------------------------------------------------------------------
+
+
+def course(height: float = 0.0, shift: float = 0.0, **changes) -> Course:
+    """Level ground with a path over it."""
+    ground = Terrain.from_heights(np.full((20, 60), height), cell=0.5, crs="EPSG:32633", **changes)
+    return Course(ground, (Line(np.array([[3.0, 5.0 + shift], [12.0, 5.0]]), name="ahead"),))
+
+
+@pytest.fixture(scope="module")
+def begun(tmp_path_factory) -> Path:
+    """A training of one part, with files of its own for everything: policy to start from, hyper-parameters, curriculum."""
+    for module in ("stable_baselines3", "tensorboard", "yaml"):
+        pytest.importorskip(module)
+    from aoro_gym.agents.policies.learned import LearnedPolicy
+    from aoro_gym.agents.training import train as training
+
+    folder = tmp_path_factory.mktemp("begun")
+    rng = np.random.default_rng(0)
+    sizes = [33, 8, 2]
+    LearnedPolicy(
+        weights=tuple(rng.normal(size=(b, a)).astype(np.float32) for a, b in itertools.pairwise(sizes)),
+        biases=tuple(np.zeros(size, np.float32) for size in sizes[1:]),
+        activation="tanh",
+        squashed=False,
+        low=-np.ones(2, np.float32),
+        high=np.ones(2, np.float32),
+    ).save(folder / "first")
+    (folder / "mine.yml").write_text(
+        f"{TRACKING}: {{n_timesteps: 100, n_envs: 2, policy: MlpPolicy, normalize: false, n_steps: 25, batch_size: 50,"
+        " n_epochs: 1, policy_kwargs: {net_arch: [8]}}\n"
+    )
+    (folder / "stages.yml").write_text(f"{TRACKING}:\n  - from: 0.0\n    randomisation: fixed\n")
+    plan = started_in(folder)
+    training.train(plan, training.begin(plan, folder / "run"), folder / "run", **given())
+    return folder
+
+
+def started_in(folder: Path, **changes) -> TrainingPlan:
+    values = {"env": TRACKING, "checkpoint_every": 50, "eval_episodes": 1, "seed": 5, **changes}
+    files = {"start": "first.json", "hyperparams": "mine.yml", "curriculum": "stages.yml"}
+    return TrainingPlan(**{name: str(folder / file) for name, file in files.items()}, **values)
+
+
+def given(**changes) -> dict[str, Any]:
+    return {"machine": Machine.load("aoro"), "courses": [course()], "held_out": [course(shift=1.0)], **changes}
+
+
+def test_what_has_not_changed_goes_on(begun, training):
+    files = [begun / "run" / name for name in ("policy.safetensors", "best.safetensors")]
+    before = [file.read_bytes() for file in files]
+    for file in files:
+        file.write_bytes(b"damaged")
+    (begun / "run" / "evaluations.json").write_text("half of i")
+    plan = started_in(begun)
+    found = training.train(plan, training.continued(plan, begun / "run"), begun / "run", **given())
+    assert [file.read_bytes() for file in files] == before
+    assert json.loads((begun / "run" / "evaluations.json").read_text())["evaluations"] == found
+
+
+def test_an_evaluation_is_compared_with_what_it_followed_from_alone(tmp_path, training):
+    """As ``curves`` asks: other inputs of the training, such as what machines are drawn within, do not count."""
+    plan, machine = plan_of(perturbation="perturbed"), Machine.load("aoro")
+    record = tmp_path / "provenance.json"
+    check_provenance(record, training.inputs_of(plan, training.read_recipe(plan), machine=machine))
+    assert changed_inputs(record, training.judged_by(plan, machine, None)) == []
+    heavier = machine.scale({"frame.front.mass": 1.01})
+    (said,) = changed_inputs(record, training.judged_by(plan, heavier, None))
+    assert said.startswith("machine frame.front.mass was")
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"seed": 6}, "seed was 5, is 6"),
+        ({"steps": 200}, "steps was 100, is 200"),
+        ({"checkpoint_every": 25}, "checkpoint_every was 50, is 25"),
+        ({"eval_episodes": 2}, "eval_episodes was 1, is 2"),
+        ({"param": ["n_epochs=3"]}, "hyperparams n_epochs was 1, is 3"),
+        ({"perturbation": "perturbed"}, "ranges .* and .* more"),
+    ],
+)
+def test_another_plan_is_refused(begun, training, changes, says):
+    plan = started_in(begun, **changes)
+    with pytest.raises(ChangedInput, match=rf"run was begun with other inputs: .*{says}.*; --restart begins anew"):
+        training.train(plan, training.continued(plan, begun / "run"), begun / "run", **given())
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"machine": Machine.load("aoro").scale({"steering.pump.margin": 0.9})}, "machine steering.pump.margin was "),
+        ({"machine": Machine.load("aoro_datasheet")}, "machine .* more"),
+        ({"courses": [course(height=0.5)]}, "inputs: terrain has changed;"),
+        ({"courses": [course(friction=0.8)]}, "inputs: terrain has changed;"),
+        ({"courses": [course(origin=(5.0, 0.0, 0.0))]}, "inputs: terrain has changed;"),
+        ({"courses": [course(shift=0.01)]}, "inputs: path has changed;"),
+        ({"held_out": [course(height=0.5, shift=1.0)]}, "inputs: held-out terrain has changed;"),
+        ({"held_out": [course()]}, "inputs: held-out path has changed;"),
+    ],
+)
+def test_another_machine_or_ground_is_refused(begun, training, changes, says):
+    plan = started_in(begun)
+    with pytest.raises(ChangedInput, match=says):
+        training.train(plan, training.continued(plan, begun / "run"), begun / "run", **given(**changes))
+
+
+@pytest.mark.parametrize(
+    ("file", "was", "now", "says"),
+    [
+        ("mine.yml", "n_steps: 25", "n_steps: 50", "hyperparams n_steps was 25, is 50"),
+        ("mine.yml", "[8]", "[8, 8]", r"hyperparams policy_kwargs net_arch was \[8\], is \[8, 8\]"),
+        ("mine.yml", "n_timesteps: 100", "n_timesteps: 150", "steps was 100, is 150"),
+        ("stages.yml", "fixed", "mild", "inputs: curriculum has changed;"),
+        ("first.json", '"tanh"', '"relu"', "inputs: start has changed;"),
+    ],
+)
+def test_a_file_that_says_something_else_now_is_refused(begun, training, file, was, now, says):
+    """As the command does it: the plan is the folder's, its files are read again."""
+    text = (begun / file).read_text()
+    assert was in text
+    try:
+        (begun / file).write_text(text.replace(was, now))
+        plan, recipe = training.recall(begun / "run")
+        with pytest.raises(ChangedInput, match=says):
+            training.train(plan, recipe, begun / "run", **given())
+    finally:
+        (begun / file).write_text(text)
+
+
+def test_other_code_is_named_and_may_be_accepted(begun, training, tmp_path, monkeypatch):
+    run = tmp_path / "run"
+    shutil.copytree(begun / "run", run)
+    plan = started_in(begun)
+    recipe = training.continued(plan, run)
+    edited = {**provenance.sources(), "agents/training/stable_baselines.py": "0" * 16}
+    monkeypatch.setattr(provenance, "sources", lambda: edited)
+    with pytest.raises(ChangedCode, match=r"agents/training/stable_baselines.py has changed; --accept-code-change"):
+        training.train(plan, recipe, run, **given())
+    training.train(plan, recipe, run, **given(), accept_code_change=True)
+    record = json.loads((run / "provenance.json").read_text())
+    assert record["accepted_code_changes"][0]["changes"] == ["agents/training/stable_baselines.py has changed"]
+
+
+def cut(content: bytes) -> bytes:
+    return content[: len(content) // 2]
+
+
+def flipped(content: bytes) -> bytes:
+    """One bit of a tensor: nothing but the checksum tells."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        largest = max(archive.infolist(), key=lambda one: one.file_size)
+        place = content.index(archive.read(largest)) + largest.file_size // 2
+    return content[:place] + bytes([content[place] ^ 1]) + content[place + 1 :]
+
+
+@pytest.mark.parametrize(
+    ("file", "spoil", "says"),
+    [
+        ("checkpoint.pt", cut, r"checkpoint.pt is damaged \(.*\); restore it, or begin anew with --restart"),
+        ("checkpoint.pt", flipped, r"checkpoint.pt is damaged \(the checksum"),
+        ("checkpoint.pt", lambda content: b"", "checkpoint.pt is damaged"),
+        ("provenance.json", cut, r"provenance.json is not JSON: .*; --restart begins anew"),
+        ("provenance.json", None, r"holds a checkpoint, but no provenance.json .* begin anew with --restart"),
+    ],
+)
+def test_what_is_damaged_is_one_error_with_what_to_do(begun, training, tmp_path, file, spoil, says):
+    run = tmp_path / "run"
+    shutil.copytree(begun / "run", run)
+    if spoil is None:
+        (run / file).unlink()
+    else:
+        (run / file).write_bytes(spoil((run / file).read_bytes()))
+    plan = started_in(begun)
+    with pytest.raises(ValueError, match=says):
+        training.train(plan, training.continued(plan, run), run, **given())
+
+
+def test_a_training_begins_anew_in_its_folder(begun, training, tmp_path):
+    run, plan = tmp_path / "run", started_in(begun, seed=6)
+    shutil.copytree(begun / "run", run)
+    (run / "notes.txt").write_text("mine")
+    (run / "checkpoint.pt").write_bytes(b"damaged")
+    with pytest.raises(ValueError, match=r"holds a training; give --resume .* --restart to begin anew"):
+        training.begin(plan, run)
+    recipe = training.continued(plan, run, restart=True)
+    assert {file.name for file in run.iterdir()} == {"training.json", "notes.txt", ".lock"}
+    found = training.train(plan, recipe, run, **given())
+    assert found[-1]["steps"] == 100
+    assert np.any(weights(run)["layer0.weight"] != weights(begun / "run")["layer0.weight"])
+
+
+def test_another_trainings_checkpoint_is_refused(begun, training, tmp_path):
+    run, plan = tmp_path / "run", started_in(begun, seed=6)
+    shutil.copytree(begun / "run", run)
+    (run / "checkpoint.pt").unlink()
+    with pytest.raises(KeyboardInterrupt):
+        training.train(plan, training.begin(plan, run), run, **given(), tell=interrupted)
+    shutil.copy(begun / "run" / "checkpoint.pt", run)
+    with pytest.raises(ValueError, match=r"checkpoint.pt is another training's; restore it, or begin anew"):
+        training.train(plan, training.continued(plan, run), run, **given())
+
+
+def interrupted(progress) -> None:
+    raise KeyboardInterrupt
+
+
+# ---- what a training writes ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("trainer", TRAINERS)
+def test_folder_says_what_was_asked_and_found(trainer, training, tmp_path):
+    from aoro_gym.agents.policies.learned import LearnedPolicy
+
+    plan = plan_of(steps=100, trainer=trainer)
+    found = training.train(plan, training.begin(plan, tmp_path), tmp_path, machine=Machine.load("aoro"))
+    record = json.loads((tmp_path / "training.json").read_text())
+    assert TrainingPlan.of(record["plan"]) == plan
+    assert record["command"] == plan.command
+    assert record["hyperparams"]["n_steps"] == 25
+    assert record["curriculum"][0]["from"] == 0.0
+    evaluations = json.loads((tmp_path / "evaluations.json").read_text())
+    assert evaluations == {"env": TURNING, "evaluations": found}
+    assert found[0]["figures"]["return"]["low95"] is None  # of one episode
+    policy = LearnedPolicy.load(tmp_path / "policy.json")
+    assert policy.environment == TURNING
+    assert list(policy.layout) == ["joint_angle", "joint_rate", "target", "error", "signals"]
+    assert policy.training["command"] == plan.command
+    assert (policy.training["seed"], policy.training["steps"]) == (5, 100)
+    logged = (tmp_path / "log" / "from_0" / "progress.csv").read_text().splitlines()[0].split(",")
+    assert {"evaluation/return", "train/policy_gradient_loss", "train/std", "time/fps"} <= set(logged)
+    assert record["versions"].keys() >= {"torch", "skrl" if trainer == "resident" else "stable-baselines3"}
+    assert list((tmp_path / "log" / "from_0").glob("events.out.tfevents.*"))
+    with pytest.raises(ValueError, match="holds a training; give --resume"):
+        training.begin(plan, tmp_path)
+
+
+@pytest.mark.parametrize("trainer", TRAINERS)
+def test_terms_of_episodes_are_logged(trainer, training, tmp_path):
+    plan = plan_of(steps=1200, checkpoint_every=600, trainer=trainer)
+    training.train(plan, training.begin(plan, tmp_path), tmp_path, machine=Machine.load("aoro"))
+    head, *rows = (tmp_path / "log" / "from_0" / "progress.csv").read_text().splitlines()
+    column = head.split(",").index("terms/tracking")
+    values = [float(row.split(",")[column]) for row in rows if row.split(",")[column]]
+    # 0.6 at most in each of 500 steps
+    assert values and all(0.0 < value <= 300.0 for value in values)
+
+
+def test_paths_are_learned_and_evaluated_on_their_courses(training, tmp_path):
+    def course(length: float) -> Course:
+        return Course(Plane(), (Line(np.array([[0.0, 0.0], [length, 0.0]]), name="ahead"),), name=f"{length} m")
+
+    plan = plan_of(env=TRACKING, steps=100, eval_episodes=2)
+    recipe = training.begin(plan, tmp_path)
+    machine = Machine.load("aoro")
+    found = training.train(plan, recipe, tmp_path, machine=machine, courses=[course(9.0)], held_out=[course(7.0)])
+    # from 4 m along on, and who hardly moves in 20 s is stuck: neither gets farther than to the end of the held-out path
+    assert all(found[0]["figures"]["driven_m"][end] <= 3.0 for end in ("mean", "high95"))
+    assert json.loads((tmp_path / "policy.json").read_text())["environment"] == TRACKING
+
+
+def test_machines_to_learn_on_are_drawn_and_none_of_an_evaluation(training, tmp_path, monkeypatch):
+    """One a sub-environment, others for another seed; what is evaluated on is the machine of the file."""
+    made, evaluated = [], []
+    learner_of, evaluate = training.learner_of, training.evaluate
+    monkeypatch.setattr(training, "learner_of", lambda *given: made.append(given[3]["machine"]) or learner_of(*given))
+    monkeypatch.setattr(
+        training, "evaluate", lambda *given, **named: evaluated.append(named["machine"]) or evaluate(*given, **named)
+    )
+    (tmp_path / "fixed.yml").write_text(f"{TURNING}:\n  - from: 0.0\n")
+    machine, key = Machine.load("aoro"), "frame.front.axle_distance"
+    for seed in (5, 6):
+        plan = plan_of(perturbation="perturbed", curriculum=str(tmp_path / "fixed.yml"), steps=50, seed=seed)
+        training.train(plan, training.begin(plan, tmp_path / str(seed)), tmp_path / str(seed), machine=machine)
+    values = np.concatenate([one.entries[key].value for one in made])
+    assert values.shape == (4,)
+    assert len(np.unique(values)) == 4
+    expected = PERTURBATIONS["perturbed"](machine, [6 * training.DRAWN_SEED]).entries[key].value
+    assert values[0] == np.ravel(expected)[0]
+    assert all(one is machine for one in evaluated)
+    assert max(leaderboard.SEED, training.EVALUATION_SEED) + cli.MOST_EPISODES < training.DRAWN_SEED
+
+
+# ---- the plan --------------------------------------------------------------------------------------------------------
+
+
+def test_command_is_the_plan(monkeypatch):
+    from typer.testing import CliRunner
+
+    plan = TrainingPlan(
+        seed=3,
+        param=["n_steps=16", "policy_kwargs={net_arch: [8]}"],
+        set=["oil.gas_fraction=0.01"],
+        path="two.gpx",
+        track="[/x] day 2",
+        join_gaps=True,
+    )
+    asked = []
+    monkeypatch.setattr(cli, "_check_extra", lambda *_: None)
+    monkeypatch.setattr(cli, "TrainingPlan", lambda **values: asked.append(TrainingPlan(**values)) or _stop())
+    import shlex
+
+    CliRunner().invoke(cli.app, shlex.split(plan.command)[1:])
+    assert asked == [plan]
+    assert TrainingPlan.of(json.loads(json.dumps(plan.to_json()))) == plan
+
+
+def _stop():
+    raise ValueError("far enough")
+
+
+def test_every_field_has_a_help_text():
+    for one in fields(TrainingPlan):
+        assert one.metadata["help"].endswith(".")
+        assert one.metadata["metavar"] or one.default is False  # a switch has no value
+
+
+def test_evaluation_is_on_ground_that_was_held_out(tmp_path, monkeypatch):
+    monkeypatch.setattr(cli, "HELD_OUT_FORESTS", (101,))
+    assert cli._training_courses(TrainingPlan()) == (None, None)
+    learned, held_out = cli._training_courses(TrainingPlan(env=TRACKING, forests=1))
+    assert learned is not None and held_out is not None
+    assert [course.name for course in learned] == ["forest 1"]
+    assert [course.name for course in held_out] == ["forest 101"]
+
+    def grown(seed: int) -> Course:
+        if seed in (1, 3):
+            raise NoDrivablePath("too dense")
+        return Course(Plane(), (Line(np.array([[0.0, 0.0], [9.0, 0.0]]), name="ahead"),), name=f"forest {seed}")
+
+    monkeypatch.setattr("aoro_gym.envs.path_tracking.courses.forest_course", grown)
+    learned, _ = cli._training_courses(TrainingPlan(env=TRACKING, forests=3))
+    assert learned is not None
+    assert [course.name for course in learned] == ["forest 2", "forest 4", "forest 5"]
+    with pytest.raises(ValueError, match="forests is 99, but there are 98 to learn on; ask for fewer"):
+        cli._training_courses(TrainingPlan(env=TRACKING, forests=99))
+    monkeypatch.undo()
+
+    x = np.arange(0.0, 40.0, 1.0)
+    rows = [(a, b, 0.02 * a) for b in x for a in x]
+    np.savetxt(tmp_path / "slope.csv", rows, delimiter=",", header="x,y,z", comments="")
+    own = TrainingPlan(env=TRACKING, terrain=str(tmp_path / "slope.csv"), path_length=15.0)
+    learned, held_out = cli._training_courses(own)
+    assert learned is not None and held_out is not None
+    assert learned[0].terrain is held_out[0].terrain
+    places = [{path.points.tobytes() for path in courses[0].paths} for courses in (learned, held_out)]
+    assert [len(each) for each in places] == [4, 4]
+    assert not places[0] & places[1]
+
+    (tmp_path / "lane.csv").write_text("x,y\n5,10\n8,10\n11,10\n14,10\n")
+    learned, held_out = cli._training_courses(TrainingPlan(env=TRACKING, path=str(tmp_path / "lane.csv")))
+    assert learned is held_out  # there is no other
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"algo": "dqn"}, "algo is 'dqn'; choose one of: ppo, sac"),
+        ({"steps": 0}, "steps is 0, but must be at least 1"),
+        ({"seed": -1}, "seed is -1, but must be at least 0"),
+        ({"trainer": "rllib"}, "trainer is 'rllib'; choose one of: sb3, resident"),
+        ({"trainer": "resident", "algo": "sac"}, "algo is 'sac', but the trainer 'resident' has ppo only; give that"),
+    ],
+)
+def test_wrong_plans_are_named(values, message):
+    with pytest.raises(ValueError, match=message):
+        TrainingPlan(**values)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"env": "AORO/Flying-v0"}, "env is 'AORO/Flying-v0'; choose one of: AORO/Turning-v0"),
+        ({"perturbation": "odd"}, "perturbation is 'odd'; choose one of: as calibrated, perturbed, with an effect"),
+        ({"param": ["learning_rate"]}, "'learning_rate' is not NAME=VALUE"),
+        ({"param": ["learning_rate=fast_1"]}, "learning_rate is 'fast_1', but must be a number, or lin_NUMBER"),
+        (
+            {"param": ["policy_kwargs=dict(net_arch=[8])"]},
+            "policy_kwargs is 'dict.*', which is code; write what it says",
+        ),
+        ({"param": ["n_stepz=8"]}, "that PPO does not take: .*n_stepz"),
+        ({"param": ["n_envs=many"]}, "n_envs of AORO/Turning-v0 is 'many'; give a number"),
+        ({"hyperparams": "mine.yml"}, r"mine\.yml says nothing of AORO/Turning-v0"),
+        ({"hyperparams": "broken.yml"}, r"broken\.yml is no YAML"),
+        ({"curriculum": "late.yml"}, r"begin at \[0\.5\], but must begin at 0 and rise"),
+    ],
+)
+def test_wrong_recipes_are_named(changes, message, training, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("mine.yml").write_text("CartPole-v1:\n  n_envs: 1\n")
+    Path("broken.yml").write_text("a: [\n")
+    Path("late.yml").write_text(f"{TURNING}:\n  - from: 0.5\n")
+    plan = TrainingPlan(n_envs=None if "param" in changes and "n_envs" in changes["param"][0] else 2, **changes)
+    with pytest.raises(ValueError, match=message):
+        training.train(plan, training.begin(plan, tmp_path / "out"), tmp_path / "out", machine=Machine.load("aoro"))
+
+
+def test_numbers_of_parameters_are_numbers(training):
+    plan = TrainingPlan(
+        param=["learning_rate=1e-4", "n_steps=8", "policy_kwargs={net_arch: [8, 4]}", "policy=MlpPolicy"]
+    )
+    hyperparams = training.read_recipe(plan).hyperparams
+    assert hyperparams["learning_rate"] == 1e-4
+    assert hyperparams["n_steps"] == 8
+    assert hyperparams["policy_kwargs"] == {"net_arch": [8, 4]}
+    assert hyperparams["policy"] == "MlpPolicy"
+
+
+def test_packaged_hyperparams_are_of_the_zoos_format(training):
+    import yaml  # pyright: ignore[reportMissingModuleSource]
+
+    for file in set(HYPERPARAMS.glob("*.yml")) - {HYPERPARAMS / "spaces.yml"}:
+        content = yaml.safe_load(file.read_text(encoding="utf-8"))
+        assert set(content) == {TURNING, TRACKING}
+        if file.stem in ("curricula", "perturbed"):
+            continue
+        own = {"teacher"} if file.stem == "dagger" else {"policy", "normalize"}
+        for entry in content.values():
+            assert {"n_envs", "n_timesteps", *own} <= set(entry)
+            if "ppo" in file.stem:  # no truncated batches
+                assert entry["n_envs"] * entry["n_steps"] % entry["batch_size"] == 0
+
+
+# ---- the curriculum --------------------------------------------------------------------------------------------------
+
+
+def test_stages_follow_each_other():
+    stages = curriculum(
+        TURNING,
+        [
+            {"from": 0.0},
+            {
+                "from": 0.4,
+                "randomisation": {"base": "mild", "sensor_noise": [0.0, 1.0]},
+                "reward_terms": {"overshoot": -3.0},
+            },
+            {"from": 0.7, "randomisation": "mild"},
+        ],
+    )
+    assert [stage_at(stages, share).start for share in (0.0, 0.39, 0.4, 0.69, 0.7, 1.0)] == [
+        0.0,
+        0.0,
+        0.4,
+        0.4,
+        0.7,
+        0.7,
+    ]
+    assert stages[0].randomisation == FIXED
+    assert stages[1].randomisation.sensor_noise == (0.0, 1.0)
+    assert stages[1].randomisation.machine_scale == MILD.machine_scale
+    task = Turning()
+    stages[1].apply(task, REWARD_TERMS)
+    assert task.reward_terms["overshoot"].weight == -3.0
+    assert task.randomisation is stages[1].randomisation
+    stages[2].apply(task, REWARD_TERMS)
+    assert task.reward_terms["overshoot"] == REWARD_TERMS["overshoot"]
+
+
+def test_stages_may_add_what_a_task_does_without():
+    first, *_ = curriculum(TRACKING, [{"from": 0, "randomisation": "mild", "reward_terms": {"exact_progress": 2.0}}])
+    assert first.randomisation == TRACKING_MILD
+    task: Any = SimpleNamespace()
+    first.apply(task, TRACKING_TERMS)
+    assert set(task.reward_terms) == {*TRACKING_TERMS, "exact_progress"}
+    # 0.025 m in a step of 0.05 s at 0.75 m/s of working speed is 2/3; at 0.03 m off the path it is worth half; 0.05 m are
+    # 4/3, of which what is beyond 1.1 counts against
+    view = SimpleNamespace(
+        progress=np.array([0.025, 0.025, 0.05]),
+        control_step=0.05,
+        working_speed=0.75,
+        cross_track=np.array([0.0, -0.03, 0.0]),
+        xp=np,
+    )
+    term = task.reward_terms["exact_progress"]
+    np.testing.assert_allclose(term.weight * term.function(view), [4.0 / 3.0, 2.0 / 3.0, 2.0 * (2.2 - 4.0 / 3.0)])
+
+
+def test_flow_beyond_the_full_one_can_cost():
+    first, *_ = curriculum(TURNING, [{"from": 0, "reward_terms": {"flow_excess": -2.0}}])
+    task: Any = SimpleNamespace()
+    first.apply(task, REWARD_TERMS)
+    term = task.reward_terms["flow_excess"]
+    # of 1.2e-3 m3/s, either side
+    view = SimpleNamespace(flows=np.array([[1.8e-3, -1.8e-3, 1.2e-3, 0.0]]), xp=np)
+    np.testing.assert_allclose(term.weight * term.function(view), [-1.0, -1.0, 0.0, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("entries", "message"),
+    [
+        ([], "must be a list of at least one stage"),
+        ([{"randomisation": "mild"}], "stage 0 .* must have 'from'"),
+        ([{"from": 0, "randomisation": "wild"}], "stage 0 .* randomisation is 'wild'; choose one of: fixed, mild"),
+        ([{"from": 0, "randomisation": {"noise": [0, 1]}}], "unknown field 'noise'; choose from: machine, "),
+        ([{"from": 0, "reward_terms": {"exact_progress": 1.0}}], "has no 'exact_progress' to weigh"),
+        ([{"from": 0, "randomisation": {"sensor_noise": [1, 0]}}], "randomisation.sensor_noise is .1, 0., but must be"),
+        ([{"from": 0}, {"from": 0}], "but must begin at 0 and rise"),
+    ],
+)
+def test_wrong_curricula_are_named(entries, message):
+    with pytest.raises(ValueError, match=message):
+        curriculum(TURNING, entries)
