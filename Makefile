@@ -27,9 +27,10 @@ test: $(VENV)/.agents ## run the tests, a file at a time on every core
 test-all: $(VENV)/.agents ## the slow tests, too: many more mutated files, every command in a terminal
 	$(PYTEST) -m ""
 
-lint: $(VENV)/.dev ## check style (ruff) and types (pyright)
+lint: $(VENV)/.dev ## check style (ruff), import directions (import-linter) and types (pyright)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports --cache-dir .ruff_cache/imports
 	$(BIN)/pyright
 
 format: $(VENV)/.dev ## rewrite the sources in the project's style

@@ -13,7 +13,7 @@
 
 from typing import TYPE_CHECKING
 
-from aoro_gym.lazy import on_first_use
+import lazy_loader
 
 if TYPE_CHECKING:
     from aoro_gym.agents.controllers.path_tracking import (
@@ -53,9 +53,9 @@ __all__ = [
     "shipped_policies",
 ]
 
-__getattr__, __dir__ = on_first_use(
+__getattr__, _, _ = lazy_loader.attach(
     __name__,
-    {
+    submod_attrs={
         "controllers.turning": ("BangBang", "Policy", "ProportionalDerivative"),
         "evaluation.evaluate": ("Evaluation", "evaluate"),
         "policies.learned": ("LearnedPolicy", "load_policy", "shipped_policies"),
@@ -65,3 +65,7 @@ __getattr__, __dir__ = on_first_use(
         "training.vec_env": ("TwinVecEnv", "make_vec_env"),
     },
 )
+
+
+def __dir__() -> list[str]:
+    return list(__all__)

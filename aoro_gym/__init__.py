@@ -13,25 +13,30 @@ it makes the environments known to Gymnasium, so that ``gymnasium.make("AORO/Tur
 
 from typing import TYPE_CHECKING
 
+import lazy_loader
+
 from aoro_gym.envs.registration import register_envs
-from aoro_gym.lazy import on_first_use
+from aoro_gym.version import VERSION as __version__
 
 if TYPE_CHECKING:
     from aoro_gym.machine import Machine
     from aoro_gym.terrains import Plane
     from aoro_gym.twin import Twin
 
-__version__ = "0.1.0"
 __all__ = ["Machine", "Plane", "Twin", "__version__"]
 
-__getattr__, __dir__ = on_first_use(
+__getattr__, _, _ = lazy_loader.attach(
     __name__,
-    {
+    submod_attrs={
         "terrains": ("Plane",),
         "machine": ("Machine",),
         "twin": ("Twin",),
     },
 )
+
+
+def __dir__() -> list[str]:
+    return list(__all__)
 
 
 register_envs()

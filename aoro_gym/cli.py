@@ -28,9 +28,9 @@ from rich.table import Table
 from rich.text import Text
 from typer.core import TyperGroup
 
-from aoro_gym import __version__
 from aoro_gym.agents.training.plan import JOIN_GAPS_HELP, PATH_CRS_HELP, PATH_HELP, TRACK_HELP, TrainingPlan
 from aoro_gym.reporting import terminal
+from aoro_gym.version import VERSION
 
 if TYPE_CHECKING:
     from aoro_gym.agents.controllers.reference import Factory
@@ -140,7 +140,7 @@ def main() -> None:
 
 def _version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"aoro-gym {__version__}")
+        typer.echo(f"aoro-gym {VERSION}")
         raise typer.Exit
 
 
@@ -2271,7 +2271,7 @@ def _about(recording: Recording, twin: Twin, made_by: dict[str, Any]) -> dict[st
         },
         "machine": made_by["machine"],
         "simulation": {
-            "aoro_gym": __version__,
+            "aoro_gym": VERSION,
             "device": made_by["device"],
             "seed": made_by["seed"],
             "main_step_s": twin.main_step,

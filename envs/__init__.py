@@ -16,8 +16,9 @@ has ``courses`` (terrains with their paths), ``path_table`` (projections), ``ass
 
 from typing import TYPE_CHECKING
 
+import lazy_loader
+
 from aoro_gym.envs.registration import ENVIRONMENTS, register_envs
-from aoro_gym.lazy import on_first_use
 
 if TYPE_CHECKING:
     from aoro_gym.envs.core.randomisation import Randomisation
@@ -56,9 +57,9 @@ __all__ = [
     "register_envs",
 ]
 
-__getattr__, __dir__ = on_first_use(
+__getattr__, _, _ = lazy_loader.attach(
     __name__,
-    {
+    submod_attrs={
         "path_tracking.assistance": ("ArmControl",),
         "path_tracking.courses": ("Course", "forest_course"),
         "path_tracking.task": (
@@ -74,3 +75,7 @@ __getattr__, __dir__ = on_first_use(
         "turning.task": ("Turning", "TurningConfig", "TurningEnv", "TurningVectorEnv", "TurningView"),
     },
 )
+
+
+def __dir__() -> list[str]:
+    return list(__all__)

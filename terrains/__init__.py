@@ -6,7 +6,8 @@
 
 from typing import TYPE_CHECKING
 
-from aoro_gym.lazy import on_first_use
+import lazy_loader
+
 from aoro_gym.terrains.paths.path import Path
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.terrains.terrain import Terrain
@@ -36,9 +37,9 @@ __all__ = [
     "to_local",
 ]
 
-__getattr__, __dir__ = on_first_use(
+__getattr__, _, _ = lazy_loader.attach(
     __name__,
-    {
+    submod_attrs={
         "io.check": ("Report", "TerrainError"),
         "georeference": ("from_world", "to_geographic", "to_local"),
         "io.loading": ("Loaded", "load"),
@@ -46,3 +47,7 @@ __getattr__, __dir__ = on_first_use(
         "paths.planning": ("drivable_path",),
     },
 )
+
+
+def __dir__() -> list[str]:
+    return list(__all__)

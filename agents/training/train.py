@@ -581,7 +581,7 @@ def versions(trainer: str) -> dict[str, str]:
 
 def revision() -> str:
     """Of the source: the package's version, and the commit if it is a checkout of one."""
-    from aoro_gym import __version__
+    from aoro_gym.version import VERSION
 
     here = Path(__file__).resolve().parent
     try:
@@ -593,8 +593,8 @@ def revision() -> str:
             check=True,
         )
     except (OSError, subprocess.CalledProcessError):
-        return __version__
-    return f"{__version__}+{found.stdout.strip()}"
+        return VERSION
+    return f"{VERSION}+{found.stdout.strip()}"
 
 
 def entry_of(file: Path, name: str) -> Any:

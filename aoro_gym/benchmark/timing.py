@@ -129,7 +129,7 @@ def computer(device: str) -> dict[str, Any]:
     """The computer that a benchmark ran on."""
     import warp
 
-    from aoro_gym import __version__
+    from aoro_gym.version import VERSION
 
     name = warp.get_device(device).name
     return {
@@ -139,7 +139,7 @@ def computer(device: str) -> dict[str, Any]:
         "system": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),
         "warp": warp.__version__,
-        "aoro_gym": __version__,
+        "aoro_gym": VERSION,
     }
 
 

@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 
-from aoro_gym import __version__
 from aoro_gym.diagnosis_benchmark.cases import Case, Family, Suite, plan
 from aoro_gym.diagnosis_benchmark.plants.constants import COMMISSIONED_CELSIUS
 from aoro_gym.diagnosis_benchmark.plants.runs import Recorded, Run, record
@@ -27,6 +26,7 @@ from aoro_gym.execution.locking import locked
 from aoro_gym.execution.provenance import PROVENANCE, check_provenance
 from aoro_gym.execution.workers import Tell, spread
 from aoro_gym.simulation.log import BAR, NOISY, RPM, voltage_from_signal, write_log
+from aoro_gym.version import VERSION
 
 COLUMNS = {
     "joint_angle": ("joint_angle_rad", 1.0), "pressure_a": ("pressure_a_bar", BAR), "pressure_b": ("pressure_b_bar", BAR),
@@ -91,7 +91,7 @@ def write_cases(
     if answers.resolve().is_relative_to(folder.resolve()):
         raise ValueError(f"answers {answers} lie within {folder}, where the diagnosis reads; keep them outside")
     asked = {
-        "suite": suite.name, "mode": mode, "sensors": sensors, "family": family.name, "aoro_gym": __version__,
+        "suite": suite.name, "mode": mode, "sensors": sensors, "family": family.name, "aoro_gym": VERSION,
     }  # fmt: skip
     with locked(folder):
         sealed, cases = _drawn(suite, folder, answers, asked, family=family, seed=seed)

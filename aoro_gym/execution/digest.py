@@ -24,8 +24,10 @@ from typing import Any
 
 import numpy as np
 
-import aoro_gym
+from aoro_gym.version import VERSION
 
+PACKAGE = "aoro_gym."
+"""Where the dotted names of its own modules begin."""
 LIBRARIES = (
     "gymnasium", "numpy", "optuna", "ray", "scipy", "stable-baselines3", "skrl", "torch", "trimesh", "warp-lang",
 )  # fmt: skip
@@ -64,7 +66,7 @@ def digest(*parts: Any) -> str:
 @cache
 def sources() -> Mapping[str, str]:
     """Digests of all files of the installed package, its sources and the data that it ships, by name below its folder."""
-    root = Path(aoro_gym.__file__).parent
+    root = Path(__file__).parents[1]
     return types.MappingProxyType({name: digest(Contents(file))[:16] for name, file in _files_below(root)})
 
 
@@ -77,7 +79,7 @@ def code_digest() -> str:
 @cache
 def versions() -> dict[str, str]:
     """Versions of Python, of this package, and of the libraries that compute, as far as they are installed."""
-    found = {"python": platform.python_version(), "aoro-gym": aoro_gym.__version__}
+    found = {"python": platform.python_version(), "aoro-gym": VERSION}
     for name in LIBRARIES:
         try:
             found[name] = version(name)
@@ -269,7 +271,7 @@ def _names(code: types.CodeType) -> set[str]:
 def _module_tokens(module: types.ModuleType) -> Iterator[bytes]:
     yield f"module:{module.__name__}".encode()
     file = getattr(module, "__file__", None)
-    if file is not None and _is_own_file(file) and not module.__name__.startswith(f"{aoro_gym.__name__}."):
+    if file is not None and _is_own_file(file) and not module.__name__.startswith(PACKAGE):
         yield from _file_tokens(Path(file))
 
 
@@ -331,7 +333,7 @@ def _is_own_file(file: str) -> bool:
 
 def _is_ours(value: Any) -> bool:
     """Whether a class or function is this package's."""
-    return f"{value.__module__}.".startswith(f"{aoro_gym.__name__}.")
+    return f"{value.__module__}.".startswith(PACKAGE)
 
 
 def _source(value: Any) -> bytes:

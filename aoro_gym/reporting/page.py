@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym import __version__
 from aoro_gym.execution.files import write_text, written_whole
 from aoro_gym.reporting.style import AMBER, BLUE, GREEN, GRID, INK, PLOT_STYLE, RED, SHADE, SOFT
 from aoro_gym.simulation.figures import turn_start
 from aoro_gym.simulation.log import BAR, DEGREE, LITRE_PER_MINUTE, RPM
 from aoro_gym.simulation.manoeuvres import Recording
+from aoro_gym.version import VERSION
 
 CORNER_LINES = {
     "fl": ("front left", RED),
@@ -236,7 +236,7 @@ def write_page(
         contents="".join(links) if len(links) > 1 else "",
         sections="\n".join([top, *bodies]),
         plotly=get_plotlyjs() if interactive else "",
-        footer=html.escape(f"Drawn by aoro-gym {__version__}. {footer}"),
+        footer=html.escape(f"Drawn by aoro-gym {VERSION}. {footer}"),
     )
     write_text(path, page)
 
