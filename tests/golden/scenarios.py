@@ -281,22 +281,13 @@ def diagnose(folder: Path) -> None:
     for side, seed in (("left", "1"), ("right", "2")):
         what = ("--manoeuvre", side, "--signal", "100", "--seed", seed, "--out", f"{side}.csv", "-q")
         command(folder, "simulate", *what, *changed)
-    command(folder, "diagnose", "left.csv", "right.csv", "--holdout", "right.csv", "--out", "diagnosis", "-q")
+    command(folder, "diagnose", "left.csv", "right.csv", "--holdout", "right", "--out", "diagnosis", "-q")
 
 
 @scenario("full")
 def calibrate(folder: Path) -> None:
-    what = (
-        "--manoeuvre",
-        "left",
-        "--scale",
-        "steering.valve.nominal_flow_left=1.05",
-        "--seed",
-        "4",
-        "--out",
-        "log.csv",
-    )
-    command(folder, "simulate", *what, "-q")
+    changed = ("--scale", "steering.valve.nominal_flow_left=1.05", "--duration", "1.1", "--seed", "4")
+    command(folder, "simulate", "--manoeuvre", "left", *changed, "--out", "log.csv", "-q")
     budget = ("--population", "8", "--starts", "1", "--machine", "aoro", "--force")
     command(folder, "calibrate", "--logs", "log.csv", *budget, "--out", "machine.toml", "-q")
 
