@@ -1,4 +1,4 @@
-"""Draw mutants of laws, sensors, terrains and environments by a seed: ``python studies/mutation/draw.py`` writes mutants.json.
+"""Draw mutants of laws, sensors, terrains and environments by a seed: ``python studies/mutation/draw.py``, mutants.json.
 
 A place is drawn first, as many in each package, then one of cosmic-ray's operators that apply there; a place with many
 operators (11 for each sign) counts no more than one with few. What changes annotations or docstrings alone, or is no

@@ -21,7 +21,7 @@ from queue import SimpleQueue
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 SLACK = (4.0, 120.0)
-"""A mutant's tests may take so many times as long as without it, and so many seconds more; who takes longer hangs: killed."""
+"""A mutant whose tests take longer than so many times those without it, and so many seconds more, hangs: killed."""
 
 
 def commands(file: str, wider: dict[str, list[str]]) -> list[tuple[str, ...]]:
@@ -32,7 +32,9 @@ def commands(file: str, wider: dict[str, list[str]]) -> list[tuple[str, ...]]:
     return [(str(mirror),)] * (ROOT / mirror).is_file() + [tuple(wider[package])]
 
 
-def tests(copy: Path, command: tuple[str, ...], *options: str, limit: float | None = None) -> tuple[int, list[str], float]:
+def tests(
+    copy: Path, command: tuple[str, ...], *options: str, limit: float | None = None
+) -> tuple[int, list[str], float]:
     """Exit code (0: they pass), names of what failed, and time [s]; no code of its own has what ran out of time: -1."""
     environment = {
         **os.environ, "PYTHONPATH": os.pathsep.join([str(copy), *filter(None, [os.environ.get("PYTHONPATH")])]),
@@ -41,7 +43,13 @@ def tests(copy: Path, command: tuple[str, ...], *options: str, limit: float | No
     call = [sys.executable, "-m", "pytest", "-q", "-rfE", "-p", "no:cacheprovider", *command, *options]
     began = time.monotonic()
     process = subprocess.Popen(
-        call, cwd=copy, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+        call,
+        cwd=copy,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
     )
     try:
         shown, code = process.communicate(timeout=limit)[0], process.returncode
