@@ -185,7 +185,8 @@ def results(revision: str, out: Path, *, group: str, only: str | None) -> None:
         RuntimeError: the scenarios could not run at all; with the last line of the error.
     """
     with tree(revision) as place:
-        environment = {**os.environ, "PYTHONPATH": str(place), "AORO_GYM_CACHE": "off"}
+        # sets of texts, such as a training log's columns, have the same order in every process
+        environment = {**os.environ, "PYTHONPATH": str(place), "AORO_GYM_CACHE": "off", "PYTHONHASHSEED": "0"}
         options = ["--group", group, *(["--only", only] if only else [])]
         if not (place / "aoro_gym").is_dir():
             raise RuntimeError(f"{revision} holds no aoro_gym")
