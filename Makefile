@@ -8,7 +8,7 @@ OUT ?= demo
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-all lint format clean
+.PHONY: help install demo test test-all lint docs format clean
 .DELETE_ON_ERROR:
 
 help: ## show this list
@@ -32,6 +32,9 @@ lint: $(VENV)/.dev ## check style (ruff), import directions (import-linter) and 
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports --cache-dir .ruff_cache/imports
 	$(BIN)/pyright
+
+docs: $(VENV)/.docs ## build the documentation into build/docs, warnings as errors
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
 
 format: $(VENV)/.dev ## rewrite the sources in the project's style
 	$(BIN)/ruff check --fix .
@@ -61,6 +64,10 @@ $(VENV)/.test: $(VENV)/.core
 # What learns: the tests of trainings need it.
 $(VENV)/.agents: $(VENV)/.test
 	$(INSTALL) --editable '.[agents,resident]'
+	@touch $@
+
+$(VENV)/.docs: $(VENV)/.core
+	$(INSTALL) --editable '.[docs]'
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/.test

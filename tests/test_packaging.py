@@ -121,13 +121,3 @@ def test_example_of_the_package():
     tried = doctest.testmod(aoro_gym)
     assert tried.attempted > 0
     assert tried.failed == 0
-
-
-def test_examples_of_the_readme_run(capsys, monkeypatch, tmp_path):
-    monkeypatch.chdir(tmp_path)
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    blocks = re.findall(r"```python\n(.*?)```", readme, flags=re.DOTALL)
-    assert blocks
-    for block in blocks:
-        exec(compile(block, "README.md", "exec"), {})
-    assert capsys.readouterr().out

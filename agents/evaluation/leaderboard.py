@@ -210,7 +210,7 @@ def cell(result: Leaderboard, name: str, policy: str, figure: str) -> str:
         return shown(value, unit, total=total)
     before = shown(result.stratified[name][policy][figure], unit, finer=1)
     _, bracket, interval = shown(value, unit, total=total).partition("[")
-    return f"{before} {bracket}{interval}".rstrip()
+    return f"{before}, {bracket}{interval}" if bracket else before
 
 
 def markdown(result: Leaderboard) -> str:
@@ -221,7 +221,7 @@ def markdown(result: Leaderboard) -> str:
     if result.stratified:
         episodes += f", each driven {result.any.repeats} times"
         meaning = (
-            "mean of the middle half [95 %, noise and machines drawn anew for these episodes] [95 %, other episodes]"
+            "mean of the middle half [95 %, noise and machines drawn anew for these episodes], [95 %, other episodes]"
         )
     lines = [
         f"`{result.any.env}`, {episodes}; {meaning}, of success the share of all; the best first, by success, then by "

@@ -63,7 +63,7 @@ class Gap:
     episodes: int
     seed: int
     driven: Mapping[str, Episodes]
-    """By :data:`BASELINE`, :data:`PLANT`, …."""
+    """By ``BASELINE``, ``PLANT``, …."""
 
     @property
     def names(self) -> tuple[str, ...]:

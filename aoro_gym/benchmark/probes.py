@@ -64,7 +64,7 @@ def copy(source: wp.array(dtype=float), target: wp.array(dtype=float), b: float)
 
 
 def best(launch: Any, device: Any) -> float:
-    """Shortest time [s] of a turn: ``launch(turns)`` with turns enough for :data:`RUN`, :data:`RUNS` times. On a CPU the
+    """Shortest time [s] of a turn: ``launch(turns)`` with turns enough for ``RUN``, ``RUNS`` times. On a CPU the
     process's own time, in which waiting for other work does not count."""
     clock = time.process_time if device.is_cpu else time.perf_counter
 

@@ -50,7 +50,7 @@ class Plan:
     peers: tuple[str, ...] = ()
     """``mujoco``, ``mujoco_warp`` or both."""
     worlds: tuple[int, ...] = ()
-    """Batches of the peers; by default those of :data:`peers.WORLDS`."""
+    """Batches of the peers; by default those of :data:`aoro_gym.benchmark.peers.WORLDS`."""
     startup: bool = False
     """Whether to time fresh processes, too."""
     seconds: float = 5.0

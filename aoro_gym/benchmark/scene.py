@@ -26,7 +26,7 @@ CHANGES = 16
 
 @cache
 def terrain() -> Terrain:
-    """The forest, a square of :data:`NODES` x :data:`NODES` heights."""
+    """The forest, a square of ``NODES`` x ``NODES`` heights."""
     return forest(FOREST_SEED, size=(SIDE, SIDE), cell=CELL).terrain
 
 

@@ -72,7 +72,7 @@ ROAMING, CROWD, ROUNDS = 3, 48, 8
 """Once all have failed: of the likeliest hypotheses of one effect and of two, those that a population of so many machines
 goes on from, and its generations."""
 SWAYS = 0.1
-"""Least factor on the assumed error of how pressures sway (:attr:`.ModelError.sways`) under which hypotheses are weighed,
+"""Least factor on the assumed error of how pressures sway (``ModelError.sways``) under which hypotheses are weighed,
 where the twin errs as usual; else it goes by the square of its error. Searches need more of it to end in the right valley,
 but what is in it tells more (E, machines of the development family)."""
 FIRM = 7

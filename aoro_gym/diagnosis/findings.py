@@ -70,7 +70,7 @@ def row_of(hypothesis: Hypothesis) -> Floats:
 
 
 def cause_of(problem: Problem, hypothesis: Hypothesis, laws: float, out: Path | None) -> Cause:
-    """With its machine file if ``out`` is given, and intervals of its magnitudes, wider by ``laws`` (:class:`.Trust`)."""
+    """With its machine file if ``out`` is given, and intervals of its magnitudes, wider by ``laws`` (``Trust``)."""
     known = tuple(name for name in hypothesis.effects if name in problem.effects)
     components = tuple(dict.fromkeys(problem.effects[name].component for name in known))
     if not known:

@@ -341,7 +341,7 @@ class Problem:
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
-        """Ends (u,) of the nuisances: of the machine's, those of :attr:`.Nuisances.ends`."""
+        """Ends (u,) of the nuisances: of the machine's, those of :attr:`.nuisances.Nuisances.ends`."""
         place, std = self.nuisances.place[self.felt], self.nuisances.std[self.felt]
         low, high = ((end[self.felt] - place) / std for end in self.nuisances.ends)
         free = np.full(len(self._own), np.inf)

@@ -8,7 +8,8 @@ the twin was made for this very machine, these two are equally likely beforehand
 
 How far figures scatter:
 
-- The twin's own error and that between runs together: half of what a validation allows (:data:`~.study.TARGETS`).
+- The twin's own error and that between runs together: half of what a validation allows
+  (:data:`~aoro_gym.validation.study.TARGETS`).
 - Reading: ``std_*`` columns, where the table has them. Without, the joint's sensor is taken to have its published noise,
   which widens all figures and moves the extremes: noise makes peaks higher and undershoots lower. Whether a table's figures
   have it in them is not known: half of its mean is taken off, and as much is uncertain.

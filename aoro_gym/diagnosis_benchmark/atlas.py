@@ -5,9 +5,10 @@ nuisances u of a commissioned machine leave of it,
 
     d²(i→j) = min |s_i − S_j φ(z) − J u|² + uᵀ P u,
 
-whitened as a diagnosis of that very machine whitens it (:mod:`.linear`), is how far j is from what i does; without j it is
-how far i stands out, d²(i→∅). Half of it is the mean of the log evidence against j. A diagnosis weighs that tempered
-(:func:`~aoro_gym.diagnosis.attribution.weigh`), so that i is :data:`ODDS` times as likely as j from
+whitened as a diagnosis of that very machine whitens it (:mod:`aoro_gym.diagnosis.linear`), is how far j is from what i
+does; without j it is how far i stands out, d²(i→∅). Half of it is the mean of the log evidence against j. A diagnosis
+weighs that tempered (:func:`~aoro_gym.diagnosis.attribution.weigh`), so that i is :data:`ODDS` times as likely as j
+from
 
     d²(i→j) = 2 ln ODDS · (temperature + ½ doubt d²(i→∅))
 

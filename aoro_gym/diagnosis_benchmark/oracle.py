@@ -13,9 +13,10 @@ One magnitude is at stake, so "nothing" is rejected at p < 0.01 where χ² with 
 another day, or anywhere within their ranges where the machine was never commissioned, and what they can do in its stead
 cannot be seen in Δ. With J, what a standard deviation of each does to the twin, and R their correlation, C becomes
 C + J R Jᵀ, hence λ = K₀₀ − K₀ⱼ (R⁻¹ + Kⱼⱼ)⁻¹ Kⱼ₀ with K = (Δ J)ᵀ C⁻¹ (Δ J), constants projected out as above. All is read on
-the clock of the log's arrival at a stop, without the bounce off it (:mod:`.arrival`). The oracle knows the machine's laws:
-what the twin's lack makes nothing undetectable. As λ is the least over the uncertain parameters of a sum of squares, another
-log never takes from it: logs are asked in turn, the shortest first, until "nothing" is rejected.
+the clock of the log's arrival at a stop, without the bounce off it (:mod:`aoro_gym.diagnosis.arrival`). The oracle
+knows the machine's laws: what the twin's lack makes nothing undetectable. As λ is the least over the uncertain
+parameters of a sum of squares, another log never takes from it: logs are asked in turn, the shortest first, until
+"nothing" is rejected.
 
 *Detectable, each*, of two effects. Δ of one is what the plant does with both less what it does with the other alone. How
 strong the other is, is not known: its own Δ joins J, and nothing is known of its size.

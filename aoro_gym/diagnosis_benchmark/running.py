@@ -64,7 +64,7 @@ def run_cases(
             :func:`aoro_gym.execution.cluster.connected`.
         restart: Diagnose all cases anew.
         accept_code_change: Keep diagnoses that other code has made, and record that in ``out``.
-        diagnose: What does it, a function of a module; by default that of :mod:`.diagnose`.
+        diagnose: What does it, a function of a module; by default that of :mod:`aoro_gym.diagnosis.diagnose`.
         progress: Called with a sentence and the share done.
 
     Returns:

@@ -68,7 +68,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
       like, but do not write to it. Rewards, terminations, truncations and infos are yours.
     - What :meth:`output` gives, and ``view.output`` in a term, aliases the twins' memory: it holds until the next step or
       reset.
-    - ``info["termination"]`` are numbers, indices into :attr:`termination_reasons`; ``info["final_obs"]`` is a tensor like
+    - ``info["termination"]`` are numbers, indices into ``termination_reasons``; ``info["final_obs"]`` is a tensor like
       the observations, which holds where ``info["_final_obs"]`` does.
     - Masks of infos (``info["_NAME"]``) that are equal may be one tensor.
     - Actions that are not finite count as 0 until the error is raised at the end of the step.

@@ -151,7 +151,7 @@ def test_cells_of_repeats_have_both_intervals(tmp_path):
     assert wide == interval(values.reshape(2, 3).T, statistic=interquartile_mean)._replace(bounds=bounds)
     assert wide.mean == narrow.mean
     cell = leaderboard.cell(found, "perturbed", "bang-bang", "settling_time_s")
-    assert cell == f"{shown(narrow, 's', finer=1)} [{shown(wide, 's').partition('[')[2]}"
+    assert cell == f"{shown(narrow, 's', finer=1)}, [{shown(wide, 's').partition('[')[2]}"
     assert cell.count("[") == 2
     assert leaderboard.cell(found, "perturbed", "bang-bang", "success_rate").count("[") == 1
     assert "3 episodes a cell, each driven 2 times" in leaderboard.markdown(found)

@@ -1,0 +1,71 @@
+"""What README and the documentation show and name is there: examples run, commands, links and paths exist."""
+
+import re
+import shlex
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+from aoro_gym.cli import app
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+FOLDERS = "aoro_gym|envs|terrains|agents|tests|studies|docs|examples"
+
+
+def name_of(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    """Fenced blocks of a page in a language."""
+    return re.findall(rf"```{language}\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")], ids=name_of)
+def test_examples_run(page, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    for block in blocks(page, "python"):
+        exec(compile(block, page.name, "exec"), {})
+
+
+def test_pages_have_examples():
+    assert blocks(ROOT / "README.md", "python")
+    assert commands(ROOT / "README.md")
+
+
+def commands(page: Path) -> list[str]:
+    """Command lines of a page that call ``aoro-gym``."""
+    lines = (line for block in blocks(page, "sh") for line in block.splitlines())
+    return [line for line in lines if line.startswith("aoro-gym ")]
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=name_of)
+def test_commands_have_the_options_that_are_shown(page):
+    for line in commands(page):
+        command: Any = typer.main.get_command(app)
+        words = iter(shlex.split(line, comments=True)[1:])
+        while hasattr(command, "commands"):
+            word = next(words)
+            assert word in command.commands, f"{line}: there is no {word}"
+            command = command.commands[word]
+        known = {option for parameter in command.params for option in parameter.opts}
+        assert {word for word in words if word.startswith("-")} <= known, line
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_links_and_paths_lead_to_files(page):
+    text = page.read_text(encoding="utf-8")
+    for link in re.findall(r"\]\(([^)#\s]+)", text):
+        if not link.startswith(("https://", "http://")):
+            assert (page.parent / link).exists(), f"{page.name} links to {link}"
+    for path in re.findall(rf"`((?:{FOLDERS})/[^`\s]*)`", text):
+        assert any(ROOT.glob(path.rstrip("/"))), f"{page.name} names {path}"
+
+
+def test_slow_tests_are_named():
+    slow = {name_of(file) for file in (ROOT / "tests").rglob("test_*.py") if "mark.slow" in file.read_text("utf-8")}
+    page = (ROOT / "docs/development.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"(?m)^\| `(tests/[\w/]+\.py)` \|", page)) == slow - {name_of(Path(__file__))}
