@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.diagnosis.nuisances import Nuisances
-from aoro_gym.effects.catalogue import EFFECTS, MachineEffect, Magnitude
+from aoro_gym.effects.catalogue import EFFECTS
+from aoro_gym.effects.effect import MachineEffect, Magnitude
 from aoro_gym.machine import Machine
 
 Perturbation = Callable[[Machine, Sequence[int]], Machine]

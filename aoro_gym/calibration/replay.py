@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.calibration.recordings import CHANNELS, CUTOFF, Recording
-from aoro_gym.effects.catalogue import COMMISSIONED_TEMPERATURE, EFFECTS
+from aoro_gym.effects.catalogue import EFFECTS
+from aoro_gym.effects.oil_and_hoses import COMMISSIONED_TEMPERATURE
 from aoro_gym.machine import Machine
 from aoro_gym.recording.logs import TICK
 from aoro_gym.recording.manifest import Manifest

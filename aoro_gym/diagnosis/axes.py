@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 from scipy.special import log_ndtr
 
 from aoro_gym.diagnosis.noise import Floats
-from aoro_gym.effects.catalogue import Effect, Magnitude
+from aoro_gym.effects.effect import Effect, Magnitude
 
 NODES = (0.05, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0)
 """Magnitudes simulated on either side of ``none``: shares of the way to the end of the range."""

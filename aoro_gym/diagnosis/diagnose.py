@@ -40,7 +40,8 @@ from aoro_gym.diagnosis.result import Curve, Diagnosis, Shrinkage
 from aoro_gym.diagnosis.search import settle
 from aoro_gym.diagnosis.shrinkage import black_box, shrinkages, typical
 from aoro_gym.diagnosis.where import places
-from aoro_gym.effects.catalogue import EFFECTS, Effect
+from aoro_gym.effects.catalogue import EFFECTS
+from aoro_gym.effects.effect import Effect
 from aoro_gym.machine import Machine
 
 ERROR = ModelError(rate=0.003, pressure=0.010, swing=0.06, change=0.1, phase=0.05, sways=1.0)

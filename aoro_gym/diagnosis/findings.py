@@ -12,7 +12,7 @@ from aoro_gym.diagnosis.linear import Hypothesis, Linear
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.problem import Problem
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, Cause, Interval, presence
-from aoro_gym.effects.catalogue import ChainEffect, Effect, GroundEffect
+from aoro_gym.effects.effect import ChainEffect, Effect, GroundEffect
 
 SURE = 0.8
 """Probability of any cause from which causes are named at all, and of one from which it is named alone. Of the development

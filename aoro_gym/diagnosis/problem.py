@@ -29,7 +29,7 @@ from aoro_gym.diagnosis.noise import MERGED, Floats, ModelError, Noise, Whitener
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.diagnosis.replay import COARSE, SIGNALS, USUAL, Simulator, Steps, Task, Variants
-from aoro_gym.effects.catalogue import Effect
+from aoro_gym.effects.effect import Effect
 from aoro_gym.machine import Machine
 
 STEP = 0.5

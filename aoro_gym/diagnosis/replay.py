@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from aoro_gym.diagnosis.following import LACKED, LED, STEPS, Leader
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.recording import COMMANDS, TICK, Recording
-from aoro_gym.effects.catalogue import Effect
+from aoro_gym.effects.effect import Effect
 from aoro_gym.machine import Machine
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.twin import Twin

@@ -45,7 +45,8 @@ from aoro_gym.diagnosis.words import (
     twin_with,
     with_unit,
 )
-from aoro_gym.effects.catalogue import EFFECTS, Effect
+from aoro_gym.effects.catalogue import EFFECTS
+from aoro_gym.effects.effect import Effect
 from aoro_gym.reporting.page import card, describe, show, write_page
 from aoro_gym.reporting.style import AMBER, BLUE, GREEN, GRID, INK, PLOT_STYLE, PURPLE, RED, SOFT
 

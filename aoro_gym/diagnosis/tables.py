@@ -55,7 +55,8 @@ from aoro_gym.diagnosis.result import CALIBRATION, KEY_FIGURES, UNKNOWN, Cause, 
 from aoro_gym.diagnosis.search import ALL, Search, refine, trade
 from aoro_gym.diagnosis.shrinkage import CLEAR, RESAMPLES, typical
 from aoro_gym.diagnosis.where import SIGNIFICANT, beyond, probability
-from aoro_gym.effects.catalogue import EFFECTS, Effect
+from aoro_gym.effects.catalogue import EFFECTS
+from aoro_gym.effects.effect import Effect
 from aoro_gym.machine import Machine
 from aoro_gym.recording.tables import listed, parse_number, read_table, shown
 from aoro_gym.sensors.chain import STANDSTILL

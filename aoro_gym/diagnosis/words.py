@@ -24,7 +24,8 @@ from aoro_gym.diagnosis.result import (
     Shrinkage,
     presence,
 )
-from aoro_gym.effects.catalogue import EFFECTS, Effect
+from aoro_gym.effects.catalogue import EFFECTS
+from aoro_gym.effects.effect import Effect
 from aoro_gym.simulation import log
 from aoro_gym.simulation.log import BAR, DEGREE, LITRE_PER_MINUTE
 

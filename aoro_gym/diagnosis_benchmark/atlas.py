@@ -45,7 +45,8 @@ from aoro_gym.diagnosis.recording import COMMANDS, TICK, Recording
 from aoro_gym.diagnosis.replay import Simulator, Task, Variants
 from aoro_gym.diagnosis_benchmark.cases import FAMILIES, MACHINES, REST, WEAKEST, Trial
 from aoro_gym.diagnosis_benchmark.sealing import SENSORS
-from aoro_gym.effects.catalogue import EFFECTS, Effect
+from aoro_gym.effects.catalogue import EFFECTS
+from aoro_gym.effects.effect import Effect
 from aoro_gym.machine import Machine
 from aoro_gym.sensors.joint_angle import JointAngleSensor
 from aoro_gym.sensors.pressure import PressureSensor

@@ -25,6 +25,7 @@ from aoro_gym.execution.files import read_json, write_json, written_whole
 from aoro_gym.execution.locking import locked
 from aoro_gym.execution.provenance import PROVENANCE, check_provenance
 from aoro_gym.execution.workers import Tell, spread
+from aoro_gym.machine import Machine
 from aoro_gym.simulation.log import BAR, NOISY, RPM, voltage_from_signal, write_log
 from aoro_gym.version import VERSION
 
@@ -228,7 +229,7 @@ def _write_case(place: Path, case: Case, found: Mapping[str, Sequence[Recorded]]
     partial = place.with_name(f".{place.name}.partial")
     shutil.rmtree(partial, ignore_errors=True)
     partial.mkdir(parents=True)
-    shutil.copyfile(case.twin, partial / "machine.toml")
+    Machine.load(case.twin).save(partial / "machine.toml")  # whole, whatever it is an overlay of
     for purpose in ("healthy", "logs"):
         for trial, log in zip(case.trials, found.get(purpose, ()), strict=False):
             columns = {

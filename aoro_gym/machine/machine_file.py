@@ -1,4 +1,8 @@
-"""Machine files (TOML): reading, and writing in one canonical form."""
+"""Machine files (TOML): reading, and writing in one canonical form.
+
+A file may be an overlay: ``base = "aoro"``, a bundled machine or a file beside it, and of each parameter only the fields
+that differ from the base.
+"""
 
 import json
 import math
@@ -49,10 +53,17 @@ _HEADER = """\
 # S29 Precision Mining, rolling-resistance appendix
 """
 
+_OVERLAY_HEADER = """\
+# Machine file: what differs from the machine that `base` names, whose file says what the fields mean.
+
+"""
+
 COMMISSIONED_SPREAD = 0.02
 """Relative half range (about 95 %) of a parameter that effects move too, on a machine that was commissioned: healthy logs
 have fixed it, and from day to day it wanders by no more. What leaves it is an effect."""
 
+LONGEST_CHAIN = 8
+"""Files that may stand on each other as bases."""
 DEEPEST = 8
 """Levels of tables that a machine file may have."""
 LONGEST_ECHO = 60
@@ -101,21 +112,40 @@ def read_machine(name_or_path: str | PathLike[str]) -> tuple[str, dict[str, Para
 
     Raises FileNotFoundError, or ValueError that names the file if it is not TOML or a table lacks a field.
     """
+    path = _file_of(name_or_path)
+    name = path.stem
+    with naming(name_or_path):
+        return name, {key: _parameter(key, table) for key, table in _merged(path).items()}
+
+
+def _merged(path: Path, overlays: int = 0) -> dict[str, Mapping[str, Any]]:
+    """Tables of a file by dotted key, those of its base among them."""
+    document = read_toml(path)
+    base = document.pop("base", None)
+    if base is None:
+        return dict(_tables(document))
+    if not isinstance(base, str):
+        raise ValueError(f"base = {_echo(base)}: must be the name of a machine or a file that ends in .toml, as text")
+    if overlays >= LONGEST_CHAIN:
+        raise ValueError(f"base = {_echo(base)}: more than {LONGEST_CHAIN} files stand on each other, or in a circle")
+    tables = _merged(_file_of(path.parent / base if base.endswith(".toml") else base), overlays + 1)
+    for key, changed in _tables(document):
+        tables[key] = {**tables.get(key, {}), **changed}
+    return tables
+
+
+def _file_of(name_or_path: str | PathLike[str]) -> Path:
     path = Path(name_or_path)
     if path.suffix == ".toml":
         if not path.is_file():
             raise FileNotFoundError(f"no machine file {path}")
-        name = path.stem
-    else:
-        name = str(name_or_path)
-        if name not in bundled_machines():
-            raise FileNotFoundError(
-                f"no bundled machine {name!r}: use one of {', '.join(bundled_machines())}, or a path that ends in .toml"
-            )
-        path = Path(str(files("aoro_gym").joinpath("machines", f"{name}.toml")))
-    document = read_toml(path)
-    with naming(name_or_path):
-        return name, {key: _parameter(key, table) for key, table in _tables(document)}
+        return path
+    if str(name_or_path) not in bundled_machines():
+        raise FileNotFoundError(
+            f"no bundled machine {str(name_or_path)!r}: use one of {', '.join(bundled_machines())}, or a path that ends in "
+            ".toml"
+        )
+    return Path(str(files("aoro_gym").joinpath("machines", f"{name_or_path}.toml")))
 
 
 @contextmanager
@@ -128,22 +158,31 @@ def naming(name_or_path: str | PathLike[str]) -> Iterator[None]:
         raise ValueError(f"{what} {name_or_path}: {error}") from None
 
 
-def write_machine(path: str | PathLike[str], entries: Mapping[str, Parameter]) -> None:
-    """Write ``entries`` (single values) in their order."""
-    lines = [_HEADER]
-    for entry in entries.values():
-        low, high = entry.range
-        lines += [
-            f"[{entry.key}]",
-            f"value = {_toml_number(float(entry.value))}",
-            f"unit = {json.dumps(entry.unit, ensure_ascii=False)}",
-            f"range = [{_toml_number(low)}, {_toml_number(high)}]",
-            f"source = {json.dumps(entry.source, ensure_ascii=False)}",
-            f"role = {json.dumps(entry.role, ensure_ascii=False)}",
-            *([f"note = {json.dumps(entry.note, ensure_ascii=False)}"] if entry.note else []),
-            "",
-        ]
+def write_machine(path: str | PathLike[str], entries: Mapping[str, Parameter], base: str | None = None) -> None:
+    """Write ``entries`` (single values) in their order; with a ``base``, only the fields that differ from it."""
+    lines, known = [_HEADER], {}
+    if base is not None:
+        lines = [_OVERLAY_HEADER + f"base = {json.dumps(base, ensure_ascii=False)}\n"]
+        known = read_machine(Path(path).parent / base if base.endswith(".toml") else base)[1]
+    for key, entry in entries.items():
+        was = _fields(known[key]) if key in known else {"note": '""'}
+        changed = [f"{name} = {text}" for name, text in _fields(entry).items() if was.get(name) != text]
+        if changed:
+            lines += [f"[{key}]", *changed, ""]
     write_text(Path(path), "\n".join(lines))
+
+
+def _fields(entry: Parameter) -> dict[str, str]:
+    """Fields of a parameter's table as TOML writes them."""
+    low, high = entry.range
+    return {
+        "value": _toml_number(float(entry.value)),
+        "unit": json.dumps(entry.unit, ensure_ascii=False),
+        "range": f"[{_toml_number(low)}, {_toml_number(high)}]",
+        "source": json.dumps(entry.source, ensure_ascii=False),
+        "role": json.dumps(entry.role, ensure_ascii=False),
+        "note": json.dumps(entry.note, ensure_ascii=False),
+    }
 
 
 def _tables(document: Mapping[str, Any], prefix: str = "", depth: int = 0) -> Iterator[tuple[str, Mapping[str, Any]]]:

@@ -104,15 +104,22 @@ class Machine:
         with naming(name_or_path):
             return cls._build(name, entries)
 
-    def save(self, path: str | PathLike[str]) -> None:
-        """Write a machine file with units, ranges, sources and roles; raises ValueError for a batched machine."""
+    def save(self, path: str | PathLike[str], base: str | None = None) -> None:
+        """Write a machine file with units, ranges, sources and roles.
+
+        Args:
+            path: The file.
+            base: A bundled machine, or a file beside ``path``, that the file stands on: it then has only what differs.
+
+        Raises ValueError for a batched machine.
+        """
         batched = [key for key, entry in self.entries.items() if isinstance(entry.value, np.ndarray)]
         if batched:
             raise ValueError(
                 f"a machine file holds one machine, but {', '.join(batched)} have {self.num_variants} values each: "
                 "save machine.variant(i)"
             )
-        write_machine(path, self.entries)
+        write_machine(path, self.entries, base)
 
     def set(
         self,
@@ -258,12 +265,12 @@ class Machine:
     @cached_property
     def corner(self) -> Corner:
         """Arm, motor and wheel as one body."""
-        return composite_corner(self)
+        return composite_corner(self.arm, self.wheel, self.frame.track)
 
     @cached_property
     def rest(self) -> RestPose:
         """Static pose on level ground."""
-        return rest_pose(self)
+        return rest_pose(self.frame, self.arm, self.tire, self.corner)
 
     def _entry(self, key: str) -> Parameter:
         try:

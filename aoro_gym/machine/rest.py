@@ -6,14 +6,11 @@ and its tires decide, and the frames' own geometry does not change with them.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from aoro_gym.machine.quantities import Quantity, as_quantity
-
-if TYPE_CHECKING:
-    from aoro_gym.machine.parameters import Machine
+from aoro_gym.machine.sections import Arm, Frame, Tire, Wheel
 
 GRAVITY = 9.81
 """Acceleration [m/s²] that the design rest pose is found with."""
@@ -54,10 +51,9 @@ class RestPose:
     bore_pressure_rear: Quantity
 
 
-def composite_corner(machine: "Machine") -> Corner:
-    """One corner of ``machine``: arm, motor (a point at the wheel centre) and wheel."""
-    arm, wheel = machine.arm, machine.wheel
-    outside = 0.5 * machine.frame.track
+def composite_corner(arm: Arm, wheel: Wheel, track: Quantity) -> Corner:
+    """One corner: arm, motor (a point at the wheel centre) and wheel, at half the ``track`` [m]."""
+    outside = 0.5 * track
     at_wheel = arm.motor_mass + wheel.mass
     mass = arm.mass + at_wheel
     arm_e, arm_y = arm.cog_fraction * arm.length, 0.5 * (arm.pivot_lateral + outside)
@@ -77,8 +73,8 @@ def composite_corner(machine: "Machine") -> Corner:
     )
 
 
-def rest_pose(machine: "Machine") -> RestPose:
-    """Rest pose of ``machine``.
+def rest_pose(frame: Frame, arm: Arm, tire: Tire, corner: Corner) -> RestPose:
+    """Rest pose of a machine of two frames and four corners.
 
     The front arms' angle is given and sets the frames' height; the rear arms' angle follows from it and from the
     difference of tire deflections. Loads depend on that angle through the wheels' position, weakly (below 0.01 rad per
@@ -86,12 +82,10 @@ def rest_pose(machine: "Machine") -> RestPose:
 
     Where the rear wheels cannot reach the ground, or the iteration finds no pose, the rear arms' angle is NaN.
     """
-    frame, arm, tire = machine.frame, machine.arm, machine.tire
-    corner = machine.corner
     front, rear = arm.rest_angle, arm.rest_angle
     pivot_front = frame.front.axle_distance - arm.length
     pivot_rear = frame.rear.axle_distance - arm.length
-    weight = GRAVITY * machine.mass
+    weight = GRAVITY * (frame.front.mass + frame.rear.mass + 4.0 * corner.mass)
     for _ in range(_MAX_ITERATIONS):
         wheel_front = pivot_front + arm.length * np.cos(front)
         wheel_rear = pivot_rear + arm.length * np.cos(rear)

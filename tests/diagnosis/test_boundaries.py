@@ -25,7 +25,8 @@ from aoro_gym.diagnosis.problem import Problem
 from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.diagnosis.replay import Variants
 from aoro_gym.diagnosis.result import Boundary
-from aoro_gym.effects.catalogue import COMPONENTS, EFFECTS
+from aoro_gym.effects.catalogue import EFFECTS
+from aoro_gym.effects.effect import COMPONENTS
 from aoro_gym.machine import Machine
 from tests.diagnosis.manoeuvres import FULL, blank, record, turn
 

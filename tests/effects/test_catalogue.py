@@ -7,25 +7,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from aoro_gym.effects.catalogue import (
-    ANGLE,
-    COMMISSIONED_TEMPERATURE,
-    COMPONENTS,
-    EFFECTS,
-    TIGHT,
-    Effect,
-    MachineEffect,
-    Magnitude,
-    Operational,
-    kinematic_viscosity,
-    relative_density,
-)
+from aoro_gym.effects.catalogue import EFFECTS
+from aoro_gym.effects.effect import ANGLE, COMPONENTS, Effect, MachineEffect, Magnitude, Operational
+from aoro_gym.effects.joint import TIGHT
+from aoro_gym.effects.oil_and_hoses import COMMISSIONED_TEMPERATURE, kinematic_viscosity, relative_density
 from aoro_gym.machine.machine_file import COMMISSIONED_SPREAD
 from aoro_gym.machine.parameters import Machine
 from aoro_gym.terrains.plane import Plane
@@ -598,3 +590,9 @@ def test_a_mount_is_bent_from_the_start_by_what_it_bears(shipped: Machine):
         moved.append(np.abs(trace["joint_angle"] - 0.3).max(axis=0))
     assert np.all(moved[0] < 5e-5)
     assert moved[1][1] > 0.25 * play
+
+
+def test_every_effect_of_a_component_is_in_the_catalogue() -> None:
+    components = [import_module(f"aoro_gym.effects.{name}") for name in COMPONENTS]
+    assert sorted(one.id for component in components for one in component.EFFECTS) == sorted(EFFECTS)
+    assert all(one.component == name for name, of in zip(COMPONENTS, components, strict=True) for one in of.EFFECTS)

@@ -2,6 +2,7 @@
 
 import re
 import time
+from dataclasses import astuple
 from importlib.resources import files
 from pathlib import Path
 
@@ -124,3 +125,35 @@ def test_a_file_of_many_megabytes_is_refused_at_once(tmp_path: Path) -> None:
     path.write_bytes(b"#" * (1 << 21))
     with pytest.raises(ValueError, match=r"large\.toml has 2,097,152 bytes, but a TOML file at most 1,048,576"):
         Machine.load(path)
+
+
+def test_an_overlay_is_its_base_with_what_differs(tmp_path: Path) -> None:
+    base = Machine.load("aoro")
+    heavier = base.set({"frame.front.mass": 4000.0}, source="E: weighed")
+    heavier.save(tmp_path / "heavier.toml", base="aoro")
+    text = (tmp_path / "heavier.toml").read_text()
+    assert text.endswith('base = "aoro"\n\n[frame.front.mass]\nvalue = 4000\nsource = "E: weighed"\n')
+    again = heavier.set({"frame.rear.mass": 3900.0})
+    again.save(tmp_path / "again.toml", base="heavier.toml")  # the file beside it
+    loaded = Machine.load(tmp_path / "again.toml")
+    assert {key: astuple(entry) for key, entry in loaded.entries.items()} == {
+        key: astuple(entry) for key, entry in again.entries.items()
+    }
+    assert again.identity != base.identity == Machine.load("aoro").identity
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("base = 3\n", "base = 3: must be the name of a machine"),
+        ('base = "aoros"\n', "no bundled machine 'aoros'"),
+        ('base = "absent.toml"\n', r"no machine file .*absent\.toml"),
+        ('base = "odd.toml"\n', "more than 8 files stand on each other, or in a circle"),
+        ('base = "aoro"\n[frame.weight]\nvalue = 1\n', "frame.weight: lacks unit, range, source, role"),
+        ('base = "aoro"\n[wheel.mass]\nvalue = -1\n', r"wheel\.mass = -1 kg: must be finite and"),
+    ],
+)
+def test_each_fault_of_an_overlay_is_named(tmp_path: Path, text: str, says: str) -> None:
+    (tmp_path / "odd.toml").write_text(text)
+    with pytest.raises((ValueError, FileNotFoundError), match=says):
+        Machine.load(tmp_path / "odd.toml")

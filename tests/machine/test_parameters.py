@@ -172,11 +172,14 @@ def test_every_parameter_is_documented(machine: Machine) -> None:
         assert parameter.role in ROLES
 
 
-@pytest.mark.parametrize("name", ["aoro", "aoro_datasheet"])
-def test_bundled_files_are_in_the_form_that_save_writes(name: str, tmp_path: Path) -> None:
-    Machine.load(name).save(tmp_path / "copy.toml")
-    bundled = files("aoro_gym").joinpath("machines", f"{name}.toml").read_text(encoding="utf-8")
-    assert (tmp_path / "copy.toml").read_text(encoding="utf-8") == bundled
+@pytest.mark.parametrize(
+    ("name", "base"),
+    [("aoro_datasheet", None), ("aoro", "aoro_datasheet"), *((f"ensemble/0{i}", "aoro") for i in range(1, 9))],
+)
+def test_bundled_files_are_in_the_form_that_save_writes(name: str, base: str | None, tmp_path: Path) -> None:
+    file = Path(str(files("aoro_gym").joinpath("machines", f"{name}.toml")))
+    Machine.load(file).save(tmp_path / "copy.toml", base)
+    assert (tmp_path / "copy.toml").read_text(encoding="utf-8") == file.read_text(encoding="utf-8")
 
 
 def test_any_sample_of_the_ranges_is_a_valid_machine(machine: Machine) -> None:
