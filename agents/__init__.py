@@ -24,10 +24,11 @@ if TYPE_CHECKING:
         Vehicle,
     )
     from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES, reference_policy
-    from aoro_gym.agents.controllers.turning import BangBang, Policy, ProportionalDerivative
+    from aoro_gym.agents.controllers.turning import BangBang, ProportionalDerivative
     from aoro_gym.agents.evaluation.evaluate import Evaluation, evaluate
     from aoro_gym.agents.evaluation.responses import Rollout, responses, rollout
-    from aoro_gym.agents.policies.learned import LearnedPolicy, load_policy, shipped_policies
+    from aoro_gym.agents.policies.files import load_policy, shipped_policies
+    from aoro_gym.agents.policies.policy import LearnedPolicy, Policy
     from aoro_gym.agents.training.vec_env import TwinVecEnv, make_vec_env
 
 __all__ = [
@@ -56,9 +57,10 @@ __all__ = [
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "controllers.turning": ("BangBang", "Policy", "ProportionalDerivative"),
+        "controllers.turning": ("BangBang", "ProportionalDerivative"),
         "evaluation.evaluate": ("Evaluation", "evaluate"),
-        "policies.learned": ("LearnedPolicy", "load_policy", "shipped_policies"),
+        "policies.files": ("load_policy", "shipped_policies"),
+        "policies.policy": ("LearnedPolicy", "Policy"),
         "controllers.path_tracking": ("FullSpeedSteering", "PreviewRegulator", "PurePursuit", "Stanley", "Vehicle"),
         "controllers.reference": ("REFERENCE_POLICIES", "reference_policy"),
         "evaluation.responses": ("Rollout", "responses", "rollout"),

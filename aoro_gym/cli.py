@@ -1192,7 +1192,7 @@ def _learned_on(
 ) -> Factory:
     """The policy that a plan starts from after learning on, or what an earlier call of the same has come to."""
     with _checking_input():
-        from aoro_gym.agents.policies.learned import load_policy
+        from aoro_gym.agents.policies.files import load_policy
         from aoro_gym.agents.training import train as training
 
         training.versions(plan.trainer)  # all is there
@@ -1458,7 +1458,8 @@ def export(
       aoro-gym export runs/turning/policy.json --out turning.onnx
     """
     with _checking_input():
-        from aoro_gym.agents.policies.learned import load_policy, write_onnx
+        from aoro_gym.agents.policies.files import load_policy
+        from aoro_gym.agents.policies.onnx_file import write_onnx
         from aoro_gym.execution.files import check_writable
         from aoro_gym.execution.locking import locked
 
@@ -2121,7 +2122,7 @@ def _policies(env: str, asked: list[str] | None, *, trust_pickle: bool = False) 
     """What makes each policy, by its name in reports; all controllers and shipped policies if none is asked for."""
     from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES
     from aoro_gym.agents.evaluation import evaluate as evaluation
-    from aoro_gym.agents.policies.learned import shipped_policies
+    from aoro_gym.agents.policies.files import shipped_policies
 
     if env not in evaluation.TRIALS:
         raise ValueError(f"--env {env!r} cannot be evaluated; choose one of: {', '.join(evaluation.TRIALS)}")

@@ -13,7 +13,7 @@ All of them see nothing but the observation; what a driver knows of the vehicle 
 numbers, or arrays (N,) that give every sub-environment its own.
 
 The defaults of PurePursuit, Stanley, PreviewRegulator and FullSpeedSteering are what ``python -m
-aoro_gym.agents.controllers.tuning --env AORO/PathTracking-v0`` finds for the calibrated machine ``aoro`` (seed 0, 160
+aoro_gym.agents.training.tuning --env AORO/PathTracking-v0`` finds for the calibrated machine ``aoro`` (seed 0, 160
 candidates each), to three digits; but FullSpeedSteering keeps gains of an earlier search, with which it strays less
 over whole paths (0.037 m against 0.053 m). The drive signal and the dead bands are the machine's own figures. The drive
 signal is constant: on these paths at this speed, no slowing down was needed.
@@ -32,7 +32,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm, solve_discrete_are
 
-from aoro_gym.agents.controllers.turning import Actions, Observations, lifted, needs
+from aoro_gym.agents.controllers.turning import lifted, needs
+from aoro_gym.agents.policies.policy import Actions, Observations
 
 Floats = NDArray[np.float64]
 

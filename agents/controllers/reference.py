@@ -17,7 +17,8 @@ from functools import partial
 from typing import Any
 
 from aoro_gym.agents.controllers.path_tracking import FullSpeedSteering, PreviewRegulator, PurePursuit, Stanley, Vehicle
-from aoro_gym.agents.controllers.turning import BangBang, Policy, ProportionalDerivative
+from aoro_gym.agents.controllers.turning import BangBang, ProportionalDerivative
+from aoro_gym.agents.policies.policy import Policy
 
 Factory = Callable[[Any], Policy]
 """Makes the policy for an environment, wrapped or not; its observations come with a leading axis of sub-environments."""

@@ -1,32 +1,19 @@
 """Reference controllers for ``AORO/Turning-v0``, and the protocol that they share with learned policies.
 
 A controller sees what a policy sees, the observation, and nothing of the twin. Its gains are numbers, or arrays of
-shape (N,) that give every sub-environment its own. The defaults come from :mod:`aoro_gym.agents.controllers.tuning`.
+shape (N,) that give every sub-environment its own. The defaults come from :mod:`aoro_gym.agents.training.tuning`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Observations = NDArray[np.float32]
-Actions = NDArray[np.float32]
-
-
-class Policy(Protocol):
-    """Anything that maps observations to actions, many at once."""
-
-    def __call__(self, observations: Observations) -> Actions:
-        """Actions (N, A) for observations (N, O)."""
-        ...
-
-    def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
-        """Forget the past of the sub-environments where ``mask`` (N,) holds, or of all."""
-        ...
+from aoro_gym.agents.policies.policy import Actions, Observations
 
 
 @dataclass(frozen=True)

@@ -33,11 +33,11 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest, bootstrap, trim_mean
 
 from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES, Factory
-from aoro_gym.agents.controllers.turning import Policy
 from aoro_gym.agents.evaluation import inputs
 from aoro_gym.agents.evaluation.episodes import Kept
 from aoro_gym.agents.evaluation.responses import EPISODE_STEPS, responses, rollout
-from aoro_gym.agents.policies import learned
+from aoro_gym.agents.policies.files import load_policy, shipped_policies
+from aoro_gym.agents.policies.policy import Policy
 from aoro_gym.envs.path_tracking.courses import Course, library
 from aoro_gym.envs.path_tracking.task import PathTrackingVectorEnv
 from aoro_gym.envs.turning.task import TurningVectorEnv
@@ -316,7 +316,7 @@ def asked_of(
 
 def policy_factory(env: str, name: str, *, trust_pickle: bool = False) -> Factory:
     """What makes the policy that is called ``name`` for an environment: a reference controller, a policy that comes with
-    the package, or that of a file; see :mod:`aoro_gym.agents.policies.learned`.
+    the package, or that of a file; see :mod:`aoro_gym.agents.policies.files`.
 
     Raises ValueError if there is none of this name, naming those that there are, or if the file does not hold a policy for
     this environment; OSError if there is no such file.
@@ -326,11 +326,11 @@ def policy_factory(env: str, name: str, *, trust_pickle: bool = False) -> Factor
         raise ValueError(f"{env!r} cannot be evaluated; choose one of: {', '.join(TRIALS)}")
     if name in controllers:
         return controllers[name]
-    shipped = learned.shipped_policies(env)
+    shipped = shipped_policies(env)
     if name not in shipped and not Path(name).suffix:
         known = ", ".join([*controllers, *shipped])
         raise ValueError(f"{name!r} is no policy for {env}; choose from: {known}; or give a file")
-    policy = learned.load_policy(shipped.get(name, Path(name)), trust_pickle=trust_pickle)
+    policy = load_policy(shipped.get(name, Path(name)), trust_pickle=trust_pickle)
     if policy.environment not in ("", env):
         raise ValueError(f"{name} was trained in {policy.environment}, not in {env}")
     return policy.made_for

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
 
-from aoro_gym.agents.policies.learned import LearnedPolicy
+from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.machine import Machine
 
@@ -40,7 +40,9 @@ def policy_content(policy: Any) -> Any:
     made_of = getattr(policy, "__self__", policy)
     if not isinstance(made_of, LearnedPolicy):
         return policy
-    return [{one.name: getattr(made_of, one.name) for one in fields(made_of) if one.name != "training"}]
+    content = {one.name: getattr(made_of, one.name) for one in fields(made_of) if one.name != "training"}
+    normalisation = made_of.normalisation  # by its values: where its class stands does not count
+    return [content | {"normalisation": None if normalisation is None else vars(normalisation)}]
 
 
 def _unnamed(part: Any) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from aoro_gym.agents.controllers.turning import Policy
+from aoro_gym.agents.policies.policy import Policy
 from aoro_gym.envs.turning.task import TurningVectorEnv
 from aoro_gym.machine.sections import SteeringCylinder
 from aoro_gym.sensors.chain import STANDSTILL, measured_flow

@@ -24,8 +24,8 @@ import torch  # pyright: ignore[reportMissingImports]
 from numpy.typing import NDArray
 
 from aoro_gym.agents.controllers.reference import reference_policy
-from aoro_gym.agents.controllers.turning import Policy
-from aoro_gym.agents.policies.learned import LearnedPolicy, Normalisation, into_network, of_network
+from aoro_gym.agents.policies.networks import into_network, of_network
+from aoro_gym.agents.policies.policy import LearnedPolicy, Normalisation, Policy
 from aoro_gym.agents.training.callbacks import Clock, Watch
 from aoro_gym.agents.training.checkpoints import random_states, restore_random_states
 from aoro_gym.agents.training.perceptron import perceptron

@@ -13,7 +13,8 @@ from typing import Any
 import torch  # pyright: ignore[reportMissingImports]
 from gymnasium.vector import AutoresetMode
 
-from aoro_gym.agents.policies.learned import KNOWN, Normalisation
+from aoro_gym.agents.policies.networks import KNOWN
+from aoro_gym.agents.policies.policy import Normalisation
 from aoro_gym.envs.core.vector import TwinVectorEnv, contributions
 
 FIRST_COUNT = 1e-4

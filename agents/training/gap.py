@@ -40,7 +40,8 @@ from aoro_gym.agents.evaluation.evaluate import (
 from aoro_gym.agents.evaluation.leaderboard import SEED
 from aoro_gym.agents.evaluation.perturbations import SWITCHABLE
 from aoro_gym.agents.evaluation.report import MARKS, named, shown
-from aoro_gym.agents.policies.learned import LearnedPolicy, shipped_policies
+from aoro_gym.agents.policies.files import shipped_policies
+from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.execution.files import read_json

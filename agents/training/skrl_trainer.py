@@ -18,7 +18,8 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.logger import Logger  # pyright: ignore[reportMissingImports]
 from torch.nn import Parameter  # pyright: ignore[reportMissingImports]
 
-from aoro_gym.agents.policies.learned import LearnedPolicy, into_network, of_network
+from aoro_gym.agents.policies.networks import into_network, of_network
+from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training.callbacks import Clock, Watch
 from aoro_gym.agents.training.checkpoints import random_states, restore_random_states
 from aoro_gym.agents.training.device_env import DeviceEnv

@@ -18,7 +18,8 @@ from stable_baselines3.common.callbacks import BaseCallback  # pyright: ignore[r
 from stable_baselines3.common.save_util import recursive_getattr  # pyright: ignore[reportMissingImports]
 from stable_baselines3.common.vec_env import VecNormalize  # pyright: ignore[reportMissingImports]
 
-from aoro_gym.agents.policies.learned import LearnedPolicy, into_stable_baselines3, of_stable_baselines3
+from aoro_gym.agents.policies.networks import into_stable_baselines3, of_stable_baselines3
+from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training.callbacks import Clock, Watch
 from aoro_gym.agents.training.checkpoints import random_states, restore_random_states
 from aoro_gym.agents.training.plan import TrainingPlan

@@ -44,7 +44,8 @@ import numpy as np
 
 from aoro_gym.agents.evaluation.evaluate import TRIALS, evaluate, inputs
 from aoro_gym.agents.evaluation.perturbations import PERTURBATIONS
-from aoro_gym.agents.policies.learned import LearnedPolicy, shortened
+from aoro_gym.agents.policies.description import shortened
+from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training.curriculum import curriculum, stage_at
 from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.envs.path_tracking.courses import Course

@@ -276,7 +276,7 @@ def test_a_track_of_several_is_asked_for(tmp_path, command):
 
 
 def test_policies_in_files_are_evaluated_and_exported(tmp_path):
-    from aoro_gym.agents.policies.learned import LearnedPolicy
+    from aoro_gym.agents.policies.policy import LearnedPolicy
 
     still = LearnedPolicy(
         weights=(np.zeros((1, 8), dtype=np.float32),),

@@ -9,7 +9,7 @@ import pytest
 
 import aoro_gym.agents.controllers.reference
 from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES, reference_policy
-from aoro_gym.agents.controllers.tuning import STUDIES
+from aoro_gym.agents.training.tuning import STUDIES
 from aoro_gym.envs import ENVIRONMENTS, register_envs
 from tests.envs.path_tracking.paths import LEVEL
 

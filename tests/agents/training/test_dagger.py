@@ -15,7 +15,7 @@ from aoro_gym.terrains import Plane
 
 pytest.importorskip("stable_baselines3")
 pytest.importorskip("yaml")
-from aoro_gym.agents.policies.learned import LearnedPolicy
+from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training.dagger import Dagger
 
 TURNING, TRACKING = "AORO/Turning-v0", "AORO/PathTracking-v0"

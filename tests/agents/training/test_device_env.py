@@ -9,7 +9,8 @@ import pytest
 torch: Any = pytest.importorskip("torch")
 pytest.importorskip("array_api_compat")
 
-from aoro_gym.agents.policies.learned import KNOWN, Normalisation  # noqa: E402
+from aoro_gym.agents.policies.networks import KNOWN  # noqa: E402
+from aoro_gym.agents.policies.policy import Normalisation  # noqa: E402
 from aoro_gym.agents.training.device_env import DeviceEnv, Moments  # noqa: E402
 from aoro_gym.envs import Course, register_envs  # noqa: E402
 from aoro_gym.terrains import Path as Line  # noqa: E402

@@ -140,7 +140,7 @@ def test_learning_changes_the_policy_and_another_seed_another(trainer, training,
 
 @pytest.mark.parametrize("trainer", TRAINERS)
 def test_a_training_learns_on_from_a_policy(trainer, training, tmp_path):
-    from aoro_gym.agents.policies.learned import load_policy
+    from aoro_gym.agents.policies.files import load_policy
 
     machine, first, second = Machine.load("aoro"), tmp_path / "first", tmp_path / "second"
     training.train(plan_of(), training.begin(plan_of(), first), first, machine=machine)
@@ -265,7 +265,7 @@ def begun(tmp_path_factory) -> Path:
     """A training of one part, with files of its own for everything: policy to start from, hyper-parameters, curriculum."""
     for module in ("stable_baselines3", "tensorboard", "yaml"):
         pytest.importorskip(module)
-    from aoro_gym.agents.policies.learned import LearnedPolicy
+    from aoro_gym.agents.policies.policy import LearnedPolicy
     from aoro_gym.agents.training import train as training
 
     folder = tmp_path_factory.mktemp("begun")
@@ -463,7 +463,7 @@ def interrupted(progress) -> None:
 
 @pytest.mark.parametrize("trainer", TRAINERS)
 def test_folder_says_what_was_asked_and_found(trainer, training, tmp_path):
-    from aoro_gym.agents.policies.learned import LearnedPolicy
+    from aoro_gym.agents.policies.policy import LearnedPolicy
 
     plan = plan_of(steps=100, trainer=trainer)
     found = training.train(plan, training.begin(plan, tmp_path), tmp_path, machine=Machine.load("aoro"))

@@ -4,7 +4,7 @@ A :class:`Study` is what the controllers of one environment have in common: the 
 an episode costs, and the budget: generations of candidates by SciPy's differential evolution, seeded; a generation is one
 batch of twins. Gains are reported on other episodes than they were tuned on:
 
-    python -m aoro_gym.agents.controllers.tuning --env AORO/PathTracking-v0
+    python -m aoro_gym.agents.training.tuning --env AORO/PathTracking-v0
 
 ``AORO/Turning-v0``: the mean return of 8 episodes with the default reward and sensor noise; 17 generations of 24 candidates.
 ``AORO/PathTracking-v0``: see :func:`tracking_cost`; 6 pieces of paths, 20 s each, from anywhere on the default forests'
@@ -28,8 +28,9 @@ from numpy.typing import NDArray
 from scipy.optimize import differential_evolution
 
 from aoro_gym.agents.controllers.path_tracking import FullSpeedSteering, PreviewRegulator, PurePursuit, Stanley, Vehicle
-from aoro_gym.agents.controllers.turning import BangBang, Policy, ProportionalDerivative
+from aoro_gym.agents.controllers.turning import BangBang, ProportionalDerivative
 from aoro_gym.agents.evaluation.responses import responses, rollout
+from aoro_gym.agents.policies.policy import Policy
 from aoro_gym.envs.path_tracking.task import FIXED, MILD, PathTrackingRandomisation, PathTrackingVectorEnv
 from aoro_gym.envs.turning.task import TurningConfig, TurningVectorEnv
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aoro_gym.agents.controllers import tuning
 from aoro_gym.agents.controllers.path_tracking import PurePursuit, Vehicle
+from aoro_gym.agents.training import tuning
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.envs.path_tracking.task import END_OF_PATH, FIXED, PathTrackingVectorEnv
 from aoro_gym.terrains import Path, Plane

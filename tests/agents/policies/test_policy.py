@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 from aoro_gym.agents.evaluation.evaluate import evaluate, policy_factory
-from aoro_gym.agents.policies.learned import SHIPPED, LearnedPolicy, Normalisation, load_policy, write_onnx
+from aoro_gym.agents.policies.files import SHIPPED, load_policy
+from aoro_gym.agents.policies.onnx_file import write_onnx
+from aoro_gym.agents.policies.policy import LearnedPolicy, Normalisation
 from aoro_gym.envs import register_envs
 from aoro_gym.envs.turning.task import TurningVectorEnv
 
@@ -89,7 +91,7 @@ def test_files_give_the_same_policy_to_the_bit(tmp_path, observations):
 def test_loading_and_acting_need_no_torch(tmp_path):
     network().save(tmp_path / "mine")
     code = (
-        "import sys, pathlib, numpy; from aoro_gym.agents.policies.learned import load_policy;"
+        "import sys, pathlib, numpy; from aoro_gym.agents.policies.files import load_policy;"
         f"policy = load_policy(pathlib.Path({str(tmp_path / 'mine.json')!r}));"
         "print(policy(numpy.zeros((2, 8))).shape, 'torch' in sys.modules)"
     )
@@ -285,12 +287,12 @@ def test_files_are_evaluated_like_controllers(tmp_path):
 
 
 def test_shipped_policies_go_by_their_name(tmp_path, monkeypatch):
-    from aoro_gym.agents.policies import learned
+    from aoro_gym.agents.policies import files
 
-    monkeypatch.setattr(learned, "SHIPPED", tmp_path)
+    monkeypatch.setattr(files, "SHIPPED", tmp_path)
     network().save(tmp_path / "turner")
-    assert list(learned.shipped_policies(TURNING)) == ["turner"]
-    assert learned.shipped_policies("AORO/PathTracking-v0") == {}
+    assert list(files.shipped_policies(TURNING)) == ["turner"]
+    assert files.shipped_policies("AORO/PathTracking-v0") == {}
     env = TurningVectorEnv(1)
     observations, _ = env.reset(seed=1)
     np.testing.assert_array_equal(policy_factory(TURNING, "turner")(env)(observations), network()(observations))
@@ -325,7 +327,7 @@ def test_policies_of_stable_baselines3_are_taken_over(algorithm, tmp_path, obser
     sb3 = pytest.importorskip("stable_baselines3")
     from stable_baselines3.common.vec_env import VecNormalize  # pyright: ignore[reportMissingImports]
 
-    from aoro_gym.agents.policies.learned import of_stable_baselines3
+    from aoro_gym.agents.policies.networks import of_stable_baselines3
     from aoro_gym.agents.training.vec_env import make_vec_env
 
     env = VecNormalize(make_vec_env(TURNING, 2, seed=0))

@@ -1,0 +1,244 @@
+"""Policies: what all of them offer, and learned ones as small files that load without torch or foreign code.
+
+A policy is two files: ``NAME.safetensors`` holds the numbers, ``NAME.json`` what they mean: environment, observation terms,
+network, and how the policy was trained. ``agents/policies`` ships some, which go by their name.
+
+>>> import gymnasium
+>>> from aoro_gym.agents.policies.files import shipped_policies
+>>> for name, path in shipped_policies("AORO/Turning-v0").items():
+...     policy = LearnedPolicy.load(path)  # doctest: +SKIP
+
+Stable-Baselines3's own files (``.zip``, ``vecnormalize.pkl``) are pickles: whoever made one decides what runs when it is
+loaded. :func:`~aoro_gym.agents.policies.files.load_policy` takes them only from those who say that they trust it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aoro_gym.agents.policies.description import (
+    FORMAT,
+    NoNumbers,
+    fingerprint,
+    read_array,
+    read_description,
+    read_numbers,
+    shortened,
+)
+from aoro_gym.execution.files import read_json, written_whole
+
+Observations = NDArray[np.float32]
+Actions = NDArray[np.float32]
+ACTIVATIONS = {"tanh": np.tanh, "relu": lambda x: np.maximum(x, 0.0)}
+"""Of the hidden layers, by name."""
+
+
+class Policy(Protocol):
+    """Anything that maps observations to actions, many at once."""
+
+    def __call__(self, observations: Observations) -> Actions:
+        """Actions (N, A) for observations (N, O)."""
+        ...
+
+    def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
+        """Forget the past of the sub-environments where ``mask`` (N,) holds, or of all."""
+        ...
+
+
+@dataclass(frozen=True)
+class Normalisation:
+    """y = clip((x − mean) / √(variance + ε), ±clip), in float64 as ``VecNormalize`` calculates it."""
+
+    mean: NDArray[np.float64]
+    variance: NDArray[np.float64]
+    epsilon: float
+    clip: float
+
+    def __call__(self, observations: NDArray[Any]) -> NDArray[np.float32]:
+        scaled = (observations - self.mean) / np.sqrt(self.variance + self.epsilon)
+        return np.clip(scaled, -self.clip, self.clip).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class LearnedPolicy:
+    """A multilayer perceptron that maps observations to actions; the same protocol as the reference controllers.
+
+    Raises ValueError if its parts do not fit each other.
+    """
+
+    weights: tuple[NDArray[np.float32], ...]
+    """Of each layer, (outputs, inputs)."""
+    biases: tuple[NDArray[np.float32], ...]
+    """Of each layer, (outputs,)."""
+    activation: str
+    """Of the hidden layers, a key of :data:`ACTIVATIONS`."""
+    squashed: bool
+    """Whether a hyperbolic tangent bounds the result, which is then stretched over the action space."""
+    low: NDArray[np.float32]
+    """Bounds of the action space (A,)."""
+    high: NDArray[np.float32]
+    normalisation: Normalisation | None = None
+    """Of the observation; None takes it as it is."""
+    environment: str = ""
+    """Id of the environment that the policy was trained in."""
+    layout: Mapping[str, slice] = field(default_factory=dict)
+    """Columns of the observation by term; empty if they are not known."""
+    training: Mapping[str, Any] = field(default_factory=dict)
+    """How the policy came about: command, seed, steps, revision, …"""
+
+    def __post_init__(self) -> None:
+        if self.activation not in ACTIVATIONS:
+            raise ValueError(f"activation is {self.activation!r}; choose one of: {', '.join(ACTIVATIONS)}")
+        sizes = [self.weights[0].shape[1], *(len(weight) for weight in self.weights)]
+        for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            if weight.shape != (sizes[k + 1], sizes[k]) or bias.shape != (sizes[k + 1],):
+                raise ValueError(
+                    f"layer {k} has weights {weight.shape} and biases {bias.shape}, but follows {sizes[k]} numbers"
+                )
+            if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
+                raise ValueError(f"layer {k} holds numbers that are not finite")
+        if self.low.shape != (sizes[-1],) or self.high.shape != (sizes[-1],):
+            raise ValueError(f"the network gives {sizes[-1]} actions, but {self.low.shape[0]} have bounds")
+        if not (self.low <= self.high).all():
+            raise ValueError("the lower bound of an action is above the upper one")
+        if self.normalisation is not None:
+            for moment in (self.normalisation.mean, self.normalisation.variance):
+                if moment.shape != (sizes[0],):
+                    raise ValueError(f"the network takes {sizes[0]} numbers, but {len(moment)} are normalised")
+            if not (self.normalisation.variance >= 0.0).all():
+                raise ValueError("a variance of the normalisation is below 0")
+
+    @property
+    def sizes(self) -> list[int]:
+        """Numbers before and after each layer."""
+        return [self.weights[0].shape[1], *(len(weight) for weight in self.weights)]
+
+    def __call__(self, observations: Observations) -> Actions:
+        values = np.asarray(observations, dtype=np.float32)
+        if self.normalisation is not None:
+            values = self.normalisation(values)
+        last = len(self.weights) - 1
+        for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            values = values @ weight.T + bias
+            if k < last:
+                values = ACTIVATIONS[self.activation](values)
+        if self.squashed:
+            values = self.low + np.float32(0.5) * (np.tanh(values) + np.float32(1.0)) * (self.high - self.low)
+        return np.clip(values, self.low, self.high)
+
+    def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
+        """Nothing to forget."""
+
+    def made_for(self, env: Any) -> LearnedPolicy:
+        """This policy, for the environment ``env``, wrapped or not.
+
+        Raises ValueError that says what it observes otherwise than this policy has learned.
+        """
+        env = env.unwrapped
+        layout = dict(env.observation_layout)
+        if self.layout and layout != dict(self.layout):
+            raise ValueError(
+                f"the policy has learned from {_listed(self.layout)}, but the environment observes {_listed(layout)}"
+            )
+        for what, mine, space in (
+            ("observes", self.sizes[0], env.single_observation_space),
+            ("takes", self.sizes[-1], env.single_action_space),
+        ):
+            if space.shape != (mine,):
+                raise ValueError(f"the environment {what} {space.shape[0]} numbers, but the policy was made for {mine}")
+        return self
+
+    def save(self, path: Path) -> list[Path]:
+        """Write ``path`` with the suffixes .safetensors and .json, each whole or not at all.
+
+        The JSON has the digest of the numbers that it describes: one of other numbers is refused when it is loaded.
+        """
+        from safetensors.numpy import save
+
+        numbers, about = path.with_suffix(".safetensors"), path.with_suffix(".json")
+        content = save({name: np.ascontiguousarray(array) for name, array in self.arrays().items()})
+        description = {**self.description(), "numbers": fingerprint(content)}
+        with written_whole(numbers) as first, written_whole(about) as second:
+            first.write_bytes(content)
+            second.write_text(json.dumps(description, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+        return [numbers, about]
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """All numbers by name."""
+        found: dict[str, NDArray[Any]] = {"action.low": self.low, "action.high": self.high}
+        for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            found |= {f"layer{k}.weight": weight, f"layer{k}.bias": bias}
+        if self.normalisation is not None:
+            found |= {"observation.mean": self.normalisation.mean, "observation.variance": self.normalisation.variance}
+        return found
+
+    def description(self) -> dict[str, Any]:
+        """What the numbers mean, for JSON."""
+        one = self.normalisation
+        return {
+            "format": FORMAT,
+            "environment": self.environment,
+            "observation": {name: [span.start, span.stop] for name, span in self.layout.items()},
+            "normalisation": None if one is None else {"epsilon": one.epsilon, "clip": one.clip},
+            "network": {"sizes": self.sizes, "activation": self.activation, "squashed": self.squashed},
+            "training": dict(self.training),
+        }
+
+    @classmethod
+    def of(cls, description: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> LearnedPolicy:
+        """What :meth:`description` and :meth:`arrays` were of.
+
+        Raises ValueError naming what is missing or wrong.
+        """
+        fields, sizes, normalised = read_description(description)
+        normalisation = None
+        if normalised is not None:
+            mean, variance = (read_array(arrays, f"observation.{name}", 1, np.float64) for name in ("mean", "variance"))
+            normalisation = Normalisation(mean, variance, **normalised)
+        found = cls(
+            weights=tuple(read_array(arrays, f"layer{k}.weight", 2) for k in range(len(sizes) - 1)),
+            biases=tuple(read_array(arrays, f"layer{k}.bias", 1) for k in range(len(sizes) - 1)),
+            low=read_array(arrays, "action.low", 1),
+            high=read_array(arrays, "action.high", 1),
+            normalisation=normalisation,
+            **fields,
+        )
+        if found.sizes != sizes:
+            raise ValueError(f"its layers have the sizes {found.sizes}, not {shortened(sizes)}")
+        return found
+
+    @classmethod
+    def load(cls, path: Path) -> LearnedPolicy:
+        """The policy of the files ``path`` with the suffixes .safetensors and .json.
+
+        Raises ValueError naming the file and what is wrong in it, OSError if there is none.
+        """
+        numbers, about = path.with_suffix(".safetensors"), path.with_suffix(".json")
+        if path.is_file() and not about.is_file():
+            raise ValueError(f"{path} needs {about.name} beside it, which says what its numbers mean")
+        description = read_json(about)
+        try:
+            read_description(description)
+        except ValueError as error:
+            raise ValueError(f"{about} is no policy's: {error}") from None
+        content = numbers.read_bytes()
+        try:
+            found = cls.of(description, read_numbers(numbers, content))
+            if description["format"] == FORMAT and description.get("numbers") != fingerprint(content):
+                raise ValueError("its numbers are others; resume the training, which writes both, or restore them")
+            return found
+        except NoNumbers:
+            raise
+        except ValueError as error:
+            raise ValueError(f"{numbers} is not the policy that {about.name} describes: {error}") from None
+
+
+def _listed(layout: Mapping[str, slice]) -> str:
+    return ", ".join(f"{name} ({span.stop - span.start})" for name, span in layout.items())
