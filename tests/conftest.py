@@ -1,5 +1,10 @@
 """What the tests share: the twin's recordings of two short manoeuvres, run once; which may be skipped; slowest files."""
 
+import os
+
+# Workers share the cores: threads of linear algebra within each would spin for most of the suite's time.
+os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1")
+
 from collections import defaultdict
 from collections.abc import Generator
 from pathlib import Path

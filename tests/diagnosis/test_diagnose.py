@@ -39,6 +39,7 @@ def diagnosed(tmp_path_factory):
     return diagnose(later, machine, CANDIDATES, healthy=healthy, out=folder), folder
 
 
+@pytest.mark.slow
 def test_the_cause_its_size_and_its_machine_are_given(diagnosed):
     found, folder = diagnosed
     first = found.causes[0]
@@ -56,11 +57,13 @@ def test_the_cause_its_size_and_its_machine_are_given(diagnosed):
     assert longer == pytest.approx(LAG, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_verdict_is_a_cause(diagnosed):
     found, _ = diagnosed
     assert found.verdict == "cause" and found.causes[0].effects == ("spool_lag",), found.causes[0].probability
 
 
+@pytest.mark.slow
 def test_the_gap_is_gone_on_manoeuvres_left_out(diagnosed):
     """Of the fit of its size: with the right law nothing but noise may stay."""
     found, _ = diagnosed
@@ -72,6 +75,7 @@ def test_the_gap_is_gone_on_manoeuvres_left_out(diagnosed):
     assert sum(place.share for place in found.where) == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_the_part_of_the_cause_contradicts_its_boundary(diagnosed):
     found, _ = diagnosed
     assert found.boundaries[0].part == "circuit" and found.boundaries[0].contradicts
@@ -79,6 +83,7 @@ def test_the_part_of_the_cause_contradicts_its_boundary(diagnosed):
     assert {place.component for place in found.where} == {"valve"}
 
 
+@pytest.mark.slow
 def test_what_is_written_can_be_read(diagnosed, tmp_path):
     found, _ = diagnosed
     content = json.loads(found.save(tmp_path).read_text(encoding="utf-8"))
