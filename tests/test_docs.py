@@ -1,6 +1,7 @@
 """What README and the documentation show and name is there: examples run, commands, links and paths exist."""
 
 import re
+import runpy
 import shlex
 from pathlib import Path
 from typing import Any
@@ -63,6 +64,14 @@ def test_links_and_paths_lead_to_files(page):
             assert (page.parent / link).exists(), f"{page.name} links to {link}"
     for path in re.findall(rf"`((?:{FOLDERS})/[^`\s]*)`", text):
         assert any(ROOT.glob(path.rstrip("/"))), f"{page.name} names {path}"
+
+
+def test_pictures_are_as_drawn_and_name_files():
+    for name, text in runpy.run_path(str(ROOT / "docs/diagrams.py"))["PICTURES"].items():
+        drawn = (ROOT / "docs/pictures" / name).read_text(encoding="utf-8")
+        assert drawn == text, f"run `python docs/diagrams.py`: {name} is another one"
+        for path in re.findall(rf"\b(?:{FOLDERS})/[^\s<,]*", drawn):
+            assert any(ROOT.glob(path)), f"{name} names {path}"
 
 
 def test_slow_tests_are_named():
