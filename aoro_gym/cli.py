@@ -37,8 +37,9 @@ if TYPE_CHECKING:
     from aoro_gym.agents.evaluation.evaluate import Episodes
     from aoro_gym.envs import Course
     from aoro_gym.machine import Machine
-    from aoro_gym.reporting.page import Passage, Section
+    from aoro_gym.reporting.page import Passage
     from aoro_gym.simulation.manoeuvres import Manoeuvre, Recording
+    from aoro_gym.simulation.plots import Section
     from aoro_gym.terrains import Plane, Report
     from aoro_gym.twin import Twin
     from aoro_gym.validation import Validation
@@ -398,7 +399,7 @@ def demo(
         sections.append(_run(twin, plan))
         _write(sections[-1], twin, out / f"{name}.csv", made_by, page=False)
         terminal.out().print(_figure_table(sections[-1]))
-    from aoro_gym.reporting.page import write_html
+    from aoro_gym.simulation.plots import write_html
 
     page = out / "index.html"
     write_html(page, "AORO twin: demo", _lead(made_by), sections, passages)
@@ -2213,9 +2214,9 @@ def _counts(option: str, text: str) -> tuple[int, ...]:
 
 
 def _run(twin: Twin, plan: Manoeuvre) -> Section:
-    from aoro_gym.reporting.page import Section
-    from aoro_gym.simulation.figures import key_figures
+    from aoro_gym.simulation.key_figures import recording_figures
     from aoro_gym.simulation.manoeuvres import run
+    from aoro_gym.simulation.plots import Section
 
     with terminal.progress(plan.title) as tell, _running():
         recording = run(
@@ -2224,15 +2225,15 @@ def _run(twin: Twin, plan: Manoeuvre) -> Section:
             keep_every=1e-3 if plan.duration <= 120.0 else 1e-2,
             progress=lambda now: tell(plan.title, now / plan.duration),
         )
-    return Section(recording, key_figures(recording, twin.machine.steering.cylinder))
+    return Section(recording, recording_figures(recording, twin.machine.steering.cylinder))
 
 
 def _write(section: Section, twin: Twin, out: Path, made_by: dict[str, Any], *, page: bool = True) -> list[Path]:
     """Log, manifest, key figures and plots; returns the paths."""
     import numpy as np
 
-    from aoro_gym.reporting.page import write_html, write_png
     from aoro_gym.simulation.log import log_columns, write_log
+    from aoro_gym.simulation.plots import write_html, write_png
 
     plan = section.recording.manoeuvre
     about = _about(section.recording, twin, made_by)

@@ -6,15 +6,15 @@ You learn how to load a machine, make a twin of it, drive it through a manoeuvre
 from pathlib import Path
 
 from aoro_gym import Machine, Twin
-from aoro_gym.reporting.page import Section, write_png
-from aoro_gym.simulation.figures import key_figures
+from aoro_gym.simulation.key_figures import recording_figures
 from aoro_gym.simulation.manoeuvres import run, standing_turn
+from aoro_gym.simulation.plots import Section, write_png
 from aoro_gym.validation import FIGURES, published_rows
 
 machine = Machine.load("aoro")
 turn = standing_turn(direction=+1, signal=1.0, joint_range=float(machine.joint.range))
 recording = run(Twin(machine=machine), turn)  # channels by name, in SI units, at 1 kHz
-figures = key_figures(recording, machine.steering.cylinder)
+figures = recording_figures(recording, machine.steering.cylinder)
 
 published = {
     row["source"]: row for row in published_rows() if (row["direction"], row["signal_percent"]) == ("left", 100.0)

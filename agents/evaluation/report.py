@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from aoro_gym.agents.evaluation.evaluate import BOUNDED, OVER, RATES, Episodes, Evaluation, Interval
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.execution.files import write_json, written_whole
-from aoro_gym.reporting.page import Passage, write_gif, write_html
+from aoro_gym.reporting.page import Passage, passage_section, write_gif, write_page
 from aoro_gym.reporting.style import AMBER, BLUE, GREEN, INK, PLOT_STYLE, PURPLE, RED, SOFT
 from aoro_gym.reporting.terminal import Comparison
 from aoro_gym.terrains import Plane
@@ -87,7 +87,8 @@ def write_report(
         drawn.append(write_film(result, run, stem, progress=told))
         passages.append(Passage(policy, film_caption(result, run), [drawn[-1]]))
     about = f"{result.env}, {counted(result)} a policy from seed {result.seed}."
-    write_html(page, "AORO: evaluation", f"{about} {lead or f'Machine {result.machine.name}.'}", [], passages)
+    lead = f"{about} {lead or f'Machine {result.machine.name}.'}"
+    write_page(page, "AORO: evaluation", lead, map(passage_section, passages), interactive=False)
     return [summary, figures, errors, *plans, *drawn, page]
 
 

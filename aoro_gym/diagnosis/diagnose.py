@@ -34,7 +34,7 @@ from aoro_gym.diagnosis.linear import Hypothesis, Linear, Tangent
 from aoro_gym.diagnosis.noise import Floats, ModelError, Noise, noise_of
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem, Progress, references_of
-from aoro_gym.diagnosis.recording import TICK, Recording, logs_in, read_recording
+from aoro_gym.diagnosis.recording import SENSORS, TICK, Recording, logs_in, read_recording
 from aoro_gym.diagnosis.replay import Simulator, Variants
 from aoro_gym.diagnosis.result import Curve, Diagnosis, Shrinkage
 from aoro_gym.diagnosis.search import settle
@@ -171,7 +171,6 @@ def diagnose_case(place: Path, out: Path, *, sensors: str, device: str) -> Diagn
     """Diagnose a case of the blind check: ``machine.toml``, ``logs/*.csv`` and, if there, ``healthy/*.csv`` in ``place``;
     writes ``diagnosis.json`` to ``out``."""
     from aoro_gym.diagnosis.sharing import simulator
-    from aoro_gym.diagnosis_benchmark.sealing import SENSORS
 
     recordings, healthy = (
         [_only(read_recording(path), SENSORS[sensors]) for path in logs_in(place / purpose)]

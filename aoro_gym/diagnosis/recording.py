@@ -26,6 +26,9 @@ CHANNELS = (
 )  # fmt: skip
 """Measured quantities that a diagnosis compares, by the twin's output."""
 
+SENSORS = {"angle": CHANNELS[:1], "full": CHANNELS[:4]}
+"""Channels that a kind of logger records."""
+
 
 @dataclass(frozen=True)
 class Recording:

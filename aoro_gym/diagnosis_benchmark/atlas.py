@@ -41,10 +41,9 @@ from aoro_gym.diagnosis.linear import Linear, Tangent
 from aoro_gym.diagnosis.noise import Floats, Noise, noise_of
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem, Progress, Reference
-from aoro_gym.diagnosis.recording import COMMANDS, TICK, Recording
+from aoro_gym.diagnosis.recording import COMMANDS, SENSORS, TICK, Recording
 from aoro_gym.diagnosis.replay import Simulator, Task, Variants
 from aoro_gym.diagnosis_benchmark.cases import FAMILIES, MACHINES, REST, WEAKEST, Trial
-from aoro_gym.diagnosis_benchmark.sealing import SENSORS
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.effects.effect import Effect
 from aoro_gym.machine import Machine

@@ -9,8 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from aoro_gym.diagnosis.recording import SENSORS
 from aoro_gym.diagnosis.sharing import PREFIX, sharing
-from aoro_gym.diagnosis_benchmark.sealing import SENSORS
 from aoro_gym.execution.cluster import Failed, connected, on_ray
 from aoro_gym.execution.digest import Contents
 from aoro_gym.execution.files import read_json, write_json, write_text

@@ -21,12 +21,13 @@ import numpy as np
 import warp as wp
 from scipy.stats import binomtest
 
+from aoro_gym.diagnosis.recording import SENSORS
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, VERDICTS
 from aoro_gym.diagnosis.sharing import sharing, simulator
 from aoro_gym.diagnosis_benchmark.cases import KINDS
 from aoro_gym.diagnosis_benchmark.oracle import Oracle, Twins, consult
 from aoro_gym.diagnosis_benchmark.running import read_diagnoses
-from aoro_gym.diagnosis_benchmark.sealing import SENSORS, exact_folder, open_seal
+from aoro_gym.diagnosis_benchmark.sealing import exact_folder, open_seal
 from aoro_gym.execution.digest import code_digest, digest
 from aoro_gym.execution.files import read_json, write_json
 from aoro_gym.execution.locking import locked

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from aoro_gym.diagnosis.recording import SENSORS
 from aoro_gym.diagnosis_benchmark.cases import Case, Family, Suite, plan
 from aoro_gym.diagnosis_benchmark.plants.constants import COMMISSIONED_CELSIUS
 from aoro_gym.diagnosis_benchmark.plants.runs import Recorded, Run, record
@@ -34,9 +35,6 @@ COLUMNS = {
     "pump_pressure": ("pump_pressure_bar", BAR),
 }  # fmt: skip
 """Column and SI value of its unit, by channel."""
-
-SENSORS: Mapping[str, tuple[str, ...]] = {"angle": ("joint_angle",), "full": tuple(COLUMNS)}
-"""Channels that are logged."""
 
 BATCH = 40
 """Cases simulated together, about 1200 runs. Small batches are bound by overhead; an interruption loses one at most."""

@@ -1,4 +1,4 @@
-"""The seven key figures of a full turn, defined once for the twin and for the machine.
+"""Key figures, in field units: the seven of a full turn, defined once for the twin and for the machine, and others.
 
 t = 0 is the first sample whose unfiltered angle has left the start by 0.1°; the turn lasts until the first sample whose
 unfiltered angle is within 0.1° of the stop it goes to. Oil of a full turn over that time is the mean flow. The other
@@ -9,24 +9,29 @@ figures are read from a flow curve, by default that of the measuring chain (:mod
 * lowest undershoot: smallest flow between the first peak and 0.7 s
 * second peak: largest flow in [0.55, 0.85 s]
 
-All of it works on many turns at once, without a loop over them.
+All of it works on many turns at once, without a loop over them. Figures of a twin's recording are exact, without sensor
+noise: those of a turn through the measuring chain, and with the prefix ``raw_`` from the unfiltered simulated flow.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.machine import Machine
 from aoro_gym.machine.sections import SteeringCylinder
-from aoro_gym.sensors.chain import STANDSTILL, measured_flow, sampling_rate
+from aoro_gym.sensors.chain import STANDSTILL, measured_flow, sample, sampling_rate
+from aoro_gym.simulation.log import BAR, DEGREE, LITRE_PER_MINUTE, RPM
+
+if TYPE_CHECKING:
+    from aoro_gym.simulation.manoeuvres import Recording
 
 TOLERANCE = math.radians(0.1)
 """Angle [rad] within which a joint has not left its start, or has reached its stop."""
-LITRE_PER_MINUTE = 1e-3 / 60.0
 
 FIGURES = (
     "turn_time_s",
@@ -38,6 +43,9 @@ FIGURES = (
     "second_peak_L_per_min",
 )
 """Names of the figures, the most important first; the columns of the published table."""
+
+UNFILTERED = ("turn_time_s", "mean_flow_L_per_min")
+"""Figures that the filter does not enter."""
 
 STEADY = (0.48, 0.92)
 """Steady period, as shares of the turn time."""
@@ -138,6 +146,55 @@ def key_figures(
     """Key figures of one full turn, None where there is none; see :func:`key_figures_batch`."""
     figures = key_figures_batch(time, angle, machine, flow=flow)
     return {name: float(value[0]) if math.isfinite(value[0]) else None for name, value in figures.items()}
+
+
+def turn_start(recording: Recording) -> float | None:
+    """Time [s] at which the joint has left its start by 0.1°."""
+    moved = np.abs(recording["joint_angle"] - recording["joint_angle"][0]) > TOLERANCE
+    return float(recording.time[np.argmax(moved)]) if moved.any() else None
+
+
+def recording_figures(recording: Recording, cylinder: SteeringCylinder) -> dict[str, float | None]:
+    """Figures of a recording by its kind: a full turn, a drive, or any other commands.
+
+    Args:
+        recording: What the twin did.
+        cylinder: One of the machine's two steering cylinders.
+    """
+    turn = recording.manoeuvre.turn
+    figures: dict[str, float | None] = {}
+    if turn:
+        ticks, angle = sample(recording.time, recording["joint_angle"])
+        figures |= key_figures(ticks, angle, cylinder)
+        raw = key_figures(recording.time, recording["joint_angle"], cylinder, flow=recording["joint_flow"])
+        figures |= {f"raw_{name}": raw[name] for name in FIGURES if name not in UNFILTERED}
+    else:
+        figures |= _drive_figures(recording)
+    steers = bool(np.any(recording["steering_signal"]))
+    if steers:
+        figures["highest_pressure_a_bar"] = float(recording["pressure_a"].max()) / BAR
+        figures["highest_pressure_b_bar"] = float(recording["pressure_b"].max()) / BAR
+        figures["highest_pump_pressure_bar"] = float(recording["pump_pressure"].max()) / BAR
+    if steers and not turn:
+        figures["leftmost_joint_angle_deg"] = float(recording["joint_angle"].max()) / DEGREE
+        figures["rightmost_joint_angle_deg"] = float(recording["joint_angle"].min()) / DEGREE
+    figures["lowest_engine_speed_rpm"] = float(recording["engine_speed"].min()) / RPM
+    return figures
+
+
+def _drive_figures(recording: Recording) -> dict[str, float | None]:
+    """Distance, final speed and the pressure that driving took, over the last second."""
+    last = recording.time > recording.time[-1] - 1.0
+    path = np.hypot(np.diff(recording["position_x"]), np.diff(recording["position_y"]))
+    corners = [recording[f"motor_pressure_{corner}"][last] for corner in ("fl", "fr", "rl", "rr")]
+    return {
+        "distance_m": float(path.sum()),
+        "final_speed_m_per_s": float(recording["speed"][last].mean()),
+        "final_motor_pressure_bar": float(np.mean(corners)) / BAR,
+        "highest_drive_pressure_bar": float(
+            np.maximum(recording["drive_pressure_forward"], recording["drive_pressure_return"]).max() / BAR
+        ),
+    }
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,12 @@ import pytest
 from typer.testing import CliRunner
 
 from aoro_gym.cli import app
+from aoro_gym.diagnosis.recording import SENSORS
 from aoro_gym.diagnosis_benchmark import cases
 from aoro_gym.diagnosis_benchmark.cases import DAY, FAMILIES, INSIDE, KINDS, MACHINES, MODES, SUITES, Suite, Trial, plan
 from aoro_gym.diagnosis_benchmark.plants.effects import EFFECTS, OUTSIDE
 from aoro_gym.diagnosis_benchmark.plants.sensors import Noise
-from aoro_gym.diagnosis_benchmark.sealing import COLUMNS, SENSORS, exact_folder, open_seal, write_cases
+from aoro_gym.diagnosis_benchmark.sealing import COLUMNS, exact_folder, open_seal, write_cases
 from aoro_gym.machine import Machine
 from aoro_gym.recording.tables import read_table
 

@@ -2,10 +2,20 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
 
-from aoro_gym.sensors.chain import low_pass_gain, measured_flow, port_volume, turn_flow
+from aoro_gym.sensors.chain import low_pass_gain, measured_flow, port_volume, sample, turn_flow
 from aoro_gym.sensors.joint_angle import JointAngleNoise, JointAngleSensor
-from aoro_gym.simulation.key_figures import FIGURES, TOLERANCE, key_figures, key_figures_batch, turn_span
+from aoro_gym.simulation.key_figures import (
+    FIGURES,
+    TOLERANCE,
+    key_figures,
+    key_figures_batch,
+    recording_figures,
+    turn_span,
+    turn_start,
+)
+from aoro_gym.simulation.manoeuvres import STANDSTILL, Recording
 
 LITRE_PER_MINUTE = 1e-3 / 60
 STOP = np.radians(40.0)
@@ -37,18 +47,18 @@ def poured_turn(cylinder, since, flow, direction=1):
     return direction * np.interp(np.clip(drawn, 0.0, volume[-1]), volume, angles)
 
 
-def known(*args, **options) -> dict[str, float]:
-    """The key figures, none of which is missing."""
-    figures = {name: value for name, value in key_figures(*args, **options).items() if value is not None}
-    assert list(figures) == list(FIGURES)
-    return figures
+def known(figures: dict[str, float | None]) -> dict[str, float]:
+    """The figures, none of which is missing."""
+    values = {name: value for name, value in figures.items() if value is not None}
+    assert len(values) == len(figures)
+    return values
 
 
 @pytest.mark.parametrize("direction", [1, -1])
 def test_figures_of_a_made_turn(machine, direction):
     duration = 2.0
     time, angle, flow = made_turn(direction, duration)
-    figures = known(time, angle, machine, flow=flow)
+    figures = known(key_figures(time, angle, machine, flow=flow))
     late = TOLERANCE / (2 * STOP / duration)  # the clock starts 0.1° after the start, and ends 0.1° before the stop
     step = 1.001e-3  # each end of a period is found to a sample
     assert figures["turn_time_s"] == pytest.approx(duration - 2 * late, abs=2 * step)
@@ -65,7 +75,7 @@ def test_periods_end_where_they_are_said_to(machine):
     time, angle, _ = made_turn(1, 4.0, step=0.01)
     start = turn_span(time, angle[:, None], STOP).began[0]
     since = time - start
-    figures = known(time, angle, machine, flow=(100.0 - 10.0 * since) * LITRE_PER_MINUTE)
+    figures = known(key_figures(time, angle, machine, flow=(100.0 - 10.0 * since) * LITRE_PER_MINUTE))
     turn_time = figures["turn_time_s"]
     assert figures["first_peak_L_per_min"] == pytest.approx(100.0)
     assert figures["first_peak_time_s"] == pytest.approx(0.0, abs=1e-9)
@@ -97,7 +107,7 @@ def test_measuring_chain_against_an_independent_one(machine, cylinder, direction
     oil = np.pi / 4 * (0.08**2 * extending - (0.08**2 - 0.04**2) * retracting)
     other = np.gradient(oil, step)
 
-    mine, reference = known(time, angle, machine), known(time, angle, machine, flow=other)
+    mine, reference = known(key_figures(time, angle, machine)), known(key_figures(time, angle, machine, flow=other))
     # the periodic continuation bends the ends of the record, 0.5 s away from the turn; there its ringing is e^-8
     for name in FIGURES:
         assert mine[name] == pytest.approx(reference[name], rel=1e-4), name
@@ -221,3 +231,50 @@ def test_wrong_shapes_are_named(machine):
         key_figures(np.arange(5) * 0.01, np.zeros(4), machine)
     with pytest.raises(ValueError, match="evenly spaced"):
         key_figures([0.0, 0.01, 0.05], np.zeros(3), machine)
+
+
+def test_a_turn_has_the_key_figures(left_turn, machine):
+    figures = known(recording_figures(left_turn, machine.steering.cylinder))
+    ticks, angle = sample(left_turn.time, left_turn["joint_angle"])
+    assert {name: figures[name] for name in FIGURES} == key_figures(ticks, angle, machine)
+    # sampled ten times as fast, and unfiltered: an extreme can only grow
+    assert figures["raw_first_peak_L_per_min"] > figures["first_peak_L_per_min"]
+    assert figures["raw_lowest_undershoot_L_per_min"] < figures["lowest_undershoot_L_per_min"]
+    assert figures["raw_steady_flow_L_per_min"] == pytest.approx(figures["steady_flow_L_per_min"], rel=0.01)
+
+
+def test_a_turn_that_does_not_arrive_has_no_figures_of_a_turn(left_turn, machine):
+    cut = left_turn.time < STANDSTILL + 1.0
+    channels = {name: values[cut] for name, values in left_turn.channels.items()}
+    figures = recording_figures(
+        Recording(left_turn.manoeuvre, left_turn.time[cut], channels), machine.steering.cylinder
+    )
+    assert {figures[name] for name in FIGURES} == {None}
+    assert figures["highest_pressure_a_bar"] is not None
+
+
+def test_a_turn_starts_after_its_signal(left_turn, drive):
+    start = turn_start(left_turn)
+    assert start is not None
+    assert STANDSTILL < start < STANDSTILL + 0.2
+    assert turn_start(drive) is None
+
+
+@pytest.mark.parametrize("turn", ["left_turn", "right_turn"])
+def test_the_twins_turn_closes_its_oil_balance(turn, machine, request):
+    recording = request.getfixturevalue(turn)
+    figures = known(recording_figures(recording, machine.steering.cylinder))
+    drawn = cumulative_trapezoid(recording["joint_flow"], recording.time, initial=0.0).max()
+    # the joint springs back from its stop by less than a degree of its 80
+    assert drawn == pytest.approx(2.331e-3, rel=1 / 80)
+    assert figures["raw_first_peak_L_per_min"] > figures["mean_flow_L_per_min"]
+    high = "a" if turn == "left_turn" else "b"
+    low = "b" if turn == "left_turn" else "a"
+    assert figures[f"highest_pressure_{high}_bar"] > 5 * figures[f"highest_pressure_{low}_bar"]
+
+
+def test_figures_of_a_drive(drive, machine):
+    figures = recording_figures(drive, machine.steering.cylinder)
+    assert figures["distance_m"] == pytest.approx(np.hypot(drive["position_x"][-1], drive["position_y"][-1]), rel=0.01)
+    assert figures["final_speed_m_per_s"] == pytest.approx(drive["speed"][-1], rel=0.1)
+    assert "highest_pressure_a_bar" not in figures
