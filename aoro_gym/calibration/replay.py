@@ -27,7 +27,7 @@ ENGINE_SPEED = "engine.set_speed"
 def under_conditions(machine: Machine, manifest: Manifest) -> Machine:
     """``machine`` with the engine's speed, the oil's temperature and the payload of a manifest.
 
-    A machine file describes the machine at the temperature of :data:`~aoro_gym.effects.oil_and_hoses.COMMISSIONED_TEMPERATURE`.
+    A machine file describes the machine at the temperature of :data:`COMMISSIONED_TEMPERATURE`.
 
     Raises:
         ValueError: names the manifest if the machine cannot be had under its conditions.
