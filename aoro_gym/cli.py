@@ -1933,7 +1933,7 @@ def _selected(option: str, patterns: list[str] | None, recordings: list[Any]) ->
 
 def _assignments(option: str, texts: list[str] | None) -> dict[str, float]:
     """``KEY=NUMBER`` texts as a dict."""
-    from aoro_gym.recording.tables import parse_number
+    from aoro_gym.recording.cells import parse_number
 
     pairs: dict[str, float] = {}
     for text in texts or []:
@@ -1952,7 +1952,7 @@ def _assignments(option: str, texts: list[str] | None) -> dict[str, float]:
 def _manoeuvre(
     name: str, signal: float | None, duration: float | None, start_angle: float | None, machine: Machine, out: Path
 ) -> Manoeuvre:
-    from aoro_gym.recording.tables import listed
+    from aoro_gym.recording.cells import listed
     from aoro_gym.simulation import manoeuvres
 
     joint_range = float(machine.joint.range)

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.recording import logs
+from aoro_gym.recording.cells import listed
 from aoro_gym.recording.logs import TICK
 from aoro_gym.recording.manifest import Manifest
-from aoro_gym.recording.tables import listed
 from aoro_gym.sensors.chain import low_pass
 from aoro_gym.terrains import Plane
 from aoro_gym.twin.records import State

@@ -58,7 +58,8 @@ from aoro_gym.diagnosis.where import SIGNIFICANT, beyond, probability
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.effects.effect import Effect
 from aoro_gym.machine import Machine
-from aoro_gym.recording.tables import listed, parse_number, read_table, shown
+from aoro_gym.recording.cells import listed, parse_number, shown
+from aoro_gym.recording.tables import read_table
 from aoro_gym.sensors.chain import STANDSTILL
 from aoro_gym.sensors.joint_angle import JointAngleSensor
 from aoro_gym.simulation.key_figures import FIGURES, key_figures_batch

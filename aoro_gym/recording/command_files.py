@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.recording.cells import listed, shown
 from aoro_gym.recording.commands import COMMAND_BOUNDS
 from aoro_gym.recording.logs import NOT_ASKED, QUANTITIES, find_quantities, signal_from_voltage
-from aoro_gym.recording.tables import Table, listed, read_table, shown
+from aoro_gym.recording.tables import Table, read_table
 from aoro_gym.recording.units import NamedQuantity, canonical
 
 Floats = NDArray[np.float64]

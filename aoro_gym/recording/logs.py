@@ -18,9 +18,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.recording.cells import listed, shown
 from aoro_gym.recording.commands import COMMAND_BOUNDS, WHEELS
 from aoro_gym.recording.manifest import Manifest, read_manifest
-from aoro_gym.recording.tables import Table, listed, read_table, shown
+from aoro_gym.recording.tables import Table, read_table
 from aoro_gym.recording.units import LONGEST_NAME, NamedQuantity, Unit, canonical, find_unit, parse_name, splits
 
 Floats = NDArray[np.float64]

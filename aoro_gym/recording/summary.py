@@ -6,8 +6,8 @@ from collections.abc import Collection
 
 import numpy as np
 
+from aoro_gym.recording.cells import listed
 from aoro_gym.recording.logs import CHANNELS, QUANTITIES, TICK, Recording
-from aoro_gym.recording.tables import listed
 from aoro_gym.recording.units import find_unit, parse_name
 
 

@@ -72,7 +72,7 @@ def load(
     name: str | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Loaded:
-    """Load, check and repair ground to drive on.
+    """Load, check and repair ground to drive on. Most of these lines say what the options mean.
 
     What the caller says wins over what the file says, and that over what is recognised; the report tells which it was.
 
@@ -118,35 +118,11 @@ def load(
         band=band,
         progress=progress,
     )
-    if crs is not None:
-        try:
-            horizontal(crs)
-        except ValueError as error:
-            raise TerrainError(str(error)) from None
     path = Path(source) if isinstance(source, str | os.PathLike) else None
     report = Report(source=str(path) if path else "array of heights")
-    if up is not None:
-        report.up = f"{up} (as asked)"
-    try:
-        found = _read(path, source, request, report)
-        found = settle_heights(found, request, report)
-        found = _repaired(found, request, report)
-    except TerrainError as error:
-        text = "".join(c if c.isprintable() else "\ufffd" for c in f"{error}{report.doubts()}")
-        raise TerrainError(text) from None
-    try:
-        terrain = _terrain(
-            found,
-            report,
-            friction,
-            rolling_resistance,
-            name or (path.stem if path else "heights"),
-            _report_beside(path, report),
-        )
-    except TerrainError:
-        raise
-    except ValueError as error:  # what a terrain itself refuses
-        raise TerrainError(f"{report.source}: {error}") from None
+    found = _found(path, source, request, report)
+    called = name or (path.stem if path else "heights")
+    terrain = _terrain(found, report, friction, rolling_resistance, called, _report_beside(path, report))
     request.tell(1.0)
     report.seconds = time.perf_counter() - started
     return Loaded(terrain, report)
@@ -172,6 +148,22 @@ def _numbers(nodata: Sequence[float] | float | None) -> tuple[float, ...] | None
         return None if nodata is None else tuple(float(value) for value in np.atleast_1d(nodata))
     except (TypeError, ValueError):
         raise TerrainError(f"nodata = {f'{nodata!r}'[:80]} must be a number, or several") from None
+
+
+def _found(path: Path | None, source: Any, request: Request, report: Report) -> Ground:
+    """Ground of the source, in metres and repaired; what is doubtful of a broken one stands in its error."""
+    if request.crs is not None:
+        try:
+            horizontal(request.crs)
+        except ValueError as error:
+            raise TerrainError(str(error)) from None
+    if request.up is not None:
+        report.up = f"{request.up} (as asked)"
+    try:
+        return _repaired(settle_heights(_read(path, source, request, report), request, report), request, report)
+    except TerrainError as error:
+        text = "".join(c if c.isprintable() else "\ufffd" for c in f"{error}{report.doubts()}")
+        raise TerrainError(text) from None
 
 
 def _read(path: Path | None, source: Any, request: Request, report: Report) -> Ground:
@@ -352,12 +344,17 @@ def _terrain(
     if beside is not None and not moved and frame.crs is None:
         rest |= beside
         report.change("georeferenced", 1, "origin and coordinate system taken from the report beside the mesh")
-    if found.mesh is not None:
-        vertices, faces = found.mesh
-        terrain = Terrain(vertices=vertices - [0.0, 0.0, base], faces=faces, **rest)
-    else:
-        terrain = Terrain.from_heights(heights.z - base, cell=heights.cell, corner=heights.corner, **rest)
-        report.cell_m = heights.cell
+    try:
+        if found.mesh is not None:
+            vertices, faces = found.mesh
+            terrain = Terrain(vertices=vertices - [0.0, 0.0, base], faces=faces, **rest)
+        else:
+            terrain = Terrain.from_heights(heights.z - base, cell=heights.cell, corner=heights.corner, **rest)
+            report.cell_m = heights.cell
+    except TerrainError:
+        raise
+    except ValueError as error:  # what a terrain itself refuses
+        raise TerrainError(f"{report.source}: {error}") from None
     low, high = terrain.extent
     report.crs, report.origin_m = terrain.crs, terrain.origin
     report.triangles, report.vertices = len(terrain.faces), len(terrain.vertices)

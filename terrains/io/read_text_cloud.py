@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym.recording.tables import THOUSANDS, Dialect, is_number, listed, number_rows, sniff_file
+from aoro_gym.recording.cells import THOUSANDS, is_number, listed
+from aoro_gym.recording.dialects import Dialect, number_rows, sniff_file
 from aoro_gym.recording.units import NamedQuantity, parse_name
 from aoro_gym.terrains.georeference import GEOGRAPHIC, horizontal
 from aoro_gym.terrains.io.check import Report, TerrainError

@@ -8,7 +8,9 @@ from pathlib import Path as File
 
 import numpy as np
 
-from aoro_gym.recording.tables import Dialect, Table, listed, number_rows, read_table, sniff_file
+from aoro_gym.recording.cells import listed
+from aoro_gym.recording.dialects import Dialect, number_rows, sniff_file
+from aoro_gym.recording.tables import Table, read_table
 from aoro_gym.recording.units import NamedQuantity, parse_name
 from aoro_gym.terrains.paths.read_tracks import read_document
 from aoro_gym.terrains.paths.tracks import Found, Track, shown

@@ -15,7 +15,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from aoro_gym.diagnosis.recording import Recording, read_recording
-from aoro_gym.recording.tables import SAMPLE, Dialect, number_rows, parse_number, read_table, sniff
+from aoro_gym.recording.cells import parse_number
+from aoro_gym.recording.dialects import SAMPLE, Dialect, number_rows, sniff
+from aoro_gym.recording.tables import read_table
 from aoro_gym.recording.units import DIMENSIONS, canonical, find_unit, parse_name, splits
 from aoro_gym.simulation.manoeuvres import from_file
 

@@ -10,7 +10,9 @@ import pyarrow
 import pyarrow.parquet
 import pytest
 
-from aoro_gym.recording.tables import Dialect, number_rows, parse_number, read_table, sniff, sniff_file
+from aoro_gym.recording.cells import parse_number
+from aoro_gym.recording.dialects import Dialect, number_rows, sniff, sniff_file
+from aoro_gym.recording.tables import read_table
 
 ROWS = [(0.0, 0.0, 7.2), (0.01, -0.5, 1234.75), (0.02, 1.0, 1e-3)]
 
