@@ -7,6 +7,7 @@ import griffe
 
 ROLE = re.compile(r":(?:attr|class|data|func|meth|mod):`(~?)([\w.]+)`")
 LITERAL = re.compile(r"::$", re.MULTILINE)
+DOCTEST = re.compile(r"^>>> .+(?:\n.+)*", re.MULTILINE)
 log = griffe.get_logger(__name__)
 
 
@@ -21,7 +22,7 @@ def rewrite(thing: griffe.Object) -> None:
     """Rewrite the docstrings of a module or class and of all that is defined in it."""
     if thing.docstring:
         text = ROLE.sub(lambda role: link(thing, short=bool(role[1]), name=role[2]), thing.docstring.value)
-        thing.docstring.value = LITERAL.sub(":", text)
+        thing.docstring.value = DOCTEST.sub(r"```pycon\n\g<0>\n```", LITERAL.sub(":", text))
     for member in thing.members.values():
         if isinstance(member, griffe.Object):
             rewrite(member)
