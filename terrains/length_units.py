@@ -96,7 +96,7 @@ def unit_named(text: str) -> Unit | None:
     return None
 
 
-def says_nothing(text: str) -> bool:
+def is_unspecified(text: str) -> bool:
     """Whether ``text`` stands in the place of a unit without naming one."""
     return re.sub(r"[\W_]+", "", text.casefold()) in SILENT
 

@@ -140,7 +140,7 @@ def mujoco_warp(
     )
 
 
-def sound(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+def valid_runs(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """Rows of peers in which every world stayed finite and no contact was dropped."""
     return [row for row in rows if row["finite"] == row["worlds"] and not row["dropped"]]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from aoro_gym.benchmark.peers import sound
+from aoro_gym.benchmark.peers import valid_runs
 
 SATURATED = 0.9
 """Share of the best rate from which on a device counts as full."""
@@ -26,7 +26,7 @@ def ratios(cases: Rows, peers: Rows) -> dict[str, float]:
     found: dict[str, float] = {}
     own = [case for case in cases if case["what"] == "twin"]
     for peer, rate in (("mujoco", "steps_per_core_s"), ("mujoco_warp", "steps_per_s")):
-        theirs = [row[rate] for row in sound(peers) if row["what"] == peer]
+        theirs = [row[rate] for row in valid_runs(peers) if row["what"] == peer]
         ours = [case[rate] for case in own if (case["device"] == "cpu") == (peer == "mujoco")]
         if ours and theirs:
             found[f"twin_over_{peer}" + "_per_core_second" * (peer == "mujoco")] = max(ours) / max(theirs)

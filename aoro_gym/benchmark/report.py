@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from aoro_gym.benchmark.peers import sound
+from aoro_gym.benchmark.peers import valid_runs
 from aoro_gym.reporting.terminal import Comparison
 
 
@@ -40,7 +40,7 @@ def tables(result: dict[str, Any]) -> list[Comparison]:
     shown = [cases]
     if result["peers"]:
         peers = _table("The same vehicle without hydraulics", ("peer", "worlds", "threads", *_RATES, "sound"))
-        good = sound(result["peers"])
+        good = valid_runs(result["peers"])
         for row in result["peers"]:
             verdict = "yes" if row in good else ", ".join([*row["dropped"], f"{row['finite']} finite"])
             name = f"{row['what']} {row['version']}"

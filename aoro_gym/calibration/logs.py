@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from scipy.stats import chi2
 from aoro_gym.calibration.ensemble import CANDIDATES, draw_ensemble, posterior_factor
 from aoro_gym.calibration.fit import BOXES, USUAL_STEPS, Fit, Residuals, least_squares_fit
 from aoro_gym.calibration.progress import Progress, Work
-from aoro_gym.calibration.published import FELT, Calibration
+from aoro_gym.calibration.published import IDENTIFIABLE, Calibration
 from aoro_gym.calibration.recordings import CHANNELS, EVERY, Recording, read_recording, whitened
 from aoro_gym.calibration.replay import ENGINE_SPEED, repeat
 from aoro_gym.calibration.resuming import log_inputs, resumable
@@ -97,10 +98,10 @@ def calibrate_logs(
         uncertain = [key for key in uncertain if key not in pinned]
         phases = _phases(len(uncertain), starts, population, ensemble)
         comparison = _Comparison(recordings, device, Work(progress, phases))
-        felt = comparison.felt(Space(machine, uncertain))
-        space = Space(machine, [key for key, is_felt in zip(uncertain, felt, strict=True) if is_felt])
+        identifiable = comparison.identifiable(Space(machine, uncertain))
+        space = Space(machine, list(compress(uncertain, identifiable)))
         if not space.keys:
-            raise ValueError("no parameter that may change is felt by the logs; the machine hardly moves in them")
+            raise ValueError("no parameter that may change shows in the logs; the machine hardly moves in them")
         comparison.work.expect(_phases(len(space.keys), starts, population, ensemble))
         fits = least_squares_fit(
             comparison.residuals(space), space.point(), prior_weight=1.0, starts=starts, population=population, seed=seed,
@@ -108,8 +109,10 @@ def calibrate_logs(
             work=comparison.work,
         )  # fmt: skip
         found = _found(comparison, space, fits, ensemble, seed)
-        not_felt = [key for key, is_felt in zip(uncertain, felt, strict=True) if not is_felt]
-        found.report.update(not_felt=not_felt, fixed_by_manifests=pinned, seed=seed, accepted_code_changes=accepted)
+        not_identifiable = list(compress(uncertain, ~identifiable))
+        found.report.update(
+            not_felt=not_identifiable, fixed_by_manifests=pinned, seed=seed, accepted_code_changes=accepted
+        )
         comparison.work.end()
         return found
 
@@ -155,11 +158,11 @@ class _Comparison:
         """The misses of points."""
         return lambda points: self.misses(space.population(points))
 
-    def felt(self, space: Space) -> NDArray[np.bool_]:
+    def identifiable(self, space: Space) -> NDArray[np.bool_]:
         """Which parameters of ``space`` the recordings feel."""
         self.work.begin("sensitivity", "which parameters the logs feel")
         _, jacobian = posterior_factor(self.residuals(space), space.point(), PRIOR_STD)
-        return PRIOR_STD * np.linalg.norm(jacobian, axis=0) > FELT
+        return PRIOR_STD * np.linalg.norm(jacobian, axis=0) > IDENTIFIABLE
 
 
 def _found(comparison: _Comparison, space: Space, fits: Sequence[Fit], ensemble: int, seed: int) -> Calibration:
@@ -167,8 +170,8 @@ def _found(comparison: _Comparison, space: Space, fits: Sequence[Fit], ensemble:
     comparison.work.begin("intervals", "what the logs identify")
     best = np.array(fits[0].point)
     residuals = comparison.residuals(space)
-    leaning = space.leaning(best)
-    verdict = judge(comparison.repeated(space.population(best)), len(leaning), len(space.keys))
+    at_bounds = space.at_bounds(best)
+    verdict = judge(comparison.repeated(space.population(best)), len(at_bounds), len(space.keys))
     data = np.array(fits[0].residuals)
     birge = max(1.0, float(np.sqrt(np.mean(data**2))))
     factor, _ = posterior_factor(residuals, best, PRIOR_STD)
@@ -201,7 +204,7 @@ def _found(comparison: _Comparison, space: Space, fits: Sequence[Fit], ensemble:
         "starts": [{"cost": fit.cost, "evaluations": fit.evaluations} for fit in fits],
         "rms_residual_std": verdict.residual_std,
         "parameters": _parameters(space, best, std),
-        "leaning_on_a_bound": [{"key": key, "end": end} for key, end in leaning],
+        "leaning_on_a_bound": [{"key": key, "end": end} for key, end in at_bounds],
     }  # fmt: skip
     return Calibration(machines[0], tuple(machines[1:]), report)
 

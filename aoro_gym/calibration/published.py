@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +39,7 @@ PRIOR_WEIGHTS = (0.15, 0.3, 0.5, 0.7, 1.0)
 """Pulls to the data-sheet machine, tried one after the other as long as every figure stays within its tolerance. At 1
 the fit is the most probable machine where a range is read as 95 % and so is a tolerance; below it figures count more."""
 
-FELT = 0.02
+IDENTIFIABLE = 0.02
 """A parameter is searched if a quarter of its range moves the figures by more than this many tolerances, at the start
 or at one of :data:`PROBES` random points: a relief valve is only felt where it is reached."""
 
@@ -135,19 +136,19 @@ def calibrate_published(
         comparison = _Comparison(*_targets(), device=device, work=work)
         work.begin("procedure", "the published procedure")
         start = published_procedure(datasheet, comparison.told("procedure", PROCEDURE))
-        felt = comparison.felt(Space(start, uncertain), seed)
-        space = Space(start, [key for key, is_felt in zip(uncertain, felt, strict=True) if is_felt])
+        identifiable = comparison.identifiable(Space(start, uncertain), seed)
+        space = Space(start, list(compress(uncertain, identifiable)))
         work.expect(_phases(len(space.keys), starts, population, ensemble))
         fits, chosen, weight = _searched(comparison, space, starts, population, seed, folder)
         points = _ensemble(comparison, space, fits, chosen, ensemble, seed)
         machines, dropped = _machines(comparison, space, points)
         report = {
-            "verdict": comparison.verdict(chosen, len(space.leaning(chosen.point)), len(space.keys)),
+            "verdict": comparison.verdict(chosen, len(space.at_bounds(chosen.point)), len(space.keys)),
             "method": "published procedure, then bounded least squares on the published twin's key figures of left turns",
             "starts": [{"cost": fit.cost, "evaluations": fit.evaluations} for fit in fits],
             "searched": list(space.keys),
-            "not_felt": [key for key, is_felt in zip(uncertain, felt, strict=True) if not is_felt],
-            "leaning_on_a_bound": [{"key": key, "end": end} for key, end in space.leaning(chosen.point)],
+            "not_felt": list(compress(uncertain, ~identifiable)),
+            "leaning_on_a_bound": [{"key": key, "end": end} for key, end in space.at_bounds(chosen.point)],
             "pull_to_the_data_sheet": weight,
             **comparison.described(space, chosen),
             "ensemble": len(machines) - 1,
@@ -212,15 +213,15 @@ class _Comparison:
 
         return tell
 
-    def felt(self, space: Space, seed: int) -> NDArray[np.bool_]:
+    def identifiable(self, space: Space, seed: int) -> NDArray[np.bool_]:
         """Which parameters of ``space`` the figures feel, at its machine or at one of some random points."""
         self.work.begin("sensitivity", "which parameters the figures feel")
         rng = np.random.default_rng(seed)
-        felt = np.zeros(len(space.keys), dtype=bool)
+        identifiable = np.zeros(len(space.keys), dtype=bool)
         for probe in (space.point(), *rng.uniform(0.1, 0.9, (PROBES, len(space.keys)))):
             _, jacobian = posterior_factor(self.residuals(space), probe, 0.25)
-            felt |= 0.25 * np.linalg.norm(jacobian, axis=0) / 2.0 > FELT
-        return felt
+            identifiable |= 0.25 * np.linalg.norm(jacobian, axis=0) / 2.0 > IDENTIFIABLE
+        return identifiable
 
     def verdict(self, fit: Fit, on_a_bound: int, parameters: int) -> dict[str, Any]:
         """Whether a machine of this kind has the figures."""

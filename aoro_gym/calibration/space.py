@@ -67,7 +67,7 @@ class Space:
             return self.machine.set({key: float(values[0, i]) for i, key in enumerate(self.keys)}, check_ranges=False)
         return self.machine.set({key: values[:, i] for i, key in enumerate(self.keys)}, check_ranges=False)
 
-    def leaning(self, point: ArrayLike, margin: float = 0.01) -> list[tuple[str, str]]:
+    def at_bounds(self, point: ArrayLike, margin: float = 0.01) -> list[tuple[str, str]]:
         """Parameters that lean on an end of their range: (key, "low" or "high")."""
         return [
             (key, "low" if u < 0.5 else "high")

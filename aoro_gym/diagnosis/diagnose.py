@@ -112,7 +112,7 @@ def diagnose(
         twin, uncertain, found = _commissioned(healthy, given, of, lambda s, share: progress(s, 0.3 * share))
         of |= found
     elif mode == "day-one":
-        twin = given.with_unsaid()
+        twin = given.with_default_priors()
     problem = Problem(
         recordings, Nuisances(twin, "day" if mode == "commissioned" else "range", uncertain), effects, **of
     )
@@ -200,7 +200,7 @@ def _commissioned(
 ) -> tuple[Machine, Floats, dict[str, Any]]:
     """What ``healthy`` logs say: the twin that was fitted to them, the covariance of what they leave open, and the noise,
     the references and the misfit that a :class:`Problem` of later logs takes."""
-    fit = Problem(healthy, Nuisances(given.with_unsaid(), "commissioning"), {}, sound=True, **of)
+    fit = Problem(healthy, Nuisances(given.with_default_priors(), "commissioning"), {}, sound=True, **of)
     tangent = _fit(fit, progress)
     found = {"noise": fit.noise, "references": references_of(fit), "misfit": fit.misfits()}
     return fit.machine, fit.uncertain(tangent.covariance), found

@@ -18,7 +18,7 @@ from aoro_gym.calibration.space import Space
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.machine import Machine
 from aoro_gym.machine.machine_file import Parameter
-from aoro_gym.machine.parameters import UNSAID
+from aoro_gym.machine.parameters import DEFAULT_PRIORS
 
 SPREADS: Mapping[str, float] = {"day": 0.02, "commissioning": 0.10, "recalibration": 0.25, "range": 0.5}
 """Half of what holds 95 % of a parameter, as a share of its range."""
@@ -57,7 +57,7 @@ class Nuisances:
             if stays(entry):
                 return float(entry.commissioned[1] - entry.commissioned[0]) / 2.0
             # nobody has calibrated what files do not say
-            wide = spread == "commissioning" and entry.key in UNSAID
+            wide = spread == "commissioning" and entry.key in DEFAULT_PRIORS
             return SPREADS["range" if wide else spread] * (entry.range[1] - entry.range[0])
 
         half = np.array([reach(entry) for entry in entries])

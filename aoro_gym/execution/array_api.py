@@ -96,7 +96,7 @@ class Arrays:
 
         return warp.to_torch(array)
 
-    def surely_none(self, mask: Array) -> bool:
+    def known_all_false(self, mask: Array) -> bool:
         """Whether ``mask`` is known to be false everywhere, so that what it is for can be left out. On a device one would
         have to wait to know: there, never."""
         return self.on_host and not mask.any()

@@ -54,22 +54,22 @@ class InvalidMachine(ValueError):
     @classmethod
     def of(cls, shown: Sequence[tuple[Parameter, NDArray[np.bool_]]], sentence: str) -> "InvalidMachine":
         """The values that are ``shown``, and what is wrong with them."""
-        error = cls(_told(shown, sentence))
+        error = cls(_message(shown, sentence))
         error.shown, error.sentence = tuple(shown), sentence
         return error
 
     def told(self, called: Callable[[int], str]) -> str:
         """The message; ``called`` gives what follows a key for the variant of a number, by default ``[number]``."""
-        return _told(self.shown, self.sentence, called) if self.shown else str(self)
+        return _message(self.shown, self.sentence, called) if self.shown else str(self)
 
 
-def _told(
+def _message(
     shown: Iterable[tuple[Parameter, NDArray[np.bool_]]], sentence: str, called: Callable[[int], str] | None = None
 ) -> str:
     return ", ".join(_shown(entry, where, called) for entry, where in shown) + f": {sentence}"
 
 
-UNSAID: Mapping[str, tuple[float, tuple[float, float]]] = {
+DEFAULT_PRIORS: Mapping[str, tuple[float, tuple[float, float]]] = {
     "oil.gas_fraction": (0.005, (0.0, 0.02)),  # S18: 0.5 %
     "tire.scrub_radius": (0.05, (0.0, 0.1)),  # E: 2/3 of the radius of a patch
     "tire.scrub_angle": (0.125, (0.05, 0.2)),  # E
@@ -204,14 +204,14 @@ class Machine:
             check_ranges=False,
         )
 
-    def with_unsaid(self) -> "Machine":
-        """Machine that has, and may have more or less of, what its file leaves out (:data:`UNSAID`): for a fit to its logs.
+    def with_default_priors(self) -> "Machine":
+        """Machine that may have more or less of what its file leaves out, :data:`DEFAULT_PRIORS`: for a fit to its logs.
 
         A fit that cannot put air into the oil makes oil and hoses softer at all pressures instead; one whose tires stand on
         a point has joint and seals rub for them.
         """
         entries = dict(self.entries)
-        for key, (usual, reach) in UNSAID.items():
+        for key, (usual, reach) in DEFAULT_PRIORS.items():
             entry = self._entry(key)
             if entry.role in ("effect", "fixed"):
                 value = usual if entry.role == "fixed" or not np.any(entry.value) else entry.value

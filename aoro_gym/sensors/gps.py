@@ -249,7 +249,7 @@ class Gps:
         places = origin[:, None] + in_world(roll, pitch, yaw, self._places)
         past, times = self._past[:, rows], self._instants[:, rows]
         begun = self._fresh[rows]
-        if not arrays.surely_none(begun):  # at rest until now
+        if not arrays.known_all_false(begun):  # at rest until now
             past, times = xp.where(begun[:, None, None], places, past), xp.where(begun, now, times)
             self._fresh[rows] = False
         past, times = xp.concat([places[None], past[:-1]]), xp.concat([now[None], times[:-1]])

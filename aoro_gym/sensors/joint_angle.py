@@ -212,7 +212,7 @@ class JointAngleSensor:
         """What low-pass and delay make of the next true angle [rad] (K,)."""
         arrays, xp = self._arrays, self._arrays.xp
         past, earlier, fresh = self._past[:, rows], self._before[rows], self._fresh[rows]
-        if not arrays.surely_none(fresh):
+        if not arrays.known_all_false(fresh):
             past, earlier = xp.where(fresh, true, past), xp.where(fresh, true, earlier)
             self._fresh[rows] = False
         value = true

@@ -528,7 +528,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         arrays, xp = self.arrays, self.arrays.xp
         values = arrays.alias(self.twin.outputs)
         self._status = arrays.alias(self.twin.status_codes)
-        if not arrays.surely_none(self._status != 0):  # a lost twin shows what is no number
+        if not arrays.known_all_false(self._status != 0):  # a lost twin shows what is no number
             values[...] = xp.where(xp.isfinite(values), values, 0.0)
         return Outputs(values, arrays.alias(self.twin.state))  # which stays at the last good one
 
@@ -537,7 +537,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         arrays, xp = self.arrays, self.arrays.xp
         parts = observations_of(self.task.observation_terms, self.task.view(), self.num_envs)
         observation = xp.clip(xp.astype(xp.concat(parts, axis=1), xp.float32), self._lowest, self._highest)
-        if not arrays.surely_none(~mask):
+        if not arrays.known_all_false(~mask):
             observation = xp.where(mask[:, None], observation, self._observation)
         self._observation = observation
 

@@ -460,7 +460,7 @@ class Turning:
     def renew(self) -> None:
         xp, rows = self._arrays.xp, self._arrays.arange(len(self._cursor))
         due = self._step >= self._until[rows, self._cursor]
-        if self._arrays.surely_none(due):
+        if self._arrays.known_all_false(due):
             return
         settled = self._is_settled()
         self._settled = self._settled + xp.astype(due & settled, xp.int64)

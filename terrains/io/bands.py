@@ -13,7 +13,7 @@ from aoro_gym.recording.units import parse_name
 from aoro_gym.terrains.io.check import Report, TerrainError
 from aoro_gym.terrains.io.frame import Request
 from aoro_gym.terrains.io.masking import Marks, find_marks, note_marks, same
-from aoro_gym.terrains.length_units import Unit, listed, says_nothing, unit_named
+from aoro_gym.terrains.length_units import Unit, is_unspecified, listed, unit_named
 
 HEIGHTS = frozenset(
     re.findall(
@@ -232,7 +232,7 @@ def _declared_unit(data: Any, number: int, report: Report) -> Unit | None:
     """The unit that the band declares; ``TerrainError`` where nobody knows its name."""
     tags = {key.casefold(): value for key, value in data.tags(number).items()}
     said = data.units[number - 1] or tags.get("units") or tags.get("unit") or tags.get("unittype") or ""
-    if says_nothing(said):
+    if is_unspecified(said):
         return _told_unit(data, number, report)
     found = unit_named(said)
     if found is None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.terrains.io.check import Report, TerrainError
-from aoro_gym.terrains.io.frame import Request, sound
+from aoro_gym.terrains.io.frame import Request, are_plausible
 from aoro_gym.terrains.io.masking import CERTAIN, USUAL
 from aoro_gym.terrains.length_units import Unit
 
@@ -183,7 +183,7 @@ def _marked(chunk: Chunk) -> tuple[Mask, dict[str, int]]:
     Synthetic points and those where swaths overlap stay: the standard defines these flags as a description (of points not
     measured directly, and of where two swaths lie over each other), while withheld means deleted.
     """
-    keep = sound(chunk.points)
+    keep = are_plausible(chunk.points)
     reasons = {"broken": int((~keep).sum())}
     if chunk.classes is not None:
         noise = np.isin(chunk.classes, NOISE_CLASSES)

@@ -309,7 +309,7 @@ def _projected(
     return _Plan(1.0, text, low, high, target, projection, source, before, window)
 
 
-def sound(points: Array) -> NDArray[np.bool_]:
+def are_plausible(points: Array) -> NDArray[np.bool_]:
     """(N,) whether all coordinates of each of ``points`` (N, 3) are numbers of this world."""
     return np.asarray(np.all(np.abs(points) <= FARTHEST, axis=1))  # False for NaN
 

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from aoro_gym.terrains.heights import sample_triangles
 from aoro_gym.terrains.io.check import SMALLEST_PIECE, Report, TerrainError
 from aoro_gym.terrains.io.cloud_survey import NEIGHBOURS
-from aoro_gym.terrains.io.frame import Request, choose_cell, find_frame, sound
+from aoro_gym.terrains.io.frame import Request, are_plausible, choose_cell, find_frame
 from aoro_gym.terrains.io.ground import Ground
 from aoro_gym.terrains.io.mesh_files import load_mesh
 from aoro_gym.terrains.io.precision import note_lost_precision
@@ -97,7 +97,7 @@ def read_mesh(path: Path, request: Request, report: Report) -> Ground:
 
 def _finite(vertices: Array, faces: Faces, report: Report) -> tuple[Array, Faces]:
     """Faces whose corners are finite."""
-    whole = sound(vertices)
+    whole = are_plausible(vertices)
     good = np.asarray(whole[faces].all(axis=1))
     lost = int((~good).sum())
     if lost == len(faces):

@@ -29,7 +29,15 @@ from aoro_gym.terrains.paths.planning import JOINT_RANGE_DEG, turning_radius
 from aoro_gym.terrains.paths.read_path_table import read_table_of_places
 from aoro_gym.terrains.paths.read_tracks import read_document
 from aoro_gym.terrains.paths.track_choice import choose
-from aoro_gym.terrains.paths.track_parts import STANDSTILL, TURN_REACH, Indices, Parts, described, find_parts, gaps_told
+from aoro_gym.terrains.paths.track_parts import (
+    STANDSTILL,
+    TURN_REACH,
+    Indices,
+    Parts,
+    describe_gaps,
+    described,
+    find_parts,
+)
 from aoro_gym.terrains.paths.tracks import Found, Track, length, metres, plan
 from aoro_gym.terrains.terrain import Terrain
 
@@ -239,20 +247,20 @@ def _finite(track: Track, report: PathReport) -> Track:
     """The track without points that have no coordinates, or none of this world."""
     places = np.stack([values for key, values in track.columns.items() if key != "speed"])
     known = ~np.isnan(places).any(axis=0)
-    sound = np.all(np.abs(np.where(np.isnan(places), 0.0, places)) <= FARTHEST, axis=0)
+    valid = np.all(np.abs(np.where(np.isnan(places), 0.0, places)) <= FARTHEST, axis=0)
     report.change("incomplete", int((~known).sum()), f"{int((~known).sum())} rows without coordinates left out")
     if "latitude" in track.columns:
         on_earth = (np.abs(track.columns["latitude"]) <= 90.0) & (np.abs(track.columns["longitude"]) <= 180.0)
-        if np.sum(on_earth & known & sound) >= MOSTLY * np.sum(known & sound):  # else all of them are something else
-            sound &= on_earth
-    broken = np.flatnonzero(known & ~sound)
+        if np.sum(on_earth & known & valid) >= MOSTLY * np.sum(known & valid):  # else all of them are something else
+            valid &= on_earth
+    broken = np.flatnonzero(known & ~valid)
     if len(broken):
         worst = places[:, broken[0]]
         report.warnings.append(
             f"{len(broken)} points whose coordinates are no place on Earth left out, such as {track.place(int(broken[0]))}:"
             f" {worst[0]:g}, {worst[1]:g}"
         )
-    whole = np.flatnonzero(known & sound)
+    whole = np.flatnonzero(known & valid)
     if len(whole) < 2:
         raise ValueError(f"it has {len(whole)} points with coordinates; a path needs at least 2")
     return track.taken(whole)
@@ -275,7 +283,7 @@ def _taken(
     thin: bool,
     report: PathReport,
 ) -> Track:
-    """What of a track is driven in one go, without standstill and strays.
+    """What of a track is driven in one go, without standstill and outliers.
 
     Args:
         track: Of finite coordinates.
@@ -284,7 +292,7 @@ def _taken(
         label: What stands before the number of a part where it is asked for.
         join_gaps: Whether gaps are bridged.
         smoothing: Wiggles shorter than this [m] are no turns.
-        thin: Whether standstill and strays are left out.
+        thin: Whether standstill and outliers are left out.
         report: Gets what was left out.
     """
     parts = find_parts(track, points, reach=max(TURN_REACH, smoothing / 3.0))
@@ -294,7 +302,9 @@ def _taken(
         )
     if join_gaps and parts.gaps:
         wide = sum(cut.gap or 0.0 for cut in parts.gaps)
-        report.warnings.append(f"{gaps_told(track, parts)}: {metres(wide)} that were not recorded are bridged straight")
+        report.warnings.append(
+            f"{describe_gaps(track, parts)}: {metres(wide)} that were not recorded are bridged straight"
+        )
         parts = parts.with_gaps_joined()
     if parts.joined:
         report.change(
@@ -307,15 +317,17 @@ def _taken(
     last = len(points) if chosen[-1] == parts.kept[-1] else int(chosen[-1]) + 1
     if not thin:
         return track.taken(np.arange(first, last))
-    strays = int(((first <= parts.strays) & (parts.strays < last)).sum())
-    standing = last - first - len(chosen) - strays
+    outliers = int(((first <= parts.outliers) & (parts.outliers < last)).sum())
+    standing = last - first - len(chosen) - outliers
     report.change(
         "standstill", standing, f"{standing} points within {STANDSTILL:g} m of the one before (standstill) left out"
     )
-    if strays:
-        wrong = parts.strays[(first <= parts.strays) & (parts.strays < last)]
+    if outliers:
+        wrong = parts.outliers[(first <= parts.outliers) & (parts.outliers < last)]
         report.change(
-            "jumps", strays, f"{strays} points that jump away and back left out, such as {track.place(int(wrong[0]))}"
+            "jumps",
+            outliers,
+            f"{outliers} points that jump away and back left out, such as {track.place(int(wrong[0]))}",
         )
     return track.taken(chosen)
 
@@ -325,7 +337,7 @@ def _part(track: Track, points: Array, parts: Parts, part: int | None, label: st
     every = parts.parts
     list_ = f"{len(every)} parts: {described(track, parts, points)}"
     if not every:
-        raise ValueError(f"it has no two points in a row without a gap: {gaps_told(track, parts)}")
+        raise ValueError(f"it has no two points in a row without a gap: {describe_gaps(track, parts)}")
     ask = f"track={label}N (--track)"
     if part is not None:
         if not 1 <= part <= len(every):
@@ -350,7 +362,7 @@ def _part(track: Track, points: Array, parts: Parts, part: int | None, label: st
         if len(every) == 1:
             taken = f"only {described(track, parts, points).removeprefix('1 ').strip('()')} are taken"
         report.warnings.append(
-            f"{gaps_told(track, parts)}: not bridged; {taken}, join_gaps=True (--join-gaps) bridges the gaps"
+            f"{describe_gaps(track, parts)}: not bridged; {taken}, join_gaps=True (--join-gaps) bridges the gaps"
         )
     return longest
 

@@ -61,10 +61,10 @@ def _listed(tracks: Sequence[Track]) -> str:
 def _described(track: Track) -> str:
     """Name, kind, points and length of a track, and what parts it."""
     points = plan(track)
-    sound = np.flatnonzero(np.all(np.abs(points) <= FARTHEST, axis=1))
-    said = [f"{track.size} points", metres(length(points[sound]))]
-    if len(sound) > 1:
-        cuts = find_parts(track.taken(sound), points[sound]).cuts
+    valid = np.flatnonzero(np.all(np.abs(points) <= FARTHEST, axis=1))
+    said = [f"{track.size} points", metres(length(points[valid]))]
+    if len(valid) > 1:
+        cuts = find_parts(track.taken(valid), points[valid]).cuts
         gaps = [cut.gap for cut in cuts if cut.gap is not None]
         turns = len(cuts) - len(gaps)
         said += [f"{_counted('gap', len(gaps))} up to {metres(max(gaps))}"] if gaps else []

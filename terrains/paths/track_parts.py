@@ -64,10 +64,10 @@ class Parts:
     """What of a track was driven, and how it falls into parts."""
 
     kept: Indices
-    """Points that are neither standstill nor strays."""
+    """Points that are neither standstill nor outliers."""
     standstill: int
     """Points left out because nothing moved."""
-    strays: Indices
+    outliers: Indices
     """Points left out because they jump away and back."""
     cuts: tuple[Cut, ...]
     """In the order of the recording."""
@@ -112,8 +112,8 @@ def find_parts(track: Track, points: Array, *, reach: float = TURN_REACH) -> Par
     ``reach`` [m] is the length on which directions are compared.
     """
     moving = _moving(points)
-    strays = _strays(points[moving])
-    kept = moving[~strays]
+    outliers = _outliers(points[moving])
+    kept = moving[~outliers]
     step = np.hypot(*np.diff(points[kept], axis=0).T)
     usual = float(np.quantile(step, 0.9, method="lower")) if len(step) >= FEW else None
     widest = math.inf if usual is None else max(GAP, GAP_STEPS * usual)
@@ -132,7 +132,7 @@ def find_parts(track: Track, points: Array, *, reach: float = TURN_REACH) -> Par
         turns += [Cut(first + i, None) for i in _turns(points[kept[first : last + 1]], reach)]
         first = last + 1
     whole = tuple(sorted([*cuts, *turns], key=lambda cut: cut.after))
-    return Parts(kept, len(points) - len(moving), moving[strays], whole, joined)
+    return Parts(kept, len(points) - len(moving), moving[outliers], whole, joined)
 
 
 def described(track: Track, parts: Parts, points: Array) -> str:
@@ -146,7 +146,7 @@ def described(track: Track, parts: Parts, points: Array) -> str:
     return ", ".join(items) + more
 
 
-def gaps_told(track: Track, parts: Parts) -> str:
+def describe_gaps(track: Track, parts: Parts) -> str:
     """Where the gaps are and how wide, for a message."""
     items = []
     gaps = parts.gaps
@@ -173,7 +173,7 @@ def _moving(points: Array) -> Indices:
     return np.array(kept, dtype=np.intp)
 
 
-def _strays(points: Array) -> NDArray[np.bool_]:
+def _outliers(points: Array) -> NDArray[np.bool_]:
     """Few points in a row, far from those before and after, which are near to each other."""
     stray = np.zeros(len(points), dtype=bool)
     if len(points) < 5:

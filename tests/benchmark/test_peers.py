@@ -77,7 +77,7 @@ def test_mujoco_warp_steps_the_same_vehicle(machine, rolled):
 
 def test_unsound_rows_do_not_count():
     good = {"worlds": 4, "finite": 4, "dropped": []}
-    assert peers.sound([good, good | {"finite": 3}, good | {"dropped": ["HFIELD"]}]) == [good]
+    assert peers.valid_runs([good, good | {"finite": 3}, good | {"dropped": ["HFIELD"]}]) == [good]
 
 
 def test_missing_packages_are_named(monkeypatch):

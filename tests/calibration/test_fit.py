@@ -40,7 +40,7 @@ def test_population_has_one_variant_a_point(space):
 
 
 def test_leaning_names_key_and_end(space):
-    assert space.leaning([0.0, 0.5, 0.999]) == [(KEYS[0], "low"), (KEYS[2], "high")]
+    assert space.at_bounds([0.0, 0.5, 0.999]) == [(KEYS[0], "low"), (KEYS[2], "high")]
 
 
 def test_unknown_keys_are_named():

@@ -111,7 +111,7 @@ def test_healthy_logs_tell_what_data_sheets_leave_out():
     healthy = record(Variants(machine.set(truth)), blanks, np.random.default_rng(3))
     of = {"error": ERROR, "noise": _noise(healthy, FULL), "simulator": Simulator()}
     twin, uncertain, _ = _commissioned(healthy, machine, of, lambda sentence, share: None)
-    before, after = Nuisances(machine.with_unsaid(), "commissioning"), Nuisances(twin, "day", uncertain)
+    before, after = Nuisances(machine.with_default_priors(), "commissioning"), Nuisances(twin, "day", uncertain)
     assert before.keys == after.keys
     for key, value in truth.items():
         k = after.keys.index(key)

@@ -16,7 +16,7 @@ import pytest
 
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.machine.machine_file import ROLES, bundled_machines
-from aoro_gym.machine.parameters import DECLARATIONS, UNSAID, InvalidMachine, Machine, OutsideRangeWarning
+from aoro_gym.machine.parameters import DECLARATIONS, DEFAULT_PRIORS, InvalidMachine, Machine, OutsideRangeWarning
 from aoro_gym.machine.quantities import UNITS
 
 BUNDLED = files("aoro_gym").joinpath("machines", "aoro_datasheet.toml").read_text(encoding="utf-8")
@@ -211,16 +211,16 @@ def test_linked_fields_follow(machine: Machine) -> None:
 
 
 def test_what_data_sheets_leave_out_is_usual_and_uncertain(machine: Machine) -> None:
-    found = machine.with_unsaid()
+    found = machine.with_default_priors()
     assert found.oil.gas_fraction == 0.005 and found.tire.scrub_radius == 0.05
     for key, entry in found.entries.items():
-        if key in UNSAID:
+        if key in DEFAULT_PRIORS:
             assert entry.role == "both" and entry.range[0] < entry.value < entry.range[1]
         else:
             assert entry is machine.entries[key]
-    own = machine.set({"oil.gas_fraction": 0.008}).with_unsaid()
+    own = machine.set({"oil.gas_fraction": 0.008}).with_default_priors()
     assert own.oil.gas_fraction == 0.008, "what a file does say stays"
-    again = own.set({"oil.gas_fraction": 0.0}).with_unsaid()
+    again = own.set({"oil.gas_fraction": 0.0}).with_default_priors()
     assert again.oil.gas_fraction == 0.0, "a fit may have found none"
 
 

@@ -5,7 +5,7 @@ import doctest
 import pytest
 
 from aoro_gym.terrains import length_units
-from aoro_gym.terrains.length_units import UNITS, says_nothing, unit_named
+from aoro_gym.terrains.length_units import UNITS, is_unspecified, unit_named
 
 NAMES = {
     "m": ["m", "M", "metre", "Meters", "[m]", "mètre", "metres above sea level", "m (NAVD88)", "m a.s.l.", "EPSG:9001"],
@@ -63,5 +63,5 @@ def test_what_is_no_length(name):
 
 
 def test_words_that_say_nothing():
-    assert all(says_nothing(text) for text in ("", "Unknown", "N/A", "not set"))
-    assert not any(says_nothing(text) for text in ("dB", "furlong", "m"))
+    assert all(is_unspecified(text) for text in ("", "Unknown", "N/A", "not set"))
+    assert not any(is_unspecified(text) for text in ("dB", "furlong", "m"))

@@ -1,4 +1,4 @@
-"""Gaps, strays and places where a recording turns round on the spot, in every format, and what is none of these."""
+"""Gaps, outliers and places where a recording turns round on the spot, in every format, and what is none of these."""
 
 import numpy as np
 import pytest
