@@ -14,6 +14,7 @@ from studies import roofline_results as roofline
 from studies.counting import cost
 
 
+@pytest.mark.slow
 def test_counts_are_of_the_laws_as_they_are():
     """To the last operation: laws select rather than branch, so that rounding decides nothing."""
     assert counted() == roofline.operations(), "count again: python -m studies.roofline_results --write"

@@ -378,6 +378,7 @@ def test_engine_governor_returns_to_the_set_speed(oracle, machine):
             assert s["engine_speed"] < 0.1 * machine.engine.set_speed
 
 
+@pytest.mark.slow
 def test_solver_tolerance_is_converged(oracle, machine):
     """Start and first peak, with all switching of valve and compensator: ten times tighter moves the flow by < 0.1 %."""
     times = np.arange(0.0, 0.4, 1e-3)

@@ -131,17 +131,15 @@ def spans(logs: Sequence[Log]) -> np.ndarray:
 
 
 def strength(machine: Machine, keys: Sequence[str], manoeuvres: Sequence[Callable[..., Log]]) -> dict[str, float]:
-    """What each parameter changes at most, as a share of a channel's range."""
-    batch = varied(machine, keys)
-    logs = {manoeuvre: manoeuvre(batch) for manoeuvre in manoeuvres}
-    scale = spans(list(logs.values()))
+    """What each parameter changes, as a share of a channel's range, in the first manoeuvre that shows it or at most."""
+    scale = spans([manoeuvre(machine) for manoeuvre in manoeuvres])
     best = dict.fromkeys(keys, 0.0)
-    for manoeuvre, log in logs.items():
+    for manoeuvre in manoeuvres:
+        left = [key for key in keys if best[key] <= SEEN and (manoeuvre is not fall or key.startswith(BODIES))]
+        log = manoeuvre(varied(machine, left))
         assert np.array_equal(log.values[..., 0], log.values[..., -1]), "equal machines must log equal bits"
-        seen = differences(log, scale)[1:-1]
-        for key, value in zip(keys, seen, strict=True):
-            if manoeuvre is not fall or key.startswith(BODIES):
-                best[key] = max(best[key], float(value))
+        for key, value in zip(left, differences(log, scale)[1:-1], strict=True):
+            best[key] = max(best[key], float(value))
     return best
 
 

@@ -102,6 +102,7 @@ def test_likeliest_machine_of_a_diagnosis(tmp_path):
         gap.diagnosed(tmp_path)
 
 
+@pytest.mark.slow
 def test_command_retrains_and_goes_on(tmp_path):
     for name in ("stable_baselines3", "tensorboard", "yaml"):
         pytest.importorskip(name)

@@ -217,6 +217,7 @@ def test_the_critic_learns_first_where_there_is_a_policy_to_start_from(training,
     assert held == [(0, True), *((steps, False) for steps in range(50, 500, 100))]
 
 
+@pytest.mark.slow
 def test_a_killed_command_goes_on(training, tmp_path):
     """SIGKILL between two checkpoints; then the same weights as without it."""
     from typer.testing import CliRunner

@@ -13,6 +13,8 @@ from aoro_gym.diagnosis_benchmark.plants.effects import with_effects
 from aoro_gym.diagnosis_benchmark.plants.plant import MAIN_STEP, Plant, simulate
 from aoro_gym.effects.catalogue import EFFECTS
 
+pytestmark = pytest.mark.slow
+
 CHANNELS = {"joint_angle": np.radians(0.03), "pressure_a": 0.5e5, "pressure_b": 0.5e5, "pump_pressure": 0.5e5}
 """Noise of the sensors."""
 TICK, START = 0.01, -0.3
