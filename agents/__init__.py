@@ -25,8 +25,9 @@ if TYPE_CHECKING:
     )
     from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES, reference_policy
     from aoro_gym.agents.controllers.turning import BangBang, ProportionalDerivative
-    from aoro_gym.agents.evaluation.evaluate import Evaluation, evaluate
+    from aoro_gym.agents.evaluation.evaluate import evaluate
     from aoro_gym.agents.evaluation.responses import Rollout, responses, rollout
+    from aoro_gym.agents.evaluation.result import Evaluation
     from aoro_gym.agents.policies.files import load_policy, shipped_policies
     from aoro_gym.agents.policies.policy import LearnedPolicy, Policy
     from aoro_gym.agents.training.vec_env import TwinVecEnv, make_vec_env

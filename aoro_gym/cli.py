@@ -34,7 +34,7 @@ from aoro_gym.version import VERSION
 
 if TYPE_CHECKING:
     from aoro_gym.agents.controllers.reference import Factory
-    from aoro_gym.agents.evaluation.evaluate import Episodes
+    from aoro_gym.agents.evaluation.episodes import Episodes
     from aoro_gym.envs import Course
     from aoro_gym.machine import Machine
     from aoro_gym.reporting.page import Passage
@@ -944,7 +944,7 @@ def evaluate(
     made_by = _made_by(machine, set_, scale, device, seed)
     made_by |= {"terrain": None if terrain is None else str(terrain), "path": None if path is None else str(path)}
     made_by |= {"track": track, "join_gaps": join_gaps, "path_crs": path_crs}
-    from aoro_gym.agents.evaluation.episodes import accepted, resumable
+    from aoro_gym.agents.evaluation.cached_episodes import accepted, resumable
     from aoro_gym.agents.evaluation.report import table, write_report
 
     asked: dict[str, Any] = {
@@ -1019,7 +1019,7 @@ def leaderboard(
     """
     with _checking_input():
         from aoro_gym.agents.evaluation import leaderboard as board
-        from aoro_gym.agents.evaluation.episodes import accepted, resumable
+        from aoro_gym.agents.evaluation.cached_episodes import accepted, resumable
         from aoro_gym.agents.evaluation.evaluate import asked_of
         from aoro_gym.agents.evaluation.inputs import machine_ranges
 
@@ -1067,7 +1067,7 @@ def curves(
       aoro-gym curves runs/turning_*
     """
     with _checking_input():
-        from aoro_gym.agents.evaluation.episodes import accepted, resumable
+        from aoro_gym.agents.evaluation.cached_episodes import accepted, resumable
         from aoro_gym.agents.training import curves as drawing
 
         _check_folder(out, "curves.json")
@@ -1140,7 +1140,7 @@ def gap(
       aoro-gym gap --policy runs/mine/best.json --plant field.toml --diagnosis diagnosis --retrain 500000
     """
     with _checking_input():
-        from aoro_gym.agents.evaluation.episodes import accepted, resumable
+        from aoro_gym.agents.evaluation.cached_episodes import accepted, resumable
         from aoro_gym.agents.evaluation.evaluate import asked_of
         from aoro_gym.agents.evaluation.inputs import machine_values
         from aoro_gym.agents.evaluation.leaderboard import forests
@@ -2125,8 +2125,8 @@ def _policies(env: str, asked: list[str] | None, *, trust_pickle: bool = False) 
     from aoro_gym.agents.evaluation import evaluate as evaluation
     from aoro_gym.agents.policies.files import shipped_policies
 
-    if env not in evaluation.TRIALS:
-        raise ValueError(f"--env {env!r} cannot be evaluated; choose one of: {', '.join(evaluation.TRIALS)}")
+    if env not in evaluation.TASKS:
+        raise ValueError(f"--env {env!r} cannot be evaluated; choose one of: {', '.join(evaluation.TASKS)}")
     names = asked or [*REFERENCE_POLICIES[env], *shipped_policies(env)]
     policies = {_policy_name(name): evaluation.policy_factory(env, name, trust_pickle=trust_pickle) for name in names}
     if len(policies) < len(names):
@@ -2347,7 +2347,8 @@ def _forest_drive(chosen: Machine, device: str, seed: int, folder: Path) -> Pass
     """An episode of ``AORO/PathTracking-v0`` on the scan of a generated forest, by a learned policy and by a controller; the
     scan, a plan view and a film of it stand in ``folder``."""
     from aoro_gym.agents.evaluation.evaluate import evaluate, policy_factory
-    from aoro_gym.agents.evaluation.report import write_film, write_plans
+    from aoro_gym.agents.evaluation.films import write_film
+    from aoro_gym.agents.evaluation.plots import write_plans
     from aoro_gym.envs import Course
     from aoro_gym.reporting.page import Passage
     from aoro_gym.terrains import drivable_path, load
@@ -2423,8 +2424,8 @@ def _calibrate(fit: Callable[..., Any], out: Path, *, force: bool = False, **opt
 
 def _training_table(found: list[dict[str, Any]]) -> terminal.Comparison:
     """The first evaluation of a training, that of the best return, and the last one."""
-    from aoro_gym.agents.evaluation.evaluate import Interval
-    from aoro_gym.agents.evaluation.report import MARKS, named, shown
+    from aoro_gym.agents.evaluation.metrics import MARKS, named, shown
+    from aoro_gym.agents.evaluation.statistics import Interval
 
     best = max(found, key=lambda one: one["figures"]["return"]["mean"])
     chosen = {"first": found[0], "best return": best, "last": found[-1]}

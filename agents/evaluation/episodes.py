@@ -1,97 +1,85 @@
-"""Episodes that are kept on disk while an evaluation runs, so that one that was killed goes on where it was.
-
-What a policy does in some episodes follows from the policy, the seeds, the machines, the grounds, the rewards, the device
-and the sources. A file is named by a digest of all these, so that what is read is what would be driven. Policies and rewards
-of one's own count by their source and their state; those that cannot be told apart are driven again.
-"""
+"""What a policy did in several episodes."""
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
-from aoro_gym.agents.evaluation.inputs import machine_values, policy_content
-from aoro_gym.execution.arrays import read_arrays, write_arrays
-from aoro_gym.execution.digest import code_digest, digest
-from aoro_gym.execution.locking import locked
-from aoro_gym.execution.provenance import PROVENANCE, accepted_code_changes, check_provenance
-from aoro_gym.machine import Machine
+import numpy as np
+from numpy.typing import NDArray
 
-FOLDER = ".episodes"
-"""In that of the result."""
+from aoro_gym.agents.evaluation.metrics import BOUNDED
+from aoro_gym.agents.evaluation.statistics import Floats
 
-
-@contextmanager
-def resumable(
-    out: Path, inputs: Mapping[str, Any], *, restart: bool = False, accept_code_change: bool = False
-) -> Iterator[Path]:
-    """A folder beside the result in ``out`` to keep episodes in; it goes once the context ends well. ``out`` is locked.
-
-    Args:
-        out: The result's folder.
-        inputs: By name, all that the result depends on.
-        restart: Whether to forget what an interrupted run has kept.
-        accept_code_change: Whether to go on with what other code has kept; the record in the folder then tells of it.
-
-    Raises:
-        FolderInUse: another process writes to ``out``.
-        ChangedInput: an interrupted run has kept episodes of other inputs, which the message names.
-        ChangedCode: likewise of other code.
-    """
-    folder = out / FOLDER
-    with locked(out):
-        if restart or not any(folder.glob("*.npz")):
-            shutil.rmtree(folder, ignore_errors=True)
-        check_provenance(folder / PROVENANCE, inputs, accept_code_change=accept_code_change)
-        yield folder
-        shutil.rmtree(folder, ignore_errors=True)
+TIME_IS_UP = "time is up"
+"""Ending of an episode that was truncated."""
+FIGURE = "figure "
+"""Before the name of a figure in a file."""
 
 
-def accepted(folder: Path) -> dict[str, Any]:
-    """What a result says of other code that has driven some of the episodes that are kept in ``folder``."""
-    found = accepted_code_changes(folder / PROVENANCE)
-    return {"accepted_code_changes": found} if found else {}
+@dataclass(frozen=True)
+class Episodes:
+    """What one policy did in N episodes."""
+
+    figures: Mapping[str, Floats]
+    """By name, (N,); NaN where an episode has none."""
+    endings: list[str]
+    """(N,)"""
+    course: NDArray[np.intp]
+    """(N, 2) which course, and which of its paths."""
+    errors: Floats
+    """(N, K) magnitude of the error along the episode, at multiples of the task's ``interval``; NaN beyond the end."""
+    places: Floats
+    """(N, K, 2) where the vehicle's reference point was [m]; no rows where the task is no drive."""
+    film: NDArray[np.float32]
+    """(T, channels) of the first episode, as a task's scene draws them."""
+
+    def bounded(self, name: str) -> NDArray[np.bool_]:
+        """Whether a figure is a lower bound, (N,)."""
+        if name not in BOUNDED:
+            return np.zeros(len(self.endings), dtype=bool)
+        return self.figures[BOUNDED[name]] < 1.0
+
+    def exact(self, name: str) -> Floats:
+        """A figure (N,), NaN where it is a lower bound: of those no difference says anything."""
+        return np.where(self.bounded(name), np.nan, self.figures[name])
+
+    def joined(self, other: Episodes) -> Episodes:
+        """These episodes, then the ``other`` ones; the film is the first one's."""
+        width = max(self.errors.shape[1], other.errors.shape[1])
+
+        def wide(values: Floats) -> Floats:
+            lacking = [(0, width - n if axis == 1 else 0) for axis, n in enumerate(values.shape)]
+            return np.pad(values, lacking, constant_values=np.nan)
+
+        return Episodes(
+            {name: np.concatenate([values, other.figures[name]]) for name, values in self.figures.items()},
+            self.endings + other.endings,
+            np.concatenate([self.course, other.course]),
+            np.concatenate([wide(self.errors), wide(other.errors)]),
+            np.concatenate([wide(self.places), wide(other.places)]),
+            self.film,
+        )
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """All of it by name, as a file without code can hold it."""
+        figures = {FIGURE + name: values for name, values in self.figures.items()}
+        endings = np.array(self.endings, dtype=np.str_)
+        return figures | {
+            "endings": endings, "course": self.course, "errors": self.errors, "places": self.places, "film": self.film,
+        }  # fmt: skip
+
+    @classmethod
+    def of(cls, arrays: Mapping[str, NDArray[Any]]) -> Episodes:
+        """What :meth:`arrays` were of."""
+        figures = {name.removeprefix(FIGURE): arrays[name] for name in arrays if name.startswith(FIGURE)}
+        rest = (arrays[name] for name in ("course", "errors", "places", "film"))
+        return cls(figures, arrays["endings"].tolist(), *rest)
 
 
-class Kept:
-    """Reads and writes episodes.
-
-    Args:
-        folder: Where they are kept, made with the first; None keeps nothing. In one of :func:`resumable`, whose record says
-            which code has driven them, the code is no part of a file's name.
-        about: What all of them have in common.
-    """
-
-    def __init__(self, folder: Path | None, *about: Any):
-        self._folder = folder
-        self._origin = ""
-        if folder is not None:
-            code = None if (folder / PROVENANCE).exists() else code_digest()
-            self._origin = self._told(code, about)
-
-    def file(self, policy: Any, seeds: Sequence[int], machine: Machine) -> Path | None:
-        """Where to keep what ``policy`` does with ``seeds`` on the machines that were drawn for them; ask before it drives,
-        which may change it."""
-        if self._folder is None:
-            return None
-        name = self._told(self._origin, policy_content(policy), list(seeds), machine_values(machine))
-        return None if self._folder is None else self._folder / f"{name}.npz"
-
-    def find(self, file: Path | None) -> dict[str, Any] | None:
-        """Arrays that were kept in ``file``; None if none were, or they are damaged."""
-        return None if file is None else read_arrays(file)
-
-    def keep(self, file: Path | None, arrays: Mapping[str, Any]) -> None:
-        """Keep ``arrays`` for :meth:`find`."""
-        if file is not None:
-            write_arrays(file, arrays)
-
-    def _told(self, *what: Any) -> str:
-        try:
-            return digest(*what)
-        except TypeError:
-            self._folder = None
-            return ""
+def reset_arguments(seeds: list[int], asked: list[int] | None) -> dict[str, Any]:
+    """Arguments of a reset by ``seeds``, or of what ``asked`` (seeds, too) ask for with the sensors' errors of ``seeds``."""
+    if asked is None:
+        return {"seed": seeds}
+    return {"seed": asked, "options": {"sensor_seed": np.array(seeds)}}

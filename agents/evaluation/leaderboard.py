@@ -15,19 +15,13 @@ from pathlib import Path
 from typing import Any
 
 from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES, Factory
-from aoro_gym.agents.evaluation.evaluate import (
-    MORE_IS_BETTER,
-    SUCCESS,
-    Evaluation,
-    Interval,
-    evaluate,
-    interquartile_mean,
-    interval,
-    plain,
-    ranked,
-)
+from aoro_gym.agents.evaluation.evaluate import evaluate
+from aoro_gym.agents.evaluation.metrics import MARKS, MORE_IS_BETTER, SUCCESS, describe, named, ranked, shown, shown_as
 from aoro_gym.agents.evaluation.perturbations import PERTURBATIONS
-from aoro_gym.agents.evaluation.report import COLOURS, MARKS, counted, describe, named, shown, shown_as
+from aoro_gym.agents.evaluation.plots import COLOURS
+from aoro_gym.agents.evaluation.report import counted
+from aoro_gym.agents.evaluation.result import Evaluation
+from aoro_gym.agents.evaluation.statistics import Interval, interquartile_mean, interval, plain
 from aoro_gym.envs.path_tracking.courses import Course, forest_course
 from aoro_gym.execution.files import write_json, write_text, written_whole
 from aoro_gym.machine import Machine
@@ -55,12 +49,12 @@ class Leaderboard:
     @cached_property
     def policies(self) -> list[str]:
         """From the best to the worst on the strangest machines: by success, then by the first decisive figure."""
-        return ranked(self.middle[list(self.found)[-1]], self.any.trial.decisive[0])
+        return ranked(self.middle[list(self.found)[-1]], self.any.task.decisive[0])
 
     @cached_property
     def middle(self) -> dict[str, dict[str, dict[str, Interval]]]:
         """Interquartile means of the decisive figures, and success, by perturbation, policy and figure."""
-        figures = self.any.trial.decisive
+        figures = self.any.task.decisive
         return {
             name: {
                 policy: {
@@ -93,7 +87,7 @@ class Leaderboard:
             return {}
         return {
             name: {
-                policy: result.less(policy, best, self.any.trial.decisive) for policy in result.runs if policy != best
+                policy: result.less(policy, best, self.any.task.decisive) for policy in result.runs if policy != best
             }
             for name, result in self.found.items()
         }
@@ -122,7 +116,7 @@ def compare(
     device: str = "cpu",
     ray: str | None = None,
     kept: Path | None = None,
-    progress: Callable[[str, float], Any] | None = None,
+    progress: Callable[[str, float], Any] = lambda what, share: None,
 ) -> Leaderboard:
     """Evaluate policies under every perturbation; the arguments are those of
     :func:`~aoro_gym.agents.evaluation.evaluate.evaluate`, episodes those under each."""
@@ -133,8 +127,7 @@ def compare(
     for done, (name, perturb) in enumerate(PERTURBATIONS.items()):
 
         def tell(policy: str, share: float, name: str = name, before: int = done) -> None:
-            if progress is not None:
-                progress(f"{name}: {policy}", (before + share) / len(PERTURBATIONS))
+            progress(f"{name}: {policy}", (before + share) / len(PERTURBATIONS))
 
         found[name] = evaluate(
             env,
@@ -184,7 +177,7 @@ def write(
 
 def rows(result: Leaderboard) -> list[list[str]]:
     """A row for each policy, the first is the head: success and decisive figures under every perturbation."""
-    figures = (SUCCESS, *result.any.trial.decisive)
+    figures = (SUCCESS, *result.any.task.decisive)
     head = ["policy"]
     for name in result.found:
         for figure in figures:
@@ -225,7 +218,7 @@ def markdown(result: Leaderboard) -> str:
         )
     lines = [
         f"`{result.any.env}`, {episodes}; {meaning}, of success the share of all; the best first, by success, then by "
-        f"{describe(result.any.trial.decisive[0])[0]}:",
+        f"{describe(result.any.task.decisive[0])[0]}:",
         "",
         "| " + " | ".join(["", *(row[0] for row in body)]) + " |",
         "|---" * (1 + len(body)) + "|",
@@ -238,7 +231,7 @@ def markdown(result: Leaderboard) -> str:
         if best is None or policy in REFERENCE_POLICIES[result.any.env]:
             continue
         said = []
-        for figure in result.any.trial.decisive:
+        for figure in result.any.task.decisive:
             words, unit = describe(figure)
             values = ", ".join(shown(found[policy][figure], unit) for found in result.differences.values())
             said.append(f"{words} {values} {unit}")
@@ -274,7 +267,7 @@ def write_figure(result: Leaderboard, path: Path) -> None:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-    figures, policies, names = result.any.trial.decisive, result.policies, list(result.found)
+    figures, policies, names = result.any.task.decisive, result.policies, list(result.found)
     with matplotlib.rc_context(PLOT_STYLE):
         figure = Figure(figsize=(4.2 * len(figures), 1.5 + 0.5 * len(policies)), dpi=130, layout="constrained")
         axes = figure.subplots(1, len(figures), squeeze=False)[0]

@@ -13,17 +13,11 @@ from typing import Any
 import numpy as np
 
 from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES
-from aoro_gym.agents.evaluation.evaluate import (
-    BOUNDED,
-    MORE_IS_BETTER,
-    OVER,
-    SUCCESS,
-    TRIALS,
-    Evaluation,
-    asked_of,
-    evaluate,
-)
-from aoro_gym.agents.evaluation.report import COLOURS, describe, named, shown_as
+from aoro_gym.agents.evaluation.evaluate import asked_of, evaluate
+from aoro_gym.agents.evaluation.metrics import BOUNDED, MORE_IS_BETTER, OVER, SUCCESS, describe, named, shown_as
+from aoro_gym.agents.evaluation.plots import COLOURS
+from aoro_gym.agents.evaluation.result import Evaluation
+from aoro_gym.agents.evaluation.tasks import TASKS
 from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.agents.training.train import EVALUATION_SEED, EVALUATIONS, judged_by, recall
 from aoro_gym.envs.path_tracking.courses import Course
@@ -48,7 +42,7 @@ class Curve:
     figures: Mapping[str, np.ndarray]
     """Mean of each figure over an evaluation's episodes, by name (K, M); NaN where no episode had one."""
     bounds: Mapping[str, np.ndarray]
-    """Whether the mean is a lower bound, likewise; see :data:`~aoro_gym.agents.evaluation.evaluate.BOUNDED`."""
+    """Whether the mean is a lower bound, likewise; see :data:`~aoro_gym.agents.evaluation.metrics.BOUNDED`."""
 
     @property
     def name(self) -> str:
@@ -174,7 +168,7 @@ def references(
     plan: TrainingPlan,
     machine: Machine,
     held_out: Sequence[Course] | None,
-    progress: Callable[[str, float], Any] | None = None,
+    progress: Callable[[str, float], Any] = lambda what, share: None,
     kept: Path | None = None,
 ) -> Evaluation:
     """The reference controllers on the episodes that trainings of ``plan`` are evaluated on."""
@@ -196,7 +190,7 @@ def references(
 
 def compared(env: str) -> tuple[str, ...]:
     """The figures that curves show."""
-    return (*TRIALS[env].decisive, SUCCESS)
+    return (*TASKS[env].decisive, SUCCESS)
 
 
 def to_json(curves: Sequence[Curve], beside: Evaluation) -> dict[str, Any]:
@@ -230,7 +224,7 @@ def table(curves: Sequence[Curve], beside: Evaluation) -> Comparison:
         words, unit = named(name)
         head.append(f"{words} [{unit}]")
     found: list[tuple[tuple[float, float], list[str]]] = []
-    decisive = TRIALS[beside.env].decisive[0]
+    decisive = TASKS[beside.env].decisive[0]
     for one in curves:
         last = {name: scale * one.figures[name][:, -1] for name, scale in figures.items()}
         cells = [_said(values, bool(one.bounds[name][:, -1].any())) for name, values in last.items()]

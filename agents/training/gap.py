@@ -25,21 +25,14 @@ import numpy as np
 from scipy.stats import bootstrap
 
 from aoro_gym.agents.controllers.reference import Factory
-from aoro_gym.agents.evaluation.evaluate import (
-    CONFIDENCE,
-    RESAMPLES,
-    TRIALS,
-    Episodes,
-    Evaluation,
-    Floats,
-    Interval,
-    evaluate,
-    interval,
-    plain,
-)
+from aoro_gym.agents.evaluation.episodes import Episodes
+from aoro_gym.agents.evaluation.evaluate import evaluate
 from aoro_gym.agents.evaluation.leaderboard import SEED
+from aoro_gym.agents.evaluation.metrics import MARKS, named, shown
 from aoro_gym.agents.evaluation.perturbations import SWITCHABLE
-from aoro_gym.agents.evaluation.report import MARKS, named, shown
+from aoro_gym.agents.evaluation.result import Evaluation
+from aoro_gym.agents.evaluation.statistics import CONFIDENCE, RESAMPLES, Floats, Interval, interval, plain
+from aoro_gym.agents.evaluation.tasks import TASKS
 from aoro_gym.agents.policies.files import shipped_policies
 from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training.plan import TrainingPlan
@@ -69,7 +62,7 @@ class Gap:
     @property
     def names(self) -> tuple[str, ...]:
         """Figures that are reported."""
-        return ("success_rate", *TRIALS[self.env].decisive, "return")
+        return ("success_rate", *TASKS[self.env].decisive, "return")
 
     @cached_property
     def figures(self) -> dict[str, dict[str, Interval]]:
@@ -165,7 +158,7 @@ def measure(
     courses: Sequence[Course] | None = None,
     device: str = "cpu",
     kept: Path | None = None,
-    progress: Callable[[str, float], Any] | None = None,
+    progress: Callable[[str, float], Any] = lambda what, share: None,
 ) -> Gap:
     """Drive.
 
@@ -193,8 +186,7 @@ def measure(
     for done, (name, make, machine) in enumerate(rounds):
 
         def tell(_: str, share: float, name: str = name, before: int = done) -> None:
-            if progress is not None:
-                progress(name, (before + share) / len(rounds))
+            progress(name, (before + share) / len(rounds))
 
         found: Evaluation = evaluate(
             env,

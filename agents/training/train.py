@@ -42,8 +42,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from aoro_gym.agents.evaluation.evaluate import TRIALS, evaluate, inputs
+from aoro_gym.agents.evaluation.evaluate import evaluate, inputs
 from aoro_gym.agents.evaluation.perturbations import PERTURBATIONS
+from aoro_gym.agents.evaluation.tasks import TASKS
 from aoro_gym.agents.policies.description import shortened
 from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training.curriculum import curriculum, stage_at
@@ -177,8 +178,8 @@ def begin(plan: TrainingPlan, folder: Path, *, restart: bool = False) -> Recipe:
         raise ValueError(
             f"{folder} holds a training; give --resume {folder} to go on, --restart to begin anew, or another --out"
         )
-    if plan.env not in TRIALS:
-        raise ValueError(f"env is {plan.env!r}; choose one of: {', '.join(TRIALS)}")
+    if plan.env not in TASKS:
+        raise ValueError(f"env is {plan.env!r}; choose one of: {', '.join(TASKS)}")
     if plan.perturbation is not None and plan.perturbation not in PERTURBATIONS:
         raise ValueError(f"perturbation is {plan.perturbation!r}; choose one of: {', '.join(PERTURBATIONS)}")
     recipe = read_recipe(plan)

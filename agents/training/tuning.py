@@ -89,7 +89,7 @@ def tune(
     steps: int | None = None,
     seed: int = 0,
     device: str = "cpu",
-    progress: Callable[[int, float], Any] | None = None,
+    progress: Callable[[int, float], Any] = lambda generation, cost: None,
 ) -> dict[str, float]:
     """Gains of the least mean cost.
 
@@ -125,8 +125,7 @@ def tune(
         gains = gains_of(np.repeat(candidates, episodes, axis=1))
         costs = study.cost(vector, controller.make(vector, **gains), seeds, steps).reshape(-1, episodes).mean(axis=1)
         best = min(best, float(costs.min()))
-        if progress is not None:
-            progress(generation, best)
+        progress(generation, best)
         generation += 1
         return costs
 

@@ -88,7 +88,7 @@ class Dying:
 
 
 def test_an_evaluation_with_a_killed_worker_is_the_one_made_here(cluster, tmp_path, monkeypatch):
-    monkeypatch.setattr("aoro_gym.agents.evaluation.evaluate.SHARD", 2)
+    monkeypatch.setattr("aoro_gym.agents.evaluation.batches.SHARD", 2)
     told = []
     there = evaluate(
         TURNING,

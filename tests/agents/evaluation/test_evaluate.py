@@ -8,18 +8,13 @@ import pytest
 from scipy.stats import beta, norm, trim_mean
 
 from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES
-from aoro_gym.agents.evaluation import evaluate as evaluation
+from aoro_gym.agents.evaluation import batches, films
 from aoro_gym.agents.evaluation import report as evaluation_report
-from aoro_gym.agents.evaluation.evaluate import (
-    TIME_IS_UP,
-    drive_paths,
-    evaluate,
-    interquartile_mean,
-    interval,
-    policy_factory,
-    stratified_interval,
-)
+from aoro_gym.agents.evaluation.episodes import TIME_IS_UP
+from aoro_gym.agents.evaluation.evaluate import evaluate, policy_factory
+from aoro_gym.agents.evaluation.path_tracking import STATION, drive_paths
 from aoro_gym.agents.evaluation.responses import responses, rollout
+from aoro_gym.agents.evaluation.statistics import interquartile_mean, interval, stratified_interval
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.envs.path_tracking.task import END_OF_PATH, FIXED, PathTrackingVectorEnv
 from aoro_gym.envs.turning.task import TurningVectorEnv
@@ -141,18 +136,18 @@ def test_errors_lie_along_the_path(found):
     run = found.runs["preview"]
     for i in range(3):
         known = np.isfinite(run.errors[i])
-        stations = evaluation.STATION * np.flatnonzero(known)
+        stations = STATION * np.flatnonzero(known)
         assert known[: len(stations)].all()
-        assert 0.0 <= run.figures["driven_m"][i] - stations[-1] < evaluation.STATION + 0.1
+        assert 0.0 <= run.figures["driven_m"][i] - stations[-1] < STATION + 0.1
         # both lines lead along x from x = 4 m: the reference point's offset is its y, and it gets on as x does
         np.testing.assert_allclose(np.abs(run.places[i, known, 1]), run.errors[i, known], atol=1e-5)
         steps = np.diff(run.places[i, known, 0])
-        assert np.all(np.abs(steps - evaluation.STATION) < 0.1)
+        assert np.all(np.abs(steps - STATION) < 0.1)
     assert not np.isfinite(found.runs["asleep"].errors[:, 1:]).any()
 
 
 def test_parts_of_an_evaluation_are_the_whole(found, monkeypatch):
-    monkeypatch.setattr(evaluation, "AT_ONCE", 2)
+    monkeypatch.setattr(batches, "AT_ONCE", 2)
     told = []
     again = evaluate(
         TRACKING,
@@ -329,7 +324,7 @@ def test_repeats_ask_for_the_same_with_other_noise_and_machines():
     assert plain.stratified == {}
     content = found.to_json()
     assert content["repeats"] == 3
-    assert set(content["stratified_interquartile_means"]["pd"]) == set(found.trial.decisive)
+    assert set(content["stratified_interquartile_means"]["pd"]) == set(found.task.decisive)
     names = [row[0] for row in evaluation_report.figure_rows(found)]
     assert "settling time, middle half, over repeats" in names
 
@@ -363,7 +358,7 @@ def test_wrong_arguments_are_named(call, message):
 
 
 def test_report_holds_everything(found, tmp_path, monkeypatch):
-    monkeypatch.setattr(evaluation_report, "MOST_FRAMES", 3)
+    monkeypatch.setattr(films, "MOST_FRAMES", 3)
     written = evaluation_report.write_report(found, tmp_path, lead="Machine mine, as it is.")
     names = [path.name for path in written]
     assert names[:4] == ["evaluation.json", "figures.png", "errors.png", "plan_1.png"]
@@ -403,8 +398,8 @@ def test_film_without_moviepy_is_a_gif(fixture, policy, size, tmp_path, monkeypa
 
     result = request.getfixturevalue(fixture)
     monkeypatch.setitem(sys.modules, "moviepy", None)
-    monkeypatch.setattr(evaluation_report, "MOST_FRAMES", 4)
-    path = evaluation_report.write_film(result, result.runs[policy], tmp_path / "film")
+    monkeypatch.setattr(films, "MOST_FRAMES", 4)
+    path = films.write_film(result, result.runs[policy], tmp_path / "film")
     assert path.suffix == ".gif"
     with Image.open(path) as film:
         assert film.size == size

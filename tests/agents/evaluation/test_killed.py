@@ -99,17 +99,17 @@ whole(work_in(out / "parted"))
 
 EVALUATION = """
 import aoro_gym.agents.evaluation.evaluate as evaluation
-from aoro_gym.agents.evaluation import episodes as keeping
+from aoro_gym.agents.evaluation import batches, cached_episodes
 from aoro_gym.execution.files import write_json
 
 out, mode = Path(sys.argv[1]), sys.argv[2]
 env = "AORO/Turning-v0"
-evaluation.AT_ONCE = 2
+batches.AT_ONCE = 2
 policies = {name: evaluation.policy_factory(env, name) for name in ("proportional-derivative", "turning-ppo")}
 
 def work_in(folder):
     def work():
-        with keeping.resumable(folder, {"seed": 3}) as kept:
+        with cached_episodes.resumable(folder, {"seed": 3}) as kept:
             found = evaluation.evaluate(env, policies, episodes=int(sys.argv[4]), seed=3, kept=kept)
             write_json(folder / "evaluation.json", found.to_json())
     return work

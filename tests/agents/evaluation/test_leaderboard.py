@@ -8,17 +8,10 @@ import pytest
 from scipy.stats import trim_mean
 
 from aoro_gym.agents.evaluation import leaderboard
-from aoro_gym.agents.evaluation.evaluate import (
-    Interval,
-    evaluate,
-    interquartile_mean,
-    interval,
-    policy_factory,
-    ranked,
-    stratified_interval,
-)
+from aoro_gym.agents.evaluation.evaluate import evaluate, policy_factory
+from aoro_gym.agents.evaluation.metrics import ranked, shown
 from aoro_gym.agents.evaluation.perturbations import PERTURBATIONS, perturbed
-from aoro_gym.agents.evaluation.report import shown
+from aoro_gym.agents.evaluation.statistics import Interval, interquartile_mean, interval, stratified_interval
 
 TURNING = "AORO/Turning-v0"
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from aoro_gym.agents.evaluation.evaluate import Episodes, policy_factory
+from aoro_gym.agents.evaluation.episodes import Episodes
+from aoro_gym.agents.evaluation.evaluate import policy_factory
 from aoro_gym.agents.training import gap
 from aoro_gym.agents.training.gap import BASELINE, CONTROL, IMPROVED, PLANT, RETRAINED, Gap, measure, share_of
 from aoro_gym.cli import app

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import aoro_gym
-from aoro_gym.agents.evaluation import evaluate as evaluation
-from aoro_gym.agents.evaluation import inputs, leaderboard
-from aoro_gym.agents.evaluation.episodes import FOLDER, Kept, resumable
-from aoro_gym.agents.evaluation.evaluate import TRIALS, Episodes, evaluate, policy_factory
+from aoro_gym.agents.evaluation import batches, inputs, leaderboard
+from aoro_gym.agents.evaluation.cached_episodes import FOLDER, EpisodeCache, resumable
+from aoro_gym.agents.evaluation.episodes import Episodes
+from aoro_gym.agents.evaluation.evaluate import evaluate, policy_factory
 from aoro_gym.agents.evaluation.perturbations import perturbed
+from aoro_gym.agents.evaluation.tasks import TASKS
 from aoro_gym.cli import app
 from aoro_gym.envs import Course
 from aoro_gym.execution import provenance
@@ -31,7 +31,6 @@ TURNING = "AORO/Turning-v0"
 NAMES = ("proportional-derivative", "turning-ppo")
 """A controller, and a policy of numbers."""
 MACHINE = Machine.load("aoro")
-MACHINE_FILE = Path(aoro_gym.__file__).parent / "machines" / "aoro.toml"
 
 
 def policies():
@@ -57,7 +56,7 @@ def assert_same(found, expected):
 def drives(monkeypatch):
     """Sizes of what is driven, which a test may limit."""
     driven: list[int] = []
-    plain = TRIALS[TURNING].drive
+    plain = TASKS[TURNING].drive
 
     def counted(env, policy, seeds, tell=lambda share: None):
         if len(driven) == limit[0]:
@@ -66,14 +65,14 @@ def drives(monkeypatch):
         return plain(env, policy, seeds, tell)
 
     limit = [10_000]
-    monkeypatch.setitem(TRIALS, TURNING, replace(TRIALS[TURNING], drive=counted))
+    monkeypatch.setitem(TASKS, TURNING, replace(TASKS[TURNING], drive=counted))
     return driven, limit
 
 
 def test_an_interrupted_evaluation_goes_on_where_it_was(tmp_path, monkeypatch, drives):
     """Three parts of two policies on drawn machines, interrupted after the third of six."""
     driven, limit = drives
-    monkeypatch.setattr(evaluation, "AT_ONCE", 2)
+    monkeypatch.setattr(batches, "AT_ONCE", 2)
     whole = evaluate(TURNING, policies(), episodes=6, seed=3, drawn=perturbed)
     assert driven == [2] * 6
     driven.clear()
@@ -126,8 +125,8 @@ def test_what_cannot_be_told_apart_is_not_kept(tmp_path):
 
     evaluate(TURNING, {"mine": locking}, episodes=1, kept=tmp_path)
     assert not list(tmp_path.iterdir())
-    assert Kept(None).file(inner, [1], MACHINE) is None
-    assert Kept(None).find(None) is None
+    assert EpisodeCache(None).file(inner, [1], MACHINE) is None
+    assert EpisodeCache(None).read(None) is None
 
 
 class Turner:
@@ -174,15 +173,10 @@ def test_a_policy_that_changes_while_it_drives_is_kept_as_it_was_before(tmp_path
 def test_units_count_and_names_do_not(tmp_path, drives):
     driven, _ = drives
     pd = {NAMES[0]: policies()[NAMES[0]]}
-    lines = MACHINE_FILE.read_text().splitlines()
-    row = lines.index("[steering.cylinder.bore]")
-    assert lines[row + 2] == 'unit = "mm"'
-    bore = float(lines[row + 1].split(" = ")[1])
-    for name, value, unit in (("a", bore, "mm"), ("b", bore, "mm"), ("c", bore / 1e3, "m"), ("d", 1.25 * bore, "mm")):
-        lines[row + 1 : row + 3] = [f"value = {value!r}", f'unit = "{unit}"']
-        low_high = [bore / 2.0, bore * 2.0] if unit == "mm" else [bore / 2e3, bore * 2e-3]
-        lines[row + 3] = f"range = {low_high!r}"
-        (tmp_path / f"{name}.toml").write_text("\n".join(lines))
+    for name, value, unit in (("a", 80.0, "mm"), ("b", 80.0, "mm"), ("c", 0.08, "m"), ("d", 100.0, "mm")):
+        low, high = (40.0, 160.0) if unit == "mm" else (0.04, 0.16)
+        bore = f'[steering.cylinder.bore]\nvalue = {value}\nunit = "{unit}"\nrange = [{low}, {high}]\n'
+        (tmp_path / f"{name}.toml").write_text(f'base = "aoro"\n{bore}')
     count = []
     for name in "abcd":
         evaluate(TURNING, pd, episodes=1, machine=str(tmp_path / f"{name}.toml"), kept=tmp_path / "kept")
@@ -197,7 +191,7 @@ def test_grounds_and_paths_count_by_their_contents(tmp_path, monkeypatch):
 
     def key(terrain=None, path=None, name="a") -> str | None:
         course = Course(terrain or ground(), (path or Line(line),), name=name)
-        kept = Kept(tmp_path, inputs.grounds([course]), inputs.paths([course]))
+        kept = EpisodeCache(tmp_path, inputs.grounds([course]), inputs.paths([course]))
         file = kept.file(Turner(1.0), [1], MACHINE)
         return None if file is None else file.name
 

@@ -1,0 +1,51 @@
+"""How the episodes of each environment are driven and judged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from aoro_gym.agents.evaluation.episodes import Episodes
+from aoro_gym.agents.evaluation.path_tracking import STATION, drive_paths, make_tracking
+from aoro_gym.agents.evaluation.turning import make_turning, turn_joints
+from aoro_gym.agents.policies.policy import Policy
+
+
+@dataclass(frozen=True)
+class EvaluationTask:
+    """How an environment's episodes are driven and judged."""
+
+    make: Callable[..., Any]
+    """Its vector environment."""
+    drive: Callable[[Any, Policy, list[int], Callable[[float], Any]], Episodes]
+    """Drives one episode each of all sub-environments, and is told whom to tell the share that is done."""
+    interval: float
+    """Between the columns of ``Episodes.errors``."""
+    along: str
+    """What they lie along, with its unit."""
+    error: str
+    """What they are, with its unit."""
+    decisive: tuple[str, ...]
+    """Figures that policies are compared by, after their success; less is better, but for the speed."""
+
+
+TASKS: Mapping[str, EvaluationTask] = {
+    "AORO/Turning-v0": EvaluationTask(
+        make_turning,
+        turn_joints,
+        0.02,
+        "time since the target was set [s]",
+        "distance from the target [°]",
+        ("settling_time_s", "flow_overshoot_share", "overshoot_deg"),
+    ),
+    "AORO/PathTracking-v0": EvaluationTask(
+        make_tracking,
+        drive_paths,
+        STATION,
+        "distance driven along the path [m]",
+        "cross-track error [m]",
+        ("cross_track_rms_m", "speed_m_per_s"),
+    ),
+}
+"""What can be evaluated, by the environment's id."""
