@@ -34,7 +34,7 @@ lint: $(VENV)/.dev ## check style (ruff), import directions (import-linter) and 
 	$(BIN)/pyright
 
 docs: $(VENV)/.docs ## build the documentation into build/docs, warnings as errors
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict # --quiet would hide the warnings from --strict
 
 format: $(VENV)/.dev ## rewrite the sources in the project's style
 	$(BIN)/ruff check --fix .
