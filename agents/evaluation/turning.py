@@ -35,7 +35,10 @@ def turn_joints(
     *,
     asked: list[int] | None = None,
 ) -> Episodes:
-    """Steer every sub-environment through one episode; the arguments are those of :func:`drive_paths`."""
+    """Steer every sub-environment through one episode.
+
+    Arguments are those of :func:`aoro_gym.agents.evaluation.path_tracking.drive_paths`.
+    """
     film: list[NDArray[np.float32]] = []
 
     def watch() -> None:
