@@ -1,8 +1,8 @@
 """The twin's speed beside the ceilings of the computer it runs on: operations and bytes counted from the code, ceilings
 measured by small kernels, the twin timed in the same run.
 
-`python -m studies.roofline_results --device cuda:0 --json studies/roofline_results/h200.json` measures a computer;
-`python -m studies.roofline_results --write` puts all files of that folder into the tables of `roofline.md`, and the counts
+`python -m studies.roofline --device cuda:0 --json studies/roofline_results/h200.json` measures a computer;
+`python -m studies.roofline --write` puts all files of that folder into the tables of `roofline.md`, and the counts
 into the file that `aoro-gym bench` reads. A CPU is measured on one core (`taskset -c 0`), with one twin.
 """
 

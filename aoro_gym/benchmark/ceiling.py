@@ -2,7 +2,7 @@
 
 ``operations.json`` holds what one main step takes on a ground: operations by class on a CPU and on CUDA, and bytes that a
 step and a launch move, counted from the kernel's own code with the default machine and substeps. After a change to the laws
-``python -m studies.roofline_results --write`` counts again. Triangles are asked by Warp's own query and are not counted.
+``python -m studies.roofline --write`` counts again. Triangles are asked by Warp's own query and are not counted.
 """
 
 from __future__ import annotations

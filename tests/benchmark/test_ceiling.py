@@ -10,14 +10,14 @@ from aoro_gym.benchmark.ceiling import Ceiling, beside, counted, measure_ceiling
 from aoro_gym.benchmark.probes import Factors, bandwidth, factors, multiply_add, probe_time
 from aoro_gym.benchmark.run import Plan, run
 from aoro_gym.benchmark.scene import CONTROL_STEP, signals, starts, terrain
-from studies import roofline_results as roofline
+from studies import roofline
 from studies.counting import cost
 
 
 @pytest.mark.slow
 def test_counts_are_of_the_laws_as_they_are():
     """To the last operation: laws select rather than branch, so that rounding decides nothing."""
-    assert counted() == roofline.operations(), "count again: python -m studies.roofline_results --write"
+    assert counted() == roofline.operations(), "count again: python -m studies.roofline --write"
 
 
 def test_a_step_of_the_benchmark_takes_as_much(machine):

@@ -12,7 +12,7 @@ import warp as wp
 from aoro_gym import Twin
 from aoro_gym.twin.physics.fluid import Oil, fill_chamber, free_gas, orifice
 from aoro_gym.twin.records import Command, Output, State, pack
-from studies import roofline_results as roofline
+from studies import roofline
 from studies.counting import (
     Matrix,
     Quaternion,

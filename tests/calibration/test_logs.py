@@ -97,6 +97,7 @@ def test_ensemble_fits_as_well_and_differs(found):
     assert len(np.unique(values, axis=0)) == 4
 
 
+@pytest.mark.slow
 def test_a_calibration_that_is_called_again_computes_no_search_again(found):
     start, logs, result, folder = found
     kept = (folder / "search.json").read_text()

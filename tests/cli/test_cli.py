@@ -192,6 +192,7 @@ def test_seed_draws_the_noise(turn, tmp_path):
     np.testing.assert_array_equal(first["true_joint_angle_deg"], second["true_joint_angle_deg"])
 
 
+@pytest.mark.slow
 def test_demo(tmp_path):
     shown = call("demo", "--out", tmp_path / "demo")
     assert shown.exit_code == 0, shown.output

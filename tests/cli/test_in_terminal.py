@@ -123,6 +123,7 @@ def trained(tmp_path_factory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_training_in_a_terminal(trained):
     text = (trained / "shown.txt").read_text()
     assert "--:--" in text  # before anything is known

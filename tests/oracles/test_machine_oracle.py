@@ -131,6 +131,7 @@ def test_oil_only_enters_and_leaves_at_pumps_tanks_and_cylinders(oracle):
     assert more == pytest.approx(size, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_turn_accounts_for_its_oil(turn, oracle, machine):
     """Net inflow = swept volume + compression, on both sides, at every instant of the whole turn into the stop."""
     times, _, s, info = turn
@@ -303,6 +304,7 @@ def test_dead_band_closes_both_edges(oracle):
     assert np.all(q_in == 0.0) and np.all(q_out == 0.0) and np.all(edge == 0.0)
 
 
+@pytest.mark.slow
 def test_turn_is_that_of_the_machine(turn, oracle, machine):
     """Stop to stop in about two seconds with the published shape: first peak near 0.1 s, then the metered flow."""
     times, y, s, info = turn
@@ -322,6 +324,7 @@ def test_turn_is_that_of_the_machine(turn, oracle, machine):
     assert (out["pressure_a"] > out["pressure_b"]).mean() > 0.8
 
 
+@pytest.mark.slow
 def test_driving_takes_the_pressure_that_brakes_and_tires_add_up_to(oracle, machine):
     """Straight on at constant speed: η Δp D = disc torque + rolling resistance, summed over the wheels."""
     d = machine.driveline
@@ -341,6 +344,7 @@ def test_driving_takes_the_pressure_that_brakes_and_tires_add_up_to(oracle, mach
     assert omega == pytest.approx(machine.engine.set_speed, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_parking_brake_holds_on_a_slope(machine):
     """Standing across and along an 8° slope with the parking brake: bristles carry the weight, nothing creeps."""
     slope = np.tan(np.radians(8.0))

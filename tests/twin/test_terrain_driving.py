@@ -167,6 +167,7 @@ def test_tipping_sideways(machine, side):
 
 
 # --------------------------------------------------------------------------------------------------------- random driving
+@pytest.mark.slow
 def test_random_driving_loses_nothing_without_a_name(machine):
     """64 twins for 30 s on rough ground, half of them steeper than machines should go, with commands at random: all
     outputs stay finite, what is lost is named, and no twin is where it cannot be."""

@@ -82,6 +82,7 @@ def test_parked_on_twenty_degrees_it_stays(aoro):
     assert np.linalg.norm(after - before, axis=0) == pytest.approx([0.0, 0.0], abs=1e-4)
 
 
+@pytest.mark.slow
 def test_it_turns_as_the_float64_reference_does(aoro):
     """A full left turn but for its last eighth: the bounce off the stop has its own test, on the nominal machine."""
     twin, start = run_twin(aoro, TURN, 1.9, -aoro.joint.range)

@@ -109,6 +109,7 @@ def test_zero_is_none_and_full_severity_shows(level, machine):
         assert seen == (EFFECTS[name].standing and name not in LATE), (name, change["angle"][pair], pressure)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(LATE))
 def test_what_shows_late_shows(name, three):
     constants = with_effects(three, {name: magnitudes(EFFECTS[name], three, 0)}, 0)

@@ -128,7 +128,7 @@ def test_it_says_what_it_cannot_do(constants):
 
 # ------------------------------------------------------------------------------------------------- level 0 and the twin
 SIGNALS = np.array([1.0, 0.75, 0.5, -1.0, -0.75, -0.5])
-REST, DURATION = 0.1, 2.35
+REST, DURATION = 0.1, 1.3
 
 
 @pytest.fixture(scope="module")
