@@ -56,7 +56,7 @@ def test_commands_have_the_options_that_are_shown(page):
         assert {word for word in words if word.startswith("-")} <= known, line
 
 
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
+@pytest.mark.parametrize("page", [*PAGES, *sorted((ROOT / "studies").rglob("*.md"))], ids=name_of)
 def test_links_and_paths_lead_to_files(page):
     text = page.read_text(encoding="utf-8")
     for link in re.findall(r"\]\(([^)#\s]+)", text):
@@ -64,6 +64,8 @@ def test_links_and_paths_lead_to_files(page):
             assert (page.parent / link).exists(), f"{page.name} links to {link}"
     for path in re.findall(rf"`((?:{FOLDERS})/[^`\s]*)`", text):
         assert any(ROOT.glob(path.rstrip("/"))), f"{page.name} names {path}"
+    for module in re.findall(r"\bpython\s-m\s(aoro_gym\.[\w.]+|studies\.[\w.]+|tests\.[\w.]+)", text):
+        assert (ROOT / f"{module.replace('.', '/')}.py").exists(), f"{page.name} runs {module}"
 
 
 def test_pictures_are_as_drawn_and_name_files():
