@@ -27,7 +27,7 @@ from scipy.stats import bootstrap
 from aoro_gym.agents.controllers.reference import Factory
 from aoro_gym.agents.evaluation.episodes import Episodes
 from aoro_gym.agents.evaluation.evaluate import evaluate
-from aoro_gym.agents.evaluation.leaderboard import SEED
+from aoro_gym.agents.evaluation.leaderboard import SEED, forests
 from aoro_gym.agents.evaluation.metrics import MARKS, named, shown
 from aoro_gym.agents.evaluation.perturbations import SWITCHABLE
 from aoro_gym.agents.evaluation.result import Evaluation
@@ -203,6 +203,21 @@ def measure(
         )
         driven[name] = found.runs[name]
     return Gap(env, episodes, seed, driven)
+
+
+def courses(env: str) -> Sequence[Course] | None:
+    """Courses that the policy drives on: forests; None where the environment has none."""
+    return forests() if env == "AORO/PathTracking-v0" else None
+
+
+def improved_machine(diagnosis: Path | None, improved: str | None) -> str:
+    """The machine of the improved twin: the one that is named, or the likeliest of a folder of ``aoro-gym diagnose``.
+
+    Raises ValueError unless one of them is given, and as :func:`diagnosed`.
+    """
+    if (diagnosis is None) == (improved is None):
+        raise ValueError("give one of --diagnosis and --improved")
+    return str(diagnosed(diagnosis)) if diagnosis is not None else str(improved)
 
 
 def retraining_plan(env: str, policy: str, *, steps: int, seed: int, device: str) -> TrainingPlan:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +95,14 @@ class TrainingPlan:
     def to_json(self) -> dict[str, Any]:
         """Every field by name."""
         return asdict(self)
+
+    def folder(self, end: str = "") -> Path:
+        """Default folder of the training, such as ``runs/Turning-v0_ppo`` and ``end``."""
+        return Path("runs") / f"{self.env.split('/')[-1]}_{self.algo}{end}"
+
+    def by_seed(self, folder: Path, count: int) -> dict[Path, TrainingPlan]:
+        """So many plans that differ by their seed, by their folders in ``folder``."""
+        return {folder / f"seed_{seed}": replace(self, seed=seed) for seed in range(self.seed, self.seed + count)}
 
     @property
     def command(self) -> str:

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from aoro_gym.calibration.published import Calibration
 from aoro_gym.calibration.resuming import remove_folder, unfinished_folder
-from aoro_gym.execution.files import write_json
+from aoro_gym.execution.files import check_writable, write_json
 from aoro_gym.execution.locking import locked
+
+
+def check_output(out: Path, logs: Sequence[Path] = ()) -> None:
+    """ValueError unless a machine file can be written to ``out``, which is no manifest of ``logs``."""
+    if out.suffix != ".toml":
+        raise ValueError(f"--out {out} must end in .toml")
+    check_writable(out)
+    for path in logs:
+        if out.resolve() in (path.resolve(), path.with_suffix(".toml").resolve()):
+            raise ValueError(f"--out {out} would replace the manifest of {path}; name another file")
 
 
 def calibrate_to(

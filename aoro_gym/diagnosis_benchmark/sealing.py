@@ -181,6 +181,11 @@ def open_seal(folder: Path, answers: Path) -> dict[str, Any]:
     return read_json(answers)
 
 
+def answers_file(folder: Path, answers: Path | None = None) -> Path:
+    """File of the answers: ``answers``, by default beside the suite's ``folder``."""
+    return folder.with_name(f"{folder.name}.answers.json") if answers is None else answers
+
+
 def exact_folder(answers: Path) -> Path:
     """Folder beside ``answers`` with ``NNN.npz`` for every case that has a deviation: arrays ``LOG/CHANNEL/with`` and
     ``LOG/CHANNEL/without`` it, of two effects ``LOG/CHANNEL/without ID``, too, SI, at the log's ticks, on sensors without

@@ -66,6 +66,11 @@ def warn(text: str) -> None:
     err().print(f"[yellow]warning:[/] {escape(' '.join(text.split()))}", soft_wrap=True, highlight=False)
 
 
+def labelled(what: str, items: Sequence[str]) -> str:
+    """A line of markup that names ``items``, or says that there are none."""
+    return escape(f"{what}: {', '.join(items) if items else 'none'}")
+
+
 def clock(seconds: float | None) -> str:
     """A time as ``m:ss`` or ``h:mm:ss``; ``--:--`` where it is not known."""
     if seconds is None or not math.isfinite(seconds):

@@ -16,7 +16,7 @@ from rich.markup import escape
 from rich.text import Text
 
 from aoro_gym.execution.files import written_whole
-from aoro_gym.reporting.page import card, describe, interactive_plot, picture, show, write_page
+from aoro_gym.reporting.page import Passage, card, describe, interactive_plot, picture, show, write_page
 from aoro_gym.reporting.style import AMBER, BLUE, GREEN, INK, PLOT_STYLE, SHADE, SOFT
 from aoro_gym.reporting.terminal import Comparison
 from aoro_gym.simulation.key_figures import FIGURES, SECOND_PEAK, STEADY, UNDERSHOOT_END
@@ -48,6 +48,12 @@ def write_report(result: Validation, folder: Path) -> list[Path]:
     written.append(folder / "index.html")
     write_index(result, written[-1], errors_png=folder / "errors.png")
     return written
+
+
+def passage(result: Validation, folder: Path) -> Passage:
+    """The validation's headline and two of the plots that :func:`write_report` wrote into ``folder``."""
+    pictures = [folder / "left_turns.png", folder / "errors.png"]
+    return Passage("Validation", result.headline(), pictures, more=f"{folder.name}/index.html")
 
 
 # --- tables ---

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aoro_gym.execution.files import write_json, written_whole
+from aoro_gym.execution.files import check_writable, write_json, written_whole
 from aoro_gym.terrains.georeference import MOST_SCALE_ERROR, axis_unit, horizontal, scale_factors
 from aoro_gym.terrains.heights import Heights
 from aoro_gym.terrains.io.check import SMALLEST_PIECE, Report, TerrainError, measure
@@ -126,6 +126,17 @@ def load(
     request.tell(1.0)
     report.seconds = time.perf_counter() - started
     return Loaded(terrain, report)
+
+
+def check_output(path: Path, source: Path) -> None:
+    """ValueError unless a terrain can be written to ``path`` (.ply), its report (.json) and plan (.png) beside it, none of
+    them over ``source``."""
+    if path.suffix != ".ply":
+        raise ValueError(f"--out {path} must end in .ply")
+    for file in (path, path.with_suffix(".json"), path.with_suffix(".png")):
+        if file.resolve() == source.resolve():
+            raise ValueError(f"--out {path} would overwrite {source}; choose another name")
+        check_writable(file)
 
 
 def save(loaded: Loaded, path: Path) -> list[Path]:

@@ -18,11 +18,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aoro_gym import Machine, cli
+from aoro_gym import Machine
 from aoro_gym.agents.evaluation import leaderboard
 from aoro_gym.agents.evaluation.perturbations import PERTURBATIONS
+from aoro_gym.agents.evaluation.selection import MOST_EPISODES
 from aoro_gym.agents.training.curriculum import curriculum, stage_at
 from aoro_gym.agents.training.plan import HYPERPARAMS, TrainingPlan
+from aoro_gym.cli import app
+from aoro_gym.cli.courses import training_courses
 from aoro_gym.envs import Course
 from aoro_gym.envs.path_tracking.task import MILD as TRACKING_MILD
 from aoro_gym.envs.path_tracking.task import REWARD_TERMS as TRACKING_TERMS
@@ -221,8 +224,6 @@ def test_the_critic_learns_first_where_there_is_a_policy_to_start_from(training,
 def test_a_killed_command_goes_on(training, tmp_path):
     """SIGKILL between two checkpoints; then the same weights as without it."""
     from typer.testing import CliRunner
-
-    from aoro_gym.cli import app
 
     plan = plan_of(steps=500)
     whole, parted = tmp_path / "whole", tmp_path / "parted"
@@ -532,7 +533,7 @@ def test_machines_to_learn_on_are_drawn_and_none_of_an_evaluation(training, tmp_
     expected = PERTURBATIONS["perturbed"](machine, [6 * training.DRAWN_SEED]).entries[key].value
     assert values[0] == np.ravel(expected)[0]
     assert all(one is machine for one in evaluated)
-    assert max(leaderboard.SEED, training.EVALUATION_SEED) + cli.MOST_EPISODES < training.DRAWN_SEED
+    assert max(leaderboard.SEED, training.EVALUATION_SEED) + MOST_EPISODES < training.DRAWN_SEED
 
 
 # ---- the plan --------------------------------------------------------------------------------------------------------
@@ -550,11 +551,12 @@ def test_command_is_the_plan(monkeypatch):
         join_gaps=True,
     )
     asked = []
-    monkeypatch.setattr(cli, "_check_extra", lambda *_: None)
-    monkeypatch.setattr(cli, "TrainingPlan", lambda **values: asked.append(TrainingPlan(**values)) or _stop())
+    monkeypatch.setattr(
+        "aoro_gym.cli.training.TrainingPlan", lambda **values: asked.append(TrainingPlan(**values)) or _stop()
+    )
     import shlex
 
-    CliRunner().invoke(cli.app, shlex.split(plan.command)[1:])
+    CliRunner().invoke(app, shlex.split(plan.command)[1:])
     assert asked == [plan]
     assert TrainingPlan.of(json.loads(json.dumps(plan.to_json()))) == plan
 
@@ -570,9 +572,9 @@ def test_every_field_has_a_help_text():
 
 
 def test_evaluation_is_on_ground_that_was_held_out(tmp_path, monkeypatch):
-    monkeypatch.setattr(cli, "HELD_OUT_FORESTS", (101,))
-    assert cli._training_courses(TrainingPlan()) == (None, None)
-    learned, held_out = cli._training_courses(TrainingPlan(env=TRACKING, forests=1))
+    monkeypatch.setattr("aoro_gym.agents.training.courses.HELD_OUT_FORESTS", (101,))
+    assert training_courses(TrainingPlan()) == (None, None)
+    learned, held_out = training_courses(TrainingPlan(env=TRACKING, forests=1))
     assert learned is not None and held_out is not None
     assert [course.name for course in learned] == ["forest 1"]
     assert [course.name for course in held_out] == ["forest 101"]
@@ -582,19 +584,19 @@ def test_evaluation_is_on_ground_that_was_held_out(tmp_path, monkeypatch):
             raise NoDrivablePath("too dense")
         return Course(Plane(), (Line(np.array([[0.0, 0.0], [9.0, 0.0]]), name="ahead"),), name=f"forest {seed}")
 
-    monkeypatch.setattr("aoro_gym.envs.path_tracking.courses.forest_course", grown)
-    learned, _ = cli._training_courses(TrainingPlan(env=TRACKING, forests=3))
+    monkeypatch.setattr("aoro_gym.agents.training.courses.forest_course", grown)
+    learned, _ = training_courses(TrainingPlan(env=TRACKING, forests=3))
     assert learned is not None
     assert [course.name for course in learned] == ["forest 2", "forest 4", "forest 5"]
     with pytest.raises(ValueError, match="forests is 99, but there are 98 to learn on; ask for fewer"):
-        cli._training_courses(TrainingPlan(env=TRACKING, forests=99))
+        training_courses(TrainingPlan(env=TRACKING, forests=99))
     monkeypatch.undo()
 
     x = np.arange(0.0, 40.0, 1.0)
     rows = [(a, b, 0.02 * a) for b in x for a in x]
     np.savetxt(tmp_path / "slope.csv", rows, delimiter=",", header="x,y,z", comments="")
     own = TrainingPlan(env=TRACKING, terrain=str(tmp_path / "slope.csv"), path_length=15.0)
-    learned, held_out = cli._training_courses(own)
+    learned, held_out = training_courses(own)
     assert learned is not None and held_out is not None
     assert learned[0].terrain is held_out[0].terrain
     places = [{path.points.tobytes() for path in courses[0].paths} for courses in (learned, held_out)]
@@ -602,7 +604,7 @@ def test_evaluation_is_on_ground_that_was_held_out(tmp_path, monkeypatch):
     assert not places[0] & places[1]
 
     (tmp_path / "lane.csv").write_text("x,y\n5,10\n8,10\n11,10\n14,10\n")
-    learned, held_out = cli._training_courses(TrainingPlan(env=TRACKING, path=str(tmp_path / "lane.csv")))
+    learned, held_out = training_courses(TrainingPlan(env=TRACKING, path=str(tmp_path / "lane.csv")))
     assert learned is held_out  # there is no other
 
 

@@ -1,0 +1,50 @@
+"""Policies and numbers of episodes that a person asks an evaluation for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES, Factory
+from aoro_gym.agents.evaluation.evaluate import policy_factory
+from aoro_gym.agents.evaluation.tasks import TASKS
+from aoro_gym.agents.policies.files import shipped_policies
+
+MOST_EPISODES = 10_000
+"""Of one evaluation."""
+
+
+def named_policies(env: str, asked: Sequence[str] | None, *, trust_pickle: bool = False) -> dict[str, Factory]:
+    """Factories of policies, by their names in reports.
+
+    Args:
+        env: Id of the environment.
+        asked: Names or files; None: all controllers and shipped policies.
+        trust_pickle: Whether files that run code of their maker may be loaded.
+
+    Raises ValueError if there is no such environment or policy, or one is named twice; OSError if a file is missing.
+    """
+    if env not in TASKS:
+        raise ValueError(f"--env {env!r} cannot be evaluated; choose one of: {', '.join(TASKS)}")
+    names = asked or [*REFERENCE_POLICIES[env], *shipped_policies(env)]
+    policies = {_label(name): policy_factory(env, name, trust_pickle=trust_pickle) for name in names}
+    if len(policies) < len(names):
+        raise ValueError("--policy names the same one twice; give each once")
+    return policies
+
+
+def _label(name: str) -> str:
+    """A policy's name in reports: its own, or that of its file without what file names cannot hold."""
+    file = Path(name)
+    return "-".join(part for part in file.with_suffix("").parts if part not in (file.anchor, ".", ".."))
+
+
+def check_episodes(episodes: int, repeats: int = 1) -> None:
+    """ValueError unless there is something to drive, and not too much of it."""
+    for option, value in (
+        ("episodes", episodes),
+        ("repeats", repeats),
+        ("episodes times --repeats", episodes * repeats),
+    ):
+        if not 1 <= value <= MOST_EPISODES:
+            raise ValueError(f"--{option} = {value} is outside [1, {MOST_EPISODES}]")

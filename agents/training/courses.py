@@ -1,0 +1,61 @@
+"""Courses of a training: those to learn on, and those that are held out for its evaluations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from aoro_gym.agents.training.plan import TrainingPlan
+from aoro_gym.envs.path_tracking.course_files import CourseFiles
+from aoro_gym.envs.path_tracking.courses import Course, forest_course, generated_paths
+from aoro_gym.terrains.paths.planning import NoDrivablePath
+
+HELD_OUT_FORESTS = (101, 102, 103)
+"""Seeds of the forests that evaluations drive in; those that are learned in have lower ones."""
+HELD_OUT_PATHS = 100
+"""First seed of the paths that evaluations drive on a ground that is given."""
+
+
+def training_forests(
+    count: int, progress: Callable[[float], Any] = lambda share: None
+) -> tuple[list[Course], list[Course]]:
+    """Generated forests to learn in, and others to evaluate in.
+
+    Args:
+        count: Forests to learn in; those too dense to drive in are passed over.
+        progress: Called with the share that is done.
+
+    Raises ValueError if there are fewer.
+    """
+    learned: list[Course] = []
+    total = count + len(HELD_OUT_FORESTS)
+    for seed in range(1, min(HELD_OUT_FORESTS)):
+        progress(len(learned) / total)
+        with suppress(NoDrivablePath):
+            learned.append(forest_course(seed))
+        if len(learned) == count:
+            break
+    else:
+        raise ValueError(f"forests is {count}, but there are {len(learned)} to learn on; ask for fewer")
+    held_out = []
+    for seed in HELD_OUT_FORESTS:
+        progress((count + len(held_out)) / total)
+        held_out.append(forest_course(seed))
+    return learned, held_out
+
+
+def course_files(plan: TrainingPlan) -> CourseFiles:
+    """The files that a plan names; raises as :class:`CourseFiles`."""
+    terrain, path = (None if name is None else Path(name) for name in (plan.terrain, plan.path))
+    return CourseFiles(plan.env, terrain, path, plan.path_length, plan.track, plan.join_gaps, plan.path_crs)
+
+
+def held_out_courses(plan: TrainingPlan, courses: Sequence[Course]) -> Sequence[Course]:
+    """Courses to evaluate on: other paths over the first ground of ``courses``, or ``courses`` if the path is given."""
+    if plan.path is not None:
+        return courses
+    ground = courses[0].terrain
+    others = generated_paths(ground, length=plan.path_length, first=HELD_OUT_PATHS)
+    return [Course(ground, others, name=courses[0].name)]

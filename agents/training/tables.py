@@ -1,0 +1,50 @@
+"""Tables of trainings and of searches for hyper-parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rich.markup import escape
+from rich.table import Table
+
+from aoro_gym.agents.evaluation.metrics import MARKS, named, shown
+from aoro_gym.agents.evaluation.statistics import Interval
+from aoro_gym.agents.training.search import Trial
+from aoro_gym.reporting.terminal import Comparison
+
+
+def evaluations_table(evaluations: Sequence[Mapping[str, Any]]) -> Comparison:
+    """The first evaluation of a training, that of the best return, and the last one."""
+    best = max(evaluations, key=lambda one: one["figures"]["return"]["mean"])
+    chosen = {"first": evaluations[0], "best return": best, "last": evaluations[-1]}
+    rows = [
+        ["steps", "", *(f"{one['steps']:,}" for one in chosen.values())],
+        ["after", "s", *(f"{one['elapsed_s']:.0f}" for one in chosen.values())],
+    ]
+    total = max(figure.get("episodes", 0) for figure in evaluations[0]["figures"].values())
+    for name in evaluations[0]["figures"]:
+        words, unit = named(name)
+        cells = [shown(_interval(one["figures"][name]), unit, total=total) for one in chosen.values()]
+        rows.append([words, unit, *cells])
+    return Comparison("Evaluations, means over episodes", ["", "unit", *chosen], rows, lead=2, note=MARKS)
+
+
+def _interval(figure: Mapping[str, Any]) -> Interval:
+    mean = math.nan if figure["mean"] is None else figure["mean"]
+    return Interval(mean, math.nan, math.nan, figure.get("episodes"), figure.get("lower_bounds", 0))
+
+
+def trials_table(trials: Sequence[Trial]) -> Table:
+    """The trials of a search, the best first."""
+    table = Table(header_style="bold")
+    for head in ("trial", "return", "steps", "hyper-parameters"):
+        table.add_column(head, justify="right" if head in ("return", "steps") else "left", overflow="fold")
+    for one in trials:
+        if one.best is None:
+            table.add_row(escape(one.folder.name), "-", "0", escape(one.failed or "did not begin"))
+        else:
+            steps, mean = one.evaluations[-1]["steps"], one.best["figures"]["return"]["mean"]
+            table.add_row(escape(one.folder.name), f"{mean:.4g}", f"{steps:,}", escape(", ".join(one.params)))
+    return table

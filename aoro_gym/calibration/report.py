@@ -1,0 +1,74 @@
+"""Tables of a calibration's report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from rich.markup import escape
+from rich.text import Text
+
+from aoro_gym.reporting.page import describe
+from aoro_gym.reporting.terminal import Comparison, labelled
+
+
+def tables(report: dict[str, Any]) -> Iterator[Comparison | str]:
+    """The verdict, the errors of figures or intervals of parameters, then what the calibration leaves open."""
+    verdict = report["verdict"]
+    yield f"[bold {'green' if verdict['fits'] else 'red'}]{escape(verdict['sentence'])}[/]"
+    for log in report.get("conditions", []):
+        yield f"{escape(log['log'])}: {escape('; '.join(log['used']))}"
+        yield from _warnings(log["warnings"])
+    yield from _warnings(report.get("warnings", []))
+    if report.get("accepted_code_changes"):
+        yield labelled("changes of the code that were accepted", report["accepted_code_changes"])
+    yield from _misses(report)
+    if report.get("parameters"):
+        yield _parameters(report["parameters"])
+    for key, text in (
+        ("largest_miss_tolerances", "largest miss: {:.2f} tolerances"),
+        ("largest_change_at_half_the_substep_tolerances", "largest change at half the substep: {:.2f} tolerances"),
+        ("rms_residual_std", "residuals: {:.2f} standard deviations, root mean square"),
+    ):
+        if report.get(key) is not None:
+            yield text.format(report[key])
+    leaning = [f"{item['key']} ({item['end']} end)" for item in report.get("leaning_on_a_bound", [])]
+    yield labelled("leaning on a bound of its range", leaning)
+    if report.get("ensemble_dropped"):
+        yield labelled("ensemble members that were dropped", report["ensemble_dropped"])
+    yield labelled("not identifiable, so left as they were", report.get("not_felt", []))
+
+
+def _warnings(texts: Sequence[str]) -> Iterator[str]:
+    for text in texts:
+        yield f"[yellow]warning:[/] {escape(text)}"
+
+
+def _misses(report: dict[str, Any]) -> Iterator[Comparison]:
+    misses: dict[str, dict[str, float]] = report.get("misses_tolerances", {})
+    if misses:
+        rows = [
+            [describe(name)[0], *(_miss(misses[level][name]) for level in misses)]
+            for name in next(iter(misses.values()))
+        ]
+        head = ["key figure", *(f"{level} % signal" for level in misses)]
+        yield Comparison("Misses of left turns, in tolerances", head, rows)
+    single: dict[str, float] = report.get("single_misses_tolerances", {})
+    if single:
+        rows = [[name.replace("_", " "), _miss(miss)] for name, miss in single.items()]
+        yield Comparison("Misses of single figures, in tolerances", ("figure", "miss"), rows)
+
+
+def _parameters(parameters: Sequence[dict[str, Any]]) -> Comparison:
+    rows = []
+    for p in parameters:
+        mark = Text("identified", "green") if p["identified"] else Text("not identified", "yellow")
+        unit = "" if p["unit"] == "1" else p["unit"]
+        rows.append([p["key"], f"{p['value']:.4g}", f"{p['low95']:.4g} - {p['high95']:.4g}", unit, mark])
+    head = ("key", "value", "95 % interval", "unit", "")
+    return Comparison("Parameters that the logs depend on", head, rows)
+
+
+def _miss(miss: float) -> Text:
+    """In tolerances, green where it is within one."""
+    return Text(f"{miss:+.2f}", "green" if abs(miss) <= 1 else "red")

@@ -1,0 +1,141 @@
+"""Command that measures speed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from aoro_gym.cli.options import (
+    MACHINE,
+    TRACKING,
+    DeviceOption,
+    MachineOption,
+    QuietOption,
+    ScaleOption,
+    SeedOption,
+    SetOption,
+    load,
+    run_spec,
+)
+from aoro_gym.cli.outcome import checking_input, print_all, running, say_written
+from aoro_gym.reporting import terminal
+
+TwinsOption = Annotated[
+    str, typer.Option("--twins", metavar="N[,N...]", help="Numbers of twins, or of environments, stepped together.")
+]
+WhatOption = Annotated[
+    str, typer.Option("--what", metavar="twin|env|train[,...]", help="Twins, environments, PPO learning in them.")
+]
+EnvOption = Annotated[str, typer.Option("--env", metavar="ID", help="The environment of --what env and train.")]
+TrainerOption = Annotated[
+    str, typer.Option("--trainer", metavar="sb3|resident[,...]", help="Who learns, see 'aoro-gym train'.")
+]
+GroundOption = Annotated[
+    str, typer.Option("--ground", metavar="plane|raster|mesh", help="Level asphalt, or a generated forest.")
+]
+RandomiseOption = Annotated[
+    bool, typer.Option("--randomise", help="Give every twin parameters of its own, 5 % to either side.")
+]
+OutputOption = Annotated[str, typer.Option("--output", metavar="numpy|torch", help="What environments take and give.")]
+ThreadsOption = Annotated[
+    str | None, typer.Option("--threads", metavar="N[,N...]", help="CPU threads. Default: one, and all cores.")
+]
+PeerOption = Annotated[
+    list[str] | None,
+    typer.Option("--peer", metavar="mujoco|mujoco_warp", help="Time the vehicle in this engine, too. Repeatable."),
+]
+WorldsOption = Annotated[
+    str | None, typer.Option("--worlds", metavar="N[,N...]", help="Batches of the peers. Default: several.")
+]
+StartupOption = Annotated[
+    bool, typer.Option("--startup", help="Time fresh processes, too, with compiled kernels and without.")
+]
+SecondsOption = Annotated[float, typer.Option("--seconds", metavar="S", help="Time to measure for, each case.")]
+JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the results here.")]
+
+
+def bench(
+    twins: TwinsOption = "1,64,4096",
+    what: WhatOption = "twin",
+    env: EnvOption = TRACKING,
+    trainer: TrainerOption = "sb3",
+    ground: GroundOption = "plane",
+    randomise: RandomiseOption = False,
+    output: OutputOption = "numpy",
+    threads: ThreadsOption = None,
+    peer: PeerOption = None,
+    worlds: WorldsOption = None,
+    startup: StartupOption = False,
+    seconds: SecondsOption = 5.0,
+    json_file: JsonOption = None,
+    machine: MachineOption = MACHINE,
+    set_: SetOption = None,
+    scale: ScaleOption = None,
+    device: DeviceOption = "cpu",
+    seed: SeedOption = 0,
+    quiet: QuietOption = False,
+) -> None:
+    """Measure how fast twins and environments step, beside other engines, and how fast a policy learns.
+
+    Twins steer and drive at random, with new commands every 20 ms; environments take random actions; learning is PPO's,
+    rollouts and updates, with the packaged hyper-parameters for the device. Five runs a case, in
+    rounds over all cases, compilation excluded: the table shows the median, the slowest and the fastest. The file of --json
+    is written anew after each run ("runs" says how many a case has had), so that an interrupted benchmark keeps what it has.
+
+    The share of the ceiling sets twins beside a roofline: operations and bytes of a step, counted from the kernel's code,
+    over what small kernels reach here in the same run. On a CPU it is of one core without SIMD, as one thread is one twin,
+    and steps count by core seconds; on a GPU it is of the whole device. In the file: "ceiling" of the machine; of a case
+    "operations_per_step", "bytes_per_step", "ceiling_steps_per_s" by resource, and "share_of_ceiling", of the lower of them.
+    Triangles (--ground mesh) have none: their query is not counted.
+
+    A peer is the same vehicle without hydraulics (two frames, four sprung arms, four driven spheres as wheels, the forest
+    as a height field of 256 x 256, steps of 1 ms) in MuJoCo on the CPU or in MuJoCo Warp on a GPU; each counts at its
+    best batch. Peers need pip install 'aoro-gym\\[bench]'.
+
+    [bold]Examples[/]
+
+      aoro-gym bench
+      aoro-gym bench --ground raster --randomise --twins 1,64 --peer mujoco --startup
+      aoro-gym bench --what twin,env --ground raster --device cuda:0 --twins 4096,65536 --peer mujoco_warp --json b.json
+      aoro-gym bench --what train --trainer sb3,resident --ground raster --device cuda:0 --twins 4096,16384
+    """
+    with checking_input():
+        from aoro_gym.execution.files import check_writable, with_nulls, write_json
+
+        counts = {"twins": _counts("--twins", twins)}
+        if json_file is not None:
+            check_writable(json_file)
+        chosen = load(run_spec(machine, set_, scale, device, seed))
+        from aoro_gym.benchmark.report import tables
+        from aoro_gym.benchmark.run import Plan, run
+
+        counts |= {"threads": _counts("--threads", threads), "worlds": _counts("--worlds", worlds)}
+        plan = Plan(
+            **counts, what=_parts(what), env=env, trainers=_parts(trainer), ground=ground, randomise=randomise,
+            output=output, device=device, peers=tuple(peer or ()), startup=startup, seconds=seconds, seed=seed,
+        )  # fmt: skip
+
+    def save(so_far: dict[str, Any]) -> None:
+        if json_file is not None:
+            write_json(json_file, with_nulls(so_far))
+
+    with terminal.progress("bench") as tell, running():
+        result = run(plan, chosen, tell, save)
+    print_all(tables(result))
+    say_written([json_file] if json_file is not None else [])
+
+
+def _parts(text: str) -> tuple[str, ...]:
+    """Parts of a list with commas."""
+    return tuple(part.strip() for part in text.split(","))
+
+
+def _counts(option: str, text: str | None) -> tuple[int, ...]:
+    """Positive integers of a list with commas; none of None."""
+    parts = _parts(text) if text else ()
+    for part in parts:
+        if not part.isdecimal() or int(part) < 1:
+            raise ValueError(f"{option} {text!r}: {part!r} must be a positive integer")
+    return tuple(int(part) for part in parts)

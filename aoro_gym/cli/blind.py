@@ -1,0 +1,261 @@
+"""Commands of the diagnosis benchmark: machines whose deviation is withheld."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+from aoro_gym.cli.options import (
+    AcceptCodeChangeOption,
+    DeviceOption,
+    QuietOption,
+    RayOption,
+    RestartOption,
+    WorkersOption,
+    check_device,
+    check_folder,
+    check_seed,
+    check_workers,
+)
+from aoro_gym.cli.outcome import checking_input, print_all, resumable, running, say_error, say_written
+from aoro_gym.reporting import terminal
+
+app = typer.Typer(
+    no_args_is_help=True,
+    help="The blind check: a diagnosis on machines whose deviation is withheld. In turn: seal, run, score; atlas.",
+)
+
+NewSuiteArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write to.")]
+SuiteOption = Annotated[str, typer.Option("--suite", metavar="quick|standard|full", help="12, 240 or 800 cases.")]
+ModeOption = Annotated[
+    str,
+    typer.Option("--mode", metavar="day-one|commissioned", help="Without logs of the healthy machine, or with them."),
+]
+LoggedSensorsOption = Annotated[
+    str, typer.Option("--sensors", metavar="angle|full", help="Joint angle alone, or three pressures besides.")
+]
+FamilyOption = Annotated[
+    str,
+    typer.Option(
+        "--family", metavar="score|development", help="Cases that score, or others to develop a diagnosis on."
+    ),
+]
+AnswersOption = Annotated[
+    Path | None,
+    typer.Option("--answers", metavar="FILE", help="Answers (.json). Default: beside DIR, DIR.answers.json."),
+]
+SuiteSeedOption = Annotated[
+    int | None, typer.Option("--seed", metavar="N", help="Makes the same cases again, which are then not blind.")
+]
+
+
+@app.command()
+def seal(
+    folder: NewSuiteArgument,
+    suite: SuiteOption = "quick",
+    mode: ModeOption = "commissioned",
+    sensors: LoggedSensorsOption = "full",
+    family: FamilyOption = "score",
+    answers: AnswersOption = None,
+    seed: SuiteSeedOption = None,
+    workers: WorkersOption = None,
+    accept_code_change: AcceptCodeChangeOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Make cases whose answers are withheld, and publish the digest of the answers.
+
+    A case is a plant, a machine whose laws share no code with the twin: with nothing wrong, one effect, two, one that the
+    catalogue lacks, or only other nuisances. DIR/cases/NNN gets what a user has: machine.toml, logs/*.csv, and for
+    commissioned machines healthy/*.csv. DIR/seal.json gets SHA-256 digests. The answers, with the secret seed and a salt, go
+    to FILE, and logs without noise, with and without the deviation, to a folder beside it that ends in .exact.
+
+    Takes two core minutes for the quick suite, whose cases have one log a day, an hour for the standard one and hours for
+    the full one, shared by --workers; files are the same however many there are. Ctrl-C is safe: the same command goes on
+    where it stopped.
+
+    [bold]Examples[/]
+
+      aoro-gym blind seal blind_quick
+      aoro-gym blind seal --suite standard --mode day-one --sensors angle blind_day_one
+      aoro-gym blind seal --suite quick --family development --seed 1 tuning
+    """
+    with checking_input():
+        from aoro_gym.diagnosis_benchmark.cases import FAMILIES, SUITES
+        from aoro_gym.diagnosis_benchmark.sealing import answers_file, write_cases
+        from aoro_gym.execution.files import check_writable
+
+        for option, value, known in (("suite", suite, SUITES), ("family", family, FAMILIES)):
+            if value not in known:
+                raise ValueError(f"--{option} {value!r} is unknown; choose one of: {', '.join(known)}")
+        if seed is not None:
+            check_seed(seed)
+        file = answers_file(folder, answers)
+        if file.suffix != ".json":
+            raise ValueError(f"--answers {file} must end in .json")
+        check_writable(folder / "seal.json")
+        check_writable(file)
+        processes = check_workers(workers)
+        with running(), resumable(), terminal.progress("simulating plants") as tell:
+            write_cases(
+                SUITES[suite], folder, file, mode=mode, sensors=sensors, family=FAMILIES[family], seed=seed,
+                workers=processes, accept_code_change=accept_code_change, progress=tell,
+            )  # fmt: skip
+    say_written([folder / "seal.json", file])
+
+
+SuiteArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a sealed suite.")]
+ReadSensorsOption = Annotated[
+    str | None,
+    typer.Option("--sensors", metavar="angle|full", help="What the diagnosis may read. Default: all that is logged."),
+]
+DiagnosesFolderOption = Annotated[
+    Path | None,
+    typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to. Default: DIR/diagnoses-SENSORS."),
+]
+
+
+@app.command()
+def run(
+    folder: SuiteArgument,
+    sensors: ReadSensorsOption = None,
+    out: DiagnosesFolderOption = None,
+    workers: WorkersOption = None,
+    ray: RayOption = None,
+    device: DeviceOption = "cpu",
+    restart: RestartOption = False,
+    accept_code_change: AcceptCodeChangeOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Diagnose every case of a sealed suite.
+
+    Each case is diagnosed by itself, from its machine.toml, logs and healthy logs alone: the answers are not asked for.
+    FOLDER/NNN/diagnosis.json says what was found. A case that fails leaves FOLDER/NNN/error.txt, is named at the end, and
+    stops no other; the exit code is then 1.
+
+    Each of --workers processes diagnoses one case at a time; on a GPU, too, which they share, and which 50 or more of them
+    keep busy. With --ray, each case is a job on a cluster whose nodes share DIR and FOLDER. On a core a case of the quick
+    suite takes six to nine minutes, so that two cores take about three quarters of an hour for all. Ctrl-C is safe: the same
+    command goes on with the cases that have no diagnosis, those that failed among them.
+
+    [bold]Examples[/]
+
+      aoro-gym blind run blind_quick
+      aoro-gym blind run blind_quick --sensors angle
+      aoro-gym blind run blind_standard --device cuda:0,cuda:1 --workers 120
+    """
+    with checking_input():
+        from aoro_gym.diagnosis_benchmark.running import diagnoses_folder, logged_sensors, run_cases
+        from aoro_gym.execution.files import check_writable
+
+        given = logged_sensors(folder) if sensors is None else sensors
+        target = diagnoses_folder(folder, given) if out is None else out
+        check_writable(target / "run.json")
+        check_device(device)
+        processes = check_workers(workers)
+        with running(), resumable(), terminal.progress("diagnosing") as tell:
+            failures = run_cases(
+                folder, target, sensors=given, device=device, workers=processes, ray=ray,
+                restart=restart, accept_code_change=accept_code_change, progress=tell,
+            )  # fmt: skip
+    for name, reason in failures.items():
+        say_error(reason, f"[bold red]case {escape(name)} failed:[/]")
+    say_written([target])
+    if failures:
+        raise typer.Exit(1)
+
+
+DiagnosedSuiteArgument = Annotated[
+    Path, typer.Argument(metavar="DIR", help="Folder of a sealed suite whose cases were diagnosed.")
+]
+DiagnosesOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--diagnoses",
+        metavar="FOLDER",
+        help="What 'blind run' wrote. Default: DIR/diagnoses-SENSORS of all sensors.",
+    ),
+]
+ScoreFolderOption = Annotated[
+    Path | None,
+    typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to. Default: that of the diagnoses."),
+]
+
+
+@app.command()
+def score(
+    folder: DiagnosedSuiteArgument,
+    answers: AnswersOption = None,
+    diagnoses: DiagnosesOption = None,
+    out: ScoreFolderOption = None,
+    workers: WorkersOption = None,
+    device: DeviceOption = "cpu",
+    quiet: QuietOption = False,
+) -> None:
+    """Open the seal, and hold every diagnosis against its answer.
+
+    Refused while a case has no diagnosis, and where cases or answers are not those that were sealed. Every figure comes with
+    its 95 % interval and count, over all cases and over those whose deviation an oracle can detect that knows it, by level
+    of the plants' laws and by effect; every failure is listed. Writes score.json, score.md, and confusion.png: what is true
+    by what was said.
+
+    The oracle repeats logs of a case with every uncertain parameter moved, the shortest first, until it can tell: a few core
+    seconds a case. What it says is kept in oracle/NNN.json. Ctrl-C is safe: the same command goes on where it stopped.
+
+    [bold]Examples[/]
+
+      aoro-gym blind score blind_quick
+      aoro-gym blind score blind_quick --diagnoses blind_quick/diagnoses-angle
+      aoro-gym blind score blind_standard --answers kept_elsewhere.json --out score_standard
+    """
+    with checking_input():
+        from aoro_gym.diagnosis_benchmark.running import diagnoses_folder, logged_sensors
+        from aoro_gym.diagnosis_benchmark.scoring import score_cases
+        from aoro_gym.diagnosis_benchmark.scoring_report import tables, write_score
+        from aoro_gym.diagnosis_benchmark.sealing import answers_file
+
+        found = diagnoses_folder(folder, logged_sensors(folder)) if diagnoses is None else diagnoses
+        target = found if out is None else out
+        check_folder(target, "score.json")
+        check_device(device)
+        file = answers_file(folder, answers)
+        processes = check_workers(workers)
+        with running(), resumable(), terminal.progress("opening the seal") as tell:
+            result = score_cases(
+                folder, file, found, target / "oracle", device=device, workers=processes, progress=tell
+            )
+    print_all(tables(result))
+    with running():
+        say_written(write_score(result, target))
+
+
+AtlasFolderOption = Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to.")]
+
+
+@app.command()
+def atlas(out: AtlasFolderOption, device: DeviceOption = "cpu", quiet: QuietOption = False) -> None:
+    """Which effects look alike, from which sensors and manoeuvres, whatever a diagnosis makes of them.
+
+    Asked of twins of the calibrated ensemble, of no case: what an effect does, less the best that another effect and another
+    day can do instead, against what a decision needs. Writes atlas.json (all distances, by sensors and manoeuvre),
+    classes.json (effects that 'blind score' counts as one) and atlas.png. The classes that score are those shipped with the
+    package: they are frozen. Takes about 40 minutes of one core.
+
+    [bold]Example[/]
+
+      aoro-gym blind atlas --out atlas
+    """
+    with checking_input():
+        from aoro_gym.diagnosis.replay import Simulator
+        from aoro_gym.diagnosis_benchmark.atlas import survey
+        from aoro_gym.diagnosis_benchmark.atlas_report import tables, write_atlas
+
+        check_folder(out, "atlas.json")
+        check_device(device)
+    with running(), terminal.progress("twins") as tell:
+        found = survey(simulator=Simulator(device), progress=tell)
+        written = write_atlas(found, out)
+    print_all(tables(found))
+    say_written(written)

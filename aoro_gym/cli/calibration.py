@@ -1,0 +1,266 @@
+"""Commands that validate the twin and calibrate it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from aoro_gym.cli.options import (
+    DATASHEET,
+    MACHINE,
+    AcceptCodeChangeOption,
+    DeviceOption,
+    FolderOption,
+    MachineOption,
+    QuietOption,
+    RestartOption,
+    ScaleOption,
+    SeedOption,
+    SetOption,
+    check_folder,
+    load,
+    run_spec,
+)
+from aoro_gym.cli.outcome import checking_input, print_all, resumable, running, say_error, say_written
+from aoro_gym.reporting import terminal
+
+if TYPE_CHECKING:
+    from aoro_gym.machine import Machine
+    from aoro_gym.machine.specification import MachineSpec, RunSpec
+    from aoro_gym.validation import Validation
+
+NONE = "none"
+"""What leaves an optional machine out."""
+
+UncalibratedOption = Annotated[
+    str, typer.Option("--uncalibrated", metavar="NAME|FILE", help="Second machine to compare with, or none.")
+]
+EnsembleOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--ensemble",
+        metavar="FILE|FOLDER",
+        help="Machines that fit as well: their spread is shown. Repeatable, or none. Default: the bundled ones.",
+    ),
+]
+RecalibrateOption = Annotated[
+    bool,
+    typer.Option(
+        "--recalibrate", help="Calibrate the uncalibrated machine first, and validate the result. Takes minutes."
+    ),
+]
+
+
+def validate(
+    out: FolderOption = Path("validation"),
+    uncalibrated: UncalibratedOption = DATASHEET,
+    ensemble: EnsembleOption = None,
+    recalibrate: RecalibrateOption = False,
+    machine: MachineOption = MACHINE,
+    set_: SetOption = None,
+    scale: ScaleOption = None,
+    device: DeviceOption = "cpu",
+    seed: SeedOption = 0,
+    restart: RestartOption = False,
+    accept_code_change: AcceptCodeChangeOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Full turns of the twin beside the published machine and its published twin.
+
+    Left and right turns at 100, 75 and 50 % signal, each from the opposite stop, go through the published measuring
+    chain; their seven key figures stand beside the published ones with relative errors, then what the sensor's noise
+    does to them, the machine before its calibration, and the spread of machines that fit as well.
+
+    FOLDER gets validation.json, plots (PNG) and index.html.
+
+    [bold]Examples[/]
+
+      aoro-gym validate
+      aoro-gym validate --machine mine.toml --ensemble mine_ensemble --out mine
+      aoro-gym validate --scale steering.valve.spool_time_constant=5 --uncalibrated none
+      aoro-gym validate --recalibrate --out again
+    """
+    with checking_input():
+        from aoro_gym.execution.files import check_writable
+        from aoro_gym.machine import Machine
+        from aoro_gym.validation.report import print_tables, write_report
+
+        check_folder(out, "index.html")
+        if recalibrate and (machine != MACHINE or set_ or scale):
+            raise ValueError("--recalibrate makes its machine from --uncalibrated; drop --machine, --set and --scale")
+        if recalibrate and uncalibrated == NONE:
+            raise ValueError("--recalibrate starts from --uncalibrated, which is none; name a machine")
+        run = run_spec(machine, set_, scale, device, seed)
+        chosen = load(run)
+        second = comparison_machine(run.machine, uncalibrated)
+        family = ensemble_machines(run.machine, ensemble, bundled=not recalibrate)
+        if recalibrate:
+            check_writable(out / "calibrated.toml")
+    written = []
+    if recalibrate:
+        from aoro_gym.calibration.published import calibrate_published
+
+        assert second is not None
+        file = out / "calibrated.toml"
+        written += _calibrate(
+            lambda **options: calibrate_published(second, **options), file, force=True, seed=seed, device=device,
+            restart=restart, accept_code_change=accept_code_change,
+        )  # fmt: skip
+        chosen = Machine.load(file)
+    result = validated(chosen, second, family, run)
+    with running():
+        written += write_report(result, out)
+    print_tables(terminal.out(), result)
+    say_written(written)
+
+
+def comparison_machine(spec: MachineSpec, name: str) -> Machine | None:
+    """The machine ``name`` to compare with; None for none, or if it is the one of ``spec``."""
+    from aoro_gym.machine import Machine
+
+    return None if name == NONE or (spec.file == name and not spec.changed) else Machine.load(name)
+
+
+def ensemble_machines(spec: MachineSpec, named: list[str] | None, *, bundled: bool = True) -> list[Machine]:
+    """Machines of the files and folders ``named``; without names the bundled ensemble, where ``spec`` is its machine."""
+    from aoro_gym.machine.ensemble import bundled_ensemble, read_ensemble
+
+    if named is None:
+        return bundled_ensemble() if bundled and spec.file == MACHINE and not spec.changed else []
+    if named == [NONE]:
+        return []
+    machines = []
+    for name in named:
+        found = read_ensemble(Path(name))
+        if not found:
+            raise ValueError(f"--ensemble {name} holds no machine file (.toml)")
+        machines += found
+    return machines
+
+
+def validated(machine: Machine, uncalibrated: Machine | None, ensemble: list[Machine], run: RunSpec) -> Validation:
+    """Validation of a machine, under a progress bar."""
+    from aoro_gym.validation import validate
+
+    with terminal.progress("validation") as tell, running():
+        return validate(
+            machine, uncalibrated=uncalibrated, ensemble=ensemble, device=run.device, seed=run.seed, progress=tell
+        )
+
+
+LogsArgument = Annotated[
+    list[Path] | None, typer.Argument(metavar="[LOG]...", help="Logs (.csv or .parquet), after --logs.")
+]
+PublishedOption = Annotated[bool, typer.Option("--published", help="Calibrate against the published figures.")]
+UseLogsOption = Annotated[bool, typer.Option("--logs", help="Calibrate against the LOGs that follow.")]
+MembersOption = Annotated[
+    int, typer.Option("--ensemble", metavar="N", help="Further machines that fit as well, as different as can be.")
+]
+StartsOption = Annotated[
+    int | None, typer.Option("--starts", metavar="N", help="Searches that are refined. Default: 2.")
+]
+PopulationOption = Annotated[
+    int | None,
+    typer.Option("--population", metavar="N", help="Machines tried at first. Default: 512, or 64 on logs."),
+]
+MachineFileOption = Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Machine file to write, .toml.")]
+ForceOption = Annotated[
+    bool, typer.Option("--force", help="Write FILE even if the machine that was found does not fit.")
+]
+
+
+def calibrate(
+    logs: LogsArgument = None,
+    published: PublishedOption = False,
+    use_logs: UseLogsOption = False,
+    ensemble: MembersOption = 0,
+    starts: StartsOption = None,
+    population: PopulationOption = None,
+    out: MachineFileOption = Path("machine.toml"),
+    machine: MachineOption = DATASHEET,
+    set_: SetOption = None,
+    scale: ScaleOption = None,
+    device: DeviceOption = "cpu",
+    seed: SeedOption = 0,
+    force: ForceOption = False,
+    restart: RestartOption = False,
+    accept_code_change: AcceptCodeChangeOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Fit the machine's uncertain parameters within their ranges, to published figures or to your logs.
+
+    --published: the published procedure (valve curve, dead band, turn times, driving pressure), then all uncertain
+    parameters against the key figures of the published twin. --logs: the twin repeats all commands of each LOG (steering,
+    drive, arms, traction, gear, parking brake) on the ground and under the conditions of the manifest beside it, and its
+    joint angle, pressures and engine speed are compared sample by sample. A LOG needs time_s, a command such as
+    steering_signal, joint_angle_rad (or _deg) and a rest at its begin; pressures help. Full turns and slow ramps say most.
+
+    First comes the verdict: whether the machine that was found does what it was calibrated to. If not, the exit code is 1
+    and FILE is not written, unless by --force.
+
+    Writes FILE, its report beside it (.json) and, with --ensemble, the folder FILE_ensemble. Ctrl-C is safe: the same
+    command goes on where it stopped.
+
+    [bold]Examples[/]
+
+      aoro-gym calibrate --published --out machine.toml
+      aoro-gym calibrate --published --ensemble 8 --out machine.toml
+      aoro-gym calibrate --logs turn_left.csv turn_right.csv ramp.csv --out mine.toml
+      aoro-gym validate --machine mine.toml
+    """
+    with checking_input():
+        from aoro_gym.calibration.logs import calibrate_logs
+        from aoro_gym.calibration.output import check_output
+        from aoro_gym.calibration.published import calibrate_published
+        from aoro_gym.calibration.recordings import read_recording
+
+        _check_source(published, use_logs, logs)
+        for option, value, least in (("ensemble", ensemble, 0), ("starts", starts, 1), ("population", population, 2)):
+            if value is not None and value < least:
+                raise ValueError(f"--{option} = {value} is below {least}")
+        check_output(out, logs or [])
+        chosen = load(run_spec(machine, set_, scale, device, seed))
+        for path in logs or []:
+            read_recording(path)
+
+    def fit(**options: Any) -> Any:
+        return calibrate_published(chosen, **options) if published else calibrate_logs(chosen, logs or [], **options)
+
+    sizes = {name: n for name, n in (("starts", starts), ("population", population)) if n is not None}
+    say_written(
+        _calibrate(
+            fit, out, force=force, ensemble=ensemble, seed=seed, device=device, restart=restart,
+            accept_code_change=accept_code_change, **sizes,
+        )
+    )  # fmt: skip
+
+
+def _check_source(published: bool, use_logs: bool, logs: list[Path] | None) -> None:
+    """ValueError unless the options name one thing to calibrate against."""
+    if published == use_logs:
+        raise ValueError("give one of --published and --logs LOG...")
+    if published and logs:
+        raise ValueError(f"--published takes no logs, but got {logs[0]}; give --logs instead to calibrate on logs")
+    if use_logs and not logs:
+        raise ValueError("--logs needs the logs behind it, such as --logs turn_left.csv turn_right.csv")
+
+
+def _calibrate(fit: Callable[..., Any], out: Path, *, force: bool = False, **options: Any) -> list[Path]:
+    """Calibrate, print the verdict and what was found, and write machine, ensemble and report; returns the paths."""
+    from aoro_gym.calibration.output import calibrate_to
+    from aoro_gym.calibration.report import tables
+
+    with checking_input(), resumable(), terminal.progress("calibration") as tell:
+        found, written = calibrate_to(out, lambda folder: fit(folder=folder, progress=tell, **options), force=force)
+    print_all(tables(found.report), highlight=False)
+    if found.fits or force:
+        return written
+    terminal.out().print(f"wrote {written[-1]}", soft_wrap=True, markup=False, highlight=False)
+    say_error(
+        f"{out} was not written, as no machine that was tried does what it was calibrated to;"
+        " --force writes it all the same"
+    )
+    raise typer.Exit(1)

@@ -1,0 +1,230 @@
+"""Command that diagnoses why a machine and its twin disagree."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from aoro_gym.cli.options import (
+    MACHINE,
+    AcceptCodeChangeOption,
+    DeviceOption,
+    MachineOption,
+    QuietOption,
+    RestartOption,
+    ScaleOption,
+    SetOption,
+    load,
+    run_spec,
+)
+from aoro_gym.cli.outcome import checking_input, print_all, resumable, running, say_error, say_written
+from aoro_gym.reporting import terminal
+
+if TYPE_CHECKING:
+    from aoro_gym.diagnosis.recording import Recording
+    from aoro_gym.diagnosis.result import Diagnosis
+    from aoro_gym.machine import Machine
+
+LogsArgument = Annotated[
+    list[Path] | None, typer.Argument(metavar="[LOG]...", help="Logs (.csv or .parquet) to be explained.")
+]
+MetricsOption = Annotated[
+    Path | None,
+    typer.Option("--metrics", metavar="TABLE", help="Key figures of full turns (.csv), instead of logs."),
+]
+SourceOption = Annotated[
+    str | None,
+    typer.Option("--source", metavar="NAME", help="Rows of TABLE that are the machine's, by their source."),
+]
+HealthyOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--healthy", metavar="LOG|DIR", help="Log of the same machine while nothing was wrong, or a folder of them."
+    ),
+]
+HoldoutOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--holdout",
+        metavar="NAME",
+        help="Logs, by name or glob, that take no part in the fit; or rows: signal=75,50.",
+    ),
+]
+FitOption = Annotated[
+    list[str] | None,
+    typer.Option("--fit", metavar="NAME", help="Logs or rows that do; the others are held out."),
+]
+CommissionedOption = Annotated[
+    bool, typer.Option("--commissioned", help="The machine file was fitted to this very machine.")
+]
+CheckOption = Annotated[
+    bool,
+    typer.Option("--check", help="Read the logs, say what was read, in which units, what is missing; no more."),
+]
+OutOption = Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")]
+
+
+def diagnose(
+    logs: LogsArgument = None,
+    metrics: MetricsOption = None,
+    source: SourceOption = None,
+    healthy: HealthyOption = None,
+    holdout: HoldoutOption = None,
+    fit: FitOption = None,
+    commissioned: CommissionedOption = False,
+    check: CheckOption = False,
+    out: OutOption = Path("diagnosis"),
+    machine: MachineOption = MACHINE,
+    set_: SetOption = None,
+    scale: ScaleOption = None,
+    device: DeviceOption = "cpu",
+    restart: RestartOption = False,
+    accept_code_change: AcceptCodeChangeOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Say why a machine and its twin disagree: where, because of what, by how much, and what to record next.
+
+    The twin repeats every LOG with each effect of the catalogue (aoro-gym parameters --effects) and with pairs of them, all
+    with the same freedom in uncertain parameters. A LOG needs time_s, steering_signal (or steering_signal_V),
+    joint_angle_rad (or joint_angle_deg) and half a second of rest at its begin; port and pump pressures tell far more.
+
+    With --healthy logs, best of the same commands, the twin is fitted to those first, and the question is what has changed
+    since. Without, parameters may lie anywhere in their ranges, and what the twin's laws do otherwise cannot be told from an
+    effect.
+
+    Where only key figures of full turns are known, --metrics takes a TABLE with the columns signal_percent, source and
+    figures such as turn_time_s (aoro-gym validate writes them all), std_turn_time_s and so on if their standard deviations
+    are known, and direction. --fit and --holdout then select rows: signal=100, or direction=left.
+
+    Writes DIR/diagnosis.json, DIR/report.html and a machine file for every cause that survives. A verdict of a cause is
+    only as good as the blind check says (aoro-gym blind --help). Killed at any time, the same command goes on where it was.
+
+    --check reads LOGs and --healthy as a diagnosis would, says what it read, in which units, what is missing and what is
+    doubtful, and stops: with exit code 2 if a log is refused.
+
+    [bold]Examples[/]
+
+      aoro-gym diagnose --check later/*.csv
+      aoro-gym diagnose later/*.csv --healthy healthy --machine mine.toml --out diagnosis
+      aoro-gym diagnose left.csv right.csv ramp.csv --holdout ramp
+      aoro-gym diagnose later/*.csv --healthy healthy --device cuda:0
+      aoro-gym diagnose --metrics table.csv --source physical --fit signal=100
+    """
+    how = {"device": device, "out": out, "restart": restart, "accept_code_change": accept_code_change}
+    with checking_input():
+        from aoro_gym.diagnosis.recording import read_recording
+        from aoro_gym.diagnosis.selection import divided, expanded
+        from aoro_gym.execution.files import check_writable
+
+        if bool(logs) == bool(metrics):
+            raise ValueError("give LOGs or --metrics TABLE, and not both")
+        if check:
+            if metrics:
+                raise ValueError("--check reads LOGs, not --metrics TABLE; leave one out")
+            _check_logs([*(logs or []), *expanded(healthy)])
+            return
+        if fit and holdout:
+            raise ValueError("give --fit or --holdout, not both: what is not fitted is held out")
+        check_writable(out / "diagnosis.json")
+        chosen = load(run_spec(machine, set_, scale, device))
+        if metrics:
+            if healthy or commissioned:
+                raise ValueError("--metrics knows no healthy machine: leave out --healthy and --commissioned")
+            _diagnose_table(metrics, source, fit, holdout, chosen, how)
+            return
+        if source:
+            raise ValueError(f"--source {source} belongs to --metrics TABLE; logs have no sources")
+        recordings = [read_recording(path) for path in logs or []]
+        before = [read_recording(path) for path in expanded(healthy)]
+        used, held_out = divided(recordings, fit=fit, holdout=holdout)
+    _diagnose_logs(used, before, held_out, commissioned, chosen, how)
+
+
+def _check_logs(paths: Sequence[Path]) -> None:
+    """Say what a diagnosis would read of every log; ValueError if it refuses one."""
+    from aoro_gym.diagnosis.recording import CHANNELS, read_log
+    from aoro_gym.recording.summary import describe
+
+    refused = 0
+    for path in paths:
+        try:
+            lines = describe(read_log(path), channels=CHANNELS)
+        except (ValueError, OSError) as error:
+            refused += 1
+            say_error(str(error))
+            continue
+        terminal.out().print("\n".join(lines), soft_wrap=True, highlight=False, markup=False)
+    if refused:
+        raise ValueError(f"{refused} of {len(paths)} logs cannot be used")
+
+
+def _diagnose_logs(
+    used: Sequence[Recording],
+    healthy: Sequence[Recording],
+    held_out: Sequence[Recording],
+    commissioned: bool,
+    machine: Machine,
+    how: dict[str, Any],
+) -> None:
+    """Diagnose logs, print a summary and write the result."""
+    from aoro_gym.diagnosis.diagnose import diagnose as find
+
+    inputs: dict[str, Any] = {"machine": machine.identity, "commissioned": commissioned}
+    for role, those in (("log", used), ("healthy log", healthy), ("held-out log", held_out)):
+        inputs[role] = {one.name: one for one in those}
+    with _simulating(inputs, **how) as options:
+        found = find(
+            used, machine, healthy=healthy, held_out=held_out, commissioned=True if commissioned else None, **options
+        )
+        found, written = _written(found, **options)
+    _conclude(found, written)
+
+
+def _diagnose_table(
+    table: Path,
+    source: str | None,
+    fit: list[str] | None,
+    holdout: list[str] | None,
+    machine: Machine,
+    how: dict[str, Any],
+) -> None:
+    """Diagnose key figures of a table, print a summary and write the result."""
+    from aoro_gym.diagnosis.selection import divided_rows
+    from aoro_gym.diagnosis.tables import diagnose_rows, read_rows
+
+    used, held_out = divided_rows(read_rows(table, source), fit=fit, holdout=holdout)
+    inputs = {"machine": machine.identity, "rows": used, "held-out rows": held_out}
+    with _simulating(inputs, **how) as options:
+        found = diagnose_rows(used, machine, held_out=held_out, **options)
+        found, written = _written(found, **options)
+    _conclude(found, written)
+
+
+@contextmanager
+def _simulating(
+    inputs: dict[str, Any], *, device: str, out: Path, restart: bool, accept_code_change: bool
+) -> Iterator[dict[str, Any]]:
+    """Simulator, folder and progress of a diagnosis, as keyword arguments."""
+    from aoro_gym.diagnosis import resuming
+
+    kept = resuming.resumable(device, out, inputs, restart=restart, accept_code_change=accept_code_change)
+    with running(), resumable(), terminal.progress("diagnosing") as tell, kept as simulator:
+        yield {"simulator": simulator, "out": out, "progress": tell}
+
+
+def _written(found: Diagnosis, *, simulator: Any, out: Path, progress: Any) -> tuple[Diagnosis, list[Path]]:
+    from aoro_gym.diagnosis.report import write_report
+
+    found = found.with_code_changes(simulator.code_changes)
+    return found, [found.save(out), write_report(found, out)]
+
+
+def _conclude(found: Diagnosis, written: Sequence[Path]) -> None:
+    from aoro_gym.diagnosis.report import summary
+
+    print_all(summary(found))
+    say_written(written)

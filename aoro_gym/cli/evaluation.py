@@ -1,0 +1,367 @@
+"""Commands that evaluate controllers, policies and trainings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from aoro_gym.agents.training.plan import JOIN_GAPS_HELP, PATH_CRS_HELP, PATH_HELP, TRACK_HELP
+from aoro_gym.cli.courses import load_courses, training_courses
+from aoro_gym.cli.options import (
+    MACHINE,
+    TRACKING,
+    AcceptCodeChangeOption,
+    DeviceOption,
+    EnvOption,
+    FolderOption,
+    MachineOption,
+    PoliciesOption,
+    QuietOption,
+    RayOption,
+    RepeatsOption,
+    RestartOption,
+    ScaleOption,
+    SeedOption,
+    SetOption,
+    check_folder,
+    load,
+    load_machine,
+    run_spec,
+)
+from aoro_gym.cli.outcome import checking_input, entered, resumable, running, say_written
+from aoro_gym.cli.training import trained
+from aoro_gym.reporting import terminal
+
+EvaluatedEnvOption = Annotated[
+    str,
+    typer.Option(
+        "--env", metavar="ID", show_default=False, help="AORO/PathTracking-v0 by default, or AORO/Turning-v0."
+    ),
+]
+TrustPickleOption = Annotated[
+    bool,
+    typer.Option("--trust-pickle", help="Load .zip files of Stable-Baselines3, which run code of their maker."),
+]
+TerrainOption = Annotated[
+    Path | None,
+    typer.Option("--terrain", metavar="FILE", help="Ground: a mesh, raster or cloud. Default: generated forests."),
+]
+PathOption = Annotated[
+    Path | None,
+    typer.Option("--path", metavar="FILE", help=PATH_HELP),
+]
+TrackOption = Annotated[str | None, typer.Option("--track", metavar="NAME|N", help=TRACK_HELP)]
+JoinGapsOption = Annotated[bool, typer.Option("--join-gaps", help=JOIN_GAPS_HELP)]
+PathCrsOption = Annotated[str | None, typer.Option("--path-crs", metavar="CRS", help=PATH_CRS_HELP)]
+PathLengthOption = Annotated[
+    float, typer.Option("--path-length", metavar="M", help="Of the paths that are generated on --terrain.")
+]
+EpisodesOption = Annotated[int, typer.Option("--episodes", metavar="N", help="Episodes a policy.")]
+FilmsOption = Annotated[bool, typer.Option("--films/--no-films", help="Draw each policy's first episode.")]
+
+
+def evaluate(
+    env: EvaluatedEnvOption = TRACKING,
+    policy: PoliciesOption = None,
+    trust_pickle: TrustPickleOption = False,
+    terrain: TerrainOption = None,
+    path: PathOption = None,
+    track: TrackOption = None,
+    join_gaps: JoinGapsOption = False,
+    path_crs: PathCrsOption = None,
+    path_length: PathLengthOption = 60.0,
+    episodes: EpisodesOption = 32,
+    repeats: RepeatsOption = 1,
+    out: FolderOption = Path("evaluation"),
+    films: FilmsOption = True,
+    restart: RestartOption = False,
+    accept_code_change: AcceptCodeChangeOption = False,
+    ray: RayOption = None,
+    machine: MachineOption = MACHINE,
+    set_: SetOption = None,
+    scale: ScaleOption = None,
+    device: DeviceOption = "cpu",
+    seed: SeedOption = 0,
+    quiet: QuietOption = False,
+) -> None:
+    """Drive the same episodes under several policies, and compare them.
+
+    A policy is a reference controller, one that comes with the package, or a file that 'aoro-gym train' wrote.
+
+    Means over the episodes with 95 % intervals: success, cross-track error, speed, energy, tilt, return and how episodes
+    ended; of turning, the joint's responses. Episode i has the seed --seed + i for every policy. A terrain file is loaded,
+    checked and repaired as 'aoro-gym terrain' does it.
+
+    FOLDER gets evaluation.json, plots, films (MP4 with the extra 'video', else GIF) and index.html. Ctrl-C is safe: the
+    same command goes on where it stopped.
+
+    [bold]Examples[/]
+
+      aoro-gym evaluate
+      aoro-gym evaluate --policy preview --policy stanley --episodes 64
+      aoro-gym evaluate --terrain forest.laz --path lap.gpx --policy preview
+      aoro-gym evaluate --env AORO/Turning-v0 --scale steering.valve.spool_time_constant=5
+      aoro-gym evaluate --env AORO/Turning-v0 --policy proportional-derivative --policy runs/turning/policy.json
+    """
+    with checking_input():
+        from aoro_gym.agents.evaluation import evaluate as evaluation
+        from aoro_gym.agents.evaluation.cached_episodes import accepted
+        from aoro_gym.agents.evaluation.report import table, write_report
+        from aoro_gym.agents.evaluation.selection import check_episodes, named_policies
+        from aoro_gym.envs.path_tracking.course_files import CourseFiles
+
+        check_folder(out, "index.html")
+        policies = named_policies(env, policy, trust_pickle=trust_pickle)
+        check_episodes(episodes, repeats)
+        run = run_spec(machine, set_, scale, device, seed)
+        chosen = load(run)
+        files = CourseFiles(env, terrain, path, path_length, track, join_gaps, path_crs)
+        asked: dict[str, Any] = {
+            "episodes": episodes, "repeats": repeats, "seed": seed, "courses": load_courses(files),
+            "machine": chosen, "device": device,
+        }  # fmt: skip
+    inputs = evaluation.asked_of(env, policies, **asked)
+    with _keeping(out, inputs, restart, accept_code_change) as kept, terminal.progress(env) as tell:
+        driven = 0.5 if films else 0.95
+        with checking_input():  # such as paths that leave the ground
+            result = evaluation.evaluate(
+                env, policies, **asked, ray=ray, kept=kept, progress=terminal.within(tell, 0.0, driven)
+            )
+        made_by = run.to_json() | files.to_json() | accepted(kept)
+        drawing = terminal.within(tell, driven, 1.0)
+        lead = run.machine.sentence
+        written = write_report(result, out, films=films, lead=lead, made_by=made_by, progress=drawing)
+    terminal.out().print(table(result))
+    say_written(written)
+
+
+@contextmanager
+def _keeping(out: Path, inputs: dict[str, Any], restart: bool, accept_code_change: bool) -> Iterator[Path]:
+    """Hold the folder ``out`` with the episodes that an interrupted run has kept there."""
+    from aoro_gym.agents.evaluation import cached_episodes
+
+    kept = cached_episodes.resumable(out, inputs, restart=restart, accept_code_change=accept_code_change)
+    with resumable(), running(), entered(kept) as folder:
+        yield folder
+
+
+LeaderboardEpisodesOption = Annotated[
+    int, typer.Option("--episodes", metavar="N", help="Episodes a policy, under each perturbation.")
+]
+ReadmeOption = Annotated[
+    Path | None,
+    typer.Option("--readme", metavar="FILE.md", help="Put the table between the marks of this file, too."),
+]
+LeaderboardSeedOption = Annotated[
+    int | None, typer.Option("--seed", help="Of the first episode. Default: one that is held out.")
+]
+
+
+def leaderboard(
+    env: EnvOption = TRACKING,
+    policy: PoliciesOption = None,
+    episodes: LeaderboardEpisodesOption = 100,
+    repeats: RepeatsOption = 1,
+    out: FolderOption = Path("leaderboard"),
+    readme: ReadmeOption = None,
+    restart: RestartOption = False,
+    accept_code_change: AcceptCodeChangeOption = False,
+    ray: RayOption = None,
+    machine: MachineOption = MACHINE,
+    set_: SetOption = None,
+    scale: ScaleOption = None,
+    device: DeviceOption = "cpu",
+    seed: LeaderboardSeedOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Rank policies and tuned controllers on seeds, grounds and machines that none of them saw.
+
+    All drive the same episodes three times: on the machine as it is; with all of its uncertain parameters drawn within
+    their ranges; and with an effect of the catalogue switched on in addition. Figures are means of the middle half of the
+    episodes (interquartile means), with bootstrapped 95 % intervals, and differences from the best controller, episode by
+    episode. With --repeats the same is asked for N times, with other noise and other machines: beside the interval over
+    episodes, which might have been others, there is one over what might have happened in these (stratified bootstrap).
+
+    Ctrl-C is safe: the same command goes on where it stopped. FOLDER gets leaderboard.json, leaderboard.md and
+    leaderboard.png. In --readme the table replaces what stands between
+    <!-- leaderboard ID --> and <!-- leaderboard ID end -->.
+
+    [bold]Examples[/]
+
+      aoro-gym leaderboard
+      aoro-gym leaderboard --env AORO/Turning-v0 --episodes 350 --repeats 4 --readme README.md
+      aoro-gym leaderboard --policy preview --policy runs/mine/best.json
+    """
+    with checking_input():
+        from aoro_gym.agents.evaluation import leaderboard as board
+        from aoro_gym.agents.evaluation.cached_episodes import accepted
+        from aoro_gym.agents.evaluation.evaluate import asked_of
+        from aoro_gym.agents.evaluation.inputs import machine_ranges
+        from aoro_gym.agents.evaluation.selection import check_episodes, named_policies
+
+        check_folder(out, "leaderboard.json")
+        policies = named_policies(env, policy)
+        check_episodes(episodes, repeats)
+        if readme is not None:
+            board.around_table(readme, env)
+        run = run_spec(machine, set_, scale, device, board.SEED if seed is None else seed)
+        chosen = load(run)
+    asked: dict[str, Any] = {
+        "episodes": episodes, "repeats": repeats, "seed": run.seed, "machine": chosen, "device": device,
+    }  # fmt: skip
+    inputs = asked_of(env, policies, **asked) | {"machine ranges": machine_ranges(chosen)}
+    with _keeping(out, inputs, restart, accept_code_change) as kept, terminal.progress(env) as tell:
+        with checking_input():  # such as a cluster that is not there
+            result = board.compare(env, policies, **asked, ray=ray, kept=kept, progress=tell)
+        written = board.write(result, out, readme=readme, made_by=run.to_json() | accepted(kept))
+    terminal.out().print(board.table(result))
+    say_written(written)
+
+
+TrainingsArgument = Annotated[
+    list[Path], typer.Argument(metavar="FOLDER...", help="Of 'aoro-gym train', done or on the way.")
+]
+
+
+def curves(
+    folders: TrainingsArgument,
+    out: FolderOption = Path("curves"),
+    restart: RestartOption = False,
+    accept_code_change: AcceptCodeChangeOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Learning curves of trainings, beside the reference controllers on the episodes that they were evaluated on.
+
+    Trainings that differ by their seed alone make one curve, the mean over the seeds, with a band from the least to the
+    largest of them. FOLDER gets curves.png and curves.json.
+
+    [bold]Examples[/]
+
+      for s in 0 1 2; do aoro-gym train --env AORO/Turning-v0 --seed $s --out runs/turning_$s; done
+      aoro-gym curves runs/turning_*
+    """
+    with checking_input():
+        from aoro_gym.agents.evaluation.cached_episodes import accepted
+        from aoro_gym.agents.training import curves as drawing
+        from aoro_gym.execution.files import with_nulls, write_json
+
+        check_folder(out, "curves.json")
+        found = drawing.read(folders)
+        plan = found[0].plan
+        chosen = load(run_spec(plan.machine, plan.set, plan.scale, plan.device))
+        held_out = training_courses(replace(plan, forests=1))[1]
+        for warning in drawing.check_inputs(folders, chosen, held_out):
+            terminal.warn(warning)
+    inputs = drawing.references_asked(plan, chosen, held_out)
+    with _keeping(out, inputs, restart, accept_code_change) as kept, terminal.progress(plan.env) as tell:
+        beside = drawing.references(plan, chosen, held_out, tell, kept)
+        write_json(out / "curves.json", with_nulls(drawing.to_json(found, beside) | accepted(kept)))
+        drawing.write_figure(found, beside, out / "curves.png")
+    terminal.out().print(drawing.table(found, beside))
+    say_written([out / "curves.png", out / "curves.json"])
+
+
+PolicyOption = Annotated[
+    str,
+    typer.Option("--policy", metavar="NAME|FILE", help="Who drives; with --retrain a file of 'aoro-gym train'."),
+]
+PlantOption = Annotated[
+    str | None, typer.Option("--plant", metavar="NAME|FILE", help="Machine to drive. Default: --machine.")
+]
+EffectOption = Annotated[
+    list[str] | None,
+    typer.Option("--effect", metavar="NAME=VALUE", help="Effect that the plant has, too, in SI. Repeatable."),
+]
+DiagnosisOption = Annotated[
+    Path | None,
+    typer.Option("--diagnosis", metavar="FOLDER", help="What 'aoro-gym diagnose' wrote: its likeliest machine."),
+]
+ImprovedOption = Annotated[
+    str | None, typer.Option("--improved", metavar="NAME|FILE", help="Instead: machine of the improved twin.")
+]
+RetrainOption = Annotated[
+    int, typer.Option("--retrain", metavar="STEPS", help="Environment steps of retraining; 0 does not retrain.")
+]
+GapEpisodesOption = Annotated[int, typer.Option("--episodes", metavar="N", help="Episodes in each place.")]
+
+
+def gap(
+    policy: PolicyOption,
+    env: EnvOption = TRACKING,
+    plant: PlantOption = None,
+    effect: EffectOption = None,
+    diagnosis: DiagnosisOption = None,
+    improved: ImprovedOption = None,
+    retrain: RetrainOption = 0,
+    episodes: GapEpisodesOption = 64,
+    out: FolderOption = Path("gap"),
+    restart: RestartOption = False,
+    accept_code_change: AcceptCodeChangeOption = False,
+    machine: MachineOption = MACHINE,
+    set_: SetOption = None,
+    scale: ScaleOption = None,
+    device: DeviceOption = "cpu",
+    seed: SeedOption = 0,
+    quiet: QuietOption = False,
+) -> None:
+    """What a gap costs a policy, how much of that a diagnosis foresees, and how much retraining wins back.
+
+    The policy drives the same episodes in the baseline (--machine), in the plant (--plant, --effect) and in the twin that a
+    diagnosis improved (--diagnosis or --improved). With --retrain it learns on for so many steps in the improved twin, and
+    as many in the baseline for comparison, and both drive in the plant. Ctrl-C is safe: the same command goes on where it
+    stopped, and a retraining that is done is not done again. With another twin or policy --restart begins anew.
+
+    FOLDER gets gap.json, and the retrained policies.
+
+    [bold]Examples[/]
+
+      aoro-gym gap --policy runs/mine/best.json --effect spool_lag=0.05 --diagnosis diagnosis
+      aoro-gym gap --policy preview --plant field.toml --improved diagnosis/cause_1.toml
+      aoro-gym gap --policy runs/mine/best.json --plant field.toml --diagnosis diagnosis --retrain 500000
+    """
+    with checking_input():
+        from aoro_gym.agents.evaluation.cached_episodes import accepted
+        from aoro_gym.agents.evaluation.evaluate import asked_of
+        from aoro_gym.agents.evaluation.inputs import machine_values
+        from aoro_gym.agents.evaluation.selection import check_episodes, named_policies
+        from aoro_gym.agents.training import gap as gaps
+        from aoro_gym.execution.files import with_nulls, write_json
+
+        check_folder(out, "gap.json")
+        _, make = next(iter(named_policies(env, [policy]).items()))
+        check_episodes(episodes)
+        if retrain < 0:
+            raise ValueError(f"--retrain = {retrain} is below 0")
+        run = run_spec(machine, set_, scale, device, seed)
+        improved = gaps.improved_machine(diagnosis, improved)
+        chosen = load(run)
+        driven = gaps.with_effects(chosen if plant is None else load_machine(plant), effect or [])
+        if plant is None and not effect:
+            raise ValueError("the plant is the baseline; give --plant or --effect")
+        found = load_machine(improved)
+        plan = gaps.retraining_plan(env, policy, steps=retrain, seed=seed, device=device) if retrain else None
+    asked: dict[str, Any] = {
+        "episodes": episodes, "seed": gaps.SEED + seed, "courses": gaps.courses(env), "device": device,
+    }  # fmt: skip
+    inputs = asked_of(env, {policy: make}, machine=chosen, retrain=retrain, **asked)
+    inputs |= {"plant": machine_values(driven), "improved": machine_values(found)}
+    with _keeping(out, inputs, restart, accept_code_change) as kept:
+        others = {
+            name: trained(plan, out / name, where, restart=restart, accept_code_change=accept_code_change)
+            for name, where in (("retrained", found), ("control", chosen))
+            if plan is not None
+        }
+        with terminal.progress(env) as tell:
+            result = gaps.measure(
+                env, make, baseline=chosen, plant=driven, improved=found, **others, **asked, kept=kept, progress=tell
+            )
+        made_by = run.to_json() | {"policy": policy, "plant": plant, "effects": effect, "improved": found.name}
+        made_by |= {"retrain": retrain} | accepted(kept)
+        write_json(out / "gap.json", with_nulls(result.to_json() | {"made_by": made_by}))
+    terminal.out().print(gaps.table(result))
+    say_written([out / "gap.json"])

@@ -1,0 +1,59 @@
+"""Command that lists a machine's parameters and the catalogue of effects."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated
+
+import typer
+
+from aoro_gym.cli.options import MACHINE, MachineOption, ScaleOption, SetOption, load_machine, run_spec
+from aoro_gym.cli.outcome import checking_input, print_all
+from aoro_gym.reporting import terminal
+
+PatternArgument = Annotated[
+    str | None, typer.Argument(metavar="[PATTERN]", help="Part of a key, or a glob such as 'steering.*.leakage'.")
+]
+EffectsOption = Annotated[
+    bool, typer.Option("--effects", help="List the effects that may part a machine from its twin instead.")
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
+
+
+def parameters(
+    pattern: PatternArgument = None,
+    effects: EffectsOption = False,
+    as_json: JsonOption = False,
+    machine: MachineOption = MACHINE,
+    set_: SetOption = None,
+    scale: ScaleOption = None,
+) -> None:
+    """List the machine's parameters: value, unit, range, role and source.
+
+    A range is a soft prior of about 95 %. Keys are what --set and --scale take. With --effects: what each effect does, its
+    magnitudes with their ranges, and what can be measured of it on any machine.
+
+    [bold]Examples[/]
+
+      aoro-gym parameters
+      aoro-gym parameters --effects
+      aoro-gym parameters steering.valve
+      aoro-gym parameters 'driveline.*.displacement' --json
+      aoro-gym parameters oil --set oil.gas_fraction=0.01
+    """
+    with checking_input():
+        from aoro_gym.effects.catalogue import matching
+        from aoro_gym.effects.report import effects_table
+        from aoro_gym.machine.report import parameter_entries, parameter_table
+
+        chosen = load_machine(run_spec(machine, set_, scale).machine)
+        found = [] if effects else chosen.parameters(pattern)
+        entries = [effect.describe(chosen) for effect in matching(pattern)] if effects else parameter_entries(found)
+        if not entries:
+            raise ValueError(f"no parameter matches {pattern!r}; 'aoro-gym parameters' lists all")
+    if as_json:
+        typer.echo(json.dumps(entries, indent=2, ensure_ascii=False))
+    elif effects:
+        terminal.out().print(effects_table(entries))
+    else:
+        print_all(parameter_table(found, terminal.out().width), highlight=False)

@@ -1,0 +1,132 @@
+"""Command that simulates one manoeuvre."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from aoro_gym.cli.options import (
+    MACHINE,
+    DeviceOption,
+    MachineOption,
+    QuietOption,
+    ScaleOption,
+    SeedOption,
+    SetOption,
+    load,
+    run_spec,
+)
+from aoro_gym.cli.outcome import checking_input, running, say_written
+from aoro_gym.reporting import terminal
+
+if TYPE_CHECKING:
+    from aoro_gym.simulation.manoeuvres import Manoeuvre
+    from aoro_gym.simulation.plots import Section
+    from aoro_gym.twin import Twin
+
+ManoeuvreOption = Annotated[
+    str,
+    typer.Option("--manoeuvre", "-m", metavar="left|right|drive|FILE.csv", help="What the machine is told to do."),
+]
+LogOption = Annotated[
+    Path, typer.Option("--out", "-o", metavar="LOG", help="Log to write, .csv or .parquet; plots go beside it.")
+]
+SignalOption = Annotated[
+    float | None,
+    typer.Option("--signal", metavar="PERCENT", help="Share of the full signal; 100, or 50 to drive."),
+]
+DurationOption = Annotated[
+    float | None,
+    typer.Option(
+        "--duration",
+        metavar="S",
+        help="Simulated time. Default: 0.7 s past a turn's stop, 6 s of drive, a file's end.",
+    ),
+]
+StartAngleOption = Annotated[
+    float | None, typer.Option("--start-angle", metavar="DEG", help="Joint angle at the start of a FILE; 0.")
+]
+SlopeOption = Annotated[float, typer.Option("--terrain-slope", metavar="DEG", help="Slope of the ground.")]
+SlopeDirectionOption = Annotated[
+    float,
+    typer.Option("--terrain-direction", metavar="DEG", help="Direction of ascent, counter-clockwise from ahead."),
+]
+FrictionOption = Annotated[
+    float, typer.Option("--terrain-friction", metavar="FACTOR", help="Tire friction against dry asphalt.")
+]
+RollingOption = Annotated[
+    float, typer.Option("--terrain-rolling", metavar="FACTOR", help="Rolling resistance against asphalt.")
+]
+IdealOption = Annotated[
+    bool, typer.Option("--ideal-sensors", help="Measured columns without noise, zero error and quantiser.")
+]
+
+
+def simulate(
+    manoeuvre: ManoeuvreOption,
+    out: LogOption = Path("log.csv"),
+    signal: SignalOption = None,
+    duration: DurationOption = None,
+    start_angle: StartAngleOption = None,
+    slope: SlopeOption = 0.0,
+    slope_direction: SlopeDirectionOption = 0.0,
+    friction: FrictionOption = 1.0,
+    rolling: RollingOption = 1.0,
+    ideal: IdealOption = False,
+    machine: MachineOption = MACHINE,
+    set_: SetOption = None,
+    scale: ScaleOption = None,
+    device: DeviceOption = "cpu",
+    seed: SeedOption = 0,
+    quiet: QuietOption = False,
+) -> None:
+    """Run one manoeuvre and write its log, plots and key figures.
+
+    left and right are full turns from the opposite stop; drive goes straight on. Each begins with 0.6 s of standstill.
+    A FILE.csv has the column time_s and one or more of steering_signal (or steering_signal_V), drive_signal,
+    arm_fl ... arm_rr, traction_fl ... traction_rr, gear, parking_brake; a row holds until the next. A log is one, too.
+
+    LOG.csv gets measured columns at 100 Hz, joint angle and pressures with the noise of their sensors (drawn by --seed),
+    and the simulator's exact state as true_*. Beside it come LOG.toml (how it was made), LOG.json (key figures, without
+    noise), LOG.png and LOG.html (plots).
+
+    [bold]Examples[/]
+
+      aoro-gym simulate --manoeuvre left --out turn.csv
+      aoro-gym simulate --manoeuvre right --signal 50 --out right50.csv
+      aoro-gym simulate --manoeuvre drive --signal 40 --duration 8 --terrain-slope 5 --out hill.csv
+      aoro-gym simulate --manoeuvre left --scale steering.valve.spool_time_constant=5 --out slow_spool.csv
+      aoro-gym simulate --manoeuvre my_commands.csv --start-angle 10 --out mine.csv
+    """
+    with checking_input():
+        from aoro_gym.simulation import output
+        from aoro_gym.simulation.named import named_manoeuvre
+        from aoro_gym.terrains import Plane
+        from aoro_gym.twin import Twin
+
+        output.check_output(out, manoeuvre)
+        run = run_spec(machine, set_, scale, device, seed, ideal=ideal)
+        chosen = load(run)
+        terrain = Plane(slope_deg=slope, direction_deg=slope_direction, friction=friction, rolling_resistance=rolling)
+        plan = named_manoeuvre(
+            manoeuvre, chosen, signal=signal, duration=duration, start_angle=start_angle, warn=terminal.warn
+        )
+        twin = Twin(machine=chosen, terrain=terrain, device=device)
+        twin.step(duration=twin.main_step)  # says so where kernels are compiled first
+    section = simulated(twin, plan)
+    with running():
+        written = output.write(section, twin, out, run)
+    terminal.out().print(output.figure_table(section))
+    if plan.turn and section.figures["turn_time_s"] is None:
+        terminal.out().print("The turn did not reach its stop, so it has no key figures; a longer --duration may help.")
+    say_written(written)
+
+
+def simulated(twin: Twin, manoeuvre: Manoeuvre) -> Section:
+    """Recording of a manoeuvre with its key figures, under a progress bar."""
+    from aoro_gym.simulation import output
+
+    with terminal.progress(manoeuvre.title) as tell, running():
+        return output.simulate(twin, manoeuvre, tell)

@@ -1,0 +1,74 @@
+"""Manoeuvres by their names, and command files, as a person asks for them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+from aoro_gym.machine import Machine
+from aoro_gym.recording.cells import listed
+from aoro_gym.simulation.manoeuvres import Manoeuvre, from_file, standing_turn, straight_drive
+
+FULL_SIGNAL_V = 2.0
+"""Distance [V] of the full steering signal from the middle."""
+
+
+def named_manoeuvre(
+    name: str,
+    machine: Machine,
+    *,
+    signal: float | None = None,
+    duration: float | None = None,
+    start_angle: float | None = None,
+    warn: Callable[[str], None],
+) -> Manoeuvre:
+    """Manoeuvre of a name or a command file.
+
+    Args:
+        name: left, right, drive, or a file (.csv or .parquet).
+        machine: Machine that runs it.
+        signal: Share of the full signal [%], of left, right and drive; None: 100, or 50 to drive.
+        duration: Simulated time [s]; None: that of the manoeuvre.
+        start_angle: Joint angle [deg] at the start of a file; None: 0.
+        warn: Called with what is doubtful.
+
+    Raises ValueError naming what is wrong.
+    """
+    joint_range = float(machine.joint.range)
+    if name in ("left", "right", "drive"):
+        if start_angle is not None:
+            raise ValueError(f"--start-angle serves a command file only; {name} starts at its own angle")
+        if name == "drive":
+            _check_percent(signal, 1.0, warn)
+            return straight_drive(0.5 if signal is None else signal / 100.0, duration=duration)
+        valve = machine.steering.valve
+        dead_band = valve.dead_band_left if name == "left" else valve.dead_band_right
+        _check_percent(signal, 100.0 * float(dead_band) / FULL_SIGNAL_V, warn)
+        share = 1.0 if signal is None else signal / 100.0
+        return standing_turn(1 if name == "left" else -1, share, joint_range, duration=duration)
+    if signal is not None:
+        raise ValueError(f"--signal = {signal:g} serves left, right and drive; a command file holds its own signals")
+    path = Path(name)
+    if path.suffix not in (".csv", ".parquet"):
+        raise ValueError(f"--manoeuvre {name!r} is none of left, right, drive, and no .csv or .parquet file")
+    angle = 0.0 if start_angle is None else math.radians(start_angle)
+    if not abs(angle) <= joint_range:
+        limit = math.degrees(joint_range)
+        raise ValueError(f"--start-angle = {start_angle:g} is outside [{-limit:g}, {limit:g}] deg (joint.range)")
+    manoeuvre = from_file(path, start_angle=angle, duration=duration)
+    if manoeuvre.unread:
+        warn(f"{path}: unknown columns were not read: {listed(manoeuvre.unread)}")
+    return manoeuvre
+
+
+def _check_percent(signal: float | None, dead_band: float, warn: Callable[[str], None]) -> None:
+    """ValueError for a share where per cent are meant; a warning for a signal [%] within the valve's dead band [%]."""
+    if signal is None:
+        return
+    if 0.0 < abs(signal) <= 1.0:
+        raise ValueError(
+            f"--signal = {signal:g} is in per cent, and {signal:g} % would move nothing; did you mean {100.0 * signal:g}?"
+        )
+    if 0.0 < signal <= dead_band:
+        warn(f"--signal = {signal:g} % is within the valve's dead band, {dead_band:.3g} %; the joint will not turn")

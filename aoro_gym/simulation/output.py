@@ -1,0 +1,108 @@
+"""Files of a simulated manoeuvre: log, manifest, key figures and plots."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aoro_gym.execution.files import with_nulls, write_json
+from aoro_gym.machine.specification import RunSpec
+from aoro_gym.reporting.page import describe, show
+from aoro_gym.reporting.terminal import Comparison
+from aoro_gym.simulation.key_figures import recording_figures
+from aoro_gym.simulation.log import IDEAL, NOISY, check_log_path, log_columns, write_log
+from aoro_gym.simulation.manoeuvres import Manoeuvre, Recording, run
+from aoro_gym.simulation.plots import Section, write_html, write_png
+from aoro_gym.terrains import Plane
+from aoro_gym.twin import Twin
+from aoro_gym.version import VERSION
+
+LONG = 120.0
+"""Duration [s] from which a recording keeps every 10 ms instead of every 1 ms."""
+
+
+def check_output(out: Path, manoeuvre: str) -> None:
+    """ValueError unless a log can be written to ``out``, beside a ``manoeuvre`` that may be a command file."""
+    check_log_path(out)
+    path = Path(manoeuvre)
+    if path.suffix in (".csv", ".parquet") and path.with_suffix("").resolve() == out.with_suffix("").resolve():
+        raise ValueError(f"--out {out} would overwrite the commands in {path}; choose another name")
+
+
+def simulate(twin: Twin, manoeuvre: Manoeuvre, progress: Callable[[str, float], Any]) -> Section:
+    """Recording of a manoeuvre with its key figures.
+
+    Raises TwinLost if the state is no longer finite.
+    """
+    recording = run(
+        twin,
+        manoeuvre,
+        keep_every=1e-3 if manoeuvre.duration <= LONG else 1e-2,
+        progress=lambda now: progress(manoeuvre.title, now / manoeuvre.duration),
+    )
+    return Section(recording, recording_figures(recording, twin.machine.steering.cylinder))
+
+
+def write(section: Section, twin: Twin, out: Path, spec: RunSpec, *, page: bool = True) -> list[Path]:
+    """Write log, manifest, key figures and plots, and return their paths.
+
+    Args:
+        section: Recording and key figures.
+        twin: Twin that was recorded, on a plane.
+        out: Log (.csv or .parquet); the other files stand beside it.
+        spec: Machine, device and seed of the run.
+        page: Whether to write an HTML page, too.
+    """
+    about = manifest(section.recording, twin, spec)
+    rng = None if spec.ideal else np.random.default_rng(spec.seed)
+    written = write_log(out, log_columns(section.recording.time, section.recording.channels, rng=rng), about)
+    write_json(out.with_suffix(".json"), with_nulls({**about, "figures": dict(section.figures)}))
+    write_png(out.with_suffix(".png"), section)
+    written += [out.with_suffix(".json"), out.with_suffix(".png")]
+    if page:
+        written.append(out.with_suffix(".html"))
+        write_html(written[-1], f"AORO twin: {section.title}", spec.machine.sentence, [section])
+    return written
+
+
+def manifest(recording: Recording, twin: Twin, spec: RunSpec) -> dict[str, Any]:
+    """Manifest of a log: manoeuvre, sensors, ground, machine and simulation."""
+    manoeuvre, terrain = recording.manoeuvre, twin.terrain
+    assert isinstance(terrain, Plane), "manoeuvres are run on planes"
+    about: dict[str, Any] = {"manoeuvre": manoeuvre.name}
+    if manoeuvre.signal_percent is not None:
+        about["signal_percent"] = manoeuvre.signal_percent
+    return about | {
+        "duration_s": round(float(recording.time[-1]), 9),
+        "start_angle_deg": math.degrees(manoeuvre.start_angle),
+        "sensors": IDEAL if spec.ideal else NOISY,
+        "filters": [],
+        "engine_speed_rpm": float(twin.machine.engine.set_speed) * 30.0 / math.pi,
+        "ground": {
+            "slope_deg": terrain.slope_deg,
+            "direction_deg": terrain.direction_deg,
+            "friction": terrain.friction,
+            "rolling_resistance": terrain.rolling_resistance,
+        },
+        "machine": spec.machine.to_json(),
+        "simulation": {
+            "aoro_gym": VERSION,
+            "device": spec.device,
+            "seed": spec.seed,
+            "main_step_s": twin.main_step,
+            "substeps": twin.substeps,
+        },
+    }
+
+
+def figure_table(section: Section) -> Comparison:
+    """Key figures of a manoeuvre."""
+    rows = []
+    for key, value in section.figures.items():
+        name, unit, _ = describe(key)
+        rows.append([name, show(key, value), unit])
+    return Comparison(section.title, ("key figure", "value", "unit"), rows)
