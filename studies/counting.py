@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from aoro_gym.twin import kernels
+from aoro_gym.twin.kernels.advance import advance as advance_kernel
 from aoro_gym.twin.physics.ground import Ground, Planes, Site
 from aoro_gym.twin.records import MachineRecord
 from aoro_gym.twin.twin import Twin
@@ -48,10 +48,7 @@ PARTS = {
     "ground": "ground query",
     "bodies": "bodies",
     # by function, where the file does not say
-    "motor_pressures": "driveline",
-    "arm_seal_capacity": "arms",
-    "arm_torque": "arms",
-    "corner_load": "tires",
+    "corner_contact": "tires",
     "hull_loads": "hull",
     "hull_corner": "hull",
     "hull_contact": "hull",
@@ -611,10 +608,10 @@ def advance(twin: Twin, steps: int, tally: Tally) -> np.ndarray:
         "num_substeps": twin.substeps,
         "h": tally.number(twin.main_step),
     }
-    asked = list(inspect.signature(kernels.advance).parameters)
+    asked = list(inspect.signature(advance_kernel).parameters)
     if unknown := [name for name in asked if name not in known]:
         raise TypeError(f"the kernel takes {unknown}, which is not counted yet; add it here")
-    tally.of(kernels.advance)(*(known[name] for name in asked))
+    tally.of(advance_kernel)(*(known[name] for name in asked))
     return state
 
 

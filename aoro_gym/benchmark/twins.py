@@ -38,8 +38,8 @@ def twins(
     """``count`` twins that steer and drive at random over ``ground``, one of :data:`~aoro_gym.benchmark.scene.GROUNDS`.
 
     What is timed is :meth:`Twin.step`, as every study calls it, and so the one kernel that
-    :func:`aoro_gym.twin.kernels.build` keeps for a kind of ground: on the plane the one that ``validate`` runs. Commands
-    come from NumPy and are uploaded within the timed span.
+    :func:`aoro_gym.twin.kernels.build.build` keeps for a kind of ground: on the plane the one that ``validate`` runs.
+    Commands come from NumPy and are uploaded within the timed span.
     """
     options: dict[str, Any] = {"device": device, "threads": threads}
     if ground == "plane":

@@ -12,7 +12,7 @@ import warp as wp
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.terrains.raster import CELL, surface, triangles
 from aoro_gym.terrains.terrain import Terrain
-from aoro_gym.twin.kernels import multiply
+from aoro_gym.twin.kernels.overwrite import multiply
 from aoro_gym.twin.physics.ground import Ground, Meshes, Planes, Rasters, Site
 
 KINDS = {"raster": Rasters, "mesh": Meshes}

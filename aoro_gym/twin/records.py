@@ -20,22 +20,9 @@ from aoro_gym.twin.physics.bodies import Corner, FrameBody
 from aoro_gym.twin.physics.driveline import Driveline
 from aoro_gym.twin.physics.engine import Engine
 from aoro_gym.twin.physics.fluid import Oil
+from aoro_gym.twin.physics.joint import Joint
 from aoro_gym.twin.physics.steering import Steering
 from aoro_gym.twin.physics.tires import Hull, Tire
-
-
-@wp.struct
-class Joint:
-    """The articulated joint (machine section ``joint``)."""
-
-    range: float  # [rad] half range
-    friction_torque: float  # [N m]
-    backlash: float  # [rad] between cylinders and frames, full width
-    mount_stiffness: float  # [N m/rad] between cylinders and frames; 0: rigid, and no play
-    stop_torsional_stiffness: float  # [N m/rad]
-    stop_torsional_damping: float  # [N m s/rad]
-    presliding_stiffness: float  # [N m/rad]
-    presliding_damping: float  # [N m s/rad]
 
 
 @wp.struct
@@ -66,6 +53,10 @@ class MachineRecord:
     engine: Engine
     rest: Rest
     frame_ground_clearance: float  # [m]
+
+
+OK = wp.constant(0)
+NON_FINITE = wp.constant(1)
 
 
 def _each(name: str) -> list[str]:

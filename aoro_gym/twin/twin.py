@@ -19,10 +19,21 @@ from aoro_gym.machine.parameters import Machine
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.terrains.raster import CELL
 from aoro_gym.terrains.terrain import Terrain
-from aoro_gym.twin import kernels
 from aoro_gym.twin.grounds import Grounds
 from aoro_gym.twin.hydraulic_step import check_hydraulic_step, warn_of_fine_step
-from aoro_gym.twin.records import CHANNELS, COMMAND_BOUNDS, Command, MachineRecord, Output, State, pack, row_of
+from aoro_gym.twin.kernels import overwrite
+from aoro_gym.twin.kernels.build import build
+from aoro_gym.twin.records import (
+    CHANNELS,
+    COMMAND_BOUNDS,
+    NON_FINITE,
+    Command,
+    MachineRecord,
+    Output,
+    State,
+    pack,
+    row_of,
+)
 
 LONGEST_COMMAND_DELAY = 0.1
 """Upper bound [s] of ``steering.valve.command_delay``; that much of the steering command is kept."""
@@ -39,7 +50,7 @@ WORTH_THREADS = 200
 STATE_ARRAYS = ("_machines", "state", "commands", "_history", "_clock", "_status", "_outputs")
 """What a twin's next steps depend on, beside its ground."""
 
-STATUS = {kernels.NON_FINITE: "its state became non-finite"}
+STATUS = {NON_FINITE: "its state became non-finite"}
 """Reasons for which a twin is frozen, by status code (0: running)."""
 
 
@@ -158,7 +169,7 @@ class Twin:
         self._grounds = Grounds(
             self.terrain, num_twins=self.num_twins, kind=ground, cell=cell, gravity=gravity, device=self.device
         )
-        self._reset_kernel, self._advance_kernel = kernels.build(type(self.ground)._cls)
+        self._reset_kernel, self._advance_kernel = build(type(self.ground)._cls)
 
         n = self.num_twins
         self.state = wp.zeros((len(State), n), dtype=float, device=self.device)
@@ -472,7 +483,7 @@ class Twin:
             check_hydraulic_step(machine, self.main_step, self.substeps, numbers=chosen)
         rows = np.resize(pack(machine), len(chosen))
         wp.launch(
-            kernels.exchange,
+            overwrite.exchange,
             dim=len(chosen),
             inputs=[
                 wp.array(rows, dtype=MachineRecord, device=self.device),

@@ -146,12 +146,12 @@ def test_changed_code_is_named_and_accepted_and_recorded(whole, tmp_path, monkey
     out = tmp_path / "mine.toml"
     with pytest.raises(KeyboardInterrupt):
         calibrate_to(out, fit(log, progress=interrupt_at(0.6)))
-    edited = {**sources(), "twin/kernels.py": "0" * 16}
+    edited = {**sources(), "twin/kernels/advance.py": "0" * 16}
     monkeypatch.setattr(provenance, "sources", lambda: edited)
-    with pytest.raises(ChangedCode, match=r"twin/kernels\.py has changed.*--accept-code-change"):
+    with pytest.raises(ChangedCode, match=r"twin/kernels/advance\.py has changed.*--accept-code-change"):
         calibrate_to(out, fit(log))
     found, _ = calibrate_to(out, fit(log, accept_code_change=True), force=True)
-    assert found.report["accepted_code_changes"] == ["twin/kernels.py has changed"]
+    assert found.report["accepted_code_changes"] == ["twin/kernels/advance.py has changed"]
     assert out.read_bytes() == expected["mine.toml"]
 
 

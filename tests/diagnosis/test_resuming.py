@@ -156,13 +156,13 @@ def test_an_unfinished_diagnosis_goes_on_with_its_inputs_only(tmp_path, launches
 
 def test_launches_of_other_code_are_named_and_kept_only_if_accepted(tmp_path, launches, monkeypatch):
     interrupt(tmp_path)
-    edited = {**sources(), "twin/kernels.py": "0" * 16}
+    edited = {**sources(), "twin/kernels/advance.py": "0" * 16}
     monkeypatch.setattr(provenance, "sources", lambda: edited)
-    with pytest.raises(ChangedCode, match=r"twin/kernels.py has changed.*--accept-code-change"):
+    with pytest.raises(ChangedCode, match=r"twin/kernels/advance.py has changed.*--accept-code-change"):
         interrupt(tmp_path)
     with resumable("cpu", tmp_path, accept_code_change=True) as simulator:
         simulator.run(task())
-    assert simulator.code_changes == ("twin/kernels.py has changed",)
+    assert simulator.code_changes == ("twin/kernels/advance.py has changed",)
     assert len(launches) == 1
 
 

@@ -270,7 +270,7 @@ def test_tensors_count_by_their_values():
 def test_every_source_of_the_package_counts():
     names = set(sources())
     assert {
-        "twin/kernels.py",
+        "twin/kernels/advance.py",
         "envs/core/vector.py",
         "terrains/io/loading.py",
         "agents/training/train.py",

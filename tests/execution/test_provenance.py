@@ -46,13 +46,13 @@ def test_a_changed_file_is_refused_by_name(tmp_path: Path):
 def test_changed_code_is_named_and_may_be_accepted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     file = tmp_path / "provenance.json"
     check_provenance(file, {"seed": 3})
-    edited = {**sources(), "twin/kernels.py": "0" * 16}
+    edited = {**sources(), "twin/kernels/advance.py": "0" * 16}
     monkeypatch.setattr(provenance, "sources", lambda: edited)
-    with pytest.raises(ChangedCode, match=r"twin/kernels.py has changed.*--accept-code-change"):
+    with pytest.raises(ChangedCode, match=r"twin/kernels/advance.py has changed.*--accept-code-change"):
         check_provenance(file, {"seed": 3})
     check_provenance(file, {"seed": 3}, accept_code_change=True)
     accepted = json.loads(file.read_text())["accepted_code_changes"]
-    assert accepted[0]["changes"] == ["twin/kernels.py has changed"]
+    assert accepted[0]["changes"] == ["twin/kernels/advance.py has changed"]
     check_provenance(file, {"seed": 3})  # the new code is what the folder goes on with
 
 

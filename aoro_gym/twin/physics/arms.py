@@ -8,6 +8,7 @@ import warp as wp
 
 from aoro_gym.twin.physics.cylinders import Linkage, cylinder_extension
 from aoro_gym.twin.physics.fluid import Gas, Oil, fill_chamber, free_gas, orifice, pressure, relief_valve
+from aoro_gym.twin.physics.friction import dry_friction, end_stop, seal_friction
 
 
 @wp.struct
@@ -100,6 +101,30 @@ def arm_gas(oil: Oil, s: ArmState):
 def arm_oil_torque(oil: Oil, g: ArmGeometry, s: ArmState):
     """Torque [N m] of the oil on the arm, positive raising the wheel: Σ p dV/dφ."""
     return pressure(oil, s.bore) * g.displacement_bore + pressure(oil, s.rod) * g.displacement_rod
+
+
+@wp.func
+def arm_seal_capacity(m: Arm, oil: Oil, g: ArmGeometry, s: ArmState, rate: float):
+    """Friction torque [N m] at which an arm's cylinder breaks away or slides."""
+    return g.lever * seal_friction(
+        m.cylinder_seal_preload,
+        m.cylinder_seal_pressure_coefficient,
+        wp.max(pressure(oil, s.bore), 0.0) + wp.max(pressure(oil, s.rod), 0.0),
+        m.cylinder_seal_static_ratio,
+        m.cylinder_seal_stribeck_velocity,
+        g.lever * rate,
+    )
+
+
+@wp.func
+def arm_torque(m: Arm, g: ArmGeometry, angle: float, rate: float, deflection: float, capacity: float, oil_torque: float):
+    """Torque [N m] that raises an arm: oil, seal friction, end stops."""
+    return (
+        oil_torque
+        + dry_friction(deflection, rate, capacity, m.presliding_stiffness, m.presliding_damping)
+        - m.cylinder_seal_viscous * g.lever * g.lever * rate
+        + end_stop(angle, rate, m.swing, m.stop_torsional_stiffness, m.stop_torsional_damping)
+    )
 
 
 @wp.func

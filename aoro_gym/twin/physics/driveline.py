@@ -102,6 +102,18 @@ def driveline_gas(oil: Oil, s: DrivelineState):
 
 
 @wp.func
+def motor_pressures(oil: Oil, s: DrivelineState):
+    """Pressure difference [Pa] across every motor."""
+    back = pressure(oil, s.back)
+    return wp.vec4(
+        pressure(oil, s.wheel_fl) - back,
+        pressure(oil, s.wheel_fr) - back,
+        pressure(oil, s.wheel_rl) - back,
+        pressure(oil, s.wheel_rr) - back,
+    )
+
+
+@wp.func
 def motor_hose_step(
     m: Driveline, oil: Oil, gas: Gas, opening: float, displacement: float, rate: float, main: float, back: float,
     content: float, dt: float,

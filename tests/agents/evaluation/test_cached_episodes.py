@@ -322,14 +322,14 @@ def test_changed_code_is_named_and_may_be_accepted(tmp_path, drives, plain_repor
     driven, limit = drives
     command = command_of(tmp_path)
     interrupted(command, limit)
-    edited = {**provenance.sources(), "twin/kernels.py": "0" * 16}
+    edited = {**provenance.sources(), "twin/kernels/advance.py": "0" * 16}
     monkeypatch.setattr(provenance, "sources", lambda: edited)
-    assert "begun with other code: twin/kernels.py has changed; --accept-code-change" in refused(command)
+    assert "begun with other code: twin/kernels/advance.py has changed; --accept-code-change" in refused(command)
     driven.clear()
     shown = CliRunner().invoke(app, [*command, "--accept-code-change"], catch_exceptions=False)
     assert (shown.exit_code, driven) == (0, [2])
     made_by = json.loads((tmp_path / "out" / "evaluation.json").read_text())["made_by"]
-    assert made_by["accepted_code_changes"][0]["changes"] == ["twin/kernels.py has changed"]
+    assert made_by["accepted_code_changes"][0]["changes"] == ["twin/kernels/advance.py has changed"]
 
 
 def test_restarting_forgets_what_was_kept(tmp_path, drives, plain_report):

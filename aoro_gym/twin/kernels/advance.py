@@ -1,0 +1,241 @@
+"""The kernel ``advance``: moves twins by many main steps in one launch.
+
+One thread is one twin. A main step is drift – hydraulics – kick – drift:
+
+1. half a step of the pose with the old velocity;
+2. slow actuators (arm spools, pump 1, gears, traction valves: once a main step), then all hydraulic substeps, with the
+   geometry of the middle pose and the old joint rates; the oil's mean torques over the step are kept;
+3. contacts, friction and bodies at the middle pose, with velocities extrapolated to the middle of the step where a force
+   depends on them: one kick of the velocity. Deflections of dry friction belong to the middle of the step, too, moved
+   there by the velocity between (leapfrog);
+4. half a step of the pose with the new velocity; the oil takes up the difference of volume between the old and the mean
+   velocity.
+
+Bodies and shut-in oil together form a symplectic scheme of second order (Störmer–Verlet): without losses their energy
+does not drift. Flows through orifices are of first order in the substep.
+"""
+
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
+from typing import Any
+
+import warp as wp
+
+from aoro_gym.twin.kernels.corners import Half, corner, corner_contact, deflections, hull_loads
+from aoro_gym.twin.kernels.hydraulics import (
+    actuators_step,
+    chambers_at,
+    delay,
+    displace,
+    driveline_control,
+    hydraulics,
+    load_signals,
+    pumps_torque,
+)
+from aoro_gym.twin.kernels.motion import drift, kick, rear_rate, rear_rate_change, turn, wheel_rates
+from aoro_gym.twin.kernels.outputs import GroundContact, record_outputs
+from aoro_gym.twin.kernels.state import (
+    load_accelerations,
+    load_actuators,
+    load_circuits,
+    load_deflections,
+    load_engine,
+    load_pose,
+    load_velocity,
+    rest,
+    store_accelerations,
+    store_actuators,
+    store_circuits,
+    store_deflections,
+    store_engine,
+    store_pose,
+    store_velocity,
+    watched,
+)
+from aoro_gym.twin.physics.bodies import accelerate, hinge_rotation
+from aoro_gym.twin.physics.engine import engine_step
+from aoro_gym.twin.physics.fluid import without_gas
+from aoro_gym.twin.physics.joint import rigid_joint_torque
+from aoro_gym.twin.physics.steering import play_output
+from aoro_gym.twin.records import NON_FINITE, OK, MachineRecord
+
+TWO_PI = wp.constant(6.283185307179586)
+
+
+def advance(
+    # parameters
+    machines: wp.array(dtype=MachineRecord),
+    terrain: Any,
+    # commands (set, row, twin): each set holds for an equal number of frames
+    commands: wp.array3d(dtype=float),
+    # state in and out
+    state: wp.array2d(dtype=float),
+    history: wp.array2d(dtype=float),
+    clock: wp.array(dtype=int),
+    status: wp.array(dtype=int),
+    # outputs (frame, row, twin): one frame every ``frame_steps`` main steps
+    outputs: wp.array3d(dtype=float),
+    # time stepping
+    first: int,
+    num_frames: int,
+    frame_steps: int,
+    num_substeps: int,
+    h: float,
+):
+    """Advance the twins from ``first`` on by ``num_frames`` times ``frame_steps`` main steps of ``h`` [s] with
+    ``num_substeps`` each."""
+    t = first + wp.tid()
+    if status[t] != OK:
+        return
+    m = machines[t % machines.shape[0]]
+    ground = terrain.twins[t]
+
+    pose = load_pose(state, t)
+    velocity = load_velocity(state, t)
+    change = load_accelerations(state, t)
+    bent = load_deflections(state, t)
+    actuators = load_actuators(state, t)
+    circuits = load_circuits(state, t)
+    engine = load_engine(state, t)
+    tick = clock[t]
+    half = 0.5 * h
+
+    for frame in range(num_frames):
+        signals = load_signals(commands[frame * commands.shape[0] // num_frames], t)
+        contact = GroundContact(wp.vec4(0.0, 0.0, 0.0, 0.0), wp.vec4(1.0, 1.0, 1.0, 1.0), 0.0)
+        for step in range(frame_steps):
+            # half a drift: the middle pose
+            pose.orientation = turn(pose.orientation, velocity.angular, half)
+            rotation = wp.quat_to_matrix(pose.orientation)
+            pose = drift(pose, velocity, rotation, half)
+            to_rear = hinge_rotation(pose.joint)
+            omega_rear = rear_rate(to_rear, velocity)
+            wheel_rate = wheel_rates(velocity.angular, omega_rear, velocity.arms, velocity.spins)
+            pose.wheels += half * wheel_rate
+
+            # slow actuators: their value in the middle of the step
+            delayed = delay(history, t, tick, signals.steering, m.steering.valve_command_delay / h)
+            old = actuators
+            actuators = actuators_step(m, signals, delayed, old, h)
+            spool_demand = play_output(actuators.play, m.steering.valve_hysteresis)
+            control = driveline_control(m.driveline.motor_displacement, old, actuators, engine.speed)
+
+            # hydraulic substeps
+            chambers = chambers_at(m, pose, old, actuators)
+            if m.oil.gas_fraction > 0.0 or m.joint.mount_stiffness > 0.0:
+                circuits, joint_oil, arm_oil, motor_mean = hydraulics(
+                    m, m.oil, m.joint.mount_stiffness, chambers, control, spool_demand, pose.joint, velocity.joint,
+                    velocity.arms, wheel_rate, circuits, h, num_substeps,
+                )
+            else:  # compiled without gas and mount
+                circuits, joint_oil, arm_oil, motor_mean = hydraulics(
+                    m, without_gas(m.oil), 0.0, chambers, control, spool_demand, pose.joint, velocity.joint,
+                    velocity.arms, wheel_rate, circuits, h, num_substeps,
+                )
+
+            # motion in the middle of the step, extrapolated
+            middle = kick(velocity, change, half)
+            middle_omega_rear = rear_rate(to_rear, middle)
+            middle_wheel_rate = wheel_rate + half * wheel_rates(
+                change.angular, rear_rate_change(to_rear, velocity, change), change.arms, change.spins
+            )
+
+            # joint: oil, friction, stops; or the mount, whose cylinders feel them
+            joint_torque = joint_oil
+            if m.joint.mount_stiffness == 0.0:
+                joint_torque, friction = rigid_joint_torque(
+                    m.joint, m.steering, m.oil, chambers.steering, pose.joint, middle.joint, velocity.joint, joint_oil,
+                    circuits.steering, circuits.mount.friction, h,
+                )
+                circuits.mount.friction = friction
+
+            # corners: arms, wheels, tires; hulls
+            front = Half(
+                1.0, m.frame_front.pivot_x, rotation, pose.position, middle.linear, middle.angular,
+                control.displacement_front,
+            )
+            rear = Half(
+                -1.0, m.frame_rear.pivot_x, rotation * wp.transpose(to_rear), pose.position, to_rear * middle.linear,
+                middle_omega_rear, control.displacement_rear,
+            )
+            fl = corner(
+                0, pose, velocity, middle, wheel_rate, middle_wheel_rate, change, arm_oil, motor_mean, bent
+            )
+            fr = corner(
+                1, pose, velocity, middle, wheel_rate, middle_wheel_rate, change, arm_oil, motor_mean, bent
+            )
+            rl = corner(
+                2, pose, velocity, middle, wheel_rate, middle_wheel_rate, change, arm_oil, motor_mean, bent
+            )
+            rr = corner(
+                3, pose, velocity, middle, wheel_rate, middle_wheel_rate, change, arm_oil, motor_mean, bent
+            )
+            at_fl = corner_contact(
+                m, terrain, ground, front, 1.0, chambers.fl, circuits.fl, fl, signals.parking_brake, h
+            )
+            at_fr = corner_contact(
+                m, terrain, ground, front, -1.0, chambers.fr, circuits.fr, fr, signals.parking_brake, h
+            )
+            at_rl = corner_contact(
+                m, terrain, ground, rear, 1.0, chambers.rl, circuits.rl, rl, signals.parking_brake, h
+            )
+            at_rr = corner_contact(
+                m, terrain, ground, rear, -1.0, chambers.rr, circuits.rr, rr, signals.parking_brake, h
+            )
+            bent = deflections(at_fl, at_fr, at_rl, at_rr)
+            front_force, front_moment, front_touch = hull_loads(
+                m.hull, m.frame_front, m.frame_ground_clearance, terrain, ground, front
+            )
+            rear_force, rear_moment, rear_touch = hull_loads(
+                m.hull, m.frame_rear, m.frame_ground_clearance, terrain, ground, rear
+            )
+            contact.wheel_load = wp.vec4(at_fl.normal, at_fr.normal, at_rl.normal, at_rr.normal)
+            contact.on_map = wp.vec4(at_fl.known, at_fr.known, at_rl.known, at_rr.known)
+            contact.hull_force = front_touch + rear_touch
+
+            # accelerations of the tree
+            weight = wp.transpose(rotation) * wp.vec3(0.0, 0.0, -ground.gravity)
+            change = accelerate(
+                m.frame_front, m.frame_rear, m.corner, weight, to_rear, middle.linear, middle.angular, middle.joint,
+                joint_torque, at_fl.load, at_fr.load, at_rl.load, at_rr.load, front_force, front_moment, rear_force,
+                rear_moment,
+            )
+
+            # kick, and half a drift to the end of the step
+            start = velocity
+            velocity = kick(start, change, h)
+            pose = drift(pose, velocity, rotation, half)
+            pose.orientation = turn(pose.orientation, velocity.angular, half)
+            omega_rear = rear_rate(hinge_rotation(pose.joint), velocity)
+            end_wheel_rate = wheel_rates(velocity.angular, omega_rear, velocity.arms, velocity.spins)
+            wheels = pose.wheels + half * end_wheel_rate
+            for i in range(4):
+                wheels[i] = wheels[i] - TWO_PI * wp.floor(wheels[i] / TWO_PI)
+            pose.wheels = wheels
+
+            # the oil takes up what the joints moved beyond the old velocity: volumes stay exact
+            circuits = displace(
+                m, chambers, control, half * (velocity.joint - start.joint), half * (velocity.arms - start.arms),
+                half * (end_wheel_rate - wheel_rate), circuits,
+            )
+            engine = engine_step(m.engine, engine, pumps_torque(m, circuits, actuators.drive_swash), h)
+            tick += 1
+
+            # any NaN or infinity in a velocity or a pressure reaches this sum within a step
+            watch = watched(pose, velocity, circuits, motor_mean, arm_oil, engine)
+            if not wp.isfinite(watch):
+                status[t] = NON_FINITE
+                return
+
+        record_outputs(outputs, frame, t, m, signals, pose, velocity, actuators, circuits, engine, contact)
+
+    if not wp.isfinite(rest(pose, change, bent, actuators, circuits, engine)):
+        status[t] = NON_FINITE
+        return
+    store_pose(state, t, pose)
+    store_velocity(state, t, velocity)
+    store_accelerations(state, t, change)
+    store_deflections(state, t, bent)
+    store_actuators(state, t, actuators)
+    store_circuits(state, t, circuits)
+    store_engine(state, t, engine)
+    clock[t] = tick
