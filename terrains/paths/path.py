@@ -339,7 +339,7 @@ def _pieces(length: float, spacing: float) -> int:
     if length > MOST_POINTS * spacing:
         raise ValueError(
             f"a path of {length / 1e3:.6g} km with a point every {spacing:g} m has more than {MOST_POINTS:,} points; cut it,"
-            f" or give a spacing of at least {length / MOST_POINTS:.2g} m"
+            f" or give a spacing of at least {1.05 * length / MOST_POINTS:.2g} m"  # two digits may be 5 % less
         )
     return max(round(length / spacing), 1)
 

@@ -1,6 +1,7 @@
 """The inertial unit: rms of its errors, and the specific force in closed form."""
 
 import math
+from dataclasses import FrozenInstanceError
 
 import numpy as np
 import pytest
@@ -55,3 +56,17 @@ def test_wrong_values_are_named():
         ImuNoise(bias_time=0)
     with pytest.raises(ValueError, match=r"rates has shape \(1, 2\)"):
         Imu().measure(np.zeros((1, 2)), np.zeros((1, 3)), [0.0], [0.0], 0.0)
+
+
+def test_typical_errors_are_those_of_the_data_sheets():
+    noise = ImuNoise.typical()
+    # densities of the MTi-1 over 50 Hz; roll and pitch of the MTi-30 between rest and motion
+    assert math.degrees(noise.rate_white) == pytest.approx(0.007 * math.sqrt(50.0))
+    assert noise.force_white == pytest.approx(120e-6 * 9.81 * math.sqrt(50.0))
+    assert 0.2 <= math.degrees(math.hypot(noise.attitude_white, noise.attitude_drift)) <= 0.5
+
+
+def test_a_reading_does_not_change():
+    reading = Imu().measure(np.zeros((1, 3)), np.zeros((1, 3)), [0.0], [0.0], 0.0)
+    with pytest.raises(FrozenInstanceError):
+        reading.roll = np.ones(1)  # pyright: ignore[reportAttributeAccessIssue]

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.stats import kstest
 
 from aoro_gym.sensors import JointAngleNoise, JointAngleSensor, NoiseLine
 from aoro_gym.sensors.chain import measured_flow, port_volume
@@ -145,3 +146,10 @@ def test_what_is_wrong_is_named():
         JointAngleNoise(white=-1.0)
     with pytest.raises(ValueError, match="2 columns, but there are 3 sensors"):
         JointAngleSensor(3).record(np.zeros((9, 2)), np.arange(9) / RATE, np.random.default_rng(0))
+
+
+def test_lines_near_15_hz_lie_evenly_around_it():
+    frequency = JointAngleNoise.published().draw(np.random.default_rng(2).spawn(200)).frequency
+    near = frequency[(frequency > 10.0) & (frequency < 20.0)]
+    # Kolmogorov-Smirnov at the 0.1 % level; 1.95/√n is its bound
+    assert kstest(near, "uniform", (14.0, 2.0)).statistic < 1.95 / np.sqrt(near.size)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from aoro_gym.sensors.noise import draw_seeds, quantised, tick, white
+from aoro_gym.sensors.noise import _mixed, _uniform, draw_seeds, quantised, tick, white
 
 
 def test_white_noise_is_standard_normal():
@@ -34,3 +34,17 @@ def test_quantiser():
     values = np.array([-0.26, 0.24, 0.1])
     assert quantised(values, 0.5) == pytest.approx([-0.5, 0.0, 0.0])
     assert quantised(values, 0.0) is values
+
+
+def test_bits_are_those_of_splitmix64():
+    # its outputs for the seed 1234567; the nth mixes the seed and n times the golden ratio, of which one is added inside
+    published = [
+        6457827717110365317, 3203168211198807973, 9817491932198370423, 4593380528125082431, 16408922859458223821,
+    ]  # fmt: skip
+    states = 1234567 + np.arange(5) * -0x61C8864680B583EB
+    np.testing.assert_array_equal(_mixed(states).view(np.uint64), np.array(published, dtype=np.uint64))
+
+
+def test_uniform_numbers_are_the_middles_of_equal_cells():
+    first, last = _uniform(np.array([0, -1]))  # no bit set, and all of them: half a cell of 2⁻⁵² from either end
+    assert (first, last) == (2.0**-53, 1.0 - 2.0**-53)

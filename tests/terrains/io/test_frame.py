@@ -101,3 +101,15 @@ def test_the_unit_of_a_clouds_heights_is_settled_before_its_ground_is_told(tmp_p
         assert ("z_units" in {change.what for change in report.changes}) == (unit == "mm")
     assert report.extent_m[2] == pytest.approx(np.ptp(z), rel=0.02)
     assert len(terrain.vertices) > 2000
+
+
+@pytest.mark.parametrize("relief", [0.0, 0.5, 2.5, 40.0, 400.0])
+def test_kilometres_are_recognised_unless_heights_tower_over_them(relief):
+    """4 units wide: a steep flank in km may be as high as the tenfold, 400 m beside degrees may not."""
+    high = np.array([4.0, 3.0, relief])
+    request, report = Request(), Report("g", kind="points")
+    if relief <= 10.0 * 4.0:
+        assert find_frame(request, report, np.zeros(3), high, spacing=0.005).scale == 1000.0
+    else:
+        with pytest.raises(TerrainError, match="as if in degrees and metres"):
+            find_frame(request, report, np.zeros(3), high, spacing=0.005)

@@ -215,3 +215,15 @@ def test_a_doubtful_value_that_is_kept_is_named():
     ((value, step),) = set(marks.suspects)
     assert value == 0.0
     assert 5.0 < step < 10.0
+
+
+def test_blends_are_told_in_any_unit():
+    z = with_lake(-9999.0)
+    z[19, 25:37] = np.linspace(-8000.0, -310.0, 12)
+    metres = find_marks(z)
+    assert np.isfinite(metres.low)
+    for metre in (0.3048, 0.01):
+        # the quotient, two percentiles and their difference are each rounded once
+        assert find_marks(np.where(z == -9999.0, z, z / metre), metre).low * metre == pytest.approx(
+            metres.low, rel=1e-12
+        )

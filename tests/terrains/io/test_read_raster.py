@@ -566,3 +566,12 @@ def test_a_projection_beside_it_that_says_nothing_is_named(tmp_path, text, told)
     said, answer = load(tmp_path / "a.asc", crs="EPSG:32635")
     np.testing.assert_array_equal(said.vertices, terrain.vertices)
     assert not any("a.prj" in warning for warning in answer.warnings)
+
+
+@pytest.mark.parametrize(("cell", "told"), [(2.0, False), (2.3, True)])
+def test_a_cell_beside_the_multiples_of_the_pixel_is_told(tmp_path, cell, told):
+    path = write(tmp_path / "g.tif", [sampled(north_up())], place=north_up())
+    report = load(path, cell=cell)[1]
+    assert [change.text for change in report.changes if change.what == "cell"] == told * [
+        "cell of 2 m, the multiple of the pixel next to 2.3 m"
+    ]

@@ -6,8 +6,9 @@ import numpy as np
 from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay
 
+from aoro_gym.terrains.heights import Heights
 from aoro_gym.terrains.io.ground_filter import ground_points
-from aoro_gym.terrains.io.repair import _triangles, interpolate
+from aoro_gym.terrains.io.repair import _triangles, drop_pieces, interpolate
 
 
 def scattered(count=400, seed=0) -> np.ndarray:
@@ -54,3 +55,15 @@ def test_few_points_over_kilometres_take_no_cloth_of_their_whole_width():
     started = time.process_time()
     ground_points(points)
     assert time.process_time() - started < 20.0  # 5,600 tiles of 0.8 million particles would take an hour
+
+
+def test_small_pieces_go_and_their_areas_are_told():
+    z = np.full((9, 12), np.nan)
+    z[:, :6] = 1.0  # 8 x 5 cells
+    z[:3, 8:] = 2.0  # 2 x 3
+    z[5:7, 9:11] = 3.0  # 1
+    heights = Heights(z, 0.5)
+    for smallest, areas in ((0.2, []), (0.3, [0.25]), (1.6, [1.5, 0.25]), (100.0, [1.5, 0.25])):
+        kept, gone = drop_pieces(heights, smallest)
+        assert gone == areas
+        assert kept.known.sum() == 54 + 12 * (1.5 not in areas) + 4 * (0.25 not in areas)

@@ -1,10 +1,12 @@
 """Paths against closed forms: straight line, circle, clothoid; projection against every point of the path."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.special import fresnel
 
-from aoro_gym.terrains.paths.path import Path
+from aoro_gym.terrains.paths.path import MOST_POINTS, Path
 
 RADIUS = 6.0
 
@@ -273,3 +275,13 @@ SQUARE = at((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
 def test_refuses(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+@pytest.mark.parametrize("length", [1100.0, 1240.0, 1249.0, 99_500.0, 123_456.0])
+def test_the_spacing_that_a_refusal_names_is_enough(length):
+    path = Path(at((0.0, 0.0), (length, 0.0)))
+    with pytest.raises(ValueError, match="or give a spacing of at least") as caught:
+        path.resample(0.001)
+    spacing = float(re.findall(r"at least ([\d.]+) m", str(caught.value))[0])
+    # as little as two digits can say, and their margin
+    assert length / MOST_POINTS <= spacing <= 1.11 * length / MOST_POINTS

@@ -211,3 +211,11 @@ def test_the_users_crs_and_degrees(tmp_path, terrain):
     np.testing.assert_allclose(as_said.points[0], local(degrees(LINE[:1]))[0], atol=1e-3)
     geo = json.dumps({"type": "LineString", "coordinates": degrees(LINE)[:, ::-1].tolist()})
     assert loaded(tmp_path, geo, terrain, "a.geojson", crs="EPSG:4326").path.length == pytest.approx(40.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("zone", [33, 34, 36, 37])
+def test_utm_of_two_zones_around_is_recognised(tmp_path, zone):
+    middle = (500_000.0, 6_655_200.0, 0.0)  # of zone 35
+    other = pyproj.Transformer.from_crs(CRS, f"EPSG:326{zone}", always_xy=True).transform(*(LINE + middle[:2]).T)
+    said = refusal(tmp_path, table(np.stack(other, axis=1), "E,N"), ground(origin=middle))
+    assert f"they look like EPSG:326{zone}: say crs='EPSG:326{zone}'" in said

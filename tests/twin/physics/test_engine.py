@@ -9,7 +9,7 @@ import warp as wp
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from aoro_gym.twin.physics.engine import Engine, EngineState, engine_step, full_load_torque
+from aoro_gym.twin.physics.engine import Engine, EngineState, engine_step, full_load_torque, governed_speed
 from tests.twin.physics.launch import ROUNDOFF, changed, columns, launch, record
 
 RPM = np.pi / 30.0
@@ -35,6 +35,17 @@ ENGINE = record(
 def curve_kernel(engine: wp.array(dtype=Engine), speed: wp.array(dtype=float), torque: wp.array(dtype=float)):
     i = wp.tid()
     torque[i] = full_load_torque(engine[i], speed[i])
+
+
+@wp.kernel(enable_backward=False)
+def governed_kernel(
+    engine: wp.array(dtype=Engine),
+    brake: wp.array(dtype=float),
+    full: wp.array(dtype=float),
+    speed: wp.array(dtype=float),
+):
+    i = wp.tid()
+    speed[i] = governed_speed(engine[i], brake[i], full[i])
 
 
 @wp.kernel(enable_backward=False)
@@ -238,3 +249,11 @@ def test_heavier_engine_sags_less():
     light, *_ = launch(run_kernel, ENGINE, running(), 300.0, 1e-3, 100)
     heavy, *_ = launch(run_kernel, changed(ENGINE, inertia=2.8), running(), 300.0, 1e-3, 100)
     assert light.speed < heavy.speed < columns(ENGINE).set_speed
+
+
+def test_droop_ends_at_full_load():
+    engine = columns(changed(ENGINE, droop=0.05))
+    torque, full = np.array([-100.0, 0.0, 300.0, 600.0, 900.0, 1e4]), 600.0
+    speed = launch(governed_kernel, changed(ENGINE, droop=0.05), torque, full)
+    expected = engine.set_speed * (1.0 - engine.droop * np.array([0.0, 0.0, 0.5, 1.0, 1.0, 1.0]))
+    np.testing.assert_allclose(speed, expected, rtol=4 * ROUNDOFF)
