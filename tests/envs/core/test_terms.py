@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from dataclasses import FrozenInstanceError
 from typing import Any
 
 import gymnasium
@@ -134,3 +135,8 @@ def test_mappings_of_terms_are_immutable_and_travel():
         assert twin.reward_terms == REWARD_TERMS
     assert hash(Frozen({"a": 1})) == hash(Frozen({"a": 1}))
     assert repr(Frozen({"a": 1})) == "Frozen({'a': 1})"
+
+
+def test_terms_do_not_change():
+    with pytest.raises(FrozenInstanceError):
+        RewardTerm(1.0, abs).weight = 2.0  # type: ignore[misc]

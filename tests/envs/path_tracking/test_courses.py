@@ -187,3 +187,12 @@ def test_memory_is_flat(kind, monkeypatch):
         use(number)
     gc.collect()
     assert rss() - before < bound
+
+
+def test_ground_is_known_up_to_each_edge():
+    ground = Terrain.from_heights(np.zeros((11, 31)), cell=1.0, corner=(-5.0, 20.0))
+    edges = np.array([[-5.0, 25.0], [25.0, 25.0], [10.0, 20.0], [10.0, 30.0]])
+    inwards = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+    known = HeightMap([ground]).known
+    assert known(np.zeros(4, dtype=int), edges + 0.01 * inwards).all()
+    assert not known(np.zeros(4, dtype=int), edges - 0.01 * inwards).any()

@@ -468,3 +468,14 @@ def test_randomisation_draws_the_start():
     assert infos["cross_track"].min() < -0.9 and infos["cross_track"].max() > 0.9
     with pytest.raises(ValueError, match=r"randomisation\.lateral_offset is \(-9, 1\)"):
         PathTrackingRandomisation(lateral_offset=(-9.0, 1.0))
+
+
+def test_traces_show_the_end_of_the_step():
+    env = make()
+    env.reset(seed=0)
+    drive(env, 0.5, 1.0, 5)  # it nods and leans
+    arms = np.array([env.output(f"arm_angle_{wheel}") for wheel in ("fl", "fr", "rl", "rr")])
+    before = env.task._outputs.group("arm_angle_fl", 4)[-2]
+    assert (before != arms).any()
+    traces = env.task.traces()
+    np.testing.assert_array_equal(traces[11:15], arms)

@@ -276,3 +276,9 @@ def test_wrong_places_are_named():
             env.reset(options=options)
     with pytest.raises(ValueError, match="the twins stand on a plane"):
         TurningVectorEnv(1).reset(options={"terrain": 0})
+
+
+def test_each_sub_environment_has_its_targets():
+    env = TurningVectorEnv(2)
+    _, infos = env.reset(seed=0, options={"targets": [[0.1, 0.3], [-0.2, 0.2]]})
+    np.testing.assert_array_equal(infos["target"], np.array([0.1, -0.2], dtype=np.float32))
