@@ -60,7 +60,7 @@ def rollout(
     seed: int | list[int],
     steps: int = EPISODE_STEPS,
     options: Mapping[str, Any] | None = None,
-    watch: Callable[[], Any] | None = None,
+    callback: Callable[[], Any] | None = None,
 ) -> Rollout:
     """Drive every sub-environment through one episode.
 
@@ -70,7 +70,7 @@ def rollout(
         seed: Of sub-environment 0, or one each.
         steps: Control steps.
         options: Of the reset.
-        watch: Called after the reset and after every step.
+        callback: Called after the reset and after every step.
 
     Raises:
         ValueError: the environment resets by itself.
@@ -82,8 +82,8 @@ def rollout(
     policy.reset()
     observations, infos = env.reset(seed=seed, options=options)
     start = infos["joint_angle"]
-    if watch is not None:
-        watch()
+    if callback is not None:
+        callback()
     for _ in range(steps):
         actions = policy(observations)
         rows["target"].append(infos["target"])
@@ -95,8 +95,8 @@ def rollout(
         rows["sampled"].append(np.array(env.task.view().samples("joint_angle"), dtype=np.float32))
         rows["signal"].append(actions[:, 0])
         rows["reward"].append(rewards)
-        if watch is not None:
-            watch()
+        if callback is not None:
+            callback()
     return Rollout(
         control_step=env.task.control_step,
         joint_angle=np.array(rows["angle"]),

@@ -41,11 +41,11 @@ def turn_joints(
     """
     film: list[NDArray[np.float32]] = []
 
-    def watch() -> None:
+    def callback() -> None:
         film.append(np.array(env.task.traces()[:, 0], dtype=np.float32))
         tell((len(film) - 1) / EPISODE_STEPS)
 
-    run = rollout(env, policy, **reset_arguments(seeds, asked), watch=watch)
+    run = rollout(env, policy, **reset_arguments(seeds, asked), callback=callback)
     found = responses(run, tolerance=env.task.config.tolerance)
     mine = [found["episode"] == i for i in range(env.num_envs)]
 

@@ -55,7 +55,7 @@ class Clock:
         raise ValueError(f"{name} is {value!r}, but must be a number, or lin_NUMBER to let it fall to 0")
 
 
-class Watch:
+class ProgressCallback:
     """Moves the clock, and tells where the training stands.
 
     Args:
@@ -76,7 +76,7 @@ class Watch:
         self._clock, self._episodes, self._tell, self._every = clock, episodes, tell, every
         self._began, self._first, self._told = time.perf_counter(), clock.done, -math.inf
 
-    def moved(self, steps: int) -> None:
+    def on_step(self, steps: int) -> None:
         """So many steps are done, of the whole training."""
         self._clock.done = steps
         if time.perf_counter() - self._told >= self._every:

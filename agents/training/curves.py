@@ -19,7 +19,8 @@ from aoro_gym.agents.evaluation.plots import COLOURS
 from aoro_gym.agents.evaluation.result import Evaluation
 from aoro_gym.agents.evaluation.tasks import TASKS
 from aoro_gym.agents.training.plan import TrainingPlan
-from aoro_gym.agents.training.train import EVALUATION_SEED, EVALUATIONS, judged_by, recall
+from aoro_gym.agents.training.run_folder import EVALUATIONS, recall
+from aoro_gym.agents.training.train import EVALUATION_SEED, judged_by
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.execution.files import read_json, written_whole
 from aoro_gym.execution.provenance import PROVENANCE, changed_inputs, listed

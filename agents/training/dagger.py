@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from aoro_gym.agents.controllers.reference import reference_policy
 from aoro_gym.agents.policies.networks import into_network, of_network
 from aoro_gym.agents.policies.policy import LearnedPolicy, Normalisation, Policy
-from aoro_gym.agents.training.callbacks import Clock, Watch
+from aoro_gym.agents.training.callbacks import Clock, ProgressCallback
 from aoro_gym.agents.training.checkpoints import random_states, restore_random_states
 from aoro_gym.agents.training.perceptron import perceptron
 from aoro_gym.agents.training.plan import TrainingPlan
@@ -86,7 +86,7 @@ class Hyperparams:
 
 
 class Dagger:
-    """A :class:`aoro_gym.agents.training.train.Learner`: dataset aggregation with a teacher that knows the true errors.
+    """A :class:`aoro_gym.agents.training.learner.Learner`: dataset aggregation with a teacher that knows the true errors.
 
     Args:
         plan: What to train; of it the environment, the seed and the device count here.
@@ -123,7 +123,7 @@ class Dagger:
     def log_to(self, logger: Any) -> None:
         self._logger = logger
 
-    def learn(self, steps: int, watch: Watch, *, seed: int | None) -> None:
+    def learn(self, steps: int, callback: ProgressCallback, *, seed: int | None) -> None:
         if seed is not None:
             self._env.seed(seed)
             self._last_observations = self._env.reset()
@@ -133,11 +133,11 @@ class Dagger:
         while self.steps < end:
             rollout = min(self._asked.n_steps, math.ceil((end - self.steps) / self.envs.num_envs))
             rate = self._learning_rate(0.0)  # before the clock moves on, to its end at last
-            self._gather(rollout, watch)
-            watch.report("fitting")
+            self._gather(rollout, callback)
+            callback.report("fitting")
             self._fit(rate)
 
-    def _gather(self, rollout: int, watch: Watch) -> None:
+    def _gather(self, rollout: int, callback: ProgressCallback) -> None:
         """Drive for so many control steps, and keep what was seen and what the teacher would have done."""
         led, space = self._mean is not None, self.envs.single_action_space
         policy = self.policy() if led else None
@@ -155,7 +155,7 @@ class Dagger:
                 if "episode" in info:
                     self._episodes.append((info["episode"]["r"], float(info.get("is_success", math.nan))))
             self.steps += self.envs.num_envs
-            watch.moved(self.steps)
+            callback.on_step(self.steps)
         self._last_observations = observations
         keep = int(self._asked.buffer_size)
         self._observations = np.concatenate([self._observations, *seen])[-keep:]

@@ -20,7 +20,9 @@ from pathlib import Path
 from typing import Any
 
 from aoro_gym.agents.training.plan import HYPERPARAMS, TrainingPlan
-from aoro_gym.agents.training.train import EVALUATIONS, continued, entry_of, inputs_of, read_recipe, train
+from aoro_gym.agents.training.recipe import entry_of, read_recipe
+from aoro_gym.agents.training.run_folder import EVALUATIONS, continued
+from aoro_gym.agents.training.train import inputs_of, train
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.execution.cluster import RETRIES, connected
 from aoro_gym.execution.files import read_json, write_json, write_text
@@ -30,7 +32,7 @@ from aoro_gym.machine import Machine
 
 SPACES = HYPERPARAMS / "spaces.yml"
 """What is searched, by algorithm."""
-KEPT, TUNE, TRIALS, RESULT, BEST = "search.json", "tune", "trials", "trials.json", "best.yml"
+SEARCH, TUNE, TRIALS, RESULT, BEST = "search.json", "tune", "trials", "trials.json", "best.yml"
 """In the folder of a search: what was asked for, what Ray Tune knows, the trainings, what they came to, and the best one's
 hyper-parameters. ``provenance.json`` tells what the search follows from."""
 METRIC = "return"
@@ -161,8 +163,6 @@ def search(
         try:
             import optuna  # pyright: ignore[reportMissingImports]
             from ray import tune  # pyright: ignore[reportMissingImports]
-            from ray.tune.schedulers import AsyncHyperBandScheduler  # pyright: ignore[reportMissingImports]
-            from ray.tune.search.optuna import OptunaSearch  # pyright: ignore[reportMissingImports]
         except ImportError as error:
             raise ValueError(f"{error.name} is missing: pip install 'aoro-gym[ray]'") from error
 
@@ -171,7 +171,7 @@ def search(
         if restart or not (folder / TRIALS).exists():
             _clear(folder)
         check_provenance(folder / PROVENANCE, asked, accept_code_change=accept_code_change)
-        write_json(folder / KEPT, {"command": plan.command, "space": [repr(one) for one in space], "trials": trials})
+        write_json(folder / SEARCH, {"command": plan.command, "space": [repr(one) for one in space], "trials": trials})
         optuna.logging.set_verbosity(optuna.logging.WARNING)
         logging.getLogger("ray.tune").setLevel(logging.WARNING)
         known = {
@@ -180,30 +180,7 @@ def search(
         }  # fmt: skip
         resources: dict[str, float] = {"cpu": 1, "gpu": 0 if plan.device == "cpu" else 1}
         work = tune.with_resources(tune.with_parameters(_trial, **known), resources)
-        place = folder.absolute() / TUNE
-        if tune.Tuner.can_restore(str(place)):
-            tuner = tune.Tuner.restore(str(place), work, resume_unfinished=True, restart_errored=True)
-        else:
-            tuner = tune.Tuner(
-                work,
-                param_space={one.name: _domain(tune, one) for one in space},
-                tune_config=tune.TuneConfig(
-                    metric=METRIC,
-                    mode="max",
-                    num_samples=trials,
-                    search_alg=OptunaSearch(seed=plan.seed),
-                    scheduler=AsyncHyperBandScheduler(
-                        time_attr="steps", max_t=int(total) + 1, grace_period=max(int(total) // REDUCTION**2, 1),
-                        reduction_factor=REDUCTION,
-                    ),
-                ),
-                run_config=tune.RunConfig(
-                    name=place.name,
-                    storage_path=str(place.parent),
-                    failure_config=tune.FailureConfig(max_failures=RETRIES),
-                    verbose=0,
-                ),
-            )  # fmt: skip
+        tuner = _tuner(work, plan, space, folder.absolute() / TUNE, trials=trials, total=int(total))
         with _watched(folder, trials * total, progress), warnings.catch_warnings():
             # a trial that goes on counts its evaluations from one again, which decides nothing
             warnings.filterwarnings("ignore", "The reported value is ignored", UserWarning)
@@ -211,6 +188,45 @@ def search(
     found = read_trials(folder)
     _write(plan, found, folder)
     return found
+
+
+def _tuner(work: Any, plan: TrainingPlan, space: Sequence[Dimension], place: Path, *, trials: int, total: int) -> Any:
+    """Ray's tuner: the one that ``place`` holds, or a new one there.
+
+    Args:
+        work: What a trial does.
+        plan: Of its training; its seed is that of the search.
+        space: What is searched.
+        place: Folder of what Ray Tune knows.
+        trials: How many.
+        total: Environment steps of a trial that does not fall behind.
+    """
+    from ray import tune  # pyright: ignore[reportMissingImports]
+    from ray.tune.schedulers import AsyncHyperBandScheduler  # pyright: ignore[reportMissingImports]
+    from ray.tune.search.optuna import OptunaSearch  # pyright: ignore[reportMissingImports]
+
+    if tune.Tuner.can_restore(str(place)):
+        return tune.Tuner.restore(str(place), work, resume_unfinished=True, restart_errored=True)
+    return tune.Tuner(
+        work,
+        param_space={one.name: _domain(tune, one) for one in space},
+        tune_config=tune.TuneConfig(
+            metric=METRIC,
+            mode="max",
+            num_samples=trials,
+            search_alg=OptunaSearch(seed=plan.seed),
+            scheduler=AsyncHyperBandScheduler(
+                time_attr="steps", max_t=total + 1, grace_period=max(total // REDUCTION**2, 1),
+                reduction_factor=REDUCTION,
+            ),
+        ),
+        run_config=tune.RunConfig(
+            name=place.name,
+            storage_path=str(place.parent),
+            failure_config=tune.FailureConfig(max_failures=RETRIES),
+            verbose=0,
+        ),
+    )  # fmt: skip
 
 
 def read_trials(folder: Path) -> list[Trial]:
@@ -228,7 +244,7 @@ def _clear(folder: Path) -> None:
     """Remove what a search has written."""
     for name in (TUNE, TRIALS):
         shutil.rmtree(folder / name, ignore_errors=True)
-    for name in (PROVENANCE, KEPT, RESULT, BEST):
+    for name in (PROVENANCE, SEARCH, RESULT, BEST):
         (folder / name).unlink(missing_ok=True)
 
 

@@ -20,7 +20,7 @@ from torch.nn import Parameter  # pyright: ignore[reportMissingImports]
 
 from aoro_gym.agents.policies.networks import into_network, of_network
 from aoro_gym.agents.policies.policy import LearnedPolicy
-from aoro_gym.agents.training.callbacks import Clock, Watch
+from aoro_gym.agents.training.callbacks import Clock, ProgressCallback
 from aoro_gym.agents.training.checkpoints import random_states, restore_random_states
 from aoro_gym.agents.training.device_env import DeviceEnv
 from aoro_gym.agents.training.perceptron import perceptron
@@ -100,8 +100,8 @@ class Hyperparams:
         return list(asked[network] if isinstance(asked, Mapping) else asked)
 
 
-class Resident:
-    """A :class:`aoro_gym.agents.training.train.Learner`: PPO, on the device of the twins.
+class SkrlPPO:
+    """A :class:`aoro_gym.agents.training.learner.Learner`: PPO, on the device of the twins.
 
     Args:
         plan: What to train; of it the environment, the seed and the device count here.
@@ -149,7 +149,7 @@ class Resident:
     def log_to(self, logger: Any) -> None:
         self._logger = logger
 
-    def learn(self, steps: int, watch: Watch, *, seed: int | None) -> None:
+    def learn(self, steps: int, callback: ProgressCallback, *, seed: int | None) -> None:
         observations = self._observations if seed is None else self._env.reset(seed)
         if observations is None:
             raise ValueError("seed is None, but there are no running episodes to go on with; give a seed")
@@ -160,7 +160,7 @@ class Resident:
             for _ in range(self._rollout):
                 observations = self._step(observations)
                 self.steps += self.envs.num_envs
-                watch.moved(self.steps)
+                callback.on_step(self.steps)
             self._log(self._rollout * self.envs.num_envs / (time.perf_counter() - began))
         self._observations = observations
 

@@ -20,7 +20,7 @@ from stable_baselines3.common.vec_env import VecNormalize  # pyright: ignore[rep
 
 from aoro_gym.agents.policies.networks import into_stable_baselines3, of_stable_baselines3
 from aoro_gym.agents.policies.policy import LearnedPolicy
-from aoro_gym.agents.training.callbacks import Clock, Watch
+from aoro_gym.agents.training.callbacks import Clock, ProgressCallback
 from aoro_gym.agents.training.checkpoints import random_states, restore_random_states
 from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.agents.training.vec_env import make_vec_env
@@ -36,7 +36,7 @@ TRANSITIONS = ("observations", "next_observations", "actions", "rewards", "dones
 
 
 class StableBaselines:
-    """A :class:`aoro_gym.agents.training.train.Learner` of the plan's algorithm.
+    """A :class:`aoro_gym.agents.training.learner.Learner` of the plan's algorithm.
 
     Args:
         plan: What to train; of it the environment, the algorithm, the seed and the device count here.
@@ -84,11 +84,13 @@ class StableBaselines:
     def log_to(self, logger: Any) -> None:
         self._model.set_logger(logger)
 
-    def learn(self, steps: int, watch: Watch, *, seed: int | None) -> None:
+    def learn(self, steps: int, callback: ProgressCallback, *, seed: int | None) -> None:
         if seed is not None:
             self._env.seed(seed)
             self._model._last_obs = None  # so that learn() resets the environments
-        self._model.learn(steps, callback=_Follower(watch), reset_num_timesteps=False, log_interval=self._log_interval)
+        self._model.learn(
+            steps, callback=_StepCallback(callback), reset_num_timesteps=False, log_interval=self._log_interval
+        )
 
     def episodes(self) -> tuple[float, float]:
         returns = [one["r"] for one in self._model.ep_info_buffer or ()]
@@ -174,19 +176,19 @@ class StableBaselines:
         self._env.close()
 
 
-class _Follower(BaseCallback):
-    """Tells a watch of every step, and logs the reward terms of episodes that ended."""
+class _StepCallback(BaseCallback):
+    """Tells a callback of every step, and logs the reward terms of episodes that ended."""
 
-    def __init__(self, watch: Watch):
+    def __init__(self, callback: ProgressCallback):
         super().__init__()
-        self._watch = watch
+        self._callback = callback
 
     def _on_step(self) -> bool:
         for info in self.locals["infos"]:
             for name, value in info.items():
                 if name.startswith("return/"):
                     self.logger.record_mean(f"terms/{name.removeprefix('return/')}", value)
-        self._watch.moved(self.num_timesteps)
+        self._callback.on_step(self.num_timesteps)
         return True
 
 

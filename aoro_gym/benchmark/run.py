@@ -79,7 +79,7 @@ class Plan:
         if self.env != ENVIRONMENT and self.ground != "plane" and {"env", "train"} & set(self.what):
             raise ValueError(f"ground is {self.ground!r}, but {self.env} is timed on the plane; drop one of the two")
         if "train" in self.what:
-            from aoro_gym.agents.training.train import versions
+            from aoro_gym.agents.training.learner import versions
 
             for trainer in self.trainers:
                 versions(trainer)  # all is there

@@ -30,8 +30,9 @@ def trainings(
 
     Raises ValueError if a library of the trainer's is missing.
     """
-    from aoro_gym.agents.training.callbacks import Clock, Watch
-    from aoro_gym.agents.training.train import learner_of, read_recipe
+    from aoro_gym.agents.training.callbacks import Clock, ProgressCallback
+    from aoro_gym.agents.training.learner import learner_of
+    from aoro_gym.agents.training.recipe import read_recipe
 
     plan = TrainingPlan(env=environment, trainer=trainer, device=device, seed=seed)
     recipe = read_recipe(plan)
@@ -45,10 +46,10 @@ def trainings(
     stage.apply(task, dict(task.reward_terms))
     if threads is not None:
         learner.envs.twin.threads = threads
-    watch = Watch(clock, learner.episodes, lambda progress: None, every=math.inf)
+    callback = ProgressCallback(clock, learner.episodes, lambda progress: None, every=math.inf)
 
     def advance(rollouts: int, first_seed: int | None = None) -> None:
-        learner.learn(rollouts * rollout * count, watch, seed=first_seed)
+        learner.learn(rollouts * rollout * count, callback, seed=first_seed)
         wp.synchronize_device(device)
 
     advance(1, seed)

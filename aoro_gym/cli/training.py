@@ -174,31 +174,33 @@ def _train(plan: TrainingPlan | None, folder: Path, *, restart: bool, accept_cod
 
     with resumable(goes_on):
         with checking_input():
-            from aoro_gym.agents.training import train as training
+            from aoro_gym.agents.training.learner import versions
+            from aoro_gym.agents.training.run_folder import EVALUATIONS, RECORD, begin, recall
             from aoro_gym.agents.training.tables import evaluations_table
+            from aoro_gym.agents.training.train import train as run_training
             from aoro_gym.execution.locking import locked
 
             if plan is None:
-                plan, recipe = training.recall(folder)
+                plan, recipe = recall(folder)
                 begins = restart
             else:
-                check_folder(folder, training.RECORD)
+                check_folder(folder, RECORD)
                 recipe, begins = None, True
             chosen = load(run_spec(plan.machine, plan.set, plan.scale, plan.device))
             courses, held_out = training_courses(plan)
-            training.versions(plan.trainer)  # all is there
+            versions(plan.trainer)  # all is there
         began = time.perf_counter()
         with entered(locked(folder)), checking_input():
             if recipe is None or begins:
-                recipe = training.begin(plan, folder, restart=restart)
+                recipe = begin(plan, folder, restart=restart)
             with terminal.progress(plan.env) as tell, running():
-                found = training.train(
+                found = run_training(
                     plan, recipe, folder, machine=chosen, courses=courses, held_out=held_out,
                     accept_code_change=accept_code_change, tell=terminal.learning(tell, plan.env),
                 )  # fmt: skip
     terminal.out().print(evaluations_table(found))
     typer.echo(f"trained for {time.perf_counter() - began:.0f} s")
-    say_written([folder / name for name in (training.RECORD, training.EVALUATIONS, "policy.json", "best.json")])
+    say_written([folder / name for name in (RECORD, EVALUATIONS, "policy.json", "best.json")])
 
 
 def trained(plan: TrainingPlan, folder: Path, machine: Machine, *, restart: bool, accept_code_change: bool) -> Factory:
@@ -213,14 +215,16 @@ def trained(plan: TrainingPlan, folder: Path, machine: Machine, *, restart: bool
     """
     with checking_input():
         from aoro_gym.agents.policies.files import load_policy
-        from aoro_gym.agents.training import train as training
+        from aoro_gym.agents.training.learner import versions
+        from aoro_gym.agents.training.run_folder import continued
+        from aoro_gym.agents.training.train import train as run_training
 
-        training.versions(plan.trainer)  # all is there
-        recipe = training.continued(plan, folder, restart=restart)
+        versions(plan.trainer)  # all is there
+        recipe = continued(plan, folder, restart=restart)
         courses, held_out = training_courses(plan)
     doing = f"{plan.env}, {folder.name}"
     with terminal.progress(doing) as tell, checking_input(), running():
-        training.train(
+        run_training(
             plan, recipe, folder, machine=machine, courses=courses, held_out=held_out,
             accept_code_change=accept_code_change, tell=terminal.learning(tell, doing),
         )  # fmt: skip
@@ -232,19 +236,21 @@ def _train_on_cluster(
 ) -> None:
     """``train --ray``."""
     with checking_input():
-        from aoro_gym.agents.training import train as training
+        from aoro_gym.agents.training.learner import versions
+        from aoro_gym.agents.training.run_folder import RECORD, continued
+        from aoro_gym.agents.training.seeds import train_seeds
         from aoro_gym.agents.training.tables import evaluations_table
         from aoro_gym.execution.locking import locked
 
-        check_folder(folder, training.RECORD)
+        check_folder(folder, RECORD)
         chosen = load_machine(run_spec(first.machine, first.set, first.scale).machine)
         courses, held_out = training_courses(first)
-        training.versions(first.trainer)  # all is there
+        versions(first.trainer)  # all is there
     with resumable(), running(), entered(locked(folder)), checking_input():
         plans = first.by_seed(folder, seeds)
-        recipes = {place: training.continued(plan, place, restart=restart) for place, plan in plans.items()}
+        recipes = {place: continued(plan, place, restart=restart) for place, plan in plans.items()}
         with terminal.progress(first.env) as tell:
-            found = training.train_seeds(
+            found = train_seeds(
                 plans, recipes, ray=ray, machine=chosen, courses=courses, held_out=held_out,
                 accept_code_change=accept_code_change, progress=tell,
             )  # fmt: skip
@@ -266,14 +272,14 @@ def _search_on_cluster(
     """``train --ray --trials``."""
     with checking_input():
         from aoro_gym.agents.training import search as searching
-        from aoro_gym.agents.training import train as training
+        from aoro_gym.agents.training.learner import versions
         from aoro_gym.agents.training.tables import trials_table
 
-        check_folder(folder, searching.KEPT)
+        check_folder(folder, searching.SEARCH)
         dimensions = searching.read_space(searching.SPACES if space is None else space, plan.algo)
         chosen = load_machine(run_spec(plan.machine, plan.set, plan.scale).machine)
         courses, held_out = training_courses(plan)
-        training.versions(plan.trainer)  # all is there
+        versions(plan.trainer)  # all is there
     with terminal.progress(plan.env) as tell, running(), resumable(), checking_input():
         found = searching.search(
             plan, dimensions, folder,

@@ -1,8 +1,11 @@
 """Learning is timed by whole rollouts, as it is trained; a trainer that is not there is named."""
 
+from importlib.metadata import PackageNotFoundError
+
 import pytest
 
-from aoro_gym.agents.training import train as training
+from aoro_gym.agents.training import learner as learner_module
+from aoro_gym.agents.training.learner import learner_of
 from aoro_gym.agents.training.plan import TRAINERS
 from aoro_gym.benchmark.report import tables
 from aoro_gym.benchmark.run import Plan, run
@@ -24,13 +27,12 @@ def trainer(request) -> str:
 
 def test_whole_rollouts_are_learned_from(trainer, machine, monkeypatch):
     made = []
-    learner_of = training.learner_of
 
     def recorded(*arguments):
         made.append((arguments, learner_of(*arguments)))
         return made[-1][1]
 
-    monkeypatch.setattr(training, "learner_of", recorded)
+    monkeypatch.setattr(learner_module, "learner_of", recorded)
     subject = trainings(4, machine=machine, trainer=trainer, environment=TURNING, ground="plane", threads=1, seed=3)
     ((plan, hyperparams, *_), learner) = made[0]
     assert (plan.env, plan.trainer, plan.seed) == (TURNING, trainer, 3)
@@ -65,9 +67,9 @@ def test_trainers_stand_beside_each_other(machine):
 
 def test_a_missing_trainer_is_named(monkeypatch):
     def missing(name: str) -> str:
-        raise training.PackageNotFoundError(name)
+        raise PackageNotFoundError(name)
 
-    monkeypatch.setattr(training, "version", missing)
+    monkeypatch.setattr(learner_module, "version", missing)
     with pytest.raises(ValueError, match=r"pip install 'aoro-gym\[resident\]'"):
         Plan(what=("train",), trainers=("resident",))
     assert Plan(what=("env",), trainers=("resident",)).trainers == ("resident",)

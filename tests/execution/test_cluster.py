@@ -19,6 +19,8 @@ from ray import cloudpickle  # pyright: ignore[reportMissingImports]
 from ray.cluster_utils import Cluster  # pyright: ignore[reportMissingImports]
 
 from aoro_gym.agents.evaluation.evaluate import evaluate, policy_factory
+from aoro_gym.agents.training.run_folder import begin
+from aoro_gym.agents.training.seeds import train_seeds
 from aoro_gym.execution.cluster import Failed, connected, on_ray
 from aoro_gym.machine import Machine
 
@@ -130,7 +132,7 @@ def test_trainings_outlive_a_node_and_come_to_the_same_weights(cluster, tmp_path
         )
         for seed in (0, 1)
     }
-    recipes = {folder: training.begin(plan, folder) for folder, plan in plans.items()}
+    recipes = {folder: begin(plan, folder) for folder, plan in plans.items()}
 
     def kill() -> None:
         deadline = time.monotonic() + 120.0
@@ -140,14 +142,14 @@ def test_trainings_outlive_a_node_and_come_to_the_same_weights(cluster, tmp_path
 
     killer = threading.Thread(target=kill)
     killer.start()
-    found = training.train_seeds(plans, recipes, ray="auto", machine=machine)
+    found = train_seeds(plans, recipes, ray="auto", machine=machine)
     killer.join()
     starts = [len(list((folder / "log").iterdir())) for folder in plans]
     assert sorted(starts) == [1, 2]  # one went on elsewhere, from a checkpoint
     for folder, plan in plans.items():
         assert [one["steps"] for one in found[folder]] == list(range(100, 1001, 100))
         alone = tmp_path / f"alone_{plan.seed}"
-        training.train(plan, training.begin(plan, alone), alone, machine=machine)
+        training.train(plan, begin(plan, alone), alone, machine=machine)
         whole, parted = (load((one / "policy.safetensors").read_bytes()) for one in (alone, folder))
         for name, values in whole.items():
             np.testing.assert_array_equal(values, parted[name], err_msg=name)
@@ -204,7 +206,7 @@ def test_a_search_outlives_its_workers_and_its_trials_can_be_had_again(cluster, 
     assert max(len(list((one.folder / "log").iterdir())) for one in found) == 2  # went on elsewhere, from a checkpoint
     best = found[0]
     alone = TrainingPlan(**{**plan.to_json(), "hyperparams": str(folder / "best.yml"), "param": None, "steps": None})
-    again = training.train(alone, training.begin(alone, tmp_path / "alone"), tmp_path / "alone", machine=machine)
+    again = training.train(alone, begin(alone, tmp_path / "alone"), tmp_path / "alone", machine=machine)
     count = len(best.evaluations)
     assert [one["figures"] for one in again[:count]] == [one["figures"] for one in best.evaluations]
     if count == len(again):

@@ -75,6 +75,7 @@ import torch
 from aoro_gym import Machine
 from aoro_gym.agents.training import train as training
 from aoro_gym.agents.training.plan import TrainingPlan
+from aoro_gym.agents.training.run_folder import continued
 from aoro_gym.cli import app
 import aoro_gym.agents.training.stable_baselines
 
@@ -84,7 +85,7 @@ values = {"steps": int(sys.argv[4]), "n_envs": 2, "checkpoint_every": 25, "eval_
 plan = TrainingPlan(param=["n_steps=25", "batch_size=50", "n_epochs=2"], **values)
 
 def work_in(folder):
-    return lambda: training.train(plan, training.continued(plan, folder), folder, machine=machine)
+    return lambda: training.train(plan, continued(plan, folder), folder, machine=machine)
 
 began = time.perf_counter()
 whole(work_in(out / "whole"))

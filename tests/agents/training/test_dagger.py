@@ -7,7 +7,7 @@ import pytest
 
 from aoro_gym import Machine
 from aoro_gym.agents.controllers.path_tracking import PreviewRegulator
-from aoro_gym.agents.training.callbacks import Clock, Watch
+from aoro_gym.agents.training.callbacks import Clock, ProgressCallback
 from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.envs import Course
 from aoro_gym.terrains import Path as Line
@@ -32,7 +32,7 @@ def dagger(env: str = TURNING, **changes) -> Dagger:
 
 
 def learn(learner: Dagger, steps: int) -> None:
-    learner.learn(steps, Watch(Clock(400), learner.episodes, lambda progress: None, every=9.0), seed=3)
+    learner.learn(steps, ProgressCallback(Clock(400), learner.episodes, lambda progress: None, every=9.0), seed=3)
 
 
 @pytest.mark.slow

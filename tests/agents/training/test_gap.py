@@ -11,6 +11,7 @@ from aoro_gym.agents.evaluation.episodes import Episodes
 from aoro_gym.agents.evaluation.evaluate import policy_factory
 from aoro_gym.agents.training import gap
 from aoro_gym.agents.training.gap import BASELINE, CONTROL, IMPROVED, PLANT, RETRAINED, Gap, measure, share_of
+from aoro_gym.agents.training.run_folder import begin
 from aoro_gym.cli import app
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.machine import Machine
@@ -112,7 +113,7 @@ def test_command_retrains_and_goes_on(tmp_path):
 
     small = ["n_steps=25", "batch_size=50", "n_epochs=1", "policy_kwargs={net_arch: [4]}"]
     plan = TrainingPlan(steps=100, n_envs=2, checkpoint_every=50, eval_episodes=1, param=small)
-    training.train(plan, training.begin(plan, tmp_path / "run"), tmp_path / "run", machine=MACHINE)
+    training.train(plan, begin(plan, tmp_path / "run"), tmp_path / "run", machine=MACHINE)
 
     EFFECTS["spool_lag"].apply(MACHINE, 0.05).save(tmp_path / "found.toml")
     command = [

@@ -9,8 +9,8 @@ import pytest
 
 pytest.importorskip("yaml")
 from aoro_gym.agents.training.plan import ALGORITHMS, TrainingPlan
+from aoro_gym.agents.training.recipe import read_recipe
 from aoro_gym.agents.training.search import SPACES, WORST, Dimension, read_space, read_trials
-from aoro_gym.agents.training.train import read_recipe
 
 
 @pytest.mark.parametrize("env", ["AORO/Turning-v0", "AORO/PathTracking-v0"])

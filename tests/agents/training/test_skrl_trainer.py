@@ -12,27 +12,28 @@ torch: Any = pytest.importorskip("torch")
 for library in ("skrl", "array_api_compat", "stable_baselines3", "yaml"):
     pytest.importorskip(library)
 
-from aoro_gym.agents.training.callbacks import Clock, Watch  # noqa: E402
+from aoro_gym.agents.training.callbacks import Clock, ProgressCallback  # noqa: E402
+from aoro_gym.agents.training.learner import versions  # noqa: E402
 from aoro_gym.agents.training.plan import TrainingPlan  # noqa: E402
-from aoro_gym.agents.training.skrl_trainer import Hyperparams, Resident  # noqa: E402
+from aoro_gym.agents.training.skrl_trainer import Hyperparams, SkrlPPO  # noqa: E402
 
 TURNING = "AORO/Turning-v0"
 SMALL = {"n_timesteps": 1000, "n_envs": 3, "n_steps": 8, "batch_size": 12, "n_epochs": 2, "normalize": True}
 
 
-def learner_of(clock: Clock | None = None, limit: int = 3, **changes) -> Resident:
+def learner_of(clock: Clock | None = None, limit: int = 3, **changes) -> SkrlPPO:
     """Episodes of 3 steps: a rollout of 8 has two ends of each."""
     plan = TrainingPlan(env=TURNING, trainer="resident", seed=changes.pop("seed", 1))
-    return Resident(plan, SMALL | changes, clock or Clock(1000), {"max_episode_steps": limit})
+    return SkrlPPO(plan, SMALL | changes, clock or Clock(1000), {"max_episode_steps": limit})
 
 
-def watch(learner: Resident, clock: Clock | None = None) -> Watch:
-    return Watch(clock or Clock(1000), learner.episodes, lambda progress: None, every=0.0)
+def callback(learner: SkrlPPO, clock: Clock | None = None) -> ProgressCallback:
+    return ProgressCallback(clock or Clock(1000), learner.episodes, lambda progress: None, every=0.0)
 
 
 def test_the_policy_is_the_one_that_learned():
     learner = learner_of(policy_kwargs={"net_arch": [16, 8], "log_std_init": -1.0})
-    learner.learn(48, watch(learner), seed=3)
+    learner.learn(48, callback(learner), seed=3)
     policy = learner.policy(environment=TURNING)
     assert policy.sizes == [8, 16, 8, 1]
     with torch.no_grad():  # where actions are neither all alike nor all at a bound
@@ -64,7 +65,7 @@ def test_time_limits_are_worth_what_follows_and_ends_nothing(monkeypatch):
 
     monkeypatch.setattr(learner._env, "step", stepped)
     monkeypatch.setattr(agent, "update", lambda **_: None)
-    learner.learn(24, watch(learner), seed=2)
+    learner.learn(24, callback(learner), seed=2)
     rewards = agent.memory.get_tensor_by_name("rewards")
     for k, (reward, _, truncated, value, _) in enumerate(made):
         assert value.abs().min() > 1e-4
@@ -102,20 +103,20 @@ def test_schedules_follow_the_clock():
         update(**timing)
 
     learner._agent.update = updated
-    learner.learn(48, watch(learner, clock), seed=0)
+    learner.learn(48, callback(learner, clock), seed=0)
     assert seen == [pytest.approx((1e-2, 0.4, 0.3)), pytest.approx((0.75e-2, 0.3, 0.3))]
     assert learner.steps == clock.done == 48
 
 
 def test_a_rollout_that_began_is_finished():
     learner = learner_of()
-    learner.learn(25, watch(learner), seed=0)
+    learner.learn(25, callback(learner), seed=0)
     assert learner.steps == 48
-    learner.learn(1, watch(learner), seed=None)  # goes on
+    learner.learn(1, callback(learner), seed=None)  # goes on
     assert learner.steps == 72
     assert np.isfinite(learner.episodes()).all()
     with pytest.raises(ValueError, match="no running episodes to go on with; give a seed"):
-        learner_of().learn(1, watch(learner), seed=None)
+        learner_of().learn(1, callback(learner), seed=None)
 
 
 def test_it_learns():
@@ -130,7 +131,7 @@ def test_it_learns():
     learner.envs.step = rewarded  # pyright: ignore[reportAttributeAccessIssue]
     observations = learner.envs.reset(seed=5)[0].numpy()
     before = learner.policy()(observations).mean()
-    learner.learn(40 * 8 * 16, watch(learner), seed=0)
+    learner.learn(40 * 8 * 16, callback(learner), seed=0)
     assert before == pytest.approx(0.0, abs=0.05)
     assert learner.policy()(observations).mean() > 0.5
 
@@ -168,17 +169,17 @@ def test_missing_library_is_named(monkeypatch, tmp_path):
     from typer.testing import CliRunner
 
     from aoro_gym import cli
-    from aoro_gym.agents.training import train as training
+    from aoro_gym.agents.training import learner
 
     def version(name: str) -> str:
         if name == "skrl":
             raise PackageNotFoundError(name)
         return "1"
 
-    monkeypatch.setattr(training, "version", version)
-    assert "skrl" not in training.versions("sb3")
+    monkeypatch.setattr(learner, "version", version)
+    assert "skrl" not in versions("sb3")
     with pytest.raises(ValueError, match=r"trainer 'resident' needs .*skrl: pip install 'aoro-gym\[resident\]'"):
-        training.versions("resident")
+        versions("resident")
     shown = CliRunner().invoke(cli.app, ["train", "--trainer", "resident", "--out", str(tmp_path / "made")])
     assert shown.exit_code == 2
     assert "pip install 'aoro-gym[resident]'" in " ".join(shown.stderr.split())

@@ -23,7 +23,10 @@ from aoro_gym.agents.evaluation import leaderboard
 from aoro_gym.agents.evaluation.perturbations import PERTURBATIONS
 from aoro_gym.agents.evaluation.selection import MOST_EPISODES
 from aoro_gym.agents.training.curriculum import curriculum, stage_at
+from aoro_gym.agents.training.learner import learner_of
 from aoro_gym.agents.training.plan import HYPERPARAMS, TrainingPlan
+from aoro_gym.agents.training.recipe import read_recipe
+from aoro_gym.agents.training.run_folder import begin, continued, recall
 from aoro_gym.cli import app
 from aoro_gym.cli.courses import training_courses
 from aoro_gym.envs import Course
@@ -81,12 +84,12 @@ def test_resumed_training_is_the_uninterrupted_one_to_the_bit(algo, trainer, tra
     import torch  # pyright: ignore[reportMissingImports]
 
     plan, machine = plan_of(algo, trainer=trainer), Machine.load("aoro")
-    recipe = training.begin(plan, tmp_path / "whole")
+    recipe = begin(plan, tmp_path / "whole")
     found = training.train(plan, recipe, tmp_path / "whole", machine=machine)
     # SAC steps on to the end of a part; PPO's rollouts are 50 steps of the 100 of a part
     assert [one["steps"] for one in found] == [100, 200]
 
-    training.begin(plan, tmp_path / "parted")
+    begin(plan, tmp_path / "parted")
     reports = []
 
     def interrupt(progress) -> None:
@@ -100,7 +103,7 @@ def test_resumed_training_is_the_uninterrupted_one_to_the_bit(algo, trainer, tra
     assert reports[-1].steps == 102
     np.random.seed(0)  # noqa: NPY002 (what happens between must not matter)
     torch.manual_seed(0)
-    again, recalled = training.recall(tmp_path / "parted")
+    again, recalled = recall(tmp_path / "parted")
     assert (again, recalled.hyperparams) == (plan, recipe.hyperparams)
     resumed = training.train(again, recalled, tmp_path / "parted", machine=machine)
 
@@ -135,7 +138,7 @@ def test_learning_changes_the_policy_and_another_seed_another(trainer, training,
     machine, found = Machine.load("aoro"), {}
     for name, steps, seed in (("short", 100, 5), ("long", 200, 5), ("other", 200, 6)):
         plan = plan_of(trainer=trainer, steps=steps, seed=seed)
-        training.train(plan, training.begin(plan, tmp_path / name), tmp_path / name, machine=machine)
+        training.train(plan, begin(plan, tmp_path / name), tmp_path / name, machine=machine)
         found[name] = weights(tmp_path / name)["layer0.weight"]
     assert not np.array_equal(found["short"], found["long"])
     assert not np.array_equal(found["other"], found["long"])
@@ -146,12 +149,12 @@ def test_a_training_learns_on_from_a_policy(trainer, training, tmp_path):
     from aoro_gym.agents.policies.files import load_policy
 
     machine, first, second = Machine.load("aoro"), tmp_path / "first", tmp_path / "second"
-    training.train(plan_of(), training.begin(plan_of(), first), first, machine=machine)
+    training.train(plan_of(), begin(plan_of(), first), first, machine=machine)
     # so small a step that nothing is learned: what is left is the policy that was started from
     plan = plan_of(start=str(first / "policy.json"), seed=6, steps=100, trainer=trainer)
     plan = replace(plan, param=[*(plan.param or []), "learning_rate=1e-30"])
     assert "--start" in plan.command
-    training.train(plan, training.begin(plan, second), second, machine=machine)
+    training.train(plan, begin(plan, second), second, machine=machine)
     before, after = (load_policy(folder / "policy.json") for folder in (first, second))
     for one, other in zip(before.weights, after.weights, strict=True):
         np.testing.assert_array_equal(one, other)
@@ -162,21 +165,19 @@ def test_a_training_learns_on_from_a_policy(trainer, training, tmp_path):
 
     wide = replace(plan, param=[*(plan.param or []), "policy_kwargs={net_arch: [8]}"])
     with pytest.raises(ValueError, match=r"layers \[8, 64, 64, 1\] with tanh, but the network to train \[8, 8, 1\]"):
-        training.train(wide, training.begin(wide, tmp_path / "wide"), tmp_path / "wide", machine=machine)
+        training.train(wide, begin(wide, tmp_path / "wide"), tmp_path / "wide", machine=machine)
     with pytest.raises(FileNotFoundError):
-        training.begin(plan_of(start="none.json"), tmp_path / "none")
+        begin(plan_of(start="none.json"), tmp_path / "none")
 
 
 @pytest.mark.parametrize(("algo", "trainer"), [("ppo", "sb3"), ("sac", "sb3"), ("ppo", "resident")])
 def test_a_held_actor_stays_while_the_critic_learns(algo, trainer, training):
-    from aoro_gym.agents.training.callbacks import Clock, Watch
+    from aoro_gym.agents.training.callbacks import Clock, ProgressCallback
 
     plan = plan_of(algo, trainer=trainer)
     clock = Clock(1000)
-    learner = training.learner_of(
-        plan, training.read_recipe(plan).hyperparams, clock, {"machine": Machine.load("aoro")}
-    )
-    watch = Watch(clock, learner.episodes, lambda progress: None, every=0.5)
+    learner = learner_of(plan, read_recipe(plan).hyperparams, clock, {"machine": Machine.load("aoro")})
+    callback = ProgressCallback(clock, learner.episodes, lambda progress: None, every=0.5)
 
     def critic() -> np.ndarray:
         state = learner.state()
@@ -186,15 +187,15 @@ def test_a_held_actor_stays_while_the_critic_learns(algo, trainer, training):
         return state["parameters"]["policy"][name].numpy().copy()
 
     try:
-        learner.learn(200, watch, seed=0)
+        learner.learn(200, callback, seed=0)
         learner.hold_actor(True)
         before = learner.policy().weights, critic()
-        learner.learn(200, watch, seed=1)
+        learner.learn(200, callback, seed=1)
         for one, other in zip(before[0], learner.policy().weights, strict=True):
             np.testing.assert_array_equal(one, other)
         assert np.any(critic() != before[1])
         learner.hold_actor(False)
-        learner.learn(200, watch, seed=2)
+        learner.learn(200, callback, seed=2)
         assert all(np.any(one != other) for one, other in zip(before[0], learner.policy().weights, strict=True))
     finally:
         learner.close()
@@ -212,11 +213,11 @@ def test_the_critic_learns_first_where_there_is_a_policy_to_start_from(training,
 
     monkeypatch.setattr(StableBaselines, "hold_actor", follow)
     machine, first, second = Machine.load("aoro"), tmp_path / "first", tmp_path / "second"
-    training.train(plan_of(), training.begin(plan_of(), first), first, machine=machine)
+    training.train(plan_of(), begin(plan_of(), first), first, machine=machine)
     assert held == [(0, False), (100, False)]
     held.clear()
     plan = plan_of(start=str(first / "policy.json"), steps=500, seed=6)
-    training.train(plan, training.begin(plan, second), second, machine=machine)
+    training.train(plan, begin(plan, second), second, machine=machine)
     assert held == [(0, True), *((steps, False) for steps in range(50, 500, 100))]
 
 
@@ -227,7 +228,7 @@ def test_a_killed_command_goes_on(training, tmp_path):
 
     plan = plan_of(steps=500)
     whole, parted = tmp_path / "whole", tmp_path / "parted"
-    training.train(plan, training.begin(plan, whole), whole, machine=Machine.load("aoro"))
+    training.train(plan, begin(plan, whole), whole, machine=Machine.load("aoro"))
     command = [sys.executable, "-m", *plan.command.replace("aoro-gym", "aoro_gym").split(), "--out", str(parted)]
     running = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     deadline = time.monotonic() + 180.0
@@ -287,7 +288,7 @@ def begun(tmp_path_factory) -> Path:
     )
     (folder / "stages.yml").write_text(f"{TRACKING}:\n  - from: 0.0\n    randomisation: fixed\n")
     plan = started_in(folder)
-    training.train(plan, training.begin(plan, folder / "run"), folder / "run", **given())
+    training.train(plan, begin(plan, folder / "run"), folder / "run", **given())
     return folder
 
 
@@ -308,7 +309,7 @@ def test_what_has_not_changed_goes_on(begun, training):
         file.write_bytes(b"damaged")
     (begun / "run" / "evaluations.json").write_text("half of i")
     plan = started_in(begun)
-    found = training.train(plan, training.continued(plan, begun / "run"), begun / "run", **given())
+    found = training.train(plan, continued(plan, begun / "run"), begun / "run", **given())
     assert [file.read_bytes() for file in files] == before
     assert json.loads((begun / "run" / "evaluations.json").read_text())["evaluations"] == found
 
@@ -317,7 +318,7 @@ def test_an_evaluation_is_compared_with_what_it_followed_from_alone(tmp_path, tr
     """As ``curves`` asks: other inputs of the training, such as what machines are drawn within, do not count."""
     plan, machine = plan_of(perturbation="perturbed"), Machine.load("aoro")
     record = tmp_path / "provenance.json"
-    check_provenance(record, training.inputs_of(plan, training.read_recipe(plan), machine=machine))
+    check_provenance(record, training.inputs_of(plan, read_recipe(plan), machine=machine))
     assert changed_inputs(record, training.judged_by(plan, machine, None)) == []
     heavier = machine.scale({"frame.front.mass": 1.01})
     (said,) = changed_inputs(record, training.judged_by(plan, heavier, None))
@@ -338,7 +339,7 @@ def test_an_evaluation_is_compared_with_what_it_followed_from_alone(tmp_path, tr
 def test_another_plan_is_refused(begun, training, changes, says):
     plan = started_in(begun, **changes)
     with pytest.raises(ChangedInput, match=rf"run was begun with other inputs: .*{says}.*; --restart begins anew"):
-        training.train(plan, training.continued(plan, begun / "run"), begun / "run", **given())
+        training.train(plan, continued(plan, begun / "run"), begun / "run", **given())
 
 
 @pytest.mark.parametrize(
@@ -357,7 +358,7 @@ def test_another_plan_is_refused(begun, training, changes, says):
 def test_another_machine_or_ground_is_refused(begun, training, changes, says):
     plan = started_in(begun)
     with pytest.raises(ChangedInput, match=says):
-        training.train(plan, training.continued(plan, begun / "run"), begun / "run", **given(**changes))
+        training.train(plan, continued(plan, begun / "run"), begun / "run", **given(**changes))
 
 
 @pytest.mark.parametrize(
@@ -376,7 +377,7 @@ def test_a_file_that_says_something_else_now_is_refused(begun, training, file, w
     assert was in text
     try:
         (begun / file).write_text(text.replace(was, now))
-        plan, recipe = training.recall(begun / "run")
+        plan, recipe = recall(begun / "run")
         with pytest.raises(ChangedInput, match=says):
             training.train(plan, recipe, begun / "run", **given())
     finally:
@@ -387,7 +388,7 @@ def test_other_code_is_named_and_may_be_accepted(begun, training, tmp_path, monk
     run = tmp_path / "run"
     shutil.copytree(begun / "run", run)
     plan = started_in(begun)
-    recipe = training.continued(plan, run)
+    recipe = continued(plan, run)
     edited = {**provenance.sources(), "agents/training/stable_baselines.py": "0" * 16}
     monkeypatch.setattr(provenance, "sources", lambda: edited)
     with pytest.raises(ChangedCode, match=r"agents/training/stable_baselines.py has changed; --accept-code-change"):
@@ -428,7 +429,7 @@ def test_what_is_damaged_is_one_error_with_what_to_do(begun, training, tmp_path,
         (run / file).write_bytes(spoil((run / file).read_bytes()))
     plan = started_in(begun)
     with pytest.raises(ValueError, match=says):
-        training.train(plan, training.continued(plan, run), run, **given())
+        training.train(plan, continued(plan, run), run, **given())
 
 
 def test_a_training_begins_anew_in_its_folder(begun, training, tmp_path):
@@ -437,8 +438,8 @@ def test_a_training_begins_anew_in_its_folder(begun, training, tmp_path):
     (run / "notes.txt").write_text("mine")
     (run / "checkpoint.pt").write_bytes(b"damaged")
     with pytest.raises(ValueError, match=r"holds a training; give --resume .* --restart to begin anew"):
-        training.begin(plan, run)
-    recipe = training.continued(plan, run, restart=True)
+        begin(plan, run)
+    recipe = continued(plan, run, restart=True)
     assert {file.name for file in run.iterdir()} == {"training.json", "notes.txt", ".lock"}
     found = training.train(plan, recipe, run, **given())
     assert found[-1]["steps"] == 100
@@ -450,10 +451,10 @@ def test_another_trainings_checkpoint_is_refused(begun, training, tmp_path):
     shutil.copytree(begun / "run", run)
     (run / "checkpoint.pt").unlink()
     with pytest.raises(KeyboardInterrupt):
-        training.train(plan, training.begin(plan, run), run, **given(), tell=interrupted)
+        training.train(plan, begin(plan, run), run, **given(), tell=interrupted)
     shutil.copy(begun / "run" / "checkpoint.pt", run)
     with pytest.raises(ValueError, match=r"checkpoint.pt is another training's; restore it, or begin anew"):
-        training.train(plan, training.continued(plan, run), run, **given())
+        training.train(plan, continued(plan, run), run, **given())
 
 
 def interrupted(progress) -> None:
@@ -468,7 +469,7 @@ def test_folder_says_what_was_asked_and_found(trainer, training, tmp_path):
     from aoro_gym.agents.policies.policy import LearnedPolicy
 
     plan = plan_of(steps=100, trainer=trainer)
-    found = training.train(plan, training.begin(plan, tmp_path), tmp_path, machine=Machine.load("aoro"))
+    found = training.train(plan, begin(plan, tmp_path), tmp_path, machine=Machine.load("aoro"))
     record = json.loads((tmp_path / "training.json").read_text())
     assert TrainingPlan.of(record["plan"]) == plan
     assert record["command"] == plan.command
@@ -487,13 +488,13 @@ def test_folder_says_what_was_asked_and_found(trainer, training, tmp_path):
     assert record["versions"].keys() >= {"torch", "skrl" if trainer == "resident" else "stable-baselines3"}
     assert list((tmp_path / "log" / "from_0").glob("events.out.tfevents.*"))
     with pytest.raises(ValueError, match="holds a training; give --resume"):
-        training.begin(plan, tmp_path)
+        begin(plan, tmp_path)
 
 
 @pytest.mark.parametrize("trainer", TRAINERS)
 def test_terms_of_episodes_are_logged(trainer, training, tmp_path):
     plan = plan_of(steps=1200, checkpoint_every=600, trainer=trainer)
-    training.train(plan, training.begin(plan, tmp_path), tmp_path, machine=Machine.load("aoro"))
+    training.train(plan, begin(plan, tmp_path), tmp_path, machine=Machine.load("aoro"))
     head, *rows = (tmp_path / "log" / "from_0" / "progress.csv").read_text().splitlines()
     column = head.split(",").index("terms/tracking")
     values = [float(row.split(",")[column]) for row in rows if row.split(",")[column]]
@@ -506,7 +507,7 @@ def test_paths_are_learned_and_evaluated_on_their_courses(training, tmp_path):
         return Course(Plane(), (Line(np.array([[0.0, 0.0], [length, 0.0]]), name="ahead"),), name=f"{length} m")
 
     plan = plan_of(env=TRACKING, steps=100, eval_episodes=2)
-    recipe = training.begin(plan, tmp_path)
+    recipe = begin(plan, tmp_path)
     machine = Machine.load("aoro")
     found = training.train(plan, recipe, tmp_path, machine=machine, courses=[course(9.0)], held_out=[course(7.0)])
     # from 4 m along on, and who hardly moves in 20 s is stuck: neither gets farther than to the end of the held-out path
@@ -517,7 +518,7 @@ def test_paths_are_learned_and_evaluated_on_their_courses(training, tmp_path):
 def test_machines_to_learn_on_are_drawn_and_none_of_an_evaluation(training, tmp_path, monkeypatch):
     """One a sub-environment, others for another seed; what is evaluated on is the machine of the file."""
     made, evaluated = [], []
-    learner_of, evaluate = training.learner_of, training.evaluate
+    evaluate = training.evaluate
     monkeypatch.setattr(training, "learner_of", lambda *given: made.append(given[3]["machine"]) or learner_of(*given))
     monkeypatch.setattr(
         training, "evaluate", lambda *given, **named: evaluated.append(named["machine"]) or evaluate(*given, **named)
@@ -526,7 +527,7 @@ def test_machines_to_learn_on_are_drawn_and_none_of_an_evaluation(training, tmp_
     machine, key = Machine.load("aoro"), "frame.front.axle_distance"
     for seed in (5, 6):
         plan = plan_of(perturbation="perturbed", curriculum=str(tmp_path / "fixed.yml"), steps=50, seed=seed)
-        training.train(plan, training.begin(plan, tmp_path / str(seed)), tmp_path / str(seed), machine=machine)
+        training.train(plan, begin(plan, tmp_path / str(seed)), tmp_path / str(seed), machine=machine)
     values = np.concatenate([one.entries[key].value for one in made])
     assert values.shape == (4,)
     assert len(np.unique(values)) == 4
@@ -648,14 +649,14 @@ def test_wrong_recipes_are_named(changes, message, training, tmp_path, monkeypat
     Path("late.yml").write_text(f"{TURNING}:\n  - from: 0.5\n")
     plan = TrainingPlan(n_envs=None if "param" in changes and "n_envs" in changes["param"][0] else 2, **changes)
     with pytest.raises(ValueError, match=message):
-        training.train(plan, training.begin(plan, tmp_path / "out"), tmp_path / "out", machine=Machine.load("aoro"))
+        training.train(plan, begin(plan, tmp_path / "out"), tmp_path / "out", machine=Machine.load("aoro"))
 
 
 def test_numbers_of_parameters_are_numbers(training):
     plan = TrainingPlan(
         param=["learning_rate=1e-4", "n_steps=8", "policy_kwargs={net_arch: [8, 4]}", "policy=MlpPolicy"]
     )
-    hyperparams = training.read_recipe(plan).hyperparams
+    hyperparams = read_recipe(plan).hyperparams
     assert hyperparams["learning_rate"] == 1e-4
     assert hyperparams["n_steps"] == 8
     assert hyperparams["policy_kwargs"] == {"net_arch": [8, 4]}
