@@ -256,6 +256,7 @@ def test_the_twins_own_figures_show_no_gap(own):
     assert found.where == ()
 
 
+@pytest.mark.slow
 def test_another_calibration_is_called_so(tmp_path):
     """A valve at the upper end of its range turns faster than any effect of the few here would make it."""
     high = MACHINE.entries["steering.valve.nominal_flow_left"].range[1]

@@ -87,13 +87,13 @@ def test_a_case_is_seen_through_the_noise_of_its_own_sensors(tmp_path):
 def test_noise_is_no_gap(tmp_path):
     """Where nothing but the deviation differs, S is 1, however much noise there is in the logs of both days."""
     found = []
-    for seed in range(8):
+    for seed in range(6):
         write_case(tmp_path / f"{seed}", tmp_path / f"{seed}.npz", 0.006, seed=seed)
         found += consult(tmp_path / f"{seed}", tmp_path / f"{seed}.npz", ["joint_angle"]).shrinkage.values()
-    # standard errors of the 16 logs' mean squares and of the 8 variances that 142 samples of rest give, both of two noises
-    error = 2.0 * NOISE**2 * np.sqrt(2.0 / SAMPLES / 16.0 + 2.0 / (2.0 * RESTING) / 8.0)
+    # standard errors of the 12 logs' mean squares and of the 6 variances that 142 samples of rest give, both of two noises
+    error = 2.0 * NOISE**2 * np.sqrt(2.0 / SAMPLES / 12.0 + 2.0 / (2.0 * RESTING) / 6.0)
     gap = np.mean(np.square(deviation(0.006)))
-    assert len(found) == 16
+    assert len(found) == 12
     assert 4.0 * error < 0.5 * NOISE**2, "noise that is forgotten, of one day at least, would show"
     assert np.mean(found) == pytest.approx(1.0, abs=4.0 * error / gap)
 
