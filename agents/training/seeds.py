@@ -32,7 +32,8 @@ def train_seeds(
     the bit. The other arguments are those of :func:`~aoro_gym.agents.training.train.train`.
 
     Args:
-        plans: By folder, as :func:`begin` or :func:`recall` were given or gave; likewise ``recipes``.
+        plans: By folder, as :mod:`~aoro_gym.agents.training.run_folder` begins or recalls them; likewise
+            ``recipes``.
         recipes: See there.
         ray: Address of the cluster, see :func:`aoro_gym.execution.cluster.connected`.
         machine: To learn on.

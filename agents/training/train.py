@@ -118,7 +118,7 @@ def train(
     """Train, from the checkpoint in ``folder`` if there is one. The folder is locked meanwhile.
 
     Args:
-        plan: What :func:`begin` or :func:`recall` was given or gave.
+        plan: As :mod:`~aoro_gym.agents.training.run_folder` begins or recalls it.
         recipe: Likewise.
         folder: To read from and write to.
         machine: To learn on.
