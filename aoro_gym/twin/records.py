@@ -6,6 +6,7 @@ loads of neighbouring twins coalesce.
 
 # pyright: reportGeneralTypeIssues=false
 import difflib
+from collections.abc import Iterable
 from enum import IntEnum
 from typing import Any
 
@@ -63,95 +64,78 @@ def _each(name: str) -> list[str]:
     return [f"{name}_{wheel}" for wheel in WHEELS]
 
 
-State: Any = IntEnum(
+def _rows(name: str, quantities: Iterable[str]) -> Any:
+    return IntEnum(name, [quantity.upper() for quantity in quantities], start=0)
+
+
+State = _rows(
     "State",
     [
         # pose: hinge origin [m] with its rounding remainder [m], quaternion of the front frame (x, y, z, w), angles [rad]
-        *("X", "Y", "Z", "REST_X", "REST_Y", "REST_Z", "QX", "QY", "QZ", "QW", "JOINT"),
-        *[n.upper() for n in (*_each("arm"), *_each("wheel"))],
+        *("x", "y", "z", "rest_x", "rest_y", "rest_z", "qx", "qy", "qz", "qw", "joint"),
+        *(*_each("arm"), *_each("wheel")),
         # velocity: hinge origin [m/s] and angular [rad/s] in front-frame axes, joint, arms, absolute wheel spins
-        *("VX", "VY", "VZ", "WX", "WY", "WZ", "JOINT_RATE"),
-        *[n.upper() for n in (*_each("arm_rate"), *_each("spin"))],
+        *("vx", "vy", "vz", "wx", "wy", "wz", "joint_rate", *_each("arm_rate"), *_each("spin")),
         # accelerations over the last main step, in the same order
-        *("AVX", "AVY", "AVZ", "AWX", "AWY", "AWZ", "JOINT_ACCELERATION"),
-        *[n.upper() for n in (*_each("arm_acceleration"), *_each("spin_acceleration"))],
+        *("avx", "avy", "avz", "awx", "awy", "awz", "joint_acceleration"),
+        *(*_each("arm_acceleration"), *_each("spin_acceleration")),
         # bristles and dry friction
-        *[n.upper() for n in (*_each("bristle_x"), *_each("bristle_y"))],
-        "JOINT_FRICTION",
-        *[n.upper() for n in (*_each("arm_friction"), *_each("wheel_friction"), *_each("twist"))],
+        *(*_each("bristle_x"), *_each("bristle_y"), "joint_friction"),
+        *(*_each("arm_friction"), *_each("wheel_friction"), *_each("twist")),
         # steering circuit
-        *("SUPPLY", "PORT_A", "PORT_B", "TANK_LINE", "LS_PRESSURE", "SPOOL", "PLAY", "COMPENSATOR", "SWASH"),
-        *("FLOW_IN", "FLOW_OUT", "MOUNT", "MOUNT_RATE"),
+        *("supply", "port_a", "port_b", "tank_line", "ls_pressure", "spool", "play", "compensator", "swash"),
+        *("flow_in", "flow_out", "mount", "mount_rate"),
         # arms
-        *[n.upper() for n in (*_each("arm_bore"), *_each("arm_rod"), *_each("arm_spool"))],
+        *(*_each("arm_bore"), *_each("arm_rod"), *_each("arm_spool")),
         # driveline
-        *("FORWARD", "BACK", *[n.upper() for n in _each("hose")], "CHARGE", "DRIVE_SWASH", "SHIFT_FRONT", "SHIFT_REAR"),
-        *[n.upper() for n in _each("traction")],
+        *("forward", "back", *_each("hose"), "charge", "drive_swash", "shift_front", "shift_rear", *_each("traction")),
         # engine
-        *("ENGINE_SPEED", "GOVERNOR", "ENGINE_TORQUE"),
+        *("engine_speed", "governor", "engine_torque"),
     ],
-    start=0,
 )
 
-Command: Any = IntEnum("Command", [n.upper() for n in COMMAND_BOUNDS], start=0)
+Command = _rows("Command", COMMAND_BOUNDS)
 
-Output: Any = IntEnum(
-    "Output",
-    [
-        n.upper()
-        for n in (
-            # commands as given
-            *("steering_signal", "drive_signal"),
-            # joint
-            *("joint_angle", "joint_rate", "joint_flow"),
-            # steering circuit
-            *("pressure_a", "pressure_b", "pump_pressure", "return_pressure", "ls_pressure", "spool", "compensator"),
-            *("pump_swash", "flow_in", "flow_out", "pump_flow"),
-            # driveline
-            *("drive_pressure_forward", "drive_pressure_return", "charge_pressure", "drive_swash"),
-            *("shift_front", "shift_rear"),
-            *_each("motor_pressure"),
-            *_each("wheel_rate"),
-            # arms
-            *_each("arm_angle"),
-            *_each("arm_pressure_bore"),
-            *_each("arm_pressure_rod"),
-            # engine
-            *("engine_speed", "engine_torque"),
-            # vehicle
-            *("position_x", "position_y", "position_z", "roll", "pitch", "yaw", "speed", "yaw_rate"),
-            *_each("wheel_load"),
-            "hull_force",
-            "wheels_off_map",
-        )
-    ],
-    start=0,
-)
+OUTPUT_UNITS = {
+    name: unit
+    for unit, names in (
+        # commands as given
+        ("1", ("steering_signal", "drive_signal")),
+        # joint
+        ("rad", ("joint_angle",)),
+        ("rad/s", ("joint_rate",)),
+        ("m^3/s", ("joint_flow",)),
+        # steering circuit
+        ("Pa", ("pressure_a", "pressure_b", "pump_pressure", "return_pressure", "ls_pressure")),
+        ("1", ("spool", "compensator", "pump_swash")),
+        ("m^3/s", ("flow_in", "flow_out", "pump_flow")),
+        # driveline
+        ("Pa", ("drive_pressure_forward", "drive_pressure_return", "charge_pressure")),
+        ("1", ("drive_swash", "shift_front", "shift_rear")),
+        ("Pa", _each("motor_pressure")),
+        ("rad/s", _each("wheel_rate")),
+        # arms
+        ("rad", _each("arm_angle")),
+        ("Pa", (*_each("arm_pressure_bore"), *_each("arm_pressure_rod"))),
+        # engine
+        ("rad/s", ("engine_speed",)),
+        ("N m", ("engine_torque",)),
+        # vehicle
+        ("m", ("position_x", "position_y", "position_z")),
+        ("rad", ("roll", "pitch", "yaw")),
+        ("m/s", ("speed",)),
+        ("rad/s", ("yaw_rate",)),
+        ("N", (*_each("wheel_load"), "hull_force")),
+        ("1", ("wheels_off_map",)),
+    )
+    for name in names
+}
+"""Unit of each output, in the order of their rows."""
 
-CHANNELS = tuple(output.name.lower() for output in Output)
+Output = _rows("Output", OUTPUT_UNITS)
+
+CHANNELS = tuple(OUTPUT_UNITS)
 """Names of all outputs, in the order of their rows."""
-
-OUTPUT_UNITS: dict[str, str] = {}
-for _output in Output:
-    _name = _output.name.lower()
-    if "pressure" in _name:
-        OUTPUT_UNITS[_name] = "Pa"
-    elif "flow" in _name:
-        OUTPUT_UNITS[_name] = "m^3/s"
-    elif _name.endswith("rate") or "wheel_rate" in _name or _name == "engine_speed":
-        OUTPUT_UNITS[_name] = "rad/s"
-    elif "angle" in _name or _name in ("roll", "pitch", "yaw"):
-        OUTPUT_UNITS[_name] = "rad"
-    elif "position" in _name:
-        OUTPUT_UNITS[_name] = "m"
-    elif _name == "speed":
-        OUTPUT_UNITS[_name] = "m/s"
-    elif "load" in _name or "force" in _name:
-        OUTPUT_UNITS[_name] = "N"
-    elif "torque" in _name:
-        OUTPUT_UNITS[_name] = "N m"
-    else:
-        OUTPUT_UNITS[_name] = "1"
 
 
 def row_of(rows: type[IntEnum], name: Any, what: str) -> int:

@@ -20,7 +20,7 @@ from typing import Any
 
 import warp as wp
 
-from aoro_gym.twin.kernels.corners import Half, corner, corner_contact, deflections, hull_loads
+from aoro_gym.twin.kernels.corners import Half, corner_contact, deflections, hull_loads
 from aoro_gym.twin.kernels.hydraulics import (
     actuators_step,
     chambers_at,
@@ -33,24 +33,7 @@ from aoro_gym.twin.kernels.hydraulics import (
 )
 from aoro_gym.twin.kernels.motion import drift, kick, rear_rate, rear_rate_change, turn, wheel_rates
 from aoro_gym.twin.kernels.outputs import GroundContact, record_outputs
-from aoro_gym.twin.kernels.state import (
-    load_accelerations,
-    load_actuators,
-    load_circuits,
-    load_deflections,
-    load_engine,
-    load_pose,
-    load_velocity,
-    rest,
-    store_accelerations,
-    store_actuators,
-    store_circuits,
-    store_deflections,
-    store_engine,
-    store_pose,
-    store_velocity,
-    watched,
-)
+from aoro_gym.twin.kernels.state import load_state, rest, store_state, watched
 from aoro_gym.twin.physics.bodies import accelerate, hinge_rotation
 from aoro_gym.twin.physics.engine import engine_step
 from aoro_gym.twin.physics.fluid import without_gas
@@ -82,20 +65,18 @@ def advance(
     h: float,
 ):
     """Advance the twins from ``first`` on by ``num_frames`` times ``frame_steps`` main steps of ``h`` [s] with
-    ``num_substeps`` each."""
+    ``num_substeps`` each.
+
+    Longer than other functions: it is the block diagram of a main step, a block a paragraph, and its variables are the
+    state that a thread keeps in registers.
+    """
     t = first + wp.tid()
     if status[t] != OK:
         return
     m = machines[t % machines.shape[0]]
     ground = terrain.twins[t]
 
-    pose = load_pose(state, t)
-    velocity = load_velocity(state, t)
-    change = load_accelerations(state, t)
-    bent = load_deflections(state, t)
-    actuators = load_actuators(state, t)
-    circuits = load_circuits(state, t)
-    engine = load_engine(state, t)
+    pose, velocity, change, bent, actuators, circuits, engine = load_state(state, t)
     tick = clock[t]
     half = 0.5 * h
 
@@ -122,12 +103,12 @@ def advance(
             # hydraulic substeps
             chambers = chambers_at(m, pose, old, actuators)
             if m.oil.gas_fraction > 0.0 or m.joint.mount_stiffness > 0.0:
-                circuits, joint_oil, arm_oil, motor_mean = hydraulics(
+                circuits, oil = hydraulics(
                     m, m.oil, m.joint.mount_stiffness, chambers, control, spool_demand, pose.joint, velocity.joint,
                     velocity.arms, wheel_rate, circuits, h, num_substeps,
                 )
             else:  # compiled without gas and mount
-                circuits, joint_oil, arm_oil, motor_mean = hydraulics(
+                circuits, oil = hydraulics(
                     m, without_gas(m.oil), 0.0, chambers, control, spool_demand, pose.joint, velocity.joint,
                     velocity.arms, wheel_rate, circuits, h, num_substeps,
                 )
@@ -140,10 +121,10 @@ def advance(
             )
 
             # joint: oil, friction, stops; or the mount, whose cylinders feel them
-            joint_torque = joint_oil
+            joint_torque = oil.joint
             if m.joint.mount_stiffness == 0.0:
                 joint_torque, friction = rigid_joint_torque(
-                    m.joint, m.steering, m.oil, chambers.steering, pose.joint, middle.joint, velocity.joint, joint_oil,
+                    m.joint, m.steering, m.oil, chambers.steering, pose.joint, middle.joint, velocity.joint, oil.joint,
                     circuits.steering, circuits.mount.friction, h,
                 )
                 circuits.mount.friction = friction
@@ -157,46 +138,38 @@ def advance(
                 -1.0, m.frame_rear.pivot_x, rotation * wp.transpose(to_rear), pose.position, to_rear * middle.linear,
                 middle_omega_rear, control.displacement_rear,
             )
-            fl = corner(
-                0, pose, velocity, middle, wheel_rate, middle_wheel_rate, change, arm_oil, motor_mean, bent
+            fl = corner_contact(
+                m, terrain, ground, front, 0, chambers.fl, circuits.fl, pose.arms, velocity, middle, wheel_rate,
+                middle_wheel_rate, change, oil, bent, signals.parking_brake, h,
             )
-            fr = corner(
-                1, pose, velocity, middle, wheel_rate, middle_wheel_rate, change, arm_oil, motor_mean, bent
+            fr = corner_contact(
+                m, terrain, ground, front, 1, chambers.fr, circuits.fr, pose.arms, velocity, middle, wheel_rate,
+                middle_wheel_rate, change, oil, bent, signals.parking_brake, h,
             )
-            rl = corner(
-                2, pose, velocity, middle, wheel_rate, middle_wheel_rate, change, arm_oil, motor_mean, bent
+            rl = corner_contact(
+                m, terrain, ground, rear, 2, chambers.rl, circuits.rl, pose.arms, velocity, middle, wheel_rate,
+                middle_wheel_rate, change, oil, bent, signals.parking_brake, h,
             )
-            rr = corner(
-                3, pose, velocity, middle, wheel_rate, middle_wheel_rate, change, arm_oil, motor_mean, bent
+            rr = corner_contact(
+                m, terrain, ground, rear, 3, chambers.rr, circuits.rr, pose.arms, velocity, middle, wheel_rate,
+                middle_wheel_rate, change, oil, bent, signals.parking_brake, h,
             )
-            at_fl = corner_contact(
-                m, terrain, ground, front, 1.0, chambers.fl, circuits.fl, fl, signals.parking_brake, h
-            )
-            at_fr = corner_contact(
-                m, terrain, ground, front, -1.0, chambers.fr, circuits.fr, fr, signals.parking_brake, h
-            )
-            at_rl = corner_contact(
-                m, terrain, ground, rear, 1.0, chambers.rl, circuits.rl, rl, signals.parking_brake, h
-            )
-            at_rr = corner_contact(
-                m, terrain, ground, rear, -1.0, chambers.rr, circuits.rr, rr, signals.parking_brake, h
-            )
-            bent = deflections(at_fl, at_fr, at_rl, at_rr)
+            bent = deflections(fl, fr, rl, rr)
             front_force, front_moment, front_touch = hull_loads(
                 m.hull, m.frame_front, m.frame_ground_clearance, terrain, ground, front
             )
             rear_force, rear_moment, rear_touch = hull_loads(
                 m.hull, m.frame_rear, m.frame_ground_clearance, terrain, ground, rear
             )
-            contact.wheel_load = wp.vec4(at_fl.normal, at_fr.normal, at_rl.normal, at_rr.normal)
-            contact.on_map = wp.vec4(at_fl.known, at_fr.known, at_rl.known, at_rr.known)
+            contact.wheel_load = wp.vec4(fl.normal, fr.normal, rl.normal, rr.normal)
+            contact.on_map = wp.vec4(fl.known, fr.known, rl.known, rr.known)
             contact.hull_force = front_touch + rear_touch
 
             # accelerations of the tree
             weight = wp.transpose(rotation) * wp.vec3(0.0, 0.0, -ground.gravity)
             change = accelerate(
                 m.frame_front, m.frame_rear, m.corner, weight, to_rear, middle.linear, middle.angular, middle.joint,
-                joint_torque, at_fl.load, at_fr.load, at_rl.load, at_rr.load, front_force, front_moment, rear_force,
+                joint_torque, fl.load, fr.load, rl.load, rr.load, front_force, front_moment, rear_force,
                 rear_moment,
             )
 
@@ -221,7 +194,7 @@ def advance(
             tick += 1
 
             # any NaN or infinity in a velocity or a pressure reaches this sum within a step
-            watch = watched(pose, velocity, circuits, motor_mean, arm_oil, engine)
+            watch = watched(pose, velocity, circuits, oil, engine)
             if not wp.isfinite(watch):
                 status[t] = NON_FINITE
                 return
@@ -231,11 +204,5 @@ def advance(
     if not wp.isfinite(rest(pose, change, bent, actuators, circuits, engine)):
         status[t] = NON_FINITE
         return
-    store_pose(state, t, pose)
-    store_velocity(state, t, velocity)
-    store_accelerations(state, t, change)
-    store_deflections(state, t, bent)
-    store_actuators(state, t, actuators)
-    store_circuits(state, t, circuits)
-    store_engine(state, t, engine)
+    store_state(state, t, pose, velocity, change, bent, actuators, circuits, engine)
     clock[t] = tick

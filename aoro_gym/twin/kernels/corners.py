@@ -5,12 +5,12 @@ from typing import Any
 
 import warp as wp
 
-from aoro_gym.twin.kernels.state import Deflections, Pose, Velocity
+from aoro_gym.twin.kernels.state import Deflections, OilLoads, Velocity
 from aoro_gym.twin.physics.arms import ArmGeometry, ArmState, arm_seal_capacity, arm_torque
 from aoro_gym.twin.physics.bodies import Accelerations, CornerLoad, FrameBody, arm_tangent, hull_corner, wheel_centre
 from aoro_gym.twin.physics.friction import dry_friction, presliding
 from aoro_gym.twin.physics.ground import ceiling, footing
-from aoro_gym.twin.physics.tires import Hull, hull_contact, tire_contact
+from aoro_gym.twin.physics.tires import Hull, TireContact, hull_contact, tire_contact
 from aoro_gym.twin.records import MachineRecord
 
 
@@ -28,26 +28,6 @@ class Half:
 
 
 @wp.struct
-class Corner:
-    """One corner before a main step: motion, loads from the circuits, and its friction elements."""
-
-    angle: float  # [rad] arm
-    rate: float  # [rad/s] arm, in the middle of the step
-    spin: float  # [rad/s] wheel, absolute, in the middle of the step
-    wheel_rate: float  # [rad/s] wheel relative to the arm, in the middle of the step
-    start_rate: float  # [rad/s] arm, at the start of the step
-    start_wheel_rate: float  # [rad/s] wheel relative to the arm, at the start of the step
-    acceleration: float  # [rad/s²] of the wheel in the last main step, absolute
-    oil_torque: float  # [N m] of the oil on the arm
-    motor_pressure: float  # [Pa]
-    bristle_x: float  # [m]
-    bristle_y: float
-    arm_deflection: float  # [rad] seal of the arm's cylinder
-    wheel_deflection: float  # [rad] brakes
-    twist: float  # [rad] of the tire's patch
-
-
-@wp.struct
 class CornerContact:
     """One corner after a main step: its load, and its friction elements."""
 
@@ -62,24 +42,21 @@ class CornerContact:
 
 
 @wp.func
-def corner(
-    i: int,
-    pose: Pose,
-    start: Velocity,
-    middle: Velocity,
-    wheel_rate: wp.vec4,
-    middle_wheel_rate: wp.vec4,
-    change: Accelerations,
-    arm_oil: wp.vec4,
-    motor_pressures: wp.vec4,
-    x: Deflections,
+def implicitly_damped(
+    load: CornerLoad, contact: TireContact, damping: float, last: float, inertia: float, h: float
 ):
-    """Corner ``i`` (fl, fr, rl, rr)."""
-    return Corner(
-        pose.arms[i], middle.arms[i], middle.spins[i], middle_wheel_rate[i], start.arms[i], wheel_rate[i],
-        change.spins[i], arm_oil[i], motor_pressures[i], x.bristle_x[i], x.bristle_y[i], x.arms[i], x.wheels[i],
-        x.twist[i],
-    )
+    """``load`` at the middle rate that this step's wheel acceleration a brings, not the ``last`` one's [rad/s²]:
+    (I + c h/2) a = τ + c h/2 a_last, with c the ``damping`` [N m s/rad] of the brake and that of the tire, which can damp a
+    light wheel faster than one step."""
+    out = load
+    damping_tire = contact.damping * contact.lever * contact.lever
+    implicit = 0.5 * h * (damping + damping_tire)
+    lacking = last - (load.wheel_torque + load.moment[1]) / inertia
+    share = 0.5 * h * lacking * inertia / (inertia + implicit)
+    out.wheel_torque += share * damping
+    out.moment += wp.vec3(0.0, share * damping_tire, 0.0)
+    out.force -= (share * contact.damping * contact.lever) * contact.forward
+    return out
 
 
 @wp.func
@@ -88,39 +65,54 @@ def corner_contact(
     terrain: Any,
     ground: Any,
     half: Half,
-    side: float,
+    i: int,
+    # circuits
     g: ArmGeometry,
     cylinder: ArmState,
-    x: Corner,
+    # motion at the start and in the middle of the step; wheel rates relative to the arms; the last step's acceleration
+    arm_angles: wp.vec4,
+    start: Velocity,
+    middle: Velocity,
+    start_wheel_rates: wp.vec4,
+    wheel_rates: wp.vec4,
+    change: Accelerations,
+    # loads and friction elements
+    oil: OilLoads,
+    bent: Deflections,
     parking_brake: float,
     h: float,
 ):
-    """Torques and contact force of one corner, ``side`` +1 left, −1 right, over a main step of ``h`` [s]."""
+    """Torques and contact force of corner ``i`` (fl, fr, rl, rr) over a main step of ``h`` [s]."""
     d = m.driveline
+    side = 1.0 - 2.0 * float(i & 1)
+    angle = arm_angles[i]
+    rate = middle.arms[i]
+    spin = middle.spins[i]
+    wheel_rate = wheel_rates[i]
     out = CornerContact()
 
-    capacity = arm_seal_capacity(m.arm, m.oil, g, cylinder, x.rate)
-    out.arm_deflection = presliding(x.arm_deflection, x.start_rate, h, capacity, m.arm.presliding_stiffness)
+    capacity = arm_seal_capacity(m.arm, m.oil, g, cylinder, rate)
+    out.arm_deflection = presliding(bent.arms[i], start.arms[i], h, capacity, m.arm.presliding_stiffness)
 
     # brakes and the motor's own friction hold between arm and wheel
-    torque = half.displacement * x.motor_pressure
+    torque = half.displacement * oil.motors[i]
     brake = (
         d.brake_disc_torque
         + parking_brake * d.brake_parking_torque
         + (1.0 - d.motor_mechanical_efficiency) * wp.abs(torque)
     )
-    out.wheel_deflection = presliding(x.wheel_deflection, x.start_wheel_rate, h, brake, d.brake_presliding_stiffness)
+    out.wheel_deflection = presliding(bent.wheels[i], start_wheel_rates[i], h, brake, d.brake_presliding_stiffness)
 
-    centre = wheel_centre(m.corner, half.pivot_x, half.direction, side, x.angle)
+    centre = wheel_centre(m.corner, half.pivot_x, half.direction, side, angle)
     hub_velocity = (
         half.velocity
         + wp.cross(half.omega, centre)
-        + x.rate * arm_tangent(half.direction, x.angle, m.corner.arm_length)
+        + rate * arm_tangent(half.direction, angle, m.corner.arm_length)
     )
     under = footing(terrain, ground, half.origin + half.rotation * centre)
     contact = tire_contact(
-        m.tire, under, half.rotation, half.origin, centre, hub_velocity, half.omega, x.spin, x.bristle_x, x.bristle_y,
-        x.twist, h,
+        m.tire, under, half.rotation, half.origin, centre, hub_velocity, half.omega, spin, bent.bristle_x[i],
+        bent.bristle_y[i], bent.twist[i], h,
     )
     out.bristle_x = contact.bristle_x
     out.bristle_y = contact.bristle_y
@@ -129,28 +121,19 @@ def corner_contact(
     out.known = under.known
 
     load = CornerLoad()
-    load.angle = x.angle
-    load.rate = x.rate
-    load.spin = x.spin
-    load.arm_torque = arm_torque(m.arm, g, x.angle, x.rate, out.arm_deflection, capacity, x.oil_torque)
+    load.angle = angle
+    load.rate = rate
+    load.spin = spin
+    load.arm_torque = arm_torque(m.arm, g, angle, rate, out.arm_deflection, capacity, oil.arms[i])
     stiffness = d.brake_presliding_stiffness
     damping = d.brake_presliding_damping
-    load.wheel_torque = torque + dry_friction(out.wheel_deflection, x.wheel_rate, brake, stiffness, damping)
+    load.wheel_torque = torque + dry_friction(out.wheel_deflection, wheel_rate, brake, stiffness, damping)
     load.force = contact.force
     load.moment = contact.moment
 
-    # Brake and tire can damp a light wheel faster than one step: with c their damping, their torque is taken at the
-    # middle rate that this step's acceleration a brings, not the last one's: (I + c h/2) a = τ + c h/2 a_last.
-    if wp.abs(stiffness * out.wheel_deflection + damping * x.wheel_rate) >= brake:
+    if wp.abs(stiffness * out.wheel_deflection + damping * wheel_rate) >= brake:
         damping = 0.0
-    damping_tire = contact.damping * contact.lever * contact.lever
-    implicit = 0.5 * h * (damping + damping_tire)
-    lacking = x.acceleration - (load.wheel_torque + load.moment[1]) / m.corner.spin_inertia
-    share = 0.5 * h * lacking * m.corner.spin_inertia / (m.corner.spin_inertia + implicit)
-    load.wheel_torque += share * damping
-    load.moment += wp.vec3(0.0, share * damping_tire, 0.0)
-    load.force -= (share * contact.damping * contact.lever) * contact.forward
-    out.load = load
+    out.load = implicitly_damped(load, contact, damping, change.spins[i], m.corner.spin_inertia, h)
     return out
 
 

@@ -3,7 +3,7 @@
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
 import warp as wp
 
-from aoro_gym.twin.kernels.state import Actuators, Circuits, Pose, load4
+from aoro_gym.twin.kernels.state import Actuators, Circuits, OilLoads, Pose, load4
 from aoro_gym.twin.physics.arms import (
     ArmGeometry,
     ArmState,
@@ -24,10 +24,11 @@ from aoro_gym.twin.physics.driveline import (
 from aoro_gym.twin.physics.fluid import Oil, pressure
 from aoro_gym.twin.physics.friction import lag
 from aoro_gym.twin.physics.joint import cylinders_step
-from aoro_gym.twin.physics.mount import mount_torque
+from aoro_gym.twin.physics.mount import MountState, mount_torque
 from aoro_gym.twin.physics.steering import (
     Exchange,
     SteeringGeometry,
+    SteeringState,
     play,
     steering_displace,
     steering_gas,
@@ -148,6 +149,17 @@ def arm_torques(oil: Oil, g: Chambers, fl: ArmState, fr: ArmState, rl: ArmState,
 
 
 @wp.func
+def joint_load(
+    oil: Oil, g: SteeringGeometry, s: SteeringState, stiffness: float, backlash: float, x: MountState, joint_rate: float
+):
+    """Torque [N m] on the joint: of the oil or, where it has a ``stiffness`` [N m/rad], of the mount."""
+    torque = steering_torque(oil, g, s)
+    if stiffness > 0.0:
+        torque = mount_torque(stiffness, backlash, x.deflection, x.rate - joint_rate)
+    return torque
+
+
+@wp.func
 def hydraulics(
     # parameters
     m: MachineRecord,
@@ -166,13 +178,12 @@ def hydraulics(
     h: float,
     num_substeps: int,
 ):
-    """All circuits over one main step of ``h`` [s]: their states, and the mean torques on joint [N m] and arms [N m] and
-    mean motor pressures [Pa], by the trapezoidal rule over the substeps.
+    """All circuits over one main step of ``h`` [s]: their states, and their mean loads by the trapezoidal rule over the
+    substeps.
 
     Where there is a mount (``mount_stiffness`` > 0 [N m/rad]), the cylinders move on their own and it bears on the joint.
     """
     dt = h / float(num_substeps)
-    backlash = m.joint.backlash
     steering = circuits.steering
     mount = circuits.mount
     fl = circuits.fl
@@ -188,10 +199,9 @@ def hydraulics(
     gas_rr = arm_gas(oil, rr)
     gas_driveline = driveline_gas(oil, driveline)
     cylinder_rate = float(joint_rate)
-    joint_end = steering_torque(oil, g.steering, steering)
     if mount_stiffness > 0.0:
         cylinder_rate = mount.rate
-        joint_end = mount_torque(mount_stiffness, backlash, mount.deflection, mount.rate - joint_rate)
+    joint_end = joint_load(oil, g.steering, steering, mount_stiffness, m.joint.backlash, mount, joint_rate)
     joint_sum = 0.5 * joint_end
     arm_sum = 0.5 * arm_torques(oil, g, fl, fr, rl, rr)
     motor_sum = 0.5 * motor_pressures(oil, driveline)
@@ -212,25 +222,24 @@ def hydraulics(
             m.steering, oil, gas, g.steering, spool_demand, control.engine_speed, cylinder_rate, exchange, steering, dt
         )
         driveline = driveline_step(m.driveline, oil, gas_driveline, control, wheel_rate, driveline, dt)
-
-        joint_end = steering_torque(oil, g.steering, steering)
         if mount_stiffness > 0.0:
             angle = joint + float(substep) * dt * joint_rate
             mount = cylinders_step(m.joint, m.steering, oil, g.steering, steering, angle, joint_rate, mount, dt)
             cylinder_rate = mount.rate
-            joint_end = mount_torque(mount_stiffness, backlash, mount.deflection, mount.rate - joint_rate)
+        joint_end = joint_load(oil, g.steering, steering, mount_stiffness, m.joint.backlash, mount, joint_rate)
         joint_sum += joint_end
         arm_sum += arm_torques(oil, g, fl, fr, rl, rr)
         motor_sum += motor_pressures(oil, driveline)
         flow_in += steering.flow_in
         flow_out += steering.flow_out
     share = 1.0 / float(num_substeps)
-    joint_oil = share * (joint_sum - 0.5 * joint_end)
-    arm_oil = share * (arm_sum - 0.5 * arm_torques(oil, g, fl, fr, rl, rr))
-    motor_mean = share * (motor_sum - 0.5 * motor_pressures(oil, driveline))
+    mean = OilLoads()
+    mean.joint = share * (joint_sum - 0.5 * joint_end)
+    mean.arms = share * (arm_sum - 0.5 * arm_torques(oil, g, fl, fr, rl, rr))
+    mean.motors = share * (motor_sum - 0.5 * motor_pressures(oil, driveline))
     steering.flow_in = share * flow_in
     steering.flow_out = share * flow_out
-    return Circuits(steering, mount, fl, fr, rl, rr, driveline), joint_oil, arm_oil, motor_mean
+    return Circuits(steering, mount, fl, fr, rl, rr, driveline), mean
 
 
 @wp.func

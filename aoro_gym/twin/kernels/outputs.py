@@ -37,6 +37,7 @@ def record_outputs(
     engine: EngineState,
     contact: GroundContact,
 ):
+    """Write all rows of :class:`Output`, a line each."""
     oil = m.oil
     steering = circuits.steering
     driveline = circuits.driveline

@@ -106,20 +106,8 @@ def tread(m: MachineRecord, terrain: Any, ground: Any, origin: wp.vec3, rotation
 
 
 @wp.func
-def stance(m: MachineRecord, terrain: Any, ground: Any, x: float, y: float, heading: float, joint: float):
-    """Rest on the ground around the hinge's plan position (x, y).
-
-    Every wheel bears a vertical force V at its contact, normal force and friction together, so that the moments of all are
-    those of the weight W at the CoG. V = α + β x + γ y over the plan is the solution of least squares: ΣV = W, and the
-    forces' centre lies under the CoG. On three wheels it is the only one.
-    """
-    out = Stance()
-    to_rear = hinge_rotation(joint)
-    to_front = wp.transpose(to_rear)
-    arm = level_arms(m)
-
-    # mass, and first moments of the halves at the rest pose in their own axes
-    mass = m.frame_front.mass + m.frame_rear.mass + 4.0 * m.corner.mass
+def first_moments(m: MachineRecord, arm: wp.vec4):
+    """First moments [kg m] of front and rear half about the hinge's origin, each in its own axes."""
     front = m.frame_front.mass * wp.vec3(m.frame_front.cog_x, 0.0, m.frame_front.cog_height)
     rear = m.frame_rear.mass * wp.vec3(m.frame_rear.cog_x, 0.0, m.frame_rear.cog_height)
     for wheel in range(4):
@@ -130,104 +118,176 @@ def stance(m: MachineRecord, terrain: Any, ground: Any, x: float, y: float, head
             front += m.corner.mass * wp.vec3(m.frame_front.pivot_x + lengthwise, side * m.corner.lateral, high)
         else:
             rear += m.corner.mass * wp.vec3(m.frame_rear.pivot_x - lengthwise, side * m.corner.lateral, high)
-    cog = (front + to_front * rear) / mass
-    weight = ground.gravity * mass
+    return front, rear
 
+
+@wp.struct
+class Support:
+    """What the wheels bear at a pose of the machine, and how far they are from rest."""
+
+    load: wp.vec4  # [N] vertical
+    east: wp.vec4  # [m] of the contacts from the hinge's origin
+    north: wp.vec4
+    level: wp.vec4  # [-] cosines of the ground's slope
+    rise: wp.vec4  # [m/rad] of the wheels along the normal with the arms' angles
+    surplus: wp.vec4  # [m] by which each wheel is too deep
+    plane: wp.vec3  # height [m] and slopes that fit the surplus best, over the wheels that stand
+
+
+@wp.func
+def support(
+    m: MachineRecord,
+    terrain: Any,
+    ground: Any,
+    origin: wp.vec3,
+    front: wp.mat33,
+    rear: wp.mat33,
+    arm: wp.vec4,
+    hanging: int,
+    cog: wp.vec3,
+    weight: float,
+):
+    """What the wheels bear but for the ``hanging`` one (−1: none).
+
+    Every wheel bears a vertical force V at its contact, normal force and friction together, so that the moments of all are
+    those of the ``weight`` W [N] at the CoG (``cog`` [m], front axes). V = α + β x + γ y over the plan is the solution of
+    least squares: ΣV = W, and the forces' centre lies under the CoG. On three wheels it is the only one.
+    """
+    out = Support()
+    # sums of 1, x, y and their products, over the contacts of the wheels that stand
+    spread = wp.mat33()
+    for wheel in range(4):
+        foot = tread(m, terrain, ground, origin, half_rotation(wheel, front, rear), wheel, arm[wheel])
+        out.east[wheel] = foot.offset[0]
+        out.north[wheel] = foot.offset[1]
+        out.level[wheel] = foot.level
+        out.rise[wheel] = foot.rise
+        out.surplus[wheel] = foot.depth
+        if wheel != hanging:
+            one = wp.vec3(1.0, foot.offset[0], foot.offset[1])
+            spread += wp.outer(one, one)
+    spread = wp.inverse(spread)
+    centre = front * cog
+    share = spread * (weight * wp.vec3(1.0, centre[0], centre[1]))
+    # by how much each wheel is too deep; as heights, and the plane through them
+    sums = wp.vec3()
+    for wheel in range(4):
+        one = wp.vec3(1.0, out.east[wheel], out.north[wheel])
+        load = wp.where(wheel == hanging, 0.0, wp.max(wp.dot(share, one), 0.0))
+        surplus = out.surplus[wheel] - load * out.level[wheel] / m.tire.stiffness
+        if wheel != hanging:
+            sums += (surplus / out.level[wheel]) * one
+        out.load[wheel] = load
+        out.surplus[wheel] = surplus
+    out.plane = spread * sums
+    return out
+
+
+@wp.func
+def swing(m: MachineRecord, at: Support, arm: wp.vec4):
+    """Arm angles [rad] that take what the plane leaves, and the wheel that hangs then (−1: none)."""
+    out = arm
+    hanging = int(-1)
+    lacking = float(0.0)
+    for wheel in range(4):
+        left = at.surplus[wheel] - at.level[wheel] * wp.dot(at.plane, wp.vec3(1.0, at.east[wheel], at.north[wheel]))
+        if arm[wheel] <= -m.arm.swing and left < lacking:
+            lacking = left
+            hanging = wheel
+        out[wheel] = wp.clamp(
+            arm[wheel] + left / wp.max(at.rise[wheel], 0.1 * m.corner.arm_length), -m.arm.swing, m.arm.swing
+        )
+    if hanging >= 0:
+        out = level_arms(m)
+        out[hanging] = -m.arm.swing
+    return out, hanging
+
+
+@wp.func
+def belly_depth(m: MachineRecord, terrain: Any, ground: Any, origin: wp.vec3, front: wp.mat33, rear: wp.mat33):
+    """Depth [m] of the deepest corner of both hulls under the ground, 0 above it."""
+    depth = float(0.0)
+    for i in range(16):
+        frame = m.frame_front
+        turned = front
+        if i >= 8:
+            frame = m.frame_rear
+            turned = rear
+        world = origin + turned * hull_corner(frame, m.frame_ground_clearance, i & 7)
+        under = footing(terrain, ground, world)
+        depth = wp.max(depth, ground_height(under, world[0], world[1]) - world[2])
+    return depth
+
+
+@wp.func
+def reaction(
+    m: MachineRecord, gravity: float, rotation: wp.mat33, foot: Tread, direction: float, angle: float, load: float
+):
+    """What holds a wheel under the vertical ``load`` [N] and its arm: torque of the brake [N m], bore pressure [Pa], and
+    the tire's deflections [m]."""
+    up = wp.transpose(rotation) * UP
+    # the brake holds the wheel against its contact; the cylinder, the arm against contact, brake and its own weight
+    brake = -load * wp.cross(foot.place, up)[1]
+    lever_up = wp.dot(arm_tangent(direction, angle, 1.0), up)
+    torque = direction * brake + lever_up * (load * m.corner.arm_length - gravity * m.corner.mass * m.corner.rho)
+    _, lever = cylinder_extension(m.arm.cylinder_linkage, -angle)
+    annulus = m.arm.rod_rest_pressure * m.arm.cylinder_annulus_area
+    bore_pressure = wp.max((torque / lever + annulus) / m.arm.cylinder_bore_area, 0.0)
+    # the tire's friction, σ₀ z a normal force of one, is what the vertical force has along the ground
+    n = foot.normal
+    forward = wp.normalize(wp.vec3(n[2], 0.0, -n[0]))
+    bristle_x = -wp.dot(forward, up) / (foot.level * m.tire.sigma0_longitudinal)
+    bristle_y = -wp.dot(wp.cross(n, forward), up) / (foot.level * m.tire.sigma0_lateral)
+    return brake, bore_pressure, wp.vec2(bristle_x, bristle_y)
+
+
+@wp.func
+def stance(m: MachineRecord, terrain: Any, ground: Any, x: float, y: float, heading: float, joint: float):
+    """Rest on the ground around the hinge's plan position (x, y)."""
+    out = Stance()
+    to_rear = hinge_rotation(joint)
+    to_front = wp.transpose(to_rear)
+    arm = level_arms(m)
+    mass = m.frame_front.mass + m.frame_rear.mass + 4.0 * m.corner.mass
+    front_moment, rear_moment = first_moments(m, arm)
+    cog = (front_moment + to_front * rear_moment) / mass
+
+    # the frames follow the plane, the arms what is left
     height = ground_level(terrain, ground, x, y) + m.rest.height
     slope_x = float(0.0)
     slope_y = float(0.0)
-    load = wp.vec4()  # vertical [N]
-    east = wp.vec4()  # of the contacts from the hinge's origin [m]
-    north = wp.vec4()
-    level = wp.vec4()
-    rise = wp.vec4()
-    surplus = wp.vec4()
+    load = wp.vec4()
     hanging = int(-1)
     for step in range(2 * FITS):
         rotation = wp.quat_to_matrix(upright_on(wp.normalize(wp.vec3(-slope_x, -slope_y, 1.0)), heading))
-        rear_rotation = rotation * to_front
-        origin = wp.vec3(x, y, height)
-        # sums of 1, x, y and their products, over the contacts of the wheels that stand
-        spread = wp.mat33()
-        for wheel in range(4):
-            foot = tread(m, terrain, ground, origin, half_rotation(wheel, rotation, rear_rotation), wheel, arm[wheel])
-            east[wheel] = foot.offset[0]
-            north[wheel] = foot.offset[1]
-            level[wheel] = foot.level
-            rise[wheel] = foot.rise
-            surplus[wheel] = foot.depth
-            if wheel != hanging:
-                one = wp.vec3(1.0, east[wheel], north[wheel])
-                spread += wp.outer(one, one)
-        spread = wp.inverse(spread)
-        centre = rotation * cog
-        share = spread * (weight * wp.vec3(1.0, centre[0], centre[1]))
-        # by how much each wheel is too deep; as heights, and the plane through them
-        sums = wp.vec3()
-        for wheel in range(4):
-            one = wp.vec3(1.0, east[wheel], north[wheel])
-            load[wheel] = wp.where(wheel == hanging, 0.0, wp.max(wp.dot(share, one), 0.0))
-            surplus[wheel] -= load[wheel] * level[wheel] / m.tire.stiffness
-            if wheel != hanging:
-                sums += (surplus[wheel] / level[wheel]) * one
-        plane = spread * sums
-        # the frames follow the plane, the arms what is left
+        at = support(
+            m, terrain, ground, wp.vec3(x, y, height), rotation, rotation * to_front, arm, hanging, cog,
+            ground.gravity * mass,
+        )
+        load = at.load
         if step >= FITS and hanging < 0:
-            lacking = float(0.0)
-            for wheel in range(4):
-                left = surplus[wheel] - level[wheel] * wp.dot(plane, wp.vec3(1.0, east[wheel], north[wheel]))
-                if arm[wheel] <= -m.arm.swing and left < lacking:
-                    lacking = left
-                    hanging = wheel
-                arm[wheel] = wp.clamp(
-                    arm[wheel] + left / wp.max(rise[wheel], 0.1 * m.corner.arm_length), -m.arm.swing, m.arm.swing
-                )
-            if hanging >= 0:
-                arm = level_arms(m)
-                arm[hanging] = -m.arm.swing
-        height += plane[0]
-        slope_x += plane[1]
-        slope_y += plane[2]
+            arm, hanging = swing(m, at, arm)
+        height += at.plane[0]
+        slope_x += at.plane[1]
+        slope_y += at.plane[2]
 
-    # a mound between the wheels: up until nothing is pressed in deeper than at rest
     q = upright_on(wp.normalize(wp.vec3(-slope_x, -slope_y, 1.0)), heading)
     rotation = wp.quat_to_matrix(q)
     rear_rotation = rotation * to_front
     origin = wp.vec3(x, y, height)
-    lift = float(0.0)
-    turning = -ground.gravity * rear  # first moment of the vertical forces on the rear half
-    for i in range(16):
-        frame = m.frame_front
-        turned = rotation
-        if i >= 8:
-            frame = m.frame_rear
-            turned = rear_rotation
-        world = origin + turned * hull_corner(frame, m.frame_ground_clearance, i & 7)
-        under = footing(terrain, ground, world)
-        lift = wp.max(lift, ground_height(under, world[0], world[1]) - world[2])
+    # a mound between the wheels: up until nothing is pressed in deeper than at rest
+    lift = belly_depth(m, terrain, ground, origin, rotation, rear_rotation)
+    turning = -ground.gravity * rear_moment  # first moment of the vertical forces on the rear half
     for wheel in range(4):
         turned = half_rotation(wheel, rotation, rear_rotation)
         foot = tread(m, terrain, ground, origin, turned, wheel, arm[wheel])
         lift = wp.max(lift, foot.depth / foot.level - load[wheel] / m.tire.stiffness)
 
-        # the brake holds the wheel against its contact; the cylinder, the arm against contact, brake and its own weight
-        up = wp.transpose(turned) * UP
-        torque = -load[wheel] * wp.cross(foot.place, up)[1]
-        out.brake[wheel] = torque
-        direction = half_direction(wheel)
-        lever_up = wp.dot(arm_tangent(direction, arm[wheel], 1.0), up)
-        torque = direction * torque + lever_up * (
-            load[wheel] * m.corner.arm_length - ground.gravity * m.corner.mass * m.corner.rho
-        )
-        _, lever = cylinder_extension(m.arm.cylinder_linkage, -arm[wheel])
-        out.bore_pressure[wheel] = wp.max(
-            (torque / lever + m.arm.rod_rest_pressure * m.arm.cylinder_annulus_area) / m.arm.cylinder_bore_area, 0.0
-        )
-        # the tire's friction, σ₀ z a normal force of one, is what the vertical force has along the ground
-        n = foot.normal
-        forward = wp.normalize(wp.vec3(n[2], 0.0, -n[0]))
-        out.bristle_x[wheel] = -wp.dot(forward, up) / (foot.level * m.tire.sigma0_longitudinal)
-        out.bristle_y[wheel] = -wp.dot(wp.cross(n, forward), up) / (foot.level * m.tire.sigma0_lateral)
+        brake, bore, bristle = reaction(m, ground.gravity, turned, foot, half_direction(wheel), arm[wheel], load[wheel])
+        out.brake[wheel] = brake
+        out.bore_pressure[wheel] = bore
+        out.bristle_x[wheel] = bristle[0]
+        out.bristle_y[wheel] = bristle[1]
         if wheel >= 2:
             turning += load[wheel] * (wp.transpose(turned) * foot.offset)
 

@@ -71,6 +71,15 @@ class Circuits:
     driveline: DrivelineState
 
 
+@wp.struct
+class OilLoads:
+    """What the oil does to the bodies, on the mean over a main step."""
+
+    joint: float  # [N m] or the mount, where there is one
+    arms: wp.vec4  # [N m] raises them
+    motors: wp.vec4  # [Pa] over each motor
+
+
 @wp.func
 def load3(state: wp.array2d(dtype=float), row: int, t: int):
     return wp.vec3(state[row, t], state[row + 1, t], state[row + 2, t])
@@ -97,7 +106,8 @@ def store4(state: wp.array2d(dtype=float), row: int, t: int, value: wp.vec4):
 
 
 @wp.func
-def load_pose(state: wp.array2d(dtype=float), t: int):
+def load_state(state: wp.array2d(dtype=float), t: int):
+    """State of twin ``t`` by part of the machine."""
     pose = Pose()
     pose.position = load3(state, int(State.X), t)
     pose.remainder = load3(state, int(State.REST_X), t)
@@ -105,11 +115,70 @@ def load_pose(state: wp.array2d(dtype=float), t: int):
     pose.joint = state[State.JOINT, t]
     pose.arms = load4(state, int(State.ARM_FL), t)
     pose.wheels = load4(state, int(State.WHEEL_FL), t)
-    return pose
+    velocity = Velocity()
+    velocity.linear = load3(state, int(State.VX), t)
+    velocity.angular = load3(state, int(State.WX), t)
+    velocity.joint = state[State.JOINT_RATE, t]
+    velocity.arms = load4(state, int(State.ARM_RATE_FL), t)
+    velocity.spins = load4(state, int(State.SPIN_FL), t)
+    change = Accelerations()
+    change.linear = load3(state, int(State.AVX), t)
+    change.angular = load3(state, int(State.AWX), t)
+    change.joint = state[State.JOINT_ACCELERATION, t]
+    change.arms = load4(state, int(State.ARM_ACCELERATION_FL), t)
+    change.spins = load4(state, int(State.SPIN_ACCELERATION_FL), t)
+    bent = Deflections()
+    bent.bristle_x = load4(state, int(State.BRISTLE_X_FL), t)
+    bent.bristle_y = load4(state, int(State.BRISTLE_Y_FL), t)
+    bent.arms = load4(state, int(State.ARM_FRICTION_FL), t)
+    bent.wheels = load4(state, int(State.WHEEL_FRICTION_FL), t)
+    bent.twist = load4(state, int(State.TWIST_FL), t)
+    actuators = Actuators()
+    actuators.play = state[State.PLAY, t]
+    actuators.arm_spools = load4(state, int(State.ARM_SPOOL_FL), t)
+    actuators.drive_swash = state[State.DRIVE_SWASH, t]
+    actuators.shift_front = state[State.SHIFT_FRONT, t]
+    actuators.shift_rear = state[State.SHIFT_REAR, t]
+    actuators.traction = load4(state, int(State.TRACTION_FL), t)
+    steering = SteeringState()
+    steering.supply = state[State.SUPPLY, t]
+    steering.port_a = state[State.PORT_A, t]
+    steering.port_b = state[State.PORT_B, t]
+    steering.tank_line = state[State.TANK_LINE, t]
+    steering.ls_pressure = state[State.LS_PRESSURE, t]
+    steering.spool = state[State.SPOOL, t]
+    steering.compensator = state[State.COMPENSATOR, t]
+    steering.swash = state[State.SWASH, t]
+    steering.flow_in = state[State.FLOW_IN, t]
+    steering.flow_out = state[State.FLOW_OUT, t]
+    circuits = Circuits()
+    circuits.steering = steering
+    circuits.mount = MountState(state[State.MOUNT, t], state[State.MOUNT_RATE, t], state[State.JOINT_FRICTION, t])
+    circuits.fl = ArmState(state[State.ARM_BORE_FL, t], state[State.ARM_ROD_FL, t])
+    circuits.fr = ArmState(state[State.ARM_BORE_FR, t], state[State.ARM_ROD_FR, t])
+    circuits.rl = ArmState(state[State.ARM_BORE_RL, t], state[State.ARM_ROD_RL, t])
+    circuits.rr = ArmState(state[State.ARM_BORE_RR, t], state[State.ARM_ROD_RR, t])
+    circuits.driveline = DrivelineState(
+        state[State.FORWARD, t], state[State.BACK, t], state[State.HOSE_FL, t], state[State.HOSE_FR, t],
+        state[State.HOSE_RL, t], state[State.HOSE_RR, t], state[State.CHARGE, t],
+    )
+    engine = EngineState(state[State.ENGINE_SPEED, t], state[State.GOVERNOR, t], state[State.ENGINE_TORQUE, t])
+    return pose, velocity, change, bent, actuators, circuits, engine
 
 
 @wp.func
-def store_pose(state: wp.array2d(dtype=float), t: int, pose: Pose):
+def store_state(
+    state: wp.array2d(dtype=float),
+    t: int,
+    pose: Pose,
+    velocity: Velocity,
+    change: Accelerations,
+    bent: Deflections,
+    actuators: Actuators,
+    circuits: Circuits,
+    engine: EngineState,
+):
+    """Inverse of :func:`load_state`."""
     store3(state, int(State.X), t, pose.position)
     store3(state, int(State.REST_X), t, pose.remainder)
     for i in range(4):
@@ -117,86 +186,28 @@ def store_pose(state: wp.array2d(dtype=float), t: int, pose: Pose):
     state[State.JOINT, t] = pose.joint
     store4(state, int(State.ARM_FL), t, pose.arms)
     store4(state, int(State.WHEEL_FL), t, pose.wheels)
-
-
-@wp.func
-def load_velocity(state: wp.array2d(dtype=float), t: int):
-    velocity = Velocity()
-    velocity.linear = load3(state, int(State.VX), t)
-    velocity.angular = load3(state, int(State.WX), t)
-    velocity.joint = state[State.JOINT_RATE, t]
-    velocity.arms = load4(state, int(State.ARM_RATE_FL), t)
-    velocity.spins = load4(state, int(State.SPIN_FL), t)
-    return velocity
-
-
-@wp.func
-def store_velocity(state: wp.array2d(dtype=float), t: int, velocity: Velocity):
     store3(state, int(State.VX), t, velocity.linear)
     store3(state, int(State.WX), t, velocity.angular)
     state[State.JOINT_RATE, t] = velocity.joint
     store4(state, int(State.ARM_RATE_FL), t, velocity.arms)
     store4(state, int(State.SPIN_FL), t, velocity.spins)
-
-
-@wp.func
-def load_accelerations(state: wp.array2d(dtype=float), t: int):
-    change = Accelerations()
-    change.linear = load3(state, int(State.AVX), t)
-    change.angular = load3(state, int(State.AWX), t)
-    change.joint = state[State.JOINT_ACCELERATION, t]
-    change.arms = load4(state, int(State.ARM_ACCELERATION_FL), t)
-    change.spins = load4(state, int(State.SPIN_ACCELERATION_FL), t)
-    return change
-
-
-@wp.func
-def store_accelerations(state: wp.array2d(dtype=float), t: int, change: Accelerations):
     store3(state, int(State.AVX), t, change.linear)
     store3(state, int(State.AWX), t, change.angular)
     state[State.JOINT_ACCELERATION, t] = change.joint
     store4(state, int(State.ARM_ACCELERATION_FL), t, change.arms)
     store4(state, int(State.SPIN_ACCELERATION_FL), t, change.spins)
-
-
-@wp.func
-def load_deflections(state: wp.array2d(dtype=float), t: int):
-    bent = Deflections()
-    bent.bristle_x = load4(state, int(State.BRISTLE_X_FL), t)
-    bent.bristle_y = load4(state, int(State.BRISTLE_Y_FL), t)
-    bent.arms = load4(state, int(State.ARM_FRICTION_FL), t)
-    bent.wheels = load4(state, int(State.WHEEL_FRICTION_FL), t)
-    bent.twist = load4(state, int(State.TWIST_FL), t)
-    return bent
-
-
-@wp.func
-def store_deflections(state: wp.array2d(dtype=float), t: int, bent: Deflections):
     store4(state, int(State.BRISTLE_X_FL), t, bent.bristle_x)
     store4(state, int(State.BRISTLE_Y_FL), t, bent.bristle_y)
     store4(state, int(State.ARM_FRICTION_FL), t, bent.arms)
     store4(state, int(State.WHEEL_FRICTION_FL), t, bent.wheels)
     store4(state, int(State.TWIST_FL), t, bent.twist)
-
-
-@wp.func
-def load_steering(state: wp.array2d(dtype=float), t: int):
-    s = SteeringState()
-    s.supply = state[State.SUPPLY, t]
-    s.port_a = state[State.PORT_A, t]
-    s.port_b = state[State.PORT_B, t]
-    s.tank_line = state[State.TANK_LINE, t]
-    s.ls_pressure = state[State.LS_PRESSURE, t]
-    s.spool = state[State.SPOOL, t]
-    s.compensator = state[State.COMPENSATOR, t]
-    s.swash = state[State.SWASH, t]
-    s.flow_in = state[State.FLOW_IN, t]
-    s.flow_out = state[State.FLOW_OUT, t]
-    return s
-
-
-@wp.func
-def store_steering(state: wp.array2d(dtype=float), t: int, s: SteeringState):
+    state[State.PLAY, t] = actuators.play
+    store4(state, int(State.ARM_SPOOL_FL), t, actuators.arm_spools)
+    state[State.DRIVE_SWASH, t] = actuators.drive_swash
+    state[State.SHIFT_FRONT, t] = actuators.shift_front
+    state[State.SHIFT_REAR, t] = actuators.shift_rear
+    store4(state, int(State.TRACTION_FL), t, actuators.traction)
+    s = circuits.steering
     state[State.SUPPLY, t] = s.supply
     state[State.PORT_A, t] = s.port_a
     state[State.PORT_B, t] = s.port_b
@@ -207,116 +218,29 @@ def store_steering(state: wp.array2d(dtype=float), t: int, s: SteeringState):
     state[State.SWASH, t] = s.swash
     state[State.FLOW_IN, t] = s.flow_in
     state[State.FLOW_OUT, t] = s.flow_out
-
-
-@wp.func
-def load_arm(state: wp.array2d(dtype=float), wheel: int, t: int):
-    s = ArmState()
-    s.bore = state[int(State.ARM_BORE_FL) + wheel, t]
-    s.rod = state[int(State.ARM_ROD_FL) + wheel, t]
-    return s
-
-
-@wp.func
-def store_arm(state: wp.array2d(dtype=float), wheel: int, t: int, s: ArmState):
-    state[int(State.ARM_BORE_FL) + wheel, t] = s.bore
-    state[int(State.ARM_ROD_FL) + wheel, t] = s.rod
-
-
-@wp.func
-def load_driveline(state: wp.array2d(dtype=float), t: int):
-    s = DrivelineState()
-    s.forward = state[State.FORWARD, t]
-    s.back = state[State.BACK, t]
-    s.wheel_fl = state[State.HOSE_FL, t]
-    s.wheel_fr = state[State.HOSE_FR, t]
-    s.wheel_rl = state[State.HOSE_RL, t]
-    s.wheel_rr = state[State.HOSE_RR, t]
-    s.charge = state[State.CHARGE, t]
-    return s
-
-
-@wp.func
-def store_driveline(state: wp.array2d(dtype=float), t: int, s: DrivelineState):
-    state[State.FORWARD, t] = s.forward
-    state[State.BACK, t] = s.back
-    state[State.HOSE_FL, t] = s.wheel_fl
-    state[State.HOSE_FR, t] = s.wheel_fr
-    state[State.HOSE_RL, t] = s.wheel_rl
-    state[State.HOSE_RR, t] = s.wheel_rr
-    state[State.CHARGE, t] = s.charge
-
-
-@wp.func
-def load_circuits(state: wp.array2d(dtype=float), t: int):
-    circuits = Circuits()
-    circuits.steering = load_steering(state, t)
-    circuits.mount = MountState(state[State.MOUNT, t], state[State.MOUNT_RATE, t], state[State.JOINT_FRICTION, t])
-    circuits.fl = load_arm(state, 0, t)
-    circuits.fr = load_arm(state, 1, t)
-    circuits.rl = load_arm(state, 2, t)
-    circuits.rr = load_arm(state, 3, t)
-    circuits.driveline = load_driveline(state, t)
-    return circuits
-
-
-@wp.func
-def store_circuits(state: wp.array2d(dtype=float), t: int, circuits: Circuits):
-    store_steering(state, t, circuits.steering)
     state[State.MOUNT, t] = circuits.mount.deflection
     state[State.MOUNT_RATE, t] = circuits.mount.rate
     state[State.JOINT_FRICTION, t] = circuits.mount.friction
-    store_arm(state, 0, t, circuits.fl)
-    store_arm(state, 1, t, circuits.fr)
-    store_arm(state, 2, t, circuits.rl)
-    store_arm(state, 3, t, circuits.rr)
-    store_driveline(state, t, circuits.driveline)
-
-
-@wp.func
-def load_actuators(state: wp.array2d(dtype=float), t: int):
-    actuators = Actuators()
-    actuators.play = state[State.PLAY, t]
-    actuators.arm_spools = load4(state, int(State.ARM_SPOOL_FL), t)
-    actuators.drive_swash = state[State.DRIVE_SWASH, t]
-    actuators.shift_front = state[State.SHIFT_FRONT, t]
-    actuators.shift_rear = state[State.SHIFT_REAR, t]
-    actuators.traction = load4(state, int(State.TRACTION_FL), t)
-    return actuators
-
-
-@wp.func
-def store_actuators(state: wp.array2d(dtype=float), t: int, actuators: Actuators):
-    state[State.PLAY, t] = actuators.play
-    store4(state, int(State.ARM_SPOOL_FL), t, actuators.arm_spools)
-    state[State.DRIVE_SWASH, t] = actuators.drive_swash
-    state[State.SHIFT_FRONT, t] = actuators.shift_front
-    state[State.SHIFT_REAR, t] = actuators.shift_rear
-    store4(state, int(State.TRACTION_FL), t, actuators.traction)
-
-
-@wp.func
-def load_engine(state: wp.array2d(dtype=float), t: int):
-    return EngineState(state[State.ENGINE_SPEED, t], state[State.GOVERNOR, t], state[State.ENGINE_TORQUE, t])
-
-
-@wp.func
-def store_engine(state: wp.array2d(dtype=float), t: int, engine: EngineState):
+    store4(state, int(State.ARM_BORE_FL), t, wp.vec4(circuits.fl.bore, circuits.fr.bore, circuits.rl.bore, circuits.rr.bore))
+    store4(state, int(State.ARM_ROD_FL), t, wp.vec4(circuits.fl.rod, circuits.fr.rod, circuits.rl.rod, circuits.rr.rod))
+    loop = circuits.driveline
+    state[State.FORWARD, t] = loop.forward
+    state[State.BACK, t] = loop.back
+    store4(state, int(State.HOSE_FL), t, wp.vec4(loop.wheel_fl, loop.wheel_fr, loop.wheel_rl, loop.wheel_rr))
+    state[State.CHARGE, t] = loop.charge
     state[State.ENGINE_SPEED, t] = engine.speed
     state[State.GOVERNOR, t] = engine.integral
     state[State.ENGINE_TORQUE, t] = engine.torque
 
 
 @wp.func
-def watched(
-    pose: Pose, velocity: Velocity, circuits: Circuits, motor_pressures: wp.vec4, arm_oil: wp.vec4, engine: EngineState
-):
+def watched(pose: Pose, velocity: Velocity, circuits: Circuits, oil: OilLoads, engine: EngineState):
     """A sum that any NaN or infinity in a velocity or a pressure reaches within a main step."""
     steering = circuits.steering
     return (
         wp.length(pose.position) + wp.length(velocity.linear) + wp.length(velocity.angular) + velocity.joint
         + wp.length(velocity.arms) + wp.length(velocity.spins) + steering.supply + steering.port_a + steering.port_b
-        + steering.tank_line + wp.length(motor_pressures) + circuits.driveline.charge + wp.length(arm_oil)
+        + steering.tank_line + wp.length(oil.motors) + circuits.driveline.charge + wp.length(oil.arms)
         + engine.speed
     )
 

@@ -256,6 +256,53 @@ def swash_step(m: Steering, swash: float, supply: float, ls_pressure: float, dt:
     return wp.clamp(swash + dt * rate, 0.0, 1.0)
 
 
+@wp.struct
+class Metering:
+    """Flows through the metering edges, which one side of the valve works at a time."""
+
+    left: bool  # the side that works
+    available: float  # [Pa] drop over compensator and meter-in edge
+    ratio: float  # [-] meter-in edge over open compensator
+    flow_in: float  # [m³/s]
+    flow_out: float  # [m³/s]
+    load_pressure: float  # [Pa] of the loaded port, where the valve is open
+
+
+@wp.func
+def metering(m: Steering, lam: float, s: SteeringState, p_s: float, p_a: float, p_b: float, p_t: float):
+    """Valve section at pressures [Pa] of supply, ports and return line: compensator and meter-in edge in series behind a
+    load check, and the meter-out edge."""
+    left = s.spool > 0.0
+    opening = valve_opening(
+        s.spool,
+        m.valve_overlap,
+        wp.where(left, m.valve_dead_band_left, m.valve_dead_band_right),
+        wp.where(left, m.valve_opening_left_1V0, m.valve_opening_right_1V0),
+        wp.where(left, m.valve_opening_left_1V5, m.valve_opening_right_1V5),
+    )
+    cv_in = wp.where(left, m.valve_cv_in_left, m.valve_cv_in_right)
+    cv_out = wp.where(left, m.valve_cv_out_left, m.valve_cv_out_right)
+    p_load = wp.where(left, p_a, p_b)
+    p_unload = wp.where(left, p_b, p_a)
+    out = Metering()
+    out.left = left
+    out.available = wp.where(opening > 0.0, wp.max(p_s - p_load, 0.0), 0.0)
+    out.ratio = opening * (cv_in / m.valve_cv_compensator)
+    share = s.compensator * inverse_root(wp.max(s.compensator * s.compensator + out.ratio * out.ratio, 1.0e-12))
+    out.flow_in = orifice(opening * cv_in * share, out.available, lam)
+    out.flow_out = orifice(opening * cv_out, p_unload - p_t, lam)
+    out.load_pressure = wp.where(opening > 0.0, p_load, 0.0)
+    return out
+
+
+@wp.func
+def port_to_tank(m: Steering, lam: float, port: float, tank: float):
+    """Flow [m³/s] from a port to the return line past the metering edges: port relief, leakage, anti-cavitation."""
+    shock = relief_valve(port - tank, m.valve_shock_pressure, m.valve_shock_ramp, m.valve_shock_flow)
+    suction = check_valve(m.valve_cv_anticavitation, tank - port, m.valve_anticavitation_crack, lam)
+    return shock + m.valve_leakage * (port - tank) - suction
+
+
 @wp.func
 def steering_step(
     # parameters
@@ -279,41 +326,15 @@ def steering_step(
     p_b = pressure(oil, s.port_b)
     p_t = pressure(oil, s.tank_line)
 
-    # valve section: one side works at a time
-    left = s.spool > 0.0
-    opening = valve_opening(
-        s.spool,
-        m.valve_overlap,
-        wp.where(left, m.valve_dead_band_left, m.valve_dead_band_right),
-        wp.where(left, m.valve_opening_left_1V0, m.valve_opening_right_1V0),
-        wp.where(left, m.valve_opening_left_1V5, m.valve_opening_right_1V5),
-    )
-    cv_in = wp.where(left, m.valve_cv_in_left, m.valve_cv_in_right)
-    cv_out = wp.where(left, m.valve_cv_out_left, m.valve_cv_out_right)
-    p_load = wp.where(left, p_a, p_b)
-    p_unload = wp.where(left, p_b, p_a)
-
-    # meter-in: compensator and edge in series behind a load check
-    available = wp.where(opening > 0.0, wp.max(p_s - p_load, 0.0), 0.0)
-    ratio = opening * (cv_in / m.valve_cv_compensator)
-    share = s.compensator * inverse_root(wp.max(s.compensator * s.compensator + ratio * ratio, 1.0e-12))
-    flow_in = orifice(opening * cv_in * share, available, lam)
-    flow_out = orifice(opening * cv_out, p_unload - p_t, lam)
-    ls_target = wp.max(arms.load_pressure, wp.where(opening > 0.0, p_load, 0.0))
-
-    # port reliefs, anti-cavitation, leakages
-    shock_a = relief_valve(p_a - p_t, m.valve_shock_pressure, m.valve_shock_ramp, m.valve_shock_flow)
-    shock_b = relief_valve(p_b - p_t, m.valve_shock_pressure, m.valve_shock_ramp, m.valve_shock_flow)
-    suction_a = check_valve(m.valve_cv_anticavitation, p_t - p_a, m.valve_anticavitation_crack, lam)
-    suction_b = check_valve(m.valve_cv_anticavitation, p_t - p_b, m.valve_anticavitation_crack, lam)
-    leak_a = m.valve_leakage * (p_a - p_t)
-    leak_b = m.valve_leakage * (p_b - p_t)
+    edges = metering(m, lam, s, p_s, p_a, p_b, p_t)
+    left = edges.left
+    flow_in = edges.flow_in
+    flow_out = edges.flow_out
+    to_tank_a = port_to_tank(m, lam, p_a, p_t)
+    to_tank_b = port_to_tank(m, lam, p_b, p_t)
     across = 2.0 * m.cylinder_leakage * (p_a - p_b)
     if m.valve_cv_cross_port > 0.0:
         across += orifice(m.valve_cv_cross_port, p_a - p_b, lam)
-    to_tank_a = shock_a + leak_a - suction_a
-    to_tank_b = shock_b + leak_b - suction_b
-
     q_a = wp.where(left, flow_in, -flow_out) - to_tank_a - across - g.displacement_a * cylinder_rate
     q_b = wp.where(left, -flow_out, flow_in) - to_tank_b + across - g.displacement_b * cylinder_rate
 
@@ -342,10 +363,12 @@ def steering_step(
     out.port_a = fill_chamber(oil, gas.port_a, s.port_a, q_a, dt, g.volume_a, m.hose_compliance, nominal)
     out.port_b = fill_chamber(oil, gas.port_b, s.port_b, q_b, dt, g.volume_b, m.hose_compliance, nominal)
     out.tank_line = fill(oil, gas.tank_line, s.tank_line, q_tank, dt, m.tank_line_volume, m.tank_line_compliance)
-    out.ls_pressure = s.ls_pressure + (dt / m.pump_ls_time_constant) * (wp.max(ls_target, 0.0) - s.ls_pressure)
+    out.ls_pressure = s.ls_pressure + (dt / m.pump_ls_time_constant) * (
+        wp.max(wp.max(arms.load_pressure, edges.load_pressure), 0.0) - s.ls_pressure
+    )
     fastest = dt * m.valve_spool_rate_limit
     out.spool = s.spool + wp.clamp((dt / m.valve_spool_time_constant) * (spool_demand - s.spool), -fastest, fastest)
-    out.compensator = compensator_step(m, s.compensator, available, ratio, dt)
+    out.compensator = compensator_step(m, s.compensator, edges.available, edges.ratio, dt)
     out.swash = swash_step(m, s.swash, p_s, s.ls_pressure, dt)
     out.flow_in = flow_in
     out.flow_out = flow_out
