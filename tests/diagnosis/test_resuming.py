@@ -47,6 +47,7 @@ def diagnose_into(out: Path) -> None:
         write_json(out / "diagnosis.json", found)
 
 
+@pytest.mark.slow
 def test_what_was_killed_goes_on_to_the_same_result(tmp_path, launches):
     whole = lagging(Simulator())
     everything = len(launches)

@@ -248,6 +248,7 @@ def test_an_interrupted_suite_goes_on_to_the_same_files(sealed, tmp_path):
     assert answers["salt"] != expected["salt"]
 
 
+@pytest.mark.slow
 def test_more_workers_write_the_same_files(sealed, tmp_path):
     folder, expected = sealed
     told = []

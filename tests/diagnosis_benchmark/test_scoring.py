@@ -396,6 +396,7 @@ def stand_in(place: Path, out: Path, *, sensors: str, device: str) -> None:
     (out / "diagnosis.json").write_text(json.dumps(lag if place.name == "002" else NO_GAP))
 
 
+@pytest.mark.slow
 def test_the_command_scores(tmp_path):
     answers, check, runner = write_suite(tmp_path), tmp_path / "check", CliRunner()
     early = runner.invoke(app, ["blind", "score", str(check)])

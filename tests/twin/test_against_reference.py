@@ -173,6 +173,7 @@ def test_bounces_come_closer_with_the_step(turn, machine):
 
 
 # ------------------------------------------------------------------------------------------------ driving, and the arms
+@pytest.mark.slow
 def test_driving_steering_shifting_and_braking(machine):
     schedule: Schedule = [
         (0.1, {"drive_signal": 0.6}),

@@ -58,6 +58,7 @@ def refined(constants, level, halvings, *, opened):
     return np.concatenate([out[name] for name in names], axis=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", LEVELS)
 def test_stepping_is_of_second_order(constants, level):
     """Halving all steps leaves a quarter of the error, while no valve opens or shuts."""
