@@ -7,11 +7,9 @@
 >>> observation, info = env.reset(seed=1)
 >>> observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
 
-A task stands in one file, ``turning`` or ``path_tracking``: its configuration, its reward and observation terms, and how
-it is judged. What tasks share is in ``vector`` (twins of one launch, autoreset, seeds, logging), ``single`` (one of them
-as an ``Env``), ``terms``, ``randomisation``, ``joint`` (its measured angle and rate) and ``rendering``. Path tracking also
-has ``courses`` (terrains with their paths), ``path_table`` (projections), ``assistance`` (gear, traction, arms) and
-``chase`` (its pictures). Names load on first use.
+A task is a folder: ``config``, ``rewards``, ``observations`` (terms of the ``view``), ``task`` (goals, measurements,
+judgement), ``environment`` (what Gymnasium makes) and ``rendering``. ``core`` is what tasks share; its ``task`` documents
+the interface that a further task fulfils. Names load on first use.
 """
 
 from typing import TYPE_CHECKING
@@ -24,16 +22,15 @@ if TYPE_CHECKING:
     from aoro_gym.envs.core.randomisation import Randomisation
     from aoro_gym.envs.core.terms import ObservationTerm, RewardTerm
     from aoro_gym.envs.path_tracking.assistance import ArmControl
+    from aoro_gym.envs.path_tracking.config import PathTrackingConfig, PathTrackingRandomisation
     from aoro_gym.envs.path_tracking.courses import Course, forest_course
-    from aoro_gym.envs.path_tracking.task import (
-        PathTracking,
-        PathTrackingConfig,
-        PathTrackingEnv,
-        PathTrackingRandomisation,
-        PathTrackingVectorEnv,
-        PathTrackingView,
-    )
-    from aoro_gym.envs.turning.task import Turning, TurningConfig, TurningEnv, TurningVectorEnv, TurningView
+    from aoro_gym.envs.path_tracking.environment import PathTrackingEnv, PathTrackingVectorEnv
+    from aoro_gym.envs.path_tracking.task import PathTracking
+    from aoro_gym.envs.path_tracking.view import PathTrackingView
+    from aoro_gym.envs.turning.config import TurningConfig
+    from aoro_gym.envs.turning.environment import TurningEnv, TurningVectorEnv
+    from aoro_gym.envs.turning.task import Turning
+    from aoro_gym.envs.turning.view import TurningView
 
 __all__ = [
     "ENVIRONMENTS",
@@ -62,17 +59,16 @@ __getattr__, _, _ = lazy_loader.attach(
     submod_attrs={
         "path_tracking.assistance": ("ArmControl",),
         "path_tracking.courses": ("Course", "forest_course"),
-        "path_tracking.task": (
-            "PathTracking",
-            "PathTrackingConfig",
-            "PathTrackingEnv",
-            "PathTrackingRandomisation",
-            "PathTrackingVectorEnv",
-            "PathTrackingView",
-        ),
+        "path_tracking.config": ("PathTrackingConfig", "PathTrackingRandomisation"),
+        "path_tracking.environment": ("PathTrackingEnv", "PathTrackingVectorEnv"),
+        "path_tracking.task": ("PathTracking",),
+        "path_tracking.view": ("PathTrackingView",),
         "core.randomisation": ("Randomisation",),
         "core.terms": ("ObservationTerm", "RewardTerm"),
-        "turning.task": ("Turning", "TurningConfig", "TurningEnv", "TurningVectorEnv", "TurningView"),
+        "turning.config": ("TurningConfig",),
+        "turning.environment": ("TurningEnv", "TurningVectorEnv"),
+        "turning.task": ("Turning",),
+        "turning.view": ("TurningView",),
     },
 )
 

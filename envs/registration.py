@@ -17,13 +17,13 @@ class Registration:
 
 ENVIRONMENTS = {
     "AORO/Turning-v0": Registration(
-        entry_point="aoro_gym.envs.turning.task:TurningEnv",
-        vector_entry_point="aoro_gym.envs.turning.task:TurningVectorEnv",
+        entry_point="aoro_gym.envs.turning.environment:TurningEnv",
+        vector_entry_point="aoro_gym.envs.turning.environment:TurningVectorEnv",
         max_episode_steps=500,
     ),
     "AORO/PathTracking-v0": Registration(
-        entry_point="aoro_gym.envs.path_tracking.task:PathTrackingEnv",
-        vector_entry_point="aoro_gym.envs.path_tracking.task:PathTrackingVectorEnv",
+        entry_point="aoro_gym.envs.path_tracking.environment:PathTrackingEnv",
+        vector_entry_point="aoro_gym.envs.path_tracking.environment:PathTrackingVectorEnv",
         max_episode_steps=None,
     ),
 }

@@ -22,8 +22,8 @@ import numpy as np
 import warp as wp
 
 from aoro_gym.envs import register_envs
-from aoro_gym.envs.path_tracking import task as path_tracking
-from aoro_gym.envs.turning import task as turning
+from aoro_gym.envs.path_tracking import config as path_tracking
+from aoro_gym.envs.turning import config as turning
 
 ENVIRONMENTS = {"AORO/PathTracking-v0": path_tracking.MILD, "AORO/Turning-v0": turning.MILD}
 """By id, with what varies from episode to episode."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from aoro_gym import Machine, Twin
 from aoro_gym.agents.controllers.turning import ProportionalDerivative
-from aoro_gym.envs.turning.task import TurningConfig
+from aoro_gym.envs.turning.config import TurningConfig
 from aoro_gym.execution.array_api import Array
 
 COUNT, SEED = 1000, 5

@@ -13,7 +13,7 @@ from aoro_gym.agents.evaluation.episodes import TIME_IS_UP, Episodes, reset_argu
 from aoro_gym.agents.evaluation.metrics import OVER, SUCCESS
 from aoro_gym.agents.policies.policy import Policy
 from aoro_gym.envs.path_tracking.courses import Course, library
-from aoro_gym.envs.path_tracking.task import PathTrackingVectorEnv
+from aoro_gym.envs.path_tracking.environment import PathTrackingVectorEnv
 
 STATION = 0.25
 """Distance [m] at which the error of a drive is kept."""

@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from aoro_gym.agents.policies.policy import Policy
-from aoro_gym.envs.turning.task import TurningVectorEnv
+from aoro_gym.envs.turning.environment import TurningVectorEnv
 from aoro_gym.machine.sections import SteeringCylinder
 from aoro_gym.sensors.chain import STANDSTILL, measured_flow
 from aoro_gym.simulation.key_figures import STEADY, TOLERANCE

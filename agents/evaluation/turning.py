@@ -15,7 +15,7 @@ from aoro_gym.agents.evaluation.responses import EPISODE_STEPS, responses, rollo
 from aoro_gym.agents.evaluation.statistics import Floats
 from aoro_gym.agents.policies.policy import Policy
 from aoro_gym.envs.path_tracking.courses import Course
-from aoro_gym.envs.turning.task import TurningVectorEnv
+from aoro_gym.envs.turning.environment import TurningVectorEnv
 
 RESPONSE = 2.0
 """Time [s] after a new target over which the error is kept: every target is held for as long."""

@@ -23,8 +23,10 @@ from typing import Any
 from aoro_gym.envs.core.randomisation import Randomisation
 from aoro_gym.envs.core.task import Task
 from aoro_gym.envs.core.terms import RewardTerm, changed_rewards
-from aoro_gym.envs.path_tracking import task as path_tracking
-from aoro_gym.envs.turning import task as turning
+from aoro_gym.envs.path_tracking import config as path_tracking
+from aoro_gym.envs.path_tracking import rewards as path_tracking_rewards
+from aoro_gym.envs.turning import config as turning
+from aoro_gym.envs.turning import rewards as turning_rewards
 from aoro_gym.execution.array_api import Array
 
 SPREADS: Mapping[str, Mapping[str, Randomisation]] = {
@@ -33,13 +35,13 @@ SPREADS: Mapping[str, Mapping[str, Randomisation]] = {
 }
 """By the environment's id, then by name."""
 TERMS: Mapping[str, Mapping[str, RewardTerm]] = {
-    "AORO/Turning-v0": turning.REWARD_TERMS,
-    "AORO/PathTracking-v0": path_tracking.REWARD_TERMS,
+    "AORO/Turning-v0": turning_rewards.REWARD_TERMS,
+    "AORO/PathTracking-v0": path_tracking_rewards.REWARD_TERMS,
 }
 """The tasks' own reward terms, likewise."""
 FURTHER_TERMS: Mapping[str, Mapping[str, Callable[[Any], Array]]] = {
-    "AORO/Turning-v0": turning.FURTHER_REWARD_TERMS,
-    "AORO/PathTracking-v0": path_tracking.FURTHER_REWARD_TERMS,
+    "AORO/Turning-v0": turning_rewards.FURTHER_REWARD_TERMS,
+    "AORO/PathTracking-v0": path_tracking_rewards.FURTHER_REWARD_TERMS,
 }
 """Reward terms that a task can do without, by the environment's id, then by name."""
 

@@ -32,8 +32,8 @@ from aoro_gym.agents.training.perceptron import perceptron
 from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.agents.training.vec_env import make_vec_env
 from aoro_gym.envs.core.vector import TwinVectorEnv
-from aoro_gym.envs.path_tracking import task as path_tracking
-from aoro_gym.envs.turning import task as turning
+from aoro_gym.envs.path_tracking import observations as path_tracking
+from aoro_gym.envs.turning import observations as turning
 from aoro_gym.execution.array_api import Array
 
 EXACT: Mapping[str, Mapping[str, Callable[[Any], Array]]] = {

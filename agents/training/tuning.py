@@ -31,8 +31,10 @@ from aoro_gym.agents.controllers.path_tracking import FullSpeedSteering, Preview
 from aoro_gym.agents.controllers.turning import BangBang, ProportionalDerivative
 from aoro_gym.agents.evaluation.responses import responses, rollout
 from aoro_gym.agents.policies.policy import Policy
-from aoro_gym.envs.path_tracking.task import FIXED, MILD, PathTrackingRandomisation, PathTrackingVectorEnv
-from aoro_gym.envs.turning.task import TurningConfig, TurningVectorEnv
+from aoro_gym.envs.path_tracking.config import FIXED, MILD, PathTrackingRandomisation
+from aoro_gym.envs.path_tracking.environment import PathTrackingVectorEnv
+from aoro_gym.envs.turning.config import TurningConfig
+from aoro_gym.envs.turning.environment import TurningVectorEnv
 
 TUNING_SEED, TEST_SEED = 10_000, 20_000
 """Seed of the first of the episodes to tune on, and to report on."""

@@ -1,7 +1,7 @@
 """Reward and observation terms: plain functions of a task's view, by name.
 
 A term is a function of one argument, the view of all sub-environments at the end of a control step (for turning:
-:class:`aoro_gym.envs.turning.task.TurningView`). It returns one number a sub-environment, shape (N,); an observation term
+:class:`aoro_gym.envs.turning.view.TurningView`). It returns one number a sub-environment, shape (N,); an observation term
 may also return (N, K). The view's ``xp`` is the namespace of its arrays, by the names of the array API standard: terms that
 call ``view.xp.abs`` and the like, instead of ``numpy.abs``, work with ``output="torch"``, too.
 

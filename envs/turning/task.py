@@ -10,8 +10,7 @@ The configuration, the terms and the judgement stand here; a default is changed 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -19,245 +18,21 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from aoro_gym.envs.core.joint import MeasuredJoint
-from aoro_gym.envs.core.randomisation import COMMISSIONED, Draws, Randomisation
-from aoro_gym.envs.core.single import TwinEnv
-from aoro_gym.envs.core.task import Outputs, Start, Terrains, chosen, divides, given, sensing
-from aoro_gym.envs.core.terms import Frozen, ObservationTerm, RewardTerm, changed_observations, changed_rewards
-from aoro_gym.envs.core.vector import TwinVectorEnv, check_keywords
+from aoro_gym.envs.core.randomisation import Draws
+from aoro_gym.envs.core.task import Outputs, Start, Terrains, chosen, given, sensing
+from aoro_gym.envs.turning.config import TurningConfig
+from aoro_gym.envs.turning.view import TurningView
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats
 from aoro_gym.machine import Machine
-from aoro_gym.sensors import JointAngleNoise, PressureNoise, PressureSensor
+from aoro_gym.sensors import PressureSensor
 from aoro_gym.terrains import Plane
 from aoro_gym.twin.records import Output
 
-FULL_FLOW = 1.2e-3
-"""Joint flow [m³/s] that stands for 1: about that of a turn at full signal."""
-TRACKING_SCALE = 0.2
-"""Error [rad] at which the tracking term has fallen to 1/e."""
 TARGETS_DRAWN = 32
 """Targets drawn for an episode; the last one stays."""
 LAST_STEP = 2**62
 """Step that never comes."""
-
-# ---- what the terms see ----------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class TurningView:
-    """All sub-environments at the end of a control step; arrays of shape (N,) unless said otherwise, SI.
-
-    Angles are positive to the left. In reward terms ``target`` is the one that the step pursued; in observation terms
-    it is the one that the next step shall pursue.
-    """
-
-    xp: Any
-    """Array namespace of all arrays."""
-    control_step: float
-    """[s]"""
-    tolerance: float
-    """Error [rad] within which a target counts as reached."""
-    target: Array
-    """[rad]"""
-    target_age: Array
-    """Time since the target was set [s]."""
-    error: Array
-    """Target less true joint angle [rad]."""
-    overshoot: Array
-    """How far [rad] the joint is beyond the target, seen from where it stood when the target was set; at least 0."""
-    measured_angle: Array
-    """Joint angle [rad] as the sensor gives it."""
-    measured_rate: Array
-    """Joint rate [rad/s] as the controller can know it: slope of the line through the last measured angles."""
-    signals: Array
-    """Steering signals of the last steps, newest first, shape (N, M)."""
-    flows: Array
-    """True joint flow [m³/s], positive left, at the end of the last three steps, newest first, shape (3, N)."""
-    measured_pressures: Array
-    """Ports A and B and the pump [Pa] as their sensors give them, shape (N, 3); (N, 0) if they are not observed."""
-    outputs: Outputs
-    """Exact output channels of the twins over the step."""
-
-    def output(self, channel: str) -> Array:
-        """Any exact output channel of the twin at the end of the step, SI; see ``aoro_gym.twin.records.Output``."""
-        return self.outputs.last(channel)
-
-    def samples(self, channel: str) -> Array:
-        """The channel's samples over the step, 100 a second, oldest first, shape (frames, N)."""
-        return self.outputs.samples(channel)
-
-
-# ---- reward terms: each a number a sub-environment, weighted below ---------------------------------------------------
-
-
-def tracking(view: TurningView) -> Array:
-    """1 on target, falling exponentially with the error: every moment away from the target costs."""
-    return view.xp.exp(-view.xp.abs(view.error) / TRACKING_SCALE)
-
-
-def precision(view: TurningView) -> Array:
-    """1 on target, 1/e at the tolerance, nothing beyond: worth the last degree."""
-    return view.xp.exp(-((view.error / view.tolerance) ** 2))
-
-
-def overshoot(view: TurningView) -> Array:
-    """How far the joint is beyond its target [rad]."""
-    return view.overshoot
-
-
-def flow_oscillation(view: TurningView) -> Array:
-    """Second difference of the joint flow over three steps, in units of the full flow: a steady ramp is free."""
-    newest, middle, oldest = view.flows
-    return view.xp.abs(newest - 2.0 * middle + oldest) / FULL_FLOW
-
-
-def flow_excess(view: TurningView) -> Array:
-    """How far the joint flow is above the full one, in units of it: the first peak of a turn, above what it settles at."""
-    return view.xp.clip(view.xp.abs(view.flows[0]) / FULL_FLOW - 1.0, 0.0, None)
-
-
-def signal_change(view: TurningView) -> Array:
-    """Square of the steering signal's change."""
-    return (view.signals[:, 0] - view.signals[:, 1]) ** 2
-
-
-REWARD_TERMS = Frozen(
-    {
-        "tracking": RewardTerm(0.6, tracking),
-        "precision": RewardTerm(0.4, precision),
-        "overshoot": RewardTerm(-10.0, overshoot),
-        "flow_oscillation": RewardTerm(-0.2, flow_oscillation),
-        "signal_change": RewardTerm(-0.1, signal_change),
-    }
-)
-"""The reward: at most 1 a step, so 500 an episode."""
-FURTHER_REWARD_TERMS = Frozen({"flow_excess": flow_excess})
-"""What it can be made of besides, by name."""
-
-# ---- observation terms -----------------------------------------------------------------------------------------------
-
-
-def joint_angle(view: TurningView) -> Array:
-    """Measured joint angle [rad]."""
-    return view.measured_angle
-
-
-def joint_rate(view: TurningView) -> Array:
-    """Estimated joint rate [rad/s]."""
-    return view.measured_rate
-
-
-def target(view: TurningView) -> Array:
-    """Target [rad]."""
-    return view.target
-
-
-def target_error(view: TurningView) -> Array:
-    """Target less measured angle [rad]."""
-    return view.target - view.measured_angle
-
-
-def signals(view: TurningView) -> Array:
-    """The last steering signals, newest first (N, M)."""
-    return view.signals
-
-
-def pressures(view: TurningView) -> Array:
-    """Measured pressures of port A, port B and the pump, in units of 100 bar (N, 3)."""
-    return view.measured_pressures / 1e7
-
-
-OBSERVATION_TERMS = Frozen(
-    {
-        "joint_angle": ObservationTerm(joint_angle, -math.pi, math.pi),
-        "joint_rate": ObservationTerm(joint_rate, -5.0, 5.0),
-        "target": ObservationTerm(target, -math.pi, math.pi),
-        "error": ObservationTerm(target_error, -math.pi, math.pi),
-        "signals": ObservationTerm(signals, -1.0, 1.0),
-    }
-)
-"""What the real machine knows with its joint-angle sensor alone."""
-EXACT_TERMS: Mapping[str, Callable[[TurningView], Array]] = {
-    "joint_angle": lambda view: view.target - view.error,
-    "error": lambda view: view.error,
-}
-"""True values of measured terms, for teachers."""
-PRESSURE_TERMS = Frozen({"pressures": ObservationTerm(pressures, -1.0, 10.0)})
-"""What ``observe_pressures=True`` adds."""
 PRESSURE_CHANNELS = ("pressure_a", "pressure_b", "pump_pressure")
-
-# ---- randomisation and configuration ---------------------------------------------------------------------------------
-
-FIXED = Randomisation()
-"""The machine as it is, with the published sensor noise; targets and the start angle still differ."""
-MILD = Randomisation(
-    machine_scale=Frozen(
-        {
-            **COMMISSIONED,
-            "steering.valve.spool_time_constant": (0.7, 1.4),
-            "steering.valve.compensator_time_constant": (0.7, 1.4),
-            "steering.pump.stroke_up_time": (0.8, 1.25),
-            "steering.pump.margin": (0.9, 1.1),
-            "steering.hose_volume": (0.8, 1.25),
-            "oil.bulk_modulus": (0.85, 1.15),
-            "joint.friction_torque": (0.5, 2.0),
-        }
-    ),
-    ground_friction=(0.5, 1.1),
-    sensor_noise=(0.5, 1.5),
-)
-"""Spread of a commissioned machine over grounds and temperatures, within the ranges of the machine file."""
-
-
-@dataclass(frozen=True)
-class TurningConfig:
-    """The task as data; SI. Raises ValueError naming the field, its value and its bound."""
-
-    control_step: float = 0.02
-    """[s] between two actions."""
-    sample_step: float = 0.01
-    """[s] between two samples of the joint-angle sensor."""
-    target_clearance: float = math.radians(4.0)
-    """Targets and start angles keep this far [rad] from the joint's stops."""
-    target_change: float = math.radians(8.0)
-    """Successive targets, and the first one and the start angle, differ by at least this much [rad]."""
-    hold: tuple[float, float] = (2.5, 4.0)
-    """Shortest and longest time [s] until the next target."""
-    tolerance: float = math.radians(1.0)
-    """Error [rad] within which a target counts as reached."""
-    dwell: float = 0.3
-    """A target is settled when the error has stayed within the tolerance for this long [s]."""
-    rate_samples: int = 6
-    """Angle samples that the rate estimate takes its slope from."""
-    signal_memory: int = 4
-    """Past steering signals in the observation."""
-    observe_pressures: bool = False
-    """Add the pressures of both ports and of the pump to the observation."""
-    joint_angle_noise: JointAngleNoise = field(default_factory=JointAngleNoise.published)
-    pressure_noise: PressureNoise = field(default_factory=PressureNoise.typical)
-    reward_terms: Mapping[str, RewardTerm] = field(default_factory=lambda: REWARD_TERMS)
-    observation_terms: Mapping[str, ObservationTerm] = field(default_factory=lambda: OBSERVATION_TERMS)
-    randomisation: Randomisation = FIXED
-
-    def __post_init__(self) -> None:
-        low, high = self.hold
-        for holds, message in (
-            (self.control_step > 0, f"control_step is {self.control_step} s, but must be positive"),
-            (divides(self.sample_step, self.control_step), f"sample_step is {self.sample_step} s, but must divide "
-             f"control_step = {self.control_step} s"),
-            (self.target_clearance >= 0, f"target_clearance is {self.target_clearance} rad, but must be at least 0"),
-            (self.target_change >= 0, f"target_change is {self.target_change} rad, but must be at least 0"),
-            (self.control_step <= low <= high < math.inf, f"hold is ({low}, {high}) s, but must be at least one control "
-             "step, low before high"),
-            (0 < self.tolerance < math.inf, f"tolerance is {self.tolerance} rad, but must be positive"),
-            (0 <= self.dwell <= low, f"dwell is {self.dwell} s, but must be in [0, {low}] s, the shortest hold"),
-            (self.rate_samples >= 2, f"rate_samples is {self.rate_samples}, but must be at least 2"),
-            (self.signal_memory >= 2, f"signal_memory is {self.signal_memory}, but must be at least 2"),
-        ):  # fmt: skip
-            if not holds:
-                raise ValueError(message)
-
-
-# ---- the task --------------------------------------------------------------------------------------------------------
 
 
 class Turning:
@@ -546,64 +321,3 @@ def apart(
         along = uniform[:, t] * (below + reach - above)
         before = targets[:, t] = np.where(along < below, along - reach, above + along - below)
     return targets
-
-
-# ---- the environments ------------------------------------------------------------------------------------------------
-
-
-class TurningVectorEnv(TwinVectorEnv):
-    """``gymnasium.make_vec("AORO/Turning-v0", num_envs=N)``: N joints to turn, the twins of one launch.
-
-    **Action** (1,): steering signal, positive left. **Observation**: the terms of ``OBSERVATION_TERMS`` in their order;
-    ``observation_layout`` gives the columns. **Reward**: the weighted terms of ``REWARD_TERMS``.
-
-    **Episode**: truncated after 500 steps; terminated only when the twin is lost, with the reason in
-    ``info["termination"]``. ``info["is_success"]`` tells whether all targets so far were settled in time.
-
-    ``reset(options=...)`` also takes ``joint_angle`` [rad], ``targets`` [rad] of shape (T,) or (num_envs, T), the last
-    of which stays, and ``hold`` [s], the time each target but the last is held (the shortest hold if targets are given);
-    ``position`` [m] of the hinge in the plan and ``heading`` [rad], by default the terrain's middle, or a plane's origin,
-    and 0.
-
-    Args:
-        num_envs: Sub-environments.
-        config: The task; see :class:`TurningConfig`.
-        reward_terms: Changes to its reward terms by name; see :mod:`aoro_gym.envs.core.terms`.
-        observation_terms: Changes to its observation terms by name.
-        observe_pressures: Add the pressures of both ports and of the pump to the observation.
-        randomisation: Instead of the configuration's: ``FIXED``, ``MILD`` or an own one.
-        arguments: See :class:`TwinVectorEnv`: machine, terrain, device, output, own_machines, autoreset_mode,
-            max_episode_steps, render_mode.
-    """
-
-    task: Turning
-
-    def __init__(
-        self,
-        num_envs: int = 1,
-        *,
-        config: TurningConfig | None = None,
-        reward_terms: Mapping[str, RewardTerm | tuple[float, Callable[[Any], Array]] | float | None] | None = None,
-        observation_terms: Mapping[str, ObservationTerm | Callable[[Any], Array] | None] | None = None,
-        observe_pressures: bool | None = None,
-        randomisation: Randomisation | None = None,
-        **arguments: Any,
-    ):
-        check_keywords(type(self), arguments)
-        config = TurningConfig() if config is None else config
-        observe_pressures = config.observe_pressures if observe_pressures is None else observe_pressures
-        observed = {**config.observation_terms, **(PRESSURE_TERMS if observe_pressures else {})}
-        config = replace(
-            config,
-            observe_pressures=observe_pressures,
-            reward_terms=changed_rewards(config.reward_terms, reward_terms),
-            observation_terms=changed_observations(observed, observation_terms),
-            randomisation=config.randomisation if randomisation is None else randomisation,
-        )
-        super().__init__(Turning(config), num_envs, **arguments)
-
-
-class TurningEnv(TwinEnv):
-    """``gymnasium.make("AORO/Turning-v0")``: one joint to turn; see :class:`TurningVectorEnv`."""
-
-    vector_type = TurningVectorEnv

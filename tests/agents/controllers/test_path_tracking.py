@@ -24,8 +24,9 @@ from aoro_gym.agents.controllers.path_tracking import (
     turn_angle,
     turn_curvature,
 )
+from aoro_gym.envs.path_tracking.config import PathTrackingRandomisation
 from aoro_gym.envs.path_tracking.courses import Course
-from aoro_gym.envs.path_tracking.task import PathTrackingEnv, PathTrackingRandomisation, PathTrackingVectorEnv
+from aoro_gym.envs.path_tracking.environment import PathTrackingEnv, PathTrackingVectorEnv
 from aoro_gym.terrains import Plane
 from aoro_gym.terrains.paths.planning import turning_radius
 from tests.envs.path_tracking.paths import LINE, circle

@@ -9,7 +9,8 @@ import pytest
 import aoro_gym.agents
 from aoro_gym.agents import BangBang, Policy, ProportionalDerivative
 from aoro_gym.agents.evaluation.responses import responses, rollout
-from aoro_gym.envs.turning.task import TurningConfig, TurningVectorEnv
+from aoro_gym.envs.turning.config import TurningConfig
+from aoro_gym.envs.turning.environment import TurningVectorEnv
 
 LAYOUT = {"joint_rate": slice(0, 1), "error": slice(1, 2)}
 CONTROLLERS = [BangBang, ProportionalDerivative]

@@ -15,9 +15,11 @@ from aoro_gym.agents.evaluation.evaluate import evaluate, policy_factory
 from aoro_gym.agents.evaluation.path_tracking import STATION, drive_paths
 from aoro_gym.agents.evaluation.responses import responses, rollout
 from aoro_gym.agents.evaluation.statistics import interquartile_mean, interval, stratified_interval
+from aoro_gym.envs.path_tracking.config import FIXED
 from aoro_gym.envs.path_tracking.courses import Course
-from aoro_gym.envs.path_tracking.task import END_OF_PATH, FIXED, PathTrackingVectorEnv
-from aoro_gym.envs.turning.task import TurningVectorEnv
+from aoro_gym.envs.path_tracking.environment import PathTrackingVectorEnv
+from aoro_gym.envs.path_tracking.task import END_OF_PATH
+from aoro_gym.envs.turning.environment import TurningVectorEnv
 from aoro_gym.terrains import Path, Plane
 
 TRACKING, TURNING = "AORO/PathTracking-v0", "AORO/Turning-v0"

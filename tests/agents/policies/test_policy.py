@@ -15,7 +15,7 @@ from aoro_gym.agents.policies.files import SHIPPED, load_policy
 from aoro_gym.agents.policies.onnx_file import write_onnx
 from aoro_gym.agents.policies.policy import LearnedPolicy, Normalisation
 from aoro_gym.envs import register_envs
-from aoro_gym.envs.turning.task import TurningVectorEnv
+from aoro_gym.envs.turning.environment import TurningVectorEnv
 
 register_envs()
 TURNING = "AORO/Turning-v0"

@@ -30,9 +30,11 @@ from aoro_gym.agents.training.run_folder import begin, continued, recall
 from aoro_gym.cli import app
 from aoro_gym.cli.courses import training_courses
 from aoro_gym.envs import Course
-from aoro_gym.envs.path_tracking.task import MILD as TRACKING_MILD
-from aoro_gym.envs.path_tracking.task import REWARD_TERMS as TRACKING_TERMS
-from aoro_gym.envs.turning.task import FIXED, MILD, REWARD_TERMS, Turning
+from aoro_gym.envs.path_tracking.config import MILD as TRACKING_MILD
+from aoro_gym.envs.path_tracking.rewards import REWARD_TERMS as TRACKING_TERMS
+from aoro_gym.envs.turning.config import FIXED, MILD
+from aoro_gym.envs.turning.rewards import REWARD_TERMS
+from aoro_gym.envs.turning.task import Turning
 from aoro_gym.execution import provenance
 from aoro_gym.execution.provenance import ChangedCode, ChangedInput, changed_inputs, check_provenance
 from aoro_gym.terrains import Path as Line

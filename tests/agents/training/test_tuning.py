@@ -7,8 +7,10 @@ import pytest
 
 from aoro_gym.agents.controllers.path_tracking import PurePursuit, Vehicle
 from aoro_gym.agents.training import tuning
+from aoro_gym.envs.path_tracking.config import FIXED
 from aoro_gym.envs.path_tracking.courses import Course
-from aoro_gym.envs.path_tracking.task import END_OF_PATH, FIXED, PathTrackingVectorEnv
+from aoro_gym.envs.path_tracking.environment import PathTrackingVectorEnv
+from aoro_gym.envs.path_tracking.task import END_OF_PATH
 from aoro_gym.terrains import Path, Plane
 
 SHORT = Path(np.stack([np.arange(15.0), np.zeros(15)], axis=1))

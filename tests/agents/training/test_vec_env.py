@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from aoro_gym.envs import Course, register_envs
-from aoro_gym.envs.turning.task import MILD, TurningVectorEnv
+from aoro_gym.envs.turning.config import MILD
+from aoro_gym.envs.turning.environment import TurningVectorEnv
 from aoro_gym.terrains import Path, Plane
 
 vec_envs = pytest.importorskip("stable_baselines3.common.vec_env")

@@ -10,10 +10,11 @@ import pytest
 
 from aoro_gym import Machine, Plane, Twin
 from aoro_gym.envs.core.terms import RewardTerm
+from aoro_gym.envs.path_tracking.config import MILD as MILD_PATHS
 from aoro_gym.envs.path_tracking.courses import Course
-from aoro_gym.envs.path_tracking.task import MILD as MILD_PATHS
-from aoro_gym.envs.path_tracking.task import PathTrackingVectorEnv
-from aoro_gym.envs.turning.task import MILD, TurningVectorEnv
+from aoro_gym.envs.path_tracking.environment import PathTrackingVectorEnv
+from aoro_gym.envs.turning.config import MILD
+from aoro_gym.envs.turning.environment import TurningVectorEnv
 from aoro_gym.terrains import Path, Terrain
 
 X = np.linspace(-15.0, 25.0, 81)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from aoro_gym.envs.core.randomisation import Randomisation, variants
-from aoro_gym.envs.turning.task import MILD, TurningVectorEnv
+from aoro_gym.envs.turning.config import MILD
+from aoro_gym.envs.turning.environment import TurningVectorEnv
 from aoro_gym.twin.records import pack
 
 KEY = "steering.valve.spool_time_constant"

@@ -8,10 +8,10 @@ import pytest
 
 from aoro_gym.envs import ENVIRONMENTS, register_envs
 from aoro_gym.envs.core.rendering import SIZE
+from aoro_gym.envs.path_tracking.environment import PathTrackingVectorEnv
 from aoro_gym.envs.path_tracking.rendering import SIZE as CHASE_SIZE
 from aoro_gym.envs.path_tracking.rendering import VIEW, SolidMachine
-from aoro_gym.envs.path_tracking.task import PathTrackingVectorEnv
-from aoro_gym.envs.turning.task import TurningVectorEnv
+from aoro_gym.envs.turning.environment import TurningVectorEnv
 from tests.envs.path_tracking.paths import LEVEL
 
 register_envs()

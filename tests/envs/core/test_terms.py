@@ -11,7 +11,9 @@ import pytest
 
 from aoro_gym.envs import ObservationTerm, RewardTerm, TurningConfig, register_envs
 from aoro_gym.envs.core.terms import Frozen, changed_observations, changed_rewards
-from aoro_gym.envs.turning.task import OBSERVATION_TERMS, REWARD_TERMS, TurningVectorEnv
+from aoro_gym.envs.turning.environment import TurningVectorEnv
+from aoro_gym.envs.turning.observations import OBSERVATION_TERMS
+from aoro_gym.envs.turning.rewards import REWARD_TERMS
 
 register_envs()
 

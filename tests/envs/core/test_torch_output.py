@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from aoro_gym.envs import register_envs
-from aoro_gym.envs.path_tracking.task import END_OF_PATH, MILD, PathTrackingConfig, PathTrackingVectorEnv
-from aoro_gym.envs.turning import task as turning
-from aoro_gym.envs.turning.task import TurningVectorEnv
+from aoro_gym.envs.path_tracking.config import MILD, PathTrackingConfig
+from aoro_gym.envs.path_tracking.environment import PathTrackingVectorEnv
+from aoro_gym.envs.path_tracking.task import END_OF_PATH
+from aoro_gym.envs.turning import config as turning
+from aoro_gym.envs.turning.environment import TurningVectorEnv
 from aoro_gym.sensors import FixLoss, GpsNoise
 from aoro_gym.sensors.noise import channels, draw_seeds, white
 from aoro_gym.twin.records import Output, State

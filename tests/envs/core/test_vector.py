@@ -12,8 +12,9 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 from aoro_gym.envs import register_envs
 from aoro_gym.envs.core.vector import check_keywords
-from aoro_gym.envs.path_tracking.task import PathTrackingVectorEnv
-from aoro_gym.envs.turning.task import MILD, TurningEnv, TurningVectorEnv
+from aoro_gym.envs.path_tracking.environment import PathTrackingVectorEnv
+from aoro_gym.envs.turning.config import MILD
+from aoro_gym.envs.turning.environment import TurningEnv, TurningVectorEnv
 from aoro_gym.machine import OutsideRangeWarning
 from aoro_gym.terrains import Plane
 from aoro_gym.twin.records import State

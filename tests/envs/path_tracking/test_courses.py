@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from aoro_gym.envs.path_tracking.courses import HeightMap, forest_course, generated_paths
-from aoro_gym.envs.path_tracking.task import PathTrackingVectorEnv
+from aoro_gym.envs.path_tracking.environment import PathTrackingVectorEnv
 from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.terrains.raster import surface
 

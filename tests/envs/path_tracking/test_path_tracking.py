@@ -9,17 +9,10 @@ import numpy as np
 import pytest
 
 from aoro_gym.envs import register_envs
+from aoro_gym.envs.path_tracking.config import FIXED, MILD, PathTrackingConfig, PathTrackingRandomisation
 from aoro_gym.envs.path_tracking.courses import Course
-from aoro_gym.envs.path_tracking.task import (
-    END_OF_PATH,
-    ENDINGS,
-    FIXED,
-    MILD,
-    PathTrackingConfig,
-    PathTrackingEnv,
-    PathTrackingRandomisation,
-    PathTrackingVectorEnv,
-)
+from aoro_gym.envs.path_tracking.environment import PathTrackingEnv, PathTrackingVectorEnv
+from aoro_gym.envs.path_tracking.task import END_OF_PATH, ENDINGS
 from aoro_gym.sensors import FixLoss, GpsNoise, JointAngleNoise, WheelSpeedNoise
 from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.twin.records import COMMAND_BOUNDS, State

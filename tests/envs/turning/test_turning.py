@@ -10,17 +10,10 @@ import pytest
 from aoro_gym.envs import register_envs
 from aoro_gym.envs.core.randomisation import Randomisation
 from aoro_gym.envs.core.task import Outputs, channel_row
-from aoro_gym.envs.turning.task import (
-    FULL_FLOW,
-    TARGETS_DRAWN,
-    Turning,
-    TurningConfig,
-    TurningVectorEnv,
-    apart,
-    flow_oscillation,
-    precision,
-    tracking,
-)
+from aoro_gym.envs.turning.config import TurningConfig
+from aoro_gym.envs.turning.environment import TurningVectorEnv
+from aoro_gym.envs.turning.rewards import FULL_FLOW, flow_oscillation, precision, tracking
+from aoro_gym.envs.turning.task import TARGETS_DRAWN, Turning, apart
 from aoro_gym.sensors.joint_angle import slope_weights
 from aoro_gym.terrains import Plane, Terrain
 from aoro_gym.twin.records import Output
