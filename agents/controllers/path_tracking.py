@@ -366,6 +366,13 @@ def preview_gains(
     known disturbance is u = −S⁻¹ Bᵀ P A x − Σ_i S⁻¹ Bᵀ (A_cᵀ)^i P D κ_i (M. Tomizuka, "Optimal continuous finite preview
     problem", IEEE Trans. Automatic Control 20, 1975, in discrete time); curvatures are linear between the places, and stay
     as the last one beyond.
+
+    Args:
+        vehicle: What a driver knows of it.
+        speed: [m/s], above 0.
+        heading_weight: [m²/rad²]
+        rate_weight: [m² s²/rad²]
+        lag: Of the joint [s], above 0.
     """
     a, b, d = preview_model(vehicle, speed, lag)
     cost = np.diag([1.0, heading_weight, 0.0, 0.0])

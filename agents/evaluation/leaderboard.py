@@ -16,16 +16,24 @@ from typing import Any
 
 from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES, Factory
 from aoro_gym.agents.evaluation.evaluate import evaluate
-from aoro_gym.agents.evaluation.metrics import MARKS, MORE_IS_BETTER, SUCCESS, describe, named, ranked, shown, shown_as
+from aoro_gym.agents.evaluation.metrics import (
+    MARKS,
+    SUCCESS,
+    describe,
+    named,
+    ranked,
+    shown,
+    shown_as,
+    titled,
+)
 from aoro_gym.agents.evaluation.perturbations import PERTURBATIONS
-from aoro_gym.agents.evaluation.plots import COLOURS
+from aoro_gym.agents.evaluation.plots import COLOURS, saved_figure, style_rows
 from aoro_gym.agents.evaluation.report import counted
 from aoro_gym.agents.evaluation.result import Evaluation
 from aoro_gym.agents.evaluation.statistics import Interval, interquartile_mean, interval, plain
 from aoro_gym.envs.path_tracking.courses import Course, forest_course
-from aoro_gym.execution.files import write_json, write_text, written_whole
+from aoro_gym.execution.files import write_json, write_text
 from aoro_gym.machine import Machine
-from aoro_gym.reporting.style import PLOT_STYLE
 from aoro_gym.reporting.terminal import Comparison
 
 SEED = 40_000
@@ -118,8 +126,23 @@ def compare(
     kept: Path | None = None,
     progress: Callable[[str, float], Any] = lambda what, share: None,
 ) -> Leaderboard:
-    """Evaluate policies under every perturbation; the arguments are those of
-    :func:`~aoro_gym.agents.evaluation.evaluate.evaluate`, episodes those under each."""
+    """Evaluate policies under every perturbation.
+
+    Args:
+        env: Id of the environment.
+        policies: What makes each policy, by name.
+        episodes: Under each perturbation.
+        repeats: How often each is driven.
+        seed: Of the first episode.
+        courses: Where to drive; :func:`forests` by default.
+        machine: That policies are made for.
+        device: Of the twins.
+        ray: Address of a cluster to drive on.
+        kept: Folder to keep episodes in.
+        progress: Called with what is driven and the share of everything that is done.
+
+    Raises as :func:`~aoro_gym.agents.evaluation.evaluate.evaluate`.
+    """
     machine = machine if isinstance(machine, Machine) else Machine.load(machine)
     if courses is None and env == "AORO/PathTracking-v0":
         courses = forests()
@@ -263,36 +286,15 @@ def table(result: Leaderboard) -> Comparison:
 def write_figure(result: Leaderboard, path: Path) -> None:
     """A panel for each decisive figure: its interquartile mean and interval, by policy and perturbation. Where episodes were
     driven more than once, a broad bar is the interval over repeats."""
-    import matplotlib
-    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-    figures, policies, names = result.any.task.decisive, result.policies, list(result.found)
-    with matplotlib.rc_context(PLOT_STYLE):
-        figure = Figure(figsize=(4.2 * len(figures), 1.5 + 0.5 * len(policies)), dpi=130, layout="constrained")
+    figures, policies = result.any.task.decisive, result.policies
+    with saved_figure(path, 4.2 * len(figures), 1.5 + 0.5 * len(policies)) as figure:
         axes = figure.subplots(1, len(figures), squeeze=False)[0]
         for column, (axis, what) in enumerate(zip(axes, figures, strict=True)):
-            words, unit = describe(what)
-            scale = shown_as(unit)
-            for k, name in enumerate(names):
-                heights = [height + 0.22 * (k - 0.5 * (len(names) - 1)) for height in range(len(policies))]
-                colour = COLOURS[k % len(COLOURS)]
-                drawn = [(result.middle[name], 1.3 if result.stratified else 2.6)]
-                if result.stratified:
-                    drawn.append((result.stratified[name], 6.0))
-                for found, width in drawn:
-                    for height, policy in zip(heights, policies, strict=True):
-                        value = found[policy][what]
-                        axis.hlines(height, scale * value.low95, scale * value.high95, color=colour, lw=width)
-                means = [scale * result.middle[name][policy][what].mean for policy in policies]
-                axis.plot(means, heights, "o", color=colour, mec="white", ms=6.0, label=name, zorder=3)
-            better = "more" if what in MORE_IS_BETTER else "less"
-            axis.set_title(f"{words} [{unit}], {better} is better", loc="left", fontsize=10.0, fontweight="bold")
-            axis.set_yticks(range(len(policies)), labels=policies if column == 0 else [""] * len(policies))
-            axis.set_ylim(len(policies) - 0.5, -0.5)
+            _draw_intervals(axis, result, what)
+            style_rows(axis, policies, titled(what), labelled=column == 0)
             axis.locator_params(axis="x", nbins=6)
-            axis.grid(True, axis="x")
-            axis.spines[["top", "right", "left"]].set_visible(False)
         handles = axes[0].get_legend_handles_labels()[0]
         if result.stratified:
             handles += [
@@ -300,5 +302,20 @@ def write_figure(result: Leaderboard, path: Path) -> None:
                 Line2D([], [], color="grey", lw=1.3, label="95 %, other episodes"),
             ]
         figure.legend(handles=handles, loc="outside upper left", ncols=len(handles), frameon=False, fontsize=8.5)
-        with written_whole(path) as temporary:
-            figure.savefig(temporary)
+
+
+def _draw_intervals(axis: Any, result: Leaderboard, what: str) -> None:
+    """Draw a figure's mean and intervals for every policy, one above the other by perturbation."""
+    scale, names = shown_as(describe(what)[1]), list(result.found)
+    for k, name in enumerate(names):
+        heights = [height + 0.22 * (k - 0.5 * (len(names) - 1)) for height in range(len(result.policies))]
+        colour = COLOURS[k % len(COLOURS)]
+        drawn = [(result.middle[name], 1.3 if result.stratified else 2.6)]
+        if result.stratified:
+            drawn.append((result.stratified[name], 6.0))
+        for found, width in drawn:
+            for height, policy in zip(heights, result.policies, strict=True):
+                value = found[policy][what]
+                axis.hlines(height, scale * value.low95, scale * value.high95, color=colour, lw=width)
+        means = [scale * result.middle[name][policy][what].mean for policy in result.policies]
+        axis.plot(means, heights, "o", color=colour, mec="white", ms=6.0, label=name, zorder=3)

@@ -65,6 +65,12 @@ def named(name: str) -> tuple[str, str]:
     return (f"{words}, {SHORT[OVER[name]]}", unit) if name in OVER else (words, unit)
 
 
+def titled(name: str) -> str:
+    """Words and unit of a figure, and whether more or less of it is better."""
+    words, unit = describe(name)
+    return f"{words} [{unit}], {'more' if name in MORE_IS_BETTER else 'less'} is better"
+
+
 def shown(value: Interval, unit: str, *, finer: int = 0, total: int | None = None) -> str:
     """``mean [low, high]`` to three digits of the mean and ``finer`` ones; shares in per cent. After ``≥`` where it is a
     lower bound, before ``(n)`` where it is over n episodes of the ``total`` only."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -23,64 +25,69 @@ MOST_PLANS = 3
 """Courses that are drawn, those with most episodes."""
 
 
-def write_figures(result: Evaluation, path: Path) -> None:
-    """A panel for each figure: its mean and interval for every policy, single episodes behind."""
+@contextmanager
+def saved_figure(path: Path, width: float, height: float) -> Iterator[Any]:
+    """A figure of this size [inch], which is written to ``path`` once it is drawn."""
     import matplotlib
     from matplotlib.figure import Figure
 
-    summary, policies = result.summary, result.ranking
-    names = list(next(iter(summary.values())))
-    columns = 2 if len(names) < 5 else 3
-    rows = math.ceil(len(names) / columns)
     with matplotlib.rc_context(PLOT_STYLE):
-        figure = Figure(figsize=(12.0, 0.5 + rows * (0.75 + 0.3 * len(policies))), dpi=130, layout="constrained")
-        axes = figure.subplots(rows, columns, squeeze=False).ravel()
-        spread = np.random.default_rng(0).uniform(-0.25, 0.25, result.episodes * result.repeats)
-        for index, name in enumerate(names):
-            axis = axes[index]
-            words, unit = named(name)
-            words = (
-                f"{words}, at least"
-                if name in BOUNDED and any(found[name].bounds for found in summary.values())
-                else words
-            )
-            scale = shown_as(unit)
-            for height, policy in enumerate(policies):
-                value = summary[policy][name]
-                colour = COLOURS[height % len(COLOURS)]
-                if name not in RATES:
-                    single = scale * result.runs[policy].figures[name]
-                    axis.plot(single, height + spread, "o", color=colour, ms=3.5, alpha=0.25, mew=0, zorder=2)
-                if math.isfinite(value.low95):
-                    ends = [scale * value.low95, scale * value.high95]
-                    axis.plot(ends, [height, height], color=colour, lw=3.2, solid_capstyle="butt", zorder=3)
-                axis.plot([scale * value.mean], [height], "o", color=colour, ms=7.5, mec="white", mew=1.0, zorder=4)
-            axis.set_title(f"{words} [{unit}]" if unit else words, loc="left", fontsize=10.5, fontweight="bold")
-            first = index % columns == 0
-            axis.set_yticks(range(len(policies)), labels=policies if first else [""] * len(policies))
-            axis.set_ylim(len(policies) - 0.5, -0.5)
-            if unit == "%" and all(0.0 <= summary[policy][name].mean <= 1.0 for policy in policies):
-                axis.set_xlim(-3.0, 103.0)
-            axis.locator_params(axis="x", nbins=5)
-            axis.grid(True, axis="x")
-            axis.tick_params(axis="y", length=0)
-            axis.spines[["top", "right", "left"]].set_visible(False)
-        for axis in axes[len(names) :]:
-            axis.set_visible(False)
+        figure = Figure(figsize=(width, height), dpi=130, layout="constrained")
+        yield figure
         with written_whole(path) as temporary:
             figure.savefig(temporary)
 
 
+def style_rows(axis: Any, policies: Sequence[str], title: str, *, labelled: bool) -> None:
+    """Style a panel that has a row for each policy, the first on top; ``labelled`` ones say which."""
+    axis.set_title(title, loc="left", fontsize=10.0, fontweight="bold")
+    axis.set_yticks(range(len(policies)), labels=policies if labelled else [""] * len(policies))
+    axis.set_ylim(len(policies) - 0.5, -0.5)
+    axis.grid(True, axis="x")
+    axis.spines[["top", "right", "left"]].set_visible(False)
+
+
+def write_figures(result: Evaluation, path: Path) -> None:
+    """Draw a panel for each metric: its mean and interval for every policy, single episodes behind."""
+    summary, policies = result.summary, result.ranking
+    names = list(next(iter(summary.values())))
+    columns = 2 if len(names) < 5 else 3
+    rows = math.ceil(len(names) / columns)
+    with saved_figure(path, 12.0, 0.5 + rows * (0.75 + 0.3 * len(policies))) as figure:
+        axes = figure.subplots(rows, columns, squeeze=False).ravel()
+        for index, name in enumerate(names):
+            axis, (words, unit) = axes[index], named(name)
+            if name in BOUNDED and any(found[name].bounds for found in summary.values()):
+                words = f"{words}, at least"
+            _draw_metric(axis, result, name, shown_as(unit))
+            style_rows(axis, policies, f"{words} [{unit}]" if unit else words, labelled=index % columns == 0)
+            if unit == "%" and all(0.0 <= summary[policy][name].mean <= 1.0 for policy in policies):
+                axis.set_xlim(-3.0, 103.0)
+            axis.locator_params(axis="x", nbins=5)
+            axis.tick_params(axis="y", length=0)
+        for axis in axes[len(names) :]:
+            axis.set_visible(False)
+
+
+def _draw_metric(axis: Any, result: Evaluation, name: str, scale: float) -> None:
+    spread = np.random.default_rng(0).uniform(-0.25, 0.25, result.episodes * result.repeats)
+    for height, policy in enumerate(result.ranking):
+        value, colour = result.summary[policy][name], COLOURS[height % len(COLOURS)]
+        if name not in RATES:
+            single = scale * result.runs[policy].figures[name]
+            axis.plot(single, height + spread, "o", color=colour, ms=3.5, alpha=0.25, mew=0, zorder=2)
+        if math.isfinite(value.low95):
+            ends = [scale * value.low95, scale * value.high95]
+            axis.plot(ends, [height, height], color=colour, lw=3.2, solid_capstyle="butt", zorder=3)
+        axis.plot([scale * value.mean], [height], "o", color=colour, ms=7.5, mec="white", mew=1.0, zorder=4)
+
+
 def write_errors(result: Evaluation, path: Path) -> None:
     """Error along the episodes: median, half and nine tenths of them, a panel for each policy."""
-    import matplotlib
-    from matplotlib.figure import Figure
-
     count = len(result.runs)
     columns = min(count, 2)
     rows = math.ceil(count / columns)
-    with matplotlib.rc_context(PLOT_STYLE):
-        figure = Figure(figsize=(12.0, 0.6 + 2.9 * rows), dpi=130, layout="constrained")
+    with saved_figure(path, 12.0, 0.6 + 2.9 * rows) as figure:
         axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
         highest = 0.0
         for index, (policy, run) in enumerate(result.runs.items()):
@@ -112,8 +119,6 @@ def write_errors(result: Evaluation, path: Path) -> None:
         axes[0].legend(frameon=False, fontsize=8.5, ncols=3, loc="upper right")
         for axis in axes[count:]:
             axis.set_visible(False)
-        with written_whole(path) as temporary:
-            figure.savefig(temporary)
 
 
 def write_plans(result: Evaluation, folder: Path) -> list[Path]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -47,7 +48,7 @@ class Evaluation:
     def task(self) -> EvaluationTask:
         return TASKS[self.env]
 
-    @property
+    @cached_property
     def summary(self) -> dict[str, dict[str, Interval]]:
         """Every figure by policy and name."""
         return {
@@ -58,7 +59,7 @@ class Evaluation:
             for policy, run in self.runs.items()
         }
 
-    @property
+    @cached_property
     def ranking(self) -> list[str]:
         """Policies from the best to the worst: by success, then by the first decisive figure."""
         return ranked(self.summary, self.task.decisive[0])
@@ -76,7 +77,7 @@ class Evaluation:
         """The same, as these episodes might have been driven with other noise and on other machines."""
         return stratified_interval(values, np.tile(np.arange(self.episodes), self.repeats), statistic=statistic)
 
-    @property
+    @cached_property
     def interquartile(self) -> dict[str, dict[str, Interval]]:
         """The same for the mean of the middle half of the episodes; not of rates, of which it would be 0 or 1."""
         return {
@@ -84,7 +85,7 @@ class Evaluation:
             for policy, run in self.runs.items()
         }
 
-    @property
+    @cached_property
     def stratified(self) -> dict[str, dict[str, Interval]]:
         """The mean of the middle half of all that was driven, with its interval over repeats of these episodes: decisive
         figures by policy and name; empty where each episode was driven once."""
@@ -100,7 +101,7 @@ class Evaluation:
             for policy, run in self.runs.items()
         }
 
-    @property
+    @cached_property
     def endings(self) -> dict[str, dict[str, Interval]]:
         """Share of episodes by policy and ending, the most frequent ending first."""
         known = [ending for ending, _ in Counter(e for run in self.runs.values() for e in run.endings).most_common()]
@@ -112,7 +113,7 @@ class Evaluation:
             for policy, run in self.runs.items()
         }
 
-    @property
+    @cached_property
     def differences(self) -> dict[str, dict[str, Interval]]:
         """Every figure of the other policies less that of the first one, episode by episode, over those in which both have
         it: what they share cancels."""

@@ -37,7 +37,12 @@ def turn_joints(
 ) -> Episodes:
     """Steer every sub-environment through one episode.
 
-    Arguments are those of :func:`aoro_gym.agents.evaluation.path_tracking.drive_paths`.
+    Args:
+        env: Made with ``autoreset_mode="Disabled"``.
+        policy: Who steers; reset first.
+        seeds: One each.
+        tell: Called with the share that is done.
+        asked: Seeds of what is asked for, where ``seeds`` draw the sensors' errors alone.
     """
     film: list[NDArray[np.float32]] = []
 

@@ -14,18 +14,18 @@ import numpy as np
 
 from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES
 from aoro_gym.agents.evaluation.evaluate import asked_of, evaluate
-from aoro_gym.agents.evaluation.metrics import BOUNDED, MORE_IS_BETTER, OVER, SUCCESS, describe, named, shown_as
-from aoro_gym.agents.evaluation.plots import COLOURS
+from aoro_gym.agents.evaluation.metrics import BOUNDED, MORE_IS_BETTER, OVER, SUCCESS, describe, named, shown_as, titled
+from aoro_gym.agents.evaluation.plots import COLOURS, saved_figure
 from aoro_gym.agents.evaluation.result import Evaluation
 from aoro_gym.agents.evaluation.tasks import TASKS
 from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.agents.training.run_folder import EVALUATIONS, recall
 from aoro_gym.agents.training.train import EVALUATION_SEED, judged_by
 from aoro_gym.envs.path_tracking.courses import Course
-from aoro_gym.execution.files import read_json, written_whole
+from aoro_gym.execution.files import read_json
 from aoro_gym.execution.provenance import PROVENANCE, changed_inputs, listed
 from aoro_gym.machine import Machine
-from aoro_gym.reporting.style import INK, PLOT_STYLE, SOFT
+from aoro_gym.reporting.style import INK, SOFT
 from aoro_gym.reporting.terminal import Comparison
 
 
@@ -172,7 +172,15 @@ def references(
     progress: Callable[[str, float], Any] = lambda what, share: None,
     kept: Path | None = None,
 ) -> Evaluation:
-    """The reference controllers on the episodes that trainings of ``plan`` are evaluated on."""
+    """The reference controllers on the episodes that trainings of ``plan`` are evaluated on.
+
+    Args:
+        plan: Of the trainings.
+        machine: That policies are made for.
+        held_out: Where to evaluate; None where the task is no drive.
+        progress: Called with a controller's name and the share of everything that is done.
+        kept: Folder to keep episodes in.
+    """
     return evaluate(
         plan.env,
         REFERENCE_POLICIES[plan.env],
@@ -257,40 +265,36 @@ def _rank(success: float, value: float, decisive: str) -> tuple[float, float]:
 
 def write_figure(curves: Sequence[Curve], beside: Evaluation, path: Path) -> None:
     """A panel for each figure over the steps: mean and spread of the seeds, and the controllers as dashed lines."""
-    import matplotlib
-    from matplotlib.figure import Figure
-
     figures = compared(beside.env)
-    with matplotlib.rc_context(PLOT_STYLE):
-        figure = Figure(figsize=(3.9 * len(figures), 3.4), dpi=130, layout="constrained")
+    with saved_figure(path, 3.9 * len(figures), 3.4) as figure:
         for axis, name in zip(figure.subplots(1, len(figures), squeeze=False)[0], figures, strict=True):
-            words, unit = describe(name)
-            scale = shown_as(unit)
-            shown = []
-            for k, one in enumerate(curves):
-                values, colour = scale * one.figures[name], COLOURS[k % len(COLOURS)]
-                steps = np.array(one.steps) / 1e6
-                mean = values.mean(axis=0)
-                label = f"{one.name}, {len(one.seeds)} seed{'s' * (len(one.seeds) > 1)}, {one.minutes[-1]:.0f} min"
-                axis.fill_between(steps, values.min(axis=0), values.max(axis=0), color=colour, alpha=0.18, lw=0.0)
-                axis.plot(steps, mean, "o-", color=colour, ms=3.5, lw=1.6, label=label)
-                shown += [*values[:, len(steps) // 3 :].ravel()]
-            for k, (policy, found) in enumerate(beside.summary.items()):
-                value = scale * found[name].mean
-                style, colour = ("--", ":", "-.", (0, (9, 3)))[k % 4], (INK, SOFT)[k % 2]
-                axis.axhline(value, color=colour, lw=1.2, ls=style, label=policy)
-                shown.append(value)
-            known = [value for value in shown if np.isfinite(value)] or [0.0, 1.0]  # who fails has no figure
-            low, high = min(known), max(known)
-            margin = 0.15 * max(high - low, 0.02 * abs(high), 1e-9)
-            top = min(high + margin, 100.0 + 0.2 * margin) if unit == "%" else high + margin
-            axis.set_ylim(low - margin, top)  # what the first evaluations find may lie outside
-            better = "more" if name in MORE_IS_BETTER else "less"
-            axis.set_title(f"{words} [{unit}], {better} is better", loc="left", fontsize=10.0, fontweight="bold")
+            _draw_curves(axis, curves, beside, name)
+            axis.set_title(titled(name), loc="left", fontsize=10.0, fontweight="bold")
             axis.set_xlim(left=0.0)
             axis.set_xlabel("million environment steps")
             axis.grid(True)
             axis.spines[["top", "right"]].set_visible(False)
         figure.axes[-1].legend(frameon=False, fontsize=8.0)
-        with written_whole(path) as temporary:
-            figure.savefig(temporary)
+
+
+def _draw_curves(axis: Any, curves: Sequence[Curve], beside: Evaluation, name: str) -> None:
+    """Draw a figure over the steps, with limits that show what follows the first third."""
+    unit = describe(name)[1]
+    scale, shown = shown_as(unit), []
+    for k, one in enumerate(curves):
+        values, colour = scale * one.figures[name], COLOURS[k % len(COLOURS)]
+        steps = np.array(one.steps) / 1e6
+        label = f"{one.name}, {len(one.seeds)} seed{'s' * (len(one.seeds) > 1)}, {one.minutes[-1]:.0f} min"
+        axis.fill_between(steps, values.min(axis=0), values.max(axis=0), color=colour, alpha=0.18, lw=0.0)
+        axis.plot(steps, values.mean(axis=0), "o-", color=colour, ms=3.5, lw=1.6, label=label)
+        shown += [*values[:, len(steps) // 3 :].ravel()]
+    for k, (policy, found) in enumerate(beside.summary.items()):
+        value = scale * found[name].mean
+        style, colour = ("--", ":", "-.", (0, (9, 3)))[k % 4], (INK, SOFT)[k % 2]
+        axis.axhline(value, color=colour, lw=1.2, ls=style, label=policy)
+        shown.append(value)
+    known = [value for value in shown if np.isfinite(value)] or [0.0, 1.0]  # who fails has no figure
+    low, high = min(known), max(known)
+    margin = 0.15 * max(high - low, 0.02 * abs(high), 1e-9)
+    top = min(high + margin, 100.0 + 0.2 * margin) if unit == "%" else high + margin
+    axis.set_ylim(low - margin, top)  # what the first evaluations find may lie outside

@@ -221,7 +221,14 @@ def improved_machine(diagnosis: Path | None, improved: str | None) -> str:
 
 
 def retraining_plan(env: str, policy: str, *, steps: int, seed: int, device: str) -> TrainingPlan:
-    """Asks for a policy, of a file or shipped, to learn on for ``steps``.
+    """Plan of a training in which a policy learns on.
+
+    Args:
+        env: Id of the environment.
+        policy: Name of a shipped policy, or a file.
+        steps: Environment steps.
+        seed: Of the training.
+        device: Of twins and networks.
 
     Raises ValueError if it is not of the package's own files, OSError if there is none.
     """

@@ -68,7 +68,14 @@ def inputs_of(
     courses: Sequence[Course] | None = None,
     held_out: Sequence[Course] | None = None,
 ) -> dict[str, Any]:
-    """All that a training follows from, by name; the arguments are those of :func:`train`.
+    """All that a training follows from, by name.
+
+    Args:
+        plan: See :func:`train`, as for the other arguments.
+        recipe: See there.
+        machine: See there.
+        courses: See there.
+        held_out: See there.
 
     Raises ValueError or OSError if the policy to start from cannot be read.
     """
