@@ -124,7 +124,7 @@ def mutated(path: Path, mutant: dict) -> Iterator[None]:
 
 
 def judged(copy: Path, mutant: dict, config: dict, baseline: Baseline) -> dict:
-    """The mutant with ``killed`` by what, or not, and after how many seconds."""
+    """The mutant with ``killed`` by what, or why not, and after how many seconds."""
     by, seconds = "", 0.0
     for command in commands(mutant["file"], config):
         code, broken, least = baseline.of(copy, command)
@@ -139,7 +139,16 @@ def judged(copy: Path, mutant: dict, config: dict, baseline: Baseline) -> dict:
         if code not in (0, NO_TESTS):
             by = failed[0] if failed else f"{command[0]}, {'time' if code < 0 else f'exit code {code}'}"
             break
-    return {**mutant, "killed": bool(by), "by": by, "seconds": round(seconds)}
+    why = by or config["equivalent"].get(mutant["new"][0].strip(), "")
+    return {**mutant, "killed": bool(by), "by": why, "seconds": round(seconds)}
+
+
+def report(results: list[dict], broken: list[str]) -> str:
+    """JSON, a mutant a line; what it changes stands in mutants.json under its number."""
+    head = json.dumps({"killed": sum(bool(one["killed"]) for one in results), "of": len(results), "left_out": broken})
+    kept = ("number", "file", "line", "killed", "by", "seconds")
+    rows = (json.dumps({key: one[key] for key in kept if key in one}, ensure_ascii=False) for one in results)
+    return f'{head[:-1]}, "mutants": [\n' + ",\n".join(rows) + "\n]}\n"
 
 
 def main() -> None:
@@ -151,7 +160,7 @@ def main() -> None:
     options = parser.parse_args()
     config = tomllib.loads((HERE / "config.toml").read_text(encoding="utf-8"))
     mutants = json.loads((HERE / "mutants.json").read_text(encoding="utf-8"))
-    mutants = [one for i, one in enumerate(mutants) if options.only is None or i in options.only]
+    mutants = [{"number": i, **one} for i, one in enumerate(mutants) if options.only is None or i in options.only]
     baseline = Baseline()
     free: SimpleQueue[Path] = SimpleQueue()
     hidden = shutil.ignore_patterns(".git", ".venv", "__pycache__", ".warp", "result.json")
@@ -174,9 +183,7 @@ def main() -> None:
             results.append(one)
             print(one["killed"], one["file"], one["line"], one["by"], flush=True)
             broken = sorted({name for _, names, _ in baseline.results.values() for name in names})
-            content = {"killed": sum(bool(one["killed"]) for one in results), "of": len(results), "left_out": broken}
-            content["mutants"] = results
-            options.out.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+            options.out.write_text(report(results, broken), encoding="utf-8")
 
 
 if __name__ == "__main__":
