@@ -30,6 +30,7 @@ from aoro_gym.agents.training.callbacks import Clock, ProgressCallback
 from aoro_gym.agents.training.checkpoints import random_states, restore_random_states
 from aoro_gym.agents.training.perceptron import perceptron
 from aoro_gym.agents.training.plan import TrainingPlan
+from aoro_gym.agents.training.recipe import check_positive_integers
 from aoro_gym.agents.training.vec_env import make_vec_env
 from aoro_gym.envs.core.vector import TwinVectorEnv
 from aoro_gym.envs.path_tracking import observations as path_tracking
@@ -72,10 +73,7 @@ class Hyperparams:
     net_arch: tuple[int, ...] = (64, 64)
 
     def __post_init__(self) -> None:
-        for name in ("n_envs", "n_steps", "buffer_size", "n_epochs", "batch_size"):
-            value = getattr(self, name)
-            if value != int(value) or value < 1:
-                raise ValueError(f"{name} is {value!r}, but must be a whole number of at least 1")
+        check_positive_integers(self, "n_envs", "n_steps", "buffer_size", "n_epochs", "batch_size")
         if self.buffer_size < self.n_envs * self.n_steps:
             raise ValueError(
                 f"buffer_size is {self.buffer_size}, but must hold a rollout, n_envs * n_steps = "

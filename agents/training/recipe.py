@@ -64,6 +64,14 @@ def entry_of(file: Path, name: str) -> Any:
     return content[name]
 
 
+def check_positive_integers(hyperparams: Any, *names: str) -> None:
+    """Raise ValueError that names an attribute of ``hyperparams`` which is no positive integer."""
+    for name in names:
+        value = getattr(hyperparams, name)
+        if value != int(value) or value < 1:
+            raise ValueError(f"{name} is {value!r}, but must be a positive integer")
+
+
 def _plain(file: Path, entry: Any) -> Any:
     """What a YAML file says, as JSON gives it back; ValueError if JSON has nothing like it."""
     try:

@@ -25,6 +25,7 @@ from aoro_gym.agents.training.checkpoints import random_states, restore_random_s
 from aoro_gym.agents.training.device_env import DeviceEnv
 from aoro_gym.agents.training.perceptron import perceptron
 from aoro_gym.agents.training.plan import TrainingPlan
+from aoro_gym.agents.training.recipe import check_positive_integers
 from aoro_gym.envs import register_envs
 from aoro_gym.envs.core.vector import TwinVectorEnv
 
@@ -73,10 +74,7 @@ class Hyperparams:
     def __post_init__(self) -> None:
         if self.policy != "MlpPolicy":
             raise ValueError(f"policy is {self.policy!r}, but the resident trainer has 'MlpPolicy' only")
-        for name in ("n_envs", "n_steps", "batch_size", "n_epochs"):
-            value = getattr(self, name)
-            if value != int(value) or value < 1:
-                raise ValueError(f"{name} is {value!r}, but must be a whole number of at least 1")
+        check_positive_integers(self, "n_envs", "n_steps", "batch_size", "n_epochs")
         if self.n_steps * self.n_envs % self.batch_size:
             raise ValueError(
                 f"batch_size is {self.batch_size}, but must divide n_steps * n_envs = {self.n_steps * self.n_envs}"

@@ -86,16 +86,6 @@ plan = TrainingPlan(param=["n_steps=25", "batch_size=50", "n_epochs=2"], **value
 
 def work_in(folder):
     return lambda: training.train(plan, continued(plan, folder), folder, machine=machine)
-
-began = time.perf_counter()
-whole(work_in(out / "whole"))
-took = time.perf_counter() - began
-if mode == "moments":
-    killed(work_in(out / "parted"), took / 3.0, 10, random.Random(int(sys.argv[3])))
-else:
-    for call in map(int, sys.argv[3].split(",")):
-        assert killed_at(work_in(out / "parted"), call)
-whole(work_in(out / "parted"))
 """
 
 EVALUATION = """
@@ -114,8 +104,10 @@ def work_in(folder):
             found = evaluation.evaluate(env, policies, episodes=int(sys.argv[4]), seed=3, kept=kept)
             write_json(folder / "evaluation.json", found.to_json())
     return work
+"""
 
-began = time.perf_counter()
+
+COMPARISON = """began = time.perf_counter()
 whole(work_in(out / "whole"))
 took = time.perf_counter() - began
 if mode == "moments":
@@ -125,11 +117,12 @@ else:
         assert killed_at(work_in(out / "parted"), call)
 whole(work_in(out / "parted"))
 """
+"""Once without, and once with kills."""
 
 
 def ran(program: str, *arguments: object) -> None:
     done = subprocess.run(
-        [sys.executable, "-c", KILLS + program, *map(str, arguments)],
+        [sys.executable, "-c", KILLS + program + COMPARISON, *map(str, arguments)],
         cwd=ROOT,
         capture_output=True,
         text=True,

@@ -141,7 +141,7 @@ def test_it_learns():
     [
         ({"target_kl": 0.1}, "that the resident trainer does not take: .*target_kl"),
         ({"policy": "CnnPolicy"}, "policy is 'CnnPolicy', but the resident trainer has 'MlpPolicy' only"),
-        ({"n_epochs": 0}, "n_epochs is 0, but must be a whole number of at least 1"),
+        ({"n_epochs": 0}, "n_epochs is 0, but must be a positive integer"),
         ({"batch_size": 7}, r"batch_size is 7, but must divide n_steps \* n_envs = 24"),
         (
             {"policy_kwargs": {"activation": "relu"}},
