@@ -7,7 +7,7 @@ import pytest
 import warp as wp
 
 from aoro_gym.machine.parameters import Machine
-from aoro_gym.twin.physics.bodies import CornerLoad, hinge_rotation
+from aoro_gym.twin.physics.bodies import CornerLoad, hinge_rotation, hull_corner
 from aoro_gym.twin.physics.bodies import accelerate as tree_accelerations
 from aoro_gym.twin.records import WHEELS, MachineRecord, pack
 from tests.oracles.bodies import (
@@ -154,3 +154,23 @@ def test_accelerations_equal_mujoco(machines):
         f"{np.sum(error > ROUNDING)} of {error.size} states are off; the worst is state {k} of machine {which[k]}, by "
         f"{error[k]:.2e} in the mass norm:\n{table}"
     )
+
+
+@wp.kernel(enable_backward=False)
+def hull_corners(machines: wp.array(dtype=MachineRecord), out: wp.array2d(dtype=wp.vec3)):
+    i = wp.tid()
+    m = machines[0]
+    out[0, i] = hull_corner(m.frame_front, m.frame_ground_clearance, i)
+    out[1, i] = hull_corner(m.frame_rear, m.frame_ground_clearance, i)
+
+
+def test_hulls_are_boxes_about_their_centres_of_gravity():
+    machine = Machine.load("aoro")
+    records = wp.array(pack(machine), dtype=MachineRecord, device="cpu")
+    out = wp.zeros((2, 8), dtype=wp.vec3, device="cpu")
+    wp.launch(hull_corners, dim=8, inputs=[records], outputs=[out], device="cpu")
+    for half, corners in zip((machine.frame.front, machine.frame.rear), out.numpy(), strict=True):
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        assert (low + high)[:2] / 2.0 == pytest.approx([half.cog_x, 0.0], abs=1e-6)
+        assert low[2] == pytest.approx(machine.frame.ground_clearance)
+        assert len({tuple(np.isclose(corner, high)) for corner in corners}) == 8  # each corner once
