@@ -156,11 +156,23 @@ class Start:
     """Which of the terrains to stand on; None where there is nothing to choose from."""
 
 
-class Task(Protocol):
-    """A task for N twins. The environment calls, in this order:
+@dataclass(frozen=True)
+class StepResult:
+    """What a control step came to; arrays of shape (N,)."""
 
-    ``allocate`` once, then ``start`` and ``rest`` for those that reset; and every control step ``commands``,
-    ``advance``, the reward terms, ``endings``, ``overdue``, ``renew``, ``info``, the observation terms.
+    view: Any
+    """What the reward terms see: a snapshot with the goals that the step pursued."""
+    terminal: Array
+    """Why each sub-environment terminates, well or badly, as an index into ``Task.termination_reasons``; 0 goes on."""
+    time_limit: Array
+    """Which sub-environments have used up the time that the task gives them: they are truncated."""
+
+
+class Task(Protocol):
+    """A task for N twins. It is given data and returns data; it knows nothing of the environment that calls, in this order:
+
+    ``allocate`` once, then ``start`` and ``rest`` for those that reset; and every control step ``commands`` and
+    ``advance``, then ``info`` and ``view`` for what is logged and observed, after resets that fall into the step.
 
     Everything random is drawn in ``start``, on the host, from one generator a sub-environment, so that no sub-environment
     depends on its neighbours. All other arrays are those of ``allocate``: what runs every control step may neither look at
@@ -169,6 +181,8 @@ class Task(Protocol):
 
     option_names: ClassVar[tuple[str, ...]]
     """Keys of ``reset(options=...)`` that the task takes."""
+    termination_reasons: ClassVar[tuple[str, ...]]
+    """Why an episode may terminate; the first one, which is empty, goes on."""
     render_channels: ClassVar[tuple[str, ...]]
     """Names of what :meth:`traces` gives."""
     render_span: ClassVar[float]
@@ -214,30 +228,18 @@ class Task(Protocol):
         """Commands of the twins for ``actions`` (N, A) within the action space; remembers them."""
         ...
 
-    def advance(self, outputs: Outputs, time: Array) -> None:
-        """Take in what happened over a control step that ended at ``time`` (N,) [s]; goals stay as they were."""
-        ...
-
-    def endings(self) -> tuple[Array, list[str]]:
-        """Reason by which each sub-environment terminates, well or badly, as an index (N,) into the list of reasons; 0
-        goes on."""
-        ...
-
-    def overdue(self) -> Array:
-        """Which sub-environments (N,) have used up the time that the task gives them: they are truncated."""
-        ...
-
-    def renew(self) -> None:
-        """Set the goals of the next control step."""
+    def advance(self, outputs: Outputs, time: Array) -> StepResult:
+        """Take in and judge what happened over a control step that ended at ``time`` (N,) [s]; then update the goals for
+        the next one."""
         ...
 
     def view(self) -> Any:
-        """What the terms see: an immutable snapshot with an ``xp`` and :class:`Outputs`."""
+        """What the observation terms see: an immutable snapshot with an ``xp`` and :class:`Outputs`."""
         ...
 
     def info(self) -> dict[str, Array]:
         """What is logged beside the reward, by name, each a fresh array of shape (N,). ``is_success`` is set false
-        where the twin is lost."""
+        where the simulation diverged."""
         ...
 
     def traces(self) -> Array:

@@ -170,8 +170,10 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         if isinstance(ground_of, Terrain):
             ground_of = (ground_of,)
         self.task.allocate(n, ground_of if isinstance(ground_of, Plane) else tuple(ground_of), arrays)
-        self._endings = self.task.endings()[1]
-        self.termination_reasons = [*self._endings, *(f"twin lost: {reason}" for reason in STATUS.values())]
+        self.termination_reasons = [
+            *self.task.termination_reasons,
+            *(f"twin lost: {reason}" for reason in STATUS.values()),
+        ]
         """Why episodes terminate; the first one, which is empty, goes on."""
         self.single_action_space = self.task.action_space
         self.action_space = batch_space(self.single_action_space, n)
@@ -416,39 +418,38 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         self.twin.advance(self.task.control_step, sample_every=self.task.sample_step)
         self._steps += 1
         self._outputs = self._read_outputs()
-        lost = self._status != 0
-        self.task.advance(self._outputs, floats(self._steps) * self.task.control_step)
+        diverged = self._status != 0
+        judged = self.task.advance(self._outputs, floats(self._steps) * self.task.control_step)
 
-        running = xp.ones_like(lost)
+        running = xp.ones_like(diverged)
         if resetting.any():
             running = ~arrays.asarray(resetting, xp.bool)
-        contributions = rewards_of(self.task.reward_terms, self.task.view(), self.num_envs)
+        contributions = rewards_of(self.task.reward_terms, judged.view, self.num_envs)
         values = xp.stack([xp.astype(value, xp.float32) for value in contributions.values()])
-        values = xp.where(running & ~lost, values, 0.0)
+        values = xp.where(running & ~diverged, values, 0.0)
         rewards = values[0]
         for value in values[1:]:
             rewards = rewards + value
         infos = {f"reward/{name}": value for name, value in zip(contributions, values, strict=True)}
 
-        ending = xp.where(lost, self._status + (len(self._endings) - 1), self.task.endings()[0])
+        ending = xp.where(diverged, self._status + (len(self.task.termination_reasons) - 1), judged.terminal)
         ending = xp.where(running, ending, 0)
         terminated = ending != 0
-        truncated = self.task.overdue()
+        truncated = judged.time_limit
         if self.max_episode_steps is not None:
             truncated = truncated | (self._steps >= self.max_episode_steps)
         truncated = truncated & running & ~terminated
         done = terminated | truncated
-        self.task.renew()
         infos |= self.task.info()
         if "is_success" in infos:
-            infos["is_success"] &= ~lost
+            infos["is_success"] &= ~diverged
         if self._renderer is not None:
             self._renderer.record(self.task.traces())
         masks = dict.fromkeys(infos, running)
 
         if resetting.any():
             self._start(np.flatnonzero(resetting), {})
-        self._observe(~(lost & running))
+        self._observe(~(diverged & running))
         # all that the host waits for
         unmeant, wrong_reward = ~xp.all(meant), ~xp.all(xp.isfinite(rewards))
         flags = xp.stack([unmeant, wrong_reward, self._wrong_observation(), xp.any(terminated), xp.any(done)])
@@ -528,7 +529,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         arrays, xp = self.arrays, self.arrays.xp
         values = arrays.alias(self.twin.outputs)
         self._status = arrays.alias(self.twin.status_codes)
-        if not arrays.known_all_false(self._status != 0):  # a lost twin shows what is no number
+        if not arrays.known_all_false(self._status != 0):  # a twin that diverged shows what is no number
             values[...] = xp.where(xp.isfinite(values), values, 0.0)
         return Outputs(values, arrays.alias(self.twin.state))  # which stays at the last good one
 

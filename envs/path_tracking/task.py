@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from aoro_gym.envs.core.joint import MeasuredJoint
 from aoro_gym.envs.core.randomisation import Draws
-from aoro_gym.envs.core.task import Outputs, Start, Terrains, chosen, given, sensing
+from aoro_gym.envs.core.task import Outputs, Start, StepResult, Terrains, chosen, given, sensing
 from aoro_gym.envs.path_tracking.assistance import (
     ArmController,
     AutomaticGear,
@@ -57,14 +57,15 @@ ALL = slice(None)
 STEERING, DRIVE, ARMS, TRACTION, GEAR = "steering_signal", "drive_signal", "arms", "traction", "gear"
 
 END_OF_PATH = "end of path reached"
-ENDINGS = ["", END_OF_PATH, "rolled over", "left the terrain", "lost the path", "stuck"]
-"""Reasons for which an episode terminates; a lost twin says so itself."""
+TERMINATION_REASONS = ("", END_OF_PATH, "rolled over", "left the terrain", "lost the path", "stuck")
+"""Why an episode terminates, besides a simulation that diverged."""
 
 
 class PathTracking:
     """Paths, measurements and judgement of N vehicles; see :class:`aoro_gym.envs.core.task.Task`."""
 
     option_names: ClassVar[tuple[str, ...]] = ("path", "start", "lateral_offset", "heading_offset", "joint_angle")
+    termination_reasons: ClassVar[tuple[str, ...]] = TERMINATION_REASONS
     render_channels: ClassVar[tuple[str, ...]] = (
         "time", "course", "path", "s", "x", "y", "z", "roll", "pitch", "yaw", "joint_angle",
         *(f"arm_{wheel}" for wheel in WHEELS), *(f"wheel_{wheel}" for wheel in WHEELS), "reference_x", "reference_y",
@@ -353,7 +354,7 @@ class PathTracking:
             self.control_step,
         )  # fmt: skip
 
-    def advance(self, outputs: Outputs, time: Array) -> None:
+    def advance(self, outputs: Outputs, time: Array) -> StepResult:
         xp, config = self._arrays.xp, self.config
         self._outputs, self._view = outputs, None
         self._step = self._step + 1
@@ -377,6 +378,7 @@ class PathTracking:
         self._work = self._work + self._power * config.control_step
         self._squares = self._squares + self._cross_track**2
         self._judge()
+        return StepResult(self.view(), self._ending, self._step >= self._steps_allowed)
 
     def _judge(self) -> None:
         """How episodes end; of several reasons the worst."""
@@ -394,17 +396,8 @@ class PathTracking:
             ("left the terrain", ~(on_ground[0] & on_ground[1])),
             ("rolled over", xp.cos(roll) * xp.cos(pitch) < math.cos(config.rollover)),
         ):
-            ending = xp.where(holds, ENDINGS.index(reason), ending)
+            ending = xp.where(holds, TERMINATION_REASONS.index(reason), ending)
         self._ending = ending
-
-    def endings(self) -> tuple[Array, list[str]]:
-        return self._ending, ENDINGS
-
-    def overdue(self) -> Array:
-        return self._step >= self._steps_allowed
-
-    def renew(self) -> None:
-        """The path stays as it is."""
 
     # ---- geometry and sensors
 
@@ -497,8 +490,8 @@ class PathTracking:
             speed=self._outputs.last("speed"),
             tipping_margin=self._tipping_margin,
             engine_power=self._power,
-            finished=self._ending == ENDINGS.index(END_OF_PATH),
-            failed=self._ending > ENDINGS.index(END_OF_PATH),
+            finished=self._ending == TERMINATION_REASONS.index(END_OF_PATH),
+            failed=self._ending > TERMINATION_REASONS.index(END_OF_PATH),
             measured_cross_track=self._measured_cross_track,
             measured_heading_error=self._measured_heading_error,
             measured_remaining=self._length - self._measured_s,
@@ -545,7 +538,7 @@ class PathTracking:
             "gps_quality": xp.asarray(self._gps.quality, copy=True),
             "terrain": xp.asarray(self._course, copy=True),
             "path": xp.asarray(self._path_number, copy=True),
-            "is_success": self._ending == ENDINGS.index(END_OF_PATH),
+            "is_success": self._ending == TERMINATION_REASONS.index(END_OF_PATH),
         }
 
     def traces(self) -> Array:

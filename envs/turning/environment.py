@@ -22,7 +22,7 @@ class TurningVectorEnv(TwinVectorEnv):
     **Action** (1,): steering signal, positive left. **Observation**: the terms of ``OBSERVATION_TERMS`` in their order;
     ``observation_layout`` gives the columns. **Reward**: the weighted terms of ``REWARD_TERMS``.
 
-    **Episode**: truncated after 500 steps; terminated only when the twin is lost, with the reason in
+    **Episode**: truncated after 500 steps; terminated only when the simulation diverges, with the reason in
     ``info["termination"]``. ``info["is_success"]`` tells whether all targets so far were settled in time.
 
     ``reset(options=...)`` also takes ``joint_angle`` [rad], ``targets`` [rad] of shape (T,) or (num_envs, T), the last

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from aoro_gym.envs.core.joint import MeasuredJoint
 from aoro_gym.envs.core.randomisation import Draws
-from aoro_gym.envs.core.task import Outputs, Start, Terrains, chosen, given, sensing
+from aoro_gym.envs.core.task import Outputs, Start, StepResult, Terrains, chosen, given, sensing
 from aoro_gym.envs.turning.config import TurningConfig
 from aoro_gym.envs.turning.view import TurningView
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats
@@ -39,6 +39,7 @@ class Turning:
     """Targets, measurements and judgement of N turning joints; see :class:`aoro_gym.envs.core.task.Task`."""
 
     option_names: ClassVar[tuple[str, ...]] = ("joint_angle", "targets", "hold", "position", "heading")
+    termination_reasons: ClassVar[tuple[str, ...]] = ("",)
     render_channels: ClassVar[tuple[str, ...]] = (
         "time", "x", "y", "yaw", "joint_angle", "target", "steering_signal", "joint_flow", "settled", "missed",
     )  # fmt: skip
@@ -199,7 +200,7 @@ class Turning:
         self._signals = self._arrays.xp.concat([actions.T, self._signals[:-1]])
         return {"steering_signal": actions[:, 0]}
 
-    def advance(self, outputs: Outputs, time: Array) -> None:
+    def advance(self, outputs: Outputs, time: Array) -> StepResult:
         xp, config = self._arrays.xp, self.config
         self._outputs = outputs
         angles = outputs.samples("joint_angle")
@@ -214,6 +215,10 @@ class Turning:
         error = xp.abs(self._target - self._angle)
         self._inside = xp.where(error <= config.tolerance, self._inside + 1, 0)
         self._largest_overshoot = xp.maximum(self._largest_overshoot, self._overshoot())
+        never = xp.zeros_like(self._cursor)
+        result = StepResult(self.view(), terminal=never, time_limit=xp.zeros_like(never, dtype=xp.bool))
+        self._update_goals()
+        return result
 
     def _measure_pressures(self, time: Array, where: Index = None) -> Array:
         xp, rows = self._arrays.xp, slice(None) if where is None else where
@@ -226,13 +231,8 @@ class Turning:
     def _overshoot(self) -> Array:
         return self._arrays.xp.clip(self._approach * (self._angle - self._target), 0.0, None)
 
-    def endings(self) -> tuple[Array, list[str]]:
-        return self._arrays.xp.zeros_like(self._cursor), [""]
-
-    def overdue(self) -> Array:
-        return self._arrays.xp.zeros_like(self._cursor, dtype=self._arrays.xp.bool)
-
-    def renew(self) -> None:
+    def _update_goals(self) -> None:
+        """Set the next target where the time of the last one is up."""
         xp, rows = self._arrays.xp, self._arrays.arange(len(self._cursor))
         due = self._step >= self._until[rows, self._cursor]
         if self._arrays.known_all_false(due):

@@ -12,7 +12,7 @@ from aoro_gym.envs import register_envs
 from aoro_gym.envs.path_tracking.config import FIXED, MILD, PathTrackingConfig, PathTrackingRandomisation
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.envs.path_tracking.environment import PathTrackingEnv, PathTrackingVectorEnv
-from aoro_gym.envs.path_tracking.task import END_OF_PATH, ENDINGS
+from aoro_gym.envs.path_tracking.task import END_OF_PATH, TERMINATION_REASONS
 from aoro_gym.sensors import FixLoss, GpsNoise, JointAngleNoise, WheelSpeedNoise
 from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.twin.records import COMMAND_BOUNDS, State
@@ -249,7 +249,7 @@ def test_a_lost_twin_ends_its_episode():
 
 
 def test_every_ending_has_its_test():
-    assert set(ENDINGS) == {"", END_OF_PATH, "rolled over", "left the terrain", "lost the path", "stuck"}
+    assert set(TERMINATION_REASONS) == {"", END_OF_PATH, "rolled over", "left the terrain", "lost the path", "stuck"}
 
 
 # ---- whole episodes --------------------------------------------------------------------------------------------------

@@ -129,7 +129,6 @@ def test_targets_are_judged_when_they_are_replaced(machine):
     verdicts = []
     for step in range(60):
         advance(turning, [0.1] * 2)  # stays at the first target
-        turning.renew()
         info = turning.info()
         verdicts.append((int(info["targets_settled"][0]), int(info["targets_missed"][0]), bool(info["is_success"][0])))
         assert info["target"] == np.float32(0.1 if step < 24 else 0.3 if step < 49 else 0.2)
