@@ -9,7 +9,8 @@ An episode ends well at the path's end, badly when the machine rolls over, leave
 (``info["termination"]`` says which), and is truncated when its time is up: ``time_margin`` times what the rest of the path
 takes at ``working_speed``.
 
-The configuration, the terms and the judgement stand here; a default is changed by name when the environment is made.
+Goals, measurements and judgement stand here; the configuration and the terms stand beside, and a default is changed by name
+when the environment is made.
 """
 
 from __future__ import annotations

@@ -4,7 +4,8 @@ Several targets follow each other in an episode of 10 s. Wanted is a fast turn w
 oscillation of the joint flow, from what the real machine measures: the joint angle at 100 Hz with its noise, and, as an
 option, three pressures. The action is the valve's ``steering_signal`` in [-1, 1], positive to the left.
 
-The configuration, the terms and the judgement stand here; a default is changed by name when the environment is made.
+Goals, measurements and judgement stand here; the configuration and the terms stand beside, and a default is changed by name
+when the environment is made.
 """
 
 from __future__ import annotations
