@@ -24,11 +24,10 @@ from aoro_gym.twin.physics.driveline import (
 from aoro_gym.twin.physics.fluid import Oil, pressure
 from aoro_gym.twin.physics.friction import lag
 from aoro_gym.twin.physics.joint import cylinders_step
-from aoro_gym.twin.physics.mount import MountState, mount_torque
+from aoro_gym.twin.physics.mount import mount_torque
 from aoro_gym.twin.physics.steering import (
     Exchange,
     SteeringGeometry,
-    SteeringState,
     play,
     steering_displace,
     steering_gas,
@@ -149,17 +148,6 @@ def arm_torques(oil: Oil, g: Chambers, fl: ArmState, fr: ArmState, rl: ArmState,
 
 
 @wp.func
-def joint_load(
-    oil: Oil, g: SteeringGeometry, s: SteeringState, stiffness: float, backlash: float, x: MountState, joint_rate: float
-):
-    """Torque [N m] on the joint: of the oil or, where it has a ``stiffness`` [N m/rad], of the mount."""
-    torque = steering_torque(oil, g, s)
-    if stiffness > 0.0:
-        torque = mount_torque(stiffness, backlash, x.deflection, x.rate - joint_rate)
-    return torque
-
-
-@wp.func
 def hydraulics(
     # parameters
     m: MachineRecord,
@@ -182,6 +170,7 @@ def hydraulics(
     substeps.
 
     Where there is a mount (``mount_stiffness`` > 0 [N m/rad]), the cylinders move on their own and it bears on the joint.
+    One function, as its variables are the state that a thread keeps in registers over the substeps.
     """
     dt = h / float(num_substeps)
     steering = circuits.steering
@@ -199,9 +188,10 @@ def hydraulics(
     gas_rr = arm_gas(oil, rr)
     gas_driveline = driveline_gas(oil, driveline)
     cylinder_rate = float(joint_rate)
+    joint_end = steering_torque(oil, g.steering, steering)
     if mount_stiffness > 0.0:
         cylinder_rate = mount.rate
-    joint_end = joint_load(oil, g.steering, steering, mount_stiffness, m.joint.backlash, mount, joint_rate)
+        joint_end = mount_torque(mount_stiffness, m.joint.backlash, mount.deflection, mount.rate - joint_rate)
     joint_sum = 0.5 * joint_end
     arm_sum = 0.5 * arm_torques(oil, g, fl, fr, rl, rr)
     motor_sum = 0.5 * motor_pressures(oil, driveline)
@@ -222,11 +212,12 @@ def hydraulics(
             m.steering, oil, gas, g.steering, spool_demand, control.engine_speed, cylinder_rate, exchange, steering, dt
         )
         driveline = driveline_step(m.driveline, oil, gas_driveline, control, wheel_rate, driveline, dt)
+        joint_end = steering_torque(oil, g.steering, steering)
         if mount_stiffness > 0.0:
             angle = joint + float(substep) * dt * joint_rate
             mount = cylinders_step(m.joint, m.steering, oil, g.steering, steering, angle, joint_rate, mount, dt)
             cylinder_rate = mount.rate
-        joint_end = joint_load(oil, g.steering, steering, mount_stiffness, m.joint.backlash, mount, joint_rate)
+            joint_end = mount_torque(mount_stiffness, m.joint.backlash, mount.deflection, mount.rate - joint_rate)
         joint_sum += joint_end
         arm_sum += arm_torques(oil, g, fl, fr, rl, rr)
         motor_sum += motor_pressures(oil, driveline)
