@@ -11,7 +11,7 @@ from aoro_gym.agents.evaluation.metrics import MARKS, describe, named, shown
 from aoro_gym.agents.evaluation.plots import write_errors, write_figures, write_plans
 from aoro_gym.agents.evaluation.result import Evaluation
 from aoro_gym.execution.files import write_json
-from aoro_gym.reporting.page import Passage, passage_section, write_page
+from aoro_gym.reporting.page import Passage, write_page
 from aoro_gym.reporting.terminal import Comparison
 
 
@@ -70,7 +70,7 @@ def write_report(
         passages.append(Passage(policy, film_caption(result, run), [drawn[-1]]))
     about = f"{result.env}, {counted(result)} a policy from seed {result.seed}."
     lead = f"{about} {lead or f'Machine {result.machine.name}.'}"
-    write_page(page, "AORO: evaluation", lead, map(passage_section, passages), interactive=False)
+    write_page(page, "AORO: evaluation", lead, (one.section for one in passages), interactive=False)
     return [summary, figures, errors, *plans, *drawn, page]
 
 

@@ -6,15 +6,13 @@ far it shrinks, and what to do next.
 
 from __future__ import annotations
 
-import base64
-import html
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from textwrap import fill
-from urllib.parse import quote
 
 import numpy as np
+from markupsafe import Markup
 from rich.console import RenderableType
 from rich.markup import escape
 from rich.table import Table
@@ -47,7 +45,7 @@ from aoro_gym.diagnosis.words import (
 )
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.effects.effect import Effect
-from aoro_gym.reporting.page import card, describe, show, write_page
+from aoro_gym.reporting.page import block, data_address, describe, joined, show, write_page
 from aoro_gym.reporting.style import AMBER, BLUE, GREEN, GRID, INK, PLOT_STYLE, PURPLE, RED, SOFT
 
 COLOURS: Mapping[str, str] = {
@@ -177,7 +175,7 @@ def write_report(diagnosis: Diagnosis, folder: Path, *, effects: Mapping[str, Ef
         path,
         "AORO: diagnosis",
         _lead(diagnosis),
-        [(heading, body) for heading, body in sections if body],
+        sections,
         top=_verdict_html(diagnosis, spoken(diagnosis, effects=effects)),
         footer="Intervals hold 90 %. Left is positive; port A is the one under pressure in a left turn.",
         interactive=False,
@@ -192,115 +190,56 @@ def _lead(diagnosis: Diagnosis) -> str:
     return f"{count(len(diagnosis.logs), what)} against the twin {diagnosis.machine} ({state}).{compared}"
 
 
-class _Html(str):
-    """Text that is HTML already."""
+def _explained(text: str, *blocks: Markup) -> Markup:
+    """A paragraph and what it explains."""
+    return joined([block("paragraph", text=text), *blocks])
 
 
-def _cell(text: str) -> str:
-    return text if isinstance(text, _Html) else html.escape(text)
+def _bars(heading: str, rows: Sequence[tuple[str, float, str]]) -> Markup:
+    """Bars on a card: name, share, and how it is written."""
+    return block("bars", heading=heading, rows=rows, colour=BLUE)
 
 
-def _table(
-    head: Sequence[str],
-    rows: Iterable[Sequence[str]],
-    *,
-    text: Sequence[int] = (),
-    long: Sequence[int] = (),
-    heading: str = "",
-) -> str:
-    """HTML of a table on a card.
-
-    Args:
-        head: Names of the columns.
-        rows: Cells; a row of one cell heads those below it.
-        text: Columns of words, which stand left.
-        long: Columns of sentences, which may also wrap.
-        heading: Above the table.
-    """
-
-    def line(tag: str, row: Sequence[str]) -> str:
-        if len(row) == 1:
-            return f'<tr class="level"><td colspan="{len(head)}">{_cell(row[0])}</td></tr>'
-        kinds = ["long" if index in long else "text" if index in text else "" for index in range(len(row))]
-        cells = (f'<{tag} class="{kind}">{_cell(cell)}</{tag}>' for kind, cell in zip(kinds, row, strict=True))
-        return f"<tr>{''.join(cells)}</tr>"
-
-    body = "".join(line("td", row) for row in rows)
-    above = f"<h3>{html.escape(heading)}</h3>" if heading else ""
-    return card(f"{above}<table><thead>{line('th', head)}</thead><tbody>{body}</tbody></table>")
-
-
-def _lines(items: Iterable[str]) -> str:
-    """Cell with a line for each item; a dash if there is none."""
-    return _Html("<br>".join(_cell(item) for item in items) or "-")
-
-
-def _bars(title: str, rows: Iterable[tuple[str, float, str]]) -> str:
-    """HTML of bars on a card: name, share, and how it is written."""
-
-    def line(name: str, share: float, text: str) -> str:
-        bar = f'<i style="width: {100.0 * min(share, 1.0):.1f}%; background: {BLUE}"></i>' if share > 0.0 else ""
-        name, text = html.escape(name), html.escape(text)
-        return f'<div class="line"><span>{name}</span><div class="bar">{bar}</div><b>{text}</b></div>'
-
-    lines = "".join(line(*row) for row in rows)
-    return card(f"<h3>{html.escape(title)}</h3>{lines}")
-
-
-def _grid(cards: Iterable[str]) -> str:
-    return f'<div class="grid">{"".join(cards)}</div>'
-
-
-def _paragraph(text: str) -> str:
-    return f"<p>{html.escape(text)}</p>"
-
-
-def _verdict_html(diagnosis: Diagnosis, said: Spoken) -> str:
+def _verdict_html(diagnosis: Diagnosis, said: Spoken) -> Markup:
     """What one reads first."""
     found = dict.fromkeys(size for one in suspects(diagnosis) for size in sizes(one))
-    big = "".join(
-        f'<div class="size"><b>{html.escape(median)}</b>'
-        f"<span>{html.escape(quantity)}, against the twin (90 %: {html.escape(interval)})</span></div>"
-        for quantity, median, interval in found
-    )
     above = {"Why", "How much"} if found else {"Why"}
-    answers = "".join(
-        f'<div class="card"><h3>{question}</h3>{_paragraph(answer)}</div>'
+    answers = [
+        block("card", contents=[block("paragraph", text=answer)], heading=question)
         for question, answer in said.answers.items()
         if question not in above
-    )
+    ]
     colour = COLOURS[diagnosis.verdict]
-    return (
-        f'<div class="card verdict" style="border-left-color: {colour}">'
-        f'<span class="tag" style="border-color: {colour}">{readable(diagnosis.verdict)}</span>'
-        f"<h2>{html.escape(said.headline)}</h2>{_paragraph(said.why)}"
-        f'{big}{_probabilities_html(diagnosis.causes, colour)}</div><div class="grid answers">{answers}</div>'
+    verdict = block(
+        "verdict",
+        tag=readable(diagnosis.verdict),
+        headline=said.headline,
+        text=said.why,
+        sizes=[(median, f"{quantity}, against the twin (90 %: {interval})") for quantity, median, interval in found],
+        colour=colour,
+        below=_probabilities_html(diagnosis.causes, colour),
     )
+    return joined([verdict, block("grid", cards=answers, kind="answers")])
 
 
-def _probabilities_html(causes: Sequence[Cause], first: str) -> str:
+def _probabilities_html(causes: Sequence[Cause], first: str) -> Markup:
     """One bar of the likeliest hypotheses and of all others together."""
     if not causes:
-        return ""
-    parts = [
+        return Markup("")
+    shares = [
         (title(one.effects), one.probability, colour) for one, colour in zip(causes, (first, *BEHIND), strict=False)
     ]
-    rest = 1.0 - sum(p for _, p, _ in parts)
+    rest = 1.0 - sum(p for _, p, _ in shares)
     if rest >= 0.001:
-        parts.append(("everything else", rest, GRID))
-    bar = "".join(f'<i style="width: {100.0 * p:.2f}%; background: {colour}"></i>' for _, p, colour in parts)
-    legend = "".join(
-        f'<li><i style="background: {colour}"></i>{html.escape(name)} <b>{html.escape(probability(p))}</b></li>'
-        for name, p, colour in parts
-    )
-    told = html.escape(", ".join(f"{name} {probability(p)}" for name, p, _ in parts))
-    return f'<div class="bar" role="img" aria-label="Probabilities: {told}">{bar}</div><ul class="key">{legend}</ul>'
+        shares.append(("everything else", rest, GRID))
+    parts = [(name, p, probability(p), colour) for name, p, colour in shares]
+    return block("parted_bar", what="Probabilities", parts=parts)
 
 
-def _where_html(diagnosis: Diagnosis) -> str:
+def _where_html(diagnosis: Diagnosis) -> Markup:
     """Heat maps of the gap, over all manoeuvres and one by one."""
     if diagnosis.verdict in WITHOUT_CAUSE or not diagnosis.where:
-        return ""  # shares of what noise leaves say nothing
+        return Markup("")  # shares of what noise leaves say nothing
     places = sorted(diagnosis.where, key=lambda place: -place.share)
     signals = list(dict.fromkeys(place.signal for place in diagnosis.where))
     text = (
@@ -317,7 +256,13 @@ def _where_html(diagnosis: Diagnosis) -> str:
         for p in places[:MOST_PLACES]
     ]
     cards.append(
-        _table(("share", "signal", "phase", "manoeuvre", "component"), rows, text=range(1, 5), heading="Largest parts")
+        block(
+            "table",
+            head=("share", "signal", "phase", "manoeuvre", "component"),
+            rows=rows,
+            text=range(1, 5),
+            heading="Largest parts",
+        )
     )
     if len(manoeuvres) > 1:
         single = {(place.manoeuvre, place.signal, place.phase): place.share for place in diagnosis.where}
@@ -327,13 +272,13 @@ def _where_html(diagnosis: Diagnosis) -> str:
     if suspects(diagnosis) and diagnosis.components:
         likely = [(readable(name), p, probability(p)) for name, p in diagnosis.components.items()]
         cards.append(_bars("Component that a cause lies in", likely))
-    return _paragraph(text) + _grid(cards) + _boundaries_html(diagnosis.boundaries)
+    return _explained(text, block("grid", cards=cards), _boundaries_html(diagnosis.boundaries))
 
 
-def _boundaries_html(parts: Sequence[Boundary]) -> str:
+def _boundaries_html(parts: Sequence[Boundary]) -> Markup:
     """Table of the machine's parts between their measured boundaries."""
     if not parts:
-        return ""
+        return Markup("")
     text = (
         "Every part of the machine by itself, driven by what was measured at its boundary: one that does as the twin's does "
         "lacks nothing, whatever its neighbours do. Parts that lie between the same sensors cannot be told apart so, and a "
@@ -355,29 +300,25 @@ def _boundaries_html(parts: Sequence[Boundary]) -> str:
         )
     head = ("part", "holds", "lacks (rms)", "of (rms)", "without a cause", "its boundary", "share")
     heading = "Which part contradicts its own boundary signals"
-    return _paragraph(text) + _table(head, rows, text=(0, 1, 5), heading=heading)
+    return _explained(text, block("table", head=head, rows=rows, text=(0, 1, 5), heading=heading))
 
 
 def _heat_html(
     name: str, shares: Mapping[tuple[str, str], float], signals: Sequence[str], scale: Mapping[tuple[str, ...], float]
-) -> str:
-    """HTML of shares by signal and phase, on a card; the colour is full at the largest of ``scale``."""
+) -> Markup:
+    """Shares by signal and phase, on a card; the colour is full at the largest of ``scale``."""
     most = max(scale.values())
-    red, green, blue = (int(RED[i : i + 2], 16) for i in (1, 3, 5))
 
-    def cell(share: float) -> str:
-        text = f"{100.0 * share:.0f}" if share >= 0.005 else "·"
-        alpha = DARKEST * share / most if most > 0.0 else 0.0
-        return f'<td style="background: rgba({red}, {green}, {blue}, {alpha:.3f})">{text}</td>'
+    def cell(share: float) -> tuple[str, float]:
+        return f"{100.0 * share:.0f}" if share >= 0.005 else "·", DARKEST * share / most if most > 0.0 else 0.0
 
-    head = "".join(f"<th>{readable(phase).replace('undershoot', 'under&shy;shoot')}</th>" for phase in PHASES)
-    rows = "".join(
-        f"<tr><th>{html.escape(readable(signal))}</th>"
-        f"{''.join(cell(shares.get((signal, phase), 0.0)) for phase in PHASES)}</tr>"
-        for signal in signals
+    return block(
+        "heat_map",
+        heading=name,
+        head=[readable(phase).replace("undershoot", "under\N{SOFT HYPHEN}shoot") for phase in PHASES],
+        rows=[(readable(s), [cell(shares.get((s, phase), 0.0)) for phase in PHASES]) for s in signals],
+        colour=", ".join(str(int(RED[i : i + 2], 16)) for i in (1, 3, 5)),
     )
-    table = f'<table class="heat"><thead><tr><th></th>{head}</tr></thead><tbody>{rows}</tbody></table>'
-    return card(f"<h3>{html.escape(name)}</h3>{table}")
 
 
 def telling(curves: Sequence[Curve], where: Sequence[Place] = ()) -> list[Curve]:
@@ -399,10 +340,10 @@ def telling(curves: Sequence[Curve], where: Sequence[Place] = ()) -> list[Curve]
     return chosen
 
 
-def _curves_html(diagnosis: Diagnosis) -> str:
+def _curves_html(diagnosis: Diagnosis) -> Markup:
     curves = telling(diagnosis.curves, diagnosis.where)
     if not curves:
-        return ""
+        return Markup("")
     after = twin_with(diagnosis.causes)
     text = (
         f"Above: what was measured, the twin as it was given, and the {after}. Below: what was measured less either twin, "
@@ -413,11 +354,12 @@ def _curves_html(diagnosis: Diagnosis) -> str:
             f" Shown are the {len(curves)} of {len(diagnosis.curves)} signals with most of the gap that calibration cannot "
             "absorb."
         )
-    return _paragraph(text) + _grid(card(_curve_html(curve, after)) for curve in curves)
+    cards = [block("card", contents=[_curve_html(curve, after)]) for curve in curves]
+    return _explained(text, block("grid", cards=cards))
 
 
-def _curve_html(curve: Curve, after: str) -> str:
-    """HTML of an image that stands in the page itself."""
+def _curve_html(curve: Curve, after: str) -> Markup:
+    """An image that stands in the page itself."""
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -449,31 +391,28 @@ def _curve_html(curve: Curve, after: str) -> str:
             axis.set_axisbelow(True)
             axis.spines[["top", "right"]].set_visible(False)
             axis.set_xlim(float(curve.time[0]), float(curve.time[-1]))
-        content = io.StringIO()
+        content = io.BytesIO()
         figure.savefig(content, format="svg", metadata={"Date": None})
     before, left = (
         with_unit(three_digits(float(np.sqrt(np.mean((curve.measured - values) ** 2))) / size), unit)
         for values in (curve.before, curve.after)
     )
-    alt = html.escape(f"{name}, {part}: the twin is off by {before}, the {after} by {left} (root mean square)")
-    data = base64.b64encode(content.getvalue().encode("utf-8")).decode("ascii")
-    return f'<img class="curve" alt="{alt}" src="data:image/svg+xml;base64,{data}">'
+    alt = f"{name}, {part}: the twin is off by {before}, the {after} by {left} (root mean square)"
+    source = data_address(content.getvalue(), "image/svg+xml")
+    return block("image", source=source, alt=alt, kind="curve")
 
 
-def _causes_html(diagnosis: Diagnosis, effects: Mapping[str, Effect]) -> str:
+def _causes_html(diagnosis: Diagnosis, effects: Mapping[str, Effect]) -> Markup:
     if not diagnosis.causes:
-        return ""
+        return Markup("")
     rows = [
         (
             capital(title(one.effects)),
             probability(one.probability),
-            _lines(
-                _Html(f"{html.escape(quantity)}: <b>{html.escape(median)}</b> ({html.escape(interval)})")
-                for quantity, median, interval in sizes(one)
-            ),
-            _lines(_settings(one, effects)),
-            _lines(readable(name) for name in one.components),
-            _link(one.machine_file),
+            [Markup("{}: <b>{}</b> ({})").format(*size) for size in sizes(one)],
+            _settings(one, effects),
+            [readable(name) for name in one.components],
+            block("link", file=one.machine_file) if one.machine_file else "-",
         )
         for one in diagnosis.causes
     ]
@@ -492,7 +431,8 @@ def _causes_html(diagnosis: Diagnosis, effects: Mapping[str, Effect]) -> str:
     if diagnosis.alike:
         pairs = [f"{title([one])} and {title([other])}" for one, other in diagnosis.alike]
         text.append(f"The data cannot tell apart: {'; '.join(pairs)}.")
-    return _table(head, rows, text=(3, 4, 5), long=(0, 2)) + "".join(_paragraph(sentence) for sentence in text)
+    table = block("table", head=head, rows=rows, text=(3, 4, 5), long=(0, 2))
+    return joined([table, *(block("paragraph", text=sentence) for sentence in text)])
 
 
 def _settings(cause: Cause, effects: Mapping[str, Effect]) -> list[str]:
@@ -507,13 +447,9 @@ def _settings(cause: Cause, effects: Mapping[str, Effect]) -> list[str]:
     return lines
 
 
-def _link(file: str) -> str:
-    return _Html(f'<a href="{quote(file)}">{html.escape(file)}</a>') if file else "-"
-
-
-def _shrinkage_html(diagnosis: Diagnosis) -> str:
+def _shrinkage_html(diagnosis: Diagnosis) -> Markup:
     if diagnosis.verdict == "no_gap" or not diagnosis.shrinkage:
-        return ""
+        return Markup("")
     text = (
         "100 %: nothing but noise is left; 0 %: nothing is gained; below: the gap has grown. What proves something are "
         "manoeuvres that took no part in the fit."
@@ -528,21 +464,21 @@ def _shrinkage_html(diagnosis: Diagnosis) -> str:
         (capital(control(name)), value or 0.0, "not tried" if value is None else gone(value))
         for name, value in diagnosis.controls.items()
     ]
-    bars = _bars("Gone on manoeuvres left out, median", compared) if compared else ""
-    return _paragraph(text) + bars + _table(head, rows, text=(1, 7))
+    bars = [_bars("Gone on manoeuvres left out, median", compared)] if compared else []
+    return _explained(text, *bars, block("table", head=head, rows=rows, text=(1, 7)))
 
 
 def _shrinkage_row(one: Shrinkage) -> list[str]:
     unit, size = signal_unit(one.signal)
     errors = (three_digits(value / size) for value in (one.before, one.after, one.noise))
     mark = "yes" if one.low90 > 0.0 else "no" if one.high90 < 0.0 else ""
-    part = _Html(f'<span class="{mark}">{gone(one.S)}</span>')
+    part = block("marked", text=gone(one.S), kind=mark)
     return [one.manoeuvre, readable(one.signal), part, _range(one), *errors, unit]
 
 
-def _key_figures_html(diagnosis: Diagnosis) -> str:
+def _key_figures_html(diagnosis: Diagnosis) -> Markup:
     head, rows = _key_figures(diagnosis)
-    return _table(head, rows, text=(1, 6)) if rows else ""
+    return block("table", head=head, rows=rows, text=(1, 6)) if rows else Markup("")
 
 
 def _key_figures(diagnosis: Diagnosis) -> tuple[Sequence[str], list[Sequence[str]]]:
@@ -568,26 +504,26 @@ def _use(figure: Mapping[str, float | None]) -> str:
     return "left out" if figure["held_out"] else "fitted"
 
 
-def _experiments_html(diagnosis: Diagnosis) -> str:
+def _experiments_html(diagnosis: Diagnosis) -> Markup:
     if not diagnosis.next_experiments:
-        return ""
+        return Markup("")
     rows = [
         (
             capital(readable(one.name)),
             one.description,
             f"{one.gain:.2f}",
-            _lines(" from ".join(readable(name) for name in pair) for pair in one.apart),
+            [" from ".join(readable(name) for name in pair) for pair in one.apart],
         )
         for one in diagnosis.next_experiments
     ]
     head = ("manoeuvre", "what to do", "expected gain [bit]", "tells")
     text = "Manoeuvres by how much they should tell. One bit settles two equally likely causes."
-    return _paragraph(text) + _table(head, rows, text=(3,), long=(1,))
+    return _explained(text, block("table", head=head, rows=rows, text=(3,), long=(1,)))
 
 
-def _calibration_html(diagnosis: Diagnosis) -> str:
+def _calibration_html(diagnosis: Diagnosis) -> Markup:
     if not diagnosis.calibration:
-        return ""
+        return Markup("")
     rows = [
         (
             one["key"],
@@ -602,18 +538,19 @@ def _calibration_html(diagnosis: Diagnosis) -> str:
         "Every hypothesis may move uncertain parameters. Under the first one these moved most; the last column counts "
         "standard deviations of what was known of each before."
     )
-    return _paragraph(text) + _table(("parameter", "before", "after", "unit", "moved [σ]"), rows, text=(3,))
+    head = ("parameter", "before", "after", "unit", "moved [σ]")
+    return _explained(text, block("table", head=head, rows=rows, text=(3,)))
 
 
-def _limitations_html(diagnosis: Diagnosis) -> str:
+def _limitations_html(diagnosis: Diagnosis) -> Markup:
     texts = diagnosis.limitations or ("None was noted.",)
-    items = "".join(f"<li>{html.escape(text)}</li>" for text in texts)
     logs = {"Compared": diagnosis.logs, "Healthy logs": diagnosis.healthy}
-    read = "".join(_paragraph(f"{name}: {', '.join(files)}") for name, files in logs.items() if files)
-    return card(f"<ul>{items}</ul>{read}{_paragraph(f'Found in {diagnosis.seconds:.0f} s.')}")
+    read = [f"{name}: {', '.join(files)}" for name, files in logs.items() if files]
+    said = [block("paragraph", text=text) for text in (*read, f"Found in {diagnosis.seconds:.0f} s.")]
+    return block("card", contents=[block("listing", items=texts), *said])
 
 
-def _onward_html(diagnosis: Diagnosis, folder: Path) -> str:
+def _onward_html(diagnosis: Diagnosis, folder: Path) -> Markup:
     file = machine_file(diagnosis)
     machine = str(folder / file) if file else diagnosis.machine
     if diagnosis.verdict == "ambiguous" and file:
@@ -629,4 +566,5 @@ def _onward_html(diagnosis: Diagnosis, folder: Path) -> str:
         "import gymnasium as gym\n\nimport aoro_gym  # registers the environments\n\n"
         f'envs = gym.make_vec("AORO/PathTracking-v0", num_envs=64, machine="{machine}")'
     )
-    return card(_paragraph(text) + "".join(f"<pre>{html.escape(code)}</pre>" for code in (shell, python)))
+    contents = [block("paragraph", text=text), *(block("code", text=code) for code in (shell, python))]
+    return block("card", contents=contents)

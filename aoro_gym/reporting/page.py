@@ -1,22 +1,31 @@
-"""Reports as one self-contained HTML page that works without a network: passages, cards, pictures, interactive plots."""
+"""Reports as one self-contained HTML page that works without a network.
+
+Pages are made of blocks, the macros of ``templates/blocks.html``; whatever is not HTML already is escaped there.
+"""
 
 from __future__ import annotations
 
 import base64
-import html
-from collections.abc import Iterable, Sequence
+import mimetypes
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from importlib import resources
+from functools import cache
 from pathlib import Path
-from string import Template
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from markupsafe import Markup
 from numpy.typing import NDArray
 
 from aoro_gym.execution.files import write_text, written_whole
 from aoro_gym.reporting.style import GRID, INK, SOFT
 from aoro_gym.version import VERSION
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+Section = tuple[str, Markup]
+"""Title and HTML of a section of a page."""
 
 
 @dataclass(frozen=True)
@@ -32,21 +41,39 @@ class Passage:
     table: Sequence[Sequence[str]] = ()
     """Rows of cells; the first one is the head."""
 
+    @property
+    def section(self) -> Section:
+        """The passage as :func:`write_page` takes it."""
+        table = [block("table", head=self.table[0], rows=self.table[1:])] if self.table else []
+        pictures = [block("card", contents=[picture(file)]) for file in self.pictures]
+        return self.title, joined([block("paragraph", text=self.text, link=self.more), *table, *pictures])
 
-def passage_section(passage: Passage) -> tuple[str, str]:
-    """Title and HTML of a passage, as :func:`write_page` takes them."""
-    more = f' <a href="{html.escape(passage.more)}">All of it</a>' if passage.more else ""
-    pictures = "".join(card(picture(file)) for file in passage.pictures)
-    return passage.title, f"<p>{html.escape(passage.text)}{more}</p>{_table(passage.table)}{pictures}"
+
+@cache
+def _templates() -> Environment:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    loader = PackageLoader("aoro_gym.reporting")
+    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+
+
+def block(name: str, **values: Any) -> Markup:
+    """HTML of the macro ``name`` of ``templates/blocks.html``, with ``values`` by its parameters."""
+    return getattr(_templates().get_template("blocks.html").module, name)(**values)
+
+
+def joined(blocks: Iterable[Markup]) -> Markup:
+    """Blocks one below the other."""
+    return Markup("").join(blocks)
 
 
 def write_page(
     path: Path,
     title: str,
     lead: str,
-    sections: Iterable[tuple[str, str]],
+    sections: Iterable[Section],
     *,
-    top: str = "",
+    top: Markup | None = None,
     footer: str = "",
     interactive: bool = True,
 ) -> None:
@@ -56,47 +83,32 @@ def write_page(
         path: File to write.
         title: Of the page.
         lead: A sentence below it.
-        sections: Title and HTML of each.
+        sections: In their order; those without a body are left out.
         top: HTML that stands above them.
         footer: A sentence at the end.
         interactive: Whether it holds plots of plotly, whose code takes megabytes.
     """
     from plotly.offline import get_plotlyjs
 
-    template = Template(
-        resources.files("aoro_gym.reporting").joinpath("templates/report.html").read_text(encoding="utf-8")
-    )
-    bodies, links = [], []
-    for index, (heading, body) in enumerate(sections):
-        name, heading = f"section-{index + 1}", html.escape(heading)
-        links.append(f'<a href="#{name}">{heading}</a>')
-        bodies.append(f'<section id="{name}"><h2>{heading}</h2>{body}</section>')
-    page = template.substitute(
-        title=html.escape(title),
-        lead=html.escape(lead),
-        contents="".join(links) if len(links) > 1 else "",
-        sections="\n".join([top, *bodies]),
-        plotly=get_plotlyjs() if interactive else "",
-        footer=html.escape(f"Drawn by aoro-gym {VERSION}. {footer}"),
-    )
-    write_text(path, page)
+    page = _templates().get_template("page.html")
+    plotly = Markup(get_plotlyjs()) if interactive else ""
+    shown = [(heading, body) for heading, body in sections if body]
+    values = {"title": title, "lead": lead, "top": top or "", "footer": footer}
+    write_text(path, page.render(sections=shown, plotly=plotly, version=VERSION, **values))
 
 
-def card(content: str) -> str:
-    """HTML on a card of its own."""
-    return f'<div class="card">{content}</div>'
+def picture(file: Path) -> Markup:
+    """An image or a film that stands in the page itself."""
+    source = data_address(file.read_bytes(), mimetypes.types_map[file.suffix])
+    return block("film", source=source) if file.suffix == ".mp4" else block("image", source=source, alt=file.stem)
 
 
-def picture(path: Path) -> str:
-    """HTML of an image or a film that stands in the page itself."""
-    content = base64.b64encode(path.read_bytes()).decode("ascii")
-    kind = path.suffix.removeprefix(".")
-    if kind == "mp4":
-        return f'<video controls autoplay muted loop playsinline src="data:video/mp4;base64,{content}"></video>'
-    return f'<img alt="{html.escape(path.stem)}" src="data:image/{kind};base64,{content}">'
+def data_address(content: bytes, kind: str) -> str:
+    """Address that holds ``content`` itself, of a media type such as ``image/png``."""
+    return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
-def interactive_plot(figure: Any, **layout: Any) -> str:
+def interactive_plot(figure: Any, **layout: Any) -> Markup:
     """HTML of a figure of plotly's in the colours of all others, with titles left above their plots.
 
     Args:
@@ -116,7 +128,7 @@ def interactive_plot(figure: Any, **layout: Any) -> str:
         **layout,
     )
     config = {"displaylogo": False, "responsive": True, "modeBarButtonsToRemove": ["sendChartToCloud"]}
-    return figure.to_html(full_html=False, include_plotlyjs=False, config=config)
+    return Markup(figure.to_html(full_html=False, include_plotlyjs=False, config=config))
 
 
 def write_gif(path: Path, frames: Sequence[NDArray[np.uint8]], *, frames_per_second: float) -> None:
@@ -148,18 +160,8 @@ def show(key: str, value: float | None) -> str:
     return "-" if value is None else f"{value:.{describe(key)[2]}f}"
 
 
-def _table(rows: Sequence[Sequence[str]]) -> str:
-    if not rows:
-        return ""
-    head, *body = (
-        "".join(f"<{cell}>{html.escape(text)}</{cell}>" for text in row)
-        for cell, row in zip(("th", *("td" for _ in rows[1:])), rows, strict=True)
+def tiles(figures: Mapping[str, float | None]) -> Markup:
+    """Key figures on a tile each."""
+    return block(
+        "tiles", figures=[(show(key, value), describe(key)[1], describe(key)[0], "") for key, value in figures.items()]
     )
-    lines = "".join(f"<tr>{line}</tr>" for line in body)
-    return card(f"<table><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table>")
-
-
-def tile(key: str, value: float | None) -> str:
-    """HTML of a key figure on a tile."""
-    name, unit, _ = describe(key)
-    return f'<div class="figure"><b>{show(key, value)} <small>{unit}</small></b><span>{html.escape(name)}</span></div>'

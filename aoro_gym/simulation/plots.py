@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 from numpy.typing import NDArray
 
 from aoro_gym.execution.files import written_whole
-from aoro_gym.reporting.page import Passage, card, interactive_plot, passage_section, tile, write_page
+from aoro_gym.reporting.page import Passage, block, interactive_plot, joined, tiles, write_page
 from aoro_gym.reporting.style import AMBER, BLUE, GREEN, INK, PLOT_STYLE, RED, SHADE, SOFT
 from aoro_gym.simulation.key_figures import turn_start
 from aoro_gym.simulation.log import BAR, DEGREE, LITRE_PER_MINUTE, RPM
@@ -170,10 +171,10 @@ def write_html(
     path: Path, title: str, lead: str, sections: Sequence[Section], passages: Sequence[Passage] = ()
 ) -> None:
     """Write one page: ``passages`` first, then the key figures and the plots of every section."""
-    bodies = [passage_section(passage) for passage in passages]
+    bodies = [passage.section for passage in passages]
     for section in sections:
-        tiles = "".join(tile(key, value) for key, value in section.figures.items())
-        bodies.append((section.title, f'<div class="figures">{tiles}</div>{card(_plotly(section))}'))
+        plot = block("card", contents=[_plotly(section)])
+        bodies.append((section.title, joined([tiles(section.figures), plot])))
     footer = "Plots show the simulated state. World and body frames: x forward, y left, z up. Left is positive."
     write_page(path, title, lead, bodies, footer=footer, interactive=bool(sections))
 
@@ -247,7 +248,7 @@ def _draw(axis: Any, panel: Panel, section: Section, *, room_for_legend: bool) -
         )
 
 
-def _plotly(section: Section) -> str:
+def _plotly(section: Section) -> Markup:
     """The panels of a section as one linked plot."""
     import plotly.graph_objects as go
     from plotly.subplots import make_subplots

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import html
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.markup import escape
 from rich.text import Text
 
 from aoro_gym.execution.files import written_whole
-from aoro_gym.reporting.page import Passage, card, describe, interactive_plot, picture, show, write_page
+from aoro_gym.reporting.page import Passage, block, describe, interactive_plot, picture, show, write_page
 from aoro_gym.reporting.style import AMBER, BLUE, GREEN, INK, PLOT_STYLE, SHADE, SOFT
 from aoro_gym.reporting.terminal import Comparison
 from aoro_gym.simulation.key_figures import FIGURES, SECOND_PEAK, STEADY, UNDERSHOOT_END
@@ -424,11 +425,11 @@ def _value(row: Row, name: str) -> float:
 def write_index(result: Validation, path: Path, *, errors_png: Path) -> None:
     """Write one page with tables and plots."""
     sections = [
-        ("Left turns", card(_plotly(result, "left"))),
-        ("Errors", card(picture(errors_png))),
-        ("Key figures, left", card(_html_table(result, "left"))),
-        ("Right turns", card(_plotly(result, "right"))),
-        ("Key figures, right", card(_html_table(result, "right"))),
+        ("Left turns", block("card", contents=[_plotly(result, "left")])),
+        ("Errors", block("card", contents=[picture(errors_png)])),
+        ("Key figures, left", _html_table(result, "left")),
+        ("Right turns", block("card", contents=[_plotly(result, "right")])),
+        ("Key figures, right", _html_table(result, "right")),
         ("How to read this", _explained(result)),
     ]
     write_page(
@@ -441,39 +442,34 @@ def write_index(result: Validation, path: Path, *, errors_png: Path) -> None:
     )
 
 
-def _tiles(result: Validation) -> str:
-    tiles = []
+def _tiles(result: Validation) -> Markup:
+    figures = []
     for check in result.checks:
         what, value, known, bound, unit = _check_cells(check)
-        mark = "yes" if check["reached"] else "no"
         beside = bound if known == "-" else f"published {known}, {bound}"
-        tiles.append(
-            f'<div class="figure"><b class="{mark}">{value} <small>{unit}</small></b>'
-            f"<span>{html.escape(what)} ({beside})</span></div>"
-        )
-    return f'<div class="figures">{"".join(tiles)}</div>'
+        figures.append((value, unit, f"{what} ({beside})", _mark(check["reached"])))
+    return block("tiles", figures=figures)
 
 
-def _html_table(result: Validation, direction: str) -> str:
+def _mark(reached: bool) -> str:
+    return "yes" if reached else "no"
+
+
+def _html_table(result: Validation, direction: str) -> Markup:
     shown = _columns_in_use(result)
-    head = "".join(f"<th>{html.escape(COLUMNS[index])}</th>" for index in shown)
-    body = []
-    level = None
-    for line in lines(result, direction):
-        if line.turn != level:
-            level = line.turn
-            body.append(f'<tr class="level"><td colspan="{len(shown)}">{level.signal_percent:g} % signal</td></tr>')
-        cells = _cells(line)
-        marks = {4: "twin"} | ({} if line.mark is None else {6: "yes" if line.mark else "no"})
-        body.append(
-            "<tr>"
-            + "".join(f'<td class="{marks.get(index, "")}">{html.escape(cells[index])}</td>' for index in shown)
-            + "</tr>"
-        )
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>"
+    rows: list[list[str]] = []
+    for turn, of_turn in groupby(lines(result, direction), key=lambda line: line.turn):
+        rows.append([f"{turn.signal_percent:g} % signal"])
+        for line in of_turn:
+            cells = _cells(line)
+            cells[4] = block("marked", text=cells[4], kind="twin")
+            if line.mark is not None:
+                cells[6] = block("marked", text=cells[6], kind=_mark(line.mark))
+            rows.append([cells[index] for index in shown])
+    return block("table", head=[COLUMNS[index] for index in shown], rows=rows)
 
 
-def _explained(result: Validation) -> str:
+def _explained(result: Validation) -> Markup:
     sentences = [
         "Every figure of the twin goes through the machine's measuring chain: the joint angle at 100 samples a second, "
         "a 4th-order Butterworth low-pass of 7 Hz forward and backward, the cylinders' strokes by geometry, and the oil "
@@ -485,10 +481,10 @@ def _explained(result: Validation) -> str:
         "50 % are the valve curve that either twin is made with, so times and mean flows there are no independent test.",
         *result.notes,
     ]
-    return card("".join(f"<p>{html.escape(text)}</p>" for text in sentences))
+    return block("card", contents=[block("paragraph", text=text) for text in sentences])
 
 
-def _plotly(result: Validation, direction: str) -> str:
+def _plotly(result: Validation, direction: str) -> Markup:
     """Flow curves of the turns to one side, to zoom into."""
     import plotly.graph_objects as go
     from plotly.subplots import make_subplots
