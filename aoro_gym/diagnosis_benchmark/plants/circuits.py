@@ -112,6 +112,19 @@ class Side:
     full_load: Array  # brake torque [N m] that the engine can give; half a millisecond changes it by 0.1 N m
 
 
+@dataclass(frozen=True)
+class ValveFlows:
+    """Flows [m³/s] and pressures [Pa] of the steering valve at one instant; (R,)."""
+
+    inflow: Array  # from the supply
+    returned: Array  # to the return line
+    into_a: Array
+    into_b: Array
+    sensed: Array  # pressure that the load-sensing line takes up
+    stroke: Array  # of the compensator, [0, 1]
+    edge_drop: Array  # pressure over the open inlet edge
+
+
 class Circuits:
     """Steering circuit, driveline and engine of R runs."""
 
@@ -447,32 +460,53 @@ class Circuits:
         """Time derivatives (rows, R) at ``elapsed`` [s] after the start of a step."""
         out = np.empty_like(y)
         p = np.maximum(y[VOLUMES], self.least)
-        supply, port_a, port_b, tank, forward, back, charge = p[:7]
-        wheel = p[WHEEL_LINE]
-        angle = before + elapsed * rate
-        speed = y[ENGINE]
+        port_a, port_b = p[PORT_A], p[PORT_B]
+        pin_angle, pin_rate = self._pin_rates(out, y, stretch, at, before + elapsed * rate, rate, p)
+        moved = pin_angle - middle
 
-        # the cylinders follow the frames, or turn within play and flexible frame
-        pin_angle, pin_rate = angle, rate
+        # the valve meets the ports at the cylinders, or at the hoses' other end
+        nodes = np.maximum(y[self.nodes], self.least) if self.hoses else p[PORT_A:RETURN]
+        valve = self._valve_flows(y, p, nodes[0], nodes[1], side)
+        into_a, into_b = valve.into_a, valve.into_b
+        if self.hoses:
+            into_a, into_b = self._hose_rates(out, y, nodes, into_a, into_b, p)
+        cross = self.cylinder_leak * (port_a - port_b)
+        swash = np.minimum(np.maximum(y[SWASH], 0.0), 1.0)
+
+        net = np.empty((11, self.runs))
+        net[SUPPLY] = self._pump_flow(swash, y[ENGINE], p[SUPPLY], y[LS]) - valve.inflow
+        net[RETURN] = valve.returned - self.return_flow(p[RETURN])
+        net[RETURN] += check_valve(self.tank_suction, -p[RETURN], 0.0, self.laminar)
+        net[PORT_A] = into_a - cross - (at.slope_a + at.curve_a * moved) * pin_rate
+        net[PORT_B] = into_b + cross - (at.slope_b + at.curve_b * moved) * pin_rate
+        self._driveline_flows(net, p, y[DRIVE_SWASH], y[ENGINE], wheel_rate)
+        # oil and walls yield; a volume that has run empty collects its void first
+        out[VOLUMES] = net / np.where(y[VOLUMES] > self.least, self._compliance(p, at, moved), self.void)
+
+        self._control_rates(out, y, valve, p[SUPPLY], steer, drive)
+        load = self.loads(swash, p[SUPPLY], y[DRIVE_SWASH], p[FORWARD], p[BACK], p[CHARGE])
+        self._engine_rates(out, y, side.full_load, load)
+        return out
+
+    def _pin_rates(
+        self, out: Array, y: Array, stretch: Array, at: Displacement, angle: Array, rate: Array, p: Array
+    ) -> tuple[Array, Array]:
+        """Angle [rad] and rate of the cylinders: they follow the frames, or turn within play and flexible frame."""
         if self.elastic.any():
             pin_angle = np.where(self.elastic, y[PIN_ANGLE], angle)
             pin_rate = np.where(self.elastic, y[PIN_RATE], rate)
             series = self.series_torque(pin_angle, pin_rate, angle, rate)
-            push = self.cylinder_torque(at, pin_angle, pin_rate, stretch, port_a, port_b)
+            push = self.cylinder_torque(at, pin_angle, pin_rate, stretch, p[PORT_A], p[PORT_B])
             out[PIN_RATE] = np.where(self.elastic, (push - series) / PISTON_INERTIA, 0.0)
             out[PIN_ANGLE] = pin_rate
-        elif self.rows > PIN_ANGLE:
+            return pin_angle, pin_rate
+        if self.rows > PIN_ANGLE:
             out[PIN_ANGLE] = out[PIN_RATE] = 0.0
-        moved = pin_angle - middle
-        slope_a, slope_b = at.slope_a + at.curve_a * moved, at.slope_b + at.curve_b * moved
+        return angle, rate
 
-        # where the valve meets the ports: at the cylinders, or at the hoses' other end
-        valve_a, valve_b = port_a, port_b
-        if self.hoses:
-            nodes = np.maximum(y[self.nodes], self.least)
-            valve_a, valve_b = nodes[0], nodes[1]
-
-        # spool, curve, compensator and edges
+    def _valve_flows(self, y: Array, p: Array, valve_a: Array, valve_b: Array, side: Side) -> ValveFlows:
+        """Flows of compensator, edges, shock and suction valves, and leaks, at the valve's ports A and B [Pa]."""
+        supply, tank = p[SUPPLY], p[RETURN]
         opening = self.opening(2.0 * np.abs(y[SPOOL]), side)
         is_open = opening > 0.0
         loaded, emptied = np.where(side.left, valve_a, valve_b), np.where(side.left, valve_b, valve_a)
@@ -482,62 +516,61 @@ class Circuits:
         both = throttle_squared + edge**2 + 1e-30
         available = np.maximum(supply - loaded, 0.0)
         inflow = orifice(edge * np.sqrt(throttle_squared / both), available, self.laminar)
-        edge_drop = np.where(is_open, available * throttle_squared / both, 0.0)
         outflow = orifice(opening * side.outlet, emptied - tank, self.laminar)
 
-        # ports: shock and suction valves, leaks
-        ports = np.stack([valve_a, valve_b])
-        over = ports - tank
+        over = np.stack([valve_a, valve_b]) - tank
         shock = relief_valve(over, self.shock_setting, self.shock_gain)
         suction = check_valve(self.suction, -over, self.crack, self.laminar)
-        leak = self.port_leak * over
-        out_of_ports = shock - suction + leak
-        cross = self.cylinder_leak * (port_a - port_b)
-        valve_cross = orifice(self.cross_orifice, valve_a - valve_b, self.laminar) if self.crossing else 0.0
-        into_a = np.where(side.left, inflow, -outflow) - out_of_ports[0] - valve_cross
-        into_b = np.where(side.left, -outflow, inflow) - out_of_ports[1] + valve_cross
-
-        # tank line, pump 2
-        to_tank = self.return_flow(tank)
-        from_tank = check_valve(self.tank_suction, -tank, 0.0, self.laminar)
-        sensed = y[LS]
-        swash = np.minimum(np.maximum(y[SWASH], 0.0), 1.0)
-        net = np.empty((11, self.runs))
-        net[SUPPLY] = (
-            swash * self.pump_size * speed
-            - self.pump_leak * supply
-            - orifice(self.bleed, sensed, self.laminar)
-            - relief_valve(supply, self.supply_setting, self.supply_gain)
-            - inflow
+        out_of_ports = shock - suction + self.port_leak * over
+        cross = orifice(self.cross_orifice, valve_a - valve_b, self.laminar) if self.crossing else 0.0
+        return ValveFlows(
+            inflow=inflow,
+            returned=outflow + out_of_ports[0] + out_of_ports[1],
+            into_a=np.where(side.left, inflow, -outflow) - out_of_ports[0] - cross,
+            into_b=np.where(side.left, -outflow, inflow) - out_of_ports[1] + cross,
+            sensed=np.maximum(np.where(is_open, loaded, 0.0), 0.0),
+            stroke=stroke,
+            edge_drop=np.where(is_open, available * throttle_squared / both, 0.0),
         )
-        net[RETURN] = outflow + out_of_ports[0] + out_of_ports[1] - to_tank + from_tank
-        if self.hoses and self.cells == 1:
+
+    def _hose_rates(
+        self, out: Array, y: Array, nodes: Array, into_a: Array, into_b: Array, p: Array
+    ) -> tuple[Array, Array]:
+        """Flows [m³/s] out of the hoses into the cylinders, where ``into_a`` and ``into_b`` enter them at the valve."""
+        ports = p[PORT_A:RETURN]
+        if self.cells == 1:
             legs = y[LEGS]
             out[WALLS] = (SLOW_SHARE * self.hose_wall * nodes - y[WALLS]) / SLOW_TIME
             yielding = self.hose_volume * self.oil.compressibility(nodes) + (1.0 - SLOW_SHARE) * self.hose_wall
             gained = np.stack([into_a, into_b]) - legs - out[WALLS]
             out[VALVES] = gained / np.where(y[VALVES] > self.least, yielding, self.hose_void)
-            out[LEGS] = (nodes - np.stack([port_a, port_b])) / self.column - self.column_decay * legs
-            into_a, into_b = legs[0], legs[1]
-        elif self.hoses:
-            columns = y[COLUMNS]
-            gained = np.stack([into_a, into_b, columns[0], columns[1]]) - columns
-            yielding = self.hose_volume * self.oil.compressibility(nodes) + self.hose_wall
-            out[NODES] = gained / np.where(y[NODES] > self.least, yielding, self.hose_void)
-            ends = np.stack([nodes[2], nodes[3], port_a, port_b])
-            out[COLUMNS] = (nodes - ends) / self.column - self.column_decay * columns
-            into_a, into_b = columns[2], columns[3]
-        net[PORT_A] = into_a - cross - slope_a * pin_rate
-        net[PORT_B] = into_b + cross - slope_b * pin_rate
+            out[LEGS] = (nodes - ports) / self.column - self.column_decay * legs
+            return legs[0], legs[1]
+        columns = y[COLUMNS]
+        gained = np.stack([into_a, into_b, columns[0], columns[1]]) - columns
+        yielding = self.hose_volume * self.oil.compressibility(nodes) + self.hose_wall
+        out[NODES] = gained / np.where(y[NODES] > self.least, yielding, self.hose_void)
+        ends = np.concatenate([nodes[2:], ports])
+        out[COLUMNS] = (nodes - ends) / self.column - self.column_decay * columns
+        return columns[2], columns[3]
 
-        # closed loop
-        drive_swash = y[DRIVE_SWASH]
+    def _pump_flow(self, swash: Array, speed: Array, supply: Array, sensed: Array) -> Array:
+        """Flow [m³/s] of the steering pump, less its leak, the bleed of the load-sensing line and the relief valve's."""
+        return (
+            swash * self.pump_size * speed
+            - self.pump_leak * supply
+            - orifice(self.bleed, sensed, self.laminar)
+            - relief_valve(supply, self.supply_setting, self.supply_gain)
+        )
+
+    def _driveline_flows(self, net: Array, p: Array, swash: Array, speed: Array, wheel_rate: Array) -> None:
+        """Write the net flows [m³/s] into the closed loop's volumes."""
+        forward, back, charge, wheel = p[FORWARD], p[BACK], p[CHARGE], p[WHEEL_LINE]
         across = forward - back
         size = np.abs(across)
         passed = self.drive_cross * across + np.sign(across) * relief_valve(size, self.cross_setting, self.cross_gain)
-        pumped = drive_swash * self.drive_size * speed - passed
-        mains = p[FORWARD : BACK + 1]
-        checks = check_valve(self.charge_check, charge - mains, self.charge_crack, self.laminar)
+        pumped = swash * self.drive_size * speed - passed
+        checks = check_valve(self.charge_check, charge - p[FORWARD : BACK + 1], self.charge_crack, self.laminar)
         shifted = np.minimum(np.maximum(size / self.shift_pressure - 1.0, 0.0), 1.0)
         flush = shifted * relief_valve(np.minimum(forward, back), self.flush_setting, self.flush_gain)
         lower = forward < back
@@ -547,46 +580,42 @@ class Circuits:
             pumped - self.drive_leak * forward + checks[0] - np.where(lower, flush, 0.0) - traction.sum(axis=0)
         )
         net[BACK] = -pumped - self.drive_leak * back + checks[1] - np.where(lower, 0.0, flush) + motor.sum(axis=0)
-        net[CHARGE] = (
-            self.charge_size * speed
-            - checks[0]
-            - checks[1]
-            - relief_valve(charge, self.charge_setting, self.charge_gain)
-        )
+        relief = relief_valve(charge, self.charge_setting, self.charge_gain)
+        net[CHARGE] = self.charge_size * speed - checks[0] - checks[1] - relief
         net[WHEEL_LINE] = traction - motor
 
-        # pressures: oil and walls yield; a volume that has run empty collects its void first
+    def _compliance(self, p: Array, at: Displacement, moved: Array) -> Array:
+        """Volume [m³/Pa] that oil and walls of every volume yield."""
         volume = self.volume.copy()
         volume[PORT_A] += at.volume_a + moved * (at.slope_a + 0.5 * at.curve_a * moved)
         volume[PORT_B] += at.volume_b + moved * (at.slope_b + 0.5 * at.curve_b * moved)
         compliance = volume * self.oil.compressibility(p) + self.wall
-        compliance[PORT_A] += self.pocket * ATMOSPHERE / np.maximum(port_a + ATMOSPHERE, 5e3) ** 2
-        out[VOLUMES] = net / np.where(y[VOLUMES] > self.least, compliance, self.void)
+        compliance[PORT_A] += self.pocket * ATMOSPHERE / np.maximum(p[PORT_A] + ATMOSPHERE, 5e3) ** 2
+        return compliance
 
-        # load sensing, spool, compensator, swash plates
-        out[LS] = (np.maximum(np.where(is_open, loaded, 0.0), 0.0) - sensed) * self.ls_pace
+    def _control_rates(
+        self, out: Array, y: Array, valve: ValveFlows, supply: Array, steer: Array, drive: Array
+    ) -> None:
+        """Write the rates of load sensing, spool, compensator and swash plates."""
+        out[LS] = (valve.sensed - y[LS]) * self.ls_pace
         out[SPOOL] = clipped((steer - y[SPOOL]) * self.spool_pace, self.spool_rate)
-        reference = self.setting * (1.0 + self.droop * (0.5 - stroke))
-        out[COMPENSATOR] = _held((reference - edge_drop) * self.compensator_rate, y[COMPENSATOR])
-        error = np.minimum(sensed + self.margin, self.cutoff) - supply
+        reference = self.setting * (1.0 + self.droop * (0.5 - valve.stroke))
+        out[COMPENSATOR] = _held((reference - valve.edge_drop) * self.compensator_rate, y[COMPENSATOR])
+        error = np.minimum(y[LS] + self.margin, self.cutoff) - supply
         out[SWASH] = _held(np.minimum(np.maximum(error * self.swash_gain, self.swash_down), self.swash_up), y[SWASH])
-        out[DRIVE_SWASH] = clipped((drive - drive_swash) * self.drive_pace, self.drive_stroke)
+        out[DRIVE_SWASH] = clipped((drive - y[DRIVE_SWASH]) * self.drive_pace, self.drive_stroke)
 
-        # engine: isochronous governor, whose set speed falls with the torque where it droops
+    def _engine_rates(self, out: Array, y: Array, full_load: Array, load: Array) -> None:
+        """Write the engine's rates: an isochronous governor, whose set speed falls with the torque where it droops."""
+        speed, torque = y[ENGINE], y[TORQUE]
         friction = self.engine_friction[0] + self.engine_friction[1] * speed
-        load = self.loads(swash, supply, drive_swash, forward, back, charge)
-        torque = y[TORQUE]
-        most = side.full_load + friction
+        most = full_load + friction
         slow = self.set_speed - self.engine_droop * np.maximum(torque - friction, 0.0) - speed
         demand = np.minimum(np.maximum(self.proportional * slow + y[GOVERNOR], 0.0), most)
         out[ENGINE] = (torque - friction - load) / self.engine_inertia
-        out[GOVERNOR] = np.where(
-            ((y[GOVERNOR] >= most) & (slow > 0.0)) | ((y[GOVERNOR] <= 0.0) & (slow < 0.0)),
-            0.0,
-            self.integral * slow,
-        )
+        saturated = ((y[GOVERNOR] >= most) & (slow > 0.0)) | ((y[GOVERNOR] <= 0.0) & (slow < 0.0))
+        out[GOVERNOR] = np.where(saturated, 0.0, self.integral * slow)
         out[TORQUE] = np.minimum((demand - torque) * self.torque_pace, self.smoke)
-        return out
 
 
 def _held(rate: Array, x: Array) -> Array:
