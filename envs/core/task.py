@@ -1,4 +1,48 @@
-"""What a task adds to a batch of twins: goals, measurements, judgement, and the terms of reward and observation."""
+"""What a task adds to a batch of twins: goals, measurements, judgement, and the terms of reward and observation.
+
+A task is a class with the members of :class:`Task`; it derives from nothing. One that straightens the joint, whole but for
+``traces`` and ``scene``, which only rendering needs::
+
+    class View(NamedTuple):
+        xp: Any
+        angle: Array
+
+    class Straighten:
+        option_names, termination_reasons = (), ("",)
+        control_step, sample_step = 0.02, 0.01
+        action_space = spaces.Box(-1.0, 1.0, (1,), np.float32)
+        reward_terms = {"angle": RewardTerm(-1.0, lambda view: view.xp.abs(view.angle))}
+        observation_terms = {"angle": ObservationTerm(lambda view: view.angle, low=-2.0, high=2.0)}
+        randomisation = Randomisation()
+
+        def allocate(self, num_envs, terrains, arrays=HOST):
+            self._arrays = arrays
+            self._angle = arrays.zeros(num_envs, arrays.xp.float32)
+
+        def start(self, where, generators, draws, machine, options):
+            angle = draws.joint_angle * np.asarray(machine.joint.range)
+            self._arrays.put(self._angle, self._arrays.index(where), angle)
+            return Start(angle, heading=np.zeros(len(where)), position=np.zeros((len(where), 2)))
+
+        def rest(self, where, outputs):
+            pass  # it measures nothing at rest
+
+        def commands(self, actions):
+            return {"steering_signal": actions[:, 0]}
+
+        def advance(self, outputs, time):
+            xp = self._arrays.xp
+            self._angle = xp.asarray(outputs.last("joint_angle"), copy=True)
+            return StepResult(self.view(), terminal=xp.zeros_like(time, dtype=xp.int64), time_limit=time > 0.99)
+
+        def view(self):
+            return View(self._arrays.xp, self._angle)
+
+        def info(self):
+            return {"is_success": self._arrays.xp.abs(self._angle) < 0.02}
+
+    envs = TwinVectorEnv(Straighten(), num_envs=2)
+"""
 
 from __future__ import annotations
 
