@@ -5,61 +5,36 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
-from aoro_gym.cli.options import (
-    MACHINE,
-    TRACKING,
-    DeviceOption,
-    MachineOption,
-    QuietOption,
-    ScaleOption,
-    SeedOption,
-    SetOption,
-    load,
-    run_spec,
-)
+from aoro_gym.cli import options
+from aoro_gym.cli.options import option
 from aoro_gym.cli.outcome import checking_input, print_all, running, say_written
 from aoro_gym.reporting import terminal
 
-TwinsOption = Annotated[
-    str, typer.Option("--twins", metavar="N[,N...]", help="Numbers of twins, or of environments, stepped together.")
-]
-WhatOption = Annotated[
-    str, typer.Option("--what", metavar="twin|env|train[,...]", help="Twins, environments, PPO learning in them.")
-]
-EnvOption = Annotated[str, typer.Option("--env", metavar="ID", help="The environment of --what env and train.")]
-TrainerOption = Annotated[
-    str, typer.Option("--trainer", metavar="sb3|resident[,...]", help="Who learns, see 'aoro-gym train'.")
-]
-GroundOption = Annotated[
-    str, typer.Option("--ground", metavar="plane|raster|mesh", help="Level asphalt, or a generated forest.")
-]
+TwinsOption = Annotated[str, option("--twins", "N[,N...]", "Numbers of twins, or of environments, stepped together.")]
+WhatOption = Annotated[str, option("--what", "twin|env|train[,...]", "Twins, environments, PPO learning in them.")]
+EnvOption = Annotated[str, option("--env", "ID", "The environment of --what env and train.")]
+TrainerOption = Annotated[str, option("--trainer", "sb3|resident[,...]", "Who learns, see 'aoro-gym train'.")]
+GroundOption = Annotated[str, option("--ground", "plane|raster|mesh", "Level asphalt, or a generated forest.")]
 RandomiseOption = Annotated[
-    bool, typer.Option("--randomise", help="Give every twin parameters of its own, 5 % to either side.")
+    bool, option("--randomise", None, "Give every twin parameters of its own, 5 % to either side.")
 ]
-OutputOption = Annotated[str, typer.Option("--output", metavar="numpy|torch", help="What environments take and give.")]
-ThreadsOption = Annotated[
-    str | None, typer.Option("--threads", metavar="N[,N...]", help="CPU threads. Default: one, and all cores.")
-]
+OutputOption = Annotated[str, option("--output", "numpy|torch", "What environments take and give.")]
+ThreadsOption = Annotated[str | None, option("--threads", "N[,N...]", "CPU threads. Default: one, and all cores.")]
 PeerOption = Annotated[
-    list[str] | None,
-    typer.Option("--peer", metavar="mujoco|mujoco_warp", help="Time the vehicle in this engine, too. Repeatable."),
+    list[str] | None, option("--peer", "mujoco|mujoco_warp", "Time the vehicle in this engine, too. Repeatable.")
 ]
-WorldsOption = Annotated[
-    str | None, typer.Option("--worlds", metavar="N[,N...]", help="Batches of the peers. Default: several.")
-]
+WorldsOption = Annotated[str | None, option("--worlds", "N[,N...]", "Batches of the peers. Default: several.")]
 StartupOption = Annotated[
-    bool, typer.Option("--startup", help="Time fresh processes, too, with compiled kernels and without.")
+    bool, option("--startup", None, "Time fresh processes, too, with compiled kernels and without.")
 ]
-SecondsOption = Annotated[float, typer.Option("--seconds", metavar="S", help="Time to measure for, each case.")]
-JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the results here.")]
+SecondsOption = Annotated[float, option("--seconds", "S", "Time to measure for, each case.")]
+JsonOption = Annotated[Path | None, option("--json", "FILE", "Write the results here.")]
 
 
 def bench(
     twins: TwinsOption = "1,64,4096",
     what: WhatOption = "twin",
-    env: EnvOption = TRACKING,
+    env: EnvOption = options.TRACKING,
     trainer: TrainerOption = "sb3",
     ground: GroundOption = "plane",
     randomise: RandomiseOption = False,
@@ -70,12 +45,12 @@ def bench(
     startup: StartupOption = False,
     seconds: SecondsOption = 5.0,
     json_file: JsonOption = None,
-    machine: MachineOption = MACHINE,
-    set_: SetOption = None,
-    scale: ScaleOption = None,
-    device: DeviceOption = "cpu",
-    seed: SeedOption = 0,
-    quiet: QuietOption = False,
+    machine: options.MachineOption = options.MACHINE,
+    set_: options.SetOption = None,
+    scale: options.ScaleOption = None,
+    device: options.DeviceOption = "cpu",
+    seed: options.SeedOption = 0,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Measure how fast twins and environments step, beside other engines, and how fast a policy learns.
 
@@ -107,7 +82,7 @@ def bench(
         counts = {"twins": _counts("--twins", twins)}
         if json_file is not None:
             check_writable(json_file)
-        chosen = load(run_spec(machine, set_, scale, device, seed))
+        chosen = options.load(options.run_spec(machine, set_, scale, device, seed))
         from aoro_gym.benchmark.report import tables
         from aoro_gym.benchmark.run import Plan, run
 

@@ -8,18 +8,8 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from aoro_gym.cli.options import (
-    AcceptCodeChangeOption,
-    DeviceOption,
-    QuietOption,
-    RayOption,
-    RestartOption,
-    WorkersOption,
-    check_device,
-    check_folder,
-    check_seed,
-    check_workers,
-)
+from aoro_gym.cli import options
+from aoro_gym.cli.options import argument, option
 from aoro_gym.cli.outcome import checking_input, print_all, resumable, running, say_error, say_written
 from aoro_gym.reporting import terminal
 
@@ -28,28 +18,21 @@ app = typer.Typer(
     help="The blind check: a diagnosis on machines whose deviation is withheld. In turn: seal, run, score; atlas.",
 )
 
-NewSuiteArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write to.")]
-SuiteOption = Annotated[str, typer.Option("--suite", metavar="quick|standard|full", help="12, 240 or 800 cases.")]
+NewSuiteArgument = Annotated[Path, argument("DIR", "Folder to write to.")]
+SuiteOption = Annotated[str, option("--suite", "quick|standard|full", "12, 240 or 800 cases.")]
 ModeOption = Annotated[
-    str,
-    typer.Option("--mode", metavar="day-one|commissioned", help="Without logs of the healthy machine, or with them."),
+    str, option("--mode", "day-one|commissioned", "Without logs of the healthy machine, or with them.")
 ]
 LoggedSensorsOption = Annotated[
-    str, typer.Option("--sensors", metavar="angle|full", help="Joint angle alone, or three pressures besides.")
+    str, option("--sensors", "angle|full", "Joint angle alone, or three pressures besides.")
 ]
 FamilyOption = Annotated[
-    str,
-    typer.Option(
-        "--family", metavar="score|development", help="Cases that score, or others to develop a diagnosis on."
-    ),
+    str, option("--family", "score|development", "Cases that score, or others to develop a diagnosis on.")
 ]
 AnswersOption = Annotated[
-    Path | None,
-    typer.Option("--answers", metavar="FILE", help="Answers (.json). Default: beside DIR, DIR.answers.json."),
+    Path | None, option("--answers", "FILE", "Answers (.json). Default: beside DIR, DIR.answers.json.")
 ]
-SuiteSeedOption = Annotated[
-    int | None, typer.Option("--seed", metavar="N", help="Makes the same cases again, which are then not blind.")
-]
+SuiteSeedOption = Annotated[int | None, option("--seed", "N", "Makes the same cases again, which are then not blind.")]
 
 
 @app.command()
@@ -61,9 +44,9 @@ def seal(
     family: FamilyOption = "score",
     answers: AnswersOption = None,
     seed: SuiteSeedOption = None,
-    workers: WorkersOption = None,
-    accept_code_change: AcceptCodeChangeOption = False,
-    quiet: QuietOption = False,
+    workers: options.WorkersOption = None,
+    accept_code_change: options.AcceptCodeChangeOption = False,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Make cases whose answers are withheld, and publish the digest of the answers.
 
@@ -91,13 +74,13 @@ def seal(
             if value not in known:
                 raise ValueError(f"--{option} {value!r} is unknown; choose one of: {', '.join(known)}")
         if seed is not None:
-            check_seed(seed)
+            options.check_seed(seed)
         file = answers_file(folder, answers)
         if file.suffix != ".json":
             raise ValueError(f"--answers {file} must end in .json")
         check_writable(folder / "seal.json")
         check_writable(file)
-        processes = check_workers(workers)
+        processes = options.check_workers(workers)
         with running(), resumable(), terminal.progress("simulating plants") as tell:
             write_cases(
                 SUITES[suite], folder, file, mode=mode, sensors=sensors, family=FAMILIES[family], seed=seed,
@@ -106,14 +89,12 @@ def seal(
     say_written([folder / "seal.json", file])
 
 
-SuiteArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a sealed suite.")]
+SuiteArgument = Annotated[Path, argument("DIR", "Folder of a sealed suite.")]
 ReadSensorsOption = Annotated[
-    str | None,
-    typer.Option("--sensors", metavar="angle|full", help="What the diagnosis may read. Default: all that is logged."),
+    str | None, option("--sensors", "angle|full", "What the diagnosis may read. Default: all that is logged.")
 ]
 DiagnosesFolderOption = Annotated[
-    Path | None,
-    typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to. Default: DIR/diagnoses-SENSORS."),
+    Path | None, option("--out -o", "FOLDER", "Folder to write to. Default: DIR/diagnoses-SENSORS.")
 ]
 
 
@@ -122,12 +103,12 @@ def run(
     folder: SuiteArgument,
     sensors: ReadSensorsOption = None,
     out: DiagnosesFolderOption = None,
-    workers: WorkersOption = None,
-    ray: RayOption = None,
-    device: DeviceOption = "cpu",
-    restart: RestartOption = False,
-    accept_code_change: AcceptCodeChangeOption = False,
-    quiet: QuietOption = False,
+    workers: options.WorkersOption = None,
+    ray: options.RayOption = None,
+    device: options.DeviceOption = "cpu",
+    restart: options.RestartOption = False,
+    accept_code_change: options.AcceptCodeChangeOption = False,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Diagnose every case of a sealed suite.
 
@@ -153,8 +134,8 @@ def run(
         given = logged_sensors(folder) if sensors is None else sensors
         target = diagnoses_folder(folder, given) if out is None else out
         check_writable(target / "run.json")
-        check_device(device)
-        processes = check_workers(workers)
+        options.check_device(device)
+        processes = options.check_workers(workers)
         with running(), resumable(), terminal.progress("diagnosing") as tell:
             failures = run_cases(
                 folder, target, sensors=given, device=device, workers=processes, ray=ray,
@@ -167,20 +148,13 @@ def run(
         raise typer.Exit(1)
 
 
-DiagnosedSuiteArgument = Annotated[
-    Path, typer.Argument(metavar="DIR", help="Folder of a sealed suite whose cases were diagnosed.")
-]
+DiagnosedSuiteArgument = Annotated[Path, argument("DIR", "Folder of a sealed suite whose cases were diagnosed.")]
 DiagnosesOption = Annotated[
     Path | None,
-    typer.Option(
-        "--diagnoses",
-        metavar="FOLDER",
-        help="What 'blind run' wrote. Default: DIR/diagnoses-SENSORS of all sensors.",
-    ),
+    option("--diagnoses", "FOLDER", "What 'blind run' wrote. Default: DIR/diagnoses-SENSORS of all sensors."),
 ]
 ScoreFolderOption = Annotated[
-    Path | None,
-    typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to. Default: that of the diagnoses."),
+    Path | None, option("--out -o", "FOLDER", "Folder to write to. Default: that of the diagnoses.")
 ]
 
 
@@ -190,9 +164,9 @@ def score(
     answers: AnswersOption = None,
     diagnoses: DiagnosesOption = None,
     out: ScoreFolderOption = None,
-    workers: WorkersOption = None,
-    device: DeviceOption = "cpu",
-    quiet: QuietOption = False,
+    workers: options.WorkersOption = None,
+    device: options.DeviceOption = "cpu",
+    quiet: options.QuietOption = False,
 ) -> None:
     """Open the seal, and hold every diagnosis against its answer.
 
@@ -218,10 +192,10 @@ def score(
 
         found = diagnoses_folder(folder, logged_sensors(folder)) if diagnoses is None else diagnoses
         target = found if out is None else out
-        check_folder(target, "score.json")
-        check_device(device)
+        options.check_folder(target, "score.json")
+        options.check_device(device)
         file = answers_file(folder, answers)
-        processes = check_workers(workers)
+        processes = options.check_workers(workers)
         with running(), resumable(), terminal.progress("opening the seal") as tell:
             result = score_cases(
                 folder, file, found, target / "oracle", device=device, workers=processes, progress=tell
@@ -231,11 +205,11 @@ def score(
         say_written(write_score(result, target))
 
 
-AtlasFolderOption = Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to.")]
+AtlasFolderOption = Annotated[Path, option("--out -o", "FOLDER", "Folder to write to.")]
 
 
 @app.command()
-def atlas(out: AtlasFolderOption, device: DeviceOption = "cpu", quiet: QuietOption = False) -> None:
+def atlas(out: AtlasFolderOption, device: options.DeviceOption = "cpu", quiet: options.QuietOption = False) -> None:
     """Which effects look alike, from which sensors and manoeuvres, whatever a diagnosis makes of them.
 
     Asked of twins of the calibrated ensemble, of no case: what an effect does, less the best that another effect and another
@@ -252,8 +226,8 @@ def atlas(out: AtlasFolderOption, device: DeviceOption = "cpu", quiet: QuietOpti
         from aoro_gym.diagnosis_benchmark.atlas import survey
         from aoro_gym.diagnosis_benchmark.atlas_report import tables, write_atlas
 
-        check_folder(out, "atlas.json")
-        check_device(device)
+        options.check_folder(out, "atlas.json")
+        options.check_device(device)
     with running(), terminal.progress("twins") as tell:
         found = survey(simulator=Simulator(device), progress=tell)
         written = write_atlas(found, out)

@@ -8,22 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aoro_gym.cli.options import (
-    DATASHEET,
-    MACHINE,
-    AcceptCodeChangeOption,
-    DeviceOption,
-    FolderOption,
-    MachineOption,
-    QuietOption,
-    RestartOption,
-    ScaleOption,
-    SeedOption,
-    SetOption,
-    check_folder,
-    load,
-    run_spec,
-)
+from aoro_gym.cli import options
+from aoro_gym.cli.options import argument, option
 from aoro_gym.cli.outcome import checking_input, print_all, resumable, running, say_error, say_written
 from aoro_gym.reporting import terminal
 
@@ -35,38 +21,34 @@ if TYPE_CHECKING:
 NONE = "none"
 """What leaves an optional machine out."""
 
-UncalibratedOption = Annotated[
-    str, typer.Option("--uncalibrated", metavar="NAME|FILE", help="Second machine to compare with, or none.")
-]
+UncalibratedOption = Annotated[str, option("--uncalibrated", "NAME|FILE", "Second machine to compare with, or none.")]
 EnsembleOption = Annotated[
     list[str] | None,
-    typer.Option(
+    option(
         "--ensemble",
-        metavar="FILE|FOLDER",
-        help="Machines that fit as well: their spread is shown. Repeatable, or none. Default: the bundled ones.",
+        "FILE|FOLDER",
+        "Machines that fit as well: their spread is shown. Repeatable, or none. Default: the bundled ones.",
     ),
 ]
 RecalibrateOption = Annotated[
     bool,
-    typer.Option(
-        "--recalibrate", help="Calibrate the uncalibrated machine first, and validate the result. Takes minutes."
-    ),
+    option("--recalibrate", None, "Calibrate the uncalibrated machine first, and validate the result. Takes minutes."),
 ]
 
 
 def validate(
-    out: FolderOption = Path("validation"),
-    uncalibrated: UncalibratedOption = DATASHEET,
+    out: options.FolderOption = Path("validation"),
+    uncalibrated: UncalibratedOption = options.DATASHEET,
     ensemble: EnsembleOption = None,
     recalibrate: RecalibrateOption = False,
-    machine: MachineOption = MACHINE,
-    set_: SetOption = None,
-    scale: ScaleOption = None,
-    device: DeviceOption = "cpu",
-    seed: SeedOption = 0,
-    restart: RestartOption = False,
-    accept_code_change: AcceptCodeChangeOption = False,
-    quiet: QuietOption = False,
+    machine: options.MachineOption = options.MACHINE,
+    set_: options.SetOption = None,
+    scale: options.ScaleOption = None,
+    device: options.DeviceOption = "cpu",
+    seed: options.SeedOption = 0,
+    restart: options.RestartOption = False,
+    accept_code_change: options.AcceptCodeChangeOption = False,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Full turns of the twin beside the published machine and its published twin.
 
@@ -88,13 +70,13 @@ def validate(
         from aoro_gym.machine import Machine
         from aoro_gym.validation.report import print_tables, write_report
 
-        check_folder(out, "index.html")
-        if recalibrate and (machine != MACHINE or set_ or scale):
+        options.check_folder(out, "index.html")
+        if recalibrate and (machine != options.MACHINE or set_ or scale):
             raise ValueError("--recalibrate makes its machine from --uncalibrated; drop --machine, --set and --scale")
         if recalibrate and uncalibrated == NONE:
             raise ValueError("--recalibrate starts from --uncalibrated, which is none; name a machine")
-        run = run_spec(machine, set_, scale, device, seed)
-        chosen = load(run)
+        run = options.run_spec(machine, set_, scale, device, seed)
+        chosen = options.load(run)
         second = comparison_machine(run.machine, uncalibrated)
         family = ensemble_machines(run.machine, ensemble, bundled=not recalibrate)
         if recalibrate:
@@ -106,7 +88,7 @@ def validate(
         assert second is not None
         file = out / "calibrated.toml"
         written += _calibrate(
-            lambda **options: calibrate_published(second, **options), file, force=True, seed=seed, device=device,
+            lambda **settings: calibrate_published(second, **settings), file, force=True, seed=seed, device=device,
             restart=restart, accept_code_change=accept_code_change,
         )  # fmt: skip
         chosen = Machine.load(file)
@@ -129,7 +111,7 @@ def ensemble_machines(spec: MachineSpec, named: list[str] | None, *, bundled: bo
     from aoro_gym.machine.ensemble import bundled_ensemble, read_ensemble
 
     if named is None:
-        return bundled_ensemble() if bundled and spec.file == MACHINE and not spec.changed else []
+        return bundled_ensemble() if bundled and spec.file == options.MACHINE and not spec.changed else []
     if named == [NONE]:
         return []
     machines = []
@@ -151,25 +133,16 @@ def validated(machine: Machine, uncalibrated: Machine | None, ensemble: list[Mac
         )
 
 
-LogsArgument = Annotated[
-    list[Path] | None, typer.Argument(metavar="[LOG]...", help="Logs (.csv or .parquet), after --logs.")
-]
-PublishedOption = Annotated[bool, typer.Option("--published", help="Calibrate against the published figures.")]
-UseLogsOption = Annotated[bool, typer.Option("--logs", help="Calibrate against the LOGs that follow.")]
-MembersOption = Annotated[
-    int, typer.Option("--ensemble", metavar="N", help="Further machines that fit as well, as different as can be.")
-]
-StartsOption = Annotated[
-    int | None, typer.Option("--starts", metavar="N", help="Searches that are refined. Default: 2.")
-]
+LogsArgument = Annotated[list[Path] | None, argument("[LOG]...", "Logs (.csv or .parquet), after --logs.")]
+PublishedOption = Annotated[bool, option("--published", None, "Calibrate against the published figures.")]
+UseLogsOption = Annotated[bool, option("--logs", None, "Calibrate against the LOGs that follow.")]
+MembersOption = Annotated[int, option("--ensemble", "N", "Further machines that fit as well, as different as can be.")]
+StartsOption = Annotated[int | None, option("--starts", "N", "Searches that are refined. Default: 2.")]
 PopulationOption = Annotated[
-    int | None,
-    typer.Option("--population", metavar="N", help="Machines tried at first. Default: 512, or 64 on logs."),
+    int | None, option("--population", "N", "Machines tried at first. Default: 512, or 64 on logs.")
 ]
-MachineFileOption = Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Machine file to write, .toml.")]
-ForceOption = Annotated[
-    bool, typer.Option("--force", help="Write FILE even if the machine that was found does not fit.")
-]
+MachineFileOption = Annotated[Path, option("--out -o", "FILE", "Machine file to write, .toml.")]
+ForceOption = Annotated[bool, option("--force", None, "Write FILE even if the machine that was found does not fit.")]
 
 
 def calibrate(
@@ -180,15 +153,15 @@ def calibrate(
     starts: StartsOption = None,
     population: PopulationOption = None,
     out: MachineFileOption = Path("machine.toml"),
-    machine: MachineOption = DATASHEET,
-    set_: SetOption = None,
-    scale: ScaleOption = None,
-    device: DeviceOption = "cpu",
-    seed: SeedOption = 0,
+    machine: options.MachineOption = options.DATASHEET,
+    set_: options.SetOption = None,
+    scale: options.ScaleOption = None,
+    device: options.DeviceOption = "cpu",
+    seed: options.SeedOption = 0,
     force: ForceOption = False,
-    restart: RestartOption = False,
-    accept_code_change: AcceptCodeChangeOption = False,
-    quiet: QuietOption = False,
+    restart: options.RestartOption = False,
+    accept_code_change: options.AcceptCodeChangeOption = False,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Fit the machine's uncertain parameters within their ranges, to published figures or to your logs.
 
@@ -222,12 +195,12 @@ def calibrate(
             if value is not None and value < least:
                 raise ValueError(f"--{option} = {value} is below {least}")
         check_output(out, logs or [])
-        chosen = load(run_spec(machine, set_, scale, device, seed))
+        chosen = options.load(options.run_spec(machine, set_, scale, device, seed))
         for path in logs or []:
             read_recording(path)
 
-    def fit(**options: Any) -> Any:
-        return calibrate_published(chosen, **options) if published else calibrate_logs(chosen, logs or [], **options)
+    def fit(**settings: Any) -> Any:
+        return calibrate_published(chosen, **settings) if published else calibrate_logs(chosen, logs or [], **settings)
 
     sizes = {name: n for name, n in (("starts", starts), ("population", population)) if n is not None}
     say_written(
@@ -248,13 +221,13 @@ def _check_source(published: bool, use_logs: bool, logs: list[Path] | None) -> N
         raise ValueError("--logs needs the logs behind it, such as --logs turn_left.csv turn_right.csv")
 
 
-def _calibrate(fit: Callable[..., Any], out: Path, *, force: bool = False, **options: Any) -> list[Path]:
+def _calibrate(fit: Callable[..., Any], out: Path, *, force: bool = False, **settings: Any) -> list[Path]:
     """Calibrate, print the verdict and what was found, and write machine, ensemble and report; returns the paths."""
     from aoro_gym.calibration.output import calibrate_to
     from aoro_gym.calibration.report import tables
 
     with checking_input(), resumable(), terminal.progress("calibration") as tell:
-        found, written = calibrate_to(out, lambda folder: fit(folder=folder, progress=tell, **options), force=force)
+        found, written = calibrate_to(out, lambda folder: fit(folder=folder, progress=tell, **settings), force=force)
     print_all(tables(found.report), highlight=False)
     if found.fits or force:
         return written

@@ -4,34 +4,21 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from aoro_gym.cli import options
 from aoro_gym.cli.calibration import comparison_machine, ensemble_machines, validated
-from aoro_gym.cli.options import (
-    DATASHEET,
-    MACHINE,
-    DeviceOption,
-    FolderOption,
-    MachineOption,
-    QuietOption,
-    ScaleOption,
-    SeedOption,
-    SetOption,
-    check_folder,
-    load,
-    run_spec,
-)
 from aoro_gym.cli.outcome import checking_input, running, say_written
 from aoro_gym.cli.simulation import simulated
 from aoro_gym.reporting import terminal
 
 
 def demo(
-    out: FolderOption = Path("demo"),
-    machine: MachineOption = MACHINE,
-    set_: SetOption = None,
-    scale: ScaleOption = None,
-    device: DeviceOption = "cpu",
-    seed: SeedOption = 0,
-    quiet: QuietOption = False,
+    out: options.FolderOption = Path("demo"),
+    machine: options.MachineOption = options.MACHINE,
+    set_: options.SetOption = None,
+    scale: options.ScaleOption = None,
+    device: options.DeviceOption = "cpu",
+    seed: options.SeedOption = 0,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Validate the twin, let controllers steer and policies drive it, turn fully left and drive straight on: one page.
 
@@ -53,11 +40,11 @@ def demo(
         from aoro_gym.twin import Twin
         from aoro_gym.validation import report
 
-        check_folder(out, "index.html")
-        run = run_spec(machine, set_, scale, device, seed)
-        chosen = load(run)
+        options.check_folder(out, "index.html")
+        run = options.run_spec(machine, set_, scale, device, seed)
+        chosen = options.load(run)
         plans = {"left_turn": standing_turn(1, 1.0, float(chosen.joint.range)), "straight_drive": straight_drive(0.5)}
-        second, family = comparison_machine(run.machine, DATASHEET), ensemble_machines(run.machine, None)
+        second, family = comparison_machine(run.machine, options.DATASHEET), ensemble_machines(run.machine, None)
         twin = Twin(machine=chosen, device=device)
         twin.step(duration=twin.main_step)  # says so where kernels are compiled first
     result = validated(chosen, second, family, run)

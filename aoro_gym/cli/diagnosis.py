@@ -7,20 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
-from aoro_gym.cli.options import (
-    MACHINE,
-    AcceptCodeChangeOption,
-    DeviceOption,
-    MachineOption,
-    QuietOption,
-    RestartOption,
-    ScaleOption,
-    SetOption,
-    load,
-    run_spec,
-)
+from aoro_gym.cli import options
+from aoro_gym.cli.options import argument, option
 from aoro_gym.cli.outcome import checking_input, print_all, resumable, running, say_error, say_written
 from aoro_gym.reporting import terminal
 
@@ -29,43 +17,29 @@ if TYPE_CHECKING:
     from aoro_gym.diagnosis.result import Diagnosis
     from aoro_gym.machine import Machine
 
-LogsArgument = Annotated[
-    list[Path] | None, typer.Argument(metavar="[LOG]...", help="Logs (.csv or .parquet) to be explained.")
-]
+LogsArgument = Annotated[list[Path] | None, argument("[LOG]...", "Logs (.csv or .parquet) to be explained.")]
 MetricsOption = Annotated[
-    Path | None,
-    typer.Option("--metrics", metavar="TABLE", help="Key figures of full turns (.csv), instead of logs."),
+    Path | None, option("--metrics", "TABLE", "Key figures of full turns (.csv), instead of logs.")
 ]
 SourceOption = Annotated[
-    str | None,
-    typer.Option("--source", metavar="NAME", help="Rows of TABLE that are the machine's, by their source."),
+    str | None, option("--source", "NAME", "Rows of TABLE that are the machine's, by their source.")
 ]
 HealthyOption = Annotated[
     list[Path] | None,
-    typer.Option(
-        "--healthy", metavar="LOG|DIR", help="Log of the same machine while nothing was wrong, or a folder of them."
-    ),
+    option("--healthy", "LOG|DIR", "Log of the same machine while nothing was wrong, or a folder of them."),
 ]
 HoldoutOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--holdout",
-        metavar="NAME",
-        help="Logs, by name or glob, that take no part in the fit; or rows: signal=75,50.",
-    ),
+    option("--holdout", "NAME", "Logs, by name or glob, that take no part in the fit; or rows: signal=75,50."),
 ]
-FitOption = Annotated[
-    list[str] | None,
-    typer.Option("--fit", metavar="NAME", help="Logs or rows that do; the others are held out."),
-]
+FitOption = Annotated[list[str] | None, option("--fit", "NAME", "Logs or rows that do; the others are held out.")]
 CommissionedOption = Annotated[
-    bool, typer.Option("--commissioned", help="The machine file was fitted to this very machine.")
+    bool, option("--commissioned", None, "The machine file was fitted to this very machine.")
 ]
 CheckOption = Annotated[
-    bool,
-    typer.Option("--check", help="Read the logs, say what was read, in which units, what is missing; no more."),
+    bool, option("--check", None, "Read the logs, say what was read, in which units, what is missing; no more.")
 ]
-OutOption = Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")]
+OutOption = Annotated[Path, option("--out -o", "DIR", "Folder to write to.")]
 
 
 def diagnose(
@@ -78,13 +52,13 @@ def diagnose(
     commissioned: CommissionedOption = False,
     check: CheckOption = False,
     out: OutOption = Path("diagnosis"),
-    machine: MachineOption = MACHINE,
-    set_: SetOption = None,
-    scale: ScaleOption = None,
-    device: DeviceOption = "cpu",
-    restart: RestartOption = False,
-    accept_code_change: AcceptCodeChangeOption = False,
-    quiet: QuietOption = False,
+    machine: options.MachineOption = options.MACHINE,
+    set_: options.SetOption = None,
+    scale: options.ScaleOption = None,
+    device: options.DeviceOption = "cpu",
+    restart: options.RestartOption = False,
+    accept_code_change: options.AcceptCodeChangeOption = False,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Say why a machine and its twin disagree: where, because of what, by how much, and what to record next.
 
@@ -130,7 +104,7 @@ def diagnose(
         if fit and holdout:
             raise ValueError("give --fit or --holdout, not both: what is not fitted is held out")
         check_writable(out / "diagnosis.json")
-        chosen = load(run_spec(machine, set_, scale, device))
+        chosen = options.load(options.run_spec(machine, set_, scale, device))
         if metrics:
             if healthy or commissioned:
                 raise ValueError("--metrics knows no healthy machine: leave out --healthy and --commissioned")
@@ -176,11 +150,11 @@ def _diagnose_logs(
     inputs: dict[str, Any] = {"machine": machine.identity, "commissioned": commissioned}
     for role, those in (("log", used), ("healthy log", healthy), ("held-out log", held_out)):
         inputs[role] = {one.name: one for one in those}
-    with _simulating(inputs, **how) as options:
+    with _simulating(inputs, **how) as shared:
         found = find(
-            used, machine, healthy=healthy, held_out=held_out, commissioned=True if commissioned else None, **options
+            used, machine, healthy=healthy, held_out=held_out, commissioned=True if commissioned else None, **shared
         )
-        found, written = _written(found, **options)
+        found, written = _written(found, **shared)
     _conclude(found, written)
 
 
@@ -198,9 +172,9 @@ def _diagnose_table(
 
     used, held_out = divided_rows(read_rows(table, source), fit=fit, holdout=holdout)
     inputs = {"machine": machine.identity, "rows": used, "held-out rows": held_out}
-    with _simulating(inputs, **how) as options:
-        found = diagnose_rows(used, machine, held_out=held_out, **options)
-        found, written = _written(found, **options)
+    with _simulating(inputs, **how) as shared:
+        found = diagnose_rows(used, machine, held_out=held_out, **shared)
+        found, written = _written(found, **shared)
     _conclude(found, written)
 
 

@@ -8,66 +8,35 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 from aoro_gym.agents.training.plan import JOIN_GAPS_HELP, PATH_CRS_HELP, PATH_HELP, TRACK_HELP
+from aoro_gym.cli import options
 from aoro_gym.cli.courses import load_courses, training_courses
-from aoro_gym.cli.options import (
-    MACHINE,
-    TRACKING,
-    AcceptCodeChangeOption,
-    DeviceOption,
-    EnvOption,
-    FolderOption,
-    MachineOption,
-    PoliciesOption,
-    QuietOption,
-    RayOption,
-    RepeatsOption,
-    RestartOption,
-    ScaleOption,
-    SeedOption,
-    SetOption,
-    check_folder,
-    load,
-    load_machine,
-    run_spec,
-)
+from aoro_gym.cli.options import argument, option
 from aoro_gym.cli.outcome import checking_input, entered, resumable, running, say_written
 from aoro_gym.cli.training import trained
 from aoro_gym.reporting import terminal
 
 EvaluatedEnvOption = Annotated[
-    str,
-    typer.Option(
-        "--env", metavar="ID", show_default=False, help="AORO/PathTracking-v0 by default, or AORO/Turning-v0."
-    ),
+    str, option("--env", "ID", "AORO/PathTracking-v0 by default, or AORO/Turning-v0.", show_default=False)
 ]
 TrustPickleOption = Annotated[
-    bool,
-    typer.Option("--trust-pickle", help="Load .zip files of Stable-Baselines3, which run code of their maker."),
+    bool, option("--trust-pickle", None, "Load .zip files of Stable-Baselines3, which run code of their maker.")
 ]
 TerrainOption = Annotated[
-    Path | None,
-    typer.Option("--terrain", metavar="FILE", help="Ground: a mesh, raster or cloud. Default: generated forests."),
+    Path | None, option("--terrain", "FILE", "Ground: a mesh, raster or cloud. Default: generated forests.")
 ]
-PathOption = Annotated[
-    Path | None,
-    typer.Option("--path", metavar="FILE", help=PATH_HELP),
-]
-TrackOption = Annotated[str | None, typer.Option("--track", metavar="NAME|N", help=TRACK_HELP)]
-JoinGapsOption = Annotated[bool, typer.Option("--join-gaps", help=JOIN_GAPS_HELP)]
-PathCrsOption = Annotated[str | None, typer.Option("--path-crs", metavar="CRS", help=PATH_CRS_HELP)]
-PathLengthOption = Annotated[
-    float, typer.Option("--path-length", metavar="M", help="Of the paths that are generated on --terrain.")
-]
-EpisodesOption = Annotated[int, typer.Option("--episodes", metavar="N", help="Episodes a policy.")]
-FilmsOption = Annotated[bool, typer.Option("--films/--no-films", help="Draw each policy's first episode.")]
+PathOption = Annotated[Path | None, option("--path", "FILE", PATH_HELP)]
+TrackOption = Annotated[str | None, option("--track", "NAME|N", TRACK_HELP)]
+JoinGapsOption = Annotated[bool, option("--join-gaps", None, JOIN_GAPS_HELP)]
+PathCrsOption = Annotated[str | None, option("--path-crs", "CRS", PATH_CRS_HELP)]
+PathLengthOption = Annotated[float, option("--path-length", "M", "Of the paths that are generated on --terrain.")]
+EpisodesOption = Annotated[int, option("--episodes", "N", "Episodes a policy.")]
+FilmsOption = Annotated[bool, option("--films/--no-films", None, "Draw each policy's first episode.")]
 
 
 def evaluate(
-    env: EvaluatedEnvOption = TRACKING,
-    policy: PoliciesOption = None,
+    env: EvaluatedEnvOption = options.TRACKING,
+    policy: options.PoliciesOption = None,
     trust_pickle: TrustPickleOption = False,
     terrain: TerrainOption = None,
     path: PathOption = None,
@@ -76,18 +45,18 @@ def evaluate(
     path_crs: PathCrsOption = None,
     path_length: PathLengthOption = 60.0,
     episodes: EpisodesOption = 32,
-    repeats: RepeatsOption = 1,
-    out: FolderOption = Path("evaluation"),
+    repeats: options.RepeatsOption = 1,
+    out: options.FolderOption = Path("evaluation"),
     films: FilmsOption = True,
-    restart: RestartOption = False,
-    accept_code_change: AcceptCodeChangeOption = False,
-    ray: RayOption = None,
-    machine: MachineOption = MACHINE,
-    set_: SetOption = None,
-    scale: ScaleOption = None,
-    device: DeviceOption = "cpu",
-    seed: SeedOption = 0,
-    quiet: QuietOption = False,
+    restart: options.RestartOption = False,
+    accept_code_change: options.AcceptCodeChangeOption = False,
+    ray: options.RayOption = None,
+    machine: options.MachineOption = options.MACHINE,
+    set_: options.SetOption = None,
+    scale: options.ScaleOption = None,
+    device: options.DeviceOption = "cpu",
+    seed: options.SeedOption = 0,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Drive the same episodes under several policies, and compare them.
 
@@ -115,11 +84,11 @@ def evaluate(
         from aoro_gym.agents.evaluation.selection import check_episodes, named_policies
         from aoro_gym.envs.path_tracking.course_files import CourseFiles
 
-        check_folder(out, "index.html")
+        options.check_folder(out, "index.html")
         policies = named_policies(env, policy, trust_pickle=trust_pickle)
         check_episodes(episodes, repeats)
-        run = run_spec(machine, set_, scale, device, seed)
-        chosen = load(run)
+        run = options.run_spec(machine, set_, scale, device, seed)
+        chosen = options.load(run)
         files = CourseFiles(env, terrain, path, path_length, track, join_gaps, path_crs)
         asked: dict[str, Any] = {
             "episodes": episodes, "repeats": repeats, "seed": seed, "courses": load_courses(files),
@@ -150,34 +119,31 @@ def _keeping(out: Path, inputs: dict[str, Any], restart: bool, accept_code_chang
         yield folder
 
 
-LeaderboardEpisodesOption = Annotated[
-    int, typer.Option("--episodes", metavar="N", help="Episodes a policy, under each perturbation.")
-]
+LeaderboardEpisodesOption = Annotated[int, option("--episodes", "N", "Episodes a policy, under each perturbation.")]
 ReadmeOption = Annotated[
-    Path | None,
-    typer.Option("--readme", metavar="FILE.md", help="Put the table between the marks of this file, too."),
+    Path | None, option("--readme", "FILE.md", "Put the table between the marks of this file, too.")
 ]
 LeaderboardSeedOption = Annotated[
-    int | None, typer.Option("--seed", help="Of the first episode. Default: one that is held out.")
+    int | None, option("--seed", None, "Of the first episode. Default: one that is held out.")
 ]
 
 
 def leaderboard(
-    env: EnvOption = TRACKING,
-    policy: PoliciesOption = None,
+    env: options.EnvOption = options.TRACKING,
+    policy: options.PoliciesOption = None,
     episodes: LeaderboardEpisodesOption = 100,
-    repeats: RepeatsOption = 1,
-    out: FolderOption = Path("leaderboard"),
+    repeats: options.RepeatsOption = 1,
+    out: options.FolderOption = Path("leaderboard"),
     readme: ReadmeOption = None,
-    restart: RestartOption = False,
-    accept_code_change: AcceptCodeChangeOption = False,
-    ray: RayOption = None,
-    machine: MachineOption = MACHINE,
-    set_: SetOption = None,
-    scale: ScaleOption = None,
-    device: DeviceOption = "cpu",
+    restart: options.RestartOption = False,
+    accept_code_change: options.AcceptCodeChangeOption = False,
+    ray: options.RayOption = None,
+    machine: options.MachineOption = options.MACHINE,
+    set_: options.SetOption = None,
+    scale: options.ScaleOption = None,
+    device: options.DeviceOption = "cpu",
     seed: LeaderboardSeedOption = None,
-    quiet: QuietOption = False,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Rank policies and tuned controllers on seeds, grounds and machines that none of them saw.
 
@@ -204,13 +170,13 @@ def leaderboard(
         from aoro_gym.agents.evaluation.inputs import machine_ranges
         from aoro_gym.agents.evaluation.selection import check_episodes, named_policies
 
-        check_folder(out, "leaderboard.json")
+        options.check_folder(out, "leaderboard.json")
         policies = named_policies(env, policy)
         check_episodes(episodes, repeats)
         if readme is not None:
             board.around_table(readme, env)
-        run = run_spec(machine, set_, scale, device, board.SEED if seed is None else seed)
-        chosen = load(run)
+        run = options.run_spec(machine, set_, scale, device, board.SEED if seed is None else seed)
+        chosen = options.load(run)
     asked: dict[str, Any] = {
         "episodes": episodes, "repeats": repeats, "seed": run.seed, "machine": chosen, "device": device,
     }  # fmt: skip
@@ -223,17 +189,15 @@ def leaderboard(
     say_written(written)
 
 
-TrainingsArgument = Annotated[
-    list[Path], typer.Argument(metavar="FOLDER...", help="Of 'aoro-gym train', done or on the way.")
-]
+TrainingsArgument = Annotated[list[Path], argument("FOLDER...", "Of 'aoro-gym train', done or on the way.")]
 
 
 def curves(
     folders: TrainingsArgument,
-    out: FolderOption = Path("curves"),
-    restart: RestartOption = False,
-    accept_code_change: AcceptCodeChangeOption = False,
-    quiet: QuietOption = False,
+    out: options.FolderOption = Path("curves"),
+    restart: options.RestartOption = False,
+    accept_code_change: options.AcceptCodeChangeOption = False,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Learning curves of trainings, beside the reference controllers on the episodes that they were evaluated on.
 
@@ -250,10 +214,10 @@ def curves(
         from aoro_gym.agents.training import curves as drawing
         from aoro_gym.execution.files import with_nulls, write_json
 
-        check_folder(out, "curves.json")
+        options.check_folder(out, "curves.json")
         found = drawing.read(folders)
         plan = found[0].plan
-        chosen = load(run_spec(plan.machine, plan.set, plan.scale, plan.device))
+        chosen = options.load(options.run_spec(plan.machine, plan.set, plan.scale, plan.device))
         held_out = training_courses(replace(plan, forests=1))[1]
         for warning in drawing.check_inputs(folders, chosen, held_out):
             terminal.warn(warning)
@@ -266,48 +230,37 @@ def curves(
     say_written([out / "curves.png", out / "curves.json"])
 
 
-PolicyOption = Annotated[
-    str,
-    typer.Option("--policy", metavar="NAME|FILE", help="Who drives; with --retrain a file of 'aoro-gym train'."),
-]
-PlantOption = Annotated[
-    str | None, typer.Option("--plant", metavar="NAME|FILE", help="Machine to drive. Default: --machine.")
-]
+PolicyOption = Annotated[str, option("--policy", "NAME|FILE", "Who drives; with --retrain a file of 'aoro-gym train'.")]
+PlantOption = Annotated[str | None, option("--plant", "NAME|FILE", "Machine to drive. Default: --machine.")]
 EffectOption = Annotated[
-    list[str] | None,
-    typer.Option("--effect", metavar="NAME=VALUE", help="Effect that the plant has, too, in SI. Repeatable."),
+    list[str] | None, option("--effect", "NAME=VALUE", "Effect that the plant has, too, in SI. Repeatable.")
 ]
 DiagnosisOption = Annotated[
-    Path | None,
-    typer.Option("--diagnosis", metavar="FOLDER", help="What 'aoro-gym diagnose' wrote: its likeliest machine."),
+    Path | None, option("--diagnosis", "FOLDER", "What 'aoro-gym diagnose' wrote: its likeliest machine.")
 ]
-ImprovedOption = Annotated[
-    str | None, typer.Option("--improved", metavar="NAME|FILE", help="Instead: machine of the improved twin.")
-]
-RetrainOption = Annotated[
-    int, typer.Option("--retrain", metavar="STEPS", help="Environment steps of retraining; 0 does not retrain.")
-]
-GapEpisodesOption = Annotated[int, typer.Option("--episodes", metavar="N", help="Episodes in each place.")]
+ImprovedOption = Annotated[str | None, option("--improved", "NAME|FILE", "Instead: machine of the improved twin.")]
+RetrainOption = Annotated[int, option("--retrain", "STEPS", "Environment steps of retraining; 0 does not retrain.")]
+GapEpisodesOption = Annotated[int, option("--episodes", "N", "Episodes in each place.")]
 
 
 def gap(
     policy: PolicyOption,
-    env: EnvOption = TRACKING,
+    env: options.EnvOption = options.TRACKING,
     plant: PlantOption = None,
     effect: EffectOption = None,
     diagnosis: DiagnosisOption = None,
     improved: ImprovedOption = None,
     retrain: RetrainOption = 0,
     episodes: GapEpisodesOption = 64,
-    out: FolderOption = Path("gap"),
-    restart: RestartOption = False,
-    accept_code_change: AcceptCodeChangeOption = False,
-    machine: MachineOption = MACHINE,
-    set_: SetOption = None,
-    scale: ScaleOption = None,
-    device: DeviceOption = "cpu",
-    seed: SeedOption = 0,
-    quiet: QuietOption = False,
+    out: options.FolderOption = Path("gap"),
+    restart: options.RestartOption = False,
+    accept_code_change: options.AcceptCodeChangeOption = False,
+    machine: options.MachineOption = options.MACHINE,
+    set_: options.SetOption = None,
+    scale: options.ScaleOption = None,
+    device: options.DeviceOption = "cpu",
+    seed: options.SeedOption = 0,
+    quiet: options.QuietOption = False,
 ) -> None:
     """What a gap costs a policy, how much of that a diagnosis foresees, and how much retraining wins back.
 
@@ -332,18 +285,18 @@ def gap(
         from aoro_gym.agents.training import gap as gaps
         from aoro_gym.execution.files import with_nulls, write_json
 
-        check_folder(out, "gap.json")
+        options.check_folder(out, "gap.json")
         _, make = next(iter(named_policies(env, [policy]).items()))
         check_episodes(episodes)
         if retrain < 0:
             raise ValueError(f"--retrain = {retrain} is below 0")
-        run = run_spec(machine, set_, scale, device, seed)
+        run = options.run_spec(machine, set_, scale, device, seed)
         improved = gaps.improved_machine(diagnosis, improved)
-        chosen = load(run)
-        driven = gaps.with_effects(chosen if plant is None else load_machine(plant), effect or [])
+        chosen = options.load(run)
+        driven = gaps.with_effects(chosen if plant is None else options.load_machine(plant), effect or [])
         if plant is None and not effect:
             raise ValueError("the plant is the baseline; give --plant or --effect")
-        found = load_machine(improved)
+        found = options.load_machine(improved)
         plan = gaps.retraining_plan(env, policy, steps=retrain, seed=seed, device=device) if retrain else None
     asked: dict[str, Any] = {
         "episodes": episodes, "seed": gaps.SEED + seed, "courses": gaps.courses(env), "device": device,

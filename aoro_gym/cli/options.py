@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -18,55 +18,44 @@ MACHINE, DATASHEET = "aoro", "aoro_datasheet"
 TRACKING = "AORO/PathTracking-v0"
 """The environment that is driven where no other is asked for."""
 
-MachineOption = Annotated[
-    str, typer.Option("--machine", metavar="NAME|FILE", help="Bundled machine, or a machine file (.toml).")
-]
+
+def option(flags: str, metavar: str | None, text: str, **others: Any) -> Any:
+    """An option of a command, its flags separated by spaces."""
+    return typer.Option(*flags.split(), metavar=metavar, help=text, **others)
+
+
+def argument(metavar: str, text: str) -> Any:
+    """An argument of a command."""
+    return typer.Argument(metavar=metavar, help=text)
+
+
+MachineOption = Annotated[str, option("--machine", "NAME|FILE", "Bundled machine, or a machine file (.toml).")]
 SetOption = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Set a parameter, in the unit of the machine file. Repeatable."),
+    list[str] | None, option("--set", "KEY=VALUE", "Set a parameter, in the unit of the machine file. Repeatable.")
 ]
-ScaleOption = Annotated[
-    list[str] | None, typer.Option("--scale", metavar="KEY=FACTOR", help="Multiply a parameter. Repeatable.")
-]
-DeviceOption = Annotated[str, typer.Option("--device", metavar="cpu|cuda:N", help="Where the twin runs.")]
-SeedOption = Annotated[int, typer.Option("--seed", metavar="N", help="Seed of all that is random: noise and searches.")]
+ScaleOption = Annotated[list[str] | None, option("--scale", "KEY=FACTOR", "Multiply a parameter. Repeatable.")]
+DeviceOption = Annotated[str, option("--device", "cpu|cuda:N", "Where the twin runs.")]
+SeedOption = Annotated[int, option("--seed", "N", "Seed of all that is random: noise and searches.")]
 RepeatsOption = Annotated[
-    int,
-    typer.Option(
-        "--repeats", metavar="N", help="Times that each episode is driven, with other noise and machines drawn."
-    ),
+    int, option("--repeats", "N", "Times that each episode is driven, with other noise and machines drawn.")
 ]
-WorkersOption = Annotated[
-    int | None, typer.Option("--workers", metavar="N", help="Processes at once. Default: the number of cores.")
-]
+WorkersOption = Annotated[int | None, option("--workers", "N", "Processes at once. Default: the number of cores.")]
 QuietOption = Annotated[
     bool,
-    typer.Option(
-        "--quiet", "-q", callback=terminal.set_quiet, help="Show no progress; results, warnings and errors remain."
-    ),
+    option("--quiet -q", None, "Show no progress; results, warnings and errors remain.", callback=terminal.set_quiet),
 ]
 RayOption = Annotated[
-    str | None,
-    typer.Option(
-        "--ray", metavar="ADDRESS", help="Spread over a Ray cluster: auto, local (this computer), or HOST:PORT."
-    ),
+    str | None, option("--ray", "ADDRESS", "Spread over a Ray cluster: auto, local (this computer), or HOST:PORT.")
 ]
-RestartOption = Annotated[
-    bool, typer.Option("--restart", help="Forget what an interrupted run has kept, and begin anew.")
-]
+RestartOption = Annotated[bool, option("--restart", None, "Forget what an interrupted run has kept, and begin anew.")]
 AcceptCodeChangeOption = Annotated[
-    bool,
-    typer.Option("--accept-code-change", help="Go on with results of another version of the code, and record that."),
+    bool, option("--accept-code-change", None, "Go on with results of another version of the code, and record that.")
 ]
-FolderOption = Annotated[Path, typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to.")]
-EnvOption = Annotated[str, typer.Option("--env", metavar="ID", help="AORO/PathTracking-v0 or AORO/Turning-v0.")]
+FolderOption = Annotated[Path, option("--out -o", "FOLDER", "Folder to write to.")]
+EnvOption = Annotated[str, option("--env", "ID", "AORO/PathTracking-v0 or AORO/Turning-v0.")]
 PoliciesOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--policy",
-        metavar="NAME|FILE",
-        help="Who drives. Repeatable. Default: all controllers and shipped policies.",
-    ),
+    option("--policy", "NAME|FILE", "Who drives. Repeatable. Default: all controllers and shipped policies."),
 ]
 
 

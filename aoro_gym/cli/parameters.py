@@ -7,26 +7,25 @@ from typing import Annotated
 
 import typer
 
-from aoro_gym.cli.options import MACHINE, MachineOption, ScaleOption, SetOption, load_machine, run_spec
+from aoro_gym.cli import options
+from aoro_gym.cli.options import argument, option
 from aoro_gym.cli.outcome import checking_input, print_all
 from aoro_gym.reporting import terminal
 
-PatternArgument = Annotated[
-    str | None, typer.Argument(metavar="[PATTERN]", help="Part of a key, or a glob such as 'steering.*.leakage'.")
-]
+PatternArgument = Annotated[str | None, argument("[PATTERN]", "Part of a key, or a glob such as 'steering.*.leakage'.")]
 EffectsOption = Annotated[
-    bool, typer.Option("--effects", help="List the effects that may part a machine from its twin instead.")
+    bool, option("--effects", None, "List the effects that may part a machine from its twin instead.")
 ]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
+JsonOption = Annotated[bool, option("--json", None, "Print JSON instead of a table.")]
 
 
 def parameters(
     pattern: PatternArgument = None,
     effects: EffectsOption = False,
     as_json: JsonOption = False,
-    machine: MachineOption = MACHINE,
-    set_: SetOption = None,
-    scale: ScaleOption = None,
+    machine: options.MachineOption = options.MACHINE,
+    set_: options.SetOption = None,
+    scale: options.ScaleOption = None,
 ) -> None:
     """List the machine's parameters: value, unit, range, role and source.
 
@@ -46,7 +45,7 @@ def parameters(
         from aoro_gym.effects.report import effects_table
         from aoro_gym.machine.report import parameter_entries, parameter_table
 
-        chosen = load_machine(run_spec(machine, set_, scale).machine)
+        chosen = options.load_machine(options.run_spec(machine, set_, scale).machine)
         found = [] if effects else chosen.parameters(pattern)
         entries = [effect.describe(chosen) for effect in matching(pattern)] if effects else parameter_entries(found)
         if not entries:

@@ -5,19 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from aoro_gym.cli.options import (
-    MACHINE,
-    DeviceOption,
-    MachineOption,
-    QuietOption,
-    ScaleOption,
-    SeedOption,
-    SetOption,
-    load,
-    run_spec,
-)
+from aoro_gym.cli import options
+from aoro_gym.cli.options import option
 from aoro_gym.cli.outcome import checking_input, running, say_written
 from aoro_gym.reporting import terminal
 
@@ -27,40 +16,23 @@ if TYPE_CHECKING:
     from aoro_gym.twin import Twin
 
 ManoeuvreOption = Annotated[
-    str,
-    typer.Option("--manoeuvre", "-m", metavar="left|right|drive|FILE.csv", help="What the machine is told to do."),
+    str, option("--manoeuvre -m", "left|right|drive|FILE.csv", "What the machine is told to do.")
 ]
-LogOption = Annotated[
-    Path, typer.Option("--out", "-o", metavar="LOG", help="Log to write, .csv or .parquet; plots go beside it.")
-]
-SignalOption = Annotated[
-    float | None,
-    typer.Option("--signal", metavar="PERCENT", help="Share of the full signal; 100, or 50 to drive."),
-]
+LogOption = Annotated[Path, option("--out -o", "LOG", "Log to write, .csv or .parquet; plots go beside it.")]
+SignalOption = Annotated[float | None, option("--signal", "PERCENT", "Share of the full signal; 100, or 50 to drive.")]
 DurationOption = Annotated[
     float | None,
-    typer.Option(
-        "--duration",
-        metavar="S",
-        help="Simulated time. Default: 0.7 s past a turn's stop, 6 s of drive, a file's end.",
-    ),
+    option("--duration", "S", "Simulated time. Default: 0.7 s past a turn's stop, 6 s of drive, a file's end."),
 ]
-StartAngleOption = Annotated[
-    float | None, typer.Option("--start-angle", metavar="DEG", help="Joint angle at the start of a FILE; 0.")
-]
-SlopeOption = Annotated[float, typer.Option("--terrain-slope", metavar="DEG", help="Slope of the ground.")]
+StartAngleOption = Annotated[float | None, option("--start-angle", "DEG", "Joint angle at the start of a FILE; 0.")]
+SlopeOption = Annotated[float, option("--terrain-slope", "DEG", "Slope of the ground.")]
 SlopeDirectionOption = Annotated[
-    float,
-    typer.Option("--terrain-direction", metavar="DEG", help="Direction of ascent, counter-clockwise from ahead."),
+    float, option("--terrain-direction", "DEG", "Direction of ascent, counter-clockwise from ahead.")
 ]
-FrictionOption = Annotated[
-    float, typer.Option("--terrain-friction", metavar="FACTOR", help="Tire friction against dry asphalt.")
-]
-RollingOption = Annotated[
-    float, typer.Option("--terrain-rolling", metavar="FACTOR", help="Rolling resistance against asphalt.")
-]
+FrictionOption = Annotated[float, option("--terrain-friction", "FACTOR", "Tire friction against dry asphalt.")]
+RollingOption = Annotated[float, option("--terrain-rolling", "FACTOR", "Rolling resistance against asphalt.")]
 IdealOption = Annotated[
-    bool, typer.Option("--ideal-sensors", help="Measured columns without noise, zero error and quantiser.")
+    bool, option("--ideal-sensors", None, "Measured columns without noise, zero error and quantiser.")
 ]
 
 
@@ -75,12 +47,12 @@ def simulate(
     friction: FrictionOption = 1.0,
     rolling: RollingOption = 1.0,
     ideal: IdealOption = False,
-    machine: MachineOption = MACHINE,
-    set_: SetOption = None,
-    scale: ScaleOption = None,
-    device: DeviceOption = "cpu",
-    seed: SeedOption = 0,
-    quiet: QuietOption = False,
+    machine: options.MachineOption = options.MACHINE,
+    set_: options.SetOption = None,
+    scale: options.ScaleOption = None,
+    device: options.DeviceOption = "cpu",
+    seed: options.SeedOption = 0,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Run one manoeuvre and write its log, plots and key figures.
 
@@ -107,8 +79,8 @@ def simulate(
         from aoro_gym.twin import Twin
 
         output.check_output(out, manoeuvre)
-        run = run_spec(machine, set_, scale, device, seed, ideal=ideal)
-        chosen = load(run)
+        run = options.run_spec(machine, set_, scale, device, seed, ideal=ideal)
+        chosen = options.load(run)
         terrain = Plane(slope_deg=slope, direction_deg=slope_direction, friction=friction, rolling_resistance=rolling)
         plan = named_manoeuvre(
             manoeuvre, chosen, signal=signal, duration=duration, start_angle=start_angle, warn=terminal.warn

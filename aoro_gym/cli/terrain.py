@@ -5,39 +5,33 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from aoro_gym.cli.options import QuietOption
+from aoro_gym.cli import options
+from aoro_gym.cli.options import argument, option
 from aoro_gym.cli.outcome import checking_input, print_all, running, say_written
 from aoro_gym.reporting import terminal
 
-FileArgument = Annotated[
-    Path, typer.Argument(metavar="FILE", help="Mesh, elevation raster, point cloud or .npy heights to drive on.")
-]
+FileArgument = Annotated[Path, argument("FILE", "Mesh, elevation raster, point cloud or .npy heights to drive on.")]
 MeshOption = Annotated[
-    Path | None,
-    typer.Option("--out", "-o", metavar="MESH", help="Terrain to write (.ply). Default: FILE_terrain.ply, here."),
+    Path | None, option("--out -o", "MESH", "Terrain to write (.ply). Default: FILE_terrain.ply, here.")
 ]
-UnitsOption = Annotated[str | None, typer.Option("--units", metavar="UNIT", help="m, km, dm, cm, mm, ft, us-ft or in.")]
-HeightUnitsOption = Annotated[str | None, typer.Option("--z-units", metavar="UNIT", help="Of heights, if another.")]
-UpOption = Annotated[str | None, typer.Option("--up", metavar="AXIS", help="Axis that points up: x, y or z.")]
-CrsOption = Annotated[str | None, typer.Option("--crs", metavar="CODE", help="Coordinate system, such as EPSG:32633.")]
-CellOption = Annotated[float | None, typer.Option("--cell", metavar="M", help="Distance of heights.")]
+UnitsOption = Annotated[str | None, option("--units", "UNIT", "m, km, dm, cm, mm, ft, us-ft or in.")]
+HeightUnitsOption = Annotated[str | None, option("--z-units", "UNIT", "Of heights, if another.")]
+UpOption = Annotated[str | None, option("--up", "AXIS", "Axis that points up: x, y or z.")]
+CrsOption = Annotated[str | None, option("--crs", "CODE", "Coordinate system, such as EPSG:32633.")]
+CellOption = Annotated[float | None, option("--cell", "M", "Distance of heights.")]
 WindowOption = Annotated[
     tuple[float, float, float, float] | None,
-    typer.Option("--window", metavar="W S E N", help="West, south, east, north of the part to take, in metres."),
+    option("--window", "W S E N", "West, south, east, north of the part to take, in metres."),
 ]
-HoleLimitOption = Annotated[float, typer.Option("--hole-limit", metavar="M", help="Widest gap that is bridged.")]
-SpikeLimitOption = Annotated[float, typer.Option("--spike-limit", metavar="M", help="Height of spikes to remove.")]
+HoleLimitOption = Annotated[float, option("--hole-limit", "M", "Widest gap that is bridged.")]
+SpikeLimitOption = Annotated[float, option("--spike-limit", "M", "Height of spikes to remove.")]
 GroundOption = Annotated[
-    str | None,
-    typer.Option("--ground", metavar="class|filter|all", help="What is ground. Default: the class, if given."),
+    str | None, option("--ground", "class|filter|all", "What is ground. Default: the class, if given.")
 ]
 NodataOption = Annotated[
-    list[str] | None,
-    typer.Option("--nodata", metavar="VALUE", help="Height that means unknown; none: there is no other. Repeatable."),
+    list[str] | None, option("--nodata", "VALUE", "Height that means unknown; none: there is no other. Repeatable.")
 ]
-BandOption = Annotated[int | None, typer.Option("--band", metavar="N", help="Band of a raster with the heights.")]
+BandOption = Annotated[int | None, option("--band", "N", "Band of a raster with the heights.")]
 
 
 def terrain(
@@ -52,7 +46,7 @@ def terrain(
     hole_limit: HoleLimitOption = 5.0,
     spike_limit: SpikeLimitOption = 0.5,
     ground: GroundOption = None,
-    quiet: QuietOption = False,
+    quiet: options.QuietOption = False,
     nodata: NodataOption = None,
     band: BandOption = None,
 ) -> None:

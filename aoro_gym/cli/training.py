@@ -13,17 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from aoro_gym.agents.training.plan import TrainingPlan
+from aoro_gym.cli import options
 from aoro_gym.cli.courses import training_courses
-from aoro_gym.cli.options import (
-    AcceptCodeChangeOption,
-    QuietOption,
-    RayOption,
-    RestartOption,
-    check_folder,
-    load,
-    load_machine,
-    run_spec,
-)
+from aoro_gym.cli.options import argument, option
 from aoro_gym.cli.outcome import checking_input, entered, fail, resumable, running, say_written
 from aoro_gym.reporting import terminal
 
@@ -32,28 +24,22 @@ if TYPE_CHECKING:
     from aoro_gym.machine import Machine
 
 RunFolderOption = Annotated[
-    Path | None,
-    typer.Option("--out", "-o", metavar="FOLDER", help="Folder to write to. Default: runs/TASK_ALGO_SEED."),
+    Path | None, option("--out -o", "FOLDER", "Folder to write to. Default: runs/TASK_ALGO_SEED.")
 ]
 ResumeOption = Annotated[
-    Path | None,
-    typer.Option("--resume", metavar="FOLDER", help="Go on with the training there, from its last checkpoint."),
+    Path | None, option("--resume", "FOLDER", "Go on with the training there, from its last checkpoint.")
 ]
 SeedsOption = Annotated[
-    int | None,
-    typer.Option("--seeds", metavar="N", help="With --ray: so many trainings, from --seed on, a job each."),
+    int | None, option("--seeds", "N", "With --ray: so many trainings, from --seed on, a job each.")
 ]
 TrialsOption = Annotated[
-    int | None,
-    typer.Option("--trials", metavar="N", help="With --ray: so many trainings to search hyper-parameters by."),
+    int | None, option("--trials", "N", "With --ray: so many trainings to search hyper-parameters by.")
 ]
-SpaceOption = Annotated[
-    Path | None, typer.Option("--space", metavar="FILE.yml", help="With --trials: what is searched. Default: ours.")
-]
+SpaceOption = Annotated[Path | None, option("--space", "FILE.yml", "With --trials: what is searched. Default: ours.")]
 
 
 def _options_of(plan: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Puts the fields of a dataclass in the place of a command's ``**options``."""
+    """Puts the fields of a dataclass in the place of a command's ``**planned``."""
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
         hints, signature = get_type_hints(plan), inspect.signature(command, eval_str=True)
@@ -80,14 +66,14 @@ def train(
     context: typer.Context,
     out: RunFolderOption = None,
     resume: ResumeOption = None,
-    ray: RayOption = None,
+    ray: options.RayOption = None,
     seeds: SeedsOption = None,
     trials: TrialsOption = None,
     space: SpaceOption = None,
-    restart: RestartOption = False,
-    accept_code_change: AcceptCodeChangeOption = False,
-    quiet: QuietOption = False,
-    **options: Any,
+    restart: options.RestartOption = False,
+    accept_code_change: options.AcceptCodeChangeOption = False,
+    quiet: options.QuietOption = False,
+    **planned: Any,
 ) -> None:
     """Train a policy, on many twins at once.
 
@@ -121,8 +107,8 @@ def train(
       aoro-gym evaluate --env AORO/Turning-v0 --policy proportional-derivative --policy runs/turning/best.json
     """
     with checking_input():
-        _check_combination(context, resume=resume, ray=ray, seeds=seeds, trials=trials, space=space, options=options)
-        plan = TrainingPlan(**options)
+        _check_combination(context, resume=resume, ray=ray, seeds=seeds, trials=trials, space=space, planned=planned)
+        plan = TrainingPlan(**planned)
     how = {"restart": restart, "accept_code_change": accept_code_change}
     if resume is not None:
         _train(None, resume, **how)
@@ -134,12 +120,12 @@ def train(
         _search_on_cluster(plan, out or plan.folder("_search"), ray, trials, space, **how)
 
 
-def _check_combination(context: typer.Context, *, options: Any, **given: Any) -> None:
+def _check_combination(context: typer.Context, *, planned: Any, **given: Any) -> None:
     """ValueError unless the options of ``train`` may be combined.
 
     Args:
-        context: Tells which of ``options`` are given.
-        options: Fields of the plan.
+        context: Tells which of ``planned`` are given.
+        planned: Fields of the plan.
         given: Values of the other options; None where they are not given.
     """
     ray, resume, seeds, trials = (given[name] is not None for name in ("ray", "resume", "seeds", "trials"))
@@ -155,10 +141,10 @@ def _check_combination(context: typer.Context, *, options: Any, **given: Any) ->
     ):
         if wrong:
             raise ValueError(message)
-    for option in ("seeds", "trials"):
-        if given[option] is not None and given[option] < 1:
-            raise ValueError(f"--{option} = {given[option]} is below 1")
-    for name in ("out", *options) if resume else ():
+    for name in ("seeds", "trials"):
+        if given[name] is not None and given[name] < 1:
+            raise ValueError(f"--{name} = {given[name]} is below 1")
+    for name in ("out", *planned) if resume else ():
         source = context.get_parameter_source(name)
         if source is not None and source.name != "DEFAULT":
             raise ValueError(f"--{name.replace('_', '-')} was settled when the training began; leave it out")
@@ -184,9 +170,9 @@ def _train(plan: TrainingPlan | None, folder: Path, *, restart: bool, accept_cod
                 plan, recipe = recall(folder)
                 begins = restart
             else:
-                check_folder(folder, RECORD)
+                options.check_folder(folder, RECORD)
                 recipe, begins = None, True
-            chosen = load(run_spec(plan.machine, plan.set, plan.scale, plan.device))
+            chosen = options.load(options.run_spec(plan.machine, plan.set, plan.scale, plan.device))
             courses, held_out = training_courses(plan)
             versions(plan.trainer)  # all is there
         began = time.perf_counter()
@@ -242,8 +228,8 @@ def _train_on_cluster(
         from aoro_gym.agents.training.tables import evaluations_table
         from aoro_gym.execution.locking import locked
 
-        check_folder(folder, RECORD)
-        chosen = load_machine(run_spec(first.machine, first.set, first.scale).machine)
+        options.check_folder(folder, RECORD)
+        chosen = options.load_machine(options.run_spec(first.machine, first.set, first.scale).machine)
         courses, held_out = training_courses(first)
         versions(first.trainer)  # all is there
     with resumable(), running(), entered(locked(folder)), checking_input():
@@ -275,9 +261,9 @@ def _search_on_cluster(
         from aoro_gym.agents.training.learner import versions
         from aoro_gym.agents.training.tables import trials_table
 
-        check_folder(folder, searching.SEARCH)
+        options.check_folder(folder, searching.SEARCH)
         dimensions = searching.read_space(searching.SPACES if space is None else space, plan.algo)
-        chosen = load_machine(run_spec(plan.machine, plan.set, plan.scale).machine)
+        chosen = options.load_machine(options.run_spec(plan.machine, plan.set, plan.scale).machine)
         courses, held_out = training_courses(plan)
         versions(plan.trainer)  # all is there
     with terminal.progress(plan.env) as tell, running(), resumable(), checking_input():
@@ -293,12 +279,10 @@ def _search_on_cluster(
     say_written([folder / "trials.json", folder / "best.yml"])
 
 
-PolicyArgument = Annotated[Path, typer.Argument(metavar="FILE", help="Policy (.json with its .safetensors).")]
-OnnxOption = Annotated[
-    Path | None, typer.Option("--out", "-o", metavar="FILE.onnx", help="File to write. Default: beside the policy.")
-]
+PolicyArgument = Annotated[Path, argument("FILE", "Policy (.json with its .safetensors).")]
+OnnxOption = Annotated[Path | None, option("--out -o", "FILE.onnx", "File to write. Default: beside the policy.")]
 TrustPickleOption = Annotated[
-    bool, typer.Option("--trust-pickle", help="Load a .zip of Stable-Baselines3, which runs code of its maker.")
+    bool, option("--trust-pickle", None, "Load a .zip of Stable-Baselines3, which runs code of its maker.")
 ]
 
 
@@ -306,7 +290,7 @@ def export(
     policy: PolicyArgument,
     out: OnnxOption = None,
     trust_pickle: TrustPickleOption = False,
-    quiet: QuietOption = False,
+    quiet: options.QuietOption = False,
 ) -> None:
     """Write a learned policy as ONNX, for the vehicle's computer.
 
