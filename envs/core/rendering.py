@@ -339,15 +339,18 @@ class TurningScene:
     """The turning task: the machine with its target, readings beside it, and two strips of traces below."""
 
     def __init__(self, machine: Machine, *, tolerance: float):
-        from matplotlib.patches import Polygon, Rectangle, Wedge
-
-        canvas = self._canvas = Canvas()
-        self.size = canvas.size
+        self._canvas = Canvas()
+        self.size = self._canvas.size
         self._tolerance = tolerance
-        limit = float(np.max(machine.joint.range))
-        valve = machine.steering.valve
+        self._limit = float(np.max(machine.joint.range))
+        self._make_plan(machine)
+        self._make_readings(machine)
+        self._make_strips()
 
-        # the plan
+    def _make_plan(self, machine: Machine) -> None:
+        from matplotlib.patches import Polygon, Wedge
+
+        canvas = self._canvas
         view = canvas.axes(0, 250, 450, 470)
         view.set_facecolor(GROUND)
         scale = 70.0  # px/m
@@ -377,12 +380,14 @@ class TurningScene:
         view.add_patch(self._flag)
         view.add_patch(self._needle)
         view.text(
-            -3.1, -3.25, f"from above; crosses 1 m apart; joint stops at ±{math.degrees(limit):.0f}°", fontsize=7.5,
-            color=SOFT,
+            -3.1, -3.25, f"from above; crosses 1 m apart; joint stops at ±{math.degrees(self._limit):.0f}°",
+            fontsize=7.5, color=SOFT,
         )  # fmt: skip
-        self._limit = limit
 
-        # the readings
+    def _make_readings(self, machine: Machine) -> None:
+        from matplotlib.patches import Rectangle
+
+        canvas, valve = self._canvas, machine.steering.valve
         panel = canvas.axes(450, 250, 270, 470)
         panel.set_xlim(0.0, 270.0)
         panel.set_ylim(0.0, 470.0)
@@ -420,8 +425,8 @@ class TurningScene:
         label(58.0, "targets")
         self._judged = value(30.0, 12.5, INK)
 
-        # the traces
-        degrees = math.degrees(limit)
+    def _make_strips(self) -> None:
+        canvas, degrees = self._canvas, math.degrees(self._limit)
         strip = Traces(canvas, canvas.axes(46, 142, 650, 78), "joint angle [deg]", 1.1 * degrees, (-30, 0, 30))
         self._target_line = strip.line("target", BLUE, linestyle=(0, (4, 2)), linewidth=1.4)
         self._angle_line = strip.line("angle", INK)

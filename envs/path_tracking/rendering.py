@@ -26,6 +26,8 @@ SIZE = (1120, 630)
 """Width and height of a picture [px]; both even, for video encoders."""
 VIEW = 720
 """Width of the view from behind [px]."""
+PANEL, MAP_HEIGHT = SIZE[0] - VIEW, 270
+"""Width of what stands beside the view, and height of the map in it [px]."""
 STRIP_SPAN = 30.0
 """Time [s] that the strips show."""
 
@@ -383,19 +385,22 @@ class PathTrackingScene:
     size = SIZE
 
     def __init__(self, machine: Machine, task: Tracked):
-        from matplotlib.collections import PolyCollection
-        from matplotlib.patches import PathPatch, Polygon, Rectangle
-        from matplotlib.path import Path as Outline
-        from matplotlib.patheffects import withStroke
-
         self._task = task
         self._solid = SolidMachine(machine)
         self._columns = {name: i for i, name in enumerate(task.render_channels)}
-        canvas = self._canvas = Canvas(SIZE)
-        width, height = SIZE
-        panel = width - VIEW
+        self._canvas = Canvas(SIZE)
+        self._make_view()
+        self._make_map()
+        self._make_readings()
+        self._make_strips()
 
-        # the view
+    def _make_view(self) -> None:
+        from matplotlib.collections import PolyCollection
+        from matplotlib.patches import PathPatch, Rectangle
+        from matplotlib.path import Path as Outline
+        from matplotlib.patheffects import withStroke
+
+        canvas, height = self._canvas, SIZE[1]
         view = canvas.axes(0, 0, VIEW, height)
         view.set_axis_off()
         self._aspect = height / VIEW
@@ -438,11 +443,13 @@ class PathTrackingScene:
         canvas.moving(view.text(-0.765, top, "Path tracking", fontsize=15, **style))
         self._clock = canvas.moving(view.text(0.965, top, "", fontsize=13, ha="right", **style))
 
-        # the map
-        side = 250
-        self._map = canvas.axes(VIEW, height - side - 20, panel, side + 20)
+    def _make_map(self) -> None:
+        from matplotlib.patches import Polygon
+
+        canvas = self._canvas
+        self._map = canvas.axes(VIEW, SIZE[1] - MAP_HEIGHT, PANEL, MAP_HEIGHT)
         self._map.set_axis_off()
-        self._map_shape = panel / (side + 20)
+        self._map_shape = PANEL / MAP_HEIGHT
         self._map_image: Any = None
         self._map_key: tuple[int, int] | None = None
         self._map_trees = self._map.scatter([], [], s=9.0, color="#2f4a2c", linewidths=0.0, alpha=0.75)
@@ -460,10 +467,13 @@ class PathTrackingScene:
             self._map.add_patch(patch)
             self._map_machine.append(canvas.moving(patch))
 
-        # the readings
-        board = canvas.axes(VIEW, 210, panel, height - side - 20 - 210)
-        board.set_xlim(0.0, panel)
-        board.set_ylim(0.0, height - side - 20 - 210)
+    def _make_readings(self) -> None:
+        from matplotlib.patches import Rectangle
+
+        canvas, height = self._canvas, SIZE[1] - MAP_HEIGHT - 210
+        board = canvas.axes(VIEW, 210, PANEL, height)
+        board.set_xlim(0.0, PANEL)
+        board.set_ylim(0.0, height)
         board.set_axis_off()
 
         def reading(x: float, label: str, size: float, colour: str) -> Any:
@@ -484,16 +494,17 @@ class PathTrackingScene:
         self._gear = canvas.moving(board.text(286.0, 43.0, "", fontsize=10, color=INK, va="center"))
         self._tilt = canvas.moving(board.text(286.0, 19.0, "", fontsize=10, color=INK, va="center"))
 
-        # the strips
+    def _make_strips(self) -> None:
+        canvas = self._canvas
         strip = Traces(
-            canvas, canvas.axes(VIEW + 46, 122, panel - 66, 64), "cross-track [m], + left", 0.6, (-0.5, 0, 0.5),
+            canvas, canvas.axes(VIEW + 46, 122, PANEL - 66, 64), "cross-track [m], + left", 0.6, (-0.5, 0, 0.5),
             span=STRIP_SPAN, every=10.0, gap=0.2,
         )  # fmt: skip
         self._true_line = strip.line("true", INK)
         self._seen_line = strip.line("measured", BLUE, linewidth=1.0)
         strip = Traces(
             canvas,
-            canvas.axes(VIEW + 46, 26, panel - 66, 64),
+            canvas.axes(VIEW + 46, 26, PANEL - 66, 64),
             "speed [m/s]",
             (-0.3, 2.6),
             (0, 1, 2),
