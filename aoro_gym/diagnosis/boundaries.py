@@ -96,20 +96,20 @@ def boundaries(problem: Problem, healthy: Sequence[Recording] = ()) -> tuple[Bou
         return ()
     points, h = problem.neighbours(problem.centre)
     logs = led(problem, problem.recordings, points, h)
-    sound = led(problem, healthy, points[:0], h[:0]) if healthy else []
+    healthy_logs = led(problem, healthy, points[:0], h[:0]) if healthy else []
     prior = problem.precision[: len(points), : len(points)]
     found = []
     for part, balances in BALANCES.items():
         if part != "pump" or "pump_pressure" in problem.signals:
-            error = error_of(sound, balances) if sound else USUAL_ERROR
-            found.append(_tested(part, error, logs, sound, np.linalg.inv(np.linalg.cholesky(prior)).T))
+            error = error_of(healthy_logs, balances) if healthy_logs else USUAL_ERROR
+            found.append(_tested(part, error, logs, healthy_logs, np.linalg.inv(np.linalg.cholesky(prior)).T))
     excess = [one.contradicts * max(one.energy - one.freedom, 0.0) for one in found]
     whole = sum(excess) or 1.0
     shared = (replace(one, share=part / whole) for one, part in zip(found, excess, strict=True))
     return tuple(sorted(shared, key=lambda one: (-one.share, one.p)))
 
 
-def guilty(parts: Sequence[Boundary], components: Mapping[str, float]) -> str:
+def faulty_component(parts: Sequence[Boundary], components: Mapping[str, float]) -> str:
     """The component that is to blame: the likeliest of ``components`` that lies in a part which contradicts its boundary;
     the likeliest of all where none does, where what lies there is :data:`OUTWEIGHED`, or where that is the sensor, which
     contradicts all."""
@@ -121,25 +121,27 @@ def guilty(parts: Sequence[Boundary], components: Mapping[str, float]) -> str:
     return next((name for name, share in components.items() if name in suspected and share >= least), likeliest)
 
 
-def _tested(part: str, error: float, logs: Sequence[Led], sound: Sequence[Led], root: Floats) -> Boundary:
+def _tested(part: str, error: float, logs: Sequence[Led], healthy: Sequence[Led], root: Floats) -> Boundary:
     """A part that errs by a share ``error``, where the machine's nuisances lie as ``root`` (d, d) times standard normals."""
-    residual, spread, blocks = [], [], []
+    residuals, spread, blocks = [], [], []
     for index, one in enumerate(logs):
         for name in BALANCES[part]:
             balance = one.balances[name]
-            alike = [other.balances[name] for other in sound if other.signature == one.signature]
-            left = balance.missing - np.mean([other.missing for other in alike], axis=0) if alike else balance.missing
+            alike = [other.balances[name] for other in healthy if other.signature == one.signature]
+            residual = (
+                balance.missing - np.mean([other.missing for other in alike], axis=0) if alike else balance.missing
+            )
             # noise, clocks, zeros and errors of what is subtracted add to its own
             more = np.sqrt(1.0 + 1.0 / len(alike)) if alike else 1.0
             std = more * np.sqrt(1.0 + error**2 * balance.power)
-            own = np.zeros((len(left), len(logs), balance.own.shape[1]))
+            own = np.zeros((len(residual), len(logs), balance.own.shape[1]))
             own[:, index] = more * balance.own
-            columns = np.column_stack([left, balance.slopes @ root, own.reshape(len(left), -1)])
+            columns = np.column_stack([residual, balance.slopes @ root, own.reshape(len(residual), -1)])
             white = balance.shown(columns) / std[:, None]
-            residual.append(white[:, 0])
+            residuals.append(white[:, 0])
             spread.append(white[:, 1:])
             blocks.append((balance, std))
-    all_of, moves = np.concatenate(residual), np.concatenate(spread)
+    all_of, moves = np.concatenate(residuals), np.concatenate(spread)
     # (1 + M Mᵀ)⁻¹ r: what the nuisances M do not explain
     unexplained = all_of - moves @ np.linalg.solve(np.eye(moves.shape[1]) + moves.T @ moves, moves.T @ all_of)
     energy, freedom = float(all_of @ unexplained), len(all_of)
@@ -152,11 +154,11 @@ def _tested(part: str, error: float, logs: Sequence[Led], sound: Sequence[Led], 
     )
 
 
-def error_of(sound: Sequence[Led], names: Sequence[str]) -> float:
+def error_of(healthy: Sequence[Led], names: Sequence[str]) -> float:
     """Share of its own torque, flow or pressure by which a healthy part errs, whose balances have these ``names``: the
     likeliest, as each recording's own clock and zeros may have it."""
     rows = []
-    for one in sound:
+    for one in healthy:
         balances = [one.balances[name] for name in names]
         shown = np.concatenate([mine.shown(np.column_stack([mine.missing, mine.own])) for mine in balances])
         rows.append((np.concatenate([mine.power for mine in balances]), shown))

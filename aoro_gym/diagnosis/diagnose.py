@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from aoro_gym.diagnosis.attribution import attribute, fit_p, trust_of, without
-from aoro_gym.diagnosis.boundaries import boundaries, guilty
+from aoro_gym.diagnosis.boundaries import boundaries, faulty_component
 from aoro_gym.diagnosis.credible import credible
 from aoro_gym.diagnosis.cross_entropy import Population, evolve
 from aoro_gym.diagnosis.experiments import next_experiments
@@ -30,15 +30,15 @@ from aoro_gym.diagnosis.findings import (
     row_of,
     verdict_of,
 )
+from aoro_gym.diagnosis.gap_closure import black_box, gap_closures, typical
 from aoro_gym.diagnosis.linear import Hypothesis, Linear, Tangent
 from aoro_gym.diagnosis.noise import Floats, ModelError, Noise, noise_of
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem, Progress, references_of
 from aoro_gym.diagnosis.recording import SENSORS, TICK, Recording, logs_in, read_recording
 from aoro_gym.diagnosis.replay import Simulator, Variants
-from aoro_gym.diagnosis.result import Curve, Diagnosis, Shrinkage
+from aoro_gym.diagnosis.result import Curve, Diagnosis, GapClosure
 from aoro_gym.diagnosis.search import settle
-from aoro_gym.diagnosis.shrinkage import black_box, shrinkages, typical
 from aoro_gym.diagnosis.where import places
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.effects.effect import Effect
@@ -135,7 +135,7 @@ def diagnose(
     after = before if fitted is None else problem.simulate([fitted])[:, 0]
     shrunk, controls = _how_far(problem, linear, hypotheses, base, before, after, held_out)
     components = components_of(hypotheses, effects)
-    component = guilty(parts, components)
+    component = faulty_component(parts, components)
     causes = tuple(
         cause_of(problem, h, trust.laws, out if h.probability > SURVIVING else None)
         for h in hypotheses
@@ -236,23 +236,23 @@ def _how_far(
     before: Floats,
     after: Floats,
     held_out: Sequence[Recording],
-) -> tuple[tuple[Shrinkage, ...], dict[str, float | None]]:
-    """Shrinkage of fitted and of held-out recordings, against the twin as it was given, ``base``, and what a wrong cause and
-    a black box get of the latter."""
+) -> tuple[tuple[GapClosure, ...], dict[str, float | None]]:
+    """Closure of the gap in fitted and in held-out recordings, against the twin as it was given, ``base``, and what a wrong
+    cause and a black box get of the latter."""
     best = next((h for h in hypotheses if h.refined and h.effects), None)
     if best is None:
         return (), {"cause": None, "wrong_cause": None, "black_box": None}
     rivals = (h for h in hypotheses if h.refined and len(h.effects) == len(best.effects))
     wrong = next((h for h in rivals if not set(h.effects) & set(best.effects)), None)
-    fitted = shrinkages(problem, before, after, held_out=False)
+    fitted = gap_closures(problem, before, after, held_out=False)
     if held_out:
         other = problem.of(held_out)
         start = other.simulate([Variants(base)])[:, 0]
         found = other.simulate(
             [other.at(_own_free(problem, other, h), h.effects, row_of(h)) for h in (best, wrong) if h]
         )
-        left = shrinkages(other, start, found[:, 0], held_out=True)
-        of_wrong = typical(shrinkages(other, start, found[:, 1], held_out=True)) if wrong else None
+        left = gap_closures(other, start, found[:, 0], held_out=True)
+        of_wrong = typical(gap_closures(other, start, found[:, 1], held_out=True)) if wrong else None
         of_box = black_box(problem, before, other, start)
     else:
         left, of_wrong, of_box = _in_turn(problem, linear, best, wrong, before)
@@ -268,7 +268,7 @@ def _own_free(problem: Problem, other: Problem, hypothesis: Hypothesis) -> Float
 
 def _in_turn(
     problem: Problem, linear: Linear, best: Hypothesis, wrong: Hypothesis | None, before: Floats
-) -> tuple[tuple[Shrinkage, ...], float | None, float | None]:
+) -> tuple[tuple[GapClosure, ...], float | None, float | None]:
     """Every recording left out once of a fit of the same cause."""
     count = len(problem.recordings)
     folds = [list(range(fold, count, FOLDS)) for fold in range(min(FOLDS, count))]
@@ -278,12 +278,12 @@ def _in_turn(
     refits = [[without(linear, fold, h) for fold in folds] for h in causes]
     batch = [problem.at(u[None], h.effects, z[None]) for h, fits in zip(causes, refits, strict=True) for u, z in fits]
     found = problem.simulate(batch)
-    results: list[list[Shrinkage]] = [[] for _ in causes]
+    results: list[list[GapClosure]] = [[] for _ in causes]
     boxes = []
     for k in range(len(causes)):
         for f, fold in enumerate(folds):
             part, rows = problem.part(fold)
-            results[k] += shrinkages(part, before[rows], found[rows, k * len(folds) + f], held_out=True)
+            results[k] += gap_closures(part, before[rows], found[rows, k * len(folds) + f], held_out=True)
             if k == 0:
                 rest, kept = problem.part([i for i in range(count) if i not in fold])
                 boxes.append(black_box(rest, before[kept], part, before[rows]))

@@ -57,7 +57,7 @@ stays on its tires, but hardly anything holds them."""
 
 
 @dataclass(frozen=True)
-class Trial:
+class Candidate:
     """A manoeuvre that could be recorded."""
 
     name: str
@@ -86,45 +86,45 @@ class Trial:
         return Recording(self.name, commands, empty, round(REST / TICK), self.start_angle)
 
 
-def catalogue(machine: Machine) -> tuple[Trial, ...]:
-    """Manoeuvres that can be recorded at any yard, of :data:`DURATION` each."""
+def catalogue(machine: Machine) -> tuple[Candidate, ...]:
+    """Manoeuvres that can be recorded on any test ground, of :data:`DURATION` each."""
     stop = float(np.asarray(machine.joint.range))
     half = _signal((0.0, 0.6))
     since = np.arange(len(half)) - round(REST / TICK)  # ticks
     ramp = 0.6 * np.maximum(since, 0) / float(since[-1])
     pulses = 0.8 * ((since >= 0) & (since % round(0.5 / TICK) < round(0.2 / TICK)))
     return (
-        Trial("turn_30", "Full left turn from the right stop, 30 % signal.", _signal((0.0, 0.3)), -stop),
-        Trial("turn_60", "Full left turn from the right stop, 60 % signal.", half, -stop),
-        Trial("turn_90", "Full left turn from the right stop, 90 % signal.", _signal((0.0, 0.9)), -stop),
-        Trial("turn_right_60", "Full right turn from the left stop, 60 % signal.", -half, stop),
-        Trial("slow_ramp", "From straight ahead, signal from 0 to 60 % left within 2 s.", ramp, 0.0),
-        Trial(
+        Candidate("turn_30", "Full left turn from the right stop, 30 % signal.", _signal((0.0, 0.3)), -stop),
+        Candidate("turn_60", "Full left turn from the right stop, 60 % signal.", half, -stop),
+        Candidate("turn_90", "Full left turn from the right stop, 90 % signal.", _signal((0.0, 0.9)), -stop),
+        Candidate("turn_right_60", "Full right turn from the left stop, 60 % signal.", -half, stop),
+        Candidate("slow_ramp", "From straight ahead, signal from 0 to 60 % left within 2 s.", ramp, 0.0),
+        Candidate(
             "reversal", "60 % signal to the left for 1 s, then at once as much to the right.",
             _signal((0.0, 0.6), (1.0, -0.6)), -0.3,
         ),
-        Trial("pulses", "Pulses of 80 % signal to the left, 0.2 s each, every 0.5 s.", pulses, -0.3),
-        Trial(
+        Candidate("pulses", "Pulses of 80 % signal to the left, 0.2 s each, every 0.5 s.", pulses, -0.3),
+        Candidate(
             "pause", "60 % signal to the left, half a second without signal after 0.8 s, then on.",
             _signal((0.0, 0.6), (0.8, 0.0), (1.3, 0.6)), -0.5,
         ),
-        Trial(
+        Candidate(
             "hold_at_the_stop", "Full signal to the left from just before the stop, held for 2 s once it is reached.",
             _signal((0.0, 1.0)), stop - 0.2,
         ),
-        Trial(
+        Candidate(
             "low_engine_speed", "Full left turn from the right stop, 60 % signal, engine at 1200 rpm.", half, -stop,
             engine_rpm=1200.0,
         ),
-        Trial(
+        Candidate(
             "high_engine_speed", "Full left turn from the right stop, 60 % signal, engine at 2000 rpm.", half, -stop,
             engine_rpm=2000.0,
         ),
-        Trial(
+        Candidate(
             "wheels_lifted", "Full left turn from the right stop, 60 % signal, wheels off the ground or on greased plates.",
             half, -stop, lifted=True,
         ),
-        Trial(
+        Candidate(
             "turn_while_driving", "Full left turn from the right stop, 60 % signal, while driving at half signal.",
             half, -stop, drive=0.5,
         ),
@@ -155,22 +155,22 @@ def next_experiments(linear: Linear, hypotheses: Sequence[Hypothesis]) -> tuple[
     weights = np.array([h.probability for h in rivals])
     weights /= np.sum(weights)
     more = tuple(name for name in PRESSURES if name not in problem.signals)
-    trials = catalogue(problem.nuisances.machine)
-    outcomes = _outcomes(linear, rivals, weights, trials, problem.signals + more)
+    candidates = catalogue(problem.nuisances.machine)
+    predictions = _predictions(linear, rivals, weights, candidates, problem.signals + more)
     titles = [Cause(h.effects, h.probability).title for h in rivals]
 
-    def suggested(trial: Trial, outcome: Outcome, signals: Sequence[str]) -> Experiment:
-        means = outcome.means(signals)
+    def suggested(candidate: Candidate, prediction: Prediction, signals: Sequence[str]) -> Experiment:
+        means = prediction.means(signals)
         pairs = [
             (titles[i], titles[j])
             for i, j in combinations(range(len(means)), 2)
             if np.linalg.norm(means[i] - means[j]) > APART
         ]
-        return Experiment(trial.name, trial.description, information(means, weights), tuple(pairs))
+        return Experiment(candidate.name, candidate.description, information(means, weights), tuple(pairs))
 
-    found = [suggested(*one, problem.signals) for one in zip(trials, outcomes, strict=True)]
+    found = [suggested(*one, problem.signals) for one in zip(candidates, predictions, strict=True)]
     if more:
-        every = [suggested(*one, problem.signals + more) for one in zip(trials, outcomes, strict=True)]
+        every = [suggested(*one, problem.signals + more) for one in zip(candidates, predictions, strict=True)]
         best = max(every, key=lambda one: one.gain)
         added = f"{best.description} Log the pressures of both ports and of the pump, too."
         found.append(replace(best, name=f"{best.name}_with_pressures", description=added))
@@ -188,7 +188,7 @@ def information(means: Floats, weights: Floats) -> float:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Prediction:
     """What hypotheses expect of one manoeuvre, whitened by noise and the twin's own error; by signal.
 
     Attributes:
@@ -207,26 +207,30 @@ class Outcome:
         return np.linalg.qr(beyond(spread, differences))[1].T
 
 
-class Yard(Simulator):
-    """Repeats recordings of ``trials`` under their conditions, on another's device."""
+class ExperimentSimulator(Simulator):
+    """Repeats recordings of ``candidates`` under their conditions, on another's device."""
 
-    def __init__(self, simulator: Simulator, trials: Sequence[Trial]):
+    def __init__(self, simulator: Simulator, candidates: Sequence[Candidate]):
         super().__init__(simulator.device)
         self._simulator = simulator
-        self._trials = {trial.name: trial for trial in trials}
+        self._candidates = {candidate.name: candidate for candidate in candidates}
 
     def run(self, tasks: Sequence[Task], *, lent: bool = False) -> list[Signals]:
         """See :meth:`Simulator.run`."""
         # on ground so slippery that wheels count as lifted, longer steps err by bars
-        tasks = [Task(self._trials[one.recording.name].under(one.variants), one.recording, FINE) for one in tasks]
+        tasks = [Task(self._candidates[one.recording.name].under(one.variants), one.recording, FINE) for one in tasks]
         return self._simulator.run(tasks, lent=lent)
 
 
-def _outcomes(
-    linear: Linear, rivals: Sequence[Hypothesis], weights: Floats, trials: Sequence[Trial], channels: Sequence[str]
-) -> list[Outcome]:
-    """One a trial. A machine that the twin loses counts as one that does as the likeliest hypothesis does."""
-    expected = _expected(linear, rivals[0], trials, channels)
+def _predictions(
+    linear: Linear,
+    rivals: Sequence[Hypothesis],
+    weights: Floats,
+    candidates: Sequence[Candidate],
+    channels: Sequence[str],
+) -> list[Prediction]:
+    """One a candidate. A machine that the twin loses counts as one that does as the likeliest hypothesis does."""
+    expected = _expected(linear, rivals[0], candidates, channels)
     families = [_family(linear, expected, h, _drawn(linear, h) if h is rivals[0] else None) for h in rivals]
     predicted = expected.simulate(families)
     starts = np.cumsum([0, *(family.count for family in families)])[:-1]
@@ -238,28 +242,30 @@ def _outcomes(
     differences = predicted[:, starts] - predicted[:, :1]
     plain = np.nan_to_num(np.concatenate([differences, *spread], axis=1))
     whiteners = expected.whiteners(expected.error, expected.measured)
-    out: list[tuple[dict[str, Floats], dict[str, Floats]]] = [({}, {}) for _ in trials]
+    out: list[tuple[dict[str, Floats], dict[str, Floats]]] = [({}, {}) for _ in candidates]
     for (index, signal), whitener, part in zip(expected.blocks, whiteners, expected.split(plain), strict=True):
         for kept, columns in zip(out[index], np.split(whitener(part), [len(rivals)], axis=1), strict=True):
             kept[signal] = columns
-    return [Outcome(*one) for one in out]
+    return [Prediction(*one) for one in out]
 
 
-def _expected(linear: Linear, hypothesis: Hypothesis, trials: Sequence[Trial], channels: Sequence[str]) -> Problem:
-    """What a hypothesis expects to be recorded in all ``trials``, to be explained by machines under their conditions."""
+def _expected(
+    linear: Linear, hypothesis: Hypothesis, candidates: Sequence[Candidate], channels: Sequence[str]
+) -> Problem:
+    """What a hypothesis expects to be recorded in all ``candidates``, to be explained by machines under their conditions."""
     problem = linear.problem
-    blanks = [trial.blank(channels) for trial in trials]
+    blanks = [candidate.blank(channels) for candidate in candidates]
     noise = {channel: _noise(problem, channel, blanks[0].ticks) for channel in channels}
-    yard = Yard(problem.simulator, trials)
+    simulator = ExperimentSimulator(problem.simulator, candidates)
 
     def explained(recordings: Sequence[Recording]) -> Problem:
         return Problem(
             recordings, problem.nuisances, problem.effects, error=problem.error, noise=noise, misfit=problem.misfit,
-            simulator=yard,
+            simulator=simulator,
         )  # fmt: skip
 
     best = _family(linear, explained(blanks), replace(hypothesis, covariance=np.empty((0, 0))), None)
-    found = yard.run([Task(best, recording) for recording in blanks])
+    found = simulator.run([Task(best, recording) for recording in blanks])
     return explained(
         [
             replace(

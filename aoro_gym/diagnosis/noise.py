@@ -95,7 +95,7 @@ class Noise:
     def std(self) -> float:
         return float(np.sqrt(self.covariance[0]))
 
-    def louder(self, factor: float) -> Noise:
+    def inflated(self, factor: float) -> Noise:
         """Noise of ``factor`` times the power."""
         return Noise(factor * self.covariance)
 

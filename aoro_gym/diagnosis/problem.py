@@ -431,7 +431,7 @@ class Problem:
     def louder(self) -> dict[str, Noise]:
         """Its noise, as loud as :meth:`loudness` says and with zeros that wander by :meth:`wander`, which is what it has
         from now on."""
-        self.noise = {name: self.noise[name].louder(loud) for name, loud in self.loudness().items()}
+        self.noise = {name: self.noise[name].inflated(loud) for name, loud in self.loudness().items()}
         self.noise |= {name: self.noise[name].wandering(std) for name, std in self.wander().items()}
         self._holding = {}
         return self.noise

@@ -17,7 +17,7 @@ from rich.console import RenderableType
 from rich.markup import escape
 from rich.table import Table
 
-from aoro_gym.diagnosis.result import KEY_FIGURES, PHASES, UNKNOWN, Boundary, Cause, Curve, Diagnosis, Place, Shrinkage
+from aoro_gym.diagnosis.result import KEY_FIGURES, PHASES, UNKNOWN, Boundary, Cause, Curve, Diagnosis, GapClosure, Place
 from aoro_gym.diagnosis.words import (
     WITHOUT_CAUSE,
     Spoken,
@@ -69,15 +69,15 @@ KINDS = (
     "fitted",
     "fitted, own clock and zero refitted",
 )
-"""Of manoeuvres, by how much their shrinkage proves."""
+"""Of manoeuvres, by how much their gap closure proves."""
 
 
-def _kind(one: Shrinkage) -> int:
+def _kind(one: GapClosure) -> int:
     """Place in :data:`KINDS`."""
     return 2 * int(not one.held_out) + int(one.refitted)
 
 
-def _range(one: Shrinkage) -> str:
+def _range(one: GapClosure) -> str:
     """The 90 % interval in per cent."""
     return f"{per_cent(one.low90)} to {per_cent(one.high90)}"
 
@@ -97,7 +97,7 @@ def summary(diagnosis: Diagnosis, *, effects: Mapping[str, Effect] = EFFECTS) ->
     if diagnosis.causes:
         items.append(_cause_summary(diagnosis.causes))
     if diagnosis.shrinkage:
-        items.append(_shrinkage_summary(diagnosis.shrinkage))
+        items.append(_gap_closure_summary(diagnosis.shrinkage))
     if diagnosis.signals == (KEY_FIGURES,):
         items.append(_key_figures_summary(diagnosis))
     return [*items, *(f"[yellow]note:[/] {escape(text)}" for text in diagnosis.limitations)]
@@ -118,7 +118,7 @@ def _cause_summary(causes: Sequence[Cause]) -> Table:
     return table
 
 
-def _shrinkage_summary(found: Sequence[Shrinkage]) -> Table:
+def _gap_closure_summary(found: Sequence[GapClosure]) -> Table:
     """A row a manoeuvre, a column a signal."""
     signals = list(dict.fromkeys(one.signal for one in found))
     table = Table(
@@ -163,7 +163,7 @@ def write_report(diagnosis: Diagnosis, folder: Path, *, effects: Mapping[str, Ef
         ("Where the gap lies", _where_html(diagnosis)),
         ("Curves", _curves_html(diagnosis)),
         ("Causes", _causes_html(diagnosis, effects)),
-        ("How far the gap shrinks", _shrinkage_html(diagnosis)),
+        ("How far the gap shrinks", _gap_closure_html(diagnosis)),
         ("Key figures", _key_figures_html(diagnosis)),
         ("Next experiments", _experiments_html(diagnosis)),
         ("What calibration moved", _calibration_html(diagnosis)),
@@ -447,7 +447,7 @@ def _settings(cause: Cause, effects: Mapping[str, Effect]) -> list[str]:
     return lines
 
 
-def _shrinkage_html(diagnosis: Diagnosis) -> Markup:
+def _gap_closure_html(diagnosis: Diagnosis) -> Markup:
     if diagnosis.verdict == "no_gap" or not diagnosis.shrinkage:
         return Markup("")
     text = (
@@ -458,7 +458,7 @@ def _shrinkage_html(diagnosis: Diagnosis) -> Markup:
     for index, kind in enumerate(KINDS):
         found = [one for one in diagnosis.shrinkage if _kind(one) == index]
         rows += [[capital(kind)]] if found else []
-        rows += [_shrinkage_row(one) for one in found]
+        rows += [_gap_closure_row(one) for one in found]
     head = ("manoeuvre", "signal", "gap gone", "90 %", "error before, rms", "after", "noise", "unit")
     compared = [
         (capital(control(name)), value or 0.0, "not tried" if value is None else gone(value))
@@ -468,7 +468,7 @@ def _shrinkage_html(diagnosis: Diagnosis) -> Markup:
     return _explained(text, *bars, block("table", head=head, rows=rows, text=(1, 7)))
 
 
-def _shrinkage_row(one: Shrinkage) -> list[str]:
+def _gap_closure_row(one: GapClosure) -> list[str]:
     unit, size = signal_unit(one.signal)
     errors = (three_digits(value / size) for value in (one.before, one.after, one.noise))
     mark = "yes" if one.low90 > 0.0 else "no" if one.high90 < 0.0 else ""

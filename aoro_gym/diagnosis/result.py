@@ -46,7 +46,7 @@ def presence(effects: Sequence[str], probabilities: Mapping[tuple[str, ...], flo
 class Place:
     """Where a part of the gap lies: ``share`` of its whitened energy that calibration cannot absorb."""
 
-    component: str  # to blame (:func:`~aoro_gym.diagnosis.boundaries.guilty`); empty without a cause
+    component: str  # to blame (:func:`~aoro_gym.diagnosis.boundaries.faulty_component`); empty without a cause
     phase: str
     signal: str
     manoeuvre: str
@@ -134,7 +134,7 @@ class Cause:
 
 
 @dataclass(frozen=True)
-class Shrinkage:
+class GapClosure:
     """How much of the gap of one signal in one manoeuvre is gone: S = 1 − (RMSE² − σ²) after / (RMSE² − σ²) before.
 
     Attributes:
@@ -219,7 +219,7 @@ class Diagnosis:
     causes: tuple[Cause, ...] = ()
     declared_set: tuple[str, ...] = ()
     fit_test_p: float | None = None
-    shrinkage: tuple[Shrinkage, ...] = ()
+    shrinkage: tuple[GapClosure, ...] = ()
     controls: Mapping[str, float | None] = field(default_factory=dict)
     key_figures: Mapping[str, Mapping[str, Mapping[str, float | None]]] = field(default_factory=dict)
     next_experiments: tuple[Experiment, ...] = ()

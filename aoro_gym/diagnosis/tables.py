@@ -45,15 +45,15 @@ from aoro_gym.diagnosis.findings import (
     row_of,
     verdict_of,
 )
+from aoro_gym.diagnosis.gap_closure import CLEAR, RESAMPLES, typical
 from aoro_gym.diagnosis.linear import Hypothesis, Linear
 from aoro_gym.diagnosis.noise import Floats, ModelError, Whitener
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem, Progress
 from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.diagnosis.replay import FINE, Simulator, Steps, Task, Variants
-from aoro_gym.diagnosis.result import CALIBRATION, KEY_FIGURES, UNKNOWN, Cause, Diagnosis, Place, Shrinkage
+from aoro_gym.diagnosis.result import CALIBRATION, KEY_FIGURES, UNKNOWN, Cause, Diagnosis, GapClosure, Place
 from aoro_gym.diagnosis.search import ALL, Search, refine, trade
-from aoro_gym.diagnosis.shrinkage import CLEAR, RESAMPLES, typical
 from aoro_gym.diagnosis.where import SIGNIFICANT, beyond, probability
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.effects.effect import Effect
@@ -624,11 +624,11 @@ def _drawn(problem: Turns, hypothesis: Hypothesis) -> list[Variants]:
     return [problem.at(np.clip(points, *tangent.bounds), known, np.clip(places, 0.0, 1.0))]
 
 
-def _shrinkages(problem: Turns, predicted: Floats, *, held_out: bool, seed: int = 0) -> tuple[Shrinkage, ...]:
+def _shrinkages(problem: Turns, predicted: Floats, *, held_out: bool, seed: int = 0) -> tuple[GapClosure, ...]:
     """S of every row whose figures show a gap, over them in their standard deviations; of rows that took no part in the fit
     by those only that the machine file was not made with.
 
-    Intervals are of the influences (see :mod:`.shrinkage`) of resampled figures, under machines drawn from the posterior.
+    Intervals are of the influences (see :mod:`.gap_closure`) of resampled figures, under machines drawn from the posterior.
 
     Args:
         problem: Its rows are compared.
@@ -655,7 +655,9 @@ def _shrinkages(problem: Turns, predicted: Floats, *, held_out: bool, seed: int 
         low, high = np.quantile(means, [0.05, 0.95])
         rms = [float(np.sqrt(np.mean(part[mine] + 1.0))) for part in (before, left[:, 0])]
         found.append(
-            Shrinkage(row.title, KEY_FIGURES, S, float(low), float(high), rms[0], rms[1], 1.0, held_out, refitted=False)
+            GapClosure(
+                row.title, KEY_FIGURES, S, float(low), float(high), rms[0], rms[1], 1.0, held_out, refitted=False
+            )
         )
     return tuple(found)
 

@@ -19,9 +19,9 @@ from aoro_gym.diagnosis.result import (
     VERDICTS,
     Cause,
     Diagnosis,
+    GapClosure,
     Interval,
     Place,
-    Shrinkage,
     presence,
 )
 from aoro_gym.effects.catalogue import EFFECTS
@@ -382,7 +382,7 @@ def _shrinks(diagnosis: Diagnosis) -> str:
     return f"{text}. Median of all signals: {', '.join(controls)}." if len(controls) > 1 else f"{text}."
 
 
-def _by_signal(found: Sequence[Shrinkage]) -> str:
+def _by_signal(found: Sequence[GapClosure]) -> str:
     """``98 % of the gap is gone in joint angle and 40 % in pump pressure``: medians, as a small gap of one signal says
     nothing of a large one of another."""
     shares: dict[str, list[float]] = {}

@@ -11,9 +11,9 @@ from aoro_gym.diagnosis.result import (
     Curve,
     Diagnosis,
     Experiment,
+    GapClosure,
     Interval,
     Place,
-    Shrinkage,
 )
 
 SIGNALS = ("joint_angle", "pressure_a", "pressure_b", "pump_pressure")
@@ -59,7 +59,7 @@ def places(component: str, shares: dict[tuple[str, str], float]) -> tuple[Place,
     return tuple(sorted(found, key=lambda place: -place.share))
 
 
-def shrinkage(fitted: float, left_out: float, refitted: float) -> tuple[Shrinkage, ...]:
+def shrinkage(fitted: float, left_out: float, refitted: float) -> tuple[GapClosure, ...]:
     """S of every manoeuvre; errors that belong to it."""
     found = []
     for manoeuvre in MANOEUVRES:
@@ -72,7 +72,9 @@ def shrinkage(fitted: float, left_out: float, refitted: float) -> tuple[Shrinkag
                 before = (4.0 - 0.5 * i) * noise
                 after = float(np.sqrt(noise**2 + (1.0 - S) * (before**2 - noise**2)))
                 found.append(
-                    Shrinkage(manoeuvre, signal, S, S - 0.07, min(S + 0.04, 0.999), before, after, noise, held_out, own)
+                    GapClosure(
+                        manoeuvre, signal, S, S - 0.07, min(S + 0.04, 0.999), before, after, noise, held_out, own
+                    )
                 )
     return tuple(found)
 

@@ -715,7 +715,7 @@ def test_what_noise_alone_leaves_is_known(loud: float):
     and of the twin's own error: its mean square is, within four standard deviations of a mean of so many, what was said.
     An angle that has no error is white, and a pressure's is less so, the larger its error beside the noise."""
     world, count = LinearWorld(np.random.default_rng(3), error=ModelError(0.0, 0.01)), 400
-    world.noise = {name: noise.louder(loud) for name, noise in world.noise.items()}
+    world.noise = {name: noise.inflated(loud) for name, noise in world.noise.items()}
     world.learn()
     linear = Linear(world, world.error)
     std = np.repeat([np.sqrt(loud) * STD[name] for name in STD], COUNT)

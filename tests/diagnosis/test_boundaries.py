@@ -14,7 +14,7 @@ from aoro_gym.diagnosis.boundaries import (
     boundaries,
     catmull_rom,
     error_of,
-    guilty,
+    faulty_component,
     ports_of,
     response,
 )
@@ -117,9 +117,9 @@ def test_the_error_of_a_healthy_part_is_found(error):
     known to 1/√(2 m): within three of them."""
     rng = np.random.default_rng(6)
     zero = 0.3 * np.ones((COUNT, 1))
-    sound = [Led(b"", {"torque": balance_of(rng, error=error, own=zero)}) for _ in range(6)]
-    count = sum(int(np.sum(one.balances["torque"].power * error**2 > 1.0)) for one in sound)
-    assert np.log(error_of(sound, ("torque",)) / error) == pytest.approx(0.0, abs=3.0 / np.sqrt(2.0 * count))
+    healthy = [Led(b"", {"torque": balance_of(rng, error=error, own=zero)}) for _ in range(6)]
+    count = sum(int(np.sum(one.balances["torque"].power * error**2 > 1.0)) for one in healthy)
+    assert np.log(error_of(healthy, ("torque",)) / error) == pytest.approx(0.0, abs=3.0 / np.sqrt(2.0 * count))
 
 
 def test_a_part_without_error_has_the_least():
@@ -172,7 +172,7 @@ def test_no_part_of_a_healthy_machine_contradicts_its_boundary(healthy, seed):
         ("pump_limit", 0.7, "pump"),
     ],
 )
-def test_the_guilty_part_lacks_and_the_innocent_do_not(healthy, effect, magnitude, part):
+def test_the_faulty_part_lacks_and_the_healthy_do_not(healthy, effect, magnitude, part):
     found = parts_with(healthy, 21, (EFFECTS[effect], (magnitude,)))
     assert EFFECTS[effect].component in found[part].components
     assert [name for name, one in found.items() if one.contradicts] == [part]
@@ -206,11 +206,13 @@ def test_without_a_pump_pressure_there_is_no_pump(healthy):
         replace(one, channels={name: v for name, v in one.channels.items() if name != "pump_pressure"})
         for one in record(Variants(MACHINE), BLANKS, np.random.default_rng(24))
     ]
-    sound = [replace(one, channels={n: v for n, v in one.channels.items() if n != "pump_pressure"}) for one in healthy]
+    without_pump = [
+        replace(one, channels={n: v for n, v in one.channels.items() if n != "pump_pressure"}) for one in healthy
+    ]
     problem = problem_of(record(Variants(MACHINE), BLANKS, np.random.default_rng(24)), healthy)
     other = problem.of(less)
     other.signals = tuple(name for name in FULL if name != "pump_pressure")
-    found = boundaries(other, sound)
+    found = boundaries(other, without_pump)
     assert sorted(one.part for one in found) == ["circuit", "mechanics"]
     assert not any(one.contradicts for one in found)
 
@@ -228,12 +230,13 @@ def test_components_of_the_parts_are_known():
 
 def test_blame():
     likely = {"valve": 0.6, "joint": 0.3, "pump": 0.1}
-    assert guilty((), likely) == "valve"
-    assert guilty((part("mechanics", 0.02),), likely) == "valve"  # which is no contradiction
-    assert guilty((part("mechanics", 1e-9), part("circuit", 0.02)), likely) == "joint"
-    assert guilty((part("mechanics", 1e-9), part("circuit", 1e-6)), likely) == "valve"
-    assert guilty((part("mechanics", 1e-9),), {"valve": 0.6}) == "valve"
-    assert guilty((part("mechanics", 1e-9),), {"valve": 0.9, "joint": 0.001}) == "valve"  # outweighed
-    assert guilty((part("mechanics", 1e-9),), {"valve": 0.002, "joint": 0.001}) == "joint"  # where the cause is unknown
-    assert guilty((part("mechanics", 1e-9),), {"sensor": 0.6, "joint": 0.4}) == "sensor"
-    assert guilty((part("mechanics", 1e-9),), {}) == ""
+    assert faulty_component((), likely) == "valve"
+    assert faulty_component((part("mechanics", 0.02),), likely) == "valve"  # which is no contradiction
+    assert faulty_component((part("mechanics", 1e-9), part("circuit", 0.02)), likely) == "joint"
+    assert faulty_component((part("mechanics", 1e-9), part("circuit", 1e-6)), likely) == "valve"
+    assert faulty_component((part("mechanics", 1e-9),), {"valve": 0.6}) == "valve"
+    assert faulty_component((part("mechanics", 1e-9),), {"valve": 0.9, "joint": 0.001}) == "valve"  # outweighed
+    unknown = {"valve": 0.002, "joint": 0.001}
+    assert faulty_component((part("mechanics", 1e-9),), unknown) == "joint"
+    assert faulty_component((part("mechanics", 1e-9),), {"sensor": 0.6, "joint": 0.4}) == "sensor"
+    assert faulty_component((part("mechanics", 1e-9),), {}) == ""

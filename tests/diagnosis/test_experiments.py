@@ -11,8 +11,8 @@ from aoro_gym.diagnosis import experiments
 from aoro_gym.diagnosis.experiments import (
     OUTCOMES,
     SLIPPERY,
-    Outcome,
-    Yard,
+    ExperimentSimulator,
+    Prediction,
     _drawn,
     _family,
     catalogue,
@@ -30,7 +30,7 @@ from aoro_gym.machine import Machine
 from tests.diagnosis.manoeuvres import FULL, blank, turn
 
 MACHINE = Machine.load("aoro")
-TRIALS = {trial.name: trial for trial in catalogue(MACHINE)}
+CANDIDATES = {candidate.name: candidate for candidate in catalogue(MACHINE)}
 
 
 @pytest.mark.parametrize("apart", [0.3, 1.0, 2.0, 4.0])
@@ -66,10 +66,10 @@ def test_means_are_as_far_apart_as_noise_and_spread_have_it():
     rng = np.random.default_rng(1)
     differences = {name: rng.standard_normal((20, 3)) for name in ("a", "b")}
     spread = {name: rng.standard_normal((20, 4)) * [0.1, 1.0, 10.0, 100.0] for name in ("a", "b")}
-    outcome = Outcome(differences, spread)
+    prediction = Prediction(differences, spread)
     for signals in (["a"], ["a", "b"]):
         B = np.concatenate([spread[name] for name in signals])
-        means, plain = outcome.means(signals), np.concatenate([differences[name] for name in signals])
+        means, plain = prediction.means(signals), np.concatenate([differences[name] for name in signals])
         for i, j in ((0, 1), (0, 2), (1, 2)):
             between = plain[:, i] - plain[:, j]
             exact = between @ np.linalg.solve(np.eye(len(B)) + B @ B.T, between)
@@ -78,14 +78,14 @@ def test_means_are_as_far_apart_as_noise_and_spread_have_it():
 
 def test_catalogue_can_be_recorded():
     reach = float(np.asarray(MACHINE.joint.range))
-    assert len(TRIALS) == len(catalogue(MACHINE))
-    for trial in TRIALS.values():
-        recording = trial.blank(FULL)
+    assert len(CANDIDATES) == len(catalogue(MACHINE))
+    for candidate in CANDIDATES.values():
+        recording = candidate.blank(FULL)
         assert recording.rest * TICK >= REST - 1e-9
         assert not np.any(recording.commands[: recording.rest])
         assert np.max(np.abs(recording.commands)) <= 1.0
         assert np.any(recording.commands[:, 0])
-        assert abs(trial.start_angle) <= reach
+        assert abs(candidate.start_angle) <= reach
         assert {len(values) for values in recording.channels.values()} == {recording.ticks + 1}
 
 
@@ -98,28 +98,28 @@ def test_lifted_wheels_hide_the_ground_and_nothing_else():
     """Mean pressure difference that a turn takes more because of an effect. Soft ground acts through the tires' friction, of
     which 2 % are left; friction in the joint takes what its torque takes anywhere, but for a path that the ground shares."""
 
-    def more(trial, effect, magnitude):
+    def more(candidate, effect, magnitude):
         with_it = Variants.of(MACHINE, [(EFFECTS[effect], (magnitude,))], 1)
-        found = _run(trial, [Variants(MACHINE), with_it])
+        found = _run(candidate, [Variants(MACHINE), with_it])
         without, having = (np.mean(one["pressure_a"][60:] - one["pressure_b"][60:]) for one in found)
         return having - without
 
     assert abs(more("wheels_lifted", "soft_ground", 0.15)) < 2.0 * SLIPPERY * more("turn_60", "soft_ground", 0.15)
-    on_ground, lifted = (more(trial, "joint_friction", 5000.0) for trial in ("turn_60", "wheels_lifted"))
+    on_ground, lifted = (more(candidate, "joint_friction", 5000.0) for candidate in ("turn_60", "wheels_lifted"))
     assert lifted == pytest.approx(on_ground, rel=0.1)
 
 
 def _run(name, variants):
-    """What machines do in a trial."""
-    trial = TRIALS[name]
-    recording = trial.blank((*FULL, "engine_speed"))
-    return Yard(Simulator(), [trial]).run([Task(one, recording) for one in variants])
+    """What machines do under a candidate."""
+    candidate = CANDIDATES[name]
+    recording = candidate.blank((*FULL, "engine_speed"))
+    return ExperimentSimulator(Simulator(), [candidate]).run([Task(one, recording) for one in variants])
 
 
 @pytest.fixture
 def linear(monkeypatch):
     """A problem with nothing felt, and a short catalogue."""
-    monkeypatch.setattr(experiments, "catalogue", lambda machine: [TRIALS["slow_ramp"], TRIALS["pulses"]])
+    monkeypatch.setattr(experiments, "catalogue", lambda machine: [CANDIDATES["slow_ramp"], CANDIDATES["pulses"]])
     effects = {name: EFFECTS[name] for name in ("spool_lag", "command_delay")}
     recordings = [blank("left", turn(0.6, 2.0), 0.0)]
     problem = Problem(recordings, Nuisances(MACHINE, "day"), effects, error=ModelError(0.003, 0.015, 0.15))

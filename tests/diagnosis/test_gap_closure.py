@@ -1,4 +1,4 @@
-"""Shrinkage: S of gaps that are known, its intervals, what refitting may and may not take, and the black box."""
+"""Closure of the gap: S of gaps that are known, its intervals, what refitting may and may not take, and the black box."""
 
 from typing import Any
 
@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 
+from aoro_gym.diagnosis.gap_closure import _absorbed, _noise, _ridge, black_box, gap_closures, typical
 from aoro_gym.diagnosis.noise import Noise
 from aoro_gym.diagnosis.problem import START_JITTER, ZEROS, Reference
 from aoro_gym.diagnosis.recording import TICK
-from aoro_gym.diagnosis.shrinkage import _absorbed, _noise, _ridge, black_box, shrinkages, typical
 from tests.diagnosis.synthetic import STD, problem_of
 
 COUNT = 300
@@ -27,7 +27,7 @@ def test_half_of_a_gap_leaves_a_quarter_of_its_square():
     gap = {"joint_angle": 0.02 * WAVE, "pressure_a": 4e5 * np.abs(WAVE)}
     problem = problem_of({"turn": gap}, std=QUIET)
     half = stacked(problem, gap) / 2.0
-    found = shrinkages(problem, np.zeros_like(half), half, held_out=True)
+    found = gap_closures(problem, np.zeros_like(half), half, held_out=True)
     plain = [one for one in found if not one.refitted]
     assert [one.signal for one in plain] == list(gap)
     for one in plain:
@@ -46,7 +46,7 @@ def test_noise_is_taken_off():
     found = []
     for _ in range(150):
         problem = problem_of({"turn": {"joint_angle": gap + rng.normal(0.0, STD["joint_angle"], COUNT)}})
-        found.append(shrinkages(problem, 0.0 * gap, 0.5 * gap, held_out=False)[0])
+        found.append(gap_closures(problem, 0.0 * gap, 0.5 * gap, held_out=False)[0])
     S = np.array([one.S for one in found])
     assert np.mean(S) == pytest.approx(0.75, abs=4.0 * float(np.std(S)) / np.sqrt(150.0))
     held = np.mean([one.low90 <= 0.75 <= one.high90 for one in found])
@@ -58,7 +58,7 @@ def test_draws_widen_the_interval():
     gap = 0.02 * WAVE
     problem = problem_of({"turn": {"joint_angle": gap}}, std=QUIET)
     shares = np.linspace(0.5, 1.0, 101)
-    one = shrinkages(problem, 0.0 * gap, 0.8 * gap, held_out=True, draws=gap[:, None] * shares)[0]
+    one = gap_closures(problem, 0.0 * gap, 0.8 * gap, held_out=True, draws=gap[:, None] * shares)[0]
     np.testing.assert_allclose(one.S, 0.96)
     assert one.low90 == pytest.approx(1.0 - (1.0 - 0.525) ** 2, abs=0.02)
     assert one.high90 == pytest.approx(1.0 - (1.0 - 0.975) ** 2, abs=0.02)
@@ -70,7 +70,7 @@ def test_where_there_is_no_gap_there_is_nothing_to_shrink():
     for _ in range(30):
         problem = problem_of({"turn": {name: rng.normal(0.0, std, COUNT) for name, std in STD.items()}})
         nothing = np.zeros_like(problem.measured)
-        assert shrinkages(problem, nothing, nothing, held_out=True) == ()
+        assert gap_closures(problem, nothing, nothing, held_out=True) == ()
     assert typical([]) is None
 
 
@@ -91,7 +91,7 @@ def test_noise_of_healthy_recordings_adds_to_it():
     signature = plain.recordings[0].signature
     known = Reference(rng.normal(0.0, STD["joint_angle"], COUNT), np.zeros(COUNT), 2, -1)
     problem = problem_of({"turn": {"joint_angle": gap}}, references={(signature, "joint_angle"): known})
-    one = shrinkages(problem, 0.0 * gap, gap, held_out=True)[0]
+    one = gap_closures(problem, 0.0 * gap, gap, held_out=True)[0]
     assert one.noise == pytest.approx(np.sqrt(1.5) * STD["joint_angle"])
 
 
@@ -105,7 +105,7 @@ def test_refitting_takes_clock_and_zeros():
     }
     problem = problem_of({"turn": shifted}, std=QUIET)
     before = stacked(problem, prediction)
-    found = shrinkages(problem, before, before, held_out=True)
+    found = gap_closures(problem, before, before, held_out=True)
     np.testing.assert_allclose([one.S for one in found], [0.0, 0.0], atol=1e-12)
     assert not any(one.refitted for one in found)
 
@@ -137,7 +137,7 @@ def test_what_refitting_absorbs_is_not_counted_as_gained():
     for _ in range(100):
         problem = problem_of({"turn": {"joint_angle": gap + factor @ rng.standard_normal(COUNT)}})
         problem.noise["joint_angle"] = Noise(STD["joint_angle"] ** 2 * correlation)
-        found += [one.S for one in shrinkages(problem, 0.0 * gap, gap, held_out=True) if one.refitted]
+        found += [one.S for one in gap_closures(problem, 0.0 * gap, gap, held_out=True) if one.refitted]
     assert len(found) == 100
     assert np.mean(found) == pytest.approx(1.0, abs=4.0 * float(np.std(found)) / 10.0)
 

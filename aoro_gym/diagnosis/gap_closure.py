@@ -24,7 +24,7 @@ from scipy.stats import norm, t
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.problem import Problem
 from aoro_gym.diagnosis.recording import TICK
-from aoro_gym.diagnosis.result import Shrinkage
+from aoro_gym.diagnosis.result import GapClosure
 
 BLOCK = round(0.5 / TICK)
 """Samples of a block that is resampled: residuals are alike for less."""
@@ -38,9 +38,9 @@ RIDGES = np.logspace(-6.0, 2.0, 17)
 """Penalties of the black box, as shares of the mean power of its features, of which cross-validation picks one."""
 
 
-def shrinkages(
+def gap_closures(
     problem: Problem, before: Floats, after: Floats, *, held_out: bool, draws: Floats | None = None, seed: int = 0
-) -> tuple[Shrinkage, ...]:
+) -> tuple[GapClosure, ...]:
     """S of every recording and signal whose gap before exceeds noise: RMSE² > σ² (1 + 4 √(2 / n)), where a mean of n
     independent squares of normals scatters as that of the noise does.
 
@@ -59,14 +59,14 @@ def shrinkages(
     found = []
     for own, residuals, less in ((False, plain, nothing), (True, refitted, absorbed)):
         for k, error in enumerate(problem.split(residuals)):
-            one = _shrinkage(problem, k, error, less[k], held_out, own, seed)
+            one = _gap_closure(problem, k, error, less[k], held_out, own, seed)
             found += [one] if one else []
     return tuple(found)
 
 
-def _shrinkage(
+def _gap_closure(
     problem: Problem, block: int, error: Floats, absorbed: Floats, held_out: bool, refitted: bool, seed: int
-) -> Shrinkage | None:
+) -> GapClosure | None:
     """S of one block with residuals (F, 2 + n), before, after and of draws, of whose noise's variance the shares
     ``absorbed`` (2 + n,) were fitted away. None where there is no gap to shrink."""
     index, signal = problem.blocks[block]
@@ -79,7 +79,7 @@ def _shrinkage(
     influence = S - (gaps[:, 1:] - (1.0 - S) * gaps[:, :1]) / gap
     low, high = np.quantile(_resampled(influence if len(S) == 1 else influence[:, 1:], seed), [0.05, 0.95])
     rms = np.sqrt(np.mean(np.square(error[:, :2]), axis=0))
-    return Shrinkage(
+    return GapClosure(
         manoeuvre=problem.recordings[index].name,
         signal=signal,
         S=float(S[0]),
@@ -158,7 +158,7 @@ def _absorbed(problem: Problem, basis: Floats) -> Floats:
     )
 
 
-def typical(found: Iterable[Shrinkage]) -> float | None:
+def typical(found: Iterable[GapClosure]) -> float | None:
     """Median S of held-out manoeuvres as they are; None if there is none."""
     left_out = [one.S for one in found if one.held_out and not one.refitted]
     return float(np.median(left_out)) if left_out else None
@@ -186,7 +186,7 @@ def black_box(fitted: Problem, before: Floats, left_out: Problem, before_left_ou
         for k, (_, name) in enumerate(left_out.blocks):
             if name == signal:
                 parts[k] += asked[k] @ weights
-    return typical(shrinkages(left_out, before_left_out, after, held_out=True))
+    return typical(gap_closures(left_out, before_left_out, after, held_out=True))
 
 
 def _features(problem: Problem, predicted: Floats, signals: Sequence[str]) -> list[Floats]:
