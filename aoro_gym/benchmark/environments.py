@@ -38,7 +38,19 @@ def environments(
     seed: int = 0,
 ) -> Subject:
     """``count`` sub-environments of ``environment`` with its default courses (``plane``: paths over level asphalt),
-    stepped with random actions. Episodes that end begin anew within the timed span, as in training."""
+    stepped with random actions. Episodes that end begin anew within the timed span, as in training.
+
+    Args:
+        count: Number N of sub-environments.
+        machine: Machine of all of them.
+        environment: Its id.
+        ground: ``plane``, ``raster`` or ``mesh``.
+        randomise: Whether every twin has parameters of its own.
+        device: ``"cpu"`` or ``"cuda:N"``.
+        threads: CPU threads; all cores if None.
+        output: ``numpy`` or ``torch``.
+        seed: Of ground, parameters and actions.
+    """
     options = placed(ground)
     if output != "numpy":
         options["output"] = output

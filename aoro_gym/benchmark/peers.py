@@ -35,7 +35,15 @@ def package(name: str) -> Any:
 
 
 def mujoco(worlds: int, *, machine: Machine, ground: str = "raster", threads: int = 1, seed: int = 0) -> Subject:
-    """``worlds`` vehicles in MuJoCo C, rolled out by its own thread pool where there are several ``threads``."""
+    """``worlds`` vehicles in MuJoCo C, rolled out by its own thread pool where there are several ``threads``.
+
+    Args:
+        worlds: Number of vehicles.
+        machine: The machine that is modelled.
+        ground: ``plane`` or ``raster``.
+        threads: Threads of the pool.
+        seed: Of ground, poses and commands.
+    """
     mj = package("mujoco")
     surface = heights(ground)
     model = load(machine, surface, CELL)
@@ -78,7 +86,15 @@ def mujoco(worlds: int, *, machine: Machine, ground: str = "raster", threads: in
 def mujoco_warp(
     worlds: int, *, machine: Machine, ground: str = "raster", device: str = "cuda:0", seed: int = 0
 ) -> Subject:
-    """``worlds`` vehicles in MuJoCo Warp; on CUDA a step is a recorded graph, and the controls lie on the device already."""
+    """``worlds`` vehicles in MuJoCo Warp; on CUDA a step is a recorded graph, and the controls lie on the device already.
+
+    Args:
+        worlds: Number of vehicles.
+        machine: The machine that is modelled.
+        ground: ``plane`` or ``raster``.
+        device: ``"cpu"`` or ``"cuda:N"``.
+        seed: Of ground, poses and commands.
+    """
     mj, mjw = package("mujoco"), package("mujoco_warp")
     surface = heights(ground)
     host = load(machine, surface, CELL)

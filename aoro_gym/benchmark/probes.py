@@ -86,6 +86,13 @@ def best(launch: Any, device: Any) -> float:
 def probe_time(operation: Any, operands: Any, width: int, threads: int, *, simd: bool = False) -> float:
     """Time [s] of one operation of each of ``threads`` x ``width`` chains on the device of ``operands`` (1,).
 
+    Args:
+        operation: Function of the device that a chain repeats.
+        operands: Array (1,) of what it takes.
+        width: Chains of a thread.
+        threads: Threads of the launch.
+        simd: Whether the compiler may make vectors of the chains.
+
     Raises:
         RuntimeError: a result is not what chains that stay near 1 give.
     """

@@ -28,6 +28,16 @@ def trainings(
     with as many batches a rollout, in the first stage of the curriculum. What is timed are whole rollouts, each with the
     updates that follow it; episodes go on from one to the next.
 
+    Args:
+        count: Number N of sub-environments.
+        machine: Machine of all of them.
+        trainer: Who learns.
+        environment: Its id.
+        ground: ``plane``, ``raster`` or ``mesh``.
+        device: ``"cpu"`` or ``"cuda:N"``.
+        threads: CPU threads; all cores if None.
+        seed: Of everything that is drawn.
+
     Raises ValueError if a library of the trainer's is missing.
     """
     from aoro_gym.agents.training.callbacks import Clock, ProgressCallback

@@ -40,6 +40,15 @@ def twins(
     What is timed is :meth:`Twin.step`, as every study calls it, and so the one kernel that
     :func:`aoro_gym.twin.kernels.build.build` keeps for a kind of ground: on the plane the one that ``validate`` runs.
     Commands come from NumPy and are uploaded within the timed span.
+
+    Args:
+        count: Number N of twins.
+        machine: Machine of all of them.
+        ground: What they drive on.
+        randomise: Whether every twin has parameters of its own.
+        device: ``"cpu"`` or ``"cuda:N"``.
+        threads: CPU threads; all cores if None.
+        seed: Of ground, parameters and commands.
     """
     options: dict[str, Any] = {"device": device, "threads": threads}
     if ground == "plane":

@@ -91,7 +91,15 @@ def poses(
     model: Any, ground: NDArray[np.float64], cell: float, position: NDArray[np.float64], heading: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Positions of all joints (K, nq) at rest with level frames, K plan positions (K, 2) [m] and headings (K,) [rad], on
-    the highest ground within the machine's reach."""
+    the highest ground within the machine's reach.
+
+    Args:
+        model: MuJoCo's model of the vehicle.
+        ground: Heights [m] of the field (rows, columns).
+        cell: Distance [m] of the heights.
+        position: Plan positions (K, 2) [m].
+        heading: Headings (K,) [rad].
+    """
     reach = 3.0
     middle = 0.5 * (len(ground) - 1)
     out = np.tile(model.key("rest").qpos, (len(position), 1))

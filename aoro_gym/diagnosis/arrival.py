@@ -70,7 +70,15 @@ def bounce(arrival: int) -> slice:
 def on_clock(values: Floats, own: Floats, measured: float, steering: Floats, *, goes_on: bool = False) -> Floats:
     """``values`` (F, N) of predictions that arrive at ``own`` (N,), read on the clock of a measurement that arrives at the
     instant ``measured``, in samples, or :data:`NEVER`. Where a prediction arrives early, its values are held, or go on as
-    they came."""
+    they came.
+
+    Args:
+        values: Predictions (F, N).
+        own: Their instants of arrival (N,), in samples.
+        measured: The measured instant, in samples, or :data:`NEVER`.
+        steering: Steering signal (F − 1,).
+        goes_on: Whether values go on after an early arrival, rather than are held.
+    """
     count = len(values)
     time = np.arange(count, dtype=np.float64)[:, None]
     arrives = own != NEVER

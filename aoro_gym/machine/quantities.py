@@ -124,7 +124,15 @@ def efficiency() -> Any:
 
 
 def within(unit: str, low: float, high: float, *, low_open: bool = False, high_open: bool = False) -> Any:
-    """Field of a section: a value in an interval given in the SI ``unit``; an end may be left out (open)."""
+    """Field of a section: a value in an interval given in the SI ``unit``; an end may be left out (open).
+
+    Args:
+        unit: SI unit of the value and its ends.
+        low: Lower end.
+        high: Upper end.
+        low_open: Whether the lower end itself is left out.
+        high_open: Whether the upper end itself is left out.
+    """
     return _parameter(Declaration(unit, low, high, low_open, high_open))
 
 

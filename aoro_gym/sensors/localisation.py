@@ -66,7 +66,15 @@ class Localisation:
         place: Array,
         indices: Index,
     ) -> None:
-        """Take the first solutions as they are, for the twins ``indices`` (K,); arguments as in :meth:`update`."""
+        """Take the first solutions as they are, for the twins ``indices`` (K,); arguments as in :meth:`update`.
+
+        Args:
+            gps: Solutions (K,) of the receiver.
+            roll: Measured roll (K,) [rad].
+            pitch: Measured pitch (K,) [rad].
+            place: The point in the front frame's axes [m] (3,) or (K, 3).
+            indices: The twins.
+        """
         rows, _ = chosen_rows(indices, self.num_twins, self._arrays)
         self.position[rows] = self._brought_down(gps, roll, pitch, place)
         self.heading[rows] = gps.heading

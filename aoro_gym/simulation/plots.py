@@ -170,7 +170,15 @@ def write_png(path: Path, section: Section) -> None:
 def write_html(
     path: Path, title: str, lead: str, sections: Sequence[Section], passages: Sequence[Passage] = ()
 ) -> None:
-    """Write one page: ``passages`` first, then the key figures and the plots of every section."""
+    """Write one page: ``passages`` first, then the key figures and the plots of every section.
+
+    Args:
+        path: File to write.
+        title: Of the page.
+        lead: Sentence below it.
+        sections: Recordings with their key figures.
+        passages: Blocks that come first.
+    """
     bodies = [passage.section for passage in passages]
     for section in sections:
         plot = block("card", contents=[_plotly(section)])

@@ -114,6 +114,14 @@ def chosen(
     """Which of ``count`` things (for all, or (K,) for each) the sub-environments ``where`` (K,) take: that of
     ``options[name]``, a whole number or (num_envs,), or drawn. Where there is but one, nothing is drawn.
 
+    Args:
+        options: Of ``reset``.
+        name: Key of the option.
+        count: How many there are to choose from.
+        where: Sub-environments.
+        num_envs: Number N of all of them.
+        generators: One a sub-environment of ``where``, to draw with.
+
     Raises ValueError that names the option and its bound.
     """
     counts = np.broadcast_to(count, where.shape)
@@ -141,6 +149,16 @@ def given(
     unit: str,
 ) -> NDArray[np.float64]:
     """Values (K,) for the sub-environments ``where`` (K,): of ``options[name]``, a number or (num_envs,), or ``default``.
+
+    Args:
+        options: Of ``reset``.
+        name: Key of the option.
+        where: Sub-environments.
+        num_envs: Number N of all of them.
+        default: Values (K,) without the option.
+        low: Smallest value that is taken.
+        high: Largest one.
+        unit: Of the values, for the message.
 
     Raises ValueError that names the option unless low ≤ value ≤ high, each a number or (K,).
     """
@@ -259,6 +277,13 @@ class Task(Protocol):
         options: Mapping[str, Any],
     ) -> Start:
         """Begin the episodes of the sub-environments ``where`` (K,), whose machines are ``machine`` (1 or K variants).
+
+        Args:
+            where: Sub-environments (K,).
+            generators: One for each, to draw with.
+            draws: What the randomisation has drawn for them.
+            machine: Their machines, 1 or K variants.
+            options: Of ``reset``.
 
         Raises ValueError naming a wrong option.
         """

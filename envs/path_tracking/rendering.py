@@ -91,7 +91,15 @@ class Solid:
         self.prism([(x[0], z[0]), (x[1], z[0]), (x[1], z[1]), (x[0], z[1])], y, colour)
 
     def bar(self, start: ArrayLike, end: ArrayLike, radius: float, colour: Any, *, sides: int = 8) -> None:
-        """A rod between two points."""
+        """A rod between two points.
+
+        Args:
+            start: One end (3,) [m].
+            end: The other end (3,) [m].
+            radius: Of the rod [m].
+            colour: Of its faces.
+            sides: Number of its sides.
+        """
         start, end = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
         along = (end - start) / np.linalg.norm(end - start)
         aside = np.cross(along, [0.0, 0.0, 1.0] if abs(along[2]) < 0.9 else [1.0, 0.0, 0.0])
@@ -243,7 +251,17 @@ class SolidMachine:
         arms: Sequence[float],
         wheels: Sequence[float],
     ) -> tuple[Points, NDArray[np.intp], Points, list[Points]]:
-        """Points (V, 3), beginnings of the faces (F + 1), their colours (F, 3), and the convex pieces, in the world."""
+        """Points (V, 3), beginnings of the faces (F + 1), their colours (F, 3), and the convex pieces, in the world.
+
+        Args:
+            origin: Hinge (3,) [m] in the world.
+            roll: Of the front frame [rad].
+            pitch: Of the front frame [rad].
+            yaw: Its heading [rad].
+            joint: Joint angle [rad].
+            arms: Arm angles (4,) [rad].
+            wheels: Wheel angles (4,) [rad].
+        """
         points, starts, colours, hulls, total = [], [np.array([0])], [], [], 0
 
         def place(local: Points, rear: bool) -> Points:

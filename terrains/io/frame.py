@@ -315,7 +315,15 @@ def are_plausible(points: Array) -> NDArray[np.bool_]:
 
 
 def choose_cell(request: Request, report: Report, low: Array, high: Array, natural: float) -> float:
-    """Distance [m] of heights over the rectangle: as asked, or ``natural`` unless that takes too many."""
+    """Distance [m] of heights over the rectangle: as asked, or ``natural`` unless that takes too many.
+
+    Args:
+        request: What the caller asks for.
+        report: Takes a warning where the cell is another one.
+        low: South-west corner (3,) [m].
+        high: North-east corner (3,) [m].
+        natural: The cell [m] of the source itself.
+    """
     area = float(np.prod(np.maximum(high[:2] - low[:2], 1e-3)))
     if request.cell is not None:
         rows, columns = grid_shape(low, high, request.cell)

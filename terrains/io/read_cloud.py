@@ -51,7 +51,15 @@ Array = NDArray[np.float64]
 
 
 def read_points(points: Array, request: Request, report: Report, unit: str | None = None, rule: str = "z") -> Ground:
-    """A cloud in memory: (N, 3); ``unit`` and ``rule``, the axis that is up, as its format has them."""
+    """A cloud in memory: (N, 3); ``unit`` and ``rule``, the axis that is up, as its format has them.
+
+    Args:
+        points: The cloud (N, 3), in the source's unit.
+        request: What the caller asks for.
+        report: Takes what is found and changed.
+        unit: Unit that the format declares.
+        rule: Axis that is up by the format.
+    """
 
     def chunks() -> Iterator[Chunk]:
         for start in range(0, len(points), CHUNK):

@@ -320,7 +320,16 @@ class Circuits:
     def loads(
         self, swash: Array, supply: Array, drive_swash: Array, forward: Array, back: Array, charge: Array
     ) -> Array:
-        """Torque [N m] that the three pumps take from the engine."""
+        """Torque [N m] that the three pumps take from the engine.
+
+        Args:
+            swash: Of pump 2 (R,), 0 to 1.
+            supply: Its pressure (R,) [Pa].
+            drive_swash: Of pump 1 (R,), −1 to 1.
+            forward: Pressure (R,) [Pa] of the loop's forward side.
+            back: Pressure (R,) [Pa] of its other side.
+            charge: Charge pressure (R,) [Pa].
+        """
         drive = drive_swash * self.drive_size * (forward - back)
         return (
             swash * self.pump_size * supply / self.efficiency["steer"]
@@ -354,7 +363,16 @@ class Circuits:
     def cylinder_torque(
         self, at: Displacement, angle: Array, rate: Array, stretch: Array, p_a: Array, p_b: Array
     ) -> Array:
-        """Torque [N m] of oil, seals, bearing and end stops on the joint angle."""
+        """Torque [N m] of oil, seals, bearing and end stops on the joint angle.
+
+        Args:
+            at: Geometry of the cylinders at ``angle``.
+            angle: Joint angle (R,) [rad].
+            rate: Joint rate (R,) [rad/s].
+            stretch: Bristle (R,) [rad] of the dry friction.
+            p_a: Pressure (R,) [Pa] of port A.
+            p_b: Pressure (R,) [Pa] of port B.
+        """
         torque = p_a * at.slope_a + p_b * at.slope_b - self.viscous * (at.right**2 + at.left**2) * rate
         torque += self._stop(angle, rate)
         if self.level == 0:
@@ -369,7 +387,15 @@ class Circuits:
         return torque
 
     def capacity(self, at: Displacement, angle: Array, rate: Array, p_a: Array, p_b: Array) -> Array:
-        """Torque [N m] at which the dry friction of level 0 slides."""
+        """Torque [N m] at which the dry friction of level 0 slides.
+
+        Args:
+            at: Geometry of the cylinders at ``angle``.
+            angle: Joint angle (R,) [rad].
+            rate: Joint rate (R,) [rad/s].
+            p_a: Pressure (R,) [Pa] of port A.
+            p_b: Pressure (R,) [Pa] of port B.
+        """
         pressed = np.maximum(p_a, 0.0) + np.maximum(p_b, 0.0)
         total = self.bearing_torque(angle)
         for lever in (at.right, at.left):
@@ -422,8 +448,16 @@ class Circuits:
     ) -> tuple[Array, Array]:  # fmt: skip
         """State (rows, R) and joint bristle (R,) after ``duration`` [s] in ``steps`` steps.
 
-        The frames' joint starts at ``angle`` and turns at ``rate``, wheels turn at ``wheel_rate`` (4, R); ``steer`` and
-        ``drive`` (R,) are what reaches spool and drive pump.
+        Args:
+            y: State (rows, R).
+            stretch: Joint bristle (R,) [rad].
+            angle: Joint angle (R,) [rad] at the start.
+            rate: Its rate (R,) [rad/s].
+            wheel_rate: Wheel speeds (4, R) [rad/s].
+            steer: Command (R,) that reaches the spool.
+            drive: Command (R,) that reaches the drive pump.
+            duration: Time [s].
+            steps: Number of steps.
         """
         side = self.side(y[SPOOL] > 0.0, y[ENGINE])
         pin = np.where(self.elastic, y[PIN_ANGLE], angle) if self.elastic.any() else angle

@@ -28,7 +28,15 @@ def stribeck_level(sliding: Array, ratio: Array, speed: Array, stribeck: Array) 
 def prandtl_force(
     stretch: Array, speed: Array, stiffness: Array | float, damping: Array | float, capacity: Array | float
 ) -> Array:
-    """Force or torque on the moving part, −clip(k z + c v, ±capacity)."""
+    """Force or torque on the moving part, −clip(k z + c v, ±capacity).
+
+    Args:
+        stretch: Bristle z (R,) [m or rad].
+        speed: Sliding speed v (R,) [m/s or rad/s].
+        stiffness: k [N/m or N m/rad].
+        damping: c [N s/m or N m s/rad].
+        capacity: Force or torque at which it slides [N or N m].
+    """
     return -np.minimum(np.maximum(stiffness * stretch + damping * speed, -capacity), capacity)
 
 

@@ -225,6 +225,8 @@ def simulate(
     Args:
         plant: At rest; it is used up.
         commands: ``steering_signal`` and, where it is driven, ``drive_signal``, each (main steps, R), held over a step.
+        keep_every: Main steps between two frames.
+        channels: Names of the outputs.
         progress: Called with the number of main steps done.
     """
     signal = commands["steering_signal"]

@@ -102,8 +102,12 @@ class Tires:
     def advance(self, longitudinal: Array, lateral: Array, yaw_rate: Array, roll: Array, duration: float) -> None:
         """Move the bristles on by ``duration`` [s] at constant slip: exact, as their law is linear in them.
 
-        ``longitudinal`` and ``lateral`` [m/s]: slip of the patch's middle; ``yaw_rate`` [rad/s]: of the wheel's frame;
-        ``roll`` [m/s]: rolling speed. All (4, R).
+        Args:
+            longitudinal: Slip (4, R) [m/s] of the patch's middle along the wheel.
+            lateral: The same across it.
+            yaw_rate: Of the wheel's frame (4, R) [rad/s].
+            roll: Rolling speed (4, R) [m/s].
+            duration: Time [s].
         """
         slip = self._slip(longitudinal, lateral, yaw_rate)
         loss = self._yielding(slip, roll)
@@ -116,7 +120,15 @@ class Tires:
     def forces(
         self, load: Array, longitudinal: Array, lateral: Array, yaw_rate: Array, roll: Array
     ) -> tuple[Array, Array, Array]:
-        """Longitudinal and lateral force [N] and torque about the vertical [N m] on the wheels, each (4, R)."""
+        """Longitudinal and lateral force [N] and torque about the vertical [N m] on the wheels, each (4, R).
+
+        Args:
+            load: Wheel loads (4, R) [N].
+            longitudinal: Slip (4, R) [m/s] of the patch's middle along the wheel.
+            lateral: The same across it.
+            yaw_rate: Of the wheel's frame (4, R) [rad/s].
+            roll: Rolling speed (4, R) [m/s].
+        """
         slip = self._slip(longitudinal, lateral, yaw_rate)
         stretching = slip - self._yielding(slip, roll) * self.bristles
         push = self.stiffness * self.bristles + self.damping * stretching + self.viscous * slip
