@@ -13,9 +13,9 @@ import tomllib
 from collections import defaultdict
 from pathlib import Path
 
-import cosmic_ray.plugins as plugins
-from cosmic_ray.ast import ast_nodes, get_ast
-from cosmic_ray.mutating import mutate_code
+import cosmic_ray.plugins as plugins  # pyright: ignore[reportMissingImports]
+from cosmic_ray.ast import ast_nodes, get_ast  # pyright: ignore[reportMissingImports]
+from cosmic_ray.mutating import mutate_code  # pyright: ignore[reportMissingImports]
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
