@@ -7,7 +7,6 @@ import re
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 
@@ -29,13 +28,6 @@ def folder_of(package: str) -> Path:
         if package == name or package.startswith(f"{name}."):
             return ROOT / mapping[name] / package[len(name) :].strip(".").replace(".", "/")
     raise AssertionError(f"{package} has no folder")
-
-
-def modules() -> Iterator[tuple[str, Path]]:
-    """Dotted name and file of every module of the project."""
-    for package in SETUPTOOLS["packages"]:
-        for file in sorted(folder_of(package).glob("*.py")):
-            yield f"{package}.{file.stem}", file
 
 
 def test_every_package_is_listed():

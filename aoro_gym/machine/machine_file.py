@@ -128,10 +128,19 @@ def _merged(path: Path, overlays: int = 0) -> dict[str, Mapping[str, Any]]:
         raise ValueError(f"base = {_echo(base)}: must be the name of a machine or a file that ends in .toml, as text")
     if overlays >= LONGEST_CHAIN:
         raise ValueError(f"base = {_echo(base)}: more than {LONGEST_CHAIN} files stand on each other, or in a circle")
-    tables = _merged(_file_of(path.parent / base if base.endswith(".toml") else base), overlays + 1)
+    try:
+        file = _file_of(_beside(path, base))
+    except FileNotFoundError as error:
+        raise ValueError(f"base = {_echo(base)}: {error}") from None
+    tables = _merged(file, overlays + 1)
     for key, changed in _tables(document):
         tables[key] = {**tables.get(key, {}), **changed}
     return tables
+
+
+def _beside(path: Path, base: str) -> str | Path:
+    """The machine that the file ``path`` names as its base: a bundled one, or a file beside it."""
+    return path.parent / base if base.endswith(".toml") else base
 
 
 def _file_of(name_or_path: str | PathLike[str]) -> Path:
@@ -163,7 +172,7 @@ def write_machine(path: str | PathLike[str], entries: Mapping[str, Parameter], b
     lines, known = [_HEADER], {}
     if base is not None:
         lines = [_OVERLAY_HEADER + f"base = {json.dumps(base, ensure_ascii=False)}\n"]
-        known = read_machine(Path(path).parent / base if base.endswith(".toml") else base)[1]
+        known = read_machine(_beside(Path(path), base))[1]
     for key, entry in entries.items():
         was = _fields(known[key]) if key in known else {"note": '""'}
         changed = [f"{name} = {text}" for name, text in _fields(entry).items() if was.get(name) != text]
