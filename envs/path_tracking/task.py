@@ -556,7 +556,7 @@ class PathTracking:
         )  # fmt: skip
 
     def scene(self, machine: Machine) -> Any:
-        from aoro_gym.envs.path_tracking.rendering import PathTrackingScene
+        from aoro_gym.envs.path_tracking.rendering.scene import PathTrackingScene
 
         return PathTrackingScene(machine, self)
 

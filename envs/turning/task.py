@@ -305,7 +305,7 @@ class Turning:
         )
 
     def scene(self, machine: Machine) -> Any:
-        from aoro_gym.envs.core.rendering import TurningScene
+        from aoro_gym.envs.turning.rendering import TurningScene
 
         return TurningScene(machine, tolerance=self.config.tolerance)
 
