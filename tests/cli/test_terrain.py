@@ -1,6 +1,7 @@
-"""The verb ``terrain``: what is doubtful reaches the terminal, and its options reach the file."""
+"""The command ``terrain``: its files, what is doubtful reaches the terminal, and its options reach the file."""
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -8,6 +9,26 @@ import rasterio
 from typer.testing import CliRunner
 
 from aoro_gym.cli import app
+from tests.cli.calling import call, check_refused
+
+
+def test_terrain(tmp_path):
+    slope = np.add.outer(np.zeros(41), 0.1 * np.arange(51.0))
+    slope[20:30, 20:30] = np.nan
+    np.save(tmp_path / "ground.npy", slope)
+    shown = call(
+        "terrain", tmp_path / "ground.npy", "--cell", 1, "--hole-limit", 4, "--out", tmp_path / "made" / "fine.ply"
+    )
+    assert shown.exit_code == 0, shown.output
+    assert "median 5.7°" in shown.stdout
+    assert "1 place without ground, 1 of them inside" in shown.stdout
+    report = json.loads((tmp_path / "made" / "fine.json").read_text())
+    assert report["slope_max_deg"] == pytest.approx(math.degrees(math.atan(0.1)))
+    assert report["extent_m"] == pytest.approx([50.0, 40.0, 5.0])
+    assert [hole["at_edge"] for hole in report["holes"]] == [False]
+    for suffix in (".ply", ".png"):
+        assert (tmp_path / "made" / f"fine{suffix}").stat().st_size > 1000
+
 
 N = 40
 
@@ -89,3 +110,17 @@ def test_bands(run, tmp_path):
     assert status == 0
     assert report["extent_m"][2] == pytest.approx(0.1 * np.ptp(ground()), abs=1e-3)
     assert "band 2 taken as asked" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("terrain none.tif", "none.tif: No such file or directory"),
+        ("terrain good.csv", "good.csv: its columns are named time_s, steering_signal, which are not x, y and z"),
+        ("terrain bad.toml", "bad.toml: terrains end in one of"),
+        ("terrain good.csv --out fine.stl", "--out fine.stl must end in .ply"),
+        ("terrain good.csv --units yards", "units = 'yards' is none of"),
+    ],
+)
+def test_wrong_input_is_one_line_before_anything_runs(files, arguments, message):
+    check_refused(arguments, message)

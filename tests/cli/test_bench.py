@@ -1,0 +1,38 @@
+"""The command ``bench``."""
+
+import json
+
+import pytest
+
+from tests.cli.calling import call, check_refused
+
+
+def test_bench(tmp_path):
+    path = tmp_path / "bench.json"
+    shown = call("bench", "--twins", "1,2", "--seconds", "0.05", "--json", path)
+    assert shown.exit_code == 0, shown.output
+    result = json.loads(path.read_text())
+    assert sorted({case["twins"] for case in result["cases"]}) == [1, 2]
+    for case in result["cases"]:
+        assert case["what"] == "twin"
+        assert case["device"] == "cpu"
+        assert 0 < case["min"] <= case["steps_per_s"] <= case["max"]
+        share = 100.0 * case["share_of_ceiling"]
+        assert 0 < share < 100 and f"{share:.3g} %" in shown.output
+    assert set(result) == {"machine", "cases", "peers", "ratios"}
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("bench --twins 0", "--twins '0': '0' must be a positive integer"),
+        ("bench --twins 1,many", "'many' must be a positive integer"),
+        ("bench --seconds nan", "seconds = nan is outside (0, 600] s"),
+        ("bench --what twin,drive", "what 'drive' is unknown; choose from: twin, env, train"),
+        ("bench --threads 0", "--threads '0': '0' must be a positive integer"),
+        ("bench --json .", ". is a folder; name a file in it"),
+    ],
+)
+def test_wrong_input_is_one_line_before_anything_runs(files, arguments, message):
+    check_refused(arguments, message)

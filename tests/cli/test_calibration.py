@@ -1,0 +1,185 @@
+"""The commands ``validate`` and ``calibrate``."""
+
+import json
+from types import SimpleNamespace
+
+import pytest
+
+from aoro_gym import Machine, validation
+from aoro_gym.calibration.published import Calibration
+from tests.cli.calling import call, check_refused
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Calls of the heavy parts: machines that were validated, and options of calibrations."""
+    calls = SimpleNamespace(validated=[], calibrated=[], stop=False, verdict={"fits": True, "sentence": "fits: [/x] 1"})
+    found = validation.validate
+
+    def quick_validate(machine, **options):
+        calls.validated.append((machine.name, options))
+        if not calls.validated[1:]:
+            options = {**options, "noise_runs": 2}
+        return found(machine, **options)
+
+    def quick_calibrate(what):
+        def calibrate(machine, *logs, ensemble=0, folder, progress, **options):
+            assert not options.pop("restart") and not options.pop("accept_code_change")
+            calls.calibrated.append((what, machine.name, *logs, {"ensemble": ensemble, **options}))
+            progress("searching", 0.5)
+            (folder / "search.json").write_text("{}")
+            if calls.stop:
+                raise KeyboardInterrupt
+            better = machine.set({"oil.gas_fraction": 0.01}, source="calibrated")
+            members = tuple(machine.set({"oil.gas_fraction": 0.01 + 0.001 * (i + 1)}) for i in range(ensemble))
+            return Calibration(better, members, REPORTS[what] | {"verdict": calls.verdict})
+
+        return calibrate
+
+    monkeypatch.setattr(validation, "validate", quick_validate)
+    monkeypatch.setattr("aoro_gym.calibration.published.calibrate_published", quick_calibrate("published"))
+    monkeypatch.setattr("aoro_gym.calibration.logs.calibrate_logs", quick_calibrate("logs"))
+    return calls
+
+
+REPORTS = {
+    "published": {
+        "misses_tolerances": {
+            "100": {"turn_time_s": 0.5, "mean_flow_L_per_min": -2.0},
+            "50": {"turn_time_s": 0.1, "mean_flow_L_per_min": 0.0},
+        },
+        "largest_miss_tolerances": 2.0,
+        "largest_change_at_half_the_substep_tolerances": None,
+        "leaning_on_a_bound": [{"key": "oil.bulk_modulus", "end": "low"}],
+        "not_felt": ["wheel.mass"],
+    },
+    "logs": {
+        "rms_residual_std": 1.5,
+        "parameters": [
+            {"key": "a.b", "unit": "1", "value": 2.0, "low95": 1.0, "high95": 3.0, "identified": True},
+            {"key": "c.d", "unit": "Pa", "value": 5.0, "low95": 0.0, "high95": 9.0, "identified": False},
+        ],
+        "not_felt": [],
+        "leaning_on_a_bound": [],
+    },
+}
+
+
+def test_validate(tmp_path, quick):
+    shown = call("validate", "--out", tmp_path)
+    assert shown.exit_code == 0, shown.output
+    name, options = quick.validated[0]
+    assert (name, options["uncalibrated"].name) == ("aoro", "aoro_datasheet")
+    assert "Full turns to the left" in shown.stdout
+    for file in ("validation.json", "left_turns.png", "right_turns.png", "errors.png", "index.html"):
+        assert (tmp_path / file).stat().st_size > 0
+        assert f"wrote {tmp_path / file}" in shown.stdout
+
+
+def test_validate_takes_an_ensemble_and_no_second_machine(tmp_path, quick):
+    machine = Machine.load("aoro")
+    (tmp_path / "members").mkdir()
+    for name in ("members/01.toml", "members/02.toml", "third.toml"):
+        machine.save(tmp_path / name)
+    ensemble = ["--ensemble", tmp_path / "members", "--ensemble", tmp_path / "third.toml"]
+    shown = call("validate", "--uncalibrated", "none", *ensemble, "--out", tmp_path / "out")
+    assert shown.exit_code == 0, shown.output
+    result = json.loads((tmp_path / "out" / "validation.json").read_text())
+    assert result["uncalibrated"] is None
+    assert result["ensemble"]["members"] == 3
+
+
+def test_validate_recalibrates_first(tmp_path, quick):
+    shown = call("validate", "--recalibrate", "--out", tmp_path, "--seed", 4)
+    assert shown.exit_code == 0, shown.output
+    assert quick.calibrated == [("published", "aoro_datasheet", {"ensemble": 0, "seed": 4, "device": "cpu"})]
+    assert quick.validated[0][0] == "calibrated"
+    assert Machine.load(tmp_path / "calibrated.toml").entries["oil.gas_fraction"].value == 0.01
+
+
+def test_calibrate_against_the_published_figures(tmp_path, quick):
+    out = tmp_path / "new" / "mine.toml"
+    for members in (3, 2):
+        shown = call("calibrate", "--published", "--ensemble", members, "--starts", 1, "--out", out)
+        assert shown.exit_code == 0, shown.output
+    options = {"ensemble": 2, "starts": 1, "seed": 0, "device": "cpu"}
+    assert quick.calibrated[-1] == ("published", "aoro_datasheet", options)
+    assert Machine.load(out).entries["oil.gas_fraction"].value == 0.01
+    members = sorted((out.parent / "mine_ensemble").iterdir())
+    assert [member.name for member in members] == ["01.toml", "02.toml"]
+    report = json.loads(out.with_suffix(".json").read_text())
+    assert report["machine_file"] == str(out)
+    assert sorted(path.name for path in out.parent.iterdir()) == ["mine.json", "mine.toml", "mine_ensemble"]
+    for text in (
+        "100 % signal",
+        "-2.00",
+        "largest miss: 2.00",
+        "oil.bulk_modulus (low end)",
+        "not identifiable, so left as they were: wheel.mass",
+    ):
+        assert text in shown.stdout
+
+
+def test_calibrate_on_logs(turn, tmp_path, quick):
+    shown = call("calibrate", "--logs", turn[0], turn[0], "--machine", "aoro", "--out", tmp_path / "mine.toml")
+    assert shown.exit_code == 0, shown.output
+    assert quick.calibrated == [("logs", "aoro", [turn[0]] * 2, {"ensemble": 0, "seed": 0, "device": "cpu"})]
+    assert shown.stdout.startswith("fits: [/x] 1\n")
+    for text in ("a.b", "1 - 3", "not identified", "residuals: 1.50", "leaning on a bound of its range: none"):
+        assert text in shown.stdout
+
+
+def test_an_interrupted_calibration_says_that_it_resumes(tmp_path, quick):
+    quick.stop = True
+    shown = call("calibrate", "--published", "--out", tmp_path / "mine.toml")
+    assert shown.exit_code == 130
+    assert shown.stdout == ""
+    assert shown.stderr == "interrupted: the same command goes on from where it stopped\n"
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.toml.unfinished"]
+
+
+def test_a_calibration_that_does_not_fit_ends_with_its_verdict_and_without_a_machine(turn, tmp_path, quick):
+    quick.verdict = {"fits": False, "sentence": "does not fit: 16 standard deviations where 1 is noise"}
+    out = tmp_path / "mine.toml"
+    shown = call("calibrate", "--logs", turn[0], "--ensemble", 1, "--out", out)
+    assert shown.exit_code == 1
+    assert shown.stdout.startswith("does not fit: 16 standard deviations where 1 is noise\n")
+    assert f"error: {out} was not written" in shown.stderr and "--force" in shown.stderr
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.json", "mine.toml.unfinished"]
+    assert json.loads(out.with_suffix(".json").read_text())["machine_file"] is None
+
+    shown = call("calibrate", "--logs", turn[0], "--ensemble", 1, "--out", out, "--force")
+    assert shown.exit_code == 0, shown.output
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.json", "mine.toml", "mine_ensemble"]
+
+
+def test_a_calibration_does_not_replace_the_manifest_of_its_log(turn, quick):
+    shown = call("calibrate", "--logs", turn[0], "--out", turn[0].with_suffix(".toml"))
+    assert (shown.exit_code, "would replace the manifest of" in shown.stderr) == (2, True)
+    assert quick.calibrated == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("validate --out good.csv", "--out good.csv is a file; name a folder"),
+        ("validate --machine none.toml", "no machine file none.toml"),
+        ("validate --uncalibrated tractor", "no bundled machine 'tractor'"),
+        ("validate --ensemble none.toml", "no machine file none.toml"),
+        ("validate --ensemble empty", "--ensemble empty holds no machine file (.toml)"),
+        ("validate --seed -1", "--seed = -1 is below 0"),
+        ("validate --recalibrate --machine bad.toml", "drop --machine, --set and --scale"),
+        ("validate --recalibrate --uncalibrated none", "starts from --uncalibrated, which is none"),
+        ("calibrate", "give one of --published and --logs LOG..."),
+        ("calibrate --published --logs good.csv", "give one of --published and --logs LOG..."),
+        ("calibrate --published good.csv", "--published takes no logs, but got good.csv"),
+        ("calibrate --logs", "--logs needs the logs behind it"),
+        ("calibrate --logs none.csv", "file none.csv does not exist"),
+        ("calibrate --logs good.csv", "good.csv has no column joint_angle_rad or joint_angle_deg, only"),
+        ("calibrate --published --out machine.json", "--out machine.json must end in .toml"),
+        ("calibrate --published --starts 0", "--starts = 0 is below 1"),
+        ("calibrate --published --device tpu", "--device 'tpu' is not available here"),
+    ],
+)
+def test_wrong_input_is_one_line_before_anything_runs(files, arguments, message):
+    check_refused(arguments, message)

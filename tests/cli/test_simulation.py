@@ -1,0 +1,120 @@
+"""The command ``simulate``."""
+
+import json
+import tomllib
+
+import numpy as np
+import pytest
+
+from aoro_gym.recording.tables import read_table
+from tests.cli.calling import call, check_refused
+
+
+def test_simulate_writes_log_manifest_figures_and_plots(turn):
+    path, shown = turn
+    assert shown.exit_code == 0
+    for suffix in (".csv", ".toml", ".json", ".png", ".html"):
+        assert path.with_suffix(suffix).stat().st_size > 0
+        assert f"wrote {path.with_suffix(suffix)}" in shown.stdout
+    table = read_table(path)
+    np.testing.assert_allclose(table["time_s"], np.arange(1, 161) / 100)
+    noise = table["joint_angle_rad"] - np.radians(table["true_joint_angle_deg"])
+    assert 0.0 < np.abs(noise).max() < np.radians(1.0)
+    assert np.any(table["pressure_a_bar"] != table["true_pressure_a_bar"])
+    np.testing.assert_array_equal(table["engine_speed_rpm"], table["true_engine_speed_rpm"])
+    assert np.all(table["steering_signal_V"][table["time_s"] > 0.605] == 0.5)
+    manifest = tomllib.loads(path.with_suffix(".toml").read_text())
+    assert manifest["machine"]["scale"] == ["steering.valve.spool_time_constant=2"]
+    assert manifest["sensors"].startswith("joint angle: published kind of noise")
+    assert manifest["simulation"]["seed"] == 0
+    figures = json.loads(path.with_suffix(".json").read_text())["figures"]
+    assert figures["turn_time_s"] is None
+    assert figures["highest_pressure_a_bar"] > 50
+
+
+def test_simulate_says_that_the_turn_was_cut(turn):
+    assert "did not reach its stop" in turn[1].stdout
+
+
+def test_simulate_is_repeatable(turn, tmp_path):
+    slow = "steering.valve.spool_time_constant=2"
+    again = tmp_path / "again.csv"
+    call("simulate", "--manoeuvre", "left", "--duration", "1.6", "--scale", slow, "--out", again)
+    assert again.read_bytes() == turn[0].read_bytes()
+
+
+def test_simulate_a_file_on_a_slope(tmp_path):
+    commands = tmp_path / "commands.csv"
+    commands.write_text("time_s,drive_signal,steering_signal\n0,0,0\n0.2,0.4,-0.5\n0.6,0,0\n")
+    out = tmp_path / "log.parquet"
+    options = [
+        "--ideal-sensors",
+        "--start-angle",
+        "10",
+        "--terrain-slope",
+        "6",
+        "--terrain-direction",
+        "90",
+        "--terrain-friction",
+        "0.8",
+    ]
+    shown = call("simulate", "-m", commands, "--out", out, *options)
+    assert shown.exit_code == 0, shown.output
+    table = read_table(out)
+    angle = np.degrees(table["joint_angle_rad"])
+    np.testing.assert_allclose(angle, table["true_joint_angle_deg"], rtol=1e-12)
+    assert angle[0] == pytest.approx(10.0, abs=0.1)
+    assert angle[-1] < 10.0
+    assert tomllib.loads(out.with_suffix(".toml").read_text())["sensors"] == "ideal"
+    assert tomllib.loads(out.with_suffix(".toml").read_text())["ground"]["slope_deg"] == 6.0
+
+
+def test_seed_draws_the_noise(turn, tmp_path):
+    slow = "steering.valve.spool_time_constant=2"
+    other = tmp_path / "other.csv"
+    call("simulate", "-m", "left", "--duration", "1.6", "--scale", slow, "--seed", "1", "--out", other)
+    first, second = read_table(turn[0]), read_table(other)
+    assert np.any(first["joint_angle_rad"] != second["joint_angle_rad"])
+    np.testing.assert_array_equal(first["true_joint_angle_deg"], second["true_joint_angle_deg"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("simulate -m up", "--manoeuvre 'up' is none of left, right, drive"),
+        ("simulate -m none.csv", "file none.csv does not exist"),
+        ("simulate -m bad.csv", "bad.csv, line 3: steering_signal = 2 is outside [-1, 1]"),
+        ("simulate -m good.csv --out good.csv", "would overwrite the commands in good.csv"),
+        ("simulate -m good.csv --out good.parquet", "would overwrite the commands in good.csv"),
+        ("simulate -m good.csv --signal 50", "--signal = 50 serves left, right and drive"),
+        (
+            "simulate -m good.csv --machine aoro_datasheet --start-angle 41",
+            "--start-angle = 41 is outside [-40, 40] deg",
+        ),
+        ("simulate -m good.csv --start-angle nan", "--start-angle = nan is outside"),
+        ("simulate -m left --start-angle 5", "--start-angle serves a command file only"),
+        ("simulate -m left --signal nan", "--signal = nan is outside (0, 100] %"),
+        (
+            "simulate -m left --signal 0.75",
+            "--signal = 0.75 is in per cent, and 0.75 % would move nothing; did you mean 75?",
+        ),
+        ("simulate -m drive --signal 0.5", "did you mean 50?"),
+        ("simulate -m right --signal -50", "--signal = -50 is outside (0, 100] %"),
+        ("simulate -m left --duration 0.2", "--duration = 0.2 is outside [0.61, 3600] s"),
+        ("simulate -m left --out log.xlsx", "log log.xlsx must end in .csv or .parquet"),
+        ("simulate -m left --device tpu", "--device 'tpu' is not available here; choose one of: cpu"),
+        ("simulate -m left --seed -1", "--seed = -1 is below 0"),
+        ("simulate -m left --machine tractor", "no bundled machine 'tractor'"),
+        ("simulate -m left --machine none.toml", "no machine file none.toml"),
+        ("simulate -m left --machine bad.toml", "bad.toml"),
+        ("simulate -m left --set joint.range", "--set 'joint.range' is not KEY=NUMBER"),
+        ("simulate -m left --set joint.rang=1", "unknown parameter 'joint.rang': did you mean 'joint.range'?"),
+        ("simulate -m left --set joint.range=wide", "--set joint.range=wide: 'wide' is not a finite number"),
+        ("simulate -m left --set joint.range=1 --set joint.range=2", "--set names joint.range twice"),
+        ("simulate -m left --set joint.range=1 --scale joint.range=2", "given to both --set and --scale"),
+        ("simulate -m left --machine aoro_datasheet --scale wheel.mass=-1", "wheel.mass = -220 kg"),
+        ("simulate -m left --terrain-slope 60", "terrain slope_deg = 60 is outside [-45, 45] deg"),
+    ],
+)
+def test_wrong_input_is_one_line_before_anything_runs(files, arguments, message):
+    check_refused(arguments, message)
