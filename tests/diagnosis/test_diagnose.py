@@ -177,25 +177,6 @@ def test_verdicts_follow_from_probabilities(hypotheses, verdict, declared):
     assert set(declared_of(hypotheses, 0.95)) == set(declared)
 
 
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        ("time_s,steering_signal\n" + "".join(f"{k / 100},0\n" for k in range(200)), "joint_angle_rad"),
-        ("time_s,steering_signal,joint_angle_rad\n" + "".join(f"{k},0,0.1\n" for k in range(12)), "samples a second"),
-        ("time_s,steering_signal,joint_angle_rad\n" + "".join(f"{k / 100},0,0.1\n" for k in range(60)), "needs"),
-        ("a,b\n1,2\n", "time_s"),
-    ],
-    ids=["no angle", "1 Hz", "short", "other columns"],
-)
-def test_logs_that_cannot_be_used_are_refused_in_a_line(content, said, tmp_path):
-    log = tmp_path / "log.csv"
-    log.write_text(content)
-    result = CliRunner().invoke(app, ["diagnose", str(log), "--out", str(tmp_path / "out")])
-    assert result.exit_code == 2
-    assert said in " ".join(result.output.split())
-    assert not (tmp_path / "out").exists()
-
-
 def test_a_log_of_radians_named_degrees_gives_no_cause(tmp_path):
     """What is wrong is said on the page, and in a word: it cannot tell."""
     (turned,) = record(Variants(Machine.load("aoro")), [blank("left", turn(0.8, 2.2), -0.3)], np.random.default_rng(6))

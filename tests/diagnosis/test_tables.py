@@ -8,10 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
-from typer.testing import CliRunner
 
 from aoro_gym.calibration.turns import population_figures
-from aoro_gym.cli import app
 from aoro_gym.diagnosis.diagnose import ERROR
 from aoro_gym.diagnosis.linear import Linear
 from aoro_gym.diagnosis.nuisances import Nuisances
@@ -41,7 +39,6 @@ CANDIDATES = {name: EFFECTS[name] for name in ("joint_backlash", "spool_lag", "s
 PLAY, GIVE = 0.01, 1.5e-7
 """Of the joint [rad], and of its pins [rad/(N m)]."""
 LEVELS = (100.0, 75.0)
-HEAD = "signal_percent,source,turn_time_s,first_peak_L_per_min"
 
 
 def rows_of(variants: Variants, levels=LEVELS, std: float | None = None) -> list[Row]:
@@ -92,53 +89,6 @@ def test_the_published_table_is_read():
     assert [row.title for row in rows] == ["left, 100 %", "left, 75 %", "left, 50 %"]
     assert all(tuple(row.figures) == FIGURES for row in rows)
     assert rows[2].figures["turn_time_s"] == 6.86
-
-
-@pytest.mark.parametrize(
-    ("content", "options", "said"),
-    [
-        ("", [], "no rows"),
-        ("source,turn_time_s\nm,2\n", [], "no column signal_percent"),
-        ("signal_percent,source\n100,m\n", [], "one at least of turn_time_s"),
-        (f"{HEAD},notes\n100,m,2,90,x\n", [], "unknown column 'notes'"),
-        (f"{HEAD}\n100,m,2\n", [], "line 2: 3 values where the header names 4 columns"),
-        (f"{HEAD}\n100,m,two,90\n", [], "turn_time_s is 'two', but must be a number"),
-        (f"{HEAD}\n100,m,nan,90\n", [], "turn_time_s is 'nan', but must be a number"),
-        (f"{HEAD}\n0.75,m,2,90\n", [], "signal_percent is 0.75, a share; did you mean 75?"),
-        (f"{HEAD}\n0,m,2,90\n", [], "signal_percent is 0, but must be above 0"),
-        (f"{HEAD}\n100,m,,\n", [], "no figure is known"),
-        (f"{HEAD}\n100,m,2,90\n100,m,2.1,91\n", [], "twice"),
-        (f"{HEAD}\n100,m,2,90\n100,n,2,90\n", [], "--source is needed; choose one of m, n"),
-        (f"{HEAD}\n100,m,2,90\n", ["--source", "q"], "no row of source 'q'; choose one of m"),
-        (f"{HEAD}\n100,m,2,90\n", ["--fit", "signal=75"], "no row has signal=75; choose of 100"),
-        (f"{HEAD}\n100,m,2,90\n", ["--fit", "left"], "write --fit signal=100"),
-        (f"{HEAD}\n100,m,2,90\n", ["--holdout", "signal=100"], "leaves no row"),
-        (f"{HEAD}\n100,m,2,90\n", ["--commissioned"], "no healthy machine"),
-        ("signal_percent,source,turn_time_s,mean_flow_L_per_min\n100,m,2000,70.6\n", [], "at most 1000"),
-        ("signal_percent,source,turn_time_s,mean_flow_L_per_min\n100,m,2,1.2\n", [], "check the units"),
-    ],
-)  # fmt: skip
-def test_tables_that_cannot_be_used_are_refused_in_a_line(content, options, said, tmp_path):
-    table = tmp_path / "table.csv"
-    table.write_text(content)
-    result = CliRunner().invoke(app, ["diagnose", "--metrics", str(table), *options, "--out", str(tmp_path / "out")])
-    assert result.exit_code == 2
-    assert said in " ".join(result.output.split())
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ([], "give LOGs or --metrics"),
-        (["log.csv", "--metrics", "t.csv"], "not both"),
-        (["--metrics", "no.csv"], "no.csv"),
-    ],
-)
-def test_logs_or_a_table_are_needed(options, said):
-    result = CliRunner().invoke(app, ["diagnose", *options])
-    assert result.exit_code == 2
-    assert said in " ".join(result.output.split())
 
 
 def test_rows_are_selected():

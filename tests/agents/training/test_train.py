@@ -10,9 +10,8 @@ import subprocess
 import sys
 import time
 import zipfile
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -22,24 +21,16 @@ from aoro_gym import Machine
 from aoro_gym.agents.evaluation import leaderboard
 from aoro_gym.agents.evaluation.perturbations import PERTURBATIONS
 from aoro_gym.agents.evaluation.selection import MOST_EPISODES
-from aoro_gym.agents.training.curriculum import curriculum, stage_at
 from aoro_gym.agents.training.learner import learner_of
-from aoro_gym.agents.training.plan import HYPERPARAMS, TrainingPlan
+from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.agents.training.recipe import read_recipe
 from aoro_gym.agents.training.run_folder import begin, continued, recall
 from aoro_gym.cli import app
-from aoro_gym.cli.courses import training_courses
 from aoro_gym.envs import Course
-from aoro_gym.envs.path_tracking.config import MILD as TRACKING_MILD
-from aoro_gym.envs.path_tracking.rewards import REWARD_TERMS as TRACKING_TERMS
-from aoro_gym.envs.turning.config import FIXED, MILD
-from aoro_gym.envs.turning.rewards import REWARD_TERMS
-from aoro_gym.envs.turning.task import Turning
 from aoro_gym.execution import provenance
 from aoro_gym.execution.provenance import ChangedCode, ChangedInput, changed_inputs, check_provenance
 from aoro_gym.terrains import Path as Line
 from aoro_gym.terrains import Plane, Terrain
-from aoro_gym.terrains.paths.planning import NoDrivablePath
 
 TURNING, TRACKING = "AORO/Turning-v0", "AORO/PathTracking-v0"
 ROOT = Path(__file__).resolve().parents[3]
@@ -60,16 +51,6 @@ def plan_of(algo: str = "ppo", **changes) -> TrainingPlan:
         pytest.importorskip("array_api_compat")
     values = {"steps": 200, "n_envs": 2, "checkpoint_every": 50, "eval_episodes": 1, "seed": 5, **changes}
     return TrainingPlan(algo=algo, param=[f"{name}={value}" for name, value in SMALL[algo].items()], **values)
-
-
-@pytest.fixture
-def training():
-    pytest.importorskip("stable_baselines3")
-    pytest.importorskip("tensorboard")
-    pytest.importorskip("yaml")
-    from aoro_gym.agents.training import train as training
-
-    return training
 
 
 def weights(folder: Path) -> dict[str, np.ndarray]:
@@ -537,225 +518,3 @@ def test_machines_to_learn_on_are_drawn_and_none_of_an_evaluation(training, tmp_
     assert values[0] == np.ravel(expected)[0]
     assert all(one is machine for one in evaluated)
     assert max(leaderboard.SEED, training.EVALUATION_SEED) + MOST_EPISODES < training.DRAWN_SEED
-
-
-# ---- the plan --------------------------------------------------------------------------------------------------------
-
-
-def test_command_is_the_plan(monkeypatch):
-    from typer.testing import CliRunner
-
-    plan = TrainingPlan(
-        seed=3,
-        param=["n_steps=16", "policy_kwargs={net_arch: [8]}"],
-        set=["oil.gas_fraction=0.01"],
-        path="two.gpx",
-        track="[/x] day 2",
-        join_gaps=True,
-    )
-    asked = []
-    monkeypatch.setattr(
-        "aoro_gym.cli.training.TrainingPlan", lambda **values: asked.append(TrainingPlan(**values)) or _stop()
-    )
-    import shlex
-
-    CliRunner().invoke(app, shlex.split(plan.command)[1:])
-    assert asked == [plan]
-    assert TrainingPlan.of(json.loads(json.dumps(plan.to_json()))) == plan
-
-
-def _stop():
-    raise ValueError("far enough")
-
-
-def test_every_field_has_a_help_text():
-    for one in fields(TrainingPlan):
-        assert one.metadata["help"].endswith(".")
-        assert one.metadata["metavar"] or one.default is False  # a switch has no value
-
-
-def test_evaluation_is_on_ground_that_was_held_out(tmp_path, monkeypatch):
-    monkeypatch.setattr("aoro_gym.agents.training.courses.HELD_OUT_FORESTS", (101,))
-    assert training_courses(TrainingPlan()) == (None, None)
-    learned, held_out = training_courses(TrainingPlan(env=TRACKING, forests=1))
-    assert learned is not None and held_out is not None
-    assert [course.name for course in learned] == ["forest 1"]
-    assert [course.name for course in held_out] == ["forest 101"]
-
-    def grown(seed: int) -> Course:
-        if seed in (1, 3):
-            raise NoDrivablePath("too dense")
-        return Course(Plane(), (Line(np.array([[0.0, 0.0], [9.0, 0.0]]), name="ahead"),), name=f"forest {seed}")
-
-    monkeypatch.setattr("aoro_gym.agents.training.courses.forest_course", grown)
-    learned, _ = training_courses(TrainingPlan(env=TRACKING, forests=3))
-    assert learned is not None
-    assert [course.name for course in learned] == ["forest 2", "forest 4", "forest 5"]
-    with pytest.raises(ValueError, match="forests is 99, but there are 98 to learn on; ask for fewer"):
-        training_courses(TrainingPlan(env=TRACKING, forests=99))
-    monkeypatch.undo()
-
-    x = np.arange(0.0, 40.0, 1.0)
-    rows = [(a, b, 0.02 * a) for b in x for a in x]
-    np.savetxt(tmp_path / "slope.csv", rows, delimiter=",", header="x,y,z", comments="")
-    own = TrainingPlan(env=TRACKING, terrain=str(tmp_path / "slope.csv"), path_length=15.0)
-    learned, held_out = training_courses(own)
-    assert learned is not None and held_out is not None
-    assert learned[0].terrain is held_out[0].terrain
-    places = [{path.points.tobytes() for path in courses[0].paths} for courses in (learned, held_out)]
-    assert [len(each) for each in places] == [4, 4]
-    assert not places[0] & places[1]
-
-    (tmp_path / "lane.csv").write_text("x,y\n5,10\n8,10\n11,10\n14,10\n")
-    learned, held_out = training_courses(TrainingPlan(env=TRACKING, path=str(tmp_path / "lane.csv")))
-    assert learned is held_out  # there is no other
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"algo": "dqn"}, "algo is 'dqn'; choose one of: ppo, sac"),
-        ({"steps": 0}, "steps is 0, but must be at least 1"),
-        ({"seed": -1}, "seed is -1, but must be at least 0"),
-        ({"trainer": "rllib"}, "trainer is 'rllib'; choose one of: sb3, resident"),
-        ({"trainer": "resident", "algo": "sac"}, "algo is 'sac', but the trainer 'resident' has ppo only; give that"),
-    ],
-)
-def test_wrong_plans_are_named(values, message):
-    with pytest.raises(ValueError, match=message):
-        TrainingPlan(**values)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"env": "AORO/Flying-v0"}, "env is 'AORO/Flying-v0'; choose one of: AORO/Turning-v0"),
-        ({"perturbation": "odd"}, "perturbation is 'odd'; choose one of: as calibrated, perturbed, with an effect"),
-        ({"param": ["learning_rate"]}, "'learning_rate' is not NAME=VALUE"),
-        ({"param": ["learning_rate=fast_1"]}, "learning_rate is 'fast_1', but must be a number, or lin_NUMBER"),
-        (
-            {"param": ["policy_kwargs=dict(net_arch=[8])"]},
-            "policy_kwargs is 'dict.*', which is code; write what it says",
-        ),
-        ({"param": ["n_stepz=8"]}, "that PPO does not take: .*n_stepz"),
-        ({"param": ["n_envs=many"]}, "n_envs of AORO/Turning-v0 is 'many'; give a number"),
-        ({"hyperparams": "mine.yml"}, r"mine\.yml says nothing of AORO/Turning-v0"),
-        ({"hyperparams": "broken.yml"}, r"broken\.yml is no YAML"),
-        ({"curriculum": "late.yml"}, r"begin at \[0\.5\], but must begin at 0 and rise"),
-    ],
-)
-def test_wrong_recipes_are_named(changes, message, training, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    Path("mine.yml").write_text("CartPole-v1:\n  n_envs: 1\n")
-    Path("broken.yml").write_text("a: [\n")
-    Path("late.yml").write_text(f"{TURNING}:\n  - from: 0.5\n")
-    plan = TrainingPlan(n_envs=None if "param" in changes and "n_envs" in changes["param"][0] else 2, **changes)
-    with pytest.raises(ValueError, match=message):
-        training.train(plan, begin(plan, tmp_path / "out"), tmp_path / "out", machine=Machine.load("aoro"))
-
-
-def test_numbers_of_parameters_are_numbers(training):
-    plan = TrainingPlan(
-        param=["learning_rate=1e-4", "n_steps=8", "policy_kwargs={net_arch: [8, 4]}", "policy=MlpPolicy"]
-    )
-    hyperparams = read_recipe(plan).hyperparams
-    assert hyperparams["learning_rate"] == 1e-4
-    assert hyperparams["n_steps"] == 8
-    assert hyperparams["policy_kwargs"] == {"net_arch": [8, 4]}
-    assert hyperparams["policy"] == "MlpPolicy"
-
-
-def test_packaged_hyperparams_are_of_the_zoos_format(training):
-    import yaml  # pyright: ignore[reportMissingModuleSource]
-
-    for file in set(HYPERPARAMS.glob("*.yml")) - {HYPERPARAMS / "spaces.yml"}:
-        content = yaml.safe_load(file.read_text(encoding="utf-8"))
-        assert set(content) == {TURNING, TRACKING}
-        if file.stem in ("curricula", "perturbed"):
-            continue
-        own = {"teacher"} if file.stem == "dagger" else {"policy", "normalize"}
-        for entry in content.values():
-            assert {"n_envs", "n_timesteps", *own} <= set(entry)
-            if "ppo" in file.stem:  # no truncated batches
-                assert entry["n_envs"] * entry["n_steps"] % entry["batch_size"] == 0
-
-
-# ---- the curriculum --------------------------------------------------------------------------------------------------
-
-
-def test_stages_follow_each_other():
-    stages = curriculum(
-        TURNING,
-        [
-            {"from": 0.0},
-            {
-                "from": 0.4,
-                "randomisation": {"base": "mild", "sensor_noise": [0.0, 1.0]},
-                "reward_terms": {"overshoot": -3.0},
-            },
-            {"from": 0.7, "randomisation": "mild"},
-        ],
-    )
-    assert [stage_at(stages, share).start for share in (0.0, 0.39, 0.4, 0.69, 0.7, 1.0)] == [
-        0.0,
-        0.0,
-        0.4,
-        0.4,
-        0.7,
-        0.7,
-    ]
-    assert stages[0].randomisation == FIXED
-    assert stages[1].randomisation.sensor_noise == (0.0, 1.0)
-    assert stages[1].randomisation.machine_scale == MILD.machine_scale
-    task = Turning()
-    stages[1].apply(task, REWARD_TERMS)
-    assert task.reward_terms["overshoot"].weight == -3.0
-    assert task.randomisation is stages[1].randomisation
-    stages[2].apply(task, REWARD_TERMS)
-    assert task.reward_terms["overshoot"] == REWARD_TERMS["overshoot"]
-
-
-def test_stages_may_add_what_a_task_does_without():
-    first, *_ = curriculum(TRACKING, [{"from": 0, "randomisation": "mild", "reward_terms": {"exact_progress": 2.0}}])
-    assert first.randomisation == TRACKING_MILD
-    task: Any = SimpleNamespace()
-    first.apply(task, TRACKING_TERMS)
-    assert set(task.reward_terms) == {*TRACKING_TERMS, "exact_progress"}
-    # 0.025 m in a step of 0.05 s at 0.75 m/s of working speed is 2/3; at 0.03 m off the path it is worth half; 0.05 m are
-    # 4/3, of which what is beyond 1.1 counts against
-    view = SimpleNamespace(
-        progress=np.array([0.025, 0.025, 0.05]),
-        control_step=0.05,
-        working_speed=0.75,
-        cross_track=np.array([0.0, -0.03, 0.0]),
-        xp=np,
-    )
-    term = task.reward_terms["exact_progress"]
-    np.testing.assert_allclose(term.weight * term.function(view), [4.0 / 3.0, 2.0 / 3.0, 2.0 * (2.2 - 4.0 / 3.0)])
-
-
-def test_flow_beyond_the_full_one_can_cost():
-    first, *_ = curriculum(TURNING, [{"from": 0, "reward_terms": {"flow_excess": -2.0}}])
-    task: Any = SimpleNamespace()
-    first.apply(task, REWARD_TERMS)
-    term = task.reward_terms["flow_excess"]
-    # of 1.2e-3 m3/s, either side
-    view = SimpleNamespace(flows=np.array([[1.8e-3, -1.8e-3, 1.2e-3, 0.0]]), xp=np)
-    np.testing.assert_allclose(term.weight * term.function(view), [-1.0, -1.0, 0.0, 0.0], atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("entries", "message"),
-    [
-        ([], "must be a list of at least one stage"),
-        ([{"randomisation": "mild"}], "stage 0 .* must have 'from'"),
-        ([{"from": 0, "randomisation": "wild"}], "stage 0 .* randomisation is 'wild'; choose one of: fixed, mild"),
-        ([{"from": 0, "randomisation": {"noise": [0, 1]}}], "unknown field 'noise'; choose from: machine, "),
-        ([{"from": 0, "reward_terms": {"exact_progress": 1.0}}], "has no 'exact_progress' to weigh"),
-        ([{"from": 0, "randomisation": {"sensor_noise": [1, 0]}}], "randomisation.sensor_noise is .1, 0., but must be"),
-        ([{"from": 0}, {"from": 0}], "but must begin at 0 and rise"),
-    ],
-)
-def test_wrong_curricula_are_named(entries, message):
-    with pytest.raises(ValueError, match=message):
-        curriculum(TURNING, entries)

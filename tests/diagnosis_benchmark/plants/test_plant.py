@@ -1,9 +1,12 @@
 """Whole plants: order of the stepping, oscillation on shut-in oil, standstill, and level 0 against the twin."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from aoro_gym import Twin
+from aoro_gym.diagnosis_benchmark import plants
 from aoro_gym.diagnosis_benchmark.plants.circuits import (
     COMPENSATOR,
     LS,
@@ -18,7 +21,7 @@ from aoro_gym.diagnosis_benchmark.plants.circuits import (
     WALLS,
 )  # fmt: skip
 from aoro_gym.diagnosis_benchmark.plants.constants import constants_of
-from aoro_gym.diagnosis_benchmark.plants.plant import LEVELS, Plant, simulate
+from aoro_gym.diagnosis_benchmark.plants.plant import LEVELS, Plant, delay, simulate
 
 OUTPUTS = (
     "joint_angle",
@@ -30,11 +33,6 @@ OUTPUTS = (
     "spool",
     "engine_speed",
 )
-
-
-@pytest.fixture(scope="module")
-def constants(machine):
-    return constants_of([machine.entries])
 
 
 def refined(constants, level, halvings, *, opened):
@@ -201,3 +199,27 @@ def test_level_0_drives_as_the_twin(machine):
         exact = trace[name][:, 0].astype(float)
         error = out[name][1:, 0] - exact
         assert np.sqrt(np.mean(error**2)) < 0.01 * np.abs(exact).max(), name
+
+
+def test_a_dead_time_shifts_the_signal_and_nothing_else():
+    signal = np.zeros((50, 3))
+    signal[10:] = 1.0
+    late = delay(signal, np.array([0.0, 0.0075, 0.02]), 1e-3)
+    arrival = 0.5e-3 * np.argmax(late > 1e-9, axis=0)
+    assert arrival == pytest.approx([0.010, 0.0175, 0.030])
+    assert late[:, 0] == pytest.approx(np.repeat(signal[:, 0], 2))
+    between = delay(signal, np.array([0.00725] * 3), 1e-3)  # within a half step its mean passes
+    assert between[34] == pytest.approx(0.5)
+
+
+def test_plants_share_no_law_with_the_twin():
+    """Of the package they see the format of the machine file, and nothing that steps."""
+    folder = Path(plants.__file__).parent
+    seen = {
+        line.split()[1]
+        for file in folder.glob("*.py")
+        for line in file.read_text(encoding="utf-8").splitlines()
+        if line.startswith(("from aoro_gym", "import aoro_gym"))
+    }
+    outside = {name for name in seen if not name.startswith("aoro_gym.diagnosis_benchmark.plants")}
+    assert outside == {"aoro_gym.machine.machine_file"}

@@ -1,0 +1,13 @@
+"""What the tests of trainings share."""
+
+import pytest
+
+
+@pytest.fixture
+def training():
+    pytest.importorskip("stable_baselines3")
+    pytest.importorskip("tensorboard")
+    pytest.importorskip("yaml")
+    from aoro_gym.agents.training import train as training
+
+    return training

@@ -1,0 +1,50 @@
+"""Courses to learn on, and others to evaluate on."""
+
+import numpy as np
+import pytest
+
+from aoro_gym.agents.training.plan import TrainingPlan
+from aoro_gym.cli.courses import training_courses
+from aoro_gym.envs import Course
+from aoro_gym.terrains import Path as Line
+from aoro_gym.terrains import Plane
+from aoro_gym.terrains.paths.planning import NoDrivablePath
+
+TRACKING = "AORO/PathTracking-v0"
+
+
+def test_evaluation_is_on_ground_that_was_held_out(tmp_path, monkeypatch):
+    monkeypatch.setattr("aoro_gym.agents.training.courses.HELD_OUT_FORESTS", (101,))
+    assert training_courses(TrainingPlan()) == (None, None)
+    learned, held_out = training_courses(TrainingPlan(env=TRACKING, forests=1))
+    assert learned is not None and held_out is not None
+    assert [course.name for course in learned] == ["forest 1"]
+    assert [course.name for course in held_out] == ["forest 101"]
+
+    def grown(seed: int) -> Course:
+        if seed in (1, 3):
+            raise NoDrivablePath("too dense")
+        return Course(Plane(), (Line(np.array([[0.0, 0.0], [9.0, 0.0]]), name="ahead"),), name=f"forest {seed}")
+
+    monkeypatch.setattr("aoro_gym.agents.training.courses.forest_course", grown)
+    learned, _ = training_courses(TrainingPlan(env=TRACKING, forests=3))
+    assert learned is not None
+    assert [course.name for course in learned] == ["forest 2", "forest 4", "forest 5"]
+    with pytest.raises(ValueError, match="forests is 99, but there are 98 to learn on; ask for fewer"):
+        training_courses(TrainingPlan(env=TRACKING, forests=99))
+    monkeypatch.undo()
+
+    x = np.arange(0.0, 40.0, 1.0)
+    rows = [(a, b, 0.02 * a) for b in x for a in x]
+    np.savetxt(tmp_path / "slope.csv", rows, delimiter=",", header="x,y,z", comments="")
+    own = TrainingPlan(env=TRACKING, terrain=str(tmp_path / "slope.csv"), path_length=15.0)
+    learned, held_out = training_courses(own)
+    assert learned is not None and held_out is not None
+    assert learned[0].terrain is held_out[0].terrain
+    places = [{path.points.tobytes() for path in courses[0].paths} for courses in (learned, held_out)]
+    assert [len(each) for each in places] == [4, 4]
+    assert not places[0] & places[1]
+
+    (tmp_path / "lane.csv").write_text("x,y\n5,10\n8,10\n11,10\n14,10\n")
+    learned, held_out = training_courses(TrainingPlan(env=TRACKING, path=str(tmp_path / "lane.csv")))
+    assert learned is held_out  # there is no other
