@@ -1,4 +1,4 @@
-"""A day of driving at random over rough ground: nothing that is not a number escapes, and every lost twin is named.
+"""A day of driving at random over rough ground: nothing that is not a number escapes, and every diverged twin is named.
 
 `python -m studies.random_driving` spreads 24 h over 128 twins; `--hours` and `--twins` say otherwise.
 """
@@ -17,7 +17,7 @@ SIGNALS = ("steering_signal", "drive_signal", "arm_fl", "arm_fr", "arm_rl", "arm
 
 
 def day(hours: float, twins: int, ground: str, device: str, seed: int) -> dict:
-    """Drive ``hours`` in all; a twin that tips over, leaves the map or is lost starts again."""
+    """Drive ``hours`` in all; a twin that tips over, leaves the map or diverges starts again."""
     rng = np.random.default_rng(seed)
     terrains = [
         rough(seed + n, bumps=bumps, hills=hills) for n, (bumps, hills) in enumerate(((0.05, 0.1), (0.15, 0.2)))
@@ -42,8 +42,7 @@ def day(hours: float, twins: int, ground: str, device: str, seed: int) -> dict:
         commands = {name: rng.uniform(-1.0, 1.0, twins).astype(np.float32) for name in SIGNALS}
         trace = twin.step({**commands, "gear": rng.integers(1, 4, twins)}, 1.0, sample_every=0.1)
         assert trace is not None
-        lost = twin.lost
-        for _, reason in lost:
+        for _, reason in twin.diverged:
             reasons[reason] = reasons.get(reason, 0) + 1
         running = twin.status == 0
         if not np.isfinite(trace.samples[..., running]).all():

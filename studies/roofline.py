@@ -22,7 +22,7 @@ from rich.progress import track
 from aoro_gym import Machine, Twin
 from aoro_gym.benchmark.ceiling import OPERATIONS
 from aoro_gym.benchmark.probes import WIDTH, bandwidth, best, full, multiply_add, probe_time
-from aoro_gym.simulation.manoeuvres import TwinLost
+from aoro_gym.simulation.manoeuvres import SimulationDiverged
 from aoro_gym.terrains import Plane, Terrain
 from aoro_gym.twin.physics.fluid import Oil, fill, free_gas, orifice, pressure, without_gas
 from aoro_gym.twin.records import pack
@@ -137,8 +137,8 @@ def mean_cost(
     for since, instant in zip((0.0, *INSTANTS), INSTANTS, strict=False):
         twin.step({"steering_signal": 1.0, "drive_signal": 0.5}, duration=instant - since)
         found.append(cost(twin, latency, gpu=gpu))
-    if twin.lost:
-        raise RuntimeError(f"the counted twin was lost: {twin.lost[0][1]}")
+    if twin.diverged:
+        raise RuntimeError(f"the counted simulation diverged ({twin.diverged[0][1]})")
 
     def mean(counts: Any) -> Counter:
         return Counter({key: n / len(found) for key, n in sum(counts, Counter()).items()})
@@ -240,7 +240,7 @@ def drive(
     ``upload``, two new commands before each launch.
 
     Raises:
-        TwinLost: a state stopped being finite.
+        SimulationDiverged: a state stopped being finite.
     """
     level = ground == "plane"
     terrain = Plane() if level else terrain_speed.scan()
@@ -265,9 +265,10 @@ def drive(
             twin.step(schedule[turn % len(schedule)] if upload else None, duration=duration)
 
     spent = best(run, twin.device)
-    if twin.lost:
-        index, reason = twin.lost[0]
-        raise TwinLost(f"{len(twin.lost)} of {twins} twins were lost, first {index}: {reason}")
+    if twin.diverged:
+        index, reason = twin.diverged[0]
+        number = len(twin.diverged)
+        raise SimulationDiverged(f"simulation diverged in {number} of {twins} twins (first {index}: {reason})")
     return spent
 
 

@@ -64,7 +64,7 @@ def measure(name: str, twins: int, device: str, seconds: float, runs: int) -> di
     count = max(1, round(count * seconds / runs / spent))
     steps = count * round(0.02 / twin.main_step)
     cost = [run(count) / steps / twins * 1e6 for _ in range(runs)]
-    lost = len(twin.lost)
+    diverged = len(twin.diverged)
     median = statistics.median(cost)
     return {
         "ground": name,
@@ -76,7 +76,7 @@ def measure(name: str, twins: int, device: str, seconds: float, runs: int) -> di
         "steps_per_s": 1e6 / median,
         "real_time_factor": twin.main_step * 1e6 / (median * twins),
         "build_s": built,
-        "lost": lost,
+        "lost": diverged,
     }
 
 

@@ -116,7 +116,7 @@ def evaluate(
 
     Raises:
         ValueError: naming what is wrong.
-        TwinLost: a twin was lost in the turning task.
+        SimulationDiverged: a twin diverged in the turning task.
         ClusterError: a job on the cluster failed.
     """
     _check(env, policies, episodes, repeats)

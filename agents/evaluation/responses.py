@@ -15,7 +15,7 @@ from aoro_gym.envs.turning.environment import TurningVectorEnv
 from aoro_gym.machine.sections import SteeringCylinder
 from aoro_gym.sensors.chain import STANDSTILL, measured_flow
 from aoro_gym.simulation.key_figures import STEADY, TOLERANCE
-from aoro_gym.simulation.manoeuvres import TwinLost
+from aoro_gym.simulation.manoeuvres import SimulationDiverged
 
 EPISODE_STEPS = 500
 """Control steps of an episode of ``AORO/Turning-v0``."""
@@ -74,7 +74,7 @@ def rollout(
 
     Raises:
         ValueError: the environment resets by itself.
-        TwinLost: a twin was lost.
+        SimulationDiverged: a twin's state is no longer finite.
     """
     if env.autoreset_mode is not AutoresetMode.DISABLED:
         raise ValueError(f"autoreset_mode is {env.autoreset_mode.value!r}, but a rollout needs 'Disabled'")
@@ -90,7 +90,7 @@ def rollout(
         observations, rewards, terminated, _, infos = env.step(actions)
         if terminated.any():
             index = int(np.argmax(terminated))
-            raise TwinLost(f"sub-environment {index} ended early: {infos['termination'][index]}")
+            raise SimulationDiverged(f"sub-environment {index} ended early: {infos['termination'][index]}")
         rows["angle"].append(infos["joint_angle"])
         rows["sampled"].append(np.array(env.task.view().samples("joint_angle"), dtype=np.float32))
         rows["signal"].append(actions[:, 0])

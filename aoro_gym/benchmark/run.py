@@ -112,7 +112,7 @@ def run(
         save: Called after every timed run with the benchmark file as far as it goes, and when all is done.
 
     Raises:
-        TwinLost: a twin's state stopped being finite.
+        SimulationDiverged: a twin's state stopped being finite.
 
     Returns:
         The benchmark file: ``machine`` (the computer, with its ``ceiling``), ``cases``, ``peers``, ``ratios`` and, if asked

@@ -33,7 +33,7 @@ class Subject:
     advance: Callable[[int], None]
     """Take so many control steps; the device is idle again when it returns."""
     check: Callable[[], dict[str, Any]]
-    """What the file says of the state after a run; raises ``TwinLost`` where a twin is no more."""
+    """What the file says of the state after a run; raises ``SimulationDiverged`` where a twin diverged."""
 
 
 def measure(

@@ -10,7 +10,7 @@ import warp as wp
 from aoro_gym.benchmark.scene import CHANGES, CONTROL_STEP, signals, starts, terrain
 from aoro_gym.benchmark.timing import Subject
 from aoro_gym.machine import Machine
-from aoro_gym.simulation.manoeuvres import TwinLost
+from aoro_gym.simulation.manoeuvres import SimulationDiverged
 from aoro_gym.terrains import Plane
 from aoro_gym.twin import Twin
 
@@ -70,9 +70,10 @@ def twins(
         wp.synchronize_device(device)
 
     def check() -> dict[str, Any]:
-        if twin.lost:
-            index, reason = twin.lost[0]
-            raise TwinLost(f"{len(twin.lost)} of {count} twins were lost, first {index}: {reason}")
+        if twin.diverged:
+            index, reason = twin.diverged[0]
+            number = len(twin.diverged)
+            raise SimulationDiverged(f"simulation diverged in {number} of {count} twins (first {index}: {reason})")
         return {}
 
     return Subject(

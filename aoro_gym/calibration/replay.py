@@ -55,7 +55,7 @@ def repeat(
     """What the twins of ``machine`` (N variants) log under a recording's commands: (F, N) SI a channel, low-passed.
 
     Args:
-        machine: N variants; those that the twin loses give NaN.
+        machine: N variants; those that diverge give NaN.
         recording: Commands, start and conditions.
         device: Where the twins run.
         progress: Called with the simulated twin-seconds since the last call.
@@ -81,13 +81,13 @@ def repeat(
         for name, part in parts.items():
             part.append(trace[name])
         progress((end - begin) * TICK * count)
-    lost = twin.status != 0
+    diverged = twin.status != 0
     out = {}
     for name, part in parts.items():
         values = np.concatenate(part).astype(np.float64)
-        values[:, lost] = 0.0
+        values[:, diverged] = 0.0
         out[name] = low_pass(values, rate=1.0 / TICK, cutoff=CUTOFF)
-        out[name][:, lost] = np.nan
+        out[name][:, diverged] = np.nan
     return out
 
 

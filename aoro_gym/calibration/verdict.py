@@ -14,8 +14,8 @@ LARGEST_STD = 3.0
 """Standard deviations of noise that are taken as noise. A machine with the twin's own laws leaves 0.1 to 1; beats of the
 engine's orders, which half a second of standstill does not show, make up to three times as much."""
 
-LOST = 1e6
-"""What is said of a machine that the twin loses, in place of infinity."""
+DIVERGED_COST = 1e6
+"""What is said of a machine whose simulation diverges, in place of infinity."""
 
 LARGEST_SHARE: Mapping[str, float] = {"joint_angle": 0.03}
 OTHER_SHARE = 0.5
@@ -104,6 +104,6 @@ def _sentence(fits: bool, total: float, matches: Mapping[str, Match], on_a_bound
 
 
 def _rms(values: NDArray[np.float64]) -> float:
-    """Root mean square; :data:`LOST` where a value is none."""
+    """Root mean square; :data:`DIVERGED_COST` where a value is none."""
     found = float(np.sqrt(np.mean(np.square(values))))
-    return found if np.isfinite(found) else LOST
+    return found if np.isfinite(found) else DIVERGED_COST

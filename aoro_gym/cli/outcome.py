@@ -49,13 +49,13 @@ def running() -> Iterator[None]:
     from aoro_gym.execution.cluster import ClusterError
     from aoro_gym.execution.locking import FolderInUse
     from aoro_gym.execution.provenance import ChangedCode, ChangedInput
-    from aoro_gym.simulation.manoeuvres import TwinLost
+    from aoro_gym.simulation.manoeuvres import SimulationDiverged
 
     try:
         yield
     except (ChangedCode, ChangedInput, FolderInUse) as error:
         fail(error, 2)
-    except (TwinLost, ClusterError, OSError) as error:
+    except (SimulationDiverged, ClusterError, OSError) as error:
         fail(error, 1)
 
 

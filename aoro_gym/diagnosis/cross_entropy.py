@@ -102,7 +102,7 @@ def misfit(problem: Problem, predicted: Floats) -> Floats:
         Σ n ln(mean (y − p)² + σ²)
 
     over channels and recordings, with σ of noise and zeros, and n samples far enough apart to be independent. Infinite where
-    the twin is lost.
+    the simulation diverges.
     """
     square = np.square(problem.measured[:, None] - predicted)
     total = np.zeros(predicted.shape[1])

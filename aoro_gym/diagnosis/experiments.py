@@ -229,7 +229,7 @@ def _predictions(
     candidates: Sequence[Candidate],
     channels: Sequence[str],
 ) -> list[Prediction]:
-    """One a candidate. A machine that the twin loses counts as one that does as the likeliest hypothesis does."""
+    """One a candidate. A machine whose simulation diverges counts as one that does as the likeliest hypothesis does."""
     expected = _expected(linear, rivals[0], candidates, channels)
     families = [_family(linear, expected, h, _drawn(linear, h) if h is rivals[0] else None) for h in rivals]
     predicted = expected.simulate(families)

@@ -291,7 +291,7 @@ class Problem:
         return Variants.of(machine, magnitudes, count)
 
     def simulate(self, variants: Sequence[Variants], steps: Steps = USUAL) -> Floats:
-        """Stacked predictions (D, N), SI, on the recordings' clocks (:mod:`.arrival`); what the twin loses is NaN."""
+        """Stacked predictions (D, N), SI, on the recordings' clocks (:mod:`.arrival`); what diverges is NaN."""
         return self.repeated(variants, steps)[0]
 
     def repeated(self, variants: Sequence[Variants], steps: Steps = USUAL) -> tuple[Floats, list[NDArray[np.bool_]]]:
@@ -303,7 +303,7 @@ class Problem:
         return np.concatenate(stacked).astype(np.float64), stops
 
     def residuals(self, whiteners: Sequence[Whitener], variants: Sequence[Variants], steps: Steps = USUAL) -> Floats:
-        """Whitened residuals (D', N) of what :meth:`simulate` gives; NaN of variants that the twin loses."""
+        """Whitened residuals (D', N) of what :meth:`simulate` gives; NaN of variants that diverge."""
         ends = np.cumsum([0, *(len(one.factor) for one in whiteners)])
         blocks = zip(whiteners, ends[:-1], ends[1:], self.split(self.measured), strict=True)
         white = np.empty((ends[-1], sum(one.count for one in variants)), order="F")  # each column is used by itself

@@ -117,7 +117,7 @@ class Task:
 
 
 Signals = dict[str, NDArray[np.float32]]
-"""Samples (F, N) SI a channel. A variant that the twin loses is NaN."""
+"""Samples (F, N) SI a channel. A variant that diverges is NaN."""
 
 Launching = Generator[None, None, Callable[[], list[Signals]]]
 """A device that is told of a launch, stretch by stretch; at the end, what waits for it and gives what was asked for."""
@@ -360,13 +360,13 @@ def _launching(requests: Sequence[Request], device: str) -> Launching:
     stream = twin.device.stream if twin.device.is_cuda else None
 
     def taken() -> list[Signals]:
-        lost = _fetched(twin.status_codes, stream) != 0
+        diverged = _fetched(twin.status_codes, stream) != 0
         start = None if at_rest is None else _fetched(at_rest, stream)[[SIGNALS[name][1] for name in names]]
         values = {first: _fetched(part, stream) for first, part in kept.items()}
         for first, part in values.items():
             mine = slice(first, first + part.shape[2])
             part[:, 0] = 0.0 if start is None else start[:, mine]
-            part[:, :, lost[mine]] = np.nan
+            part[:, :, diverged[mine]] = np.nan
         out: list[Signals] = []
         for request, begin, end in zip(requests, starts, starts[1:], strict=False):
             first, samples = (0 if request.frames == 1 else sparse), len(request.commands) * request.frames + 1

@@ -86,8 +86,8 @@ class Recording(Mapping[str, NDArray[np.float64]]):
         return len(self.channels)
 
 
-class TwinLost(RuntimeError):
-    """A twin left the range in which its state means anything."""
+class SimulationDiverged(RuntimeError):
+    """The state of a twin is no longer finite."""
 
 
 def standing_turn(
@@ -192,7 +192,7 @@ def run(
         progress: Called with the simulated time [s] so far.
 
     Raises:
-        TwinLost: the state stopped being finite or left its bounds.
+        SimulationDiverged: the state is no longer finite.
     """
     main_step = manoeuvre.main_step
     chunk = max(1, round(CHUNK / main_step))
@@ -210,9 +210,9 @@ def run(
         while left and rest_steps * main_step < SETTLE:
             steps = min(chunk, left)
             trace = twin.step(dict(segment.commands), duration=steps * main_step, sample_every=main_step)
-            if twin.lost:
-                index, reason = twin.lost[0]
-                raise TwinLost(f"twin {index} was lost near {(done + steps) * main_step:.3f} s: {reason}")
+            if twin.diverged:
+                (index, reason), time = twin.diverged[0], (done + steps) * main_step
+                raise SimulationDiverged(f"twin {index}: simulation diverged ({reason} at t = {time:.3f} s)")
             assert trace is not None
             kept = slice((-done - 1) % stride, None, stride)
             times.append(trace.time[kept])

@@ -36,7 +36,7 @@ def check_output(out: Path, manoeuvre: str) -> None:
 def simulate(twin: Twin, manoeuvre: Manoeuvre, progress: Callable[[str, float], Any]) -> Section:
     """Recording of a manoeuvre with its key figures.
 
-    Raises TwinLost if the state is no longer finite.
+    Raises SimulationDiverged if the state is no longer finite.
     """
     recording = run(
         twin,

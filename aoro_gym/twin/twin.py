@@ -50,7 +50,7 @@ WORTH_THREADS = 200
 STATE_ARRAYS = ("_machines", "state", "commands", "_history", "_clock", "_status", "_outputs")
 """What a twin's next steps depend on, beside its ground."""
 
-STATUS = {NON_FINITE: "its state became non-finite"}
+STATUS = {NON_FINITE: "non-finite state"}
 """Reasons for which a twin is frozen, by status code (0: running)."""
 
 
@@ -513,7 +513,7 @@ class Twin:
         return self._status
 
     @property
-    def lost(self) -> list[tuple[int, str]]:
+    def diverged(self) -> list[tuple[int, str]]:
         """Index and reason of every frozen twin; a reset revives it."""
         status = self.status
         return [(int(i), STATUS[int(status[i])]) for i in np.flatnonzero(status)]

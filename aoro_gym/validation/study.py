@@ -236,7 +236,7 @@ def validate(
         substeps: Hydraulic substeps a main step.
         progress: Called with what is being done and the share that is.
 
-    The figures are without noise. Twins that were lost have none (null), and a note says why.
+    The figures are without noise. Twins that diverged have none (null), and a note says why.
     """
     tell = progress or (lambda what, share: None)
     chosen = _machine(machine)
@@ -431,10 +431,13 @@ def _notes(recording: Recording, figures: dict[str, NDArray[np.float64]], names:
     def who(variant: int) -> str:
         return names[variant] if variant < len(names) else f"ensemble member {variant - len(names) + 1}"
 
-    notes = [f"{who(variant)}, {TURNS[turn].title.lower()}: lost, {reason}" for turn, variant, reason in recording.lost]
-    lost = {(turn, variant) for turn, variant, _ in recording.lost}
+    notes = [
+        f"{who(variant)}, {TURNS[turn].title.lower()}: simulation diverged ({reason})"
+        for turn, variant, reason in recording.diverged
+    ]
+    diverged = {(turn, variant) for turn, variant, _ in recording.diverged}
     for turn, variant in np.argwhere(~np.isfinite(figures["turn_time_s"])):
-        if (turn, variant) not in lost:
+        if (turn, variant) not in diverged:
             notes.append(f"{who(int(variant))}, {TURNS[turn].title.lower()}: did not reach its stop")
     return notes
 

@@ -62,7 +62,7 @@ class Recording:
     time: NDArray[np.float64]  # [s] (F,)
     angle: NDArray[np.float64]  # [rad] (F, T, V)
     flow: NDArray[np.float64]  # [m³/s] (F, T, V), positive in the direction of the turn
-    lost: tuple[tuple[int, int, str], ...]  # turn, machine and reason of each twin that was frozen
+    diverged: tuple[tuple[int, int, str], ...]  # turn, machine and reason of each twin that was frozen
 
 
 def stacked(machines: Sequence[Machine]) -> Machine:
@@ -149,7 +149,7 @@ def run_turns(
         time=np.concatenate([trace.time for trace in traces if trace is not None]),
         angle=angle.reshape(shape),
         flow=turn_flow(batch.steering.cylinder, angle, rate, sign).reshape(shape),
-        lost=tuple((index // variants, index % variants, reason) for index, reason in twin.lost),
+        diverged=tuple((index // variants, index % variants, reason) for index, reason in twin.diverged),
     )
 
 

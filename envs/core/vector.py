@@ -172,7 +172,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         self.task.allocate(n, ground_of if isinstance(ground_of, Plane) else tuple(ground_of), arrays)
         self.termination_reasons = [
             *self.task.termination_reasons,
-            *(f"twin lost: {reason}" for reason in STATUS.values()),
+            *(f"simulation diverged: {reason}" for reason in STATUS.values()),
         ]
         """Why episodes terminate; the first one, which is empty, goes on."""
         self.single_action_space = self.task.action_space

@@ -27,7 +27,7 @@ def test_a_step_of_the_benchmark_takes_as_much(machine):
     twin.reset(position=position, heading=heading)
     for steering, drive in signals(1, seed=3):
         twin.step({"steering_signal": steering, "drive_signal": drive}, duration=CONTROL_STEP)
-    assert not twin.lost
+    assert not twin.diverged
     assert roofline.executed(cost(twin, gpu=True)) == counted()["raster"]["cuda"]
 
 

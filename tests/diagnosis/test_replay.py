@@ -185,11 +185,11 @@ def test_batches_are_seamless(monkeypatch):
 
 
 def test_a_lost_variant_is_not_a_number(monkeypatch):
-    """What the twin has lost in any recording is NaN there, and its neighbours go on."""
+    """What diverges in a recording is NaN there, and its neighbours go on."""
     monkeypatch.setattr("aoro_gym.diagnosis.replay.CPU_BATCH", 1)  # every recording by itself
     launches = iter(np.arange(len(BLANKS)))
-    lost = [np.array([0, 0]), np.array([0, 1])]
-    monkeypatch.setattr(Twin, "status_codes", property(lambda twin: wp.array(lost[next(launches)], dtype=int)))
+    diverged = [np.array([0, 0]), np.array([0, 1])]
+    monkeypatch.setattr(Twin, "status_codes", property(lambda twin: wp.array(diverged[next(launches)], dtype=int)))
     pair = Variants(MACHINE.scale({"steering.pump.margin": np.array([0.9, 1.1])}), 2)
     finite = [{name: np.isfinite(rows) for name, rows in found.items()} for (found,) in replayed(pair)]
     whole = [by_name for by_name in finite if np.all([rows.all() for rows in by_name.values()])]

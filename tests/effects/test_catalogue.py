@@ -131,7 +131,7 @@ def log(machine: Machine, cases: Sequence[Case], phases: Any, start: float) -> M
     twin = Twin(len(machines), machine=batched(machine, machines), terrain=plane)
     twin.reset(joint_angle=start)
     traces = [twin.step(commands, duration, sample_every=1.0 / RATE) for duration, commands in phases]
-    assert twin.lost == []
+    assert twin.diverged == []
     true = {name: np.concatenate([t[name] for t in traces if t is not None]).astype(float) for name in NOISE}
     logged = {name: values.copy() for name, values in true.items()}
     for i, case in enumerate(cases, start=1):
@@ -399,7 +399,7 @@ def test_a_user_adds_an_effect(shipped: Machine):
     weak = catalogue["weak_relief"].apply(shipped, np.array([0.0, 5e6]))
     np.testing.assert_allclose(weak.steering.valve.shock_pressure, [21e6, 16e6])
     assert weak_relief.measured(shipped, 5e6) == (pytest.approx(16e6),)
-    assert Twin(2, machine=weak).lost == []
+    assert Twin(2, machine=weak).diverged == []
 
 
 def test_a_cause_is_a_machine_file(tmp_path: Any, shipped: Machine):

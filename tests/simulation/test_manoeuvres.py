@@ -13,7 +13,7 @@ from aoro_gym.simulation.manoeuvres import (
     STANDSTILL,
     Manoeuvre,
     Segment,
-    TwinLost,
+    SimulationDiverged,
     from_file,
     run,
     standing_turn,
@@ -146,8 +146,6 @@ def test_progress_reaches_the_end(machine):
 
 def test_a_lost_twin_ends_the_run():
     trace = SimpleNamespace(time=np.arange(1, 101) * 1e-3, channels=())
-    twin = SimpleNamespace(
-        reset=lambda **_: None, step=lambda *_, **__: trace, lost=[(0, "its state became non-finite")]
-    )
-    with pytest.raises(TwinLost, match=r"twin 0 was lost near 0\.100 s: its state became non-finite"):
+    twin = SimpleNamespace(reset=lambda **_: None, step=lambda *_, **__: trace, diverged=[(0, "non-finite state")])
+    with pytest.raises(SimulationDiverged, match=r"twin 0: simulation diverged \(non-finite state at t = 0\.100 s\)"):
         run(twin, straight_drive(0.5))  # pyright: ignore[reportArgumentType]

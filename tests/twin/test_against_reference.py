@@ -69,7 +69,7 @@ def run_twin(machine, schedule: Schedule, duration, joint_angle, main_step=1e-3,
     phases = [(edges[0], {})] if edges[0] > 0.0 else []
     phases += [(end - when, commands) for (when, commands), end in zip(schedule, edges[1:], strict=True)]
     traces = [twin.step(commands, round(length, 6), sample_every=SAMPLE) for length, commands in phases]
-    assert not twin.lost
+    assert not twin.diverged
     signals = {name: np.concatenate([t[name] for t in traces if t])[:, 0].astype(float) for name in SIGNALS}
     return signals, start
 

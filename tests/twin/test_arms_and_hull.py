@@ -119,7 +119,7 @@ def lifted(machine):
     twin = Twin(len(COMMANDS), machine=machine)
     start = drive(twin, (1.0, {"parking_brake": 1.0}), sample_every=1.0)
     log = drive(twin, (4.0, all_wheels("arm", COMMANDS)), sample_every=1e-3)
-    assert not twin.lost
+    assert not twin.diverged
     return start.then(log)
 
 

@@ -63,7 +63,7 @@ def fly(machine, main_step, duration, samples):
     for _ in range(samples):
         twin.step({}, duration / samples)
         states.append(twin.state.numpy()[:, 0].copy())
-    assert twin.lost == []
+    assert twin.diverged == []
     return np.array(states, dtype=np.float64).T
 
 

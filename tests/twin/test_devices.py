@@ -12,7 +12,7 @@ def turn(device):
     twin.reset(joint_angle=-twin.machine.joint.range)
     twin.step({}, 0.5)
     trace = twin.step({"steering_signal": [1.0, 0.75, 0.5], "drive_signal": [0.0, 0.2, 0.0]}, 2.4, sample_every=0.01)
-    assert trace is not None and twin.lost == []
+    assert trace is not None and twin.diverged == []
     return trace
 
 

@@ -95,7 +95,7 @@ def straight(machine):
     disc = machine.driveline.brake.disc_torque * rubs
     twin = Twin(len(CASES), machine=machine.set({"driveline.brake.disc_torque": disc}, si=True))
     log = drive(twin, (25.0, {"drive_signal": signal, "gear": gear}), sample_every=0.5)
-    assert not twin.lost
+    assert not twin.diverged
     return log, [machine.set({"driveline.brake.disc_torque": float(torque)}, si=True) for torque in disc]
 
 

@@ -31,7 +31,7 @@ def parked(machine, slope):
     """Twins in all ``DIRECTIONS`` on a slope [deg], parked and settled, with the log of that."""
     twin = Twin(len(DIRECTIONS), machine=machine, terrain=Plane(slope_deg=slope, direction_deg=DIRECTIONS))
     log = drive(twin, (SETTLE, {"parking_brake": 1.0}), sample_every=1.0)
-    assert not twin.lost
+    assert not twin.diverged
     return twin, log
 
 

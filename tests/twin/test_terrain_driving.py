@@ -1,4 +1,4 @@
-"""Driving on terrain: no edges felt, turning radius, climbing and tipping limits, and nothing lost without a name."""
+"""Driving on terrain: no edges felt, turning radius, climbing and tipping limits, and no divergence without a name."""
 
 import numpy as np
 import pytest
@@ -163,14 +163,14 @@ def test_tipping_sideways(machine, side):
     lean = np.abs(log["roll"])
     assert np.ptp(lean[:, 0]) < np.radians(5.0)
     assert lean[:, 1].max() > np.radians(75.0)
-    assert not twin.lost  # on its side, on the hull
+    assert not twin.diverged  # on its side, on the hull
 
 
 # --------------------------------------------------------------------------------------------------------- random driving
 @pytest.mark.slow
 def test_random_driving_loses_nothing_without_a_name(machine):
     """64 twins for 30 s on rough ground, half of them steeper than machines should go, with commands at random: all
-    outputs stay finite, what is lost is named, and no twin is where it cannot be."""
+    outputs stay finite, what diverges is named, and no twin is where it cannot be."""
     rng = np.random.default_rng(11)
     terrains = [rough(seed, bumps=bumps, hills=hills) for seed, bumps, hills in ((1, 0.05, 0.1), (2, 0.2, 0.25))]
     count = 64
@@ -188,7 +188,7 @@ def test_random_driving_loses_nothing_without_a_name(machine):
         assert trace is not None
         assert np.all(np.isfinite(trace.samples))
     frozen = np.flatnonzero(twin.status)
-    assert [(index, STATUS[int(twin.status[index])]) for index in frozen] == twin.lost
+    assert [(index, STATUS[int(twin.status[index])]) for index in frozen] == twin.diverged
     assert len(frozen) == 0
     assert np.all(np.isfinite(twin.state.numpy()))
     height = twin.output("position_z")
@@ -207,7 +207,7 @@ def test_a_broken_twin_is_named_and_its_neighbours_drive_on(machine):
         state[State.X, 1] = np.nan
         twin.state.assign(state)
         twin.step({"drive_signal": 0.5}, 1.0)
-        assert twin.lost == [(1, "its state became non-finite")]
+        assert twin.diverged == [(1, "non-finite state")]
         assert np.all(np.isfinite(twin.state.numpy()[:, [0, 2]]))
 
 

@@ -86,7 +86,7 @@ def test_a_machine_starts_at_rest_on_rough_ground(machine, kind):
         joint_angle=rng.uniform(-0.6, 0.6, count),
     )
     log = drive(twin, (1.0, PARKED), sample_every=1e-3)
-    assert not twin.lost
+    assert not twin.diverged
     load = log.wheels("wheel_load")
     begun = np.abs(load[0] - load[-1]).max()
     assert np.abs(load - load[-1]).max() < 2.0 * begun
@@ -231,7 +231,7 @@ def test_off_the_map_is_said_and_survived(machine):
     twin.step(PARKED, 1.0)
     assert twin.output("wheels_off_map").tolist() == [0.0, 2.0, 4.0]
     np.testing.assert_allclose(twin.output("position_z"), 0.0, atol=1e-3)
-    assert not twin.lost
+    assert not twin.diverged
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ def turn(machine, *, main_step=1e-3, substeps=30):
     twin = Twin(len(SIGNALS), machine=machine, main_step=main_step, substeps=substeps)
     twin.reset(joint_angle=-DIRECTIONS * machine.joint.range)
     log = drive(twin, (STEP, {}), (DURATION, {"steering_signal": SIGNALS}), sample_every=main_step)
-    assert not twin.lost
+    assert not twin.diverged
     return log
 
 

@@ -185,7 +185,7 @@ def test_a_non_finite_twin_is_frozen_and_named_while_the_others_go_on():
     twin.state.assign(state)
     twin.step({}, 0.1)
     reference.step({}, 0.1)
-    assert twin.lost == [(1, "its state became non-finite")]
+    assert twin.diverged == [(1, "non-finite state")]
     assert twin.status.tolist() == [0, 1, 0]
     assert np.array_equal(twin.state.numpy()[:, [0, 2]], reference.state.numpy()[:, [0, 2]])
     frozen = twin.state.numpy()[:, 1]
@@ -194,7 +194,7 @@ def test_a_non_finite_twin_is_frozen_and_named_while_the_others_go_on():
     assert np.array_equal(twin.time, [0.3, 0.1, 0.3])
     twin.reset(np.array([False, True, False]))
     twin.step({}, 0.1)
-    assert twin.lost == []
+    assert twin.diverged == []
 
 
 @pytest.mark.parametrize("row", [row for row in State if row.name not in ("FLOW_IN", "FLOW_OUT")])
@@ -206,7 +206,7 @@ def test_no_non_finite_state_goes_unseen(row):
     state[row, 0] = np.nan
     twin.state.assign(state)
     twin.step({}, 0.02)
-    assert twin.lost or np.all(np.isfinite(twin.state.numpy())), row.name
+    assert twin.diverged or np.all(np.isfinite(twin.state.numpy())), row.name
 
 
 def test_a_far_away_twin_creeps_as_one_at_the_origin():

@@ -188,14 +188,14 @@ def test_a_report_without_second_machine_noise_and_ensemble(machine, tmp_path, m
 def test_a_lost_twin_and_one_that_does_not_arrive_leave_blanks(machine, tmp_path, monkeypatch):
     whole = run_turns(machine)
     angle, flow = whole.angle.copy(), whole.flow.copy()
-    angle[900:, 1] = flow[900:, 1] = np.nan  # 75 % to the left: lost
+    angle[900:, 1] = flow[900:, 1] = np.nan  # 75 % to the left: diverged
     angle[1200:, 5], flow[1200:, 5] = angle[1200, 5], 0.0  # 50 % to the right: stuck
-    broken = dataclasses.replace(whole, angle=angle, flow=flow, lost=((1, 0, "its state became non-finite"),))
+    broken = dataclasses.replace(whole, angle=angle, flow=flow, diverged=((1, 0, "non-finite state"),))
     monkeypatch.setattr("aoro_gym.validation.study.run_turns", lambda *_, **__: broken)
     monkeypatch.setattr("aoro_gym.validation.study.motor_pressure_at", lambda *_, **__: np.array([12.8e5]))
     result = validate(machine, noise_runs=5)
     assert result.notes == [
-        "aoro_datasheet, left turn, 75 % signal: lost, its state became non-finite",
+        "aoro_datasheet, left turn, 75 % signal: simulation diverged (non-finite state)",
         "aoro_datasheet, right turn, 50 % signal: did not reach its stop",
     ]
     for index in (1, 5):

@@ -29,7 +29,7 @@ def test_turns_in_one_launch_are_the_single_ones(machine, left_turn, right_turn)
     turns = (Turn("right", 100.0), Turn("left", 100.0))
     both = run_turns(machine.scale({KEY: np.array([1.0, 1.4])}), turns)
     assert both.angle.shape == both.flow.shape == (len(both.time), 2, 2)
-    assert both.lost == ()
+    assert both.diverged == ()
     for index, alone in enumerate((right_turn, left_turn)):
         frames = min(len(both.time), len(alone.time))
         np.testing.assert_array_equal(both.angle[:frames, index, 0], alone["joint_angle"][:frames])

@@ -240,10 +240,11 @@ def simulate(
                 values.append(np.array(plant.channel(name)))
             if progress is not None:
                 progress(index + 1)
-    lost = ~np.isfinite(plant.state).all(axis=0)
-    if lost.any():
+    diverged = ~np.isfinite(plant.state).all(axis=0)
+    if diverged.any():
         raise FloatingPointError(
-            f"run {int(np.argmax(lost))} became non-finite; raise stages or substeps, or check its constants"
+            f"run {int(np.argmax(diverged))}: simulation diverged (non-finite state); "
+            "raise stages or substeps, or check its constants"
         )
     return {name: np.stack(values) for name, values in kept.items()}
 

@@ -92,5 +92,5 @@ def test_a_lost_twin_stops_a_rollout():
         def reset(self, mask=None):
             pass
 
-    with pytest.raises(RuntimeError, match="sub-environment 1 ended early: twin lost"):
+    with pytest.raises(RuntimeError, match="sub-environment 1 ended early: simulation diverged"):
         rollout(env, Saboteur(), seed=0)

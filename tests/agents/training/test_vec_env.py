@@ -173,7 +173,7 @@ def test_lost_twins_say_so():
         batch.unwrapped.envs.twin.state.numpy()[State.JOINT_RATE, 1] = np.nan
         *_, dones, infos = batch.step(np.zeros((2, 1), dtype=np.float32))
         np.testing.assert_array_equal(dones, [False, True])
-        assert infos[1]["termination"] == "twin lost: its state became non-finite"
+        assert infos[1]["termination"] == "simulation diverged: non-finite state"
         assert not infos[1]["TimeLimit.truncated"]
 
 

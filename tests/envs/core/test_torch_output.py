@@ -143,7 +143,7 @@ def test_a_lost_twin_is_said_so_and_recovers():
     observations, rewards, terminated, _, infos = env.step(torch.zeros((2, 2)))
     assert terminated.tolist() == [False, True]
     reason = env.termination_reasons[infos["final_info"]["termination"][1]]
-    assert reason == "twin lost: its state became non-finite"
+    assert reason == "simulation diverged: non-finite state"
     assert rewards[1] == 0.0 and not infos["final_info"]["is_success"][1]
     assert torch.equal(infos["final_obs"][1], before[1])
     assert torch.isfinite(observations).all()

@@ -27,7 +27,7 @@ def make(num_envs=2, **arguments) -> Any:
     return TurningVectorEnv(num_envs, **arguments)
 
 
-def lose(env, index):
+def diverge(env, index):
     """Make the state of a twin non-finite."""
     env.twin.state.numpy()[State.JOINT_RATE, index] = np.nan
 
@@ -148,12 +148,12 @@ def test_a_lost_twin_ends_its_episode_with_the_reason_and_recovers(mode):
     env = make(3, autoreset_mode=mode)
     before, _ = env.reset(seed=0)
     zero = np.zeros((3, 1), dtype=np.float32)
-    lose(env, 1)
+    diverge(env, 1)
     observations, rewards, terminated, truncated, infos = env.step(zero)
     np.testing.assert_array_equal(terminated, [False, True, False])
     assert not truncated.any()
     end = infos["final_info"] if mode is AutoresetMode.SAME_STEP else infos
-    assert end["termination"][1] == "twin lost: its state became non-finite"
+    assert end["termination"][1] == "simulation diverged: non-finite state"
     np.testing.assert_array_equal(end["_termination"], [False, True, False])
     assert not end["is_success"][1]
     assert rewards[1] == 0.0
@@ -166,17 +166,17 @@ def test_a_lost_twin_ends_its_episode_with_the_reason_and_recovers(mode):
         observations, rewards, terminated, _, _ = env.step(zero)
         assert not terminated.any()
         assert np.isfinite(observations).all()
-        assert env.twin.lost == []
+        assert env.twin.diverged == []
 
 
 def test_a_lost_single_twin_ends_its_episode_and_recovers():
     env: Any = gymnasium.make(TURNING)
     env.reset(seed=0)
-    lose(env.unwrapped.vector, 0)
+    diverge(env.unwrapped.vector, 0)
     _, reward, terminated, truncated, info = env.step(np.zeros(1, dtype=np.float32))
     assert terminated and not truncated
     assert reward == 0.0
-    assert info["termination"] == "twin lost: its state became non-finite"
+    assert info["termination"] == "simulation diverged: non-finite state"
     assert info["is_success"] is False
     env.reset()
     *_, terminated, _, info = env.step(np.zeros(1, dtype=np.float32))

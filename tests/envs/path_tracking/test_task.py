@@ -241,7 +241,7 @@ def test_a_lost_twin_ends_its_episode():
     env.twin.state.numpy()[State.JOINT_RATE, 1] = np.nan
     observations, rewards, terminated, _, infos = drive(env)
     assert terminated.tolist() == [False, True]
-    assert infos["termination"][1] == "twin lost: its state became non-finite"
+    assert infos["termination"][1] == "simulation diverged: non-finite state"
     assert not infos["is_success"][1]
     assert np.isfinite(observations).all() and rewards[1] == 0.0
     observations, _ = env.reset(options={"reset_mask": terminated})
