@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow
 import pyarrow.parquet
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aoro_gym.diagnosis.recording import Recording, read_recording
@@ -20,6 +20,7 @@ from aoro_gym.recording.dialects import SAMPLE, Dialect, number_rows, sniff
 from aoro_gym.recording.tables import read_table
 from aoro_gym.recording.units import DIMENSIONS, canonical, find_unit, parse_name, splits
 from aoro_gym.simulation.manoeuvres import from_file
+from tests.damage import fuzz
 
 CORPUS = Path(__file__).parent / "corpus"
 QUICK, THOROUGH = 60, 10_000
@@ -58,18 +59,6 @@ WHOLE = {
 }  # fmt: skip
 TOKENS = [b"", b"nan", b"1_0", b"-1e999", b'"', b",", b";", b"\t", b"\n", b"\r", b"\x00", b"\xff", b"[/x]", b"$", b"9" * 400,
           b"time_s", b"2026-05-04T08:00:00Z", b"\xef\xbb\xbf", b"#", b"1,5", b"(((((", b"\xe2\x88\x92"]  # fmt: skip
-
-
-@st.composite
-def damaged(draw, suffix: str) -> bytes:
-    """A whole file in which stretches of bytes are cut, repeated or replaced."""
-    data = draw(st.sampled_from(WHOLE[suffix]))
-    for _ in range(draw(st.integers(1, 4))):
-        begin = draw(st.integers(0, len(data)))
-        end = min(len(data), begin + draw(st.sampled_from([0, 1, 2, 8, 100, 4000])))
-        new = draw(st.one_of(st.sampled_from(TOKENS), st.binary(max_size=8), st.just(data[begin:end] * 2)))
-        data = data[:begin] + new + data[end:]
-    return data
 
 
 def judge(data: bytes, suffix: str) -> None:
@@ -115,16 +104,6 @@ def _as_a_cloud(data: bytes) -> None:
         assert "\n" not in str(error)
 
 
-def fuzz(suffix: str, examples: int):
-    @settings(max_examples=examples, deadline=None, derandomize=examples == QUICK, database=None,
-              suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])  # fmt: skip
-    @given(damaged(suffix))
-    def run(data: bytes) -> None:
-        judge(data, suffix)
-
-    run()
-
-
 @pytest.mark.parametrize("suffix", WHOLE)
 def test_whole_files_are_read(tmp_path, suffix):
     for data in WHOLE[suffix][:1]:
@@ -137,13 +116,13 @@ def test_whole_files_are_read(tmp_path, suffix):
 
 @pytest.mark.parametrize("suffix", WHOLE)
 def test_damaged_files(suffix):
-    fuzz(suffix, QUICK)
+    fuzz(lambda data: judge(data, suffix), WHOLE[suffix], TOKENS, QUICK)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", WHOLE)
 def test_very_many_damaged_files(suffix):
-    fuzz(suffix, THOROUGH)
+    fuzz(lambda data: judge(data, suffix), WHOLE[suffix], TOKENS, THOROUGH)
 
 
 @pytest.mark.parametrize("path", sorted(CORPUS.glob("*")), ids=lambda path: path.name)

@@ -54,9 +54,17 @@ def test_a_clock_since_1970_begins_with_its_first_row(tmp_path):
         ("time_s,drive_signal\n0,0\n1777881600000000000,1\n", "these are nanoseconds since 1970"),
         ("time_ms,time_us,drive_signal\n0,0,0\n1,1,1\n", "time_ms, time_us name the same quantity; leave one"),
         ("drive_signal,steering_signal\n0,0\n1,1\n", "no column time_s, only drive_signal, steering_signal"),
+        ("time_s,joint_angle_deg\n0,0\n1,1\n", "no command column"),
+        ("time_s,drive_signal\n0,0\n1,1.2\n", "line 3: drive_signal = 1.2 is outside [-1, 1]"),
+        ("time_s,gear\n0,1\n1,1.5\n", "line 3: gear = 1.5 is none of 1, 2, 3"),
+        ("time_s,steering_signal_V\n0,5\n1,2.5\n", "line 2: steering_signal_V = 5 is outside [0.5, 4.5] V"),
+        ("time_s,drive_signal\n-1,0\n1,1\n", "line 2: time_s = -1 is outside [0, 3600] s"),
+        ("time_s,drive_signal\n1,0\n0.5,1\n", "line 3: time_s = 0.5 does not follow 1 by a main step"),
+        ("time_s,drive_signal\n0,0\n0.0001,1\n", "line 3: time_s = 0.0001 does not follow 0"),
+        ("time_s,drive_signal\n0,0\n", "ends at 0 s, before 0.01 s; add a row, or give --duration"),
     ],
 )
-def test_faults_are_named(tmp_path, text, message):
+def test_a_broken_file_is_named_with_its_line(tmp_path, text, message):
     path = tmp_path / "commands.csv"
     path.write_text(text)
     with pytest.raises(ValueError, match=re.escape(message)):

@@ -1,6 +1,8 @@
 """Recordings to test readers with: lines in metres, in degrees, and as GPX, KML, GeoJSON."""
 
+import io
 import json
+import zipfile
 
 import numpy as np
 
@@ -61,6 +63,14 @@ def wpt(points: np.ndarray) -> str:
 def kml(*placemarks: str) -> str:
     spaces = 'xmlns="http://www.opengis.net/kml/2.2" xmlns:gx="http://www.google.com/kml/ext/2.2"'
     return f'<?xml version="1.0" encoding="UTF-8"?>\n<kml {spaces}><Document>{"".join(placemarks)}</Document></kml>'
+
+
+def kmz(text: str, name: str = "doc.kml", **others: str) -> bytes:
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for entry, content in {**others, name: text}.items():
+            archive.writestr(entry, content)
+    return packed.getvalue()
 
 
 def placemark(geometry: str, name: str | None = None) -> str:

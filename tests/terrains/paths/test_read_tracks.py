@@ -1,8 +1,6 @@
 """Lines of GPX, KML, KMZ and GeoJSON against the lines that were written, and the choice among several."""
 
-import io
 import json
-import zipfile
 
 import numpy as np
 import pyproj
@@ -17,6 +15,7 @@ from tests.terrains.lines import (
     gpx,
     gx_track,
     kml,
+    kmz,
     line_string,
     placemark,
     positions,
@@ -27,14 +26,6 @@ from tests.terrains.lines import (
 )
 
 ROAD, YARD = straight(115.0, 5.0), straight(12.0, 0.2, start=(60.0, 100.0))
-
-
-def kmz(text: str, name: str = "doc.kml", **others: str) -> bytes:
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-        for entry, content in {**others, name: text}.items():
-            archive.writestr(entry, content)
-    return packed.getvalue()
 
 
 def loaded(tmp_path, name, content, **options):

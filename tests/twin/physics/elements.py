@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
+from aoro_gym.twin.physics.cylinders import Linkage
 from aoro_gym.twin.physics.fluid import Oil
 from tests.twin.physics.launch import record
 
@@ -70,6 +72,13 @@ def pin_distance(linkage: Any, angle: Any) -> Any:
     """Distance between the pins of a cylinder, from their coordinates about the hinge."""
     gamma = linkage.g0 + angle
     return np.hypot(linkage.b * np.cos(gamma) - linkage.a, linkage.b * np.sin(gamma))
+
+
+def closed_linkage(a: float, b: float, g0: float, half_range: float) -> Any:
+    """Linkage with its pins ``a`` and ``b`` [m] from the hinge that closes at −``half_range`` [rad]; the stroke follows."""
+    shape = SimpleNamespace(a=a, b=b, g0=g0)
+    closed, opened = (pin_distance(shape, side * half_range) for side in (-1.0, 1.0))
+    return record(Linkage, a=a, b=b, g0=g0, dead_length=closed, stroke=opened - closed)
 
 
 def uncrossed(before: Any, after: Any) -> Any:

@@ -20,7 +20,6 @@ from aoro_gym.twin.physics.arms import (
     arm_step,
     load_holding,
 )
-from aoro_gym.twin.physics.cylinders import Linkage
 from aoro_gym.twin.physics.fluid import Oil
 from tests.twin.physics.elements import (
     BAR,
@@ -29,6 +28,7 @@ from tests.twin.physics.elements import (
     SUBSTEP,
     VOID,
     chamber_compliance,
+    closed_linkage,
     cv,
     orifice,
     pin_distance,
@@ -38,14 +38,6 @@ from tests.twin.physics.elements import (
 from tests.twin.physics.launch import ROUNDOFF, changed, columns, launch, record, rounded
 
 SWING = np.radians(28.0)
-
-
-def closed_linkage():
-    """Pins at 0.9 and 0.5 m, closed with the wheel up; the stroke follows."""
-    shape = SimpleNamespace(a=0.9, b=0.5, g0=1.2)
-    closed, opened = (pin_distance(shape, side * SWING) for side in (-1.0, 1.0))
-    return record(Linkage, a=shape.a, b=shape.b, g0=shape.g0, dead_length=closed, stroke=opened - closed)
-
 
 ARM = record(
     Arm,
@@ -59,7 +51,7 @@ ARM = record(
     rod_rest_pressure=5.0 * BAR,
     hose_volume=0.3e-3,
     hose_compliance=0.3e-3 / 1.2e9,
-    cylinder_linkage=closed_linkage(),
+    cylinder_linkage=closed_linkage(a=0.9, b=0.5, g0=1.2, half_range=SWING),
     cylinder_bore_area=5.027e-3,
     cylinder_annulus_area=3.770e-3,
     cylinder_dead_volume=0.05e-3,

@@ -12,7 +12,6 @@ import warp as wp
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from aoro_gym.twin.physics.cylinders import Linkage
 from aoro_gym.twin.physics.fluid import Oil
 from aoro_gym.twin.physics.steering import (
     Exchange,
@@ -37,6 +36,7 @@ from tests.twin.physics.elements import (
     VOID,
     chamber_compliance,
     check_valve,
+    closed_linkage,
     compliance,
     cv,
     orifice,
@@ -49,14 +49,6 @@ from tests.twin.physics.launch import ROUNDOFF, changed, columns, launch, record
 
 HALF_RANGE = np.radians(40.0)
 SPEED = 167.0  # [rad/s] engine
-
-
-def closed_linkage():
-    """Pins at 0.49 and 0.375 m that close at −40 degrees; the stroke follows."""
-    shape = SimpleNamespace(a=0.49, b=0.375, g0=1.35)
-    closed, opened = (pin_distance(shape, side * HALF_RANGE) for side in (-1.0, 1.0))
-    return record(Linkage, a=shape.a, b=shape.b, g0=shape.g0, dead_length=closed, stroke=opened - closed)
-
 
 # Left and right differ throughout, and the leakages are large enough to be seen beside float32's rounding.
 STEERING = record(
@@ -89,7 +81,7 @@ STEERING = record(
     valve_cv_anticavitation=cv(120.0, 5.0),
     hose_volume=0.43e-3,
     hose_compliance=0.43e-3 / 1.2e9,
-    cylinder_linkage=closed_linkage(),
+    cylinder_linkage=closed_linkage(a=0.49, b=0.375, g0=1.35, half_range=HALF_RANGE),
     cylinder_bore_area=5.027e-3,
     cylinder_annulus_area=3.770e-3,
     cylinder_dead_volume=0.05e-3,

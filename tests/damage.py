@@ -1,7 +1,10 @@
-"""Files that are damaged at random, for the readers of ground."""
+"""Files that are damaged at random, for readers that must read or refuse them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
 
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 
@@ -26,3 +29,21 @@ def damaged(draw: st.DrawFn, seeds: Sequence[bytes], tokens: Sequence[bytes]) ->
         else:
             data[start:start] = data[start : start + size] * 3
     return bytes(data)
+
+
+def fuzz(answer: Callable[[bytes], Any], seeds: Sequence[bytes], tokens: Sequence[bytes], examples: int) -> None:
+    """Call ``answer`` with so many damaged files, always the same ones."""
+    checks = [HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.large_base_example]
+    bounds = settings(
+        max_examples=examples, deadline=None, database=None, derandomize=True, suppress_health_check=checks
+    )
+    bounds(given(damaged(seeds, tokens))(answer))()
+
+
+def assert_refusal(error: ValueError, file: Path) -> None:
+    """Everybody is refused alike: in one printable line that begins with the file and does not repeat it."""
+    message = str(error)
+    assert message.startswith(str(file)), message
+    assert "\n" not in message
+    assert message.isprintable(), message
+    assert len(message) < len(str(file)) + 700, message
