@@ -1,1 +1,1 @@
-"""Evaluation: episodes, figures with intervals, leaderboard, reports."""
+"""Evaluation: episodes, metrics with intervals, leaderboard, reports."""

@@ -108,10 +108,10 @@ def forest_drive(machine: Machine, folder: Path, *, device: str, seed: int, prog
 
 
 def _driven(run: Episodes) -> str:
-    """Figures of a policy's first episode."""
-    figures = {name: float(values[0]) for name, values in run.figures.items()}
-    text = f"{figures['driven_m']:.1f} m driven"
-    if not figures["success_rate"]:
+    """Metrics of a policy's first episode."""
+    metrics = {name: float(values[0]) for name, values in run.metrics.items()}
+    text = f"{metrics['driven_m']:.1f} m driven"
+    if not metrics["success_rate"]:
         return f"{text}, not to the end"
-    error, speed = figures["cross_track_rms_m"], figures["speed_m_per_s"]
+    error, speed = metrics["cross_track_rms_m"], metrics["speed_m_per_s"]
     return f"{text} at {speed:.2f} m/s, {error:.3f} m off the path (root mean square)"

@@ -14,15 +14,15 @@ from aoro_gym.agents.evaluation.statistics import Floats
 
 TIME_IS_UP = "time is up"
 """Ending of an episode that was truncated."""
-FIGURE = "figure "
-"""Before the name of a figure in a file."""
+METRIC_PREFIX = "figure "
+"""Before the name of a metric in a file."""
 
 
 @dataclass(frozen=True)
 class Episodes:
     """What one policy did in N episodes."""
 
-    figures: Mapping[str, Floats]
+    metrics: Mapping[str, Floats]
     """By name, (N,); NaN where an episode has none."""
     endings: list[str]
     """(N,)"""
@@ -36,14 +36,14 @@ class Episodes:
     """(T, channels) of the first episode, as a task's scene draws them."""
 
     def bounded(self, name: str) -> NDArray[np.bool_]:
-        """Whether a figure is a lower bound, (N,)."""
+        """Whether a metric is a lower bound, (N,)."""
         if name not in BOUNDED:
             return np.zeros(len(self.endings), dtype=bool)
-        return self.figures[BOUNDED[name]] < 1.0
+        return self.metrics[BOUNDED[name]] < 1.0
 
     def exact(self, name: str) -> Floats:
-        """A figure (N,), NaN where it is a lower bound: of those no difference says anything."""
-        return np.where(self.bounded(name), np.nan, self.figures[name])
+        """A metric (N,), NaN where it is a lower bound: of those no difference says anything."""
+        return np.where(self.bounded(name), np.nan, self.metrics[name])
 
     def joined(self, other: Episodes) -> Episodes:
         """These episodes, then the ``other`` ones; the film is the first one's."""
@@ -54,7 +54,7 @@ class Episodes:
             return np.pad(values, lacking, constant_values=np.nan)
 
         return Episodes(
-            {name: np.concatenate([values, other.figures[name]]) for name, values in self.figures.items()},
+            {name: np.concatenate([values, other.metrics[name]]) for name, values in self.metrics.items()},
             self.endings + other.endings,
             np.concatenate([self.course, other.course]),
             np.concatenate([wide(self.errors), wide(other.errors)]),
@@ -64,18 +64,18 @@ class Episodes:
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """All of it by name, as a file without code can hold it."""
-        figures = {FIGURE + name: values for name, values in self.figures.items()}
+        metrics = {METRIC_PREFIX + name: values for name, values in self.metrics.items()}
         endings = np.array(self.endings, dtype=np.str_)
-        return figures | {
+        return metrics | {
             "endings": endings, "course": self.course, "errors": self.errors, "places": self.places, "film": self.film,
         }  # fmt: skip
 
     @classmethod
     def of(cls, arrays: Mapping[str, NDArray[Any]]) -> Episodes:
         """What :meth:`arrays` were of."""
-        figures = {name.removeprefix(FIGURE): arrays[name] for name in arrays if name.startswith(FIGURE)}
+        metrics = {name.removeprefix(METRIC_PREFIX): arrays[name] for name in arrays if name.startswith(METRIC_PREFIX)}
         rest = (arrays[name] for name in ("course", "errors", "places", "film"))
-        return cls(figures, arrays["endings"].tolist(), *rest)
+        return cls(metrics, arrays["endings"].tolist(), *rest)
 
 
 def reset_arguments(seeds: list[int], asked: list[int] | None) -> dict[str, Any]:

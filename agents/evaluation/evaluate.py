@@ -1,4 +1,4 @@
-"""How well policies do: the same episodes for every one of them, and figures with 95 % intervals.
+"""How well policies do: the same episodes for every one of them, and metrics with 95 % intervals.
 
 >>> from aoro_gym.agents.evaluation.evaluate import evaluate
 >>> from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES

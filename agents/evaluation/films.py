@@ -72,8 +72,8 @@ def film_caption(result: Evaluation, run: Episodes) -> str:
     stride, rate = _pace(result, run)
     speed = rate * stride * result.control_step
     text = f"Its first episode, {speed:.2g} x real time; it ended so: {run.endings[0]}."
-    if "cross_track_rms_m" in run.figures:
-        driven, error = run.figures["driven_m"][0], run.figures["cross_track_rms_m"][0]
+    if "cross_track_rms_m" in run.metrics:
+        driven, error = run.metrics["driven_m"][0], run.metrics["cross_track_rms_m"][0]
         text += f" {driven:.1f} m driven" + (
             f", {error:.3f} m off the path (root mean square)." if math.isfinite(error) else "."
         )

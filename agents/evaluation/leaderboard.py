@@ -56,18 +56,18 @@ class Leaderboard:
 
     @cached_property
     def policies(self) -> list[str]:
-        """From the best to the worst on the strangest machines: by success, then by the first decisive figure."""
+        """From the best to the worst on the strangest machines: by success, then by the first decisive metric."""
         return ranked(self.middle[list(self.found)[-1]], self.any.task.decisive[0])
 
     @cached_property
     def middle(self) -> dict[str, dict[str, dict[str, Interval]]]:
-        """Interquartile means of the decisive figures, and success, by perturbation, policy and figure."""
-        figures = self.any.task.decisive
+        """Interquartile means of the decisive metrics, and success, by perturbation, policy and metric."""
+        metrics = self.any.task.decisive
         return {
             name: {
                 policy: {
-                    SUCCESS: interval(run.figures[SUCCESS], rate=True),
-                    **{figure: result.of(run, figure, interquartile_mean) for figure in figures},
+                    SUCCESS: interval(run.metrics[SUCCESS], rate=True),
+                    **{metric: result.of(run, metric, interquartile_mean) for metric in metrics},
                 }
                 for policy, run in result.runs.items()
             }
@@ -76,7 +76,7 @@ class Leaderboard:
 
     @cached_property
     def stratified(self) -> dict[str, dict[str, dict[str, Interval]]]:
-        """Decisive figures likewise, of all that was driven, with intervals over repeats of these episodes; empty where each
+        """Decisive metrics likewise, of all that was driven, with intervals over repeats of these episodes; empty where each
         was driven once."""
         return {name: result.stratified for name, result in self.found.items() if result.repeats > 1}
 
@@ -88,7 +88,7 @@ class Leaderboard:
 
     @cached_property
     def differences(self) -> dict[str, dict[str, dict[str, Interval]]]:
-        """Mean of the decisive figures of every other policy less those of the best reference controller, episode by
+        """Mean of the decisive metrics of every other policy less those of the best reference controller, episode by
         episode, over those in which both have them."""
         best = self.best_reference
         if best is None:
@@ -199,38 +199,38 @@ def write(
 
 
 def rows(result: Leaderboard) -> list[list[str]]:
-    """A row for each policy, the first is the head: success and decisive figures under every perturbation."""
-    figures = (SUCCESS, *result.any.task.decisive)
+    """A row for each policy, the first is the head: success and decisive metrics under every perturbation."""
+    metrics = (SUCCESS, *result.any.task.decisive)
     head = ["policy"]
     for name in result.found:
-        for figure in figures:
-            words, unit = named(figure)
+        for metric in metrics:
+            words, unit = named(metric)
             head.append(f"{words} [{unit}], {name}")
     return [
         head,
         *(
             [
                 policy,
-                *(cell(result, name, policy, figure) for name in result.found for figure in figures),
+                *(cell(result, name, policy, metric) for name in result.found for metric in metrics),
             ]
             for policy in result.policies
         ),
     ]
 
 
-def cell(result: Leaderboard, name: str, policy: str, figure: str) -> str:
-    """A figure with its interval over episodes; where each was driven more than once, that over repeats comes before it."""
-    unit, value = describe(figure)[1], result.middle[name][policy][figure]
+def cell(result: Leaderboard, name: str, policy: str, metric: str) -> str:
+    """A metric with its interval over episodes; where each was driven more than once, that over repeats comes before it."""
+    unit, value = describe(metric)[1], result.middle[name][policy][metric]
     total = result.any.episodes * result.any.repeats
-    if name not in result.stratified or figure == SUCCESS:
+    if name not in result.stratified or metric == SUCCESS:
         return shown(value, unit, total=total)
-    before = shown(result.stratified[name][policy][figure], unit, finer=1)
+    before = shown(result.stratified[name][policy][metric], unit, finer=1)
     _, bracket, interval = shown(value, unit, total=total).partition("[")
     return f"{before}, {bracket}{interval}" if bracket else before
 
 
 def markdown(result: Leaderboard) -> str:
-    """The table with a sentence on how it came about: figures down, policies across."""
+    """The table with a sentence on how it came about: metrics down, policies across."""
     head, *body = rows(result)
     episodes = f"{result.any.episodes} episodes a cell"
     meaning = "mean of the middle half of the episodes [95 %]"
@@ -254,9 +254,9 @@ def markdown(result: Leaderboard) -> str:
         if best is None or policy in REFERENCE_POLICIES[result.any.env]:
             continue
         said = []
-        for figure in result.any.task.decisive:
-            words, unit = describe(figure)
-            values = ", ".join(shown(found[policy][figure], unit) for found in result.differences.values())
+        for metric in result.any.task.decisive:
+            words, unit = describe(metric)
+            values = ", ".join(shown(found[policy][metric], unit) for found in result.differences.values())
             said.append(f"{words} {values} {unit}")
         lines += ["", f"`{policy}` less `{best}`, episode by episode ({', '.join(result.found)}): {'; '.join(said)}."]
     return "\n".join(lines) + "\n"
@@ -276,7 +276,7 @@ def around_table(readme: Path, env: str) -> tuple[str, str]:
 
 
 def table(result: Leaderboard) -> Comparison:
-    """The same for a terminal: figures down, policies across."""
+    """The same for a terminal: metrics down, policies across."""
     head, *body = rows(result)
     cells = [[name, *(row[k] for row in body)] for k, name in enumerate(head) if k]
     title = f"{result.any.env}: {counted(result.any)}, middle half, the best first"
@@ -284,14 +284,14 @@ def table(result: Leaderboard) -> Comparison:
 
 
 def write_figure(result: Leaderboard, path: Path) -> None:
-    """A panel for each decisive figure: its interquartile mean and interval, by policy and perturbation. Where episodes were
+    """A panel for each decisive metric: its interquartile mean and interval, by policy and perturbation. Where episodes were
     driven more than once, a broad bar is the interval over repeats."""
     from matplotlib.lines import Line2D
 
-    figures, policies = result.any.task.decisive, result.policies
-    with saved_figure(path, 4.2 * len(figures), 1.5 + 0.5 * len(policies)) as figure:
-        axes = figure.subplots(1, len(figures), squeeze=False)[0]
-        for column, (axis, what) in enumerate(zip(axes, figures, strict=True)):
+    metrics, policies = result.any.task.decisive, result.policies
+    with saved_figure(path, 4.2 * len(metrics), 1.5 + 0.5 * len(policies)) as figure:
+        axes = figure.subplots(1, len(metrics), squeeze=False)[0]
+        for column, (axis, what) in enumerate(zip(axes, metrics, strict=True)):
             _draw_intervals(axis, result, what)
             style_rows(axis, policies, titled(what), labelled=column == 0)
             axis.locator_params(axis="x", nbins=6)
@@ -305,7 +305,7 @@ def write_figure(result: Leaderboard, path: Path) -> None:
 
 
 def _draw_intervals(axis: Any, result: Leaderboard, what: str) -> None:
-    """Draw a figure's mean and intervals for every policy, one above the other by perturbation."""
+    """Draw a metric's mean and intervals for every policy, one above the other by perturbation."""
     scale, names = shown_as(describe(what)[1]), list(result.found)
     for k, name in enumerate(names):
         heights = [height + 0.22 * (k - 0.5 * (len(names) - 1)) for height in range(len(result.policies))]

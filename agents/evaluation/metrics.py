@@ -9,7 +9,7 @@ from aoro_gym.agents.evaluation.statistics import Interval
 
 SUCCESS = "success_rate"
 RATES = (SUCCESS,)
-"""Figures that count episodes."""
+"""Metrics that count episodes."""
 OVER: Mapping[str, str] = {
     **dict.fromkeys(
         ("cross_track_rms_m", "cross_track_mean_m", "cross_track_p95_m", "speed_m_per_s", "energy_kJ", "duration_s"),
@@ -19,34 +19,34 @@ OVER: Mapping[str, str] = {
         ("rise_time_s", "overshoot_deg", "worst_overshoot_deg", "flow_overshoot_share"), "targets that were reached"
     ),
 }
-"""What a figure is over, where it is not over everything that was driven; NaN of an episode that has nothing of it."""
+"""What a metric is over, where it is not over everything that was driven; NaN of an episode that has nothing of it."""
 BOUNDED: Mapping[str, str] = {"settling_time_s": "settled_share", "worst_tilt_deg": SUCCESS}
-"""Figures that are lower bounds in an episode whose share, of the other name, is below 1: of a target that was not settled
+"""Metrics that are lower bounds in an episode whose share, of the other name, is below 1: of a target that was not settled
 the time that it stood counts, and of a path that was not driven to its end the part that was."""
 MORE_IS_BETTER = (SUCCESS, "speed_m_per_s", "return", "settled_share", "driven_m")
 UNITS = {"m_per_s": "m/s", "kJ": "kJ", "deg": "°", "m": "m", "s": "s", "rate": "%", "share": "%"}
-"""By the last words of a figure's name."""
+"""By the last words of a metric's name."""
 SHORT = {"successful episodes": "of successes", "targets that were reached": "of targets reached"}
-"""What figures are over, in a table."""
+"""What metrics are over, in a table."""
 MARKS = (
     "≥: a lower bound, as not all targets were settled or paths driven. (n): over n episodes, as the others have none."
 )
 """What :func:`shown` marks."""
 
 
-def ranked(figures: Mapping[str, Mapping[str, Interval]], decisive: str) -> list[str]:
-    """Policies from the best to the worst by their figures: success first, then ``decisive``; who has none of it is last."""
+def ranked(metrics: Mapping[str, Mapping[str, Interval]], decisive: str) -> list[str]:
+    """Policies from the best to the worst by their metrics: success first, then ``decisive``; who has none of it is last."""
     sign = -1.0 if decisive in MORE_IS_BETTER else 1.0
 
     def rank(policy: str) -> tuple[float, float]:
-        value = sign * figures[policy][decisive].mean
-        return -figures[policy][SUCCESS].mean, value if math.isfinite(value) else math.inf
+        value = sign * metrics[policy][decisive].mean
+        return -metrics[policy][SUCCESS].mean, value if math.isfinite(value) else math.inf
 
-    return sorted(figures, key=rank)
+    return sorted(metrics, key=rank)
 
 
 def describe(name: str) -> tuple[str, str]:
-    """Words and unit of a figure: ``cross_track_rms_m`` is ('cross track rms', 'm')."""
+    """Words and unit of a metric: ``cross_track_rms_m`` is ('cross track rms', 'm')."""
     for end, unit in UNITS.items():
         if name.endswith(f"_{end}"):
             words = name if unit == "%" else name.removesuffix(f"_{end}")
@@ -55,18 +55,18 @@ def describe(name: str) -> tuple[str, str]:
 
 
 def shown_as(unit: str) -> float:
-    """Factor from a figure to what is shown of it."""
+    """Factor from a metric to what is shown of it."""
     return 100.0 if unit == "%" else 1.0
 
 
 def named(name: str) -> tuple[str, str]:
-    """The same, with what the figure is over where that is not everything: ('cross track rms, of successes', 'm')."""
+    """The same, with what the metric is over where that is not everything: ('cross track rms, of successes', 'm')."""
     words, unit = describe(name)
     return (f"{words}, {SHORT[OVER[name]]}", unit) if name in OVER else (words, unit)
 
 
 def titled(name: str) -> str:
-    """Words and unit of a figure, and whether more or less of it is better."""
+    """Words and unit of a metric, and whether more or less of it is better."""
     words, unit = describe(name)
     return f"{words} [{unit}], {'more' if name in MORE_IS_BETTER else 'less'} is better"
 

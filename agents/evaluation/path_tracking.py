@@ -18,7 +18,7 @@ from aoro_gym.envs.path_tracking.environment import PathTrackingVectorEnv
 STATION = 0.25
 """Distance [m] at which the error of a drive is kept."""
 CHANNELS = ("s", "cross_track", "reference_x", "reference_y", "roll", "pitch")
-"""Channels of a drive that its figures and plots need."""
+"""Channels of a drive that its metrics and plots need."""
 
 
 def make_tracking(num_envs: int, courses: Sequence[Course] | None, **arguments: Any) -> PathTrackingVectorEnv:
@@ -78,7 +78,7 @@ def drive_paths(
     parts = [slice(1, 1 + count) for count in steps]
     error = [np.abs(data["cross_track"][i, part]) for i, part in enumerate(parts)]
     arrived = last["is_success"].astype(bool)
-    figures = {
+    metrics = {
         SUCCESS: last["is_success"],
         "cross_track_rms_m": np.array([np.sqrt((e**2).mean()) for e in error]),
         "cross_track_mean_m": np.array([e.mean() for e in error]),
@@ -90,7 +90,7 @@ def drive_paths(
         "duration_s": steps * env.task.control_step,
         "return": returns,
     }
-    figures |= {name: np.where(arrived, values, np.nan) for name, values in figures.items() if name in OVER}
+    metrics |= {name: np.where(arrived, values, np.nan) for name, values in metrics.items() if name in OVER}
     stations = STATION * np.arange(1 + math.ceil(float(whole.max()) / STATION))
     errors, places = np.full((n, len(stations)), np.nan), np.full((n, len(stations), 2), np.nan)
     for i, part in enumerate(parts):
@@ -101,4 +101,4 @@ def drive_paths(
         errors[i, there] = error[i][when]
         for axis, name in enumerate(("reference_x", "reference_y")):
             places[i, there, axis] = data[name][i, part][when]
-    return Episodes(figures, endings, course, errors, places, np.array(film))
+    return Episodes(metrics, endings, course, errors, places, np.array(film))

@@ -47,7 +47,7 @@ def style_rows(axis: Any, policies: Sequence[str], title: str, *, labelled: bool
     axis.spines[["top", "right", "left"]].set_visible(False)
 
 
-def write_figures(result: Evaluation, path: Path) -> None:
+def write_metrics(result: Evaluation, path: Path) -> None:
     """Draw a panel for each metric: its mean and interval for every policy, single episodes behind."""
     summary, policies = result.summary, result.ranking
     names = list(next(iter(summary.values())))
@@ -74,7 +74,7 @@ def _draw_metric(axis: Any, result: Evaluation, name: str, scale: float) -> None
     for height, policy in enumerate(result.ranking):
         value, colour = result.summary[policy][name], COLOURS[height % len(COLOURS)]
         if name not in RATES:
-            single = scale * result.runs[policy].figures[name]
+            single = scale * result.runs[policy].metrics[name]
             axis.plot(single, height + spread, "o", color=colour, ms=3.5, alpha=0.25, mew=0, zorder=2)
         if math.isfinite(value.low95):
             ends = [scale * value.low95, scale * value.high95]
@@ -158,7 +158,7 @@ def _write_plan(result: Evaluation, number: int, path: Path) -> None:
             for i in np.flatnonzero(run.course[:, 0] == number):
                 trace = run.places[i][np.isfinite(run.places[i, :, 0])]
                 axis.plot(*trace.T, color=colour, lw=width, zorder=7 + index)
-                if not run.figures["success_rate"][i]:
+                if not run.metrics["success_rate"][i]:
                     axis.plot(*trace[-1], "X", color=colour, ms=8, mec="white", mew=0.8, zorder=30)
             handles.append(Line2D([], [], color=colour, lw=1.8, label=policy))
         place_legend(axis, handles)

@@ -8,7 +8,7 @@ from typing import Any
 
 from aoro_gym.agents.evaluation.films import film_caption, write_film
 from aoro_gym.agents.evaluation.metrics import MARKS, describe, named, shown
-from aoro_gym.agents.evaluation.plots import write_errors, write_figures, write_plans
+from aoro_gym.agents.evaluation.plots import write_errors, write_metrics, write_plans
 from aoro_gym.agents.evaluation.result import Evaluation
 from aoro_gym.execution.files import write_json
 from aoro_gym.reporting.page import Passage, write_page
@@ -37,21 +37,21 @@ def write_report(
     Returns what was written.
     """
     progress("plots", 0.0)
-    summary, figures, errors, page = (
+    summary, metrics, errors, page = (
         folder / name for name in ("evaluation.json", "figures.png", "errors.png", "index.html")
     )
     content = result.to_json() | ({} if made_by is None else {"made_by": dict(made_by)})
     write_json(summary, content)
-    write_figures(result, figures)
+    write_metrics(result, metrics)
     write_errors(result, errors)
     plans = write_plans(result, folder)
     passages = [
-        Passage("Figures", _explained(result), [figures], table=figure_rows(result)),
+        Passage("Metrics", _explained(result), [metrics], table=metric_rows(result)),
         Passage("Errors", f"Of all episodes: {result.task.error} against the {result.task.along}.", [errors]),
     ]
     if len(result.runs) > 1:
         text = (
-            f"Each policy less {next(iter(result.runs))}, episode by episode, over those in which both have the figure and "
+            f"Each policy less {next(iter(result.runs))}, episode by episode, over those in which both have the metric and "
             "neither is a lower bound: what the episodes share cancels, so these "
             "intervals tell policies apart whose own overlap. Those that leave out 0 are beyond chance."
         )
@@ -71,11 +71,11 @@ def write_report(
     about = f"{result.env}, {counted(result)} a policy from seed {result.seed}."
     lead = f"{about} {lead or f'Machine {result.machine.name}.'}"
     write_page(page, "AORO: evaluation", lead, (one.section for one in passages), interactive=False)
-    return [summary, figures, errors, *plans, *drawn, page]
+    return [summary, metrics, errors, *plans, *drawn, page]
 
 
-def figure_rows(result: Evaluation) -> list[list[str]]:
-    """The figures and endings, a column for each policy, the best first; the first row is the head."""
+def metric_rows(result: Evaluation) -> list[list[str]]:
+    """The metrics and endings, a column for each policy, the best first; the first row is the head."""
     summary, middle, endings, policies = result.summary, result.interquartile, result.endings, result.ranking
     total = result.episodes * result.repeats
     rows = [["mean [95 % interval]", "unit", *policies]]
@@ -97,11 +97,11 @@ def figure_rows(result: Evaluation) -> list[list[str]]:
 
 
 def difference_rows(result: Evaluation) -> list[list[str]]:
-    """Every figure of the other policies less that of the first one, a column for each; the first row is the head."""
+    """Every metric of the other policies less that of the first one, a column for each; the first row is the head."""
     differences = result.differences
     total = result.episodes * result.repeats
     rows = [["mean difference [95 % interval]", "unit", *differences]]
-    for name in next(iter(result.runs.values())).figures:
+    for name in next(iter(result.runs.values())).metrics:
         words, unit = named(name)
         rows.append([words, unit, *(shown(found[name], unit, total=total) for found in differences.values())])
     return rows
@@ -109,7 +109,7 @@ def difference_rows(result: Evaluation) -> list[list[str]]:
 
 def table(result: Evaluation) -> Comparison:
     """The same for a terminal."""
-    head, *rows = figure_rows(result)
+    head, *rows = metric_rows(result)
     return Comparison(f"{result.env}: {counted(result)} a policy, the best first", head, rows, lead=2, note=MARKS)
 
 

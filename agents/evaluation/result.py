@@ -50,27 +50,27 @@ class Evaluation:
 
     @cached_property
     def summary(self) -> dict[str, dict[str, Interval]]:
-        """Every figure by policy and name."""
+        """Every metric by policy and name."""
         return {
             policy: {
-                name: interval(run.figures[name], rate=True) if name in RATES else self.of(run, name)
-                for name in run.figures
+                name: interval(run.metrics[name], rate=True) if name in RATES else self.of(run, name)
+                for name in run.metrics
             }
             for policy, run in self.runs.items()
         }
 
     @cached_property
     def ranking(self) -> list[str]:
-        """Policies from the best to the worst: by success, then by the first decisive figure."""
+        """Policies from the best to the worst: by success, then by the first decisive metric."""
         return ranked(self.summary, self.task.decisive[0])
 
     def of(self, run: Episodes, name: str, statistic: Callable[..., Any] = np.nanmean) -> Interval:
-        """A figure of ``run``, over the episodes that have it."""
-        found = self.over_episodes(run.figures[name], statistic)
+        """A metric of ``run``, over the episodes that have it."""
+        found = self.over_episodes(run.metrics[name], statistic)
         return found._replace(bounds=int(run.bounded(name).sum()))
 
     def over_episodes(self, values: Floats, statistic: Callable[..., Any] = np.nanmean) -> Interval:
-        """Of a figure (repeats * episodes,), as other episodes might have been driven: each resampled with its repeats."""
+        """Of a metric (repeats * episodes,), as other episodes might have been driven: each resampled with its repeats."""
         return interval(values.reshape(self.repeats, self.episodes).T, statistic=statistic)
 
     def over_repeats(self, values: Floats, statistic: Callable[..., Any] = np.mean) -> Interval:
@@ -81,19 +81,19 @@ class Evaluation:
     def interquartile(self) -> dict[str, dict[str, Interval]]:
         """The same for the mean of the middle half of the episodes; not of rates, of which it would be 0 or 1."""
         return {
-            policy: {name: self.of(run, name, interquartile_mean) for name in run.figures if name not in RATES}
+            policy: {name: self.of(run, name, interquartile_mean) for name in run.metrics if name not in RATES}
             for policy, run in self.runs.items()
         }
 
     @cached_property
     def stratified(self) -> dict[str, dict[str, Interval]]:
         """The mean of the middle half of all that was driven, with its interval over repeats of these episodes: decisive
-        figures by policy and name; empty where each episode was driven once."""
+        metrics by policy and name; empty where each episode was driven once."""
         if self.repeats == 1:
             return {}
         return {
             policy: {
-                name: self.over_repeats(run.figures[name], interquartile_mean)._replace(
+                name: self.over_repeats(run.metrics[name], interquartile_mean)._replace(
                     bounds=int(run.bounded(name).sum())
                 )
                 for name in self.task.decisive
@@ -115,13 +115,13 @@ class Evaluation:
 
     @cached_property
     def differences(self) -> dict[str, dict[str, Interval]]:
-        """Every figure of the other policies less that of the first one, episode by episode, over those in which both have
+        """Every metric of the other policies less that of the first one, episode by episode, over those in which both have
         it: what they share cancels."""
         first, *others = self.runs
-        return {policy: self.less(policy, first, tuple(self.runs[policy].figures)) for policy in others}
+        return {policy: self.less(policy, first, tuple(self.runs[policy].metrics)) for policy in others}
 
     def less(self, policy: str, other: str, names: Sequence[str]) -> dict[str, Interval]:
-        """Figures of ``policy`` less those of ``other``, likewise."""
+        """Metrics of ``policy`` less those of ``other``, likewise."""
         one, two = self.runs[policy], self.runs[other]
         return {name: self.over_episodes(one.exact(name) - two.exact(name)) for name in names}
 
@@ -141,7 +141,7 @@ class Evaluation:
         """Content of ``evaluation.json``; None where an interval says nothing."""
         return self.asked | {
             "ranking": self.ranking,
-            "over": {name: what for name, what in OVER.items() if name in next(iter(self.runs.values())).figures},
+            "over": {name: what for name, what in OVER.items() if name in next(iter(self.runs.values())).metrics},
             "policies": plain(self.summary),
             "interquartile_means": plain(self.interquartile),
             "stratified_interquartile_means": plain(self.stratified),

@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 
 class Interval(NamedTuple):
-    """Mean of a figure over the episodes, and where the mean of all possible episodes lies with 95 % confidence."""
+    """Mean of a metric over the episodes, and where the mean of all possible episodes lies with 95 % confidence."""
 
     mean: float
     """Or another statistic, such as the mean of the middle half."""
@@ -25,7 +25,7 @@ class Interval(NamedTuple):
     """NaN, as ``high95``, with fewer than two episodes; only of a rate one episode says something."""
     high95: float
     episodes: int | None = None
-    """Over so many: those that have the figure."""
+    """Over so many: those that have the metric."""
     bounds: int = 0
     """In so many of them it is a lower bound, and so is the mean."""
 
@@ -103,7 +103,7 @@ def stratified_interval(
     complex survey data", J. American Statistical Association 83, 1988).
 
     Args:
-        values: Figures.
+        values: Those of a metric.
         strata: The stratum of each (N,).
         statistic: Of all values together, such as :func:`interquartile_mean`; takes ``axis``.
     """
@@ -136,10 +136,10 @@ def _percentiles(resampled: Callable[[np.random.Generator, int], Floats], size: 
     return float(low), float(high)
 
 
-def plain(figures: Mapping[str, Mapping[str, Interval]]) -> dict[str, dict[str, dict[str, float | None]]]:
-    """Figures by policy and name for JSON; None where an interval says nothing. ``episodes`` is over how many a figure is,
+def plain(metrics: Mapping[str, Mapping[str, Interval]]) -> dict[str, dict[str, dict[str, float | None]]]:
+    """Metrics by policy and name for JSON; None where an interval says nothing. ``episodes`` is over how many a metric is,
     and ``lower_bounds`` in how many of those it is at least so much."""
-    return {policy: {name: _plain(value) for name, value in found.items()} for policy, found in figures.items()}
+    return {policy: {name: _plain(value) for name, value in found.items()} for policy, found in metrics.items()}
 
 
 def _plain(value: Interval) -> dict[str, float | None]:

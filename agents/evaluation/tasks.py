@@ -27,7 +27,7 @@ class EvaluationTask:
     error: str
     """What they are, with its unit."""
     decisive: tuple[str, ...]
-    """Figures that policies are compared by, after their success; less is better, but for the speed."""
+    """Metrics that policies are compared by, after their success; less is better, but for the speed."""
 
 
 TASKS: Mapping[str, EvaluationTask] = {

@@ -58,7 +58,7 @@ def turn_joints(
         return np.array([_mean(values[rows]) for rows in mine])
 
     settled = np.isfinite(found["settling_time"])
-    figures = {
+    metrics = {
         SUCCESS: run.success.astype(np.float64),
         "settling_time_s": mean(np.where(settled, found["settling_time"], found["held"])),
         "settled_share": mean(settled * 1.0),
@@ -82,7 +82,7 @@ def turn_joints(
         ]
     )
     return Episodes(
-        figures,
+        metrics,
         [TIME_IS_UP] * env.num_envs,
         np.zeros((env.num_envs, 2), dtype=np.intp),
         errors,

@@ -40,8 +40,8 @@ class Curve:
     """(M,)"""
     minutes: Sequence[float]
     """Wall-clock time of the slowest seed at each evaluation [min] (M,), evaluations included."""
-    figures: Mapping[str, np.ndarray]
-    """Mean of each figure over an evaluation's episodes, by name (K, M); NaN where no episode had one."""
+    metrics: Mapping[str, np.ndarray]
+    """Mean of each metric over an evaluation's episodes, by name (K, M); NaN where no episode had one."""
     bounds: Mapping[str, np.ndarray]
     """Whether the mean is a lower bound, likewise; see :data:`~aoro_gym.agents.evaluation.metrics.BOUNDED`."""
 
@@ -88,8 +88,8 @@ def _evaluations(folder: Path) -> list[dict[str, Any]]:
                 _are_numbers(one["steps"], one["elapsed_s"]) and one["figures"].keys() == found[0]["figures"].keys()
             ):
                 raise ValueError(f"{file} holds an evaluation without its numbers")
-            for figure in one["figures"].values():
-                if figure["mean"] is not None and not _are_numbers(figure["mean"]):
+            for metric in one["figures"].values():
+                if metric["mean"] is not None and not _are_numbers(metric["mean"]):
                     raise ValueError(f"{file} holds an evaluation without its numbers")
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         reason = error if isinstance(error, ValueError) else f"{file} is damaged"
@@ -117,18 +117,18 @@ def _curve(members: Sequence[tuple[TrainingPlan, list[dict[str, Any]]]]) -> Curv
         seeds,
         steps=[one["steps"] for one in members[0][1][:count]],
         minutes=[max(found[k]["elapsed_s"] for _, found in members) / 60.0 for k in range(count)],
-        figures={name: np.array(values, dtype=np.float64) for name, values in zip(names, means, strict=True)},
+        metrics={name: np.array(values, dtype=np.float64) for name, values in zip(names, means, strict=True)},
         bounds={name: np.array(values, dtype=bool) for name, values in zip(names, bounds, strict=True)},
     )
 
 
-def _mean_of(figures: Mapping[str, Mapping[str, Any]], name: str) -> float | None:
-    """Mean of a figure. Evaluations that don't say over how many episodes it is are of versions in which those that failed
+def _mean_of(metrics: Mapping[str, Mapping[str, Any]], name: str) -> float | None:
+    """Mean of a metric. Evaluations that don't say over how many episodes it is are of versions in which those that failed
     counted: where some did, nothing is known."""
-    figure = figures[name]
-    if name in (*OVER, *BOUNDED) and "episodes" not in figure and figures[SUCCESS]["mean"] != 1.0:
+    metric = metrics[name]
+    if name in (*OVER, *BOUNDED) and "episodes" not in metric and metrics[SUCCESS]["mean"] != 1.0:
         return None
-    return figure["mean"]
+    return metric["mean"]
 
 
 def check_inputs(folders: Sequence[Path], machine: Machine, held_out: Sequence[Course] | None) -> list[str]:
@@ -198,7 +198,7 @@ def references(
 
 
 def compared(env: str) -> tuple[str, ...]:
-    """The figures that curves show."""
+    """The metrics that curves show."""
     return (*TASKS[env].decisive, SUCCESS)
 
 
@@ -212,7 +212,7 @@ def to_json(curves: Sequence[Curve], beside: Evaluation) -> dict[str, Any]:
                 "seeds": one.seeds,
                 "steps": one.steps,
                 "minutes": one.minutes,
-                "figures": {name: _plain(values) for name, values in one.figures.items()},
+                "figures": {name: _plain(values) for name, values in one.metrics.items()},
             }
             for one in curves
         ],
@@ -226,22 +226,22 @@ def _plain(values: np.ndarray) -> Any:
 
 
 def table(curves: Sequence[Curve], beside: Evaluation) -> Comparison:
-    """The last evaluations, and the controllers: the best first, by success, then by the first decisive figure."""
-    figures = {name: shown_as(describe(name)[1]) for name in compared(beside.env)}
+    """The last evaluations, and the controllers: the best first, by success, then by the first decisive metric."""
+    metrics = {name: shown_as(describe(name)[1]) for name in compared(beside.env)}
     head = ["", "seeds", "steps", "min"]
-    for name in figures:
+    for name in metrics:
         words, unit = named(name)
         head.append(f"{words} [{unit}]")
     found: list[tuple[tuple[float, float], list[str]]] = []
     decisive = TASKS[beside.env].decisive[0]
     for one in curves:
-        last = {name: scale * one.figures[name][:, -1] for name, scale in figures.items()}
+        last = {name: scale * one.metrics[name][:, -1] for name, scale in metrics.items()}
         cells = [_said(values, bool(one.bounds[name][:, -1].any())) for name, values in last.items()]
         row = [one.name, str(len(one.seeds)), f"{one.steps[-1]:,}", f"{one.minutes[-1]:.1f}", *cells]
         found.append((_rank(float(np.mean(last[SUCCESS])), float(np.mean(last[decisive])), decisive), row))
     for policy, values in beside.summary.items():
         cells = [
-            _said(np.array([scale * values[name].mean]), values[name].bounds > 0) for name, scale in figures.items()
+            _said(np.array([scale * values[name].mean]), values[name].bounds > 0) for name, scale in metrics.items()
         ]
         success = shown_as("%") * values[SUCCESS].mean
         found.append((_rank(success, values[decisive].mean, decisive), [policy, "", "", "", *cells]))
@@ -250,7 +250,7 @@ def table(curves: Sequence[Curve], beside: Evaluation) -> Comparison:
 
 
 def _said(values: np.ndarray, bound: bool) -> str:
-    """Mean and range of a figure over the seeds that have it."""
+    """Mean and range of a metric over the seeds that have it."""
     known = values[np.isfinite(values)]
     if not known.size:
         return "-"
@@ -264,10 +264,10 @@ def _rank(success: float, value: float, decisive: str) -> tuple[float, float]:
 
 
 def write_figure(curves: Sequence[Curve], beside: Evaluation, path: Path) -> None:
-    """A panel for each figure over the steps: mean and spread of the seeds, and the controllers as dashed lines."""
-    figures = compared(beside.env)
-    with saved_figure(path, 3.9 * len(figures), 3.4) as figure:
-        for axis, name in zip(figure.subplots(1, len(figures), squeeze=False)[0], figures, strict=True):
+    """A panel for each metric over the steps: mean and spread of the seeds, and the controllers as dashed lines."""
+    metrics = compared(beside.env)
+    with saved_figure(path, 3.9 * len(metrics), 3.4) as figure:
+        for axis, name in zip(figure.subplots(1, len(metrics), squeeze=False)[0], metrics, strict=True):
             _draw_curves(axis, curves, beside, name)
             axis.set_title(titled(name), loc="left", fontsize=10.0, fontweight="bold")
             axis.set_xlim(left=0.0)
@@ -278,11 +278,11 @@ def write_figure(curves: Sequence[Curve], beside: Evaluation, path: Path) -> Non
 
 
 def _draw_curves(axis: Any, curves: Sequence[Curve], beside: Evaluation, name: str) -> None:
-    """Draw a figure over the steps, with limits that show what follows the first third."""
+    """Draw a metric over the steps, with limits that show what follows the first third."""
     unit = describe(name)[1]
     scale, shown = shown_as(unit), []
     for k, one in enumerate(curves):
-        values, colour = scale * one.figures[name], COLOURS[k % len(COLOURS)]
+        values, colour = scale * one.metrics[name], COLOURS[k % len(COLOURS)]
         steps = np.array(one.steps) / 1e6
         label = f"{one.name}, {len(one.seeds)} seed{'s' * (len(one.seeds) > 1)}, {one.minutes[-1]:.0f} min"
         axis.fill_between(steps, values.min(axis=0), values.max(axis=0), color=colour, alpha=0.18, lw=0.0)
@@ -293,7 +293,7 @@ def _draw_curves(axis: Any, curves: Sequence[Curve], beside: Evaluation, name: s
         style, colour = ("--", ":", "-.", (0, (9, 3)))[k % 4], (INK, SOFT)[k % 2]
         axis.axhline(value, color=colour, lw=1.2, ls=style, label=policy)
         shown.append(value)
-    known = [value for value in shown if np.isfinite(value)] or [0.0, 1.0]  # who fails has no figure
+    known = [value for value in shown if np.isfinite(value)] or [0.0, 1.0]  # who fails has no metric
     low, high = min(known), max(known)
     margin = 0.15 * max(high - low, 0.02 * abs(high), 1e-9)
     top = min(high + margin, 100.0 + 0.2 * margin) if unit == "%" else high + margin

@@ -51,7 +51,7 @@ LEARNING_RATE, LOG_STD = "lin_3e-4", -2.0
 
 @dataclass(frozen=True)
 class Gap:
-    """Figures of the same episodes by who drove where."""
+    """Metrics of the same episodes by who drove where."""
 
     env: str
     episodes: int
@@ -61,15 +61,15 @@ class Gap:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Figures that are reported."""
+        """Metrics that are reported."""
         return ("success_rate", *TASKS[self.env].decisive, "return")
 
     @cached_property
-    def figures(self) -> dict[str, dict[str, Interval]]:
+    def metrics(self) -> dict[str, dict[str, Interval]]:
         """Means by who drove where."""
         return {
             place: {
-                name: interval(run.figures[name], rate=name == "success_rate")._replace(
+                name: interval(run.metrics[name], rate=name == "success_rate")._replace(
                     bounds=int(run.bounded(name).sum())
                 )
                 for name in self.names
@@ -81,7 +81,7 @@ class Gap:
     def changes(self) -> dict[str, dict[str, Interval]]:
         """``loss``, ``predicted`` and, with retraining, ``recovered`` and ``control``: mean differences."""
         return {
-            name: {figure: interval(self._change(name, figure)) for figure in self.names} for name in self._differences
+            name: {metric: interval(self._change(name, metric)) for metric in self.names} for name in self._differences
         }
 
     @cached_property
@@ -89,8 +89,8 @@ class Gap:
         """The others as shares of the loss [-]: 1 is all of it. Wide, or without ends, where there is hardly a loss."""
         return {
             name: {
-                figure: share_of(self._change(name, figure) * sign, self._change("loss", figure))
-                for figure in self.names
+                metric: share_of(self._change(name, metric) * sign, self._change("loss", metric))
+                for metric in self.names
             }
             for name, sign in (("predicted", 1.0), ("recovered", -1.0), ("control", -1.0))
             if name in self._differences
@@ -104,9 +104,9 @@ class Gap:
             found |= {"recovered": (RETRAINED, PLANT), "control": (CONTROL, PLANT)}
         return found
 
-    def _change(self, name: str, figure: str) -> Floats:
+    def _change(self, name: str, metric: str) -> Floats:
         more, less = self._differences[name]
-        return self.driven[more].exact(figure) - self.driven[less].exact(figure)
+        return self.driven[more].exact(metric) - self.driven[less].exact(metric)
 
     def to_json(self) -> dict[str, Any]:
         """Content of ``gap.json``."""
@@ -114,7 +114,7 @@ class Gap:
             "env": self.env,
             "episodes": self.episodes,
             "seed": self.seed,
-            "figures": plain(self.figures),
+            "figures": plain(self.metrics),
             "changes": plain(self.changes),
             "shares": plain(self.shares),
         }
@@ -288,7 +288,7 @@ def diagnosed(folder: Path) -> Path:
 
 
 def table(gap: Gap) -> Comparison:
-    """For a terminal: figures by who drove where, then the changes and their shares of the loss."""
+    """For a terminal: metrics by who drove where, then the changes and their shares of the loss."""
     units = {name: named(name) for name in gap.names}
     head = ["", *(f"{words} [{unit}]" if unit else words for words, unit in units.values())]
 
@@ -296,7 +296,7 @@ def table(gap: Gap) -> Comparison:
         cells = (shown(values[name], unit or units[name][1], total=gap.episodes) for name in gap.names)
         return [what, *cells]
 
-    rows = [row(place, values) for place, values in gap.figures.items()]
+    rows = [row(place, values) for place, values in gap.metrics.items()]
     for name, values in gap.changes.items():
         rows.append(row(name, values))
         if name in gap.shares:

@@ -1,4 +1,4 @@
-"""What learns on the device: skrl's PPO on the tensors of the twins, of which nothing comes to the host but a few figures.
+"""What learns on the device: skrl's PPO on the tensors of the twins, of which nothing comes to the host but a few metrics.
 
 Hyper-parameters have the names and the meaning of Stable-Baselines3's PPO, in the same files. What differs: advantages are
 normalised over a rollout, not over each batch; schedules are read when a rollout begins.

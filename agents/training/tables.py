@@ -23,7 +23,7 @@ def evaluations_table(evaluations: Sequence[Mapping[str, Any]]) -> Comparison:
         ["steps", "", *(f"{one['steps']:,}" for one in chosen.values())],
         ["after", "s", *(f"{one['elapsed_s']:.0f}" for one in chosen.values())],
     ]
-    total = max(figure.get("episodes", 0) for figure in evaluations[0]["figures"].values())
+    total = max(metric.get("episodes", 0) for metric in evaluations[0]["figures"].values())
     for name in evaluations[0]["figures"]:
         words, unit = named(name)
         cells = [shown(_interval(one["figures"][name]), unit, total=total) for one in chosen.values()]
@@ -31,9 +31,9 @@ def evaluations_table(evaluations: Sequence[Mapping[str, Any]]) -> Comparison:
     return Comparison("Evaluations, means over episodes", ["", "unit", *chosen], rows, lead=2, note=MARKS)
 
 
-def _interval(figure: Mapping[str, Any]) -> Interval:
-    mean = math.nan if figure["mean"] is None else figure["mean"]
-    return Interval(mean, math.nan, math.nan, figure.get("episodes"), figure.get("lower_bounds", 0))
+def _interval(metric: Mapping[str, Any]) -> Interval:
+    mean = math.nan if metric["mean"] is None else metric["mean"]
+    return Interval(mean, math.nan, math.nan, metric.get("episodes"), metric.get("lower_bounds", 0))
 
 
 def trials_table(trials: Sequence[Trial]) -> Table:

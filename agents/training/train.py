@@ -136,7 +136,7 @@ def train(
         evaluated: Called with every evaluation, once it and the checkpoint are saved.
 
     Returns:
-        All evaluations, those before the checkpoint, too: ``steps``, ``elapsed_s``, and ``figures`` with their intervals.
+        All evaluations, those before the checkpoint, too: ``steps``, ``elapsed_s`` and ``figures``, metrics with intervals.
 
     Raises:
         ValueError: names a wrong hyper-parameter, what differs from the training that the folder holds, who writes to the
@@ -172,13 +172,13 @@ def train(
             _learn(plan, learner, clock, callback)
             callback.report("evaluating")
             policy = _policy(plan, learner, machine, clock.done)
-            figures = _evaluated(plan, policy, machine, held_out, stages[-1].reward_terms)
-            for name, figure in figures.items():
-                if figure["mean"] is not None:
-                    logger.record(f"evaluation/{name}", figure["mean"])
+            metrics = _evaluated(plan, policy, machine, held_out, stages[-1].reward_terms)
+            for name, metric in metrics.items():
+                if metric["mean"] is not None:
+                    logger.record(f"evaluation/{name}", metric["mean"])
             logger.dump(clock.done)
             elapsed = before + time.perf_counter() - began
-            results.add({"steps": clock.done, "elapsed_s": round(elapsed, 3), "figures": figures}, policy, elapsed)
+            results.add({"steps": clock.done, "elapsed_s": round(elapsed, 3), "figures": metrics}, policy, elapsed)
             results.save(learner)
             results.publish()
             evaluated(results.evaluations[-1])
@@ -219,7 +219,7 @@ def _evaluated(
     held_out: Sequence[Course] | None,
     reward_terms: Mapping[str, Any],
 ) -> dict[str, dict[str, float]]:
-    """Means and intervals of the policy's figures."""
+    """Means and intervals of the policy's metrics."""
     result = evaluate(
         plan.env,
         {"policy": policy.made_for},

@@ -70,7 +70,7 @@ class Study:
     cost: Callable[[Any, Policy, list[int], int], NDArray[np.float64]]
     """Of one episode of each sub-environment (N,), from their seeds and the control steps."""
     report: Callable[[Callable[[Any], Policy], str], dict[str, float]]
-    """Figures of a policy, made from an environment, on a device."""
+    """Metrics of a policy, made from an environment, on a device."""
     episodes: int
     """A candidate."""
     steps: int
@@ -163,7 +163,7 @@ def turning_cost(env: TurningVectorEnv, policy: Policy, seeds: list[int], steps:
 
 
 def turning_report(make: Callable[[Any], Policy], device: str = "cpu") -> dict[str, float]:
-    """Figures of a policy over 64 episodes; ``make`` makes it from the environment."""
+    """Metrics of a policy over 64 episodes; ``make`` makes it from the environment."""
     env = _turning_env(64, device)
     run = rollout(env, make(env), seed=TEST_SEED)
     found = responses(run, tolerance=TurningConfig().tolerance)
@@ -253,7 +253,7 @@ def tracking_cost(env: PathTrackingVectorEnv, policy: Policy, seeds: list[int], 
 
 
 def tracking_report(make: Callable[[Any], Policy], device: str = "cpu") -> dict[str, float]:
-    """Figures of a policy over 12 whole paths; ``make`` makes it from the environment."""
+    """Metrics of a policy over 12 whole paths; ``make`` makes it from the environment."""
     env = _tracking_env(12, device)
     run = drive(env, make(env), TEST_SEED)
     return {
@@ -353,7 +353,7 @@ STUDIES = {
 
 
 def main() -> None:
-    """Tune the reference controllers of an environment; print gains and figures as JSON."""
+    """Tune the reference controllers of an environment; print gains and metrics as JSON."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--env", choices=list(STUDIES), default="AORO/Turning-v0")
     parser.add_argument("--device", default="cpu")
@@ -377,10 +377,10 @@ def main() -> None:
         gains = {}
         if not arguments.keep:
             gains = tune(name, arguments.env, seed=arguments.seed, device=arguments.device, progress=progress)
-        figures = study.report(
+        metrics = study.report(
             lambda env, controller=controller, gains=gains: controller.make(env, **gains), arguments.device
         )
-        result[name] = {"gains": gains, "figures": figures}
+        result[name] = {"gains": gains, "figures": metrics}
     print(json.dumps(result, indent=2))
 
 

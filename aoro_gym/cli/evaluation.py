@@ -148,7 +148,7 @@ def leaderboard(
     """Rank policies and tuned controllers on seeds, grounds and machines that none of them saw.
 
     All drive the same episodes three times: on the machine as it is; with all of its uncertain parameters drawn within
-    their ranges; and with an effect of the catalogue switched on in addition. Figures are means of the middle half of the
+    their ranges; and with an effect of the catalogue switched on in addition. Metrics are means of the middle half of the
     episodes (interquartile means), with bootstrapped 95 % intervals, and differences from the best controller, episode by
     episode. With --repeats the same is asked for N times, with other noise and other machines: beside the interval over
     episodes, which might have been others, there is one over what might have happened in these (stratified bootstrap).

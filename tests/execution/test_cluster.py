@@ -108,8 +108,8 @@ def test_an_evaluation_with_a_killed_worker_is_the_one_made_here(cluster, tmp_pa
         seed=3,
     )
     for one, other in (("dying", "proportional-derivative"), ("bang-bang", "bang-bang")):
-        for name, values in here.runs[other].figures.items():
-            np.testing.assert_array_equal(there.runs[one].figures[name], values, err_msg=name)
+        for name, values in here.runs[other].metrics.items():
+            np.testing.assert_array_equal(there.runs[one].metrics[name], values, err_msg=name)
         np.testing.assert_array_equal(there.runs[one].errors, here.runs[other].errors)
         np.testing.assert_array_equal(there.runs[one].film, here.runs[other].film)
     assert told == sorted(told)

@@ -41,7 +41,7 @@ def policies():
 def assert_same(found, expected):
     for field in fields(Episodes):
         mine, theirs = getattr(found, field.name), getattr(expected, field.name)
-        if field.name == "figures":
+        if field.name == "metrics":
             assert mine.keys() == theirs.keys()
             for name, values in mine.items():
                 np.testing.assert_array_equal(values, theirs[name])

@@ -1,4 +1,4 @@
-"""Evaluation: the same episodes for everyone, figures that follow from what was driven, intervals that cover."""
+"""Evaluation: the same episodes for everyone, metrics that follow from what was driven, intervals that cover."""
 
 import json
 import math
@@ -68,9 +68,9 @@ def test_who_arrives_succeeds_and_who_sleeps_is_out_of_time(found):
     assert sum(value.mean for value in found.endings["asleep"].values()) == pytest.approx(1.0)
     # the end counts 0.25 m before it; a step of 0.05 s covers less than 0.1 m
     left = [SHORT.paths[row].length - 4.0 for row in found.runs["preview"].course[:, 1]]
-    driven = found.runs["preview"].figures["driven_m"]
+    driven = found.runs["preview"].metrics["driven_m"]
     np.testing.assert_allclose(driven, np.array(left) - 0.25, atol=0.1)
-    assert np.all(np.abs(found.runs["asleep"].figures["driven_m"]) < 0.05)
+    assert np.all(np.abs(found.runs["asleep"].metrics["driven_m"]) < 0.05)
 
 
 def test_who_fails_is_not_the_better_for_it(found):
@@ -84,12 +84,12 @@ def test_who_fails_is_not_the_better_for_it(found):
         "energy_kJ",
         "duration_s",
     ):
-        assert np.isnan(found.runs["asleep"].figures[name]).all()
+        assert np.isnan(found.runs["asleep"].metrics[name]).all()
         assert asleep[name].episodes == 0 and math.isnan(asleep[name].mean)
         assert found.differences["asleep"][name].episodes == 0
     assert (asleep["worst_tilt_deg"].bounds, found.summary["preview"]["worst_tilt_deg"].bounds) == (3, 0)
     assert (asleep["driven_m"].episodes, asleep["return"].episodes) == (3, 3)
-    rows = {row[0]: row for row in evaluation_report.figure_rows(found)}
+    rows = {row[0]: row for row in evaluation_report.metric_rows(found)}
     assert rows["mean [95 % interval]"][2:] == ["preview", "asleep"]
     assert rows["cross track rms, of successes"][3] == "-"
     assert rows["worst tilt"][3].startswith("≥ ")
@@ -102,7 +102,7 @@ def test_every_policy_drives_the_same_episodes(found):
     np.testing.assert_array_equal(first.film[0], second.film[0])  # until somebody acts
     difference = found.differences["asleep"]["success_rate"]
     assert difference.mean == -1.0
-    gaps = second.figures["return"] - first.figures["return"]
+    gaps = second.metrics["return"] - first.metrics["return"]
     assert found.differences["asleep"]["return"].mean == pytest.approx(gaps.mean())
 
 
@@ -122,16 +122,16 @@ def test_figures_follow_from_the_episode(found):
         tilt = max(tilt, math.degrees(math.acos(math.cos(roll) * math.cos(pitch))))
         done = bool(terminated[0] or truncated[0])
     power = float(info["engine_work"][0])
-    figures = {name: values[i] for name, values in run.figures.items()}
+    metrics = {name: values[i] for name, values in run.metrics.items()}
     # traces are float32: 1e-7 of some metres, and of an angle whose cosine is 1 - 1e-7 at worst 5e-4 rad
-    assert figures["cross_track_rms_m"] == pytest.approx(float(info["cross_track_rms"][0]), abs=1e-6)
-    assert figures["cross_track_mean_m"] == pytest.approx(np.mean(errors), abs=1e-6)
-    assert figures["cross_track_p95_m"] == pytest.approx(np.quantile(errors, 0.95), abs=1e-6)
-    assert figures["speed_m_per_s"] == pytest.approx(float(info["mean_speed"][0]))
-    assert figures["energy_kJ"] == pytest.approx(power / 1e3)
-    assert figures["worst_tilt_deg"] == pytest.approx(tilt, abs=0.03)
-    assert figures["duration_s"] == pytest.approx(0.05 * len(errors))
-    assert figures["return"] == pytest.approx(returns, rel=1e-6)
+    assert metrics["cross_track_rms_m"] == pytest.approx(float(info["cross_track_rms"][0]), abs=1e-6)
+    assert metrics["cross_track_mean_m"] == pytest.approx(np.mean(errors), abs=1e-6)
+    assert metrics["cross_track_p95_m"] == pytest.approx(np.quantile(errors, 0.95), abs=1e-6)
+    assert metrics["speed_m_per_s"] == pytest.approx(float(info["mean_speed"][0]))
+    assert metrics["energy_kJ"] == pytest.approx(power / 1e3)
+    assert metrics["worst_tilt_deg"] == pytest.approx(tilt, abs=0.03)
+    assert metrics["duration_s"] == pytest.approx(0.05 * len(errors))
+    assert metrics["return"] == pytest.approx(returns, rel=1e-6)
 
 
 def test_errors_lie_along_the_path(found):
@@ -140,7 +140,7 @@ def test_errors_lie_along_the_path(found):
         known = np.isfinite(run.errors[i])
         stations = STATION * np.flatnonzero(known)
         assert known[: len(stations)].all()
-        assert 0.0 <= run.figures["driven_m"][i] - stations[-1] < STATION + 0.1
+        assert 0.0 <= run.metrics["driven_m"][i] - stations[-1] < STATION + 0.1
         # both lines lead along x from x = 4 m: the reference point's offset is its y, and it gets on as x does
         np.testing.assert_allclose(np.abs(run.places[i, known, 1]), run.errors[i, known], atol=1e-5)
         steps = np.diff(run.places[i, known, 0])
@@ -159,8 +159,8 @@ def test_parts_of_an_evaluation_are_the_whole(found, monkeypatch):
         courses=[SHORT],
         progress=lambda name, share: told.append(share),
     )
-    for name, values in again.runs["preview"].figures.items():
-        np.testing.assert_array_equal(values, found.runs["preview"].figures[name], err_msg=name)
+    for name, values in again.runs["preview"].metrics.items():
+        np.testing.assert_array_equal(values, found.runs["preview"].metrics[name], err_msg=name)
     np.testing.assert_array_equal(again.runs["preview"].course, found.runs["preview"].course)
     assert again.runs["preview"].errors.shape[0] == 3
     assert told == sorted(told)
@@ -178,7 +178,7 @@ def test_policies_forget_what_ended():
     run = drive_paths(env, policy, seeds)
     assert policy.forgotten[0] is None
     np.testing.assert_array_equal(policy.forgotten[1], [False, True])
-    assert np.isnan(run.figures["duration_s"]).all()  # neither arrived
+    assert np.isnan(run.metrics["duration_s"]).all()  # neither arrived
 
 
 def _path_of(env, seed):
@@ -196,11 +196,11 @@ def test_turning_figures_are_those_of_its_responses(turned):
     env = TurningVectorEnv(1, autoreset_mode="Disabled")
     alone = rollout(env, REFERENCE_POLICIES[TURNING]["bang-bang"](env), seed=4)
     each = responses(alone, tolerance=env.task.config.tolerance)
-    assert run.figures["return"][1] == pytest.approx(float(alone.returns[0]), rel=1e-6)
-    assert run.figures["settling_time_s"][1] == pytest.approx(np.nanmean(each["settling_time"]))
-    assert run.figures["worst_overshoot_deg"][1] == pytest.approx(np.degrees(each["overshoot"].max()))
-    assert run.figures["success_rate"][1] == alone.success[0]
-    assert run.figures["flow_overshoot_share"][1] == pytest.approx(each["flow_overshoot"].mean(), rel=1e-6)
+    assert run.metrics["return"][1] == pytest.approx(float(alone.returns[0]), rel=1e-6)
+    assert run.metrics["settling_time_s"][1] == pytest.approx(np.nanmean(each["settling_time"]))
+    assert run.metrics["worst_overshoot_deg"][1] == pytest.approx(np.degrees(each["overshoot"].max()))
+    assert run.metrics["success_rate"][1] == alone.success[0]
+    assert run.metrics["flow_overshoot_share"][1] == pytest.approx(each["flow_overshoot"].mean(), rel=1e-6)
     assert run.film.shape == (501, len(env.task.render_channels))
     # one second after each target was set; the last one need not have stood for the two seconds that are kept
     error = np.degrees(np.abs(alone.target[:, 0].astype(np.float64) - alone.joint_angle[:, 0]))
@@ -215,10 +215,10 @@ def test_returns_are_of_the_rewards_that_were_asked_for(turned):
     made = REFERENCE_POLICIES[TURNING]["bang-bang"]
     others = dict.fromkeys(("precision", "overshoot", "flow_oscillation", "signal_change"), 0.0)
     found = evaluate(TURNING, {"bang-bang": made}, episodes=2, seed=3, reward_terms={"tracking": 2.0, **others})
-    figures, before = found.runs["bang-bang"].figures, turned.runs["bang-bang"].figures
-    np.testing.assert_array_equal(figures["settling_time_s"], before["settling_time_s"])
-    assert np.all(figures["return"] > before["return"])
-    assert np.all(figures["return"] <= 1000.0)
+    metrics, before = found.runs["bang-bang"].metrics, turned.runs["bang-bang"].metrics
+    np.testing.assert_array_equal(metrics["settling_time_s"], before["settling_time_s"])
+    assert np.all(metrics["return"] > before["return"])
+    assert np.all(metrics["return"] <= 1000.0)
 
 
 def test_interval_of_a_rate_is_clopper_pearson():
@@ -314,20 +314,20 @@ def test_repeats_ask_for_the_same_with_other_noise_and_machines():
     # at once after a new target all are as far from it, but for where they stood at the one before: within some 1°
     np.testing.assert_allclose(run.errors[:, 0], np.tile(alone.errors[:, 0], 3), atol=1.0)
     assert abs(np.diff(alone.errors[:, 0])[0]) > 10.0
-    assert len(np.unique(run.figures["return"])) == 6
-    rows = run.figures["return"].reshape(3, 2)
+    assert len(np.unique(run.metrics["return"])) == 6
+    rows = run.metrics["return"].reshape(3, 2)
     whole = found.summary["pd"]["return"]
     assert whole == interval(rows.T, statistic=np.nanmean)
     # of two episodes one is drawn twice in half of all cases
     assert (whole.low95, whole.high95) == pytest.approx(tuple(sorted(rows.mean(axis=0))))
-    settling = run.figures["settling_time_s"]
+    settling = run.metrics["settling_time_s"]
     expected = stratified_interval(settling, np.tile([0, 1], 3), statistic=interquartile_mean)
     assert found.stratified["pd"]["settling_time_s"] == expected
     assert plain.stratified == {}
     content = found.to_json()
     assert content["repeats"] == 3
     assert set(content["stratified_interquartile_means"]["pd"]) == set(found.task.decisive)
-    names = [row[0] for row in evaluation_report.figure_rows(found)]
+    names = [row[0] for row in evaluation_report.metric_rows(found)]
     assert "settling time, middle half, over repeats" in names
 
 
@@ -368,20 +368,20 @@ def test_report_holds_everything(found, tmp_path, monkeypatch):
     assert all(path.stat().st_size > 0 for path in written)
     content = json.loads(written[0].read_text())
     assert (content["env"], content["episodes"], content["seed"]) == (TRACKING, 3, 5)
-    figures = content["policies"]["preview"]
-    assert set(figures["cross_track_rms_m"]) == {"mean", "low95", "high95", "episodes"}
-    assert figures["cross_track_rms_m"]["episodes"] == 3
+    metrics = content["policies"]["preview"]
+    assert set(metrics["cross_track_rms_m"]) == {"mean", "low95", "high95", "episodes"}
+    assert metrics["cross_track_rms_m"]["episodes"] == 3
     assert content["policies"]["asleep"]["cross_track_rms_m"]["episodes"] == 0
     assert content["ranking"] == ["preview", "asleep"]
-    assert figures["success_rate"]["high95"] == 1.0
+    assert metrics["success_rate"]["high95"] == 1.0
     assert content["endings"]["preview"][END_OF_PATH]["mean"] == 1.0
     middle = content["interquartile_means"]["preview"]
-    assert middle["speed_m_per_s"]["mean"] == trim_mean(found.runs["preview"].figures["speed_m_per_s"], 0.25)
+    assert middle["speed_m_per_s"]["mean"] == trim_mean(found.runs["preview"].metrics["speed_m_per_s"], 0.25)
     assert "success_rate" not in middle
     page = written[-1].read_text(encoding="utf-8")
     assert page.count("data:video/mp4;base64,") == 2
     assert page.count("data:image/png;base64,") == 3
-    for row in (*evaluation_report.figure_rows(found), *evaluation_report.difference_rows(found)):
+    for row in (*evaluation_report.metric_rows(found), *evaluation_report.difference_rows(found)):
         for cell in row:
             assert cell.replace("'", "&#x27;") in page
     assert "two lines" in page
@@ -418,7 +418,7 @@ def test_one_episode_has_no_interval_but_of_its_rate(tmp_path):
     ]  # 1 of 1 happens in 2.5 % of all cases at a rate of 0.025; 0 of 1 is its mirror image
     ends = (0.025, 1.0) if rate["mean"] else (0.0, 0.975)
     assert (rate["low95"], rate["high95"]) == pytest.approx(ends)
-    rows = {row[0]: row[2] for row in evaluation_report.figure_rows(found)}
+    rows = {row[0]: row[2] for row in evaluation_report.metric_rows(found)}
     assert "[" not in rows["return"]
     evaluation_report.write_report(found, tmp_path, films=False)
     assert not list(tmp_path.glob("*.mp4"))

@@ -40,7 +40,7 @@ def test_every_perturbation_is_driven_by_everyone(found):
     for result in found.found.values():
         assert list(result.runs) == ["still", "proportional-derivative"]
         assert len(result.runs["still"].endings) == 4
-    returns = [result.runs["proportional-derivative"].figures["return"] for result in found.found.values()]
+    returns = [result.runs["proportional-derivative"].metrics["return"] for result in found.found.values()]
     assert np.all(returns[0] != returns[1])
     assert np.all(returns[1] != returns[2])
 
@@ -54,19 +54,19 @@ def test_who_does_not_move_is_last(found):
 def test_cells_are_interquartile_means(found):
     run = found.found["perturbed"].runs["proportional-derivative"]
     cell = found.middle["perturbed"]["proportional-derivative"]["overshoot_deg"]
-    assert cell.mean == pytest.approx(trim_mean(run.figures["overshoot_deg"], 0.25))
+    assert cell.mean == pytest.approx(trim_mean(run.metrics["overshoot_deg"], 0.25))
     assert cell.low95 <= cell.mean <= cell.high95
     result = found.found["perturbed"]
     difference = result.less("still", "proportional-derivative", ["final_error_deg"])["final_error_deg"]
-    other = result.runs["still"].figures["final_error_deg"]
-    assert difference.mean == pytest.approx((other - run.figures["final_error_deg"]).mean())
+    other = result.runs["still"].metrics["final_error_deg"]
+    assert difference.mean == pytest.approx((other - run.metrics["final_error_deg"]).mean())
 
 
 def test_who_never_settles_is_not_the_quickest(found):
     """Its times are lower bounds, it has no overshoot, and no difference says otherwise."""
     for name in PERTURBATIONS:
         run, cells = found.found[name].runs["still"], found.middle[name]["still"]
-        assert run.figures["success_rate"].sum() == 0.0
+        assert run.metrics["success_rate"].sum() == 0.0
         settling = cells["settling_time_s"]
         assert settling.bounds == settling.episodes == 4
         # targets stand 2.5 s and longer
@@ -83,17 +83,17 @@ def test_who_never_settles_is_not_the_quickest(found):
 
 
 def test_success_ranks_before_all_else():
-    def figures(success: float, settling: float) -> dict[str, Interval]:
+    def metrics(success: float, settling: float) -> dict[str, Interval]:
         return {
             name: Interval(value, value, value)
             for name, value in (("success_rate", success), ("settling_time_s", settling), ("speed_m_per_s", settling))
         }
 
     policies = {
-        "quick": figures(0.5, 0.1),
-        "never": figures(0.0, math.nan),
-        "slow": figures(1.0, 2.0),
-        "good": figures(1.0, 1.0),
+        "quick": metrics(0.5, 0.1),
+        "never": metrics(0.0, math.nan),
+        "slow": metrics(1.0, 2.0),
+        "good": metrics(1.0, 1.0),
     }
     assert ranked(policies, "settling_time_s") == ["good", "slow", "quick", "never"]
     assert ranked(policies, "speed_m_per_s") == ["slow", "good", "quick", "never"]
@@ -133,10 +133,10 @@ def test_cells_of_repeats_have_both_intervals(tmp_path):
     policies = {name: policy_factory(TURNING, name) for name in ("bang-bang", "proportional-derivative")}
     found = leaderboard.compare(TURNING, policies, episodes=3, repeats=2, seed=3)
     run = found.found["perturbed"].runs["bang-bang"]
-    values = run.figures["settling_time_s"]
+    values = run.metrics["settling_time_s"]
     assert values.shape == (6,)
     narrow = found.stratified["perturbed"]["bang-bang"]["settling_time_s"]
-    bounds = int((run.figures["settled_share"] < 1.0).sum())
+    bounds = int((run.metrics["settled_share"] < 1.0).sum())
     assert narrow == stratified_interval(values, np.tile(np.arange(3), 2), statistic=interquartile_mean)._replace(
         bounds=bounds
     )

@@ -1,4 +1,4 @@
-"""Figures of step responses, on responses that are known."""
+"""Metrics of step responses, on responses that are known."""
 
 from dataclasses import replace
 
@@ -88,7 +88,7 @@ def test_a_flow_curve_with_a_known_peak_has_that_overshoot():
     # what comes after the target does not count
     flow[120] = 100.0
     assert flow_overshoot(flow, turned, 0.5, 0.01) == 0.25
-    # a curve without a peak has none, a joint that does not arrive no figure
+    # a curve without a peak has none, a joint that does not arrive no metric
     assert flow_overshoot(np.full(150, 8.0), turned, 0.5, 0.01) == 0.0
     assert np.isnan(flow_overshoot(flow, 0.5 * turned, 0.5, 0.01))
 

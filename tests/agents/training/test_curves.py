@@ -13,11 +13,11 @@ from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.cli import app
 
 PLAN = TrainingPlan(env="AORO/Turning-v0", eval_episodes=2, param=["n_steps=16"])
-FIGURES = ("settling_time_s", "flow_overshoot_share", "overshoot_deg", "success_rate")
+METRICS = ("settling_time_s", "flow_overshoot_share", "overshoot_deg", "success_rate")
 
 
 def trained(folder: Path, plan: TrainingPlan, values: list[float | None]) -> Path:
-    """What a training leaves whose every figure has these means, one an evaluation."""
+    """What a training leaves whose every metric has these means, one an evaluation."""
     folder.mkdir()
     (folder / "training.json").write_text(
         json.dumps({"plan": plan.to_json(), "hyperparams": {}, "curriculum": []}), encoding="utf-8"
@@ -26,7 +26,7 @@ def trained(folder: Path, plan: TrainingPlan, values: list[float | None]) -> Pat
         {
             "steps": 100 * (k + 1),
             "elapsed_s": 60.0 * (k + 1) + plan.seed,
-            "figures": {name: {"mean": value, "low95": None, "high95": None, "episodes": 2} for name in FIGURES},
+            "figures": {name: {"mean": value, "low95": None, "high95": None, "episodes": 2} for name in METRICS},
         }
         for k, value in enumerate(values)
     ]
@@ -43,8 +43,8 @@ def test_seeds_make_one_curve(tmp_path):
     one, other = read(folders)
     assert (one.name, one.seeds, other.name, other.seeds) == ("ppo", (0, 6), "sac", (0,))
     assert (one.steps, one.minutes) == ([100, 200], [1.1, 2.1])
-    np.testing.assert_array_equal(one.figures["success_rate"], [[0.5, 0.75], [0.25, 0.5]])
-    assert np.isnan(other.figures["success_rate"]).all()
+    np.testing.assert_array_equal(one.metrics["success_rate"], [[0.5, 0.75], [0.25, 0.5]])
+    assert np.isnan(other.metrics["success_rate"]).all()
     started = read([trained(tmp_path / "d", replace(PLAN, start="some/taught.json"), [1.0])])
     assert started[0].name == "ppo, from taught"
 
@@ -55,8 +55,8 @@ def test_failed_episodes_of_an_older_version_are_not_drawn(tmp_path):
     text = (folder / "evaluations.json").read_text()
     (folder / "evaluations.json").write_text(text.replace(', "episodes": 2', ""))
     (one,) = read([folder])
-    np.testing.assert_array_equal(one.figures["success_rate"], [[0.5, 1.0]])
-    np.testing.assert_array_equal(one.figures["settling_time_s"], [[np.nan, 1.0]])
+    np.testing.assert_array_equal(one.metrics["success_rate"], [[0.5, 1.0]])
+    np.testing.assert_array_equal(one.metrics["settling_time_s"], [[np.nan, 1.0]])
 
 
 def test_lower_bounds_are_marked_and_success_ranks_first(tmp_path):

@@ -26,10 +26,10 @@ def gap_of(**returns) -> Gap:
     easy = np.random.default_rng(0).normal(0.0, 30.0, 50)
 
     def driven(value: float) -> Episodes:
-        figures = dict.fromkeys(NAMES, easy + value) | {"settled_share": np.ones(50)}
+        metrics = dict.fromkeys(NAMES, easy + value) | {"settled_share": np.ones(50)}
         none = np.zeros((50, 0))
         return Episodes(
-            figures,
+            metrics,
             ["time is up"] * 50,
             np.zeros((50, 2), dtype=np.intp),
             none,
