@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from importlib.resources import files
 from os import PathLike
 from pathlib import Path
@@ -19,9 +19,10 @@ from typing import Any
 import numpy as np
 
 from aoro_gym.execution.files import read_toml, write_text
+from aoro_gym.machine.laws import Laws, laws_from, to_table
 from aoro_gym.machine.quantities import UNITS, Quantity, as_quantity
 
-ROLES = ("fixed", "nuisance", "effect", "both")
+ROLES = ("fixed", "nuisance", "effect", "both", "law")
 
 _HEADER = """\
 # Machine file: one table a parameter, [section.key], in this order.
@@ -42,14 +43,18 @@ _HEADER = """\
 #           nuisance  uncertain: a calibration may move it
 #           effect    moved by an effect of the catalogue only
 #           both      uncertain, and moved by effects too: within 2 % once the machine is commissioned
+#           law       used where the table [laws] chooses the law that it belongs to, and nowhere else
 #   note    optional remark
 #
 # S5  Danfoss, Series 90 electric displacement control MCV111B, manual
 # S7  field notes on closed-loop hydrostatics, unreviewed (low weight)
 # S8  John Deere 4045TF250, leaflet                S9  John Deere 4045H generator engine, leaflet
-# S11 Project Chrono, HMMWV LuGre tire             S14 Simscape wheel-loader model, parameter scripts
+# S11 Project Chrono, HMMWV LuGre tire             S13 Project Chrono, 335/65 R22.5 tire
+# S14 Simscape wheel-loader model, parameter scripts
 # S16 Hopsan, default hydraulic component library  S17 MathWorks, Hydraulic Fluid and Isothermal Liquid
-# S18 MapleSim, constant-volume component          S27 Hydraulic fluids, lecture text
+# S18 MapleSim, constant-volume component          S19 Sharp & Granger, steering torques at parking speeds
+# S26 Johnston, Drew & Longmore, dynamic modulus of hoses, J. Vib. Acoust. 132, 2010, 021011
+# S27 Hydraulic fluids, lecture text
 # S29 Precision Mining, rolling-resistance appendix
 """
 
@@ -61,6 +66,9 @@ _OVERLAY_HEADER = """\
 COMMISSIONED_SPREAD = 0.02
 """Relative half range (about 95 %) of a parameter that effects move too, on a machine that was commissioned: healthy logs
 have fixed it, and from day to day it wanders by no more. What leaves it is an effect."""
+
+DATA_SHEET = "aoro_datasheet"
+"""The bundled machine whose file is complete."""
 
 LONGEST_CHAIN = 8
 """Files that may stand on each other as bases."""
@@ -107,23 +115,29 @@ def bundled_machines() -> list[str]:
     )
 
 
-def read_machine(name_or_path: str | PathLike[str]) -> tuple[str, dict[str, Parameter]]:
-    """Name and parameters by dotted key, as written: neither units, bounds nor completeness are checked here.
+def read_machine(name_or_path: str | PathLike[str]) -> tuple[str, dict[str, Parameter], Laws]:
+    """Name, parameters by dotted key, and laws, as written: neither units, bounds nor completeness are checked here.
+
+    A file that says nothing of the parameters of some law (role ``law``) has those of the bundled data sheet.
 
     Raises FileNotFoundError, or ValueError that names the file if it is not TOML or a table lacks a field.
     """
     path = _file_of(name_or_path)
     name = path.stem
     with naming(name_or_path):
-        return name, {key: _parameter(key, table) for key, table in _merged(path).items()}
+        tables, laws = _merged(path)
+        return name, {key: _parameter(key, table) for key, table in tables.items()}, laws_from(laws)
 
 
-def _merged(path: Path, overlays: int = 0) -> dict[str, Mapping[str, Any]]:
-    """Tables of a file by dotted key, those of its base among them."""
+def _merged(path: Path, overlays: int = 0) -> tuple[dict[str, Mapping[str, Any]], dict[str, Any]]:
+    """Tables of a file by dotted key, and its laws, those of its base among them."""
     document = read_toml(path)
     base = document.pop("base", None)
+    laws = document.pop("laws", {})
+    if not isinstance(laws, Mapping):
+        raise ValueError(f"laws = {_echo(laws)}: must be a table [laws] with a family, or an option by law")
     if base is None:
-        return dict(_tables(document))
+        return {**_law_parameters(), **dict(_tables(document))}, dict(laws)
     if not isinstance(base, str):
         raise ValueError(f"base = {_echo(base)}: must be the name of a machine or a file that ends in .toml, as text")
     if overlays >= LONGEST_CHAIN:
@@ -132,10 +146,16 @@ def _merged(path: Path, overlays: int = 0) -> dict[str, Mapping[str, Any]]:
         file = _file_of(_beside(path, base))
     except FileNotFoundError as error:
         raise ValueError(f"base = {_echo(base)}: {error}") from None
-    tables = _merged(file, overlays + 1)
+    tables, base_laws = _merged(file, overlays + 1)
     for key, changed in _tables(document):
         tables[key] = {**tables.get(key, {}), **changed}
-    return tables
+    return tables, {**({} if "family" in laws else base_laws), **laws}
+
+
+@cache
+def _law_parameters() -> dict[str, Mapping[str, Any]]:
+    """Tables of the data sheet's parameters of the role ``law``."""
+    return {key: table for key, table in _tables(read_toml(_file_of(DATA_SHEET))) if table["role"] == "law"}
 
 
 def _beside(path: Path, base: str) -> str | Path:
@@ -167,12 +187,17 @@ def naming(name_or_path: str | PathLike[str]) -> Iterator[None]:
         raise ValueError(f"{what} {name_or_path}: {error}") from None
 
 
-def write_machine(path: str | PathLike[str], entries: Mapping[str, Parameter], base: str | None = None) -> None:
-    """Write ``entries`` (single values) in their order; with a ``base``, only the fields that differ from it."""
-    lines, known = [_HEADER], {}
+def write_machine(
+    path: str | PathLike[str], entries: Mapping[str, Parameter], laws: Laws, base: str | None = None
+) -> None:
+    """Write ``entries`` (single values) in their order, and ``laws``; with a ``base``, only what differs."""
+    lines, known, base_laws = [_HEADER], {}, Laws()
     if base is not None:
         lines = [_OVERLAY_HEADER + f"base = {json.dumps(base, ensure_ascii=False)}\n"]
-        known = read_machine(_beside(Path(path), base))[1]
+        known, base_laws = read_machine(_beside(Path(path), base))[1:]
+    if to_table(laws) != to_table(base_laws):
+        chosen = {"family": "default", **to_table(laws)}
+        lines += ["[laws]", *(f"{law} = {json.dumps(option)}" for law, option in chosen.items()), ""]
     for key, entry in entries.items():
         was = _fields(known[key]) if key in known else {"note": '""'}
         changed = [f"{name} = {text}" for name, text in _fields(entry).items() if was.get(name) != text]

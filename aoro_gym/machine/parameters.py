@@ -10,7 +10,7 @@ import difflib
 import fnmatch
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
 from os import PathLike
 from types import MappingProxyType
@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from aoro_gym.machine.laws import Laws, drawn_laws, family
 from aoro_gym.machine.machine_file import Parameter, naming, read_machine, write_machine
 from aoro_gym.machine.quantities import UNITS, Declaration, Quantity, as_quantity, with_unit
 from aoro_gym.machine.rest import Corner, RestPose, composite_corner, rest_pose
@@ -35,6 +36,9 @@ from aoro_gym.machine.sections import (
     Tire,
     Wheel,
 )
+
+DRAWS = 200
+"""Times that what cannot be a machine is drawn anew."""
 
 RANGE_SLACK = 1e-9
 """Of a range's larger end [-]: values that are rounded at its ends lie within it."""
@@ -93,6 +97,8 @@ class Machine:
     steering: Steering
     driveline: Driveline
     engine: Engine
+    laws: Laws = field(default_factory=Laws)
+    """Which law each component obeys."""
 
     @classmethod
     def load(cls, name_or_path: str | PathLike[str] = "aoro") -> "Machine":
@@ -100,9 +106,9 @@ class Machine:
 
         Raises FileNotFoundError, or ValueError naming key, value, unit, bound and fix.
         """
-        name, entries = read_machine(name_or_path)
+        name, entries, laws = read_machine(name_or_path)
         with naming(name_or_path):
-            return cls._build(name, entries)
+            return cls._build(name, entries, laws)
 
     def save(self, path: str | PathLike[str], base: str | None = None) -> None:
         """Write a machine file with units, ranges, sources and roles.
@@ -114,12 +120,13 @@ class Machine:
         Raises ValueError for a batched machine.
         """
         batched = [key for key, entry in self.entries.items() if isinstance(entry.value, np.ndarray)]
+        batched += ["laws"] if self.laws.num_variants > 1 else []
         if batched:
             raise ValueError(
                 f"a machine file holds one machine, but {', '.join(batched)} have {self.num_variants} values each: "
                 "save machine.variant(i)"
             )
-        write_machine(path, self.entries, base)
+        write_machine(path, self.entries, self.laws, base)
 
     def set(
         self,
@@ -151,7 +158,7 @@ class Machine:
                 source=entry.source if source is None else source,
                 range=(ranges or {}).get(key, entry.range),
             )
-        machine = self._build(self.name, entries, self.entries)
+        machine = self._build(self.name, entries, self.laws, self.entries)
         if check_ranges:
             for message in machine.outside_ranges(values).values():
                 warnings.warn(message, OutsideRangeWarning, stacklevel=2)
@@ -218,7 +225,75 @@ class Machine:
                 entries[key] = replace(
                     entry, value=value, range=reach, source="E: usual; data sheets do not say", role="both"
                 )
-        return self._build(self.name, entries, self.entries)
+        return self._build(self.name, entries, self.laws, self.entries)
+
+    def with_laws(self, family_name: str | None = None, /, **options: str | Sequence[str]) -> "Machine":
+        """Machine whose components obey other laws.
+
+        Args:
+            family_name: One of :data:`aoro_gym.machine.laws.FAMILIES`; by default the machine's own laws.
+            options: Name of the option by law, or a sequence of N names: over those of the family.
+
+        Raises ValueError naming the law, the option and those that there are.
+        """
+        laws = self.laws if family_name is None else family(family_name)
+        return self._build(self.name, self.entries, laws.with_options(options), self.entries)
+
+    def sample(
+        self, count: int, *, laws: str | Sequence[str] | None = None, parameters: float = 0.0, seed: int = 0
+    ) -> "Machine":
+        """Machines as this one may really be: other values of what is uncertain, and other laws.
+
+        Args:
+            count: Machines to draw, at least 1; one variant each.
+            laws: Families to draw from with equal chance (:data:`aoro_gym.machine.laws.FAMILIES`); ``"families"`` for all
+                of them, ``"any"`` for an option of every law on its own; by default the machine's own laws.
+            parameters: Share of the way from its value to either end of its range, in [0, 1], within which every uncertain
+                parameter (roles ``nuisance``, ``both`` and ``law``) is drawn evenly.
+            seed: Of the draws.
+
+        Raises ValueError naming the value and its bound; InvalidMachine where hardly any draw can be a machine.
+        """
+        if count < 1:
+            raise ValueError(f"count = {count}: must be at least 1")
+        if not 0.0 <= parameters <= 1.0:
+            raise ValueError(f"parameters = {parameters}: must be in [0, 1]")
+        if self.num_variants > 1:
+            raise ValueError(f"the machine has {self.num_variants} variants; sample one of them: machine.variant(i)")
+        rng = np.random.default_rng(seed)
+        machine = self if laws is None else self.with_laws(**drawn_laws(laws, count, rng).names)
+        uncertain = [entry for entry in self.entries.values() if entry.role in ("nuisance", "both", "law")]
+        values = np.array([entry.value for entry in uncertain], dtype=np.float64)[:, None]
+        ends = np.array([entry.range for entry in uncertain])
+        low = values + parameters * np.minimum(ends[:, :1] - values, 0.0)
+        high = values + parameters * np.maximum(ends[:, 1:] - values, 0.0)
+        drawn = rng.uniform(low, high, (len(uncertain), count))
+        failed = None
+        for _ in range(DRAWS):
+            try:
+                return machine.set(
+                    {entry.key: drawn[i] if count > 1 else drawn[i, 0] for i, entry in enumerate(uncertain)},
+                    check_ranges=False,
+                )
+            except InvalidMachine as error:
+                again = np.broadcast_to(error.shown[0][1], count)
+                failed = error
+            drawn[:, again] = rng.uniform(low, high, (len(uncertain), int(again.sum())))
+        assert failed is not None
+        raise failed
+
+    def variants(self, indices: ArrayLike) -> "Machine":
+        """Some of the variants, integers (K,), as a machine of K; a machine without variants is itself."""
+        if self.num_variants == 1:
+            return self
+        chosen = np.asarray(indices)
+        entries = {
+            key: replace(entry, value=as_quantity(entry.value[chosen]))
+            if isinstance(entry.value, np.ndarray)
+            else entry
+            for key, entry in self.entries.items()
+        }
+        return self._build(self.name, entries, self.laws.variants(chosen))
 
     def variant(self, index: int) -> "Machine":
         """One machine out of a batched one."""
@@ -229,7 +304,7 @@ class Machine:
             key: replace(entry, value=float(entry.value[index])) if isinstance(entry.value, np.ndarray) else entry
             for key, entry in self.entries.items()
         }
-        return self._build(self.name, entries)
+        return self._build(self.name, entries, self.laws.variant(index))
 
     def value(self, key: str) -> Quantity:
         """SI value of a parameter."""
@@ -246,7 +321,8 @@ class Machine:
     def identity(self) -> dict[str, dict[str, Any]]:
         """All that results follow from, by key: values and ranges in SI, and roles; neither name nor notes."""
         size = {key: UNITS[entry.unit][1] for key, entry in self.entries.items()}
-        return {
+        known = {} if self.laws.default else {"laws": self.laws.names}
+        return known | {
             "value": {key: entry.si for key, entry in self.entries.items()},
             "range": {key: [limit * size[key] for limit in entry.range] for key, entry in self.entries.items()},
             "role": {key: entry.role for key, entry in self.entries.items()},
@@ -255,7 +331,7 @@ class Machine:
     @cached_property
     def num_variants(self) -> int:
         """N if any parameter is an array of shape (N,), else 1."""
-        return _num_variants(self.entries)
+        return _num_variants(self.entries, self.laws)
 
     @property
     def mass(self) -> Quantity:
@@ -280,19 +356,30 @@ class Machine:
 
     @classmethod
     def _build(
-        cls, name: str, entries: Mapping[str, Parameter], known: Mapping[str, Parameter] = MappingProxyType({})
+        cls,
+        name: str,
+        entries: Mapping[str, Parameter],
+        laws: Laws,
+        known: Mapping[str, Parameter] = MappingProxyType({}),
     ) -> "Machine":
         ordered = _validated(entries, known)
-        components = {f.name: _component(f.type, f"{f.name}.", ordered) for f in fields(cls) if is_dataclass(f.type)}
-        machine = cls(name=name, entries=ordered, **components)
+        _num_variants(ordered, laws)
+        components = {name: _component(kind, f"{name}.", ordered) for name, kind in _COMPONENTS.items()}
+        machine = cls(name=name, entries=ordered, laws=laws, **components)
         _check_components(machine)
         _check_closure(machine)
         return machine
 
 
+_COMPONENTS = {f.name: f.type for f in fields(Machine) if is_dataclass(f.type) and f.type is not Laws}
+"""Section classes by name."""
+
+
 def _declarations(component: Any, prefix: str = "") -> Iterator[tuple[str, Declaration]]:
     """Dotted key and declaration of every parameter, in the order of the file."""
     for f in fields(component):
+        if f.type is Laws:
+            continue
         if "declaration" in f.metadata:
             yield prefix + f.name, f.metadata["declaration"]
         elif is_dataclass(f.type):
@@ -344,8 +431,10 @@ def _unknown(key: Any) -> str:
     return f"unknown parameter {shortened(key)}" + (f": did you mean {hint[0]!r}?" if hint else "")
 
 
-def _num_variants(entries: Mapping[str, Parameter]) -> int:
+def _num_variants(entries: Mapping[str, Parameter], laws: Laws) -> int:
     lengths = {key: len(entry.value) for key, entry in entries.items() if isinstance(entry.value, np.ndarray)}
+    if laws.num_variants > 1:
+        lengths["laws"] = laws.num_variants
     if len(set(lengths.values())) > 1:
         listed = ", ".join(f"{key} ({length})" for key, length in lengths.items())
         raise ValueError(f"parameters differ in their number of variants: {listed}; give all the same length")
@@ -373,7 +462,6 @@ def _validated(entries: Mapping[str, Parameter], known: Mapping[str, Parameter])
         admitted = declaration.admits(entry.si)
         if not np.all(admitted):
             raise InvalidMachine.of([(entry, ~admitted)], f"must be finite and {declaration.bounds(entry.unit)}")
-    _num_variants(entries)
     return {key: entries[key] for key in DECLARATIONS}
 
 

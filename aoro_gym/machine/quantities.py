@@ -53,6 +53,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "cm^3/rev": ("m^3/rad", 1e-6 / _TURN),
     "L/rev": ("m^3/rad", 1e-3 / _TURN),
     "m^3/s/Pa": ("m^3/s/Pa", 1.0),
+    "kg/m^4": ("kg/m^4", 1.0),
 }
 """Unit in a machine file → (its SI unit, factor to it)."""
 

@@ -109,6 +109,8 @@ class Joint:
     stop_damping: Quantity = non_negative("N*s/m")
     presliding_stiffness: Quantity = positive("N*m/rad")
     presliding_damping: Quantity = non_negative("N*m*s/rad")
+    friction_velocity: Quantity = positive("rad/s")  # laws friction = stribeck_tanh, coulomb_viscous: at which it fades
+    hardening_angle: Quantity = positive("rad")  # law mount = hardening: bend that doubles the stiffness
 
 
 @section
@@ -143,6 +145,11 @@ class Tire:
     rolling_resistance: Quantity = non_negative("1")
     scrub_radius: Quantity = non_negative("m")  # lever of the friction that resists swivelling
     scrub_angle: Quantity = positive("rad")  # by which the patch twists before it slides
+    bore_radius: Quantity = positive("m")  # law swivel = bore_torque: lever of the patch's friction
+    bore_stiffness: Quantity = positive("N*m/rad")  # law swivel = bore_torque: of the patch about the vertical
+    relaxation_longitudinal: Quantity = positive("m")  # law slip = relaxation: way after which the force is there
+    relaxation_lateral: Quantity = positive("m")
+    bulldozing_resistance: Quantity = non_negative("1")  # law soft_ground = bulldozing: sideways, a unit of load
 
 
 # --- cylinders ---
@@ -264,6 +271,7 @@ class Oil:
     bulk_modulus_slope: Quantity = non_negative("1")
     gas_fraction: Quantity = within("1", 0.0, 1.0, high_open=True)  # volume share at atmospheric pressure
     polytropic_exponent: Quantity = within("1", 1.0, 2.0)
+    solution_pressure: Quantity = positive("Pa")  # law gas = dissolving: from which on all air is dissolved
     laminar_pressure: Quantity = positive("Pa")
     void_pressure: Quantity = within("Pa", -_ATMOSPHERE, 0.0, low_open=True)
 
@@ -297,6 +305,9 @@ class SteeringValve:
     opening_right_1V5: Quantity = fraction()
     spool_time_constant: Quantity = positive("s")
     spool_rate_limit: Quantity = positive("1/s")
+    spool_frequency: Quantity = positive("rad/s")  # law spool = second_order: undamped natural frequency
+    spool_damping: Quantity = positive("1")  # law spool = second_order: damping ratio
+    flow_force_share: Quantity = fraction()  # law flow_force = steady: of the stroke, at nominal flow and compensator
     command_delay: Quantity = within("s", 0.0, 0.100)  # the twin's command buffer holds 100 ms
     hysteresis: Quantity = within("1", 0.0, 1.0, high_open=True)  # width of the play
     overlap: Quantity = within("V", -0.5, 1.0)  # by which the whole opening curve lies farther out, both sides
@@ -306,9 +317,12 @@ class SteeringValve:
     compensator_droop: Quantity = within("1", 0.0, 2.0, high_open=True)
     compensator_time_constant: Quantity = positive("s")
     compensator_open_drop: Quantity = positive("Pa")
+    compensator_frequency: Quantity = positive("rad/s")  # law compensator = spring_mass: undamped natural frequency
+    compensator_damping: Quantity = positive("1")  # law compensator = spring_mass: damping ratio
     shock_pressure: Quantity = positive("Pa")
     shock_ramp: Quantity = positive("Pa")
     shock_flow: Quantity = positive("m^3/s")
+    shock_time_constant: Quantity = positive("s")  # law shock_valve = lag
     anticavitation_crack: Quantity = non_negative("Pa")
     anticavitation_flow: Quantity = positive("m^3/s")
     anticavitation_drop: Quantity = positive("Pa")
@@ -360,6 +374,10 @@ class SteeringPump:
     stroke_down_time: Quantity = positive("s")
     cutoff: Quantity = positive("Pa")
     ls_time_constant: Quantity = positive("s")
+    valve_time_constant: Quantity = positive("s")  # law pump = second_order: of the control valve's spool
+    ls_volume: Quantity = positive("m^3")  # law load_sensing_line = volume: of the line
+    ls_flow: Quantity = positive("m^3/s")  # law load_sensing_line = volume: through its damping orifice at ls_drop
+    ls_drop: Quantity = positive("Pa")
     bleed_flow: Quantity = positive("m^3/s")
     bleed_drop: Quantity = positive("Pa")
     leakage: Quantity = non_negative("m^3/s/Pa")
@@ -374,6 +392,11 @@ class SteeringPump:
     def cv_bleed(self) -> Quantity:
         """Bleed of the load-sensing line [m³/s/√Pa]."""
         return _orifice(self.bleed_flow, self.bleed_drop)
+
+    @property
+    def cv_ls(self) -> Quantity:
+        """Damping orifice of the load-sensing line [m³/s/√Pa]."""
+        return _orifice(self.ls_flow, self.ls_drop)
 
     @property
     def line_compliance(self) -> Quantity:
@@ -416,6 +439,11 @@ class Steering:
 
     hose_volume: Quantity = positive("m^3")  # a side
     hose_bulk_modulus: Quantity = positive("Pa")
+    hose_stiffening_pressure: Quantity = positive("Pa")  # law hose = stiffening: that doubles the walls' modulus
+    hose_delayed_share: Quantity = fraction()  # law hose = viscoelastic: of the walls' compliance that comes late
+    hose_delay_time: Quantity = positive("s")  # law hose = viscoelastic
+    hose_inertance: Quantity = positive("kg/m^4")  # law hose = two_segments: of the oil between them, a side
+    hose_drop: Quantity = non_negative("Pa")  # law hose = two_segments: between them at 60 L/min
     valve: SteeringValve
     cylinder: SteeringCylinder
     pump: SteeringPump
@@ -425,6 +453,11 @@ class Steering:
     def hose_compliance(self) -> Quantity:
         """Of the hose walls of one side [m³/Pa]."""
         return self.hose_volume / self.hose_bulk_modulus
+
+    @property
+    def hose_resistance(self) -> Quantity:
+        """Of the hose of one side, drop over the squared flow [Pa s²/m⁶]."""
+        return self.hose_drop / np.square(1e-3)
 
     @property
     def full_turn_volume(self) -> Quantity:

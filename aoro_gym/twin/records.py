@@ -6,7 +6,7 @@ loads of neighbouring twins coalesce.
 
 # pyright: reportGeneralTypeIssues=false
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from enum import IntEnum
 from typing import Any
 
@@ -54,6 +54,30 @@ class MachineRecord:
     engine: Engine
     rest: Rest
     frame_ground_clearance: float  # [m]
+    varies_laws: int  # whether any law may differ from the default one
+
+
+LAW_FIELDS: Mapping[str, str] = {
+    "spool": "steering.spool_law",
+    "opening": "steering.opening_law",
+    "orifice": "steering.orifice_law",
+    "flow_force": "steering.flow_force_law",
+    "compensator": "steering.compensator_law",
+    "compensator_sensing": "steering.compensator_sensing_law",
+    "shock_valve": "steering.shock_valve_law",
+    "pump": "steering.pump_law",
+    "load_sensing_line": "steering.load_sensing_line_law",
+    "return_line": "steering.return_line_law",
+    "gas": "oil.gas_law",
+    "liquid": "oil.liquid_law",
+    "hose": "steering.hose_law",
+    "friction": "joint.friction_law",
+    "mount": "joint.mount_law",
+    "swivel": "tire.swivel_law",
+    "slip": "tire.slip_law",
+    "soft_ground": "tire.soft_ground_law",
+}
+"""Where the number of each law's option stands in the record."""
 
 
 OK = wp.constant(0)
@@ -91,6 +115,9 @@ State = _rows(
         *("forward", "back", *_each("hose"), "charge", "drive_swash", "shift_front", "shift_rear", *_each("traction")),
         # engine
         *("engine_speed", "governor", "engine_torque"),
+        # what only some laws of the steering circuit have
+        *("spool_rate", "compensator_rate", "pump_valve", "shock_a", "shock_b", "hose_strain_a", "hose_strain_b"),
+        *("hose_a", "hose_b", "hose_flow_a", "hose_flow_b"),
     ],
 )
 
@@ -161,10 +188,12 @@ def _mount_stiffness(machine: Machine) -> Quantity:
     return np.where(is_there, 1.0 / np.maximum(joint.compliance, 1.0 / STIFFEST_MOUNT), 0.0)
 
 
-def _geometry(machine: Machine) -> dict[str, Quantity]:
-    """Device fields that join several sections of the machine, by their path in the record."""
+def _geometry(machine: Machine) -> dict[str, Any]:
+    """Device fields that join several sections of the machine, and the numbers of its laws, by their path in the record."""
     frame, arm = machine.frame, machine.arm
     return {
+        **{path: machine.laws.choices[law] for law, path in LAW_FIELDS.items()},
+        "varies_laws": not machine.laws.default,
         "frame_front.pivot_x": frame.front.axle_distance - arm.length,
         "frame_rear.pivot_x": arm.length - frame.rear.axle_distance,
         "corner.wheel_lateral": 0.5 * frame.track,

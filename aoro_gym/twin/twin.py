@@ -23,6 +23,7 @@ from aoro_gym.twin.grounds import Grounds
 from aoro_gym.twin.hydraulic_step import check_hydraulic_step, warn_of_fine_step
 from aoro_gym.twin.kernels import overwrite
 from aoro_gym.twin.kernels.build import build
+from aoro_gym.twin.kernels.laws import ChosenLaws, DefaultLaws
 from aoro_gym.twin.records import (
     CHANNELS,
     COMMAND_BOUNDS,
@@ -42,7 +43,7 @@ BLOCK_DIM = 32
 """Threads a block: one warp, so that a few thousand twins already reach every multiprocessor. Every other number would
 compile the kernels again."""
 
-FIRST = 8
+FIRST = 9
 """Of the arguments of the kernel that advances: the number of the first twin."""
 WORTH_THREADS = 200
 """Twin-steps of a launch (about 4 µs each on a core) from which several CPU threads pay."""
@@ -110,6 +111,8 @@ class Twin:
         cell: Distance of the raster's nodes [m].
         own_machines: Keep a machine record for every twin even if all start alike, so that :meth:`set_machines` can
             change them one by one.
+        choose_laws: Whether machines may obey other laws than the default ones (:mod:`aoro_gym.machine.laws`), which takes
+            another, slower kernel; by default whether the ``machine`` does.
         device: ``"cpu"`` or ``"cuda:N"``.
         threads: CPU threads that share the twins, at most :func:`cores`, which is the default; a GPU needs none.
         main_step: Time step of the bodies [s].
@@ -132,6 +135,7 @@ class Twin:
         ground: str = "raster",
         cell: float = CELL,
         own_machines: bool = False,
+        choose_laws: bool | None = None,
         device: str = "cpu",
         threads: int | None = None,
         main_step: float = 1e-3,
@@ -158,7 +162,8 @@ class Twin:
         self.device = devices.find(device)
         _check_count("the machine", self.machine.num_variants, self.num_twins)
         self._check_step = check_step
-        self._made = {"ground": ground, "cell": cell, "own_machines": own_machines, "gravity": gravity}
+        self._made = {"ground": ground, "cell": cell, "own_machines": own_machines, "choose_laws": choose_laws}
+        self._made["gravity"] = gravity
         if check_step:
             check_hydraulic_step(self.machine, self.main_step, self.substeps)
             warn_of_fine_step(self.main_step, self.substeps, stacklevel=3)
@@ -169,7 +174,9 @@ class Twin:
         self._grounds = Grounds(
             self.terrain, num_twins=self.num_twins, kind=ground, cell=cell, gravity=gravity, device=self.device
         )
-        self._reset_kernel, self._advance_kernel = build(type(self.ground)._cls)
+        self._chooses_laws = not self.machine.laws.default if choose_laws is None else choose_laws
+        self._laws = ChosenLaws() if self._chooses_laws else DefaultLaws()
+        self._reset_kernel, self._advance_kernel = build(type(self.ground)._cls, type(self._laws)._cls)
 
         n = self.num_twins
         self.state = wp.zeros((len(State), n), dtype=float, device=self.device)
@@ -397,7 +404,7 @@ class Twin:
             self._advance_kernel,
             dim=count,
             inputs=[
-                self._machines, self.ground, commands, self.state, self._history, self._clock,
+                self._machines, self._laws, self.ground, commands, self.state, self._history, self._clock,
                 self._status, self._outputs, first, frames, every, self.substeps, self.main_step,
             ],
             device=self.device,
@@ -476,6 +483,10 @@ class Twin:
         if self._machines.shape[0] != self.num_twins:
             raise ValueError(
                 "these twins share one machine record; construct them with own_machines=True to change it one by one"
+            )
+        if not machine.laws.default and not self._chooses_laws:
+            raise ValueError(
+                "these twins obey the default laws alone; construct them with choose_laws=True to give them others"
             )
         chosen = self._chosen(indices)
         _check_count("the machine", machine.num_variants, max(len(chosen), 1))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.machine import Machine
+from aoro_gym.machine.laws import Laws
 from aoro_gym.sensors.chain import turn_flow
 from aoro_gym.simulation.key_figures import TOLERANCE
 from aoro_gym.twin import Twin
@@ -71,6 +72,7 @@ def stacked(machines: Sequence[Machine]) -> Machine:
     counts = [machine.num_variants for machine in machines]
     if sum(counts) == 1:
         return first
+    laws = Laws.stacked([machine.laws for machine in machines], counts)
     values = {}
     for key in first.entries:
         si = [np.broadcast_to(m.entries[key].si, n) for m, n in zip(machines, counts, strict=True)]
@@ -80,15 +82,12 @@ def stacked(machines: Sequence[Machine]) -> Machine:
     if not values:  # all alike: any array makes variants of them
         key = next(iter(first.entries))
         values[key] = np.full(sum(counts), first.entries[key].si)
-    return first.set(values, si=True, check_ranges=False)
+    return first.with_laws("default").set(values, si=True, check_ranges=False).with_laws(**laws.names)
 
 
 def repeated(machine: Machine, times: int) -> Machine:
     """The variants of ``machine`` one after the other, ``times`` over; a machine with one variant stays as it is."""
-    return machine.set(
-        {key: np.tile(entry.value, times) for key, entry in machine.entries.items() if np.ndim(entry.value)},
-        check_ranges=False,
-    )
+    return machine.variants(np.tile(np.arange(machine.num_variants), times))
 
 
 def run_turns(

@@ -135,14 +135,6 @@ class Draws:
             ) from error
 
 
-def variants(machine: Machine, indices: NDArray[np.intp]) -> Machine:
-    """The machines of some sub-environments: ``machine`` itself if they share it, else its variants at ``indices``."""
-    if machine.num_variants == 1:
-        return machine
-    batched = {key: entry.value for key, entry in machine.entries.items() if isinstance(entry.value, np.ndarray)}
-    return machine.set({key: value[indices] for key, value in batched.items()}, check_ranges=False)
-
-
 def _checked(name: str, span: Any, lowest: float, highest: float) -> None:
     try:
         low, high = (float(end) for end in span)

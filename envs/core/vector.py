@@ -18,7 +18,6 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from aoro_gym.envs.core.copying import copied, pickled
-from aoro_gym.envs.core.randomisation import variants
 from aoro_gym.envs.core.rendering import RENDER_MODES, Renderer
 from aoro_gym.envs.core.task import Outputs, Task, channel_row
 from aoro_gym.envs.core.terms import observations_of, rewards_of
@@ -287,7 +286,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         """Begin the episodes of the sub-environments ``where``."""
         generators = [generator for i in where if (generator := self.generators[i]) is not None]
         draws = self.task.randomisation.draw(generators)
-        machine = self._machines(where, draws.apply(variants(self.twin.machine, where)), options)
+        machine = self._machines(where, draws.apply(self.twin.machine.variants(where)), options)
         start = self.task.start(where, generators, draws, machine, options)
 
         mask = np.zeros(self.num_envs, dtype=bool)

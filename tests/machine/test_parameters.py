@@ -252,7 +252,7 @@ def _derived(section: Any, path: str = "") -> dict[str, Any]:
         value = getattr(section, name)
         if is_dataclass(value):
             values |= _derived(value, f"{path}{name}.")
-        elif name not in ("name", "entries", "identity", "num_variants"):
+        elif name not in ("name", "entries", "identity", "num_variants", "choices", "names"):
             values[path + name] = value
     return values
 

@@ -31,6 +31,7 @@ from aoro_gym.twin.kernels.hydraulics import (
     load_signals,
     pumps_torque,
 )
+from aoro_gym.twin.kernels.laws import with_laws
 from aoro_gym.twin.kernels.motion import drift, kick, rear_rate, rear_rate_change, turn, wheel_rates
 from aoro_gym.twin.kernels.outputs import GroundContact, record_outputs
 from aoro_gym.twin.kernels.state import load_state, rest, store_state, watched
@@ -47,6 +48,7 @@ TWO_PI = wp.constant(6.283185307179586)
 def advance(
     # parameters
     machines: wp.array(dtype=MachineRecord),
+    laws: Any,
     terrain: Any,
     # commands (set, row, twin): each set holds for an equal number of frames
     commands: wp.array3d(dtype=float),
@@ -73,10 +75,10 @@ def advance(
     t = first + wp.tid()
     if status[t] != OK:
         return
-    m = machines[t % machines.shape[0]]
+    m = with_laws(laws, machines[t % machines.shape[0]])
     ground = terrain.twins[t]
 
-    pose, velocity, change, bent, actuators, circuits, engine = load_state(state, t)
+    pose, velocity, change, bent, actuators, circuits, engine = load_state(state, t, m.varies_laws)
     tick = clock[t]
     half = 0.5 * h
 
@@ -204,5 +206,5 @@ def advance(
     if not wp.isfinite(rest(pose, change, bent, actuators, circuits, engine)):
         status[t] = NON_FINITE
         return
-    store_state(state, t, pose, velocity, change, bent, actuators, circuits, engine)
+    store_state(state, t, pose, velocity, change, bent, actuators, circuits, engine, m.varies_laws)
     clock[t] = tick

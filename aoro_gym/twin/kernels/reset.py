@@ -52,6 +52,8 @@ def held_joint(m: MachineRecord, joint: float, torque: float, s: SteeringState):
     mount.friction = -held / m.joint.presliding_stiffness
     out.port_a += wp.max(lacking - held, 0.0) / g.displacement_a
     out.port_b += wp.min(lacking - held, 0.0) / g.displacement_b
+    out.law.hose_a = out.port_a
+    out.law.hose_b = out.port_b
     return out, mount
 
 
@@ -130,4 +132,4 @@ def reset(
     )
     actuators = Actuators(0.0, zero, 0.0, 1.0, 1.0, ones)
     engine = idle_engine(m, circuits.driveline.charge, steering.swash)
-    store_state(state, t, place_at, Velocity(), Accelerations(), bent, actuators, circuits, engine)
+    store_state(state, t, place_at, Velocity(), Accelerations(), bent, actuators, circuits, engine, 1)

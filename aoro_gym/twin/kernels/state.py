@@ -8,7 +8,7 @@ from aoro_gym.twin.physics.bodies import Accelerations
 from aoro_gym.twin.physics.driveline import DrivelineState
 from aoro_gym.twin.physics.engine import EngineState
 from aoro_gym.twin.physics.mount import MountState
-from aoro_gym.twin.physics.steering import SteeringState
+from aoro_gym.twin.physics.steering import SteeringLawState, SteeringState
 from aoro_gym.twin.records import State
 
 
@@ -106,8 +106,32 @@ def store4(state: wp.array2d(dtype=float), row: int, t: int, value: wp.vec4):
 
 
 @wp.func
-def load_state(state: wp.array2d(dtype=float), t: int):
-    """State of twin ``t`` by part of the machine."""
+def load_law_state(state: wp.array2d(dtype=float), t: int):
+    return SteeringLawState(
+        state[State.SPOOL_RATE, t], state[State.COMPENSATOR_RATE, t], state[State.PUMP_VALVE, t], state[State.SHOCK_A, t],
+        state[State.SHOCK_B, t], state[State.HOSE_STRAIN_A, t], state[State.HOSE_STRAIN_B, t], state[State.HOSE_A, t],
+        state[State.HOSE_B, t], state[State.HOSE_FLOW_A, t], state[State.HOSE_FLOW_B, t],
+    )
+
+
+@wp.func
+def store_law_state(state: wp.array2d(dtype=float), t: int, law: SteeringLawState):
+    state[State.SPOOL_RATE, t] = law.spool_rate
+    state[State.COMPENSATOR_RATE, t] = law.compensator_rate
+    state[State.PUMP_VALVE, t] = law.pump_valve
+    state[State.SHOCK_A, t] = law.shock_a
+    state[State.SHOCK_B, t] = law.shock_b
+    state[State.HOSE_STRAIN_A, t] = law.hose_strain_a
+    state[State.HOSE_STRAIN_B, t] = law.hose_strain_b
+    state[State.HOSE_A, t] = law.hose_a
+    state[State.HOSE_B, t] = law.hose_b
+    state[State.HOSE_FLOW_A, t] = law.hose_flow_a
+    state[State.HOSE_FLOW_B, t] = law.hose_flow_b
+
+
+@wp.func
+def load_state(state: wp.array2d(dtype=float), t: int, varies_laws: int):
+    """State of twin ``t`` by part of the machine; that of laws other than the default ones only if they ``varies_laws``."""
     pose = Pose()
     pose.position = load3(state, int(State.X), t)
     pose.remainder = load3(state, int(State.REST_X), t)
@@ -151,6 +175,8 @@ def load_state(state: wp.array2d(dtype=float), t: int):
     steering.swash = state[State.SWASH, t]
     steering.flow_in = state[State.FLOW_IN, t]
     steering.flow_out = state[State.FLOW_OUT, t]
+    if varies_laws > 0:
+        steering.law = load_law_state(state, t)
     circuits = Circuits()
     circuits.steering = steering
     circuits.mount = MountState(state[State.MOUNT, t], state[State.MOUNT_RATE, t], state[State.JOINT_FRICTION, t])
@@ -177,6 +203,7 @@ def store_state(
     actuators: Actuators,
     circuits: Circuits,
     engine: EngineState,
+    varies_laws: int,
 ):
     """Inverse of :func:`load_state`."""
     store3(state, int(State.X), t, pose.position)
@@ -218,6 +245,8 @@ def store_state(
     state[State.SWASH, t] = s.swash
     state[State.FLOW_IN, t] = s.flow_in
     state[State.FLOW_OUT, t] = s.flow_out
+    if varies_laws > 0:
+        store_law_state(state, t, s.law)
     state[State.MOUNT, t] = circuits.mount.deflection
     state[State.MOUNT_RATE, t] = circuits.mount.rate
     state[State.JOINT_FRICTION, t] = circuits.mount.friction
@@ -260,7 +289,10 @@ def rest(
         + wp.length(change.spins) + wp.length(bent.bristle_x) + wp.length(bent.bristle_y) + wp.length(bent.arms)
         + wp.length(bent.wheels) + wp.length(bent.twist) + mount.deflection + mount.rate + mount.friction
         + steering.ls_pressure + steering.spool + actuators.play + steering.compensator + steering.swash
-        + steering.flow_in + steering.flow_out + circuits.fl.bore + circuits.fl.rod + circuits.fr.bore + circuits.fr.rod
+        + steering.flow_in + steering.flow_out + steering.law.spool_rate + steering.law.compensator_rate
+        + steering.law.pump_valve + steering.law.shock_a + steering.law.shock_b + steering.law.hose_strain_a
+        + steering.law.hose_strain_b + steering.law.hose_a + steering.law.hose_b + steering.law.hose_flow_a
+        + steering.law.hose_flow_b + circuits.fl.bore + circuits.fl.rod + circuits.fr.bore + circuits.fr.rod
         + circuits.rl.bore + circuits.rl.rod + circuits.rr.bore + circuits.rr.rod + wp.length(actuators.arm_spools)
         + loop.forward + loop.back + loop.wheel_fl + loop.wheel_fr + loop.wheel_rl + loop.wheel_rr
         + actuators.drive_swash + actuators.shift_front + actuators.shift_rear + wp.length(actuators.traction)

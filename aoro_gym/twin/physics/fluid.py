@@ -44,6 +44,9 @@ class Oil:
     polytropic_exponent: float  # [-]
     laminar_pressure: float  # [Pa] below it an orifice is laminar
     void_pressure: float  # [Pa] gauge pressure at which a void forms
+    gas_law: int  # by the numbers of aoro_gym.machine.laws
+    solution_pressure: float  # [Pa]
+    liquid_law: int
 
 
 @wp.struct

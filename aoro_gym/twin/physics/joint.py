@@ -21,6 +21,10 @@ class Joint:
     stop_torsional_damping: float  # [N m s/rad]
     presliding_stiffness: float  # [N m/rad]
     presliding_damping: float  # [N m s/rad]
+    friction_law: int  # by the numbers of aoro_gym.machine.laws
+    friction_velocity: float  # [rad/s]
+    mount_law: int
+    hardening_angle: float  # [rad]
 
 
 @wp.func

@@ -92,6 +92,49 @@ class Steering:
     tank_line_back_flow: float  # [m³/s]
     tank_line_throttle: float  # [Pa s²/m⁶]
     tank_line_cv_suction: float
+    # laws, by the numbers of aoro_gym.machine.laws, and what only they need
+    spool_law: int
+    valve_spool_frequency: float  # [rad/s]
+    valve_spool_damping: float  # [-]
+    opening_law: int
+    orifice_law: int
+    flow_force_law: int
+    valve_flow_force_share: float  # [-]
+    compensator_law: int
+    valve_compensator_frequency: float  # [rad/s]
+    valve_compensator_damping: float  # [-]
+    compensator_sensing_law: int
+    shock_valve_law: int
+    valve_shock_time_constant: float  # [s]
+    pump_law: int
+    pump_valve_time_constant: float  # [s]
+    load_sensing_line_law: int
+    pump_ls_volume: float  # [m³]
+    pump_cv_ls: float
+    return_line_law: int
+    hose_law: int
+    hose_stiffening_pressure: float  # [Pa]
+    hose_delayed_share: float  # [-]
+    hose_delay_time: float  # [s]
+    hose_inertance: float  # [kg/m⁴]
+    hose_resistance: float  # [Pa s²/m⁶]
+
+
+@wp.struct
+class SteeringLawState:
+    """States that only some laws have."""
+
+    spool_rate: float  # [1/s]
+    compensator_rate: float  # [1/s]
+    pump_valve: float  # [-] −1 … 1 of pump 2's control valve
+    shock_a: float  # [m³/s] through the relief valve of port A
+    shock_b: float
+    hose_strain_a: float  # [m³] by which the walls of side A have crept
+    hose_strain_b: float
+    hose_a: float  # [Pa] content of side A's hose on the valve's end
+    hose_b: float
+    hose_flow_a: float  # [m³/s] from there to the cylinders
+    hose_flow_b: float
 
 
 @wp.struct
@@ -106,6 +149,7 @@ class SteeringState:
     swash: float  # [-] 0 … 1 of pump 2
     flow_in: float  # [m³/s] metered into the loaded port
     flow_out: float  # [m³/s] metered out of the other port
+    law: SteeringLawState
 
 
 @wp.struct
@@ -358,7 +402,7 @@ def steering_step(
     )
 
     nominal = port_nominal_volume(m)
-    out = SteeringState()
+    out = s
     out.supply = fill(oil, gas.supply, s.supply, q_supply, dt, m.pump_line_volume, m.pump_line_compliance)
     out.port_a = fill_chamber(oil, gas.port_a, s.port_a, q_a, dt, g.volume_a, m.hose_compliance, nominal)
     out.port_b = fill_chamber(oil, gas.port_b, s.port_b, q_b, dt, g.volume_b, m.hose_compliance, nominal)

@@ -42,6 +42,14 @@ class Tire:
     rolling_resistance: float  # [-]
     scrub_radius: float  # [m] lever of the friction that resists swivelling
     scrub_angle: float  # [rad] twist at which the patch slides
+    swivel_law: int  # by the numbers of aoro_gym.machine.laws
+    bore_radius: float  # [m]
+    bore_stiffness: float  # [N m/rad]
+    slip_law: int
+    relaxation_longitudinal: float  # [m]
+    relaxation_lateral: float
+    soft_ground_law: int
+    bulldozing_resistance: float  # [-]
 
 
 @wp.struct
