@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aoro_gym.envs.core.randomisation import Randomisation, variants
+from aoro_gym.envs.core.randomisation import Randomisation
 from aoro_gym.envs.turning.config import MILD
 from aoro_gym.envs.turning.environment import TurningVectorEnv
 from aoro_gym.twin.records import pack
@@ -75,10 +75,10 @@ def test_machine_of_a_sub_environment_does_not_depend_on_its_neighbours():
 
 def test_variants_are_picked(machine):
     batched = machine.set({"joint.friction_torque": np.array([100.0, 200.0, 300.0])})
-    picked = variants(batched, np.array([2, 0]))
+    picked = batched.variants([2, 0])
     np.testing.assert_array_equal(picked.joint.friction_torque, [300.0, 100.0])
     np.testing.assert_array_equal(pack(picked), pack(batched)[[2, 0]])
-    assert variants(machine, np.array([0])) is machine
+    assert machine.variants([0]) is machine
 
 
 def test_mild_randomisation_stays_near_the_machine(machine):
