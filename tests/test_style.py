@@ -1,10 +1,13 @@
 """What no linter holds: functions of a size to hold in mind, and Args where there are many parameters."""
 
 import ast
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from aoro_gym import units
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("aoro_gym", "envs", "terrains", "agents")
@@ -29,14 +32,28 @@ UNCHANGED = {"aoro_gym/diagnosis_benchmark/atlas.py"} | {
 """The diagnosis' inference and its atlas, which are to be replaced."""
 
 
-def functions(*folders: str) -> Iterator[tuple[str, ast.FunctionDef]]:
-    """File and node of every function."""
+WITH_SIZES_OF_UNITS = {
+    "aoro_gym/calibration/replay.py": "reads a log's engine speed, rounded as it was written",
+    "aoro_gym/simulation/output.py": "writes a log's engine speed, rounded as ever",
+    "envs/path_tracking/rewards.py": "100 kW",
+    "terrains/io/masking.py": "marks of missing heights",
+}
+"""Files other than ``units.py`` with a number of a unit's size, and why."""
+
+
+def modules(*folders: str) -> Iterator[tuple[str, ast.Module]]:
+    """File and syntax tree of every module."""
     for folder in folders:
         for file in sorted((ROOT / folder).rglob("*.py")):  # does not follow the links in aoro_gym
-            path = file.relative_to(ROOT).as_posix()
-            for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-                if isinstance(node, ast.FunctionDef):
-                    yield path, node
+            yield file.relative_to(ROOT).as_posix(), ast.parse(file.read_text(encoding="utf-8"))
+
+
+def functions(*folders: str) -> Iterator[tuple[str, ast.FunctionDef]]:
+    """File and node of every function."""
+    for path, tree in modules(*folders):
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef):
+                yield path, node
 
 
 def test_only_functions_with_a_reason_are_long():
@@ -59,6 +76,33 @@ def test_public_functions_of_five_parameters_have_args():
         if "Args:" not in document or any(name not in document for name in names):
             without.append(f"{path}:{node.lineno} {node.name}")
     assert not without
+
+
+def factor(node: ast.AST) -> float:
+    """Product of the numbers and π in ``node``; what else it multiplies counts as 1."""
+    match node:
+        case ast.Constant(int() | float() as value):
+            return value
+        case ast.Attribute(attr="pi"):
+            return math.pi
+        case ast.BinOp(left, ast.Mult(), right):
+            return factor(left) * factor(right)
+        case ast.BinOp(left, ast.Div(), right):
+            return factor(left) / (factor(right) or math.nan)
+    return 1.0
+
+
+def test_units_are_defined_once():
+    sizes = [size for name, size in vars(units).items() if name.isupper()]
+    digits = {f"{size:.14g}" for size in sizes} | {f"{1.0 / size:.14g}" for size in sizes if size < 1.0}
+    again = set()
+    for path, tree in modules(*PACKAGES):
+        for node in ast.walk(tree):
+            is_count = isinstance(node, ast.Constant) and isinstance(node.value, int)
+            if not is_count and f"{factor(node):.14g}" in digits:
+                again.add(path)
+    own = {path for path in again if path.startswith("aoro_gym/diagnosis_benchmark/plants/")}  # independent of the twin
+    assert again - own - UNCHANGED == {"aoro_gym/units.py", *WITH_SIZES_OF_UNITS}
 
 
 @pytest.mark.parametrize("folder", PACKAGES)

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.machine import Machine
-from aoro_gym.machine.rest import GRAVITY
 from aoro_gym.machine.sections import HalfFrame
 from aoro_gym.twin.records import WHEELS
+from aoro_gym.units import GRAVITY
 
 TIME_STEP = 1e-3
 """[s]"""

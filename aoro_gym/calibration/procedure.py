@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from aoro_gym.calibration.turns import population_figures
 from aoro_gym.machine import Machine
 from aoro_gym.simulation.key_figures import FIGURES
+from aoro_gym.units import BAR, GRAVITY
 from aoro_gym.validation.published import published, published_rows, valve_flow
 from aoro_gym.validation.turns import Turn, motor_pressure_at
 
@@ -94,7 +95,7 @@ def turn_time(direction: str) -> Callable[[Machine], NDArray[np.float64]]:
 
 def motor_pressure(machine: Machine) -> NDArray[np.float64]:
     """Measure of :func:`solve`: pressure difference [bar] over the motors at the published speed on level ground."""
-    return motor_pressure_at(published("drive_speed"), machine) / 1e5
+    return motor_pressure_at(published("drive_speed"), machine) / BAR
 
 
 def rolling_pressure(machine: Machine, *, brake: bool = True) -> NDArray[np.float64]:
@@ -103,10 +104,10 @@ def rolling_pressure(machine: Machine, *, brake: bool = True) -> NDArray[np.floa
     Each motor gives D Δp and loses (1 − η) D Δp in itself; what is left turns against the disc brake and a quarter of
     the rolling resistance c W r. Leakage and valves do not enter: it is the motors' own difference.
     """
-    load = 0.25 * 9.81 * np.asarray(machine.mass) * machine.tire.rolling_resistance * machine.tire.radius
+    load = 0.25 * GRAVITY * np.asarray(machine.mass) * machine.tire.rolling_resistance * machine.tire.radius
     torque = load + (np.asarray(machine.driveline.brake.disc_torque) if brake else 0.0)
     motor = machine.driveline.motor
-    return np.atleast_1d(torque / (motor.mechanical_efficiency * motor.displacement)) / 1e5
+    return np.atleast_1d(torque / (motor.mechanical_efficiency * motor.displacement)) / BAR
 
 
 def meet_times_and_pressure(

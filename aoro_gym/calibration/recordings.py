@@ -17,6 +17,7 @@ from aoro_gym.recording.manifest import Manifest
 from aoro_gym.sensors.chain import low_pass
 from aoro_gym.terrains import Plane
 from aoro_gym.twin.records import State
+from aoro_gym.units import BAR
 
 EVERY = 4
 """Every so many ticks enter the fit: at 25 Hz the 7 Hz low-pass leaves little that is new between samples."""
@@ -38,11 +39,11 @@ class Channel(NamedTuple):
 
 CHANNELS: Mapping[str, Channel] = {
     "joint_angle": Channel(int(State.JOINT), 2e-4),
-    "pressure_a": Channel(int(State.PORT_A), 0.5e5, 1e5),
-    "pressure_b": Channel(int(State.PORT_B), 0.5e5, 1e5),
-    "pump_pressure": Channel(int(State.SUPPLY), 0.5e5, 1e5),
-    "drive_pressure_forward": Channel(int(State.FORWARD), 0.5e5, 1e5),
-    "drive_pressure_return": Channel(int(State.BACK), 0.5e5, 1e5),
+    "pressure_a": Channel(int(State.PORT_A), 0.5 * BAR, BAR),
+    "pressure_b": Channel(int(State.PORT_B), 0.5 * BAR, BAR),
+    "pump_pressure": Channel(int(State.SUPPLY), 0.5 * BAR, BAR),
+    "drive_pressure_forward": Channel(int(State.FORWARD), 0.5 * BAR, BAR),
+    "drive_pressure_return": Channel(int(State.BACK), 0.5 * BAR, BAR),
     "engine_speed": Channel(int(State.ENGINE_SPEED), 0.2),
 }
 """Measured channels that a calibration compares, by the twin's outputs: those that a diagnosis does."""

@@ -19,6 +19,7 @@ from scipy.linalg import cholesky, solve_triangular, toeplitz
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
 from aoro_gym.diagnosis.recording import TICK, Recording
+from aoro_gym.units import BAR
 
 Floats = NDArray[np.floating[Any]]
 """Arrays of float64."""
@@ -28,11 +29,11 @@ ORDER = 12
 
 LEAST: Mapping[str, float] = {
     "joint_angle": np.radians(0.01),
-    "pressure_a": 0.1e5,
-    "pressure_b": 0.1e5,
-    "pump_pressure": 0.1e5,
-    "drive_pressure_forward": 0.1e5,
-    "drive_pressure_return": 0.1e5,
+    "pressure_a": 0.1 * BAR,
+    "pressure_b": 0.1 * BAR,
+    "pump_pressure": 0.1 * BAR,
+    "drive_pressure_forward": 0.1 * BAR,
+    "drive_pressure_return": 0.1 * BAR,
     "engine_speed": 0.2,
 }
 """Least white noise [SI]: rounding of logs and of the twin's single precision."""

@@ -63,7 +63,7 @@ from aoro_gym.recording.tables import read_table
 from aoro_gym.sensors.chain import STANDSTILL
 from aoro_gym.sensors.joint_angle import JointAngleSensor
 from aoro_gym.simulation.key_figures import FIGURES, key_figures_batch
-from aoro_gym.simulation.log import LITRE_PER_MINUTE
+from aoro_gym.units import LITRE_PER_MINUTE
 from aoro_gym.validation.published import published_rows
 from aoro_gym.validation.study import TARGETS
 from aoro_gym.validation.turns import REST_AFTER, REST_BEFORE, Turn

@@ -27,7 +27,7 @@ from aoro_gym.diagnosis.result import (
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.effects.effect import Effect
 from aoro_gym.simulation import log
-from aoro_gym.simulation.log import BAR, DEGREE, LITRE_PER_MINUTE
+from aoro_gym.units import BAR, DEGREE, LITRE_PER_MINUTE
 
 WORTH_NAMING = 0.05
 """Probability from which a cause is named among those that cannot be told apart."""

@@ -27,7 +27,8 @@ from aoro_gym.execution.locking import locked
 from aoro_gym.execution.provenance import PROVENANCE, check_provenance
 from aoro_gym.execution.workers import Tell, spread
 from aoro_gym.machine import Machine
-from aoro_gym.simulation.log import BAR, NOISY, RPM, voltage_from_signal, write_log
+from aoro_gym.simulation.log import NOISY, voltage_from_signal, write_log
+from aoro_gym.units import BAR, RPM
 from aoro_gym.version import VERSION
 
 COLUMNS = {

@@ -10,6 +10,7 @@ from aoro_gym.effects.effect import Effect, MachineEffect, Magnitude, Operationa
 from aoro_gym.effects.magnitudes import REFERENCE_FLOW, REFERENCE_PRESSURE, added, factor, given, scaled
 from aoro_gym.machine.parameters import Machine
 from aoro_gym.machine.quantities import Quantity
+from aoro_gym.units import ZERO_CELSIUS
 
 COMMISSIONED_TEMPERATURE = 35.0
 """Temperature [°C] of the oil that the machine files hold for (E)."""
@@ -18,9 +19,10 @@ COMMISSIONED_TEMPERATURE = 35.0
 def kinematic_viscosity(temperature: Quantity) -> Quantity:
     """Viscosity [mm²/s] of a VG 46 oil at ``temperature`` [°C]: Walther, lg lg(ν + 0.7) = A − B lg T (ASTM D341), through
     46 mm²/s at 40 °C and 12 mm²/s at 75 °C (S27). Valid from −20 to 120 °C."""
-    (t1, v1), (t2, v2) = ((np.log10(t + 273.15), np.log10(np.log10(v + 0.7))) for t, v in ((40.0, 46.0), (75.0, 12.0)))
+    known = ((40.0, 46.0), (75.0, 12.0))
+    (t1, v1), (t2, v2) = ((np.log10(t + ZERO_CELSIUS), np.log10(np.log10(v + 0.7))) for t, v in known)
     slope = (v2 - v1) / (t2 - t1)
-    return 10.0**10.0 ** (v1 + slope * (np.log10(np.asarray(temperature) + 273.15) - t1)) - 0.7
+    return 10.0**10.0 ** (v1 + slope * (np.log10(np.asarray(temperature) + ZERO_CELSIUS) - t1)) - 0.7
 
 
 def relative_density(temperature: Quantity) -> Quantity:

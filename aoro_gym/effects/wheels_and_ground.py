@@ -10,8 +10,8 @@ from aoro_gym.effects.effect import Effect, GroundEffect, MachineEffect, Magnitu
 from aoro_gym.effects.magnitudes import added, factor, given, parameter, scaled
 from aoro_gym.machine.parameters import Machine
 from aoro_gym.machine.quantities import Quantity
-from aoro_gym.machine.rest import GRAVITY
 from aoro_gym.terrains.plane import Plane
+from aoro_gym.units import GRAVITY
 
 REFERENCE_LOAD = 24.5e3
 """Wheel load [N] at which tires are measured: a quarter of the machine."""

@@ -11,6 +11,8 @@ from typing import Any, TypeVar, dataclass_transform
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from aoro_gym.units import BAR, DEGREE, LITRE_PER_MINUTE, RPM
+
 Quantity = float | NDArray[np.float64]
 """One value for every twin, or an array of shape (N,) with one value a twin."""
 
@@ -23,14 +25,14 @@ UNITS: dict[str, tuple[str, float]] = {
     "m": ("m", 1.0),
     "mm": ("m", 1e-3),
     "rad": ("rad", 1.0),
-    "deg": ("rad", math.pi / 180.0),
+    "deg": ("rad", DEGREE),
     "s": ("s", 1.0),
     "1/s": ("1/s", 1.0),
     "m/s": ("m/s", 1.0),
     "1/m": ("1/m", 1.0),
     "s/m": ("s/m", 1.0),
     "rad/s": ("rad/s", 1.0),
-    "rpm": ("rad/s", _TURN / 60.0),
+    "rpm": ("rad/s", RPM),
     "V": ("V", 1.0),
     "N": ("N", 1.0),
     "N/m": ("N/m", 1.0),
@@ -43,12 +45,12 @@ UNITS: dict[str, tuple[str, float]] = {
     "rad/N/m": ("rad/N/m", 1.0),
     "N*m*s/rad": ("N*m*s/rad", 1.0),
     "Pa": ("Pa", 1.0),
-    "bar": ("Pa", 1e5),
+    "bar": ("Pa", BAR),
     "N/Pa": ("N/Pa", 1.0),
     "m^3": ("m^3", 1.0),
     "L": ("m^3", 1e-3),
     "m^3/s": ("m^3/s", 1.0),
-    "L/min": ("m^3/s", 1e-3 / 60.0),
+    "L/min": ("m^3/s", LITRE_PER_MINUTE),
     "m^3/rad": ("m^3/rad", 1.0),
     "cm^3/rev": ("m^3/rad", 1e-6 / _TURN),
     "L/rev": ("m^3/rad", 1e-3 / _TURN),

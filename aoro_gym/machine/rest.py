@@ -11,9 +11,7 @@ import numpy as np
 
 from aoro_gym.machine.quantities import Quantity, as_quantity
 from aoro_gym.machine.sections import Arm, Frame, Tire, Wheel
-
-GRAVITY = 9.81
-"""Acceleration [m/s²] that the design rest pose is found with."""
+from aoro_gym.units import GRAVITY
 
 _CONVERGED = 1e-14  # [rad] change of the rear arm angle in one iteration
 _MAX_ITERATIONS = 100

@@ -22,10 +22,9 @@ from aoro_gym.machine.quantities import (
     section,
     within,
 )
+from aoro_gym.units import ATMOSPHERIC_PRESSURE, RPM
 
 _RIGHT_ANGLE = math.pi / 2.0
-_RPM = math.pi / 30.0
-_ATMOSPHERE = 101325.0  # [Pa]
 
 
 def _orifice(flow: Quantity, drop: Quantity) -> Quantity:
@@ -273,15 +272,15 @@ class Oil:
     polytropic_exponent: Quantity = within("1", 1.0, 2.0)
     solution_pressure: Quantity = positive("Pa")  # law gas = dissolving: from which on all air is dissolved
     laminar_pressure: Quantity = positive("Pa")
-    void_pressure: Quantity = within("Pa", -_ATMOSPHERE, 0.0, low_open=True)
+    void_pressure: Quantity = within("Pa", -ATMOSPHERIC_PRESSURE, 0.0, low_open=True)
 
     def effective_modulus(self, pressure: Quantity) -> Quantity:
         """Tangent bulk modulus [Pa] of the oil with its gas at gauge ``pressure`` [Pa] ≥ 0, without any walls.
 
         1/β = [(1−α)/β_l + α e/(n P)] / [(1−α) + α e], e = (p_atm/P)^(1/n): the law of :mod:`aoro_gym.twin.physics.fluid`.
         """
-        absolute = pressure + _ATMOSPHERE
-        gas = self.gas_fraction * (_ATMOSPHERE / absolute) ** (1.0 / self.polytropic_exponent)
+        absolute = pressure + ATMOSPHERIC_PRESSURE
+        gas = self.gas_fraction * (ATMOSPHERIC_PRESSURE / absolute) ** (1.0 / self.polytropic_exponent)
         liquid = 1.0 - self.gas_fraction
         compliance = liquid / (self.bulk_modulus + self.bulk_modulus_slope * pressure)
         return (liquid + gas) / (compliance + gas / (self.polytropic_exponent * absolute))
@@ -602,7 +601,7 @@ class TorqueCurve:
 class Engine:
     """Diesel engine with its governor."""
 
-    set_speed: Quantity = within("rad/s", 300.0 * _RPM, 2600.0 * _RPM, low_open=True, high_open=True)
+    set_speed: Quantity = within("rad/s", 300.0 * RPM, 2600.0 * RPM, low_open=True, high_open=True)
     inertia: Quantity = positive("kg*m^2")  # with flywheel and pumps
     friction_0: Quantity = non_negative("N*m")
     friction_1: Quantity = non_negative("N*m*s/rad")

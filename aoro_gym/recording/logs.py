@@ -23,6 +23,7 @@ from aoro_gym.recording.commands import COMMAND_BOUNDS, WHEELS
 from aoro_gym.recording.manifest import Manifest, read_manifest
 from aoro_gym.recording.tables import Table, read_table
 from aoro_gym.recording.units import LONGEST_NAME, NamedQuantity, Unit, canonical, find_unit, parse_name, splits
+from aoro_gym.units import BAR, DEGREE, RPM
 
 Floats = NDArray[np.float64]
 
@@ -46,9 +47,9 @@ FASTEST = 2.0
 """Joint rate [rad/s] that no machine of this kind reaches, by a factor of two: an angle that changes faster has jumped."""
 JUMP_NOISE = 8.0
 """Standard deviations of the differences at rest by which noise does not make an angle jump."""
-LARGEST_PRESSURE = 600e5
+LARGEST_PRESSURE = 600 * BAR
 """Pressure [Pa] that bursts hoses of this kind: a higher one was logged in another unit."""
-LARGEST_ENGINE_SPEED = 6000 * 2 * math.pi / 60
+LARGEST_ENGINE_SPEED = 6000 * RPM
 """Speed [rad/s] that no diesel engine of this kind reaches."""
 MOVED = np.radians(1.0)
 """Travel [rad] beyond noise from which it is judged whether the joint follows its command: no joint recoils so far."""
@@ -548,12 +549,12 @@ class _Reading:
         largest = float(np.max(np.abs(values)))
         if "pressure" in key and largest > LARGEST_PRESSURE:
             raise ValueError(
-                f"{self.path}: {column.name} reaches {largest / 1e5:.3g} bar, but hoses burst at "
-                f"{LARGEST_PRESSURE / 1e5:g} bar; was it logged in Pa, kPa or psi?"
+                f"{self.path}: {column.name} reaches {largest / BAR:.3g} bar, but hoses burst at "
+                f"{LARGEST_PRESSURE / BAR:g} bar; was it logged in Pa, kPa or psi?"
             )
         if key == "engine_speed" and largest > LARGEST_ENGINE_SPEED:
             raise ValueError(
-                f"{self.path}: {column.name} reaches {largest * 60 / (2 * math.pi):.4g} rpm, but no engine of this kind "
+                f"{self.path}: {column.name} reaches {largest / RPM:.4g} rpm, but no engine of this kind "
                 "turns faster than 6000 rpm; was it logged in another unit?"
             )
         return values
@@ -563,7 +564,7 @@ class _Reading:
         column = self.columns["joint_angle"]
         values = self.table.numbers(column.name)
         largest, travel = float(np.max(np.abs(values))), float(np.ptp(values))
-        sizes = {"rad": 1.0, "deg": math.pi / 180, "gon": math.pi / 200}
+        sizes = {"rad": 1.0, "deg": DEGREE, "gon": math.pi / 200}
         fitting = [unit for unit, size in sizes.items() if largest * size <= LARGEST_ANGLE and travel * size >= HARDLY]
         if fitting == ["rad"]:
             self.note(f"{column.name} names no unit and was read in rad: in degrees the joint would hardly move")

@@ -17,6 +17,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
 
+from aoro_gym.units import ATMOSPHERIC_PRESSURE, BAR, DEGREE, LITRE_PER_MINUTE, RPM, STANDARD_GRAVITY, ZERO_CELSIUS
+
 Vector = tuple[int, int, int, int, int, int]
 """Exponents of length, time, mass, angle, current and temperature."""
 
@@ -124,8 +126,8 @@ _SPELLINGS: dict[str, list[tuple[str, float]]] = {
         ("rad rads radian radians", 1.0),
         ("mrad mrads milliradian milliradians", 1e-3),
         ("urad urads microradian microradians", 1e-6),
-        ("deg degs degree degrees °", math.pi / 180),
-        ("mdeg millidegree millidegrees", math.pi / 180e3),
+        ("deg degs degree degrees °", DEGREE),
+        ("mdeg millidegree millidegrees", 1e-3 * DEGREE),
         ("gon gons gradian gradians", math.pi / 200),  # "grad" is the degree in German
         ("mgon", math.pi / 200e3),
         ("mil mils", 2 * math.pi / 6400),
@@ -144,26 +146,26 @@ _SPELLINGS: dict[str, list[tuple[str, float]]] = {
         ("cmps", 1e-2),
         ("fps ftps", 0.3048),
     ],
-    "acceleration": [("g g0 gee", 9.80665), ("mps2 mpss", 1.0)],
+    "acceleration": [("g g0 gee", STANDARD_GRAVITY), ("mps2 mpss", 1.0)],
     "angular_rate": [
-        ("rpm rev/min r/min u/min tr/min", 2 * math.pi / 60),
-        ("krpm", 2e3 * math.pi / 60),
+        ("rpm rev/min r/min u/min tr/min", RPM),
+        ("krpm", 1e3 * RPM),
         ("rps", 2 * math.pi),
-        ("dps degps", math.pi / 180),
+        ("dps degps", DEGREE),
         ("radps", 1.0),
     ],
     "frequency": [("Hz hertz", 1.0), ("mHz", 1e-3), ("kHz", 1e3)],
-    "flow": [("lpm lmin", 1e-3 / 60), ("lps", 1e-3), ("gpm usgpm", 3.785411784e-3 / 60)],
+    "flow": [("lpm lmin", LITRE_PER_MINUTE), ("lps", 1e-3), ("gpm usgpm", 3.785411784e-3 / 60)],
     "force": [
         ("N newton newtons", 1.0),
         ("kN kilonewton kilonewtons", 1e3),
         ("MN meganewton meganewtons", 1e6),
         ("daN", 10.0),
-        ("kgf kp", 9.80665),
+        ("kgf kp", STANDARD_GRAVITY),
         ("lbf lb lbs", 4.4482216152605),
     ],
     "pressure": [
-        ("bar bars barg bar(g)", 1e5),
+        ("bar bars barg bar(g)", BAR),
         ("mbar mbars millibar millibars", 1e2),
         ("MPa megapascal megapascals", 1e6),
         ("mPa", 1e-3),
@@ -173,7 +175,7 @@ _SPELLINGS: dict[str, list[tuple[str, float]]] = {
         ("Pa pascal pascals", 1.0),
         ("psi psig psia lbf/in2", 6894.757293168361),
         ("ksi", 6894757.293168361),
-        ("atm", 101325.0),
+        ("atm", ATMOSPHERIC_PRESSURE),
         ("mmHg torr", 133.322387415),
         ("inHg", 3386.389),
     ],
@@ -193,7 +195,7 @@ def _atoms() -> tuple[dict[str, list[_Atom]], dict[str, list[_Atom]]]:
         for spelling in spellings.split()
     ]
     theta = DIMENSIONS["temperature"]
-    listed += [(spelling, _Atom(theta, 1.0, 273.15)) for spelling in _CELSIUS.split()]
+    listed += [(spelling, _Atom(theta, 1.0, ZERO_CELSIUS)) for spelling in _CELSIUS.split()]
     listed += [(spelling, _Atom(theta, 5 / 9, 459.67 * 5 / 9)) for spelling in _FAHRENHEIT.split()]
     exact: dict[str, list[_Atom]] = {}
     folded: dict[str, list[_Atom]] = {}

@@ -23,6 +23,7 @@ from aoro_gym.sensors.noise import (
     tick,
     white,
 )
+from aoro_gym.units import GRAVITY
 
 
 @dataclass(frozen=True)
@@ -56,8 +57,8 @@ class ImuNoise:
         return cls(
             rate_white=math.radians(0.007 * math.sqrt(50.0)),
             rate_bias=math.radians(0.1),
-            force_white=120e-6 * 9.81 * math.sqrt(50.0),
-            force_bias=2e-3 * 9.81,
+            force_white=120e-6 * GRAVITY * math.sqrt(50.0),
+            force_bias=2e-3 * GRAVITY,
             attitude_white=math.radians(0.05),
             attitude_drift=math.radians(0.4),
         )
@@ -167,7 +168,7 @@ def specific_force(
     pitch: Array,
     *,
     place: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    gravity: float = 9.81,
+    gravity: float = GRAVITY,
 ) -> Array:
     """Specific force [m/s²] (N, 3) at a point of the front frame, in its axes: v̇ + ω×v + ω̇×r + ω×(ω×r) − g.
 

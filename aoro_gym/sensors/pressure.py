@@ -24,14 +24,15 @@ from aoro_gym.sensors.noise import (
     tick,
     white,
 )
+from aoro_gym.units import BAR
 
 
 @dataclass(frozen=True)
 class PressureNoise:
     """What a pressure sensor does to the pressure; gauge pressures."""
 
-    low: float = -1e5  # [Pa] lowest that it shows
-    high: float = 400e5  # [Pa] highest
+    low: float = -BAR  # [Pa] lowest that it shows
+    high: float = 400.0 * BAR  # [Pa] highest
     zero_error: float = 0.0  # [Pa] rms over sensors, constant in a run
     white: float = 0.0  # [Pa] rms
     resolution: float = 0.0  # [Pa]; 0: none
@@ -45,7 +46,7 @@ class PressureNoise:
     @classmethod
     def typical(cls) -> PressureNoise:
         """E: 0 to 400 bar, 0.25 % of it zero error, 12 bits, white noise of two of them."""
-        return cls(low=0.0, zero_error=1e5, white=0.2e5, resolution=400e5 / 2**12)
+        return cls(low=0.0, zero_error=BAR, white=0.2 * BAR, resolution=400.0 * BAR / 2**12)
 
 
 class PressureSensor:

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from aoro_gym.machine import Machine
 from aoro_gym.machine.sections import SteeringCylinder
 from aoro_gym.sensors.chain import STANDSTILL, measured_flow, sample, sampling_rate
-from aoro_gym.simulation.log import BAR, DEGREE, LITRE_PER_MINUTE, RPM
+from aoro_gym.units import BAR, DEGREE, LITRE_PER_MINUTE, RPM
 
 if TYPE_CHECKING:
     from aoro_gym.simulation.manoeuvres import Recording

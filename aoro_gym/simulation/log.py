@@ -8,7 +8,6 @@ and with which sensors.
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -22,14 +21,10 @@ from aoro_gym.sensors.chain import SAMPLE_RATE, sample
 from aoro_gym.sensors.joint_angle import JointAngleSensor
 from aoro_gym.sensors.pressure import PressureSensor
 from aoro_gym.twin.records import COMMAND_BOUNDS
+from aoro_gym.units import BAR, DEGREE, LITRE_PER_MINUTE, RPM
 
 RATE = SAMPLE_RATE
 """Samples a second [Hz] of the machine's logger."""
-
-BAR = 1e5
-LITRE_PER_MINUTE = 1e-3 / 60.0
-RPM = 2.0 * math.pi / 60.0
-DEGREE = math.pi / 180.0
 
 _CORNER = "_(fl|fr|rl|rr)"
 _UNITS: list[tuple[str, str, float]] = [

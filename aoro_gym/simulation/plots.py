@@ -19,8 +19,8 @@ from aoro_gym.execution.files import written_whole
 from aoro_gym.reporting.page import Passage, block, interactive_plot, joined, tiles, write_page
 from aoro_gym.reporting.style import AMBER, BLUE, GREEN, INK, PLOT_STYLE, RED, SHADE, SOFT
 from aoro_gym.simulation.key_figures import turn_start
-from aoro_gym.simulation.log import BAR, DEGREE, LITRE_PER_MINUTE, RPM
 from aoro_gym.simulation.manoeuvres import Recording
+from aoro_gym.units import BAR, DEGREE, LITRE_PER_MINUTE, RPM
 
 CORNER_LINES = {
     "fl": ("front left", RED),

@@ -14,6 +14,7 @@ from aoro_gym.terrains.raster import CELL, surface, triangles
 from aoro_gym.terrains.terrain import Terrain
 from aoro_gym.twin.kernels.overwrite import multiply
 from aoro_gym.twin.physics.ground import Ground, Meshes, Planes, Rasters, Site
+from aoro_gym.units import GRAVITY
 
 KINDS = {"raster": Rasters, "mesh": Meshes}
 """How twins feel a terrain, by name."""
@@ -41,7 +42,7 @@ class Grounds:
         num_twins: int,
         kind: str = "raster",
         cell: float = CELL,
-        gravity: float = 9.81,
+        gravity: float = GRAVITY,
         device: Any = "cpu",
     ):
         if kind not in KINDS:

@@ -35,6 +35,7 @@ from aoro_gym.twin.records import (
     pack,
     row_of,
 )
+from aoro_gym.units import GRAVITY
 
 LONGEST_COMMAND_DELAY = 0.1
 """Upper bound [s] of ``steering.valve.command_delay``; that much of the steering command is kept."""
@@ -140,7 +141,7 @@ class Twin:
         threads: int | None = None,
         main_step: float = 1e-3,
         substeps: int = 30,
-        gravity: float = 9.81,
+        gravity: float = GRAVITY,
         check_step: bool = True,
     ):
         if not isinstance(num_twins, int | np.integer) or num_twins < 1:

@@ -18,10 +18,9 @@ from aoro_gym.sensors.chain import SAMPLE_RATE, measured_flow, sample
 from aoro_gym.sensors.joint_angle import JointAngleNoise, JointAngleSensor
 from aoro_gym.simulation.key_figures import FIGURES, key_figures_batch, turn_span
 from aoro_gym.twin.hydraulic_step import FineStepWarning
+from aoro_gym.units import BAR, LITRE_PER_MINUTE
 from aoro_gym.validation.published import Row, published, published_rows
 from aoro_gym.validation.turns import TURNS, Recording, Turn, motor_pressure_at, rim_speed, run_turns, stacked
-
-BAR = 1e5
 
 TARGETS: Mapping[str, tuple[str, float]] = {
     "turn_time_s": ("relative", 0.02),
@@ -453,7 +452,7 @@ def _curves(
     variants = recording.angle.shape[2]
     sign = np.repeat([turn.sign for turn in TURNS], variants)
     ticks, angle = sample(recording.time, recording.angle.reshape(len(recording.time), -1))
-    flow = (measured_flow(cylinder, angle, sign) * 6e4).reshape(len(ticks), len(TURNS), variants)
+    flow = (measured_flow(cylinder, angle, sign) / LITRE_PER_MINUTE).reshape(len(ticks), len(TURNS), variants)
     starts = turn_span(ticks, angle, cylinder.half_range).began.reshape(len(TURNS), variants)
     rough = recording.angle.reshape(len(recording.time), -1)
     raw_starts = turn_span(recording.time, rough, cylinder.half_range).began.reshape(len(TURNS), variants)
@@ -480,7 +479,7 @@ def _curves(
                 time=time[shown],
                 flow=flow[shown, index, 0],
                 raw_time=raw_time[raw_shown],
-                raw_flow=recording.flow[raw_shown, index, 0] * 6e4,
+                raw_flow=recording.flow[raw_shown, index, 0] / LITRE_PER_MINUTE,
                 uncalibrated_time=other[other_shown],
                 uncalibrated_flow=flow[other_shown, index, 1] if second else nothing,
                 low=low,

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from aoro_gym.envs.core.terms import Frozen, ObservationTerm
 from aoro_gym.envs.path_tracking.view import PathTrackingView
 from aoro_gym.execution.array_api import Array
+from aoro_gym.units import GRAVITY
 
 
 def cross_track(view: PathTrackingView) -> Array:
@@ -81,8 +82,8 @@ def gear(view: PathTrackingView) -> Array:
 
 
 def inertial(view: PathTrackingView) -> Array:
-    """Roll rate and pitch rate [rad/s], then the specific force in units of 9.81 m/s² (N, 5)."""
-    return view.xp.concat([view.measured_rates[:, :2], view.measured_force / 9.81], axis=1)
+    """Roll rate and pitch rate [rad/s], then the specific force in units of gravity (N, 5)."""
+    return view.xp.concat([view.measured_rates[:, :2], view.measured_force / GRAVITY], axis=1)
 
 
 def heights(view: PathTrackingView) -> Array:

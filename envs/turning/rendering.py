@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from aoro_gym.envs.core.rendering import Canvas, Traces, first_value
 from aoro_gym.machine import Machine
 from aoro_gym.reporting.style import AMBER, BLUE, GREEN, GRID, INK, RED, SOFT
+from aoro_gym.units import LITRE_PER_MINUTE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -252,9 +253,9 @@ class TurningScene:
         self._state.set_color(colour)
         self._signal.set_text(_sided(100.0 * signal, " %"))
         self._bar.set_width(-self._half * signal)  # left is left
-        self._flow.set_text(f"{abs(6e4 * flow):.0f} L/min")
+        self._flow.set_text(f"{abs(flow) / LITRE_PER_MINUTE:.0f} L/min")
         since = (history[:, 0] - clock).astype(np.float64)
-        self._peak.set_text(f"{SPAN:.0f} s peak {6e4 * np.nanmax(np.abs(history[:, 7])):.0f}")
+        self._peak.set_text(f"{SPAN:.0f} s peak {np.nanmax(np.abs(history[:, 7])) / LITRE_PER_MINUTE:.0f}")
         self._judged.set_text(f"{settled:.0f} settled" + (f", {missed:.0f} missed" if missed else ""))
         self._judged.set_color(RED if missed else INK)
 
@@ -262,7 +263,7 @@ class TurningScene:
             (self._target_line, np.degrees(history[:, 5])),
             (self._angle_line, np.degrees(history[:, 4])),
             (self._signal_line, 100.0 * history[:, 6]),
-            (self._flow_line, 6e4 * history[:, 7]),
+            (self._flow_line, history[:, 7] / LITRE_PER_MINUTE),
         ):
             line.set_data(since, values)
         return self._canvas.picture()

@@ -21,6 +21,7 @@ from aoro_gym.terrains.io.frame import Request
 from aoro_gym.terrains.io.ground import Ground
 from aoro_gym.terrains.io.read_cloud import CHUNK, broken, read_cloud
 from aoro_gym.terrains.length_units import UNITS, Unit
+from aoro_gym.units import DEGREE
 
 PLACE = r"(?:gps|gnss|utm|rtk|world|global|local|point|pos|position|coord|coordinate|centre|center|ground|mean)"
 AFTER = r"(?:coord|coordinate|coordinates|koordinate|pos|position|value|wert|utm|wgs84|local|global|world)"
@@ -221,8 +222,7 @@ def _with_units(path: Path, dialect: Dialect, chosen: list[tuple[int, NamedQuant
     columns = (chosen[0][0], chosen[1][0], chosen[2][0])
     z_unit = None if third is None else Unit(_short(third), third)
     if is_geographic:
-        degree = np.pi / 180.0
-        scales = tuple(1.0 if factor is None else factor / degree for factor in (first, second))
+        scales = tuple(1.0 if factor is None else factor / DEGREE for factor in (first, second))
         return Layout(columns, scales=(scales[0], scales[1], 1.0), is_geographic=True, z_unit=z_unit)
     if first is None and second is None:
         return Layout(columns, z_unit=z_unit)

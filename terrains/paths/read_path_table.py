@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from pathlib import Path as File
 
@@ -15,6 +14,7 @@ from aoro_gym.recording.units import NamedQuantity, parse_name
 from aoro_gym.terrains.paths.read_tracks import read_document
 from aoro_gym.terrains.paths.tracks import Found, Track, shown
 from aoro_gym.terrains.paths.xml_tree import looks_like_xml
+from aoro_gym.units import DEGREE
 
 MOST_POINTS = 1_000_000
 """Rows of a table: a day at 20 Hz."""
@@ -183,4 +183,4 @@ def _track(kind: str, columns: dict[str, np.ndarray], lines: np.ndarray | None) 
 
 def _size(role: str) -> float:
     """SI value of the unit in which a role is kept."""
-    return math.pi / 180.0 if role in ("latitude", "longitude") else 1.0
+    return DEGREE if role in ("latitude", "longitude") else 1.0

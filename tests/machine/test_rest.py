@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import root
 
 from aoro_gym.machine.parameters import Machine
-from aoro_gym.machine.rest import GRAVITY
+from aoro_gym.units import GRAVITY
 
 VARIED = {
     "nominal": {},

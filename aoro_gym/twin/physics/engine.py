@@ -3,7 +3,9 @@
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
 import warp as wp
 
-RPM = wp.constant(0.10471975511965977)  # [rad/s]
+from aoro_gym import units
+
+RPM = wp.constant(units.RPM)
 
 
 @wp.struct

@@ -7,7 +7,9 @@ Sources: Merritt, *Hydraulic Control Systems* (1967), ch. 3 (orifices) and ch. 1
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
 import warp as wp
 
-ATMOSPHERIC_PRESSURE = wp.constant(101325.0)
+from aoro_gym import units
+
+ATMOSPHERIC_PRESSURE = wp.constant(units.ATMOSPHERIC_PRESSURE)
 SERIES_REACH = wp.constant(1.0 / 16.0)
 """Relative change of pressure up to which :func:`gas_share` is a series: its sixth power is 2⁻²⁴."""
 
