@@ -9,8 +9,8 @@ An episode ends well at the path's end, badly when the machine rolls over, leave
 (``info["termination"]`` says which), and is truncated when its time is up: ``time_margin`` times what the rest of the path
 takes at ``working_speed``.
 
-Goals, measurements and judgement stand here; the configuration and the terms stand beside, and a default is changed by name
-when the environment is made.
+Goals and judgement stand here; starts, sensors, the configuration and the terms stand beside, and a default is changed by
+name when the environment is made.
 """
 
 from __future__ import annotations
@@ -23,38 +23,24 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from aoro_gym.envs.core.joint import MeasuredJoint
 from aoro_gym.envs.core.randomisation import Draws
-from aoro_gym.envs.core.task import Outputs, Start, StepResult, Terrains, chosen, given, sensing
-from aoro_gym.envs.path_tracking.assistance import (
-    ArmController,
-    AutomaticGear,
-    Stance,
-)
+from aoro_gym.envs.core.task import Outputs, Start, StepResult, Terrains, chosen, sensing
+from aoro_gym.envs.path_tracking.assistance import ArmController, AutomaticGear
 from aoro_gym.envs.path_tracking.config import PathTrackingConfig
 from aoro_gym.envs.path_tracking.courses import Course, HeightMap
+from aoro_gym.envs.path_tracking.measures import Measures
 from aoro_gym.envs.path_tracking.path_table import PathTable
+from aoro_gym.envs.path_tracking.sensing import ALL, VehicleSensors, true_pose
+from aoro_gym.envs.path_tracking.starts import check_ground, starting_poses
 from aoro_gym.envs.path_tracking.view import PathTrackingView
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats
 from aoro_gym.machine import Machine
-from aoro_gym.sensors import (
-    Gps,
-    GpsReading,
-    Imu,
-    Localisation,
-    PressureSensor,
-    WheelSpeedSensor,
-)
 from aoro_gym.sensors.attitude import in_world, wrapped
-from aoro_gym.sensors.imu import specific_force
-from aoro_gym.sensors.wheel_speed import ground_speed
 from aoro_gym.terrains import Path, Plane
 from aoro_gym.twin.records import WHEELS, Output, State
 
 PROJECTION_REACH = 1.5
 """Distance [m] along the path from the last projection within which the next one is looked for: 30 m/s at 20 Hz."""
-ALL = slice(None)
-"""Rows of all sub-environments."""
 STEERING, DRIVE, ARMS, TRACTION, GEAR = "steering_signal", "drive_signal", "arms", "traction", "gear"
 
 END_OF_PATH = "end of path reached"
@@ -129,11 +115,7 @@ class PathTracking:
         self._length = arrays.zeros(n)
         self._steps_allowed = arrays.ones(n, xp.int64)
         self._step = arrays.zeros(n, xp.int64)
-        # the machine
-        self._front, self._rear, self._half_track = arrays.ones(n), arrays.ones(n), arrays.ones(n)
-        self._rolling_radius, self._top_speed = arrays.ones(n), arrays.ones(n)
-        self._rod_share, self._arm_length, self._arm_dead_band = arrays.ones(n), arrays.ones(n), arrays.zeros(n)
-        self._arm_rest = arrays.zeros((4, n))
+        self._measures = Measures(n, arrays)
         # true motion
         self._s, self._start_s, self._progress = arrays.zeros(n), arrays.zeros(n), arrays.zeros(n)
         self._reference, self._rear_axle = arrays.zeros((n, 2)), arrays.zeros((n, 2))
@@ -143,43 +125,15 @@ class PathTracking:
         self._mark_s, self._mark_step = arrays.zeros(n), arrays.zeros(n, xp.int64)
         self._ending = arrays.zeros(n, xp.int64)
         # measurement
-        self._noise = arrays.ones(n)
+        self._sensors = VehicleSensors(n, config, arrays)
         self._measured_s, self._measured_cross_track = arrays.zeros(n), arrays.zeros(n)
         self._measured_heading_error = arrays.zeros(n)
-        self._roll, self._pitch = arrays.zeros(n), arrays.zeros(n)
-        self._rates, self._force = arrays.zeros((n, 3)), arrays.zeros((n, 3))
-        self._wheel_rates, self._speed = arrays.zeros((n, 4)), arrays.zeros(n)
         self._actions = arrays.zeros((config.action_memory, n, self.action_space.shape[0]), xp.float32)
         self._view: PathTrackingView | None = None
-        # sensors and controllers
-        self._joint = MeasuredJoint(
-            n,
-            config.joint_angle_noise,
-            interval=config.sample_step,
-            frames=frames,
-            kept=config.rate_samples,
-            arrays=arrays,
-        )
-        self._imu = Imu(n, config.imu_noise, accelerometers=config.observe_inertial, arrays=arrays)
-        self._wheel_sensor = WheelSpeedSensor(n, config.wheel_speed_noise, arrays=arrays)
-        self._gps = Gps(
-            n, config.gps_noise, antennas=config.antennas, latency=config.gps_latency, interval=config.control_step,
-            arrays=arrays,
-        )  # fmt: skip
-        self._localisation = Localisation(n, antennas=config.antennas, gains=config.localisation, arrays=arrays)
-        self._pressure_rows = {channel: row for row, channel in enumerate(self._pressures_used())}
-        self._pressures = arrays.zeros((len(self._pressure_rows), n))
-        self._pressure_sensor = PressureSensor(n, config.pressure_noise, count=len(self._pressure_rows), arrays=arrays)
+        # controllers
         self._gear = AutomaticGear(n, config.gear_shift, arrays)
         self._arms = ArmController(n, config.arms, arrays)
         self._openings = arrays.ones((n, 4))
-
-    def _pressures_used(self) -> list[str]:
-        """Channels of the pressure sensors that a controller reads."""
-        used = ["drive_pressure_forward", "drive_pressure_return"] if self.config.gear == "automatic" else []
-        if self.config.arms is not None and not self.config.act_arms:
-            used += [f"arm_pressure_{end}_{wheel}" for end in ("bore", "rod") for wheel in WHEELS]
-        return used
 
     # ---- start
 
@@ -194,61 +148,31 @@ class PathTracking:
         config, arrays, n = self.config, self._arrays, len(self._s)
         course = chosen(options, "terrain", len(self.courses), where, n, generators)
         path = self._asked_path(options, course, where, generators)
-        front, rear = self._know(machine, where)
-
-        # the front axle's middle and, one machine behind, the rear one's
-        length = self.table.lengths[path]
-        first = np.array([0.0 if self.table.paths[row].closed else config.start_distance for row in path])
-        last = np.maximum(length - 2.0, first)
-        s = given(options, "start", where, n, first + draws.task["start"] * (last - first), 0.0, np.inf, "m")
-        if np.any(s > last):
-            bad = int(np.argmax(s > last))
-            raise ValueError(
-                f"options['start'] is {s[bad]:g} m, but that path is {length[bad]:.2f} m long; start 2 m before its end"
-            )
-        offset = given(options, "lateral_offset", where, n, draws.task["lateral_offset"], -np.inf, np.inf, "m")
-        turned = given(options, "heading_offset", where, n, draws.task["heading_offset"], -np.pi, np.pi, "rad")
-        place, along, bend = map(arrays.host, self.table.at(arrays.index(path), arrays.asarray(s)))
-        heading = wrapped(along + turned)
-        reference = place + offset[:, None] * np.stack([-np.sin(along), np.cos(along)], axis=1)
-        hinge = reference - front[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
-        limit = np.broadcast_to(np.asarray(machine.joint.range, dtype=np.float64), len(where))
-        # a steady turn of curvature κ bends the joint by κ times the wheelbase, at small angles
-        angle = bend * (front + rear) + draws.joint_angle * limit
-        angle = given(options, "joint_angle", where, n, np.clip(angle, -limit, limit), -limit, limit, "rad")
-        behind = hinge - rear[:, None] * np.stack([np.cos(heading - angle), np.sin(heading - angle)], axis=1)
-        axles = arrays.asarray(np.stack([reference, behind]))
-        there = arrays.host(self.height_map.known(arrays.index(course), axles)).all(axis=0)
-        if not there.all():
-            bad = int(np.argmin(there))
-            raise ValueError(
-                f"path {self.table.paths[path[bad]].name!r} starts at "
-                f"({reference[bad, 0]:.1f}, {reference[bad, 1]:.1f}) m, where "
-                f"terrain {course[bad]} has no ground for both axles; give a path within it"
-            )
+        self._measures.take(machine, where)
+        poses = starting_poses(
+            self.table, path, machine, draws, options,
+            where=where, num_envs=n, start_distance=config.start_distance, arrays=arrays,
+        )  # fmt: skip
+        check_ground(poses, self.height_map, course, [self.table.paths[row].name for row in path], arrays)
 
         rows = arrays.index(where)
-        duration = (length - s) / config.working_speed * config.time_margin
+        length = self.table.lengths[path]
+        duration = (length - poses.s) / config.working_speed * config.time_margin
         allowed = np.maximum(np.ceil(duration / config.control_step), 1)
         number = np.where(path < self._library, path - self._first_path[course], path)
-        values = arrays.asarray(np.stack([course, path, number, length, s, allowed, draws.sensor_noise]))
-        for states, value in zip(
-            (
-                (self._course,), (self._path,), (self._path_number,), (self._length,), (self._s, self._measured_s),
-                (self._steps_allowed,), (self._noise, self._joint.scale, self._gps.scale, self._imu.scale),
-            ),
-            values, strict=True,
-        ):  # fmt: skip
-            for state in states:
-                arrays.put(state, rows, value)
+        values = [course, path, number, length, poses.s, poses.s, allowed, draws.sensor_noise]
+        *values, noise = arrays.asarray(np.stack(values))
+        states = (
+            self._course, self._path, self._path_number, self._length, self._s, self._measured_s, self._steps_allowed,
+        )  # fmt: skip
+        for state, value in zip(states, values, strict=True):
+            arrays.put(state, rows, value)
         for state in (
             self._step, self._mark_step, self._ending, self._progress, self._power, self._work, self._squares,
         ):  # fmt: skip
             state[rows] = 0
         self._tipping_margin[rows] = 1.0
-        sensor_draws = sensing(options, where, n, generators)
-        for sensor in (self._joint, self._imu, self._wheel_sensor, self._gps, self._pressure_sensor):
-            sensor.reset(rows, sensor_draws)
+        self._sensors.reset(rows, sensing(options, where, n, generators), noise)
         self._actions[:, rows] = 0.0
         self._gear.reset(rows)
         self._arms.reset(rows)
@@ -256,9 +180,9 @@ class PathTracking:
         if config.gear != "automatic":
             self._gear.gear[rows] = 1.0 if config.act_gear else float(config.gear)
         return Start(
-            joint_angle=angle,
-            heading=heading,
-            position=hinge,
+            joint_angle=poses.joint_angle,
+            heading=poses.heading,
+            position=poses.hinge,
             terrain=None if isinstance(self.courses[0].terrain, Plane) else course,
         )
 
@@ -283,36 +207,9 @@ class PathTracking:
             options, "path", self._num_paths[course], where, len(self._s), generators
         )
 
-    def _know(self, machine: Machine, where: NDArray[np.intp]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Take over the machine's measures: the controller knows its vehicle. Gives the distances (K,) [m] of the front and
-        of the rear axle from the hinge."""
-        arrays, rows, driveline, tire = self._arrays, self._arrays.index(where), machine.driveline, machine.tire
-        radius = tire.radius  # the rims of the twin's discs roll where the ground is pressed in: calibrated, as it were
-        flow = driveline.pump.displacement * machine.engine.set_speed
-        front, rear = (
-            np.broadcast_to(np.asarray(frame.axle_distance, dtype=np.float64), where.shape)
-            for frame in (machine.frame.front, machine.frame.rear)
-        )
-        for state, value in (
-            (self._front, front),
-            (self._rear, rear),
-            (self._half_track, 0.5 * machine.frame.track),
-            (self._rolling_radius, radius),
-            (self._top_speed, flow / (4.0 * driveline.motor.displacement) * radius),
-            (self._arm_length, machine.arm.length),
-            (self._arm_dead_band, machine.arm.valve.dead_band),
-            (self._rod_share, machine.arm.cylinder.annulus_area / machine.arm.cylinder.bore_area),
-        ):
-            arrays.put(state, rows, value)
-        arrays.put(self._arm_rest, (slice(0, 2), rows), machine.rest.arm_angle_front)
-        arrays.put(self._arm_rest, (slice(2, 4), rows), machine.rest.arm_angle_rear)
-        return front, rear
-
     def rest(self, where: Index, outputs: Outputs) -> None:
         self._outputs, self._view = outputs, None
-        self._joint.begin(outputs.last("joint_angle")[where], where)
-        fix = self._sense(where, self._arrays.zeros(len(where)))
-        self._localisation.begin(fix, self._roll[where], self._pitch[where], self._place()[where], where)
+        self._sensors.begin(outputs, self._measures.reference, self._measures.rolling_radius, where)
         self._follow(where)
         self._start_s[where] = self._mark_s[where] = self._s[where]
 
@@ -328,9 +225,9 @@ class PathTracking:
             part = actions[:, layout[GEAR]][:, 0]
             self._gear.gear = 1.0 + floats(part >= -1.0 / 3.0) + floats(part >= 1.0 / 3.0)
         elif config.gear == "automatic":
-            rows = self._pressure_rows
-            drop = self._pressures[rows["drive_pressure_forward"]] - self._pressures[rows["drive_pressure_return"]]
-            self._gear.update(drive, self._speed, drop, self._top_speed, self.control_step)
+            sensors = self._sensors
+            drop = sensors.pressure("drive_pressure_forward") - sensors.pressure("drive_pressure_return")
+            self._gear.update(drive, sensors.speed, drop, self._measures.top_speed, self.control_step)
         commands[GEAR] = self._gear.gear
         if config.act_arms:
             commands |= _each("arm", actions[:, layout[ARMS]].T)
@@ -339,36 +236,23 @@ class PathTracking:
         if config.act_traction:
             commands |= _each("traction", xp.clip(1.0 + actions[:, layout[TRACTION]], None, 1.0).T)
         elif config.traction is not None:
-            self._openings = config.traction.openings(self._openings, self._wheel_rates, self.control_step)
+            self._openings = config.traction.openings(self._openings, self._sensors.wheel_rates, self.control_step)
             commands |= _each("traction", self._openings.T)
         return commands
 
     def _arm_signals(self) -> Array:
-        stance = Stance(
-            self._front, self._rear, self._half_track, self._arm_length, self._arm_rest, self._arm_dead_band
-        )
-        # the channels of the four corners follow each other
-        first = (self._pressure_rows[f"arm_pressure_{end}_{WHEELS[0]}"] for end in ("bore", "rod"))
-        bore, rod = (self._pressures[row : row + len(WHEELS)] for row in first)
+        sensors, measures = self._sensors, self._measures
         return self._arms.update(
-            bore - self._rod_share * rod, self._arm_angles(), self._roll, self._pitch, self._joint.angle, stance,
-            self.control_step,
+            sensors.arm_pressures("bore") - measures.rod_share * sensors.arm_pressures("rod"), self._arm_angles(),
+            sensors.roll, sensors.pitch, sensors.joint.angle, measures.stance, self.control_step,
         )  # fmt: skip
 
     def advance(self, outputs: Outputs, time: Array) -> StepResult:
         xp, config = self._arrays.xp, self.config
         self._outputs, self._view = outputs, None
         self._step = self._step + 1
+        self._sensors.update(outputs, self._measures.reference, self._measures.rolling_radius, time)
 
-        # what is measured
-        self._joint.update(outputs.samples("joint_angle"), time)
-        fix = self._sense(ALL, time)
-        self._localisation.update(
-            fix, self._roll, self._pitch, self._place(),
-            speed=self._speed, yaw_rate=self._rates[:, 2], step=config.control_step,
-        )  # fmt: skip
-
-        # what happened
         before = xp.asarray(self._s, copy=True)
         self._follow(ALL)
         self._progress = self._s - before
@@ -400,36 +284,26 @@ class PathTracking:
             ending = xp.where(holds, TERMINATION_REASONS.index(reason), ending)
         self._ending = ending
 
-    # ---- geometry and sensors
-
-    def _place(self) -> Array:
-        """The reference point in the front frame's axes [m] (N, 3)."""
-        zero = self._arrays.xp.zeros_like(self._front)
-        return self._arrays.xp.stack([self._front, zero, zero], axis=1)
-
-    def _true_pose(self, rows: Index) -> tuple[Array, Array, Array, Array]:
-        """Position of the hinge [m] (K, 3), roll, pitch and yaw [rad] (K,) of the sub-environments ``rows``."""
-        values = floats(self._outputs.group("position_x", 6)[-1][:, rows])
-        return values[:3].T, values[3], values[4], values[5]
+    # ---- geometry
 
     def _follow(self, rows: Index) -> None:
         """Where the sub-environments ``rows`` are, and where on their paths they are and believe to be."""
         xp = self._arrays.xp
-        position, roll, pitch, yaw = self._true_pose(rows)
-        reference = (position + in_world(roll, pitch, yaw, self._place()[rows]))[:, :2]
+        position, roll, pitch, yaw = true_pose(self._outputs, rows)
+        reference = (position + in_world(roll, pitch, yaw, self._measures.reference[rows]))[:, :2]
         rear = yaw - self._outputs.last("joint_angle")[rows]
-        behind = self._rear[rows][:, None] * xp.stack([xp.cos(rear), xp.sin(rear)], axis=1)
+        behind = self._measures.rear[rows][:, None] * xp.stack([xp.cos(rear), xp.sin(rear)], axis=1)
         self._reference[rows], self._rear_axle[rows] = reference, position[:, :2] - behind
 
         path = xp.concat([self._path[rows]] * 2)
         s, cross_track = self.table.project(
             path,
-            xp.concat([reference, self._localisation.position[rows]]),
+            xp.concat([reference, self._sensors.localisation.position[rows]]),
             xp.concat([self._s[rows], self._measured_s[rows]]),
             reach=PROJECTION_REACH,
         )
         _, _, cosine, sine, _ = self.table.places(path, s)
-        error = wrapped(xp.concat([yaw, self._localisation.heading[rows]]) - xp.atan2(sine, cosine))
+        error = wrapped(xp.concat([yaw, self._sensors.localisation.heading[rows]]) - xp.atan2(sine, cosine))
         for value, (true, measured) in (
             (s, (self._s, self._measured_s)),
             (cross_track, (self._cross_track, self._measured_cross_track)),
@@ -440,33 +314,6 @@ class PathTracking:
     def _arm_angles(self) -> Array:
         return self._outputs.group(f"arm_angle_{WHEELS[0]}", len(WHEELS))[-1]
 
-    def _sense(self, rows: Index, time: Array) -> GpsReading:
-        """One reading of every other sensor of the sub-environments ``rows``; gives that of the GPS."""
-        xp, config, outputs = self._arrays.xp, self.config, self._outputs
-        asked = None if rows is ALL else rows
-        position, roll, pitch, yaw = self._true_pose(rows)
-        noise = self._noise[rows]
-
-        rates, force = floats(outputs.states("WX", 3)[:, rows]).T, None
-        if config.observe_inertial:
-            force = specific_force(
-                outputs.states("VX", 3)[:, rows].T, outputs.states("AVX", 3)[:, rows].T, rates,
-                outputs.states("AWX", 3)[:, rows].T, roll, pitch,
-            )  # fmt: skip
-        inertial = self._imu.measure(rates, force, roll, pitch, time, asked)
-        self._roll[rows], self._pitch[rows], self._rates[rows] = inertial.roll, inertial.pitch, inertial.rates
-        if inertial.force is not None:
-            self._force[rows] = inertial.force
-
-        true = floats(outputs.group(f"wheel_rate_{WHEELS[0]}", len(WHEELS))[-1][:, rows]).T
-        shown = true + noise[:, None] * (self._wheel_sensor.measure(true, time, asked) - true)
-        self._wheel_rates[rows] = shown
-        self._speed[rows] = ground_speed(shown, self._rolling_radius[rows])
-        if self._pressure_rows:
-            level = floats(xp.stack([outputs.last(channel)[rows] for channel in self._pressure_rows]))
-            self._pressures[:, rows] = level + noise * (self._pressure_sensor.measure(level, time, asked) - level)
-        return self._gps.measure(position, roll, pitch, yaw, time, asked)
-
     # ---- what others see
 
     def view(self) -> PathTrackingView:
@@ -475,15 +322,15 @@ class PathTracking:
         return self._view
 
     def _seen(self) -> PathTrackingView:
-        xp, config = self._arrays.xp, self.config
-        here, heading = self._localisation.position, self._localisation.heading
+        xp, sensors = self._arrays.xp, self._sensors
+        here, heading = sensors.localisation.position, sensors.localisation.heading
         x, y, _, _, bends = self.table.places(self._path[:, None], self._measured_s[:, None] + self._distances)
         x, y = x[:, 1:] - here[:, :1], y[:, 1:] - here[:, 1:]
         s, c = xp.sin(heading)[:, None], xp.cos(heading)[:, None]
         return PathTrackingView(
             xp=xp,
             control_step=self.control_step,
-            working_speed=config.working_speed,
+            working_speed=self.config.working_speed,
             cross_track=self._cross_track,
             heading_error=self._heading_error,
             progress=self._progress,
@@ -498,14 +345,14 @@ class PathTracking:
             measured_remaining=self._length - self._measured_s,
             preview=xp.stack([c * x + s * y, c * y - s * x], axis=-1),
             curvature=bends,
-            measured_speed=self._speed,
-            measured_angle=self._joint.angle,
-            measured_rate=self._joint.rate,
-            measured_roll=self._roll,
-            measured_pitch=self._pitch,
-            measured_rates=self._rates,
-            measured_force=self._force,
-            measured_wheel_rates=self._wheel_rates,
+            measured_speed=sensors.speed,
+            measured_angle=sensors.joint.angle,
+            measured_rate=sensors.joint.rate,
+            measured_roll=sensors.roll,
+            measured_pitch=sensors.pitch,
+            measured_rates=sensors.rates,
+            measured_force=sensors.force,
+            measured_wheel_rates=sensors.wheel_rates,
             gear=self._gear.gear,
             actions=xp.permute_dims(self._actions, (1, 0, 2)),
             heights=self._heights(),
@@ -536,7 +383,7 @@ class PathTracking:
             "tipping_margin": xp.asarray(self._tipping_margin, copy=True),
             "engine_work": xp.asarray(self._work, copy=True),
             "gear": xp.astype(self._gear.gear, xp.int64),
-            "gps_quality": xp.asarray(self._gps.quality, copy=True),
+            "gps_quality": xp.asarray(self._sensors.gps.quality, copy=True),
             "terrain": xp.asarray(self._course, copy=True),
             "path": xp.asarray(self._path_number, copy=True),
             "is_success": self._ending == TERMINATION_REASONS.index(END_OF_PATH),

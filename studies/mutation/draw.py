@@ -61,7 +61,8 @@ def changed(old: list[str], new: list[str]) -> dict:
 
 def draw(package: str, config: dict, rng: random.Random) -> list[dict]:
     """Mutants of a package: each with its file, line, operator and lines before and after."""
-    files = sorted(path for path in (ROOT / package).rglob("*.py") if path.name not in config["no_files"])
+    left_out = {path for pattern in config["no_files"] for path in (ROOT / package).glob(pattern)}
+    files = sorted(set((ROOT / package).rglob("*.py")) - left_out)
     every = [(path, spot[1]) for path in files for spot in sorted(places(path, config["without"]).items())]
     mutants = []
     for path, operators in rng.sample(every, len(every)):
