@@ -19,7 +19,6 @@ LONG = {
     "aoro_gym/diagnosis/attribution.py attribute": "to be replaced",
     "aoro_gym/diagnosis/replay.py _launching": "to be replaced",
     "aoro_gym/diagnosis/tables.py diagnose_rows": "to be replaced",
-    "aoro_gym/diagnosis/diagnose.py diagnose": "to be replaced",
 }
 """Functions that may be longer, and why."""
 UNCHANGED = {"aoro_gym/diagnosis_benchmark/atlas.py"} | {

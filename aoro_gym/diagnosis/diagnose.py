@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from aoro_gym.diagnosis.attribution import attribute, fit_p, trust_of, without
+from aoro_gym.diagnosis.attribution import Trust, attribute, fit_p, trust_of, without
 from aoro_gym.diagnosis.boundaries import boundaries, faulty_component
 from aoro_gym.diagnosis.credible import credible
 from aoro_gym.diagnosis.cross_entropy import Population, evolve
@@ -59,6 +59,54 @@ SURVIVING = 0.02
 """Probability below which a hypothesis gets no machine file."""
 
 
+@dataclass(frozen=True)
+class Logs:
+    """Recordings by what they are for: to be explained, healthy, and held out of the fit."""
+
+    recordings: Sequence[Recording]
+    healthy: Sequence[Recording]
+    held_out: Sequence[Recording]
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Channels that all of them have."""
+        return _common([*self.recordings, *self.healthy, *self.held_out])
+
+    def comparable(self) -> Logs:
+        """The same with their common channels only."""
+        groups = (self.recordings, self.healthy, self.held_out)
+        return Logs(*([_only(one, self.channels) for one in group] for group in groups))
+
+
+@dataclass(frozen=True)
+class Attributed:
+    """A problem and its hypotheses, the likeliest first.
+
+    Attributes:
+        trust: How far what logs say is believed.
+        linear: The problem's linear model around its fit.
+        base: The twin that a cause is held against.
+        before: What it outputs (D,) SI.
+    """
+
+    problem: Problem
+    trust: Trust
+    hypotheses: Sequence[Hypothesis]
+    linear: Linear
+    base: Machine
+    before: Floats
+
+    @property
+    def best(self) -> Hypothesis | None:
+        """The likeliest hypothesis whose fit was refined."""
+        return next((h for h in self.hypotheses if h.refined), None)
+
+    @property
+    def best_cause(self) -> Hypothesis | None:
+        """The same among those that name an effect."""
+        return next((h for h in self.hypotheses if h.refined and h.effects), None)
+
+
 def diagnose(
     recordings: Sequence[Recording],
     machine: Machine | str | Path = "aoro",
@@ -95,75 +143,91 @@ def diagnose(
     given = machine if isinstance(machine, Machine) else Machine.load(machine)
     simulator = simulator or Simulator()
     mode = "commissioned" if commissioned or (healthy and commissioned is None) else "day-one"
-    asked = recordings, healthy, held_out
-    (recordings, healthy, held_out), doubts = credible(asked, given, simulator)
-    if not recordings or (asked[1] and not healthy):
-        doubts.append(f"No {'healthy ' if recordings else ''}log is left, and nothing was diagnosed.")
-        return _nothing_left(given, mode, asked[0], asked[1], doubts, began)
-    channels = _common([*recordings, *healthy, *held_out])
-    recordings = [_only(one, channels) for one in recordings]
-    healthy = [_only(one, channels) for one in healthy]
-    held_out = [_only(one, channels) for one in held_out]
-    noise = _noise([*healthy, *recordings, *held_out], channels)
-
-    of: dict[str, Any] = {"error": ERROR, "noise": noise, "simulator": simulator}
-    twin, uncertain = given, None
-    if healthy:
-        twin, uncertain, found = _commissioned(healthy, given, of, lambda s, share: progress(s, 0.3 * share))
-        of |= found
-    elif mode == "day-one":
-        twin = given.with_default_priors()
-    problem = Problem(
-        recordings, Nuisances(twin, "day" if mode == "commissioned" else "range", uncertain), effects, **of
+    kept, doubts = credible((recordings, healthy, held_out), given, simulator)
+    logs = Logs(*kept)
+    if not logs.recordings or (healthy and not logs.healthy):
+        doubts.append(f"No {'healthy ' if logs.recordings else ''}log is left, and nothing was diagnosed.")
+        return _nothing_left(given, mode, recordings, healthy, doubts, began)
+    logs = logs.comparable()
+    found = _attributed(logs, given, mode, effects, simulator, progress)
+    progress("where, how far, and what next", 0.85)
+    return replace(
+        _concluded(found, logs, given.name, mode, out),
+        limitations=(*doubts, *_limitations(recordings, healthy, mode, logs.channels, effects)),
+        seconds=time.monotonic() - began,
     )
-    base, before = twin, problem.given
-    if mode == "day-one":
-        base, before = given, problem.simulate([Variants(given)])[:, 0]
-        _fit(problem, lambda s, share: progress(s, 0.4 * share))
+
+
+def _attributed(
+    logs: Logs, given: Machine, mode: str, effects: Mapping[str, Effect], simulator: Simulator, progress: Progress
+) -> Attributed:
+    """The hypotheses that explain the recordings."""
+    problem, base, before = _fitted_problem(logs, given, mode, effects, simulator, progress)
     progress("what every effect does", 0.4)
     problem.learn()
     trust = trust_of(problem)
     hypotheses, linear = attribute(problem, trust, lambda s, share: progress(s, 0.5 + 0.35 * share))
+    return Attributed(problem, trust, hypotheses, linear, base, before)
 
-    progress("where, how far, and what next", 0.85)
-    verdict = verdict_of(hypotheses)
-    gap, gap_p = places(problem, linear)
-    parts = boundaries(problem, healthy)
-    best = next((h for h in hypotheses if h.refined), None)
-    nothing = next(h for h in hypotheses if not h.effects)
+
+def _fitted_problem(
+    logs: Logs, given: Machine, mode: str, effects: Mapping[str, Effect], simulator: Simulator, progress: Progress
+) -> tuple[Problem, Machine, Floats]:
+    """The problem of the recordings at the best fit of its uncertain parameters, the twin that a cause is held against, and
+    what it outputs."""
+    noise = _noise([*logs.healthy, *logs.recordings, *logs.held_out], logs.channels)
+    of: dict[str, Any] = {"error": ERROR, "noise": noise, "simulator": simulator}
+    twin, uncertain = given, None
+    if logs.healthy:
+        twin, uncertain, found = _commissioned(logs.healthy, given, of, lambda s, share: progress(s, 0.3 * share))
+        of |= found
+    elif mode == "day-one":
+        twin = given.with_default_priors()
+    nuisances = Nuisances(twin, "day" if mode == "commissioned" else "range", uncertain)
+    problem = Problem(logs.recordings, nuisances, effects, **of)
+    base, before = twin, problem.given
+    if mode == "day-one":
+        base, before = given, problem.simulate([Variants(given)])[:, 0]
+        _fit(problem, lambda s, share: progress(s, 0.4 * share))
+    return problem, base, before
+
+
+def _concluded(found: Attributed, logs: Logs, machine: str, mode: str, out: Path | None) -> Diagnosis:
+    """What follows from the hypotheses."""
+    problem, hypotheses, linear, best = found.problem, found.hypotheses, found.linear, found.best
+    where, where_p = places(problem, linear)
+    parts = boundaries(problem, logs.healthy)
     fitted = None if best is None else problem.at(best.nuisances[None], best.effects, row_of(best))
-    after = before if fitted is None else problem.simulate([fitted])[:, 0]
-    shrunk, controls = _how_far(problem, linear, hypotheses, base, before, after, held_out)
-    components = components_of(hypotheses, effects)
+    after = found.before if fitted is None else problem.simulate([fitted])[:, 0]
+    shrinkage, controls = _gap_closure(found, after, logs.held_out)
+    components = components_of(hypotheses, problem.effects)
     component = faulty_component(parts, components)
-    causes = tuple(
-        cause_of(problem, h, trust.laws, out if h.probability > SURVIVING else None)
-        for h in hypotheses
-        if h.probability > LISTED
-    )
+    nothing = next(h for h in hypotheses if not h.effects)
     return Diagnosis(
-        machine=given.name,
+        machine=machine,
         mode=mode,
-        logs=tuple(one.name for one in recordings),
-        healthy=tuple(one.name for one in healthy),
-        signals=channels,
-        verdict=verdict,
-        where=tuple(replace(place, component=component) for place in gap),
-        where_p=gap_p,
+        logs=tuple(one.name for one in logs.recordings),
+        healthy=tuple(one.name for one in logs.healthy),
+        signals=logs.channels,
+        verdict=verdict_of(hypotheses),
+        where=tuple(replace(place, component=component) for place in where),
+        where_p=where_p,
         boundaries=parts,
         components=components,
-        causes=causes,
-        declared_set=declared_of(hypotheses, trust.declared),
-        fit_test_p=None if best is None else fit_p(best, trust, nothing),
-        shrinkage=shrunk,
+        causes=tuple(
+            cause_of(problem, h, found.trust.laws, out if h.probability > SURVIVING else None)
+            for h in hypotheses
+            if h.probability > LISTED
+        ),
+        declared_set=declared_of(hypotheses, found.trust.declared),
+        fit_test_p=None if best is None else fit_p(best, found.trust, nothing),
+        shrinkage=shrinkage,
         controls=controls,
-        key_figures={} if fitted is None else key_figures(problem, Variants(base), fitted),
+        key_figures={} if fitted is None else key_figures(problem, Variants(found.base), fitted),
         next_experiments=next_experiments(linear, hypotheses),
         calibration=moved_by(problem, best),
         alike=alike_effects(linear),
-        limitations=(*doubts, *_limitations(asked[0], asked[1], mode, channels, effects)),
-        seconds=time.monotonic() - began,
-        curves=_curves(problem, before, after),
+        curves=_curves(problem, found.before, after),
     )
 
 
@@ -228,36 +292,29 @@ def _noise(recordings: Sequence[Recording], channels: Sequence[str]) -> dict[str
 # ---- how far ----
 
 
-def _how_far(
-    problem: Problem,
-    linear: Linear,
-    hypotheses: Sequence[Hypothesis],
-    base: Machine,
-    before: Floats,
-    after: Floats,
-    held_out: Sequence[Recording],
+def _gap_closure(
+    found: Attributed, after: Floats, held_out: Sequence[Recording]
 ) -> tuple[tuple[GapClosure, ...], dict[str, float | None]]:
-    """Closure of the gap in fitted and in held-out recordings, against the twin as it was given, ``base``, and what a wrong
-    cause and a black box get of the latter."""
-    best = next((h for h in hypotheses if h.refined and h.effects), None)
+    """Closure of the gap in fitted and in held-out recordings, against the twin as it was given, and what a wrong cause and
+    a black box get of the latter."""
+    problem, best = found.problem, found.best_cause
     if best is None:
         return (), {"cause": None, "wrong_cause": None, "black_box": None}
-    rivals = (h for h in hypotheses if h.refined and len(h.effects) == len(best.effects))
+    rivals = (h for h in found.hypotheses if h.refined and len(h.effects) == len(best.effects))
     wrong = next((h for h in rivals if not set(h.effects) & set(best.effects)), None)
-    fitted = gap_closures(problem, before, after, held_out=False)
+    fitted = gap_closures(problem, found.before, after, held_out=False)
     if held_out:
         other = problem.of(held_out)
-        start = other.simulate([Variants(base)])[:, 0]
-        found = other.simulate(
+        start = other.simulate([Variants(found.base)])[:, 0]
+        outputs = other.simulate(
             [other.at(_own_free(problem, other, h), h.effects, row_of(h)) for h in (best, wrong) if h]
         )
-        left = gap_closures(other, start, found[:, 0], held_out=True)
-        of_wrong = typical(gap_closures(other, start, found[:, 1], held_out=True)) if wrong else None
-        of_box = black_box(problem, before, other, start)
+        left = gap_closures(other, start, outputs[:, 0], held_out=True)
+        of_wrong = typical(gap_closures(other, start, outputs[:, 1], held_out=True)) if wrong else None
+        of_box = black_box(problem, found.before, other, start)
     else:
-        left, of_wrong, of_box = _in_turn(problem, linear, best, wrong, before)
-    controls = {"cause": typical(left), "wrong_cause": of_wrong, "black_box": of_box}
-    return (*fitted, *left), controls
+        left, of_wrong, of_box = _in_turn(problem, found.linear, best, wrong, found.before)
+    return (*fitted, *left), {"cause": typical(left), "wrong_cause": of_wrong, "black_box": of_box}
 
 
 def _own_free(problem: Problem, other: Problem, hypothesis: Hypothesis) -> Floats:
