@@ -52,7 +52,7 @@ _AFTER = _AROUND | set(
 
 
 @dataclass(frozen=True)
-class Unit:
+class LengthUnit:
     """One unit of length."""
 
     name: str
@@ -67,7 +67,7 @@ def listed() -> str:
 
 
 @lru_cache(maxsize=256)
-def unit_named(text: str) -> Unit | None:
+def unit_named(text: str) -> LengthUnit | None:
     """The unit that ``text`` names, whatever its case, separators and language of survey; None if it is unknown.
 
     >>> unit_named("Foot_US").name, unit_named("[Metres above sea level]").name, unit_named("m/s")
@@ -101,26 +101,26 @@ def is_unspecified(text: str) -> bool:
     return re.sub(r"[\W_]+", "", text.casefold()) in SILENT
 
 
-def _of_words(words: list[str]) -> Unit | None:
+def _of_words(words: list[str]) -> LengthUnit | None:
     feet = [word for word in words if word in _FOOT]
     others = {word for word in words if word not in _FOOT}
     if len(feet) == 1 and others <= _SURVEY | _INTERNATIONAL:
         if not others or others <= _INTERNATIONAL:
-            return Unit("ft", UNITS["ft"])
+            return LengthUnit("ft", UNITS["ft"])
         if others <= _SURVEY:
-            return Unit("us-ft", UNITS["us-ft"])
+            return LengthUnit("us-ft", UNITS["us-ft"])
     name = _BY_WORD.get("".join(words))
     if name is not None:
-        return Unit(name, UNITS[name])
+        return LengthUnit(name, UNITS[name])
     return _of_epsg(words=tuple(words))
 
 
-def _of_epsg(words: tuple[str, ...] = (), code: str = "") -> Unit | None:
+def _of_epsg(words: tuple[str, ...] = (), code: str = "") -> LengthUnit | None:
     """One of the other units of EPSG's register, by its name (in the singular or the plural) or its code."""
     pyproj = extra("pyproj", "a unit of length")
     plural = words and words[-1].endswith("s") and (*words[:-1], words[-1][:-1])
     for name, unit in pyproj.database.get_units_map(auth_name="EPSG", category="linear").items():
         if (code and unit.code == code) or tuple(re.findall(r"[a-z]+|\d+", name.casefold())) in (words, plural):
             short = next((key for key, metres in UNITS.items() if abs(metres / unit.conv_factor - 1.0) < 1e-9), name)
-            return Unit(short, float(unit.conv_factor))
+            return LengthUnit(short, float(unit.conv_factor))
     return None

@@ -30,7 +30,7 @@ from aoro_gym.reporting.terminal import Comparison
 
 
 @dataclass(frozen=True)
-class Curve:
+class LearningCurve:
     """Trainings that differ by their seed alone, K of them, evaluated M times each."""
 
     plan: TrainingPlan
@@ -51,7 +51,7 @@ class Curve:
         return self.plan.algo if self.plan.start is None else f"{self.plan.algo}, from {Path(self.plan.start).stem}"
 
 
-def read(folders: Sequence[Path]) -> list[Curve]:
+def read(folders: Sequence[Path]) -> list[LearningCurve]:
     """Curves of the trainings in ``folders``, in their order; of one that is not done, those evaluations that there are.
 
     Raises ValueError if there is none, or if they are not of one environment and judged alike.
@@ -101,7 +101,7 @@ def _are_numbers(*values: Any) -> bool:
     return all(isinstance(value, int | float) and np.isfinite(value) for value in values)
 
 
-def _curve(members: Sequence[tuple[TrainingPlan, list[dict[str, Any]]]]) -> Curve:
+def _curve(members: Sequence[tuple[TrainingPlan, list[dict[str, Any]]]]) -> LearningCurve:
     plan, seeds = members[0][0], tuple(one.seed for one, _ in members)
     if len(set(seeds)) < len(seeds):
         raise ValueError(f"the seeds of {plan.command} are {seeds}; give each training once")
@@ -112,7 +112,7 @@ def _curve(members: Sequence[tuple[TrainingPlan, list[dict[str, Any]]]]) -> Curv
         [[bool(one["figures"][name].get("lower_bounds")) for one in found[:count]] for _, found in members]
         for name in names
     ]
-    return Curve(
+    return LearningCurve(
         plan,
         seeds,
         steps=[one["steps"] for one in members[0][1][:count]],
@@ -202,7 +202,7 @@ def compared(env: str) -> tuple[str, ...]:
     return (*TASKS[env].decisive, SUCCESS)
 
 
-def to_json(curves: Sequence[Curve], beside: Evaluation) -> dict[str, Any]:
+def to_json(curves: Sequence[LearningCurve], beside: Evaluation) -> dict[str, Any]:
     """Content of ``curves.json``."""
     return {
         "env": beside.env,
@@ -225,7 +225,7 @@ def _plain(values: np.ndarray) -> Any:
     return [[value if np.isfinite(value) else None for value in row] for row in values.tolist()]
 
 
-def table(curves: Sequence[Curve], beside: Evaluation) -> Comparison:
+def table(curves: Sequence[LearningCurve], beside: Evaluation) -> Comparison:
     """The last evaluations, and the controllers: the best first, by success, then by the first decisive metric."""
     metrics = {name: shown_as(describe(name)[1]) for name in compared(beside.env)}
     head = ["", "seeds", "steps", "min"]
@@ -263,7 +263,7 @@ def _rank(success: float, value: float, decisive: str) -> tuple[float, float]:
     return -success, value if np.isfinite(value) else np.inf
 
 
-def write_figure(curves: Sequence[Curve], beside: Evaluation, path: Path) -> None:
+def write_figure(curves: Sequence[LearningCurve], beside: Evaluation, path: Path) -> None:
     """A panel for each metric over the steps: mean and spread of the seeds, and the controllers as dashed lines."""
     metrics = compared(beside.env)
     with saved_figure(path, 3.9 * len(metrics), 3.4) as figure:
@@ -277,7 +277,7 @@ def write_figure(curves: Sequence[Curve], beside: Evaluation, path: Path) -> Non
         figure.axes[-1].legend(frameon=False, fontsize=8.0)
 
 
-def _draw_curves(axis: Any, curves: Sequence[Curve], beside: Evaluation, name: str) -> None:
+def _draw_curves(axis: Any, curves: Sequence[LearningCurve], beside: Evaluation, name: str) -> None:
     """Draw a metric over the steps, with limits that show what follows the first third."""
     unit = describe(name)[1]
     scale, shown = shown_as(unit), []

@@ -44,7 +44,7 @@ from aoro_gym.diagnosis.following import DRAWN, LACKED, LEASH, LED, LINE, STEPS
 from aoro_gym.diagnosis.noise import MERGED, RATE_MEMORY, Floats, Noise, merged
 from aoro_gym.diagnosis.problem import START_JITTER, ZEROS, Problem
 from aoro_gym.diagnosis.recording import TICK, Recording
-from aoro_gym.diagnosis.replay import Task
+from aoro_gym.diagnosis.replay import Replay
 from aoro_gym.diagnosis.result import Boundary
 from aoro_gym.machine import Machine
 
@@ -249,7 +249,7 @@ def led(problem: Problem, recordings: Sequence[Recording], points: Floats, h: Fl
     # sensors that read too much, one after the other; then those of a clock that is late
     zeros = np.zeros((signals, machines.count))
     zeros[:, 1 : 1 + signals] = np.diag([ZEROS[name] for name in LED])
-    tasks = [*(Task(machines, one) for one in recordings), *(Task(centre, _late(one)) for one in recordings)]
+    tasks = [*(Replay(machines, one) for one in recordings), *(Replay(centre, _late(one)) for one in recordings)]
     found = problem.simulator.follow(tasks, [zeros] * len(recordings) + [zeros[:, :1]] * len(recordings))
     out = []
     for recording, followed, late in zip(recordings, found, found[len(recordings) :], strict=False):

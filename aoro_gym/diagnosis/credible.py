@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from aoro_gym.diagnosis.arrival import AHEAD, NEVER, arrivals
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.recording import TICK, Recording
-from aoro_gym.diagnosis.replay import Signals, Simulator, Task, Variants
+from aoro_gym.diagnosis.replay import Replay, Signals, Simulator, Variants
 from aoro_gym.machine import Machine
 
 FAR = 5.0
@@ -42,7 +42,7 @@ def credible(
     groups: Sequence[Sequence[Recording]], machine: Machine, simulator: Simulator
 ) -> tuple[list[list[Recording]], list[str]]:
     """Recordings as far as a machine of the twin's kind can have made them, and a sentence on all that was left out."""
-    found = iter(simulator.run([Task(Variants(machine), one) for group in groups for one in group]))
+    found = iter(simulator.run([Replay(Variants(machine), one) for group in groups for one in group]))
     said: list[str] = []
     kept = [[_believed(one, next(found), machine, said) for one in group] for group in groups]
     return [[one for one in group if one is not None] for group in kept], said

@@ -27,7 +27,7 @@ from aoro_gym.diagnosis.linear import Hypothesis, Linear
 from aoro_gym.diagnosis.noise import Floats, Noise, noise_of
 from aoro_gym.diagnosis.problem import Problem
 from aoro_gym.diagnosis.recording import COMMANDS, REST, TICK, Recording
-from aoro_gym.diagnosis.replay import FINE, Signals, Simulator, Task, Variants
+from aoro_gym.diagnosis.replay import FINE, Replay, Signals, Simulator, Variants
 from aoro_gym.diagnosis.result import Cause, Experiment
 from aoro_gym.diagnosis.where import beyond
 from aoro_gym.machine import Machine
@@ -215,10 +215,10 @@ class ExperimentSimulator(Simulator):
         self._simulator = simulator
         self._candidates = {candidate.name: candidate for candidate in candidates}
 
-    def run(self, tasks: Sequence[Task], *, lent: bool = False) -> list[Signals]:
+    def run(self, tasks: Sequence[Replay], *, lent: bool = False) -> list[Signals]:
         """See :meth:`Simulator.run`."""
         # on ground so slippery that wheels count as lifted, longer steps err by bars
-        tasks = [Task(self._candidates[one.recording.name].under(one.variants), one.recording, FINE) for one in tasks]
+        tasks = [Replay(self._candidates[one.recording.name].under(one.variants), one.recording, FINE) for one in tasks]
         return self._simulator.run(tasks, lent=lent)
 
 
@@ -265,7 +265,7 @@ def _expected(
         )  # fmt: skip
 
     best = _family(linear, explained(blanks), replace(hypothesis, covariance=np.empty((0, 0))), None)
-    found = simulator.run([Task(best, recording) for recording in blanks])
+    found = simulator.run([Replay(best, recording) for recording in blanks])
     return explained(
         [
             replace(

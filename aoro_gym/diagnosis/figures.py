@@ -9,7 +9,7 @@ import numpy as np
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.problem import Problem
 from aoro_gym.diagnosis.recording import TICK, Recording
-from aoro_gym.diagnosis.replay import FINE, Task, Variants
+from aoro_gym.diagnosis.replay import FINE, Replay, Variants
 from aoro_gym.sensors.chain import STANDSTILL
 from aoro_gym.simulation.key_figures import FIGURES, key_figures_batch
 
@@ -38,7 +38,7 @@ def key_figures(
     full = [(r, level) for r, level in zip(problem.recordings, levels, strict=True) if level]
     if not full:
         return {}
-    found = iter(problem.simulator.run([Task(one, r, FINE) for r, _ in full for one in (before, after)]))
+    found = iter(problem.simulator.run([Replay(one, r, FINE) for r, _ in full for one in (before, after)]))
     turns: dict[str, list[Mapping[str, Floats]]] = {}
     for recording, level in full:
         predicted = [next(found)["joint_angle"][:, 0] for _ in (before, after)]

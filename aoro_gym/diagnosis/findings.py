@@ -11,7 +11,7 @@ import numpy as np
 from aoro_gym.diagnosis.linear import Hypothesis, Linear
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.problem import Problem
-from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, Cause, Interval, presence
+from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, Cause, CredibleInterval, presence
 from aoro_gym.effects.effect import ChainEffect, Effect, GroundEffect
 
 SURE = 0.8
@@ -82,7 +82,7 @@ def cause_of(problem: Problem, hypothesis: Hypothesis, laws: float, out: Path | 
     other = np.exp(laws * rng.standard_normal(DRAWS))
     nuisances = hypothesis.nuisances if hypothesis.refined else problem.centre
     machine = problem.at(nuisances[None]).machine
-    magnitudes: dict[str, tuple[Interval, ...]] = {}
+    magnitudes: dict[str, tuple[CredibleInterval, ...]] = {}
     settings: dict[str, tuple[float, ...]] = {}
     column = 0
     for name in known:
@@ -94,7 +94,7 @@ def cause_of(problem: Problem, hypothesis: Hypothesis, laws: float, out: Path | 
         parts = []
         for one, at, none in zip(effect.operational, effect.measured(machine, *values), without, strict=True):
             low, median, high = np.quantile((np.asarray(at, dtype=np.float64) - none) * other, [0.05, 0.5, 0.95])
-            parts.append(Interval(float(median), float(low), float(high), one.unit, one.quantity))
+            parts.append(CredibleInterval(float(median), float(low), float(high), one.unit, one.quantity))
         magnitudes[name] = tuple(parts)
     file = ""
     if out is not None and not any(isinstance(problem.effects[name], ChainEffect | GroundEffect) for name in known):

@@ -28,7 +28,7 @@ from aoro_gym.diagnosis.axes import Axis, axes_of
 from aoro_gym.diagnosis.noise import MERGED, Floats, ModelError, Noise, Whitener, merged, noise_of, whitener
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.recording import TICK, Recording
-from aoro_gym.diagnosis.replay import COARSE, SIGNALS, USUAL, Simulator, Steps, Task, Variants
+from aoro_gym.diagnosis.replay import COARSE, SIGNALS, USUAL, Replay, Simulator, Steps, Variants
 from aoro_gym.effects.effect import Effect
 from aoro_gym.machine import Machine
 
@@ -317,7 +317,7 @@ class Problem:
         self, variants: Sequence[Variants], steps: Steps = USUAL
     ) -> Iterator[tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]]:
         """By recording: its channels (F, N) SI as the twins show them, on its clock; whose joint (N,) comes to a stop."""
-        tasks = [Task(one, recording, steps) for recording in self.recordings for one in variants]
+        tasks = [Replay(one, recording, steps) for recording in self.recordings for one in variants]
         found = iter(self.simulator.run(tasks, lent=True))
         for recording, arrival in zip(self.recordings, self.arrivals, strict=True):
             parts = [next(found) for _ in variants]

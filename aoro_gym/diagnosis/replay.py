@@ -100,7 +100,7 @@ class Variants:
 
 
 @dataclass(frozen=True)
-class Task:
+class Replay:
     """Variants that repeat one recording."""
 
     variants: Variants
@@ -184,7 +184,7 @@ class Simulator:
     def __init__(self, device: str = "cpu"):
         self.device = device
 
-    def run(self, tasks: Sequence[Task], *, lent: bool = False) -> list[Signals]:
+    def run(self, tasks: Sequence[Replay], *, lent: bool = False) -> list[Signals]:
         """What the channels of every task's recording would be; if it is ``lent``, until the next launch only."""
         groups: dict[tuple[int, int, Steps, int], list[int]] = {}
         for index, task in enumerate(tasks):
@@ -210,7 +210,7 @@ class Simulator:
                 out[index] = _measured(tasks[index], own if lent else {name: own[name].copy() for name in own})
         return out
 
-    def follow(self, tasks: Sequence[Task], zeros: Sequence[Floats]) -> list[Floats]:
+    def follow(self, tasks: Sequence[Replay], zeros: Sequence[Floats]) -> list[Floats]:
         """What it takes to lead every task's variants along its recording, (len(LACKED), F, N): :mod:`.following`.
 
         Args:
@@ -281,7 +281,7 @@ class Simulator:
         return batches
 
 
-def _led(task: Task, zeros: Floats) -> Request:
+def _led(task: Replay, zeros: Floats) -> Request:
     one, recording = task.variants, task.recording
     start = np.full(one.count, recording.start_angle) - zeros[0]
     missing = np.full(recording.ticks + 1, np.nan)
@@ -411,7 +411,7 @@ def _leader(requests: Sequence[Request], twin: Twin, which: wp.array, ticks: int
     return Leader(twin, measured, zeros, which)
 
 
-def _measured(task: Task, rows: Signals) -> Signals:
+def _measured(task: Replay, rows: Signals) -> Signals:
     """A task's channels from its samples, through the variants' measuring chain."""
     dense = task.variants.frames
     if dense == 1:

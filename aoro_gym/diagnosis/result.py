@@ -85,7 +85,7 @@ class Boundary:
 
 
 @dataclass(frozen=True)
-class Interval:
+class CredibleInterval:
     """A quantity with its 90 % interval, SI."""
 
     median: float
@@ -109,7 +109,7 @@ class Cause:
 
     effects: tuple[str, ...]
     probability: float
-    magnitudes: Mapping[str, tuple[Interval, ...]] = field(default_factory=dict)
+    magnitudes: Mapping[str, tuple[CredibleInterval, ...]] = field(default_factory=dict)
     settings: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     components: tuple[str, ...] = ()
     machine_file: str = ""

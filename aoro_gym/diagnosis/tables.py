@@ -51,7 +51,7 @@ from aoro_gym.diagnosis.noise import Floats, ModelError, Whitener
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem, Progress
 from aoro_gym.diagnosis.recording import TICK, Recording
-from aoro_gym.diagnosis.replay import FINE, Simulator, Steps, Task, Variants
+from aoro_gym.diagnosis.replay import FINE, Replay, Simulator, Steps, Variants
 from aoro_gym.diagnosis.result import CALIBRATION, KEY_FIGURES, UNKNOWN, Cause, Diagnosis, GapClosure, Place
 from aoro_gym.diagnosis.search import ALL, Search, refine, trade
 from aoro_gym.diagnosis.where import SIGNIFICANT, beyond, probability
@@ -353,7 +353,7 @@ class Turns(Problem):
 
     def _angles(self, variants: Sequence[Variants]) -> list[Floats]:
         """Joint angles (F, N) [rad] by row, as the measuring chain shows them."""
-        tasks = [Task(one, turn, FINE) for turn in self.recordings for one in variants]
+        tasks = [Replay(one, turn, FINE) for turn in self.recordings for one in variants]
         found = iter(self.simulator.run(tasks))
         return [
             np.concatenate([next(found)["joint_angle"] for _ in variants], axis=1).astype(np.float64)

@@ -18,9 +18,9 @@ from aoro_gym.diagnosis.result import (
     UNKNOWN,
     VERDICTS,
     Cause,
+    CredibleInterval,
     Diagnosis,
     GapClosure,
-    Interval,
     Place,
     presence,
 )
@@ -76,7 +76,7 @@ def readable_unit(unit: str, largest: float) -> tuple[str, float]:
     return fitting[-1] if fitting else (unit, 1.0)
 
 
-def shown(interval: Interval) -> tuple[str, str]:
+def shown(interval: CredibleInterval) -> tuple[str, str]:
     """Median with its unit, and the 90 % interval without, in field units, signed: how far something lies from the twin.
 
     Both have the decimals that give half the interval's width two digits.

@@ -42,8 +42,8 @@ from aoro_gym.diagnosis.noise import Floats, Noise, noise_of
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem, Progress, Reference
 from aoro_gym.diagnosis.recording import COMMANDS, SENSORS, TICK, Recording
-from aoro_gym.diagnosis.replay import Simulator, Task, Variants
-from aoro_gym.diagnosis_benchmark.cases import FAMILIES, MACHINES, REST, WEAKEST, Trial
+from aoro_gym.diagnosis.replay import Replay, Simulator, Variants
+from aoro_gym.diagnosis_benchmark.cases import FAMILIES, MACHINES, REST, WEAKEST, Excitation
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.effects.effect import Effect
 from aoro_gym.machine import Machine
@@ -112,7 +112,7 @@ def sides_of(axes: Mapping[str, Sequence[Axis]]) -> list[Side]:
 
 def commissioned(
     machine: Machine,
-    trials: Sequence[Trial],
+    excitations: Sequence[Excitation],
     effects: Mapping[str, Effect] = EFFECTS,
     *,
     simulator: Simulator | None = None,
@@ -121,8 +121,8 @@ def commissioned(
     """The learned problem of a machine that was commissioned with the twin ``machine`` and is healthy: its logs, full and
     without noise, are the twin's own, and so were those that it was commissioned with."""
     simulator = simulator or Simulator()
-    logs = [_blank(machine, trial) for trial in trials]
-    found = simulator.run([Task(Variants(machine), log) for log in logs])
+    logs = [_blank(machine, excitation) for excitation in excitations]
+    found = simulator.run([Replay(Variants(machine), log) for log in logs])
     logs = [
         replace(log, channels={name: values[:, 0].astype(np.float64) for name, values in signals.items()})
         for log, signals in zip(logs, found, strict=True)
@@ -145,15 +145,15 @@ def commissioned(
     return problem
 
 
-def _blank(machine: Machine, trial: Trial) -> Recording:
-    """A log of the commands of a ``trial``, its channels empty."""
-    commands = np.zeros((len(trial.steering), len(COMMANDS)))
-    commands[:, 0] = trial.steering
-    if trial.drive is not None:
-        commands[:, 1] = trial.drive
+def _blank(machine: Machine, excitation: Excitation) -> Recording:
+    """A log of the commands of an ``excitation``, its channels empty."""
+    commands = np.zeros((len(excitation.steering), len(COMMANDS)))
+    commands[:, 0] = excitation.steering
+    if excitation.drive is not None:
+        commands[:, 1] = excitation.drive
     empty = {name: np.zeros(len(commands) + 1) for name in SENSORS["full"]}
-    start = trial.start * float(np.asarray(machine.joint.range))
-    return Recording(trial.name, commands, empty, round(REST / TICK), start)
+    start = excitation.start * float(np.asarray(machine.joint.range))
+    return Recording(excitation.name, commands, empty, round(REST / TICK), start)
 
 
 def noise_of_sensors(lags: int) -> dict[str, Noise]:
@@ -388,14 +388,14 @@ class Atlas:
 
 def survey(
     members: Sequence[str] = MEMBERS,
-    trials: Sequence[Trial] | None = None,
+    excitations: Sequence[Excitation] | None = None,
     effects: Mapping[str, Effect] = EFFECTS,
     *,
     simulator: Simulator | None = None,
     progress: Progress = lambda sentence, share: None,
 ) -> Atlas:
-    """The atlas of ``effects`` for machines that do ``trials``, by default those of a case under development."""
-    asked = FAMILIES["development"].trials(np.random.default_rng(SEED)) if trials is None else trials
+    """The atlas of ``effects`` for machines that do ``excitations``, by default those of a case under development."""
+    asked = FAMILIES["development"].excitations(np.random.default_rng(SEED)) if excitations is None else excitations
     found = []
     for k, member in enumerate(members):
 

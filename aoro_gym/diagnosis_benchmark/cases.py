@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.diagnosis_benchmark.plants.constants import constants_of
-from aoro_gym.diagnosis_benchmark.plants.effects import EFFECTS, OUTSIDE, Effect
+from aoro_gym.diagnosis_benchmark.plants.effects import EFFECTS, OUTSIDE, PlantEffect
 from aoro_gym.diagnosis_benchmark.plants.runs import TICK, Run
-from aoro_gym.diagnosis_benchmark.plants.sensors import Noise
+from aoro_gym.diagnosis_benchmark.plants.sensors import SensorNoise
 from aoro_gym.machine.machine_file import Parameter
 from aoro_gym.machine.parameters import Machine
 
@@ -75,7 +75,7 @@ the ensemble takes, and a tenth more. The slowest begins in the middle, as all o
 
 @dataclass(frozen=True)
 class Suite:
-    """How many cases of each kind, and of what all of them have logs: some of the family's trials, by name, or all."""
+    """How many cases of each kind, and of what all of them have logs: some of the family's excitations, by name, or all."""
 
     name: str
     null: int
@@ -97,7 +97,7 @@ SUITES: Mapping[str, Suite] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
+class Excitation:
     """What a machine is told to do for one log: signals (K,) at every tick, from rest at ``start`` of the joint's range."""
 
     name: str
@@ -115,14 +115,14 @@ class Family:
         levels: Of the plants, equally often.
         members: Of the calibrated ensemble that plants descend from.
         outside: Deviations outside of the catalogue.
-        trials: Draws what a plant is told to do.
+        excitations: Draws what a plant is told to do.
     """
 
     name: str
     levels: tuple[int, ...]
     members: tuple[str, ...]
     outside: tuple[str, ...]
-    trials: Callable[[np.random.Generator], tuple[Trial, ...]]
+    excitations: Callable[[np.random.Generator], tuple[Excitation, ...]]
 
 
 @dataclass(frozen=True)
@@ -163,8 +163,8 @@ class Case:
         baseline: What a plant above level 0 has for its own, healthy or not: values by key, in the file's units.
         healthy: The plant on the day of its commissioning; None on day one.
         later: The plant on the day that is to be explained, without its deviations.
-        trials: What it does, the same on both days.
-        seeds: Of the sensors' noise (days, trials).
+        excitations: What it does, the same on both days.
+        seeds: Of the sensors' noise (days, excitations).
     """
 
     name: str
@@ -175,11 +175,11 @@ class Case:
     baseline: Mapping[str, float]
     healthy: Machine | None
     later: Machine
-    trials: tuple[Trial, ...]
+    excitations: tuple[Excitation, ...]
     seeds: NDArray[np.int64]
 
     def runs(self) -> dict[str, list[Run]]:
-        """Runs by purpose, one a trial each: ``healthy`` and ``logs``, which the user gets, and of the later day without
+        """Runs by purpose, one an excitation: ``healthy`` and ``logs``, which the user gets, and of the later day without
         noise ``with`` and ``without`` the deviation, where there is one, and ``without ID`` with the other one alone, where
         there are two."""
         effects = {one.id: one.magnitude if EFFECTS[one.id].parts else one.magnitude[0] for one in self.hidden}
@@ -201,15 +201,15 @@ class Case:
         effects: Mapping[str, Any],
         *,
         seeds: Sequence[int] | None = None,
-        noise: Noise | None = None,
+        noise: SensorNoise | None = None,
     ) -> list[Run]:
         reach = float(machine.joint.range)
         return [
             Run(
-                machine.entries, trial.steering, self.level, effects, trial.drive, trial.start * reach,
+                machine.entries, excitation.steering, self.level, effects, excitation.drive, excitation.start * reach,
                 0 if seeds is None else int(seeds[index]), noise,
             )
-            for index, trial in enumerate(self.trials)
+            for index, excitation in enumerate(self.excitations)
         ]  # fmt: skip
 
     def answer(self) -> dict[str, Any]:
@@ -220,11 +220,11 @@ class Case:
             "machine": self.later.name,
             "effects": {one.id: one.as_dict() for one in self.hidden},
             "baseline": dict(self.baseline),
-            "logs": [trial.name for trial in self.trials],
+            "logs": [excitation.name for excitation in self.excitations],
         }
 
 
-EXACT = Noise.none()
+EXACT = SensorNoise.none()
 
 
 # -------------------------------------------------------------------------------------------------------------- manoeuvres
@@ -236,7 +236,7 @@ def _held(*pieces: tuple[float, float]) -> Array:
 
 def protocol(
     rng: np.random.Generator, *, reach: tuple[float, float], drive: tuple[float, float], driven: float
-) -> tuple[Trial, ...]:
+) -> tuple[Excitation, ...]:
     """Full turns at 100, 75 and 50 %, a ramp, steps with a reversal, a pulse to either side; in some cases a slow drive.
 
     Args:
@@ -249,15 +249,15 @@ def protocol(
     def either() -> float:
         return float(rng.choice([-1.0, 1.0]))
 
-    trials = []
+    excitations = []
     for (side, signal), (start, hold) in TURNS.items():
         toward = signal if side == "left" else -signal
-        trials.append(Trial(f"{side}_{100 * signal:.0f}", start, _held((toward, hold))))
+        excitations.append(Excitation(f"{side}_{100 * signal:.0f}", start, _held((toward, hold))))
     side, peak = either(), rng.uniform(*reach)
     rise, fall = (np.linspace(0.0, 1.0, round(rng.uniform(*times) / TICK)) for times in ((1.8, 2.8), (0.8, 1.4)))
     rest, settle = np.zeros(round(REST / TICK)), np.zeros(round(SETTLE / TICK))
-    trials.append(
-        Trial("ramp", -0.8 * side, np.concatenate([rest, side * peak * rise, side * peak * fall[::-1], settle]))
+    excitations.append(
+        Excitation("ramp", -0.8 * side, np.concatenate([rest, side * peak * rise, side * peak * fall[::-1], settle]))
     )
     side, first, second = either(), rng.uniform(*reach), rng.uniform(*reach)
     steps = (
@@ -265,18 +265,18 @@ def protocol(
         (0.6 * side * first, rng.uniform(0.4, 0.7)),  # falls short of zero, which a play of the spool shows in
         (-side * second, rng.uniform(0.7, 1.1)),
     )
-    trials.append(Trial("steps", side * rng.uniform(-0.7, -0.3), _held(*steps)))  # clear of the stop ahead
+    excitations.append(Excitation("steps", side * rng.uniform(-0.7, -0.3), _held(*steps)))  # clear of the stop ahead
     side, length, height = either(), rng.uniform(0.15, 0.4), rng.uniform(*reach)
     pulses = ((side * height, length), (0.0, rng.uniform(0.5, 0.8)), (-side * height, length))
-    trials.append(Trial("pulse", rng.uniform(-0.2, 0.2), _held(*pulses)))
+    excitations.append(Excitation("pulse", rng.uniform(-0.2, 0.2), _held(*pulses)))
     if rng.random() < driven:
         side, turning = either(), rng.uniform(*reach)
         before, there, back = rng.uniform(0.8, 1.2), rng.uniform(0.5, 0.9), rng.uniform(0.5, 0.9)
         steering = _held((0.0, before), (side * turning, there), (-side * turning, back))
         rolling = _held((rng.choice([-1.0, 1.0], p=[0.25, 0.75]) * rng.uniform(*drive), before + there + back))
         count = min(len(steering), len(rolling))  # times are rounded to ticks apart
-        trials.append(Trial("drive", 0.0, steering[:count], rolling[:count]))
-    return tuple(trials)
+        excitations.append(Excitation("drive", 0.0, steering[:count], rolling[:count]))
+    return tuple(excitations)
 
 
 FAMILIES: Mapping[str, Family] = {
@@ -287,14 +287,14 @@ FAMILIES: Mapping[str, Family] = {
             levels=(0, 1, 2),
             members=("02", "04", "06", "08"),
             outside=OUTSIDE,
-            trials=partial(protocol, reach=(0.6, 1.0), drive=(0.15, 0.3), driven=0.4),
+            excitations=partial(protocol, reach=(0.6, 1.0), drive=(0.15, 0.3), driven=0.4),
         ),
         Family(
             "development",
             levels=(0, 1, 3),
             members=("01", "03", "05", "07"),
             outside=OUTSIDE[::2],
-            trials=partial(protocol, reach=(0.45, 0.8), drive=(0.1, 0.2), driven=0.25),
+            excitations=partial(protocol, reach=(0.45, 0.8), drive=(0.1, 0.2), driven=0.25),
         ),
     )
 }
@@ -355,7 +355,7 @@ def _case(
     commissioned = mode == "commissioned"
     spread = _moved if kind == "nuisance" else _wandering
     later = _varied(plant, rng, spread) if commissioned or kind == "nuisance" else plant
-    trials = tuple(trial for trial in family.trials(rng) if logs is None or trial.name in logs)
+    excitations = tuple(excitation for excitation in family.excitations(rng) if logs is None or excitation.name in logs)
     return Case(
         name=name,
         kind=kind,
@@ -365,8 +365,8 @@ def _case(
         baseline=baseline,
         healthy=plant if commissioned else None,
         later=later,
-        trials=trials,
-        seeds=rng.integers(2**63, size=(2, len(trials))),
+        excitations=excitations,
+        seeds=rng.integers(2**63, size=(2, len(excitations))),
     )
 
 
@@ -414,7 +414,7 @@ def _baseline(machine: Machine, rng: np.random.Generator) -> dict[str, float]:
     return values
 
 
-def _hidden(effect: Effect, machine: Machine, level: int, rng: np.random.Generator) -> Hidden:
+def _hidden(effect: PlantEffect, machine: Machine, level: int, rng: np.random.Generator) -> Hidden:
     """``effect`` at a drawn severity: logarithmic from the weakest to the range's end, of a factor in its logarithm; where
     both signs can be, either is as likely."""
     ends = np.log1p([effect.low, effect.high]) if effect.relative else np.array([effect.low, effect.high])

@@ -43,7 +43,7 @@ from aoro_gym.diagnosis.noise import EXACT, Floats, Noise, noise_of
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem, on_clock_of
 from aoro_gym.diagnosis.recording import Recording
-from aoro_gym.diagnosis.replay import FINE, Signals, Simulator, Task, Variants
+from aoro_gym.diagnosis.replay import FINE, Replay, Signals, Simulator, Variants
 from aoro_gym.diagnosis_benchmark.sealing import COLUMNS
 from aoro_gym.machine import Machine
 from aoro_gym.recording.tables import read_table
@@ -146,7 +146,7 @@ class Twins:
         keys = [(file, spread, log.signature, log.start_angle, *log.channels) for log in usual]
         new = {key: log for key, log in zip(keys, usual, strict=True) if key not in self._known}
         if new:
-            tasks = [Task(variants, log, FINE) for log in new.values()]
+            tasks = [Replay(variants, log, FINE) for log in new.values()]
             self._known |= zip(new, self.simulator.run(tasks), strict=True)
         return [self._known[key] for key in keys]
 
@@ -262,7 +262,7 @@ def _as_written(path: Path, only: Sequence[str]) -> Recording:
 def _twin(machine: Path, logs: Sequence[Recording], simulator: Simulator) -> dict[tuple[str, str], Floats]:
     """What the twin does under the commands of ``logs``, by log and signal."""
     twin = Variants(Machine.load(machine))
-    found = simulator.run([Task(twin, log, FINE) for log in logs])
+    found = simulator.run([Replay(twin, log, FINE) for log in logs])
     return {
         (log.name, channel): values[:, 0].astype(np.float64)
         for log, signals in zip(logs, found, strict=True)

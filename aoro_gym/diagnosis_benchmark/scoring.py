@@ -52,7 +52,7 @@ Classes = Sequence[frozenset[str]]
 
 
 @dataclass(frozen=True)
-class Case:
+class ScoredCase:
     """Truth and diagnosis of a case.
 
     Attributes:
@@ -137,43 +137,45 @@ class Figure:
     id: str
     title: str
     statistic: str
-    values: Callable[[Case], Sequence[float]]
+    values: Callable[[ScoredCase], Sequence[float]]
     bounds: Mapping[str, tuple[float, float]]
     detectable: bool = False
     each: bool = False
     good: float = 1.0
 
 
-def _of(kinds: Sequence[str], question: Callable[[Case], bool], *, failed: bool) -> Callable[[Case], Sequence[float]]:
+def _of(
+    kinds: Sequence[str], question: Callable[[ScoredCase], bool], *, failed: bool
+) -> Callable[[ScoredCase], Sequence[float]]:
     """Values of a share: the answer to ``question`` for cases of these ``kinds``, and ``failed`` for failed ones."""
     return lambda case: [float(failed if case.failed else question(case))] if case.kind in kinds else []
 
 
-def _wrong_and_sure(case: Case) -> bool:
+def _wrong_and_sure(case: ScoredCase) -> bool:
     effects = tuple(case.first["effects"])
     return effects not in ((), (UNKNOWN,), (CALIBRATION,)) and case.first["probability"] >= SURE and not case.right
 
 
-def _false_and_sure(case: Case) -> bool:
+def _false_and_sure(case: ScoredCase) -> bool:
     return _wrong_and_sure(case) and not case.alike(case.first["effects"]) <= case.alike(case.truth)
 
 
-def _declared(case: Case) -> bool:
+def _declared(case: ScoredCase) -> bool:
     return bool(case.alike(case.truth) & case.alike(case.diagnosis["declared_set"]))
 
 
-def _declared_size(case: Case) -> Sequence[float]:
+def _declared_size(case: ScoredCase) -> Sequence[float]:
     return [float(len(case.alike(case.diagnosis["declared_set"])))] if case.kind == "single" and not case.failed else []
 
 
-def _right_component(case: Case) -> bool:
+def _right_component(case: ScoredCase) -> bool:
     components = case.diagnosis["components"]
     return bool(components) and max(components, key=components.__getitem__) in {
         one["component"] for one in case.truth.values()
     }
 
 
-def _covered(case: Case) -> Sequence[float]:
+def _covered(case: ScoredCase) -> Sequence[float]:
     """One a quantity that plant and twin both measure: the twin has a second one for some effects."""
     values = []
     for effect in (name for name in case.truth if name in case.named):
@@ -191,13 +193,13 @@ def _covered(case: Case) -> Sequence[float]:
     return values
 
 
-def _shrunk(refitted: bool) -> Callable[[Case], Sequence[float]]:
+def _shrunk(refitted: bool) -> Callable[[ScoredCase], Sequence[float]]:
     """Median over the left-out logs and signals in which the deviation shows of S over S of the oracle.
 
     A diagnosis that has none of them has shrunk nothing, unless there is but one log, of which none can be left out.
     """
 
-    def values(case: Case) -> Sequence[float]:
+    def values(case: ScoredCase) -> Sequence[float]:
         if case.kind not in KNOWN or case.oracle is None or not case.oracle.shrinkage:
             return []
         if len(case.diagnosis.get("logs", ())) == 1:
@@ -345,11 +347,11 @@ class Score:
     """Figures of all cases."""
 
     about: Mapping[str, Any]
-    cases: tuple[Case, ...]
+    cases: tuple[ScoredCase, ...]
     outcomes: Mapping[str, Outcome]
 
     @property
-    def undetectable(self) -> tuple[Case, ...]:
+    def undetectable(self) -> tuple[ScoredCase, ...]:
         """Cases with a deviation that no oracle sees."""
         return tuple(case for case in self.cases if case.oracle is not None and not case.detectable)
 
@@ -363,7 +365,7 @@ class Score:
                 table.setdefault(true, Counter())[case.said] += 1
         return table
 
-    def failures(self, case: Case) -> list[str]:
+    def failures(self, case: ScoredCase) -> list[str]:
         """Ids of the shares in which ``case`` counts against the diagnosis, judged or not."""
         return [
             figure.id
@@ -446,7 +448,9 @@ def score(
             raise ValueError(f"case {name} has the verdict {verdict!r}, but there are {', '.join(VERDICTS)}")
         oracle = oracles[name] if answer["effects"] else None
         cases.append(
-            Case(name, answer["kind"], answer["level"], answer["effects"], oracle, verdict, diagnosis, tuple(classes))
+            ScoredCase(
+                name, answer["kind"], answer["level"], answer["effects"], oracle, verdict, diagnosis, tuple(classes)
+            )
         )
     about = {key: answers[key] for key in ("suite", "mode", "family", "blind")}
     about |= {"sensors": sensors, "classes": [sorted(one) for one in classes]}
@@ -454,8 +458,8 @@ def score(
     return Score(about, tuple(cases), outcomes)
 
 
-def _outcome(figure: Figure, cases: Sequence[Case], sensors: str) -> Outcome:
-    def over(chosen: Iterable[Case]) -> Estimate:
+def _outcome(figure: Figure, cases: Sequence[ScoredCase], sensors: str) -> Outcome:
+    def over(chosen: Iterable[ScoredCase]) -> Estimate:
         return estimate([value for case in chosen for value in figure.values(case)], figure.statistic)
 
     judged = [case for case in cases if figure.values(case) and (case.detectable or not figure.detectable)]

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from aoro_gym.diagnosis.result import CALIBRATION
 from aoro_gym.diagnosis_benchmark.plants.effects import EFFECTS
-from aoro_gym.diagnosis_benchmark.scoring import FAILED, TWO, Case, Estimate, Outcome, Score
+from aoro_gym.diagnosis_benchmark.scoring import FAILED, TWO, Estimate, Outcome, Score, ScoredCase
 from aoro_gym.execution.files import write_json, write_text, written_whole
 from aoro_gym.reporting.style import BLUE, PLOT_STYLE, RED
 
@@ -171,7 +171,7 @@ def _asked(outcome: Outcome) -> str:
     return f"≤ {scale * high:g}{unit}{of}" if low == 0.0 else f"{scale * low:g} to {scale * high:g}{unit}{of}"
 
 
-def _truth(case: Case) -> str:
+def _truth(case: ScoredCase) -> str:
     """Effects with their sizes and severities."""
     texts = []
     for effect, one in case.truth.items():
@@ -181,7 +181,7 @@ def _truth(case: Case) -> str:
     return "; ".join(texts)
 
 
-def _said(case: Case) -> str:
+def _said(case: ScoredCase) -> str:
     if case.failed:
         return f"{FAILED}: {case.diagnosis['error']}"
     first = " + ".join(case.first["effects"]) or "nothing"

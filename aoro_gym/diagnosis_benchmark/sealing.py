@@ -235,23 +235,23 @@ def _write_case(place: Path, case: Case, found: Mapping[str, Sequence[Recorded]]
     partial.mkdir(parents=True)
     Machine.load(case.twin).save(partial / "machine.toml")  # whole, whatever it is an overlay of
     for purpose in ("healthy", "logs"):
-        for trial, log in zip(case.trials, found.get(purpose, ()), strict=False):
+        for excitation, log in zip(case.excitations, found.get(purpose, ()), strict=False):
             columns = {
                 "time_s": log.time, "steering_signal": log.steering, "steering_signal_V": voltage_from_signal(log.steering)
             }  # fmt: skip
-            if trial.drive is not None:
+            if excitation.drive is not None:
                 columns["drive_signal"] = log.drive
             for channel in SENSORS[sensors]:
                 column, unit = COLUMNS[channel]
                 columns[column] = log.channels[channel] / unit
-            write_log(partial / purpose / f"{trial.name}.csv", columns, _manifest(case, trial.name, log))
+            write_log(partial / purpose / f"{excitation.name}.csv", columns, _manifest(case, excitation.name, log))
     partial.rename(place)
 
 
-def _manifest(case: Case, trial: str, log: Recorded) -> dict[str, Any]:
+def _manifest(case: Case, excitation: str, log: Recorded) -> dict[str, Any]:
     """What the crew would note: the conditions as they believe them to be, the same whatever is wrong."""
     return {
-        "manoeuvre": trial,
+        "manoeuvre": excitation,
         "duration_s": round(float(log.time[-1]), 9),
         "sensors": NOISY,
         "filters": [],
@@ -267,10 +267,10 @@ def _write_exact(path: Path, case: Case, found: Mapping[str, Sequence[Recorded]]
     if not case.hidden:
         return
     arrays = {
-        f"{trial.name}/{channel}/{purpose}": log.channels[channel].astype(np.float32)
+        f"{excitation.name}/{channel}/{purpose}": log.channels[channel].astype(np.float32)
         for purpose, logs in found.items()
         if purpose not in ("healthy", "logs")
-        for trial, log in zip(case.trials, logs, strict=True)
+        for excitation, log in zip(case.excitations, logs, strict=True)
         for channel in SENSORS[sensors]
     }
     with written_whole(path) as temporary:

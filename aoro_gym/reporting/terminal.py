@@ -162,7 +162,7 @@ def _borders(count: int) -> int:
     return 3 * count + 1
 
 
-class Track:
+class ProgressEstimate:
     """How far a command has come, and how long the rest may take.
 
     Args:
@@ -208,7 +208,7 @@ class Track:
 @contextmanager
 def progress(what: str) -> Iterator[Tell]:
     """Progress of a command: a bar in a terminal, lines elsewhere, nothing if quiet. Gives whom to tell how far it is."""
-    track = Track(what)
+    track = ProgressEstimate(what)
     if _quiet:
         yield track.tell
         return
@@ -219,7 +219,7 @@ def progress(what: str) -> Iterator[Tell]:
 
 
 @contextmanager
-def _bar(console: Console, track: Track) -> Iterator[Tell]:
+def _bar(console: Console, track: ProgressEstimate) -> Iterator[Tell]:
     words = Column(overflow="fold", no_wrap=False)
     columns = (
         TextColumn("{task.description}", markup=False, table_column=words),
@@ -240,7 +240,7 @@ def _bar(console: Console, track: Track) -> Iterator[Tell]:
 class _Left(ProgressColumn):
     """Share done and time left."""
 
-    def __init__(self, track: Track):
+    def __init__(self, track: ProgressEstimate):
         super().__init__(table_column=Column(no_wrap=True, justify="right"))
         self._track = track
 
@@ -249,7 +249,7 @@ class _Left(ProgressColumn):
 
 
 @contextmanager
-def _lines(track: Track) -> Iterator[Tell]:
+def _lines(track: ProgressEstimate) -> Iterator[Tell]:
     over = threading.Event()
 
     def write() -> None:

@@ -20,7 +20,7 @@ from aoro_gym.simulation.key_figures import FIGURES, key_figures_batch, turn_spa
 from aoro_gym.twin.hydraulic_step import FineStepWarning
 from aoro_gym.units import BAR, LITRE_PER_MINUTE
 from aoro_gym.validation.published import Row, published, published_rows
-from aoro_gym.validation.turns import TURNS, Recording, Turn, motor_pressure_at, rim_speed, run_turns, stacked
+from aoro_gym.validation.turns import TURNS, Turn, TurnRecording, motor_pressure_at, rim_speed, run_turns, stacked
 
 TARGETS: Mapping[str, tuple[str, float]] = {
     "turn_time_s": ("relative", 0.02),
@@ -284,17 +284,17 @@ def _machine(machine: str | Path | Machine) -> Machine:
     return machine if isinstance(machine, Machine) else Machine.load(machine)
 
 
-def _shaped(recording: Recording, flat: dict[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
+def _shaped(recording: TurnRecording, flat: dict[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
     return {name: values.reshape(recording.angle.shape[1:]) for name, values in flat.items()}
 
 
-def _figures(recording: Recording, *, interpolate: bool = False) -> dict[str, NDArray[np.float64]]:
+def _figures(recording: TurnRecording, *, interpolate: bool = False) -> dict[str, NDArray[np.float64]]:
     """Key figures (T, V) through the measuring chain, from samples without noise."""
     ticks, angle = sample(recording.time, recording.angle.reshape(len(recording.time), -1))
     return _shaped(recording, key_figures_batch(ticks, angle, recording.machine, interpolate=interpolate))
 
 
-def _raw_figures(recording: Recording) -> dict[str, NDArray[np.float64]]:
+def _raw_figures(recording: TurnRecording) -> dict[str, NDArray[np.float64]]:
     """Key figures (T, V) of the simulated flow, unfiltered, at every main step."""
     frames = len(recording.time)
     angle, flow = recording.angle.reshape(frames, -1), recording.flow.reshape(frames, -1)
@@ -339,7 +339,7 @@ def _errors(rows: list[Row]) -> list[dict[str, Any]]:
     return errors
 
 
-def noise_spread(recording: Recording, noise: JointAngleNoise, runs: int, seed: int) -> list[dict[str, Any]]:
+def noise_spread(recording: TurnRecording, noise: JointAngleNoise, runs: int, seed: int) -> list[dict[str, Any]]:
     """Spread of the first machine's figures over noisy recordings, each with a clock that ticks at another instant.
 
     One entry for each of :data:`TURNS`: ``low90``, ``median`` and ``high90`` by figure.
@@ -412,7 +412,7 @@ def _checks(
     return checks
 
 
-def _largest_change(coarse: Recording, fine: Recording) -> float | None:
+def _largest_change(coarse: TurnRecording, fine: TurnRecording) -> float | None:
     """Largest relative difference between the first machines' flow figures, read between samples: a turn that ends at
     the edge of a sample must not look like one that changed."""
     before, after = _figures(coarse, interpolate=True), _figures(fine, interpolate=True)
@@ -426,7 +426,7 @@ def _check(what: str, unit: str, value: float | None, known: float | None, bound
     return {"what": what, "unit": unit, "value": value, "published": known, "bound": bound, "reached": reached}
 
 
-def _notes(recording: Recording, figures: dict[str, NDArray[np.float64]], names: list[str]) -> list[str]:
+def _notes(recording: TurnRecording, figures: dict[str, NDArray[np.float64]], names: list[str]) -> list[str]:
     def who(variant: int) -> str:
         return names[variant] if variant < len(names) else f"ensemble member {variant - len(names) + 1}"
 
@@ -442,7 +442,7 @@ def _notes(recording: Recording, figures: dict[str, NDArray[np.float64]], names:
 
 
 def _curves(
-    recording: Recording,
+    recording: TurnRecording,
     exact: dict[str, NDArray[np.float64]],
     second: bool,
     first_member: int | None,

@@ -55,7 +55,7 @@ TURNS = tuple(Turn(direction, percent) for direction in ("left", "right") for pe
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class TurnRecording:
     """T turns of V machines, exact: no sensor, no filter."""
 
     turns: tuple[Turn, ...]
@@ -98,7 +98,7 @@ def run_turns(
     main_step: float = 1e-3,
     substeps: int = 30,
     progress: Callable[[float], Any] | None = None,
-) -> Recording:
+) -> TurnRecording:
     """Full turns of every variant of ``machine``, all side by side in one twin.
 
     Args:
@@ -142,7 +142,7 @@ def run_turns(
 
     angle, rate = channel("joint_angle"), channel("joint_rate")
     shape = (-1, count, variants)
-    return Recording(
+    return TurnRecording(
         turns=tuple(turns),
         machine=batch,
         time=np.concatenate([trace.time for trace in traces if trace is not None]),

@@ -175,7 +175,7 @@ TWIST = np.array([1.0, -1.0, -1.0, 1.0])[:, None]
 
 
 @dataclass(frozen=True)
-class Stance:
+class MachineDimensions:
     """Measures of N machines, each (N,) [m] unless said otherwise."""
 
     front: Array
@@ -216,7 +216,7 @@ class ArmController:
         roll: Array,
         pitch: Array,
         joint_angle: Array,
-        stance: Stance,
+        stance: MachineDimensions,
         step: float,
     ) -> Array:
         """Arm signals (4, N) for the next ``step`` [s]; positive extends the cylinder and raises the frame.

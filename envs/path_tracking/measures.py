@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym.envs.path_tracking.assistance import Stance
+from aoro_gym.envs.path_tracking.assistance import MachineDimensions
 from aoro_gym.execution.array_api import Array, Arrays
 from aoro_gym.machine import Machine
 
@@ -50,6 +50,8 @@ class Measures:
         return self._arrays.xp.stack([self.front, zero, zero], axis=1)
 
     @property
-    def stance(self) -> Stance:
+    def stance(self) -> MachineDimensions:
         """Those that the arms' controller takes."""
-        return Stance(self.front, self.rear, self.half_track, self._arm_length, self._arm_rest, self._arm_dead_band)
+        return MachineDimensions(
+            self.front, self.rear, self.half_track, self._arm_length, self._arm_rest, self._arm_dead_band
+        )

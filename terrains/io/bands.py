@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from aoro_gym.recording.units import parse_name
 from aoro_gym.terrains.io.check import Report, TerrainError
-from aoro_gym.terrains.io.frame import Request
+from aoro_gym.terrains.io.frame import LoadOptions
 from aoro_gym.terrains.io.masking import Marks, find_marks, note_marks, same
-from aoro_gym.terrains.length_units import Unit, is_unspecified, listed, unit_named
+from aoro_gym.terrains.length_units import LengthUnit, is_unspecified, listed, unit_named
 
 HEIGHTS = frozenset(
     re.findall(
@@ -56,7 +56,7 @@ class Band:
     """Bands that are 0 where this one is unknown."""
     nodata: tuple[float, ...] | None
     """What the caller says means unknown; None: undeclared marks are recognised."""
-    unit: Unit | None
+    unit: LengthUnit | None
     """As the band declares it."""
     marks: Marks = field(default_factory=Marks)
     declared_unknown: int = 0
@@ -159,7 +159,7 @@ class Band:
         z[beyond] = np.nan
 
 
-def choose_band(data: Any, request: Request, report: Report) -> Band:
+def choose_band(data: Any, request: LoadOptions, report: Report) -> Band:
     """The band of heights: as asked, the only one, or the one described so; the rest are named."""
     if data.count < 1:
         raise TerrainError(f"{report.source}: it has no band at all")
@@ -181,7 +181,7 @@ def choose_band(data: Any, request: Request, report: Report) -> Band:
     return Band(data, number, tuple(n for n in alpha if n != number), request.nodata, unit)
 
 
-def _asked(data: Any, request: Request, report: Report) -> int:
+def _asked(data: Any, request: LoadOptions, report: Report) -> int:
     assert request.band is not None
     if request.band > data.count:
         raise TerrainError(f"{report.source}: band = {request.band}, but it has {_listed(data)}")
@@ -228,7 +228,7 @@ def _listed(data: Any) -> str:
     return f"{data.count} bands: {', '.join(texts)}{more}" if data.count > 1 else f"1 band: {texts[0]}"
 
 
-def _declared_unit(data: Any, number: int, report: Report) -> Unit | None:
+def _declared_unit(data: Any, number: int, report: Report) -> LengthUnit | None:
     """The unit that the band declares; ``TerrainError`` where nobody knows its name."""
     tags = {key.casefold(): value for key, value in data.tags(number).items()}
     said = data.units[number - 1] or tags.get("units") or tags.get("unit") or tags.get("unittype") or ""
@@ -256,7 +256,7 @@ def _means(z: Array, block: int) -> Array:
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def _told_unit(data: Any, number: int, report: Report) -> Unit | None:
+def _told_unit(data: Any, number: int, report: Report) -> LengthUnit | None:
     """The unit that the description of the band (``elevation (dm)``, ``dtm_cm``) or a tag of heights tells, if any does."""
     described = parse_name(data.descriptions[number - 1] or "", _HEIGHT_NAME, "length")
     tags = {re.sub(r"[\W_]+", "", key.casefold()): value for key, value in {**data.tags(), **data.tags(number)}.items()}

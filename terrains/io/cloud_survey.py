@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.terrains.io.check import Report, TerrainError
-from aoro_gym.terrains.io.frame import Request, are_plausible
+from aoro_gym.terrains.io.frame import LoadOptions, are_plausible
 from aoro_gym.terrains.io.masking import CERTAIN, USUAL
-from aoro_gym.terrains.length_units import Unit
+from aoro_gym.terrains.length_units import LengthUnit
 
 NOISE_CLASSES = (7, 18)
 """Low and high noise (ASPRS LAS 1.4)."""
@@ -60,7 +60,7 @@ class Cloud:
     crs: Any = None
     unit: str | None = None
     """Of the plan, where no ``crs`` tells it."""
-    z_unit: Unit | None = None
+    z_unit: LengthUnit | None = None
     """Of heights, where it is declared beside the coordinate system."""
     steps: Array | None = None
     """(3,) steps of the coordinates, where the format declares them."""
@@ -112,7 +112,7 @@ class _Tally:
             self.doubtful[key] = number + len(points), low, high
 
 
-def survey(cloud: Cloud, request: Request, report: Report) -> Survey:
+def survey(cloud: Cloud, request: LoadOptions, report: Report) -> Survey:
     """Bounds, count and up axis of the points that count; the others are counted in ``report`` by their reason."""
     up = request.up or cloud.up
     given = request.crs is not None or cloud.crs is not None
@@ -149,7 +149,7 @@ def survey(cloud: Cloud, request: Request, report: Report) -> Survey:
     return Survey(tally.low, tally.high, tally.count, up, neighbours, usable)
 
 
-def _pass(cloud: Cloud, request: Request, axis: int, box: tuple[Array, Array] | None = None) -> _Tally:
+def _pass(cloud: Cloud, request: LoadOptions, axis: int, box: tuple[Array, Array] | None = None) -> _Tally:
     tally = _Tally()
     marks = (None, *CERTAIN, *USUAL) if request.nodata is None else request.nodata
     for chunk in cloud.chunks():
@@ -203,7 +203,7 @@ def _like(points: Array, axis: int, key: float | None) -> Mask:
     return np.abs(points[:, axis] - key) < 1e-6 * max(1.0, abs(key))
 
 
-def _unknown(tally: _Tally, axis: int, request: Request) -> list[float | None]:
+def _unknown(tally: _Tally, axis: int, request: LoadOptions) -> list[float | None]:
     """The heights that mean "unknown", and None for points at (0, 0, 0) that are none; others extend the bounds."""
     if request.nodata is not None:
         return list(tally.doubtful)

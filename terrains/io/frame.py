@@ -13,7 +13,7 @@ from aoro_gym.terrains.extras import extra
 from aoro_gym.terrains.georeference import MOST_SCALE_ERROR, axis_unit, horizontal, scale_factors, utm_zone
 from aoro_gym.terrains.heights import MOST_NODES, grid_shape
 from aoro_gym.terrains.io.check import Report, TerrainError
-from aoro_gym.terrains.length_units import UNITS, Unit, listed, unit_named
+from aoro_gym.terrains.length_units import UNITS, LengthUnit, listed, unit_named
 from aoro_gym.terrains.terrain import LARGEST_COORDINATE
 
 UP = ("x", "y", "z")
@@ -37,7 +37,7 @@ plan, or settled since by :mod:`~aoro_gym.terrains.io.plausibility`."""
 
 
 @dataclass(frozen=True)
-class Request:
+class LoadOptions:
     """What the caller of ``load`` asks for; see there."""
 
     units: str | None = None
@@ -90,7 +90,7 @@ class Request:
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class CoordinateFrame:
     """Takes raw points to local x, y and world z [m]."""
 
     up: str
@@ -149,7 +149,7 @@ class _Plan:
 
 
 def find_frame(
-    request: Request,
+    request: LoadOptions,
     report: Report,
     raw_low: Array,
     raw_high: Array,
@@ -158,8 +158,8 @@ def find_frame(
     up: str = "z",
     crs: Any = None,
     unit: str | None = None,
-    z_unit: Unit | None = None,
-) -> Frame:
+    z_unit: LengthUnit | None = None,
+) -> CoordinateFrame:
     """The frame of points between ``raw_low`` and ``raw_high`` (3,); notes in ``report`` how each part is known.
 
     Args:
@@ -192,7 +192,7 @@ def find_frame(
     if plan.system is not None:
         authority = plan.system.to_authority(min_confidence=70)
         name = ":".join(authority) if authority else plan.system.to_wkt()
-    return Frame(
+    return CoordinateFrame(
         up,
         plan.scale,
         z_scale,
@@ -209,7 +209,7 @@ def find_frame(
 
 
 def _find_plan(
-    request: Request, report: Report, low: Array, high: Array, spacing: float, crs: Any, unit: str | None
+    request: LoadOptions, report: Report, low: Array, high: Array, spacing: float, crs: Any, unit: str | None
 ) -> _Plan:
     given = request.crs if request.crs is not None else crs
     system = horizontal(given) if given is not None else None
@@ -237,7 +237,7 @@ def _find_plan(
     return plan if system is None else _on_the_ground(request, report, plan, high[:2] - low[:2])
 
 
-def _on_the_ground(request: Request, report: Report, plan: _Plan, size: Array) -> _Plan:
+def _on_the_ground(request: LoadOptions, report: Report, plan: _Plan, size: Array) -> _Plan:
     """``plan``, or the UTM zone of its place where lengths of its projection are not those of the ground."""
     metre = axis_unit(plan.system)
     inside = plan
@@ -314,7 +314,7 @@ def are_plausible(points: Array) -> NDArray[np.bool_]:
     return np.asarray(np.all(np.abs(points) <= FARTHEST, axis=1))  # False for NaN
 
 
-def choose_cell(request: Request, report: Report, low: Array, high: Array, natural: float) -> float:
+def choose_cell(request: LoadOptions, report: Report, low: Array, high: Array, natural: float) -> float:
     """Distance [m] of heights over the rectangle: as asked, or ``natural`` unless that takes too many.
 
     Args:
@@ -345,7 +345,7 @@ def choose_cell(request: Request, report: Report, low: Array, high: Array, natur
     return natural
 
 
-def _into_utm(request: Request, report: Report, system: Any, low: Array, high: Array) -> _Plan:
+def _into_utm(request: LoadOptions, report: Report, system: Any, low: Array, high: Array) -> _Plan:
     """Degrees in the UTM zone of their middle."""
     degree = float(np.degrees(system.axis_info[0].unit_conversion_factor))
     if np.abs([low[0], high[0]]).max() * degree > 360.0 or np.abs([low[1], high[1]]).max() * degree > 90.0:
@@ -400,7 +400,7 @@ def _guess_scale(report: Report, size: Array, spacing: float) -> tuple[float, st
 
 
 def _z_scale(
-    request: Request, report: Report, crs: Any, plan: _Plan, unit: str | None, declared: Unit | None
+    request: LoadOptions, report: Report, crs: Any, plan: _Plan, unit: str | None, declared: LengthUnit | None
 ) -> tuple[float, str, Known]:
     """Metres a unit of height, its name, and how that is known: what is said first in this order."""
     if request.z_units is not None:
@@ -427,7 +427,7 @@ def _z_scale(
     return scale, plan.text, "format" if unit is not None and plan.text.endswith("(of its format)") else "assumed"
 
 
-def _vertical(crs: Any) -> Unit | None:
+def _vertical(crs: Any) -> LengthUnit | None:
     """The unit of a coordinate system's vertical axis; None if it has none, or nobody can read it."""
     if crs is None:
         return None
@@ -437,10 +437,10 @@ def _vertical(crs: Any) -> Unit | None:
     except pyproj.exceptions.CRSError:
         return None
     axis = next((axis for axis in system.axis_info if axis.direction == "up"), None)
-    return None if axis is None else Unit(axis.unit_name, float(axis.unit_conversion_factor))
+    return None if axis is None else LengthUnit(axis.unit_name, float(axis.unit_conversion_factor))
 
 
-def _crop(request: Request, report: Report, plan: _Plan) -> tuple[Array, Array]:
+def _crop(request: LoadOptions, report: Report, plan: _Plan) -> tuple[Array, Array]:
     """Bounds [m] less what lies outside of the window, and what float32 cannot hold."""
     low, high = plan.low, plan.high
     if plan.window is not None:

@@ -24,8 +24,8 @@ from aoro_gym.execution.files import check_writable, write_json, written_whole
 from aoro_gym.terrains.georeference import MOST_SCALE_ERROR, axis_unit, horizontal, scale_factors
 from aoro_gym.terrains.heights import Heights
 from aoro_gym.terrains.io.check import SMALLEST_PIECE, Report, TerrainError, measure
-from aoro_gym.terrains.io.frame import FARTHEST, GroundRule, Request
-from aoro_gym.terrains.io.ground import Ground
+from aoro_gym.terrains.io.elevation_model import ElevationModel
+from aoro_gym.terrains.io.frame import FARTHEST, GroundRule, LoadOptions
 from aoro_gym.terrains.io.ground_filter import ground_points
 from aoro_gym.terrains.io.plausibility import settle_heights
 from aoro_gym.terrains.io.read_las import read_las
@@ -104,7 +104,7 @@ def load(
         OSError: if the file cannot be opened.
     """
     started = time.perf_counter()
-    request = Request(
+    request = LoadOptions(
         units=units,
         z_units=z_units,
         up=up,
@@ -161,7 +161,7 @@ def _numbers(nodata: Sequence[float] | float | None) -> tuple[float, ...] | None
         raise TerrainError(f"nodata = {f'{nodata!r}'[:80]} must be a number, or several") from None
 
 
-def _found(path: Path | None, source: Any, request: Request, report: Report) -> Ground:
+def _found(path: Path | None, source: Any, request: LoadOptions, report: Report) -> ElevationModel:
     """Ground of the source, in metres and repaired; what is doubtful of a broken one stands in its error."""
     if request.crs is not None:
         try:
@@ -177,7 +177,7 @@ def _found(path: Path | None, source: Any, request: Request, report: Report) -> 
         raise TerrainError(text) from None
 
 
-def _read(path: Path | None, source: Any, request: Request, report: Report) -> Ground:
+def _read(path: Path | None, source: Any, request: LoadOptions, report: Report) -> ElevationModel:
     if path is None:
         return read_heights(source, request, report)
     suffix = path.suffix.lower()
@@ -201,7 +201,7 @@ def _read(path: Path | None, source: Any, request: Request, report: Report) -> G
     return ground
 
 
-def _read_array(path: Path, request: Request, report: Report) -> Ground:
+def _read_array(path: Path, request: LoadOptions, report: Report) -> ElevationModel:
     try:
         array = np.load(path, mmap_mode="r", allow_pickle=False)  # holds what the header claims against the file's size
     except OSError:
@@ -218,7 +218,7 @@ def _read_array(path: Path, request: Request, report: Report) -> Ground:
     return read_heights(array, request, report)
 
 
-def _repaired(found: Ground, request: Request, report: Report) -> Ground:
+def _repaired(found: ElevationModel, request: LoadOptions, report: Report) -> ElevationModel:
     """Spikes, small pieces and holes of heights; what keeps its own triangles is whole already."""
     if found.mesh is not None and request.ground != "filter":
         measure(found.heights, report)
@@ -250,7 +250,7 @@ def _repaired(found: Ground, request: Request, report: Report) -> Ground:
     )
     _note_lost(heights, report)
     measure(heights, report)
-    return Ground(heights, found.frame)
+    return ElevationModel(heights, found.frame)
 
 
 def _note_lost(heights: Heights, report: Report) -> None:
@@ -267,7 +267,7 @@ def _note_lost(heights: Heights, report: Report) -> None:
         )
 
 
-def _without_obstacles(heights: Heights, request: Request) -> tuple[Heights, int]:
+def _without_obstacles(heights: Heights, request: LoadOptions) -> tuple[Heights, int]:
     """What the filter of clouds leaves, and how many heights it took."""
     mask = ground_points(heights.points, progress=request.tell)
     z = heights.z.copy()
@@ -333,7 +333,7 @@ def _place(content: dict[str, Any], ignored: str, report: Report) -> dict[str, A
 
 
 def _terrain(
-    found: Ground,
+    found: ElevationModel,
     report: Report,
     friction: float,
     rolling_resistance: float,

@@ -14,8 +14,8 @@ from scipy import ndimage
 
 from aoro_gym.terrains.heights import Heights
 from aoro_gym.terrains.io.check import Report, TerrainError
-from aoro_gym.terrains.io.frame import Known, Request
-from aoro_gym.terrains.io.ground import Ground
+from aoro_gym.terrains.io.elevation_model import ElevationModel
+from aoro_gym.terrains.io.frame import Known, LoadOptions
 from aoro_gym.terrains.length_units import UNITS, unit_named
 
 GUESSES = ("km", "m", "ft", "dm", "cm", "mm")
@@ -67,7 +67,9 @@ def readings(steepness: float) -> list[Reading]:
     return [reading for reading in found if LEVEL <= reading.slope_deg <= STEEP]
 
 
-def settle_heights(found: Ground, request: Request, report: Report, *, of_bytes: bool = False) -> Ground:
+def settle_heights(
+    found: ElevationModel, request: LoadOptions, report: Report, *, of_bytes: bool = False
+) -> ElevationModel:
     """``found`` with heights in metres for sure.
 
     To be called before anything that compares heights with metres (ground filter, spikes); a second call does nothing.
@@ -177,7 +179,7 @@ def likeness(z: Array) -> tuple[float, float] | None:
     return float(np.minimum(two, np.percentile(two, 95)).mean()) / mean, mean
 
 
-def _refuse_pictures(heights: Heights, request: Request, report: Report, of_bytes: bool) -> None:
+def _refuse_pictures(heights: Heights, request: LoadOptions, report: Report, of_bytes: bool) -> None:
     """``TerrainError`` where neighbours have nothing to do with each other beyond the noise of a survey."""
     if report.kind not in ("raster", "heights") or request.ground == "filter":
         return
@@ -209,7 +211,7 @@ def _refuse_pictures(heights: Heights, request: Request, report: Report, of_byte
     )
 
 
-def _taken(found: Ground, report: Report, unit: str, slope: float, reading: Reading) -> Ground:
+def _taken(found: ElevationModel, report: Report, unit: str, slope: float, reading: Reading) -> ElevationModel:
     """``found`` in the only other unit that makes a ground."""
     report.change(
         "z_units",

@@ -17,8 +17,8 @@ from scipy import ndimage
 from aoro_gym.terrains.heights import Heights, grid_shape
 from aoro_gym.terrains.io.check import Report, TerrainError
 from aoro_gym.terrains.io.cloud_survey import Chunk, Cloud, Survey, survey
-from aoro_gym.terrains.io.frame import Frame, Request, choose_cell, find_frame, turned
-from aoro_gym.terrains.io.ground import Ground
+from aoro_gym.terrains.io.elevation_model import ElevationModel
+from aoro_gym.terrains.io.frame import CoordinateFrame, LoadOptions, choose_cell, find_frame, turned
 from aoro_gym.terrains.io.ground_filter import ground_points
 from aoro_gym.terrains.io.plausibility import settle_heights
 from aoro_gym.terrains.io.precision import note_lost_precision
@@ -50,7 +50,9 @@ BOUNDS_TOLERANCE = 2.0
 Array = NDArray[np.float64]
 
 
-def read_points(points: Array, request: Request, report: Report, unit: str | None = None, rule: str = "z") -> Ground:
+def read_points(
+    points: Array, request: LoadOptions, report: Report, unit: str | None = None, rule: str = "z"
+) -> ElevationModel:
     """A cloud in memory: (N, 3); ``unit`` and ``rule``, the axis that is up, as its format has them.
 
     Args:
@@ -68,7 +70,7 @@ def read_points(points: Array, request: Request, report: Report, unit: str | Non
     return read_cloud(Cloud(len(points), chunks, rule=rule, unit=unit), request, report)
 
 
-def read_cloud(cloud: Cloud, request: Request, report: Report) -> Ground:
+def read_cloud(cloud: Cloud, request: LoadOptions, report: Report) -> ElevationModel:
     """Heights of the cloud's ground: by its ground class, or else by a filter, as ``request.ground`` says."""
     report.kind = "points"
     found = survey(cloud, request, report)
@@ -112,7 +114,7 @@ def read_cloud(cloud: Cloud, request: Request, report: Report) -> Ground:
             " ground='all' takes every point"
         )
     _note_normalised(ground, thin, report)
-    return Ground(_gridded(ground, thin, cell), frame)
+    return ElevationModel(_gridded(ground, thin, cell), frame)
 
 
 def _note_bounds(cloud: Cloud, found: Survey, report: Report) -> None:
@@ -170,7 +172,9 @@ class Thinned:
     """Height of the highest point [m]."""
 
 
-def _thin(cloud: Cloud, found: Survey, frame: Frame, cell: float, request: Request, report: Report) -> Thinned:
+def _thin(
+    cloud: Cloud, found: Survey, frame: CoordinateFrame, cell: float, request: LoadOptions, report: Report
+) -> Thinned:
     low, high = frame.low, frame.high
     rows, columns = grid_shape(low, high, cell)
     nodes = rows * columns
@@ -219,7 +223,9 @@ def _thin(cloud: Cloud, found: Survey, frame: Frame, cell: float, request: Reque
     )
 
 
-def _settled(thin: Thinned, cell: float, frame: Frame, request: Request, report: Report) -> tuple[Thinned, Frame]:
+def _settled(
+    thin: Thinned, cell: float, frame: CoordinateFrame, request: LoadOptions, report: Report
+) -> tuple[Thinned, CoordinateFrame]:
     """``thin`` in metres of height, told by its lower envelope, in which trees and buildings are few.
 
     The filter that tells ground from them compares heights with metres, so this comes first. Where the unit stays, it is
@@ -234,7 +240,7 @@ def _settled(thin: Thinned, cell: float, frame: Frame, request: Request, report:
     grid = ndimage.minimum_filter(grid, size=width, mode="constant", cval=np.inf)
     heights = Heights(np.where(np.isfinite(grid), grid, np.nan), cell)
     told = Report(report.source, kind=report.kind, units=report.units)
-    settled = settle_heights(Ground(heights, frame), request, told).frame
+    settled = settle_heights(ElevationModel(heights, frame), request, told).frame
     factor = settled.z_scale / frame.z_scale
     if factor == 1.0:
         return thin, frame
@@ -246,7 +252,7 @@ def _settled(thin: Thinned, cell: float, frame: Frame, request: Request, report:
     return replace(thin, lowest=lowest, mean_ground=mean, top=thin.top * factor), settled
 
 
-def _pick_ground(thin: Thinned, cell: float, request: Request, report: Report) -> Array:
+def _pick_ground(thin: Thinned, cell: float, request: LoadOptions, report: Report) -> Array:
     """Local points of the ground."""
     by_class = len(thin.mean_ground) >= max(FEWEST, ENOUGH_GROUND * len(thin.lowest))
     if request.ground == "class" and not len(thin.mean_ground):

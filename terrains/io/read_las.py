@@ -18,11 +18,11 @@ from aoro_gym.terrains.extras import extra
 from aoro_gym.terrains.georeference import horizontal
 from aoro_gym.terrains.io.check import Report, TerrainError
 from aoro_gym.terrains.io.cloud_survey import Chunk, Cloud
-from aoro_gym.terrains.io.frame import Request
-from aoro_gym.terrains.io.ground import Ground
+from aoro_gym.terrains.io.elevation_model import ElevationModel
+from aoro_gym.terrains.io.frame import LoadOptions
 from aoro_gym.terrains.io.ground_filter import silenced
 from aoro_gym.terrains.io.read_cloud import CHUNK, Array, broken, read_cloud
-from aoro_gym.terrains.length_units import UNITS, Unit
+from aoro_gym.terrains.length_units import UNITS, LengthUnit
 
 LENGTHS = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)
 """Shortest record [bytes] of each point format."""
@@ -59,7 +59,7 @@ class Header:
         return max(0, self.end - self.start) // self.length
 
 
-def read_las(path: Path, request: Request, report: Report) -> Ground:
+def read_las(path: Path, request: LoadOptions, report: Report) -> ElevationModel:
     """A cloud of LAS or LAZ; noise and withheld points are left out."""
     laspy = extra("laspy", f"the point cloud {path.name}")
     extra("lazrs", f"the point cloud {path.name}")
@@ -220,7 +220,7 @@ def _check_chunk_table(path: Path, head: Header, report: Report) -> None:
         )
 
 
-def _system(header: Any, request: Request, report: Report) -> tuple[str | None, str | None, Unit | None]:
+def _system(header: Any, request: LoadOptions, report: Report) -> tuple[str | None, str | None, LengthUnit | None]:
     """Coordinate system that the records tell (WKT before GeoTIFF keys), and units of the plan and of heights beside it.
 
     What is broken, or no place on Earth, is a warning: the points can be read without.
@@ -257,7 +257,11 @@ def _system(header: Any, request: Request, report: Report) -> tuple[str | None, 
     if faults and request.crs is None:
         rest = f"{system.name} is taken from the other record" if system is not None else "its crs is unknown"
         report.warnings.append(f"{'; '.join(faults)}; {rest}; crs='EPSG:...' (--crs) says it")
-    return (None if system is None else system.to_wkt()), unit, None if height is None else Unit(height, UNITS[height])
+    return (
+        (None if system is None else system.to_wkt()),
+        unit,
+        None if height is None else LengthUnit(height, UNITS[height]),
+    )
 
 
 def _parsed(record: Any) -> Any:

@@ -13,8 +13,8 @@ from scipy.sparse.csgraph import connected_components
 from aoro_gym.terrains.heights import sample_triangles
 from aoro_gym.terrains.io.check import SMALLEST_PIECE, Report, TerrainError
 from aoro_gym.terrains.io.cloud_survey import NEIGHBOURS
-from aoro_gym.terrains.io.frame import Request, are_plausible, choose_cell, find_frame
-from aoro_gym.terrains.io.ground import Ground
+from aoro_gym.terrains.io.elevation_model import ElevationModel
+from aoro_gym.terrains.io.frame import LoadOptions, are_plausible, choose_cell, find_frame
 from aoro_gym.terrains.io.mesh_files import load_mesh
 from aoro_gym.terrains.io.precision import note_lost_precision
 from aoro_gym.terrains.io.read_cloud import PLAN, read_points
@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 Faces = NDArray[np.int64]
 
 
-def read_mesh(path: Path, request: Request, report: Report) -> Ground:
+def read_mesh(path: Path, request: LoadOptions, report: Report) -> ElevationModel:
     """The drivable surface of a mesh file; a file of points only goes the way of a cloud."""
     vertices, faces = load_mesh(path)
     by_rule = path.suffix.lower() in Y_UP
@@ -86,13 +86,13 @@ def read_mesh(path: Path, request: Request, report: Report) -> Ground:
     )
     if not reasons:
         used, numbered = np.unique(faces, return_inverse=True)
-        return Ground(heights, frame, (vertices[used], numbered.reshape(-1, 3).astype(np.int32)))
+        return ElevationModel(heights, frame, (vertices[used], numbered.reshape(-1, 3).astype(np.int32)))
     report.change(
         "resampled",
         heights.z.size,
         f"triangles sampled every {cell:.3g} m to be repaired, because {' and '.join(reasons)}",
     )
-    return Ground(heights, frame)
+    return ElevationModel(heights, frame)
 
 
 def _finite(vertices: Array, faces: Faces, report: Report) -> tuple[Array, Faces]:

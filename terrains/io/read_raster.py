@@ -21,8 +21,8 @@ from aoro_gym.terrains.heights import Heights
 from aoro_gym.terrains.io.ascii_grid import check_ascii_grid
 from aoro_gym.terrains.io.bands import SAMPLE, Band, choose_band
 from aoro_gym.terrains.io.check import Report, TerrainError
-from aoro_gym.terrains.io.frame import Frame, Request, choose_cell, find_frame
-from aoro_gym.terrains.io.ground import Ground
+from aoro_gym.terrains.io.elevation_model import ElevationModel
+from aoro_gym.terrains.io.frame import CoordinateFrame, LoadOptions, choose_cell, find_frame
 from aoro_gym.terrains.io.masking import Marks, find_marks, note_marks, same
 from aoro_gym.terrains.io.plausibility import settle_heights
 
@@ -38,7 +38,7 @@ SOMEWHERE = "EPSG:32631"
 Array = NDArray[np.float64]
 
 
-def read_raster(path: Path, request: Request, report: Report) -> Ground:
+def read_raster(path: Path, request: LoadOptions, report: Report) -> ElevationModel:
     """Heights of one band; voids are NaN, pixel centres are nodes."""
     rasterio = extra("rasterio", f"the elevation raster {path.name}")
     report.kind = "raster"
@@ -83,7 +83,7 @@ def _without_undecodable_messages() -> Iterator[None]:
         sys.unraisablehook, sys.excepthook = before
 
 
-def _read(data: Any, request: Request, report: Report) -> Ground:
+def _read(data: Any, request: LoadOptions, report: Report) -> ElevationModel:
     band = choose_band(data, request, report)
     if request.up in ("x", "y"):
         report.warnings.append(f"up={request.up!r} is passed over: the heights of a raster are its values")
@@ -103,10 +103,10 @@ def _read(data: Any, request: Request, report: Report) -> Ground:
     upright = frame.projection is None and straight
     heights = (_read_upright if upright else _read_turned)(band, place, frame, request, report)
     heights = heights.replaced(band.heights(heights.z) * frame.z_scale)
-    return settle_heights(Ground(heights, frame), request, report, of_bytes=band.of_bytes)
+    return settle_heights(ElevationModel(heights, frame), request, report, of_bytes=band.of_bytes)
 
 
-def _placed(data: Any, request: Request, report: Report) -> tuple[Any, str | None]:
+def _placed(data: Any, request: LoadOptions, report: Report) -> tuple[Any, str | None]:
     """Where pixels lie (``affine.Affine``), and in which system."""
     place, crs = data.transform, data.crs
     if place.is_identity and data.gcps[0]:
@@ -137,7 +137,7 @@ def _placed(data: Any, request: Request, report: Report) -> tuple[Any, str | Non
     return place, wkt
 
 
-def _read_upright(band: Band, place: Any, frame: Frame, request: Request, report: Report) -> Heights:
+def _read_upright(band: Band, place: Any, frame: CoordinateFrame, request: LoadOptions, report: Report) -> Heights:
     """Square pixels along the axes, as they are: the window, thinned where it is finer than the cell asked for."""
     from rasterio.windows import Window
 
@@ -179,7 +179,7 @@ def _read_upright(band: Band, place: Any, frame: Frame, request: Request, report
     return Heights(np.ascontiguousarray(z), block * world, (float(x), float(y)))
 
 
-def _read_turned(band: Band, place: Any, frame: Frame, request: Request, report: Report) -> Heights:
+def _read_turned(band: Band, place: Any, frame: CoordinateFrame, request: LoadOptions, report: Report) -> Heights:
     """Heights interpolated bilinearly in ``frame``, where pixels are turned, oblong or in another projection."""
     from rasterio.crs import CRS
     from rasterio.enums import Resampling
@@ -229,7 +229,7 @@ class _Turned:
     """Between rows and columns of a raster and metres of its frame."""
 
     place: Any
-    frame: Frame
+    frame: CoordinateFrame
 
     @property
     def world(self) -> Any:
@@ -289,7 +289,7 @@ def _note_blocks(report: Report, block: int, count: int, pixel: float) -> None:
         report.change("averaged", count, f"blocks of {block} x {block} pixels of {pixel:.3g} m averaged")
 
 
-def read_heights(array: Any, request: Request, report: Report) -> Ground:
+def read_heights(array: Any, request: LoadOptions, report: Report) -> ElevationModel:
     """An array of heights, row 0 in the south; its cell is ``request.cell``."""
     report.kind = "heights"
     try:
@@ -317,10 +317,10 @@ def read_heights(array: Any, request: Request, report: Report) -> Ground:
         frame = replace(frame, z_known="assumed")
     report.points_read = z.size
     z = _known(z, values.dtype, frame.z_scale, request, report)
-    return Ground(Heights(z * frame.z_scale, request.cell), frame)
+    return ElevationModel(Heights(z * frame.z_scale, request.cell), frame)
 
 
-def _known(z: Array, dtype: np.dtype[Any], metre: float, request: Request, report: Report) -> Array:
+def _known(z: Array, dtype: np.dtype[Any], metre: float, request: LoadOptions, report: Report) -> Array:
     """``z`` with NaN for what is unknown."""
     marks, declared = Marks(), np.zeros(z.shape, dtype=bool)
     if request.nodata is None:

@@ -17,10 +17,10 @@ from aoro_gym.recording.units import NamedQuantity, parse_name
 from aoro_gym.terrains.georeference import GEOGRAPHIC, horizontal
 from aoro_gym.terrains.io.check import Report, TerrainError
 from aoro_gym.terrains.io.cloud_survey import Chunk, Cloud
-from aoro_gym.terrains.io.frame import Request
-from aoro_gym.terrains.io.ground import Ground
+from aoro_gym.terrains.io.elevation_model import ElevationModel
+from aoro_gym.terrains.io.frame import LoadOptions
 from aoro_gym.terrains.io.read_cloud import CHUNK, broken, read_cloud
-from aoro_gym.terrains.length_units import UNITS, Unit
+from aoro_gym.terrains.length_units import UNITS, LengthUnit
 from aoro_gym.units import DEGREE
 
 PLACE = r"(?:gps|gnss|utm|rtk|world|global|local|point|pos|position|coord|coordinate|centre|center|ground|mean)"
@@ -59,10 +59,10 @@ class Layout:
     is_geographic: bool = False
     unit: str | None = None
     """Of the plan, where the names tell it."""
-    z_unit: Unit | None = None
+    z_unit: LengthUnit | None = None
 
 
-def read_text(path: Path, request: Request, report: Report) -> Ground:
+def read_text(path: Path, request: LoadOptions, report: Report) -> ElevationModel:
     """A cloud of lines with x, y and z; by the names of its columns, or else its first three numbers."""
     with broken(path, "lines of x, y, z"):
         dialect = sniff_file(path)
@@ -113,7 +113,7 @@ def _classes(values: NDArray[np.float64]) -> NDArray[np.uint8]:
     return np.where((values >= 0.0) & (values <= 255.0), np.nan_to_num(values), 0.0).astype(np.uint8)
 
 
-def _geographic(path: Path, request: Request, report: Report) -> str | None:
+def _geographic(path: Path, request: LoadOptions, report: Report) -> str | None:
     """The system of latitude and longitude; None if the caller said it."""
     if request.crs is None:
         text = (
@@ -220,7 +220,7 @@ def _with_units(path: Path, dialect: Dialect, chosen: list[tuple[int, NamedQuant
     units = [quantity.unit for _, quantity in chosen]
     first, second, third = (None if unit is None else unit.factor for unit in units)
     columns = (chosen[0][0], chosen[1][0], chosen[2][0])
-    z_unit = None if third is None else Unit(_short(third), third)
+    z_unit = None if third is None else LengthUnit(_short(third), third)
     if is_geographic:
         scales = tuple(1.0 if factor is None else factor / DEGREE for factor in (first, second))
         return Layout(columns, scales=(scales[0], scales[1], 1.0), is_geographic=True, z_unit=z_unit)
@@ -229,7 +229,7 @@ def _with_units(path: Path, dialect: Dialect, chosen: list[tuple[int, NamedQuant
     first, second = first or second or 1.0, second or first or 1.0
     if first == second and _short(first) in UNITS:
         return Layout(columns, unit=_short(first), z_unit=z_unit)
-    return Layout(columns, scales=(first, second, 1.0), unit="m", z_unit=z_unit or Unit("m", 1.0))
+    return Layout(columns, scales=(first, second, 1.0), unit="m", z_unit=z_unit or LengthUnit("m", 1.0))
 
 
 def _short(metres: float) -> str:

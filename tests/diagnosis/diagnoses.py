@@ -8,11 +8,11 @@ from aoro_gym.diagnosis.result import (
     UNKNOWN,
     Boundary,
     Cause,
+    CredibleInterval,
     Curve,
     Diagnosis,
     Experiment,
     GapClosure,
-    Interval,
     Place,
 )
 
@@ -103,7 +103,7 @@ COMMON = {
 LEAKAGE = Cause(
     ("cylinder_leakage",),
     0.953,
-    {"cylinder_leakage": (Interval(4.1e-5, 3.3e-5, 4.8e-5, "m^3/s", "leakage past both pistons at 100 bar"),)},
+    {"cylinder_leakage": (CredibleInterval(4.1e-5, 3.3e-5, 4.8e-5, "m^3/s", "leakage past both pistons at 100 bar"),)},
     {"cylinder_leakage": (4.1e-5,)},
     ("cylinders",),
     "machine_1.toml",
@@ -111,7 +111,11 @@ LEAKAGE = Cause(
 CROSS_PORT = Cause(
     ("cross_port_leakage",),
     0.031,
-    {"cross_port_leakage": (Interval(3.6e-5, 2.6e-5, 4.4e-5, "m^3/s", "leakage from port to port at 100 bar"),)},
+    {
+        "cross_port_leakage": (
+            CredibleInterval(3.6e-5, 2.6e-5, 4.4e-5, "m^3/s", "leakage from port to port at 100 bar"),
+        )
+    },
     {"cross_port_leakage": (3.6e-5,)},
     ("valve",),
     "machine_2.toml",
@@ -121,10 +125,10 @@ BOTH = Cause(
     0.009,
     {
         "entrained_air": (
-            Interval(-6.3e8, -8.1e8, -4.2e8, "Pa", "bulk modulus of the oil with its air at 10 bar"),
-            Interval(-1.1e8, -1.6e8, -0.7e8, "Pa", "bulk modulus of the oil with its air at 100 bar"),
+            CredibleInterval(-6.3e8, -8.1e8, -4.2e8, "Pa", "bulk modulus of the oil with its air at 10 bar"),
+            CredibleInterval(-1.1e8, -1.6e8, -0.7e8, "Pa", "bulk modulus of the oil with its air at 100 bar"),
         ),
-        "command_delay": (Interval(0.0113, 0.0094, 0.0131, "s", "dead time from command to spool"),),
+        "command_delay": (CredibleInterval(0.0113, 0.0094, 0.0131, "s", "dead time from command to spool"),),
     },
     {"entrained_air": (0.012,), "command_delay": (0.0113,)},
     ("oil_and_hoses", "valve"),

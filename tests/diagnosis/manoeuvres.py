@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.diagnosis.recording import TICK, Recording
-from aoro_gym.diagnosis.replay import Simulator, Task, Variants
+from aoro_gym.diagnosis.replay import Replay, Simulator, Variants
 from aoro_gym.sensors.joint_angle import JointAngleSensor
 
 FULL = ("joint_angle", "pressure_a", "pressure_b", "pump_pressure")
@@ -26,7 +26,7 @@ def blank(name: str, commands: NDArray[np.float64], start: float) -> Recording:
 def record(variants: Variants, blanks: list[Recording], rng: np.random.Generator) -> list[Recording]:
     """What one variant logs, with the published noise of the angle and 0.3 bar of noise on pressures."""
     out = []
-    for one, found in zip(blanks, Simulator().run([Task(variants, one) for one in blanks]), strict=True):
+    for one, found in zip(blanks, Simulator().run([Replay(variants, one) for one in blanks]), strict=True):
         time = TICK * np.arange(one.ticks + 1)
         channels = {name: values[:, 0].astype(np.float64) for name, values in found.items()}
         channels["joint_angle"] = JointAngleSensor().record(channels["joint_angle"], time, rng)[1]

@@ -24,7 +24,7 @@ from aoro_gym.diagnosis.noise import ModelError
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem
 from aoro_gym.diagnosis.recording import REST, TICK
-from aoro_gym.diagnosis.replay import Simulator, Task, Variants
+from aoro_gym.diagnosis.replay import Replay, Simulator, Variants
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.machine import Machine
 from tests.diagnosis.manoeuvres import FULL, blank, turn
@@ -113,7 +113,7 @@ def _run(name, variants):
     """What machines do under a candidate."""
     candidate = CANDIDATES[name]
     recording = candidate.blank((*FULL, "engine_speed"))
-    return ExperimentSimulator(Simulator(), [candidate]).run([Task(one, recording) for one in variants])
+    return ExperimentSimulator(Simulator(), [candidate]).run([Replay(one, recording) for one in variants])
 
 
 @pytest.fixture

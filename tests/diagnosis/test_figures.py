@@ -10,7 +10,7 @@ from aoro_gym.diagnosis.noise import ModelError
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.problem import Problem
 from aoro_gym.diagnosis.recording import TICK, Recording
-from aoro_gym.diagnosis.replay import FINE, Simulator, Task, Variants
+from aoro_gym.diagnosis.replay import FINE, Replay, Simulator, Variants
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.machine import Machine
 from aoro_gym.simulation import key_figures as published
@@ -52,7 +52,7 @@ def test_figures_are_those_of_a_validation():
     steering = turn(1.0, 3.6)
     empty = Recording("1", steering, {"joint_angle": np.zeros(len(steering) + 1)}, 60, -REACH)
     twin = Variants(MACHINE)
-    angle = Simulator().run([Task(twin, empty, FINE)])[0]["joint_angle"][:, 0].astype(np.float64)
+    angle = Simulator().run([Replay(twin, empty, FINE)])[0]["joint_angle"][:, 0].astype(np.float64)
     late = np.insert(angle, 90, [angle[90]] * 3)[: len(angle)]
     repeats = [replace(empty, channels={"joint_angle": one}) for one in (angle, late)]
     lagging = Variants.of(MACHINE, [(EFFECTS["spool_lag"], (0.03,))], 1)

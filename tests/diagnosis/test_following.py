@@ -5,7 +5,7 @@ import pytest
 
 from aoro_gym.diagnosis.following import LACKED, LED
 from aoro_gym.diagnosis.recording import TICK, Recording
-from aoro_gym.diagnosis.replay import Simulator, Task, Variants
+from aoro_gym.diagnosis.replay import Replay, Simulator, Variants
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.machine import Machine
 from tests.diagnosis.manoeuvres import FULL, blank, turn
@@ -28,7 +28,7 @@ does, 1 of 50 bar. It comes from between the samples: where a check valve opens,
 
 def recorded(variants, blanks=BLANKS):
     """What one variant does, without noise."""
-    found = Simulator().run([Task(variants, one) for one in blanks])
+    found = Simulator().run([Replay(variants, one) for one in blanks])
     return [
         Recording(one.name, one.commands, {k: v[:, 0].astype(np.float64) for k, v in rows.items()}, one.rest, start)
         for one, rows in zip(blanks, found, strict=True)
@@ -40,7 +40,7 @@ def followed(recordings, variants=None):
     """What the twin lacks (F, N), by name."""
     one = variants or Variants(MACHINE)
     zeros = [np.zeros((len(LED), one.count))] * len(recordings)
-    found = Simulator().follow([Task(one, recording) for recording in recordings], zeros)
+    found = Simulator().follow([Replay(one, recording) for recording in recordings], zeros)
     return [dict(zip(LACKED, rows, strict=True)) for rows in found]
 
 
@@ -123,8 +123,8 @@ def test_free_twins_and_led_ones_share_a_list_of_requests():
     """What leads some twins leads no others."""
     recordings = recorded(Variants(MACHINE))
     assert set(recordings[0].channels) == set(FULL)
-    alone = Simulator().run([Task(Variants(MACHINE), one) for one in recordings])
+    alone = Simulator().run([Replay(Variants(MACHINE), one) for one in recordings])
     followed(recordings)
-    for first, again in zip(alone, Simulator().run([Task(Variants(MACHINE), o) for o in recordings]), strict=True):
+    for first, again in zip(alone, Simulator().run([Replay(Variants(MACHINE), o) for o in recordings]), strict=True):
         for name in FULL:
             np.testing.assert_array_equal(first[name], again[name])

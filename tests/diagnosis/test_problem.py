@@ -21,7 +21,7 @@ from aoro_gym.diagnosis.problem import (
     references_of,
 )
 from aoro_gym.diagnosis.recording import TICK, Recording
-from aoro_gym.diagnosis.replay import COARSE, USUAL, Simulator, Task, Variants
+from aoro_gym.diagnosis.replay import COARSE, USUAL, Replay, Simulator, Variants
 from aoro_gym.diagnosis.search import settle
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.machine import Machine
@@ -41,7 +41,7 @@ PERFECT = ModelError(0.0, 0.0)
 def logged(variants: Variants, rng: np.random.Generator, blanks: list[Recording] = BLANKS) -> list[Recording]:
     """What one variant logs, with white noise of :data:`STD`."""
     out = []
-    for one, found in zip(blanks, Simulator().run([Task(variants, one) for one in blanks]), strict=True):
+    for one, found in zip(blanks, Simulator().run([Replay(variants, one) for one in blanks]), strict=True):
         noisy = {name: rows[:, 0] + STD[name] * rng.standard_normal(len(rows)) for name, rows in found.items()}
         out.append(Recording(one.name, one.commands, noisy, one.rest, one.start_angle))
     return out
@@ -322,7 +322,7 @@ def test_a_prediction_is_read_on_the_clock_of_the_log():
     (recording,) = logged(Variants(MACHINE), np.random.default_rng(4), [blank("left", turn(1.0, 2.8), -0.3)])
     problem = Problem([recording], DAY, {}, error=PERFECT, noise=NOISE)
     wide = Variants(EFFECTS["valve_gain"].apply(MACHINE, EFFECTS["valve_gain"].magnitudes[0].high))
-    (plain,) = Simulator().run([Task(wide, recording)])
+    (plain,) = Simulator().run([Replay(wide, recording)])
     read = dict(zip([name for _, name in problem.blocks], problem.split(problem.simulate([wide])), strict=True))
 
     def drop(pressure: np.ndarray) -> int:

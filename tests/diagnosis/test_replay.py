@@ -14,10 +14,10 @@ from aoro_gym.diagnosis.replay import (
     SIGNALS,
     STILL,
     USUAL,
+    Replay,
     Signals,
     Simulator,
     Steps,
-    Task,
     Variants,
 )
 from aoro_gym.effects.catalogue import EFFECTS
@@ -32,7 +32,7 @@ MACHINE = Machine.load("aoro")
 
 def replayed(*variants: Variants, blanks: list[Recording] = BLANKS) -> list[list[Signals]]:
     """What every one of ``variants`` gives, by recording."""
-    found = iter(Simulator().run([Task(one, recording) for recording in blanks for one in variants]))
+    found = iter(Simulator().run([Replay(one, recording) for recording in blanks for one in variants]))
     return [[next(found) for _ in variants] for _ in blanks]
 
 
@@ -43,7 +43,7 @@ def with_effect(name: str, *magnitudes: float) -> Variants:
 def test_a_replay_is_the_twin_under_the_same_commands():
     """From shortly before the first of them; until then it stands."""
     for recording, (found,) in zip(BLANKS, replayed(Variants(MACHINE)), strict=True):
-        still = Task(Variants(MACHINE), recording).still
+        still = Replay(Variants(MACHINE), recording).still
         assert still == recording.rest - STILL > 0
         twin = Twin(1, machine=MACHINE, main_step=USUAL.main, substeps=USUAL.substeps)
         twin.reset(joint_angle=recording.start_angle)
@@ -72,7 +72,7 @@ def test_what_stands_on_level_ground_needs_no_twin(effect, monkeypatch):
 @pytest.mark.parametrize("tilted", [Variants(MACHINE, 1, Plane(slope_deg=2.0)), with_effect("ground_slope", 0.0, 0.0)])
 def test_what_stands_on_a_slope_is_simulated_all_the_time(tilted):
     """Its ground gives way, and its oil leaks; what an effect says of the slope is not asked, lest it matter."""
-    assert all(Task(tilted, one).still == 0 for one in BLANKS)
+    assert all(Replay(tilted, one).still == 0 for one in BLANKS)
 
 
 @pytest.mark.parametrize("steps", [USUAL, FINE])
@@ -81,7 +81,7 @@ def test_a_replay_is_closer_to_what_converges_than_half_a_step_is_long(steps):
     one, blows against the stop among it, is felt at its end; by root mean squares."""
     twin = Twin(1, machine=MACHINE, main_step=FINE.main / 4.0, substeps=FINE.substeps // 2)
     for recording in BLANKS:
-        (found,) = Simulator().run([Task(Variants(MACHINE), recording, steps)])
+        (found,) = Simulator().run([Replay(Variants(MACHINE), recording, steps)])
         twin.reset(joint_angle=recording.start_angle)
         rows: dict[str, list[float]] = {name: [] for name in recording.channels}
         for steering, drive in recording.commands:
@@ -101,7 +101,7 @@ def test_what_an_effect_does_is_much_the_same_by_coarse_steps(effect, magnitude)
     pair = Variants(MACHINE), with_effect(effect, magnitude)
 
     def added(steps: Steps) -> list[Signals]:
-        found = Simulator().run([Task(one, BLANKS[0], steps) for one in pair])
+        found = Simulator().run([Replay(one, BLANKS[0], steps) for one in pair])
         return [{name: found[1][name] - values for name, values in found[0].items()}]
 
     ((coarse,), (usual,)) = added(COARSE), added(USUAL)
@@ -111,7 +111,7 @@ def test_what_an_effect_does_is_much_the_same_by_coarse_steps(effect, magnitude)
 
 def test_steps_of_either_kind_in_one_call():
     """Each as in a call of its own."""
-    tasks = [Task(Variants(MACHINE), BLANKS[0], steps) for steps in (USUAL, FINE, USUAL)]
+    tasks = [Replay(Variants(MACHINE), BLANKS[0], steps) for steps in (USUAL, FINE, USUAL)]
     found = Simulator().run(tasks)
     for task, signals in zip(tasks, found, strict=True):
         (alone,) = Simulator().run([task])

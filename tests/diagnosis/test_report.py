@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from aoro_gym.cli import app
 from aoro_gym.diagnosis.report import KINDS, MOST_CURVES, summary, telling, write_report
-from aoro_gym.diagnosis.result import PHASES, VERDICTS, Cause, Interval, Place
+from aoro_gym.diagnosis.result import PHASES, VERDICTS, Cause, CredibleInterval, Place
 from aoro_gym.diagnosis.words import gone, probability, readable, shown, spoken, title
 from aoro_gym.effects.catalogue import EFFECTS
 from tests.diagnosis.diagnoses import BARE, CAUSE, DIAGNOSES, SIGNALS, curve
@@ -121,7 +121,8 @@ def page(verdict, tmp_path_factory):
 )
 def test_sizes_stand_in_field_units(unit, median, low, high, expected):
     assert (
-        tuple(text.replace("\N{NO-BREAK SPACE}", " ") for text in shown(Interval(median, low, high, unit))) == expected
+        tuple(text.replace("\N{NO-BREAK SPACE}", " ") for text in shown(CredibleInterval(median, low, high, unit)))
+        == expected
     )
 
 
@@ -136,7 +137,7 @@ def test_every_operational_magnitude_is_readable():
         for one, before, after in zip(effect.operational, without, most, strict=True):
             size = float(np.asarray(after) - np.asarray(before))
             if size:
-                text = shown(Interval(size, 0.9 * size, 1.1 * size, one.unit))[0]
+                text = shown(CredibleInterval(size, 0.9 * size, 1.1 * size, one.unit))[0]
                 assert 1e-3 < abs(number(text)) < 1e4, (effect.id, text)
 
 

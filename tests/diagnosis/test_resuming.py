@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from aoro_gym.diagnosis.diagnose import diagnose
-from aoro_gym.diagnosis.replay import Request, Signals, Simulator, Task, Variants
+from aoro_gym.diagnosis.replay import Replay, Request, Signals, Simulator, Variants
 from aoro_gym.diagnosis.resuming import FOLDER, Kept, resumable
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.execution import provenance
@@ -100,8 +100,8 @@ def launches(monkeypatch) -> list[int]:
     return found
 
 
-def task(machine: Machine = MACHINE, **changes: Any) -> list[Task]:
-    return [Task(Variants(machine, **changes), BLANK)]
+def task(machine: Machine = MACHINE, **changes: Any) -> list[Replay]:
+    return [Replay(Variants(machine, **changes), BLANK)]
 
 
 def assert_same(found: list[Signals], expected: list[Signals]) -> None:
@@ -124,8 +124,8 @@ def test_a_launch_that_was_kept_is_read(tmp_path, launches):
         task(MACHINE.scale({"steering.pump.margin": 1.01})),
         task(plane=Plane(slope_deg=0.1)),
         task(chain=((EFFECTS["sensor_delay"], (0.01,)),)),
-        [Task(Variants(MACHINE), blank("left", turn(0.99, 1.2), -0.3))],
-        [Task(Variants(MACHINE), blank("left", turn(1.0, 1.2), -0.31))],
+        [Replay(Variants(MACHINE), blank("left", turn(0.99, 1.2), -0.3))],
+        [Replay(Variants(MACHINE), blank("left", turn(1.0, 1.2), -0.31))],
     ],
     ids=["machine", "plane", "measuring chain", "commands", "start"],
 )

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aoro_gym.diagnosis.replay import COARSE, Simulator, Task, Variants
+from aoro_gym.diagnosis.replay import COARSE, Replay, Simulator, Variants
 from aoro_gym.diagnosis.sharing import PREFIX, Remote, sharing, simulator
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.machine import Machine
@@ -18,10 +18,10 @@ from tests.diagnosis.manoeuvres import blank, turn
 MACHINE = Machine.load("aoro")
 BLANKS = [blank("left", turn(1.0, 1.5), -0.5), blank("right", turn(-0.6, 1.8), 0.3)]
 TASKS = [
-    [Task(Variants(MACHINE.scale({"steering.pump.margin": np.array([0.9, 1.1])}), 2), BLANKS[0])],
-    [Task(Variants(MACHINE), recording) for recording in BLANKS],
-    [Task(Variants.of(MACHINE, [(EFFECTS["sensor_delay"], (0.02,))], 1), BLANKS[1])],
-    [Task(Variants(MACHINE), BLANKS[0], COARSE)],
+    [Replay(Variants(MACHINE.scale({"steering.pump.margin": np.array([0.9, 1.1])}), 2), BLANKS[0])],
+    [Replay(Variants(MACHINE), recording) for recording in BLANKS],
+    [Replay(Variants.of(MACHINE, [(EFFECTS["sensor_delay"], (0.02,))], 1), BLANKS[1])],
+    [Replay(Variants(MACHINE), BLANKS[0], COARSE)],
 ]
 """Of four that share a device."""
 
@@ -53,7 +53,7 @@ def test_everybody_gets_what_it_would_get_alone(device):
 def test_memory_for_answers_is_given_back(device, monkeypatch):
     """What a launch of eight twins needed, once one of two is asked for."""
     monkeypatch.setattr("aoro_gym.diagnosis.sharing.SPARE", 0)
-    large = [Task(Variants(MACHINE.scale({"steering.pump.margin": np.linspace(0.9, 1.1, 8)}), 8), BLANKS[0])]
+    large = [Replay(Variants(MACHINE.scale({"steering.pump.margin": np.linspace(0.9, 1.1, 8)}), 8), BLANKS[0])]
     member, sizes = Remote(device), []
     for tasks in (TASKS[1], large, TASKS[1]):
         assert_same(member.run(tasks), Simulator().run(tasks))
@@ -71,7 +71,7 @@ def test_who_leaves_is_not_waited_for(device):
 
 def test_an_error_reaches_who_asked_for_it_alone(device):
     """Two machines for three start angles cannot be launched; what others asked for is not lost by that."""
-    wrong = [Task(Variants(MACHINE.scale({"steering.pump.margin": np.array([0.9, 1.1])}), 3), BLANKS[0])]
+    wrong = [Replay(Variants(MACHINE.scale({"steering.pump.margin": np.array([0.9, 1.1])}), 3), BLANKS[0])]
     members = [simulator(device), simulator(device)]
     with ThreadPoolExecutor(2) as pool:
         for _ in range(3):

@@ -32,7 +32,7 @@ from aoro_gym.diagnosis_benchmark.atlas import (
     weakest,
 )
 from aoro_gym.diagnosis_benchmark.atlas_report import write_atlas
-from aoro_gym.diagnosis_benchmark.cases import FAMILIES, MACHINES, WEAKEST, Trial
+from aoro_gym.diagnosis_benchmark.cases import FAMILIES, MACHINES, WEAKEST, Excitation
 from aoro_gym.diagnosis_benchmark.scoring import CLASSES, read_classes
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.machine import Machine
@@ -165,7 +165,7 @@ def pulse():
     names = ("sensor_delay", "command_delay", "engine_droop", "joint_friction")
     steering = 0.6 * np.repeat([0.0, 1.0, 0.0], (70, 40, 80))
     problem = commissioned(
-        Machine.load(MACHINES / "ensemble" / "01.toml"), [Trial("pulse", 0.0, steering)],
+        Machine.load(MACHINES / "ensemble" / "01.toml"), [Excitation("pulse", 0.0, steering)],
         {name: EFFECTS[name] for name in names},
     )  # fmt: skip
     return assembled(["01"], problem.effects, [looks(problem)])
@@ -204,7 +204,7 @@ def test_the_command_writes_it(pulse, tmp_path, monkeypatch):
 
 def test_machines_and_manoeuvres_are_those_of_development():
     assert not set(MEMBERS) & set(FAMILIES["score"].members)
-    names = [trial.name for trial in FAMILIES["development"].trials(np.random.default_rng(SEED))]
+    names = [excitation.name for excitation in FAMILIES["development"].excitations(np.random.default_rng(SEED))]
     assert len(names) == 10 and names[-1:] == list(SOMETIMES)
 
 

@@ -13,9 +13,20 @@ from typer.testing import CliRunner
 from aoro_gym.cli import app
 from aoro_gym.diagnosis.recording import SENSORS
 from aoro_gym.diagnosis_benchmark import cases
-from aoro_gym.diagnosis_benchmark.cases import DAY, FAMILIES, INSIDE, KINDS, MACHINES, MODES, SUITES, Suite, Trial, plan
+from aoro_gym.diagnosis_benchmark.cases import (
+    DAY,
+    FAMILIES,
+    INSIDE,
+    KINDS,
+    MACHINES,
+    MODES,
+    SUITES,
+    Excitation,
+    Suite,
+    plan,
+)
 from aoro_gym.diagnosis_benchmark.plants.effects import EFFECTS, OUTSIDE
-from aoro_gym.diagnosis_benchmark.plants.sensors import Noise
+from aoro_gym.diagnosis_benchmark.plants.sensors import SensorNoise
 from aoro_gym.diagnosis_benchmark.sealing import COLUMNS, exact_folder, open_seal, write_cases
 from aoro_gym.machine import Machine
 from aoro_gym.recording.tables import read_table
@@ -31,10 +42,10 @@ def jerk(rng):
     """A manoeuvre of an eighth of a second."""
     signal = np.zeros(12)
     signal[3:9] = rng.uniform(0.6, 1.0)
-    return (Trial("jerk", 0.0, signal), Trial("rolling_jerk", 0.1, signal, 0.3 * signal))
+    return (Excitation("jerk", 0.0, signal), Excitation("rolling_jerk", 0.1, signal, 0.3 * signal))
 
 
-SHORT = replace(SCORE, levels=(0, 1), trials=jerk)
+SHORT = replace(SCORE, levels=(0, 1), excitations=jerk)
 
 
 def seal(folder: Path, **options):
@@ -61,7 +72,7 @@ def sealed(tmp_path_factory):
 def test_a_quick_case_has_one_log_a_day():
     """What two cores can diagnose in minutes."""
     for case in plan(SUITES["quick"], mode="commissioned", family=SCORE, seed=SEED):
-        assert [trial.name for trial in case.trials] == ["steps"]
+        assert [excitation.name for excitation in case.excitations] == ["steps"]
         assert case.seeds.shape == (2, 1)
 
 
@@ -129,13 +140,13 @@ def test_plants_of_other_laws_are_other_machines(standard):
 @pytest.mark.parametrize("family", FAMILIES.values(), ids=FAMILIES)
 def test_logs_begin_and_end_at_rest(family):
     for seed in range(20):
-        trials = family.trials(np.random.default_rng(seed))
-        assert len({trial.name for trial in trials}) == len(trials) >= 9
-        for trial in trials:
-            for signal in (trial.steering, np.zeros(1) if trial.drive is None else trial.drive):
+        excitations = family.excitations(np.random.default_rng(seed))
+        assert len({excitation.name for excitation in excitations}) == len(excitations) >= 9
+        for excitation in excitations:
+            for signal in (excitation.steering, np.zeros(1) if excitation.drive is None else excitation.drive):
                 assert np.all(np.abs(signal) <= 1.0)
-                assert np.all(signal[:60] == 0.0) and np.all(signal[-50:] == 0.0), trial.name
-            assert abs(trial.start) <= 1.0 and np.any(trial.steering)
+                assert np.all(signal[:60] == 0.0) and np.all(signal[-50:] == 0.0), excitation.name
+            assert abs(excitation.start) <= 1.0 and np.any(excitation.steering)
 
 
 def test_families_share_nothing(standard):
@@ -150,7 +161,7 @@ def test_families_share_nothing(standard):
     assert {one.id for case in theirs for one in case.hidden} < {one.id for case in ours for one in case.hidden}
     assert [case.kind for case in ours] != [case.kind for case in theirs]
     peaks = [
-        [np.abs(t.steering).max() for case in drawn for t in case.trials if t.name == "ramp"]
+        [np.abs(t.steering).max() for case in drawn for t in case.excitations if t.name == "ramp"]
         for drawn in (ours, theirs)
     ]
     assert np.mean(peaks[0]) > np.mean(peaks[1]) + 0.1
@@ -200,7 +211,7 @@ def test_answers_are_not_in_the_folder(sealed):
 
 def test_oracles_get_what_they_need(sealed):
     folder, answers = sealed
-    noise = Noise()
+    noise = SensorNoise()
     most = sum(size for *_, size in (*noise.angle_orders, *noise.angle_lines))
     most += 5.0 * noise.angle_white + np.pi / 2**noise.angle_bits  # of 39 samples: beyond five sigma once in 4e4 draws
     told = {path.stem for path in exact_folder(folder / "answers.json").iterdir()}

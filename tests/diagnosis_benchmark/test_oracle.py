@@ -9,7 +9,7 @@ from scipy.linalg import cholesky, toeplitz
 from aoro_gym.diagnosis.noise import Noise
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.recording import read_recording
-from aoro_gym.diagnosis.replay import Simulator, Task, Variants
+from aoro_gym.diagnosis.replay import Replay, Simulator, Variants
 from aoro_gym.diagnosis_benchmark.oracle import beside, consult, evidence_of, information, is_detectable, removed_share
 from aoro_gym.machine import Machine
 from aoro_gym.simulation.log import write_log
@@ -131,7 +131,7 @@ def test_what_another_day_can_do_instead_is_not_detectable(tmp_path, size, seen)
     points = np.zeros((2, len(day.keys)))
     points[0, day.keys.index("steering.valve.nominal_flow_left")] = size
     points[0, day.keys.index("steering.valve.nominal_flow_right")] = size
-    shown = Simulator().run([Task(Variants.of(day.machines(points), [], 2), log) for log in logs])
+    shown = Simulator().run([Replay(Variants.of(day.machines(points), [], 2), log) for log in logs])
     arrays: dict[str, Any] = {
         f"{log.name}/joint_angle/{which}": signals["joint_angle"][:, column]
         for log, signals in zip(logs, shown, strict=True)
@@ -170,7 +170,7 @@ def test_without_a_healthy_day_the_twin_is_what_is_expected(tmp_path):
     rng = np.random.default_rng(8)
     logs = [read_recording(path) for path in sorted((place / "logs").glob("*.csv"))]
     twin = Variants(Machine.load(place / "machine.toml"))
-    shown = Simulator().run([Task(twin, log) for log in logs])
+    shown = Simulator().run([Replay(twin, log) for log in logs])
     for log, signals in zip(logs, shown, strict=True):
         twin = signals["joint_angle"][:, 0]
         table = {

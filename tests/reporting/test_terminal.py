@@ -25,9 +25,9 @@ class Clock:
 
 
 @pytest.fixture
-def track() -> tuple[terminal.Track, Clock]:
+def track() -> tuple[terminal.ProgressEstimate, Clock]:
     clock = Clock()
-    return terminal.Track("working", clock), clock
+    return terminal.ProgressEstimate("working", clock), clock
 
 
 @pytest.mark.parametrize(

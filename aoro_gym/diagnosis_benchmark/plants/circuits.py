@@ -101,7 +101,7 @@ class Chebyshev:
 
 
 @dataclass
-class Side:
+class StepConstants:
     """What stays for the length of one call, such as what belongs to the side that the spool stands on; (R,)."""
 
     left: Array
@@ -403,15 +403,15 @@ class Circuits:
             total = total + stribeck_level(sliding, self.static_ratio, lever * rate, self.stribeck)
         return total
 
-    def side(self, left: Array, engine_speed: Array) -> Side:
+    def side(self, left: Array, engine_speed: Array) -> StepConstants:
         """What belongs to a spool on its left side where ``left`` (R,) says so, else on its right one, and to the engine's
         speed [rad/s]."""
         sides = self.curve["left"], self.curve["right"]
         start, *slopes = (np.where(left, one, other) for one, other in zip(*sides, strict=True))
         inlet, outlet = (np.where(left, *self.edges[name]) for name in ("inlet", "outlet"))
-        return Side(left, inlet, outlet, start, (slopes[0], slopes[1], slopes[2]), self.ceiling(engine_speed))
+        return StepConstants(left, inlet, outlet, start, (slopes[0], slopes[1], slopes[2]), self.ceiling(engine_speed))
 
-    def opening(self, volts: Array, side: Side) -> Array:
+    def opening(self, volts: Array, side: StepConstants) -> Array:
         """Opening [0, 1] of the edges at the spool's ``volts`` [V] from the middle: three straight lines."""
         signal = np.maximum(volts - self.shift, 0.0)
         return (
@@ -488,7 +488,7 @@ class Circuits:
         return self.pressure(y[PORT_A]), self.pressure(y[PORT_B])
 
     def _rates(
-        self, y: Array, stretch: Array, before: Array, side: Side, at: Displacement, middle: Array, rate: Array,
+        self, y: Array, stretch: Array, before: Array, side: StepConstants, at: Displacement, middle: Array, rate: Array,
         wheel_rate: Array, steer: Array, drive: Array, elapsed: float,
     ) -> Array:  # fmt: skip
         """Time derivatives (rows, R) at ``elapsed`` [s] after the start of a step."""
@@ -538,7 +538,7 @@ class Circuits:
             out[PIN_ANGLE] = out[PIN_RATE] = 0.0
         return angle, rate
 
-    def _valve_flows(self, y: Array, p: Array, valve_a: Array, valve_b: Array, side: Side) -> ValveFlows:
+    def _valve_flows(self, y: Array, p: Array, valve_a: Array, valve_b: Array, side: StepConstants) -> ValveFlows:
         """Flows of compensator, edges, shock and suction valves, and leaks, at the valve's ports A and B [Pa]."""
         supply, tank = p[SUPPLY], p[RETURN]
         opening = self.opening(2.0 * np.abs(y[SPOOL]), side)

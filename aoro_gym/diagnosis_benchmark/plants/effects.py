@@ -1,7 +1,8 @@
 """Deviations that a plant can be given, each by a magnitude that can be measured on any plant whatever its laws.
 
-An effect's size is ΔQ = Q(with) − Q(without) of its operational quantity Q, SI; zero is none. :meth:`Effect.apply` turns
-ΔQ into constants of the plant's own law at a level, :meth:`Effect.measure` finds Q on a plant by a bench test of the part.
+An effect's size is ΔQ = Q(with) − Q(without) of its operational quantity Q, SI; zero is none. :meth:`PlantEffect.apply`
+turns ΔQ into constants of the plant's own law at a level, :meth:`PlantEffect.measure` finds Q on a plant by a bench test of
+the part.
 Ids that begin with ``x_`` are outside of the diagnosis's catalogue.
 """
 
@@ -31,7 +32,7 @@ Measure = Callable[[Constants, int], Array]
 
 
 @dataclass(frozen=True)
-class Effect:
+class PlantEffect:
     """One deviation.
 
     Attributes:
@@ -394,106 +395,106 @@ def _apply_soft_ground(p: Constants, magnitude: Array, level: int) -> Changes:
 
 
 _CATALOGUE = (
-    Effect(
+    PlantEffect(
         "sensor_delay", "sensor", "age of the measured joint angle", "s", 0.005, 0.05, "F 16, C 10: 0.2 ms to five samples",
         _add("sensor.delay"), _sensor_delay,
     ),
-    Effect(
+    PlantEffect(
         "sensor_filter", "sensor", "time constant of a first-order lag of the angle before the sampler", "s", 0.005, 0.05,
         "F 18: corners of 3 to 30 Hz", _add("sensor.lag"), _sensor_lag,
     ),
-    Effect(
+    PlantEffect(
         "sensor_gain", "sensor", "measured over true angle, less one", "1", -0.05, 0.05, "F 19: lever map off by 3 %",
         _add("sensor.gain_error"), _sensor_gain,
     ),
-    Effect(
+    PlantEffect(
         "measuring_chain", "sensor", "undeclared zero-phase low-pass of the logger on angle and pressures: 1/(2π f) of its "
         "frequency of half gain", "s", 0.008, 0.05, "F 18: 3 to 20 Hz", _add("sensor.smoothing"),
         lambda p, level: half_gain_time(p["sensor.smoothing"], level),
     ),
-    Effect(
+    PlantEffect(
         "engine_droop", "engine", "relative fall of the steady speed from no load to full load", "1", 0.01, 0.07,
         "D: droop 0 to 7 %", _add("engine.droop"),
         lambda p, level: (lambda c: c.engine_droop * c.ceiling(c.set_speed) / c.set_speed)(_circuits(p, level)),
         standing=False,
     ),
-    Effect(
+    PlantEffect(
         "pump_response", "pump", "time of pump 2's swash from zero to full at saturated error; down alike", "s", -0.6, 2.0,
         "C: 0.05 to 0.3 s", _scale(
             lambda p, level: 1.0 / _circuits(p, level).swash_up,
             "steering.pump.stroke_up_time", "steering.pump.stroke_down_time",
         ), lambda p, level: 1.0 / _circuits(p, level).swash_up, relative=True,
     ),
-    Effect(
+    PlantEffect(
         "pump_limit", "pump", "supply pressure at which the cut-off lets pump 2 hold no flow", "Pa", -0.6, 0.2,
         "C: 180 to 280 bar; lower where it is set so", _add("steering.pump.cutoff"),
         lambda p, level: _circuits(p, level).cutoff, relative=True,
     ),
-    Effect(
+    PlantEffect(
         "command_delay", "valve", "dead time from command to spool", "s", 0.003, 0.04, "C: 3 to 40 ms",
         _add("steering.valve.command_delay"), _command_delay,
     ),
-    Effect(
+    PlantEffect(
         "spool_lag", "valve", "time constant of the spool for a small step", "s", 0.005, 0.08, "C: 8 to 60 ms",
         _add("steering.valve.spool_time_constant"), lambda p, level: 1.0 / _circuits(p, level).spool_pace,
     ),
-    Effect(
+    PlantEffect(
         "spool_rate", "valve", "highest speed of the spool, strokes a second", "1/s", -0.92, -0.3,
         "C: 5 to 25; operators' ramps of 2 1/s (S14)", _add("steering.valve.spool_rate_limit"),
         lambda p, level: _circuits(p, level).spool_rate, relative=True,
     ),
-    Effect(
+    PlantEffect(
         "dead_band", "valve", "signal from 2.5 V at which the left port begins to open; the whole curve shifts", "V", -0.15,
         0.3, "C: 0.23 to 0.45 V; null offset", _add("steering.valve.curve_shift"), _dead_band,
     ),
-    Effect(
+    PlantEffect(
         "valve_gain", "valve", "flow at full signal to the left with the compensator at its setting; all edges alike",
         "m^3/s", -0.25, 0.3, "P: 62 L/min in the data sheet, 70.6 measured", _apply_valve_gain, _valve_gain, relative=True,
     ),
-    Effect(
+    PlantEffect(
         "valve_hysteresis", "valve", "width of the play between command and spool, share of the full signal; shows where "
         "the signal falls short of zero", "1", 0.02, 0.2, "C: 1 to 6 %; worn linkages more",
         _add("steering.valve.hysteresis"), _hysteresis,
     ),
-    Effect(
+    PlantEffect(
         "compensator_lag", "valve", "time of the compensator's full stroke under an excess of one setting", "s", -0.9, 4.0,
         "C: 0.2 to 30 ms", _add("steering.valve.compensator_time_constant"),
         lambda p, level: (lambda c: 1.0 / (c.compensator_rate * c.setting))(_circuits(p, level)), relative=True,
     ),
-    Effect(
+    PlantEffect(
         "compensator_opening", "valve", "drop over the fully open compensator at 60 L/min", "Pa", -0.8, 3.0,
         "F 8: kick of a compensator that starts open", _scale(
             lambda p, level: (OPERATING / _circuits(p, level).compensator) ** 2, "steering.valve.compensator_open_drop"
         ), lambda p, level: (OPERATING / _circuits(p, level).compensator) ** 2, relative=True,
     ),
-    Effect(
+    PlantEffect(
         "back_pressure", "oil_and_hoses", "pressure of the return line at 60 L/min", "Pa", 1e5, 15e5,
         "C: 1 to 6 bar; a clogged filter more", _apply_back_pressure, _back_pressure,
     ),
-    Effect(
+    PlantEffect(
         "oil_temperature", "oil_and_hoses", "oil temperature", "K", -30.0, 40.0, "C: 10 to 60 °C; F 12",
         _apply_temperature, lambda p, level: p["oil.celsius"] + 0.0,
     ),
-    Effect(
+    PlantEffect(
         "oil_bulk_modulus", "oil_and_hoses", "tangent bulk modulus of the oil, no air, at 100 bar", "Pa", -0.4, 0.6,
         "C: 1.0e9 to 1.72e9", _add("oil.bulk_modulus"), lambda p, level: _modulus(p, level, HUNDRED_BAR, air=False),
         relative=True,
     ),
-    Effect(
+    PlantEffect(
         "entrained_air", "oil_and_hoses", "tangent bulk modulus of oil with air, no walls, at 10 bar", "Pa", -0.9, -0.1,
         "F 1: 0.2 to 5 % of air", _apply_air, lambda p, level: _modulus(p, level, TEN_BAR, air=True), relative=True,
     ),
-    Effect(
+    PlantEffect(
         "hose_compliance", "oil_and_hoses", "volume per pressure that the walls of one side's joint hoses take", "m^3/Pa",
         -0.6, 4.0, "C: 0.8e9 to 1.64e9 Pa and 0.26 to 0.9 L", _add("steering.hose_wall"), _wall, relative=True,
     ),
-    Effect(
+    PlantEffect(
         "cylinder_leakage", "cylinders", "leakage past both pistons from A to B at 100 bar, laminar", "m^3/s", 5e-6, 1e-4,
         "F 11: to 1e-11 m^3/s/Pa", lambda p, magnitude, level: {
             "steering.cylinder.leakage": p["steering.cylinder.leakage"] + 0.5 * magnitude / HUNDRED_BAR
         }, lambda p, level: _circuits(p, level).cylinder_leak * HUNDRED_BAR,
     ),
-    Effect(
+    PlantEffect(
         "cross_port_leakage", "valve", "leakage from A to B within the valve at 100 bar, turbulent", "m^3/s", 5e-6, 1e-4,
         "F 11, as a valve left ajar", lambda p, magnitude, level: {
             "steering.valve.cross_orifice": p["steering.valve.cross_orifice"] + magnitude / np.sqrt(HUNDRED_BAR)
@@ -501,49 +502,49 @@ _CATALOGUE = (
             _circuits(p, level).cross_orifice, np.full_like(p["joint.play"], HUNDRED_BAR), p["oil.laminar_pressure"]
         ),
     ),
-    Effect(
+    PlantEffect(
         "seal_friction", "cylinders", "breakaway force of one cylinder without pressure", "N", 200.0, 5000.0,
         "C: preload 20 to 600 N; swollen or dry seals more", _apply_seal, _seal,
     ),
-    Effect(
+    PlantEffect(
         "joint_friction", "joint", "breakaway torque of the joint's bearing", "N*m", 200.0, 5000.0,
         "F 5: 50 to 500 N m; a dry pin more", _apply_bearing, _bearing,
     ),
-    Effect(
+    PlantEffect(
         "joint_backlash", "joint", "free play of the joint, the cylinders held, full width", "rad", 0.001, 0.012,
         "F 20: 0.3 to 1.5 mm at the pins, 0.3° a millimetre", _add("joint.play"), _play,
     ),
-    Effect(
+    PlantEffect(
         "frame_compliance", "joint", "joint angle per torque, the cylinders held", "rad/(N*m)", 5e-8, 5e-7,
         "F 21: 2 to 20 MN m/rad", _add("joint.compliance"), _compliance,
     ),
-    Effect(
+    PlantEffect(
         "payload", "mass", "mass of the machine; what is added lies over the front axle 1.5 m above the ground", "kg", 150.0,
         1500.0, "F 22: crane and load", _add("payload.mass"),
         lambda p, level: (lambda b: b.front.mass + b.rear.mass)(_bodies(p, level)),
     ),
-    Effect(
+    PlantEffect(
         "driveline_resistance", "driveline", "dry torque with which one wheel resists turning", "N*m", 100.0, 1000.0,
         "A: 230 to 370 N m is the brake of the published twin", _add("driveline.brake.disc_torque"), _wheel_torque,
     ),
-    Effect(
+    PlantEffect(
         "tire_relaxation", "wheels_and_ground", "initial lateral stiffness of one standing tire at 24.5 kN", "N/m", -0.85,
         1.5, "E.1: 5 to 100 1/m", _scale(_lateral_stiffness, "tire.sigma0_lateral", "tire.sigma0_longitudinal"),
         _lateral_stiffness, relative=True,
     ),
-    Effect(
+    PlantEffect(
         "tire_stiffness", "wheels_and_ground", "vertical stiffness of one tire", "N/m", -0.5, 0.6, "E.2: 300 to 650 kN/m",
         _add("tire.stiffness"), lambda p, level: _bodies(p, level).stiffness, relative=True,
     ),
-    Effect(
+    PlantEffect(
         "tire_scrub", "wheels_and_ground", "torque to swivel one standing wheel by 20° at 24.5 kN", "N*m", 200.0, 3000.0,
         "E.3: 0.8 to 3.2 kN m", _apply_scrub, _swivel,
     ),
-    Effect(
+    PlantEffect(
         "soft_ground", "wheels_and_ground", "towing resistance over weight of a free wheel", "1", 0.02, 0.15,
         "E.2: 0.05 to 0.1; mud 0.15", _apply_soft_ground, _towing,
     ),
-    Effect(
+    PlantEffect(
         "ground_slope", "wheels_and_ground", "rise of the ground ahead and to the left at heading 0", "rad", -0.1, 0.1,
         "F 23: 0 to 3° on a test yard, 6° outside", lambda p, magnitude, level: {
             "ground.slope_ahead": p["ground.slope_ahead"] + magnitude[0],
@@ -551,17 +552,17 @@ _CATALOGUE = (
         }, _slope, parts=("ahead", "left"),
     ),
     # outside of the catalogue
-    Effect(
+    PlantEffect(
         "x_air_pocket", "oil_and_hoses", "air trapped in port A, volume at atmospheric pressure", "m^3", 3e-5, 4e-4,
         "estimate: a badly bled cylinder", _add("steering.pocket_a"), lambda p, level: _circuits(p, level).pocket,
     ),
-    Effect(
+    PlantEffect(
         "x_port_leak", "valve", "leakage from port A to tank at 100 bar, laminar: a spool worn on one land", "m^3/s", 1e-5,
         1e-4, "estimate", lambda p, magnitude, level: {
             "steering.valve.leak_a": p["steering.valve.leak_a"] + magnitude / HUNDRED_BAR
         }, lambda p, level: (lambda c: (c.port_leak[0] - c.port_leak[1]) * HUNDRED_BAR)(_circuits(p, level)),
     ),
-    Effect(
+    PlantEffect(
         "x_return_kink", "oil_and_hoses", "drop over a kink in the return from port B at 60 L/min", "Pa", 3e5, 40e5,
         "estimate", lambda p, magnitude, level: {
             "steering.valve.kink_b": p["steering.valve.kink_b"] + magnitude / OPERATING**2
@@ -569,31 +570,31 @@ _CATALOGUE = (
             lambda kinked, straight: OPERATING**2 * (kinked.edges["outlet"][0] ** -2 - straight.edges["outlet"][0] ** -2)
         )(_circuits(p, level), _circuits({**p, "steering.valve.kink_b": np.zeros_like(p["joint.play"])}, level)),
     ),
-    Effect(
+    PlantEffect(
         "x_angle_wobble", "sensor", "amplitude of an error of the angle with twelve periods a turn", "rad", 0.002, 0.01,
         "estimate: an eccentric magnet", _add("sensor.wobble"), lambda p, level: p["sensor.wobble"] + 0.0,
     ),
-    Effect(
+    PlantEffect(
         "x_hinge_bump", "joint", "extra breakaway torque of the bearing at a spot 0.4 rad to the right", "N*m", 800.0,
         8000.0, "estimate: a damaged race", _add("joint.bump"), _bump,
     ),
-    Effect(
+    PlantEffect(
         "x_dragging_brake", "driveline", "extra dry torque at the front left wheel alone", "N*m", 300.0, 3000.0,
         "estimate: a parking brake that hangs", _add("driveline.brake.drag_fl"), _drag,
     ),
-    Effect(
+    PlantEffect(
         "x_low_shock_valve", "valve", "opening pressure of port B's shock valve less that of port A's", "Pa", 60e5, 180e5,
         "estimate: a fatigued spring", _add("steering.valve.shock_drop_a"),
         lambda p, level: (lambda c: c.shock_setting[1] - c.shock_setting[0])(_circuits(p, level)),
     ),
-    Effect(
+    PlantEffect(
         "x_ls_restriction", "pump", "time constant of the load-sensing line", "s", 0.01, 0.08,
         "estimate: a clogged damping orifice", _add("steering.pump.ls_time_constant"),
         lambda p, level: 1.0 / _circuits(p, level).ls_pace,
     ),
 )  # fmt: skip
 
-EFFECTS: Mapping[str, Effect] = {effect.id: effect for effect in _CATALOGUE}
+EFFECTS: Mapping[str, PlantEffect] = {effect.id: effect for effect in _CATALOGUE}
 """All deviations by id, those of the diagnosis's catalogue first."""
 
 OUTSIDE = tuple(name for name in EFFECTS if name.startswith("x_"))

@@ -13,7 +13,7 @@ from aoro_gym.diagnosis_benchmark.plants.constants import constants_of
 from aoro_gym.diagnosis_benchmark.plants.effects import with_effects
 from aoro_gym.diagnosis_benchmark.plants.fluid import Array
 from aoro_gym.diagnosis_benchmark.plants.plant import MAIN_STEP, Plant, simulate
-from aoro_gym.diagnosis_benchmark.plants.sensors import Noise, measured
+from aoro_gym.diagnosis_benchmark.plants.sensors import SensorNoise, measured
 from aoro_gym.machine.machine_file import Parameter
 
 TICK = 0.01
@@ -45,7 +45,7 @@ class Run:
     drive: Array | None = None
     joint_angle: float = 0.0
     seed: int = 0
-    noise: Noise | None = None
+    noise: SensorNoise | None = None
 
     def __post_init__(self) -> None:
         for name, signal in (("steering", self.steering), ("drive", self.drive)):

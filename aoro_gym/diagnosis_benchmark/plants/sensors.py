@@ -26,7 +26,7 @@ HIGHEST_CORNER = 0.45 * RATE
 
 
 @dataclass(frozen=True)
-class Noise:
+class SensorNoise:
     """What sensors add; rms or amplitude, SI. The angle's figures follow the published swing of the filtered flow, about
     12 to 18 L/min peak to peak; the others are common industrial sensors (estimates)."""
 
@@ -43,7 +43,7 @@ class Noise:
     wheel_white: float = 5e-3  # [rad/s]
 
     @classmethod
-    def none(cls) -> Noise:
+    def none(cls) -> SensorNoise:
         """Exact sensors."""
         return cls((), (), 0.0, 0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -104,7 +104,7 @@ def measured(
     constants: Constants,
     level: int,
     seeds: Sequence[int],
-    noise: Noise | None = None,
+    noise: SensorNoise | None = None,
 ) -> tuple[Array, dict[str, Array]]:
     """Ticks [s] (K,) and what the sensors show of ``outputs`` (F, R), SI, each (K, R).
 
@@ -116,7 +116,7 @@ def measured(
         seeds: One a run: draws all that is random about it.
         noise: What sensors add; the published kind by default.
     """
-    added = Noise() if noise is None else noise
+    added = SensorNoise() if noise is None else noise
     step = time[1] - time[0]
     every = round(1.0 / RATE / step)
     if abs(every * step * RATE - 1.0) > 1e-6:
@@ -141,7 +141,7 @@ def measured(
     return ticks, shown
 
 
-def _noise(name: str, noise: Noise, ticks: Array, turned: Array, rng: np.random.Generator) -> Array:
+def _noise(name: str, noise: SensorNoise, ticks: Array, turned: Array, rng: np.random.Generator) -> Array:
     """Draws what holds for a run first, then a number a sample, so that a longer run begins as a shorter one."""
     if name == "joint_angle":
         total = np.zeros(len(ticks))
@@ -157,7 +157,7 @@ def _noise(name: str, noise: Noise, ticks: Array, turned: Array, rng: np.random.
     return (noise.wheel_white if name.startswith("wheel_rate") else 0.0) * rng.standard_normal(len(ticks))
 
 
-def _resolution(name: str, noise: Noise) -> float:
+def _resolution(name: str, noise: SensorNoise) -> float:
     if name == "joint_angle":
         return 2.0 * np.pi / 2**noise.angle_bits if noise.angle_bits else 0.0
     if "pressure" in name:

@@ -6,7 +6,7 @@ import pytest
 from aoro_gym.diagnosis_benchmark.plants.constants import OFF, constants_of
 from aoro_gym.diagnosis_benchmark.plants.effects import EFFECTS, OUTSIDE, with_effects
 from aoro_gym.diagnosis_benchmark.plants.plant import CHANNELS, LEVELS, Plant, simulate
-from aoro_gym.diagnosis_benchmark.plants.sensors import Noise, measured
+from aoro_gym.diagnosis_benchmark.plants.sensors import SensorNoise, measured
 
 CATALOGUE = {
     "sensor_delay", "sensor_filter", "sensor_gain", "measuring_chain", "engine_droop", "pump_response", "pump_limit",
@@ -91,7 +91,7 @@ def test_zero_is_none_and_full_severity_shows(level, machine):
     signal[310:] = 0.4
     outputs = simulate(Plant(constants, level, joint_angle=-0.6), {"steering_signal": signal}, channels=CHANNELS)
     time = 1e-3 * np.arange(count + 1, dtype=np.float64)
-    _, shown = measured(time, outputs, constants, level, [0] * runs, Noise.none())
+    _, shown = measured(time, outputs, constants, level, [0] * runs, SensorNoise.none())
     change = {
         name: np.abs(shown[channel] - shown[channel][:, :1]).max(axis=0)
         for name, channel in (

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from aoro_gym.diagnosis_benchmark.plants.constants import constants_of
-from aoro_gym.diagnosis_benchmark.plants.sensors import RATE, Noise, angle_chain, half_gain_time, measured, smoothed
+from aoro_gym.diagnosis_benchmark.plants.sensors import (
+    RATE,
+    SensorNoise,
+    angle_chain,
+    half_gain_time,
+    measured,
+    smoothed,
+)
 
 TIME = 1e-3 * np.arange(4001, dtype=np.float64)
 
@@ -43,7 +50,7 @@ def test_noise_is_what_it_says_and_repeats_by_its_seed(two):
     assert ticks == pytest.approx(np.arange(401) / RATE)
     assert np.array_equal(first["joint_angle"][:, 0], again["joint_angle"][:, 0])
     assert not np.array_equal(first["joint_angle"][:, 1], again["joint_angle"][:, 1])
-    noise = Noise()
+    noise = SensorNoise()
     bit = 2.0 * np.pi / 2**noise.angle_bits
     amplitudes = [a for _, a in noise.angle_orders] + [a for *_, a in noise.angle_lines]
     expected = np.sqrt(noise.angle_white**2 + 0.5 * np.sum(np.square(amplitudes)) + bit**2 / 12.0)
@@ -58,7 +65,7 @@ def test_noise_is_what_it_says_and_repeats_by_its_seed(two):
 
 def test_exact_sensors_are_exact(two):
     angle = np.repeat(np.sin(TIME)[:, None], 2, axis=1)
-    _, shown = measured(TIME, {"joint_angle": angle, "engine_speed": angle + 160.0}, two, 0, [0, 0], Noise.none())
+    _, shown = measured(TIME, {"joint_angle": angle, "engine_speed": angle + 160.0}, two, 0, [0, 0], SensorNoise.none())
     assert np.array_equal(shown["joint_angle"], angle[::10])
 
 

@@ -12,7 +12,7 @@ from aoro_gym.envs.path_tracking.assistance import (
     ArmController,
     AutomaticGear,
     GearShift,
-    Stance,
+    MachineDimensions,
     TractionControl,
 )
 from aoro_gym.terrains import Plane
@@ -70,7 +70,7 @@ def test_spinning_wheels_are_throttled_and_freed_again():
 def stance(machine, count=1):
     one = np.ones(count)
     rest = [machine.rest.arm_angle_front] * 2 + [machine.rest.arm_angle_rear] * 2
-    return Stance(
+    return MachineDimensions(
         front=machine.frame.front.axle_distance * one,
         rear=machine.frame.rear.axle_distance * one,
         half_track=0.5 * machine.frame.track * one,

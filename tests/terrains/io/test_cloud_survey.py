@@ -6,7 +6,7 @@ import pytest
 from aoro_gym.terrains import TerrainError, load
 from aoro_gym.terrains.io.check import Report
 from aoro_gym.terrains.io.cloud_survey import Chunk, Cloud, survey
-from aoro_gym.terrains.io.frame import Request
+from aoro_gym.terrains.io.frame import LoadOptions
 
 
 def height(x, y):
@@ -24,7 +24,7 @@ def surveyed(xyz, count=None, **wishes):
     cloud = Cloud(
         len(xyz) if count is None else count, lambda: (Chunk(xyz[i : i + 100]) for i in range(0, len(xyz), 100))
     )
-    return survey(cloud, Request(**wishes), report), report
+    return survey(cloud, LoadOptions(**wishes), report), report
 
 
 def changes(report) -> dict[str, int]:

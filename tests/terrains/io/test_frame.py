@@ -7,7 +7,7 @@ import trimesh
 
 from aoro_gym.terrains import Terrain, TerrainError, load, to_geographic
 from aoro_gym.terrains.io.check import Report
-from aoro_gym.terrains.io.frame import Request, find_frame
+from aoro_gym.terrains.io.frame import LoadOptions, find_frame
 
 N = 30
 GEOD = pyproj.Geod(ellps="WGS84")
@@ -65,14 +65,14 @@ def test_how_the_unit_of_heights_is_known(options, known, metres):
         np.array([6_100_000.0, 2_000_000.0, 0.0]) if options.get("crs") == "EPSG:2227" else np.array([5e5, 6.6e6, 0.0])
     )
     report = Report("g", kind="points")
-    frame = find_frame(Request(**options), report, corner, corner + 100.0, spacing=0.5)
+    frame = find_frame(LoadOptions(**options), report, corner, corner + 100.0, spacing=0.5)
     assert (frame.z_known, frame.z_scale) == (known, pytest.approx(metres))
 
 
 def test_a_vertical_unit_of_the_file_holds_beside_the_callers_plan():
     corner = np.array([5e5, 6.6e6, 0.0])
     frame = find_frame(
-        Request(crs="EPSG:32635"),
+        LoadOptions(crs="EPSG:32635"),
         Report("g", kind="points"),
         corner,
         corner + 100.0,
@@ -107,7 +107,7 @@ def test_the_unit_of_a_clouds_heights_is_settled_before_its_ground_is_told(tmp_p
 def test_kilometres_are_recognised_unless_heights_tower_over_them(relief):
     """4 units wide: a steep flank in km may be as high as the tenfold, 400 m beside degrees may not."""
     high = np.array([4.0, 3.0, relief])
-    request, report = Request(), Report("g", kind="points")
+    request, report = LoadOptions(), Report("g", kind="points")
     if relief <= 10.0 * 4.0:
         assert find_frame(request, report, np.zeros(3), high, spacing=0.005).scale == 1000.0
     else:

@@ -8,20 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.terrains.heights import Heights
-from aoro_gym.terrains.io.frame import Frame
+from aoro_gym.terrains.io.frame import CoordinateFrame
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
+class ElevationModel:
     """Ground in local x, y and world z [m]."""
 
     heights: Heights
-    frame: Frame
+    frame: CoordinateFrame
     mesh: tuple[NDArray[np.float64], NDArray[np.int32]] | None = None
     """Vertices (V, 3) and faces (F, 3) of one whole surface without overhangs, the same as ``heights``."""
 
-    def with_z_times(self, factor: float) -> Ground:
+    def with_z_times(self, factor: float) -> ElevationModel:
         """The same with all heights multiplied by ``factor``."""
         mesh = None if self.mesh is None else (self.mesh[0] * [1.0, 1.0, factor], self.mesh[1])
         frame = replace(self.frame, z_scale=self.frame.z_scale * factor)
-        return Ground(self.heights.replaced(self.heights.z * factor), frame, mesh)
+        return ElevationModel(self.heights.replaced(self.heights.z * factor), frame, mesh)
