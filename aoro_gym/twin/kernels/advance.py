@@ -38,7 +38,7 @@ from aoro_gym.twin.kernels.state import load_state, rest, store_state, watched
 from aoro_gym.twin.physics.bodies import accelerate, hinge_rotation
 from aoro_gym.twin.physics.engine import engine_step
 from aoro_gym.twin.physics.fluid import without_gas
-from aoro_gym.twin.physics.joint import rigid_joint_torque
+from aoro_gym.twin.physics.joint import least_inertia, rigid_joint_torque
 from aoro_gym.twin.physics.steering import play_output
 from aoro_gym.twin.records import NON_FINITE, OK, MachineRecord
 
@@ -127,7 +127,7 @@ def advance(
             if m.joint.mount_stiffness == 0.0:
                 joint_torque, friction = rigid_joint_torque(
                     m.joint, m.steering, m.oil, chambers.steering, pose.joint, middle.joint, velocity.joint, oil.joint,
-                    circuits.steering, circuits.mount.friction, h,
+                    circuits.steering, circuits.mount.friction, least_inertia(m.frame_front, m.frame_rear), h,
                 )
                 circuits.mount.friction = friction
 

@@ -23,7 +23,7 @@ from aoro_gym.twin.physics.driveline import (
 )
 from aoro_gym.twin.physics.fluid import Oil, pressure
 from aoro_gym.twin.physics.friction import lag
-from aoro_gym.twin.physics.joint import cylinders_step
+from aoro_gym.twin.physics.joint import cylinders_step, mount_hardening
 from aoro_gym.twin.physics.mount import mount_torque
 from aoro_gym.twin.physics.steering import (
     Exchange,
@@ -189,9 +189,12 @@ def hydraulics(
     gas_driveline = driveline_gas(oil, driveline)
     cylinder_rate = float(joint_rate)
     joint_end = steering_torque(oil, g.steering, steering)
+    hardening = mount_hardening(m.joint)
     if mount_stiffness > 0.0:
         cylinder_rate = mount.rate
-        joint_end = mount_torque(mount_stiffness, m.joint.backlash, mount.deflection, mount.rate - joint_rate)
+        joint_end = mount_torque(
+            mount_stiffness, m.joint.backlash, hardening, mount.deflection, mount.rate - joint_rate
+        )
     joint_sum = 0.5 * joint_end
     arm_sum = 0.5 * arm_torques(oil, g, fl, fr, rl, rr)
     motor_sum = 0.5 * motor_pressures(oil, driveline)
@@ -217,7 +220,9 @@ def hydraulics(
             angle = joint + float(substep) * dt * joint_rate
             mount = cylinders_step(m.joint, m.steering, oil, g.steering, steering, angle, joint_rate, mount, dt)
             cylinder_rate = mount.rate
-            joint_end = mount_torque(mount_stiffness, m.joint.backlash, mount.deflection, mount.rate - joint_rate)
+            joint_end = mount_torque(
+                mount_stiffness, m.joint.backlash, hardening, mount.deflection, mount.rate - joint_rate
+            )
         joint_sum += joint_end
         arm_sum += arm_torques(oil, g, fl, fr, rl, rr)
         motor_sum += motor_pressures(oil, driveline)

@@ -13,8 +13,8 @@ from aoro_gym.twin.physics.driveline import Driveline, DrivelineState
 from aoro_gym.twin.physics.engine import EngineState, full_load_torque, governed_speed
 from aoro_gym.twin.physics.fluid import Oil
 from aoro_gym.twin.physics.ground import place
-from aoro_gym.twin.physics.joint import joint_capacity
-from aoro_gym.twin.physics.mount import MountState
+from aoro_gym.twin.physics.joint import LUGRE, joint_capacity, mount_hardening
+from aoro_gym.twin.physics.mount import MountState, mount_bend
 from aoro_gym.twin.physics.steering import Steering, SteeringState, steering_geometry, steering_torque
 from aoro_gym.twin.records import OK, Command, MachineRecord
 
@@ -35,7 +35,7 @@ def idle_steering(m: Steering, engine_speed: float):
 @wp.func
 def held_joint(m: MachineRecord, joint: float, torque: float, s: SteeringState):
     """Steering circuit and mount that hold the joint against ``torque`` [N m]: dry friction what oil at the return line's
-    pressure does not, higher pressure what is beyond it."""
+    pressure does not, higher pressure what is beyond it. By laws without stiction, pressure holds all of it."""
     out = s
     mount = MountState()
     g = steering_geometry(m.steering, joint)
@@ -45,8 +45,11 @@ def held_joint(m: MachineRecord, joint: float, torque: float, s: SteeringState):
         if m.joint.backlash > 0.0 and wp.abs(borne) <= m.joint.friction_torque:
             borne = 0.0  # in the middle of its play, while tires hold what is as little
             edge = 0.0
-        mount.deflection = borne / m.joint.mount_stiffness + 0.5 * m.joint.backlash * edge
+        bent = mount_bend(m.joint.mount_stiffness, mount_hardening(m.joint), borne)
+        mount.deflection = bent + 0.5 * m.joint.backlash * edge
     capacity = joint_capacity(m.joint, m.steering, m.oil, g, s, 0.0)
+    if m.joint.friction_law > LUGRE:
+        capacity = 0.0
     lacking = borne - steering_torque(m.oil, g, s)
     held = wp.clamp(lacking, -capacity, capacity)
     mount.friction = -held / m.joint.presliding_stiffness

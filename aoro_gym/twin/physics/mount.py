@@ -23,15 +23,30 @@ class MountState:
 
 
 @wp.func
-def mount_torque(stiffness: float, backlash: float, deflection: float, slip: float):
+def mount_torque(stiffness: float, backlash: float, hardening: float, deflection: float, slip: float):
     """Torque [N m] of the cylinders on the frames: k (b + c ẋ) with b the part of x beyond the free play, |c ẋ| ≤ |b|.
 
     A spring behind a dead zone of full width ``backlash`` [rad] with Kelvin–Voigt losses (c = ``LOSS_TIME``) that never
-    pulls the pins back.
+    pulls the pins back. A spring that hardens, a = ``hardening`` > 0 [1/rad], has b (1 + a|b|/2) for b and c (1 + a|b|) for
+    c: its stiffness grows in line with its bend, to 2 k at 1/a, as clearances of pins and bushings close and more of them
+    bears. Valid for bends of a few 1/a.
     """
     half = 0.5 * backlash
     bent = deflection - wp.clamp(deflection, -half, half)
+    if hardening > 0.0:
+        spring = bent * (1.0 + 0.5 * hardening * wp.abs(bent))
+        loss = LOSS_TIME * (1.0 + hardening * wp.abs(bent)) * slip
+        return stiffness * (spring + wp.clamp(loss, -wp.abs(spring), wp.abs(spring)))
     return stiffness * (bent + wp.clamp(LOSS_TIME * slip, -wp.abs(bent), wp.abs(bent)))
+
+
+@wp.func
+def mount_bend(stiffness: float, hardening: float, torque: float):
+    """Bend b [rad] beyond the free play under a constant ``torque`` [N m]: the inverse of :func:`mount_torque` at rest."""
+    bent = torque / stiffness
+    if hardening > 0.0:  # root of b (1 + a|b|/2) = T/k, without a difference of like numbers
+        bent *= 2.0 / (1.0 + wp.sqrt(1.0 + 2.0 * hardening * wp.abs(bent)))
+    return bent
 
 
 @wp.func
@@ -39,6 +54,7 @@ def mount_step(
     g: SteeringGeometry,
     stiffness: float,
     backlash: float,
+    hardening: float,
     torque: float,
     grip: float,
     drag: float,
@@ -55,8 +71,10 @@ def mount_step(
     """
     slip = x.rate - joint_rate
     held = wp.where(wp.abs(x.deflection) < 0.5 * backlash, 0.0, dt * stiffness)  # [N m s/rad]
+    if hardening > 0.0:
+        held *= 1.0 + hardening * (wp.abs(x.deflection) - 0.5 * backlash)
     inertia = MOVING_MASS * (g.lever_left * g.lever_left + g.lever_right * g.lever_right)
-    push = torque - mount_torque(stiffness, backlash, x.deflection, slip) - held * slip - dt * grip * x.rate
+    push = torque - mount_torque(stiffness, backlash, hardening, x.deflection, slip) - held * slip - dt * grip * x.rate
     out = MountState()
     out.rate = x.rate + dt * push / (inertia + (dt + LOSS_TIME) * held + dt * (dt * grip + drag))
     out.deflection = x.deflection + dt * (out.rate - joint_rate)

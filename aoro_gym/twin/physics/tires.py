@@ -12,6 +12,7 @@ Sources: Lehto et al. (Machines 2026, 14, 128) for the disc model; Canudas de Wi
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
 import warp as wp
 
+from aoro_gym.twin.physics.friction import bristle_step
 from aoro_gym.twin.physics.ground import Footing, ground_height, penetration
 
 ROLLING_REGULARISATION = wp.constant(0.05)  # [rad/s] wheel rate below which rolling resistance fades
@@ -89,13 +90,6 @@ def lugre_capacity(m: Tire, speed: float, friction: float):
     """Steady friction coefficient g(v) = μ (μ_c + (μ_s − μ_c) exp(−(v/v_s)²)) at slip ``speed`` [m/s]."""
     ratio = speed / m.stribeck_velocity
     return friction * (m.friction_coulomb + (m.friction_static - m.friction_coulomb) * wp.exp(-ratio * ratio))
-
-
-@wp.func
-def bristle_step(z: float, slip: float, unload: float, dt: float):
-    """Deflection [m] after ``dt``: ż = v − λ z with λ = σ₀|v|/g (``unload`` [1/s]); linearly implicit, so stable at
-    any slip speed. Signed: on reversal the bristle unloads before it bends the other way."""
-    return (z + dt * slip) / (1.0 + dt * unload)
 
 
 @wp.func

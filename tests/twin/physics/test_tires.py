@@ -10,12 +10,12 @@ import pytest
 import warp as wp
 from scipy.special import logsumexp, softmax
 
+from aoro_gym.twin.physics.friction import bristle_step
 from aoro_gym.twin.physics.ground import Footing
 from aoro_gym.twin.physics.tires import (
     Hull,
     Tire,
     TireContact,
-    bristle_step,
     hull_contact,
     lugre_capacity,
     tire_contact,
@@ -43,6 +43,14 @@ TIRE = record(
     rolling_resistance=0.0125,
     scrub_radius=0.0,
     scrub_angle=0.15,
+    swivel_law=0,
+    bore_radius=0.13,
+    bore_stiffness=15e3,
+    slip_law=0,
+    relaxation_longitudinal=0.3,
+    relaxation_lateral=0.5,
+    soft_ground_law=0,
+    bulldozing_resistance=0.05,
 )
 HULL = record(Hull, stiffness=2e6, damping=2e4, friction=0.5)
 LEVEL = record(
