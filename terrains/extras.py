@@ -4,7 +4,7 @@ from importlib import import_module
 from typing import Any
 
 
-def extra(module: str, what: str) -> Any:
+def import_extra(module: str, what: str) -> Any:
     """The module of the extra ``[terrain]``; ``ValueError`` naming ``what`` needs it and how to install it."""
     try:
         return import_module(module)

@@ -119,7 +119,7 @@ def _draw_ground(figure: Figure, axes: Axes, heights: Heights, zones: NDArray[np
         step = _round_step((highest - lowest) / 14.0)
         levels = step * np.arange(np.ceil(lowest / step), np.floor(highest / step) + 1)
         thick = np.where(np.round(levels / step) % 5 == 0, 0.8, 0.35)
-        smooth = np.ma.masked_invalid(_softened(z, heights.cell))
+        smooth = np.ma.masked_invalid(_smoothed(z, heights.cell))
         axes.contour(x, y, smooth, levels=levels, colors=INK, alpha=0.35, linewidths=thick, linestyles="solid")
     if zones is None:
         from matplotlib.cm import ScalarMappable
@@ -146,7 +146,7 @@ def _shaded(colour: NDArray[np.float64], heights: Heights) -> NDArray[np.float64
     return colour * (1.0 - dark * np.array([0.95, 0.9, 0.78])) + (1.0 - colour) * bright * np.array([0.95, 0.9, 0.75])
 
 
-def _softened(z: NDArray[np.float64], cell: float) -> Any:
+def _smoothed(z: NDArray[np.float64], cell: float) -> Any:
     """Heights without what is smaller than a vehicle, for contours that can be read."""
     from scipy.ndimage import gaussian_filter
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from aoro_gym.terrains.extras import extra
+from aoro_gym.terrains.extras import import_extra
 from aoro_gym.terrains.terrain import Terrain
 
 MOST_SCALE_ERROR = 0.01
@@ -82,7 +82,7 @@ def terrain_crs(terrain: Terrain) -> Any:
 @lru_cache(maxsize=64)
 def horizontal(crs: str) -> Any:
     """``crs`` as a ``pyproj.CRS`` without its vertical part; ``ValueError`` if it says nothing of places on Earth."""
-    pyproj = extra("pyproj", f"the coordinate reference system {crs!r}")
+    pyproj = import_extra("pyproj", f"the coordinate reference system {crs!r}")
     try:
         system = pyproj.CRS.from_user_input(crs)
     except pyproj.exceptions.CRSError:
@@ -108,7 +108,7 @@ def scale_factors(system: Any, x: float, y: float) -> tuple[float, float] | None
     Measured with geodesics in eight directions, as a projection may stretch one and not the other. None where the place
     has no latitude and longitude.
     """
-    pyproj = extra("pyproj", "the scale of a projection")
+    pyproj = import_extra("pyproj", "the scale of a projection")
     metre = axis_unit(system)
     back = pyproj.Transformer.from_crs(system, system.geodetic_crs, always_xy=True)
     angle = np.arange(0.0, np.pi, np.pi / 8.0)
@@ -139,7 +139,7 @@ def _short(text: Any) -> str:
 
 def _transform(source: Any, target: Any, first: NDArray[np.float64], second: NDArray[np.float64]) -> Plan:
     """Coordinates (x or longitude first) from one system in the other."""
-    pyproj = extra("pyproj", "a change of coordinates")
+    pyproj = import_extra("pyproj", "a change of coordinates")
     if source != target:
         change = pyproj.Transformer.from_crs(source, target, always_xy=True)
         first, second = (np.asarray(part) for part in change.transform(first, second))

@@ -7,7 +7,7 @@ import unicodedata
 from dataclasses import dataclass
 from functools import lru_cache
 
-from aoro_gym.terrains.extras import extra
+from aoro_gym.terrains.extras import import_extra
 
 UNITS = {
     "m": 1.0,
@@ -117,7 +117,7 @@ def _of_words(words: list[str]) -> LengthUnit | None:
 
 def _of_epsg(words: tuple[str, ...] = (), code: str = "") -> LengthUnit | None:
     """One of the other units of EPSG's register, by its name (in the singular or the plural) or its code."""
-    pyproj = extra("pyproj", "a unit of length")
+    pyproj = import_extra("pyproj", "a unit of length")
     plural = words and words[-1].endswith("s") and (*words[:-1], words[-1][:-1])
     for name, unit in pyproj.database.get_units_map(auth_name="EPSG", category="linear").items():
         if (code and unit.code == code) or tuple(re.findall(r"[a-z]+|\d+", name.casefold())) in (words, plural):

@@ -171,7 +171,7 @@ def forest(seed: int = 0, settings: ForestSettings | None = None, **changes: Any
         known = ", ".join(field.name for field in fields(ForestSettings))
         raise ValueError(f"forest has no {', '.join(sorted(unknown))}; choose from {known}")
     chosen = replace(settings or ForestSettings(), **changes)
-    return _Grower(seed, chosen).forest()
+    return _ForestBuilder(seed, chosen).forest()
 
 
 SHOULDER = 0.75
@@ -194,7 +194,7 @@ RUT_APART, RUT_WIDTH = 1.97, 0.5
 """Of the trail's ruts [m]: the track and the width of the machine's tires."""
 
 
-class _Waves:
+class _RandomField:
     """A random field of plane waves with amplitudes in proportion to their lengths^``roll``: mean 0, mean square 1."""
 
     def __init__(self, rng: np.random.Generator, count: int, shortest: float, longest: float, roll: float = 1.0):
@@ -215,7 +215,7 @@ class _Waves:
         return np.cos(points @ self.numbers.T + self.phase) @ self.amplitude
 
 
-class _Grower:
+class _ForestBuilder:
     """Builds one forest. Each part draws from its own stream, so that settings of one leave the others in place."""
 
     def __init__(self, seed: int, settings: ForestSettings):
@@ -230,14 +230,14 @@ class _Grower:
         self.nodes = np.stack(np.meshgrid(self.x, self.y), axis=-1).reshape(-1, 2)
 
         rng = self.streams["relief"]
-        self.hills = _Waves(rng, 60, 14.0, 90.0)
+        self.hills = _RandomField(rng, 60, 14.0, 90.0)
         direction = rng.uniform(0.0, 2.0 * np.pi)
         self.fall = np.tan(np.radians(settings.tilt_deg)) * np.array([np.cos(direction), np.sin(direction)])
         self.road = self._road() if settings.road_width > 0.0 else None
         self.side = 1.0 if self.streams["road"].random() < 0.5 else -1.0
         """Left or right of the road, where the trail is."""
         self.trail = self._trail() if settings.trail else None
-        self.meadow_edge = _Waves(self.streams["meadow"], 12, 8.0, 30.0)
+        self.meadow_edge = _RandomField(self.streams["meadow"], 12, 8.0, 30.0)
 
     def forest(self) -> Forest:
         rows, columns = len(self.y), len(self.x)
@@ -251,7 +251,7 @@ class _Grower:
         wild *= 1.0 - 0.85 * clearing
         zones[clearing > 0.5] = Zone.GRASS
         if self.trail is not None:
-            s, offset = _beside(self.trail, self.nodes, 12.0)
+            s, offset = _path_coordinates(self.trail, self.nodes, 12.0)
             strip = 1.0 - _smoothstep(np.abs(offset), TRAIL_HALF, TRAIL_HALF + 2.0)
             z = z + strip * (np.interp(s, self.trail.stations, self._profile(self.trail, 4.0)) - z)
             ruts = np.exp(-(((np.abs(offset) - 0.5 * RUT_APART) / (0.6 * RUT_WIDTH)) ** 2))
@@ -260,7 +260,7 @@ class _Grower:
             zones[np.abs(offset) < TRAIL_HALF + 0.3] = Zone.GRASS
         if self.road is not None:
             z, wild, zones = self._with_road(z, wild, zones)
-        floor = _Waves(self.streams["floor"], 160, 0.8, 4.0).grid(self.x, self.y).ravel()
+        floor = _RandomField(self.streams["floor"], 160, 0.8, 4.0).grid(self.x, self.y).ravel()
         z = z + settings.roughness * wild * floor
         z = z + wild * self._hummocks()
         obstacles: list[Obstacle] = []
@@ -362,7 +362,7 @@ class _Grower:
         """Road, shoulders, ditches and banks cut into or filled onto the ground."""
         assert self.road is not None
         settings, half = self.settings, 0.5 * self.settings.road_width
-        s, offset = _beside(self.road, self.nodes, np.inf)
+        s, offset = _path_coordinates(self.road, self.nodes, np.inf)
         apart = np.abs(offset)
         depth = np.ones(len(z))
         for station, side in self._crossings():
@@ -487,7 +487,7 @@ class _Grower:
         return Path(path.points[kept], name=path.name)
 
 
-def _beside(path: Path, points: Array, reach: float) -> tuple[Array, Array]:
+def _path_coordinates(path: Path, points: Array, reach: float) -> tuple[Array, Array]:
     """Station and cross-track offset [m] of (K, 2) points; beyond ``reach`` of the path only roughly."""
     apart, nearest = KDTree(path.points).query(points)
     s, offset = path.stations[nearest], np.asarray(apart, dtype=np.float64).copy()

@@ -4,7 +4,7 @@ To try loading and repair on ground whose truth is known, and to show it: never 
 
 >>> from aoro_gym.terrains.generate.forest import PUBLISHED_SIZE, forest
 >>> cloud = scan(forest(0, PUBLISHED_SIZE), seed=1, density=5.0)
->>> bool((cloud.classes == Class.GROUND).any()), bool((cloud.classes == Class.HIGH_VEGETATION).any())
+>>> bool((cloud.classes == PointClass.GROUND).any()), bool((cloud.classes == PointClass.HIGH_VEGETATION).any())
 (True, True)
 """
 
@@ -20,14 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.execution.files import write_bytes, written_whole
-from aoro_gym.terrains.extras import extra
+from aoro_gym.terrains.extras import import_extra
 from aoro_gym.terrains.generate.forest import Forest
 from aoro_gym.terrains.terrain import Terrain
 
 Array = NDArray[Any]
 
 
-class Class(IntEnum):
+class PointClass(IntEnum):
     """What a point is of, in the numbers of the LAS standard."""
 
     GROUND = 2
@@ -38,11 +38,11 @@ class Class(IntEnum):
 
 
 CLASS_COLOURS = {
-    Class.GROUND: (160, 134, 100),
-    Class.LOW_VEGETATION: (168, 190, 106),
-    Class.MEDIUM_VEGETATION: (104, 148, 78),
-    Class.HIGH_VEGETATION: (44, 92, 58),
-    Class.LOW_NOISE: (214, 50, 42),
+    PointClass.GROUND: (160, 134, 100),
+    PointClass.LOW_VEGETATION: (168, 190, 106),
+    PointClass.MEDIUM_VEGETATION: (104, 148, 78),
+    PointClass.HIGH_VEGETATION: (44, 92, 58),
+    PointClass.LOW_NOISE: (214, 50, 42),
 }
 LONGEST_EDGE = 4.0
 """Edges of the mesh's triangles beyond this many times the usual distance of points bridge a hole."""
@@ -57,7 +57,7 @@ class Scan:
     points: Array
     """(N, 3) [m], float64."""
     classes: NDArray[np.uint8]
-    """(N,) :class:`Class`."""
+    """(N,) :class:`PointClass`."""
     holes: Array
     """(K, 3) x, y, radius [m] of the places that were not seen."""
     origin: tuple[float, float, float]
@@ -97,9 +97,9 @@ class Scan:
         width = float(2.0 / np.sqrt(self.density)) if cell is None else cell
         if not width > 0.0:
             raise ValueError(f"mesh cell is {width:g} m, but must be positive")
-        chosen = self.points[self.classes == Class.GROUND] if surface == "ground" else self.points
+        chosen = self.points[self.classes == PointClass.GROUND] if surface == "ground" else self.points
         if surface == "top":
-            chosen = chosen[self.classes != Class.LOW_NOISE]
+            chosen = chosen[self.classes != PointClass.LOW_NOISE]
         order = chosen[np.argsort(chosen[:, 2] if surface == "ground" else -chosen[:, 2], kind="stable")]
         _, first = np.unique(np.floor(order[:, :2] / width).astype(np.int64), axis=0, return_index=True)
         vertices = order[np.sort(first)]
@@ -127,12 +127,12 @@ class Scan:
         write_bytes(target, _bytes(data))
 
     def _save_las(self, target: Path) -> None:
-        laspy = extra("laspy", f"the point cloud {target.name}")
+        laspy = import_extra("laspy", f"the point cloud {target.name}")
         header = laspy.LasHeader(version="1.4", point_format=6)
         world = self.points + np.asarray(self.origin)
         header.offsets, header.scales = np.floor(world.min(axis=0)), np.full(3, 1e-3)
         if self.crs is not None:
-            header.add_crs(extra("pyproj", "a coordinate reference system").CRS.from_user_input(self.crs))
+            header.add_crs(import_extra("pyproj", "a coordinate reference system").CRS.from_user_input(self.crs))
         cloud = laspy.LasData(header)
         cloud.x, cloud.y, cloud.z = world.T
         cloud.classification = self.classes
@@ -182,17 +182,17 @@ def scan(
     points, soil, area = _on_triangles(terrain, density, surface)
     low, high = terrain.extent
     unseen = _circles(gaps, holes * area / 1e4, low, high, 1.0, 3.0)
-    classes = np.full(len(points), Class.GROUND, dtype=np.uint8)
+    classes = np.full(len(points), PointClass.GROUND, dtype=np.uint8)
     grown = plants.random(len(points)) < low_vegetation * soil
     points[grown, 2] += plants.exponential(0.1, int(grown.sum()))
-    classes[grown] = Class.LOW_VEGETATION
+    classes[grown] = PointClass.LOW_VEGETATION
 
     bushes = _circles(plants, shrubs * area / 1e4, low, high, 0.4, 1.0)
     for (x, y, radius), height in zip(bushes, plants.uniform(0.5, 2.0, len(bushes)), strict=True):
         near = np.hypot(points[:, 0] - x, points[:, 1] - y)
         hit = (near < radius) & (plants.random(len(points)) < 0.7)
         points[hit, 2] += height * np.sqrt(plants.random(int(hit.sum())) * (1.0 - (near[hit] / radius) ** 2))
-        classes[hit] = Class.MEDIUM_VEGETATION
+        classes[hit] = PointClass.MEDIUM_VEGETATION
     for tree in trees:
         near = np.hypot(points[:, 0] - tree.x, points[:, 1] - tree.y)
         crown = 0.08 * tree.height
@@ -200,11 +200,11 @@ def scan(
         hit = (near < crown) & (plants.random(len(points)) < 0.8)
         points[hit, 2] += tree.height * (1.0 - near[hit] / crown * plants.uniform(0.6, 1.0, int(hit.sum())))
         lifted = tree.height * (1.0 - near[hit] / crown)
-        classes[hit] = np.where(lifted >= HIGH_FROM, Class.HIGH_VEGETATION, Class.MEDIUM_VEGETATION)
+        classes[hit] = np.where(lifted >= HIGH_FROM, PointClass.HIGH_VEGETATION, PointClass.MEDIUM_VEGETATION)
 
     below = echoes.random(len(points)) < low_noise
     points[below, 2] -= echoes.uniform(1.0, 5.0, int(below.sum()))
-    classes[below] = Class.LOW_NOISE
+    classes[below] = PointClass.LOW_NOISE
     points += surface.normal(0.0, noise, points.shape)
     seen = np.ones(len(points), dtype=bool)
     for x, y, radius in unseen:

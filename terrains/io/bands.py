@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from aoro_gym.recording.units import parse_name
 from aoro_gym.terrains.io.check import Report, TerrainError
 from aoro_gym.terrains.io.frame import LoadOptions
-from aoro_gym.terrains.io.masking import Marks, find_marks, note_marks, same
+from aoro_gym.terrains.io.masking import NodataValues, equals_value, find_nodata, report_nodata
 from aoro_gym.terrains.length_units import LengthUnit, is_unspecified, listed, unit_named
 
 HEIGHTS = frozenset(
@@ -58,7 +58,7 @@ class Band:
     """What the caller says means unknown; None: undeclared marks are recognised."""
     unit: LengthUnit | None
     """As the band declares it."""
-    marks: Marks = field(default_factory=Marks)
+    marks: NodataValues = field(default_factory=NodataValues)
     declared_unknown: int = 0
     known: tuple[float, float] = (np.inf, -np.inf)
     """Least and largest raw value that is known, of those read."""
@@ -87,7 +87,7 @@ class Band:
         thin = max(1, int(np.ceil(np.sqrt(window.width * window.height / SAMPLE))))
         shape = (max(2, int(window.height) // thin), max(2, int(window.width) // thin))
         sample = self._declared(window, shape)[0]
-        self.marks = find_marks(sample, metre * abs(self.data.scales[self.number - 1]), self.limits)
+        self.marks = find_nodata(sample, metre * abs(self.data.scales[self.number - 1]), self.limits)
 
     def read(self, window: Any, block: int = 1) -> Array:
         """Means of blocks of ``block`` x ``block`` raw values, row 0 first in the file; NaN where none is known."""
@@ -104,7 +104,7 @@ class Band:
             self._leave_out(z, ~unknown)
             if np.isfinite(z).any():
                 self.known = min(self.known[0], float(np.nanmin(z))), max(self.known[1], float(np.nanmax(z)))
-            parts.append(_means(z, block))
+            parts.append(_block_means(z, block))
         return np.concatenate(parts)
 
     def note(self, report: Report, total: int) -> None:
@@ -115,7 +115,7 @@ class Band:
             self.declared_unknown,
             f"{self.declared_unknown:,} heights unknown ({' or '.join(names) or 'masked'})",
         )
-        note_marks(self.marks, self.counts, self.beyond, report)
+        report_nodata(self.marks, self.counts, self.beyond, report)
         mark = self.data.nodata
         if self.declared_unknown and mark is not None and self.known[0] < mark < self.known[1]:
             report.warnings.append(
@@ -141,19 +141,19 @@ class Band:
         for alpha in self.alpha:
             unknown |= self.data.read(alpha, **more) == 0
         for value in self.nodata or ():
-            unknown |= same(z, value)
+            unknown |= equals_value(z, value)
         z[unknown] = np.nan
         return z, unknown
 
     def _leave_out(self, z: Array, known: NDArray[np.bool_]) -> None:
         """Set and count what undeclared marks take."""
         for value in self.marks.values:
-            here = same(z, value)
+            here = equals_value(z, value)
             self.counts[value] = self.counts.get(value, 0) + int(here.sum())
             z[here] = np.nan
             known = known & ~here
         for value in dict(self.marks.suspects):
-            self.counts[value] = self.counts.get(value, 0) + int(same(z, value).sum())
+            self.counts[value] = self.counts.get(value, 0) + int(equals_value(z, value).sum())
         beyond = known & self.marks.unknown(z)
         self.beyond += int(beyond.sum())
         z[beyond] = np.nan
@@ -233,7 +233,7 @@ def _declared_unit(data: Any, number: int, report: Report) -> LengthUnit | None:
     tags = {key.casefold(): value for key, value in data.tags(number).items()}
     said = data.units[number - 1] or tags.get("units") or tags.get("unit") or tags.get("unittype") or ""
     if is_unspecified(said):
-        return _told_unit(data, number, report)
+        return _unit_in_metadata(data, number, report)
     found = unit_named(said)
     if found is None:
         raise TerrainError(
@@ -243,7 +243,7 @@ def _declared_unit(data: Any, number: int, report: Report) -> LengthUnit | None:
     return found
 
 
-def _means(z: Array, block: int) -> Array:
+def _block_means(z: Array, block: int) -> Array:
     """Means of blocks of what is known."""
     if block == 1:
         return z
@@ -256,7 +256,7 @@ def _means(z: Array, block: int) -> Array:
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def _told_unit(data: Any, number: int, report: Report) -> LengthUnit | None:
+def _unit_in_metadata(data: Any, number: int, report: Report) -> LengthUnit | None:
     """The unit that the description of the band (``elevation (dm)``, ``dtm_cm``) or a tag of heights tells, if any does."""
     described = parse_name(data.descriptions[number - 1] or "", _HEIGHT_NAME, "length")
     tags = {re.sub(r"[\W_]+", "", key.casefold()): value for key, value in {**data.tags(), **data.tags(number)}.items()}

@@ -84,7 +84,7 @@ class Survey:
 
 
 @dataclass
-class _Tally:
+class _PassStatistics:
     """What one pass over the points gives."""
 
     low: Array = field(default_factory=lambda: np.full(3, np.inf))
@@ -116,17 +116,17 @@ def survey(cloud: Cloud, request: LoadOptions, report: Report) -> Survey:
     """Bounds, count and up axis of the points that count; the others are counted in ``report`` by their reason."""
     up = request.up or cloud.up
     given = request.crs is not None or cloud.crs is not None
-    tally = _pass(cloud, request, "xyz".index(up or "z"))
+    tally = _pass_statistics(cloud, request, "xyz".index(up or "z"))
     if up is None:
         up = "z" if given else _guess_up(tally, cloud.rule, report)
         if up == "y":
-            tally = _pass(cloud, request, 1)
+            tally = _pass_statistics(cloud, request, 1)
     axis = "xyz".index(up)
     unknown = _unknown(tally, axis, request)
-    box = _box(tally, axis) if request.window is None else None
+    box = _plan_bounds(tally, axis) if request.window is None else None
     strays = 0
     if box is not None and tally.count and (np.any(tally.low < box[0]) or np.any(tally.high > box[1])):
-        inside = _pass(cloud, request, axis, box)
+        inside = _pass_statistics(cloud, request, axis, box)
         strays = inside.reasons.get("stray", 0)
         if 0 < strays <= max(FEW_STRAYS, STRAY_SHARE * tally.count):
             tally = inside
@@ -135,13 +135,13 @@ def survey(cloud: Cloud, request: LoadOptions, report: Report) -> Survey:
             box, strays = None, 0
     else:
         box = None
-    _tell(tally, unknown, strays, report)
+    _report_omitted(tally, unknown, strays, report)
     neighbours = np.concatenate([np.zeros((0, 3)), *tally.neighbours])
 
     def usable(chunk: Chunk) -> Mask:
         keep, _ = _marked(chunk)
         for key in unknown:
-            keep &= ~_like(chunk.points, axis, key)
+            keep &= ~_at_height(chunk.points, axis, key)
         if box is not None:
             keep &= np.all((chunk.points >= box[0]) & (chunk.points <= box[1]), axis=1)
         return keep
@@ -149,8 +149,10 @@ def survey(cloud: Cloud, request: LoadOptions, report: Report) -> Survey:
     return Survey(tally.low, tally.high, tally.count, up, neighbours, usable)
 
 
-def _pass(cloud: Cloud, request: LoadOptions, axis: int, box: tuple[Array, Array] | None = None) -> _Tally:
-    tally = _Tally()
+def _pass_statistics(
+    cloud: Cloud, request: LoadOptions, axis: int, box: tuple[Array, Array] | None = None
+) -> _PassStatistics:
+    tally = _PassStatistics()
     marks = (None, *CERTAIN, *USUAL) if request.nodata is None else request.nodata
     for chunk in cloud.chunks():
         start = tally.read
@@ -165,7 +167,7 @@ def _pass(cloud: Cloud, request: LoadOptions, axis: int, box: tuple[Array, Array
             tally.reasons["stray"] = tally.reasons.get("stray", 0) + int((~inside).sum())
             points = points[inside]
         for key in marks:
-            like = _like(points, axis, key)
+            like = _at_height(points, axis, key)
             tally.doubt(key, points[like])
             points = points[~like]
         tally.reach(points)
@@ -196,14 +198,14 @@ def _marked(chunk: Chunk) -> tuple[Mask, dict[str, int]]:
     return keep, reasons
 
 
-def _like(points: Array, axis: int, key: float | None) -> Mask:
+def _at_height(points: Array, axis: int, key: float | None) -> Mask:
     """(n,) which points stand at the height ``key``, or at exactly (0, 0, 0)."""
     if key is None:
         return np.asarray(np.all(np.abs(points) < 1e-6, axis=1))
     return np.abs(points[:, axis] - key) < 1e-6 * max(1.0, abs(key))
 
 
-def _unknown(tally: _Tally, axis: int, request: LoadOptions) -> list[float | None]:
+def _unknown(tally: _PassStatistics, axis: int, request: LoadOptions) -> list[float | None]:
     """The heights that mean "unknown", and None for points at (0, 0, 0) that are none; others extend the bounds."""
     if request.nodata is not None:
         return list(tally.doubtful)
@@ -228,7 +230,7 @@ def _unknown(tally: _Tally, axis: int, request: LoadOptions) -> list[float | Non
     return meant
 
 
-def _box(tally: _Tally, axis: int) -> tuple[Array, Array] | None:
+def _plan_bounds(tally: _PassStatistics, axis: int) -> tuple[Array, Array] | None:
     """Lowest and highest coordinates in plan beyond which points are stray; heights have no bound."""
     sample = np.concatenate([np.zeros((0, 3)), *tally.sample])
     if len(sample) < 100:
@@ -240,7 +242,7 @@ def _box(tally: _Tally, axis: int) -> tuple[Array, Array] | None:
     return low, high
 
 
-def _guess_up(tally: _Tally, rule: str, report: Report) -> str:
+def _guess_up(tally: _PassStatistics, rule: str, report: Report) -> str:
     """``rule`` (y or z), unless points of a patch seen along the other lie much closer together."""
     points = np.concatenate([np.zeros((0, 3)), *tally.sample])
     if len(points) < 100:
@@ -272,7 +274,7 @@ def _thickness(points: Array, axis: int) -> float:
     return float(np.median((heights[last] - heights[first])[enough]))
 
 
-def _tell(tally: _Tally, unknown: list[float | None], strays: int, report: Report) -> None:
+def _report_omitted(tally: _PassStatistics, unknown: list[float | None], strays: int, report: Report) -> None:
     """Count in ``report`` what was left out, and what was kept though it is marked."""
     report.points_read = tally.read
     reasons = tally.reasons

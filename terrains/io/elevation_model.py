@@ -20,7 +20,7 @@ class ElevationModel:
     mesh: tuple[NDArray[np.float64], NDArray[np.int32]] | None = None
     """Vertices (V, 3) and faces (F, 3) of one whole surface without overhangs, the same as ``heights``."""
 
-    def with_z_times(self, factor: float) -> ElevationModel:
+    def with_heights_scaled(self, factor: float) -> ElevationModel:
         """The same with all heights multiplied by ``factor``."""
         mesh = None if self.mesh is None else (self.mesh[0] * [1.0, 1.0, factor], self.mesh[1])
         frame = replace(self.frame, z_scale=self.frame.z_scale * factor)

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym.terrains.extras import extra
+from aoro_gym.terrains.extras import import_extra
 from aoro_gym.terrains.georeference import MOST_SCALE_ERROR, axis_unit, horizontal, scale_factors, utm_zone
 from aoro_gym.terrains.heights import MOST_NODES, grid_shape
 from aoro_gym.terrains.io.check import Report, TerrainError
@@ -115,7 +115,7 @@ class CoordinateFrame:
 
     def local(self, raw: Array) -> Array:
         """(N, 3) raw points in local coordinates."""
-        points = turned(np.asarray(raw, dtype=np.float64), self.up)
+        points = z_up(np.asarray(raw, dtype=np.float64), self.up)
         x, y = points[:, 0], points[:, 1]
         if self.projection is not None:
             x, y = self.projection.transform(x * self.before, y * self.before)
@@ -123,7 +123,7 @@ class CoordinateFrame:
         return np.column_stack([plan, points[:, 2] * self.z_scale])
 
 
-def turned(points: Array, up: str) -> Array:
+def z_up(points: Array, up: str) -> Array:
     """(N, 3) ``points`` with the axis ``up`` turned into z, right-handed."""
     if up == "y":
         return np.stack([points[:, 0], -points[:, 2], points[:, 1]], axis=1)
@@ -133,7 +133,7 @@ def turned(points: Array, up: str) -> Array:
 
 
 @dataclass(frozen=True)
-class _Plan:
+class _PlanTransform:
     """How raw x and y become metres, and the bounds [m] of the source."""
 
     scale: float
@@ -173,7 +173,7 @@ def find_frame(
         unit: Unit that the format fixes.
         z_unit: Unit of the heights that the file declares beside its coordinate system.
     """
-    corners = turned(np.stack([raw_low, raw_high]), up)
+    corners = z_up(np.stack([raw_low, raw_high]), up)
     low, high = corners.min(axis=0), corners.max(axis=0)
     if not (np.isfinite(low).all() and np.isfinite(high).all()) or np.abs(corners).max() > FARTHEST:
         raise TerrainError(
@@ -210,7 +210,7 @@ def find_frame(
 
 def _find_plan(
     request: LoadOptions, report: Report, low: Array, high: Array, spacing: float, crs: Any, unit: str | None
-) -> _Plan:
+) -> _PlanTransform:
     given = request.crs if request.crs is not None else crs
     system = horizontal(given) if given is not None else None
     if system is not None and system.is_geographic:
@@ -233,15 +233,15 @@ def _find_plan(
         scale, text = UNITS[unit], f"{unit} (of its format)"
     else:
         scale, text = _guess_scale(report, high - low, spacing)
-    plan = _Plan(scale, text, low[:2] * scale, high[:2] * scale, system, window=request.window)
+    plan = _PlanTransform(scale, text, low[:2] * scale, high[:2] * scale, system, window=request.window)
     return plan if system is None else _on_the_ground(request, report, plan, high[:2] - low[:2])
 
 
-def _on_the_ground(request: LoadOptions, report: Report, plan: _Plan, size: Array) -> _Plan:
+def _on_the_ground(request: LoadOptions, report: Report, plan: _PlanTransform, size: Array) -> _PlanTransform:
     """``plan``, or the UTM zone of its place where lengths of its projection are not those of the ground."""
     metre = axis_unit(plan.system)
     inside = plan
-    if plan.window is not None and (cut := _cut(plan.low, plan.high, plan.window)) is not None:
+    if plan.window is not None and (cut := _intersection(plan.low, plan.high, plan.window)) is not None:
         inside = replace(plan, low=cut[0], high=cut[1])
     middle = (inside.low + inside.high) / 2.0 / metre
     factors = scale_factors(plan.system, *middle)
@@ -254,9 +254,9 @@ def _on_the_ground(request: LoadOptions, report: Report, plan: _Plan, size: Arra
     worst = max(factors, key=lambda factor: abs(np.log(factor)))
     if abs(worst - 1.0) <= MOST_SCALE_ERROR:
         return plan
-    pyproj = extra("pyproj", "a change of coordinates")
+    pyproj = import_extra("pyproj", "a change of coordinates")
     place = pyproj.Transformer.from_crs(plan.system, "EPSG:4326", always_xy=True).transform(*middle)
-    if max(np.abs(plan.low).max(), np.abs(plan.high).max()) < 2.0 * LARGEST_COORDINATE and not _in_use(
+    if max(np.abs(plan.low).max(), np.abs(plan.high).max()) < 2.0 * LARGEST_COORDINATE and not _in_area_of_use(
         plan.system, *place
     ):
         report.warnings.append(
@@ -270,10 +270,10 @@ def _on_the_ground(request: LoadOptions, report: Report, plan: _Plan, size: Arra
     return _projected(report, plan.system, inside, plan, place, why, before)
 
 
-def _in_use(system: Any, longitude: float, latitude: float) -> bool:
+def _in_area_of_use(system: Any, longitude: float, latitude: float) -> bool:
     """Whether the place lies within the area for which the system is meant."""
     authority = system.to_authority(min_confidence=70)  # what files say of a system leaves out where it is meant for
-    area = extra("pyproj", "an area of use").CRS.from_authority(*authority).area_of_use if authority else None
+    area = import_extra("pyproj", "an area of use").CRS.from_authority(*authority).area_of_use if authority else None
     if area is None:
         return True
     wide = (longitude - area.west) % 360.0 <= (area.east - area.west) % 360.0 or area.east - area.west >= 360.0
@@ -281,16 +281,22 @@ def _in_use(system: Any, longitude: float, latitude: float) -> bool:
 
 
 def _projected(
-    report: Report, source: Any, inside: _Plan, plan: _Plan, place: tuple[float, float], why: str, before: float
-) -> _Plan:
+    report: Report,
+    source: Any,
+    inside: _PlanTransform,
+    plan: _PlanTransform,
+    place: tuple[float, float],
+    why: str,
+    before: float,
+) -> _PlanTransform:
     """``plan`` in the UTM zone of ``place`` (longitude, latitude); a window in coordinates of the source goes along."""
-    pyproj = extra("pyproj", "a change of coordinates")
+    pyproj = import_extra("pyproj", "a change of coordinates")
     metre = 1.0 if source.is_geographic else axis_unit(source)
     longitude, latitude = place
     target = utm_zone(latitude, longitude)
     projection = pyproj.Transformer.from_crs(source, target, always_xy=True)
 
-    def bounds(part: _Plan) -> tuple[Array, Array]:
+    def bounds(part: _PlanTransform) -> tuple[Array, Array]:
         xy = np.array(projection.transform_bounds(*part.low / metre, *part.high / metre))
         if not np.isfinite(xy).all():
             raise TerrainError(
@@ -306,7 +312,7 @@ def _projected(
         window = float(first[0]), float(first[1]), float(last[0]), float(last[1])
     report.change("projected", 1, f"into {target.name}, so that lengths are those on the ground: {why}")
     text = "degrees" if source.is_geographic else plan.text
-    return _Plan(1.0, text, low, high, target, projection, source, before, window)
+    return _PlanTransform(1.0, text, low, high, target, projection, source, before, window)
 
 
 def are_plausible(points: Array) -> NDArray[np.bool_]:
@@ -345,7 +351,7 @@ def choose_cell(request: LoadOptions, report: Report, low: Array, high: Array, n
     return natural
 
 
-def _into_utm(request: LoadOptions, report: Report, system: Any, low: Array, high: Array) -> _Plan:
+def _into_utm(request: LoadOptions, report: Report, system: Any, low: Array, high: Array) -> _PlanTransform:
     """Degrees in the UTM zone of their middle."""
     degree = float(np.degrees(system.axis_info[0].unit_conversion_factor))
     if np.abs([low[0], high[0]]).max() * degree > 360.0 or np.abs([low[1], high[1]]).max() * degree > 90.0:
@@ -353,17 +359,17 @@ def _into_utm(request: LoadOptions, report: Report, system: Any, low: Array, hig
             f"{report.source}: coordinates from {low[:2].tolist()} to {high[:2].tolist()} are no degrees, but its crs"
             f" ({system.name}) says so; give the right crs=..."
         )
-    plan = _Plan(1.0, "degrees", low[:2], high[:2], system, window=request.window)
+    plan = _PlanTransform(1.0, "degrees", low[:2], high[:2], system, window=request.window)
     inside = plan
-    if plan.window is not None and (cut := _cut(plan.low, plan.high, plan.window)) is not None:
+    if plan.window is not None and (cut := _intersection(plan.low, plan.high, plan.window)) is not None:
         inside = replace(plan, low=cut[0], high=cut[1])
-    pyproj = extra("pyproj", "a terrain in degrees")
+    pyproj = import_extra("pyproj", "a terrain in degrees")
     middle = (inside.low + inside.high) / 2.0
     place = pyproj.Transformer.from_crs(system, "EPSG:4326", always_xy=True).transform(*middle)
     return _projected(report, system, inside, plan, place, f"it counts in degrees ({system.name})", 1.0)
 
 
-def _cut(low: Array, high: Array, window: Window) -> tuple[Array, Array] | None:
+def _intersection(low: Array, high: Array, window: Window) -> tuple[Array, Array] | None:
     """The part of the rectangle within ``window``; None where there is none."""
     first, last = np.maximum(low, window[:2]), np.minimum(high, window[2:])
     return (first, last) if np.all(first < last) else None
@@ -400,7 +406,7 @@ def _guess_scale(report: Report, size: Array, spacing: float) -> tuple[float, st
 
 
 def _z_scale(
-    request: LoadOptions, report: Report, crs: Any, plan: _Plan, unit: str | None, declared: LengthUnit | None
+    request: LoadOptions, report: Report, crs: Any, plan: _PlanTransform, unit: str | None, declared: LengthUnit | None
 ) -> tuple[float, str, Known]:
     """Metres a unit of height, its name, and how that is known: what is said first in this order."""
     if request.z_units is not None:
@@ -431,7 +437,7 @@ def _vertical(crs: Any) -> LengthUnit | None:
     """The unit of a coordinate system's vertical axis; None if it has none, or nobody can read it."""
     if crs is None:
         return None
-    pyproj = extra("pyproj", "a coordinate reference system")
+    pyproj = import_extra("pyproj", "a coordinate reference system")
     try:
         system = pyproj.CRS.from_user_input(crs)
     except pyproj.exceptions.CRSError:
@@ -440,11 +446,11 @@ def _vertical(crs: Any) -> LengthUnit | None:
     return None if axis is None else LengthUnit(axis.unit_name, float(axis.unit_conversion_factor))
 
 
-def _crop(request: LoadOptions, report: Report, plan: _Plan) -> tuple[Array, Array]:
+def _crop(request: LoadOptions, report: Report, plan: _PlanTransform) -> tuple[Array, Array]:
     """Bounds [m] less what lies outside of the window, and what float32 cannot hold."""
     low, high = plan.low, plan.high
     if plan.window is not None:
-        cut = _cut(low, high, plan.window)
+        cut = _intersection(low, high, plan.window)
         if cut is None:
             raise TerrainError(
                 f"{report.source}: window = {request.window} lies outside of its extent,"

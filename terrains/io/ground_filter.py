@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from aoro_gym.terrains.extras import extra
+from aoro_gym.terrains.extras import import_extra
 from aoro_gym.terrains.io.repair import interpolate
 
 CLOTH = 0.5
@@ -47,7 +47,7 @@ def ground_points(points: Points, progress: Callable[[float], None] | None = Non
         points: The lowest points of small cells are enough, and fastest.
         progress: Told the share that is done.
     """
-    csf = extra("CSF", "telling ground from vegetation")
+    csf = import_extra("CSF", "telling ground from vegetation")
     mask = np.zeros(len(points), dtype=bool)
     if len(points) < 10:  # too few to carry a cloth
         return mask
@@ -59,7 +59,7 @@ def ground_points(points: Points, progress: Callable[[float], None] | None = Non
             np.all((above[:, :2] >= tile * TILE - OVERLAP) & (above[:, :2] < (tile + 1) * TILE + OVERLAP), axis=1)
         )
         own = np.all(tiles[near] == tile, axis=1)
-        lying = _drop_cloth(csf, above[near]) if len(near) >= 10 else np.zeros(len(near), dtype=bool)
+        lying = _simulate_cloth(csf, above[near]) if len(near) >= 10 else np.zeros(len(near), dtype=bool)
         mask[near[own]] = lying[own]
         if progress is not None:
             progress((done + 1) / len(corners))
@@ -82,7 +82,7 @@ def relief(points: Points) -> Points:
     return ndimage.map_coordinates(z, (plan - 0.5).T, order=1, mode="nearest")
 
 
-def _drop_cloth(csf: Any, points: Points) -> NDArray[np.bool_]:
+def _simulate_cloth(csf: Any, points: Points) -> NDArray[np.bool_]:
     cloth = csf.CSF()
     spacing = float(np.sqrt(np.prod(np.ptp(points[:, :2], axis=0)) / len(points)))
     cloth.params.cloth_resolution = max(CLOTH, COARSEST_CLOTH * spacing)
@@ -90,7 +90,7 @@ def _drop_cloth(csf: Any, points: Points) -> NDArray[np.bool_]:
     cloth.params.class_threshold = CLASS_THRESHOLD
     cloth.params.bSloopSmooth = True
     ground, rest = csf.VecInt(), csf.VecInt()
-    with silenced(1):
+    with suppressed_output(1):
         cloth.setPointCloud(np.ascontiguousarray(points - points.min(axis=0)))
         cloth.do_filtering(ground, rest, False)
     mask = np.zeros(len(points), dtype=bool)
@@ -99,7 +99,7 @@ def _drop_cloth(csf: Any, points: Points) -> NDArray[np.bool_]:
 
 
 @contextmanager
-def silenced(descriptor: int) -> Iterator[None]:
+def suppressed_output(descriptor: int) -> Iterator[None]:
     """Keep what compiled code prints away from the standard output (1), or that for errors (2)."""
     (sys.stdout if descriptor == 1 else sys.stderr).flush()
     kept = os.dup(descriptor)

@@ -33,14 +33,14 @@ from aoro_gym.terrains.io.read_mesh import read_mesh
 from aoro_gym.terrains.io.read_raster import SUFFIXES as RASTERS
 from aoro_gym.terrains.io.read_raster import read_heights, read_raster
 from aoro_gym.terrains.io.read_text_cloud import read_text
-from aoro_gym.terrains.io.repair import SPIKE_STEEPNESS, drop_pieces, fill_holes, remove_spikes
+from aoro_gym.terrains.io.repair import SPIKE_STEEPNESS, fill_holes, remove_small_components, remove_spikes
 from aoro_gym.terrains.terrain import LARGEST_COORDINATE, Terrain
 
 CLOUDS = (".las", ".laz")
 TEXTS = (".xyz", ".csv", ".txt", ".pts", ".asc_xyz")
 MESHES = (".ply", ".obj", ".stl", ".glb", ".gltf", ".off", ".3mf", ".dae")
 ARRAYS = (".npy",)
-LOST = 0.9
+LEAST_COVERAGE = 0.9
 """Share of a cloud's width or length below which ground that a filter found is named as narrower."""
 MOST_BYTES_BESIDE = 50_000_000
 """Largest report beside a mesh that is read."""
@@ -122,7 +122,7 @@ def load(
     report = Report(source=str(path) if path else "array of heights")
     found = _found(path, source, request, report)
     called = name or (path.stem if path else "heights")
-    terrain = _terrain(found, report, friction, rolling_resistance, called, _report_beside(path, report))
+    terrain = _terrain(found, report, friction, rolling_resistance, called, _sidecar_report(path, report))
     request.tell(1.0)
     report.seconds = time.perf_counter() - started
     return Loaded(terrain, report)
@@ -244,23 +244,23 @@ def _repaired(found: ElevationModel, request: LoadOptions, report: Report) -> El
         report.warnings.append(
             f"{share:.0%} of the heights are bridged over gaps; a larger cell, or more points, say more"
         )
-    heights, dropped = drop_pieces(heights, SMALLEST_PIECE)
+    heights, dropped = remove_small_components(heights, SMALLEST_PIECE)
     report.change(
         "pieces_removed", len(dropped), f"pieces of ground below {SMALLEST_PIECE:g} m² removed: {len(dropped):,}"
     )
-    _note_lost(heights, report)
+    _warn_of_filtered_ground(heights, report)
     measure(heights, report)
     return ElevationModel(heights, found.frame)
 
 
-def _note_lost(heights: Heights, report: Report) -> None:
+def _warn_of_filtered_ground(heights: Heights, report: Report) -> None:
     """A warning where the filter left much of what a cloud covers without ground."""
     if not any(change.what == "ground_by_filter" for change in report.changes):
         return
     held = [np.flatnonzero(heights.known.any(axis=axis)) for axis in (0, 1)]
     whole = [(count - 1) * heights.cell for count in heights.z.shape[::-1]]
     left = [(one[-1] - one[0]) * heights.cell if len(one) else 0.0 for one in held]
-    if any(a < LOST * b for a, b in zip(left, whole, strict=True)):
+    if any(a < LEAST_COVERAGE * b for a, b in zip(left, whole, strict=True)):
         report.warnings.append(
             f"ground is found on {left[0]:.3g} m x {left[1]:.3g} m of the {whole[0]:.3g} m x {whole[1]:.3g} m that the"
             " points cover; the rest is taken for vegetation and buildings: ground='all' keeps it"
@@ -275,7 +275,7 @@ def _without_obstacles(heights: Heights, request: LoadOptions) -> tuple[Heights,
     return heights.replaced(z), int((~mask).sum())
 
 
-def _report_beside(path: Path | None, report: Report) -> dict[str, Any] | None:
+def _sidecar_report(path: Path | None, report: Report) -> dict[str, Any] | None:
     """Origin and coordinate system in the report that ``save`` wrote beside a mesh.
 
     None without one, or, with a warning, if it says nothing of use. Some other program's file is no report.
@@ -297,10 +297,10 @@ def _report_beside(path: Path | None, report: Report) -> dict[str, Any] | None:
         return None
     if not isinstance(content, dict) or "origin_m" not in content or content.get("crs") is None:
         return None  # some other file, or of a terrain without a place
-    return _place(content, ignored, report)
+    return _origin_and_crs(content, ignored, report)
 
 
-def _place(content: dict[str, Any], ignored: str, report: Report) -> dict[str, Any] | None:
+def _origin_and_crs(content: dict[str, Any], ignored: str, report: Report) -> dict[str, Any] | None:
     """``origin`` and ``crs`` of a report, if they are."""
     origin, crs = content["origin_m"], content["crs"]
     numbers = isinstance(origin, list) and len(origin) == 3

@@ -42,7 +42,7 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass
-class Marks:
+class NodataValues:
     """What is unknown among the raw values of a band."""
 
     values: list[float] = field(default_factory=list)
@@ -59,11 +59,11 @@ class Marks:
         with np.errstate(invalid="ignore"):
             found = ~((z >= self.low) & (z <= self.high))
         for value in self.values:
-            found |= same(z, value)
+            found |= equals_value(z, value)
         return found
 
 
-def same(z: Array, value: float) -> Mask:
+def equals_value(z: Array, value: float) -> Mask:
     """Which of ``z`` is ``value``, as single or double precision has it."""
     if np.isnan(value):
         return np.isnan(z)
@@ -71,7 +71,7 @@ def same(z: Array, value: float) -> Mask:
         return (z == value) | (z == float(np.float32(value)))
 
 
-def find_marks(z: Array, metre: float = 1.0, limits: tuple[float, float] | None = None) -> Marks:
+def find_nodata(z: Array, metre: float = 1.0, limits: tuple[float, float] | None = None) -> NodataValues:
     """The undeclared marks of a band.
 
     Args:
@@ -82,7 +82,7 @@ def find_marks(z: Array, metre: float = 1.0, limits: tuple[float, float] | None 
     Returns:
         The marks, to be applied to the whole band.
     """
-    marks = Marks()
+    marks = NodataValues()
     z = np.where(marks.unknown(z), np.nan, z)
     if limits is not None and limits[1] > 255:  # saturated: it would be more
         full = [limit for limit in limits if limit != 0.0 and (z == limit).any()]
@@ -95,13 +95,13 @@ def find_marks(z: Array, metre: float = 1.0, limits: tuple[float, float] | None 
             break
         ends = float(values.min()), float(values.max())
         usual = [value for value in (*CERTAIN, *USUAL) if ends[0] <= value <= ends[1]]
-        found = next((value for value in dict.fromkeys((*usual, *ends)) if _is_mark(z, value, metre, marks)), None)
+        found = next((value for value in dict.fromkeys((*usual, *ends)) if _is_nodata(z, value, metre, marks)), None)
         if found is None:
             break
         marks.values.append(found)
-        if not any(same(np.array([found]), value)[0] for value in CERTAIN):
+        if not any(equals_value(np.array([found]), value)[0] for value in CERTAIN):
             marks.doubtful.append(found)
-        z = np.where(same(z, found), np.nan, z)
+        z = np.where(equals_value(z, found), np.nan, z)
     rest = z[np.isfinite(z)]
     if marks.values and len(rest) >= 4:
         low, high = (float(v) for v in np.percentile(rest, [1, 99]))
@@ -114,9 +114,9 @@ def find_marks(z: Array, metre: float = 1.0, limits: tuple[float, float] | None 
     return marks
 
 
-def _is_mark(z: Array, value: float, metre: float, marks: Marks) -> bool:
+def _is_nodata(z: Array, value: float, metre: float, marks: NodataValues) -> bool:
     """Whether the pixels of ``value`` stand apart from the rest."""
-    here = same(z, value)
+    here = equals_value(z, value)
     count = int(here.sum())
     rest = z[np.isfinite(z) & ~here]
     if not count or len(rest) < 4:
@@ -126,7 +126,7 @@ def _is_mark(z: Array, value: float, metre: float, marks: Marks) -> bool:
         return False
     gap = float(np.abs(rest - value).min())
     step = float(np.percentile(steps, 5))
-    usual = any(same(np.array([value]), known)[0] for known in (*CERTAIN, *USUAL))
+    usual = any(equals_value(np.array([value]), known)[0] for known in (*CERTAIN, *USUAL))
     spread = float(np.subtract(*np.percentile(rest, [99.5, 0.5])))
     sharp = step > STEP * max(others, 1e-12) and gap > 0.0
     different = len(np.unique(rest[:: 1 + len(rest) // 10_000]))
@@ -135,7 +135,7 @@ def _is_mark(z: Array, value: float, metre: float, marks: Marks) -> bool:
         few = 4 <= count <= FEW_SHARE * (count + len(rest))
         return few and sharp and gap > max(10.0 * spread, FAR / metre)
     outside = value < rest.min() or value > rest.max()
-    certain = any(same(np.array([value]), known)[0] for known in CERTAIN)
+    certain = any(equals_value(np.array([value]), known)[0] for known in CERTAIN)
     if certain and outside and abs(value) * metre > 0.5 * HIGHEST and gap > max(spread, APART / metre):
         return True  # no height in metres, whatever its surroundings
     apart = (SEA if value == 0.0 else APART) if various else FAR
@@ -162,7 +162,7 @@ def _steps(z: Array, here: Mask) -> tuple[Array, float]:
     return np.concatenate(across), float(np.percentile(rest, 99)) if len(rest) else 0.0
 
 
-def note_marks(marks: Marks, counts: dict[float, int], beyond: int, report: Report) -> None:
+def report_nodata(marks: NodataValues, counts: dict[float, int], beyond: int, report: Report) -> None:
     """Say which values were taken for "unknown" without being declared, and which may be.
 
     Args:

@@ -344,17 +344,17 @@ def _read_obj(path: Path) -> tuple[Array, Faces]:
     places: list[list[float]] = []
     faces: list[list[int]] = []
     with path.open(encoding="utf-8", errors="replace") as file:
-        for number, line in _joined(file):
+        for number, line in _logical_lines(file):
             kind, _, rest = line.partition(" ")
             if kind == "v":
-                places.append(_place(path, number, rest))
+                places.append(_vertex(path, number, rest))
             elif kind == "f":
-                faces += _fan(path, number, rest, len(places))
+                faces += _triangle_fan(path, number, rest, len(places))
     vertices = np.array(places, dtype=np.float64).reshape(-1, 3)
     return vertices, np.array(faces, dtype=np.int64).reshape(-1, 3)
 
 
-def _joined(file: Iterator[str]) -> Iterator[tuple[int, str]]:
+def _logical_lines(file: Iterator[str]) -> Iterator[tuple[int, str]]:
     """Lines with their numbers, without comments; a backslash at the end of a line joins the next."""
     held = ""
     for number, line in enumerate(itertools.chain(file, [""]), start=1):
@@ -367,7 +367,7 @@ def _joined(file: Iterator[str]) -> Iterator[tuple[int, str]]:
             yield number, line
 
 
-def _place(path: Path, number: int, rest: str) -> list[float]:
+def _vertex(path: Path, number: int, rest: str) -> list[float]:
     words = rest.split()[:3]
     try:
         place = [float(word) for word in words if "_" not in word]
@@ -380,7 +380,7 @@ def _place(path: Path, number: int, rest: str) -> list[float]:
     return place
 
 
-def _fan(path: Path, number: int, rest: str, count: int) -> list[list[int]]:
+def _triangle_fan(path: Path, number: int, rest: str, count: int) -> list[list[int]]:
     """Triangles of a face's corners, which count from 1, or back from the last vertex if negative."""
     corners = []
     for word in rest.split():

@@ -53,7 +53,7 @@ LEAST_STEP = 0.2
 
 
 @dataclass(frozen=True)
-class Reading:
+class HeightsInUnit:
     """Heights in one unit."""
 
     unit: str
@@ -61,9 +61,9 @@ class Reading:
     """Median slope."""
 
 
-def readings(steepness: float) -> list[Reading]:
+def plausible_units(steepness: float) -> list[HeightsInUnit]:
     """The units that make a ground of heights whose median gradient is ``steepness`` [raw unit of height / m]."""
-    found = [Reading(unit, float(np.degrees(np.arctan(steepness * UNITS[unit])))) for unit in GUESSES]
+    found = [HeightsInUnit(unit, float(np.degrees(np.arctan(steepness * UNITS[unit])))) for unit in GUESSES]
     return [reading for reading in found if LEVEL <= reading.slope_deg <= STEEP]
 
 
@@ -88,7 +88,7 @@ def settle_heights(
     if frame.z_known in ("asked", "format", "settled"):
         return found
     unit = _short(frame.z_unit)
-    _refuse_pictures(heights, request, report, of_bytes)
+    _refuse_images(heights, request, report, of_bytes)
     settled = replace(found, frame=replace(frame, z_known="settled"))
     _note_terraces(heights, report)
     steepness = median_steepness(heights)
@@ -97,7 +97,7 @@ def settle_heights(
     slope = float(np.degrees(np.arctan(steepness)))
     others = [
         reading
-        for reading in readings(steepness / frame.z_scale)
+        for reading in plausible_units(steepness / frame.z_scale)
         if not np.isclose(UNITS[reading.unit], frame.z_scale, rtol=1e-3)
     ]
     if slope <= UPRIGHT:
@@ -157,7 +157,7 @@ def median_steepness(heights: Heights) -> float | None:
     return float(np.median(inclined)) if len(inclined) >= TERRACED * np.isfinite(steepness).sum() else 0.0
 
 
-def likeness(z: Array) -> tuple[float, float] | None:
+def neighbour_statistics(z: Array) -> tuple[float, float] | None:
     """What neighbours have in common, and the mean difference of neighbours; None where there are too few, or none differ.
 
     The first is the mean difference of next-but-one neighbours by that of neighbours. The largest twentieth of differences
@@ -179,11 +179,11 @@ def likeness(z: Array) -> tuple[float, float] | None:
     return float(np.minimum(two, np.percentile(two, 95)).mean()) / mean, mean
 
 
-def _refuse_pictures(heights: Heights, request: LoadOptions, report: Report, of_bytes: bool) -> None:
+def _refuse_images(heights: Heights, request: LoadOptions, report: Report, of_bytes: bool) -> None:
     """``TerrainError`` where neighbours have nothing to do with each other beyond the noise of a survey."""
     if report.kind not in ("raster", "heights") or request.ground == "filter":
         return
-    found = likeness(heights.z)
+    found = neighbour_statistics(heights.z)
     if found is None:
         return
     ratio, difference = found
@@ -211,7 +211,7 @@ def _refuse_pictures(heights: Heights, request: LoadOptions, report: Report, of_
     )
 
 
-def _taken(found: ElevationModel, report: Report, unit: str, slope: float, reading: Reading) -> ElevationModel:
+def _taken(found: ElevationModel, report: Report, unit: str, slope: float, reading: HeightsInUnit) -> ElevationModel:
     """``found`` in the only other unit that makes a ground."""
     report.change(
         "z_units",
@@ -221,10 +221,10 @@ def _taken(found: ElevationModel, report: Report, unit: str, slope: float, readi
     )
     report.warnings.append(f"the unit of heights is recognised by their slope: {reading.unit}; z_units=... says it")
     report.units += f"; heights in {reading.unit} (recognised by their slope)"
-    return found.with_z_times(UNITS[reading.unit] / found.frame.z_scale)
+    return found.with_heights_scaled(UNITS[reading.unit] / found.frame.z_scale)
 
 
-def _note_doubt(report: Report, known: Known, unit: str, slope: float, others: list[Reading]) -> None:
+def _note_doubt(report: Report, known: Known, unit: str, slope: float, others: list[HeightsInUnit]) -> None:
     """A warning where the unit makes a ground, but not one that is common."""
     silent = f"nothing is said of the unit of heights: {unit}"
     gentler = [reading for reading in others if reading.slope_deg < slope]
@@ -250,7 +250,7 @@ def _other_reasons(report: Report, unit: str, of_bytes: bool) -> str:
     return f"; z_units={unit!r} if trees and buildings are left in"
 
 
-def _listed(found: list[Reading]) -> str:
+def _listed(found: list[HeightsInUnit]) -> str:
     texts = [f"{reading.unit} ({reading.slope_deg:.2g}°)" for reading in found]
     return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} and {texts[-1]}"
 

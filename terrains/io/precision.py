@@ -44,7 +44,7 @@ def note_lost_precision(
         found = [(max(step, float(given)), single) for (step, single), given in zip(found, steps, strict=True)]
     axis = int(np.argmax([step for step, _ in found]))
     step, single = found[axis]
-    if step < COARSE * spacing or not (_fallen_together(points, step) or (single and _no_grid(points))):
+    if step < COARSE * spacing or not (_has_coincident_points(points, step) or (single and _is_irregular(points))):
         return
     farthest = float(np.abs(points[:, axis]).max())
     kind = "are single precision (float32)" if single else "have few digits"
@@ -74,7 +74,7 @@ def _step(values: Array) -> tuple[float, bool]:
     return decimal, False
 
 
-def _fallen_together(points: Array, step: float) -> bool:
+def _has_coincident_points(points: Array, step: float) -> bool:
     """Whether many points share their place with another, about as high: no wall, but two places that became one."""
     order = np.lexsort((points[:, 2], points[:, 1], points[:, 0]))
     rises = np.diff(points[order], axis=0)
@@ -82,7 +82,7 @@ def _fallen_together(points: Array, step: float) -> bool:
     return int(same.sum()) > TWICE * len(points) and float(np.median(rises[same, 2])) <= 2.0 * step
 
 
-def _no_grid(points: Array) -> bool:
+def _is_irregular(points: Array) -> bool:
     """Whether the places are no rows and columns."""
     rows, columns = (len(np.unique(values)) for values in points[:, :2].T)
     return rows * columns > REGULAR * len(points)

@@ -18,7 +18,7 @@ from aoro_gym.terrains.heights import Heights, grid_shape
 from aoro_gym.terrains.io.check import Report, TerrainError
 from aoro_gym.terrains.io.cloud_survey import Chunk, Cloud, Survey, survey
 from aoro_gym.terrains.io.elevation_model import ElevationModel
-from aoro_gym.terrains.io.frame import CoordinateFrame, LoadOptions, choose_cell, find_frame, turned
+from aoro_gym.terrains.io.frame import CoordinateFrame, LoadOptions, choose_cell, find_frame, z_up
 from aoro_gym.terrains.io.ground_filter import ground_points
 from aoro_gym.terrains.io.plausibility import settle_heights
 from aoro_gym.terrains.io.precision import note_lost_precision
@@ -78,7 +78,7 @@ def read_cloud(cloud: Cloud, request: LoadOptions, report: Report) -> ElevationM
         left = "" if found.count == report.points_read else f" of its {report.points_read:,} points are left, which"
         raise TerrainError(f"{report.source}: {found.count}{left or ' points'} are no ground; it takes {FEWEST}")
     _note_bounds(cloud, found, report)
-    corners = turned(np.stack([found.low, found.high]), found.up)
+    corners = z_up(np.stack([found.low, found.high]), found.up)
     plan = np.ptp(corners, axis=0)[:2]
     _check_flat(found, plan, report)
     if cloud.crs is None and cloud.unit is None and request.crs is None and request.units is None:
@@ -106,7 +106,7 @@ def read_cloud(cloud: Cloud, request: LoadOptions, report: Report) -> ElevationM
         spacing = float(np.sqrt(np.prod(high - low) / found.count))
     natural = float(np.clip(round(2.0 * spacing, 2), *NATURAL_CELL))
     cell = choose_cell(request, report, low, high, natural)
-    thin, frame = _settled(_thin(cloud, found, frame, cell, request, report), cell, frame, request, report)
+    thin, frame = _settled(_summarise_cells(cloud, found, frame, cell, request, report), cell, frame, request, report)
     ground = _pick_ground(thin, cell, request, report)
     if len(ground) < FEWEST:
         raise TerrainError(
@@ -158,7 +158,7 @@ def _check_degrees(found: Survey, plan: Array, report: Report) -> None:
 
 
 @dataclass(frozen=True)
-class Thinned:
+class CellSummary:
     """A cloud by cells: the lowest point of each, and the mean of its points of the ground class."""
 
     low: Array
@@ -172,9 +172,9 @@ class Thinned:
     """Height of the highest point [m]."""
 
 
-def _thin(
+def _summarise_cells(
     cloud: Cloud, found: Survey, frame: CoordinateFrame, cell: float, request: LoadOptions, report: Report
-) -> Thinned:
+) -> CellSummary:
     low, high = frame.low, frame.high
     rows, columns = grid_shape(low, high, cell)
     nodes = rows * columns
@@ -213,7 +213,7 @@ def _thin(
     if outside >= found.count:
         raise TerrainError(f"{report.source}: none of its {found.count:,} points lies in the window")
     held = number > 0
-    return Thinned(
+    return CellSummary(
         low=low,
         shape=(rows, columns),
         lowest=lowest[np.isfinite(lowest[:, 2])],
@@ -224,8 +224,8 @@ def _thin(
 
 
 def _settled(
-    thin: Thinned, cell: float, frame: CoordinateFrame, request: LoadOptions, report: Report
-) -> tuple[Thinned, CoordinateFrame]:
+    thin: CellSummary, cell: float, frame: CoordinateFrame, request: LoadOptions, report: Report
+) -> tuple[CellSummary, CoordinateFrame]:
     """``thin`` in metres of height, told by its lower envelope, in which trees and buildings are few.
 
     The filter that tells ground from them compares heights with metres, so this comes first. Where the unit stays, it is
@@ -252,7 +252,7 @@ def _settled(
     return replace(thin, lowest=lowest, mean_ground=mean, top=thin.top * factor), settled
 
 
-def _pick_ground(thin: Thinned, cell: float, request: LoadOptions, report: Report) -> Array:
+def _pick_ground(thin: CellSummary, cell: float, request: LoadOptions, report: Report) -> Array:
     """Local points of the ground."""
     by_class = len(thin.mean_ground) >= max(FEWEST, ENOUGH_GROUND * len(thin.lowest))
     if request.ground == "class" and not len(thin.mean_ground):
@@ -270,7 +270,7 @@ def _pick_ground(thin: Thinned, cell: float, request: LoadOptions, report: Repor
     return calm[mask]
 
 
-def _without_low_outliers(thin: Thinned, cell: float) -> Array:
+def _without_low_outliers(thin: CellSummary, cell: float) -> Array:
     """The lowest points less those far below all but one of their neighbours, on which the cloth would hang."""
     column, row = np.rint((thin.lowest[:, :2] - thin.low) / cell).astype(np.int64).T
     grid = np.full(thin.shape, np.inf)
@@ -280,7 +280,7 @@ def _without_low_outliers(thin: Thinned, cell: float) -> Array:
     return thin.lowest[~(np.isfinite(third) & (thin.lowest[:, 2] < third - OUTLIER_DEPTH))]
 
 
-def _gridded(ground: Array, thin: Thinned, cell: float) -> Heights:
+def _gridded(ground: Array, thin: CellSummary, cell: float) -> Heights:
     """Heights at the nodes next to points of the ground."""
     column, row = np.rint((ground[:, :2] - thin.low) / cell).astype(np.int64).T
     held = np.zeros(thin.shape, dtype=bool)
@@ -291,7 +291,7 @@ def _gridded(ground: Array, thin: Thinned, cell: float) -> Heights:
     return Heights(z, cell, (float(thin.low[0]), float(thin.low[1])))
 
 
-def _note_normalised(ground: Array, thin: Thinned, report: Report) -> None:
+def _note_normalised(ground: Array, thin: CellSummary, report: Report) -> None:
     """Say so if the ground is zero everywhere while something stands on it."""
     if float(np.subtract(*np.percentile(ground[:, 2], [99, 1]))) < FLAT and thin.top > ground[:, 2].max() + TALL:
         report.warnings.append(
@@ -301,7 +301,7 @@ def _note_normalised(ground: Array, thin: Thinned, report: Report) -> None:
 
 
 @contextmanager
-def broken(path: Path, what: str) -> Iterator[None]:
+def reading_errors(path: Path, what: str) -> Iterator[None]:
     """Turn whatever a library finds wrong with a broken file into one error."""
     try:
         yield

@@ -14,14 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from aoro_gym.terrains.extras import extra
+from aoro_gym.terrains.extras import import_extra
 from aoro_gym.terrains.georeference import horizontal
 from aoro_gym.terrains.io.check import Report, TerrainError
 from aoro_gym.terrains.io.cloud_survey import Chunk, Cloud
 from aoro_gym.terrains.io.elevation_model import ElevationModel
 from aoro_gym.terrains.io.frame import LoadOptions
-from aoro_gym.terrains.io.ground_filter import silenced
-from aoro_gym.terrains.io.read_cloud import CHUNK, Array, broken, read_cloud
+from aoro_gym.terrains.io.ground_filter import suppressed_output
+from aoro_gym.terrains.io.read_cloud import CHUNK, Array, read_cloud, reading_errors
 from aoro_gym.terrains.length_units import UNITS, LengthUnit
 
 LENGTHS = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)
@@ -61,10 +61,10 @@ class Header:
 
 def read_las(path: Path, request: LoadOptions, report: Report) -> ElevationModel:
     """A cloud of LAS or LAZ; noise and withheld points are left out."""
-    laspy = extra("laspy", f"the point cloud {path.name}")
-    extra("lazrs", f"the point cloud {path.name}")
+    laspy = import_extra("laspy", f"the point cloud {path.name}")
+    import_extra("lazrs", f"the point cloud {path.name}")
     logging.getLogger("laspy").addHandler(logging.NullHandler())  # its errors are raised here, not printed
-    with broken(path, "a point cloud (LAS)"):
+    with reading_errors(path, "a point cloud (LAS)"):
         head = _header(path)
         if head.compressed:
             _check_chunk_table(path, head, report)
@@ -74,11 +74,11 @@ def read_las(path: Path, request: LoadOptions, report: Report) -> ElevationModel
 
     def chunks() -> Iterator[Chunk]:
         read = 0
-        with broken(path, "a point cloud (LAS)"), laspy.open(path) as file:
+        with reading_errors(path, "a point cloud (LAS)"), laspy.open(path) as file:
             file.header.point_count = count
             parts = file.chunk_iterator(CHUNK)
             while True:
-                with silenced(2):  # lazrs tells of its panics there
+                with suppressed_output(2):  # lazrs tells of its panics there
                     points = next(parts, None)
                 if points is None or not len(points):
                     break

@@ -58,9 +58,9 @@ def read_mesh(path: Path, request: LoadOptions, report: Report) -> ElevationMode
         axes = ["xyz".index(name) for name in PLAN[up] + up]
         note_lost_precision(vertices[plan][:, axes], edge, frame.scale, report, names=PLAN[up])
     vertices = frame.local(vertices)
-    faces = _inside(vertices, faces, frame.low, frame.high, report)
+    faces = _faces_in_window(vertices, faces, frame.low, frame.high, report)
     vertices, faces = _cleaned(vertices, faces, report)
-    vertices, faces = _upward(vertices, faces, report)
+    vertices, faces = _oriented_upward(vertices, faces, report)
     faces = _without_small_pieces(vertices, faces, report)
     low, high = vertices[faces].min(axis=(0, 1)), vertices[faces].max(axis=(0, 1))
     plan_edges = np.linalg.norm(np.diff(vertices[faces][:, :, :2], axis=1), axis=2)
@@ -76,7 +76,7 @@ def read_mesh(path: Path, request: LoadOptions, report: Report) -> ElevationMode
             (over, "something hangs over the ground"),
             (wrinkles, "surfaces lie on each other"),
             (remove_spikes(heights, request.spike_limit)[1], "it has spikes"),
-            (_open_inside(faces), "it has holes"),
+            (_count_inner_boundaries(faces), "it has holes"),
         )
         if found
     ]
@@ -135,7 +135,7 @@ def _guess_up(path: Path, vertices: Array, faces: Faces, report: Report) -> str:
     return rule
 
 
-def _inside(vertices: Array, faces: Faces, low: Array, high: Array, report: Report) -> Faces:
+def _faces_in_window(vertices: Array, faces: Faces, low: Array, high: Array, report: Report) -> Faces:
     """Faces whose corners all lie in the window."""
     within = np.all((vertices[:, :2] >= low - MERGED) & (vertices[:, :2] <= high + MERGED), axis=1)
     kept = within[faces].all(axis=1)
@@ -166,9 +166,9 @@ def _cleaned(vertices: Array, faces: Faces, report: Report) -> tuple[Array, Face
     return vertices, faces[np.sort(kept)]
 
 
-def _upward(vertices: Array, faces: Faces, report: Report) -> tuple[Array, Faces]:
+def _oriented_upward(vertices: Array, faces: Faces, report: Report) -> tuple[Array, Faces]:
     """All faces counter-clockwise from above; undersides of solids and overhangs removed where the winding tells them."""
-    lift = _lift(vertices, faces)
+    lift = _signed_areas(vertices, faces)
     up, down = lift > 0.0, lift < 0.0
     if not (up.any() or down.any()):
         raise TerrainError(f"{report.source}: all its triangles stand upright; is another axis up (up=...)?")
@@ -183,7 +183,7 @@ def _upward(vertices: Array, faces: Faces, report: Report) -> tuple[Array, Faces
 
 def _undersides(vertices: Array, faces: Faces, lift: Array) -> NDArray[np.bool_]:
     """(F,) whether a face of a consistently wound mesh looks down, or up if its piece is inside out."""
-    piece = _pieces(len(vertices), faces)
+    piece = _components(len(vertices), faces)
     count = int(piece.max()) + 1
     middle = vertices[faces].mean(axis=1)[:, 2]
     areas, heights = [], []
@@ -198,14 +198,14 @@ def _undersides(vertices: Array, faces: Faces, lift: Array) -> NDArray[np.bool_]
     return np.where(inside_out[piece], lift > 0.0, lift < 0.0) & (np.minimum(*areas)[piece] > 0.0)
 
 
-def _pieces(count: int, faces: Faces) -> NDArray[np.int32]:
+def _components(count: int, faces: Faces) -> NDArray[np.int32]:
     """(F,) the number of the piece that each face belongs to; faces with a common vertex hang together."""
     links = faces[:, [0, 1, 1, 2]].reshape(-1, 2)
     graph = sparse.coo_matrix((np.ones(len(links), dtype=np.int8), links.T), shape=(count, count))
     return connected_components(graph, directed=False)[1][faces[:, 0]]
 
 
-def _lift(vertices: Array, faces: Faces) -> Array:
+def _signed_areas(vertices: Array, faces: Faces) -> Array:
     """(F,) twice the signed area of each face in plan."""
     a, b, c = (vertices[faces[:, i], :2] for i in range(3))
     u, v = b - a, c - a
@@ -220,8 +220,8 @@ def _consistent(faces: Faces) -> bool:
 
 def _without_small_pieces(vertices: Array, faces: Faces, report: Report) -> Faces:
     """Pieces too small to stand on removed; the largest one stays."""
-    piece = _pieces(len(vertices), faces)
-    area = np.bincount(piece, weights=0.5 * np.abs(_lift(vertices, faces)))
+    piece = _components(len(vertices), faces)
+    area = np.bincount(piece, weights=0.5 * np.abs(_signed_areas(vertices, faces)))
     gone = (area < min(SMALLEST_PIECE, area.max()))[piece]
     number = len(np.unique(piece[gone]))
     text = f"pieces below {SMALLEST_PIECE:g} m² removed: {number:,} ({int(gone.sum()):,} triangles)"
@@ -229,7 +229,7 @@ def _without_small_pieces(vertices: Array, faces: Faces, report: Report) -> Face
     return faces[~gone]
 
 
-def _open_inside(faces: Faces) -> int:
+def _count_inner_boundaries(faces: Faces) -> int:
     """How many places, other than one outline a piece, keep the surface from being whole."""
     edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     edges, uses = np.unique(edges, axis=0, return_counts=True)

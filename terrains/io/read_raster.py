@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym.terrains.extras import extra
+from aoro_gym.terrains.extras import import_extra
 from aoro_gym.terrains.georeference import horizontal
 from aoro_gym.terrains.heights import Heights
 from aoro_gym.terrains.io.ascii_grid import check_ascii_grid
@@ -23,7 +23,7 @@ from aoro_gym.terrains.io.bands import SAMPLE, Band, choose_band
 from aoro_gym.terrains.io.check import Report, TerrainError
 from aoro_gym.terrains.io.elevation_model import ElevationModel
 from aoro_gym.terrains.io.frame import CoordinateFrame, LoadOptions, choose_cell, find_frame
-from aoro_gym.terrains.io.masking import Marks, find_marks, note_marks, same
+from aoro_gym.terrains.io.masking import NodataValues, equals_value, find_nodata, report_nodata
 from aoro_gym.terrains.io.plausibility import settle_heights
 
 SUFFIXES = {".tif": "GTiff", ".tiff": "GTiff", ".asc": "AAIGrid", ".img": "HFA", ".dem": "USGSDEM", ".hgt": "SRTMHGT"}
@@ -40,7 +40,7 @@ Array = NDArray[np.float64]
 
 def read_raster(path: Path, request: LoadOptions, report: Report) -> ElevationModel:
     """Heights of one band; voids are NaN, pixel centres are nodes."""
-    rasterio = extra("rasterio", f"the elevation raster {path.name}")
+    rasterio = import_extra("rasterio", f"the elevation raster {path.name}")
     report.kind = "raster"
     if path.suffix.lower() == ".asc":
         check_ascii_grid(path)
@@ -101,7 +101,7 @@ def _read(data: Any, request: LoadOptions, report: Report) -> ElevationModel:
     frame = find_frame(request, report, low, high, spacing=spacing, crs=crs, z_unit=band.unit)
     straight = (place.b == place.d == 0.0 or place.a == place.e == 0.0) and math.isclose(*sides, rel_tol=SQUARE)
     upright = frame.projection is None and straight
-    heights = (_read_upright if upright else _read_turned)(band, place, frame, request, report)
+    heights = (_read_axis_aligned if upright else _read_rotated)(band, place, frame, request, report)
     heights = heights.replaced(band.heights(heights.z) * frame.z_scale)
     return settle_heights(ElevationModel(heights, frame), request, report, of_bytes=band.of_bytes)
 
@@ -137,7 +137,7 @@ def _placed(data: Any, request: LoadOptions, report: Report) -> tuple[Any, str |
     return place, wkt
 
 
-def _read_upright(band: Band, place: Any, frame: CoordinateFrame, request: LoadOptions, report: Report) -> Heights:
+def _read_axis_aligned(band: Band, place: Any, frame: CoordinateFrame, request: LoadOptions, report: Report) -> Heights:
     """Square pixels along the axes, as they are: the window, thinned where it is finer than the cell asked for."""
     from rasterio.windows import Window
 
@@ -179,7 +179,7 @@ def _read_upright(band: Band, place: Any, frame: CoordinateFrame, request: LoadO
     return Heights(np.ascontiguousarray(z), block * world, (float(x), float(y)))
 
 
-def _read_turned(band: Band, place: Any, frame: CoordinateFrame, request: LoadOptions, report: Report) -> Heights:
+def _read_rotated(band: Band, place: Any, frame: CoordinateFrame, request: LoadOptions, report: Report) -> Heights:
     """Heights interpolated bilinearly in ``frame``, where pixels are turned, oblong or in another projection."""
     from rasterio.crs import CRS
     from rasterio.enums import Resampling
@@ -187,7 +187,7 @@ def _read_turned(band: Band, place: Any, frame: CoordinateFrame, request: LoadOp
     from rasterio.windows import Window
 
     data = band.data
-    grid = _Turned(place, frame)
+    grid = _PixelTransform(place, frame)
     natural = grid.pixel(data.width, data.height)
     cell = choose_cell(request, report, frame.low, frame.high, natural)
     columns, rows = (int(n) for n in np.floor((frame.high - frame.low) / cell + 1e-6).astype(int) + 1)
@@ -225,7 +225,7 @@ def _read_turned(band: Band, place: Any, frame: CoordinateFrame, request: LoadOp
 
 
 @dataclass(frozen=True)
-class _Turned:
+class _PixelTransform:
     """Between rows and columns of a raster and metres of its frame."""
 
     place: Any
@@ -316,26 +316,26 @@ def read_heights(array: Any, request: LoadOptions, report: Report) -> ElevationM
     if request.z_units is None and request.units is None:
         frame = replace(frame, z_known="assumed")
     report.points_read = z.size
-    z = _known(z, values.dtype, frame.z_scale, request, report)
+    z = _masked(z, values.dtype, frame.z_scale, request, report)
     return ElevationModel(Heights(z * frame.z_scale, request.cell), frame)
 
 
-def _known(z: Array, dtype: np.dtype[Any], metre: float, request: LoadOptions, report: Report) -> Array:
+def _masked(z: Array, dtype: np.dtype[Any], metre: float, request: LoadOptions, report: Report) -> Array:
     """``z`` with NaN for what is unknown."""
-    marks, declared = Marks(), np.zeros(z.shape, dtype=bool)
+    marks, declared = NodataValues(), np.zeros(z.shape, dtype=bool)
     if request.nodata is None:
         thin = 1 + z.size // SAMPLE
         limits = (float(np.iinfo(dtype).min), float(np.iinfo(dtype).max)) if dtype.kind in "iu" else None
-        marks = find_marks(z[::thin], metre, limits)
+        marks = find_nodata(z[::thin], metre, limits)
     for value in request.nodata or ():
-        declared |= same(z, value)
+        declared |= equals_value(z, value)
     report.change("unknown", int(declared.sum()), f"{int(declared.sum()):,} heights unknown (nodata as asked)")
     z[declared] = np.nan
-    counts = {value: int(same(z, value).sum()) for value in (*marks.values, *dict(marks.suspects))}
+    counts = {value: int(equals_value(z, value).sum()) for value in (*marks.values, *dict(marks.suspects))}
     for value in marks.values:
-        z[same(z, value)] = np.nan
+        z[equals_value(z, value)] = np.nan
     beyond = marks.unknown(z) & ~np.isnan(z)
-    note_marks(marks, counts, int(beyond.sum()), report)
+    report_nodata(marks, counts, int(beyond.sum()), report)
     z[beyond] = np.nan
     if not np.isfinite(z).any():
         raise TerrainError(f"{report.source}: none of its {z.size:,} heights is known; there is no ground in it")

@@ -19,7 +19,7 @@ from aoro_gym.terrains.io.check import Report, TerrainError
 from aoro_gym.terrains.io.cloud_survey import Chunk, Cloud
 from aoro_gym.terrains.io.elevation_model import ElevationModel
 from aoro_gym.terrains.io.frame import LoadOptions
-from aoro_gym.terrains.io.read_cloud import CHUNK, broken, read_cloud
+from aoro_gym.terrains.io.read_cloud import CHUNK, read_cloud, reading_errors
 from aoro_gym.terrains.length_units import UNITS, LengthUnit
 from aoro_gym.units import DEGREE
 
@@ -64,7 +64,7 @@ class Layout:
 
 def read_text(path: Path, request: LoadOptions, report: Report) -> ElevationModel:
     """A cloud of lines with x, y and z; by the names of its columns, or else its first three numbers."""
-    with broken(path, "lines of x, y, z"):
+    with reading_errors(path, "lines of x, y, z"):
         dialect = sniff_file(path)
         layout = _find_layout(path, dialect, report)
     crs = None
@@ -84,7 +84,7 @@ def read_text(path: Path, request: LoadOptions, report: Report) -> ElevationMode
 def _numbers(path: Path, dialect: Dialect, columns: tuple[int, ...], report: Report) -> Iterator[NDArray[np.float64]]:
     """(n, C) numbers of the file's rows, some at a time; as many as are declared."""
     declared, found, number = dialect.count, 0, dialect.skip + 1
-    with broken(path, "lines of x, y, z"), path.open(encoding=dialect.encoding, errors="replace") as file:
+    with reading_errors(path, "lines of x, y, z"), path.open(encoding=dialect.encoding, errors="replace") as file:
         for _ in range(dialect.skip):
             next(file, None)
         while lines := list(itertools.islice(file, CHUNK)):
@@ -140,7 +140,7 @@ def _find_layout(path: Path, dialect: Dialect, report: Report) -> Layout:
     # A word here and there is a fault, named with its line when it is met; a column of words is none of numbers.
     numeric = [i for i in range(dialect.columns) if 2 * sum(_may_be_number(row, i) for row in sample) > len(sample)]
     if dialect.names:
-        layout = _by_names(path, dialect, numeric, report)
+        layout = _columns_by_name(path, dialect, numeric, report)
         if layout is not None:
             return layout
         if not dialect.is_header_comment:
@@ -170,7 +170,7 @@ def _may_be_number(cells: list[str], index: int) -> bool:
     return index >= len(cells) or not cells[index] or is_number(cells[index])
 
 
-def _by_names(path: Path, dialect: Dialect, numeric: list[int], report: Report) -> Layout | None:
+def _columns_by_name(path: Path, dialect: Dialect, numeric: list[int], report: Report) -> Layout | None:
     """Columns by their names; None if these are not of places."""
     found: dict[str, list[tuple[int, NamedQuantity]]] = {role: [] for role in NAMES}
     for index, name in enumerate(dialect.names):
@@ -179,7 +179,7 @@ def _by_names(path: Path, dialect: Dialect, numeric: list[int], report: Report) 
             if quantity is not None:
                 found[role].append((index, quantity))
                 break
-    chosen = {role: _best(candidates, numeric) for role, candidates in found.items() if candidates}
+    chosen = {role: _best_column(candidates, numeric) for role, candidates in found.items() if candidates}
     is_geographic = not {"x", "y"} <= set(chosen) and {"latitude", "longitude"} <= set(chosen)
     roles = ("longitude", "latitude", "z") if is_geographic else ("x", "y", "z")
     if not set(roles) <= set(chosen):
@@ -204,7 +204,7 @@ def _by_names(path: Path, dialect: Dialect, numeric: list[int], report: Report) 
     return replace(layout, classes=None if classes is None else classes[0], up="z" if named else None)
 
 
-def _best(candidates: list[tuple[int, NamedQuantity]], numeric: list[int]) -> tuple[int, NamedQuantity]:
+def _best_column(candidates: list[tuple[int, NamedQuantity]], numeric: list[int]) -> tuple[int, NamedQuantity]:
     """The column that holds numbers and has the plainest name."""
     return min(candidates, key=lambda item: (item[0] not in numeric, SURE.fullmatch(item[1].base) is None, item[0]))
 

@@ -44,7 +44,7 @@ def remove_spikes(heights: Heights, limit: float) -> tuple[Heights, int]:
     return heights.replaced(np.where(sharp, np.nan, z)), int(sharp.sum())
 
 
-def drop_pieces(heights: Heights, smallest: float) -> tuple[Heights, list[float]]:
+def remove_small_components(heights: Heights, smallest: float) -> tuple[Heights, list[float]]:
     """Open the pieces of ground below ``smallest`` [m²] apart from the largest; returns their areas [m²] with the rest.
 
     Pieces hang together by whole cells. Nodes of no cell go in silence: nothing could stand on them.

@@ -33,12 +33,12 @@ from aoro_gym.terrains.paths.track_parts import (
     STANDSTILL,
     TURN_REACH,
     Indices,
-    Parts,
+    TrackParts,
     describe_gaps,
-    described,
+    describe_parts,
     find_parts,
 )
-from aoro_gym.terrains.paths.tracks import Found, Track, length, metres, plan
+from aoro_gym.terrains.paths.tracks import Track, TrackFile, length, metres, plan_points
 from aoro_gym.terrains.terrain import Terrain
 
 Array = NDArray[Any]
@@ -54,7 +54,7 @@ MANY_TURNS = 5
 MOST_BLANK = 0.5
 """Share of the points without a speed up to which it is interpolated."""
 
-READERS: dict[str, Callable[[File], Found]] = {
+READERS: dict[str, Callable[[File], TrackFile]] = {
     **dict.fromkeys((".gpx", ".kml", ".kmz", ".geojson", ".json"), read_document),
     **dict.fromkeys((".csv", ".tsv", ".txt"), read_table_of_places),
 }
@@ -154,10 +154,10 @@ def load_path(
             report.change("assumed", 1, text)
         report.unread = found.other
         one, part, number = choose(found, track)
-        one = _finite(_of_one_kind(one, terrain, crs), report)
+        one = _finite(_in_one_system(one, terrain, crs), report)
         check_reading(one, terrain, crs)
         report.kind, report.points = one.title, one.size
-        one = _taken(
+        one = _driven_points(
             one,
             _rough_plan(one, crs),
             part,
@@ -224,7 +224,7 @@ def _write_gpx(target: File, name: str, latitude: Array, longitude: Array, speed
     write_bytes(target, ElementTree.tostring(book, encoding="utf-8", xml_declaration=True))
 
 
-def _of_one_kind(track: Track, terrain: Terrain | None, crs: str | None) -> Track:
+def _in_one_system(track: Track, terrain: Terrain | None, crs: str | None) -> Track:
     """The track with either degrees or x and y, whichever leads to the terrain."""
     columns = track.columns
     system = crs if crs is not None else track.crs
@@ -270,10 +270,10 @@ def _rough_plan(track: Track, crs: str | None) -> Array:
     """(P, 2) about where its points are [m], in any frame."""
     system = crs if crs is not None else track.crs
     unit = axis_unit(horizontal(system)) if system is not None and "x" in track.columns else 1.0
-    return plan(track) * unit
+    return plan_points(track) * unit
 
 
-def _taken(
+def _driven_points(
     track: Track,
     points: Array,
     part: int | None,
@@ -332,10 +332,10 @@ def _taken(
     return track.taken(chosen)
 
 
-def _part(track: Track, points: Array, parts: Parts, part: int | None, label: str, report: PathReport) -> Indices:
+def _part(track: Track, points: Array, parts: TrackParts, part: int | None, label: str, report: PathReport) -> Indices:
     """The part that is meant, or the longest between gaps; ``ValueError`` where the recording turns round."""
     every = parts.parts
-    list_ = f"{len(every)} parts: {described(track, parts, points)}"
+    list_ = f"{len(every)} parts: {describe_parts(track, parts, points)}"
     if not every:
         raise ValueError(f"it has no two points in a row without a gap: {describe_gaps(track, parts)}")
     ask = f"track={label}N (--track)"
@@ -360,7 +360,7 @@ def _part(track: Track, points: Array, parts: Parts, part: int | None, label: st
         number = 1 + next(i for i, one in enumerate(every) if one[0] == longest[0])
         taken = f"part {number}, the longest, is taken of {list_}; {ask} takes another"
         if len(every) == 1:
-            taken = f"only {described(track, parts, points).removeprefix('1 ').strip('()')} are taken"
+            taken = f"only {describe_parts(track, parts, points).removeprefix('1 ').strip('()')} are taken"
         report.warnings.append(
             f"{describe_gaps(track, parts)}: not bridged; {taken}, join_gaps=True (--join-gaps) bridges the gaps"
         )
@@ -370,7 +370,7 @@ def _part(track: Track, points: Array, parts: Parts, part: int | None, label: st
 def _path(track: Track, terrain: Terrain | None, crs: str | None, closed: bool | None, report: PathReport) -> Path:
     """The path through a track's points, without the end of a lap that overlaps its start."""
     points, speed = place(track, terrain, crs, report), _speed(track, report)
-    ends = _lap(points)
+    ends = _points_of_lap(points)
     if closed is None:
         closed = ends is not None
         report.change("closed", int(closed), "its ends meet: taken for a lap (closed=False keeps it open)")
@@ -404,7 +404,7 @@ def _speed(track: Track, report: PathReport) -> Array | None:
     return speed
 
 
-def _lap(points: Array) -> int | None:
+def _points_of_lap(points: Array) -> int | None:
     """How many points make the lap if the ends meet; None if they do not."""
     if len(points) < 8:
         return None

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym.terrains.extras import extra
+from aoro_gym.terrains.extras import import_extra
 from aoro_gym.terrains.georeference import (
     GEOGRAPHIC,
     axis_unit,
@@ -110,7 +110,7 @@ def _from_degrees(latitude: Array, longitude: Array, system: str, terrain: Terra
             [("latitude and longitude look interchanged: exchange the two in the file", swapped)],
             "is it another place, or has the terrain another crs?",
         )
-    pyproj = extra("pyproj", "a path in latitude and longitude")
+    pyproj = import_extra("pyproj", "a path in latitude and longitude")
     first = (float(latitude[0]), float(longitude[0]))
     plane = pyproj.Proj(proj="aeqd", lat_0=first[0], lon_0=first[1], datum="WGS84")
     notes.tangent_point = first
@@ -150,7 +150,7 @@ def _from_system(x: Array, y: Array, system: str, terrain: Terrain | None, notes
 
 def _geographic(x: Array, y: Array, system: str) -> tuple[Array, Array]:
     """Latitude and longitude of coordinates whose system covers them."""
-    pyproj = extra("pyproj", "a change of coordinates")
+    pyproj = import_extra("pyproj", "a change of coordinates")
     source = horizontal(system)
     change = pyproj.Transformer.from_crs(source, GEOGRAPHIC, always_xy=True)
 
@@ -200,12 +200,16 @@ def _metres(x: Array, y: Array, terrain: Terrain) -> Array:
     points = np.stack([x, y], axis=1)
     origin = np.asarray(terrain.origin[:2])
     shifts = [np.zeros(2), origin] if origin.any() else [np.zeros(2)]
-    found = [text for text, reading in _other_readings(points, shifts, terrain) if _share_on(reading, terrain) >= SURE]
+    found = [
+        text
+        for text, reading in _other_readings(points, shifts, terrain)
+        if _share_on_terrain(reading, terrain) >= SURE
+    ]
     for shift in shifts:
         reading = points - shift
-        if _share_on(reading, terrain) > 0.0 or (not found and _apart(reading, terrain) == 0.0):
+        if _share_on_terrain(reading, terrain) > 0.0 or (not found and _distance_to_terrain(reading, terrain) == 0.0):
             return shift
-    apart = min(_apart(points - shift, terrain) for shift in shifts)
+    apart = min(_distance_to_terrain(points - shift, terrain) for shift in shifts)
     advice = " or ".join(found) + ("; say which" if len(found) > 1 else "")
     if not found:
         advice = "if its coordinates are in another system or unit, say crs='EPSG:...' (--path-crs)"
@@ -253,36 +257,36 @@ def _on_terrain(
     points = None
     try:
         points = reading()
-        if _share_on(points, terrain) > 0.0:
+        if _share_on_terrain(points, terrain) > 0.0:
             return points
     except ValueError as error:  # outside of the terrain's system
         failed = error
     for text, other in others:
         try:
-            share = _share_on(other(), terrain)
+            share = _share_on_terrain(other(), terrain)
         except ValueError:
             continue
         if share >= SURE:
             far = (
                 ""
                 if points is None
-                else f"it lies {metres(_apart(points, terrain))} from terrain {terrain.name!r}, but "
+                else f"it lies {metres(_distance_to_terrain(points, terrain))} from terrain {terrain.name!r}, but "
             )
             raise ValueError(f"{far}{text} (then {share:.0%} of its points lie on the terrain)") from None
-    if points is not None and _apart(points, terrain) == 0.0:
+    if points is not None and _distance_to_terrain(points, terrain) == 0.0:
         return points
     if failed is not None or points is None:
         raise failed or ValueError(doubt)
-    raise ValueError(f"it lies {metres(_apart(points, terrain))} from terrain {terrain.name!r}; {doubt}")
+    raise ValueError(f"it lies {metres(_distance_to_terrain(points, terrain))} from terrain {terrain.name!r}; {doubt}")
 
 
-def _share_on(points: Array, terrain: Terrain) -> float:
+def _share_on_terrain(points: Array, terrain: Terrain) -> float:
     """Share of the points within the terrain's extent."""
     low, high = terrain.extent
     return float(np.mean(np.all((points >= low[:2]) & (points <= high[:2]), axis=1)))
 
 
-def _apart(points: Array, terrain: Terrain) -> float:
+def _distance_to_terrain(points: Array, terrain: Terrain) -> float:
     """Distance [m] between the rectangles around the points and around the terrain."""
     low, high = terrain.extent
     beyond = np.maximum(np.maximum(low[:2] - points.max(axis=0), points.min(axis=0) - high[:2]), 0.0)

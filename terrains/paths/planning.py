@@ -228,7 +228,7 @@ def drivable_ground(
     # the window's corners are farther apart than a tire is long: a step of the limit's steepness is none
     touched = step > obstacle_height * max(1.0, cell * (window - 1) / STEP_WINDOW)
     if obstacles is not None:
-        touched |= _under(np.asarray(obstacles, dtype=np.float64), heights)
+        touched |= _nodes_under(np.asarray(obstacles, dtype=np.float64), heights)
     swept = 0.5 * WIDTH + np.hypot(turning_radius, HALF_WHEELBASE) - turning_radius + clearance
     causes = {
         "slope": steepness > np.hypot(max_slope, max_cross),
@@ -273,7 +273,7 @@ def _heights(terrain: Terrain | Plane) -> Heights:
     return sample_triangles(terrain.vertices, terrain.faces, cell)[0]
 
 
-def _under(obstacles: Array, heights: Heights) -> NDArray[np.bool_]:
+def _nodes_under(obstacles: Array, heights: Heights) -> NDArray[np.bool_]:
     """Nodes nearest to or within the circles (K, 3)."""
     if obstacles.ndim != 2 or obstacles.shape[1] != 3 or not np.isfinite(obstacles).all():
         raise ValueError(f"obstacles have the shape {obstacles.shape}; give (K, 3) finite x, y, radius [m]")
@@ -297,7 +297,7 @@ def _distance(mask: NDArray[np.bool_], cell: float) -> Array:
     return cell * np.asarray(ndimage.distance_transform_edt(~mask))
 
 
-def _pieces(radius: float) -> dict[int, tuple[NDArray[np.intp], Array]]:
+def _motion_primitives(radius: float) -> dict[int, tuple[NDArray[np.intp], Array]]:
     """For each level of curvature: the levels it can lead to, and the poses (K, M, 3) along the pieces from (0, 0, 0)."""
     curvature = np.linspace(-1.0, 1.0, LEVELS) / radius
     fine = np.linspace(0.0, PIECE, 10 * round(PIECE / SPACING) + 1)
@@ -324,9 +324,9 @@ def _search(ground: DrivableGround, rng: np.random.Generator, places: Array, cou
     start = _start(ground, rng, places)
     if start is None:
         return np.empty((1, 2))
-    pieces = _pieces(ground.turning_radius)
+    pieces = _motion_primitives(ground.turning_radius)
     straight = LEVELS // 2
-    chain = [_Chain(start[None], straight, None, 0, _goal(rng, places, start[None, :2]))]
+    chain = [_SearchNode(start[None], straight, None, 0, _goal(rng, places, start[None, :2]))]
     longest = chain[0]
     waiting: list[tuple[float, int]] = [(0.0, 0)]
     seen: set[tuple[int, ...]] = set()
@@ -365,10 +365,10 @@ def _search(ground: DrivableGround, rng: np.random.Generator, places: Array, cou
         )
         luck = rng.gumbel(size=len(ends))
         for level, piece, value in zip(ends, poses, here.count + APPEAL * appeal + LUCK * luck, strict=True):
-            chain.append(_Chain(piece, int(level), here, here.count + 1, goal))
+            chain.append(_SearchNode(piece, int(level), here, here.count + 1, goal))
             heapq.heappush(waiting, (-float(value), len(chain) - 1))
     parts: list[Array] = []
-    link: _Chain | None = longest
+    link: _SearchNode | None = longest
     while link is not None:
         parts.append(link.piece[:, :2])
         link = link.before
@@ -376,18 +376,18 @@ def _search(ground: DrivableGround, rng: np.random.Generator, places: Array, cou
 
 
 @dataclass(frozen=True, eq=False)
-class _Chain:
+class _SearchNode:
     """A piece, (M, 3) poses, and all pieces before it."""
 
     piece: Array
     level: int
-    before: _Chain | None
+    before: _SearchNode | None
     count: int
     goal: Array
 
     def places(self) -> Array:
         """(K, 2) ends of its pieces."""
-        link: _Chain | None = self
+        link: _SearchNode | None = self
         ends = []
         while link is not None:
             ends.append(link.piece[-1, :2])

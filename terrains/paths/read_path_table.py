@@ -12,7 +12,7 @@ from aoro_gym.recording.dialects import Dialect, number_rows, sniff_file
 from aoro_gym.recording.tables import Table, read_table
 from aoro_gym.recording.units import NamedQuantity, parse_name
 from aoro_gym.terrains.paths.read_tracks import read_document
-from aoro_gym.terrains.paths.tracks import Found, Track, shown
+from aoro_gym.terrains.paths.tracks import Track, TrackFile, display_text
 from aoro_gym.terrains.paths.xml_tree import looks_like_xml
 from aoro_gym.units import DEGREE
 
@@ -54,7 +54,7 @@ _COUNTERPART = {
 }
 
 
-def read_table_of_places(file: File) -> Found:
+def read_table_of_places(file: File) -> TrackFile:
     """The line in a table: ``latitude`` and ``longitude``, or ``x`` and ``y``, and ``speed`` if there is one.
 
     Raises ``ValueError`` in one sentence without the file's name; ``OSError`` if it cannot be opened.
@@ -93,8 +93,8 @@ def _roles(table: Table) -> dict[str, list[tuple[str, NamedQuantity]]]:
     return found
 
 
-def _read_named(table: Table, roles: dict[str, list[tuple[str, NamedQuantity]]]) -> Found:
-    found = Found()
+def _read_named(table: Table, roles: dict[str, list[tuple[str, NamedQuantity]]]) -> TrackFile:
+    found = TrackFile()
     columns = {}
     for pair in PAIRS:
         if not set(pair) <= roles.keys():
@@ -109,7 +109,7 @@ def _read_named(table: Table, roles: dict[str, list[tuple[str, NamedQuantity]]])
             if quantity.is_unknown:
                 usual = "deg" if pair == PAIRS[0] else "m"
                 raise ValueError(
-                    f"the unit of {shown(name)} is not known; convert it, and name the column {role}_{usual}"
+                    f"the unit of {display_text(name)} is not known; convert it, and name the column {role}_{usual}"
                 )
             size = 1.0 if quantity.unit is None else quantity.unit.factor / _size(role)
             columns[role] = table.numbers_or_blank(name) * size
@@ -136,26 +136,28 @@ def _belong(first: str, second: str) -> bool:
     )
 
 
-def _speed(candidates: list[tuple[str, NamedQuantity]], found: Found) -> tuple[str, NamedQuantity] | None:
+def _speed(candidates: list[tuple[str, NamedQuantity]], found: TrackFile) -> tuple[str, NamedQuantity] | None:
     """The speed to drive, of several: one that is named as wanted, else the first."""
     known = [one for one in candidates if not one[1].is_unknown]
     for name, quantity in candidates:
         if quantity.is_unknown:
-            found.warnings.append(f"{shown(name)} is not read: its unit {shown(quantity.unit_text)} is no known speed")
+            found.warnings.append(
+                f"{display_text(name)} is not read: its unit {display_text(quantity.unit_text)} is no known speed"
+            )
     if not known:
         return None
     chosen = min(known, key=lambda one: WANTED.fullmatch(one[1].base) is None)
     if len(known) > 1:
         others = [name for name, _ in known if name != chosen[0]]
-        found.warnings.append(f"{shown(chosen[0])} is taken for the speed to drive, not {listed(others)}")
+        found.warnings.append(f"{display_text(chosen[0])} is taken for the speed to drive, not {listed(others)}")
     if chosen[1].unit is None:
-        found.assumed.append(f"{shown(chosen[0])} names no unit: taken for m/s")
+        found.assumed.append(f"{display_text(chosen[0])} names no unit: taken for m/s")
     elif chosen[1].unit.factor != 1.0:
-        found.assumed.append(f"{shown(chosen[0])} brought from {chosen[1].unit.symbol} to m/s")
+        found.assumed.append(f"{display_text(chosen[0])} brought from {chosen[1].unit.symbol} to m/s")
     return chosen
 
 
-def _read_bare(file: File, dialect: Dialect) -> Found:
+def _read_bare(file: File, dialect: Dialect) -> TrackFile:
     """Two columns without a header."""
     if dialect.columns < 2:
         raise ValueError("it has one column; it must have latitude and longitude [deg], or x and y [m], under a header")
@@ -164,7 +166,7 @@ def _read_bare(file: File, dialect: Dialect) -> Found:
     places = number_rows(lines, dialect, (0, 1), where=str(file), first_line=dialect.skip + 1)
     if len(places) > 2 and np.all(np.nanmax(places, axis=0) - np.nanmin(places, axis=0) < NARROWEST):
         raise ValueError("its columns have no header and look like degrees; add latitude,longitude or x,y")
-    found = Found()
+    found = TrackFile()
     if dialect.columns > 2:
         found.other = f"columns {listed([str(number) for number in range(3, dialect.columns + 1)])}"
     kind = "two columns without a header, taken for x and y [m]"

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from aoro_gym.terrains.paths.tracks import Found, Track, counted, shown
+from aoro_gym.terrains.paths.tracks import Track, TrackFile, display_counts, display_text
 from aoro_gym.terrains.paths.xml_tree import Element, looks_like_xml, parse
 
 LARGEST_FILE = 50_000_000
@@ -25,7 +25,7 @@ Place = tuple[float, float, float | None, int | None]
 """Latitude, longitude (or y, x), speed [m/s], line of the file."""
 
 
-def read_document(file: File) -> Found:
+def read_document(file: File) -> TrackFile:
     """The tracks of a GPX, KML, KMZ or GeoJSON file; what it is, its content says.
 
     Raises ``ValueError`` in one sentence with place and reason, without the file's name; ``OSError`` if it cannot be
@@ -47,17 +47,17 @@ def read_document(file: File) -> Found:
     raise ValueError(f"it is not {what}, as its name says; export it again as GPX, KML, GeoJSON or CSV")
 
 
-def _read_xml(data: bytes) -> Found:
+def _read_xml(data: bytes) -> TrackFile:
     root = parse(data)
     if root.tag == "gpx":
         return _read_gpx(root)
     if root.tag in ("kml", "document", "placemark", "folder"):
         return _read_kml(root)
-    raise ValueError(f"it is XML of {shown(root.tag)}, not GPX or KML; export it as one of these, or as CSV")
+    raise ValueError(f"it is XML of {display_text(root.tag)}, not GPX or KML; export it as one of these, or as CSV")
 
 
-def _read_gpx(root: Element) -> Found:
-    found = Found()
+def _read_gpx(root: Element) -> TrackFile:
+    found = TrackFile()
     for track in root.all("trk"):
         segments = [[_gpx_place(point) for point in part.all("trkpt")] for part in track.all("trkseg")]
         _add(found, "GPX track", track.child_text("name"), segments)
@@ -74,8 +74,8 @@ def _gpx_place(point: Element) -> Place:
     return latitude, longitude, _number(speed.text, "speed", speed.line) if speed and known else None, point.line
 
 
-def _read_kml(root: Element) -> Found:
-    found = Found()
+def _read_kml(root: Element) -> TrackFile:
+    found = TrackFile()
     marks: list[Place] = []
     inside: set[int] = set()  # geometries that belong to a placemark before
     for placemark in root.walk():
@@ -118,11 +118,11 @@ def _kml_place(numbers: list[str], word: str, line: int) -> Place:
     if not numbers:  # a gx:coord of a time without a fix
         return float("nan"), float("nan"), None, line
     if not 2 <= len(numbers) <= 3:
-        raise ValueError(f"line {line}: coordinates {shown(word)} are not longitude, latitude[, altitude]")
+        raise ValueError(f"line {line}: coordinates {display_text(word)} are not longitude, latitude[, altitude]")
     return _number(numbers[1], "latitude", line), _number(numbers[0], "longitude", line), None, line
 
 
-def _read_kmz(data: bytes) -> Found:
+def _read_kmz(data: bytes) -> TrackFile:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             inner = [entry for entry in archive.infolist() if entry.filename.lower().endswith(".kml")]
@@ -135,17 +135,17 @@ def _read_kmz(data: bytes) -> Found:
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError) as error:
         raise ValueError(f"it cannot be unpacked: {str(error)[:100]}; export it again") from None
     if len(text) > LARGEST_FILE:
-        raise ValueError(f"its {shown(main.filename)} is larger than {LARGEST_FILE / 1e6:.0f} MB unpacked")
+        raise ValueError(f"its {display_text(main.filename)} is larger than {LARGEST_FILE / 1e6:.0f} MB unpacked")
     if not text.strip():
-        raise ValueError(f"its {shown(main.filename)} is empty")
+        raise ValueError(f"its {display_text(main.filename)} is empty")
     found = _read_xml(text)
     if len(inner) > 1:
         found.unread["other .kml in the archive"] += len(inner) - 1
-        found.other = counted(found.unread)
+        found.other = display_counts(found.unread)
     return found
 
 
-def _read_geojson(data: bytes) -> Found:
+def _read_geojson(data: bytes) -> TrackFile:
     try:
         # floats throughout: an integer of 400 digits would take quadratic time
         content = json.loads(data.decode("utf-8-sig"), parse_int=float)
@@ -158,7 +158,7 @@ def _read_geojson(data: bytes) -> Found:
     if not isinstance(content, dict) or "type" not in content:
         raise ValueError("it is JSON, but no GeoJSON: it has no 'type'")
     crs = _geojson_crs(content)
-    found = Found()
+    found = TrackFile()
     marks: list[Place] = []
     for number, feature in _features(content):
         name = _feature_name(feature)
@@ -175,7 +175,9 @@ def _read_geojson(data: bytes) -> Found:
             elif kind in ("Polygon", "MultiPolygon"):
                 found.unread[kind.lower()] += 1
             else:
-                raise ValueError(f"{where}: its geometry is of the type {shown(kind)}, which is none of GeoJSON's")
+                raise ValueError(
+                    f"{where}: its geometry is of the type {display_text(kind)}, which is none of GeoJSON's"
+                )
         for kind, segments in lines.items():
             _add(found, f"GeoJSON {kind}", name, segments, crs)
     _add_marks(found, "GeoJSON points", marks, crs)
@@ -204,7 +206,7 @@ def _features(content: dict[str, Any]) -> Iterator[tuple[int, dict[str, Any]]]:
         features = [content if kind == "Feature" else {"geometry": content, "properties": None}]
     for number, feature in enumerate(features, 1):
         if not isinstance(feature, dict):
-            raise ValueError(f"feature {number} is {shown(feature)}, but must be an object")
+            raise ValueError(f"feature {number} is {display_text(feature)}, but must be an object")
         yield number, feature
 
 
@@ -225,7 +227,7 @@ def _geometries(geometry: Any, where: str, depth: int = 0) -> Iterator[dict[str,
     if geometry is None:
         return
     if not isinstance(geometry, dict):
-        raise ValueError(f"{where}: its geometry is {shown(geometry)}, but must be an object")
+        raise ValueError(f"{where}: its geometry is {display_text(geometry)}, but must be an object")
     if geometry.get("type") != "GeometryCollection":
         yield geometry
         return
@@ -240,14 +242,16 @@ def _positions(coordinates: Any, where: str) -> list[Place]:
     for number, position in enumerate(_list(coordinates, where), 1):
         plain = isinstance(position, list) and len(position) >= 2 and all(type(v) is float for v in position[:2])
         if not plain:
-            raise ValueError(f"{where}, position {number} is {shown(position)}, but must be [longitude, latitude, ...]")
+            raise ValueError(
+                f"{where}, position {number} is {display_text(position)}, but must be [longitude, latitude, ...]"
+            )
         places.append((position[1], position[0], None, None))
     return places
 
 
 def _list(value: Any, where: str) -> list[Any]:
     if not isinstance(value, list):
-        raise ValueError(f"{where} holds {shown(value)} where a list must be")
+        raise ValueError(f"{where} holds {display_text(value)} where a list must be")
     return value
 
 
@@ -261,10 +265,10 @@ def _number(text: str, name: str, line: int) -> float:
             raise ValueError
         return float(word)
     except ValueError:
-        raise ValueError(f"line {line}: {name} is {shown(text)}, but must be a number") from None
+        raise ValueError(f"line {line}: {name} is {display_text(text)}, but must be a number") from None
 
 
-def _add(found: Found, kind: str, name: str, segments: Sequence[Sequence[Place]], crs: str | None = None) -> None:
+def _add(found: TrackFile, kind: str, name: str, segments: Sequence[Sequence[Place]], crs: str | None = None) -> None:
     """One more track, if its segments have at least two points in all."""
     segments = [segment for segment in segments if segment]
     places = [place for segment in segments for place in segment]
@@ -275,7 +279,7 @@ def _add(found: Found, kind: str, name: str, segments: Sequence[Sequence[Place]]
     found.append(_track(kind, name, places, tuple(int(start) for start in starts), crs))
 
 
-def _add_marks(found: Found, kind: str, places: Sequence[Place], crs: str | None = None) -> None:
+def _add_marks(found: TrackFile, kind: str, places: Sequence[Place], crs: str | None = None) -> None:
     """Single places: a line through them only where the file has no other."""
     if len(places) >= 2 and not found:
         found.append(_track(kind, "", places, (0,), crs))
@@ -293,9 +297,9 @@ def _track(kind: str, name: str, places: Sequence[Place], starts: tuple[int, ...
     return Track(kind, name, columns, starts, numbered, crs=crs, is_surely_degrees=not kind.startswith("GeoJSON"))
 
 
-def _known(found: Found, wanted: str) -> Found:
+def _known(found: TrackFile, wanted: str) -> TrackFile:
     if not found:
-        held = f"; what it holds is not read: {counted(found.unread)}" if found.unread else ""
+        held = f"; what it holds is not read: {display_counts(found.unread)}" if found.unread else ""
         raise ValueError(f"it has no {wanted} of at least two points{held}")
-    found.other = counted(found.unread)
+    found.other = display_counts(found.unread)
     return found

@@ -8,7 +8,7 @@ import numpy as np
 
 from aoro_gym.terrains.io.frame import FARTHEST
 from aoro_gym.terrains.paths.track_parts import find_parts
-from aoro_gym.terrains.paths.tracks import MOST_LISTED, Track, length, metres, plan, shown
+from aoro_gym.terrains.paths.tracks import MOST_LISTED, Track, display_text, length, metres, plan_points
 
 
 def choose(tracks: Sequence[Track], wanted: str | int | None) -> tuple[Track, int | None, int]:
@@ -29,7 +29,7 @@ def choose(tracks: Sequence[Track], wanted: str | int | None) -> tuple[Track, in
         found = [number for number, track in enumerate(tracks, 1) if isinstance(wanted, str) and track.name == word]
         if len(found) > 1:
             raise ValueError(
-                f"{len(found)} tracks are called {shown(word)}; say which by its number: {_listed(tracks)}"
+                f"{len(found)} tracks are called {display_text(word)}; say which by its number: {_listed(tracks)}"
             )
         if found:
             return tracks[found[0] - 1], part, found[0]
@@ -39,7 +39,7 @@ def choose(tracks: Sequence[Track], wanted: str | int | None) -> tuple[Track, in
                 return tracks[0], number, 1  # a part of the only track
             if 1 <= number <= len(tracks):
                 return tracks[number - 1], part, number
-    raise ValueError(f"no track is called {shown(wanted)}; it holds {_listed(tracks)}")
+    raise ValueError(f"no track is called {display_text(wanted)}; it holds {_listed(tracks)}")
 
 
 def _readings(wanted: str | int) -> list[tuple[str, int | None]]:
@@ -53,14 +53,14 @@ def _readings(wanted: str | int) -> list[tuple[str, int | None]]:
 
 
 def _listed(tracks: Sequence[Track]) -> str:
-    items = [f"{number} {_described(track)}" for number, track in enumerate(tracks[:MOST_LISTED], 1)]
+    items = [f"{number} {_description(track)}" for number, track in enumerate(tracks[:MOST_LISTED], 1)]
     more = f" and {len(tracks) - MOST_LISTED} more" if len(tracks) > MOST_LISTED else ""
     return f"{_counted('track', len(tracks))}: {', '.join(items)}{more}"
 
 
-def _described(track: Track) -> str:
+def _description(track: Track) -> str:
     """Name, kind, points and length of a track, and what parts it."""
-    points = plan(track)
+    points = plan_points(track)
     valid = np.flatnonzero(np.all(np.abs(points) <= FARTHEST, axis=1))
     said = [f"{track.size} points", metres(length(points[valid]))]
     if len(valid) > 1:

@@ -48,7 +48,7 @@ NOISE_OF_BEND = math.sqrt(6.0) * math.sqrt(2.0 * math.log(2.0))
 
 
 @dataclass(frozen=True)
-class Cut:
+class TrackBreak:
     """Where a recording is parted."""
 
     after: int
@@ -60,7 +60,7 @@ class Cut:
 
 
 @dataclass(frozen=True, eq=False)
-class Parts:
+class TrackParts:
     """What of a track was driven, and how it falls into parts."""
 
     kept: Indices
@@ -69,7 +69,7 @@ class Parts:
     """Points left out because nothing moved."""
     outliers: Indices
     """Points left out because they jump away and back."""
-    cuts: tuple[Cut, ...]
+    cuts: tuple[TrackBreak, ...]
     """In the order of the recording."""
     joined: tuple[float, ...]
     """Distances [m] between the file's segments where that is no gap."""
@@ -85,7 +85,7 @@ class Parts:
         return self._parted([cut for cut in self.cuts if cut.gap is not None])
 
     @property
-    def gaps(self) -> list[Cut]:
+    def gaps(self) -> list[TrackBreak]:
         return [cut for cut in self.cuts if cut.gap is not None]
 
     def turns_in(self, part: Indices) -> Indices:
@@ -93,11 +93,11 @@ class Parts:
         turns = [self.kept[cut.after] for cut in self.cuts if cut.gap is None]
         return np.array([turn for turn in turns if part[0] < turn < part[-1]], dtype=np.intp)
 
-    def with_gaps_joined(self) -> Parts:
+    def with_gaps_joined(self) -> TrackParts:
         """The same, parted where it turns round only."""
         return replace(self, cuts=tuple(cut for cut in self.cuts if cut.gap is None))
 
-    def _parted(self, cuts: Iterable[Cut]) -> list[Indices]:
+    def _parted(self, cuts: Iterable[TrackBreak]) -> list[Indices]:
         first, found = 0, []
         for cut in cuts:
             found.append(self.kept[first : cut.after + 1])
@@ -106,7 +106,7 @@ class Parts:
         return [part for part in found if len(part) > 1]
 
 
-def find_parts(track: Track, points: Array, *, reach: float = TURN_REACH) -> Parts:
+def find_parts(track: Track, points: Array, *, reach: float = TURN_REACH) -> TrackParts:
     """How a track with (P, 2) ``points`` [m] falls into parts; points that are not finite must be left out before.
 
     ``reach`` [m] is the length on which directions are compared.
@@ -119,23 +119,25 @@ def find_parts(track: Track, points: Array, *, reach: float = TURN_REACH) -> Par
     widest = math.inf if usual is None else max(GAP, GAP_STEPS * usual)
     between = max(GAP, SEGMENT_STEPS * (usual or 0.0))
     begins = set(np.searchsorted(kept, track.starts[1:]).tolist())  # index in kept of the first point of a segment
-    cuts = [Cut(int(i), float(step[i]), int(i) + 1 in begins) for i in np.flatnonzero(step > widest)]
+    cuts = [TrackBreak(int(i), float(step[i]), int(i) + 1 in begins) for i in np.flatnonzero(step > widest)]
     cuts += [
-        Cut(int(i) - 1, float(step[i - 1]), True) for i in sorted(begins) if 0 < i < len(kept) and step[i - 1] > between
+        TrackBreak(int(i) - 1, float(step[i - 1]), True)
+        for i in sorted(begins)
+        if 0 < i < len(kept) and step[i - 1] > between
     ]
     cuts = sorted({cut.after: cut for cut in cuts}.values(), key=lambda cut: cut.after)
     gaps = {cut.after for cut in cuts}
     joined = tuple(float(step[i - 1]) for i in sorted(begins) if 0 < i < len(kept) and i - 1 not in gaps)
     first = 0
-    turns: list[Cut] = []
+    turns: list[TrackBreak] = []
     for last in [*sorted(gaps), len(kept) - 1]:
-        turns += [Cut(first + i, None) for i in _turns(points[kept[first : last + 1]], reach)]
+        turns += [TrackBreak(first + i, None) for i in _turns(points[kept[first : last + 1]], reach)]
         first = last + 1
     whole = tuple(sorted([*cuts, *turns], key=lambda cut: cut.after))
-    return Parts(kept, len(points) - len(moving), moving[outliers], whole, joined)
+    return TrackParts(kept, len(points) - len(moving), moving[outliers], whole, joined)
 
 
-def described(track: Track, parts: Parts, points: Array) -> str:
+def describe_parts(track: Track, parts: TrackParts, points: Array) -> str:
     """The parts of a track by number, points and length, for a message."""
     found = parts.parts
     items = []
@@ -146,7 +148,7 @@ def described(track: Track, parts: Parts, points: Array) -> str:
     return ", ".join(items) + more
 
 
-def describe_gaps(track: Track, parts: Parts) -> str:
+def describe_gaps(track: Track, parts: TrackParts) -> str:
     """Where the gaps are and how wide, for a message."""
     items = []
     gaps = parts.gaps

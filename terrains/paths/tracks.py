@@ -45,7 +45,7 @@ class Track:
     @property
     def title(self) -> str:
         """How messages call it."""
-        return f"{self.kind} {shown(self.name)}" if self.name else self.kind
+        return f"{self.kind} {display_text(self.name)}" if self.name else self.kind
 
     @property
     def size(self) -> int:
@@ -74,7 +74,7 @@ class Track:
         )
 
 
-class Found(list[Track]):
+class TrackFile(list[Track]):
     """The tracks of a file, and what there is to say of its reading."""
 
     def __init__(self, tracks: Iterable[Track] = ()) -> None:
@@ -88,18 +88,18 @@ class Found(list[Track]):
         self.warnings: list[str] = []
 
 
-def counted(kinds: Counter[str]) -> str:
+def display_counts(kinds: Counter[str]) -> str:
     """Kinds with their numbers, for a message."""
     return ", ".join(f"{count} x {kind}" for kind, count in kinds.items() if count)
 
 
-def shown(text: object) -> str:
+def display_text(text: object) -> str:
     """A word or value of the file for a message: on one line, not too long."""
     word = repr(text) if isinstance(text, str) else reprlib.repr(text)
     return word if len(word) <= LONGEST_NAME + 2 else f"{word[:LONGEST_NAME]}…{word[-1]}"
 
 
-def plan(track: Track) -> Array:
+def plan_points(track: Track) -> Array:
     """(P, 2) about east and north [m] of its points, from their middle: good for lengths and gaps, not for driving."""
     if "latitude" not in track.columns:
         return np.stack([track.columns["x"], track.columns["y"]], axis=1).astype(np.float64)

@@ -11,7 +11,7 @@ import trimesh
 import aoro_gym.terrains.generate.scan as module
 from aoro_gym.terrains import Terrain, load
 from aoro_gym.terrains.generate.forest import PUBLISHED_SIZE, Forest, forest
-from aoro_gym.terrains.generate.scan import Class, Scan, scan
+from aoro_gym.terrains.generate.scan import PointClass, Scan, scan
 
 CLEAN = {"noise": 0.0, "holes": 0.0, "low_vegetation": 0.0, "shrubs": 0.0, "low_noise": 0.0}
 
@@ -39,7 +39,7 @@ def cloud(woods) -> Scan:
 def test_clean_points_lie_on_the_ground(terrain):
     cloud = scan(terrain, 1, density=4.0, **CLEAN)
     assert len(cloud.points) == 4 * 50 * 60
-    assert np.all(cloud.classes == Class.GROUND)
+    assert np.all(cloud.classes == PointClass.GROUND)
     # a triangle of 0.5 m sides leaves a wave of curvature 0.8 / 6² by at most the sagitta over its diagonal
     sagitta = (0.8 / 36 + 0.5 / 81) * 0.5**2 / 8
     np.testing.assert_allclose(cloud.points[:, 2], waves(*cloud.points.T[:2]), atol=1.01 * sagitta)
@@ -72,14 +72,19 @@ def test_vegetation_stands_above_the_ground(cloud, woods):
     inside = (row >= 0) & (column >= 0) & (column < columns) & (row * columns + column < len(nodes))
     above = cloud.points[inside, 2] - nodes[(row * columns + column)[inside], 2]
     classes = cloud.classes[inside]
-    middle = {kind: float(np.median(above[classes == kind])) for kind in Class}
-    assert middle[Class.LOW_NOISE] < -1.0 < middle[Class.GROUND]
-    assert abs(middle[Class.GROUND]) < 0.05
-    assert middle[Class.GROUND] + 0.03 < middle[Class.LOW_VEGETATION] < 0.3
-    assert middle[Class.LOW_VEGETATION] < middle[Class.MEDIUM_VEGETATION] < 2.5 < middle[Class.HIGH_VEGETATION]
+    middle = {kind: float(np.median(above[classes == kind])) for kind in PointClass}
+    assert middle[PointClass.LOW_NOISE] < -1.0 < middle[PointClass.GROUND]
+    assert abs(middle[PointClass.GROUND]) < 0.05
+    assert middle[PointClass.GROUND] + 0.03 < middle[PointClass.LOW_VEGETATION] < 0.3
+    assert (
+        middle[PointClass.LOW_VEGETATION]
+        < middle[PointClass.MEDIUM_VEGETATION]
+        < 2.5
+        < middle[PointClass.HIGH_VEGETATION]
+    )
     # nothing grows on asphalt
     assert woods.road is not None
-    low = cloud.points[cloud.classes == Class.LOW_VEGETATION, :2]
+    low = cloud.points[cloud.classes == PointClass.LOW_VEGETATION, :2]
     assert np.abs(woods.road.project(low)[1]).min() > woods.settings.road_width / 2
 
 

@@ -5,7 +5,7 @@ import pytest
 import rasterio
 
 from aoro_gym.terrains import TerrainError, load
-from aoro_gym.terrains.io.masking import find_marks
+from aoro_gym.terrains.io.masking import find_nodata
 
 N = 60
 LAKE = (slice(20, 32), slice(25, 37))
@@ -128,7 +128,7 @@ KEPT = {
 @pytest.mark.parametrize("name", KEPT)
 def test_heights_stay(name):
     z = KEPT[name]
-    marks = find_marks(z)
+    marks = find_nodata(z)
     assert not marks.unknown(z).any()
     assert marks.suspects == []
 
@@ -136,9 +136,9 @@ def test_heights_stay(name):
 def test_level_ground_and_values_of_a_picture():
     z = np.full((N, N), 150.0)
     z[:9, :9] = 0.0
-    assert find_marks(z).values == [0.0]
+    assert find_nodata(z).values == [0.0]
     checkered = 255.0 * (np.indices((N, N)).sum(axis=0) % 2)
-    assert find_marks(checkered).values == []
+    assert find_nodata(checkered).values == []
 
 
 def test_more_than_one_mark_and_blends_between_mark_and_ground(tmp_path):
@@ -210,7 +210,7 @@ def test_the_sea_below_a_cliff_stays_and_is_named(tmp_path):
 
 def test_a_doubtful_value_that_is_kept_is_named():
     """Nearer to the ground than voids are, farther than shores."""
-    marks = find_marks(with_lake(0.0, base=9.0))
+    marks = find_nodata(with_lake(0.0, base=9.0))
     assert marks.values == []
     ((value, step),) = set(marks.suspects)
     assert value == 0.0
@@ -220,10 +220,10 @@ def test_a_doubtful_value_that_is_kept_is_named():
 def test_blends_are_told_in_any_unit():
     z = with_lake(-9999.0)
     z[19, 25:37] = np.linspace(-8000.0, -310.0, 12)
-    metres = find_marks(z)
+    metres = find_nodata(z)
     assert np.isfinite(metres.low)
     for metre in (0.3048, 0.01):
         # the quotient, two percentiles and their difference are each rounded once
-        assert find_marks(np.where(z == -9999.0, z, z / metre), metre).low * metre == pytest.approx(
+        assert find_nodata(np.where(z == -9999.0, z, z / metre), metre).low * metre == pytest.approx(
             metres.low, rel=1e-12
         )

@@ -5,7 +5,7 @@ import pytest
 
 from aoro_gym.terrains import TerrainError, load
 from aoro_gym.terrains.io.frame import UNITS
-from aoro_gym.terrains.io.plausibility import likeness, readings
+from aoro_gym.terrains.io.plausibility import neighbour_statistics, plausible_units
 
 SIZE = 60
 
@@ -47,7 +47,7 @@ def test_the_only_unit_that_fits_is_taken_and_said():
 
 def test_readings():
     steepness = np.tan(np.radians(33.0))
-    found = readings(steepness / UNITS["cm"])
+    found = plausible_units(steepness / UNITS["cm"])
     assert [reading.unit for reading in found] == ["cm", "mm"]
     assert found[0].slope_deg == pytest.approx(33.0)
 
@@ -80,13 +80,13 @@ def test_likeness_of_processes():
     noise = rng.normal(size=(300, 300))
     walk = rng.normal(size=(300, 300)).cumsum(axis=1)
     plane = np.add.outer(np.arange(300.0), np.arange(300.0))
-    found = likeness(noise), likeness(walk[::7]), likeness(plane)
+    found = neighbour_statistics(noise), neighbour_statistics(walk[::7]), neighbour_statistics(plane)
     assert None not in found
     (ratio, difference), *others = (pair for pair in found if pair is not None)
     assert ratio == pytest.approx(1.0, abs=0.02)
     assert difference == pytest.approx(2.0 / np.sqrt(np.pi), rel=0.03)  # the cut takes a little
     assert others[0][0] < others[1][0] == pytest.approx(2.0)
-    assert likeness(np.zeros((20, 20))) is None
+    assert neighbour_statistics(np.zeros((20, 20))) is None
 
 
 def test_levels_that_differ_by_next_to_nothing_are_no_steps():

@@ -8,7 +8,7 @@ from scipy.spatial import Delaunay
 
 from aoro_gym.terrains.heights import Heights
 from aoro_gym.terrains.io.ground_filter import ground_points
-from aoro_gym.terrains.io.repair import _triangles, drop_pieces, interpolate
+from aoro_gym.terrains.io.repair import _triangles, interpolate, remove_small_components
 
 
 def scattered(count=400, seed=0) -> np.ndarray:
@@ -64,6 +64,6 @@ def test_small_pieces_go_and_their_areas_are_told():
     z[5:7, 9:11] = 3.0  # 1
     heights = Heights(z, 0.5)
     for smallest, areas in ((0.2, []), (0.3, [0.25]), (1.6, [1.5, 0.25]), (100.0, [1.5, 0.25])):
-        kept, gone = drop_pieces(heights, smallest)
+        kept, gone = remove_small_components(heights, smallest)
         assert gone == areas
         assert kept.known.sum() == 54 + 12 * (1.5 not in areas) + 4 * (0.25 not in areas)
