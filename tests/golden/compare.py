@@ -30,24 +30,16 @@ SCENARIOS = Path(__file__).with_name("scenarios.py")
 ERROR = "error.txt"
 
 VOLATILE = {
-    "aoro_gym": "version of the package",
-    "code": "digest of the sources",
-    "commit": "revision",
-    "created": "date",
-    "date": "date",
-    "digest": "digests cover the code that a result follows from",
-    "duration_of_run_s": "wall time",
-    "elapsed_s": "wall time",
-    "fps": "wall time",
-    "provenance.json": "versions, revision and digests of code",
-    "revision": "revision",
-    "seconds": "wall time",
-    "steps_per_s": "wall time",
-    "time_elapsed": "wall time",
-    "time/fps": "wall time",
-    "time/time_elapsed": "wall time",
-    "versions": "versions of packages",
-    "wall_s": "wall time",
+    "aoro_gym": "version of the package, in the manifests of logs",
+    "answers": "digest of a file that holds a salt",
+    "elapsed_s": "wall time of a training until each of its evaluations",
+    "provenance.json": "versions and digests of the sources",
+    "revision": "git revision that a policy was trained at",
+    "salt": "random, so that no one can guess sealed answers from their digest",
+    "seconds": "wall time of loading a terrain",
+    "time/fps": "steps of a training per wall time",
+    "time/time_elapsed": "wall time of a training",
+    "versions": "versions of packages that a policy was trained with",
 }
 """Names of files, fields and columns that differ from run to run, each with the reason why it says nothing."""
 
