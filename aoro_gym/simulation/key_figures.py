@@ -278,10 +278,22 @@ def _extreme(
     top = np.where(within.any(axis=0), values[row, each], np.nan)
     if not interpolate:
         return top, row.astype(np.float64)
+    lift, shift = vertex(values, row, within)
+    return top + lift, row + shift
+
+
+def vertex(
+    values: NDArray[np.float64], row: NDArray[np.int64], within: NDArray[np.bool_] | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Vertex of the parabola through a maximum (N,) of ``values`` (F, N) and its neighbours: its height above the sample,
+    and its distance from it in rows. Both are zero where a neighbour is missing, or not ``within``."""
+    each = np.arange(values.shape[1])
     below, above = np.maximum(row - 1, 0), np.minimum(row + 1, values.shape[0] - 1)
-    inside = within[below, each] & within[above, each] & (below < row) & (above > row)
+    inside = (below < row) & (above > row)
+    if within is not None:
+        inside &= within[below, each] & within[above, each]
     rise, fall = values[row, each] - values[below, each], values[row, each] - values[above, each]
     curvature = rise + fall
     usable = inside & (curvature > 0.0)
     shift = np.where(usable, 0.5 * (rise - fall) / np.where(usable, curvature, 1.0), 0.0)
-    return top + np.where(usable, 0.25 * (rise - fall) * shift, 0.0), row + shift
+    return np.where(usable, 0.25 * (rise - fall) * shift, 0.0), shift

@@ -20,6 +20,7 @@ from aoro_gym.simulation.key_figures import FIGURES, key_figures_batch, turn_spa
 from aoro_gym.twin.hydraulic_step import FineStepWarning
 from aoro_gym.units import BAR, LITRE_PER_MINUTE
 from aoro_gym.validation.published import Row, published, published_rows
+from aoro_gym.validation.shape import SHAPE, SHAPE_TURN, shape_batch
 from aoro_gym.validation.turns import TURNS, Turn, TurnRecording, motor_pressure_at, rim_speed, run_turns, stacked
 
 TARGETS: Mapping[str, tuple[str, float]] = {
@@ -115,6 +116,8 @@ class Validation:
     ensemble_members: int
     checks: list[dict[str, Any]]
     """Single figures: ``value``, ``published``, ``bound`` and ``reached``."""
+    shape: list[dict[str, Any]]
+    """The same of the left turn's shape at 100 %, with ``name``: see :mod:`aoro_gym.validation.shape`."""
     notes: list[str]
     curves: list[Curve] = field(default_factory=list)
 
@@ -167,9 +170,15 @@ class Validation:
         near, near_twin = (sum(one.in_bounds <= 1.0 for one in misses) for misses in (machine, twin))
         text = (
             f"Full turns, by the same bounds: {near} of {len(machine)} figures of the published machine itself are met, and "
-            f"{near_twin} of {len(twin)} of its published twin"
+            f"{near_twin} of {len(twin)} of its published twin; of the shape of that one's curve {self.shape_reached} of "
+            f"{len(self.shape)}"
         )
         return f"{text}. Farthest from the machine: {machine[0].words}." if machine else f"{text}."
+
+    @property
+    def shape_reached(self) -> int:
+        """How many figures of the shape are reached."""
+        return sum(figure["reached"] for figure in self.shape)
 
     def misfit(self, source: str = "twin") -> float | None:
         """Root mean square of error over bound against the published twin; None where a figure is missing."""
@@ -201,6 +210,7 @@ class Validation:
             "noise": {"runs": self.noise_runs, "rows": self.noise},
             "ensemble": {"members": self.ensemble_members, "rows": self.ensemble},
             "checks": self.checks,
+            "shape": self.shape,
             "notes": self.notes,
         }
 
@@ -275,6 +285,7 @@ def validate(
         ensemble=_ensemble(exact, first_member) if members else [],
         ensemble_members=sum(member.num_variants for member in members),
         checks=_checks(rows, chosen, _largest_change(recording, fine), device, substeps),
+        shape=_shape(recording),
         notes=_notes(recording, exact, names),
         curves=_curves(recording, exact, second is not None, first_member if members else None),
     )
@@ -424,6 +435,20 @@ def _largest_change(coarse: TurnRecording, fine: TurnRecording) -> float | None:
 def _check(what: str, unit: str, value: float | None, known: float | None, bound: float) -> dict[str, Any]:
     reached = value is not None and abs(value - (known or 0.0)) <= bound + _SLACK
     return {"what": what, "unit": unit, "value": value, "published": known, "bound": bound, "reached": reached}
+
+
+def _shape(recording: TurnRecording) -> list[dict[str, Any]]:
+    """Figures of the shape of the first machine's left turn at 100 %, through the measuring chain."""
+    turn = recording.turns.index(SHAPE_TURN)
+    machine = recording.machine.variant(turn * recording.angle.shape[2] % recording.machine.num_variants)
+    channels = [channel[:, turn, :1] for channel in (recording.angle, *recording.pressures)]
+    ticks, sampled = sample(recording.time, np.stack(channels, axis=1))
+    angle, *ports = sampled.transpose(1, 0, 2)
+    figures, _ = shape_batch(ticks, angle, machine, ports)
+    return [
+        {"name": name} | _check(what, unit, _number(figures[name][0]), published(name), bound)
+        for name, (what, unit, bound) in SHAPE.items()
+    ]
 
 
 def _notes(recording: TurnRecording, figures: dict[str, NDArray[np.float64]], names: list[str]) -> list[str]:

@@ -13,7 +13,7 @@ from aoro_gym.machine import Machine
 from aoro_gym.machine.laws import Laws
 from aoro_gym.sensors.chain import turn_flow
 from aoro_gym.simulation.key_figures import TOLERANCE
-from aoro_gym.twin import Twin
+from aoro_gym.twin import Trace, Twin
 from aoro_gym.twin.records import WHEELS
 
 REST_BEFORE = 0.6
@@ -24,6 +24,9 @@ LONGEST_TURN = 30.0
 """Time [s] after which a turn that has not reached its stop is given up."""
 CHUNK = 0.5
 """Simulated time [s] of one launch."""
+
+RECORDED = ("joint_angle", "joint_rate", "pressure_a", "pressure_b")
+"""Channels that a recording of turns keeps."""
 
 DRIVE_SETTLE, DRIVE_MEAN = 8.0, 1.0
 """Time [s] that the driveline takes to become steady, and that its pressure is averaged over."""
@@ -63,6 +66,7 @@ class TurnRecording:
     time: NDArray[np.float64]  # [s] (F,)
     angle: NDArray[np.float64]  # [rad] (F, T, V)
     flow: NDArray[np.float64]  # [m³/s] (F, T, V), positive in the direction of the turn
+    pressures: tuple[NDArray[np.float32], NDArray[np.float32]]  # [Pa] (F, T, V) of ports A and B
     diverged: tuple[tuple[int, int, str], ...]  # turn, machine and reason of each twin that was frozen
 
 
@@ -123,31 +127,35 @@ def run_turns(
         check_step=machine.num_variants == 1,
     )
     twin.reset(joint_angle=-sign * reach)
-    traces = [twin.step({"steering_signal": 0.0}, REST_BEFORE, sample_every=main_step)]
+    kept: list[dict[str, NDArray[Any]]] = []
+
+    def keep(trace: Trace | None) -> NDArray[np.float32]:
+        assert trace is not None
+        kept.append({"time": trace.time} | {name: trace[name].copy() for name in RECORDED})
+        return trace["joint_angle"]
+
+    keep(twin.step({"steering_signal": 0.0}, REST_BEFORE, sample_every=main_step))
     rested, done = 0.0, REST_BEFORE
     twin.set_commands({"steering_signal": signal})
     while rested < REST_AFTER and done < LONGEST_TURN:
-        trace = twin.step(duration=CHUNK, sample_every=main_step)
-        assert trace is not None
-        traces.append(trace)
+        angle = keep(twin.step(duration=CHUNK, sample_every=main_step))
         done += CHUNK
-        there = sign * (sign * reach - trace["joint_angle"]) <= TOLERANCE
+        there = sign * (sign * reach - angle) <= TOLERANCE
         there |= twin.status > 0
         rested += main_step * float(np.count_nonzero(there.all(axis=1)))
         if progress is not None:
             progress(done)
 
-    def channel(name: str) -> NDArray[np.float64]:
-        return np.concatenate([trace[name] for trace in traces if trace is not None]).astype(np.float64)
-
-    angle, rate = channel("joint_angle"), channel("joint_rate")
+    time, *channels = (np.concatenate([part[name] for part in kept]) for name in ("time", *RECORDED))
+    angle, rate = (channel.astype(np.float64) for channel in channels[:2])
     shape = (-1, count, variants)
     return TurnRecording(
         turns=tuple(turns),
         machine=batch,
-        time=np.concatenate([trace.time for trace in traces if trace is not None]),
+        time=time,
         angle=angle.reshape(shape),
         flow=turn_flow(batch.steering.cylinder, angle, rate, sign).reshape(shape),
+        pressures=(channels[2].reshape(shape), channels[3].reshape(shape)),
         diverged=tuple((index // variants, index % variants, reason) for index, reason in twin.diverged),
     )
 

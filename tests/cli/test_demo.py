@@ -16,7 +16,7 @@ def test_demo(tmp_path):
     assert "Straight drive" in page
     assert str(tmp_path / "demo" / "index.html") in shown.stdout
     assert "of 25 figures of the published machine itself are met, and" in page
-    assert "of 21 of its published twin. Farthest from the machine: the first peak at 50 % signal, +" in page
+    assert "of 7. Farthest from the machine: the first peak at 50 % signal, +" in page
     assert "AORO/Turning-v0" in page
     assert page.count("data:image/gif;base64,") == 1
     assert page.count("data:video/mp4;base64,") == 1

@@ -13,6 +13,7 @@ from aoro_gym.sensors import JointAngleNoise
 from aoro_gym.sensors.chain import sample, turn_flow
 from aoro_gym.validation import FIGURES, key_figures_batch, validate
 from aoro_gym.validation.report import print_tables, write_report
+from aoro_gym.validation.shape import MAXIMA, SHAPE
 from aoro_gym.validation.study import TARGETS, Validation, noise_spread
 from aoro_gym.validation.turns import TURNS, Turn, run_turns
 
@@ -111,6 +112,18 @@ def test_checks(result):
     assert halved["reached"]  # the substeps are fine enough for every flow figure
 
 
+def test_shape(result):
+    assert [figure["name"] for figure in result.shape] == list(SHAPE)
+    for figure in result.shape:
+        assert figure["reached"] is (abs(figure["value"] - figure["published"]) <= figure["bound"] + 1e-9), figure
+    assert result.to_json()["shape"] == result.shape
+    assert 0 < result.shape_reached < 7
+    # by the unfiltered curve's maxima, which the filter moves by 0.02 s at most
+    (curve,) = (curve for curve in result.curves if curve.turn == TURNS[0])
+    (first,) = (figure["value"] for figure in result.shape if figure["name"] == MAXIMA[0])
+    assert curve.raw_time[np.argmax(curve.raw_flow)] == pytest.approx(first, abs=0.021)
+
+
 def test_curves_begin_at_zero_and_show_the_figures(result):
     for curve in result.curves:
         row = result.row("twin", curve.turn)
@@ -146,6 +159,9 @@ def test_files(result, tmp_path):
     assert not re.search(r"""(?:src|href)\s*=\s*["'](?!data:|#)""", markup)
     assert page.count('<tr class="level">') == 6
     assert "with sensor noise" in page
+    for figure in result.shape:
+        assert figure["what"] in markup
+    assert "twin's maxima" in page
 
 
 def test_tables(result):
@@ -154,6 +170,8 @@ def test_tables(result):
     text = stream.getvalue()
     for words in ("lowest undershoot", "published twin", "ensemble", "uncalibrated", "motor pressure at 0.75 m/s"):
         assert words in text
+    for what, _, _ in SHAPE.values():
+        assert what in text
     assert "104.4" in text
 
 
@@ -170,6 +188,7 @@ def test_the_headline_names_the_machine_and_its_published_twin(result):
     met = sum(one.in_bounds <= 1.0 for one in machine)
     assert f"{met} of 25 figures of the published machine itself" in result.headline()
     assert f"{result.reached()[0]} of 21 of its published twin" in result.headline()
+    assert f"of the shape of that one's curve {result.shape_reached} of 7." in result.headline()
     assert machine[0].words in result.headline()
     assert sum(one.in_bounds <= 1.0 for one in result.misses("mevea")) == result.reached()[0]
 
@@ -205,6 +224,7 @@ def test_a_lost_twin_and_one_that_does_not_arrive_leave_blanks(machine, tmp_path
         assert result.noise[index]["turn_time_s"] == {"low90": None, "median": None, "high90": None}
     assert result.reached()[1] == 21
     assert result.reached()[0] <= 14
+    assert all(figure["value"] is not None for figure in result.shape)  # of another turn
     assert "at 75 % signal, not reached" in result.headline()
     write_report(result, tmp_path)
     print_tables(Console(file=io.StringIO()), result)

@@ -33,6 +33,8 @@ def test_turns_in_one_launch_are_the_single_ones(machine, left_turn, right_turn)
     for index, alone in enumerate((right_turn, left_turn)):
         frames = min(len(both.time), len(alone.time))
         np.testing.assert_array_equal(both.angle[:frames, index, 0], alone["joint_angle"][:frames])
+        for port, pressure in zip("ab", both.pressures, strict=True):
+            np.testing.assert_array_equal(pressure[:frames, index, 0], alone[f"pressure_{port}"][:frames])
         np.testing.assert_allclose(both.time[:frames], alone.time[:frames], atol=1e-12)
         assert np.abs(both.angle[:, index, 1] - both.angle[:, index, 0]).max() > 0.001
     largest = both.flow.max()
