@@ -595,6 +595,7 @@ def advance(twin: Twin, steps: int, tally: Tally) -> np.ndarray:
     state = twin.state.numpy().copy()
     known = {
         "machines": Array(tally, "machines", twin._machines.numpy(), MachineRecord),
+        "laws": Record(type(twin._laws)._cls),
         "terrain": terrain,
         "commands": Sets(Array(tally, "commands", twin.commands.numpy())),
         "state": Array(tally, "state", state),

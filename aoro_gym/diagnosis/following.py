@@ -31,7 +31,10 @@ from aoro_gym.diagnosis.recording import TICK
 from aoro_gym.twin import Twin
 from aoro_gym.twin.physics.bodies import CornerLoad, accelerate, hinge_rotation
 from aoro_gym.twin.physics.fluid import Gas, Oil, fill, free_gas, orifice, pressure, relief_valve, volume_stiffness
-from aoro_gym.twin.physics.steering import Steering, steering_geometry, swash_step, valve_opening
+from aoro_gym.twin.physics.load_sensing_pump import swash_step
+from aoro_gym.twin.physics.steering import steering_geometry
+from aoro_gym.twin.physics.steering_circuit import Steering
+from aoro_gym.twin.physics.steering_valve import valve_opening
 from aoro_gym.twin.records import MachineRecord, State
 
 LED = ("joint_angle", "pressure_a", "pressure_b", "pump_pressure")

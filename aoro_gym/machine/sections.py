@@ -316,8 +316,8 @@ class SteeringValve:
     compensator_droop: Quantity = within("1", 0.0, 2.0, high_open=True)
     compensator_time_constant: Quantity = positive("s")
     compensator_open_drop: Quantity = positive("Pa")
-    compensator_frequency: Quantity = positive("rad/s")  # law compensator = spring_mass: undamped natural frequency
-    compensator_damping: Quantity = positive("1")  # law compensator = spring_mass: damping ratio
+    compensator_frequency: Quantity = positive("rad/s")  # law compensator = spring_mass: √(setting area / mass stroke)
+    compensator_damping: Quantity = positive("1")  # law compensator = spring_mass: of such an oscillator
     shock_pressure: Quantity = positive("Pa")
     shock_ramp: Quantity = positive("Pa")
     shock_flow: Quantity = positive("m^3/s")

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from aoro_gym.machine.laws import OPTIONS
 from aoro_gym.machine.parameters import Machine
 from aoro_gym.machine.quantities import Quantity
 from aoro_gym.recording.commands import COMMAND_BOUNDS, WHEELS
@@ -22,7 +23,7 @@ from aoro_gym.twin.physics.driveline import Driveline
 from aoro_gym.twin.physics.engine import Engine
 from aoro_gym.twin.physics.fluid import Oil
 from aoro_gym.twin.physics.joint import Joint
-from aoro_gym.twin.physics.steering import Steering
+from aoro_gym.twin.physics.steering_circuit import Steering
 from aoro_gym.twin.physics.tires import Hull, Tire
 
 
@@ -176,6 +177,9 @@ def row_of(rows: type[IntEnum], name: Any, what: str) -> int:
         raise ValueError(f"there is no {what} '{name}'{hint} one of: {', '.join(known)}") from None
 
 
+MIDDLE_PRESSURE = 50e5
+"""Pressure [Pa] at which oil of a constant modulus is as stiff as the oil whose modulus rises with pressure."""
+
 STIFFEST_MOUNT = 2e8
 """Torsional stiffness [N m/rad] between cylinders and frames that the main step resolves, 40 times the oil's. What
 is stiffer is taken as that: between no mount and the least one the twin jumps by 5e-9 rad/(N m), 1 % of a soft frame."""
@@ -194,6 +198,7 @@ def _geometry(machine: Machine) -> dict[str, Any]:
     return {
         **{path: machine.laws.choices[law] for law, path in LAW_FIELDS.items()},
         "varies_laws": not machine.laws.default,
+        **_oil(machine),
         "frame_front.pivot_x": frame.front.axle_distance - arm.length,
         "frame_rear.pivot_x": arm.length - frame.rear.axle_distance,
         "corner.wheel_lateral": 0.5 * frame.track,
@@ -209,6 +214,21 @@ def _geometry(machine: Machine) -> dict[str, Any]:
         "joint.stop_torsional_damping": 2.0
         * machine.joint.stop_damping
         * machine.steering.cylinder.linkage.mean_lever**2,
+    }
+
+
+def _oil(machine: Machine) -> dict[str, Quantity]:
+    """Fields of the oil that its laws give: exponent of the free air, and a liquid that is as stiff at any pressure as it is
+    at :data:`MIDDLE_PRESSURE`."""
+    oil, laws = machine.oil, machine.laws
+    exponent = np.where(np.equal(laws.gas, OPTIONS["gas"].index("isothermal")), 1.0, oil.polytropic_exponent)
+    exponent = np.where(np.equal(laws.gas, OPTIONS["gas"].index("adiabatic")), 1.4, exponent)
+    constant = np.equal(laws.liquid, OPTIONS["liquid"].index("constant"))
+    middle = oil.bulk_modulus + oil.bulk_modulus_slope * np.asarray(MIDDLE_PRESSURE)
+    return {
+        "oil.polytropic_exponent": exponent,
+        "oil.bulk_modulus": np.where(constant, middle, oil.bulk_modulus),
+        "oil.bulk_modulus_slope": np.where(constant, 0.0, oil.bulk_modulus_slope),
     }
 
 

@@ -287,6 +287,7 @@ def test_modulus_on_the_host_is_the_device_law(shipped: Machine):
         oil = shipped.set({"oil.gas_fraction": gas}).oil
         names = (
             "bulk_modulus", "bulk_modulus_slope", "gas_fraction", "polytropic_exponent", "laminar_pressure", "void_pressure",
+            "solution_pressure",
         )  # fmt: skip
         pressure = np.array([0.0, 10e5, 100e5, 300e5])
         device = launch(modulus_kernel, record(Oil, **{name: getattr(oil, name) for name in names}), pressure)

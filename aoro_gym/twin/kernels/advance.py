@@ -39,7 +39,7 @@ from aoro_gym.twin.physics.bodies import accelerate, hinge_rotation
 from aoro_gym.twin.physics.engine import engine_step
 from aoro_gym.twin.physics.fluid import without_gas
 from aoro_gym.twin.physics.joint import least_inertia, rigid_joint_torque
-from aoro_gym.twin.physics.steering import play_output
+from aoro_gym.twin.physics.steering_valve import play_output
 from aoro_gym.twin.records import NON_FINITE, OK, MachineRecord
 
 TWO_PI = wp.constant(6.283185307179586)

@@ -26,15 +26,14 @@ from aoro_gym.twin.physics.friction import lag
 from aoro_gym.twin.physics.joint import cylinders_step, mount_hardening
 from aoro_gym.twin.physics.mount import mount_torque
 from aoro_gym.twin.physics.steering import (
-    Exchange,
-    SteeringGeometry,
-    play,
     steering_displace,
     steering_gas,
     steering_geometry,
     steering_step,
     steering_torque,
 )
+from aoro_gym.twin.physics.steering_circuit import Exchange, SteeringGeometry
+from aoro_gym.twin.physics.steering_valve import play
 from aoro_gym.twin.records import Command, MachineRecord
 
 UNLIMITED = wp.constant(1.0e6)  # [1/s] rate of an actuator without a limit

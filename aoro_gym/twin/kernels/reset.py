@@ -13,9 +13,11 @@ from aoro_gym.twin.physics.driveline import Driveline, DrivelineState
 from aoro_gym.twin.physics.engine import EngineState, full_load_torque, governed_speed
 from aoro_gym.twin.physics.fluid import Oil
 from aoro_gym.twin.physics.ground import place
+from aoro_gym.twin.physics.hoses import HOSE_VISCOELASTIC
 from aoro_gym.twin.physics.joint import LUGRE, joint_capacity, mount_hardening
 from aoro_gym.twin.physics.mount import MountState, mount_bend
-from aoro_gym.twin.physics.steering import Steering, SteeringState, steering_geometry, steering_torque
+from aoro_gym.twin.physics.steering import RETURN_ORIFICE, steering_geometry, steering_torque
+from aoro_gym.twin.physics.steering_circuit import Steering, SteeringState
 from aoro_gym.twin.records import OK, Command, MachineRecord
 
 
@@ -25,9 +27,12 @@ def idle_steering(m: Steering, engine_speed: float):
     s = SteeringState()
     s.supply = m.pump_margin
     s.swash = m.pump_leakage * m.pump_margin / (m.pump_displacement * engine_speed)
-    s.port_a = m.tank_line_back_pressure
-    s.port_b = m.tank_line_back_pressure
-    s.tank_line = m.tank_line_back_pressure
+    back = m.tank_line_back_pressure
+    if m.return_line_law == RETURN_ORIFICE:
+        back = float(0.0)
+    s.port_a = back
+    s.port_b = back
+    s.tank_line = back
     s.compensator = 1.0
     return s
 
@@ -57,6 +62,10 @@ def held_joint(m: MachineRecord, joint: float, torque: float, s: SteeringState):
     out.port_b += wp.min(lacking - held, 0.0) / g.displacement_b
     out.law.hose_a = out.port_a
     out.law.hose_b = out.port_b
+    if m.steering.hose_law == HOSE_VISCOELASTIC:  # walls that have crept
+        late = m.steering.hose_delayed_share * m.steering.hose_compliance
+        out.law.hose_strain_a = late * wp.max(out.port_a, 0.0)
+        out.law.hose_strain_b = late * wp.max(out.port_b, 0.0)
     return out, mount
 
 

@@ -8,7 +8,7 @@ from aoro_gym.twin.physics.bodies import Accelerations
 from aoro_gym.twin.physics.driveline import DrivelineState
 from aoro_gym.twin.physics.engine import EngineState
 from aoro_gym.twin.physics.mount import MountState
-from aoro_gym.twin.physics.steering import SteeringLawState, SteeringState
+from aoro_gym.twin.physics.steering_circuit import SteeringLawState, SteeringState
 from aoro_gym.twin.records import State
 
 

@@ -8,8 +8,10 @@ Sources: Merritt, *Hydraulic Control Systems* (1967), ch. 3 (orifices) and ch. 1
 import warp as wp
 
 from aoro_gym import units
+from aoro_gym.twin.physics.laws import option
 
 ATMOSPHERIC_PRESSURE = wp.constant(units.ATMOSPHERIC_PRESSURE)
+GAS_DISSOLVING = option("gas", "dissolving")
 SERIES_REACH = wp.constant(1.0 / 16.0)
 """Relative change of pressure up to which :func:`gas_share` is a series: its sixth power is 2⁻²⁴."""
 
@@ -155,11 +157,21 @@ def gas_share(oil: Oil, gas: Gas, absolute: float):
 
 
 @wp.func
+def undissolved(oil: Oil, p: float):
+    """Share ψ of the air that is free at gauge pressure ``p`` [Pa], and −dψ/dp [1/Pa]: 1 up to atmospheric pressure, 0 from
+    the ``solution_pressure`` on, and between them 1 − 3 x² + 2 x³ (Henry's law at once, smooth as in Ruan & Burton, IMECE
+    2006, 15029). Valid for changes slow beside the air's diffusion."""
+    x = wp.clamp(p / oil.solution_pressure, 0.0, 1.0)
+    return 1.0 - x * x * (3.0 - 2.0 * x), 6.0 * x * (1.0 - x) / oil.solution_pressure
+
+
+@wp.func
 def oil_bulk_modulus(oil: Oil, gas: Gas, p: float):
     """Effective bulk modulus [Pa] of oil at gauge pressure ``p`` [Pa], with the free ``gas`` known at any pressure.
 
     1/β = [(1−α)/β_l + α e/(n P)] / [(1−α) + α e], e = (p_atm/P)^(1/n), β_l = β_0 + s·max(p, 0), P absolute.
-    The gas follows a polytrope and neither dissolves nor is released. P is bounded below by 5 kPa.
+    The gas follows a polytrope and neither dissolves nor is released; by the law of dissolving gas its part
+    :func:`undissolved` ψ is free, so that α e becomes α e ψ and 1/(n P) becomes 1/(n P) − ψ′/ψ. P is bounded below by 5 kPa.
     """
     liquid = oil.bulk_modulus + oil.bulk_modulus_slope * wp.max(p, 0.0)
     modulus = liquid
@@ -168,6 +180,10 @@ def oil_bulk_modulus(oil: Oil, gas: Gas, p: float):
         share = gas_share(oil, gas, absolute)
         rest = 1.0 - oil.gas_fraction
         spring = oil.polytropic_exponent * absolute
+        if oil.gas_law == GAS_DISSOLVING:
+            free, fall = undissolved(oil, p)
+            share = share * free
+            spring = 1.0 / (1.0 / spring + fall / wp.max(free, 1.0e-6))
         modulus = (rest + share) * liquid * spring / (rest * spring + share * liquid)
     return modulus
 

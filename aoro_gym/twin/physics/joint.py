@@ -17,7 +17,8 @@ from aoro_gym.twin.physics.friction import (
     smooth_drag,
 )
 from aoro_gym.twin.physics.mount import MountState, mount_step
-from aoro_gym.twin.physics.steering import Steering, SteeringGeometry, SteeringState, steering_torque
+from aoro_gym.twin.physics.steering import steering_torque
+from aoro_gym.twin.physics.steering_circuit import Steering, SteeringGeometry, SteeringState
 
 # numbers of the laws in aoro_gym.machine.laws
 PRESLIDING = wp.constant(0)

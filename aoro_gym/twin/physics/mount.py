@@ -9,7 +9,7 @@ Without the element (stiffness 0) cylinders and joint are one.
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
 import warp as wp
 
-from aoro_gym.twin.physics.steering import SteeringGeometry
+from aoro_gym.twin.physics.steering_circuit import SteeringGeometry
 
 MOVING_MASS = wp.constant(10.0)  # [kg] of one cylinder's piston, rod and oil that moves with them; resolved, hardly felt
 LOSS_TIME = wp.constant(1.0e-3)  # [s] damping over stiffness of mounts and frames: 1 to 3 % of critical

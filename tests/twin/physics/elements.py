@@ -21,6 +21,7 @@ OIL = record(
     bulk_modulus_slope=10.0,
     gas_fraction=0.0,
     polytropic_exponent=1.4,
+    solution_pressure=30.0 * BAR,
     laminar_pressure=BAR,
     void_pressure=-0.95 * BAR,
 )

@@ -26,12 +26,15 @@ def rounded(value: Any) -> np.ndarray:
 def record(struct: Any, **values: Any) -> np.ndarray:
     """Structured array of a device ``struct``; every field by name, the shapes of the values broadcast.
 
-    Vector fields have their own trailing dimension; nested structs take a record.
+    Vector fields have their own trailing dimension; nested structs take a record. Numbers of laws, and
+    states that only some laws have, are by default 0.
     """
     dtype = np.dtype(struct.numpy_dtype())
     names = set(dtype.names or ())
-    if names != set(values):
-        raise TypeError(f"missing {sorted(names - set(values))}, unknown {sorted(set(values) - names)}")
+    laws = {name for name in names if name.endswith("_law") or name == "law"}
+    if not names - laws <= set(values) <= names:
+        raise TypeError(f"missing {sorted(names - laws - set(values))}, unknown {sorted(set(values) - names)}")
+    names = set(values)
     inner = {name: len(dtype[name].shape) for name in names}
     shape = np.broadcast_shapes(*(np.shape(v)[: np.ndim(v) - inner[n]] for n, v in values.items()))
     out = np.zeros(shape, dtype)

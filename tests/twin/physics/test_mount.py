@@ -9,7 +9,7 @@ import warp as wp
 from scipy.integrate import solve_ivp
 
 from aoro_gym.twin.physics.mount import MountState, mount_bend, mount_step, mount_torque
-from aoro_gym.twin.physics.steering import SteeringGeometry
+from aoro_gym.twin.physics.steering_circuit import SteeringGeometry
 from tests.twin.physics.launch import ROUNDOFF, launch, record, rounded
 
 LEVERS = record(
