@@ -8,8 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import warp as wp
+from scipy.optimize import brentq
 from scipy.special import logsumexp, softmax
 
+from aoro_gym.machine.laws import OPTIONS
 from aoro_gym.twin.physics.friction import bristle_step
 from aoro_gym.twin.physics.ground import Footing
 from aoro_gym.twin.physics.tires import (
@@ -18,6 +20,7 @@ from aoro_gym.twin.physics.tires import (
     TireContact,
     hull_contact,
     lugre_capacity,
+    onto_circle,
     tire_contact,
 )
 from tests.twin.physics.launch import ROUNDOFF, changed, columns, launch, record, rounded
@@ -52,6 +55,13 @@ TIRE = record(
     soft_ground_law=0,
     bulldozing_resistance=0.05,
 )
+
+
+def obeying(base=TIRE, **laws):
+    """A tire of other laws."""
+    return changed(base, **{f"{law}_law": OPTIONS[law].index(option) for law, option in laws.items()})
+
+
 HULL = record(Hull, stiffness=2e6, damping=2e4, friction=0.5)
 LEVEL = record(
     Footing, x=0.0, y=0.0, height=0.0, normal=[0.0, 0.0, 1.0], friction=1.0, rolling_resistance=1.0, known=1.0
@@ -119,27 +129,46 @@ def contact_kernel(
 
 
 @wp.kernel(enable_backward=False)
+def circle_kernel(
+    force: wp.array(dtype=wp.vec2),
+    stiffness: wp.array(dtype=wp.vec2),
+    grip: wp.array(dtype=float),
+    out: wp.array(dtype=wp.vec2),
+):
+    i = wp.tid()
+    out[i] = onto_circle(force[i], stiffness[i], grip[i])
+
+
+@wp.kernel(enable_backward=False)
 def drag_kernel(
     m: wp.array(dtype=Tire),
     ground: wp.array(dtype=Footing),
+    roll: wp.array(dtype=float),
     slip_x: wp.array2d(dtype=float),
     slip_y: wp.array2d(dtype=float),
+    swivel: wp.array2d(dtype=float),
     dt: float,
     work: wp.array2d(dtype=float),
 ):
-    """A locked wheel that is dragged over level ground: work put in so far, over the load [m]."""
+    """A wheel that rolls at a speed, locked if it is none, and is dragged and swivelled over level ground: work put in so
+    far, over the load [m]."""
     i = wp.tid()
     x = float(0.0)
     y = float(0.0)
+    w = float(0.0)
     total = float(0.0)
+    spin = roll[i] / 0.6
     unturned = wp.mat33(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     zero = wp.vec3(0.0, 0.0, 0.0)
     for k in range(slip_x.shape[1]):
         v = wp.vec3(slip_x[i, k], slip_y[i, k], 0.0)
-        c = tire_contact(m[i], ground[i], unturned, zero, wp.vec3(0.0, 0.0, 0.55), v, zero, 0.0, x, y, 0.0, dt)
+        hub = v + wp.vec3(roll[i], 0.0, 0.0)
+        turning = wp.vec3(0.0, 0.0, swivel[i, k])
+        c = tire_contact(m[i], ground[i], unturned, zero, wp.vec3(0.0, 0.0, 0.55), hub, turning, spin, x, y, w, dt)
         x = c.bristle_x
         y = c.bristle_y
-        total -= wp.dot(c.force, v) / c.load * dt
+        w = c.twist
+        total -= (wp.dot(c.force, v) + c.moment[2] * swivel[i, k]) / c.load * dt
         work[i, k] = total
 
 
@@ -398,6 +427,182 @@ def test_rolling_renews_the_patch():
         assert abs(straight.twist) < 1e-4 * circle.twist
 
 
+def shares(middle=0.05):
+    """Depths of the five discs of an upright wheel over their sum, and the discs' offsets."""
+    depth = middle - np.array([0.015, 0.003, 0.0, 0.003, 0.015])
+    return depth / depth.sum(), np.array([-0.24, -0.13, 0.0, 0.13, 0.24])
+
+
+def grip_at(speed):
+    """Steady friction coefficient g(v) on asphalt."""
+    return 0.7 + 0.1 * np.exp(-((speed / 0.1) ** 2))
+
+
+@pytest.mark.parametrize("rate", [0.05, 0.5, 5.0])
+def test_five_discs_hold_a_swivelled_wheel_up_to_their_sliding_torque(rate):
+    """A wheel that stands is swivelled by ψ: w = ψ₀ (1 − exp(−ψ/ψ₀)), ψ₀ = g/(σ₀ y) of the inner discs; each disc pulls by
+    σ₀ y w up to g of its own speed, on a lever y, and all slide at F_n Σ w_i |y_i| g."""
+    tire, (share, lever) = obeying(swivel="five_discs"), shares()
+    angle = grip_at(rate * 0.13) / (16.0 * 0.13)
+    psi, steps = np.array([0.02, 0.1, 0.3, 1.0, 5.0]), 4000
+    for sense in (1.0, -1.0):
+        c = touch(tire, omega=(0.0, 0.0, sense * rate), dt=psi / rate / steps, steps=steps)
+        twist = angle * (1.0 - np.exp(-psi / angle))
+        pull = np.minimum(16.0 * np.abs(lever) * twist[:, None], grip_at(rate * np.abs(lever)))
+        expected = -sense * c.load * (share * np.abs(lever) * pull).sum(axis=-1)
+        # implicit Euler and the middle of the last step: ψ/steps of the winding, at most psi/ψ₀/4000 = 4e-3
+        np.testing.assert_allclose(c.moment[:, 2], expected, rtol=4e-3)
+        np.testing.assert_array_equal(c.force[:, :2], 0.0)
+    sliding = c.load[-1] * (share * np.abs(lever) * grip_at(rate * np.abs(lever))).sum()
+    assert abs(c.moment[-1, 2]) == pytest.approx(sliding, rel=1e-3)
+
+
+def test_five_discs_turn_freely_while_they_slide_along():
+    """A locked wheel that slides ahead fast: all discs pull by g, whose levers balance."""
+    speed, rate = 3.0, 0.1
+    c = touch(obeying(swivel="five_discs"), velocity=(speed, 0.0, 0.0), omega=(0.0, 0.0, rate), steps=2000)
+    # bristles at ±y differ by the bend over which they slide, ψ̇ y/v of g/σ₀
+    assert c.twist == pytest.approx(0.7 / 16.0 * rate / speed, rel=1e-3)
+    assert abs(c.moment[2]) < 0.7 * c.load * 0.24 * rate * 0.24 / speed
+    assert abs(touch(obeying(swivel="five_discs"), omega=(0.0, 0.0, rate), steps=2000).moment[2]) > 0.05 * c.load
+
+
+def test_a_leaning_tires_discs_count_from_their_loads_mean():
+    """A longitudinal bristle alone pulls at the contact: the discs add no torque, however uneven their loads."""
+    pose = {"rotation": turned(0.08, 0.0, 0.0), "centre": (0.0, 0.0, 0.55), "bristle_x": 0.01}
+    plain, discs = touch(TIRE, **pose), touch(obeying(swivel="five_discs"), **pose)
+    np.testing.assert_allclose(discs.moment, plain.moment, atol=8 * ROUNDOFF * 0.3 * 0.16 * plain.load)
+    np.testing.assert_array_equal(discs.force, plain.force)
+
+
+def test_bore_torque_is_a_spring_that_slides_and_unloads_at_once():
+    """Wound up by ψ and back: k ψ up to μ F_n R_B, and from there by k a radian back."""
+    tire, rate, steps = obeying(swivel="bore_torque"), 0.2, 1000
+    psi = np.array([0.01, 0.05, 0.1, 0.3, 1.0])
+    wound = touch(tire, omega=(0.0, 0.0, rate), dt=psi / rate / steps, steps=steps)
+    limit = 0.7 * wound.load * 0.13
+    held = touch(tire, twist=wound.twist)
+    np.testing.assert_allclose(held.moment[:, 2], -np.minimum(15e3 * psi, limit), rtol=steps * ROUNDOFF)
+    back = touch(tire, omega=(0.0, 0.0, -rate), twist=wound.twist, dt=0.05 / rate / steps, steps=steps)
+    released = touch(tire, twist=back.twist)
+    expected = -np.maximum(np.minimum(15e3 * psi, limit) - 15e3 * 0.05, -limit)
+    np.testing.assert_allclose(released.moment[:, 2], expected, atol=float(limit.max()) * steps * ROUNDOFF)
+
+
+@pytest.mark.parametrize("swivel", ["five_discs", "bore_torque"])
+def test_rolling_renews_the_patch_by_any_law_of_swivelling(swivel):
+    """On a circle of curvature κ: w = κ/(κ/ψ₀ + 1/ℓ), or κ ℓ of a spring; straight on it dies out."""
+    tire, speed, curvature, steps = obeying(swivel=swivel), 0.75, 0.1, 8000
+    chord = 2.0 * np.sqrt(2.0 * 0.6 * 0.05)
+    rolling = {"velocity": (speed, 0.0, 0.0), "spin": speed / 0.6}
+    circle = touch(tire, omega=(0.0, 0.0, speed * curvature), dt=1e-3, steps=steps, **rolling)
+    wound = curvature * 16.0 * 0.13 / grip_at(speed * curvature * 0.13) if swivel == "five_discs" else 0.0
+    assert circle.twist == pytest.approx(curvature / (wound + 1.0 / chord), rel=1e-4)
+    straight = touch(tire, twist=circle.twist, dt=1e-3, steps=steps, **rolling)
+    assert abs(straight.twist) < 1e-4 * circle.twist
+
+
+def test_laws_of_swivelling_replace_the_scrub():
+    for swivel in ("five_discs", "bore_torque"):
+        plain, scrub = (
+            touch(obeying(tire, swivel=swivel), omega=(0.0, 0.0, 0.5), steps=300).moment for tire in (TIRE, SCRUB)
+        )
+        np.testing.assert_array_equal(plain, scrub)
+
+
+# ---- soft ground ----
+
+
+def test_soft_ground_resists_moving_sideways_by_its_softness():
+    """F_n c b v/√(v² + v₀²) across alone, b the rolling resistance beyond asphalt's over 0.05, at most 3."""
+    multiplier = rounded(np.array([0.0, 1.0, 2.0, 5.0, 20.0, 50.0]))[:, None]
+    slip = rounded(np.array([-2.0, -0.05, 0.0, 0.02, 0.5]))
+    velocity = np.stack([0.3 + 0.0 * slip, slip, 0.0 * slip], axis=-1)
+    ground = changed(LEVEL, rolling_resistance=multiplier)
+    pushed, plain = (touch(tire, ground, velocity=velocity) for tire in (obeying(soft_ground="bulldozing"), TIRE))
+    softness = np.clip(0.0125 * (multiplier - 1.0), 0.0, 0.15) / 0.05
+    expected = -0.05 * softness * slip / np.sqrt(slip**2 + 0.05**2)
+    difference = (pushed.force - plain.force) / plain.load[..., None]
+    # of a difference of forces of up to (σ₁ + σ₂) v = 1
+    np.testing.assert_allclose(difference[..., 1], expected, atol=16 * ROUNDOFF)
+    np.testing.assert_array_equal(difference[..., [0, 2]], 0.0)
+    np.testing.assert_array_equal(difference[:2], 0.0)
+
+
+# ---- relaxation ----
+
+RELAXED = changed(TIRE, slip_law=OPTIONS["slip"].index("relaxation"))
+
+
+@pytest.mark.parametrize("speed", [0.1, 3.0, 30.0])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_force_follows_a_step_in_slip_over_the_relaxation_length(axis, speed):
+    """F = F_n σ₀ ℓ s (1 − exp(−x/ℓ)) after a way x at slip s: 63 % after ℓ, then F_n σ₀ ℓ, at any speed."""
+    length, sigma0, slip = ((0.3, 16.0), (0.5, 8.0))[axis] + (0.01,)
+    way, steps = length * np.array([0.1, 1.0, 3.0, 15.0]), 3000
+    velocity = np.array([speed, 0.0, 0.0])
+    velocity[axis] += slip * speed
+    c = touch(RELAXED, velocity=velocity, spin=speed / 0.6, dt=way / speed / steps, steps=steps)
+    expected = -slip * sigma0 * length * (1.0 - np.exp(-way / length))
+    # implicit Euler, and force in the middle of the last step: a step's share of the way each, 15/3000/2, of the end;
+    # damping σ₁ ż adds σ₁ v/ℓ of it while it builds up, so bristles count; slip is a difference of speeds of float32
+    slack = slip * sigma0 * length * (15.0 / steps + 4 * ROUNDOFF / slip)
+    bristle = (c.bristle_x, c.bristle_y)[axis]
+    np.testing.assert_allclose(-sigma0 * bristle, expected, atol=slack)
+    assert c.force[-1, axis] / c.load[-1] == pytest.approx(-slip * sigma0 * length, abs=slack)
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.7, np.pi / 2, 2.4, -1.0])
+def test_a_locked_relaxing_tire_slides_along_its_force(heading):
+    """F = F_n g(v) against the slip, whatever the bristles' stiffnesses; before, a spring F_n σ₀ x."""
+    direction = np.array([np.cos(heading), np.sin(heading), 0.0])
+    speed = rounded(SLIDES)
+    c = touch(RELAXED, velocity=speed[:, None] * direction, dt=1.5 / 3000 / speed, steps=3000)
+    expected = -grip_at(speed)[:, None] * direction[:2]
+    # the last steps' yielding by a step's bend, k v dt = 16 · 5e-4 m of g
+    np.testing.assert_allclose(c.force[:, :2] / c.load[:, None], expected, atol=16.0 * 1.5 / 3000 / 0.7 * 0.1)
+    moved = touch(RELAXED, velocity=1e-3 * direction, dt=1e-3, steps=1000)
+    still = touch(RELAXED, bristle_x=moved.bristle_x, bristle_y=moved.bristle_y)
+    spring = -1e-3 * np.array([16.0, 8.0]) * direction[:2]
+    np.testing.assert_allclose(still.force[:2] / still.load, spring, atol=1000 * ROUNDOFF * 0.016)
+
+
+def test_return_to_the_friction_circle_is_the_closest_point():
+    """f (1 + γ k) = f⁰ with |f| = g, the root γ found in float64; inside it nothing changes."""
+    rng = np.random.default_rng(11)
+    count = 500
+    stiffness = rounded(10.0 ** rng.uniform(0.7, 2.3, (count, 2)))
+    grip, angle = rounded(rng.uniform(0.01, 1.5, count)), rng.uniform(0.0, 2.0 * np.pi, count)
+    # a step of 2 ms at 5 m/s of the stiffest bristle, 2, beyond the least grip or within it
+    size = grip * rng.uniform(0.1, 2.0, count)
+    force = rounded(np.stack([size * np.cos(angle), size * np.sin(angle)], axis=-1))
+    out = launch(circle_kernel, force, stiffness, grip)
+    for f, k, g, found in zip(force, stiffness, grip, out, strict=True):
+        expected = f
+        if np.hypot(*f) > g:
+            give = brentq(lambda x, f=f, k=k, g=g: np.hypot(*(f / (1.0 + x * k))) - g, 0.0, 1e3, xtol=1e-15)
+            expected = f / (1.0 + give * k)
+        np.testing.assert_allclose(found, expected, atol=2e-3 * g)
+        assert np.hypot(*found) <= g * (1.0 + 4 * ROUNDOFF) or np.array_equal(found, f)
+
+
+def test_a_relaxing_tire_stays_in_its_friction_circle_at_any_speed():
+    """Random slips, spins and steps from random bristles: |F| ≤ F_n μ g(v), bristles within it; and it settles, at 2 ms."""
+    rng = np.random.default_rng(12)
+    count = 3000
+    velocity = np.concatenate([rng.normal(0.0, 10.0, (count, 2)), np.zeros((count, 1))], axis=-1)
+    spin, dt = rng.normal(0.0, 20.0, count), 10.0 ** rng.uniform(-4.0, -2.7, count)
+    bristle = rng.normal(0.0, 0.2, (2, count))
+    once = touch(RELAXED, velocity=velocity, spin=spin, bristle_x=bristle[0], bristle_y=bristle[1], dt=dt)
+    speed = np.hypot(velocity[:, 0] - 0.6 * spin, velocity[:, 1])
+    limit = once.load * (0.7 + 0.1 * np.exp(-((speed / 0.1) ** 2)))
+    assert np.all(np.hypot(once.force[:, 0], once.force[:, 1]) <= limit * (1.0 + 1e-4))
+    assert np.all(np.hypot(16.0 * once.bristle_x, 8.0 * once.bristle_y) <= limit / once.load * (1.0 + 1e-4))
+    some = {"velocity": velocity[:200], "spin": spin[:200], "dt": 2e-3}
+    late, later = (touch(RELAXED, **some, steps=steps) for steps in (3000, 3001))
+    np.testing.assert_allclose(later.force, late.force, atol=1e-3 * float(late.load.max()))
+
+
 # ---- friction ----
 
 
@@ -531,21 +736,33 @@ def test_reversal_unloads_before_it_pulls_the_other_way():
     assert np.all(c.force[3:, 0] > 0.0)
 
 
-def test_dragging_a_tire_never_yields_work():
-    """Whatever the path from rest, slow or fast, along, across or both: the tire never gives back more than it took."""
+@pytest.mark.parametrize(
+    "laws",
+    [{}, {"slip": "relaxation"}, {"swivel": "five_discs"}, {"swivel": "bore_torque"}, {"soft_ground": "bulldozing"}],
+    ids=lambda laws: "".join(laws.values()) or "default",
+)
+def test_dragging_a_tire_never_yields_work(laws):
+    """Whatever the path from rest, slow or fast, along, across or both, locked or rolling, and turning where it resists
+    that: the tire never gives back more than it took.
+    """
     rng = np.random.default_rng(6)
     count, steps, dt = 1000, 4000, 1e-3
     t = dt * np.arange(steps)
-    slip = np.zeros((2, count, steps))
+    slip = np.zeros((3, count, steps))
     for _ in range(3):
-        size, frequency = 10.0 ** rng.uniform(-3.0, 0.0, (2, count, 1)), rng.uniform(0.05, 5.0, (2, count, 1))
-        slip += size * np.sin(2 * np.pi * frequency * t + rng.uniform(0.0, 6.3, (2, count, 1)))
-    slip[:, : count // 4] *= np.array([1.0, 0.0])[:, None, None]
-    slip[:, count // 4 : count // 2] *= np.array([0.0, 1.0])[:, None, None]
-    work = launch(drag_kernel, TIRE, LEVEL, *slip, dt, length=steps)
-    path = np.cumsum(np.hypot(*slip), axis=-1) * dt
-    # a few roundings of μ |v| dt a step
-    assert np.all(work >= -16 * ROUNDOFF * 0.8 * path)
+        size, frequency = 10.0 ** rng.uniform(-3.0, 0.0, (3, count, 1)), rng.uniform(0.05, 5.0, (3, count, 1))
+        slip += size * np.sin(2 * np.pi * frequency * t + rng.uniform(0.0, 6.3, (3, count, 1)))
+    slip[:, : count // 4] *= np.array([1.0, 0.0, 0.0])[:, None, None]
+    slip[:, count // 4 : count // 2] *= np.array([0.0, 1.0, 0.0])[:, None, None]
+    if "swivel" not in laws:
+        slip[2] = 0.0
+    roll = np.where(np.arange(count) % 2, 10.0 ** rng.uniform(-2.0, 1.0, count), 0.0)
+    roll *= bool(laws)  # LuGre's bristles do not roll out of the contact
+    ground = changed(LEVEL, rolling_resistance=5.0)
+    work = launch(drag_kernel, obeying(**laws), ground, roll, *slip, dt, length=steps)
+    path = np.cumsum(np.hypot(slip[0], slip[1]) + 0.24 * np.abs(slip[2]), axis=-1) * dt
+    # a few roundings of μ |v| dt a step, and of the rolling speed that the slip is a difference from
+    assert np.all(work >= -16 * ROUNDOFF * 0.8 * path - 16 * ROUNDOFF * (roll[:, None] + 0.1) * (t + dt))
     assert np.all(work[:, -1] > 0.0)
 
 
