@@ -56,15 +56,21 @@ ROWS = {
 Schedule = list[tuple[float, Mapping[str, float]]]
 
 
-def run_twin(machine, schedule: Schedule, duration, joint_angle, main_step=1e-3, substeps=30):
-    """Signals of the twin by name, one a SAMPLE, and the states that its reset left, as the reference names them."""
-    twin = Twin(1, machine=machine, main_step=main_step, substeps=substeps)
-    twin.reset(joint_angle=joint_angle)
+def reset_state(twin):
+    """States of the first twin as the reference names them."""
     row = twin.state.numpy()[:, 0].astype(float)
     start = {}
     for name, rows in ROWS.items():
         names = [f"{rows}_{w.upper()}" for w in WHEELS] if isinstance(rows, str) else rows
         start[name] = np.array([row[State[n]] for n in names])
+    return start
+
+
+def run_twin(machine, schedule: Schedule, duration, joint_angle, main_step=1e-3, substeps=30):
+    """Signals of the twin by name, one a SAMPLE, and the states that its reset left, as the reference names them."""
+    twin = Twin(1, machine=machine, main_step=main_step, substeps=substeps)
+    twin.reset(joint_angle=joint_angle)
+    start = reset_state(twin)
     edges = [when for when, _ in schedule] + [duration]
     phases = [(edges[0], {})] if edges[0] > 0.0 else []
     phases += [(end - when, commands) for (when, commands), end in zip(schedule, edges[1:], strict=True)]
