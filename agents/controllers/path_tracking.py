@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm, solve_discrete_are
 
-from aoro_gym.agents.controllers.turning import lifted, needs
+from aoro_gym.agents.controllers.turning import dead_band_compensated, require_terms
 from aoro_gym.agents.policies.policy import Actions, Observations
 
 Floats = NDArray[np.float64]
@@ -83,7 +83,7 @@ class Vehicle:
     """[s]"""
 
     def __post_init__(self) -> None:
-        needs(self.layout, *NEEDED)
+        require_terms(self.layout, *NEEDED)
 
     @classmethod
     def of(cls, env: Any) -> Vehicle:
@@ -108,14 +108,14 @@ class Vehicle:
             control_step=config.control_step,
         )
 
-    def see(self, observations: Observations) -> Seen:
+    def see(self, observations: Observations) -> VehicleState:
         """The observation by name."""
         rows = np.asarray(observations, dtype=np.float64)
-        return Seen(self, {name: rows[:, self.layout[name]] for name in NEEDED})
+        return VehicleState(self, {name: rows[:, self.layout[name]] for name in NEEDED})
 
 
 @dataclass(frozen=True)
-class Seen:
+class VehicleState:
     """What N controllers see; arrays (N,), SI."""
 
     vehicle: Vehicle
@@ -167,7 +167,7 @@ class PathController(ABC):
     """The same to the right: 0.35 V."""
 
     @abstractmethod
-    def steer(self, seen: Seen) -> Floats:
+    def steer(self, seen: VehicleState) -> Floats:
         """Steering signal (N,)."""
 
     def __call__(self, observations: Observations) -> Actions:
@@ -194,22 +194,22 @@ class JointController(PathController):
     """Error of the joint angle [rad] that is left alone."""
 
     @abstractmethod
-    def joint_angle(self, seen: Seen) -> Floats:
+    def joint_angle(self, seen: VehicleState) -> Floats:
         """Joint angle (N,) [rad] that would lead onto the path."""
 
-    def left(self, seen: Seen) -> Floats:
+    def left(self, seen: VehicleState) -> Floats:
         """Error of the joint angle (N,) [rad] after ``lead_time`` at the present rate."""
         limit = self.vehicle.largest_angle
         wanted = np.clip(self.joint_angle(seen), -limit, limit)
         return wanted - seen["joint_angle"] - np.asarray(self.lead_time) * seen["joint_rate"]
 
-    def steer(self, seen: Seen) -> Floats:
+    def steer(self, seen: VehicleState) -> Floats:
         left = self.left(seen)
-        signal = lifted(np.asarray(self.gain) * left, self.dead_band_left, self.dead_band_right)
+        signal = dead_band_compensated(np.asarray(self.gain) * left, self.dead_band_left, self.dead_band_right)
         return np.where(np.abs(left) > self.rest_error, signal, 0.0)
 
 
-def pursued_angle(seen: Seen, distance: ArrayLike) -> Floats:
+def pursued_angle(seen: VehicleState, distance: ArrayLike) -> Floats:
     """Joint angle (N,) [rad] of the turn that leads from F, along the front frame, through the path ``distance`` [m] ahead.
 
     The circle through (0, 0) with the tangent (1, 0) and through (x, y) has the curvature 2 y / (x² + y²); see R. C.
@@ -229,7 +229,7 @@ class PurePursuit(JointController):
     lead_time: ArrayLike = field(default=0.0212, kw_only=True)
     rest_error: ArrayLike = field(default=0.0498, kw_only=True)
 
-    def joint_angle(self, seen: Seen) -> Floats:
+    def joint_angle(self, seen: VehicleState) -> Floats:
         return pursued_angle(seen, self.look_ahead)
 
 
@@ -243,10 +243,10 @@ class FullSpeedSteering(JointController):
     lead_time: ArrayLike = field(default=0.0592, kw_only=True)
     rest_error: ArrayLike = field(default=0.271, kw_only=True)
 
-    def joint_angle(self, seen: Seen) -> Floats:
+    def joint_angle(self, seen: VehicleState) -> Floats:
         return pursued_angle(seen, self.look_ahead)
 
-    def steer(self, seen: Seen) -> Floats:
+    def steer(self, seen: VehicleState) -> Floats:
         left = self.left(seen)
         return np.where(np.abs(left) > self.rest_error, np.sign(left), 0.0)
 
@@ -270,7 +270,7 @@ class Stanley(JointController):
     gain: ArrayLike = field(default=1.04, kw_only=True)
     rest_error: ArrayLike = field(default=0.0301, kw_only=True)
 
-    def joint_angle(self, seen: Seen) -> Floats:
+    def joint_angle(self, seen: VehicleState) -> Floats:
         closing = np.arctan(np.asarray(self.cross_track_gain) * seen["cross_track"] / seen.speed)
         bend = turn_angle(seen.curvature(self.look_ahead), self.vehicle.front, self.vehicle.rear)
         return bend - np.asarray(self.heading_gain) * (seen["heading_error"] + closing)
@@ -318,7 +318,7 @@ class PreviewRegulator(PathController):
         ]
         return row.ravel(), np.array(gains)
 
-    def joint_rate(self, seen: Seen) -> Floats:
+    def joint_rate(self, seen: VehicleState) -> Floats:
         """Commanded joint rate (N,) [rad/s]."""
         vehicle = self.vehicle
         bend = (vehicle.front + vehicle.rear) * turn_curvature(seen["joint_angle"], vehicle.front, vehicle.rear)
@@ -330,7 +330,7 @@ class PreviewRegulator(PathController):
         demands = -np.einsum("nsk,nk->ns", gains[row], known)
         return _between(DESIGN_SPEEDS, demands, speed)
 
-    def steer(self, seen: Seen) -> Floats:
+    def steer(self, seen: VehicleState) -> Floats:
         rate = self.joint_rate(seen)
         size, signal = np.abs(rate), np.zeros(len(rate))
         for side, dead_band, rates in (

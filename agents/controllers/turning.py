@@ -34,7 +34,7 @@ class BangBang:
     """[s]"""
 
     def __post_init__(self) -> None:
-        needs(self.layout, "error", "joint_rate")
+        require_terms(self.layout, "error", "joint_rate")
 
     def __call__(self, observations: Observations) -> Actions:
         left = _predicted_error(self.layout, observations, self.lead_time)
@@ -68,18 +68,18 @@ class ProportionalDerivative:
     """[rad]"""
 
     def __post_init__(self) -> None:
-        needs(self.layout, "error", "joint_rate")
+        require_terms(self.layout, "error", "joint_rate")
 
     def __call__(self, observations: Observations) -> Actions:
         left = _predicted_error(self.layout, observations, self.lead_time)
-        signal = lifted(np.asarray(self.gain) * left, self.dead_band_left, self.dead_band_right)
+        signal = dead_band_compensated(np.asarray(self.gain) * left, self.dead_band_left, self.dead_band_right)
         return _actions(np.where(np.abs(left) > self.rest_error, signal, 0.0))
 
     def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
         """Nothing to forget."""
 
 
-def lifted(demand: NDArray[Any], dead_band_left: ArrayLike, dead_band_right: ArrayLike) -> NDArray[Any]:
+def dead_band_compensated(demand: NDArray[Any], dead_band_left: ArrayLike, dead_band_right: ArrayLike) -> NDArray[Any]:
     """Signal (N,) for a demand (N,), clipped at ±1: what is not 0 is lifted over the dead band of its side."""
     demand = np.clip(demand, -1.0, 1.0)
     skipped = np.where(demand > 0.0, dead_band_left, dead_band_right)
@@ -97,7 +97,7 @@ def _actions(signal: NDArray[Any]) -> Actions:
     return signal.astype(np.float32)[:, None]
 
 
-def needs(layout: Mapping[str, slice], *names: str) -> None:
+def require_terms(layout: Mapping[str, slice], *names: str) -> None:
     """Raises ValueError that says which of the observation terms ``names`` is missing."""
     for name in names:
         if name not in layout:

@@ -69,7 +69,7 @@ def drive_repeats(
     return drive(env, policy, seeds, tell, asked=[first + (seed - first) % episodes for seed in seeds])
 
 
-def drive_here(
+def drive_locally(
     driver: Driver,
     policies: Mapping[str, Factory],
     seeds: NDArray[np.int_],
@@ -125,7 +125,7 @@ def drive_on_cluster(
     """Episodes by policy; what each policy does in each batch is a job on a cluster.
 
     Args:
-        driver: See :func:`drive_here`, as for ``policies``, ``seeds``, ``cache`` and ``progress``.
+        driver: See :func:`drive_locally`, as for ``policies``, ``seeds``, ``cache`` and ``progress``.
         policies: See there.
         seeds: See there.
         cache: See there.

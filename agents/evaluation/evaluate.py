@@ -28,7 +28,7 @@ import numpy as np
 
 from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES, Factory
 from aoro_gym.agents.evaluation import inputs
-from aoro_gym.agents.evaluation.batches import Driver, drive_here, drive_on_cluster, drive_repeats
+from aoro_gym.agents.evaluation.batches import Driver, drive_locally, drive_on_cluster, drive_repeats
 from aoro_gym.agents.evaluation.cached_episodes import EpisodeCache
 from aoro_gym.agents.evaluation.result import Evaluation
 from aoro_gym.agents.evaluation.tasks import TASKS
@@ -134,7 +134,7 @@ def evaluate(
         None if repeats == 1 else (seed, episodes),
     )
     todo = (Driver(make, drive, machine, drawn), policies, seed + np.arange(episodes * repeats), cache, progress)
-    runs = drive_here(*todo) if ray is None else drive_on_cluster(*todo, ray=ray, device=device)
+    runs = drive_locally(*todo) if ray is None else drive_on_cluster(*todo, ray=ray, device=device)
     made = make(1, machine=machine).task
     return Evaluation(
         env, episodes, seed, tuple(getattr(made, "courses", ())), runs, machine, made.control_step,

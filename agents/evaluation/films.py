@@ -35,7 +35,7 @@ def write_film(
     Returns the file.
     """
     scene = result.scene()
-    stride, rate = _pace(result, run)
+    stride, rate = _frame_rate(result, run)
     frames = []
     last = np.append(np.arange(0, len(run.film) - 1, stride), len(run.film) - 1)
     for done, index in enumerate(last):
@@ -45,7 +45,7 @@ def write_film(
         from moviepy import ImageSequenceClip
     except ImportError:
         path = stem.with_name(f"{stem.name}.gif")
-        write_gif(path, _lighter(frames), frames_per_second=0.5 * rate)
+        write_gif(path, _thinned_frames(frames), frames_per_second=0.5 * rate)
         return path
     path = stem.with_name(f"{stem.name}.mp4")
     clip = ImageSequenceClip(frames, fps=rate)
@@ -57,7 +57,7 @@ def write_film(
     return path
 
 
-def _lighter(frames: list[NDArray[np.uint8]]) -> list[NDArray[np.uint8]]:
+def _thinned_frames(frames: list[NDArray[np.uint8]]) -> list[NDArray[np.uint8]]:
     """Every other picture, no wider than a GIF should be, which hardly compresses."""
     from PIL import Image
 
@@ -69,7 +69,7 @@ def _lighter(frames: list[NDArray[np.uint8]]) -> list[NDArray[np.uint8]]:
 
 def film_caption(result: Evaluation, run: Episodes) -> str:
     """What the film of ``run`` shows, and how fast."""
-    stride, rate = _pace(result, run)
+    stride, rate = _frame_rate(result, run)
     speed = rate * stride * result.control_step
     text = f"Its first episode, {speed:.2g} x real time; it ended so: {run.endings[0]}."
     if "cross_track_rms_m" in run.metrics:
@@ -80,7 +80,7 @@ def film_caption(result: Evaluation, run: Episodes) -> str:
     return text
 
 
-def _pace(result: Evaluation, run: Episodes) -> tuple[int, float]:
+def _frame_rate(result: Evaluation, run: Episodes) -> tuple[int, float]:
     """Control steps from frame to frame, and frames a second: never slower than real time."""
     stride = max(math.ceil((len(run.film) - 1) / MOST_FRAMES), 1)
     return stride, max(FILM_RATE, 1.0 / (stride * result.control_step))

@@ -20,10 +20,10 @@ from aoro_gym.agents.evaluation.metrics import (
     MARKS,
     SUCCESS,
     describe,
+    display_factor,
     named,
     ranked,
     shown,
-    shown_as,
     titled,
 )
 from aoro_gym.agents.evaluation.perturbations import PERTURBATIONS
@@ -306,7 +306,7 @@ def write_figure(result: Leaderboard, path: Path) -> None:
 
 def _draw_intervals(axis: Any, result: Leaderboard, what: str) -> None:
     """Draw a metric's mean and intervals for every policy, one above the other by perturbation."""
-    scale, names = shown_as(describe(what)[1]), list(result.found)
+    scale, names = display_factor(describe(what)[1]), list(result.found)
     for k, name in enumerate(names):
         heights = [height + 0.22 * (k - 0.5 * (len(names) - 1)) for height in range(len(result.policies))]
         colour = COLOURS[k % len(COLOURS)]

@@ -54,7 +54,7 @@ def describe(name: str) -> tuple[str, str]:
     return name.replace("_", " "), ""
 
 
-def shown_as(unit: str) -> float:
+def display_factor(unit: str) -> float:
     """Factor from a metric to what is shown of it."""
     return 100.0 if unit == "%" else 1.0
 
@@ -76,7 +76,7 @@ def shown(value: Interval, unit: str, *, finer: int = 0, total: int | None = Non
     lower bound, before ``(n)`` where it is over n episodes of the ``total`` only."""
     if not math.isfinite(value.mean):
         return "-"
-    scale = shown_as(unit)
+    scale = display_factor(unit)
     size = abs(scale * value.mean)
     digits = 0 if unit == "%" or size >= 100.0 else 1 if size >= 10.0 else 2 if size >= 1.0 else 3
     mean, low, high = (f"{scale * number:.{digits + finer}f}" for number in value[:3])

@@ -33,7 +33,7 @@ TRIES = 100
 _PARAMETERS, _EFFECT = 1, 2  # streams of a seed
 
 
-def as_given(machine: Machine, seeds: Sequence[int]) -> Machine:
+def unperturbed(machine: Machine, seeds: Sequence[int]) -> Machine:
     """The machine as it is, for every seed."""
     return machine
 
@@ -89,7 +89,7 @@ def with_effect(machine: Machine, seeds: Sequence[int]) -> Machine:
 
 
 PERTURBATIONS: Mapping[str, Perturbation] = {
-    "as calibrated": as_given,
+    "as calibrated": unperturbed,
     "perturbed": perturbed,
     "with an effect": with_effect,
 }

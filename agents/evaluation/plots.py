@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from aoro_gym.agents.evaluation.metrics import BOUNDED, RATES, named, shown_as
+from aoro_gym.agents.evaluation.metrics import BOUNDED, RATES, display_factor, named
 from aoro_gym.agents.evaluation.result import Evaluation
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.execution.files import written_whole
@@ -59,7 +59,7 @@ def write_metrics(result: Evaluation, path: Path) -> None:
             axis, (words, unit) = axes[index], named(name)
             if name in BOUNDED and any(found[name].bounds for found in summary.values()):
                 words = f"{words}, at least"
-            _draw_metric(axis, result, name, shown_as(unit))
+            _draw_metric(axis, result, name, display_factor(unit))
             style_rows(axis, policies, f"{words} [{unit}]" if unit else words, labelled=index % columns == 0)
             if unit == "%" and all(0.0 <= summary[policy][name].mean <= 1.0 for policy in policies):
                 axis.set_xlim(-3.0, 103.0)

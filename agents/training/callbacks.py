@@ -26,7 +26,7 @@ class Progress:
     doing: str
 
 
-class Clock:
+class StepCounter:
     """Steps done of a whole training, which schedules follow: who learns knows only those of the running part.
 
     Args:
@@ -67,7 +67,7 @@ class ProgressCallback:
 
     def __init__(
         self,
-        clock: Clock,
+        clock: StepCounter,
         episodes: Callable[[], tuple[float, float]],
         tell: Callable[[Progress], Any],
         *,

@@ -26,7 +26,7 @@ def save_checkpoint(path: Path, state: Mapping[str, Any], notes: Mapping[str, An
     Raises OSError if the disk is full.
     """
     with written_whole(path) as temporary, temporary.open("wb") as raw:
-        file: Any = _Remembering(raw)
+        file: Any = _ErrorKeepingFile(raw)
         try:
             torch.save({**state, "notes": json.dumps(notes)}, file)
         except RuntimeError:  # which torch makes of whatever went wrong while it wrote
@@ -54,7 +54,7 @@ def load_checkpoint(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
         raise ValueError(f"{path} is damaged ({reason}); restore it, or begin anew with --restart") from None
 
 
-class _Remembering:
+class _ErrorKeepingFile:
     """A file that keeps the error of a write."""
 
     def __init__(self, file: BinaryIO):

@@ -14,13 +14,22 @@ import numpy as np
 
 from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES
 from aoro_gym.agents.evaluation.evaluate import asked_of, evaluate
-from aoro_gym.agents.evaluation.metrics import BOUNDED, MORE_IS_BETTER, OVER, SUCCESS, describe, named, shown_as, titled
+from aoro_gym.agents.evaluation.metrics import (
+    BOUNDED,
+    MORE_IS_BETTER,
+    OVER,
+    SUCCESS,
+    describe,
+    display_factor,
+    named,
+    titled,
+)
 from aoro_gym.agents.evaluation.plots import COLOURS, saved_figure
 from aoro_gym.agents.evaluation.result import Evaluation
 from aoro_gym.agents.evaluation.tasks import TASKS
 from aoro_gym.agents.training.plan import TrainingPlan
-from aoro_gym.agents.training.run_folder import EVALUATIONS, recall
-from aoro_gym.agents.training.train import EVALUATION_SEED, judged_by
+from aoro_gym.agents.training.run_folder import EVALUATIONS, load_run
+from aoro_gym.agents.training.train import EVALUATION_SEED, evaluation_inputs
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.execution.files import read_json
 from aoro_gym.execution.provenance import PROVENANCE, changed_inputs, listed
@@ -58,7 +67,7 @@ def read(folders: Sequence[Path]) -> list[LearningCurve]:
     """
     groups: dict[str, list[tuple[TrainingPlan, list[dict[str, Any]]]]] = {}
     for folder in folders:
-        plan, _ = recall(folder)
+        plan, _ = load_run(folder)
         if not (folder / EVALUATIONS).exists():
             raise ValueError(f"{folder} holds no {EVALUATIONS} yet; let its training reach the first evaluation")
         found = _evaluations(folder)
@@ -138,13 +147,13 @@ def check_inputs(folders: Sequence[Path], machine: Machine, held_out: Sequence[C
     """
     warnings = []
     for folder in folders:
-        plan, record = recall(folder)[0], folder / PROVENANCE
+        plan, record = load_run(folder)[0], folder / PROVENANCE
         if not record.exists():
             warnings.append(
                 f"{folder} has no {PROVENANCE}: whether its machine and ground are those of today is unknown"
             )
             continue
-        changes = changed_inputs(record, judged_by(plan, machine, held_out))
+        changes = changed_inputs(record, evaluation_inputs(plan, machine, held_out))
         if changes:
             raise ValueError(
                 f"{folder} was evaluated otherwise than the controllers would be now: {listed(changes)}; restore that, or"
@@ -227,7 +236,7 @@ def _plain(values: np.ndarray) -> Any:
 
 def table(curves: Sequence[LearningCurve], beside: Evaluation) -> Comparison:
     """The last evaluations, and the controllers: the best first, by success, then by the first decisive metric."""
-    metrics = {name: shown_as(describe(name)[1]) for name in compared(beside.env)}
+    metrics = {name: display_factor(describe(name)[1]) for name in compared(beside.env)}
     head = ["", "seeds", "steps", "min"]
     for name in metrics:
         words, unit = named(name)
@@ -236,20 +245,21 @@ def table(curves: Sequence[LearningCurve], beside: Evaluation) -> Comparison:
     decisive = TASKS[beside.env].decisive[0]
     for one in curves:
         last = {name: scale * one.metrics[name][:, -1] for name, scale in metrics.items()}
-        cells = [_said(values, bool(one.bounds[name][:, -1].any())) for name, values in last.items()]
+        cells = [_mean_and_range(values, bool(one.bounds[name][:, -1].any())) for name, values in last.items()]
         row = [one.name, str(len(one.seeds)), f"{one.steps[-1]:,}", f"{one.minutes[-1]:.1f}", *cells]
         found.append((_rank(float(np.mean(last[SUCCESS])), float(np.mean(last[decisive])), decisive), row))
     for policy, values in beside.summary.items():
         cells = [
-            _said(np.array([scale * values[name].mean]), values[name].bounds > 0) for name, scale in metrics.items()
+            _mean_and_range(np.array([scale * values[name].mean]), values[name].bounds > 0)
+            for name, scale in metrics.items()
         ]
-        success = shown_as("%") * values[SUCCESS].mean
+        success = display_factor("%") * values[SUCCESS].mean
         found.append((_rank(success, values[decisive].mean, decisive), [policy, "", "", "", *cells]))
     rows = [row for _, row in sorted(found, key=lambda one: one[0])]
     return Comparison(f"{beside.env}: last evaluation, the best first", head, rows, note="≥: a lower bound")
 
 
-def _said(values: np.ndarray, bound: bool) -> str:
+def _mean_and_range(values: np.ndarray, bound: bool) -> str:
     """Mean and range of a metric over the seeds that have it."""
     known = values[np.isfinite(values)]
     if not known.size:
@@ -280,7 +290,7 @@ def write_figure(curves: Sequence[LearningCurve], beside: Evaluation, path: Path
 def _draw_curves(axis: Any, curves: Sequence[LearningCurve], beside: Evaluation, name: str) -> None:
     """Draw a metric over the steps, with limits that show what follows the first third."""
     unit = describe(name)[1]
-    scale, shown = shown_as(unit), []
+    scale, shown = display_factor(unit), []
     for k, one in enumerate(curves):
         values, colour = scale * one.metrics[name], COLOURS[k % len(COLOURS)]
         steps = np.array(one.steps) / 1e6

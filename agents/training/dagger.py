@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from aoro_gym.agents.controllers.reference import reference_policy
 from aoro_gym.agents.policies.networks import into_network, of_network
 from aoro_gym.agents.policies.policy import LearnedPolicy, Normalisation, Policy
-from aoro_gym.agents.training.callbacks import Clock, ProgressCallback
+from aoro_gym.agents.training.callbacks import ProgressCallback, StepCounter
 from aoro_gym.agents.training.checkpoints import random_states, restore_random_states
 from aoro_gym.agents.training.perceptron import perceptron
 from aoro_gym.agents.training.plan import TrainingPlan
@@ -95,7 +95,9 @@ class Dagger:
     Raises ValueError naming a wrong hyper-parameter.
     """
 
-    def __init__(self, plan: TrainingPlan, hyperparams: Mapping[str, Any], clock: Clock, env_kwargs: Mapping[str, Any]):
+    def __init__(
+        self, plan: TrainingPlan, hyperparams: Mapping[str, Any], clock: StepCounter, env_kwargs: Mapping[str, Any]
+    ):
         try:
             self._asked = asked = Hyperparams(**hyperparams)
         except TypeError as error:

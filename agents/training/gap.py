@@ -213,11 +213,11 @@ def courses(env: str) -> Sequence[Course] | None:
 def improved_machine(diagnosis: Path | None, improved: str | None) -> str:
     """The machine of the improved twin: the one that is named, or the likeliest of a folder of ``aoro-gym diagnose``.
 
-    Raises ValueError unless one of them is given, and as :func:`diagnosed`.
+    Raises ValueError unless one of them is given, and as :func:`likeliest_machine_file`.
     """
     if (diagnosis is None) == (improved is None):
         raise ValueError("give one of --diagnosis and --improved")
-    return str(diagnosed(diagnosis)) if diagnosis is not None else str(improved)
+    return str(likeliest_machine_file(diagnosis)) if diagnosis is not None else str(improved)
 
 
 def retraining_plan(env: str, policy: str, *, steps: int, seed: int, device: str) -> TrainingPlan:
@@ -273,7 +273,7 @@ def with_effects(machine: Machine, asked: Sequence[str]) -> Machine:
     return machine
 
 
-def diagnosed(folder: Path) -> Path:
+def likeliest_machine_file(folder: Path) -> Path:
     """Machine file of the likeliest cause that has one, in a folder of ``aoro-gym diagnose``.
 
     Raises ValueError if there is none or the file is broken, OSError if there is no diagnosis.

@@ -10,7 +10,7 @@ from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training.plan import TrainingPlan
 
 if TYPE_CHECKING:
-    from aoro_gym.agents.training.callbacks import Clock, ProgressCallback
+    from aoro_gym.agents.training.callbacks import ProgressCallback, StepCounter
     from aoro_gym.envs.core.vector import TwinVectorEnv
 
 
@@ -71,7 +71,7 @@ class Learner(Protocol):
 
 
 def learner_of(
-    plan: TrainingPlan, hyperparams: Mapping[str, Any], clock: Clock, env_kwargs: Mapping[str, Any]
+    plan: TrainingPlan, hyperparams: Mapping[str, Any], clock: StepCounter, env_kwargs: Mapping[str, Any]
 ) -> Learner:
     """What learns for this plan.
 

@@ -66,7 +66,7 @@ def continued(plan: TrainingPlan, folder: Path, *, restart: bool = False) -> Rec
     return read_recipe(plan)
 
 
-def recall(folder: Path) -> tuple[TrainingPlan, Recipe]:
+def load_run(folder: Path) -> tuple[TrainingPlan, Recipe]:
     """The plan and the recipe of the training in ``folder``; what the plan's own files say, they say now.
 
     Raises ValueError if there is none, OSError if a file of the plan is missing.
@@ -101,7 +101,7 @@ def check_resumable(folder: Path, asked: Mapping[str, Any], accept_code_change: 
     check_provenance(record, asked, accept_code_change=accept_code_change)
 
 
-def emptied(folder: Path) -> Path:
+def empty_folder(folder: Path) -> Path:
     """A folder without what a run that was killed before its next checkpoint has logged in it."""
     shutil.rmtree(folder, ignore_errors=True)
     return folder

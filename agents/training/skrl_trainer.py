@@ -20,7 +20,7 @@ from torch.nn import Parameter  # pyright: ignore[reportMissingImports]
 
 from aoro_gym.agents.policies.networks import into_network, of_network
 from aoro_gym.agents.policies.policy import LearnedPolicy
-from aoro_gym.agents.training.callbacks import Clock, ProgressCallback
+from aoro_gym.agents.training.callbacks import ProgressCallback, StepCounter
 from aoro_gym.agents.training.checkpoints import random_states, restore_random_states
 from aoro_gym.agents.training.device_env import DeviceEnv
 from aoro_gym.agents.training.perceptron import perceptron
@@ -110,7 +110,9 @@ class SkrlPPO:
     Raises ValueError naming a wrong hyper-parameter.
     """
 
-    def __init__(self, plan: TrainingPlan, hyperparams: Mapping[str, Any], clock: Clock, env_kwargs: Mapping[str, Any]):
+    def __init__(
+        self, plan: TrainingPlan, hyperparams: Mapping[str, Any], clock: StepCounter, env_kwargs: Mapping[str, Any]
+    ):
         try:
             asked = Hyperparams(**hyperparams)
         except TypeError as error:

@@ -20,7 +20,7 @@ from stable_baselines3.common.vec_env import VecNormalize  # pyright: ignore[rep
 
 from aoro_gym.agents.policies.networks import into_stable_baselines3, of_stable_baselines3
 from aoro_gym.agents.policies.policy import LearnedPolicy
-from aoro_gym.agents.training.callbacks import Clock, ProgressCallback
+from aoro_gym.agents.training.callbacks import ProgressCallback, StepCounter
 from aoro_gym.agents.training.checkpoints import random_states, restore_random_states
 from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.agents.training.vec_env import make_vec_env
@@ -47,7 +47,9 @@ class StableBaselines:
     Raises ValueError naming a wrong hyper-parameter.
     """
 
-    def __init__(self, plan: TrainingPlan, hyperparams: Mapping[str, Any], clock: Clock, env_kwargs: Mapping[str, Any]):
+    def __init__(
+        self, plan: TrainingPlan, hyperparams: Mapping[str, Any], clock: StepCounter, env_kwargs: Mapping[str, Any]
+    ):
         arguments = deepcopy(dict(hyperparams))  # Stable-Baselines3 adds to what is nested in it
         arguments.pop("n_timesteps")
         env: Any = make_vec_env(plan.env, int(arguments.pop("n_envs")), device=plan.device, env_kwargs=env_kwargs)

@@ -39,13 +39,13 @@ from aoro_gym.agents.evaluation.evaluate import evaluate, inputs
 from aoro_gym.agents.evaluation.perturbations import PERTURBATIONS
 from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training import callbacks
-from aoro_gym.agents.training.callbacks import Clock, Progress, ProgressCallback
+from aoro_gym.agents.training.callbacks import Progress, ProgressCallback, StepCounter
 from aoro_gym.agents.training.curriculum import curriculum, stage_at
 from aoro_gym.agents.training.learner import Learner, learner_of
 from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.agents.training.recipe import Recipe
 from aoro_gym.agents.training.results import TrainingResults
-from aoro_gym.agents.training.run_folder import LOG, check_resumable, emptied, revision
+from aoro_gym.agents.training.run_folder import LOG, check_resumable, empty_folder, revision
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.execution.digest import digest
 from aoro_gym.execution.locking import locked
@@ -95,11 +95,11 @@ def inputs_of(
         "ranges": None if plan.perturbation is None else inputs.machine_ranges(machine),
         "terrain": inputs.grounds(courses),
         "path": inputs.paths(courses),
-        **judged_by(plan, machine, held_out),
+        **evaluation_inputs(plan, machine, held_out),
     }
 
 
-def judged_by(plan: TrainingPlan, machine: Machine, held_out: Sequence[Course] | None) -> dict[str, Any]:
+def evaluation_inputs(plan: TrainingPlan, machine: Machine, held_out: Sequence[Course] | None) -> dict[str, Any]:
     """Of the inputs of a training, those that its evaluations follow from, beside the policy."""
     return {
         "env": plan.env,
@@ -149,8 +149,8 @@ def train(
     with locked(folder), ExitStack() as stack:
         asked = inputs_of(plan, recipe, machine=machine, courses=courses, held_out=held_out)
         check_resumable(folder, asked, accept_code_change)
-        stages, clock = curriculum(plan.env, recipe.stages), Clock(int(recipe.hyperparams["n_timesteps"]))
-        env_kwargs: dict[str, Any] = {"machine": _drawn(plan, machine, int(recipe.hyperparams["n_envs"]))}
+        stages, clock = curriculum(plan.env, recipe.stages), StepCounter(int(recipe.hyperparams["n_timesteps"]))
+        env_kwargs: dict[str, Any] = {"machine": _training_machines(plan, machine, int(recipe.hyperparams["n_envs"]))}
         if courses is not None:
             env_kwargs["courses"] = courses
         learner = learner_of(plan, recipe.hyperparams, clock, env_kwargs)
@@ -162,7 +162,7 @@ def train(
         elif plan.start is not None:
             learner.start_from(LearnedPolicy.load(Path(plan.start)).made_for(learner.envs))
         clock.done, before, began = learner.steps, results.elapsed, time.perf_counter()
-        logger = configure(str(emptied(folder / LOG / f"from_{clock.done}")), ["csv", "tensorboard"])
+        logger = configure(str(empty_folder(folder / LOG / f"from_{clock.done}")), ["csv", "tensorboard"])
         stack.callback(logger.close)
         learner.log_to(logger)
         callback = ProgressCallback(clock, learner.episodes, tell, every=callbacks.REPORT_EVERY)
@@ -185,7 +185,7 @@ def train(
         return results.evaluations
 
 
-def _learn(plan: TrainingPlan, learner: Learner, clock: Clock, callback: ProgressCallback) -> None:
+def _learn(plan: TrainingPlan, learner: Learner, clock: StepCounter, callback: ProgressCallback) -> None:
     """Learn until the next checkpoint, or until the actor no longer waits for its critic."""
     held_until = 0 if plan.start is None else math.ceil(CRITIC_FIRST * clock.total)
     held = clock.done < held_until
@@ -204,7 +204,7 @@ def _policy(plan: TrainingPlan, learner: Learner, machine: Machine, steps: int) 
     return learner.policy(environment=plan.env, layout=layout, training={**about, "steps": steps})
 
 
-def _drawn(plan: TrainingPlan, machine: Machine, count: int) -> Machine:
+def _training_machines(plan: TrainingPlan, machine: Machine, count: int) -> Machine:
     """What ``count`` sub-environments learn on: the machine, or one each that differs from it as the plan says."""
     if plan.perturbation is None:
         return machine

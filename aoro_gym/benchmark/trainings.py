@@ -40,7 +40,7 @@ def trainings(
 
     Raises ValueError if a library of the trainer's is missing.
     """
-    from aoro_gym.agents.training.callbacks import Clock, ProgressCallback
+    from aoro_gym.agents.training.callbacks import ProgressCallback, StepCounter
     from aoro_gym.agents.training.learner import learner_of
     from aoro_gym.agents.training.recipe import read_recipe
 
@@ -49,7 +49,7 @@ def trainings(
     usual, rollout = recipe.hyperparams, int(recipe.hyperparams["n_steps"])
     batches = usual["n_envs"] * rollout // usual["batch_size"]
     hyperparams = {**usual, "n_envs": count, "batch_size": max(count * rollout // batches, 1)}
-    clock = Clock(int(hyperparams["n_timesteps"]))
+    clock = StepCounter(int(hyperparams["n_timesteps"]))
     learner = learner_of(plan, hyperparams, clock, {"machine": machine, **placed(ground)})
     task = learner.envs.task
     stage = curriculum(environment, recipe.stages)[0]

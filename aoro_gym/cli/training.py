@@ -161,13 +161,13 @@ def _train(plan: TrainingPlan | None, folder: Path, *, restart: bool, accept_cod
     with resumable(goes_on):
         with checking_input():
             from aoro_gym.agents.training.learner import versions
-            from aoro_gym.agents.training.run_folder import EVALUATIONS, RECORD, begin, recall
+            from aoro_gym.agents.training.run_folder import EVALUATIONS, RECORD, begin, load_run
             from aoro_gym.agents.training.tables import evaluations_table
             from aoro_gym.agents.training.train import train as run_training
             from aoro_gym.execution.locking import locked
 
             if plan is None:
-                plan, recipe = recall(folder)
+                plan, recipe = load_run(folder)
                 begins = restart
             else:
                 options.check_folder(folder, RECORD)

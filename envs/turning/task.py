@@ -132,7 +132,7 @@ class Turning:
             targets = targets[:, :TARGETS_DRAWN]
             hold = np.full(targets.shape, config.hold[0])
         else:
-            targets = apart(angle, reach, config.target_change, uniform[:, 0])
+            targets = spaced_targets(angle, reach, config.target_change, uniform[:, 0])
             low, high = config.hold
             hold = low + (high - low) * uniform[:, 1]
         if options.get("hold") is not None:
@@ -310,15 +310,15 @@ class Turning:
         return TurningScene(machine, tolerance=self.config.tolerance)
 
 
-def apart(
-    start: NDArray[np.float64], reach: NDArray[np.float64], apart: float, uniform: NDArray[np.float64]
+def spaced_targets(
+    start: NDArray[np.float64], reach: NDArray[np.float64], spacing: float, uniform: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Targets (K, T) [rad], uniform over ±``reach`` (K,) less what is nearer than ``apart`` to the one before."""
+    """Targets (K, T) [rad], uniform over ±``reach`` (K,) less what is nearer than ``spacing`` to the one before."""
     targets = np.empty_like(uniform)
     before = start
     for t in range(uniform.shape[1]):
-        below = np.clip(before - apart, -reach, reach) + reach  # length of the free interval on either side
-        above = np.clip(before + apart, -reach, reach)
+        below = np.clip(before - spacing, -reach, reach) + reach  # length of the free interval on either side
+        above = np.clip(before + spacing, -reach, reach)
         along = uniform[:, t] * (below + reach - above)
         before = targets[:, t] = np.where(along < below, along - reach, above + along - below)
     return targets

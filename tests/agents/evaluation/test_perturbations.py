@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aoro_gym.agents.evaluation.perturbations import SWITCHABLE, as_given, magnitude_at, perturbed, with_effect
+from aoro_gym.agents.evaluation.perturbations import SWITCHABLE, magnitude_at, perturbed, unperturbed, with_effect
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.machine import Machine
 
@@ -58,4 +58,4 @@ def test_severity_spans_a_magnitude():
 
 
 def test_as_given_is_the_machine_itself():
-    assert as_given(MACHINE, SEEDS) is MACHINE
+    assert unperturbed(MACHINE, SEEDS) is MACHINE

@@ -7,7 +7,7 @@ import pytest
 
 from aoro_gym import Machine
 from aoro_gym.agents.controllers.path_tracking import PreviewRegulator
-from aoro_gym.agents.training.callbacks import Clock, ProgressCallback
+from aoro_gym.agents.training.callbacks import ProgressCallback, StepCounter
 from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.envs import Course
 from aoro_gym.terrains import Path as Line
@@ -28,11 +28,13 @@ def dagger(env: str = TURNING, **changes) -> Dagger:
     if env == TRACKING:
         line = Line(np.array([[0.0, 0.0], [30.0, 0.0]]), name="ahead")
         arguments["courses"] = [Course(Plane(), (line,), name="plane")]
-    return Dagger(TrainingPlan(env=env, algo="dagger"), SMALL | {"teacher": teacher, **changes}, Clock(400), arguments)
+    return Dagger(
+        TrainingPlan(env=env, algo="dagger"), SMALL | {"teacher": teacher, **changes}, StepCounter(400), arguments
+    )
 
 
 def learn(learner: Dagger, steps: int) -> None:
-    learner.learn(steps, ProgressCallback(Clock(400), learner.episodes, lambda progress: None, every=9.0), seed=3)
+    learner.learn(steps, ProgressCallback(StepCounter(400), learner.episodes, lambda progress: None, every=9.0), seed=3)
 
 
 @pytest.mark.slow

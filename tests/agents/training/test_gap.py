@@ -95,13 +95,13 @@ def test_effects_of_the_command_line():
 def test_likeliest_machine_of_a_diagnosis(tmp_path):
     causes = [{"effects": ["unknown"], "machine_file": ""}, {"effects": ["payload"], "machine_file": "cause_2.toml"}]
     (tmp_path / "diagnosis.json").write_text(json.dumps({"causes": causes}))
-    assert gap.diagnosed(tmp_path) == tmp_path / "cause_2.toml"
+    assert gap.likeliest_machine_file(tmp_path) == tmp_path / "cause_2.toml"
     (tmp_path / "diagnosis.json").write_text(json.dumps({"causes": causes[:1]}))
     with pytest.raises(ValueError, match="names no machine file"):
-        gap.diagnosed(tmp_path)
+        gap.likeliest_machine_file(tmp_path)
     (tmp_path / "diagnosis.json").write_text("{broken")
     with pytest.raises(ValueError, match=r"diagnosis\.json is not JSON"):
-        gap.diagnosed(tmp_path)
+        gap.likeliest_machine_file(tmp_path)
 
 
 @pytest.mark.slow

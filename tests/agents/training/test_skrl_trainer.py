@@ -12,7 +12,7 @@ torch: Any = pytest.importorskip("torch")
 for library in ("skrl", "array_api_compat", "stable_baselines3", "yaml"):
     pytest.importorskip(library)
 
-from aoro_gym.agents.training.callbacks import Clock, ProgressCallback  # noqa: E402
+from aoro_gym.agents.training.callbacks import ProgressCallback, StepCounter  # noqa: E402
 from aoro_gym.agents.training.learner import versions  # noqa: E402
 from aoro_gym.agents.training.plan import TrainingPlan  # noqa: E402
 from aoro_gym.agents.training.skrl_trainer import Hyperparams, SkrlPPO  # noqa: E402
@@ -21,14 +21,14 @@ TURNING = "AORO/Turning-v0"
 SMALL = {"n_timesteps": 1000, "n_envs": 3, "n_steps": 8, "batch_size": 12, "n_epochs": 2, "normalize": True}
 
 
-def learner_of(clock: Clock | None = None, limit: int = 3, **changes) -> SkrlPPO:
+def learner_of(clock: StepCounter | None = None, limit: int = 3, **changes) -> SkrlPPO:
     """Episodes of 3 steps: a rollout of 8 has two ends of each."""
     plan = TrainingPlan(env=TURNING, trainer="resident", seed=changes.pop("seed", 1))
-    return SkrlPPO(plan, SMALL | changes, clock or Clock(1000), {"max_episode_steps": limit})
+    return SkrlPPO(plan, SMALL | changes, clock or StepCounter(1000), {"max_episode_steps": limit})
 
 
-def callback(learner: SkrlPPO, clock: Clock | None = None) -> ProgressCallback:
-    return ProgressCallback(clock or Clock(1000), learner.episodes, lambda progress: None, every=0.0)
+def callback(learner: SkrlPPO, clock: StepCounter | None = None) -> ProgressCallback:
+    return ProgressCallback(clock or StepCounter(1000), learner.episodes, lambda progress: None, every=0.0)
 
 
 def test_the_policy_is_the_one_that_learned():
@@ -92,7 +92,7 @@ def test_batches_hold_every_sample_once():
 
 
 def test_schedules_follow_the_clock():
-    clock = Clock(96)
+    clock = StepCounter(96)
     learner = learner_of(clock, learning_rate="lin_1e-2", clip_range="lin_0.4", clip_range_vf=0.3)
     seen = []
     update = learner._agent.update

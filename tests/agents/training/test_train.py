@@ -24,7 +24,7 @@ from aoro_gym.agents.evaluation.selection import MOST_EPISODES
 from aoro_gym.agents.training.learner import learner_of
 from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.agents.training.recipe import read_recipe
-from aoro_gym.agents.training.run_folder import begin, continued, recall
+from aoro_gym.agents.training.run_folder import begin, continued, load_run
 from aoro_gym.cli import app
 from aoro_gym.envs import Course
 from aoro_gym.execution import provenance
@@ -86,7 +86,7 @@ def test_resumed_training_is_the_uninterrupted_one_to_the_bit(algo, trainer, tra
     assert reports[-1].steps == 102
     np.random.seed(0)  # noqa: NPY002 (what happens between must not matter)
     torch.manual_seed(0)
-    again, recalled = recall(tmp_path / "parted")
+    again, recalled = load_run(tmp_path / "parted")
     assert (again, recalled.hyperparams) == (plan, recipe.hyperparams)
     resumed = training.train(again, recalled, tmp_path / "parted", machine=machine)
 
@@ -155,10 +155,10 @@ def test_a_training_learns_on_from_a_policy(trainer, training, tmp_path):
 
 @pytest.mark.parametrize(("algo", "trainer"), [("ppo", "sb3"), ("sac", "sb3"), ("ppo", "resident")])
 def test_a_held_actor_stays_while_the_critic_learns(algo, trainer, training):
-    from aoro_gym.agents.training.callbacks import Clock, ProgressCallback
+    from aoro_gym.agents.training.callbacks import ProgressCallback, StepCounter
 
     plan = plan_of(algo, trainer=trainer)
-    clock = Clock(1000)
+    clock = StepCounter(1000)
     learner = learner_of(plan, read_recipe(plan).hyperparams, clock, {"machine": Machine.load("aoro")})
     callback = ProgressCallback(clock, learner.episodes, lambda progress: None, every=0.5)
 
@@ -302,9 +302,9 @@ def test_an_evaluation_is_compared_with_what_it_followed_from_alone(tmp_path, tr
     plan, machine = plan_of(perturbation="perturbed"), Machine.load("aoro")
     record = tmp_path / "provenance.json"
     check_provenance(record, training.inputs_of(plan, read_recipe(plan), machine=machine))
-    assert changed_inputs(record, training.judged_by(plan, machine, None)) == []
+    assert changed_inputs(record, training.evaluation_inputs(plan, machine, None)) == []
     heavier = machine.scale({"frame.front.mass": 1.01})
-    (said,) = changed_inputs(record, training.judged_by(plan, heavier, None))
+    (said,) = changed_inputs(record, training.evaluation_inputs(plan, heavier, None))
     assert said.startswith("machine frame.front.mass was")
 
 
@@ -360,7 +360,7 @@ def test_a_file_that_says_something_else_now_is_refused(begun, training, file, w
     assert was in text
     try:
         (begun / file).write_text(text.replace(was, now))
-        plan, recipe = recall(begun / "run")
+        plan, recipe = load_run(begun / "run")
         with pytest.raises(ChangedInput, match=says):
             training.train(plan, recipe, begun / "run", **given())
     finally:

@@ -13,7 +13,7 @@ from aoro_gym.envs.core.task import Outputs, channel_row
 from aoro_gym.envs.turning.config import TurningConfig
 from aoro_gym.envs.turning.environment import TurningVectorEnv
 from aoro_gym.envs.turning.rewards import FULL_FLOW, flow_oscillation, precision, tracking
-from aoro_gym.envs.turning.task import TARGETS_DRAWN, Turning, apart
+from aoro_gym.envs.turning.task import TARGETS_DRAWN, Turning, spaced_targets
 from aoro_gym.sensors.joint_angle import slope_weights
 from aoro_gym.terrains import Plane, Terrain
 from aoro_gym.twin.records import Output
@@ -163,7 +163,7 @@ def test_terms_have_their_closed_forms(machine):
 def test_drawn_targets_are_apart_and_spread_over_the_range():
     rng = np.random.default_rng(1)
     start, reach = rng.uniform(-0.6, 0.6, 500), np.full(500, 0.6)
-    targets = apart(start, reach, 0.14, rng.random((500, TARGETS_DRAWN)))
+    targets = spaced_targets(start, reach, 0.14, rng.random((500, TARGETS_DRAWN)))
     assert np.abs(targets).max() <= 0.6
     assert np.abs(np.diff(targets, axis=1, prepend=start[:, None])).min() >= 0.14 - 1e-12
     counts, _ = np.histogram(targets, bins=6, range=(-0.6, 0.6))
