@@ -1,6 +1,7 @@
 """What the machine measures: joint angle, pressures, GPS, inertial unit and wheel speeds with their errors, the pose
 that a controller makes of them, and the chain from the joint angle to the flow."""
 
+from aoro_gym.sensors.chain import CHAINS, MeasuringChain
 from aoro_gym.sensors.gps import Antennas, FixLoss, Gps, GpsNoise, GpsReading
 from aoro_gym.sensors.imu import Imu, ImuNoise, ImuReading
 from aoro_gym.sensors.joint_angle import JointAngleNoise, JointAngleSensor, NoiseLine
@@ -9,6 +10,7 @@ from aoro_gym.sensors.pressure import PressureNoise, PressureSensor
 from aoro_gym.sensors.wheel_speed import WheelSpeedNoise, WheelSpeedSensor
 
 __all__ = [
+    "CHAINS",
     "Antennas",
     "FixLoss",
     "Gps",
@@ -21,6 +23,7 @@ __all__ = [
     "JointAngleSensor",
     "Localisation",
     "LocalisationGains",
+    "MeasuringChain",
     "NoiseLine",
     "PressureNoise",
     "PressureSensor",

@@ -1,12 +1,15 @@
 """The measuring chain of the joint: angle at 100 Hz → low-pass without phase → cylinder strokes → joint flow.
 
 The real machine's flow was never measured: it is derived from the joint angle. The twin goes through the same chain, so
-that both are blurred alike: the filter lowers the first peak by some percent and moves it by 10 to 20 ms.
+that both are blurred alike: the filter lowers the first peak by some percent and moves it by 10 to 20 ms. How the published
+curves were filtered is known in part, and other machines' logs are filtered otherwise: :data:`CHAINS` has other chains.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -76,12 +79,18 @@ def low_pass(
         cutoff: Corner frequency [Hz].
         order: Order of one pass.
     """
+    from scipy.signal import sosfiltfilt  # half a second to import
+
+    return sosfiltfilt(_butterworth(order, cutoff, rate), np.asarray(values, dtype=np.float64), axis=0)
+
+
+def _butterworth(order: int, cutoff: float, rate: float) -> NDArray[np.float64]:
+    """Second-order sections of one pass."""
     if not 0.0 < cutoff < 0.5 * rate:
         raise ValueError(f"cutoff is {cutoff:g} Hz, but must be in (0, {0.5 * rate:g}) Hz at {rate:g} samples a second")
-    from scipy.signal import butter, sosfiltfilt  # half a second to import
+    from scipy.signal import butter  # half a second to import
 
-    sections = butter(order, cutoff, fs=rate, output="sos")
-    return sosfiltfilt(sections, np.asarray(values, dtype=np.float64), axis=0)
+    return np.asarray(butter(order, cutoff, fs=rate, output="sos"))
 
 
 def low_pass_gain(
@@ -90,6 +99,112 @@ def low_pass_gain(
     """Gain of :func:`low_pass` at ``frequency`` [Hz], in closed form."""
     warped = np.tan(np.pi * np.asarray(frequency, dtype=np.float64) / rate) / np.tan(np.pi * cutoff / rate)
     return 1.0 / (1.0 + warped ** (2 * order))
+
+
+@dataclass(frozen=True)
+class MeasuringChain:
+    """What lies between the joint's angle and the flow that is made of it; by default as published.
+
+    The sampler takes θ(t - latency) at each tick, without a filter against aliases. The filter is one of :data:`FILTERS`:
+
+    - ``butterworth``: one pass has the gain 1/√(1 + r^(2n)) at r = tan(πf/rate)/tan(π cutoff/rate), the bilinear transform
+      of the analogue filter of order n. With ``zero_phase`` it runs forward and backward, which squares the gain; else it
+      delays slow motion by 1/(2 rate tan(π cutoff/rate) sin(π/2n)): 58 ms as published.
+    - ``moving_average``: the mean of an odd number m of samples, nearest to ``window``; gain
+      sin(πfm/rate)/(m sin(πf/rate)), so that nothing is left at f = rate/m. With ``zero_phase`` around each sample, else up
+      to it, which delays all of it by (m - 1)/(2 rate).
+    - ``none``: the samples themselves; noise of the sensor then drowns the flow, so for exact angles only.
+
+    All hold for recordings that rest in their first and last :data:`STANDSTILL` seconds. A latency moves the angle against
+    commands and pressures, but no figure that counts from the angle's own start.
+
+    Raises ValueError naming the field, its value and its bound.
+    """
+
+    filter: str = "butterworth"
+    order: int = ORDER
+    """n of a pass of the Butterworth filter."""
+    cutoff: float = CUTOFF
+    """Corner frequency [Hz] of the Butterworth filter: one pass leaves 1/√2 (-3 dB)."""
+    window: float = 0.09
+    """Length [s] of the moving average."""
+    zero_phase: bool = True
+    """Whether the filter sees what comes after a sample, as logs allow; else it is causal, as on the machine."""
+    rate: float = SAMPLE_RATE
+    """Samples a second [Hz]."""
+    latency: float = 0.0
+    """Age [s] of the angle that a sample shows."""
+
+    def __post_init__(self) -> None:
+        if self.filter not in FILTERS:
+            raise ValueError(f"filter is {self.filter!r}; choose one of: {', '.join(FILTERS)}")
+        if self.order < 1:
+            raise ValueError(f"order is {self.order}, but must be at least 1")
+        for name in ("cutoff", "window", "rate"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise ValueError(f"{name} is {getattr(self, name)}, but must be above 0 and finite")
+        if not 0.0 <= self.latency < math.inf:
+            raise ValueError(f"latency is {self.latency} s, but must be at least 0 and finite")
+
+    def sampled(self, time: ArrayLike, angle: ArrayLike, *, offset: float = 0.0) -> Any:
+        """Ticks [s] (K,) of the sampler's clock, and the angles (K, ...) that it takes at them; see :func:`sample`.
+
+        Args:
+            time: Instants [s] (F,), rising; before the first one the joint rests.
+            angle: Joint angle (F, ...).
+            offset: Time [s] of some tick.
+        """
+        instants = np.asarray(time, dtype=np.float64)
+        ticks, _ = sample(instants, instants, rate=self.rate, offset=offset)
+        late = np.concatenate([instants[:1], instants + self.latency])
+        values = np.concatenate([np.asarray(angle)[:1], np.asarray(angle)])
+        return ticks, sample(late, values, rate=self.rate, offset=offset)[1][: len(ticks)]
+
+    def filtered(self, values: ArrayLike, rate: float | None = None) -> NDArray[np.float64]:
+        """Evenly spaced samples (F, ...) after the filter, at ``rate`` [Hz], by default the chain's own."""
+        series = np.asarray(values, dtype=np.float64)
+        rate = self.rate if rate is None else rate
+        if self.filter == "none":
+            return series
+        if self.filter == "moving_average":
+            half = round(0.5 * (self.window * rate - 1.0))
+            before, after = (half, half) if self.zero_phase else (2 * half, 0)
+            padded = np.concatenate([series[:1]] * before + [series] + [series[-1:]] * after)
+            return np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=0).mean(axis=-1)
+        if self.zero_phase:
+            return low_pass(series, rate=rate, cutoff=self.cutoff, order=self.order)
+        from scipy.signal import sosfilt, sosfilt_zi  # half a second to import
+
+        sections = _butterworth(self.order, self.cutoff, rate)
+        rest = sosfilt_zi(sections).reshape(-1, 2, *(1,) * (series.ndim - 1)) * series[0]
+        return np.asarray(sosfilt(sections, series, axis=0, zi=rest)[0])
+
+
+FILTERS = ("butterworth", "moving_average", "none")
+"""Kinds of filters of a measuring chain."""
+
+PUBLISHED = MeasuringChain()
+"""The chain of the published curves: 100 Hz, fourth order, 7 Hz; without phase, as the published turns seem to begin before
+0 s."""
+
+CHAINS: Mapping[str, MeasuringChain] = {
+    "published": PUBLISHED,
+    # E: "fourth order" may count both passes
+    "second_order": MeasuringChain(order=2),
+    # E: as steep as filters of logs come
+    "sixth_order": MeasuringChain(order=6),
+    # a filter on the machine, whose curves come 58 ms late
+    "causal": MeasuringChain(zero_phase=False),
+    # E: what loggers do without a filter; half the gain at 6.7 Hz, near the published 7 Hz
+    "moving_average": MeasuringChain(filter="moving_average"),
+    "trailing_average": MeasuringChain(filter="moving_average", zero_phase=False),
+    # E: an angle that comes over a bus, one of its cycles old
+    "late": MeasuringChain(latency=0.02),
+    # E: half the published rate, as a bus may log it
+    "half_rate": MeasuringChain(rate=50.0),
+    "unfiltered": MeasuringChain(filter="none"),
+}
+"""Measuring chains by name, the published one first."""
 
 
 def port_volume(cylinder: SteeringCylinder, angle: ArrayLike, direction: ArrayLike) -> Any:
@@ -129,8 +244,8 @@ def measured_flow(
     angle: ArrayLike,
     direction: ArrayLike,
     *,
-    rate: float = SAMPLE_RATE,
-    cutoff: float | None = CUTOFF,
+    rate: float | None = None,
+    chain: MeasuringChain = PUBLISHED,
 ) -> NDArray[np.float64]:
     """Joint flow [m³/s] (F, ...) as the measuring chain gives it, from a joint angle [rad] (F, ...).
 
@@ -141,8 +256,8 @@ def measured_flow(
         cylinder: One of the two steering cylinders; floats, or arrays of shape (N,) for angles (F, N).
         angle: Unfiltered samples, at least :data:`STANDSTILL` of rest before and after the motion.
         direction: +1 left, -1 right, scalar or (N,).
-        rate: Samples a second [Hz].
-        cutoff: Corner [Hz] of the low-pass; None for no filter.
+        rate: Samples a second [Hz]; by default those of the chain.
+        chain: Whose filter it is.
     """
-    smooth = np.asarray(angle, dtype=np.float64) if cutoff is None else low_pass(angle, rate=rate, cutoff=cutoff)
-    return np.gradient(port_volume(cylinder, smooth, direction), 1.0 / rate, axis=0)
+    rate = chain.rate if rate is None else rate
+    return np.gradient(port_volume(cylinder, chain.filtered(angle, rate), direction), 1.0 / rate, axis=0)

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.machine import Machine
 from aoro_gym.machine.sections import SteeringCylinder
-from aoro_gym.sensors.chain import STANDSTILL, measured_flow, sample, sampling_rate
+from aoro_gym.sensors.chain import PUBLISHED, STANDSTILL, MeasuringChain, measured_flow, sampling_rate
 from aoro_gym.units import BAR, DEGREE, LITRE_PER_MINUTE, RPM
 
 if TYPE_CHECKING:
@@ -72,6 +72,7 @@ def key_figures_batch(
     flow: ArrayLike | None = None,
     stop: ArrayLike | None = None,
     interpolate: bool = False,
+    chain: MeasuringChain = PUBLISHED,
 ) -> dict[str, NDArray[np.float64]]:
     """Key figures of N full turns: one array (N,) a name of :data:`FIGURES`.
 
@@ -88,6 +89,7 @@ def key_figures_batch(
             is not known take the mean angle of their last half second.
         interpolate: Instants and extremes between samples, by straight lines and parabolas: smooth functions of the
             parameters, for optimisers. The published definition reads samples.
+        chain: What makes the flow of the angle; ``time`` has its samples.
     """
     clock = np.asarray(time, dtype=np.float64)
     theta = np.asarray(angle, dtype=np.float64)
@@ -103,7 +105,7 @@ def key_figures_batch(
     turn_time = np.where(complete, span.ended - began, np.nan)
 
     if flow is None:
-        q = measured_flow(cylinder, theta, span.direction, rate=rate)
+        q = measured_flow(cylinder, theta, span.direction, rate=rate, chain=chain)
         clear = complete & (frames - 1 - span.last >= STANDSTILL * rate - _SLACK)
     else:
         q = np.asarray(flow, dtype=np.float64).reshape(frames, -1)
@@ -141,10 +143,23 @@ def key_figures_batch(
 
 
 def key_figures(
-    time: ArrayLike, angle: ArrayLike, machine: Machine | SteeringCylinder, *, flow: ArrayLike | None = None
+    time: ArrayLike,
+    angle: ArrayLike,
+    machine: Machine | SteeringCylinder,
+    *,
+    flow: ArrayLike | None = None,
+    chain: MeasuringChain = PUBLISHED,
 ) -> dict[str, float | None]:
-    """Key figures of one full turn, None where there is none; see :func:`key_figures_batch`."""
-    figures = key_figures_batch(time, angle, machine, flow=flow)
+    """Key figures of one full turn, None where there is none.
+
+    Args:
+        time: See :func:`key_figures_batch`, as for the other arguments.
+        angle: See there.
+        machine: See there.
+        flow: See there.
+        chain: See there.
+    """
+    figures = key_figures_batch(time, angle, machine, flow=flow, chain=chain)
     return {name: float(value[0]) if math.isfinite(value[0]) else None for name, value in figures.items()}
 
 
@@ -154,18 +169,21 @@ def turn_start(recording: Recording) -> float | None:
     return float(recording.time[np.argmax(moved)]) if moved.any() else None
 
 
-def recording_figures(recording: Recording, cylinder: SteeringCylinder) -> dict[str, float | None]:
+def recording_figures(
+    recording: Recording, cylinder: SteeringCylinder, chain: MeasuringChain = PUBLISHED
+) -> dict[str, float | None]:
     """Figures of a recording by its kind: a full turn, a drive, or any other commands.
 
     Args:
         recording: What the twin did.
         cylinder: One of the machine's two steering cylinders.
+        chain: What samples the angle of a full turn, and makes its flow.
     """
     turn = recording.manoeuvre.turn
     figures: dict[str, float | None] = {}
     if turn:
-        ticks, angle = sample(recording.time, recording["joint_angle"])
-        figures |= key_figures(ticks, angle, cylinder)
+        ticks, angle = chain.sampled(recording.time, recording["joint_angle"])
+        figures |= key_figures(ticks, angle, cylinder, chain=chain)
         raw = key_figures(recording.time, recording["joint_angle"], cylinder, flow=recording["joint_flow"])
         figures |= {f"raw_{name}": raw[name] for name in FIGURES if name not in UNFILTERED}
     else:

@@ -5,9 +5,12 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
-from scipy.signal import butter, sosfreqz
+from scipy.signal import butter, freqz, sosfreqz
 
 from aoro_gym.sensors.chain import (
+    CHAINS,
+    PUBLISHED,
+    MeasuringChain,
     low_pass,
     low_pass_gain,
     measured_flow,
@@ -125,3 +128,111 @@ def test_uneven_or_missing_samples_are_named():
         sampling_rate([0.0])
     with pytest.raises(ValueError, match="hold no sample at 100 Hz"):
         sample([0.001, 0.009], [0.0, 0.0])
+
+
+def transfer(chain: MeasuringChain, frequency: float) -> complex:
+    """Of a chain's filter, by SciPy."""
+    if chain.filter == "none":
+        return 1.0 + 0.0j
+    if chain.filter == "moving_average":
+        count = 9 if chain.rate == RATE else 5
+        taps = np.full(count, 1.0 / count)
+        response = freqz(taps, worN=np.array([frequency]), fs=chain.rate)[1][0]  # pyright: ignore
+        return response * np.exp(1j * np.pi * frequency * (count - 1) / chain.rate) if chain.zero_phase else response
+    sections = butter(chain.order, chain.cutoff, fs=chain.rate, output="sos")
+    response = sosfreqz(sections, [frequency], fs=chain.rate)[1][0]
+    return abs(response) ** 2 if chain.zero_phase else response
+
+
+def test_the_published_chain_is_the_first_and_the_default(machine):
+    assert next(iter(CHAINS.items())) == ("published", PUBLISHED)
+    angle = 0.5 * np.tanh(np.linspace(-6.0, 6.0, 400))
+    np.testing.assert_array_equal(PUBLISHED.filtered(angle), low_pass(angle))
+    cylinder = machine.steering.cylinder
+    expected = np.gradient(port_volume(cylinder, low_pass(angle), 1), 0.01)
+    np.testing.assert_array_equal(measured_flow(cylinder, angle, 1), expected)
+
+
+@pytest.mark.parametrize("frequency", [0.5, 3.0, 7.0])
+@pytest.mark.parametrize("name", CHAINS)
+def test_every_filter_does_to_a_sine_what_its_transfer_function_says(name, frequency):
+    chain = CHAINS[name]
+    time = np.arange(0.0, 20.0, 1.0 / chain.rate)
+    wave = np.exp(1j * (2.0 * np.pi * frequency * time + 0.3))
+    filtered = chain.filtered(wave.real) + 1j * chain.filtered(wave.imag)
+    inside = (time > 4.0) & (time < 16.0)  # the slowest pole, of order 6, decays by e^(-2π 7 sin(π/12) 4) = 10^-19
+    np.testing.assert_allclose(filtered[inside], transfer(chain, frequency) * wave[inside], atol=1e-9)
+
+
+def test_corners_delays_and_nulls_are_where_the_closed_forms_have_them():
+    for order in (2, 4, 6):
+        causal = MeasuringChain(order=order, zero_phase=False)
+        assert abs(transfer(causal, 7.0)) == pytest.approx(math.sqrt(0.5), rel=1e-9)  # -3 dB
+        ramp = np.arange(0.0, 20.0, 0.01)
+        late = (ramp - causal.filtered(ramp))[-1]
+        assert late == pytest.approx(
+            1.0 / (200.0 * math.tan(0.07 * math.pi) * math.sin(math.pi / (2 * order))), rel=1e-9
+        )
+    # the phase at 3 Hz of the two second-order sections, ζ = sin(π/8) and sin(3π/8), at the bilinear transform's frequency
+    w = math.tan(0.03 * math.pi) / math.tan(0.07 * math.pi)
+    phase = sum(math.atan(2.0 * math.sin(k * math.pi / 8.0) * w / (1.0 - w * w)) for k in (1, 3))
+    assert -np.angle(transfer(CHAINS["causal"], 3.0)) == pytest.approx(phase, rel=1e-9)
+    assert phase / (6.0 * math.pi) == pytest.approx(0.0603, abs=5e-5)
+    time = np.arange(0.0, 3.0, 1.0 / RATE)
+    for name in ("moving_average", "trailing_average"):
+        null = CHAINS[name].filtered(np.sin(2.0 * np.pi * RATE / 9.0 * time))[9:-9]
+        np.testing.assert_allclose(null, 0.0, atol=1e-12)
+    late = time - CHAINS["trailing_average"].filtered(time)
+    np.testing.assert_allclose(late[9:], 0.04, rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_filters_keep_rest_and_columns_apart(name):
+    chain = CHAINS[name]
+    rest = np.full(200, 0.7)
+    columns = np.stack([rest, np.random.default_rng(0).normal(size=200)], 1)
+    filtered = chain.filtered(columns)
+    np.testing.assert_allclose(filtered[:, 0], rest, rtol=1e-12)
+    np.testing.assert_allclose(filtered[:, 1], chain.filtered(columns[:, 1]), rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_a_turn_takes_the_same_oil_by_every_chain(machine, name):
+    cylinder, chain = machine.steering.cylinder, CHAINS[name]
+    clock = np.arange(0.0, 6.0, 0.001)
+    angle = cylinder.half_range * np.clip((clock - 3.0) / 1.2, -1.0, 1.0)
+    ticks, taken = chain.sampled(clock, angle)
+    drawn = cumulative_trapezoid(measured_flow(cylinder, taken, 1, chain=chain), ticks, initial=0.0)[-1]
+    # trapezia over central differences are the volume's end less its start, but for half a sample at rest;
+    # 1.8 s from the kinks the slowest ringing is e^(-2π 7 sin(π/12) 1.8) = 10^-9
+    assert drawn == pytest.approx(VOLUME, rel=1e-8)
+
+
+def test_a_sampler_shows_what_was_a_latency_ago_at_its_own_rate():
+    time = np.arange(0, 2001) * 1e-3
+    wave = np.sin(2.0 * np.pi * 3.0 * time)
+    for chain in (MeasuringChain(latency=0.02), MeasuringChain(rate=50.0, latency=0.007)):
+        ticks, values = chain.sampled(time, np.stack([wave, -wave], 1))
+        np.testing.assert_allclose(np.diff(ticks), 1.0 / chain.rate, rtol=1e-9)
+        assert ticks[-1] == pytest.approx(2.0)
+        shown = np.sin(2.0 * np.pi * 3.0 * np.maximum(ticks - chain.latency, 0.0))
+        np.testing.assert_allclose(values, np.stack([shown, -shown], 1), atol=1e-9)
+    for latency in (0.0, 0.02):
+        np.testing.assert_array_equal(MeasuringChain(latency=latency).sampled(time, wave)[0], sample(time, wave)[0])
+    np.testing.assert_array_equal(PUBLISHED.sampled(time, wave)[1], sample(time, wave)[1])
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"filter": "bessel"}, "filter is 'bessel'; choose one of: butterworth, moving_average, none"),
+        ({"order": 0}, "order is 0, but must be at least 1"),
+        ({"cutoff": 0.0}, "cutoff is 0.0, but must be above 0"),
+        ({"window": math.nan}, "window is nan"),
+        ({"rate": -1.0}, "rate is -1.0"),
+        ({"latency": -0.01}, "latency is -0.01 s, but must be at least 0"),
+    ],
+)
+def test_what_no_chain_can_be_is_named(fields, message):
+    with pytest.raises(ValueError, match=message):
+        MeasuringChain(**fields)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
-from aoro_gym.sensors.chain import low_pass_gain, measured_flow, port_volume, sample, turn_flow
+from aoro_gym.sensors.chain import CHAINS, low_pass_gain, measured_flow, port_volume, sample, turn_flow
 from aoro_gym.sensors.joint_angle import JointAngleNoise, JointAngleSensor
 from aoro_gym.simulation.key_figures import (
     FIGURES,
@@ -278,3 +278,20 @@ def test_figures_of_a_drive(drive, machine):
     assert figures["distance_m"] == pytest.approx(np.hypot(drive["position_x"][-1], drive["position_y"][-1]), rel=0.01)
     assert figures["final_speed_m_per_s"] == pytest.approx(drive["speed"][-1], rel=0.1)
     assert "highest_pressure_a_bar" not in figures
+
+
+def test_a_chain_blurs_the_turn_that_it_measures(left_turn, machine):
+    cylinder = machine.steering.cylinder
+    found = {name: known(recording_figures(left_turn, cylinder, chain)) for name, chain in CHAINS.items()}
+    published, bare = found["published"], found["unfiltered"]
+    assert published == known(recording_figures(left_turn, cylinder))
+    peak = "first_peak_L_per_min"
+    # half the gain squared at 7 Hz, then (1 + r^12) against (1 + r^8) and (1 + r^4), r < 1 where the first peak's power is
+    assert found["second_order"][peak] < published[peak] < bare[peak]
+    # 58 ms for slow motion; its samples are 10 ms apart, and the first peak is faster than that
+    later = found["causal"]["first_peak_time_s"] - published["first_peak_time_s"]
+    assert 0.04 < later < 0.08
+    # what counts from the angle's own start does not know how old the angle is: 20 ms are two samples;
+    # the filter's ends begin at another sample of the joint's creep at rest, 1e-5 of the turn, and ring by e^-8 to its start
+    assert found["late"] == pytest.approx(published, rel=1e-8)
+    assert abs(found["half_rate"]["turn_time_s"] - published["turn_time_s"]) <= 0.02 + 1e-9
