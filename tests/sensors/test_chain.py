@@ -137,10 +137,10 @@ def transfer(chain: MeasuringChain, frequency: float) -> complex:
     if chain.filter == "moving_average":
         count = 9 if chain.rate == RATE else 5
         taps = np.full(count, 1.0 / count)
-        response = freqz(taps, worN=np.array([frequency]), fs=chain.rate)[1][0]  # pyright: ignore
+        response = np.asarray(freqz(taps, worN=np.array([frequency]), fs=chain.rate)[1]).item()  # pyright: ignore[reportArgumentType]
         return response * np.exp(1j * np.pi * frequency * (count - 1) / chain.rate) if chain.zero_phase else response
     sections = butter(chain.order, chain.cutoff, fs=chain.rate, output="sos")
-    response = sosfreqz(sections, [frequency], fs=chain.rate)[1][0]
+    response = np.asarray(sosfreqz(sections, [frequency], fs=chain.rate)[1]).item()
     return abs(response) ** 2 if chain.zero_phase else response
 
 
