@@ -374,6 +374,7 @@ class SteeringPump:
     cutoff: Quantity = positive("Pa")
     ls_time_constant: Quantity = positive("s")
     valve_time_constant: Quantity = positive("s")  # law pump = second_order: of the control valve's spool
+    valve_lead_time: Quantity = positive("s")  # law pump = second_order: by which the regulator is ahead of the error
     ls_volume: Quantity = positive("m^3")  # law load_sensing_line = volume: of the line
     ls_flow: Quantity = positive("m^3/s")  # law load_sensing_line = volume: through its damping orifice at ls_drop
     ls_drop: Quantity = positive("Pa")
@@ -455,8 +456,8 @@ class Steering:
 
     @property
     def hose_resistance(self) -> Quantity:
-        """Of the hose of one side, drop over the squared flow [Pa s²/m⁶]."""
-        return self.hose_drop / np.square(1e-3)
+        """Of the hose of one side, drop over flow [Pa s/m³]."""
+        return self.hose_drop / 1e-3
 
     @property
     def full_turn_volume(self) -> Quantity:

@@ -95,6 +95,38 @@ def test_at_rest_on_a_slope_nothing_gathers_speed(batch: Machine) -> None:
     assert np.all(moved[State.X : State.Z + 1] < 0.02)
 
 
+def test_reset_bears_the_joint_by_each_law(machine: Machine) -> None:
+    """Across a slope the cylinders bear what they bear by the default laws, T = k b of the linear mount: a hardening one
+    bends by the root of k b (1 + b/2b₀) = T, and where friction does not stick, oil holds T = p_A dV_A/dθ + p_B dV_B/dθ.
+    """
+    angle = 0.3
+    soft = machine.set({"joint.compliance": 5e-7, "joint.hardening_angle": 0.001})
+    several = soft.with_laws(
+        friction=["presliding", "lugre", "stribeck_tanh", "coulomb_viscous", "presliding"],
+        mount=[*["linear"] * 4, "hardening"],
+    )
+    twin = Twin(5, machine=several, terrain=Plane(slope_deg=20.0))
+    twin.reset(joint_angle=angle, heading=0.8)
+    state = states(twin)
+    bend, torque = state[State.MOUNT], state[State.MOUNT, 0] / 5e-7
+    assert abs(torque) > 500.0
+    np.testing.assert_array_equal(bend[:4], bend[0])
+    assert abs(bend[4]) == pytest.approx(0.001 * (np.sqrt(1.0 + 2.0 * abs(bend[0]) / 0.001) - 1.0), rel=1e-6)
+    cylinder, step = machine.steering.cylinder, 1e-5
+    lever_right, lever_left = (
+        (cylinder.linkage.extension(at + step) - cylinder.linkage.extension(at - step)) / (2.0 * step)
+        for at in (angle, -angle)
+    )
+    swept_a = cylinder.bore_area * lever_right + cylinder.annulus_area * lever_left
+    swept_b = -cylinder.bore_area * lever_left - cylinder.annulus_area * lever_right
+    oil = state[State.PORT_A] * swept_a + state[State.PORT_B] * swept_b
+    np.testing.assert_allclose(oil[2:4], torque, rtol=1e-4)
+    assert np.all(np.abs(oil[[0, 1, 4]]) < 0.9 * abs(torque))
+    held = -machine.joint.presliding_stiffness * state[State.JOINT_FRICTION]
+    np.testing.assert_allclose(oil + held, torque, rtol=1e-4)
+    np.testing.assert_array_equal(held[2:4], 0.0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("main_step", [1e-3, 2e-3])
 @pytest.mark.parametrize("substeps", [15, 30])

@@ -24,14 +24,19 @@ def swash_step(m: Steering, swash: float, supply: float, ls_pressure: float, dt:
 
 @wp.func
 def swash_step_second_order(
-    m: Steering, swash: float, valve: float, supply: float, ls_pressure: float, dt: float
+    m: Steering, swash: float, lagged: float, supply: float, ls_pressure: float, dt: float
 ):
-    """Pump 2's swash and its control valve [-] after ``dt``: the valve follows the error over the control band with a lag,
-    τ v̇ = clip(e/e_band, −t_up/t_down, 1) − v, and its flow moves the swash, ε̇ = v/t_up (Krus 1988; S16)."""
-    error = wp.min(ls_pressure + m.pump_margin - supply, m.pump_cutoff - supply)
-    demand = wp.clamp(error / m.pump_control_band, -m.pump_stroke_up_time / m.pump_stroke_down_time, 1.0)
-    moved = valve + (demand - valve) * dt / (m.pump_valve_time_constant + dt)
-    return wp.clamp(swash + dt * moved / m.pump_stroke_up_time, 0.0, 1.0), moved
+    """Pump 2's swash, and the error over the control band that its valve has followed so far [-], after ``dt``.
+
+    t_up ε̇ (1 + τ s) = (1 + T s) e/e_band within the stroke times: the valve follows with a lag τ, and the regulator leads by
+    T > τ (Krus's pressure-controlled pump in Hopsan: 5 ms over 1 ms). Between the compensator, which holds the flow whatever
+    the supply, and the swash, which adds up the error, nothing but the lead damps: a lag without it is unstable.
+    """
+    error = wp.min(ls_pressure + m.pump_margin - supply, m.pump_cutoff - supply) / m.pump_control_band
+    ahead = lagged + (m.pump_valve_lead_time / m.pump_valve_time_constant) * (error - lagged)
+    moved = wp.clamp(ahead, -m.pump_stroke_up_time / m.pump_stroke_down_time, 1.0)
+    out = lagged + (error - lagged) * dt / (m.pump_valve_time_constant + dt)
+    return wp.clamp(swash + dt * moved / m.pump_stroke_up_time, 0.0, 1.0), out
 
 
 @wp.func

@@ -260,11 +260,14 @@ def steering_step(
     # what the pump feels of the load
     load = wp.max(wp.max(arms.load_pressure, edges.load_pressure), 0.0)
     bleed = orifice(m.pump_cv_bleed, s.ls_pressure, lam)
+    drained = float(0.0)
     if m.load_sensing_line_law == LOAD_SENSING_VOLUME:
         bleed = float(0.0)  # drawn from the load, not from the pump
         felt, drawn = load_sensing_step(m, oil, lam, s.ls_pressure, load, dt)
         out.ls_pressure = felt
-        drawn = wp.where(edges.load_pressure >= load, drawn, 0.0)
+        if load <= 0.0:  # nothing works: the valves connect the line with the tank
+            drained = -drawn
+        drawn = wp.where(load > 0.0 and edges.load_pressure >= load, drawn, 0.0)
         metered_a -= wp.where(left, drawn, 0.0)
         metered_b -= wp.where(left, 0.0, drawn)
     else:
@@ -286,6 +289,7 @@ def steering_step(
         + to_tank_a
         + to_tank_b
         + arms.tank_flow
+        + drained
         - return_flow(m, lam, p_t)
         + check_valve(m.tank_line_cv_suction, -p_t, 0.0, lam)
     )

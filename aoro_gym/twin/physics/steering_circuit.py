@@ -94,6 +94,7 @@ class Steering:
     valve_shock_time_constant: float  # [s]
     pump_law: int
     pump_valve_time_constant: float  # [s]
+    pump_valve_lead_time: float  # [s]
     load_sensing_line_law: int
     pump_ls_volume: float  # [m³]
     pump_cv_ls: float
@@ -103,7 +104,7 @@ class Steering:
     hose_delayed_share: float  # [-]
     hose_delay_time: float  # [s]
     hose_inertance: float  # [kg/m⁴]
-    hose_resistance: float  # [Pa s²/m⁶]
+    hose_resistance: float  # [Pa s/m³]
 
 
 @wp.struct
@@ -112,7 +113,7 @@ class SteeringLawState:
 
     spool_rate: float  # [1/s]
     compensator_rate: float  # [1/s]
-    pump_valve: float  # [-] −1 … 1 of pump 2's control valve
+    pump_valve: float  # [-] error over the control band that pump 2's control valve has followed
     shock_a: float  # [m³/s] through the relief valve of port A
     shock_b: float
     hose_strain_a: float  # [m³] by which the walls of side A have crept

@@ -55,6 +55,17 @@ def driven_kernel(
 
 
 @wp.kernel(enable_backward=False)
+def point_kernel(
+    m: wp.array(dtype=Joint),
+    deflection: wp.array(dtype=float),
+    rate: wp.array(dtype=float),
+    torque: wp.array(dtype=float),
+):
+    i = wp.tid()
+    torque[i] = joint_friction(m[i], deflection[i], rate[i], stribeck(rate[i]), 1300.0, 1.0e-3)
+
+
+@wp.kernel(enable_backward=False)
 def rigid_kernel(
     m: wp.array(dtype=Joint),
     load: wp.array(dtype=float),
@@ -167,6 +178,18 @@ def test_friction_never_gives_back_more_than_was_stored(law):
         assert np.all(power >= 0.0)
     assert np.all(work >= -0.02 * lost)
     assert np.all(work[:, -1] > 0.0)
+
+
+def test_lugre_dissipates_at_every_bend_and_speed():
+    """Power less what the bristle stores, −F v − σ₀ z ż, is nowhere negative; without the bristle damping's limit 4 g/|v| it
+    would be, of a bristle bent against a fast motion."""
+    z, v = (x.ravel() for x in np.meshgrid(np.linspace(-1.0, 1.0, 41) * STATIC / STIFFNESS, np.linspace(-5.0, 5.0, 41)))
+    z, v = rounded(z), rounded(v)
+    damping = 2e4
+    change = v - STIFFNESS * np.abs(v) * z / capacity(v)
+    lost = -launch(point_kernel, obeying("lugre", presliding_damping=damping), z, v) * v - STIFFNESS * z * change
+    assert np.all(lost >= -64 * ROUNDOFF * STATIC * 5.0)
+    assert np.any((STIFFNESS * z + damping * change) * v - STIFFNESS * z * change < -100.0)
 
 
 @pytest.mark.parametrize("kernel", [rigid_kernel, cylinder_kernel])

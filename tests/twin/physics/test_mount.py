@@ -192,3 +192,16 @@ def test_the_hardest_stop_is_stable_at_any_step():
         end = launch(run_kernel, LEVERS, 2e6, 0.0, 0.0, 2e4, 1e8, 1e4, 0.0, at(1e-4), dt, int(0.5 / dt))
         assert end.deflection == pytest.approx(2e4 / (2e6 + 1e8), rel=1e-3)
         assert end.rate == pytest.approx(0.0, abs=1e-4)
+
+
+def test_a_mount_far_into_its_hardening_is_stable_at_any_step():
+    """At 20 times the bend that doubles its stiffness: 21 times as stiff as unbent, k b (1 + b/2b₀) = τ."""
+    bend, angle, stiffness = 0.02, 0.001, 2e6
+    torque = stiffness * bend * (1.0 + 0.5 * bend / angle)
+    for dt in (1e-5, 1e-4, 1e-3):
+        end = launch(
+            run_kernel, LEVERS, stiffness, 0.0, 1.0 / angle, torque, 0.0, 0.0, 0.0, at(bend), dt, int(0.5 / dt)
+        )
+        assert end.deflection == pytest.approx(bend, rel=1e-4)
+        end = launch(run_kernel, LEVERS, stiffness, 0.0, 1.0 / angle, torque, 0.0, 0.0, 0.0, at(0.0), dt, int(0.5 / dt))
+        assert end.deflection == pytest.approx(bend, rel=1e-3)

@@ -116,14 +116,15 @@ STEERING = record(
     valve_compensator_frequency=250.0,
     valve_compensator_damping=0.8,
     valve_shock_time_constant=0.008,
-    pump_valve_time_constant=0.01,
+    pump_valve_time_constant=1e-3,
+    pump_valve_lead_time=5e-3,
     pump_ls_volume=0.085e-3,
     pump_cv_ls=cv(2.0, 5.0),
     hose_stiffening_pressure=150.0 * BAR,
     hose_delayed_share=0.3,
     hose_delay_time=0.03,
     hose_inertance=1e7,
-    hose_resistance=BAR / 1e-3**2,
+    hose_resistance=BAR / 1e-3,
 )
 
 NO_ARMS = record(Exchange, supply_flow=0.0, tank_flow=0.0, load_pressure=0.0)
