@@ -30,9 +30,10 @@ class FineStepWarning(UserWarning):
     """A hydraulic step is so fine that rounding outweighs what it gains."""
 
 
-FINEST = 25e-6
-"""Hydraulic step [s] below which results get worse, not better: pressures change by less in a step than float32 resolves of
-them. Port pressures move by 0.06 bar between steps of 33 µs and half of that, by 0.3 bar with peaks of 3 bar at 8 µs."""
+FINEST = 4e-6
+"""Hydraulic step [s] below which results get worse, not better: states change by less in a step than float32 resolves of
+them. Down to there the twin is as near to the continuous laws as in float64; at half of it port pressures are off by 1 bar
+(``studies/convergence``)."""
 
 TOLERATED = 4.0
 """Of many machines side by side, such as are drawn within their ranges, each is refused only so many times beyond its own

@@ -182,6 +182,7 @@ def solver(wide: Any, machine: Machine, reference: Turns, tolerance: float) -> l
         ours = {name: reference[name][: len(time), j : j + 1] for name in CHANNELS}
         here = Turns(time, ours, reference.figures[:, j : j + 1])
         row = {"signal_percent": 100.0 * level, "tolerance": tolerance} | deviation(here, there, machine)
+        del row["which"]
         print(row, file=sys.stderr)
         rows.append(row)
     return rows

@@ -8,7 +8,7 @@ import pytest
 from aoro_gym.agents.evaluation.perturbations import PERTURBATIONS
 from aoro_gym.machine import Machine
 from aoro_gym.twin import Twin
-from aoro_gym.twin.hydraulic_step import FINEST, FineStepWarning, check_hydraulic_step, largest_hydraulic_step
+from aoro_gym.twin.hydraulic_step import FineStepWarning, check_hydraulic_step, largest_hydraulic_step
 
 MAIN = 1e-3
 PRESSURES = (
@@ -128,13 +128,12 @@ def test_of_many_machines_a_stiff_one_may_ring_a_little():
 def test_steps_that_are_used_pass_in_silence_and_finer_ones_are_named():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        for main_step, substeps in ((1e-3, 15), (1e-3, 20), (1e-3, 30), (1e-3, 40), (2e-3, 30), (2e-3, 80), (5e-4, 15)):
+        for main_step, substeps in ((1e-3, 15), (1e-3, 20), (1e-3, 30), (1e-3, 120), (2e-3, 30), (2e-3, 500), (5e-4, 15)):
             Twin(main_step=main_step, substeps=substeps)
-        Twin(substeps=120, check_step=False)
-    for main_step, substeps, most in ((1e-3, 41, 40), (1e-3, 120, 40), (5e-4, 30, 20), (2e-5, 1, 1)):
-        if main_step / substeps < FINEST:
-            with pytest.warns(FineStepWarning, match=f"finer than 25 µs, .* take substeps of at most {most}$"):
-                Twin(main_step=main_step, substeps=substeps)
+        Twin(substeps=480, check_step=False)
+    for main_step, substeps, most in ((1e-3, 251, 250), (1e-3, 480, 250), (5e-4, 150, 125)):
+        with pytest.warns(FineStepWarning, match=f"finer than 4 µs, .* take substeps of at most {most}$"):
+            Twin(main_step=main_step, substeps=substeps)
 
 
 def test_bundled_machines_are_stable_at_the_default_step():

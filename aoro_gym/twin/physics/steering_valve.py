@@ -121,6 +121,8 @@ def spool_step(m: Steering, spool: float, rate: float, demand: float, dt: float)
     else:
         fastest = dt * m.valve_spool_rate_limit
         out = spool + wp.clamp((dt / m.valve_spool_time_constant) * (demand - spool), -fastest, fastest)
+        # a way that a step does not resolve is left to none
+        out = wp.where(out == spool, demand, out)
     return out, out_rate
 
 
@@ -173,7 +175,8 @@ def compensator_step(m: Steering, y: float, available: float, ratio: float, bias
     Spring against the drop over the metering edge, damped by its pilot orifice; Δp_edge = Δp y²/(y² + ρ²) of the
     ``available`` drop Δp [Pa], ``ratio`` ρ = edge over open compensator. Δp_edge vanishes with y, so it is taken as
     (Δp_edge/y) y′ with the new y′: the step keeps y positive and converges to the static balance at any dt. The law is
-    faster than the volumes, hence two steps of dt/2. ``bias`` b [Pa] is what it senses on top of the edge's drop, where it
+    faster than the volumes, hence two steps of dt/2. They are taken as the small change of y that they are, not as the
+    ratio of two large sums, whose rounding would be a drift at short steps. ``bias`` b [Pa] is what it senses on top of the edge's drop, where it
     does not feel the port itself.
     """
     setting = m.valve_compensator_pressure
@@ -182,14 +185,16 @@ def compensator_step(m: Steering, y: float, available: float, ratio: float, bias
     opened = rate * setting * (1.0 + 0.5 * droop)
     if m.compensator_sensing_law == SENSES_LOAD_SENSING_LINE:
         opened -= rate * bias
-    held = 1.0 + rate * setting * droop
+    slope = rate * setting * droop
     square = wp.max(ratio * ratio, 1.0e-12)
     wide = y * y + square
-    half = wp.min((y + opened) * wide / (held * wide + rate * available * y), 1.0)
+    closing = slope * wide + rate * available * y
+    half = wp.min(y + (opened * wide - closing * y) / (wide + closing), 1.0)
     if m.compensator_sensing_law == SENSES_LOAD_SENSING_LINE:
         half = wp.max(half, 0.0)
     wide = half * half + square
-    out = wp.min((half + opened) * wide / (held * wide + rate * available * half), 1.0)
+    closing = slope * wide + rate * available * half
+    out = wp.min(half + (opened * wide - closing * half) / (wide + closing), 1.0)
     if m.compensator_sensing_law == SENSES_LOAD_SENSING_LINE:
         out = wp.max(out, 0.0)
     return out
