@@ -32,7 +32,7 @@ from aoro_gym.twin.physics.steering import (
     steering_step,
     steering_torque,
 )
-from aoro_gym.twin.physics.steering_circuit import Exchange, SteeringGeometry
+from aoro_gym.twin.physics.steering_circuit import Exchange, SteeringGeometry, SteeringLawState
 from aoro_gym.twin.physics.steering_valve import play
 from aoro_gym.twin.records import Command, MachineRecord
 
@@ -173,6 +173,8 @@ def hydraulics(
     """
     dt = h / float(num_substeps)
     steering = circuits.steering
+    if m.varies_laws == 0:  # constants: else the default kernel is scheduled worse, 3 to 6 % slower on an H100
+        steering.law = SteeringLawState()
     mount = circuits.mount
     fl = circuits.fl
     fr = circuits.fr
