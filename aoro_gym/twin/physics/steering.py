@@ -173,6 +173,35 @@ def ports_step(
     return out
 
 
+@wp.struct
+class LoadSensing:
+    """The load-sensing line after a substep, and what it took over it."""
+
+    pressure: float  # [Pa]
+    bleed: float  # [m³/s] from pump 2's line
+    drawn: float  # [m³/s] from the loaded port
+    drained: float  # [m³/s] into the return line
+
+
+@wp.func
+def load_sensing(m: Steering, oil: Oil, lam: float, port: float, arms: float, ls_pressure: float, dt: float):
+    """What the pump feels after ``dt`` of the highest load [Pa], of the open ``port`` or the ``arms``, by the law of
+    load-sensing lines. While nothing works, the valves connect a line that has a volume with the tank."""
+    load = wp.max(wp.max(arms, port), 0.0)
+    out = LoadSensing()
+    if m.load_sensing_line_law == LOAD_SENSING_VOLUME:
+        felt, drawn = load_sensing_step(m, oil, lam, ls_pressure, load, dt)
+        out.pressure = felt
+        if load <= 0.0:
+            out.drained = -drawn
+        elif port >= load:
+            out.drawn = drawn
+    else:
+        out.pressure = ls_pressure + (dt / m.pump_ls_time_constant) * (load - ls_pressure)
+        out.bleed = orifice(m.pump_cv_bleed, ls_pressure, lam)
+    return out
+
+
 @wp.func
 def valve_and_pump_step(
     m: Steering,
@@ -257,21 +286,11 @@ def steering_step(
     metered_a = wp.where(left, edges.flow_in, -edges.flow_out) - to_tank_a
     metered_b = wp.where(left, -edges.flow_out, edges.flow_in) - to_tank_b
 
-    # what the pump feels of the load
-    load = wp.max(wp.max(arms.load_pressure, edges.load_pressure), 0.0)
-    bleed = orifice(m.pump_cv_bleed, s.ls_pressure, lam)
-    drained = float(0.0)
+    sensed = load_sensing(m, oil, lam, edges.load_pressure, arms.load_pressure, s.ls_pressure, dt)
+    out.ls_pressure = sensed.pressure
     if m.load_sensing_line_law == LOAD_SENSING_VOLUME:
-        bleed = float(0.0)  # drawn from the load, not from the pump
-        felt, drawn = load_sensing_step(m, oil, lam, s.ls_pressure, load, dt)
-        out.ls_pressure = felt
-        if load <= 0.0:  # nothing works: the valves connect the line with the tank
-            drained = -drawn
-        drawn = wp.where(load > 0.0 and edges.load_pressure >= load, drawn, 0.0)
-        metered_a -= wp.where(left, drawn, 0.0)
-        metered_b -= wp.where(left, 0.0, drawn)
-    else:
-        out.ls_pressure = s.ls_pressure + (dt / m.pump_ls_time_constant) * (load - s.ls_pressure)
+        metered_a -= wp.where(left, sensed.drawn, 0.0)
+        metered_b -= wp.where(left, 0.0, sensed.drawn)
 
     out = ports_step(
         m, oil, gas, g, metered_a, metered_b, across, leakage, p_a, p_b, cylinder_rate, s, out, dt
@@ -279,7 +298,7 @@ def steering_step(
     q_supply = (
         s.swash * m.pump_displacement * engine_speed
         - m.pump_leakage * p_s
-        - bleed
+        - sensed.bleed
         - relief_valve(p_s, m.pump_relief_pressure, m.pump_relief_ramp, m.pump_relief_flow)
         - edges.flow_in
         - arms.supply_flow
@@ -289,7 +308,7 @@ def steering_step(
         + to_tank_a
         + to_tank_b
         + arms.tank_flow
-        + drained
+        + sensed.drained
         - return_flow(m, lam, p_t)
         + check_valve(m.tank_line_cv_suction, -p_t, 0.0, lam)
     )

@@ -136,18 +136,31 @@ def closed_by_flow(m: Steering, demand: float, opening: float, edge_drop: float)
 
 
 @wp.func
+def compensator_excess(m: Steering, y: float, available: float, square: float, bias: float):
+    """Pressures [Pa] on the compensator less its spring at the opening ``y``, Δp y²/(y² + ρ²) + b − p_ref (1 + κ (½ − y)),
+    and how it rises with y; ``square`` is ρ²."""
+    wide = y * y + square
+    spring = m.valve_compensator_pressure * m.valve_compensator_droop
+    excess = available * y * y / wide + bias - m.valve_compensator_pressure - spring * (0.5 - y)
+    return excess, 2.0 * available * y * square / (wide * wide) + spring
+
+
+@wp.func
 def static_compensator(m: Steering, y: float, available: float, ratio: float, bias: float):
-    """Opening at which spring and pressures balance, Δp y²/(y² + ρ²) + b = p_ref (1 + κ (½ − y)), or a stop: three Newton
-    steps from the last opening ``y``; the left side rises and is concave beyond y = ρ/√3, so they stay between the stops."""
-    setting = m.valve_compensator_pressure
+    """Opening at which spring and pressures balance, or a stop: three Newton steps from the last opening ``y``.
+
+    The excess rises with y, convex up to y = ρ/√3 and concave beyond. On the side of that point where its root lies, and no
+    step may leave, the steps after the first come nearer from the one side on which the tangent does not overshoot.
+    """
     square = wp.max(ratio * ratio, 1.0e-12)
-    out = float(y)
+    turn = wp.min(wp.sqrt(square * (1.0 / 3.0)), 1.0)
+    at_turn, steepest = compensator_excess(m, turn, available, square, bias)
+    low = wp.where(at_turn < 0.0, turn, 0.0)
+    high = wp.where(at_turn < 0.0, 1.0, turn)
+    out = wp.clamp(y, low, high)
     for _ in range(3):
-        out = wp.max(out, 0.01)
-        wide = out * out + square
-        error = available * out * out / wide + bias - setting * (1.0 + m.valve_compensator_droop * (0.5 - out))
-        slope = 2.0 * available * out * square / (wide * wide) + setting * wp.max(m.valve_compensator_droop, 0.01)
-        out = wp.clamp(out - wp.clamp(error / slope, -0.25, 0.25), 0.0, 1.0)
+        excess, slope = compensator_excess(m, out, available, square, bias)
+        out = wp.clamp(out - excess / wp.max(slope, 1.0e-6 * (steepest + 1.0)), low, high)
     return out
 
 

@@ -8,6 +8,8 @@ import pytest
 import warp as wp
 from scipy.integrate import solve_ivp
 
+from aoro_gym.machine import Machine
+from aoro_gym.machine.laws import OPTIONS
 from aoro_gym.twin.physics.fluid import (
     SERIES_REACH,
     Gas,
@@ -25,10 +27,12 @@ from aoro_gym.twin.physics.fluid import (
     return_filter,
     without_gas,
 )
+from aoro_gym.twin.records import pack
 from tests.twin.physics.elements import BAR, OIL
 from tests.twin.physics.launch import ROUNDOFF, changed, columns, launch, record, rounded
 
 ATMOSPHERE = 101325.0
+DISSOLVING = OPTIONS["gas"].index("dissolving")
 LAMINAR = BAR  # also written into the kernels below
 # coefficient × drop, root and quotient: three roundings, and one more for roots that are not correctly rounded
 ORIFICE_ERROR = 4.0 * ROUNDOFF
@@ -315,11 +319,14 @@ def liquid_modulus(oil, p):
 
 
 def mixture_modulus(oil, p):
-    """The effective modulus as the equation of the docstring has it."""
+    """The effective modulus as the equation of the docstring has it, with air that dissolves by its law."""
     absolute = np.maximum(p + ATMOSPHERE, 5000.0)
     gas = expanded(oil, absolute)
     rest = 1.0 - oil.gas_fraction
-    return (rest + gas) / (rest / liquid_modulus(oil, p) + gas / (oil.polytropic_exponent * absolute))
+    x = np.clip(p / oil.solution_pressure, 0.0, 1.0) * (oil.gas_law == DISSOLVING)
+    free, fall = 1.0 - 3.0 * x**2 + 2.0 * x**3, 6.0 * x * (1.0 - x) / oil.solution_pressure
+    spring = free / (oil.polytropic_exponent * absolute) + fall
+    return (rest + gas * free) / (rest / liquid_modulus(oil, p) + gas * spring)
 
 
 def expanded(oil, absolute):
@@ -499,6 +506,63 @@ def test_gas_is_bounded_at_five_kilopascal():
     oil = changed(OIL, gas_fraction=0.01)
     below, floor = launch(modulus_kernel, oil, np.array([-2.0 * BAR, 5000.0 - ATMOSPHERE]))
     assert below == pytest.approx(floor, rel=MODULUS_ERROR)
+
+
+# ---- air that dissolves, and other laws of oil ----
+
+
+def dissolving_oil(**values):
+    return changed(OIL, gas_law=DISSOLVING, gas_fraction=0.02, **values)
+
+
+def test_dissolving_air_is_the_compressibility_of_its_volume():
+    """−(dV/dp)/V of liquid and α e ψ by differences in float64, ψ = 1 − 3 x² + 2 x³ of the solution pressure."""
+    oil_record = dissolving_oil(bulk_modulus_slope=0.0, polytropic_exponent=rounded(np.array([1.0, 1.2, 1.4]))[:, None])
+    oil, h = columns(oil_record), 1e3
+    p = rounded(np.concatenate([np.linspace(-0.6, 0.0, 5)[:-1], np.linspace(0.1, 40.0, 200)]) * BAR)
+
+    def gas(p):
+        x = np.clip(p / oil.solution_pressure, 0.0, 1.0)
+        return expanded(oil, p + ATMOSPHERE) * (1.0 - x * x * (3.0 - 2.0 * x))
+
+    rest = 1.0 - oil.gas_fraction
+    expected = (rest + gas(p)) / (rest / 1.4e9 - (gas(p + h) - gas(p - h)) / (2.0 * h))
+    modulus = launch(modulus_kernel, oil_record, p)
+    # differences of 1e-16 over 2 h of a compressibility of 7e-10, and h²/6 of third derivatives: below (h/P)² of the gas'
+    error = MODULUS_ERROR + 16 * ROUNDOFF + 1e-16 / h / 7e-10 + 2.0 * (h / (p + ATMOSPHERE)) ** 2
+    smooth = np.abs(p[None] - oil.solution_pressure) > h
+    smooth = smooth & (np.abs(p) > h)
+    assert np.all((np.abs(modulus / expected - 1.0) <= error)[np.broadcast_to(smooth, modulus.shape)])
+    np.testing.assert_allclose(modulus, mixture_modulus(oil, p[None]), rtol=MODULUS_ERROR + 16 * ROUNDOFF)
+
+
+def test_dissolving_air_is_free_below_the_atmosphere_and_gone_at_the_solution_pressure():
+    dissolving, free = dissolving_oil(), changed(dissolving_oil(), gas_law=0)
+    below = np.linspace(-0.9, 0.0, 50) * BAR
+    np.testing.assert_allclose(
+        launch(modulus_kernel, dissolving, below), launch(modulus_kernel, free, below), rtol=4 * ROUNDOFF
+    )
+    above = np.array([30.0, 31.0, 100.0, 350.0]) * BAR
+    liquid = 1.4e9 + 10.0 * above
+    np.testing.assert_allclose(launch(modulus_kernel, dissolving, above), liquid, rtol=4 * ROUNDOFF)
+    assert np.all(launch(modulus_kernel, free, above) < 0.999 * liquid)
+    # what dissolves gives way beside what is compressed: softer than a polytrope up to four fifths of the way
+    way = np.linspace(0.05, 0.8, 100) * 30.0 * BAR
+    assert np.all(launch(modulus_kernel, dissolving, way) < launch(modulus_kernel, free, way))
+
+
+def test_laws_of_gas_and_liquid_reach_the_device():
+    """Isothermal and adiabatic air by their exponents; constant liquid as stiff as the other at 50 bar, at any pressure."""
+    machine = Machine.load("aoro").with_laws(gas=["polytropic", "isothermal", "adiabatic"])
+    own = float(machine.oil.polytropic_exponent)
+    np.testing.assert_allclose(pack(machine)["oil"]["polytropic_exponent"], [own, 1.0, 1.4], rtol=ROUNDOFF)
+    stiffening, constant = pack(Machine.load("aoro").with_laws(liquid=["stiffening", "constant"]))["oil"]
+    stiffening["gas_fraction"] = constant["gas_fraction"] = 0.0
+    p = np.array([0.0, 50.0, 200.0]) * BAR
+    rising, level = launch(modulus_kernel, stiffening, p), launch(modulus_kernel, constant, p)
+    np.testing.assert_array_equal(level, level[0])
+    assert level[1] == pytest.approx(rising[1], rel=4 * ROUNDOFF)
+    assert rising[0] < level[0] < rising[2]
 
 
 # ---- volumes ----
