@@ -57,8 +57,9 @@ def test_float32_is_float64_but_for_rounding(float64, machine):
 
 
 def test_finer_steps_are_not_lost_to_rounding(float64):
-    """With a quarter of the hydraulic step, four times as many roundings, these are less than a twentieth of what the default
-    step's discretisation is: a state that is advanced as the ratio of two sums would make them a tenth (seen: 0.03)."""
+    """With a quarter of the hydraulic step, four times as many roundings, these are less than a twentieth of what the
+    default step's discretisation is: a state that is advanced as the ratio of two sums would make them a tenth (seen:
+    0.03)."""
     shipped = Machine.load("aoro")
     reference = signals(float64, shipped, 1.25e-4, 60)
     discretisation = apart(signals(float64, shipped, 1e-3, 30), reference)

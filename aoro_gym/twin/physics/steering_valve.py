@@ -188,9 +188,9 @@ def compensator_step(m: Steering, y: float, available: float, ratio: float, bias
     Spring against the drop over the metering edge, damped by its pilot orifice; Δp_edge = Δp y²/(y² + ρ²) of the
     ``available`` drop Δp [Pa], ``ratio`` ρ = edge over open compensator. Δp_edge vanishes with y, so it is taken as
     (Δp_edge/y) y′ with the new y′: the step keeps y positive and converges to the static balance at any dt. The law is
-    faster than the volumes, hence two steps of dt/2. They are taken as the small change of y that they are, not as the
-    ratio of two large sums, whose rounding would be a drift at short steps. ``bias`` b [Pa] is what it senses on top of the edge's drop, where it
-    does not feel the port itself.
+    faster than the volumes, hence two steps of dt/2, each taken as the small change that it is: rounding of y′ as a ratio
+    of two large sums would be a drift at short steps. ``bias`` b [Pa] is what it senses on top of the edge's drop, where
+    it does not feel the port itself.
     """
     setting = m.valve_compensator_pressure
     droop = m.valve_compensator_droop
