@@ -1,7 +1,7 @@
 """What the results of policies follow from, as :mod:`aoro_gym.execution.digest` tells it apart.
 
-A machine is its values in SI, a course its ground and its paths, a policy what it does: what they are called, and in which
-file they stand, does not count.
+A machine is its values in SI and its laws, a course its ground and its paths, a policy what it does: what they are called,
+and in which file they stand, does not count.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from aoro_gym.machine import Machine
 
 
 def machine_values(machine: Machine) -> dict[str, Any]:
-    """Every parameter in SI, by dotted key."""
-    return machine.identity["value"]
+    """Every parameter in SI, by dotted key, and laws, where they are not the default ones."""
+    return machine.identity["value"] | ({} if machine.laws.default else {"laws": machine.laws.names})
 
 
 def machine_ranges(machine: Machine) -> dict[str, Any]:

@@ -1,4 +1,5 @@
-"""Machines that a policy was not made for: every parameter within its range, and effects of the catalogue switched on.
+"""Machines that a policy was not made for: every parameter within its range, effects of the catalogue switched on, and
+other laws.
 
 >>> from aoro_gym.agents.evaluation.perturbations import PERTURBATIONS
 >>> from aoro_gym.twin import Machine
@@ -11,6 +12,7 @@ What a seed draws does not depend on its neighbours.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +21,7 @@ from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.effects.effect import MachineEffect, Magnitude
 from aoro_gym.machine import Machine
+from aoro_gym.machine.laws import Laws, drawn_laws, draws
 
 Perturbation = Callable[[Machine, Sequence[int]], Machine]
 """Gives a machine with one variant a seed."""
@@ -30,7 +33,7 @@ SWITCHABLE: Mapping[str, MachineEffect] = {
 TRIES = 100
 """Draws of a machine before it counts as impossible to vary."""
 
-_PARAMETERS, _EFFECT = 1, 2  # streams of a seed
+_PARAMETERS, _EFFECT, _LAWS = 1, 2, 3  # streams of a seed
 
 
 def unperturbed(machine: Machine, seeds: Sequence[int]) -> Machine:
@@ -88,12 +91,50 @@ def with_effect(machine: Machine, seeds: Sequence[int]) -> Machine:
     return found
 
 
+def with_drawn_laws(
+    machine: Machine, seeds: Sequence[int], *, laws: str, perturb: Perturbation = unperturbed
+) -> Machine:
+    """Machines of other laws, drawn for every seed on its own.
+
+    Args:
+        machine: One machine.
+        seeds: One a machine.
+        laws: What is drawn from, see :func:`~aoro_gym.machine.laws.drawn_laws`.
+        perturb: What else differs. Parameters that only laws have are drawn evenly within half of their range to either
+            side, unless it is :func:`unperturbed`.
+
+    Raises ValueError that lists the families, or as ``perturb`` does.
+    """
+    generators = [np.random.default_rng([seed, _LAWS]) for seed in seeds]
+    drawn = Laws.stacked([drawn_laws(laws, 1, rng).variant(0) for rng in generators], [1] * len(seeds))
+    found = perturb(machine, seeds).with_laws(**drawn.names)
+    if perturb is unperturbed:
+        return found
+    own = [entry for entry in machine.entries.values() if entry.role == "law"]
+    values, (low, high) = np.array([entry.value for entry in own]), np.array([entry.range for entry in own]).T
+    rows = np.array([rng.uniform(values + 0.5 * (low - values), values + 0.5 * (high - values)) for rng in generators])
+    return found.set({entry.key: rows[:, i] for i, entry in enumerate(own)}, check_ranges=False)
+
+
 PERTURBATIONS: Mapping[str, Perturbation] = {
     "as calibrated": unperturbed,
     "perturbed": perturbed,
     "with an effect": with_effect,
 }
 """By name, each harder than the one before."""
+
+
+def drawn_machines(laws: str | None = None, perturbation: str | None = None) -> Perturbation:
+    """What gives machines, by the names that commands take: of :data:`PERTURBATIONS`, and what laws are drawn from.
+
+    Raises ValueError that lists what there is.
+    """
+    if perturbation is not None and perturbation not in PERTURBATIONS:
+        raise ValueError(f"perturbation is {perturbation!r}; choose one of: {', '.join(PERTURBATIONS)}")
+    perturb = unperturbed if perturbation is None else PERTURBATIONS[perturbation]
+    if laws is None or not draws(laws):
+        return perturb
+    return partial(with_drawn_laws, laws=laws, perturb=perturb)
 
 
 def magnitude_at(magnitude: Magnitude, severity: float) -> float:

@@ -48,6 +48,11 @@ class TrainingPlan:
     machine: str = option("aoro", "NAME|FILE", "Bundled machine, or a machine file (.toml).")
     set: list[str] | None = option(None, "KEY=VALUE", "Set a parameter, in the unit of the machine file. Repeatable.")
     scale: list[str] | None = option(None, "KEY=FACTOR", "Multiply a parameter. Repeatable.")
+    laws: str | None = option(
+        None,
+        "NAME",
+        "Family of laws, see 'aoro-gym laws'; A,B, families or any: drawn for each sub-environment. Default: the file's.",
+    )
     perturbation: str | None = option(
         None,
         "NAME",

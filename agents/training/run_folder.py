@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from aoro_gym.agents.evaluation.perturbations import PERTURBATIONS
+from aoro_gym.agents.evaluation.perturbations import drawn_machines
 from aoro_gym.agents.evaluation.tasks import TASKS
 from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training.learner import versions
@@ -36,8 +36,7 @@ def begin(plan: TrainingPlan, folder: Path, *, restart: bool = False) -> Recipe:
         )
     if plan.env not in TASKS:
         raise ValueError(f"env is {plan.env!r}; choose one of: {', '.join(TASKS)}")
-    if plan.perturbation is not None and plan.perturbation not in PERTURBATIONS:
-        raise ValueError(f"perturbation is {plan.perturbation!r}; choose one of: {', '.join(PERTURBATIONS)}")
+    drawn_machines(plan.laws, plan.perturbation)
     recipe = read_recipe(plan)
     if plan.start is not None:
         LearnedPolicy.load(Path(plan.start))

@@ -36,7 +36,7 @@ from typing import Any
 import numpy as np
 
 from aoro_gym.agents.evaluation.evaluate import evaluate, inputs
-from aoro_gym.agents.evaluation.perturbations import PERTURBATIONS
+from aoro_gym.agents.evaluation.perturbations import drawn_machines
 from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training import callbacks
 from aoro_gym.agents.training.callbacks import Progress, ProgressCallback, StepCounter
@@ -89,6 +89,7 @@ def inputs_of(
         "steps": recipe.hyperparams["n_timesteps"],
         "checkpoint_every": plan.checkpoint_every,
         "perturbation": plan.perturbation,
+        **({} if plan.laws is None else {"laws": plan.laws}),
         "hyperparams": hyperparams,
         "curriculum": recipe.stages,
         "start": None if plan.start is None else inputs.policy_content(LearnedPolicy.load(Path(plan.start))),
@@ -206,10 +207,8 @@ def _policy(plan: TrainingPlan, learner: Learner, machine: Machine, steps: int) 
 
 def _training_machines(plan: TrainingPlan, machine: Machine, count: int) -> Machine:
     """What ``count`` sub-environments learn on: the machine, or one each that differs from it as the plan says."""
-    if plan.perturbation is None:
-        return machine
     first = DRAWN_SEED * (1 + plan.seed)
-    return PERTURBATIONS[plan.perturbation](machine, range(first, first + count))
+    return drawn_machines(plan.laws, plan.perturbation)(machine, range(first, first + count))
 
 
 def _evaluated(

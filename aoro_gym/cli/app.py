@@ -14,6 +14,7 @@ from aoro_gym.cli import (
     demo,
     diagnosis,
     evaluation,
+    laws,
     parameters,
     simulation,
     terrain,
@@ -44,6 +45,7 @@ app = typer.Typer(
 )
 for command in (
     parameters.parameters,
+    laws.laws,
     simulation.simulate,
     demo.demo,
     calibration.validate,
@@ -88,6 +90,7 @@ def _top(
       aoro-gym validate                     the twin beside the published machine
       aoro-gym calibrate --help             make a twin agree with your own logs
       aoro-gym parameters steering.valve    what the machine is made of, with sources
+      aoro-gym laws                         which laws its parts may obey
       aoro-gym evaluate --help              controllers and policies side by side, on any ground
       aoro-gym train --help                 a policy of your own, on your machine and your ground
       aoro-gym diagnose --help              why your machine and its twin disagree

@@ -48,6 +48,7 @@ def bench(
     machine: options.MachineOption = options.MACHINE,
     set_: options.SetOption = None,
     scale: options.ScaleOption = None,
+    laws: options.LawsOption = None,
     device: options.DeviceOption = "cpu",
     seed: options.SeedOption = 0,
     quiet: options.QuietOption = False,
@@ -82,7 +83,7 @@ def bench(
         counts = {"twins": _counts("--twins", twins)}
         if json_file is not None:
             check_writable(json_file)
-        chosen = options.load(options.run_spec(machine, set_, scale, device, seed))
+        chosen = options.load(options.run_spec(machine, set_, scale, device, seed, laws=laws))
         from aoro_gym.benchmark.report import tables
         from aoro_gym.benchmark.run import Plan, run
 

@@ -44,6 +44,7 @@ def validate(
     machine: options.MachineOption = options.MACHINE,
     set_: options.SetOption = None,
     scale: options.ScaleOption = None,
+    laws: options.LawsOption = None,
     device: options.DeviceOption = "cpu",
     seed: options.SeedOption = 0,
     restart: options.RestartOption = False,
@@ -63,6 +64,7 @@ def validate(
       aoro-gym validate
       aoro-gym validate --machine mine.toml --ensemble mine_ensemble --out mine
       aoro-gym validate --scale steering.valve.spool_time_constant=5 --uncalibrated none
+      aoro-gym validate --laws library --out library
       aoro-gym validate --recalibrate --out again
     """
     with checking_input():
@@ -71,11 +73,13 @@ def validate(
         from aoro_gym.validation.report import print_tables, write_report
 
         options.check_folder(out, "index.html")
-        if recalibrate and (machine != options.MACHINE or set_ or scale):
-            raise ValueError("--recalibrate makes its machine from --uncalibrated; drop --machine, --set and --scale")
+        if recalibrate and (machine != options.MACHINE or set_ or scale or laws):
+            raise ValueError(
+                "--recalibrate makes its machine from --uncalibrated; drop --machine, --set, --scale and --laws"
+            )
         if recalibrate and uncalibrated == NONE:
             raise ValueError("--recalibrate starts from --uncalibrated, which is none; name a machine")
-        run = options.run_spec(machine, set_, scale, device, seed)
+        run = options.run_spec(machine, set_, scale, device, seed, laws=laws)
         chosen = options.load(run)
         second = comparison_machine(run.machine, uncalibrated)
         family = ensemble_machines(run.machine, ensemble, bundled=not recalibrate)

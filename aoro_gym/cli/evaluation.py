@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from aoro_gym.agents.training.plan import JOIN_GAPS_HELP, PATH_CRS_HELP, PATH_HELP, TRACK_HELP
 from aoro_gym.cli import options
@@ -15,6 +15,10 @@ from aoro_gym.cli.options import argument, option
 from aoro_gym.cli.outcome import checking_input, entered, resumable, running, say_written
 from aoro_gym.cli.training import trained
 from aoro_gym.reporting import terminal
+
+if TYPE_CHECKING:
+    from aoro_gym.agents.evaluation.perturbations import Perturbation
+    from aoro_gym.machine import Machine
 
 EvaluatedEnvOption = Annotated[
     str, option("--env", "ID", "AORO/PathTracking-v0 by default, or AORO/Turning-v0.", show_default=False)
@@ -31,6 +35,10 @@ JoinGapsOption = Annotated[bool, option("--join-gaps", None, JOIN_GAPS_HELP)]
 PathCrsOption = Annotated[str | None, option("--path-crs", "CRS", PATH_CRS_HELP)]
 PathLengthOption = Annotated[float, option("--path-length", "M", "Of the paths that are generated on --terrain.")]
 EpisodesOption = Annotated[int, option("--episodes", "N", "Episodes a policy.")]
+PerturbationOption = Annotated[
+    str | None,
+    option("--perturbation", "NAME", "Drive machines drawn as the leaderboard's: perturbed, or 'with an effect'."),
+]
 FilmsOption = Annotated[bool, option("--films/--no-films", None, "Draw each policy's first episode.")]
 
 
@@ -54,6 +62,8 @@ def evaluate(
     machine: options.MachineOption = options.MACHINE,
     set_: options.SetOption = None,
     scale: options.ScaleOption = None,
+    laws: options.LawsOption = None,
+    perturbation: PerturbationOption = None,
     device: options.DeviceOption = "cpu",
     seed: options.SeedOption = 0,
     quiet: options.QuietOption = False,
@@ -64,7 +74,8 @@ def evaluate(
 
     Means over the episodes with 95 % intervals: success, cross-track error, speed, energy, tilt, return and how episodes
     ended; of turning, the joint's responses. Episode i has the seed --seed + i for every policy. A terrain file is loaded,
-    checked and repaired as 'aoro-gym terrain' does it.
+    checked and repaired as 'aoro-gym terrain' does it. With --laws families each episode has a machine of other laws, drawn
+    by its seed; policies are made for the machine of the file.
 
     FOLDER gets evaluation.json, plots, films (MP4 with the extra 'video', else GIF) and index.html. Ctrl-C is safe: the
     same command goes on where it stopped.
@@ -75,6 +86,7 @@ def evaluate(
       aoro-gym evaluate --policy preview --policy stanley --episodes 64
       aoro-gym evaluate --terrain forest.laz --path lap.gpx --policy preview
       aoro-gym evaluate --env AORO/Turning-v0 --scale steering.valve.spool_time_constant=5
+      aoro-gym evaluate --env AORO/Turning-v0 --laws families --perturbation perturbed
       aoro-gym evaluate --env AORO/Turning-v0 --policy proportional-derivative --policy runs/turning/policy.json
     """
     with checking_input():
@@ -87,26 +99,39 @@ def evaluate(
         options.check_folder(out, "index.html")
         policies = named_policies(env, policy, trust_pickle=trust_pickle)
         check_episodes(episodes, repeats)
-        run = options.run_spec(machine, set_, scale, device, seed)
-        chosen = options.load(run)
+        run = options.run_spec(machine, set_, scale, device, seed, laws=laws)
+        chosen = options.load(run, draw=False)
+        drawn, drawn_by = _drawn_machines(laws, perturbation, chosen)
         files = CourseFiles(env, terrain, path, path_length, track, join_gaps, path_crs)
         asked: dict[str, Any] = {
             "episodes": episodes, "repeats": repeats, "seed": seed, "courses": load_courses(files),
             "machine": chosen, "device": device,
         }  # fmt: skip
-    inputs = evaluation.asked_of(env, policies, **asked)
+    inputs = evaluation.asked_of(env, policies, **asked) | drawn_by
     with _keeping(out, inputs, restart, accept_code_change) as kept, terminal.progress(env) as tell:
         driven = 0.5 if films else 0.95
         with checking_input():  # such as paths that leave the ground
             result = evaluation.evaluate(
-                env, policies, **asked, ray=ray, kept=kept, progress=terminal.within(tell, 0.0, driven)
+                env, policies, **asked, drawn=drawn, ray=ray, kept=kept, progress=terminal.within(tell, 0.0, driven)
             )
         made_by = run.to_json() | files.to_json() | accepted(kept)
-        drawing = terminal.within(tell, driven, 1.0)
-        lead = run.machine.sentence
-        written = write_report(result, out, films=films, lead=lead, made_by=made_by, progress=drawing)
+        made_by |= {} if perturbation is None else {"perturbation": perturbation}
+        about: dict[str, Any] = {"lead": run.machine.sentence, "made_by": made_by}
+        written = write_report(result, out, films=films, **about, progress=terminal.within(tell, driven, 1.0))
     terminal.out().print(table(result))
     say_written(written)
+
+
+def _drawn_machines(
+    laws: str | None, perturbation: str | None, machine: Machine
+) -> tuple[Perturbation, dict[str, Any]]:
+    """What gives the machines that are driven, and what they follow from beside ``machine``, by name."""
+    from aoro_gym.agents.evaluation.inputs import machine_ranges
+    from aoro_gym.agents.evaluation.perturbations import drawn_machines, unperturbed
+
+    drawn = drawn_machines(laws, perturbation)
+    follows = {"laws": laws, "perturbation": perturbation, "machine ranges": machine_ranges(machine)}
+    return drawn, {} if drawn is unperturbed else follows
 
 
 @contextmanager
@@ -217,7 +242,9 @@ def curves(
         options.check_folder(out, "curves.json")
         found = drawing.read(folders)
         plan = found[0].plan
-        chosen = options.load(options.run_spec(plan.machine, plan.set, plan.scale, plan.device))
+        chosen = options.load(
+            options.run_spec(plan.machine, plan.set, plan.scale, plan.device, laws=plan.laws), draw=False
+        )
         held_out = training_courses(replace(plan, forests=1))[1]
         for warning in drawing.check_inputs(folders, chosen, held_out):
             terminal.warn(warning)

@@ -34,6 +34,14 @@ SetOption = Annotated[
     list[str] | None, option("--set", "KEY=VALUE", "Set a parameter, in the unit of the machine file. Repeatable.")
 ]
 ScaleOption = Annotated[list[str] | None, option("--scale", "KEY=FACTOR", "Multiply a parameter. Repeatable.")]
+LawsOption = Annotated[
+    str | None,
+    option(
+        "--laws",
+        "NAME",
+        "Family of laws, see 'aoro-gym laws'; A,B, families or any: drawn by --seed. Default: the file's.",
+    ),
+]
 DeviceOption = Annotated[str, option("--device", "cpu|cuda:N", "Where the twin runs.")]
 SeedOption = Annotated[int, option("--seed", "N", "Seed of all that is random: noise and searches.")]
 RepeatsOption = Annotated[
@@ -66,6 +74,7 @@ def run_spec(
     device: str = "cpu",
     seed: int = 0,
     *,
+    laws: str | None = None,
     ideal: bool = False,
 ) -> RunSpec:
     """Specification that the options ask for.
@@ -76,11 +85,13 @@ def run_spec(
         factors: Values of --scale.
         device: Value of --device.
         seed: Value of --seed.
+        laws: Value of --laws.
         ideal: Whether sensors are ideal.
     """
     from aoro_gym.machine.specification import MachineSpec, RunSpec
 
-    return RunSpec(MachineSpec(machine, tuple(settings or ()), tuple(factors or ())), device, seed, ideal)
+    spec = MachineSpec(machine, tuple(settings or ()), tuple(factors or ()), laws)
+    return RunSpec(spec, device, seed, ideal)
 
 
 def load_machine(spec: MachineSpec | str) -> Machine:
@@ -93,12 +104,16 @@ def load_machine(spec: MachineSpec | str) -> Machine:
     return machine
 
 
-def load(run: RunSpec) -> Machine:
-    """The machine of a run, whose seed and device are checked; warns as :func:`load_machine`."""
+def load(run: RunSpec, *, draw: bool = True) -> Machine:
+    """The machine of a run, whose seed and device are checked; warns as :func:`load_machine`.
+
+    Laws that are to be drawn are drawn once, by the seed; without ``draw`` they are the file's yet.
+    """
     machine = load_machine(run.machine)
     check_seed(run.seed)
     check_device(run.device)
-    return machine
+    drawn = draw and run.machine.draws_laws
+    return machine.sample(1, laws=run.machine.laws, seed=run.seed).variant(0) if drawn else machine
 
 
 def check_seed(seed: int) -> None:

@@ -50,6 +50,7 @@ def simulate(
     machine: options.MachineOption = options.MACHINE,
     set_: options.SetOption = None,
     scale: options.ScaleOption = None,
+    laws: options.LawsOption = None,
     device: options.DeviceOption = "cpu",
     seed: options.SeedOption = 0,
     quiet: options.QuietOption = False,
@@ -70,6 +71,7 @@ def simulate(
       aoro-gym simulate --manoeuvre right --signal 50 --out right50.csv
       aoro-gym simulate --manoeuvre drive --signal 40 --duration 8 --terrain-slope 5 --out hill.csv
       aoro-gym simulate --manoeuvre left --scale steering.valve.spool_time_constant=5 --out slow_spool.csv
+      aoro-gym simulate --manoeuvre left --laws library --out library.csv
       aoro-gym simulate --manoeuvre my_commands.csv --start-angle 10 --out mine.csv
     """
     with checking_input():
@@ -79,7 +81,7 @@ def simulate(
         from aoro_gym.twin import Twin
 
         output.check_output(out, manoeuvre)
-        run = options.run_spec(machine, set_, scale, device, seed, ideal=ideal)
+        run = options.run_spec(machine, set_, scale, device, seed, laws=laws, ideal=ideal)
         chosen = options.load(run)
         terrain = Plane(slope_deg=slope, direction_deg=slope_direction, friction=friction, rolling_resistance=rolling)
         plan = named_manoeuvre(

@@ -86,6 +86,9 @@ def train(
     and can be killed at any time: --resume goes on from the last checkpoint, on a CPU to the same weights to the bit, and
     with nothing else: a machine, ground, policy or file that has changed since is named.
 
+    With --laws families every sub-environment has laws of its own, drawn by --seed and the same in all of its episodes
+    (--perturbation: parameters, too); evaluations are on the machine of the file.
+
     With --ray, N trainings run on a cluster whose nodes share FOLDER, each in FOLDER/seed_K. One whose node dies goes on
     elsewhere; after Ctrl-C the same command goes on with all. With --trials, Ray Tune searches hyper-parameters for the best
     return: Optuna proposes, trials that fall behind end early; FOLDER/best.yml is for --hyperparams.
@@ -99,6 +102,7 @@ def train(
       aoro-gym train --env AORO/Turning-v0 --out runs/turning
       aoro-gym train --env AORO/PathTracking-v0 --terrain forest.laz --machine mine.toml --device cuda:0
       aoro-gym train --resume runs/turning
+      aoro-gym train --env AORO/Turning-v0 --laws families --perturbation perturbed --out runs/robust
       aoro-gym train --env AORO/Turning-v0 --trainer resident --device cuda:0
       aoro-gym train --env AORO/Turning-v0 --ray auto --seeds 3 --out /shared/turning
       aoro-gym train --env AORO/Turning-v0 --ray local --trials 20 --steps 300000 --checkpoint-every 1000 --out runs/search
@@ -172,7 +176,9 @@ def _train(plan: TrainingPlan | None, folder: Path, *, restart: bool, accept_cod
             else:
                 options.check_folder(folder, RECORD)
                 recipe, begins = None, True
-            chosen = options.load(options.run_spec(plan.machine, plan.set, plan.scale, plan.device))
+            chosen = options.load(
+                options.run_spec(plan.machine, plan.set, plan.scale, plan.device, laws=plan.laws), draw=False
+            )
             courses, held_out = training_courses(plan)
             versions(plan.trainer)  # all is there
         began = time.perf_counter()
@@ -229,7 +235,7 @@ def _train_on_cluster(
         from aoro_gym.execution.locking import locked
 
         options.check_folder(folder, RECORD)
-        chosen = options.load_machine(options.run_spec(first.machine, first.set, first.scale).machine)
+        chosen = options.load_machine(options.run_spec(first.machine, first.set, first.scale, laws=first.laws).machine)
         courses, held_out = training_courses(first)
         versions(first.trainer)  # all is there
     with resumable(), running(), entered(locked(folder)), checking_input():
@@ -263,7 +269,7 @@ def _search_on_cluster(
 
         options.check_folder(folder, searching.SEARCH)
         dimensions = searching.read_space(searching.SPACES if space is None else space, plan.algo)
-        chosen = options.load_machine(options.run_spec(plan.machine, plan.set, plan.scale).machine)
+        chosen = options.load_machine(options.run_spec(plan.machine, plan.set, plan.scale, laws=plan.laws).machine)
         courses, held_out = training_courses(plan)
         versions(plan.trainer)  # all is there
     with terminal.progress(plan.env) as tell, running(), resumable(), checking_input():

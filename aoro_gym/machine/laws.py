@@ -21,8 +21,21 @@ Choice = int | NDArray[np.int64]
 """Number of an option for every twin, or an array of shape (N,) with one number a twin."""
 
 
-def _options(*names: str) -> Mapping[str, Any]:
-    return {"options": names}
+@dataclass(frozen=True)
+class Law:
+    """What a component may obey."""
+
+    about: str
+    options: tuple[str, ...]
+    """Names; the default twin's is the first."""
+    parameters: Mapping[str, tuple[str, ...]]
+    """Keys of the machine's parameters that an option alone has, by option."""
+
+
+def _law(about: str, options: str, **parameters: str) -> Mapping[str, Law]:
+    """What a field of :class:`Laws` chooses; options and keys of parameters have spaces between them."""
+    keys = {option: tuple(text.split()) for option, text in parameters.items()}
+    return {"law": Law(about, tuple(options.split()), keys)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,46 +43,120 @@ class Laws:
     """Number of the chosen option of every law; 0 is the default twin's."""
 
     # steering valve
-    spool: Choice = field(default=0, metadata=_options("first_order", "second_order"))
-    """How the main spool follows its pilot."""
-    opening: Choice = field(default=0, metadata=_options("linear", "smooth"))
-    """The measured opening curve between its points."""
-    orifice: Choice = field(default=0, metadata=_options("switched", "smooth"))
-    """From laminar to turbulent flow through the valve's edges."""
-    flow_force: Choice = field(default=0, metadata=_options("none", "steady"))
-    """What the flow does to the main spool."""
-    compensator: Choice = field(default=0, metadata=_options("lag", "static", "spring_mass"))
-    """How the pressure compensator moves."""
-    compensator_sensing: Choice = field(default=0, metadata=_options("port", "load_sensing_line"))
-    """Where the compensator feels the load."""
-    shock_valve: Choice = field(default=0, metadata=_options("static", "lag"))
-    """How the ports' relief valves open."""
+    spool: Choice = field(
+        default=0,
+        metadata=_law(
+            "How the main spool follows its pilot.",
+            "first_order second_order",
+            second_order="steering.valve.spool_frequency steering.valve.spool_damping",
+        ),
+    )
+    opening: Choice = field(default=0, metadata=_law("The measured opening curve between its points.", "linear smooth"))
+    orifice: Choice = field(
+        default=0, metadata=_law("From laminar to turbulent flow through the valve's edges.", "switched smooth")
+    )
+    flow_force: Choice = field(
+        default=0,
+        metadata=_law("What the flow does to the main spool.", "none steady", steady="steering.valve.flow_force_share"),
+    )
+    compensator: Choice = field(
+        default=0,
+        metadata=_law(
+            "How the pressure compensator moves.",
+            "lag static spring_mass",
+            spring_mass="steering.valve.compensator_frequency steering.valve.compensator_damping",
+        ),
+    )
+    compensator_sensing: Choice = field(
+        default=0, metadata=_law("Where the compensator feels the load.", "port load_sensing_line")
+    )
+    shock_valve: Choice = field(
+        default=0,
+        metadata=_law("How the ports' relief valves open.", "static lag", lag="steering.valve.shock_time_constant"),
+    )
     # pump 2 and its lines
-    pump: Choice = field(default=0, metadata=_options("first_order", "second_order"))
-    """From the margin's error to the swash."""
-    load_sensing_line: Choice = field(default=0, metadata=_options("lag", "volume"))
-    """How the load's pressure reaches the pump."""
-    return_line: Choice = field(default=0, metadata=_options("check", "orifice"))
-    """What the return line's pressure does with the flow."""
+    pump: Choice = field(
+        default=0,
+        metadata=_law(
+            "From the margin's error to the swash.",
+            "first_order second_order",
+            second_order="steering.pump.valve_time_constant steering.pump.valve_lead_time",
+        ),
+    )
+    load_sensing_line: Choice = field(
+        default=0,
+        metadata=_law(
+            "How the load's pressure reaches the pump.",
+            "lag volume",
+            volume="steering.pump.ls_volume steering.pump.ls_flow steering.pump.ls_drop",
+        ),
+    )
+    return_line: Choice = field(
+        default=0, metadata=_law("What the return line's pressure does with the flow.", "check orifice")
+    )
     # oil and hoses
-    gas: Choice = field(default=0, metadata=_options("polytropic", "isothermal", "adiabatic", "dissolving"))
-    """What the free air in the oil does under pressure."""
-    liquid: Choice = field(default=0, metadata=_options("stiffening", "constant"))
-    """How stiff the oil without air is."""
-    hose: Choice = field(default=0, metadata=_options("linear", "stiffening", "viscoelastic", "two_segments"))
-    """How the joint's hoses widen."""
+    gas: Choice = field(
+        default=0,
+        metadata=_law(
+            "What the free air in the oil does under pressure.",
+            "polytropic isothermal adiabatic dissolving",
+            dissolving="oil.solution_pressure",
+        ),
+    )
+    liquid: Choice = field(default=0, metadata=_law("How stiff the oil without air is.", "stiffening constant"))
+    hose: Choice = field(
+        default=0,
+        metadata=_law(
+            "How the joint's hoses widen.",
+            "linear stiffening viscoelastic two_segments",
+            stiffening="steering.hose_stiffening_pressure",
+            viscoelastic="steering.hose_delayed_share steering.hose_delay_time",
+            two_segments="steering.hose_inertance steering.hose_drop",
+        ),
+    )
     # joint
-    friction: Choice = field(default=0, metadata=_options("presliding", "lugre", "stribeck_tanh", "coulomb_viscous"))
-    """Dry friction of the joint and the steering cylinders' seals."""
-    mount: Choice = field(default=0, metadata=_options("linear", "hardening"))
-    """The spring between cylinders and frames, where there is one."""
+    friction: Choice = field(
+        default=0,
+        metadata=_law(
+            "Dry friction of the joint and the steering cylinders' seals.",
+            "presliding lugre stribeck_tanh coulomb_viscous",
+            stribeck_tanh="joint.friction_velocity",
+            coulomb_viscous="joint.friction_velocity",
+        ),
+    )
+    mount: Choice = field(
+        default=0,
+        metadata=_law(
+            "The spring between cylinders and frames, where there is one.",
+            "linear hardening",
+            hardening="joint.hardening_angle",
+        ),
+    )
     # tires and ground
-    swivel: Choice = field(default=0, metadata=_options("contact_point", "five_discs", "bore_torque"))
-    """What resists a tire that turns on the spot."""
-    slip: Choice = field(default=0, metadata=_options("lugre", "relaxation"))
-    """How a tire's force follows its slip."""
-    soft_ground: Choice = field(default=0, metadata=_options("rolling", "bulldozing"))
-    """What yielding ground does to a tire: resist its rolling, or its moving sideways, too."""
+    swivel: Choice = field(
+        default=0,
+        metadata=_law(
+            "What resists a tire that turns on the spot.",
+            "contact_point five_discs bore_torque",
+            bore_torque="tire.bore_radius tire.bore_stiffness",
+        ),
+    )
+    slip: Choice = field(
+        default=0,
+        metadata=_law(
+            "How a tire's force follows its slip.",
+            "lugre relaxation",
+            relaxation="tire.relaxation_longitudinal tire.relaxation_lateral",
+        ),
+    )
+    soft_ground: Choice = field(
+        default=0,
+        metadata=_law(
+            "What yielding ground does to a tire: resist its rolling, or its moving sideways, too.",
+            "rolling bulldozing",
+            bulldozing="tire.bulldozing_resistance",
+        ),
+    )
 
     @property
     def num_variants(self) -> int:
@@ -133,7 +220,10 @@ class Laws:
         )
 
 
-OPTIONS: Mapping[str, tuple[str, ...]] = {law.name: law.metadata["options"] for law in fields(Laws)}
+LAWS: Mapping[str, Law] = {law.name: law.metadata["law"] for law in fields(Laws)}
+"""Every law by name."""
+
+OPTIONS: Mapping[str, tuple[str, ...]] = {name: law.options for name, law in LAWS.items()}
 """Names of the options by law; their place is their number."""
 
 FAMILIES: Mapping[str, Mapping[str, str]] = {
@@ -195,13 +285,33 @@ def family(name: str) -> Laws:
     return Laws().with_options(FAMILIES[name])
 
 
+DRAWS = ("families", "any")
+"""What may be drawn from beside named families: all of them, or an option of every law on its own."""
+
+
+def draws(which: str | None) -> bool:
+    """Whether ``which``, a name or several with commas between them, leaves a machine's laws to be drawn; raises ValueError
+    that lists families if it names another one."""
+    return which is not None and (which in DRAWS or len(_families(which)) > 1)
+
+
 def drawn_laws(which: str | Sequence[str], count: int, rng: np.random.Generator) -> Laws:
-    """Laws of ``count`` machines: of families drawn with equal chance, ``"families"`` for all of them; or, if ``"any"``, an
-    option of every law drawn on its own."""
+    """Laws of ``count`` machines: of families drawn with equal chance, given as a sequence or with commas between them,
+    ``"families"`` for all of them; or, if ``"any"``, an option of every law drawn on its own."""
     if which == "any":
         return Laws(**{name: rng.integers(len(options), size=count) for name, options in OPTIONS.items()})
-    names = list(FAMILIES) if which == "families" else [which] if isinstance(which, str) else list(which)
+    names = _families(which)
     return Laws.stacked([family(names[i]) for i in rng.integers(len(names), size=count)], [1] * count)
+
+
+def _families(which: str | Sequence[str]) -> list[str]:
+    if which == "families":
+        return list(FAMILIES)
+    names = [name.strip() for name in which.split(",")] if isinstance(which, str) else list(which)
+    for name in names:
+        if name not in FAMILIES:
+            raise ValueError(f"there is no family of laws {name!r}{_hint(name, (*FAMILIES, *DRAWS))}")
+    return names
 
 
 def laws_from(table: Mapping[str, Any]) -> Laws:

@@ -44,6 +44,12 @@ RANGE_SLACK = 1e-9
 """Of a range's larger end [-]: values that are rounded at its ends lie within it."""
 
 
+def matching(names: Iterable[str], pattern: str | None) -> list[str]:
+    """The ``names`` that have a ``pattern`` as a part, or match it as a glob; all of them for None."""
+    glob = "*" if pattern is None else pattern if any(c in pattern for c in "*?[") else f"*{pattern}*"
+    return [name for name in names if fnmatch.fnmatchcase(name.lower(), glob.lower())]
+
+
 class OutsideRangeWarning(UserWarning):
     """A parameter is outside of its machine's plausible range, though within physical bounds."""
 
@@ -312,10 +318,7 @@ class Machine:
 
     def parameters(self, pattern: str | None = None) -> list[Parameter]:
         """Parameters in the order of the file; ``pattern`` is part of a key, or a glob (``steering.*.leakage``)."""
-        if pattern is None:
-            return list(self.entries.values())
-        glob = pattern if any(c in pattern for c in "*?[") else f"*{pattern}*"
-        return [entry for key, entry in self.entries.items() if fnmatch.fnmatchcase(key.lower(), glob.lower())]
+        return [self.entries[key] for key in matching(self.entries, pattern)]
 
     @property
     def identity(self) -> dict[str, dict[str, Any]]:

@@ -1,8 +1,8 @@
-"""Tables of a machine's parameters."""
+"""Tables of a machine's parameters and laws."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from rich.console import RenderableType
@@ -11,7 +11,9 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from aoro_gym.machine.laws import FAMILIES, LAWS, family
 from aoro_gym.machine.machine_file import Parameter
+from aoro_gym.machine.parameters import Machine, matching
 
 LEAST_WIDTH = 120
 """Characters from which a parameter has one row of a table."""
@@ -44,3 +46,54 @@ def parameter_table(parameters: Sequence[Parameter], width: int) -> Iterator[Ren
             table.add_row(escape(p.key), f"{p.value:.6g}", escape(unit), limits, p.role, escape(source))
     if width >= LEAST_WIDTH:
         yield table
+
+
+def law_entries(machine: Machine, pattern: str | None = None) -> list[dict[str, Any]]:
+    """Laws as JSON objects, with what a machine of one variant chooses; ``pattern`` as of ``Machine.parameters``."""
+    return [
+        {
+            "law": name,
+            "about": LAWS[name].about,
+            "chosen": machine.laws.names[name],
+            "options": [
+                {
+                    "option": option,
+                    "parameters": parameter_entries(
+                        [machine.entries[key] for key in LAWS[name].parameters.get(option, ())]
+                    ),
+                }
+                for option in LAWS[name].options
+            ],
+        }
+        for name in matching(LAWS, pattern)
+    ]
+
+
+def law_table(entries: Sequence[Mapping[str, Any]]) -> Table:
+    """A row an option, from :func:`law_entries`."""
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column("law", style="cyan", no_wrap=True)
+    table.add_column("option", no_wrap=True)
+    table.add_column("parameters of its own", overflow="fold")
+    table.add_column("", style="dim", overflow="fold")
+    for entry in entries:
+        for number, one in enumerate(entry["options"]):
+            parameters = [f"{p['key']} = {p['value']:.6g} {p['unit']}".removesuffix(" 1") for p in one["parameters"]]
+            name, about = (entry["law"], entry["about"]) if number == 0 else ("", "")
+            mark = "* " if one["option"] == entry["chosen"] else "  "
+            table.add_row(name, mark + one["option"], escape("\n".join(parameters)), about)
+    return table
+
+
+def family_table(laws: Sequence[str]) -> Table:
+    """What every family chooses of some laws; a row a law, a column a family."""
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    table.add_column("family", style="cyan", no_wrap=True)
+    names = {name: family(name).names for name in FAMILIES}
+    for name in names:
+        table.add_column(name, overflow="fold")
+    for law in laws:
+        table.add_row(
+            law, *(str(chosen[law]) if chosen[law] != LAWS[law].options[0] else "-" for chosen in names.values())
+        )
+    return table

@@ -6,7 +6,9 @@ import tomllib
 import numpy as np
 import pytest
 
+from aoro_gym.machine import Machine
 from aoro_gym.recording.tables import read_table
+from aoro_gym.twin import Twin
 from tests.cli.calling import call, check_refused
 
 
@@ -41,6 +43,31 @@ def test_simulate_is_repeatable(turn, tmp_path):
     again = tmp_path / "again.csv"
     call("simulate", "--manoeuvre", "left", "--duration", "1.6", "--scale", slow, "--out", again)
     assert again.read_bytes() == turn[0].read_bytes()
+
+
+def test_simulate_takes_laws(tmp_path):
+    (tmp_path / "turn.csv").write_text("time_s,steering_signal\n0,0\n0.1,1\n0.4,0\n")
+
+    def angle(*laws):
+        out = tmp_path / f"log{'_'.join(laws)}.csv"
+        shown = call("simulate", "-m", tmp_path / "turn.csv", *laws, "--ideal-sensors", "--out", out)
+        assert shown.exit_code == 0, shown.output
+        manifest = tomllib.loads(out.with_suffix(".toml").read_text())
+        return read_table(out)["true_joint_angle_deg"], manifest["machine"].get("laws")
+
+    by_file, none = angle()
+    default, named = angle("--laws", "default")
+    library, also = angle("--laws", "library")
+    assert (none, named, also) == (None, "default", "library")
+    np.testing.assert_array_equal(by_file, default)
+    machine = Machine.load("aoro").with_laws("library")
+    twin = Twin(machine=machine)
+    twin.step({"steering_signal": 0.0}, duration=0.1)
+    trace = twin.step({"steering_signal": 1.0}, duration=0.3, sample_every=0.01)
+    assert trace is not None
+    at = round(0.4 / 0.01) - 1
+    assert library[at] == pytest.approx(np.degrees(trace["joint_angle"][-1, 0]), abs=1e-6)
+    assert abs(library[at] - default[at]) > 1e-3
 
 
 def test_simulate_a_file_on_a_slope(tmp_path):

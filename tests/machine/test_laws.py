@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aoro_gym.machine import Machine
-from aoro_gym.machine.laws import FAMILIES, OPTIONS, Laws, family
+from aoro_gym.machine.laws import FAMILIES, LAWS, OPTIONS, Laws, drawn_laws, draws, family
 from aoro_gym.twin.records import LAW_FIELDS, pack
 
 
@@ -132,3 +132,21 @@ def test_samples_of_any_laws_have_every_option(machine: Machine) -> None:
 def test_a_wrong_sample_is_refused(machine: Machine, given, named) -> None:
     with pytest.raises(ValueError, match=named):
         machine.sample(given.pop("count"), **given)
+
+
+def test_every_parameter_of_the_role_belongs_to_an_option(machine: Machine) -> None:
+    named = {key for law in LAWS.values() for keys in law.parameters.values() for key in keys}
+    assert named == {key for key, entry in machine.entries.items() if entry.role == "law"}
+    for law in LAWS.values():
+        assert set(law.parameters) <= set(law.options[1:]), law
+
+
+def test_what_leaves_laws_to_be_drawn() -> None:
+    assert not any(draws(which) for which in (None, "default", "library"))
+    assert all(draws(which) for which in ("families", "any", "library,vehicle"))
+    drawn = drawn_laws("library, vehicle", 50, np.random.default_rng(0))
+    assert drawn.names["slip"] == "relaxation"  # of both
+    assert set(drawn.names["friction"]) == {"stribeck_tanh", "coulomb_viscous"}
+    for which in ("libary", "library,libary", "library,any"):
+        with pytest.raises(ValueError, match=r"there is no family of laws '(libary|any)'.*, materials, families, any"):
+            draws(which)

@@ -3,9 +3,17 @@
 import numpy as np
 import pytest
 
-from aoro_gym.agents.evaluation.perturbations import SWITCHABLE, magnitude_at, perturbed, unperturbed, with_effect
+from aoro_gym.agents.evaluation.perturbations import (
+    SWITCHABLE,
+    drawn_machines,
+    magnitude_at,
+    perturbed,
+    unperturbed,
+    with_effect,
+)
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.machine import Machine
+from aoro_gym.machine.laws import FAMILIES, family
 
 MACHINE = Machine.load("aoro")
 SEEDS = [7, 8, 9, 10]
@@ -59,3 +67,32 @@ def test_severity_spans_a_magnitude():
 
 def test_as_given_is_the_machine_itself():
     assert unperturbed(MACHINE, SEEDS) is MACHINE
+
+
+@pytest.mark.parametrize("perturbation", [None, "perturbed"])
+def test_laws_are_drawn_by_seed_over_what_else_differs(perturbation):
+    draw = drawn_machines("families", perturbation)
+    found, alone = draw(MACHINE, SEEDS), draw(MACHINE, [SEEDS[2]])
+    assert found.num_variants == len(SEEDS)
+    assert found.variant(2).laws.names == alone.variant(0).laws.names
+    many = [drawn_machines("families")(MACHINE, [seed]).variant(0).laws.names for seed in range(60)]
+    # of 60 draws from 5, one is missing with a probability below 5 × 0.8^60 = 8e-6
+    assert {str(names) for names in many} == {str(family(name).names) for name in FAMILIES}
+    values, others = values_of(found), values_of(drawn_machines(None, perturbation)(MACHINE, SEEDS))
+    for key, entry in MACHINE.entries.items():
+        if entry.role != "law" or perturbation is None:
+            np.testing.assert_array_equal(values[key], np.broadcast_to(others[key], len(SEEDS)), err_msg=key)
+        else:
+            low, high = entry.range
+            half = [entry.value + 0.5 * (end - entry.value) for end in (low, high)]
+            assert np.all((values[key] >= half[0]) & (values[key] <= half[1])), key
+            assert len(np.unique(values[key])) > 1 or low == high == entry.value, key
+
+
+def test_one_family_is_no_draw_and_unknown_names_are_named():
+    assert drawn_machines("library") is unperturbed
+    assert drawn_machines(None, "perturbed") is perturbed
+    with pytest.raises(ValueError, match="perturbation is 'odd'"):
+        drawn_machines(None, "odd")
+    with pytest.raises(ValueError, match="no family of laws 'libary'"):
+        drawn_machines("libary")

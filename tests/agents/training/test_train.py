@@ -19,7 +19,7 @@ import pytest
 
 from aoro_gym import Machine
 from aoro_gym.agents.evaluation import leaderboard
-from aoro_gym.agents.evaluation.perturbations import PERTURBATIONS
+from aoro_gym.agents.evaluation.perturbations import PERTURBATIONS, drawn_machines
 from aoro_gym.agents.evaluation.selection import MOST_EPISODES
 from aoro_gym.agents.training.learner import learner_of
 from aoro_gym.agents.training.plan import TrainingPlan
@@ -518,3 +518,26 @@ def test_machines_to_learn_on_are_drawn_and_none_of_an_evaluation(training, tmp_
     assert values[0] == np.ravel(expected)[0]
     assert all(one is machine for one in evaluated)
     assert max(leaderboard.SEED, training.EVALUATION_SEED) + MOST_EPISODES < training.DRAWN_SEED
+
+
+def test_laws_to_learn_on_are_drawn_for_every_sub_environment(training, tmp_path, monkeypatch):
+    """A policy learns on twins of several families at once, and goes on with those alone."""
+    made = []
+    monkeypatch.setattr(training, "learner_of", lambda *given: made.append(learner_of(*given)) or made[-1])
+    plan, machine = plan_of(laws="library,materials", n_envs=8, steps=400), Machine.load("aoro")
+    found = training.train(plan, begin(plan, tmp_path), tmp_path, machine=machine)
+    assert [one["steps"] for one in found] == [400]
+    laws = made[0].envs.twin.machine.laws
+    # alike in all eight with a probability of 1 in 128, of this seed not
+    assert set(laws.names["gas"]) == {"isothermal", "dissolving"}
+    expected = drawn_machines(plan.laws)(machine, range(6 * training.DRAWN_SEED, 6 * training.DRAWN_SEED + 8))
+    assert laws.names == expected.laws.names
+    assert "--laws library,materials" in json.loads((tmp_path / "training.json").read_text())["command"]
+    other = replace(plan, laws="families")
+    with pytest.raises(ChangedInput, match="laws was 'library,materials', is 'families'"):
+        training.train(other, continued(other, tmp_path), tmp_path, machine=machine)
+    with pytest.raises(ChangedInput, match=r"machine .*laws"):
+        training.train(plan, continued(plan, tmp_path), tmp_path, machine=machine.with_laws("library"))
+    odd = replace(plan, laws="libary")
+    with pytest.raises(ValueError, match="there is no family of laws 'libary'"):
+        begin(odd, tmp_path / "odd")
