@@ -9,6 +9,7 @@ then shows which of them moves a figure's sensitivity away from theory.
 from __future__ import annotations
 
 import argparse
+import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from aoro_gym import Machine, Twin
-from aoro_gym.execution.files import write_json
+from aoro_gym.execution.files import write_text
 from aoro_gym.machine.laws import OPTIONS
 from aoro_gym.simulation.key_figures import SECOND_PEAK, TOLERANCE
 from aoro_gym.validation.theory.circuit import Array, load_sensing_loop
@@ -223,12 +224,25 @@ def counts(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, int]]:
 
 
 def rounded(value: Any) -> Any:
-    """``value`` with floats of four digits."""
+    """``value`` with floats of four digits, None for those that are not finite."""
     if isinstance(value, dict):
         return {key: rounded(one) for key, one in value.items()}
     if isinstance(value, list):
         return [rounded(one) for one in value]
-    return float(f"{value:.4g}") if isinstance(value, float) else value
+    if isinstance(value, float):
+        return float(f"{value:.4g}") if np.isfinite(value) else None
+    return value
+
+
+def json_of(result: Mapping[str, Any]) -> str:
+    """JSON, a line for each row of a table."""
+    parts = []
+    for key, value in rounded(dict(result)).items():
+        text = json.dumps(value, ensure_ascii=False, allow_nan=False)
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            text = "[\n" + ",\n".join(json.dumps(row, ensure_ascii=False, allow_nan=False) for row in value) + "\n]"
+        parts.append(f"{json.dumps(key)}: {text}")
+    return "{\n" + ",\n".join(parts) + "\n}\n"
 
 
 def drawn(result: Mapping[str, Any], path: Path) -> None:
@@ -303,8 +317,8 @@ def main() -> None:
     predicted = predicted_angles(cases(base))
     for family in asked.laws:
         result = compared(cases(base.with_laws(family)), predicted, limits=asked.limits, device=asked.device)
-        write_json(asked.out / f"{family}.json", rounded(result))
-        (asked.out / f"{family}.md").write_text(table(result), encoding="utf-8")
+        write_text(asked.out / f"{family}.json", json_of(result))
+        write_text(asked.out / f"{family}.md", table(result))
         drawn(result, asked.out / f"{family}.png")
         print(family, result["counts"]["all"])
 

@@ -1,5 +1,7 @@
 """Changes by effect, how sensitivities are read from figures, and their signs and sizes where a closed form has them."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -17,7 +19,7 @@ from aoro_gym.validation.theory.sensitivities import (
     changes,
     continued,
 )
-from studies.sensitivities import counts, place_remarks, twin_angles, verdict
+from studies.sensitivities import counts, json_of, place_remarks, twin_angles, verdict
 
 
 def test_every_effect_is_changed_a_little_within_its_range():
@@ -108,3 +110,9 @@ def test_extremes_that_are_not_the_same_are_named():
     first, second = place_remarks(theory, twin)
     assert "end of its window" in first[FIGURES[3]] and FIGURES[2] not in first
     assert "another minimum" in second[FIGURES[2]] and "another maximum" in second[FIGURES[3]]
+
+
+def test_tables_are_written_a_row_a_line():
+    text = json_of({"machine": "x", "rows": [{"a": 0.123456, "b": None}, {"a": float("nan"), "b": "c"}]})
+    assert json.loads(text) == {"machine": "x", "rows": [{"a": 0.1235, "b": None}, {"a": None, "b": "c"}]}
+    assert text.count("\n") == 7
