@@ -13,6 +13,13 @@ both mains are open together only at rest, where leakage passes them, and close 
 drop); one side of the steering valve with the return filter; an arm's valve. Volumes are the smallest, at the end of a
 stroke, and oil the stiffest: free of gas, at the setting of the circuit's relief valve. First-order lags ẋ = (u − x)/τ need
 dt < 2 τ; the compensator, the mount and dry friction are implicit.
+
+Other laws move the bound (:mod:`aoro_gym.machine.laws`). Walls that stiffen count at the setting of the relief valve, walls
+that creep by what gives at once. A load-sensing line with a volume is one more node on the loaded port. Of two segments the
+valve's end is the port; with the oil between them it swings at ω² = (K₁ + K₂)/L, stepped flow first, so that a mode with
+both is damped if dt λ/2 + (dt ω/2)² < 1 (Jury's criterion). Masses, ẍ = −ω² x − 2 ζ ω ẋ implicit in ζ, need
+dt < 2 (ζ + √(1 + ζ²))/ω; the compensator's spring is stiffened by its edge's drop, the more the less its spool is open. The
+lag of a shock valve and of pump 2's control valve are implicit, and a static compensator passes less than an open one.
 """
 
 from __future__ import annotations
@@ -22,8 +29,10 @@ import warnings
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.machine.laws import OPTIONS
 from aoro_gym.machine.parameters import Machine
 from aoro_gym.machine.quantities import Quantity
+from aoro_gym.twin.records import MIDDLE_PRESSURE
 
 
 class FineStepWarning(UserWarning):
@@ -40,6 +49,10 @@ TOLERATED = 4.0
 bound: up to there its fastest mode rings, by bars at most, where restrictors are laminar, and does not diverge. Of 300
 machines drawn within half their ranges a tenth are stiffer than the default step bears, the stiffest by a factor of 1.9."""
 
+SMALL_OPENING = 0.01
+"""Of the edge that a spring-mass compensator bears without ringing under the full pressure of the pump; what passes less is
+too little to be seen."""
+
 TANK = -1
 """In place of a node: the other end of a restrictor."""
 
@@ -48,9 +61,9 @@ def largest_hydraulic_step(machine: Machine) -> NDArray[np.float64]:
     """Largest stable step [s] of each variant of ``machine`` (num_variants,)."""
     circuits = (_driveline(machine), _steering(machine, "left"), _steering(machine, "right"), *_arm(machine))
     fastest = np.max([_fastest(machine.num_variants, *circuit) for circuit in circuits], axis=0)
-    lags = [machine.steering.valve.spool_time_constant, machine.steering.pump.ls_time_constant]
-    shortest_lag = np.min([np.broadcast_to(lag, fastest.shape) for lag in lags], axis=0)
-    bound: NDArray[np.float64] = np.minimum(2.0 / fastest, 2.0 * shortest_lag)
+    swing = np.where(_chosen(machine, "hose", "two_segments"), _hose_frequency(machine), 0.0)
+    bounds = [4.0 / (fastest + np.sqrt(np.square(fastest) + 4.0 * np.square(swing))), *_actuators(machine)]
+    bound: NDArray[np.float64] = np.min([np.broadcast_to(one, fastest.shape) for one in bounds], axis=0)
     return bound
 
 
@@ -112,9 +125,62 @@ def _fastest(
     return fastest
 
 
+def _chosen(machine: Machine, law: str, option: str) -> NDArray[np.bool_]:
+    """Whether each variant obeys the ``option`` of a ``law``."""
+    return np.asarray(np.equal(machine.laws.choices[law], OPTIONS[law].index(option)))
+
+
+def _actuators(machine: Machine) -> tuple[Quantity, ...]:
+    """Largest stable steps [s] of spool, load-sensing lag and compensator."""
+    valve = machine.steering.valve
+    spool = np.where(
+        _chosen(machine, "spool", "second_order"),
+        _largest_step_of_mass(valve.spool_frequency, valve.spool_damping),
+        2.0 * valve.spool_time_constant,
+    )
+    lag = np.where(
+        _chosen(machine, "load_sensing_line", "volume"), np.inf, 2.0 * machine.steering.pump.ls_time_constant
+    )
+    # d/dy of y²/(y² + ρ²) is √27/(8 ρ) at most
+    ratio = SMALL_OPENING * np.minimum(valve.cv_in_left, valve.cv_in_right) / valve.cv_compensator
+    drop = machine.steering.pump.cutoff / valve.compensator_pressure
+    stiffened = np.sqrt(valve.compensator_droop + np.sqrt(27.0) / 8.0 * drop / ratio)
+    mass = _largest_step_of_mass(valve.compensator_frequency * stiffened, valve.compensator_damping / stiffened)
+    return spool, lag, np.where(_chosen(machine, "compensator", "spring_mass"), mass, np.inf)
+
+
+def _largest_step_of_mass(frequency: Quantity, damping: Quantity) -> Quantity:
+    """Of ẍ = −ω² x − 2 ζ ω ẋ, rate first and implicit in ζ."""
+    return 2.0 * (damping + np.sqrt(1.0 + np.square(damping))) / frequency
+
+
+def _port(machine: Machine) -> tuple[Quantity, Quantity]:
+    """Stiffnesses [Pa/m³] of a steering port at the end of a stroke by the law of hoses: on the valve's end, and of two
+    segments that on the cylinders' end."""
+    circuit, pressure = machine.steering, machine.steering.valve.shock_pressure
+    walls = circuit.hose_compliance
+    walls = np.where(
+        _chosen(machine, "hose", "stiffening"), walls / (1.0 + pressure / circuit.hose_stiffening_pressure), walls
+    )
+    walls = np.where(_chosen(machine, "hose", "viscoelastic"), walls * (1.0 - circuit.hose_delayed_share), walls)
+    ends = 2.0 * circuit.cylinder.dead_volume
+    half = 0.5 * circuit.hose_volume
+    two = _chosen(machine, "hose", "two_segments")
+    walls = np.where(two, 0.5 * walls, walls)
+    volume = np.where(two, half, circuit.hose_volume + ends)
+    return _stiffness(machine, volume, walls, pressure), _stiffness(machine, half + ends, walls, pressure)
+
+
+def _hose_frequency(machine: Machine) -> Quantity:
+    """Natural frequency [rad/s] of the oil between a hose's two segments."""
+    first, second = _port(machine)
+    return np.sqrt((first + second) / machine.steering.hose_inertance)
+
+
 def _stiffness(machine: Machine, volume: Quantity, walls: Quantity, pressure: Quantity) -> Quantity:
     """dp/dV [Pa/m³] of oil without gas at ``pressure`` [Pa] between compliant ``walls`` [m³/Pa]."""
-    modulus = machine.oil.bulk_modulus + machine.oil.bulk_modulus_slope * np.asarray(pressure)
+    felt = np.where(_chosen(machine, "liquid", "constant"), MIDDLE_PRESSURE, pressure)
+    modulus = machine.oil.bulk_modulus + machine.oil.bulk_modulus_slope * felt
     return modulus / (volume + walls * modulus)
 
 
@@ -140,20 +206,29 @@ def _steering(machine: Machine, side: str) -> Circuit:
     """Pump line, ports and return line while the valve is fully open to one ``side``."""
     circuit, lam = machine.steering, machine.oil.laminar_pressure
     valve, cylinder, tank = circuit.valve, circuit.cylinder, circuit.tank_line
-    supply, load, other, back = range(4)
-    smallest = circuit.hose_volume + 2.0 * cylinder.dead_volume
-    port = _stiffness(machine, smallest, circuit.hose_compliance, valve.shock_pressure)
+    supply, load, other, back, sensed = range(5)
+    port, _ = _port(machine)
+    sensing = _chosen(machine, "load_sensing_line", "volume")
+    sensed_oil = _stiffness(machine, circuit.pump.ls_volume, 0.0, circuit.pump.cutoff)
+    nominal = tank.back_pressure + tank.back_pressure_ramp + tank.throttle * np.square(tank.back_flow)
+    to_tank = np.where(
+        _chosen(machine, "return_line", "orifice"),
+        tank.back_flow / np.sqrt(nominal * lam),
+        tank.back_flow / tank.back_pressure_ramp,
+    )
     pump = _stiffness(machine, circuit.pump.line_volume, circuit.pump.line_compliance, circuit.pump.cutoff)
     edge = getattr(valve, f"cv_in_{side}")
     metered = edge / np.sqrt(1.0 + (edge / valve.cv_compensator) ** 2)  # behind the open compensator
     cross = 2.0 * cylinder.leakage + valve.cv_cross_port / np.sqrt(lam)
-    return [pump, port, port, _stiffness(machine, tank.volume, tank.compliance, tank.back_pressure)], [
+    return [pump, port, port, _stiffness(machine, tank.volume, tank.compliance, tank.back_pressure), sensed_oil], [
         (supply, load, metered / np.sqrt(lam)),
         (supply, TANK, circuit.pump.leakage),
         (load, other, cross),
         (load, back, valve.leakage),
         (other, back, getattr(valve, f"cv_out_{side}") / np.sqrt(lam) + valve.leakage),
-        (back, TANK, tank.back_flow / tank.back_pressure_ramp),
+        (back, TANK, to_tank),
+        (load, sensed, sensing * circuit.pump.cv_ls / np.sqrt(lam)),
+        (sensed, TANK, sensing * circuit.pump.cv_bleed / np.sqrt(lam)),
     ]
 
 
