@@ -76,6 +76,11 @@ def test_pictures_are_as_drawn_and_name_files():
             assert any(ROOT.glob(path)), f"{name} names {path}"
 
 
+def test_tables_of_laws_are_as_the_code_has_them():
+    made = runpy.run_path(str(ROOT / "docs/laws.py"))
+    assert made["PAGE"].read_text(encoding="utf-8") == made["page"](), "run `python docs/laws.py`"
+
+
 def test_slow_tests_are_named():
     slow = {name_of(file) for file in (ROOT / "tests").rglob("test_*.py") if "mark.slow" in file.read_text("utf-8")}
     page = (ROOT / "docs/development.md").read_text(encoding="utf-8")

@@ -2,7 +2,7 @@
 other laws.
 
 >>> from aoro_gym.agents.evaluation.perturbations import PERTURBATIONS
->>> from aoro_gym.twin import Machine
+>>> from aoro_gym.machine import Machine
 >>> PERTURBATIONS["perturbed"](Machine.load("aoro"), [1, 2, 3]).num_variants
 3
 
