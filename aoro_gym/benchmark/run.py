@@ -127,7 +127,7 @@ def run(
         subjects.append(make(**options, machine=machine, ground=plan.ground, seed=plan.seed))
     on = computer(plan.device)
     ceiling = None
-    if "twin" in plan.what and plan.ground in counted():
+    if "twin" in plan.what and plan.ground in counted() and machine.laws.default:  # other laws are not counted
         if progress is not None:
             progress("measuring the computer's ceiling", 1.0)
         ceiling = measure_ceiling(plan.device)

@@ -64,7 +64,7 @@ def bench(
     over what small kernels reach here in the same run. On a CPU it is of one core without SIMD, as one thread is one twin,
     and steps count by core seconds; on a GPU it is of the whole device. In the file: "ceiling" of the machine; of a case
     "operations_per_step", "bytes_per_step", "ceiling_steps_per_s" by resource, and "share_of_ceiling", of the lower of them.
-    Triangles (--ground mesh) have none: their query is not counted.
+    Triangles (--ground mesh) and other --laws have none: they are not counted.
 
     A peer is the same vehicle without hydraulics (two frames, four sprung arms, four driven spheres as wheels, the forest
     as a height field of 256 x 256, steps of 1 ms) in MuJoCo on the CPU or in MuJoCo Warp on a GPU; each counts at its
@@ -75,6 +75,7 @@ def bench(
       aoro-gym bench
       aoro-gym bench --ground raster --randomise --twins 1,64 --peer mujoco --startup
       aoro-gym bench --what twin,env --ground raster --device cuda:0 --twins 4096,65536 --peer mujoco_warp --json b.json
+      aoro-gym bench --laws materials --twins 64
       aoro-gym bench --what train --trainer sb3,resident --ground raster --device cuda:0 --twins 4096,16384
     """
     with checking_input():
@@ -83,7 +84,8 @@ def bench(
         counts = {"twins": _counts("--twins", twins)}
         if json_file is not None:
             check_writable(json_file)
-        chosen = options.load(options.run_spec(machine, set_, scale, device, seed, laws=laws))
+        asked = options.run_spec(machine, set_, scale, device, seed, laws=laws)
+        chosen = options.load(asked)
         from aoro_gym.benchmark.report import tables
         from aoro_gym.benchmark.run import Plan, run
 
@@ -95,7 +97,7 @@ def bench(
 
     def save(so_far: dict[str, Any]) -> None:
         if json_file is not None:
-            write_json(json_file, with_nulls(so_far))
+            write_json(json_file, with_nulls(so_far | {"made_by": asked.to_json()}))
 
     with terminal.progress("bench") as tell, running():
         result = run(plan, chosen, tell, save)

@@ -98,7 +98,7 @@ def validate(
         chosen = Machine.load(file)
     result = validated(chosen, second, family, run)
     with running():
-        written += write_report(result, out)
+        written += write_report(result, out, run.to_json() | ({"recalibrated": uncalibrated} if recalibrate else {}))
     print_tables(terminal.out(), result)
     say_written(written)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.text import Text
 
-from aoro_gym.execution.files import written_whole
+from aoro_gym.execution.files import write_json, written_whole
 from aoro_gym.reporting.page import Passage, block, describe, interactive_plot, picture, show, write_page
 from aoro_gym.reporting.style import AMBER, BLUE, GREEN, INK, PLOT_STYLE, SHADE, SOFT
 from aoro_gym.reporting.terminal import Comparison
@@ -39,11 +39,14 @@ LARGEST_ERROR = 40.0
 _HEADING: Any = {"x": 0.012, "ha": "left", "fontsize": 15, "fontweight": "bold"}
 
 
-def write_report(result: Validation, folder: Path) -> list[Path]:
-    """Write ``validation.json``, three plots (PNG) and ``index.html`` into ``folder``; returns what was written."""
+def write_report(result: Validation, folder: Path, made_by: Mapping[str, Any] | None = None) -> list[Path]:
+    """Write ``validation.json``, three plots (PNG) and ``index.html`` into ``folder``; returns what was written.
+
+    What is ``made_by`` stands in the JSON under this name.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     written = [folder / "validation.json"]
-    result.save(written[0])
+    write_json(written[0], result.to_json() | ({} if made_by is None else {"made_by": dict(made_by)}))
     for direction in ("left", "right"):
         written.append(folder / f"{direction}_turns.png")
         write_turns(result, direction, written[-1])

@@ -19,8 +19,19 @@ def test_bench(tmp_path):
         assert 0 < case["min"] <= case["steps_per_s"] <= case["max"]
         share = 100.0 * case["share_of_ceiling"]
         assert 0 < share < 100 and f"{share:.3g} %" in shown.output
-    assert set(result) == {"machine", "cases", "peers", "ratios"}
+    assert set(result) == {"machine", "cases", "peers", "ratios", "made_by"}
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_other_laws_are_timed_without_a_ceiling(tmp_path):
+    path = tmp_path / "bench.json"
+    call("bench", "--twins", "1", "--threads", "1", "--seconds", "0.05", "--laws", "library", "--json", path)
+    result = json.loads(path.read_text())
+    assert result["made_by"]["machine"]["laws"] == "library"
+    assert "ceiling" not in result["machine"]
+    (case,) = result["cases"]
+    assert case["steps_per_s"] > 0
+    assert "share_of_ceiling" not in case
 
 
 @pytest.mark.parametrize(

@@ -76,6 +76,13 @@ def test_validate(tmp_path, quick):
         assert f"wrote {tmp_path / file}" in shown.stdout
 
 
+def test_validate_takes_laws_and_records_them(tmp_path, quick):
+    shown = call("validate", "--laws", "library", "--uncalibrated", "none", "--out", tmp_path)
+    assert shown.exit_code == 0, shown.output
+    made_by = json.loads((tmp_path / "validation.json").read_text())["made_by"]
+    assert made_by["machine"] == {"file": "aoro", "set": [], "scale": [], "laws": "library"}
+
+
 def test_validate_takes_an_ensemble_and_no_second_machine(tmp_path, quick):
     machine = Machine.load("aoro")
     (tmp_path / "members").mkdir()
@@ -168,7 +175,7 @@ def test_a_calibration_does_not_replace_the_manifest_of_its_log(turn, quick):
         ("validate --ensemble none.toml", "no machine file none.toml"),
         ("validate --ensemble empty", "--ensemble empty holds no machine file (.toml)"),
         ("validate --seed -1", "--seed = -1 is below 0"),
-        ("validate --recalibrate --machine bad.toml", "drop --machine, --set and --scale"),
+        ("validate --recalibrate --machine bad.toml", "drop --machine, --set, --scale and --laws"),
         ("validate --recalibrate --uncalibrated none", "starts from --uncalibrated, which is none"),
         ("calibrate", "give one of --published and --logs LOG..."),
         ("calibrate --published --logs good.csv", "give one of --published and --logs LOG..."),
