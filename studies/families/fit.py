@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from aoro_gym.calibration.space import Space
 from aoro_gym.machine import Machine
-from aoro_gym.machine.laws import FAMILIES
+from aoro_gym.machine.laws import FAMILIES, LAWS
 from aoro_gym.simulation.key_figures import FIGURES, key_figures_batch
 from aoro_gym.twin import Twin
 from aoro_gym.twin.records import Output
@@ -66,7 +66,7 @@ def targets() -> tuple[Floats, Floats]:
     return target, tolerance
 
 
-def turned(machine: Machine, device: str, substeps: int = 30) -> tuple[Floats, Floats]:
+def turned(machine: Machine, device: str, substeps: int = 30) -> tuple[Floats, NDArray[np.bool_]]:
     """Joint angles and both port pressures (3, frames, levels x N) of left turns at all levels, 100 frames a second, and
     whether each twin runs."""
     count = machine.num_variants
@@ -147,7 +147,7 @@ class Search:
         self.c_path = (4.0 + effective / n) / (n + 4.0 + 2.0 * effective / n)
         self.c_one = 2.0 / ((n + 1.3) ** 2 + effective)
         self.c_rank = min(1.0 - self.c_one, 2.0 * (effective - 2.0 + 1.0 / effective) / ((n + 2.0) ** 2 + effective))
-        self.effective, self.mean = effective, np.clip(self.start, 0.05, 0.95)
+        self.effective, self.mean = effective, np.clip(self.start, 0.03, 0.97)
         self.covariance, self.path, self.step_path = np.eye(n), np.zeros(n), np.zeros(n)
         self.point, self.found = self.mean, np.full(0, np.nan)
 
@@ -165,7 +165,7 @@ class Search:
         costs = cost(found, self.points, self.start)
         order = np.argsort(costs)
         if costs[order[0]] < self.best:
-            self.best, self.point, self.found = costs[order[0]], self.points[order[0]], found[:, order[0]]
+            self.best, self.point, self.found = float(costs[order[0]]), self.points[order[0]], found[:, order[0]]
         self.history.append(float(self.best))
         n = len(self.mean)
         steps = (self.points[order[: len(self.weights)]] - self.mean) / self.step
@@ -202,20 +202,8 @@ def identifiable(machine: Machine, keys: list[str], device: str, rng: np.random.
 
 
 def law_keys(family: str) -> set[str]:
-    """Parameters of the role ``law`` that the family's options need."""
-    chosen = {f"{law}={option}" for law, option in FAMILIES[family].items()}
-    needs = {
-        "spool=second_order": ("spool_frequency", "spool_damping"), "flow_force=steady": ("flow_force_share",),
-        "compensator=spring_mass": ("compensator_frequency", "compensator_damping"),
-        "shock_valve=lag": ("shock_time_constant",), "pump=second_order": ("pump.valve_time_constant",),
-        "load_sensing_line=volume": ("ls_volume", "ls_flow"), "gas=dissolving": ("solution_pressure",),
-        "hose=stiffening": ("hose_stiffening_pressure",), "hose=viscoelastic": ("hose_delayed_share", "hose_delay_time"),
-        "hose=two_segments": ("hose_inertance", "hose_drop"), "friction=stribeck_tanh": ("friction_velocity",),
-        "friction=coulomb_viscous": ("friction_velocity",), "mount=hardening": ("hardening_angle",),
-        "swivel=bore_torque": ("bore_radius", "bore_stiffness"), "soft_ground=bulldozing": (),
-        "slip=relaxation": ("relaxation_longitudinal", "relaxation_lateral"),
-    }  # fmt: skip
-    return {key for option in chosen for key in needs.get(option, ())}
+    """Parameters that the family's options alone have."""
+    return {key for law, option in FAMILIES[family].items() for key in LAWS[law].parameters.get(option, ())}
 
 
 def searches(names: list[str], population: int, device: str, seed: int) -> list[Search]:
@@ -229,12 +217,25 @@ def searches(names: list[str], population: int, device: str, seed: int) -> list[
             keys = [
                 p.key
                 for p in machine.parameters()
-                if p.role in ("nuisance", "both") or (p.role == "law" and any(p.key.endswith(k) for k in needed))
+                if (p.role in ("nuisance", "both") or p.key in needed) and p.range[0] < p.range[1]
             ]
             keys = identifiable(machine, keys, device, rng)
             space = Space(machine, keys)
             print(f"{name} from {start}: {len(keys)} parameters", flush=True)
             out.append(Search(name, space, space.point(), rng, population))
+    return out
+
+
+def resumed(names: list[str], folder: Path, population: int, seed: int, step: float) -> list[Search]:
+    """One search a family from the best machine of an earlier run in ``folder``."""
+    fits = json.loads((folder / "fits.json").read_text())
+    out = []
+    for number, name in enumerate(names):
+        best = min((fit for fit in fits if fit["family"] == name), key=lambda fit: fit["cost"])
+        machine = Machine.load(best["start"]).with_default_priors().with_laws(name)
+        space = Space(machine, list(best["values"]))
+        start = space.places(list(best["values"].values()))
+        out.append(Search(name, space, start, np.random.default_rng((seed, number)), population, step))
     return out
 
 
@@ -255,18 +256,23 @@ def described(search: Search) -> dict[str, object]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--out", type=Path, required=True, help="folder of the results")
     parser.add_argument("--device", default="cpu", help="cpu or cuda:N")
     parser.add_argument("--families", nargs="+", default=list(FAMILIES), help="families to fit")
     parser.add_argument("--population", type=int, default=512, help="candidates a generation, family and start")
     parser.add_argument("--minutes", type=float, default=8.0, help="time to search")
     parser.add_argument("--generations", type=int, default=100000, help="generations at most")
+    parser.add_argument("--resume", type=Path, help="folder of an earlier run to start from")
+    parser.add_argument("--step", type=float, default=0.06, help="first step of a resumed search, share of a range")
     parser.add_argument("--seed", type=int, default=0, help="of all that is drawn")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     began = time.monotonic()
-    running = searches(given.families, given.population, given.device, given.seed)
+    if given.resume is None:
+        running = searches(given.families, given.population, given.device, given.seed)
+    else:
+        running = resumed(given.families, given.resume, given.population, given.seed, given.step)
     for generation in range(given.generations):
         if time.monotonic() - began > 60.0 * given.minutes:
             break
