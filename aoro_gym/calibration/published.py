@@ -133,7 +133,7 @@ def calibrate_published(
     with resumable(folder, inputs, restart=restart, accept_code_change=accept_code_change) as accepted:
         uncertain = [p.key for p in datasheet.parameters() if p.role in ("nuisance", "both")]
         work = Work(progress, _phases(len(uncertain), starts, population, ensemble))
-        comparison = _Comparison(*_targets(), device=device, work=work)
+        comparison = _Comparison(*published_targets(), device=device, work=work)
         work.begin("procedure", "the published procedure")
         start = published_procedure(datasheet, comparison.told("procedure", PROCEDURE))
         identifiable = comparison.identifiable(Space(start, uncertain), seed)
@@ -315,8 +315,8 @@ def _machines(comparison: _Comparison, space: Space, points: NDArray[np.float64]
     return machines, dropped
 
 
-def _targets() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Figures of the published twin and their tolerances, both (levels, figures)."""
+def published_targets() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Figures of the published twin at :data:`LEVELS` and their tolerances, both (levels, figures)."""
     rows = {row["signal_percent"]: row for row in published_rows() if row["source"] == "mevea"}
     target = np.array([[rows[turn.signal_percent][name] for name in FIGURES] for turn in LEVELS], dtype=np.float64)
     bounds = np.array([[bound if kind == "difference" else np.nan for kind, bound in TARGETS.values()]] * len(LEVELS))

@@ -20,19 +20,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.calibration.published import LEVELS, published_targets
 from aoro_gym.calibration.space import Space
 from aoro_gym.machine import Machine
 from aoro_gym.machine.laws import FAMILIES, LAWS
 from aoro_gym.simulation.key_figures import FIGURES, key_figures_batch
 from aoro_gym.twin import Twin
 from aoro_gym.twin.records import Output
-from aoro_gym.validation.published import published_rows
 from aoro_gym.validation.shape import SHAPE, shape_batch
-from aoro_gym.validation.study import TARGETS, TURN_TIME_TARGET
 from aoro_gym.validation.turns import repeated, stacked
 
-LEVELS = (100.0, 75.0, 50.0)
-"""Signals [%] of the left turns."""
+SIGNALS = np.array([turn.signal_percent for turn in LEVELS]) / 100.0
+"""Of the left turns."""
 BEFORE, TURNING = 0.6, 8.4
 """Rest and turn [s]: at 50 % the published twin takes 6.32 s; half a second of rest follows."""
 TICK = 0.01
@@ -55,22 +54,11 @@ IDENTIFIABLE = 0.05
 Floats = NDArray[np.float64]
 
 
-def targets() -> tuple[Floats, Floats]:
-    """Figures of the published twin and their tolerances, both (levels, figures)."""
-    rows = {row["signal_percent"]: row for row in published_rows() if row["source"] == "mevea"}
-    target = np.array([[rows[level][name] for name in FIGURES] for level in LEVELS], dtype=np.float64)
-    bounds = [bound * (1.0 if kind == "difference" else np.nan) for kind, bound in TARGETS.values()]
-    relative = np.array([bound for _, bound in TARGETS.values()]) * np.abs(target)
-    tolerance = np.where(np.isnan(bounds), relative, bounds)
-    tolerance[0, FIGURES.index("turn_time_s")] = TURN_TIME_TARGET
-    return target, tolerance
-
-
 def turned(machine: Machine, device: str, substeps: int = 30) -> tuple[Floats, NDArray[np.bool_]]:
     """Joint angles and both port pressures (3, frames, levels x N) of left turns at all levels, 100 frames a second, and
     whether each twin runs."""
     count = machine.num_variants
-    signal = np.repeat(np.array(LEVELS) / 100.0, count)
+    signal = np.repeat(SIGNALS, count)
     batch = repeated(machine, len(LEVELS))
     twin = Twin(len(signal), machine=batch, device=device, substeps=substeps, check_step=False)
     twin.reset(joint_angle=-np.broadcast_to(batch.joint.range, signal.shape))
@@ -98,7 +86,7 @@ def misses(machine: Machine, device: str, substeps: int = 30) -> Floats:
 
 def _part(machine: Machine, channels: Floats, sound: NDArray[np.bool_]) -> Floats:
     """Misses (R, N) of machines by their ``channels`` (3, frames, levels, N)."""
-    target, tolerance = targets()
+    target, tolerance = published_targets()
     clock = TICK * np.arange(channels.shape[1])
     out = []
     with np.errstate(all="ignore"):
@@ -241,7 +229,7 @@ def resumed(names: list[str], folder: Path, population: int, seed: int, step: fl
 
 def described(search: Search) -> dict[str, object]:
     """Best machine of a search: misses by figure, parameters at a bound, values."""
-    names = [f"{name} at {level:g} %" for level in LEVELS for name in FIGURES]
+    names = [f"{name} at {turn.signal_percent:g} %" for turn in LEVELS for name in FIGURES]
     found = dict(zip([*names, *SHAPE], search.found.tolist(), strict=True))
     figures = np.abs(search.found[: len(names)])
     return {

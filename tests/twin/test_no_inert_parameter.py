@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 import pytest
 
+from aoro_gym.machine.laws import LAWS
 from aoro_gym.machine.parameters import Machine
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.twin.records import WHEELS, State
@@ -160,7 +161,7 @@ def declared(machine: Machine) -> set[str]:
 
 
 def test_every_parameter_shows_or_says_why_not(machine):
-    keys = [entry.key for entry in machine.parameters() if entry.role != "law"]  # of laws that are not chosen here
+    keys = [entry.key for entry in machine.parameters() if entry.role != "law"]  # those: in the tests of laws below
     best = strength(machine, keys, (*CALM, fall))
     silent = {key for key, value in best.items() if value <= SEEN}
     assert silent == declared(machine)
@@ -175,6 +176,35 @@ def test_declared_parameters_show_where_they_matter(machine, key):
 
 def test_every_declared_parameter_has_its_own_setting(machine):
     assert declared(machine) == set(SPECIAL)
+
+
+def soft(machine: Machine, **options) -> Log:
+    """The turns of :func:`steer` on ground that yields."""
+    return steer(machine, terrain=Plane(rolling_resistance=4.0), **options)
+
+
+OF_LAWS = {(law, option): keys for law, one in LAWS.items() for option, keys in one.parameters.items()}
+"""Parameters that an option of a law alone has."""
+
+WITH: Mapping[tuple[str, str], Mapping[str, float]] = {
+    ("gas", "dissolving"): {"oil.gas_fraction": 0.005},
+    ("mount", "hardening"): {"joint.compliance": 1e-7},
+}
+"""Settings [file units] without which an option has nothing to act on."""
+
+
+def test_every_parameter_of_a_law_belongs_to_an_option(machine):
+    assert {key for keys in OF_LAWS.values() for key in keys} == {
+        e.key for e in machine.parameters() if e.role == "law"
+    }
+
+
+@pytest.mark.parametrize("chosen", OF_LAWS, ids="=".join)
+def test_parameters_of_a_law_show_where_it_is_chosen(machine, chosen):
+    law, option = chosen
+    other = machine.with_laws(**{law: option}).set(WITH.get(chosen, {}))
+    best = strength(other, OF_LAWS[chosen], (soft if law == "soft_ground" else steer,))
+    assert all(value > SEEN for value in best.values()), best
 
 
 def test_a_rerun_gives_the_same_bits(machine):

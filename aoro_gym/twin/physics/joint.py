@@ -16,15 +16,15 @@ from aoro_gym.twin.physics.friction import (
     seal_friction,
     smooth_drag,
 )
+from aoro_gym.twin.physics.laws import option
 from aoro_gym.twin.physics.mount import MountState, mount_step
 from aoro_gym.twin.physics.steering import steering_torque
 from aoro_gym.twin.physics.steering_circuit import Steering, SteeringGeometry, SteeringState
 
-# numbers of the laws in aoro_gym.machine.laws
-PRESLIDING = wp.constant(0)
-LUGRE = wp.constant(1)
-COULOMB_VISCOUS = wp.constant(3)
-HARDENING = wp.constant(1)
+PRESLIDING = option("friction", "presliding")
+LUGRE = option("friction", "lugre")  # the smooth laws come behind it
+COULOMB_VISCOUS = option("friction", "coulomb_viscous")
+HARDENING = option("mount", "hardening")
 
 SLIDING = wp.constant(1.0e3)  # [rad/s] at which nothing of the seals' static friction is left
 

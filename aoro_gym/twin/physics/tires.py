@@ -15,12 +15,12 @@ import warp as wp
 
 from aoro_gym.twin.physics.friction import bristle_step
 from aoro_gym.twin.physics.ground import Footing, ground_height, penetration
+from aoro_gym.twin.physics.laws import option
 
-# numbers of the laws in aoro_gym.machine.laws
-CONTACT_POINT = wp.constant(0)
-FIVE_DISCS = wp.constant(1)
-LUGRE = wp.constant(0)
-BULLDOZING = wp.constant(1)
+CONTACT_POINT = option("swivel", "contact_point")
+FIVE_DISCS = option("swivel", "five_discs")
+LUGRE = option("slip", "lugre")
+BULLDOZING = option("soft_ground", "bulldozing")
 
 ROLLING_REGULARISATION = wp.constant(0.05)  # [rad/s] wheel rate below which rolling resistance fades
 DISC_BLEND = wp.constant(0.002)  # [m] of depth by which discs differ that share the contact
