@@ -33,6 +33,7 @@ from aoro_gym.agents.evaluation.cached_episodes import EpisodeCache
 from aoro_gym.agents.evaluation.result import Evaluation
 from aoro_gym.agents.evaluation.tasks import TASKS
 from aoro_gym.agents.policies.files import load_policy, shipped_policies
+from aoro_gym.checks import check_choice, check_integer
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.machine import Machine
 
@@ -63,9 +64,8 @@ def policy_factory(env: str, name: str, *, trust_pickle: bool = False) -> Factor
     Raises ValueError if there is none of this name, naming those that there are, or if the file does not hold a policy for
     this environment; OSError if there is no such file.
     """
-    controllers = REFERENCE_POLICIES.get(env)
-    if controllers is None:
-        raise ValueError(f"{env!r} cannot be evaluated; choose one of: {', '.join(TASKS)}")
+    check_choice("env", env, TASKS)
+    controllers = REFERENCE_POLICIES[env]
     if name in controllers:
         return controllers[name]
     shipped = shipped_policies(env)
@@ -144,10 +144,8 @@ def evaluate(
 
 def _check(env: str, policies: Mapping[str, Factory], episodes: int, repeats: int) -> None:
     """Raise ValueError that names an argument of :func:`evaluate` which is wrong."""
-    if env not in TASKS:
-        raise ValueError(f"{env!r} cannot be evaluated; choose one of: {', '.join(TASKS)}")
-    for name, value in (("episodes", episodes), ("repeats", repeats)):
-        if value < 1:
-            raise ValueError(f"{name} is {value}, but must be at least 1")
+    check_choice("env", env, TASKS)
+    check_integer("episodes", episodes)
+    check_integer("repeats", repeats)
     if not policies:
         raise ValueError("policies is empty; give at least one")

@@ -17,6 +17,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.checks import check_choice
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.effects.effect import MachineEffect, Magnitude
@@ -129,8 +130,8 @@ def drawn_machines(laws: str | None = None, perturbation: str | None = None) -> 
 
     Raises ValueError that lists what there is.
     """
-    if perturbation is not None and perturbation not in PERTURBATIONS:
-        raise ValueError(f"perturbation is {perturbation!r}; choose one of: {', '.join(PERTURBATIONS)}")
+    if perturbation is not None:
+        check_choice("perturbation", perturbation, PERTURBATIONS)
     perturb = unperturbed if perturbation is None else PERTURBATIONS[perturbation]
     if laws is None or not draws(laws):
         return perturb

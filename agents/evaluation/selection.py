@@ -9,6 +9,7 @@ from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES, Factory
 from aoro_gym.agents.evaluation.evaluate import policy_factory
 from aoro_gym.agents.evaluation.tasks import TASKS
 from aoro_gym.agents.policies.files import shipped_policies
+from aoro_gym.checks import check_choice, check_integer
 
 MOST_EPISODES = 10_000
 """Of one evaluation."""
@@ -24,12 +25,12 @@ def named_policies(env: str, asked: Sequence[str] | None, *, trust_pickle: bool 
 
     Raises ValueError if there is no such environment or policy, or one is named twice; OSError if a file is missing.
     """
-    if env not in TASKS:
-        raise ValueError(f"--env {env!r} cannot be evaluated; choose one of: {', '.join(TASKS)}")
+    check_choice("--env", env, TASKS)
     names = asked or [*REFERENCE_POLICIES[env], *shipped_policies(env)]
     policies = {_label(name): policy_factory(env, name, trust_pickle=trust_pickle) for name in names}
     if len(policies) < len(names):
-        raise ValueError("--policy names the same one twice; give each once")
+        twice = next(name for name in names if list(map(_label, names)).count(_label(name)) > 1)
+        raise ValueError(f"--policy names {twice} twice; give each once")
     return policies
 
 
@@ -46,5 +47,4 @@ def check_episodes(episodes: int, repeats: int = 1) -> None:
         ("repeats", repeats),
         ("episodes times --repeats", episodes * repeats),
     ):
-        if not 1 <= value <= MOST_EPISODES:
-            raise ValueError(f"--{option} = {value} is outside [1, {MOST_EPISODES}]")
+        check_integer(f"--{option}", value, le=MOST_EPISODES)

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.checks import check_finite
+
 FORMAT, FORMATS = 2, (1, 2)
 """Of the files that are written, and those that are read; those of 1 do not say which numbers they are of."""
 
@@ -106,6 +108,5 @@ def read_array(arrays: Mapping[str, NDArray[Any]], name: str, dimensions: int, k
         raise ValueError(
             f"{name} has shape {found.shape} and type {found.dtype}, but must be {dimensions}-dimensional floats"
         )
-    if not np.isfinite(found).all():
-        raise ValueError(f"{name} holds numbers that are not finite")
+    check_finite(name, found)
     return found.astype(kind, copy=False)

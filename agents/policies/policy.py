@@ -32,6 +32,7 @@ from aoro_gym.agents.policies.description import (
     read_numbers,
     shortened,
 )
+from aoro_gym.checks import check_choice, check_finite, check_range
 from aoro_gym.execution.files import read_json, written_whole
 
 Observations = NDArray[np.float32]
@@ -94,26 +95,24 @@ class LearnedPolicy:
     """How the policy came about: command, seed, steps, revision, …"""
 
     def __post_init__(self) -> None:
-        if self.activation not in ACTIVATIONS:
-            raise ValueError(f"activation is {self.activation!r}; choose one of: {', '.join(ACTIVATIONS)}")
+        check_choice("activation", self.activation, ACTIVATIONS)
         sizes = [self.weights[0].shape[1], *(len(weight) for weight in self.weights)]
         for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             if weight.shape != (sizes[k + 1], sizes[k]) or bias.shape != (sizes[k + 1],):
                 raise ValueError(
                     f"layer {k} has weights {weight.shape} and biases {bias.shape}, but follows {sizes[k]} numbers"
                 )
-            if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
-                raise ValueError(f"layer {k} holds numbers that are not finite")
+            check_finite(f"layer{k}.weight", weight)
+            check_finite(f"layer{k}.bias", bias)
         if self.low.shape != (sizes[-1],) or self.high.shape != (sizes[-1],):
             raise ValueError(f"the network gives {sizes[-1]} actions, but {self.low.shape[0]} have bounds")
-        if not (self.low <= self.high).all():
-            raise ValueError("the lower bound of an action is above the upper one")
+        for k in np.flatnonzero(~(self.low <= self.high)):
+            raise ValueError(f"action.low[{k}] is {self.low[k]}, but must be at most action.high[{k}], {self.high[k]}")
         if self.normalisation is not None:
             for moment in (self.normalisation.mean, self.normalisation.variance):
                 if moment.shape != (sizes[0],):
                     raise ValueError(f"the network takes {sizes[0]} numbers, but {len(moment)} are normalised")
-            if not (self.normalisation.variance >= 0.0).all():
-                raise ValueError("a variance of the normalisation is below 0")
+            check_range("observation.variance", self.normalisation.variance, ge=0.0)
 
     @property
     def sizes(self) -> list[int]:

@@ -20,6 +20,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
+from aoro_gym.checks import check_choice
 from aoro_gym.envs.core.randomisation import Randomisation
 from aoro_gym.envs.core.task import Task
 from aoro_gym.envs.core.terms import RewardTerm, changed_rewards
@@ -94,12 +95,10 @@ def _stage(env: str, entry: Any) -> Stage:
     values = {"base": asked} if isinstance(asked, str) else dict(asked)
     base = values.pop("base", "fixed")
     spreads = SPREADS[env]
-    if base not in spreads:
-        raise ValueError(f"randomisation is {base!r}; choose one of: {', '.join(spreads)}")
+    check_choice("randomisation", base, spreads)
     names = [one.name for one in fields(spreads[base])]
     for name in values:
-        if name not in names:
-            raise ValueError(f"randomisation has the unknown field {name!r}; choose from: {', '.join(names)}")
+        check_choice("field of randomisation", name, names)
     spread = replace(spreads[base], **{name: _tuples(value) for name, value in values.items()})
     further = FURTHER_TERMS[env]
     rewards = {

@@ -32,6 +32,7 @@ from aoro_gym.agents.training.perceptron import perceptron
 from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.agents.training.recipe import check_positive_integers
 from aoro_gym.agents.training.vec_env import make_vec_env
+from aoro_gym.checks import check_range
 from aoro_gym.envs.core.vector import TwinVectorEnv
 from aoro_gym.envs.path_tracking import observations as path_tracking
 from aoro_gym.envs.turning import observations as turning
@@ -79,8 +80,7 @@ class Hyperparams:
                 f"buffer_size is {self.buffer_size}, but must hold a rollout, n_envs * n_steps = "
                 f"{self.n_envs * self.n_steps}"
             )
-        if not 0.0 <= self.action_noise < math.inf:
-            raise ValueError(f"action_noise is {self.action_noise}, but must be at least 0 and finite")
+        check_range("action_noise", self.action_noise, ge=0.0, lt=math.inf)
 
 
 class Dagger:

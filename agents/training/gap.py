@@ -36,6 +36,7 @@ from aoro_gym.agents.evaluation.tasks import TASKS
 from aoro_gym.agents.policies.files import shipped_policies
 from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training.plan import TrainingPlan
+from aoro_gym.checks import check_range
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.execution.files import read_json
 from aoro_gym.machine import Machine
@@ -264,11 +265,7 @@ def with_effects(machine: Machine, asked: Sequence[str]) -> Machine:
             raise ValueError(f"{text!r} is not NAME=VALUE, such as seal_friction=3000") from None
         effect = SWITCHABLE[name]
         for value, magnitude in zip(magnitudes, effect.magnitudes, strict=False):
-            if not magnitude.low <= value <= magnitude.high:
-                unit = f" {magnitude.unit}" if magnitude.unit else ""
-                raise ValueError(
-                    f"{name}: {magnitude.name} = {value:g}{unit} must lie in [{magnitude.low:g}, {magnitude.high:g}]{unit}"
-                )
+            check_range(f"{name}: {magnitude.name}", value, magnitude.unit, ge=magnitude.low, le=magnitude.high)
         machine = effect.apply(machine, *magnitudes)
     return machine
 

@@ -11,6 +11,8 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
+from aoro_gym.checks import check_choice, check_integer
+
 HYPERPARAMS = Path(__file__).parents[1] / "hyperparams"
 """Hyper-parameters by algorithm, in the RL Zoo's format, and curricula."""
 ALGORITHMS = ("ppo", "sac", "dagger")
@@ -76,10 +78,8 @@ class TrainingPlan:
     eval_episodes: int = option(32, "N", "Episodes of an evaluation, on seeds and terrains that are held out.")
 
     def __post_init__(self) -> None:
-        if self.algo not in ALGORITHMS:
-            raise ValueError(f"algo is {self.algo!r}; choose one of: {', '.join(ALGORITHMS)}")
-        if self.trainer not in TRAINERS:
-            raise ValueError(f"trainer is {self.trainer!r}; choose one of: {', '.join(TRAINERS)}")
+        check_choice("algo", self.algo, ALGORITHMS)
+        check_choice("trainer", self.trainer, TRAINERS)
         if self.algo not in TRAINERS[self.trainer]:
             raise ValueError(
                 f"algo is {self.algo!r}, but the trainer {self.trainer!r} has {', '.join(TRAINERS[self.trainer])} only; "
@@ -88,9 +88,8 @@ class TrainingPlan:
         for name, least in (
             ("seed", 0), ("steps", 1), ("n_envs", 1), ("forests", 1), ("checkpoint_every", 1), ("eval_episodes", 1),
         ):  # fmt: skip
-            value = getattr(self, name)
-            if value is not None and value < least:
-                raise ValueError(f"{name} is {value}, but must be at least {least}")
+            if getattr(self, name) is not None:
+                check_integer(name, getattr(self, name), ge=least)
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> TrainingPlan:

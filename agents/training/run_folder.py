@@ -15,6 +15,7 @@ from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training.learner import versions
 from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.agents.training.recipe import Recipe, read_recipe
+from aoro_gym.checks import check_choice
 from aoro_gym.execution.files import read_json, write_json
 from aoro_gym.execution.locking import locked
 from aoro_gym.execution.provenance import PROVENANCE, check_provenance
@@ -34,8 +35,7 @@ def begin(plan: TrainingPlan, folder: Path, *, restart: bool = False) -> Recipe:
         raise ValueError(
             f"{folder} holds a training; give --resume {folder} to go on, --restart to begin anew, or another --out"
         )
-    if plan.env not in TASKS:
-        raise ValueError(f"env is {plan.env!r}; choose one of: {', '.join(TASKS)}")
+    check_choice("env", plan.env, TASKS)
     drawn_machines(plan.laws, plan.perturbation)
     recipe = read_recipe(plan)
     if plan.start is not None:

@@ -23,6 +23,7 @@ from aoro_gym.agents.training.plan import HYPERPARAMS, TrainingPlan
 from aoro_gym.agents.training.recipe import entry_of, read_recipe
 from aoro_gym.agents.training.run_folder import EVALUATIONS, continued
 from aoro_gym.agents.training.train import inputs_of, train
+from aoro_gym.checks import check_range
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.execution.cluster import RETRIES, connected
 from aoro_gym.execution.files import read_json, write_json, write_text
@@ -66,8 +67,8 @@ class Dimension:
             return
         if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
             raise ValueError(f"{self.name} lies from {self.low} to {self.high}; give low < high, or a list of choices")
-        if self.log and self.low <= 0.0:
-            raise ValueError(f"{self.name} begins at {self.low}, but must be above 0 where log is true")
+        if self.log:
+            check_range(f"low of {self.name}", self.low, gt=0.0, note=" where log is true")
 
     def text(self, value: Any) -> str:
         """A value as ``NAME=VALUE``."""

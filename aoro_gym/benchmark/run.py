@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -17,6 +16,7 @@ from aoro_gym.benchmark.startup import time_startup
 from aoro_gym.benchmark.timing import Subject, computer, measure
 from aoro_gym.benchmark.trainings import trainings
 from aoro_gym.benchmark.twins import twins
+from aoro_gym.checks import check_choice, check_integer, check_range
 from aoro_gym.envs.registration import ENVIRONMENTS
 from aoro_gym.machine import Machine
 from aoro_gym.twin.twin import cores
@@ -61,19 +61,15 @@ class Plan:
         on_cpu = self.device == "cpu"
         for name, known in (("what", WHAT), ("trainers", tuple(TRAINERS)), ("peers", tuple(peers.WORLDS))):
             for value in getattr(self, name):
-                if value not in known:
-                    raise ValueError(f"{name} {value!r} is unknown; choose from: {', '.join(known)}")
+                check_choice(name, value, known)
         for name, known in (("ground", GROUNDS), ("env", tuple(ENVIRONMENTS)), ("output", OUTPUTS)):
-            if getattr(self, name) not in known:
-                raise ValueError(f"{name} {getattr(self, name)!r} is unknown; choose one of: {', '.join(known)}")
+            check_choice(name, getattr(self, name), known)
         for name, most in (("twins", MOST_TWINS), ("worlds", MOST_TWINS), ("threads", cores())):
             for count in getattr(self, name):
-                if not 1 <= count <= most:
-                    raise ValueError(f"{name} holds {count}, but must be whole numbers from 1 to {most}")
+                check_integer(name, count, le=most)
         if self.threads and not on_cpu:
             raise ValueError(f"threads is given, but {self.device} needs none; drop it, or take device cpu")
-        if not (math.isfinite(self.seconds) and 0.0 < self.seconds <= 600.0):
-            raise ValueError(f"seconds = {self.seconds:g} is outside (0, 600] s")
+        check_range("seconds", self.seconds, "s", gt=0.0, le=600.0)
         if not self.twins or not self.what:
             raise ValueError("there is nothing to time; give twins and what")
         if self.env != ENVIRONMENT and self.ground != "plane" and {"env", "train"} & set(self.what):

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
+from aoro_gym.checks import check_choice
 from aoro_gym.cli import options
 from aoro_gym.cli.options import argument, option
 from aoro_gym.cli.outcome import checking_input, print_all, resumable, running, say_error, say_written
@@ -71,8 +72,7 @@ def seal(
         from aoro_gym.execution.files import check_writable
 
         for option, value, known in (("suite", suite, SUITES), ("family", family, FAMILIES)):
-            if value not in known:
-                raise ValueError(f"--{option} {value!r} is unknown; choose one of: {', '.join(known)}")
+            check_choice(f"--{option}", value, known)
         if seed is not None:
             options.check_seed(seed)
         file = answers_file(folder, answers)

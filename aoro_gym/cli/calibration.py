@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from aoro_gym.checks import check_integer
 from aoro_gym.cli import options
 from aoro_gym.cli.options import argument, option
 from aoro_gym.cli.outcome import checking_input, print_all, resumable, running, say_error, say_written
@@ -196,8 +197,8 @@ def calibrate(
 
         _check_source(published, use_logs, logs)
         for option, value, least in (("ensemble", ensemble, 0), ("starts", starts, 1), ("population", population, 2)):
-            if value is not None and value < least:
-                raise ValueError(f"--{option} = {value} is below {least}")
+            if value is not None:
+                check_integer(f"--{option}", value, ge=least)
         check_output(out, logs or [])
         chosen = options.load(options.run_spec(machine, set_, scale, device, seed))
         for path in logs or []:

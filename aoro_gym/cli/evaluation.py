@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from aoro_gym.agents.training.plan import JOIN_GAPS_HELP, PATH_CRS_HELP, PATH_HELP, TRACK_HELP
+from aoro_gym.checks import check_integer
 from aoro_gym.cli import options
 from aoro_gym.cli.courses import load_courses, training_courses
 from aoro_gym.cli.options import argument, option
@@ -315,8 +316,7 @@ def gap(
         options.check_folder(out, "gap.json")
         _, make = next(iter(named_policies(env, [policy]).items()))
         check_episodes(episodes)
-        if retrain < 0:
-            raise ValueError(f"--retrain = {retrain} is below 0")
+        check_integer("--retrain", retrain, ge=0)
         run = options.run_spec(machine, set_, scale, device, seed)
         improved = gaps.improved_machine(diagnosis, improved)
         chosen = options.load(run)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from aoro_gym.checks import check_integer
 from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
@@ -117,8 +118,7 @@ def load(run: RunSpec, *, draw: bool = True) -> Machine:
 
 
 def check_seed(seed: int) -> None:
-    if seed < 0:
-        raise ValueError(f"--seed = {seed} is below 0")
+    check_integer("--seed", seed, ge=0)
 
 
 def check_device(device: str) -> None:
@@ -134,8 +134,8 @@ def check_device(device: str) -> None:
 def check_workers(asked: int | None) -> int:
     from aoro_gym.twin.twin import cores
 
-    if asked is not None and asked < 1:
-        raise ValueError(f"--workers = {asked} is below 1")
+    if asked is not None:
+        check_integer("--workers", asked)
     return cores() if asked is None else asked
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from aoro_gym.agents.training.plan import TrainingPlan
+from aoro_gym.checks import check_integer
 from aoro_gym.cli import options
 from aoro_gym.cli.courses import training_courses
 from aoro_gym.cli.options import argument, option
@@ -146,8 +147,8 @@ def _check_combination(context: typer.Context, *, planned: Any, **given: Any) ->
         if wrong:
             raise ValueError(message)
     for name in ("seeds", "trials"):
-        if given[name] is not None and given[name] < 1:
-            raise ValueError(f"--{name} = {given[name]} is below 1")
+        if given[name] is not None:
+            check_integer(f"--{name}", given[name])
     for name in ("out", *planned) if resume else ():
         source = context.get_parameter_source(name)
         if source is not None and source.name != "DEFAULT":

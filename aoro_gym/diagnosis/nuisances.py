@@ -15,6 +15,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from aoro_gym.calibration.space import Space
+from aoro_gym.checks import check_choice
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.machine import Machine
 from aoro_gym.machine.machine_file import Parameter
@@ -44,8 +45,7 @@ class Nuisances:
     """
 
     def __init__(self, machine: Machine, spread: str, uncertain: Floats | None = None):
-        if spread not in SPREADS:
-            raise ValueError(f"spread {spread!r}: choose one of {', '.join(SPREADS)}")
+        check_choice("spread", spread, SPREADS)
         entries = [entry for entry in machine.entries.values() if entry.role in ("nuisance", "both")]
         self.machine = machine
         self.space = Space(machine, [entry.key for entry in entries])

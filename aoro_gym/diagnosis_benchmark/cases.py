@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.checks import check_choice
 from aoro_gym.diagnosis_benchmark.plants.constants import constants_of
 from aoro_gym.diagnosis_benchmark.plants.effects import EFFECTS, OUTSIDE, PlantEffect
 from aoro_gym.diagnosis_benchmark.plants.runs import TICK, Run
@@ -307,8 +308,7 @@ def plan(suite: Suite, *, mode: str, family: Family, seed: int) -> list[Case]:
     Raises:
         ValueError: the mode is unknown, or a machine's file leaves no room to vary it.
     """
-    if mode not in MODES:
-        raise ValueError(f"mode {mode!r}: choose one of {', '.join(MODES)}")
+    check_choice("mode", mode, MODES)
     label = [seed, *f"{suite.name} {mode} {family.name}".encode()]
     rng = np.random.default_rng(label)
     drawn: list[tuple[str, int, list[str]]] = []

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from aoro_gym.checks import check_choice
 from aoro_gym.diagnosis.recording import SENSORS
 from aoro_gym.diagnosis.sharing import PREFIX, sharing
 from aoro_gym.execution.cluster import Failed, connected, on_ray
@@ -76,8 +77,7 @@ def run_cases(
         ChangedInput, ChangedCode: see :func:`~aoro_gym.execution.provenance.check_provenance`.
     """
     cases, logged = sealed_cases(folder), logged_sensors(folder)
-    if sensors not in SENSORS:
-        raise ValueError(f"sensors {sensors!r}: choose one of {', '.join(SENSORS)}")
+    check_choice("sensors", sensors, SENSORS)
     if not set(SENSORS[sensors]) <= set(SENSORS[logged]):
         raise ValueError(f"sensors {sensors!r}: the cases in {folder} log {logged!r} only")
     about = {"sensors": sensors, "cases": read_json(folder / "seal.json")["sha256"]["cases"]}

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from aoro_gym.checks import check_choice
 from aoro_gym.diagnosis.recording import SENSORS
 from aoro_gym.diagnosis_benchmark.cases import Case, Family, Suite, plan
 from aoro_gym.diagnosis_benchmark.plants.constants import COMMISSIONED_CELSIUS
@@ -86,8 +87,7 @@ def write_cases(
         ChangedInput, ChangedCode: see :func:`~aoro_gym.execution.provenance.check_provenance`.
         ChildProcessError: a batch failed; the others that ended are kept.
     """
-    if sensors not in SENSORS:
-        raise ValueError(f"sensors {sensors!r}: choose one of {', '.join(SENSORS)}")
+    check_choice("sensors", sensors, SENSORS)
     if answers.resolve().is_relative_to(folder.resolve()):
         raise ValueError(f"answers {answers} lie within {folder}, where the diagnosis reads; keep them outside")
     asked = {

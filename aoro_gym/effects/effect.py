@@ -40,6 +40,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from aoro_gym.checks import check_choice, check_range
 from aoro_gym.machine.parameters import Machine
 from aoro_gym.machine.quantities import UNITS, Quantity, as_quantity
 from aoro_gym.terrains.plane import Plane
@@ -67,16 +68,14 @@ class Magnitude:
     least: float | None = None  # from which on it counts as a cause, where that is not at once; ``none`` is then below
 
     def __post_init__(self) -> None:
-        if self.scale not in ("linear", "log"):
-            raise ValueError(f"magnitude {self.name}: scale = {self.scale!r} must be linear or log")
-        if not self.low <= self.none <= self.high or self.low == self.high:
-            raise ValueError(f"magnitude {self.name}: none = {self.none:g} must lie in [{self.low:g}, {self.high:g}]")
-        if self.least is not None and not self.none < self.least < self.high:
-            raise ValueError(
-                f"magnitude {self.name}: least = {self.least:g} must lie between none = {self.none:g} and {self.high:g}"
-            )
-        if self.scale == "log" and self.low <= 0.0:
-            raise ValueError(f"magnitude {self.name}: low = {self.low:g} must be above 0 on a log scale")
+        of = f"of magnitude {self.name}"
+        check_choice(f"scale {of}", self.scale, ("linear", "log"))
+        check_range(f"low {of}", self.low, self.unit, lt=self.high, note=", which is high")
+        check_range(f"none {of}", self.none, self.unit, ge=self.low, le=self.high)
+        if self.least is not None:
+            check_range(f"least {of}", self.least, self.unit, gt=self.none, lt=self.high)
+        if self.scale == "log":
+            check_range(f"low {of}", self.low, self.unit, gt=0.0, note=" on a log scale")
 
 
 @dataclass(frozen=True)
@@ -103,8 +102,7 @@ class Effect:
     """Where it does not show; empty if standing turns tell."""
 
     def __post_init__(self) -> None:
-        if self.component not in COMPONENTS:
-            raise ValueError(f"effect {self.id}: component = {self.component!r}; choose one of {', '.join(COMPONENTS)}")
+        check_choice(f"component of effect {self.id}", self.component, COMPONENTS)
         if len(self.magnitudes) not in (1, 2):
             raise ValueError(f"effect {self.id} has {len(self.magnitudes)} magnitudes, but must have one or two")
 

@@ -17,6 +17,8 @@ from multiprocessing.connection import Connection, wait
 from threading import Thread
 from typing import Any
 
+from aoro_gym.checks import check_integer
+
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """What BLAS libraries ask when they are loaded for the number of their threads."""
 
@@ -50,8 +52,7 @@ def spread(
     Raises:
         ValueError: there is less than one worker.
     """
-    if workers < 1:
-        raise ValueError(f"workers = {workers}: let at least one process work")
+    check_integer("workers", workers)
     waiting = list(jobs.items())[::-1]
     staff: dict[Connection, _Worker] = {}
     try:

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from aoro_gym.checks import check_choice, check_integer, check_range
+
 if TYPE_CHECKING:
     from aoro_gym.machine.sections import SteeringCylinder
 
@@ -86,8 +88,7 @@ def low_pass(
 
 def _butterworth(order: int, cutoff: float, rate: float) -> NDArray[np.float64]:
     """Second-order sections of one pass."""
-    if not 0.0 < cutoff < 0.5 * rate:
-        raise ValueError(f"cutoff is {cutoff:g} Hz, but must be in (0, {0.5 * rate:g}) Hz at {rate:g} samples a second")
+    check_range("cutoff", cutoff, "Hz", gt=0.0, lt=0.5 * rate, note=f" at {rate:g} samples a second")
     from scipy.signal import butter  # half a second to import
 
     return np.asarray(butter(order, cutoff, fs=rate, output="sos"))
@@ -136,15 +137,11 @@ class MeasuringChain:
     """Age [s] of the angle that a sample shows."""
 
     def __post_init__(self) -> None:
-        if self.filter not in FILTERS:
-            raise ValueError(f"filter is {self.filter!r}; choose one of: {', '.join(FILTERS)}")
-        if self.order < 1:
-            raise ValueError(f"order is {self.order}, but must be at least 1")
-        for name in ("cutoff", "window", "rate"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise ValueError(f"{name} is {getattr(self, name)}, but must be above 0 and finite")
-        if not 0.0 <= self.latency < math.inf:
-            raise ValueError(f"latency is {self.latency} s, but must be at least 0 and finite")
+        check_choice("filter", self.filter, FILTERS)
+        check_integer("order", self.order)
+        for name, unit in (("cutoff", "Hz"), ("window", "s"), ("rate", "Hz")):
+            check_range(name, getattr(self, name), unit, gt=0.0, lt=math.inf)
+        check_range("latency", self.latency, "s", ge=0.0, lt=math.inf)
 
     def sampled(self, time: ArrayLike, angle: ArrayLike, *, offset: float = 0.0) -> Any:
         """Ticks [s] (K,) of the sampler's clock, and the angles (K, ...) that it takes at them; see :func:`sample`.

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aoro_gym.checks import check_integer, check_range
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index
 from aoro_gym.sensors.attitude import in_world, wrapped
 from aoro_gym.sensors.noise import (
@@ -47,8 +48,7 @@ class Antennas:
     """The one that the heading is measured to."""
 
     def __post_init__(self) -> None:
-        if self.baseline < 0.1:
-            raise ValueError(f"the antennas are {self.baseline:.3f} m apart in the plan, but must be 0.1 m or more")
+        check_range("baseline", self.baseline, "m", ge=0.1, note=" in the plan; set the antennas farther apart")
 
     @property
     def baseline(self) -> float:
@@ -74,10 +74,8 @@ class FixLoss:
 
     def __post_init__(self) -> None:
         for name in ("interval", "float_duration", "none_duration"):
-            if not getattr(self, name) > 0.0:
-                raise ValueError(f"{name} is {getattr(self, name)} s, but must be above 0")
-        if not 0.0 <= self.none_share <= 1.0:
-            raise ValueError(f"none_share is {self.none_share}, but must be in [0, 1]")
+            check_range(name, getattr(self, name), "s", gt=0.0)
+        check_range("none_share", self.none_share, ge=0.0, le=1.0)
 
 
 @dataclass(frozen=True)
@@ -96,11 +94,9 @@ class GpsNoise:
 
     def __post_init__(self) -> None:
         for name in ("white", "drift", "relative", "vertical", "float_drift", "float_relative"):
-            if not getattr(self, name) >= 0.0:
-                raise ValueError(f"{name} is {getattr(self, name)}, but must be at least 0")
+            check_range(name, getattr(self, name), ge=0.0)
         for name in ("drift_time", "float_drift_time"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise ValueError(f"{name} is {getattr(self, name)} s, but must be above 0 and finite")
+            check_range(name, getattr(self, name), "s", gt=0.0, lt=math.inf)
 
     @classmethod
     def typical(cls, loss: FixLoss | None = None) -> GpsNoise:
@@ -163,12 +159,9 @@ class Gps:
         interval: float = 0.05,
         arrays: Arrays = HOST,
     ):
-        if num_twins < 1:
-            raise ValueError(f"num_twins is {num_twins}, but must be at least 1")
-        if not 0.0 <= latency <= 1.0:
-            raise ValueError(f"latency is {latency} s, but must be in [0, 1] s")
-        if not 0.0 < interval <= 1.0 / RATE:
-            raise ValueError(f"interval is {interval} s, but must be in (0, {1.0 / RATE}] s: no solution may be missed")
+        check_integer("num_twins", num_twins)
+        check_range("latency", latency, "s", ge=0.0, le=1.0)
+        check_range("interval", interval, "s", gt=0.0, le=1.0 / RATE, note=": no solution may be missed")
         self.num_twins = num_twins
         self.noise = GpsNoise.typical() if noise is None else noise
         self.antennas = Antennas() if antennas is None else antennas

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aoro_gym.checks import check_integer, check_range
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats, namespace
 from aoro_gym.sensors.chain import SAMPLE_RATE
 from aoro_gym.sensors.noise import (
@@ -41,11 +42,9 @@ class ImuNoise:
 
     def __post_init__(self) -> None:
         for name in ("rate_white", "rate_bias", "force_white", "force_bias", "attitude_white", "attitude_drift"):
-            if not getattr(self, name) >= 0.0:
-                raise ValueError(f"{name} is {getattr(self, name)}, but must be at least 0")
+            check_range(name, getattr(self, name), ge=0.0)
         for name in ("bias_time", "attitude_time"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise ValueError(f"{name} is {getattr(self, name)} s, but must be above 0 and finite")
+            check_range(name, getattr(self, name), "s", gt=0.0, lt=math.inf)
 
     @classmethod
     def typical(cls) -> ImuNoise:
@@ -96,8 +95,7 @@ class Imu:
         accelerometers: bool = True,
         arrays: Arrays = HOST,
     ):
-        if num_twins < 1:
-            raise ValueError(f"num_twins is {num_twins}, but must be at least 1")
+        check_integer("num_twins", num_twins)
         self.num_twins = num_twins
         self.noise = ImuNoise.typical() if noise is None else noise
         self.scale = arrays.ones(num_twins)

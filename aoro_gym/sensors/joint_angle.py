@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from aoro_gym.checks import check_finite, check_integer, check_range
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats, namespace
 from aoro_gym.sensors.chain import SAMPLE_RATE, sample, sampling_rate
 from aoro_gym.sensors.noise import (
@@ -36,8 +37,8 @@ class NoiseLine:
     amplitude: float  # [rad]
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.low <= self.high or not self.amplitude >= 0.0:
-            raise ValueError(f"{self}: needs 0 <= low <= high and an amplitude of at least 0")
+        check_range("low", self.low, "Hz", ge=0.0, le=self.high)
+        check_range("amplitude", self.amplitude, "rad", ge=0.0)
 
 
 @dataclass(frozen=True)
@@ -49,8 +50,8 @@ class JointAngleNoise:
     resolution: float = 0.0  # [rad] of the quantiser; 0: none
 
     def __post_init__(self) -> None:
-        if not (self.white >= 0.0 and self.resolution >= 0.0):
-            raise ValueError(f"white = {self.white} and resolution = {self.resolution} must be at least 0 rad")
+        check_range("white", self.white, "rad", ge=0.0)
+        check_range("resolution", self.resolution, "rad", ge=0.0)
 
     @classmethod
     def published(cls) -> JointAngleNoise:
@@ -144,18 +145,15 @@ class JointAngleSensor:
         interval: float = 1.0 / SAMPLE_RATE,
         arrays: Arrays = HOST,
     ):
-        if num_twins < 1:
-            raise ValueError(f"num_twins is {num_twins}, but must be at least 1")
-        if not interval > 0.0:
-            raise ValueError(f"interval is {interval} s, but must be above 0")
-        if cutoff is not None and not cutoff > 0.0:
-            raise ValueError(f"cutoff is {cutoff} Hz, but must be above 0, or None for no low-pass")
+        check_integer("num_twins", num_twins)
+        check_range("interval", interval, "s", gt=0.0)
+        if cutoff is not None:
+            check_range("cutoff", cutoff, "Hz", gt=0.0, note=", or None for no low-pass")
         self.num_twins = num_twins
         self.noise = JointAngleNoise.published() if noise is None else noise
         self.delay = _one_a_twin("delay", delay, num_twins)
         self.gain = _one_a_twin("gain", gain, num_twins)
-        if not np.all(self.delay >= 0.0):
-            raise ValueError(f"delay is {self.delay.min():g} s, but must be at least 0")
+        check_range("delay", self.delay, "s", ge=0.0)
         self._arrays = arrays
         self._own_gain = arrays.asarray(self.gain)
         self.cutoff = cutoff
@@ -286,6 +284,7 @@ def _first_order(cutoff: float, step: float) -> tuple[float, float, float]:
 
 def _one_a_twin(name: str, value: ArrayLike, count: int) -> NDArray[np.float64]:
     array = np.asarray(value, dtype=np.float64)
-    if array.shape not in ((), (count,)) or not np.all(np.isfinite(array)):
-        raise ValueError(f"{name} has shape {array.shape}, but must be finite and a scalar or ({count},)")
+    if array.shape not in ((), (count,)):
+        raise ValueError(f"{name} has shape {array.shape}, but must be a scalar or ({count},)")
+    check_finite(name, array)
     return np.broadcast_to(array, (count,)).copy()

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from aoro_gym.checks import check_range
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats
 from aoro_gym.sensors.attitude import in_world, wrapped
 from aoro_gym.sensors.gps import Antennas, GpsReading
@@ -24,8 +25,7 @@ class LocalisationGains:
 
     def __post_init__(self) -> None:
         for name in ("fixed", "floating"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise ValueError(f"{name} is {getattr(self, name)}, but must be in [0, 1]")
+            check_range(name, getattr(self, name), ge=0.0, le=1.0)
 
 
 class Localisation:

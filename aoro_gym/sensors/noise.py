@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from aoro_gym.checks import check_range
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, namespace
 
 Seeds = Array
@@ -115,10 +116,9 @@ def chosen_rows(indices: Array | None, num_twins: int, arrays: Arrays = HOST) ->
     if namespace(indices) is not np:
         return indices, len(indices)  # type: ignore[arg-type]
     rows = np.atleast_1d(np.asarray(indices, dtype=np.int64))
-    if rows.size and not (rows.min() >= 0 and rows.max() < num_twins):
-        raise ValueError(f"indices reach from {rows.min()} to {rows.max()}, but must be in [0, {num_twins - 1}]")
+    check_range("indices", rows, ge=0, le=num_twins - 1)
     if len(np.unique(rows)) != len(rows):
-        raise ValueError("indices name a twin twice; name each once")
+        raise ValueError(f"indices name twin {np.argmax(np.bincount(rows))} twice; name each once")
     return arrays.index(rows), len(rows)
 
 

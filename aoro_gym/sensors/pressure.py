@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from aoro_gym.checks import check_integer, check_range
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, namespace
 from aoro_gym.sensors.chain import SAMPLE_RATE, sample
 from aoro_gym.sensors.noise import (
@@ -38,10 +39,9 @@ class PressureNoise:
     resolution: float = 0.0  # [Pa]; 0: none
 
     def __post_init__(self) -> None:
-        if not self.low < self.high:
-            raise ValueError(f"low = {self.low:g} Pa must be below high = {self.high:g} Pa")
-        if not (self.zero_error >= 0.0 and self.white >= 0.0 and self.resolution >= 0.0):
-            raise ValueError(f"{self}: zero_error, white and resolution must be at least 0 Pa")
+        check_range("low", self.low, "Pa", lt=self.high, note=", which is high")
+        for name in ("zero_error", "white", "resolution"):
+            check_range(name, getattr(self, name), "Pa", ge=0.0)
 
     @classmethod
     def typical(cls) -> PressureNoise:
@@ -67,8 +67,7 @@ class PressureSensor:
         count: int | None = None,
         arrays: Arrays = HOST,
     ):
-        if num_twins < 1:
-            raise ValueError(f"num_twins is {num_twins}, but must be at least 1")
+        check_integer("num_twins", num_twins)
         self.num_twins = num_twins
         self.noise = PressureNoise.typical() if noise is None else noise
         self._each = () if count is None else (count,)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aoro_gym.checks import check_integer, check_range
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats, namespace
 from aoro_gym.sensors.noise import (
     Seeds,
@@ -39,10 +40,10 @@ class WheelSpeedNoise:
     standstill: float = 0.5  # [s] without a pulse after which the wheel is said to stand
 
     def __post_init__(self) -> None:
-        if self.pulses < 0 or self.pulses != int(self.pulses):
-            raise ValueError(f"pulses is {self.pulses}, but must be a whole number of at least 0")
-        if not (0.0 <= self.tooth_error <= 0.2 and self.timer >= 0.0 and self.standstill > 0.0):
-            raise ValueError(f"{self}: needs tooth_error in [0, 0.2], timer of at least 0 s, standstill above 0 s")
+        check_integer("pulses", self.pulses, ge=0)
+        check_range("tooth_error", self.tooth_error, ge=0.0, le=0.2)
+        check_range("timer", self.timer, "s", ge=0.0)
+        check_range("standstill", self.standstill, "s", gt=0.0)
 
     @classmethod
     def typical(cls) -> WheelSpeedNoise:
@@ -61,8 +62,7 @@ class WheelSpeedSensor:
     """
 
     def __init__(self, num_twins: int = 1, noise: WheelSpeedNoise | None = None, *, arrays: Arrays = HOST):
-        if num_twins < 1:
-            raise ValueError(f"num_twins is {num_twins}, but must be at least 1")
+        check_integer("num_twins", num_twins)
         self.num_twins = num_twins
         self.noise = WheelSpeedNoise.typical() if noise is None else noise
         shape = (num_twins, WHEELS)

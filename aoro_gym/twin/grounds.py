@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import warp as wp
 
+from aoro_gym.checks import check_choice, check_range
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.terrains.raster import CELL, surface, triangles
 from aoro_gym.terrains.terrain import Terrain
@@ -45,8 +46,7 @@ class Grounds:
         gravity: float = GRAVITY,
         device: Any = "cpu",
     ):
-        if kind not in KINDS:
-            raise ValueError(f"ground is '{kind}'; choose one of: {', '.join(KINDS)}")
+        check_choice("ground", kind, KINDS)
         self.count = 0
         """Terrains to choose from; 0 for planes."""
         if isinstance(terrain, Plane):
@@ -89,9 +89,8 @@ class Grounds:
             array = np.asarray(-1.0 if value is None else value, dtype=np.float32)
             if array.shape not in ((), chosen.shape):
                 raise ValueError(f"{name} has shape {array.shape}, but must be a scalar or {chosen.shape}")
-            if value is not None and not np.all((array >= low) & (array <= high)):
-                worst = np.atleast_1d(array)[~((np.atleast_1d(array) >= low) & (np.atleast_1d(array) <= high))][0]
-                raise ValueError(f"{name} is {worst:g}, but must be in [{low:g}, {high:g}] x the ground's own")
+            if value is not None:
+                check_range(name, array, ge=low, le=high, note=" x the ground's own")
             rows.append(np.broadcast_to(array, chosen.shape))
         twins = self.device_struct.twins
         wp.launch(

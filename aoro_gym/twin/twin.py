@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import warp as wp
 
+from aoro_gym.checks import check_finite, check_integer, check_range
 from aoro_gym.execution import devices
 from aoro_gym.machine.parameters import Machine
 from aoro_gym.terrains.plane import Plane
@@ -144,16 +145,12 @@ class Twin:
         gravity: float = GRAVITY,
         check_step: bool = True,
     ):
-        if not isinstance(num_twins, int | np.integer) or num_twins < 1:
-            raise ValueError(f"num_twins is {num_twins}, but must be a whole number of at least 1")
-        if not isinstance(substeps, int | np.integer) or substeps < 1:
-            raise ValueError(f"substeps is {substeps}, but must be a whole number of at least 1")
-        if threads is not None and (not isinstance(threads, int | np.integer) or not 1 <= threads <= cores()):
-            raise ValueError(f"threads is {threads}, but must be a whole number from 1 to {cores()}, the cores here")
-        if not 0.0 < main_step <= 2e-3:
-            raise ValueError(f"main_step is {main_step} s, but must be in (0, 0.002] s for the contacts to be stable")
-        if not np.isfinite(gravity):
-            raise ValueError(f"gravity is {gravity} m/s², but must be finite")
+        check_integer("num_twins", num_twins)
+        check_integer("substeps", substeps)
+        if threads is not None:
+            check_integer("threads", threads, le=cores(), note=", the cores here")
+        check_range("main_step", main_step, "s", gt=0.0, le=2e-3, note=" for the contacts to be stable")
+        check_finite("gravity", gravity, "m/s²")
         self.num_twins = int(num_twins)
         self.threads = cores() if threads is None else int(threads)
         self.machine = machine if isinstance(machine, Machine) else Machine.load(machine)
@@ -256,8 +253,8 @@ class Twin:
             raise ValueError(
                 f"position, heading and joint_angle must broadcast to ({n}, 2), ({n},) and ({n},): {error}"
             ) from error
-        if not np.all(np.isfinite(pose)):
-            raise ValueError("position, heading and joint_angle must be finite")
+        for name, values in (("position", pose[:2].T), ("heading", pose[2]), ("joint_angle", pose[3])):
+            check_finite(name, values)
         limit = np.max(self.machine.joint.range)
         if np.any(np.abs(pose[3]) > limit + 1e-6):
             worst = pose[3][np.argmax(np.abs(pose[3]))]
@@ -305,9 +302,7 @@ class Twin:
             array = np.asarray(value, dtype=np.float32)
             if array.shape not in ((), (self.num_twins,)):
                 raise ValueError(f"{name} has shape {array.shape}, but must be a scalar or ({self.num_twins},)")
-            if not np.all((array >= low) & (array <= high)):  # false for NaN, too
-                wrong = array if array.ndim == 0 else array[~((array >= low) & (array <= high))][0]
-                raise ValueError(f"{name} is {wrong}, but must be in [{low:g}, {high:g}]")
+            check_range(name, array, ge=low, le=high)
             if name == "gear" and np.any(array != np.round(array)):
                 wrong = array if array.ndim == 0 else array[array != np.round(array)][0]
                 raise ValueError(f"gear is {wrong}, but must be one of 1, 2, 3")

@@ -17,6 +17,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from aoro_gym.checks import check_choice, check_integer
 from aoro_gym.envs.core.copying import copied, pickled
 from aoro_gym.envs.core.rendering import RENDER_MODES, Renderer
 from aoro_gym.envs.core.task import Outputs, Task, channel_row
@@ -113,18 +114,14 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
     ):
-        if isinstance(num_envs, bool) or not isinstance(num_envs, int | np.integer) or num_envs < 1:
-            raise ValueError(f"num_envs is {num_envs!r}, but must be a whole number of at least 1")
-        if max_episode_steps is not None and (
-            not isinstance(max_episode_steps, int | np.integer) or max_episode_steps < 1
-        ):
-            raise ValueError(f"max_episode_steps is {max_episode_steps!r}, but must be None or at least 1")
+        check_integer("num_envs", num_envs)
+        if max_episode_steps is not None:
+            check_integer("max_episode_steps", max_episode_steps, note=", or None")
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"render_mode is {render_mode!r}; choose None, {' or '.join(map(repr, RENDER_MODES))}")
         if task.randomisation.varies_machine and not own_machines:
             raise ValueError("own_machines is False, but the randomisation varies machines; drop one of the two")
-        if output not in OUTPUTS:
-            raise ValueError(f"output is {output!r}; choose one of: {', '.join(map(repr, OUTPUTS))}")
+        check_choice("output", output, OUTPUTS)
         if render_mode is not None and output != "numpy":
             raise ValueError(f"render_mode is {render_mode!r}, but pictures are drawn on the host: take output='numpy'")
         self.task = task
@@ -338,7 +335,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         if not isinstance(asked, Mapping):
             raise ValueError(f"options['machine'] is {shortened(asked)}, but must map dotted keys to values")
         if not self._own_machines:
-            raise ValueError("options['machine'] needs a machine for every twin: drop own_machines=False")
+            raise ValueError("options['machine'] is given, but own_machines is False; drop one of the two")
         values = {}
         for key, value in asked.items():
             try:
@@ -507,7 +504,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
 
     def _complain_of_action(self, meant: Array) -> None:
         meant = meant if isinstance(meant, np.ndarray) else self.arrays.host(meant)
-        raise ValueError(f"the action of sub-environment {int(np.argmin(meant))} is not finite")
+        raise ValueError(f"the action of sub-environment {int(np.argmin(meant))} is not finite; give finite numbers")
 
     def _complain_of_reward(self, values: Array) -> None:
         values = self.arrays.host(values)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aoro_gym.checks import check_range
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, namespace
 
 GEAR_DISPLACEMENT = (1.0, 0.75, 0.5)
@@ -36,16 +37,11 @@ class GearShift:
     """Shortest time [s] in a gear."""
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.down_speed < self.up_speed <= 1.0:
-            raise ValueError(
-                f"down_speed = {self.down_speed} and up_speed = {self.up_speed} must be in (0, 1], in this order"
-            )
-        if not 0.0 < self.up_pressure < self.down_pressure:
-            raise ValueError(
-                f"up_pressure is {self.up_pressure:g} Pa, but must be in (0, down_pressure = {self.down_pressure:g}) Pa"
-            )
-        if not (0.0 < self.up_signal <= 1.0 and self.hold >= 0.0):
-            raise ValueError(f"up_signal = {self.up_signal} must be in (0, 1], hold = {self.hold} s at least 0")
+        check_range("up_speed", self.up_speed, gt=0.0, le=1.0)
+        check_range("down_speed", self.down_speed, gt=0.0, lt=self.up_speed, note=", below up_speed")
+        check_range("up_pressure", self.up_pressure, "Pa", gt=0.0, lt=self.down_pressure, note=", below down_pressure")
+        check_range("up_signal", self.up_signal, gt=0.0, le=1.0)
+        check_range("hold", self.hold, "s", ge=0.0)
 
 
 class AutomaticGear:
@@ -116,10 +112,10 @@ class TractionControl:
     """Smallest opening [-]."""
 
     def __post_init__(self) -> None:
-        if not (self.excess > 1.0 and self.slack > 0.0 and self.close > 0.0 and self.open > 0.0):
-            raise ValueError(f"{self}: needs excess above 1, slack, close and open above 0")
-        if not 0.0 <= self.least <= 1.0:
-            raise ValueError(f"least is {self.least}, but must be in [0, 1]")
+        check_range("excess", self.excess, gt=1.0)
+        for name in ("slack", "close", "open"):
+            check_range(name, getattr(self, name), gt=0.0)
+        check_range("least", self.least, ge=0.0, le=1.0)
 
     def openings(self, openings: Array, wheel_rates: Array, step: float) -> Array:
         """Openings (N, 4) [-] for the next ``step`` [s], after ``openings``, from measured wheel speeds (N, 4) [rad/s]."""
@@ -154,10 +150,8 @@ class ArmControl:
 
     def __post_init__(self) -> None:
         for name in ("share_gain", "share_band", "share_time", "level_gain", "level_band", "height_gain"):
-            if not getattr(self, name) >= 0.0:
-                raise ValueError(f"{name} is {getattr(self, name)}, but must be at least 0")
-        if not 0.0 < self.largest <= 1.0:
-            raise ValueError(f"largest is {self.largest}, but must be in (0, 1]")
+            check_range(name, getattr(self, name), ge=0.0)
+        check_range("largest", self.largest, gt=0.0, le=1.0)
 
     @classmethod
     def sharing(cls) -> ArmControl:

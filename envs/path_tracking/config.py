@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+from aoro_gym.checks import check_integer, check_range
 from aoro_gym.envs.core.randomisation import COMMISSIONED, Randomisation, Range
 from aoro_gym.envs.core.task import divides
 from aoro_gym.envs.core.terms import Frozen, ObservationTerm, RewardTerm
@@ -122,23 +123,22 @@ class PathTrackingConfig:
 
     def __post_init__(self) -> None:
         for name in ("working_speed", "stuck_distance", "stuck_time", "path_limit", "end_tolerance"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise ValueError(f"{name} is {getattr(self, name)}, but must be positive and finite")
+            check_range(name, getattr(self, name), gt=0.0, lt=math.inf)
+        check_range("control_step", self.control_step, "s", gt=0.0, le=0.1)
+        check_range("time_margin", self.time_margin, ge=1.0)
+        check_integer("action_memory", self.action_memory, ge=2)
+        check_integer("rate_samples", self.rate_samples, ge=2)
+        check_range("start_distance", self.start_distance, "m", ge=0.0)
+        check_range("rollover", self.rollover, "rad", gt=0.0, lt=0.5 * math.pi)
         for holds, message in (
-            (0.0 < self.control_step <= 0.1, f"control_step is {self.control_step} s, but must be in (0, 0.1] s"),
             (divides(self.sample_step, self.control_step), f"sample_step is {self.sample_step} s, but must divide "
              f"control_step = {self.control_step} s"),
-            (self.time_margin >= 1.0, f"time_margin is {self.time_margin}, but must be at least 1"),
             (len(self.preview) > 0 and all(0.0 < d <= 50.0 for d in self.preview), f"preview is {self.preview} m, but must "
              "be at least one distance in (0, 50] m"),
-            (self.action_memory >= 2, f"action_memory is {self.action_memory}, but must be at least 2"),
-            (self.rate_samples >= 2, f"rate_samples is {self.rate_samples}, but must be at least 2"),
-            (self.start_distance >= 0.0, f"start_distance is {self.start_distance} m, but must be at least 0"),
-            (0.0 < self.rollover < 0.5 * math.pi, f"rollover is {self.rollover} rad, but must be in (0, π/2)"),
             (self.gear in (1, 2, 3, "automatic"), f"gear is {self.gear!r}; choose 1, 2, 3 or 'automatic'"),
             (not (self.act_gear and self.gear == "automatic"), "act_gear is set and gear is 'automatic'; drop one of them"),
-            (isinstance(self.randomisation, PathTrackingRandomisation), "randomisation must be a "
-             f"PathTrackingRandomisation, but is a {type(self.randomisation).__name__}"),
+            (isinstance(self.randomisation, PathTrackingRandomisation), f"randomisation is {self.randomisation!r}, but must "
+             "be a PathTrackingRandomisation"),
         ):  # fmt: skip
             if not holds:
                 raise ValueError(message)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from aoro_gym.checks import check_integer, check_range
 from aoro_gym.envs.core.randomisation import COMMISSIONED, Randomisation
 from aoro_gym.envs.core.task import divides
 from aoro_gym.envs.core.terms import Frozen, ObservationTerm, RewardTerm
@@ -66,18 +67,18 @@ class TurningConfig:
 
     def __post_init__(self) -> None:
         low, high = self.hold
+        check_range("control_step", self.control_step, "s", gt=0.0)
+        check_range("target_clearance", self.target_clearance, "rad", ge=0.0)
+        check_range("target_change", self.target_change, "rad", ge=0.0)
+        check_range("tolerance", self.tolerance, "rad", gt=0.0, lt=math.inf)
+        check_range("dwell", self.dwell, "s", ge=0.0, le=low, note=", the shortest hold")
+        check_integer("rate_samples", self.rate_samples, ge=2)
+        check_integer("signal_memory", self.signal_memory, ge=2)
         for holds, message in (
-            (self.control_step > 0, f"control_step is {self.control_step} s, but must be positive"),
             (divides(self.sample_step, self.control_step), f"sample_step is {self.sample_step} s, but must divide "
              f"control_step = {self.control_step} s"),
-            (self.target_clearance >= 0, f"target_clearance is {self.target_clearance} rad, but must be at least 0"),
-            (self.target_change >= 0, f"target_change is {self.target_change} rad, but must be at least 0"),
             (self.control_step <= low <= high < math.inf, f"hold is ({low}, {high}) s, but must be at least one control "
              "step, low before high"),
-            (0 < self.tolerance < math.inf, f"tolerance is {self.tolerance} rad, but must be positive"),
-            (0 <= self.dwell <= low, f"dwell is {self.dwell} s, but must be in [0, {low}] s, the shortest hold"),
-            (self.rate_samples >= 2, f"rate_samples is {self.rate_samples}, but must be at least 2"),
-            (self.signal_memory >= 2, f"signal_memory is {self.signal_memory}, but must be at least 2"),
         ):  # fmt: skip
             if not holds:
                 raise ValueError(message)

@@ -16,22 +16,22 @@ from aoro_gym.twin.twin import cores
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"what": ("twins",)}, "what 'twins' is unknown; choose from: twin, env, train"),
-        ({"trainers": ("rllib",)}, "trainers 'rllib' is unknown; choose from: sb3, resident"),
-        ({"env": "AORO/Flying-v0"}, "env 'AORO/Flying-v0' is unknown; choose one of: AORO/Turning-v0, "),
+        ({"what": ("twins",)}, "what is 'twins'; choose one of: twin, env, train"),
+        ({"trainers": ("rllib",)}, "trainers is 'rllib'; choose one of: sb3, resident"),
+        ({"env": "AORO/Flying-v0"}, "env is 'AORO/Flying-v0'; choose one of: AORO/Turning-v0, "),
         (
             {"what": ("env",), "env": "AORO/Turning-v0", "ground": "mesh"},
             "ground is 'mesh', but AORO/Turning-v0 is timed",
         ),
-        ({"ground": "mud"}, "ground 'mud' is unknown; choose one of: plane, raster, mesh"),
-        ({"output": "jax"}, "output 'jax' is unknown; choose one of: numpy, torch"),
-        ({"twins": (2_000_000,)}, "twins holds 2000000, but must be whole numbers from 1 to 1000000"),
+        ({"ground": "mud"}, "ground is 'mud'; choose one of: plane, raster, mesh"),
+        ({"output": "jax"}, "output is 'jax'; choose one of: numpy, torch"),
+        ({"twins": (2_000_000,)}, "twins is 2000000, but must be an integer in \\[1, 1000000\\]"),
         ({"twins": ()}, "there is nothing to time"),
-        ({"threads": (cores() + 1,)}, f"threads holds {cores() + 1}, but must be whole numbers from 1 to {cores()}"),
+        ({"threads": (cores() + 1,)}, f"threads is {cores() + 1}, but must be an integer in .1, {cores()}"),
         ({"threads": (1,), "device": "cuda:0"}, "threads is given, but cuda:0 needs none"),
-        ({"seconds": float("nan")}, r"seconds = nan is outside \(0, 600\] s"),
-        ({"seconds": 601.0}, "seconds = 601 is outside"),
-        ({"peers": ("bullet",)}, "peers 'bullet' is unknown; choose from: mujoco, mujoco_warp"),
+        ({"seconds": float("nan")}, r"seconds is nan s, but must be in \(0, 600\] s"),
+        ({"seconds": 601.0}, "seconds is 601 s, but"),
+        ({"peers": ("bullet",)}, "peers is 'bullet'; choose one of: mujoco, mujoco_warp"),
     ],
 )
 def test_bad_plans_are_named(options, message):

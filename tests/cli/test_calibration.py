@@ -174,7 +174,7 @@ def test_a_calibration_does_not_replace_the_manifest_of_its_log(turn, quick):
         ("validate --uncalibrated tractor", "no bundled machine 'tractor'"),
         ("validate --ensemble none.toml", "no machine file none.toml"),
         ("validate --ensemble empty", "--ensemble empty holds no machine file (.toml)"),
-        ("validate --seed -1", "--seed = -1 is below 0"),
+        ("validate --seed -1", "--seed is -1, but must be an integer of at least 0"),
         ("validate --recalibrate --machine bad.toml", "drop --machine, --set, --scale and --laws"),
         ("validate --recalibrate --uncalibrated none", "starts from --uncalibrated, which is none"),
         ("calibrate", "give one of --published and --logs LOG..."),
@@ -184,7 +184,7 @@ def test_a_calibration_does_not_replace_the_manifest_of_its_log(turn, quick):
         ("calibrate --logs none.csv", "file none.csv does not exist"),
         ("calibrate --logs good.csv", "good.csv has no column joint_angle_rad or joint_angle_deg, only"),
         ("calibrate --published --out machine.json", "--out machine.json must end in .toml"),
-        ("calibrate --published --starts 0", "--starts = 0 is below 1"),
+        ("calibrate --published --starts 0", "--starts is 0, but must be a positive integer"),
         ("calibrate --published --device tpu", "--device 'tpu' is not available here"),
     ],
 )

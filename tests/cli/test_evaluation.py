@@ -70,7 +70,7 @@ def test_policies_in_files_are_evaluated_and_exported(tmp_path):
     assert figures[name]["settled_share"]["mean"] == 0.0
     assert figures["bang-bang"]["settled_share"]["mean"] > 0.0
     shown = call("evaluate", "--policy", file, "--policy", file, *options)
-    assert (shown.exit_code, "names the same one twice" in shown.stderr) == (2, True)
+    assert (shown.exit_code, "twice; give each once" in shown.stderr) == (2, True)
     shown = call("evaluate", "--policy", tmp_path / "model.zip", *options)
     assert (shown.exit_code, "--trust-pickle" in shown.stderr) == (2, True)
 
@@ -94,15 +94,15 @@ def test_policies_in_files_are_evaluated_and_exported(tmp_path):
     ("arguments", "message"),
     [
         ("evaluate --out good.csv", "--out good.csv is a file; name a folder"),
-        ("evaluate --env X", "--env 'X' cannot be evaluated; choose one of: AORO/Turning-v0, AORO/PathTracking-v0"),
+        ("evaluate --env X", "--env is 'X'; choose one of: AORO/Turning-v0, AORO/PathTracking-v0"),
         ("evaluate --policy walker", "'walker' is no policy for AORO/PathTracking-v0; choose from: pure-pursuit"),
-        ("evaluate --episodes 0", "--episodes = 0 is outside [1, 10000]"),
-        ("evaluate --seed -1", "--seed = -1 is below 0"),
+        ("evaluate --episodes 0", "--episodes is 0, but must be an integer in [1, 10000]"),
+        ("evaluate --seed -1", "--seed is -1, but must be an integer of at least 0"),
         ("evaluate --env AORO/Turning-v0 --path x.csv", "--path is for AORO/PathTracking-v0"),
         ("evaluate --terrain none.ply", "none.ply: No such file or directory"),
         ("evaluate --path none.gpx", "none.gpx: No such file or directory"),
-        ("leaderboard --env X", "--env 'X' cannot be evaluated; choose one of"),
-        ("leaderboard --episodes 0", "--episodes = 0 is outside [1, 10000]"),
+        ("leaderboard --env X", "--env is 'X'; choose one of"),
+        ("leaderboard --episodes 0", "--episodes is 0, but must be an integer in [1, 10000]"),
         ("leaderboard --readme good.csv", "good.csv lacks the lines <!-- leaderboard AORO/PathTracking-v0 -->"),
         ("gap --policy preview", "give one of --diagnosis and --improved"),
         ("gap --policy preview --improved aoro", "the plant is the baseline; give --plant or --effect"),

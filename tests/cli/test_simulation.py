@@ -130,7 +130,7 @@ def test_seed_draws_the_noise(turn, tmp_path):
         ("simulate -m left --duration 0.2", "--duration = 0.2 is outside [0.61, 3600] s"),
         ("simulate -m left --out log.xlsx", "log log.xlsx must end in .csv or .parquet"),
         ("simulate -m left --device tpu", "--device 'tpu' is not available here; choose one of: cpu"),
-        ("simulate -m left --seed -1", "--seed = -1 is below 0"),
+        ("simulate -m left --seed -1", "--seed is -1, but must be an integer of at least 0"),
         ("simulate -m left --machine tractor", "no bundled machine 'tractor'"),
         ("simulate -m left --machine none.toml", "no machine file none.toml"),
         ("simulate -m left --machine bad.toml", "bad.toml"),

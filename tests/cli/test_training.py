@@ -9,10 +9,10 @@ from tests.cli.calling import check_refused
     ("arguments", "message"),
     [
         ("train --seeds 3", "--seeds needs --ray"),
-        ("train --ray local --seeds 0", "--seeds = 0 is below 1"),
+        ("train --ray local --seeds 0", "--seeds is 0, but must be a positive integer"),
         ("train --trials 3", "--trials needs --ray"),
         ("train --space mine.yml", "--space needs --trials"),
-        ("train --ray local --trials 0", "--trials = 0 is below 1"),
+        ("train --ray local --trials 0", "--trials is 0, but must be a positive integer"),
         ("train --ray local --trials 2 --seeds 2", "--seeds and --trials are both given"),
         ("train --ray local --resume runs", "--resume and --ray are both given"),
         ("train --algo dqn", "algo is 'dqn'; choose one of: ppo, sac"),

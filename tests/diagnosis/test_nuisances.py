@@ -120,5 +120,5 @@ def test_whatever_a_search_tries_is_a_machine():
 
 
 def test_what_is_no_prior_is_named():
-    with pytest.raises(ValueError, match=f"spread 'night': choose one of {', '.join(SPREADS)}"):
+    with pytest.raises(ValueError, match=f"spread is 'night'; choose one of: {', '.join(SPREADS)}"):
         Nuisances(MACHINE, "night")

@@ -317,9 +317,9 @@ def test_what_belongs_to_another_suite_is_refused(sealed, tmp_path):
         write_cases(
             TINY, folder / "check", tmp_path / "a.json", mode="commissioned", sensors="full", family=SHORT, seed=1
         )
-    with pytest.raises(ValueError, match=r"mode 'tomorrow'"):
+    with pytest.raises(ValueError, match=r"mode is 'tomorrow'"):
         seal(tmp_path, mode="tomorrow")
-    with pytest.raises(ValueError, match=r"sensors 'nose'"):
+    with pytest.raises(ValueError, match=r"sensors is 'nose'"):
         seal(tmp_path, sensors="nose")
 
 
@@ -344,7 +344,7 @@ def test_the_command_seals(tmp_path, monkeypatch):
     wrong = runner.invoke(app, ["blind", "seal", "--suite", "huge", str(check)])
     assert wrong.exit_code == 2 and "quick, standard, full" in wrong.output
     wrong = runner.invoke(app, ["blind", "seal", "--workers", "0", str(tmp_path / "other")])
-    assert wrong.exit_code == 2 and "--workers = 0 is below 1" in wrong.output
+    assert wrong.exit_code == 2 and "--workers is 0, but must be a positive integer" in wrong.output
     assert "Examples" in runner.invoke(app, ["blind", "seal", "--help"]).output
 
 

@@ -152,7 +152,7 @@ def test_what_does_not_fit_is_refused(suite, tmp_path):
         run_cases(tmp_path, tmp_path / "out", sensors="angle")
     with pytest.raises(ValueError, match="log 'angle' only"):
         run_cases(suite, tmp_path / "out", sensors="full")
-    with pytest.raises(ValueError, match="sensors 'nose'"):
+    with pytest.raises(ValueError, match="sensors is 'nose'"):
         run_cases(suite, tmp_path / "out", sensors="nose")
     with pytest.raises(ValueError, match="holds no diagnoses; let 'aoro-gym blind run"):
         read_diagnoses(suite, tmp_path / "out")
@@ -186,7 +186,7 @@ def test_the_command_runs(suite, monkeypatch):
     for arguments, message in (
         ([str(suite.parent)], "holds no seal.json"),
         (["--device", "cuda:9", str(suite)], "is not available here"),
-        (["--workers", "0", str(suite)], "--workers = 0 is below 1"),
+        (["--workers", "0", str(suite)], "--workers is 0, but must be a positive integer"),
     ):
         wrong = runner.invoke(app, ["blind", "run", *arguments])
         assert wrong.exit_code == 2 and message in wrong.output

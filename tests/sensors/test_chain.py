@@ -226,11 +226,11 @@ def test_a_sampler_shows_what_was_a_latency_ago_at_its_own_rate():
     ("fields", "message"),
     [
         ({"filter": "bessel"}, "filter is 'bessel'; choose one of: butterworth, moving_average, none"),
-        ({"order": 0}, "order is 0, but must be at least 1"),
-        ({"cutoff": 0.0}, "cutoff is 0.0, but must be above 0"),
+        ({"order": 0}, "order is 0, but must be a positive integer"),
+        ({"cutoff": 0.0}, "cutoff is 0 Hz, but must be finite and above 0"),
         ({"window": math.nan}, "window is nan"),
-        ({"rate": -1.0}, "rate is -1.0"),
-        ({"latency": -0.01}, "latency is -0.01 s, but must be at least 0"),
+        ({"rate": -1.0}, "rate is -1 Hz"),
+        ({"latency": -0.01}, "latency is -0.01 s, but must be finite and at least 0 s"),
     ],
 )
 def test_what_no_chain_can_be_is_named(fields, message):

@@ -143,7 +143,7 @@ def test_wrong_values_are_named():
         Gps(latency=-1)
     with pytest.raises(ValueError, match=r"interval is 0\.2 s"):
         Gps(interval=0.2)
-    with pytest.raises(ValueError, match=r"antennas are 0\.000 m apart"):
+    with pytest.raises(ValueError, match=r"baseline is 0 m, but must be at least 0\.1 m"):
         Antennas(main=(0.0, 0.0, 2.0), auxiliary=(0.0, 0.0, 1.0))
     with pytest.raises(ValueError, match="white is -1"):
         GpsNoise(white=-1)

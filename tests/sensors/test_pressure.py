@@ -49,7 +49,7 @@ def test_a_reset_touches_its_twins_only():
 def test_what_is_wrong_is_named():
     with pytest.raises(ValueError, match="num_twins is 0"):
         PressureSensor(0)
-    with pytest.raises(ValueError, match="must be below high"):
+    with pytest.raises(ValueError, match="low is 1 Pa, but must be below 1 Pa, which is high"):
         PressureNoise(low=1.0, high=1.0)
     with pytest.raises(ValueError, match="at least 0 Pa"):
         PressureNoise(white=-1.0)

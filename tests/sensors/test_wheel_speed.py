@@ -58,7 +58,7 @@ def test_exact_sensor_and_ground_speed():
 def test_wrong_values_are_named():
     with pytest.raises(ValueError, match="pulses is -1"):
         WheelSpeedNoise(pulses=-1)
-    with pytest.raises(ValueError, match="needs tooth_error in"):
+    with pytest.raises(ValueError, match=r"tooth_error is .*, but must be in \[0, 0\.2\]"):
         WheelSpeedNoise(tooth_error=0.5)
     with pytest.raises(ValueError, match=r"rate has shape \(1, 3\)"):
         WheelSpeedSensor().measure(np.zeros((1, 3)), 0.0)

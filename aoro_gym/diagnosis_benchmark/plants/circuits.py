@@ -77,7 +77,7 @@ class Chebyshev:
 
     def __post_init__(self) -> None:
         if self.stages < 2:
-            raise ValueError(f"stages = {self.stages}: the method has at least 2")
+            raise ValueError(f"stages is {self.stages}, but must be an integer of at least 2")
 
     def steps(self) -> tuple[float, list[tuple[float, float, float, float, float]], list[float]]:
         """First stage's μ̃, then (1 − μ − ν, μ, ν, μ̃, γ̃) of each further one, and the instants c of all stages."""

@@ -71,7 +71,7 @@ def with_effects(constants: Constants, effects: Mapping[str, ArrayLike], level: 
     """
     unknown = [name for name in effects if name not in EFFECTS]
     if unknown:
-        raise ValueError(f"unknown effect {unknown[0]!r}: choose from {', '.join(EFFECTS)}")
+        raise ValueError(f"effect is {unknown[0]!r}; choose one of: {', '.join(EFFECTS)}")
     changed = dict(constants)
     runs = len(changed["oil.bulk_modulus"])
     for effect in EFFECTS.values():

@@ -68,7 +68,7 @@ class Plant:
         stages: int = STAGES,
     ):
         if level not in LEVELS:
-            raise ValueError(f"level = {level}: choose one of {LEVELS}")
+            raise ValueError(f"level is {level!r}; choose one of: {', '.join(map(str, LEVELS))}")
         self.constants, self.level = constants, level
         self.main_step, self.substeps = main_step, substeps
         self.circuits = Circuits(constants, level, stages)

@@ -54,7 +54,7 @@ class Run:
             if np.ndim(signal) != 1 or len(signal) != len(self.steering) or len(signal) < 2:
                 raise ValueError(f"{name} has shape {np.shape(signal)}, but must be (K,) with the same K ≥ 2 for all")
             if not np.all(np.abs(signal) <= 1.0):
-                raise ValueError(f"{name} reaches {np.max(np.abs(signal)):g}, but must be within ±1")
+                raise ValueError(f"{name} reaches {np.max(np.abs(signal)):g}, but must be in [-1, 1]")
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ def _groups(runs: Sequence[Run], chunk: int) -> Iterator[list[int]]:
     Air and an elastic joint cost time: runs that have neither should not pay for those that do.
     """
     if chunk < 1:
-        raise ValueError(f"chunk = {chunk}: step at least one run at a time")
+        raise ValueError(f"chunk is {chunk}, but must be a positive integer")
     kinds: dict[tuple[int, bool, bool], list[int]] = {}
     for index, run in enumerate(runs):
         air = "entrained_air" in run.effects or float(run.machine["oil.gas_fraction"].value) > 0.0

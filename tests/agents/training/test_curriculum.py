@@ -83,7 +83,10 @@ def test_flow_beyond_the_full_one_can_cost():
         ([], "must be a list of at least one stage"),
         ([{"randomisation": "mild"}], "stage 0 .* must have 'from'"),
         ([{"from": 0, "randomisation": "wild"}], "stage 0 .* randomisation is 'wild'; choose one of: fixed, mild"),
-        ([{"from": 0, "randomisation": {"noise": [0, 1]}}], "unknown field 'noise'; choose from: machine, "),
+        (
+            [{"from": 0, "randomisation": {"noise": [0, 1]}}],
+            "field of randomisation is 'noise'; choose one of: machine, ",
+        ),
         ([{"from": 0, "reward_terms": {"exact_progress": 1.0}}], "has no 'exact_progress' to weigh"),
         ([{"from": 0, "randomisation": {"sensor_noise": [1, 0]}}], "randomisation.sensor_noise is .1, 0., but must be"),
         ([{"from": 0}, {"from": 0}], "but must begin at 0 and rise"),

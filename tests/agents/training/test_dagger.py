@@ -149,7 +149,7 @@ def test_it_goes_on_from_a_policy(tmp_path):
         ({"teacher_kwargs": {"gian": 1.0}}, "teacher_kwargs {'gian': 1.0} of proportional-derivative: .*gian"),
         ({"buffer_size": 99}, "buffer_size is 99, but must hold a rollout, n_envs \\* n_steps = 100"),
         ({"n_epochs": 0}, "n_epochs is 0, but must be a positive integer"),
-        ({"action_noise": -0.1}, "action_noise is -0.1, but must be at least 0"),
+        ({"action_noise": -0.1}, "action_noise is -0.1, but must be finite and at least 0"),
         ({"learning_rate": "fast_1"}, "learning_rate is 'fast_1', but must be a number, or lin_NUMBER"),
         ({"gamma": 0.9}, "that dagger does not take: .*gamma"),
     ],

@@ -43,8 +43,8 @@ def test_every_field_has_a_help_text():
     ("values", "message"),
     [
         ({"algo": "dqn"}, "algo is 'dqn'; choose one of: ppo, sac"),
-        ({"steps": 0}, "steps is 0, but must be at least 1"),
-        ({"seed": -1}, "seed is -1, but must be at least 0"),
+        ({"steps": 0}, "steps is 0, but must be a positive integer"),
+        ({"seed": -1}, "seed is -1, but must be an integer of at least 0"),
         ({"trainer": "rllib"}, "trainer is 'rllib'; choose one of: sb3, resident"),
         ({"trainer": "resident", "algo": "sac"}, "algo is 'sac', but the trainer 'resident' has ppo only; give that"),
     ],

@@ -52,7 +52,7 @@ def test_numbers_and_choices_are_written_as_after_param():
         ("ppo: {tau: []}", r"space.yml, ppo: tau lies from nan to nan; give low < high, or a list of choices"),
         ("ppo: {tau: 3}", r"space.yml, ppo: "),
         ("ppo: {tau: {low: 2, high: 1}}", "tau lies from 2 to 1; give low < high"),
-        ("ppo: {tau: {low: 0, high: 1, log: true}}", "tau begins at 0, but must be above 0 where log is true"),
+        ("ppo: {tau: {low: 0, high: 1, log: true}}", "low of tau is 0, but must be above 0 where log is true"),
         ("ppo: {tau: {least: 0}}", "space.yml, ppo: .*least"),
     ],
 )

@@ -289,7 +289,7 @@ def test_own_terms_work_on_tensors():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"output": "jax"}, "output is 'jax'; choose one of: 'numpy', 'torch'"),
+        ({"output": "jax"}, "output is 'jax'; choose one of: numpy, torch"),
         ({"output": "torch", "render_mode": "rgb_array"}, "drawn on the host: take output='numpy'"),
     ],
 )

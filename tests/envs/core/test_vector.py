@@ -390,8 +390,8 @@ def turn_of_default():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"num_envs": 0}, "num_envs is 0, but must be a whole number of at least 1"),
-        ({"max_episode_steps": 0}, "max_episode_steps is 0, but must be None or at least 1"),
+        ({"num_envs": 0}, "num_envs is 0, but must be a positive integer"),
+        ({"max_episode_steps": 0}, "max_episode_steps is 0, but must be a positive integer, or None"),
         ({"render_mode": "ascii"}, "render_mode is 'ascii'; choose None, 'rgb_array' or 'human'"),
         ({"autoreset_mode": "never"}, "autoreset_mode is 'never'; choose one of: 'NextStep', 'SameStep', 'Disabled'"),
         (
@@ -497,7 +497,7 @@ def test_actions_beyond_the_space_saturate():
 
 def test_a_shared_machine_cannot_be_changed():
     env = make(2, own_machines=False)
-    with pytest.raises(ValueError, match="drop own_machines=False"):
+    with pytest.raises(ValueError, match="own_machines is False; drop one of the two"):
         env.reset(options={"machine": {"joint.friction_torque": 100.0}})
 
 

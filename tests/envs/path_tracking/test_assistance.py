@@ -163,12 +163,12 @@ def test_levelling_brings_the_frame_upright_on_a_slope(machine):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: GearShift(down_speed=0.9), "down_speed = 0.9 and up_speed"),
-        (lambda: GearShift(up_pressure=1e9), "up_pressure is 1e\\+09 Pa"),
-        (lambda: TractionControl(excess=1.0), "needs excess above 1"),
-        (lambda: TractionControl(least=2.0), "least is 2.0"),
-        (lambda: ArmControl(share_gain=-1.0), "share_gain is -1.0"),
-        (lambda: ArmControl(largest=0.0), "largest is 0.0"),
+        (lambda: GearShift(down_speed=0.9), "down_speed is 0.9, but must be in"),
+        (lambda: GearShift(up_pressure=1e9), "up_pressure is 1000000000 Pa"),
+        (lambda: TractionControl(excess=1.0), "excess is 1, but must be above 1"),
+        (lambda: TractionControl(least=2.0), "least is 2,"),
+        (lambda: ArmControl(share_gain=-1.0), "share_gain is -1,"),
+        (lambda: ArmControl(largest=0.0), "largest is 0,"),
     ],
 )
 def test_wrong_values_are_named(make, message):

@@ -427,10 +427,10 @@ def test_a_path_that_starts_beyond_its_terrain_is_named():
         ({"time_margin": 0.5}, "time_margin is 0.5, but must be at least 1"),
         ({"preview": ()}, "preview is \\(\\) m"),
         ({"action_memory": 1}, "action_memory is 1"),
-        ({"rollover": 2.0}, "rollover is 2.0 rad"),
+        ({"rollover": 2.0}, "rollover is 2 rad"),
         ({"gear": 4}, "gear is 4; choose 1, 2, 3 or 'automatic'"),
         ({"gear": "automatic", "act_gear": True}, "act_gear is set and gear is 'automatic'"),
-        ({"path_limit": 0.0}, "path_limit is 0.0, but must be positive"),
+        ({"path_limit": 0.0}, "path_limit is 0, but must be finite and above 0"),
     ],
 )
 def test_wrong_configurations_are_named(arguments, message):

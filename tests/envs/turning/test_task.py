@@ -200,15 +200,15 @@ def test_success_is_told_apart_from_truncation():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"control_step": 0.0}, "control_step is 0.0 s, but must be positive"),
+        ({"control_step": 0.0}, "control_step is 0 s, but must be above 0"),
         ({"sample_step": 0.015}, "sample_step is 0.015 s, but must divide control_step = 0.02 s"),
         ({"hold": (3.0, 2.0)}, "hold is \\(3.0, 2.0\\) s"),
-        ({"tolerance": 0.0}, "tolerance is 0.0 rad, but must be positive"),
-        ({"dwell": 5.0}, "dwell is 5.0 s, but must be in \\[0, 2.5\\] s"),
-        ({"rate_samples": 1}, "rate_samples is 1, but must be at least 2"),
-        ({"signal_memory": 1}, "signal_memory is 1, but must be at least 2"),
-        ({"target_change": -1.0}, "target_change is -1.0 rad"),
-        ({"target_clearance": -1.0}, "target_clearance is -1.0 rad"),
+        ({"tolerance": 0.0}, "tolerance is 0 rad, but must be finite and above 0"),
+        ({"dwell": 5.0}, "dwell is 5 s, but must be in \\[0, 2.5\\] s"),
+        ({"rate_samples": 1}, "rate_samples is 1, but must be an integer of at least 2"),
+        ({"signal_memory": 1}, "signal_memory is 1, but must be an integer of at least 2"),
+        ({"target_change": -1.0}, "target_change is -1 rad"),
+        ({"target_clearance": -1.0}, "target_clearance is -1 rad"),
     ],
 )
 def test_wrong_configurations_are_named(arguments, message):
