@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from aoro_gym.checks import check_finite, check_range
 from aoro_gym.terrains.extras import import_extra
 from aoro_gym.terrains.terrain import Terrain
 
@@ -59,11 +60,10 @@ def from_world(terrain: Terrain, first: ArrayLike, second: ArrayLike, *, crs: st
     first, second = np.broadcast_arrays(np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64))
     if source.is_geographic:
         for name, value, bound in (("longitude", first, 180.0), ("latitude", second, 90.0)):
-            bad = ~(np.abs(value) <= bound)
-            if bad.any():
-                raise ValueError(f"{name} = {value[bad][0]:g} is outside [-{bound:g}, {bound:g}] deg")
-    elif not (np.isfinite(first).all() and np.isfinite(second).all()):
-        raise ValueError(f"coordinates in {crs or terrain.crs} must be finite")
+            check_range(name, value, "deg", ge=-bound, le=bound)
+    else:
+        check_finite(f"first coordinate in {crs or terrain.crs}", first)
+        check_finite(f"second coordinate in {crs or terrain.crs}", second)
     x, y = _transform(source, target, first, second)
     metre = axis_unit(target)
     return x * metre - terrain.origin[0], y * metre - terrain.origin[1]

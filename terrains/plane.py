@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from aoro_gym.checks import check_range
+
 # field: (lowest, highest, unit)
 BOUNDS = {
     "slope_deg": (-45.0, 45.0, "deg"),
@@ -73,14 +75,10 @@ def _checked(name: str, value: ArrayLike) -> float | NDArray[np.float64]:
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise ValueError(f"terrain {name} = {value!r} is not a number") from None
+        raise ValueError(f"terrain {name} is {value!r}, but must be a number, or one number a twin") from None
     if array.ndim > 1 or array.size == 0:
         raise ValueError(f"terrain {name} has the shape {array.shape}; give a number, or one number a twin")
-    bad = ~((array >= low) & (array <= high))
-    if bad.any():
-        where = f"[{int(np.argmax(bad))}]" if array.ndim else ""
-        worst = np.atleast_1d(array)[np.argmax(bad)]
-        raise ValueError(f"terrain {name}{where} = {worst:g} is outside [{low:g}, {high:g}] {unit}")
+    check_range(f"terrain {name}", array, unit, ge=low, le=high)
     if array.ndim == 0:
         return float(array)
     array.flags.writeable = False

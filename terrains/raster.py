@@ -5,6 +5,7 @@ What a node holds is defined in :mod:`aoro_gym.twin.physics.ground`, which inter
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -15,6 +16,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from aoro_gym.checks import check_range
 from aoro_gym.execution import devices
 from aoro_gym.execution.cache import computed_with, kept
 from aoro_gym.terrains.survey import bound, survey
@@ -112,8 +114,7 @@ def rasterise(terrain: Terrain, mesh: wp.Mesh, cell: float = CELL) -> Raster:
     Raises:
         ValueError: the cell is not positive or too small for the extent.
     """
-    if not (np.isfinite(cell) and cell > 0.0):
-        raise ValueError(f"cell is {cell} m, but must be positive")
+    check_range("cell", cell, "m", gt=0.0, lt=math.inf)
     low, high = terrain.extent
     columns, rows = (max(int(np.ceil(round((high[i] - low[i]) / cell, 6))) + 1, 2) for i in range(2))
     if rows * columns > MOST_NODES:

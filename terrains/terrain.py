@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from aoro_gym.checks import check_range
+
 LARGEST_COORDINATE = 5000.0
 """Largest local coordinate [m]: float32 still resolves 0.5 mm there."""
 
@@ -91,8 +93,7 @@ class Terrain:
         z = np.asarray(heights, dtype=np.float64)
         if z.ndim != 2 or min(z.shape) < 2:
             raise ValueError(f"terrain heights have the shape {z.shape}; give at least 2 rows and 2 columns")
-        if not cell > 0.0:
-            raise ValueError(f"terrain cell is {cell} m, but must be positive")
+        check_range("terrain cell", cell, "m", gt=0.0)
         rows, columns = z.shape
         y, x = np.meshgrid(corner[1] + cell * np.arange(rows), corner[0] + cell * np.arange(columns), indexing="ij")
         index = np.arange(z.size).reshape(z.shape)
@@ -125,9 +126,7 @@ def _multiplier(name: str, value: Any, count: int) -> float | NDArray[np.float64
     if array.shape not in ((), (count,)):
         raise ValueError(f"terrain {name} has the shape {array.shape}; give one number or ({count},), one a vertex")
     low, high = {"friction": (0.01, 2.0), "rolling_resistance": (0.0, 50.0)}[name]
-    if not np.all((array >= low) & (array <= high)):
-        worst = np.atleast_1d(array)[~((np.atleast_1d(array) >= low) & (np.atleast_1d(array) <= high))][0]
-        raise ValueError(f"terrain {name} is {worst:g}, but must be in [{low:g}, {high:g}] x asphalt")
+    check_range(f"terrain {name}", array, ge=low, le=high, note=" x asphalt")
     if array.ndim == 0:
         return float(array)
     array.flags.writeable = False

@@ -32,7 +32,9 @@ class Space:
         entries = machine.entries
         unknown = [key for key in keys if key not in entries]
         if unknown:
-            raise ValueError(f"'{unknown[0]}' is no parameter of machine '{machine.name}'")
+            raise ValueError(
+                f"'{unknown[0]}' is no parameter of machine '{machine.name}'; 'aoro-gym parameters' lists them"
+            )
         ends = np.array([entries[key].range for key in keys], dtype=np.float64)
         log = (ends[:, 0] > 0.0) & (ends[:, 1] > LOG_SPAN * np.maximum(ends[:, 0], 1e-300))
         object.__setattr__(self, "_log", log)

@@ -174,7 +174,9 @@ class Effect:
         for one, value in zip(self.magnitudes, magnitude, strict=True):
             array = np.asarray(value, dtype=np.float64)
             if array.ndim > 1 or array.size == 0 or not np.all(np.isfinite(array)):
-                raise ValueError(f"effect {self.id}: {one.name} = {value!r} must be a finite number, or one a twin")
+                raise ValueError(
+                    f"effect {self.id}: {one.name} is {value!r}, but must be a finite number, or one a twin"
+                )
         return tuple(as_quantity(value) for value in magnitude)
 
 

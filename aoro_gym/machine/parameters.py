@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from aoro_gym.checks import check_integer, check_range
 from aoro_gym.machine.laws import Laws, drawn_laws, family
 from aoro_gym.machine.machine_file import Parameter, naming, read_machine, write_machine
 from aoro_gym.machine.quantities import UNITS, Declaration, Quantity, as_quantity, with_unit
@@ -260,10 +261,8 @@ class Machine:
 
         Raises ValueError naming the value and its bound; InvalidMachine where hardly any draw can be a machine.
         """
-        if count < 1:
-            raise ValueError(f"count = {count}: must be at least 1")
-        if not 0.0 <= parameters <= 1.0:
-            raise ValueError(f"parameters = {parameters}: must be in [0, 1]")
+        check_integer("count", count)
+        check_range("parameters", parameters, ge=0.0, le=1.0)
         if self.num_variants > 1:
             raise ValueError(f"the machine has {self.num_variants} variants; sample one of them: machine.variant(i)")
         rng = np.random.default_rng(seed)
@@ -305,7 +304,7 @@ class Machine:
         """One machine out of a batched one."""
         count = self.num_variants
         if not -count <= index < count:
-            raise ValueError(f"variant {index} of a machine with {count}")
+            raise ValueError(f"variant is {index}, but must be in [{-count}, {count - 1}]")
         entries = {
             key: replace(entry, value=float(entry.value[index])) if isinstance(entry.value, np.ndarray) else entry
             for key, entry in self.entries.items()

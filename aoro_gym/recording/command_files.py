@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.checks import check_range
 from aoro_gym.recording.cells import listed, shown
 from aoro_gym.recording.commands import COMMAND_BOUNDS
 from aoro_gym.recording.logs import NOT_ASKED, QUANTITIES, find_quantities, signal_from_voltage
@@ -93,10 +94,10 @@ def _command(table: Table, key: str, columns: list[tuple[str, NamedQuantity]]) -
     values = values if quantity.unit is None else quantity.unit.to_si(values)
     low, high, _ = COMMAND_BOUNDS[key]
     for index in np.flatnonzero(~((values >= low - 1e-12) & (values <= high + 1e-12))):
-        raise ValueError(f"{table.where(int(index))}: {name} = {values[index]:g} is outside [{low:g}, {high:g}]")
+        check_range(f"{table.where(int(index))}: {name}", values[index], ge=low, le=high)
     if key == "gear" and (values != np.rint(values)).any():
         index = int(np.argmax(values != np.rint(values)))
-        raise ValueError(f"{table.where(index)}: gear = {values[index]:g} is none of 1, 2, 3")
+        raise ValueError(f"{table.where(index)}: {name} is {values[index]:g}, but must be one of 1, 2, 3")
     return np.clip(values, low, high)
 
 
@@ -105,5 +106,5 @@ def _steering_by_voltage(table: Table, columns: list[tuple[str, NamedQuantity]])
     assert quantity.unit is not None
     voltage = quantity.unit.to_si(table.numbers(name))
     for index in np.flatnonzero(~((voltage >= 0.5 - 1e-12) & (voltage <= 4.5 + 1e-12))):
-        raise ValueError(f"{table.where(int(index))}: {name} = {voltage[index]:g} is outside [0.5, 4.5] V")
+        check_range(f"{table.where(int(index))}: {name}", voltage[index], "V", ge=0.5, le=4.5)
     return np.clip(signal_from_voltage(voltage), -1.0, 1.0)

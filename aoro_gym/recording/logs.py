@@ -483,7 +483,7 @@ class _Reading:
             )
         if name == "gear" and np.any(values != np.rint(values)):
             row = int(np.argmax(values != np.rint(values)))
-            raise ValueError(f"{self.table.where(row)}: gear = {values[row]:g} is none of 1, 2, 3")
+            raise ValueError(f"{self.table.where(row)}: gear is {values[row]:g}, but must be one of 1, 2, 3")
         return np.clip(values, low, high)
 
     def _steering(self) -> Floats:

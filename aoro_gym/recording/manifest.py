@@ -99,28 +99,28 @@ def _ground(table: Mapping[str, Any]) -> dict[str, float]:
 def _number(key: str, value: Any, bounds: tuple[float, float, str]) -> float:
     low, high, unit = bounds
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"{key} = {_shown(value)} is not a number [{unit}]")
+        raise ValueError(f"{key} is {_shown(value)}, but must be a number [{unit}]")
     if not low <= value <= high:  # not a number never is
-        raise ValueError(f"{key} = {_shown(value)} is outside [{low:g}, {high:g}] {unit}")
+        raise ValueError(f"{key} is {_shown(value)}, but must be in [{low:g}, {high:g}] {unit}")
     return float(value)
 
 
 def _gear(value: Any) -> int:
     number = _number("gear", value, (1.0, 3.0, "(1, 2 or 3)"))
     if not math.isclose(number, round(number)):
-        raise ValueError(f"gear = {_shown(value)} is none of 1, 2, 3")
+        raise ValueError(f"gear is {_shown(value)}, but must be one of 1, 2, 3")
     return round(number)
 
 
 def _filter(value: Any) -> str:
     if not isinstance(value, str | dict):
-        raise ValueError(f"filters holds {_shown(value)}, but each is text or a table")
+        raise ValueError(f"filters holds {_shown(value)}, but each must be text or a table")
     return value if isinstance(value, str) else ", ".join(f"{key} {_shown(item)}" for key, item in value.items())
 
 
 def _typed(key: str, value: Any, kind: Callable[..., Any], name: str) -> Any:
     if not isinstance(value, kind):  # pyright: ignore[reportArgumentType]
-        raise ValueError(f"{key} = {_shown(value)} is not {name}")
+        raise ValueError(f"{key} is {_shown(value)}, but must be {name}")
     return value
 
 

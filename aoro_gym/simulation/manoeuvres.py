@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.checks import check_range
 from aoro_gym.recording.command_files import read_commands
 from aoro_gym.simulation.log import RATE
 from aoro_gym.twin.records import CHANNELS, COMMAND_BOUNDS
@@ -103,7 +104,7 @@ def standing_turn(
         main_step: Main time step [s].
     """
     name = "left" if direction > 0 else "right"
-    _within("--signal", 100 * signal, 0.0, 100.0, "%", open_low=True)
+    check_range("--signal", 100 * signal, "%", gt=0.0, le=100.0)
     total = TURN_LIMIT if duration is None else _checked_duration(duration, longer_than=STANDSTILL)
     return Manoeuvre(
         name=name,
@@ -120,7 +121,7 @@ def standing_turn(
 
 def straight_drive(signal: float, *, duration: float | None = None, main_step: float = 1e-3) -> Manoeuvre:
     """Drive straight on from standstill: a step of the drive signal to ``signal`` in [-1, 1], for ``duration`` [s]."""
-    _within("--signal", 100 * signal, -100.0, 100.0, "%")
+    check_range("--signal", 100 * signal, "%", ge=-100.0, le=100.0)
     total = 6.0 if duration is None else _checked_duration(duration, longer_than=STANDSTILL)
     return Manoeuvre(
         name="drive",
@@ -147,12 +148,11 @@ def from_file(
     file = read_commands(path)
     steps = np.rint(file.time / main_step).astype(np.int64)
     for index, seconds in enumerate(file.time):
-        where = f"{file.table.where(index)}: {file.clock} = {seconds:g}"
-        if not 0.0 <= seconds <= LONGEST:
-            raise ValueError(f"{where} is outside [0, {LONGEST:g}] s; let the file start at 0")
+        where = f"{file.table.where(index)}: {file.clock}"
+        check_range(where, seconds, "s", ge=0.0, le=LONGEST, note="; let the file start at 0")
         if index and steps[index] <= steps[index - 1]:
             before = file.time[index - 1]
-            raise ValueError(f"{where} does not follow {before:g} by a main step of {main_step:g} s or more")
+            raise ValueError(f"{where} is {seconds:g} s, but must follow {before:g} s by at least {main_step:g} s")
     columns = file.commands
     last = int(steps[-1]) if duration is None else round(_checked_duration(duration) / main_step)
     if last * main_step < SHORTEST:
@@ -237,13 +237,5 @@ def _step(command: str, value: float, total: float, main_step: float) -> tuple[S
 
 
 def _checked_duration(duration: float, *, longer_than: float = 0.0) -> float:
-    _within("--duration", duration, longer_than + SHORTEST, LONGEST, "s")
+    check_range("--duration", duration, "s", ge=longer_than + SHORTEST, le=LONGEST)
     return duration
-
-
-def _within(name: str, value: float, low: float, high: float, unit: str, *, open_low: bool = False) -> None:
-    """``ValueError`` unless low <= value <= high (low < value with ``open_low``); not a number never passes."""
-    above = value > low if open_low else value >= low
-    if not (above and value <= high):
-        bracket = "(" if open_low else "["
-        raise ValueError(f"{name} = {value:g} is outside {bracket}{low:g}, {high:g}] {unit}")

@@ -48,14 +48,18 @@ def named_manoeuvre(
         share = 1.0 if signal is None else signal / 100.0
         return standing_turn(1 if name == "left" else -1, share, joint_range, duration=duration)
     if signal is not None:
-        raise ValueError(f"--signal = {signal:g} serves left, right and drive; a command file holds its own signals")
+        raise ValueError(
+            f"--signal is {signal:g} %, but serves left, right and drive; a command file holds its own signals"
+        )
     path = Path(name)
     if path.suffix not in (".csv", ".parquet"):
-        raise ValueError(f"--manoeuvre {name!r} is none of left, right, drive, and no .csv or .parquet file")
+        raise ValueError(f"--manoeuvre is {name!r}; choose one of: left, right, drive, or give a .csv or .parquet file")
     angle = 0.0 if start_angle is None else math.radians(start_angle)
     if not abs(angle) <= joint_range:
         limit = math.degrees(joint_range)
-        raise ValueError(f"--start-angle = {start_angle:g} is outside [{-limit:g}, {limit:g}] deg (joint.range)")
+        raise ValueError(
+            f"--start-angle is {start_angle:g} deg, but must be in [{-limit:g}, {limit:g}] deg (joint.range)"
+        )
     manoeuvre = from_file(path, start_angle=angle, duration=duration)
     if manoeuvre.unread:
         warn(f"{path}: unknown columns were not read: {listed(manoeuvre.unread)}")
@@ -67,8 +71,6 @@ def _check_percent(signal: float | None, dead_band: float, warn: Callable[[str],
     if signal is None:
         return
     if 0.0 < abs(signal) <= 1.0:
-        raise ValueError(
-            f"--signal = {signal:g} is in per cent, and {signal:g} % would move nothing; did you mean {100.0 * signal:g}?"
-        )
+        raise ValueError(f"--signal is {signal:g} %, which would move nothing; did you mean {100.0 * signal:g}?")
     if 0.0 < signal <= dead_band:
-        warn(f"--signal = {signal:g} % is within the valve's dead band, {dead_band:.3g} %; the joint will not turn")
+        warn(f"--signal is {signal:g} %, within the valve's dead band, {dead_band:.3g} %; the joint will not turn")

@@ -268,12 +268,11 @@ class Twin:
                 raise ValueError(
                     f"terrain has shape {asked.shape} and type {asked.dtype}, but must be ({n},) of integers"
                 )
-            if not np.all((asked >= 0) & (asked < self._grounds.count)):
+            if not self._grounds.count:
                 raise ValueError(
-                    f"terrain reaches {asked.min()} … {asked.max()}, but must be in [0, {self._grounds.count - 1}]"
-                    if self._grounds.count
-                    else "terrain is given, but these twins stand on a plane; construct them with terrains to choose from"
+                    "terrain is given, but these twins stand on a plane; construct them with terrains to choose from"
                 )
+            check_range("terrain", asked, ge=0, le=self._grounds.count - 1)
             numbers[:] = asked
         self._mask.assign(chosen)
         self._numbers.assign(numbers)
@@ -461,8 +460,7 @@ class Twin:
 
     def _chosen(self, indices: npt.ArrayLike) -> npt.NDArray[np.int32]:
         chosen = np.atleast_1d(np.asarray(indices, dtype=np.int32))
-        if chosen.size and not (chosen.min() >= 0 and chosen.max() < self.num_twins):
-            raise ValueError(f"indices must be in [0, {self.num_twins - 1}], but reach {chosen.min()} … {chosen.max()}")
+        check_range("indices", chosen, ge=0, le=self.num_twins - 1)
         return chosen
 
     def set_machines(self, indices: npt.ArrayLike, machine: Machine) -> None:

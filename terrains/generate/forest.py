@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import KDTree
 
+from aoro_gym.checks import check_range
 from aoro_gym.terrains.paths.path import Path
 from aoro_gym.terrains.terrain import Terrain
 
@@ -106,11 +107,10 @@ class ForestSettings:
             "trees": (0.0, 2500.0),
         }
         for name, (low, high) in bounds.items():
-            value = getattr(self, name)
-            if not low <= value <= high:
-                raise ValueError(f"forest {name} is {value:g}, but must be in [{low:g}, {high:g}]")
-        if len(self.size) != 2 or not all(30.0 <= side <= 500.0 for side in self.size):
-            raise ValueError(f"forest size is {self.size}, but both sides must be in [30, 500] m")
+            check_range(f"forest {name}", getattr(self, name), ge=low, le=high)
+        if len(self.size) != 2:
+            raise ValueError(f"forest size is {self.size} m, but must be two sides")
+        check_range("forest size", self.size, "m", ge=30.0, le=500.0)
 
 
 PUBLISHED_SIZE = ForestSettings(cell=0.679)
@@ -169,7 +169,7 @@ def forest(seed: int = 0, settings: ForestSettings | None = None, **changes: Any
     unknown = set(changes) - {field.name for field in fields(ForestSettings)}
     if unknown:
         known = ", ".join(field.name for field in fields(ForestSettings))
-        raise ValueError(f"forest has no {', '.join(sorted(unknown))}; choose from {known}")
+        raise ValueError(f"forest has no {', '.join(sorted(unknown))}; choose one of: {known}")
     chosen = replace(settings or ForestSettings(), **changes)
     return _ForestBuilder(seed, chosen).forest()
 

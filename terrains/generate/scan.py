@@ -19,6 +19,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.checks import check_range
 from aoro_gym.execution.files import write_bytes, written_whole
 from aoro_gym.terrains.extras import import_extra
 from aoro_gym.terrains.generate.forest import Forest
@@ -95,8 +96,7 @@ class Scan:
         from scipy.spatial import Delaunay
 
         width = float(2.0 / np.sqrt(self.density)) if cell is None else cell
-        if not width > 0.0:
-            raise ValueError(f"mesh cell is {width:g} m, but must be positive")
+        check_range("mesh cell", width, "m", gt=0.0)
         chosen = self.points[self.classes == PointClass.GROUND] if surface == "ground" else self.points
         if surface == "top":
             chosen = chosen[self.classes != PointClass.LOW_NOISE]
@@ -173,8 +173,7 @@ def scan(
         ("shrubs", shrubs, 0.0, 5000.0),
         ("low_noise", low_noise, 0.0, 0.1),
     ):
-        if not low <= value <= high:
-            raise ValueError(f"{key} is {value:g}, but must be in [{low:g}, {high:g}]")
+        check_range(key, value, ge=low, le=high)
     terrain = ground.terrain if isinstance(ground, Forest) else ground
     trees = [o for o in ground.obstacles if o.kind == "tree"] if isinstance(ground, Forest) else []
     surface, plants, echoes, gaps = np.random.default_rng(seed).spawn(4)

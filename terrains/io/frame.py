@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.checks import check_choice, check_range
 from aoro_gym.terrains.extras import import_extra
 from aoro_gym.terrains.georeference import MOST_SCALE_ERROR, axis_unit, horizontal, scale_factors, utm_zone
 from aoro_gym.terrains.heights import MOST_NODES, grid_shape
@@ -60,28 +61,24 @@ class LoadOptions:
             if value is not None and value not in UNITS:
                 named = unit_named(value) if isinstance(value, str) else None
                 if named is None or named.name not in UNITS:
-                    raise TerrainError(f"{key} = {value!r} is none of {', '.join(UNITS)}")
+                    raise TerrainError(f"{key} is {value!r}; choose one of: {', '.join(UNITS)}")
                 object.__setattr__(self, key, named.name)
         if self.band is not None and not (isinstance(self.band, int) and self.band >= 1):
-            raise TerrainError(f"band = {self.band!r} must be a positive integer: bands are counted from 1")
-        if self.up is not None and self.up not in UP:
-            raise TerrainError(f"up = {self.up!r} is none of {', '.join(UP)}")
-        if self.ground not in (None, "class", "filter", "all"):
-            raise TerrainError(f"ground = {self.ground!r} is none of class, filter, all")
-        if self.cell is not None and not 0.01 <= self.cell <= 100.0:
-            raise TerrainError(f"cell = {self.cell:g} is outside [0.01, 100] m")
+            raise TerrainError(f"band is {self.band!r}, but must be a positive integer: bands are counted from 1")
+        if self.up is not None:
+            check_choice("up", self.up, UP, TerrainError)
+        if self.ground is not None:
+            check_choice("ground", self.ground, ("class", "filter", "all"), TerrainError)
+        if self.cell is not None:
+            check_range("cell", self.cell, "m", ge=0.01, le=100.0, error=TerrainError)
         for key in ("hole_limit", "spike_limit"):
-            value = getattr(self, key)
-            if not 0.0 <= value <= 1000.0:
-                raise TerrainError(f"{key} = {value:g} is outside [0, 1000] m")
+            check_range(key, getattr(self, key), "m", ge=0.0, le=1000.0, error=TerrainError)
         if self.window is not None:
             if len(self.window) != 4 or not np.isfinite(self.window).all():
-                raise TerrainError(f"window = {self.window} must be four numbers: west, south, east, north [m]")
+                raise TerrainError(f"window is {self.window}, but must be four numbers: west, south, east, north [m]")
             west, south, east, north = self.window
             if not (west < east and south < north):
-                raise TerrainError(
-                    f"window = {self.window} must be west, south, east, north with west < east, south < north"
-                )
+                raise TerrainError(f"window is {self.window}, but must have west < east and south < north [m]")
 
     def tell(self, share: float) -> None:
         """Report progress."""

@@ -158,7 +158,7 @@ def _numbers(nodata: Sequence[float] | float | None) -> tuple[float, ...] | None
     try:
         return None if nodata is None else tuple(float(value) for value in np.atleast_1d(nodata))
     except (TypeError, ValueError):
-        raise TerrainError(f"nodata = {f'{nodata!r}'[:80]} must be a number, or several") from None
+        raise TerrainError(f"nodata is {f'{nodata!r}'[:80]}, but must be a number, or several") from None
 
 
 def _found(path: Path | None, source: Any, request: LoadOptions, report: Report) -> ElevationModel:

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from aoro_gym.checks import check_range
+
 CLOSEST = 1e-3
 """Least distance [m] of neighbouring points: below it they say nothing about the path's direction."""
 MOST_POINTS = 400_000
@@ -188,8 +190,7 @@ class Path:
         xy = np.asarray(xy, dtype=np.float64)
         if xy.ndim == 0 or xy.shape[-1] != 2:
             raise ValueError(f"xy has the shape {xy.shape}; give (..., 2)")
-        if not reach > 0.0:
-            raise ValueError(f"reach is {reach:g} m, but must be positive")
+        check_range("reach", reach, "m", gt=0.0)
         shape, flat = xy.shape[:-1], xy.reshape(-1, 2)
         if near is None:
             candidates = np.broadcast_to(np.arange(self.num_segments), (len(flat), self.num_segments))
@@ -219,8 +220,7 @@ class Path:
         """
         from scipy.interpolate import make_smoothing_spline
 
-        if not wavelength > 2.0 * spacing:
-            raise ValueError(f"wavelength is {wavelength:g} m, but must be longer than two spacings of {spacing:g} m")
+        check_range("wavelength", wavelength, "m", gt=2.0 * spacing, note=", two spacings")
         even = self.resample(min(spacing, self.length / 8.0))
         step = even.length / even.num_segments
         # closed: the penalty's influence decays within a wavelength; three laps more than cover it
@@ -334,8 +334,7 @@ def _least_pieces(closed: bool) -> int:
 
 def _pieces(length: float, spacing: float) -> int:
     """How many segments of about ``spacing`` [m] make ``length``."""
-    if not spacing >= CLOSEST:
-        raise ValueError(f"spacing is {spacing:g} m, but must be at least {CLOSEST:g} m")
+    check_range("spacing", spacing, "m", ge=CLOSEST)
     if length > MOST_POINTS * spacing:
         raise ValueError(
             f"a path of {length / 1e3:.6g} km with a point every {spacing:g} m has more than {MOST_POINTS:,} points; cut it,"

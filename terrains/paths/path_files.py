@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from aoro_gym.checks import check_range
 from aoro_gym.execution.files import write_bytes, written_whole
 from aoro_gym.terrains.georeference import axis_unit, horizontal, to_geographic
 from aoro_gym.terrains.io.check import Change
@@ -143,8 +144,7 @@ def load_path(
     file = File(source)
     report = PathReport(source=str(file))
     try:
-        if not 0.0 <= smoothing <= 100.0:
-            raise ValueError(f"smoothing is {smoothing:g} m, but must be in [0, 100]")
+        check_range("smoothing", smoothing, "m", ge=0.0, le=100.0)
         reader = READERS.get(file.suffix.lower())
         if reader is None:
             raise ValueError(f"paths are read from {' '.join(READERS)}; export it as one of these")

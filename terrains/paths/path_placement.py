@@ -85,7 +85,7 @@ def _check_degrees(track: Track, latitude: Array, longitude: Array) -> None:
         worst = int(np.argmax(np.abs(values)))
         if abs(values[worst]) <= bound:
             continue
-        text = f"{key} = {values[worst]:.9g} at {track.place(worst)} is outside [-{bound:g}, {bound:g}] deg"
+        text = f"{key} at {track.place(worst)} is {values[worst]:.9g} deg, but must be in [-{bound:g}, {bound:g}] deg"
         if np.abs(latitude).min() > 90.0 and np.abs(latitude).max() <= 180.0 and np.abs(longitude).max() <= 90.0:
             text += ": latitude and longitude look interchanged; exchange the two"
         elif 9e6 < np.median(np.abs(values)) <= bound * 1e7:

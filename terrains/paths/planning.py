@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
+from aoro_gym.checks import check_range
 from aoro_gym.terrains.heights import Heights, grid_shape, sample_triangles
 from aoro_gym.terrains.paths.path import Path
 from aoro_gym.terrains.plane import Plane
@@ -73,8 +74,7 @@ def turning_radius(joint_angle_deg: float, front: float = HALF_WHEELBASE, rear: 
         front: Hinge to front axle [m].
         rear: Hinge to rear axle [m].
     """
-    if not 0.0 < joint_angle_deg < 90.0:
-        raise ValueError(f"joint_angle_deg is {joint_angle_deg:g}, but must lie between 0 and 90")
+    check_range("joint_angle_deg", joint_angle_deg, "deg", gt=0.0, lt=90.0)
     angle = np.radians(joint_angle_deg)
     return float(max(front * np.cos(angle) + rear, rear * np.cos(angle) + front) / np.sin(angle))
 
@@ -135,8 +135,7 @@ class DrivableGround:
 
         Raises :class:`NoDrivablePath` that says what bars the ground if no path of this length is found.
         """
-        if not 2.0 * PIECE <= length <= 10_000.0:
-            raise ValueError(f"path length is {length:g} m, but must be in [{2 * PIECE:g}, 10000] m")
+        check_range("path length", length, "m", ge=2.0 * PIECE, le=10_000.0)
         rng = np.random.default_rng(seed)
         places = self._places()
         longest = 0.0
@@ -204,9 +203,8 @@ def drivable_ground(
         ("clearance", clearance, 0.0, 20.0),
         ("margin", margin, 0.0, 100.0),
     ):
-        if not low <= value <= high:
-            hint = f": the joint's {JOINT_RANGE_DEG:g}° turns no tighter" if key == "turning_radius" else ""
-            raise ValueError(f"{key} is {value:g}, but must be in [{low:.3g}, {high:g}]{hint}")
+        hint = f": the joint's {JOINT_RANGE_DEG:g}° turns no tighter" if key == "turning_radius" else ""
+        check_range(key, value, "deg" if key.endswith("_deg") else "m", ge=low, le=high, note=hint)
     heights = _heights(terrain)
     known, cell = heights.known, heights.cell
     filled = heights.z

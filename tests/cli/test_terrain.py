@@ -119,7 +119,7 @@ def test_bands(run, tmp_path):
         ("terrain good.csv", "good.csv: its columns are named time_s, steering_signal, which are not x, y and z"),
         ("terrain bad.toml", "bad.toml: terrains end in one of"),
         ("terrain good.csv --out fine.stl", "--out fine.stl must end in .ply"),
-        ("terrain good.csv --units yards", "units = 'yards' is none of"),
+        ("terrain good.csv --units yards", "units is 'yards'; choose one of:"),
     ],
 )
 def test_wrong_input_is_one_line_before_anything_runs(files, arguments, message):

@@ -422,7 +422,7 @@ def test_effects_combine(shipped: Machine):
     [
         ((), "has 0 magnitudes, but takes preload"),
         ((1.0, 2.0), "has 2 magnitudes, but takes preload"),
-        ((np.nan,), "preload = nan must be a finite number"),
+        ((np.nan,), "preload is nan, but must be a finite number"),
         ((np.zeros((2, 2)),), "must be a finite number, or one a twin"),
         ((-1e4,), r"seal_preload = .* must be finite and at least 0 N"),
     ],

@@ -297,7 +297,7 @@ def test_a_factor_has_as_many_values_as_its_parameter(machine: Machine) -> None:
 
 
 def test_variants_that_do_not_exist(machine: Machine) -> None:
-    with pytest.raises(ValueError, match="variant 1 of a machine with 1"):
+    with pytest.raises(ValueError, match=r"variant is 1, but must be in \[-1, 0\]"):
         machine.variant(1)
 
 

@@ -233,7 +233,7 @@ def test_calibrate_and_diagnose_leave_out_the_same_rows(tmp_path, plain, table, 
         ({**columns(), "time_s": [f"{EPOCH * 10**9 + int(k) * 10**7}" for k in K]}, "these are nanoseconds since 1970"),
         ({**columns(), "time_s": np.repeat(columns()["time_s"][::4], 4)}, "repeats, with other values, .* more digits"),
         ({**columns(), "engine_speed_rpm": 9e3 + K}, "no engine of this kind turns faster"),
-        ({**columns(), "gear": np.where(K > 99, 1.5, 1.0)}, "gear = 1.5 is none of 1, 2, 3"),
+        ({**columns(), "gear": np.where(K > 99, 1.5, 1.0)}, "gear is 1.5, but must be one of 1, 2, 3"),
     ],
 )
 def test_what_cannot_be_is_refused_by_name(tmp_path, table, says):

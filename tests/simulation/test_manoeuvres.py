@@ -37,11 +37,11 @@ def test_turns_start_at_the_opposite_stop():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: standing_turn(1, 0.0, 0.7), "--signal = 0 is outside (0, 100] %"),
-        (lambda: standing_turn(1, float("nan"), 0.7), "--signal = nan is outside (0, 100] %"),
-        (lambda: standing_turn(1, 1.0, 0.7, duration=0.5), "--duration = 0.5 is outside [0.61, 3600] s"),
-        (lambda: straight_drive(-1.01), "--signal = -101 is outside [-100, 100] %"),
-        (lambda: straight_drive(0.5, duration=float("inf")), "--duration = inf is outside"),
+        (lambda: standing_turn(1, 0.0, 0.7), "--signal is 0 %, but must be in (0, 100] %"),
+        (lambda: standing_turn(1, float("nan"), 0.7), "--signal is nan %, but must be in (0, 100] %"),
+        (lambda: standing_turn(1, 1.0, 0.7, duration=0.5), "--duration is 0.5 s, but must be in [0.61, 3600] s"),
+        (lambda: straight_drive(-1.01), "--signal is -101 %, but must be in [-100, 100] %"),
+        (lambda: straight_drive(0.5, duration=float("inf")), "--duration is inf s, but"),
     ],
 )
 def test_refuses(make, message):

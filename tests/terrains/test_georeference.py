@@ -67,8 +67,8 @@ def test_shapes_broadcast():
         ("EPSG:99999", 46.0, 6.8, "crs 'EPSG:99999' is unknown"),
         ("EPSG:4326", 46.0, 6.8, "counts in degrees"),
         ("EPSG:5773", 46.0, 6.8, "neither projected nor geographic"),
-        ("EPSG:32632", 91.0, 6.8, r"latitude = 91 is outside \[-90, 90\] deg"),
-        ("EPSG:32632", 46.0, np.nan, "longitude = nan is outside"),
+        ("EPSG:32632", 91.0, 6.8, r"latitude is 91 deg, but must be in \[-90, 90\] deg"),
+        ("EPSG:32632", 46.0, np.nan, "longitude is nan deg, but"),
         ("EPSG:32632", 0.0, 99.0, "1 of 1 points of WGS 84 lie outside of WGS 84 / UTM zone 32N"),
     ],
 )

@@ -75,8 +75,8 @@ def test_the_lowest_level_with_headroom_counts():
 @pytest.mark.parametrize(
     ("cell", "message"),
     [
-        (0.0, "cell is 0.0 m, but must be positive"),
-        (np.nan, "cell is nan m, but must be positive"),
+        (0.0, "cell is 0 m, but must be finite and above 0"),
+        (np.nan, "cell is nan m, but must be finite"),
         (1e-4, "cell is 0.0001 m, which makes 1.5e+10 nodes over 15 m x 10 m, but a raster has at most 2e+08"),
     ],
 )

@@ -65,7 +65,7 @@ def test_a_terrain_is_read_only():
         ({"friction": np.ones(2)}, "terrain friction has the shape (2,); give one number or (3,), one a vertex"),
         (
             {"rolling_resistance": [1.0, 99.0, 1.0]},
-            "terrain rolling_resistance is 99, but must be in [0, 50] x asphalt",
+            "terrain rolling_resistance[1] is 99, but must be in [0, 50] x asphalt",
         ),
     ],
 )
@@ -78,7 +78,7 @@ def test_errors_name_the_fix(change, message):
     ("heights", "cell", "message"),
     [
         (np.zeros(3), 1.0, "terrain heights have the shape (3,); give at least 2 rows and 2 columns"),
-        (np.zeros((2, 2)), 0.0, "terrain cell is 0.0 m, but must be positive"),
+        (np.zeros((2, 2)), 0.0, "terrain cell is 0 m, but must be above 0"),
         (np.full((3, 3), np.nan), 1.0, "terrain heights have no cell with four finite corners"),
     ],
 )

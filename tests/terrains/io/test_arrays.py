@@ -50,7 +50,7 @@ def test_ragged_lists_and_bands():
         load([[1.0, 2.0], [3.0]], cell=1.0)
     with pytest.raises(TerrainError, match="no bands"):
         load(Z, cell=1.0, band=1)
-    with pytest.raises(TerrainError, match="nodata = 'none' must be a number"):
+    with pytest.raises(TerrainError, match="nodata is 'none', but must be a number"):
         load(Z, cell=1.0, nodata="none")  # pyright: ignore[reportArgumentType]
 
 

@@ -303,7 +303,7 @@ def test_bands_that_nobody_describes_are_listed(tmp_path):
     assert np.median(errors(terrain)) == pytest.approx(1.0, abs=1e-5)
     with pytest.raises(TerrainError, match="band = 3, but it has 2 bands"):
         load(path, band=3)
-    with pytest.raises(TerrainError, match="band = 0 must be a positive integer"):
+    with pytest.raises(TerrainError, match="band is 0, but must be a positive integer"):
         load(path, band=0)
     both = write(tmp_path / "h.tif", [z, z + 1.0], place=north_up(), change=described("DTM", "DSM"))
     with pytest.raises(TerrainError, match="several of its bands may be heights"):

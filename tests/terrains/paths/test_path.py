@@ -267,9 +267,9 @@ SQUARE = at((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
         (lambda: Path(SQUARE).speed_at(0.0), "path 'path' says no speed"),
         (lambda: Path(SQUARE).resample(0.0), "spacing is 0 m, but must be at least 0.001 m"),
         (lambda: Path.spline(SQUARE, spacing=np.nan), "spacing is nan m"),
-        (lambda: Path(SQUARE).smooth(0.4), "wavelength is 0.4 m, but must be longer than two spacings"),
+        (lambda: Path(SQUARE).smooth(0.4), "wavelength is 0.4 m, but must be above 0.5 m, two spacings"),
         (lambda: Path(SQUARE).project([1.0, 2.0, 3.0]), r"xy has the shape \(3,\)"),
-        (lambda: Path(SQUARE).project([1.0, 2.0], reach=0.0), "reach is 0 m, but must be positive"),
+        (lambda: Path(SQUARE).project([1.0, 2.0], reach=0.0), "reach is 0 m, but must be above 0"),
     ],
 )
 def test_refuses(make, message):

@@ -206,7 +206,11 @@ def test_warns_of_a_path_beyond_the_terrain(tmp_path, nowhere):
         ("a.csv", "", "a.csv: it has no lines"),
         ("a.csv", "time,speed\n1,2\n", "its header is time, speed, but must name latitude and longitude"),
         ("a.csv", "latitude,longitude\n65.1,20.1\n,\n", "it has 1 points with coordinates; a path needs at least 2"),
-        ("a.csv", "lat,lon\n95,20\n96,20\n", r"latitude = 96 at point 2 \(line 3\) is outside \[-90, 90\] deg"),
+        (
+            "a.csv",
+            "lat,lon\n95,20\n96,20\n",
+            r"latitude at point 2 \(line 3\) is 96 deg, but must be in \[-90, 90\] deg",
+        ),
         ("a.csv", "65.60001,22.1\n65.60002,22.1\n65.6,22.1\n", "no header and look like degrees"),
         ("a.csv", "x,y\n1,1\n1,1.01\n1.01,1\n", "a.csv: its points all lie within 0.15 m"),
         ("a.csv", "x,y\n460000,7278000\n460010,7278000\n", "which are no local ones; give the terrain"),

@@ -97,13 +97,13 @@ def test_latitude_and_longitude_interchanged(tmp_path, terrain, kind):
 def test_what_no_latitude_can_be(tmp_path):
     far_east = np.array([[65.0, 150.0 + 1e-5 * i] for i in range(20)])
     text = "lat,lon\n" + "".join(f"{b},{a}\n" for a, b in far_east)
-    assert "outside [-90, 90] deg: latitude and longitude look interchanged" in refusal(tmp_path, text)
+    assert "must be in [-90, 90] deg: latitude and longitude look interchanged" in refusal(tmp_path, text)
     one = "lat,lon\n" + "".join(f"{a},{b}\n" for a, b in far_east) + "97,150\n"
     said = loaded(tmp_path, one).report.warnings
     assert "1 points whose coordinates are no place on Earth left out, such as point 21 (line 22): 97, 150" in said[0]
     some = "lat,lon\n" + "".join(f"{a + 25 + 1e-3 * i},150\n" for i, (a, _) in enumerate(far_east))
     said = refusal(tmp_path, some)
-    assert "latitude = 90.019 at point 20 (line 21) is outside" in said
+    assert "latitude at point 20 (line 21) is 90.019 deg, but must be in" in said
     assert "interchanged" not in said
     packed = "lat,lon\n" + "".join(f"{a * 1e7:.0f},{b * 1e7:.0f}\n" for a, b in far_east)
     assert "degrees times ten million?" in refusal(tmp_path, packed)

@@ -160,9 +160,9 @@ def test_says_why_there_is_none():
     [
         (
             {"turning_radius": 3.0},
-            r"turning_radius is 3, but must be in \[4.67, 1000\]: the joint's 40° turns no tighter",
+            r"turning_radius is 3 m, but must be in \[4\.6\d+, 1000\] m: the joint's 40° turns no tighter",
         ),
-        ({"max_slope_deg": 60.0}, r"max_slope_deg is 60, but must be in \[0.1, 45\]"),
+        ({"max_slope_deg": 60.0}, r"max_slope_deg is 60 deg, but must be in \[0.1, 45\]"),
         ({"max_cross_slope_deg": 0.0}, "max_cross_slope_deg is 0"),
         ({"obstacle_height": np.nan}, "obstacle_height is nan"),
         ({"clearance": -1.0}, "clearance is -1"),
