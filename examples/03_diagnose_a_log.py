@@ -11,7 +11,7 @@ import numpy as np
 
 from aoro_gym import Machine, Twin
 from aoro_gym.effects.catalogue import EFFECTS
-from aoro_gym.recording.logs import TICK, Recording, read_recording
+from aoro_gym.recording.logs import TICK, Log, read_log
 from aoro_gym.simulation.log import log_columns, write_log
 from aoro_gym.simulation.manoeuvres import run, standing_turn
 
@@ -19,7 +19,7 @@ TRIED = ("spool_lag", "valve_gain", "seal_friction", "joint_friction", "hose_com
 COMPARED = ("joint_angle", "pressure_a", "pressure_b")
 
 
-def replay(machine: Machine, log: Recording) -> dict[str, np.ndarray]:
+def replay(machine: Machine, log: Log) -> dict[str, np.ndarray]:
     """Channels (samples - 1, machines) of twins under the commands of a log; the first sample is their start."""
     twin = Twin(num_twins=machine.num_variants, machine=machine)
     reach = float(machine.joint.range)
@@ -31,7 +31,7 @@ def replay(machine: Machine, log: Recording) -> dict[str, np.ndarray]:
     return {name: np.stack([row[name] for row in rows]) for name in COMPARED}
 
 
-def gap(machine: Machine, log: Recording) -> np.ndarray:
+def gap(machine: Machine, log: Log) -> np.ndarray:
     """Root mean square difference of each machine from the log, over the noise that its standstill shows."""
     found = replay(machine, log)
     parts = []
@@ -49,7 +49,7 @@ turn = standing_turn(direction=+1, signal=0.75, joint_range=float(healthy.joint.
 recording = run(Twin(machine=faulty), turn)
 write_log(Path("log.csv"), log_columns(recording.time, recording.channels, rng=np.random.default_rng(1)))
 
-log = read_recording(Path("log.csv"))
+log = read_log(Path("log.csv"))
 least = {"nothing": gap(healthy, log)[0]}
 print(f"{'nothing':18} leaves a gap of {least['nothing']:6.2f} times the noise")
 for name in TRIED:

@@ -14,7 +14,7 @@ import warp
 
 from aoro_gym import Machine, Twin
 from aoro_gym.calibration.procedure import measured_curve
-from aoro_gym.simulation.manoeuvres import Recording, run, standing_turn, straight_drive
+from aoro_gym.simulation.manoeuvres import Trajectory, run, standing_turn, straight_drive
 
 warp.config.log_level = warp.LOG_ERROR
 
@@ -71,18 +71,18 @@ def machine() -> Machine:
 
 
 @pytest.fixture(scope="session")
-def left_turn(machine: Machine) -> Recording:
+def left_turn(machine: Machine) -> Trajectory:
     """A full turn to the left at full signal."""
     return run(Twin(machine=machine), standing_turn(1, 1.0, float(machine.joint.range)))
 
 
 @pytest.fixture(scope="session")
-def right_turn(machine: Machine) -> Recording:
+def right_turn(machine: Machine) -> Trajectory:
     """A full turn to the right at full signal."""
     return run(Twin(machine=machine), standing_turn(-1, 1.0, float(machine.joint.range)))
 
 
 @pytest.fixture(scope="session")
-def drive(machine: Machine) -> Recording:
+def drive(machine: Machine) -> Trajectory:
     """Three seconds straight on at half the drive signal."""
     return run(Twin(machine=machine), straight_drive(0.5, duration=3.0))

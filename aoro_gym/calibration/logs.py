@@ -21,7 +21,7 @@ from aoro_gym.calibration.ensemble import CANDIDATES, draw_ensemble, posterior_f
 from aoro_gym.calibration.fit import BOXES, USUAL_STEPS, Fit, Residuals, least_squares_fit
 from aoro_gym.calibration.progress import Progress, Work
 from aoro_gym.calibration.published import IDENTIFIABLE, Calibration
-from aoro_gym.calibration.recordings import CHANNELS, EVERY, Recording, read_recording, whitened
+from aoro_gym.calibration.recordings import CHANNELS, EVERY, FilteredLog, read_filtered_log, whitened
 from aoro_gym.calibration.replay import ENGINE_SPEED, repeat
 from aoro_gym.calibration.resuming import log_inputs, resumable
 from aoro_gym.calibration.space import Space
@@ -83,7 +83,7 @@ def calibrate_logs(
     paths = [Path(path) for path in logs]
     if not paths:
         raise ValueError("no log given; name at least one")
-    recordings = [read_recording(path) for path in paths]
+    recordings = [read_filtered_log(path) for path in paths]
     inputs = {
         "machine": machine.identity,
         "logs": log_inputs(paths),
@@ -132,11 +132,11 @@ def _phases(free: int, starts: int, population: int, ensemble: int) -> dict[str,
 class _Comparison:
     """Machines beside recordings."""
 
-    recordings: Sequence[Recording]
+    recordings: Sequence[FilteredLog]
     device: str
     work: Work
 
-    def repeated(self, machine: Machine) -> Iterator[tuple[Recording, dict[str, NDArray[np.float64]]]]:
+    def repeated(self, machine: Machine) -> Iterator[tuple[FilteredLog, dict[str, NDArray[np.float64]]]]:
         """Each recording and what the variants of ``machine`` do under its commands."""
         seconds = sum((recording.count - 1) * TICK for recording in self.recordings)
         for recording in self.recordings:
@@ -221,6 +221,6 @@ def _parameters(space: Space, best: NDArray[np.float64], std: NDArray[np.float64
     ]  # fmt: skip
 
 
-def _conditions(recording: Recording) -> dict[str, Any]:
+def _conditions(recording: FilteredLog) -> dict[str, Any]:
     """What is used of a log and of its manifest, and what not."""
     return {"log": str(recording.path), "used": list(recording.used), "warnings": list(recording.warnings)}

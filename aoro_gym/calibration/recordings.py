@@ -50,7 +50,7 @@ CHANNELS: Mapping[str, Channel] = {
 
 
 @dataclass(frozen=True)
-class Recording:
+class FilteredLog:
     """A log on the tick grid; F samples."""
 
     path: Path
@@ -76,13 +76,13 @@ class Recording:
         return len(next(iter(self.commands.values())))
 
 
-def read_recording(path: Path) -> Recording:
-    """Read a log (:func:`aoro_gym.recording.logs.read_recording`) and the manifest beside it for calibration.
+def read_filtered_log(path: Path) -> FilteredLog:
+    """Read a log (:func:`aoro_gym.recording.logs.read_log`) and the manifest beside it for calibration.
 
     Raises:
         ValueError: names the file, the column and what is missing or inconsistent.
     """
-    log = logs.read_recording(path, purpose="a calibration", channels=tuple(CHANNELS))
+    log = logs.read_log(path, purpose="a calibration", channels=tuple(CHANNELS))
     commands = {name: np.append(values, values[-1]) for name, values in log.commands.items()}
     channels, std = {}, {}
     for name, values in log.channels.items():
@@ -93,13 +93,13 @@ def read_recording(path: Path) -> Recording:
         shared = np.sqrt(max(1.0, 1.0 / (TICK * EVERY) / (2.0 * CUTOFF)))
         std[name] = shared * float(np.hypot(noise, CHANNELS[name].least))
     unread = [f"{path.name}: columns that were not read: {listed(log.unread)}"] if log.unread else []
-    return Recording(
+    return FilteredLog(
         path, commands, channels, std, log.rest, log.start_angle, log.manifest, _used(log),
         (*log.limitations, *unread, *_unused(log.manifest)),
     )  # fmt: skip
 
 
-def _used(log: logs.Recording) -> tuple[str, ...]:
+def _used(log: logs.Log) -> tuple[str, ...]:
     """What a calibration takes from a log and its manifest, in words."""
     manifest = log.manifest
     found = [

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym.calibration.recordings import CHANNELS, CUTOFF, Recording
+from aoro_gym.calibration.recordings import CHANNELS, CUTOFF, FilteredLog
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.effects.oil_and_hoses import COMMISSIONED_TEMPERATURE
 from aoro_gym.machine import Machine
@@ -47,7 +47,7 @@ def under_conditions(machine: Machine, manifest: Manifest) -> Machine:
 
 def repeat(
     machine: Machine,
-    recording: Recording,
+    recording: FilteredLog,
     *,
     device: str = "cpu",
     progress: Callable[[float], None] = lambda seconds: None,
@@ -91,7 +91,7 @@ def repeat(
     return out
 
 
-def _stretches(recording: Recording) -> Iterator[tuple[int, int, dict[str, float]]]:
+def _stretches(recording: FilteredLog) -> Iterator[tuple[int, int, dict[str, float]]]:
     """Ticks from which and up to which commands hold, none longer than :data:`CHUNK`."""
     names = list(recording.commands)
     held = np.stack([recording.commands[name] for name in names], axis=1)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym.calibration.recordings import CHANNELS, EVERY, Recording, whitened
+from aoro_gym.calibration.recordings import CHANNELS, EVERY, FilteredLog, whitened
 
 LARGEST_STD = 3.0
 """Standard deviations of noise that are taken as noise. A machine with the twin's own laws leaves 0.1 to 1; beats of the
@@ -57,7 +57,7 @@ class Verdict:
 
 
 def judge(
-    repeated: Iterable[tuple[Recording, Mapping[str, NDArray[np.float64]]]], on_a_bound: int, parameters: int
+    repeated: Iterable[tuple[FilteredLog, Mapping[str, NDArray[np.float64]]]], on_a_bound: int, parameters: int
 ) -> Verdict:
     """The verdict on a machine.
 

@@ -193,7 +193,7 @@ def calibrate(
         from aoro_gym.calibration.logs import calibrate_logs
         from aoro_gym.calibration.output import check_output
         from aoro_gym.calibration.published import calibrate_published
-        from aoro_gym.calibration.recordings import read_recording
+        from aoro_gym.calibration.recordings import read_filtered_log
 
         _check_source(published, use_logs, logs)
         for option, value, least in (("ensemble", ensemble, 0), ("starts", starts, 1), ("population", population, 2)):
@@ -202,7 +202,7 @@ def calibrate(
         check_output(out, logs or [])
         chosen = options.load(options.run_spec(machine, set_, scale, device, seed))
         for path in logs or []:
-            read_recording(path)
+            read_filtered_log(path)
 
     def fit(**settings: Any) -> Any:
         return calibrate_published(chosen, **settings) if published else calibrate_logs(chosen, logs or [], **settings)

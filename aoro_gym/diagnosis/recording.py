@@ -53,7 +53,7 @@ class Recording:
 
 
 def read_recording(path: Path) -> Recording:
-    """Read a log (:func:`aoro_gym.recording.logs.read_recording`) and the manifest beside it.
+    """Read a log (:func:`aoro_gym.recording.logs.read_log`) and the manifest beside it.
 
     Raises:
         ValueError: the log cannot be used; names the file, the line or column, the value, and what is needed.
@@ -66,9 +66,9 @@ def read_recording(path: Path) -> Recording:
     )
 
 
-def read_log(path: Path) -> logs.Recording:
+def read_log(path: Path) -> logs.Log:
     """A log as a diagnosis reads it, with what was read of it; ``ValueError`` as :func:`read_recording`."""
-    return logs.read_recording(path, purpose=PURPOSE, commands=tuple(COMMANDS), channels=CHANNELS)
+    return logs.read_log(path, purpose=PURPOSE, commands=tuple(COMMANDS), channels=CHANNELS)
 
 
 def logs_in(folder: Path) -> list[Path]:

@@ -1,8 +1,8 @@
 """Logs of a machine, checked, on an even time grid. Faults are named, never silently used.
 
->>> recording = read_recording(Path("turn.csv"), purpose="a calibration")  # doctest: +SKIP
+>>> recording = read_log(Path("turn.csv"), purpose="a calibration")  # doctest: +SKIP
 
-What cannot be used at all is a ``ValueError``; what limits what can be said stands in ``Recording.limitations``. Columns
+What cannot be used at all is a ``ValueError``; what limits what can be said stands in ``Log.limitations``. Columns
 are found by quantity and unit (:data:`QUANTITIES`); those named ``true_*``, the simulator's own state, are never read.
 """
 
@@ -164,7 +164,7 @@ class Column(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Recording:
+class Log:
     """One manoeuvre on an even grid of :data:`TICK`; F samples, F − 1 ticks between them."""
 
     path: Path
@@ -195,13 +195,13 @@ class Recording:
         return TICK * (len(self.channels["joint_angle"]) - 1)
 
 
-def read_recording(
+def read_log(
     path: Path,
     *,
     purpose: str = "a recording",
     commands: Collection[str] = tuple(COMMAND_BOUNDS),
     channels: Collection[str] = tuple(CHANNELS),
-) -> Recording:
+) -> Log:
     """Read a log (CSV of any dialect, or Parquet) and the manifest beside it.
 
     Args:
@@ -247,7 +247,7 @@ def read_recording(
     _check_motion(path, held.get("steering_signal", np.zeros(len(before))), sampled["joint_angle"], rest, notes)
     if not _idle({name: values[-1:] for name, values in held.items()}).all():
         notes.append(f"{path.name} ends under a command: how the machine comes to rest is missing")
-    return Recording(
+    return Log(
         path, held, sampled, rest, float(np.mean(sampled["joint_angle"][:rest])), 1.0 / float(np.median(np.diff(time))),
         dict(reading.columns), table.unread, tuple(notes), manifest,
     )  # fmt: skip

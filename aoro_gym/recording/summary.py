@@ -7,11 +7,11 @@ from collections.abc import Collection
 import numpy as np
 
 from aoro_gym.recording.cells import listed
-from aoro_gym.recording.logs import CHANNELS, QUANTITIES, TICK, Recording
+from aoro_gym.recording.logs import CHANNELS, QUANTITIES, TICK, Log
 from aoro_gym.recording.units import find_unit, parse_name
 
 
-def describe(recording: Recording, *, channels: Collection[str] = tuple(CHANNELS)) -> list[str]:
+def describe(recording: Log, *, channels: Collection[str] = tuple(CHANNELS)) -> list[str]:
     """Lines that say what a log gave: the first names it, the others are indented.
 
     Args:
@@ -45,7 +45,7 @@ def describe(recording: Recording, *, channels: Collection[str] = tuple(CHANNELS
     return [*lines, *(f"  note: {sentence}" for sentence in recording.limitations)]
 
 
-def _column(recording: Recording, quantity: str) -> str:
+def _column(recording: Log, quantity: str) -> str:
     """Column, and unit, that a quantity was read from."""
     key = quantity
     if key == "steering_signal" and key not in recording.columns:

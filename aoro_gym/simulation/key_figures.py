@@ -28,7 +28,7 @@ from aoro_gym.sensors.chain import PUBLISHED, STANDSTILL, MeasuringChain, measur
 from aoro_gym.units import BAR, DEGREE, LITRE_PER_MINUTE, RPM
 
 if TYPE_CHECKING:
-    from aoro_gym.simulation.manoeuvres import Recording
+    from aoro_gym.simulation.manoeuvres import Trajectory
 
 TOLERANCE = math.radians(0.1)
 """Angle [rad] within which a joint has not left its start, or has reached its stop."""
@@ -163,14 +163,14 @@ def key_figures(
     return {name: float(value[0]) if math.isfinite(value[0]) else None for name, value in figures.items()}
 
 
-def turn_start(recording: Recording) -> float | None:
+def turn_start(recording: Trajectory) -> float | None:
     """Time [s] at which the joint has left its start by 0.1°."""
     moved = np.abs(recording["joint_angle"] - recording["joint_angle"][0]) > TOLERANCE
     return float(recording.time[np.argmax(moved)]) if moved.any() else None
 
 
 def recording_figures(
-    recording: Recording, cylinder: SteeringCylinder, chain: MeasuringChain = PUBLISHED
+    recording: Trajectory, cylinder: SteeringCylinder, chain: MeasuringChain = PUBLISHED
 ) -> dict[str, float | None]:
     """Figures of a recording by its kind: a full turn, a drive, or any other commands.
 
@@ -200,7 +200,7 @@ def recording_figures(
     return figures
 
 
-def _drive_figures(recording: Recording) -> dict[str, float | None]:
+def _drive_figures(recording: Trajectory) -> dict[str, float | None]:
     """Distance, final speed and the pressure that driving took, over the last second."""
     last = recording.time > recording.time[-1] - 1.0
     path = np.hypot(np.diff(recording["position_x"]), np.diff(recording["position_y"]))

@@ -70,7 +70,7 @@ class Manoeuvre:
 
 
 @dataclass
-class Recording(Mapping[str, NDArray[np.float64]]):
+class Trajectory(Mapping[str, NDArray[np.float64]]):
     """What one twin did: ``time`` (F,) [s] and, by name, its outputs (F,) in SI units and the manoeuvre's commands."""
 
     manoeuvre: Manoeuvre
@@ -182,7 +182,7 @@ def run(
     *,
     keep_every: float = 1e-3,
     progress: Callable[[float], Any] | None = None,
-) -> Recording:
+) -> Trajectory:
     """Drive the first twin of ``twin`` through ``manoeuvre`` from rest.
 
     Args:
@@ -228,7 +228,7 @@ def run(
             if progress is not None:
                 progress(done * main_step)
     channels = {name: np.concatenate(parts) for name, parts in rows.items()}
-    return Recording(manoeuvre, np.concatenate(times), channels)
+    return Trajectory(manoeuvre, np.concatenate(times), channels)
 
 
 def _step(command: str, value: float, total: float, main_step: float) -> tuple[Segment, Segment]:

@@ -15,7 +15,7 @@ from aoro_gym.reporting.page import describe, show
 from aoro_gym.reporting.terminal import Comparison
 from aoro_gym.simulation.key_figures import recording_figures
 from aoro_gym.simulation.log import IDEAL, NOISY, check_log_path, log_columns, write_log
-from aoro_gym.simulation.manoeuvres import Manoeuvre, Recording, run
+from aoro_gym.simulation.manoeuvres import Manoeuvre, Trajectory, run
 from aoro_gym.simulation.plots import Section, write_html, write_png
 from aoro_gym.terrains import Plane
 from aoro_gym.twin import Twin
@@ -34,7 +34,7 @@ def check_output(out: Path, manoeuvre: str) -> None:
 
 
 def simulate(twin: Twin, manoeuvre: Manoeuvre, progress: Callable[[str, float], Any]) -> Section:
-    """Recording of a manoeuvre with its key figures.
+    """Trajectory of a manoeuvre with its key figures.
 
     Raises SimulationDiverged if the state is no longer finite.
     """
@@ -51,7 +51,7 @@ def write(section: Section, twin: Twin, out: Path, spec: RunSpec, *, page: bool 
     """Write log, manifest, key figures and plots, and return their paths.
 
     Args:
-        section: Recording and key figures.
+        section: Trajectory and key figures.
         twin: Twin that was recorded, on a plane.
         out: Log (.csv or .parquet); the other files stand beside it.
         spec: Machine, device and seed of the run.
@@ -69,7 +69,7 @@ def write(section: Section, twin: Twin, out: Path, spec: RunSpec, *, page: bool 
     return written
 
 
-def manifest(recording: Recording, twin: Twin, spec: RunSpec) -> dict[str, Any]:
+def manifest(recording: Trajectory, twin: Twin, spec: RunSpec) -> dict[str, Any]:
     """Manifest of a log: manoeuvre, sensors, ground, machine and simulation."""
     manoeuvre, terrain = recording.manoeuvre, twin.terrain
     assert isinstance(terrain, Plane), "manoeuvres are run on planes"

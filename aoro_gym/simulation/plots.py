@@ -19,7 +19,7 @@ from aoro_gym.execution.files import written_whole
 from aoro_gym.reporting.page import Passage, block, interactive_plot, joined, tiles, write_page
 from aoro_gym.reporting.style import AMBER, BLUE, GREEN, INK, PLOT_STYLE, RED, SHADE, SOFT
 from aoro_gym.simulation.key_figures import turn_start
-from aoro_gym.simulation.manoeuvres import Recording
+from aoro_gym.simulation.manoeuvres import Trajectory
 from aoro_gym.units import BAR, DEGREE, LITRE_PER_MINUTE, RPM
 
 CORNER_LINES = {
@@ -58,7 +58,7 @@ class Panel:
 class Section:
     """One recording with what is said about it."""
 
-    recording: Recording
+    recording: Trajectory
     figures: Mapping[str, float | None] = field(default_factory=dict)
 
     @property
@@ -66,7 +66,7 @@ class Section:
         return self.recording.manoeuvre.title
 
 
-def panels(recording: Recording) -> list[Panel]:
+def panels(recording: Trajectory) -> list[Panel]:
     """The panels worth drawing: steering, driving and arms, each where the recording uses it."""
     turn = recording.manoeuvre.turn
     drives = bool(np.any(recording["drive_signal"]))
@@ -200,7 +200,7 @@ def _marks(section: Section) -> tuple[float, float] | None:
     return None if start is None or turn_time is None else (start, start + turn_time)
 
 
-def _limits(panel: Panel, recording: Recording) -> tuple[float, float]:
+def _limits(panel: Panel, recording: Trajectory) -> tuple[float, float]:
     """Vertical limits with room above; at least a hundredth of the value wide, so that rounding is no drama."""
     values = [recording[line.channel] / line.size for line in panel.lines if line.channel in recording]
     low = min((float(v.min()) for v in values), default=0.0)

@@ -23,7 +23,7 @@ from aoro_gym.reporting.terminal import Comparison
 from aoro_gym.simulation.key_figures import FIGURES, SECOND_PEAK, STEADY, UNDERSHOOT_END
 from aoro_gym.validation.published import Row
 from aoro_gym.validation.shape import MAXIMA, SHAPE_TURN
-from aoro_gym.validation.study import TARGETS, Curve, Validation
+from aoro_gym.validation.study import TARGETS, FlowCurve, Validation
 from aoro_gym.validation.turns import TURNS, Turn
 
 SOURCES = {"physical": ("machine", INK, "D"), "mevea": ("published twin", AMBER, "o")}
@@ -261,7 +261,7 @@ def write_turns(result: Validation, direction: str, path: Path) -> None:
             figure.savefig(temporary)
 
 
-def _draw_curve(axis: Any, curve: Curve, zoomed: bool, handles: dict[str, Any]) -> None:
+def _draw_curve(axis: Any, curve: FlowCurve, zoomed: bool, handles: dict[str, Any]) -> None:
     if curve.low.size:
         handles["ensemble"] = axis.fill_between(curve.time, curve.low, curve.high, color=BLUE, alpha=0.18, lw=0)
     if curve.uncalibrated_flow.size:
@@ -273,7 +273,7 @@ def _draw_curve(axis: Any, curve: Curve, zoomed: bool, handles: dict[str, Any]) 
     axis.set_xlim(*(ZOOM if zoomed else (curve.time[0], curve.time[-1])))
 
 
-def _shape_marks(result: Validation, curve: Curve) -> Iterator[tuple[float, float, float | None, float]]:
+def _shape_marks(result: Validation, curve: FlowCurve) -> Iterator[tuple[float, float, float | None, float]]:
     """Published time, bound, and the twin's time and flow of the maxima of the turn whose shape is known."""
     if curve.turn == SHAPE_TURN:
         for figure in result.shape:
@@ -283,7 +283,7 @@ def _shape_marks(result: Validation, curve: Curve) -> Iterator[tuple[float, floa
                 yield figure["published"], figure["bound"], time, flow
 
 
-def _draw_shape(axis: Any, result: Validation, curve: Curve, handles: dict[str, Any]) -> None:
+def _draw_shape(axis: Any, result: Validation, curve: FlowCurve, handles: dict[str, Any]) -> None:
     """Bands where the published twin's maxima are, and the twin's maxima."""
     from matplotlib.markers import CARETDOWN
 
@@ -348,7 +348,7 @@ def _periods(row: Row) -> Iterator[tuple[str, float, float]]:
         yield "steady_flow_L_per_min", STEADY[0] * end, STEADY[1] * end
 
 
-def _flow_limits(result: Validation, curve: Curve) -> tuple[float, float]:
+def _flow_limits(result: Validation, curve: FlowCurve) -> tuple[float, float]:
     parts = [part[np.isfinite(part)] for part in (curve.flow, curve.raw_flow, curve.uncalibrated_flow, curve.high)]
     peaks = [row["first_peak_L_per_min"] for row in (result.row(s, curve.turn) for s in SOURCES) if row is not None]
     top = max(
@@ -620,7 +620,7 @@ def _plotly_published(line: Any, result: Validation, turn: Turn, row: int, colum
             line(row, column, label, *peak, mode="markers", marker=point)
 
 
-def _plotly_shape(figure: Any, line: Any, result: Validation, curve: Curve, row: int) -> None:
+def _plotly_shape(figure: Any, line: Any, result: Validation, curve: FlowCurve, row: int) -> None:
     for known, bound, time, flow in _shape_marks(result, curve):
         figure.add_vrect(known - bound, known + bound, fillcolor=AMBER, opacity=0.16, line_width=0, row=row, col=1)
         if time is not None:
@@ -628,7 +628,7 @@ def _plotly_shape(figure: Any, line: Any, result: Validation, curve: Curve, row:
             line(row, 1, "twin's maxima", [time], [flow], mode="markers", marker=marker)
 
 
-def _thinned(curve: Curve) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _thinned(curve: FlowCurve) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The unfiltered curve: every millisecond at its start, every tenth later."""
     kept = (curve.raw_time < ZOOM[1]) | (np.arange(len(curve.raw_time)) % 10 == 0)
     return curve.raw_time[kept], curve.raw_flow[kept]

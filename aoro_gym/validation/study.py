@@ -51,7 +51,7 @@ _SLACK = 1e-9  # a published figure has few decimals: 1.98 + 0.01 must not fail 
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
+class FlowCurve:
     """What is drawn of one turn; time [s] counts from t = 0 of the key figures."""
 
     turn: Turn
@@ -119,7 +119,7 @@ class Validation:
     shape: list[dict[str, Any]]
     """The same of the left turn's shape at 100 %, with ``name``: see :mod:`aoro_gym.validation.shape`."""
     notes: list[str]
-    curves: list[Curve] = field(default_factory=list)
+    curves: list[FlowCurve] = field(default_factory=list)
 
     def row(self, source: str, turn: Turn) -> Row | None:
         """The row of ``source`` for ``turn``, if there is one."""
@@ -471,7 +471,7 @@ def _curves(
     exact: dict[str, NDArray[np.float64]],
     second: bool,
     first_member: int | None,
-) -> list[Curve]:
+) -> list[FlowCurve]:
     """Flow curves, each from its own t = 0: the start of a turn depends on the machine."""
     cylinder = recording.machine.steering.cylinder
     variants = recording.angle.shape[2]
@@ -499,7 +499,7 @@ def _curves(
         other = ticks - starts[index, 1] if second else nothing
         other_shown = (other > -0.3) & (other < longest + 0.15)
         curves.append(
-            Curve(
+            FlowCurve(
                 turn=turn,
                 time=time[shown],
                 flow=flow[shown, index, 0],

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aoro_gym.calibration.logs import calibrate_logs
-from aoro_gym.calibration.recordings import read_recording
+from aoro_gym.calibration.recordings import read_filtered_log
 from aoro_gym.machine import Machine
 from aoro_gym.twin import Twin
 
@@ -141,4 +141,4 @@ def test_bad_logs_are_named(tmp_path, columns, rows, message):
     path = tmp_path / "log.csv"
     path.write_text("\n".join([columns, *(",".join(map(str, row)) for row in rows)]))
     with pytest.raises(ValueError, match=message):
-        read_recording(path)
+        read_filtered_log(path)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from aoro_gym.calibration.logs import calibrate_logs
-from aoro_gym.calibration.recordings import CHANNELS, Recording, read_recording, whitened
+from aoro_gym.calibration.recordings import CHANNELS, FilteredLog, read_filtered_log, whitened
 from aoro_gym.calibration.replay import repeat, under_conditions
 from aoro_gym.calibration.verdict import Verdict, judge
 from aoro_gym.effects.catalogue import EFFECTS
@@ -59,14 +59,14 @@ def write_drive(folder: Path, name: str, machine: Machine, seed: int = 3) -> Pat
     return folder / f"{name}.csv"
 
 
-def verdict_of(machine: Machine, recording: Recording) -> Verdict:
+def verdict_of(machine: Machine, recording: FilteredLog) -> Verdict:
     return judge([(recording, repeat(machine, recording))], 0, 1)
 
 
 @pytest.fixture(scope="module")
-def logs(tmp_path_factory) -> dict[str, Recording]:
+def logs(tmp_path_factory) -> dict[str, FilteredLog]:
     folder = tmp_path_factory.mktemp("drives")
-    return {name: read_recording(write_drive(folder, name, Machine.load("aoro"))) for name in DRIVES}
+    return {name: read_filtered_log(write_drive(folder, name, Machine.load("aoro"))) for name in DRIVES}
 
 
 @pytest.mark.parametrize("name", DRIVES)
@@ -111,7 +111,7 @@ def test_what_is_used_and_what_not_is_said(tmp_path):
     path = write_drive(tmp_path, "backwards", Machine.load("aoro"))
     manifest = path.with_suffix(".toml")
     manifest.write_text(manifest.read_text() + 'tire_pressure_bar = 3\nfilters = ["2 Hz"]\noil_temp = 3\n')
-    recording = read_recording(path)
+    recording = read_filtered_log(path)
     used, warnings = "; ".join(recording.used), "; ".join(recording.warnings)
     for text in ("drive_signal", "joint_angle", "engine at 1500 rpm", "oil at 55 °C", "payload 800 kg", "gear 3"):
         assert text in used

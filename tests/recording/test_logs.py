@@ -8,9 +8,9 @@ import pyarrow
 import pyarrow.parquet
 import pytest
 
-from aoro_gym.calibration.logs import read_recording as read_for_calibration
+from aoro_gym.calibration.logs import read_filtered_log as read_for_calibration
 from aoro_gym.diagnosis.recording import read_recording as read_for_diagnosis
-from aoro_gym.recording.logs import find_quantities, read_recording
+from aoro_gym.recording.logs import find_quantities, read_log
 
 EPOCH = 1777881600
 K = np.arange(400)
@@ -47,7 +47,7 @@ def renamed(**names) -> dict:
 
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory):
-    return read_recording(write(tmp_path_factory.mktemp("plain") / "log.csv", columns()))
+    return read_log(write(tmp_path_factory.mktemp("plain") / "log.csv", columns()))
 
 
 def assert_same(found, plain, rtol=1e-9, atol=1e-10):
@@ -92,7 +92,7 @@ def test_a_log_in_the_projects_own_columns(plain):
     ids=str,
 )  # fmt: skip
 def test_whatever_unit_people_write(tmp_path, plain, names):
-    assert_same(read_recording(write(tmp_path / "log.csv", renamed(**names))), plain)
+    assert_same(read_log(write(tmp_path / "log.csv", renamed(**names))), plain)
 
 
 @pytest.mark.parametrize(
@@ -110,7 +110,7 @@ def test_whatever_unit_people_write(tmp_path, plain, names):
 def test_clocks(tmp_path, plain, name, stamps):
     table = columns()
     del table["time_s"]
-    found = read_recording(write(tmp_path / "log.csv", {name: stamps, **table}))
+    found = read_log(write(tmp_path / "log.csv", {name: stamps, **table}))
     # a float of 1.8e9 s is good to 2e-7 s, in which the angle changes by its noise times 4e-5
     assert_same(found, plain, **({"rtol": 1e-4, "atol": 1e-7} if name == "time_s" else {}))
     assert (len(found.limitations) == 1) == (name == "header.stamp")
@@ -122,7 +122,7 @@ def test_clocks(tmp_path, plain, name, stamps):
     ids=str,
 )
 def test_dialects(tmp_path, plain, dialect):
-    assert_same(read_recording(write(tmp_path / "log.csv", columns(), **dialect)), plain)
+    assert_same(read_log(write(tmp_path / "log.csv", columns(), **dialect)), plain)
 
 
 def test_parquet_with_timestamps(tmp_path, plain):
@@ -131,7 +131,7 @@ def test_parquet_with_timestamps(tmp_path, plain):
     arrays = {"timestamp": moments, **{name: values for name, values in table.items() if name != "time_s"}}
     arrays |= {"state": ["idle"] * len(K), "ok": [True] * len(K)}
     pyarrow.parquet.write_table(pyarrow.table(arrays), tmp_path / "log.parquet")
-    found = read_recording(tmp_path / "log.parquet")
+    found = read_log(tmp_path / "log.parquet")
     assert_same(found, plain, rtol=1e-7)
     assert found.unread == ("state", "ok")
     assert found.limitations == ("log.parquet: unknown columns were not read: state, ok",)
@@ -148,7 +148,7 @@ def test_parquet_with_timestamps(tmp_path, plain):
     ],
 )
 def test_what_nobody_reads_need_be_no_number_and_is_named(tmp_path, plain, name, values):
-    found = read_recording(write(tmp_path / "log.csv", {**columns(), name: values}))
+    found = read_log(write(tmp_path / "log.csv", {**columns(), name: values}))
     assert_same(found, plain)
     assert found.unread == (name,)
     assert len(found.limitations) == 1 and name in found.limitations[0]
@@ -159,7 +159,7 @@ def test_a_wanted_column_with_blanks_says_how_many(tmp_path):
     pressure = ["" if k % 4 else "20.5" for k in K]
     path = write(tmp_path / "log.csv", {**table, "pressure_a_bar": pressure})
     with pytest.raises(ValueError, match=r"line 3: pressure_a_bar = '' .* blank in 300 of 400 rows"):
-        read_recording(path)
+        read_log(path)
 
 
 def shuffled(rows: list) -> dict:
@@ -196,7 +196,7 @@ def with_events() -> dict:
 def test_calibrate_and_diagnose_leave_out_the_same_rows(tmp_path, plain, table, says):
     path = write(tmp_path / "log.csv", table)
     said = []
-    for read in (read_for_calibration, read_for_diagnosis, read_recording):
+    for read in (read_for_calibration, read_for_diagnosis, read_log):
         try:
             read(path)
         except ValueError as error:
@@ -205,7 +205,7 @@ def test_calibrate_and_diagnose_leave_out_the_same_rows(tmp_path, plain, table, 
     if says.endswith("sort them"):
         assert "sort them" in said[0]
         return
-    found = read_recording(path)
+    found = read_log(path)
     assert any(re.search(says, sentence) for sentence in found.limitations)
     np.testing.assert_array_equal(found.commands["steering_signal"], plain.commands["steering_signal"])
     np.testing.assert_allclose(found.channels["joint_angle"], plain.channels["joint_angle"], atol=2e-3)
@@ -238,14 +238,14 @@ def test_calibrate_and_diagnose_leave_out_the_same_rows(tmp_path, plain, table, 
 )
 def test_what_cannot_be_is_refused_by_name(tmp_path, table, says):
     with pytest.raises(ValueError, match=says) as caught:
-        read_recording(write(tmp_path / "log.csv", table))
+        read_log(write(tmp_path / "log.csv", table))
     assert "\n" not in str(caught.value)
 
 
 def test_an_angle_without_a_unit_is_radians_if_degrees_were_no_motion(tmp_path, plain):
     table = columns()
     table["joint_angle"] = table.pop("joint_angle_rad")
-    found = read_recording(write(tmp_path / "log.csv", {**table, "joint_angle": table["joint_angle"]}))
+    found = read_log(write(tmp_path / "log.csv", {**table, "joint_angle": table["joint_angle"]}))
     assert_same(found, plain)
     assert "joint_angle names no unit and was read in rad" in found.limitations[0]
 
@@ -255,7 +255,7 @@ def test_an_angle_without_a_unit_is_radians_if_degrees_were_no_motion(tmp_path, 
     [("pressure_a", "no unit is named; name it pressure_a_bar"), ("pressure_a [slug]", "the unit 'slug' is unknown")],
 )
 def test_a_sensor_whose_unit_is_unknown_is_not_used_and_named(tmp_path, name, says):
-    found = read_recording(write(tmp_path / "log.csv", renamed(pressure_a_bar=(name, 1.0))))
+    found = read_log(write(tmp_path / "log.csv", renamed(pressure_a_bar=(name, 1.0))))
     assert set(found.channels) == {"joint_angle"}
     assert says in found.limitations[0]
 
@@ -268,13 +268,13 @@ def test_every_command_of_a_log_is_held_from_its_row_on(tmp_path):
         "gear": np.where(K > 120, 2.0, 1.0),
         "parking_brake": np.where(K > 20, 0.0, 1.0),
     }
-    found = read_recording(write(tmp_path / "log.csv", table))
+    found = read_log(write(tmp_path / "log.csv", table))
     for name, values in table.items():
         key = name.removesuffix(" [%]")
         if key in found.commands:
             np.testing.assert_allclose(found.commands[key], values[:-1] / (100.0 if "%" in name else 1.0))
     assert set(found.commands) == {"steering_signal", "drive_signal", "arm_fl", "traction_rr", "gear", "parking_brake"}
-    few = read_recording(tmp_path / "log.csv", purpose="a diagnosis", commands=("steering_signal",))
+    few = read_log(tmp_path / "log.csv", purpose="a diagnosis", commands=("steering_signal",))
     assert set(few.commands) == {"steering_signal"}
     for name in ("drive_signal", "arm_fl", "traction_rr", "gear", "parking_brake"):
         assert any(f"{name}" in said and "a diagnosis does not replay it" in said for said in few.limitations)
@@ -283,7 +283,7 @@ def test_every_command_of_a_log_is_held_from_its_row_on(tmp_path):
 def test_two_columns_of_one_quantity_are_not_chosen_from_in_silence(tmp_path):
     table = columns()
     path = write(tmp_path / "log.csv", {**table, "joint_angle_deg": np.degrees(table["joint_angle_rad"])})
-    found = read_recording(path)
+    found = read_log(path)
     assert found.columns["joint_angle"].name == "joint_angle_rad"
     assert found.limitations == ("log.csv: joint_angle_deg not read, as joint_angle_rad is the same quantity",)
 
@@ -296,7 +296,7 @@ def test_the_simulators_own_state_is_never_looked_at():
 def test_a_cut_row_need_not_be_whole(tmp_path, plain):
     path = write(tmp_path / "log.csv", columns())
     path.write_text(path.read_text() + "4.00,0,0.27,-")
-    found = read_recording(path)
+    found = read_log(path)
     assert_same(found, plain)
     assert "line 402: the file ends within a line" in found.limitations[0]
 
@@ -310,13 +310,13 @@ def test_twenty_thousand_columns(tmp_path):
     lines += [",".join(row) + tail for row in zip(*(cells(values) for values in table.values()), strict=True)][::2]
     path = tmp_path / "wide.csv"
     path.write_text("\n".join(lines) + "\n")
-    found = read_recording(path)
+    found = read_log(path)
     assert len(found.unread) == 20_000
     assert max(map(len, found.limitations)) < 300
 
 
 def test_a_log_that_stands_twice_in_its_file_is_read_once(tmp_path, plain):
-    found = read_recording(write(tmp_path / "log.csv", shuffled([*range(400), *range(400)])))
+    found = read_log(write(tmp_path / "log.csv", shuffled([*range(400), *range(400)])))
     assert_same(found, plain)
     assert found.limitations == ("log.csv: 400 rows repeat another one in time and value, and were left out",)
 
@@ -324,7 +324,7 @@ def test_a_log_that_stands_twice_in_its_file_is_read_once(tmp_path, plain):
 def test_lines_before_the_header_are_passed_over_and_counted(tmp_path, plain):
     path = write(tmp_path / "log.csv", columns(), separator=";", decimal=",")
     path.write_text("Logger AX-7\nMachine;no. 3\n\n" + path.read_text(), encoding="utf-8")
-    found = read_recording(path)
+    found = read_log(path)
     assert_same(found, plain)
     assert found.limitations == ("log.csv: 2 lines before the header were passed over",)
 
@@ -338,7 +338,7 @@ def test_a_line_of_units_under_the_header(tmp_path, plain):
     }
     path = write(tmp_path / "log.csv", table, separator=";", decimal=",")
     path.write_text(path.read_text().replace("\n", "\nms;%;°;kPa\n", 1), encoding="cp1252")
-    found = read_recording(path)
+    found = read_log(path)
     assert_same(found, plain)
     assert found.limitations == ()
 
@@ -346,20 +346,20 @@ def test_a_line_of_units_under_the_header(tmp_path, plain):
 def test_a_command_in_a_unit_of_something_else_is_not_passed_over(tmp_path):
     path = write(tmp_path / "log.csv", {**columns(), "drive_signal_V": 2.5 + 0.0 * K})
     with pytest.raises(ValueError, match="'drive_signal_V' is in 'V', which is no unit of this quantity"):
-        read_recording(path)
+        read_log(path)
 
 
 def test_time_with_its_zone_in_brackets(tmp_path, plain):
     table = columns()
     del table["time_s"]
     stamps = [f"2026-05-04T08:00:{k / 100:06.3f}" for k in K]
-    assert_same(read_recording(write(tmp_path / "log.csv", {"Time (UTC)": stamps, **table})), plain)
+    assert_same(read_log(write(tmp_path / "log.csv", {"Time (UTC)": stamps, **table})), plain)
 
 
 @pytest.mark.parametrize("clock", ["time_s", "time", "t [s]"])
 def test_a_temperature_is_no_clock(tmp_path, plain, clock):
     table = {"T [°C]": np.full(len(K), 41.0), **renamed(time_s=(clock, 1.0))}
-    found = read_recording(write(tmp_path / "log.csv", table))
+    found = read_log(write(tmp_path / "log.csv", table))
     assert_same(found, plain)
     assert found.columns["time"].name == clock
     assert found.limitations == ("log.csv: unknown columns were not read: T [°C]",)
@@ -378,7 +378,7 @@ def test_a_temperature_is_no_clock(tmp_path, plain, clock):
 )  # fmt: skip
 def test_headers_in_german_french_and_short(tmp_path, plain, heads, factors, said):
     table = dict(zip(heads, (f * v for f, v in zip(factors, columns().values(), strict=True)), strict=True))
-    found = read_recording(write(tmp_path / "log.csv", table, ";", decimal=","))
+    found = read_log(write(tmp_path / "log.csv", table, ";", decimal=","))
     for name, values in plain.channels.items():
         np.testing.assert_allclose(found.channels[name], values, rtol=1e-8, atol=1e-9)
     np.testing.assert_allclose(found.commands["steering_signal"], plain.commands["steering_signal"], atol=1e-12)
@@ -389,17 +389,17 @@ def test_headers_in_german_french_and_short(tmp_path, plain, heads, factors, sai
 
 def test_a_short_name_needs_a_fitting_unit_and_gives_way_to_a_plain_one(tmp_path, plain):
     table = {**columns(), "Angle (°)": K * 1.0, "steering [deg]": K * 2.0}
-    found = read_recording(write(tmp_path / "log.csv", table))
+    found = read_log(write(tmp_path / "log.csv", table))
     np.testing.assert_array_equal(found.channels["joint_angle"], plain.channels["joint_angle"])
     assert set(found.unread) == {"Angle (°)", "steering [deg]"}
     with pytest.raises(ValueError, match="neither a column steering_signal"):
-        read_recording(write(tmp_path / "log.csv", renamed(steering_signal=("steering", 1.0))))
+        read_log(write(tmp_path / "log.csv", renamed(steering_signal=("steering", 1.0))))
 
 
 def test_grad_is_asked_for_where_it_may_be_degrees_or_gon(tmp_path):
     table = renamed(joint_angle_rad=("joint_angle [Grad]", 180 / np.pi))
     with pytest.raises(ValueError, match=r"'Grad', which is no unit of this quantity \(degrees or gon\?\)"):
-        read_recording(write(tmp_path / "log.csv", table))
+        read_log(write(tmp_path / "log.csv", table))
 
 
 @pytest.mark.parametrize("cell", ["4.000.000,5", "4'000'000,5", "4\u202f000\u202f000,5"])
@@ -409,4 +409,4 @@ def test_separators_of_thousands_are_named(tmp_path, cell):
     lines[9] = f"{lines[9].rpartition(';')[0]};{cell}"
     file.write_text("\n".join(lines), encoding="utf-8")
     with pytest.raises(ValueError, match=r"line 10: .* it has separators of thousands; write the column without them"):
-        read_recording(file)
+        read_log(file)

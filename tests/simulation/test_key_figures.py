@@ -15,7 +15,7 @@ from aoro_gym.simulation.key_figures import (
     turn_span,
     turn_start,
 )
-from aoro_gym.simulation.manoeuvres import STANDSTILL, Recording
+from aoro_gym.simulation.manoeuvres import STANDSTILL, Trajectory
 
 LITRE_PER_MINUTE = 1e-3 / 60
 STOP = np.radians(40.0)
@@ -247,7 +247,7 @@ def test_a_turn_that_does_not_arrive_has_no_figures_of_a_turn(left_turn, machine
     cut = left_turn.time < STANDSTILL + 1.0
     channels = {name: values[cut] for name, values in left_turn.channels.items()}
     figures = recording_figures(
-        Recording(left_turn.manoeuvre, left_turn.time[cut], channels), machine.steering.cylinder
+        Trajectory(left_turn.manoeuvre, left_turn.time[cut], channels), machine.steering.cylinder
     )
     assert {figures[name] for name in FIGURES} == {None}
     assert figures["highest_pressure_a_bar"] is not None
