@@ -161,6 +161,7 @@ def calibrate(
     machine: options.MachineOption = options.DATASHEET,
     set_: options.SetOption = None,
     scale: options.ScaleOption = None,
+    laws: options.LawsOption = None,
     device: options.DeviceOption = "cpu",
     seed: options.SeedOption = 0,
     force: ForceOption = False,
@@ -187,6 +188,7 @@ def calibrate(
       aoro-gym calibrate --published --out machine.toml
       aoro-gym calibrate --published --ensemble 8 --out machine.toml
       aoro-gym calibrate --logs turn_left.csv turn_right.csv ramp.csv --out mine.toml
+      aoro-gym calibrate --published --laws library --out library.toml
       aoro-gym validate --machine mine.toml
     """
     with checking_input():
@@ -200,7 +202,7 @@ def calibrate(
             if value is not None:
                 check_integer(f"--{option}", value, ge=least)
         check_output(out, logs or [])
-        chosen = options.load(options.run_spec(machine, set_, scale, device, seed))
+        chosen = options.load(options.run_spec(machine, set_, scale, device, seed, laws=laws))
         for path in logs or []:
             read_filtered_log(path)
 

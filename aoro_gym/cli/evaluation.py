@@ -167,6 +167,7 @@ def leaderboard(
     machine: options.MachineOption = options.MACHINE,
     set_: options.SetOption = None,
     scale: options.ScaleOption = None,
+    laws: options.LawsOption = None,
     device: options.DeviceOption = "cpu",
     seed: LeaderboardSeedOption = None,
     quiet: options.QuietOption = False,
@@ -188,6 +189,7 @@ def leaderboard(
       aoro-gym leaderboard
       aoro-gym leaderboard --env AORO/Turning-v0 --episodes 350 --repeats 4 --readme README.md
       aoro-gym leaderboard --policy preview --policy runs/mine/best.json
+      aoro-gym leaderboard --laws vehicle --out leaderboard_vehicle
     """
     with checking_input():
         from aoro_gym.agents.evaluation import leaderboard as board
@@ -201,7 +203,7 @@ def leaderboard(
         check_episodes(episodes, repeats)
         if readme is not None:
             board.around_table(readme, env)
-        run = options.run_spec(machine, set_, scale, device, board.SEED if seed is None else seed)
+        run = options.run_spec(machine, set_, scale, device, board.SEED if seed is None else seed, laws=laws)
         chosen = options.load(run)
     asked: dict[str, Any] = {
         "episodes": episodes, "repeats": repeats, "seed": run.seed, "machine": chosen, "device": device,
@@ -286,6 +288,7 @@ def gap(
     machine: options.MachineOption = options.MACHINE,
     set_: options.SetOption = None,
     scale: options.ScaleOption = None,
+    laws: options.LawsOption = None,
     device: options.DeviceOption = "cpu",
     seed: options.SeedOption = 0,
     quiet: options.QuietOption = False,
@@ -303,6 +306,7 @@ def gap(
 
       aoro-gym gap --policy runs/mine/best.json --effect spool_lag=0.05 --diagnosis diagnosis
       aoro-gym gap --policy preview --plant field.toml --improved diagnosis/cause_1.toml
+      aoro-gym gap --policy preview --laws vehicle --effect spool_lag=0.05 --improved aoro
       aoro-gym gap --policy runs/mine/best.json --plant field.toml --diagnosis diagnosis --retrain 500000
     """
     with checking_input():
@@ -317,7 +321,7 @@ def gap(
         _, make = next(iter(named_policies(env, [policy]).items()))
         check_episodes(episodes)
         check_integer("--retrain", retrain, ge=0)
-        run = options.run_spec(machine, set_, scale, device, seed)
+        run = options.run_spec(machine, set_, scale, device, seed, laws=laws)
         improved = gaps.improved_machine(diagnosis, improved)
         chosen = options.load(run)
         driven = gaps.with_effects(chosen if plant is None else options.load_machine(plant), effect or [])

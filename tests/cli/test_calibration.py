@@ -7,6 +7,7 @@ import pytest
 
 from aoro_gym import Machine, validation
 from aoro_gym.calibration.published import Calibration
+from aoro_gym.machine.laws import family
 from tests.cli.calling import call, check_refused
 
 
@@ -125,6 +126,12 @@ def test_calibrate_against_the_published_figures(tmp_path, quick):
         "not identifiable, so left as they were: wheel.mass",
     ):
         assert text in shown.stdout
+
+
+def test_calibrate_fits_a_machine_of_the_laws_that_are_named(tmp_path, quick):
+    shown = call("calibrate", "--published", "--laws", "library", "--out", tmp_path / "mine.toml")
+    assert shown.exit_code == 0, shown.output
+    assert Machine.load(tmp_path / "mine.toml").laws.names == family("library").names
 
 
 def test_calibrate_on_logs(turn, tmp_path, quick):

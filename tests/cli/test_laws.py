@@ -67,6 +67,9 @@ def test_one_machine_has_laws_drawn_by_the_seed():
             "perturbation is 'odd'; choose one of: as calibrated, perturbed, with an effect",
         ),
         ("train --laws libary", "--laws libary: "),
+        ("calibrate --published --laws libary", "--laws libary: "),
+        ("leaderboard --laws libary", "--laws libary: "),
+        ("gap --policy preview --improved aoro --laws libary", "--laws libary: "),
     ],
 )
 def test_wrong_input_is_one_line_before_anything_runs(files, arguments, message):
