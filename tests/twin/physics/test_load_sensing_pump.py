@@ -13,6 +13,7 @@ from aoro_gym.twin.physics.fluid import Oil, orifice
 from aoro_gym.twin.physics.load_sensing_pump import load_sensing_step, swash_step_second_order
 from aoro_gym.twin.physics.steering_circuit import Steering
 from tests.twin.physics import elements
+from tests.twin.physics.deviations import within
 from tests.twin.physics.elements import BAR, OIL
 from tests.twin.physics.launch import ROUNDOFF, changed, columns, launch, rounded
 from tests.twin.physics.steering_elements import STEERING
@@ -111,7 +112,13 @@ def test_second_order_control_leads_its_lagging_valve(amplitude):
     error = amplitude / M.pump_control_band
     rounding = 2.0 * ROUNDOFF * 120.0 / 10.0 * np.array([5.0 * span / 0.13, 1.0]) + 2 * steps * 2 * ROUNDOFF
     second = (span / steps / M.pump_valve_time_constant) ** 2 * 40.0 * M.pump_valve_time_constant * error
-    assert np.all(np.abs(2.0 * fine - coarse) < second * np.array([span / 0.13, 1.0]) + 3.0 * rounding)
+    within(
+        2.0 * fine - coarse,
+        second * np.array([span / 0.13, 1.0]) + 3.0 * rounding,
+        law="pump: second_order",
+        oracle="SciPy, 1e-10 [-]",
+        source="(dt/τ)² of the error, extrapolated; rounding of 120 bar over the band",
+    )
     assert np.all(np.abs(fine) < 40.0 * span / steps * error * np.array([5.0 * span / 0.13, 1.0]))
 
 
@@ -148,7 +155,13 @@ def test_lead_beyond_the_lag_is_what_damps_a_compensated_flow(lead):
     # first order; what both extrapolate to is of second in the loop's 120 rad/s; the pressure of 120 bar, beside which the
     # error is found, rounds by 1 Pa a step, at random
     second = (120.0 * span / 500) ** 2 * 120.0 * span * start
-    assert abs(2.0 * fine - coarse) < second + 3.0 * np.sqrt(1000)
+    within(
+        2.0 * fine - coarse,
+        second + 3.0 * np.sqrt(1000),
+        law="pump: second_order",
+        oracle="matrix exponential of the loop [Pa]",
+        source="second order of the loop's 120 rad/s; 1 Pa a step at random",
+    )
     assert abs(fine) < 120.0 * span / 500 * 120.0 * span * start
     assert (np.linalg.norm(expm(matrix * 0.3) @ [start, 0.0, 0.0]) < start) == (lead > lag)
 
@@ -168,7 +181,13 @@ def test_load_sensing_line_fills_through_its_orifice(start, load):
     # the line's rate while it is laminar: K C/√p_lam = 2500 /s, so dt of 0.025 of it; the next order is as much less
     step = 2500.0 * span / steps
     scale = abs(load - start)
-    assert abs(2.0 * fine - coarse) < step**2 * scale + 6 * steps * ROUNDOFF * max(load, start)
+    within(
+        2.0 * fine - coarse,
+        step**2 * scale + 6 * steps * ROUNDOFF * max(load, start),
+        law="load_sensing_line: volume",
+        oracle="SciPy, 1e-10 [Pa]",
+        source="(dt K C/√p_lam)², extrapolated; rounding of each step",
+    )
     assert abs(fine) < step * scale
 
 

@@ -22,6 +22,7 @@ from aoro_gym.twin.physics.steering_valve import (
     spring_mass_compensator,
     static_compensator,
 )
+from tests.twin.physics.deviations import within
 from tests.twin.physics.elements import BAR, orifice
 from tests.twin.physics.launch import ROUNDOFF, changed, columns, launch, rounded
 from tests.twin.physics.steering_elements import STEERING
@@ -140,7 +141,13 @@ def test_second_order_spool_follows_its_poles(damping, duration):
     coarse, fine = (launch(spool_kernel, m, demand, duration / n, n)[0] - exact for n in (steps, 2 * steps))
     step = frequency * duration / steps
     rounding = 2 * steps * ROUNDOFF * demand
-    assert abs(2.0 * fine - coarse) < step**2 * max(frequency * duration, 1.0) * demand + 3.0 * rounding
+    within(
+        2.0 * fine - coarse,
+        step**2 * max(frequency * duration, 1.0) * demand + 3.0 * rounding,
+        law="spool: second_order",
+        oracle="step response by its two poles [-]",
+        source="(ω dt)² ω t of the demand, extrapolated; rounding of each step",
+    )
     assert rounding < abs(fine) < step * (1.0 + damping) * demand
 
 
@@ -173,7 +180,13 @@ def test_smooth_opening_is_the_monotone_cubic(curve, overlap):
     expected = spline(np.clip(2.0 * np.abs(spool) - rounded(overlap), dead_band, 2.0))
     opening = launch(opening_kernel, spool, overlap, *curve)
     # volts of up to 2.6 and s round, times the steepest slope of 2.5 /V; a dozen operations on numbers up to 1
-    np.testing.assert_allclose(opening, expected, atol=(4 * 2.6 * 2.5 + 12) * ROUNDOFF)
+    within(
+        opening - expected,
+        (4 * 2.6 * 2.5 + 12) * ROUNDOFF,
+        law="opening: smooth",
+        oracle="monotone cubic in float64 [-]",
+        source="rounding of the volts times the steepest slope",
+    )
     half = opening[1300:]
     assert np.all(np.diff(half) >= -4 * ROUNDOFF)
     assert half[0] == 0.0
@@ -201,7 +214,14 @@ def test_smooth_edge_is_laminar_below_and_turbulent_above():
     drop = rounded(np.concatenate([[0.0], 10.0 ** np.linspace(-2.0, 7.5, 400)]))
     coefficient = float(rounded(1e-6))
     flow = launch(edge_kernel, SMOOTH, coefficient, drop)
-    np.testing.assert_allclose(flow, coefficient * drop / (drop**2 + BAR**2) ** 0.25, rtol=8 * ROUNDOFF)
+    law = coefficient * drop / (drop**2 + BAR**2) ** 0.25
+    within(
+        flow - law,
+        8 * ROUNDOFF * np.abs(law),
+        law="orifice: smooth",
+        oracle="closed form [m³/s]",
+        source="rounding: 8 units in the last place",
+    )
     np.testing.assert_array_equal(launch(edge_kernel, SMOOTH, coefficient, -drop), -flow)
     assert np.all(np.diff(flow) > 0.0)
     # x = Δp/p_lam: between C Δp/√p_lam less x²/4, and C √Δp less 1/(4 x²)
@@ -224,7 +244,13 @@ def test_flow_force_closes_by_a_share_of_the_stroke():
     drop = rounded(rng.uniform(0.0, 60.0, 1000) * BAR)
     moved = M.valve_flow_force_share * opening * drop / M.valve_compensator_pressure
     expected = np.sign(demand) * np.maximum(np.abs(demand) - moved, 0.0)
-    np.testing.assert_allclose(launch(force_kernel, STEERING, demand, opening, drop), expected, atol=6 * ROUNDOFF)
+    within(
+        launch(force_kernel, STEERING, demand, opening, drop) - expected,
+        6 * ROUNDOFF,
+        law="flow_force: steady",
+        oracle="share of the stroke [-]",
+        source="rounding of a stroke of 1",
+    )
     assert 0.05 < np.mean(expected == 0.0) < 0.5
     full = launch(force_kernel, STEERING, 1.0, 1.0, M.valve_compensator_pressure)
     assert full == pytest.approx(1.0 - 0.05, abs=4 * ROUNDOFF)
@@ -269,7 +295,13 @@ def test_static_compensator_balances_its_spring(bias):
     y, _ = launch(compensator_kernel, m, rng.uniform(0.0, 1.0, 400), available, ratio, bias, 0.0, 8)
     # pressures of the size of the setting and the bias round, over a slope of at least κ p_ref
     tolerance = 16 * ROUNDOFF * (1.15 + abs(bias) / M.valve_compensator_pressure) / M.valve_compensator_droop
-    assert np.all(np.abs(y - expected) <= tolerance + 4 * ROUNDOFF)
+    within(
+        y - expected,
+        tolerance + 4 * ROUNDOFF,
+        law="compensator: static",
+        oracle="root of the balance by Brent [-]",
+        source="rounding of the pressures over the spring's slope κ",
+    )
     assert (bias > 8.0 * BAR) == bool(np.all(expected == 0.0))
     assert np.any(expected == 1.0) == (bias < 8.0 * BAR)
 
@@ -306,7 +338,13 @@ def test_spring_mass_compensator_is_a_damped_oscillator(bias):
     # of first order; what both extrapolate to is of second, (w dt)² w t of a stroke at w of up to 3 ω, and rounds 400 times
     scale = np.array([1.0, 3.0 * omega])
     step = 3.0 * omega * span / 200
-    assert np.all(np.abs(2.0 * fine - coarse) < (step**2 * 3.0 * omega * span + 3 * 400 * ROUNDOFF) * scale)
+    within(
+        (2.0 * fine - coarse) / scale,
+        step**2 * 3.0 * omega * span + 3 * 400 * ROUNDOFF,
+        law="compensator: spring_mass",
+        oracle="SciPy, 1e-10 [of a stroke]",
+        source="(3 ω dt)² 3 ω t, extrapolated; rounding of 400 steps",
+    )
     assert np.all(np.abs(fine) < 0.5 * step * scale)
     assert abs(fine[0]) > 1e-4
 
@@ -319,7 +357,13 @@ def test_spring_mass_compensator_ends_where_the_static_one_does_and_stops_at_its
     # as of the static one; the rate stalls once ω² dt times the push is below half the rate's ulp, which is none at 0; and
     # y once dt ẏ is below half its ulp: ẏ = ω/(2 ζ) of the push, so a push of 2⁻²⁵ 2 ζ/(ω dt) over a slope of κ
     tolerance = (16 * 1.15 + 2.0 * 4.0 / (M.valve_compensator_frequency * 1e-4)) * ROUNDOFF / M.valve_compensator_droop
-    assert np.all(np.abs(y - expected) <= tolerance + 2 * ROUNDOFF)
+    within(
+        y - expected,
+        tolerance + 2 * ROUNDOFF,
+        law="compensator: spring_mass",
+        oracle="rest where the static one has it [-]",
+        source="rounding over κ, and where the rate's increment is below half its last place",
+    )
     assert np.any(expected == 1.0)
     shut, still = launch(compensator_kernel, m, 1.0, 0.0, 0.5, 12.0 * BAR, 1e-4, 2000)
     assert (shut, still) == (0.0, 0.0)
@@ -338,7 +382,13 @@ def test_lagged_compensator_settles_where_its_bias_shifts_it(bias):
     tolerance = (
         (16 * (1.15 + abs(bias) / M.valve_compensator_pressure) + 4 / 0.1) * ROUNDOFF / M.valve_compensator_droop
     )
-    assert np.all(np.abs(y - expected) <= tolerance + 2 * ROUNDOFF)
+    within(
+        y - expected,
+        tolerance + 2 * ROUNDOFF,
+        law="compensator_sensing: load_sensing_line",
+        oracle="root of the balance by Brent [-]",
+        source="rounding of the pressures over κ, and of slow steps",
+    )
     assert np.all(expected == 0.0) == (bias > 10.0 * BAR)
 
 
