@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from aoro_gym.checks import check_range
 from aoro_gym.execution import devices
-from aoro_gym.execution.cache import computed_with, kept
+from aoro_gym.execution.cache import cached, computed_with
 from aoro_gym.terrains.survey import bound, survey
 from aoro_gym.terrains.terrain import Terrain
 
@@ -74,7 +74,7 @@ def surface(terrain: Terrain, device: str, *, cell: float = CELL, mesh: wp.Mesh 
 
         ground = (terrain.vertices, terrain.faces, terrain.friction, terrain.rolling_resistance)
         on_cpu = devices.find(device).is_cpu
-        raster = kept("rasters", (ground, cell, *_code()), make, _packed, _unpacked) if on_cpu else make()
+        raster = cached("rasters", (ground, cell, *_code()), make, _packed, _unpacked) if on_cpu else make()
         for values in (raster.nodes, raster.cover, raster.ceilings):
             values.flags.writeable = False
         if raster.nodes.nbytes + raster.cover.nbytes + raster.ceilings.nbytes <= LARGEST_SHARED:

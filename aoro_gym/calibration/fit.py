@@ -98,14 +98,14 @@ def least_squares_fit(
     signature = digest(
         prior, prior_weight, starts, population, max_iterations, spread, seed, initial, problem, STEP, BOXES, ENOUGH
     )
-    search = _Search(residuals, prior, prior_weight, max_iterations, _Kept(checkpoint, signature), work or Work())
+    search = _Search(residuals, prior, prior_weight, max_iterations, _Checkpoint(checkpoint, signature), work or Work())
     ranking = search.ranked(starts, population, spread, seed) if initial is None else [initial.tolist()]
     for index in range(starts):
         search.refine(index, starts, ranking[index])
-    return sorted(search.kept.fits, key=lambda fit: fit.cost)
+    return sorted(search.checkpoint.fits, key=lambda fit: fit.cost)
 
 
-class _Kept:
+class _Checkpoint:
     """Parts of a search that are done, in a file if there is one."""
 
     def __init__(self, path: Path | None, signature: str):
@@ -153,7 +153,7 @@ class _Search:
     prior: NDArray[np.float64]
     prior_weight: float
     max_iterations: int
-    kept: _Kept
+    checkpoint: _Checkpoint
     work: Work
 
     def evaluate(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -168,20 +168,20 @@ class _Search:
         points = np.clip(self.prior + spread * normal, 0.01, 0.99)
         points[0] = np.clip(self.prior, 0.01, 0.99)
         batches = np.array_split(points, max(1, population // BATCH))
-        if len(self.kept.costs) < len(batches):
+        if len(self.checkpoint.costs) < len(batches):
             self.work.begin("population", f"evaluating a population of {population}")
-        for batch in batches[len(self.kept.costs) :]:
-            self.kept.costs.append(np.sum(np.square(self.evaluate(batch)), axis=0).tolist())
-            self.kept.write()
-        order = np.argsort(np.concatenate(self.kept.costs))
+        for batch in batches[len(self.checkpoint.costs) :]:
+            self.checkpoint.costs.append(np.sum(np.square(self.evaluate(batch)), axis=0).tolist())
+            self.checkpoint.write()
+        order = np.argsort(np.concatenate(self.checkpoint.costs))
         order = np.concatenate([[0], order[order != 0]])[: max(starts, 1)]
         return points[order].tolist()
 
     def refine(self, index: int, starts: int, start: list[float]) -> None:
         """Gauss–Newton within the bounds and a box around the point; boxes of all sizes are tried in one launch."""
-        if index < len(self.kept.fits):
+        if index < len(self.checkpoint.fits):
             return
-        at = self.kept.step or {
+        at = self.checkpoint.step or {
             "iteration": 0, "evaluations": 0, "step": STEP, "point": start, "reach": list(BOXES)
         }  # fmt: skip
         self.work.begin(f"start {index + 1}", f"start {index + 1} of {starts}")
@@ -190,12 +190,12 @@ class _Search:
             self.work.say(f"start {index + 1} of {starts}, step {at['iteration'] + 1}")
             data, cost, ends = self._improve(at)
             ends = ends or at["iteration"] >= self.max_iterations
-            self.kept.step = at
+            self.checkpoint.step = at
             if ends:
                 fit = Fit(tuple(at["point"]), tuple(map(float, data)), cost, at["evaluations"])
-                self.kept.fits.append(fit)
-                self.kept.step = None
-            self.kept.write()
+                self.checkpoint.fits.append(fit)
+                self.checkpoint.step = None
+            self.checkpoint.write()
 
     def _improve(self, at: dict[str, Any]) -> tuple[NDArray[np.float64], float, bool]:
         """Take one step from where ``at`` stands; its residuals and cost, and whether the search has ended."""

@@ -25,7 +25,7 @@ class Work:
 
     def __init__(self, tell: Progress = lambda sentence, share: None, phases: Mapping[str, float] | None = None):
         self._tell = tell
-        self._left = dict(phases or {})
+        self._remaining = dict(phases or {})
         self._sentence = ""
         self._begin, self._width, self._expected, self._done = 0.0, 0.0, 1.0, 0.0
 
@@ -38,17 +38,17 @@ class Work:
 
     def expect(self, phases: Mapping[str, float]) -> None:
         """Correct what is expected of phases that have not begun."""
-        self._left |= {name: work for name, work in phases.items() if name in self._left}
+        self._remaining |= {name: work for name, work in phases.items() if name in self._remaining}
 
     def begin(self, phase: str, sentence: str) -> None:
         """Begin a phase; those before it are over. One that was not announced takes no share."""
-        names = list(self._left)
-        if phase in self._left:
+        names = list(self._remaining)
+        if phase in self._remaining:
             self._begin = self.share
-            left = {name: self._left[name] for name in names[names.index(phase) :]}
-            self._width = (1.0 - self._begin) * left[phase] / max(sum(left.values()), 1e-300)
-            self._expected, self._done = max(left.pop(phase), 1e-300), 0.0
-            self._left = left
+            remaining = {name: self._remaining[name] for name in names[names.index(phase) :]}
+            self._width = (1.0 - self._begin) * remaining[phase] / max(sum(remaining.values()), 1e-300)
+            self._expected, self._done = max(remaining.pop(phase), 1e-300), 0.0
+            self._remaining = remaining
         self.say(sentence)
 
     def say(self, sentence: str) -> None:

@@ -34,6 +34,7 @@ def under_conditions(machine: Machine, manifest: Manifest) -> Machine:
     """
     try:
         if manifest.engine_speed_rpm is not None:
+            # not ``units.RPM``: pi / 30 rounded first gives other last bits
             machine = machine.set({ENGINE_SPEED: manifest.engine_speed_rpm * np.pi / 30.0}, si=True, check_ranges=False)
         if manifest.oil_temperature_C is not None:
             warmer = manifest.oil_temperature_C - COMMISSIONED_TEMPERATURE

@@ -73,19 +73,19 @@ def judge(
     for recording, found in repeated:
         for name, measured in recording.channels.items():
             miss = (found[name][:, :1] - measured[:, None])[::EVERY]
-            left = whitened(miss, recording.std[name], CHANNELS[name].zero)[:, 0]
+            residual = whitened(miss, recording.std[name], CHANNELS[name].zero)[:, 0]
             travel = (measured - np.mean(measured[: recording.rest]))[::EVERY]
-            parts.setdefault(name, []).append((left, left * recording.std[name], travel))
+            parts.setdefault(name, []).append((residual, residual * recording.std[name], travel))
     matches = {name: _match(name, *map(np.concatenate, zip(*each, strict=True))) for name, each in parts.items()}
-    total = _rms(np.concatenate([left for each in parts.values() for left, _, _ in each]))
+    total = _rms(np.concatenate([residual for each in parts.values() for residual, _, _ in each]))
     fits = all(match.fits for match in matches.values())
     return Verdict(
         fits, _sentence(fits, total, matches, on_a_bound, parameters), total, matches, on_a_bound, parameters
     )
 
 
-def _match(name: str, left: NDArray[np.float64], miss: NDArray[np.float64], travel: NDArray[np.float64]) -> Match:
-    std, share = _rms(left), _rms(miss) / max(_rms(travel), LEAST_MOVEMENT.get(name, LEAST_PRESSURE))
+def _match(name: str, residual: NDArray[np.float64], miss: NDArray[np.float64], travel: NDArray[np.float64]) -> Match:
+    std, share = _rms(residual), _rms(miss) / max(_rms(travel), LEAST_MOVEMENT.get(name, LEAST_PRESSURE))
     largest = LARGEST_SHARE.get(name, OTHER_SHARE)
     return Match(std, share, largest, bool(std <= LARGEST_STD or share <= largest))
 

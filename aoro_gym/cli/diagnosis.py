@@ -91,7 +91,7 @@ def diagnose(
     how = {"device": device, "out": out, "restart": restart, "accept_code_change": accept_code_change}
     with checking_input():
         from aoro_gym.diagnosis.recording import read_recording
-        from aoro_gym.diagnosis.selection import divided, expanded
+        from aoro_gym.diagnosis.selection import log_files, split_recordings
         from aoro_gym.execution.files import check_writable
 
         if bool(logs) == bool(metrics):
@@ -99,7 +99,7 @@ def diagnose(
         if check:
             if metrics:
                 raise ValueError("--check reads LOGs, not --metrics TABLE; leave one out")
-            _check_logs([*(logs or []), *expanded(healthy)])
+            _check_logs([*(logs or []), *log_files(healthy)])
             return
         if fit and holdout:
             raise ValueError("give --fit or --holdout, not both: what is not fitted is held out")
@@ -113,8 +113,8 @@ def diagnose(
         if source:
             raise ValueError(f"--source {source} belongs to --metrics TABLE; logs have no sources")
         recordings = [read_recording(path) for path in logs or []]
-        before = [read_recording(path) for path in expanded(healthy)]
-        used, held_out = divided(recordings, fit=fit, holdout=holdout)
+        before = [read_recording(path) for path in log_files(healthy)]
+        used, held_out = split_recordings(recordings, fit=fit, holdout=holdout)
     _diagnose_logs(used, before, held_out, commissioned, chosen, how)
 
 
@@ -167,10 +167,10 @@ def _diagnose_table(
     how: dict[str, Any],
 ) -> None:
     """Diagnose key figures of a table, print a summary and write the result."""
-    from aoro_gym.diagnosis.selection import divided_rows
+    from aoro_gym.diagnosis.selection import split_rows
     from aoro_gym.diagnosis.tables import diagnose_rows, read_rows
 
-    used, held_out = divided_rows(read_rows(table, source), fit=fit, holdout=holdout)
+    used, held_out = split_rows(read_rows(table, source), fit=fit, holdout=holdout)
     inputs = {"machine": machine.identity, "rows": used, "held-out rows": held_out}
     with _simulating(inputs, **how) as shared:
         found = diagnose_rows(used, machine, held_out=held_out, **shared)

@@ -65,7 +65,7 @@ SHOWN = 0.05
 """Share of its own torque, flow or pressure by which a part has to err to be looked at."""
 LEAST_ERROR = 0.01
 """Least share by which a part errs: levers, areas and slopes of sensors are hardly known better (a judgement)."""
-USUAL_ERROR = 0.03
+DEFAULT_ERROR = 0.03
 """The same where no healthy recording tells (a judgement)."""
 ENVELOPE = 9
 """Samples over which the size of a torque, flow or pressure is taken."""
@@ -77,7 +77,7 @@ FIRST = 10
 """Samples within which a twin finds to what is measured at rest."""
 TAIL = 200
 """Ticks after which the leash has forgotten: 40/ω₀."""
-OUTWEIGHED = 0.05
+LEAST_PROBABILITY_RATIO = 0.05
 """Share of the likeliest component's probability below which one is not to blame, whatever its part contradicts: a wrong
 angle, or laws that differ, contradict as well."""
 ROUNDING = 1e-6
@@ -95,14 +95,14 @@ def boundaries(problem: Problem, healthy: Sequence[Recording] = ()) -> tuple[Bou
     if not {"pressure_a", "pressure_b"} <= set(problem.signals):
         return ()
     points, h = problem.neighbours(problem.centre)
-    logs = led(problem, problem.recordings, points, h)
-    healthy_logs = led(problem, healthy, points[:0], h[:0]) if healthy else []
+    logs = followed(problem, problem.recordings, points, h)
+    healthy_logs = followed(problem, healthy, points[:0], h[:0]) if healthy else []
     prior = problem.precision[: len(points), : len(points)]
     found = []
     for part, balances in BALANCES.items():
         if part != "pump" or "pump_pressure" in problem.signals:
-            error = error_of(healthy_logs, balances) if healthy_logs else USUAL_ERROR
-            found.append(_tested(part, error, logs, healthy_logs, np.linalg.inv(np.linalg.cholesky(prior)).T))
+            error = relative_error(healthy_logs, balances) if healthy_logs else DEFAULT_ERROR
+            found.append(_boundary_test(part, error, logs, healthy_logs, np.linalg.inv(np.linalg.cholesky(prior)).T))
     excess = [one.contradicts * max(one.energy - one.freedom, 0.0) for one in found]
     whole = sum(excess) or 1.0
     shared = (replace(one, share=part / whole) for one, part in zip(found, excess, strict=True))
@@ -111,17 +111,19 @@ def boundaries(problem: Problem, healthy: Sequence[Recording] = ()) -> tuple[Bou
 
 def faulty_component(parts: Sequence[Boundary], components: Mapping[str, float]) -> str:
     """The component that is to blame: the likeliest of ``components`` that lies in a part which contradicts its boundary;
-    the likeliest of all where none does, where what lies there is :data:`OUTWEIGHED`, or where that is the sensor, which
-    contradicts all."""
+    the likeliest of all where none does, where what lies there is below :data:`LEAST_PROBABILITY_RATIO`, or where that is
+    the sensor, which contradicts all."""
     likeliest = next(iter(components), "")
     suspected = {name for one in parts if one.contradicts for name in one.components}
     if likeliest == "sensor":
         return likeliest
-    least = OUTWEIGHED * components.get(likeliest, 0.0)
+    least = LEAST_PROBABILITY_RATIO * components.get(likeliest, 0.0)
     return next((name for name, share in components.items() if name in suspected and share >= least), likeliest)
 
 
-def _tested(part: str, error: float, logs: Sequence[Led], healthy: Sequence[Led], root: Floats) -> Boundary:
+def _boundary_test(
+    part: str, error: float, logs: Sequence[Followed], healthy: Sequence[Followed], root: Floats
+) -> Boundary:
     """A part that errs by a share ``error``, where the machine's nuisances lie as ``root`` (d, d) times standard normals."""
     residuals, spread, blocks = [], [], []
     for index, one in enumerate(logs):
@@ -137,7 +139,7 @@ def _tested(part: str, error: float, logs: Sequence[Led], healthy: Sequence[Led]
             own = np.zeros((len(residual), len(logs), balance.own.shape[1]))
             own[:, index] = more * balance.own
             columns = np.column_stack([residual, balance.slopes @ root, own.reshape(len(residual), -1)])
-            white = balance.shown(columns) / std[:, None]
+            white = balance.whitened(columns) / std[:, None]
             residuals.append(white[:, 0])
             spread.append(white[:, 1:])
             blocks.append((balance, std))
@@ -146,7 +148,9 @@ def _tested(part: str, error: float, logs: Sequence[Led], healthy: Sequence[Led]
     unexplained = all_of - moves @ np.linalg.solve(np.eye(moves.shape[1]) + moves.T @ moves, moves.T @ all_of)
     energy, freedom = float(all_of @ unexplained), len(all_of)
     parts = np.split(unexplained, np.cumsum([len(std) for _, std in blocks])[:-1])
-    missing = np.concatenate([balance.back(std * mine) for (balance, std), mine in zip(blocks, parts, strict=True)])
+    missing = np.concatenate(
+        [balance.estimated(std * mine) for (balance, std), mine in zip(blocks, parts, strict=True)]
+    )
     size = np.concatenate([balance.size for balance, _ in blocks])
     rms = [float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0 for values in (missing, size)]
     return Boundary(
@@ -154,27 +158,27 @@ def _tested(part: str, error: float, logs: Sequence[Led], healthy: Sequence[Led]
     )
 
 
-def error_of(healthy: Sequence[Led], names: Sequence[str]) -> float:
+def relative_error(healthy: Sequence[Followed], names: Sequence[str]) -> float:
     """Share of its own torque, flow or pressure by which a healthy part errs, whose balances have these ``names``: the
     likeliest, as each recording's own clock and zeros may have it."""
     rows = []
     for one in healthy:
         balances = [one.balances[name] for name in names]
-        shown = np.concatenate([mine.shown(np.column_stack([mine.missing, mine.own])) for mine in balances])
+        shown = np.concatenate([mine.whitened(np.column_stack([mine.missing, mine.own])) for mine in balances])
         rows.append((np.concatenate([mine.power for mine in balances]), shown))
 
     def cost(logarithm: float) -> float:
         total = 0.0
         for power, shown in rows:
             variance = 1.0 + np.exp(2.0 * logarithm) * power
-            left, own = np.split(shown / np.sqrt(variance)[:, None], [1], axis=1)
-            inner, pull = np.eye(own.shape[1]) + own.T @ own, own.T @ left[:, 0]
+            residual, own = np.split(shown / np.sqrt(variance)[:, None], [1], axis=1)
+            inner, pull = np.eye(own.shape[1]) + own.T @ own, own.T @ residual[:, 0]
             total += np.sum(np.log(variance)) + np.linalg.slogdet(inner)[1]
-            total += left[:, 0] @ left[:, 0] - pull @ np.linalg.solve(inner, pull)
+            total += residual[:, 0] @ residual[:, 0] - pull @ np.linalg.solve(inner, pull)
         return float(total)
 
     if not any(len(power) for power, _ in rows):
-        return USUAL_ERROR
+        return DEFAULT_ERROR
     best: Any = minimize_scalar(cost, bounds=(np.log(LEAST_ERROR), 0.0), method="bounded")
     return float(np.exp(best.x))
 
@@ -201,14 +205,14 @@ class Balance:
         self, missing: Floats, slopes: Floats, own: Floats, noise: Floats, size: Floats, counts: NDArray[np.bool_]
     ):
         self.missing, self.slopes, self.own = missing, slopes, own
-        self._kept = np.flatnonzero(_every(counts))
-        self.size: Floats = _every(size)[self._kept]
+        self._samples = np.flatnonzero(_merged_first(counts))
+        self.size: Floats = _merged_first(size)[self._samples]
         """Of the samples that are compared."""
-        covariance = noise[np.ix_(self._kept, self._kept)]
+        covariance = noise[np.ix_(self._samples, self._samples)]
         covariance[np.diag_indices(len(covariance))] += ROUNDING * np.max(np.diag(covariance), initial=0.0)
         self._factor = cholesky(covariance, lower=True)
         memory = toeplitz(np.exp(-TICK / RATE_MEMORY * np.arange(len(size))))
-        wander = merged(merged(size[:, None] * memory * size).T)[np.ix_(self._kept, self._kept)]
+        wander = merged(merged(size[:, None] * memory * size).T)[np.ix_(self._samples, self._samples)]
         half = solve_triangular(self._factor, wander, lower=True)
         power, axes = np.linalg.eigh(solve_triangular(self._factor, half.T, lower=True))
         clear = power * SHOWN**2 > 1.0
@@ -216,31 +220,31 @@ class Balance:
         self.power: Floats = power[clear]
         """λ (m,) of what is shown."""
 
-    def shown(self, values: Floats) -> Floats:
+    def whitened(self, values: Floats) -> Floats:
         """Shown part (m,) or (m, N) of ``values`` (F,) or (F, N), in which the sensors' noise is white."""
-        return self._axes.T @ solve_triangular(self._factor, merged(values)[self._kept], lower=True)
+        return self._axes.T @ solve_triangular(self._factor, merged(values)[self._samples], lower=True)
 
-    def back(self, shown: Floats) -> Floats:
+    def estimated(self, shown: Floats) -> Floats:
         """What is missing, SI, of the samples that are compared, by its shown part: with an error of :data:`SHOWN` expected
         along with the noise (Wiener)."""
         expected = SHOWN**2 * self.power
         return self._factor @ (self._axes @ (expected / (1.0 + expected) * shown))
 
 
-def _every(values: NDArray) -> NDArray:
+def _merged_first(values: NDArray) -> NDArray:
     """First of every :data:`MERGED` samples."""
     return values[: len(values) // MERGED * MERGED : MERGED]
 
 
 @dataclass(frozen=True)
-class Led:
+class Followed:
     """A recording that twins have followed."""
 
     signature: bytes
     balances: Mapping[str, Balance]
 
 
-def led(problem: Problem, recordings: Sequence[Recording], points: Floats, h: Floats) -> list[Led]:
+def followed(problem: Problem, recordings: Sequence[Recording], points: Floats, h: Floats) -> list[Followed]:
     """``recordings`` followed by twins at the centre of a problem and at ``points`` (d, u) next to it, ``h`` (d,) standard
     deviations away."""
     signals = len(LED)
@@ -249,34 +253,39 @@ def led(problem: Problem, recordings: Sequence[Recording], points: Floats, h: Fl
     # sensors that read too much, one after the other; then those of a clock that is late
     zeros = np.zeros((signals, machines.count))
     zeros[:, 1 : 1 + signals] = np.diag([ZEROS[name] for name in LED])
-    tasks = [*(Replay(machines, one) for one in recordings), *(Replay(centre, _late(one)) for one in recordings)]
-    found = problem.simulator.follow(tasks, [zeros] * len(recordings) + [zeros[:, :1]] * len(recordings))
+    tasks = [*(Replay(machines, one) for one in recordings), *(Replay(centre, _delayed(one)) for one in recordings)]
+    outputs = problem.simulator.follow(tasks, [zeros] * len(recordings) + [zeros[:, :1]] * len(recordings))
     out = []
-    for recording, followed, late in zip(recordings, found, found[len(recordings) :], strict=False):
-        values = np.concatenate([followed, late], axis=2).astype(np.float64)
+    for recording, on_time, late in zip(recordings, outputs, outputs[len(recordings) :], strict=False):
+        values = np.concatenate([on_time, late], axis=2).astype(np.float64)
         values, inertia = values[:4], values[4, :, 0]
         shifts = values[:, :, 1:] - values[:, :, :1]
         own = np.concatenate([shifts[:, :, :signals], shifts[:, :, -1:]], axis=2)
         ports = ports_of(centre.machine, recording)
         noises = _noises(recording, problem.noise, own, ports, inertia)
-        sizes = _sizes(recording, ports)
+        magnitudes = _magnitudes(recording, ports)
         balances = {
             name: Balance(
-                values[k, :, 0], shifts[k, :, signals:-1] / h, own[k], noises[k], sizes[k], _counts(recording, name)
+                values[k, :, 0],
+                shifts[k, :, signals:-1] / h,
+                own[k],
+                noises[k],
+                magnitudes[k],
+                _compared(recording, name),
             )
             for k, name in enumerate(BALANCED)
         }
-        out.append(Led(recording.signature, balances))
+        out.append(Followed(recording.signature, balances))
     return out
 
 
-def _late(recording: Recording) -> Recording:
+def _delayed(recording: Recording) -> Recording:
     """As a clock that is late by a standard deviation has it."""
     moved = {name: values - START_JITTER * np.gradient(values) / TICK for name, values in recording.channels.items()}
     return replace(recording, channels=moved)
 
 
-def _counts(recording: Recording, balance: str) -> NDArray[np.bool_]:
+def _compared(recording: Recording, balance: str) -> NDArray[np.bool_]:
     """Samples (F,) that are compared: not the bounce and, of the torque, none that the stop bears, too; of a port's flow
     none around a void, whose volume no sensor tells."""
     out = np.ones(recording.ticks + 1, dtype=bool)
@@ -326,7 +335,7 @@ def _pressures(recording: Recording) -> Floats:
     return np.stack([recording.channels.get(name, none) for name in LED[1:]])
 
 
-def _sizes(recording: Recording, ports: Ports) -> Floats:
+def _magnitudes(recording: Recording, ports: Ports) -> Floats:
     """Of the balances (4, F) SI: the oil's torque beyond that at rest, the flows that move and fill, the pump's pressure
     beyond that at rest."""
     pressures = _pressures(recording)

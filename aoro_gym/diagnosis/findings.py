@@ -14,16 +14,16 @@ from aoro_gym.diagnosis.problem import Problem
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, Cause, CredibleInterval, presence
 from aoro_gym.effects.effect import ChainEffect, Effect, GroundEffect
 
-SURE = 0.8
+LEAST_PROBABILITY = 0.8
 """Probability of any cause from which causes are named at all, and of one from which it is named alone. Of the development
 family's healthy machines none had more than 0.77 by the angle, 0.60 with pressures."""
 DRAWS = 2000
 """Of the posterior, for intervals of magnitudes."""
-WIDER = 1.5
+SPREAD_INFLATION = 1.5
 """Factor on the standard deviations of places (E)."""
-MOVED = 1.0
+LEAST_SHIFT = 1.0
 """Prior standard deviations by which a parameter must have moved to be listed."""
-ALIKE = 0.95
+LEAST_COSINE = 0.95
 """Cosine of the angle between what two effects do, once calibration has had its share, above which they are alike."""
 
 
@@ -32,17 +32,17 @@ def verdict_of(hypotheses: Sequence[Hypothesis]) -> str:
     second, slight effect cannot be told from none takes nothing from the first."""
     best = hypotheses[0]
     of = {h.effects: h.probability for h in hypotheses}
-    innocent = of.get((), 0.0) + of.get((CALIBRATION,), 0.0)
+    healthy = of.get((), 0.0) + of.get((CALIBRATION,), 0.0)
     unknown = of.get((UNKNOWN,), 0.0)
-    if innocent > 1.0 - SURE:
-        if innocent < 0.5:
+    if healthy > 1.0 - LEAST_PROBABILITY:
+        if healthy < 0.5:
             return "inconclusive"
         return "no_gap" if of.get((), 0.0) >= of.get((CALIBRATION,), 0.0) else "calibration"
     if unknown >= 0.5:
         return "unknown"
     if best.effects in ((), (UNKNOWN,), (CALIBRATION,)):
         return "ambiguous"
-    return "cause" if presence(best.effects, of) >= SURE else "ambiguous"
+    return "cause" if presence(best.effects, of) >= LEAST_PROBABILITY else "ambiguous"
 
 
 def declared_of(hypotheses: Sequence[Hypothesis], probability: float) -> tuple[str, ...]:
@@ -77,7 +77,7 @@ def cause_of(problem: Problem, hypothesis: Hypothesis, laws: float, out: Path | 
         return Cause(hypothesis.effects, hypothesis.probability)
     rng = np.random.default_rng(0)
     best = np.array(hypothesis.places)
-    spread = WIDER * np.linalg.cholesky(hypothesis.covariance + 1e-12 * np.eye(len(best)))
+    spread = SPREAD_INFLATION * np.linalg.cholesky(hypothesis.covariance + 1e-12 * np.eye(len(best)))
     drawn = np.clip(best + rng.standard_normal((DRAWS, len(best))) @ spread.T, 0.0, 1.0)
     other = np.exp(laws * rng.standard_normal(DRAWS))
     nuisances = hypothesis.nuisances if hypothesis.refined else problem.centre
@@ -114,7 +114,7 @@ def moved_by(problem: Problem, best: Hypothesis | None) -> tuple[dict[str, Any],
     for k, deviation in sorted(zip(felt, best.nuisances[: len(felt)], strict=True), key=lambda item: -abs(item[1])):
         key = problem.nuisances.keys[k]
         entry = problem.nuisances.machine.entries[key]
-        if abs(deviation) > MOVED:
+        if abs(deviation) > LEAST_SHIFT:
             rows.append(
                 {
                     "key": key, "unit": entry.unit, "before": float(entry.value),
@@ -143,5 +143,5 @@ def alike_effects(linear: Linear) -> tuple[tuple[str, str], ...]:
         (names[i], names[j])
         for i in range(len(names))
         for j in range(i + 1, len(names))
-        if shown[i] and shown[j] and abs(cosine[i, j]) > ALIKE
+        if shown[i] and shown[j] and abs(cosine[i, j]) > LEAST_COSINE
     )

@@ -72,10 +72,10 @@ def _gap_closure(
     index, signal = problem.blocks[block]
     variance, count = _noise(problem, block)
     gaps = np.square(error) - variance * (1.0 - absorbed)
-    gap, left = np.mean(gaps[:, 0]), np.mean(gaps[:, 1:], axis=0)
+    gap, remaining = np.mean(gaps[:, 0]), np.mean(gaps[:, 1:], axis=0)
     if gap <= CLEAR * np.sqrt(2.0 / count) * variance:
         return None
-    S = 1.0 - left / gap
+    S = 1.0 - remaining / gap
     influence = S - (gaps[:, 1:] - (1.0 - S) * gaps[:, :1]) / gap
     low, high = np.quantile(_resampled(influence if len(S) == 1 else influence[:, 1:], seed), [0.05, 0.95])
     rms = np.sqrt(np.mean(np.square(error[:, :2]), axis=0))
@@ -121,8 +121,8 @@ def _resampled(values: Floats, seed: int) -> Floats:
     starts = rng.integers(count, size=(RESAMPLES, round(count / length)))
     column = rng.integers(columns, size=RESAMPLES)
     freedom = count / length - 1.0
-    wider = np.sqrt((freedom + 1.0) / freedom) * t.ppf(0.95, freedom) / norm.ppf(0.95)
-    return mean[column] + wider * np.mean(blocks[starts, column[:, None]], axis=1)
+    inflation = np.sqrt((freedom + 1.0) / freedom) * t.ppf(0.95, freedom) / norm.ppf(0.95)
+    return mean[column] + inflation * np.mean(blocks[starts, column[:, None]], axis=1)
 
 
 def _refitted(problem: Problem, residuals: Floats, predicted: Floats) -> tuple[Floats, Floats]:
@@ -130,15 +130,15 @@ def _refitted(problem: Problem, residuals: Floats, predicted: Floats) -> tuple[F
     signals, and the shares (blocks, m) of its variance that they absorb of the noise."""
     lengths = [len(part) for part in problem.split(residuals)]
     scale = np.repeat([problem.noise[signal].std for _, signal in problem.blocks], lengths)
-    left = np.empty_like(residuals)
+    refitted = np.empty_like(residuals)
     absorbed = np.empty((len(problem.blocks), residuals.shape[1]))
     for m, (residual, prediction) in enumerate(zip(residuals.T, predicted.T, strict=True)):
         own = problem.own(prediction) / scale[:, None]
-        basis, sizes, _ = np.linalg.svd(own, full_matrices=False)
-        basis = basis[:, sizes > 1e-9 * sizes[0]]
-        left[:, m] = residual - scale * (basis @ (basis.T @ (residual / scale)))
+        basis, singular, _ = np.linalg.svd(own, full_matrices=False)
+        basis = basis[:, singular > 1e-9 * singular[0]]
+        refitted[:, m] = residual - scale * (basis @ (basis.T @ (residual / scale)))
         absorbed[:, m] = _absorbed(problem, basis)
-    return left, absorbed
+    return refitted, absorbed
 
 
 def _absorbed(problem: Problem, basis: Floats) -> Floats:
@@ -210,10 +210,10 @@ def _features(problem: Problem, predicted: Floats, signals: Sequence[str]) -> li
 def _ridge(x: Floats, y: Floats) -> Floats:
     """Weights (n,) of ``y`` (F,) on ``x`` (F, n), with the penalty of the least generalised cross-validation (Golub, Heath
     and Wahba 1979)."""
-    left, sizes, right = np.linalg.svd(x, full_matrices=False)
-    target = left.T @ y
-    power = sizes**2
-    kept = power / (power + RIDGES[:, None] * np.mean(power))  # (penalties, n)
-    error = y @ y - np.sum((1.0 - (1.0 - kept) ** 2) * target**2, axis=1)
-    best = kept[np.argmin(error / (len(y) - np.sum(kept, axis=1)) ** 2)]
-    return right.T @ (best * target / np.maximum(sizes, 1e-12 * sizes[0]))
+    u, singular, v = np.linalg.svd(x, full_matrices=False)
+    target = u.T @ y
+    power = singular**2
+    filters = power / (power + RIDGES[:, None] * np.mean(power))  # (penalties, n)
+    error = y @ y - np.sum((1.0 - (1.0 - filters) ** 2) * target**2, axis=1)
+    best = filters[np.argmin(error / (len(y) - np.sum(filters, axis=1)) ** 2)]
+    return v.T @ (best * target / np.maximum(singular, 1e-12 * singular[0]))

@@ -20,13 +20,15 @@ from rich.table import Table
 from aoro_gym.diagnosis.result import KEY_FIGURES, PHASES, UNKNOWN, Boundary, Cause, Curve, Diagnosis, GapClosure, Place
 from aoro_gym.diagnosis.words import (
     WITHOUT_CAUSE,
-    Spoken,
+    Conclusions,
     capital,
+    conclusions,
     control,
     count,
-    gone,
+    gap_closure,
     listed,
     machine_file,
+    magnitudes,
     p_value,
     per_cent,
     probability,
@@ -34,12 +36,10 @@ from aoro_gym.diagnosis.words import (
     readable_unit,
     signal_unit,
     signed,
-    sizes,
-    spoken,
-    summed,
-    suspects,
+    suspected,
     three_digits,
     title,
+    total_shares,
     twin_with,
     with_unit,
 )
@@ -87,13 +87,13 @@ def _range(one: GapClosure) -> str:
 
 def summary(diagnosis: Diagnosis, *, effects: Mapping[str, Effect] = EFFECTS) -> list[RenderableType]:
     """What to print: the verdict in words, the causes, how much of the gap is gone, and limitations."""
-    said = spoken(diagnosis, effects=effects)
+    concluded = conclusions(diagnosis, effects=effects)
     answers = Table(box=None, show_header=False, pad_edge=False)
     answers.add_column(style="bold", no_wrap=True)
     answers.add_column(overflow="fold")
-    for question, answer in said.answers.items():
+    for question, answer in concluded.answers.items():
         answers.add_row(question, escape(answer))
-    items: list[RenderableType] = [f"[bold]{escape(said.headline)}[/] ({readable(diagnosis.verdict)})", answers]
+    items: list[RenderableType] = [f"[bold]{escape(concluded.headline)}[/] ({readable(diagnosis.verdict)})", answers]
     if diagnosis.causes:
         items.append(_cause_summary(diagnosis.causes))
     if diagnosis.shrinkage:
@@ -112,7 +112,7 @@ def _cause_summary(causes: Sequence[Cause]) -> Table:
             escape(title(one.effects)),
             probability(one.probability),
             ", ".join(readable(name) for name in one.components),
-            escape("\n".join(f"{median} ({interval}): {quantity}" for quantity, median, interval in sizes(one))),
+            escape("\n".join(f"{median} ({interval}): {quantity}" for quantity, median, interval in magnitudes(one))),
             escape(one.machine_file),
         )
     return table
@@ -131,7 +131,7 @@ def _gap_closure_summary(found: Sequence[GapClosure]) -> Table:
     rows: dict[tuple[str, str], dict[str, str]] = {}
     for one in sorted(found, key=_kind):
         row = rows.setdefault((one.manoeuvre, KINDS[_kind(one)]), {})
-        row[one.signal] = f"{gone(one.S)} ({_range(one)})"
+        row[one.signal] = f"{gap_closure(one.S)} ({_range(one)})"
     for (manoeuvre, part), row in rows.items():
         table.add_row(escape(manoeuvre), part, *(row.get(signal, "-") for signal in signals))
     return table
@@ -176,7 +176,7 @@ def write_report(diagnosis: Diagnosis, folder: Path, *, effects: Mapping[str, Ef
         "AORO: diagnosis",
         _lead(diagnosis),
         sections,
-        top=_verdict_html(diagnosis, spoken(diagnosis, effects=effects)),
+        top=_verdict_html(diagnosis, conclusions(diagnosis, effects=effects)),
         footer="Intervals hold 90 %. Left is positive; port A is the one under pressure in a left turn.",
         interactive=False,
     )
@@ -200,21 +200,21 @@ def _bars(heading: str, rows: Sequence[tuple[str, float, str]]) -> Markup:
     return block("bars", heading=heading, rows=rows, colour=BLUE)
 
 
-def _verdict_html(diagnosis: Diagnosis, said: Spoken) -> Markup:
+def _verdict_html(diagnosis: Diagnosis, concluded: Conclusions) -> Markup:
     """What one reads first."""
-    found = dict.fromkeys(size for one in suspects(diagnosis) for size in sizes(one))
+    found = dict.fromkeys(size for one in suspected(diagnosis) for size in magnitudes(one))
     above = {"Why", "How much"} if found else {"Why"}
     answers = [
         block("card", contents=[block("paragraph", text=answer)], heading=question)
-        for question, answer in said.answers.items()
+        for question, answer in concluded.answers.items()
         if question not in above
     ]
     colour = COLOURS[diagnosis.verdict]
     verdict = block(
         "verdict",
         tag=readable(diagnosis.verdict),
-        headline=said.headline,
-        text=said.why,
+        headline=concluded.headline,
+        text=concluded.why,
         sizes=[(median, f"{quantity}, against the twin (90 %: {interval})") for quantity, median, interval in found],
         colour=colour,
         below=_probabilities_html(diagnosis.causes, colour),
@@ -249,7 +249,7 @@ def _where_html(diagnosis: Diagnosis) -> Markup:
     if diagnosis.where_p is not None:
         text += f" Without any cause a gap as large as this comes with {p_value(diagnosis.where_p)}."
     manoeuvres = dict.fromkeys(place.manoeuvre for place in diagnosis.where)
-    overall = summed(diagnosis.where)
+    overall = total_shares(diagnosis.where)
     cards = [_heat_html("All manoeuvres" if len(manoeuvres) > 1 else places[0].manoeuvre, overall, signals, overall)]
     rows = [
         (probability(p.share), readable(p.signal), readable(p.phase), p.manoeuvre, readable(p.component) or "-")
@@ -269,7 +269,7 @@ def _where_html(diagnosis: Diagnosis) -> Markup:
         for name in manoeuvres:
             shares = {(s, phase): share for (manoeuvre, s, phase), share in single.items() if manoeuvre == name}
             cards.append(_heat_html(name, shares, signals, single))
-    if suspects(diagnosis) and diagnosis.components:
+    if suspected(diagnosis) and diagnosis.components:
         likely = [(readable(name), p, probability(p)) for name, p in diagnosis.components.items()]
         cards.append(_bars("Component that a cause lies in", likely))
     return _explained(text, block("grid", cards=cards), _boundaries_html(diagnosis.boundaries))
@@ -327,7 +327,7 @@ def telling(curves: Sequence[Curve], where: Sequence[Place] = ()) -> list[Curve]
 
     A sensor that is off by a constant parts measured from simulated more than most causes do, and is none: what has the
     larger share of ``where`` comes first. The plain difference ranks what has none."""
-    shares = summed(where, lambda place: (place.manoeuvre, place.signal))
+    shares = total_shares(where, lambda place: (place.manoeuvre, place.signal))
 
     def gap(curve: Curve) -> tuple[float, float]:
         difference = float(np.nanmean(((curve.measured - curve.before) / curve.spread) ** 2))
@@ -409,7 +409,7 @@ def _causes_html(diagnosis: Diagnosis, effects: Mapping[str, Effect]) -> Markup:
         (
             capital(title(one.effects)),
             probability(one.probability),
-            [Markup("{}: <b>{}</b> ({})").format(*size) for size in sizes(one)],
+            [Markup("{}: <b>{}</b> ({})").format(*size) for size in magnitudes(one)],
             _settings(one, effects),
             [readable(name) for name in one.components],
             block("link", file=one.machine_file) if one.machine_file else "-",
@@ -461,7 +461,7 @@ def _gap_closure_html(diagnosis: Diagnosis) -> Markup:
         rows += [_gap_closure_row(one) for one in found]
     head = ("manoeuvre", "signal", "gap gone", "90 %", "error before, rms", "after", "noise", "unit")
     compared = [
-        (capital(control(name)), value or 0.0, "not tried" if value is None else gone(value))
+        (capital(control(name)), value or 0.0, "not tried" if value is None else gap_closure(value))
         for name, value in diagnosis.controls.items()
     ]
     bars = [_bars("Gone on manoeuvres left out, median", compared)] if compared else []
@@ -472,7 +472,7 @@ def _gap_closure_row(one: GapClosure) -> list[str]:
     unit, size = signal_unit(one.signal)
     errors = (three_digits(value / size) for value in (one.before, one.after, one.noise))
     mark = "yes" if one.low90 > 0.0 else "no" if one.high90 < 0.0 else ""
-    part = block("marked", text=gone(one.S), kind=mark)
+    part = block("marked", text=gap_closure(one.S), kind=mark)
     return [one.manoeuvre, readable(one.signal), part, _range(one), *errors, unit]
 
 

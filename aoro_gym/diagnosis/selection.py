@@ -10,7 +10,7 @@ from aoro_gym.diagnosis.recording import Recording, logs_in
 from aoro_gym.diagnosis.tables import Row, selected
 
 
-def expanded(paths: Sequence[Path] | None) -> list[Path]:
+def log_files(paths: Sequence[Path] | None) -> list[Path]:
     """Logs of ``paths``, each a log or a folder of logs; ValueError if a folder holds none."""
     found: list[Path] = []
     for path in paths or []:
@@ -21,7 +21,7 @@ def expanded(paths: Sequence[Path] | None) -> list[Path]:
     return found
 
 
-def divided(
+def split_recordings(
     recordings: Sequence[Recording], *, fit: Sequence[str] | None = None, holdout: Sequence[str] | None = None
 ) -> tuple[list[Recording], list[Recording]]:
     """Recordings to fit, and those that are held out.
@@ -33,20 +33,21 @@ def divided(
 
     Raises ValueError if a name is no recording's, or none is left to fit.
     """
-    held_out = _selected("--holdout", holdout, recordings)
+    held_out = _matching("--holdout", holdout, recordings)
     if fit:
-        chosen = _selected("--fit", fit, recordings)
-        held_out = [one for one in recordings if not _holds(chosen, one)]
-    used = [one for one in recordings if not _holds(held_out, one)]
+        chosen = _matching("--fit", fit, recordings)
+        held_out = [one for one in recordings if not _contains(chosen, one)]
+    used = [one for one in recordings if not _contains(held_out, one)]
     if not used:
         raise ValueError("--holdout leaves no log to fit; leave one at least")
     return used, held_out
 
 
-def divided_rows(
+def split_rows(
     rows: Sequence[Row], *, fit: Sequence[str] | None = None, holdout: Sequence[str] | None = None
 ) -> tuple[list[Row], list[Row]]:
-    """Rows of a table to fit, and those that are held out; as :func:`divided`, with selections such as ``signal=100``."""
+    """Rows of a table to fit, and those that are held out; as :func:`split_recordings`, with selections such as
+    ``signal=100``."""
     held_out = selected("--holdout", holdout or [], rows)
     if fit:
         chosen = selected("--fit", fit, rows)
@@ -57,7 +58,7 @@ def divided_rows(
     return used, held_out
 
 
-def _selected(option: str, patterns: Sequence[str] | None, recordings: Sequence[Recording]) -> list[Recording]:
+def _matching(option: str, patterns: Sequence[str] | None, recordings: Sequence[Recording]) -> list[Recording]:
     """Recordings whose name matches any of ``patterns``, in the order of these."""
     chosen: list[Recording] = []
     for pattern in patterns or []:
@@ -65,10 +66,10 @@ def _selected(option: str, patterns: Sequence[str] | None, recordings: Sequence[
         if not matching:
             names = ", ".join(one.name for one in recordings)
             raise ValueError(f"{option} {pattern}: no log has that name; choose of {names}")
-        chosen += [one for one in matching if not _holds(chosen, one)]
+        chosen += [one for one in matching if not _contains(chosen, one)]
     return chosen
 
 
-def _holds(recordings: Sequence[Recording], one: Recording) -> bool:
+def _contains(recordings: Sequence[Recording], one: Recording) -> bool:
     """Whether ``one`` itself is among ``recordings``: equal names do not make two logs the same."""
     return any(one is other for other in recordings)

@@ -103,7 +103,7 @@ def probability(p: float) -> str:
     return f"{100.0 * p:.{0 if 0.01 <= p <= 0.99 else 1}f}{SPACE}%"
 
 
-def gone(S: float) -> str:
+def gap_closure(S: float) -> str:
     """How much of a gap is gone, in per cent; negative where it grew."""
     return f"{per_cent(S, 1 if 0.99 < S < 1.0 else 0)}{SPACE}%"
 
@@ -187,7 +187,7 @@ def is_named(cause: Cause) -> bool:
     return cause.effects not in ((), (UNKNOWN,), (CALIBRATION,))
 
 
-def suspects(diagnosis: Diagnosis) -> list[Cause]:
+def suspected(diagnosis: Diagnosis) -> list[Cause]:
     """Hypotheses that the verdict is about: one, or those that cannot be told apart; none of other verdicts."""
     if diagnosis.verdict == "cause":
         return [one for one in diagnosis.causes if is_named(one)][:1]
@@ -198,7 +198,7 @@ def suspects(diagnosis: Diagnosis) -> list[Cause]:
 
 def machine_file(diagnosis: Diagnosis) -> str:
     """Of the machine to go on with; empty if that is the one given."""
-    best = diagnosis.causes[:1] if diagnosis.verdict == "calibration" else suspects(diagnosis)
+    best = diagnosis.causes[:1] if diagnosis.verdict == "calibration" else suspected(diagnosis)
     return next((one.machine_file for one in best if one.machine_file), "")
 
 
@@ -209,7 +209,7 @@ def twin_with(causes: Sequence[Cause]) -> str:
     return "recalibrated twin" if causes and causes[0].effects == (CALIBRATION,) else "refitted twin"
 
 
-def sizes(cause: Cause) -> list[tuple[str, str, str]]:
+def magnitudes(cause: Cause) -> list[tuple[str, str, str]]:
     """Quantity, median and 90 % interval of every part of every effect."""
     return [
         (capital(part.quantity or title([name])), *shown(part))
@@ -218,7 +218,7 @@ def sizes(cause: Cause) -> list[tuple[str, str, str]]:
     ]
 
 
-def summed(
+def total_shares(
     places: Iterable[Place], key: Callable[[Place], tuple[str, str]] = lambda place: (place.signal, place.phase)
 ) -> dict[tuple[str, str], float]:
     """Shares by a ``key``: by default over all manoeuvres, by signal and phase."""
@@ -232,15 +232,15 @@ def summed(
 
 
 @dataclass(frozen=True)
-class Spoken:
+class Conclusions:
     """What a diagnosis says, a sentence or two each."""
 
     headline: str
     why: str
     where: str
-    size: str
-    sure: str
-    shrinks: str
+    magnitude: str
+    confidence: str
+    closure: str
     next: str
 
     @property
@@ -249,33 +249,33 @@ class Spoken:
         return {
             "Where": self.where,
             "Why": self.why,
-            "How much": self.size,
-            "How sure": self.sure,
-            "How far it shrinks": self.shrinks,
+            "How much": self.magnitude,
+            "How sure": self.confidence,
+            "How far it shrinks": self.closure,
             "What next": self.next,
         }
 
 
-def spoken(diagnosis: Diagnosis, *, effects: Mapping[str, Effect] = EFFECTS) -> Spoken:
+def conclusions(diagnosis: Diagnosis, *, effects: Mapping[str, Effect] = EFFECTS) -> Conclusions:
     """The verdict in words.
 
     Args:
         diagnosis: Of any verdict; parts may be empty.
         effects: Catalogue that its causes are from.
     """
-    return Spoken(
+    return Conclusions(
         headline=_headline(diagnosis),
         why=_why(diagnosis, effects),
         where=_where(diagnosis),
-        size=_size(diagnosis),
-        sure=_sure(diagnosis),
-        shrinks=_shrinks(diagnosis),
+        magnitude=_magnitude(diagnosis),
+        confidence=_confidence(diagnosis),
+        closure=_closure(diagnosis),
         next=_next(diagnosis),
     )
 
 
 def _headline(diagnosis: Diagnosis) -> str:
-    blamed = [title(one.effects) for one in suspects(diagnosis)]
+    blamed = [title(one.effects) for one in suspected(diagnosis)]
     if blamed:
         more = ["others"] if len(blamed) > MOST_NAMED else []
         return capital(listed([*blamed[:MOST_NAMED], *more], "or"))
@@ -289,7 +289,7 @@ def _headline(diagnosis: Diagnosis) -> str:
 
 def _why(diagnosis: Diagnosis, effects: Mapping[str, Effect]) -> str:
     sentence = VERDICTS[diagnosis.verdict]
-    known = dict.fromkeys(name for one in suspects(diagnosis) for name in one.effects if name in effects)
+    known = dict.fromkeys(name for one in suspected(diagnosis) for name in one.effects if name in effects)
     if diagnosis.verdict == "cause":
         return " ".join(effects[name].physics for name in known) or sentence
     if diagnosis.verdict == "ambiguous":
@@ -307,12 +307,12 @@ def _where(diagnosis: Diagnosis) -> str:
         p = "" if diagnosis.where_p is None else f" ({p_value(diagnosis.where_p)})"
         return f"In parameters that were uncertain: what they cannot absorb looks like noise{p}."
     sentences = []
-    if suspects(diagnosis) and diagnosis.components:
+    if suspected(diagnosis) and diagnosis.components:
         likely = {name: p for name, p in diagnosis.components.items() if p >= WORTH_NAMING}
         named = [f"{readable(name)} ({probability(p)})" for name, p in likely.items()]
         sentences += [f"In the {listed(named, 'or')}."] if named else []
     if diagnosis.where:
-        (signal, phase), share = max(summed(diagnosis.where).items(), key=lambda item: item[1])
+        (signal, phase), share = max(total_shares(diagnosis.where).items(), key=lambda item: item[1])
         sentences.append(
             f"It shows most in the {readable(signal)} ({readable(phase)}): {probability(share)} of the gap that "
             "calibration cannot absorb."
@@ -322,14 +322,14 @@ def _where(diagnosis: Diagnosis) -> str:
     return " ".join(sentences) or "No part of the gap stands out."
 
 
-def _size(diagnosis: Diagnosis) -> str:
+def _magnitude(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "calibration":
         moved = [_moved(one) for one in diagnosis.calibration[:2]]
         return f"Moved most: {listed(moved)}." if moved else "No parameter moved far."
     lines = dict.fromkeys(
         f"{quantity}: {median} against the twin (90 %: {interval})."
-        for one in suspects(diagnosis)
-        for quantity, median, interval in sizes(one)
+        for one in suspected(diagnosis)
+        for quantity, median, interval in magnitudes(one)
     )
     if lines:
         return " ".join(lines)
@@ -350,7 +350,7 @@ def _moved(one: Mapping[str, Any]) -> str:
     return f"{one['key']} {one['before']:.4g} → {one['after']:.4g}{unit}"
 
 
-def _sure(diagnosis: Diagnosis) -> str:
+def _confidence(diagnosis: Diagnosis) -> str:
     sentences = []
     if diagnosis.causes:
         first = diagnosis.causes[0]
@@ -365,7 +365,7 @@ def _sure(diagnosis: Diagnosis) -> str:
     return " ".join(sentences) or "No hypothesis was weighed."
 
 
-def _shrinks(diagnosis: Diagnosis) -> str:
+def _closure(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "no_gap":
         return "There is nothing to shrink."
     if not diagnosis.shrinkage:
@@ -378,7 +378,9 @@ def _shrinks(diagnosis: Diagnosis) -> str:
     text = f"On manoeuvres left out of the fit {_by_signal(plain or left_out)} (medians)"
     if plain and len(plain) < len(left_out):
         text += f". With their own clock and zero refitted {_by_signal([one for one in left_out if one.refitted])}"
-    controls = [f"{control(name)} {gone(value)}" for name, value in diagnosis.controls.items() if value is not None]
+    controls = [
+        f"{control(name)} {gap_closure(value)}" for name, value in diagnosis.controls.items() if value is not None
+    ]
     return f"{text}. Median of all signals: {', '.join(controls)}." if len(controls) > 1 else f"{text}."
 
 
@@ -389,8 +391,8 @@ def _by_signal(found: Sequence[GapClosure]) -> str:
     for one in found:
         shares.setdefault(readable(one.signal), []).append(one.S)
     medians = {signal: float(np.median(values)) for signal, values in shares.items()}
-    less = [(gone(S), signal) for signal, S in medians.items() if S >= 0.0]
-    more = [f"by {gone(-S)} in {signal}" for signal, S in medians.items() if S < 0.0]
+    less = [(gap_closure(S), signal) for signal, S in medians.items() if S >= 0.0]
+    more = [f"by {gap_closure(-S)} in {signal}" for signal, S in medians.items() if S < 0.0]
     parts = []
     if less:
         (share, signal), *others = less
@@ -404,7 +406,7 @@ def _by_signal(found: Sequence[GapClosure]) -> str:
 
 def _next(diagnosis: Diagnosis) -> str:
     file = machine_file(diagnosis)
-    components = list(dict.fromkeys(readable(name) for one in suspects(diagnosis) for name in one.components))
+    components = list(dict.fromkeys(readable(name) for one in suspected(diagnosis) for name in one.components))
     on = f" Go on with {file}." if file else ""
     text = {
         "no_gap": "Go on with the machine file that you have.",

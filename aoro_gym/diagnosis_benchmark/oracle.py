@@ -110,7 +110,7 @@ def evidence_of(deviation: Floats, noise: Noise) -> float:
     return float(max(information(deviation[:, None], noise)[0, 0], 0.0))
 
 
-def beside(whole: Floats, precision: Floats) -> float:
+def evidence_given(whole: Floats, precision: Floats) -> float:
     """λ of the first of the shifts whose information is ``whole`` (1 + k, 1 + k) beside the others, whose sizes have the
     ``precision`` (k, k)."""
     cross = whole[1:, 0]
@@ -118,7 +118,7 @@ def beside(whole: Floats, precision: Floats) -> float:
     return float(max(whole[0, 0] - absorbed, 0.0))
 
 
-def removed_share(measured: Floats, deviation: Floats, expected: Floats, variance: float) -> float:
+def ideal_gap_closure(measured: Floats, deviation: Floats, expected: Floats, variance: float) -> float:
     """S of who takes away the very ``deviation``; all (F,), with the ``variance`` of the noise in measured − expected.
 
     NaN where there is no gap beyond noise.
@@ -129,7 +129,7 @@ def removed_share(measured: Floats, deviation: Floats, expected: Floats, varianc
 
 
 @dataclass
-class Twins:
+class Neighbours:
     """Twins for an oracle that is asked of one case after the other.
 
     Attributes:
@@ -139,7 +139,7 @@ class Twins:
     simulator: Simulator = field(default_factory=Simulator)
     _known: dict[tuple[object, ...], Signals] = field(default_factory=dict, init=False)
 
-    def around(self, file: bytes, spread: str, variants: Variants, logs: Sequence[Recording]) -> list[Signals]:
+    def replayed(self, file: bytes, spread: str, variants: Variants, logs: Sequence[Recording]) -> list[Signals]:
         """What ``variants``, the neighbours by a ``spread`` of the machine that a ``file`` holds, do under the commands of
         ``logs``, from about their start angles: what was asked before is known."""
         usual = [replace(log, start_angle=round(log.start_angle, STARTS)) for log in logs]
@@ -151,7 +151,7 @@ class Twins:
         return [self._known[key] for key in keys]
 
 
-def consult(place: Path, exact: Path, channels: Sequence[str], *, twins: Twins | None = None) -> Oracle:
+def consult(place: Path, exact: Path, channels: Sequence[str], *, twins: Neighbours | None = None) -> Oracle:
     """Ask the oracle of the case at ``place``.
 
     Args:
@@ -160,7 +160,7 @@ def consult(place: Path, exact: Path, channels: Sequence[str], *, twins: Twins |
         channels: That the diagnosis was given.
         twins: Of other cases; on the CPU by default.
     """
-    twins = twins or Twins()
+    twins = twins or Neighbours()
     logs = [_as_written(path, channels) for path in sorted((place / "logs").glob("*.csv"))]
     healthy = {path.stem: _as_written(path, channels) for path in sorted((place / "healthy").glob("*.csv"))}
     with np.load(exact) as arrays:
@@ -193,7 +193,7 @@ def consult(place: Path, exact: Path, channels: Sequence[str], *, twins: Twins |
         expected = _twin(place / "machine.toml", logs, twins.simulator)
     copies = 2.0 if healthy else 1.0  # noise is in the log, and in the healthy one that it is held against
     shrinkage = {
-        (log.name, channel): removed_share(
+        (log.name, channel): ideal_gap_closure(
             log.channels[channel],
             deviations[log.name, channel],
             expected[log.name, channel],
@@ -204,22 +204,23 @@ def consult(place: Path, exact: Path, channels: Sequence[str], *, twins: Twins |
         if (log.name, channel) in visible
     }
     evidence, *each = (
-        _beside_calibration(place, bool(healthy), logs, shown, noises, twins) for shown in (signals, *of_each.values())
+        _evidence_given_calibration(place, bool(healthy), logs, shown, noises, twins)
+        for shown in (signals, *of_each.values())
     )
     visible_shrinkage = {key: S for key, S in shrinkage.items() if S > 0.0}
     return Oracle(float(sum(alone.values())), evidence, visible_shrinkage, dict(zip(of_each, each, strict=True)))
 
 
-def _beside_calibration(
+def _evidence_given_calibration(
     place: Path,
     commissioned: bool,
     logs: Sequence[Recording],
     signals: Sequence[Mapping[str, NDArray[Any]]],
     noises: Mapping[str, Noise],
-    twins: Twins,
+    twins: Neighbours,
 ) -> float:
-    """λ (:func:`beside`) of the first less the second of some machines' ``signals`` (F, 2 + n) by log, also beside the first
-    less each of the others, of whose size nothing is known."""
+    """λ (:func:`evidence_given`) of the first less the second of some machines' ``signals`` (F, 2 + n) by log, beside the
+    calibration and the first less each of the others, of whose size nothing is known."""
     file = place / "machine.toml"
     spread = "day" if commissioned else "range"
     machine = Nuisances(Machine.load(file), spread)
@@ -231,7 +232,7 @@ def _beside_calibration(
     whole, evidence = np.zeros((1 + len(precision), 1 + len(precision))), 0.0
     for index in sorted(range(len(logs)), key=lambda index: logs[index].ticks):
         log, arrival = logs[index], problem.arrivals[index]
-        (around,) = twins.around(file.read_bytes(), spread, variants, [log])
+        (around,) = twins.replayed(file.read_bytes(), spread, variants, [log])
         read, known = (on_clock_of(log, arrival, each)[0] for each in (signals[index], around))
         for channel, values in read.items():
             slopes = np.nan_to_num(known[channel][:, 1:] - known[channel][:, :1]) / steps
@@ -241,7 +242,7 @@ def _beside_calibration(
             if channel != "joint_angle":
                 shifts[bounce(arrival)] = 0.0
             whole += information(shifts, noises[channel])
-        evidence = beside(whole, precision)
+        evidence = evidence_given(whole, precision)
         if is_detectable(evidence):
             break
     return evidence

@@ -84,8 +84,8 @@ def run_cases(
     with ExitStack() as stack:
         stack.enter_context(locked(out))
         if restart:
-            _forget(out)
-        _check_kept(folder, out, cases, about, device, accept_code_change)
+            _remove_diagnoses(out)
+        _check_earlier_diagnoses(folder, out, cases, about, device, accept_code_change)
         waiting = [name for name in cases if not (out / name / RESULT).exists()]
         failures = {}
         devices = device.split(",")
@@ -110,7 +110,7 @@ def run_cases(
     return dict(sorted(failures.items()))
 
 
-def _check_kept(
+def _check_earlier_diagnoses(
     folder: Path, out: Path, cases: list[str], about: dict[str, Any], device: str, accept_code_change: bool
 ) -> None:
     """Record what the diagnoses in ``out`` follow from; refuse those of other cases, sensors, devices or code."""
@@ -127,7 +127,7 @@ def _check_kept(
     write_json(kept, about)
 
 
-def _forget(out: Path) -> None:
+def _remove_diagnoses(out: Path) -> None:
     """Remove all diagnoses in ``out``, and what they follow from."""
     for result in [*out.glob(f"*/{RESULT}"), *out.glob(f"*/{FAILED}")]:
         result.unlink()

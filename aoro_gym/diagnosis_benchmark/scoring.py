@@ -25,7 +25,7 @@ from aoro_gym.diagnosis.recording import SENSORS
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, VERDICTS
 from aoro_gym.diagnosis.sharing import sharing, simulator
 from aoro_gym.diagnosis_benchmark.cases import KINDS
-from aoro_gym.diagnosis_benchmark.oracle import Oracle, Twins, consult
+from aoro_gym.diagnosis_benchmark.oracle import Neighbours, Oracle, consult
 from aoro_gym.diagnosis_benchmark.running import read_diagnoses
 from aoro_gym.diagnosis_benchmark.sealing import exact_folder, open_seal
 from aoro_gym.execution.digest import code_digest, digest
@@ -549,10 +549,10 @@ def _consult(
 
 
 @cache
-def _twins(device: str) -> Twins:
+def _twins(device: str) -> Neighbours:
     """Of all cases that this process asks of."""
     wp.config.log_level = wp.LOG_ERROR  # no banner of every process
-    return Twins(simulator(device))
+    return Neighbours(simulator(device))
 
 
 def read_classes(sensors: str, path: Path = CLASSES) -> Classes:

@@ -54,7 +54,7 @@ def computed_with(*sources: Path) -> tuple[Any, ...]:
     return versions(), platform.machine(), chosen, tuple(Contents(path) for path in sources)
 
 
-def kept(
+def cached(
     kind: str,
     parts: tuple[Any, ...],
     make: Callable[[], T],

@@ -55,7 +55,7 @@ def digest(*parts: Any) -> str:
     """
     total = hashlib.sha256()
     try:
-        for token in _tokens(parts, _Around()):
+        for token in _tokens(parts, _Visited()):
             total.update(struct.pack("<Q", len(token)))
             total.update(token)
     except RecursionError:
@@ -89,7 +89,7 @@ def versions() -> dict[str, str]:
 
 
 @dataclass
-class _Around:
+class _Visited:
     """What was met on the way to a value."""
 
     containers: list[int] = field(default_factory=list)
@@ -98,7 +98,7 @@ class _Around:
     """Functions, classes and modules by identity, numbered: many name one another."""
 
 
-def _tokens(value: Any, around: _Around) -> Iterator[bytes]:
+def _tokens(value: Any, visited: _Visited) -> Iterator[bytes]:
     """Bytes that tell ``value`` from all others."""
     if value is None or isinstance(value, bool | int | str | bytes | PurePath | complex):
         yield f"{type(value).__name__}:".encode() + (value if isinstance(value, bytes) else str(value).encode())
@@ -106,72 +106,72 @@ def _tokens(value: Any, around: _Around) -> Iterator[bytes]:
         yield b"float:" + struct.pack("<d", value)
     elif isinstance(value, Contents):
         yield from _file_tokens(value.path)
-    elif id(value) in around.containers:
-        yield f"again:{len(around.containers) - around.containers.index(id(value))}".encode()
-    elif id(value) in around.code:
-        yield f"code:{around.code[id(value)][0]}".encode()
+    elif id(value) in visited.containers:
+        yield f"again:{len(visited.containers) - visited.containers.index(id(value))}".encode()
+    elif id(value) in visited.code:
+        yield f"code:{visited.code[id(value)][0]}".encode()
     else:
         if isinstance(value, type | types.FunctionType | types.ModuleType):
-            around.code[id(value)] = len(around.code), value
-        around.containers.append(id(value))
-        yield from _compound_tokens(value, around)
-        around.containers.pop()
+            visited.code[id(value)] = len(visited.code), value
+        visited.containers.append(id(value))
+        yield from _compound_tokens(value, visited)
+        visited.containers.pop()
 
 
-def _compound_tokens(value: Any, around: _Around) -> Iterator[bytes]:
+def _compound_tokens(value: Any, visited: _Visited) -> Iterator[bytes]:
     if isinstance(value, np.generic | np.ndarray):
-        yield from _array_tokens(value, around)
+        yield from _array_tokens(value, visited)
     elif isinstance(value, Mapping):
-        yield from _kind_tokens(value, "mapping", around)
+        yield from _kind_tokens(value, "mapping", visited)
         yield f"{len(value)}".encode()
         for key, key_digest in sorted(((key, digest(key)) for key in value), key=lambda pair: pair[1]):
             yield key_digest.encode()
-            yield from _tokens(value[key], around)
+            yield from _tokens(value[key], visited)
     elif isinstance(value, Set):
-        yield from _kind_tokens(value, "set", around)
+        yield from _kind_tokens(value, "set", visited)
         yield f"{len(value)}".encode()
         yield from sorted(digest(item).encode() for item in value)
     elif isinstance(value, list | tuple):
-        yield from _kind_tokens(value, type(value).__name__, around)
+        yield from _kind_tokens(value, type(value).__name__, visited)
         yield f"{len(value)}".encode()
         for item in value:
-            yield from _tokens(item, around)
+            yield from _tokens(item, visited)
     elif isinstance(value, type):
-        yield from _class_tokens(value, around)
+        yield from _class_tokens(value, visited)
     elif isinstance(value, types.FunctionType | types.MethodType | types.BuiltinFunctionType | np.ufunc | partial):
-        yield from _function_tokens(value, around)
+        yield from _function_tokens(value, visited)
     elif isinstance(value, types.ModuleType):
         yield from _module_tokens(value)
     elif is_dataclass(value):
-        yield from _class_tokens(type(value), around)
+        yield from _class_tokens(type(value), visited)
         for name, part in _state(value).items():
             yield name.encode()
-            yield from _tokens(part, around)
+            yield from _tokens(part, visited)
     elif hasattr(value, "detach") and hasattr(value, "numpy"):
-        yield from _array_tokens(value.detach().cpu().numpy(), around)  # a tensor
+        yield from _array_tokens(value.detach().cpu().numpy(), visited)  # a tensor
     else:
-        yield from _object_tokens(value, around)
+        yield from _object_tokens(value, visited)
 
 
-def _kind_tokens(value: Any, kind: str, around: _Around) -> Iterator[bytes]:
+def _kind_tokens(value: Any, kind: str, visited: _Visited) -> Iterator[bytes]:
     """What a container is; of one of an own class, that and what it holds beside its items."""
     if not _is_own(type(value)):
         yield kind.encode()
         return
-    yield from _class_tokens(type(value), around)
-    yield from _tokens(getattr(value, "__dict__", None), around)
+    yield from _class_tokens(type(value), visited)
+    yield from _tokens(getattr(value, "__dict__", None), visited)
 
 
-def _array_tokens(array: Any, around: _Around) -> Iterator[bytes]:
+def _array_tokens(array: Any, visited: _Visited) -> Iterator[bytes]:
     if isinstance(array, np.ma.MaskedArray):
         yield b"masked"
-        yield from _array_tokens(np.ma.getmaskarray(array), around)
+        yield from _array_tokens(np.ma.getmaskarray(array), visited)
         array = array.filled(0) if array.dtype.names is None else array.data
     array = np.asarray(array)
     if array.dtype.hasobject:
         yield f"objects:{array.shape}".encode()
         for item in array.ravel().tolist():
-            yield from _tokens(item, around)
+            yield from _tokens(item, visited)
     else:
         kind = array.dtype.str if array.dtype.names is None else repr(array.dtype.descr)
         yield f"array:{kind}:{array.shape}".encode()
@@ -191,20 +191,20 @@ def _uncalculated(value: Any, state: Mapping[str, Any]) -> dict[str, Any]:
     return {name: part for name, part in state.items() if name not in kept}
 
 
-def _class_tokens(value: type, around: _Around) -> Iterator[bytes]:
+def _class_tokens(value: type, visited: _Visited) -> Iterator[bytes]:
     """A class by its name and, of its own bases and itself, source and attributes."""
     yield f"class:{_qualified(value)}".encode()
     for base in value.__mro__:
         if not _is_own(base):
             continue
         yield _source(base)
-        if _is_ours(base):  # all of the package's sources are in code_digest()
+        if _is_of_package(base):  # all of the package's sources are in code_digest()
             continue
         for name, part in sorted(vars(base).items()):
             part = _defined(part)
             if isinstance(part, types.FunctionType) or not (name.startswith("__") or isinstance(part, _STORAGE)):
                 yield name.encode()
-                yield from _tokens(part, around)
+                yield from _tokens(part, visited)
 
 
 _STORAGE = types.MemberDescriptorType | types.GetSetDescriptorType | types.WrapperDescriptorType | type(ABC._abc_impl)  # pyright: ignore[reportAttributeAccessIssue]
@@ -220,29 +220,29 @@ def _defined(part: Any) -> Any:
     return part.func if isinstance(part, cached_property) else part
 
 
-def _function_tokens(value: Any, around: _Around) -> Iterator[bytes]:
+def _function_tokens(value: Any, visited: _Visited) -> Iterator[bytes]:
     """A function by its source, its code, its defaults, what it closes over, and the global names that it looks up."""
     if isinstance(value, partial):
         yield b"partial"
-        yield from _tokens((value.func, value.args, value.keywords), around)
+        yield from _tokens((value.func, value.args, value.keywords), visited)
     elif isinstance(value, types.MethodType):
         yield b"method"
-        yield from _tokens((value.__func__, value.__self__), around)
+        yield from _tokens((value.__func__, value.__self__), visited)
     elif isinstance(value, types.FunctionType):
         yield f"function:{_qualified(value)}".encode()
         yield _source(value)
         yield from _code_tokens(value.__code__)
         cells = tuple(_content(cell) for cell in value.__closure__ or ())
-        yield from _tokens((value.__defaults__, value.__kwdefaults__, cells), around)
-        if _is_own(value) and not _is_ours(value):
+        yield from _tokens((value.__defaults__, value.__kwdefaults__, cells), visited)
+        if _is_own(value) and not _is_of_package(value):
             for name in sorted(_names(value.__code__) & value.__globals__.keys()):
                 yield name.encode()
-                yield from _tokens(value.__globals__[name], around)
+                yield from _tokens(value.__globals__[name], visited)
     else:
         yield f"builtin:{_qualified(value)}".encode()
         of = getattr(value, "__self__", None)
         if not isinstance(of, types.ModuleType):
-            yield from _tokens(of, around)
+            yield from _tokens(of, visited)
 
 
 def _content(cell: Any) -> Any:
@@ -259,7 +259,7 @@ def _code_tokens(code: types.CodeType) -> Iterator[bytes]:
         if isinstance(constant, types.CodeType):
             yield from _code_tokens(constant)
         else:
-            yield from _tokens(constant, _Around())
+            yield from _tokens(constant, _Visited())
 
 
 def _names(code: types.CodeType) -> set[str]:
@@ -275,7 +275,7 @@ def _module_tokens(module: types.ModuleType) -> Iterator[bytes]:
         yield from _file_tokens(Path(file))
 
 
-def _object_tokens(value: Any, around: _Around) -> Iterator[bytes]:
+def _object_tokens(value: Any, visited: _Visited) -> Iterator[bytes]:
     """Any other object by its class and the state that it would be copied with."""
     try:
         made = value.__reduce_ex__(2)
@@ -284,14 +284,14 @@ def _object_tokens(value: Any, around: _Around) -> Iterator[bytes]:
     yield f"object:{_qualified(type(value))}".encode()
     if isinstance(made, str):
         yield made.encode()
-        yield from _tokens(getattr(value, "__wrapped__", None), around)  # such as a function whose results are kept
+        yield from _tokens(getattr(value, "__wrapped__", None), visited)  # such as a function whose results are kept
         return
-    yield from _class_tokens(type(value), around)
+    yield from _class_tokens(type(value), visited)
     maker, arguments, state, items, pairs = (*made, None, None, None)[:5]
     yield _qualified(maker).encode()
     arguments = [item for item in arguments or () if item is not type(value)]
     state = _uncalculated(value, state) if isinstance(state, dict) else state
-    yield from _tokens((arguments, state, list(items or ()), list(pairs or ())), around)
+    yield from _tokens((arguments, state, list(items or ()), list(pairs or ())), visited)
 
 
 def _file_tokens(path: Path) -> Iterator[bytes]:
@@ -331,7 +331,7 @@ def _is_own_file(file: str) -> bool:
     return "site-packages" not in file and not file.startswith(os.path.dirname(os.__file__))
 
 
-def _is_ours(value: Any) -> bool:
+def _is_of_package(value: Any) -> bool:
     """Whether a class or function is this package's."""
     return f"{value.__module__}.".startswith(PACKAGE)
 

@@ -185,7 +185,7 @@ class ProgressEstimate:
         if not self._known or self.share >= self._known[-1][1] + 1e-3:
             self._known.append((self._now(), self.share))
 
-    def left(self) -> float | None:
+    def remaining(self) -> float | None:
         """Time [s] that the rest takes at the pace of the latter half of the time so far, or of all of it where nothing came
         forward since; None before two shares are known. What an earlier run did counts for nothing."""
         if len(self._known) < 2:
@@ -201,7 +201,7 @@ class ProgressEstimate:
 
     def line(self) -> str:
         """Of a log."""
-        text = f"{self.what}: {100.0 * self.share:.0f} %, {clock(self.left())} left"
+        text = f"{self.what}: {100.0 * self.share:.0f} %, {clock(self.remaining())} left"
         return f"{text}, {self.detail}" if self.detail else text
 
 
@@ -224,7 +224,7 @@ def _bar(console: Console, track: ProgressEstimate) -> Iterator[Tell]:
     columns = (
         TextColumn("{task.description}", markup=False, table_column=words),
         BarColumn(bar_width=BAR_WIDTH),
-        _Left(track),
+        _RemainingColumn(track),
     )
     both = {"redirect_stdout": sys.stdout.isatty(), "redirect_stderr": True}
     with Progress(*columns, console=console, transient=True, **both) as bar:
@@ -237,7 +237,7 @@ def _bar(console: Console, track: ProgressEstimate) -> Iterator[Tell]:
         yield tell
 
 
-class _Left(ProgressColumn):
+class _RemainingColumn(ProgressColumn):
     """Share done and time left."""
 
     def __init__(self, track: ProgressEstimate):
@@ -245,7 +245,7 @@ class _Left(ProgressColumn):
         self._track = track
 
     def render(self, task: Task) -> Text:
-        return Text(f"{100.0 * self._track.share:3.0f} % {clock(self._track.left()):>7}")
+        return Text(f"{100.0 * self._track.share:3.0f} % {clock(self._track.remaining()):>7}")
 
 
 @contextmanager

@@ -81,6 +81,7 @@ def manifest(recording: Trajectory, twin: Twin, spec: RunSpec) -> dict[str, Any]
         "start_angle_deg": math.degrees(manoeuvre.start_angle),
         "sensors": IDEAL if spec.ideal else NOISY,
         "filters": [],
+        # not ``units.RPM``: pi / 30 rounded first gives other last bits
         "engine_speed_rpm": float(twin.machine.engine.set_speed) * 30.0 / math.pi,
         "ground": {
             "slope_deg": terrain.slope_deg,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from aoro_gym import terrains
 from aoro_gym.execution.array_api import HOST, Array, Arrays
-from aoro_gym.execution.cache import computed_with, kept
+from aoro_gym.execution.cache import cached, computed_with
 from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.terrains.raster import CELL, surface
 
@@ -150,7 +150,7 @@ def generated_paths(terrain: Terrain | Plane, count: int = 4, length: float = 60
             return tuple(ground.path(seed, length=length) for seed in range(first, first + count))
 
         shape = terrain if isinstance(terrain, Plane) else (terrain.vertices, terrain.faces)
-        known[key] = kept("paths", (shape, key, *_code()), make, _packed_paths, _unpacked_paths)
+        known[key] = cached("paths", (shape, key, *_code()), make, _packed_paths, _unpacked_paths)
         if len(known) > PATHS_KEPT:
             del known[next(iter(known))]
     return known[key]
@@ -182,7 +182,7 @@ def forest_course(
         paths = tuple(ground.path(number, length=length) for number in range(count))
         return Course(grown.terrain, paths, name=f"forest {seed}", trees=grown.trees)
 
-    return kept("courses", (seed, size, count, length, *_code()), make, _packed, _unpacked)
+    return cached("courses", (seed, size, count, length, *_code()), make, _packed, _unpacked)
 
 
 # ---- on disk ---------------------------------------------------------------------------------------------------------

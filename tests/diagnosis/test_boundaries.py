@@ -10,12 +10,12 @@ from aoro_gym.diagnosis.boundaries import (
     LEAST_ERROR,
     PARTS,
     Balance,
-    Led,
+    Followed,
     boundaries,
     catmull_rom,
-    error_of,
     faulty_component,
     ports_of,
+    relative_error,
     response,
 )
 from aoro_gym.diagnosis.diagnose import ERROR
@@ -97,7 +97,7 @@ def test_what_is_shown_is_white():
     difference = np.eye(COUNT) - np.eye(COUNT, k=-1)
     noise = 0.1**2 * difference @ difference.T + 0.02**2 * np.eye(COUNT)
     balance = balance_of(RNG, noise=noise)
-    shown = balance.shown(np.eye(COUNT))
+    shown = balance.whitened(np.eye(COUNT))
     assert 5 < len(shown) < COUNT // 2
     np.testing.assert_allclose(shown @ noise @ shown.T, np.eye(len(shown)), atol=1e-3)
 
@@ -107,7 +107,7 @@ def test_what_is_missing_comes_back():
     time = TICK * np.arange(COUNT)
     balance = balance_of(RNG)
     slow = 0.2 * np.sin(2.0 * np.pi * time)
-    found = balance.back(balance.shown(slow))
+    found = balance.estimated(balance.whitened(slow))
     assert np.sqrt(np.mean((found - slow[::2]) ** 2)) < 0.1 * np.sqrt(np.mean(slow**2))
 
 
@@ -117,14 +117,14 @@ def test_the_error_of_a_healthy_part_is_found(error):
     known to 1/√(2 m): within three of them."""
     rng = np.random.default_rng(6)
     zero = 0.3 * np.ones((COUNT, 1))
-    healthy = [Led(b"", {"torque": balance_of(rng, error=error, own=zero)}) for _ in range(6)]
+    healthy = [Followed(b"", {"torque": balance_of(rng, error=error, own=zero)}) for _ in range(6)]
     count = sum(int(np.sum(one.balances["torque"].power * error**2 > 1.0)) for one in healthy)
-    assert np.log(error_of(healthy, ("torque",)) / error) == pytest.approx(0.0, abs=3.0 / np.sqrt(2.0 * count))
+    assert np.log(relative_error(healthy, ("torque",)) / error) == pytest.approx(0.0, abs=3.0 / np.sqrt(2.0 * count))
 
 
 def test_a_part_without_error_has_the_least():
-    quiet = [Led(b"", {"torque": balance_of(np.random.default_rng(7))}) for _ in range(4)]
-    assert error_of(quiet, ("torque",)) < 2.0 * LEAST_ERROR
+    quiet = [Followed(b"", {"torque": balance_of(np.random.default_rng(7))}) for _ in range(4)]
+    assert relative_error(quiet, ("torque",)) < 2.0 * LEAST_ERROR
 
 
 # ---- the oracle ----

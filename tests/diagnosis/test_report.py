@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from aoro_gym.cli import app
 from aoro_gym.diagnosis.report import KINDS, MOST_CURVES, summary, telling, write_report
 from aoro_gym.diagnosis.result import PHASES, VERDICTS, Cause, CredibleInterval, Place
-from aoro_gym.diagnosis.words import gone, probability, readable, shown, spoken, title
+from aoro_gym.diagnosis.words import conclusions, gap_closure, probability, readable, shown, title
 from aoro_gym.effects.catalogue import EFFECTS
 from tests.diagnosis.diagnoses import BARE, CAUSE, DIAGNOSES, SIGNALS, curve
 
@@ -150,13 +150,13 @@ def test_probability_is_never_rounded_to_certainty(p, text):
 
 
 def test_a_gap_that_grew_is_negative():
-    assert number(gone(-0.31)) == -31.0
-    assert number(gone(0.996)) == 99.6
-    assert gone(-0.001) == gone(0.0)
+    assert number(gap_closure(-0.31)) == -31.0
+    assert number(gap_closure(0.996)) == 99.6
+    assert gap_closure(-0.001) == gap_closure(0.0)
 
 
 def test_how_far_a_gap_grew_is_told_up_to_ten_times_itself():
-    told = [gone(S).replace("\N{NO-BREAK SPACE}", " ") for S in (-9.9, -10.1, -1045.0, 10.1)]
+    told = [gap_closure(S).replace("\N{NO-BREAK SPACE}", " ") for S in (-9.9, -10.1, -1045.0, 10.1)]
     assert told == ["−990 %", "< −1000 %", "< −1000 %", "> 1000 %"]
 
 
@@ -168,7 +168,7 @@ def test_a_fitted_manoeuvre_stands_with_and_without_its_own_clock(tmp_path):
     console = Console(record=True, width=200, file=io.StringIO())
     for item in summary(both):
         console.print(item)
-    assert all(gone(S) in console.export_text(clear=False) for S in (one.S, 0.5))
+    assert all(gap_closure(S) in console.export_text(clear=False) for S in (one.S, 0.5))
 
 
 def test_titles():
@@ -179,7 +179,7 @@ def test_titles():
 
 def test_a_headline_names_few():
     causes = [Cause((name,), 0.18) for name in list(EFFECTS)[:5]]
-    headline = spoken(replace(DIAGNOSES["ambiguous"], causes=tuple(causes))).headline
+    headline = conclusions(replace(DIAGNOSES["ambiguous"], causes=tuple(causes))).headline
     assert headline == "Sensor delay, sensor filter, sensor gain or others"
 
 
@@ -192,7 +192,7 @@ def test_page_needs_nothing_else(page):
 
 
 def test_page_says_the_verdict_first(page, verdict):
-    said = spoken(DIAGNOSES[verdict])
+    said = conclusions(DIAGNOSES[verdict])
     first, second = list(page.text)[:2]
     assert first == ""  # the page's own title
     assert second == said.headline
@@ -201,7 +201,7 @@ def test_page_says_the_verdict_first(page, verdict):
 
 
 def test_why_is_the_physics(verdict):
-    said = spoken(DIAGNOSES[verdict])
+    said = conclusions(DIAGNOSES[verdict])
     named = {"cause": ["cylinder_leakage"], "ambiguous": ["cylinder_leakage", "cross_port_leakage"]}.get(verdict, [])
     for name, effect in EFFECTS.items():
         assert (effect.physics in said.why) == (name in named)
@@ -302,22 +302,22 @@ def test_shrinkage(page, verdict):
 @pytest.mark.parametrize("name", ["cause", "ambiguous", "unknown"])
 def test_the_median_of_manoeuvres_left_out_is_the_controls(name, tmp_path):
     diagnosis = DIAGNOSES[name]
-    said = spoken(diagnosis).shrinks
+    said = conclusions(diagnosis).closure
     left_out = np.median([one.S for one in diagnosis.shrinkage if one.held_out and not one.refitted])
     assert diagnosis.controls["cause"] == pytest.approx(left_out)
     assert f"{abs(100.0 * left_out):.0f}" in said
     assert ("has grown" in said) == (left_out < 0.0)
-    assert gone(left_out) in said
+    assert gap_closure(left_out) in said
     text = read(diagnosis, tmp_path).text["How far the gap shrinks"]
     for value in diagnosis.controls.values():
-        assert "not tried" in text if value is None else gone(value) in text
+        assert "not tried" in text if value is None else gap_closure(value) in text
 
 
 def test_every_signal_has_a_share_of_its_own():
     """A small gap that stays says nothing of a large one that is gone."""
     one = replace(CAUSE.shrinkage[0], held_out=True, refitted=False, signal="joint_angle", S=0.9)
     other = replace(one, signal="pump_pressure", S=-0.3)
-    said = spoken(replace(CAUSE, shrinkage=(one, replace(one, S=0.7), other))).shrinks.replace(
+    said = conclusions(replace(CAUSE, shrinkage=(one, replace(one, S=0.7), other))).closure.replace(
         "\N{NO-BREAK SPACE}", " "
     )
     assert "80 % of the gap is gone in joint angle; the gap has grown by 30 % in pump pressure" in said
@@ -382,7 +382,7 @@ def test_one_goes_on_with_the_machine_file_that_the_verdict_earns(verdict, page)
 
 def test_nothing_is_said_where_nothing_is_known(verdict, tmp_path):
     page = read(BARE[verdict], tmp_path)
-    said = spoken(BARE[verdict])
+    said = conclusions(BARE[verdict])
     assert all(said.answers.values())
     assert set(page.text) == {"", said.headline, "Limitations", "How to go on"}
     assert "nan" not in "".join(page.text.values()).lower().split()
@@ -416,7 +416,7 @@ def test_summary(verdict):
     for item in summary(diagnosis):
         console.print(item)
     text = console.export_text()
-    assert spoken(diagnosis).headline in text
+    assert conclusions(diagnosis).headline in text
     for cause in diagnosis.causes:
         assert title(cause.effects) in text
         assert probability(cause.probability) in text
@@ -424,7 +424,7 @@ def test_summary(verdict):
             for part in parts:
                 assert "{} ({})".format(*shown(part)) in text
     for one in diagnosis.shrinkage:
-        assert gone(one.S) in text
+        assert gap_closure(one.S) in text
     for limitation in diagnosis.limitations:
         assert limitation in text
     assert {readable(signal) for signal in SIGNALS if diagnosis.shrinkage} <= set(re.findall(r"\w[\w ]+\w", text))

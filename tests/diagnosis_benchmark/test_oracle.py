@@ -10,7 +10,14 @@ from aoro_gym.diagnosis.noise import Noise
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.recording import read_recording
 from aoro_gym.diagnosis.replay import Replay, Simulator, Variants
-from aoro_gym.diagnosis_benchmark.oracle import beside, consult, evidence_of, information, is_detectable, removed_share
+from aoro_gym.diagnosis_benchmark.oracle import (
+    consult,
+    evidence_given,
+    evidence_of,
+    ideal_gap_closure,
+    information,
+    is_detectable,
+)
 from aoro_gym.machine import Machine
 from aoro_gym.simulation.log import write_log
 from tests.diagnosis_benchmark.suites import NOISE, RESTING, SAMPLES, deviation, write_case
@@ -51,8 +58,8 @@ def test_what_may_be_elsewhere_anyway_adds_to_the_noise():
     covariance = toeplitz(COLOURED.covariance) + slopes @ correlation @ slopes.T + 1e12
     expected = 4.0 * SHAPE @ np.linalg.solve(covariance, SHAPE)
     # the constant's 1e12 costs as many digits of the sixteen as it is larger than the noise
-    assert beside(whole, np.linalg.inv(correlation)) == pytest.approx(expected, rel=1e-3)
-    assert beside(whole, 1e12 * np.eye(2)) == pytest.approx(evidence_of(2.0 * SHAPE, COLOURED), rel=1e-6)
+    assert evidence_given(whole, np.linalg.inv(correlation)) == pytest.approx(expected, rel=1e-3)
+    assert evidence_given(whole, 1e12 * np.eye(2)) == pytest.approx(evidence_of(2.0 * SHAPE, COLOURED), rel=1e-6)
 
 
 def test_detectable_begins_where_chi_square_leaves_a_hundredth():
@@ -62,10 +69,10 @@ def test_detectable_begins_where_chi_square_leaves_a_hundredth():
 def test_what_another_day_does_remains():
     """A day that adds a tenth of the deviation leaves (1/11)² of the gap."""
     deviation, expected = SHAPE, np.linspace(0.0, 3.0, COUNT)
-    assert removed_share(expected + 1.1 * deviation, deviation, expected, 0.0) == pytest.approx(1.0 - 1.0 / 121.0)
-    assert removed_share(expected + deviation, deviation, expected, 0.0) == pytest.approx(1.0)
-    assert removed_share(expected + 0.5 * deviation, deviation, expected, 0.0) == pytest.approx(0.0)
-    assert np.isnan(removed_share(expected, deviation, expected, 0.1))
+    assert ideal_gap_closure(expected + 1.1 * deviation, deviation, expected, 0.0) == pytest.approx(1.0 - 1.0 / 121.0)
+    assert ideal_gap_closure(expected + deviation, deviation, expected, 0.0) == pytest.approx(1.0)
+    assert ideal_gap_closure(expected + 0.5 * deviation, deviation, expected, 0.0) == pytest.approx(0.0)
+    assert np.isnan(ideal_gap_closure(expected, deviation, expected, 0.1))
 
 
 def test_a_case_is_seen_through_the_noise_of_its_own_sensors(tmp_path):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from aoro_gym.execution import cache
-from aoro_gym.execution.cache import cache_folder, computed_with, kept
+from aoro_gym.execution.cache import cache_folder, cached, computed_with
 
 VALUES = {
     "a": np.arange(12.0).reshape(3, 4),
@@ -30,8 +30,8 @@ class Maker:
         self.count += 1
         return dict(VALUES)
 
-    def kept(self, *parts: Any) -> dict[str, Any]:
-        return kept("things", parts, self, lambda made: made, dict)
+    def cached(self, *parts: Any) -> dict[str, Any]:
+        return cached("things", parts, self, lambda made: made, dict)
 
 
 @pytest.fixture
@@ -50,8 +50,8 @@ def files(folder: Path) -> list[Path]:
 
 
 def test_what_was_made_once_is_read_to_the_bit(folder, maker):
-    maker.kept(1, "x")
-    again = maker.kept(1, "x")
+    maker.cached(1, "x")
+    again = maker.cached(1, "x")
     assert maker.count == 1
     assert again.keys() == VALUES.keys()
     for name, value in VALUES.items():
@@ -64,18 +64,18 @@ def test_other_parts_are_other_results(folder, maker, tmp_path):
     for number, parts in enumerate(
         ((1, "x"), (1.0, "x"), (1, "y"), (np.zeros(3),), (np.zeros(4),), (np.zeros(3, "f4"),))
     ):
-        maker.kept(*parts)
+        maker.cached(*parts)
         assert maker.count == number + 1
     for number, text in enumerate(("g = 9.81", "g = 9.82")):  # a changed source
         source.write_text(text)
-        maker.kept(computed_with(source))
+        maker.cached(computed_with(source))
         assert maker.count == 7 + number
     assert len(files(folder)) == 8
 
 
 @pytest.mark.parametrize("damage", ["empty", "cut", "text", "foreign", "less", "folder"])
 def test_what_is_damaged_is_made_again(folder, maker, damage):
-    maker.kept(0)
+    maker.cached(0)
     (path,) = files(folder)
     content = path.read_bytes()
     if damage == "foreign":
@@ -87,16 +87,16 @@ def test_what_is_damaged_is_made_again(folder, maker, damage):
         path.mkdir()
     else:
         path.write_bytes({"empty": b"", "cut": content[: len(content) // 2], "text": b"no archive"}[damage])
-    np.testing.assert_array_equal(maker.kept(0)["a"], VALUES["a"])
+    np.testing.assert_array_equal(maker.cached(0)["a"], VALUES["a"])
     assert maker.count == 2
     if damage != "folder":
-        maker.kept(0)
+        maker.cached(0)
         assert maker.count == 2
 
 
 def test_no_flipped_bit_changes_a_result(folder, maker):
     """Every byte of the file in turn: what comes back is what was made, read or made again."""
-    maker.kept(0)
+    maker.cached(0)
     (path,) = files(folder)
     content = path.read_bytes()
     rng = np.random.default_rng(0)
@@ -104,7 +104,7 @@ def test_no_flipped_bit_changes_a_result(folder, maker):
         damaged = bytearray(content)
         damaged[place] ^= 1 << int(rng.integers(8))
         path.write_bytes(damaged)
-        found = maker.kept(0)
+        found = maker.cached(0)
         assert found.keys() == VALUES.keys()
         for name, value in VALUES.items():
             np.testing.assert_array_equal(found[name], value)
@@ -114,8 +114,8 @@ def test_a_forbidden_or_impossible_folder_is_no_error(maker, tmp_path, monkeypat
     (tmp_path / "file").write_text("no folder")
     for place in (tmp_path / "file", tmp_path / "file" / "below", Path("/proc/none"), Path("/dev/null/x")):
         monkeypatch.setenv("AORO_GYM_CACHE", str(place))
-        maker.kept(0)
-        maker.kept(0)
+        maker.cached(0)
+        maker.cached(0)
     assert maker.count == 8
 
 
@@ -123,7 +123,7 @@ def test_the_folder_is_the_users_to_choose(maker, tmp_path, monkeypatch):
     for off in ("", "off", "OFF", "0", "none"):
         monkeypatch.setenv("AORO_GYM_CACHE", off)
         assert cache_folder() is None
-        maker.kept(0)
+        maker.cached(0)
     assert maker.count == 5
     monkeypatch.setenv("AORO_GYM_CACHE", "~/elsewhere")
     monkeypatch.setenv("HOME", str(tmp_path))
@@ -137,31 +137,31 @@ def test_the_folder_is_the_users_to_choose(maker, tmp_path, monkeypatch):
 
 def test_the_oldest_goes_when_the_cache_is_full(folder, maker, monkeypatch):
     for number in range(4):
-        maker.kept(number)
+        maker.cached(number)
         newest = max(files(folder), key=lambda path: path.stat().st_mtime_ns)
         os.utime(newest, (1000.0 + number, 1000.0 + number))
     size = sum(path.stat().st_size for path in files(folder))
-    maker.kept(0)  # used: now the youngest
+    maker.cached(0)  # used: now the youngest
     monkeypatch.setattr(cache, "LARGEST", size)
-    maker.kept(4)
+    maker.cached(4)
     assert len(files(folder)) == 4 and maker.count == 5
-    maker.kept(0)
+    maker.cached(0)
     assert maker.count == 5
-    maker.kept(1)
+    maker.cached(1)
     assert maker.count == 6
     monkeypatch.setattr(cache, "LARGEST_RESULT", 10)
-    maker.kept(9)
-    maker.kept(9)
+    maker.cached(9)
+    maker.cached(9)
     assert maker.count == 8
 
 
 def test_processes_may_share_the_folder(folder):
     code = """
 import numpy as np
-from aoro_gym.execution.cache import kept
+from aoro_gym.execution.cache import cached
 for number in range(40):
     want = np.arange(1000.0) + number
-    found = kept("shared", (number,), lambda: {"a": want}, lambda made: made, dict)
+    found = cached("shared", (number,), lambda: {"a": want}, lambda made: made, dict)
     np.testing.assert_array_equal(found["a"], want)
 """
     running = [subprocess.Popen([sys.executable, "-c", code]) for _ in range(3)]

@@ -41,11 +41,11 @@ def test_clock(seconds, shown):
 
 def test_nothing_known_is_no_number(track):
     track, clock = track
-    assert track.left() is None
+    assert track.remaining() is None
     track.tell("begun", 0.0)
     clock.now += 5.0
     track.tell("still", None)
-    assert track.left() is None
+    assert track.remaining() is None
     assert track.line() == "still: 0 %, --:-- left"
 
 
@@ -55,9 +55,9 @@ def test_a_steady_pace_is_foreseen(track):
         track.tell("half", 0.05 * k)
         clock.now += 6.0
     clock.now -= 6.0
-    assert track.left() == pytest.approx(60.0)
+    assert track.remaining() == pytest.approx(60.0)
     clock.now += 30.0  # nothing comes forward: the pace falls
-    assert 60.0 < track.left() < math.inf
+    assert 60.0 < track.remaining() < math.inf
 
 
 def test_what_an_earlier_run_did_counts_for_nothing(track):
@@ -65,7 +65,7 @@ def test_what_an_earlier_run_did_counts_for_nothing(track):
     track.tell("resumed", 0.9)
     clock.now += 100.0
     track.tell("resumed", 0.95)
-    assert track.left() == pytest.approx(100.0)
+    assert track.remaining() == pytest.approx(100.0)
 
 
 def test_the_latter_half_counts(track):
@@ -76,7 +76,7 @@ def test_the_latter_half_counts(track):
     for k in range(1, 101):
         clock.now += 1.0
         track.tell("slow", 0.5 + 0.001 * k)
-    assert track.left() == pytest.approx(400.0, rel=0.05)
+    assert track.remaining() == pytest.approx(400.0, rel=0.05)
 
 
 def test_a_share_never_falls_nor_passes_one(track):
