@@ -62,7 +62,7 @@ def perturbed(machine: Machine, seeds: Sequence[int]) -> Machine:
             rows[index] = draw(index)
         else:
             raise ValueError(
-                f"seed {seeds[index]}: no machine in {TRIES} draws can be; narrow ranges of {machine.name}"
+                f"seed {seeds[index]}: none of {TRIES} draws is a valid machine; narrow ranges of {machine.name}"
             )
     return spread.machines(rows)
 
@@ -85,7 +85,9 @@ def with_effect(machine: Machine, seeds: Sequence[int]) -> Machine:
                 sizes[name][:, index] = size
                 break
         else:
-            raise ValueError(f"seed {seed}: no effect in {TRIES} draws can be on a machine near {machine.name}")
+            raise ValueError(
+                f"seed {seed}: none of {TRIES} draws of effects is valid on a machine near {machine.name}; narrow its ranges"
+            )
     for name, size in sizes.items():
         if np.any(size != np.array(SWITCHABLE[name].none)[:, None]):
             found = SWITCHABLE[name].apply(found, *size)

@@ -107,7 +107,9 @@ class TwinVecEnv(VecEnv):
         elif isinstance(options, Mapping):
             self._given = dict(options)
         elif len(options) != self.num_envs or any(one.keys() != options[0].keys() for one in options):
-            raise ValueError(f"options must be one dictionary, or {self.num_envs} with the same keys")
+            raise ValueError(
+                f"options has {len(options)} dictionaries, but must be one dictionary, or {self.num_envs} with the same keys"
+            )
         else:
             self._given = {key: np.array([one[key] for one in options]) for key in options[0]}
 

@@ -68,7 +68,7 @@ class Plan:
             for count in getattr(self, name):
                 check_integer(name, count, le=most)
         if self.threads and not on_cpu:
-            raise ValueError(f"threads is given, but {self.device} needs none; drop it, or take device cpu")
+            raise ValueError(f"threads is {self.threads}, but {self.device} needs none; drop it, or take device cpu")
         check_range("seconds", self.seconds, "s", gt=0.0, le=600.0)
         if not self.twins or not self.what:
             raise ValueError("there is nothing to time; give twins and what")

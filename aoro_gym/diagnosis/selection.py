@@ -39,7 +39,7 @@ def split_recordings(
         held_out = [one for one in recordings if not _contains(chosen, one)]
     used = [one for one in recordings if not _contains(held_out, one)]
     if not used:
-        raise ValueError("--holdout leaves no log to fit; leave one at least")
+        raise ValueError(f"--holdout {', '.join(holdout or [])} leaves no log to fit; leave one at least")
     return used, held_out
 
 
@@ -54,7 +54,7 @@ def split_rows(
         held_out = [row for row in rows if row not in chosen]
     used = [row for row in rows if row not in held_out]
     if not used:
-        raise ValueError("--holdout leaves no row to fit; leave one at least")
+        raise ValueError(f"--holdout {', '.join(holdout or [])} leaves no row to fit; leave one at least")
     return used, held_out
 
 
@@ -65,7 +65,7 @@ def _matching(option: str, patterns: Sequence[str] | None, recordings: Sequence[
         matching = [one for one in recordings if fnmatch(one.name, pattern)]
         if not matching:
             names = ", ".join(one.name for one in recordings)
-            raise ValueError(f"{option} {pattern}: no log has that name; choose of {names}")
+            raise ValueError(f"{option} {pattern}: no log has that name; choose one of: {names}")
         chosen += [one for one in matching if not _contains(chosen, one)]
     return chosen
 

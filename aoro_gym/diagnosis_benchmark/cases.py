@@ -401,7 +401,9 @@ def _varied(machine: Machine, rng: np.random.Generator, spread: Callable[[Parame
             return machine.set(values_by_key, check_ranges=False)
         except ValueError as error:  # parts that do not fit together
             refused = str(error)
-    raise ValueError(f"{TRIES} draws around machine {machine.name} all failed, the last by {refused}")
+    raise ValueError(
+        f"none of {TRIES} draws around machine {machine.name} is valid; the last: {refused}; narrow its ranges"
+    )
 
 
 def _baseline(machine: Machine, rng: np.random.Generator) -> dict[str, float]:

@@ -59,7 +59,7 @@ def digest(*parts: Any) -> str:
             total.update(struct.pack("<Q", len(token)))
             total.update(token)
     except RecursionError:
-        raise TypeError("what is nested so deeply cannot be told from others") from None
+        raise TypeError("a part is nested too deeply for a digest") from None
     return total.hexdigest()
 
 
@@ -280,7 +280,7 @@ def _object_tokens(value: Any, visited: _Visited) -> Iterator[bytes]:
     try:
         made = value.__reduce_ex__(2)
     except Exception as error:  # whatever an object that cannot be copied raises
-        raise TypeError(f"a {_qualified(type(value))} cannot be told from others: {error}") from None
+        raise TypeError(f"a {_qualified(type(value))} has no digest: {error}") from None
     yield f"object:{_qualified(type(value))}".encode()
     if isinstance(made, str):
         yield made.encode()

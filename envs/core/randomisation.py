@@ -130,9 +130,7 @@ class Draws:
                 machine = machine.set(self.machine, check_ranges=False)
             return machine.scale(scale, check_ranges=False) if scale else machine
         except ValueError as error:
-            raise ValueError(
-                f"randomisation drew a machine that cannot be: {error}; narrow that key's range"
-            ) from error
+            raise ValueError(f"randomisation drew an invalid machine: {error}; narrow that key's range") from error
 
 
 def _checked(name: str, span: Any, lowest: float, highest: float) -> None:

@@ -28,7 +28,7 @@ from aoro_gym.twin.twin import cores
         ({"twins": (2_000_000,)}, "twins is 2000000, but must be an integer in \\[1, 1000000\\]"),
         ({"twins": ()}, "there is nothing to time"),
         ({"threads": (cores() + 1,)}, f"threads is {cores() + 1}, but must be an integer in .1, {cores()}"),
-        ({"threads": (1,), "device": "cuda:0"}, "threads is given, but cuda:0 needs none"),
+        ({"threads": (1,), "device": "cuda:0"}, r"threads is \(1,\), but cuda:0 needs none"),
         ({"seconds": float("nan")}, r"seconds is nan s, but must be in \(0, 600\] s"),
         ({"seconds": 601.0}, "seconds is 601 s, but"),
         ({"peers": ("bullet",)}, "peers is 'bullet'; choose one of: mujoco, mujoco_warp"),

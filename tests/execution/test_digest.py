@@ -258,7 +258,7 @@ def test_deep_nesting_is_refused():
     nested: list = []
     for _ in range(100_000):
         nested = [nested]
-    with pytest.raises(TypeError, match="nested so deeply"):
+    with pytest.raises(TypeError, match="nested too deeply"):
         digest(nested)
 
 
