@@ -157,22 +157,18 @@ def advance(
                 middle_wheel_rate, change, oil, bent, signals.parking_brake, h,
             )
             bent = deflections(fl, fr, rl, rr)
-            front_force, front_moment, front_touch = hull_loads(
-                m.hull, m.frame_front, m.frame_ground_clearance, terrain, ground, front
-            )
-            rear_force, rear_moment, rear_touch = hull_loads(
-                m.hull, m.frame_rear, m.frame_ground_clearance, terrain, ground, rear
-            )
+            front_hull = hull_loads(m.hull, m.frame_front, m.frame_ground_clearance, terrain, ground, front)
+            rear_hull = hull_loads(m.hull, m.frame_rear, m.frame_ground_clearance, terrain, ground, rear)
             contact.wheel_load = wp.vec4(fl.normal, fr.normal, rl.normal, rr.normal)
             contact.on_map = wp.vec4(fl.known, fr.known, rl.known, rr.known)
-            contact.hull_force = front_touch + rear_touch
+            contact.hull_force = front_hull.touch + rear_hull.touch
 
             # accelerations of the tree
             weight = wp.transpose(rotation) * wp.vec3(0.0, 0.0, -ground.gravity)
             change = accelerate(
                 m.frame_front, m.frame_rear, m.corner, weight, to_rear, middle.linear, middle.angular, middle.joint,
-                joint_torque, fl.load, fr.load, rl.load, rr.load, front_force, front_moment, rear_force,
-                rear_moment,
+                joint_torque, fl.load, fr.load, rl.load, rr.load, front_hull.force, front_hull.moment, rear_hull.force,
+                rear_hull.moment,
             )
 
             # kick, and half a drift to the end of the step

@@ -149,19 +149,26 @@ def deflections(fl: CornerContact, fr: CornerContact, rl: CornerContact, rr: Cor
     return out
 
 
+@wp.struct
+class HullLoads:
+    """What the ground does to a frame, in its coordinates."""
+
+    force: wp.vec3  # [N]
+    moment: wp.vec3  # [N m] about the hinge's origin
+    touch: float  # [N] sum of the forces' magnitudes
+
+
 @wp.func
 def hull_loads(m: Hull, frame: FrameBody, clearance: float, terrain: Any, ground: Any, half: Half):
-    """Force [N], moment about the hinge origin [N m] and summed magnitude [N] of the ground on a frame's eight corners."""
-    force = wp.vec3(0.0, 0.0, 0.0)
-    moment = wp.vec3(0.0, 0.0, 0.0)
-    touch = float(0.0)
+    """Loads of the ground on a frame's eight corners."""
+    out = HullLoads()
     for i in range(8):
         point = hull_corner(frame, clearance, i)
         world = half.origin + half.rotation * point
         if world[2] < ceiling(terrain, ground, world[0], world[1]):
             under = footing(terrain, ground, world)
             one = hull_contact(m, under, half.rotation, half.origin, point, half.velocity, half.omega)
-            force += one
-            moment += wp.cross(point, one)
-            touch += wp.length(one)
-    return force, moment, touch
+            out.force += one
+            out.moment += wp.cross(point, one)
+            out.touch += wp.length(one)
+    return out

@@ -8,10 +8,11 @@ from aoro_gym.twin.physics.arms import (
     ArmGeometry,
     ArmState,
     arm_displace,
+    arm_fill,
+    arm_flows,
     arm_gas,
     arm_geometry,
     arm_oil_torque,
-    arm_step,
 )
 from aoro_gym.twin.physics.driveline import (
     DrivelineControl,
@@ -32,7 +33,7 @@ from aoro_gym.twin.physics.steering import (
     steering_step,
     steering_torque,
 )
-from aoro_gym.twin.physics.steering_circuit import Exchange, SteeringGeometry, SteeringLawState
+from aoro_gym.twin.physics.steering_circuit import Exchange, SteeringGeometry
 from aoro_gym.twin.physics.steering_valve import play
 from aoro_gym.twin.records import Command, MachineRecord
 
@@ -173,8 +174,6 @@ def hydraulics(
     """
     dt = h / float(num_substeps)
     steering = circuits.steering
-    if m.varies_laws == 0:  # constants: else the default kernel is scheduled worse, 3 to 6 % slower on an H100
-        steering.law = SteeringLawState()
     mount = circuits.mount
     fl = circuits.fl
     fr = circuits.fr
@@ -204,14 +203,18 @@ def hydraulics(
     for substep in range(num_substeps):
         supply = pressure(oil, steering.supply)
         tank = pressure(oil, steering.tank_line)
-        fl, in_fl, out_fl, ls_fl = arm_step(m.arm, oil, gas_fl, g.fl, arm_rate[0], supply, tank, fl, dt)
-        fr, in_fr, out_fr, ls_fr = arm_step(m.arm, oil, gas_fr, g.fr, arm_rate[1], supply, tank, fr, dt)
-        rl, in_rl, out_rl, ls_rl = arm_step(m.arm, oil, gas_rl, g.rl, arm_rate[2], supply, tank, rl, dt)
-        rr, in_rr, out_rr, ls_rr = arm_step(m.arm, oil, gas_rr, g.rr, arm_rate[3], supply, tank, rr, dt)
+        flows_fl = arm_flows(m.arm, oil, g.fl, arm_rate[0], supply, tank, fl)
+        flows_fr = arm_flows(m.arm, oil, g.fr, arm_rate[1], supply, tank, fr)
+        flows_rl = arm_flows(m.arm, oil, g.rl, arm_rate[2], supply, tank, rl)
+        flows_rr = arm_flows(m.arm, oil, g.rr, arm_rate[3], supply, tank, rr)
+        fl = arm_fill(m.arm, oil, gas_fl, g.fl, fl, flows_fl.bore, flows_fl.rod, dt)
+        fr = arm_fill(m.arm, oil, gas_fr, g.fr, fr, flows_fr.bore, flows_fr.rod, dt)
+        rl = arm_fill(m.arm, oil, gas_rl, g.rl, rl, flows_rl.bore, flows_rl.rod, dt)
+        rr = arm_fill(m.arm, oil, gas_rr, g.rr, rr, flows_rr.bore, flows_rr.rod, dt)
         exchange = Exchange()
-        exchange.supply_flow = in_fl + in_fr + in_rl + in_rr
-        exchange.tank_flow = out_fl + out_fr + out_rl + out_rr
-        exchange.load_pressure = wp.max(wp.max(ls_fl, ls_fr), wp.max(ls_rl, ls_rr))
+        exchange.supply_flow = flows_fl.drawn + flows_fr.drawn + flows_rl.drawn + flows_rr.drawn
+        exchange.tank_flow = flows_fl.returned + flows_fr.returned + flows_rl.returned + flows_rr.returned
+        exchange.load_pressure = wp.max(wp.max(flows_fl.load, flows_fr.load), wp.max(flows_rl.load, flows_rr.load))
         steering = steering_step(
             m.steering, oil, gas, g.steering, spool_demand, control.engine_speed, cylinder_rate, exchange, steering, dt
         )

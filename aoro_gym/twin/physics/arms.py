@@ -147,22 +147,29 @@ def arm_fill(
     return out
 
 
+@wp.struct
+class ArmFlows:
+    """Flows [m³/s] of one arm over a substep, and the load that its valve signals."""
+
+    bore: float  # into the bore and what the piston sweeps
+    rod: float
+    drawn: float  # from the pump
+    returned: float  # to the return line
+    load: float  # [Pa]
+
+
 @wp.func
-def arm_step(
-    m: Arm, oil: Oil, gas: ArmGas, g: ArmGeometry, rate: float, supply: float, tank: float, s: ArmState, dt: float
-):
-    """One arm's cylinder over one substep. Returns its state, the flow drawn from the pump [m³/s], the flow to the
-    return line [m³/s] and the load it signals [Pa]. A closed valve passes nothing at all."""
+def arm_flows(m: Arm, oil: Oil, g: ArmGeometry, rate: float, supply: float, tank: float, s: ArmState):
+    """Flows of one arm's valve in the state ``s``; a closed one passes nothing at all."""
     lam = oil.laminar_pressure
     p_b = pressure(oil, s.bore)
     p_r = pressure(oil, s.rod)
     relief_b = relief_valve(p_b - tank, m.valve_port_relief, m.valve_port_ramp, m.valve_port_flow)
     relief_r = relief_valve(p_r - tank, m.valve_port_relief, m.valve_port_ramp, m.valve_port_flow)
-    q_b = -relief_b - g.displacement_bore * rate
-    q_r = -relief_r - g.displacement_rod * rate
-    drawn = float(0.0)
-    returned = relief_b + relief_r
-    load = float(0.0)
+    q = ArmFlows()
+    q.bore = -relief_b - g.displacement_bore * rate
+    q.rod = -relief_r - g.displacement_rod * rate
+    q.returned = relief_b + relief_r
     if g.opening != 0.0:
         cv = wp.abs(g.opening) * m.valve_cv
         extend = g.opening > 0.0
@@ -170,11 +177,12 @@ def arm_step(
         p_out = wp.where(extend, p_r, p_b)
         drawn = orifice(cv, wp.clamp(supply - p_in, 0.0, m.valve_pressure_drop), lam)
         out = load_holding(m, p_out, p_in) * orifice(cv, wp.max(p_out - tank, 0.0), lam)
-        returned += out
-        load = p_in
-        q_b += wp.where(extend, drawn, -out)
-        q_r += wp.where(extend, -out, drawn)
-    return arm_fill(m, oil, gas, g, s, q_b, q_r, dt), drawn, returned, load
+        q.drawn = drawn
+        q.returned += out
+        q.load = p_in
+        q.bore += wp.where(extend, drawn, -out)
+        q.rod += wp.where(extend, -out, drawn)
+    return q
 
 
 @wp.func

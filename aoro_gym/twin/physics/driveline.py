@@ -126,10 +126,8 @@ def motor_hose_step(
     p = pressure(oil, content)
     taken = orifice(opening * m.traction_cv, main - p, oil.laminar_pressure)
     given = displacement * rate + m.motor_leakage * (p - back)
-    if content < oil.void_pressure:
-        given = wp.min(given, taken)
-    if back <= oil.void_pressure:
-        given = wp.max(given, 0.0)
+    given = wp.where(content < oil.void_pressure, wp.min(given, taken), given)
+    given = wp.where(back <= oil.void_pressure, wp.max(given, 0.0), given)
     filled = fill(oil, gas, content, taken - given, dt, m.wheel_hose_volume, m.wheel_hose_compliance)
     return filled, taken, given
 
@@ -170,10 +168,8 @@ def driveline_step(
     q_f = charge_f - crossed - flush_f - m.pump_leakage * p_f - (taken_fl + taken_fr + taken_rl + taken_rr)
     q_r = charge_r + crossed - (flush - flush_f) - m.pump_leakage * p_r + (given_fl + given_fr + given_rl + given_rr)
     pumped = c.swash * m.pump_displacement * c.engine_speed - m.pump_cross_leakage * (p_f - p_r)
-    if s.back < oil.void_pressure:
-        pumped = wp.min(pumped, wp.max(q_r, 0.0))
-    if s.forward < oil.void_pressure:
-        pumped = wp.max(pumped, -wp.max(q_f, 0.0))
+    pumped = wp.where(s.back < oil.void_pressure, wp.min(pumped, wp.max(q_r, 0.0)), pumped)
+    pumped = wp.where(s.forward < oil.void_pressure, wp.max(pumped, -wp.max(q_f, 0.0)), pumped)
     q_f += pumped
     q_r -= pumped
     q_c = (

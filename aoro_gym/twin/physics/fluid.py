@@ -90,12 +90,10 @@ def return_filter(drop: float, setting: float, ramp: float, nominal_flow: float,
 
     Solved for Q in the form that does not cancel. A clean filter is its check alone.
     """
-    flow = relief_valve(drop, setting, ramp, nominal_flow)
-    if throttle > 0.0:
-        linear = ramp / nominal_flow
-        over = wp.max(drop - setting, 0.0)
-        flow = 2.0 * over / (linear + wp.sqrt(linear * linear + 4.0 * throttle * over))
-    return flow
+    linear = ramp / nominal_flow
+    over = wp.max(drop - setting, 0.0)
+    throttled = 2.0 * over / (linear + wp.sqrt(linear * linear + 4.0 * throttle * over))
+    return wp.where(throttle > 0.0, throttled, relief_valve(drop, setting, ramp, nominal_flow))
 
 
 @wp.func
@@ -174,18 +172,17 @@ def oil_bulk_modulus(oil: Oil, gas: Gas, p: float):
     :func:`undissolved` ψ is free, so that α e becomes α e ψ and 1/(n P) becomes 1/(n P) − ψ′/ψ. P is bounded below by 5 kPa.
     """
     liquid = oil.bulk_modulus + oil.bulk_modulus_slope * wp.max(p, 0.0)
-    modulus = liquid
-    if oil.gas_fraction > 0.0:
-        absolute = absolute_pressure(p)
-        share = gas_share(oil, gas, absolute)
-        rest = 1.0 - oil.gas_fraction
-        spring = oil.polytropic_exponent * absolute
-        if oil.gas_law == GAS_DISSOLVING:
-            free, fall = undissolved(oil, p)
-            share = share * free
-            spring = 1.0 / (1.0 / spring + fall / wp.max(free, 1.0e-6))
-        modulus = (rest + share) * liquid * spring / (rest * spring + share * liquid)
-    return modulus
+    if oil.gas_fraction <= 0.0:
+        return liquid
+    absolute = absolute_pressure(p)
+    share = gas_share(oil, gas, absolute)
+    rest = 1.0 - oil.gas_fraction
+    spring = oil.polytropic_exponent * absolute
+    if oil.gas_law == GAS_DISSOLVING:
+        free, fall = undissolved(oil, p)
+        share = share * free
+        spring = 1.0 / (1.0 / spring + fall / wp.max(free, 1.0e-6))
+    return (rest + share) * liquid * spring / (rest * spring + share * liquid)
 
 
 @wp.func
@@ -229,6 +226,6 @@ def fill_chamber(
     full = gap >= 0.0
     end = content + added * wp.where(full, stiffness, void_stiffness)
     over = end - oil.void_pressure
-    if full != (over >= 0.0):
-        end = oil.void_pressure + over * wp.where(full, void_stiffness / stiffness, stiffness / void_stiffness)
-    return end
+    if full == (over >= 0.0):
+        return end
+    return oil.void_pressure + over * wp.where(full, void_stiffness / stiffness, stiffness / void_stiffness)

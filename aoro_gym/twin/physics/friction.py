@@ -85,10 +85,9 @@ def smooth_drag(rate: float, capacity: float, velocity: float):
 def end_stop(position: float, rate: float, limit: float, stiffness: float, damping: float):
     """Torque [N m] (or force) of a hard stop at ±``limit``: spring and damper that push back and never pull."""
     side = wp.sign(position)
-    torque = float(0.0)
-    if wp.abs(position) > limit:
-        torque = -side * wp.max(stiffness * (wp.abs(position) - limit) + damping * side * rate, 0.0)
-    return torque
+    if wp.abs(position) <= limit:
+        return 0.0
+    return -side * wp.max(stiffness * (wp.abs(position) - limit) + damping * side * rate, 0.0)
 
 
 @wp.func

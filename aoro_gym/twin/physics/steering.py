@@ -280,9 +280,7 @@ def steering_step(
     left = edges.left
     to_tank_a = port_to_tank(m, lam, p_a, p_t, s.law.shock_a)
     to_tank_b = port_to_tank(m, lam, p_b, p_t, s.law.shock_b)
-    across = leakage
-    if m.valve_cv_cross_port > 0.0:
-        across += orifice(m.valve_cv_cross_port, p_a - p_b, lam)
+    across = leakage + orifice(m.valve_cv_cross_port, p_a - p_b, lam)
     metered_a = wp.where(left, edges.flow_in, -edges.flow_out) - to_tank_a
     metered_b = wp.where(left, -edges.flow_out, edges.flow_in) - to_tank_b
 

@@ -449,15 +449,14 @@ def hull_contact(
 ):
     """Force [N], frame coordinates, on one corner of a hull: penalty spring and damper that never pulls, with Coulomb
     friction regularised below 5 cm/s."""
-    force = wp.vec3(0.0, 0.0, 0.0)
     world = origin + rotation * point
     depth = ground_height(ground, world[0], world[1]) - world[2]
-    if depth > 0.0:
-        n = wp.transpose(rotation) * ground.normal
-        v = velocity + wp.cross(omega, point)
-        v_n = wp.dot(n, v)
-        load = wp.max(m.stiffness * depth * (rotation * n)[2] - m.damping * v_n, 0.0)
-        slip = v - v_n * n
-        speed = wp.sqrt(wp.dot(slip, slip) + HULL_REGULARISATION * HULL_REGULARISATION)
-        force = load * n - (m.friction * load / speed) * slip
-    return force
+    if depth <= 0.0:
+        return wp.vec3(0.0, 0.0, 0.0)
+    n = wp.transpose(rotation) * ground.normal
+    v = velocity + wp.cross(omega, point)
+    v_n = wp.dot(n, v)
+    load = wp.max(m.stiffness * depth * (rotation * n)[2] - m.damping * v_n, 0.0)
+    slip = v - v_n * n
+    speed = wp.sqrt(wp.dot(slip, slip) + HULL_REGULARISATION * HULL_REGULARISATION)
+    return load * n - (m.friction * load / speed) * slip

@@ -14,10 +14,11 @@ from aoro_gym.twin.physics.arms import (
     ArmGeometry,
     ArmState,
     arm_displace,
+    arm_fill,
+    arm_flows,
     arm_gas,
     arm_geometry,
     arm_oil_torque,
-    arm_step,
     load_holding,
 )
 from aoro_gym.twin.physics.fluid import Oil
@@ -116,10 +117,11 @@ def step_kernel(
     s = start[i]
     gas = arm_gas(oil[i], s)
     for _ in range(steps):
-        s, drawn_now, returned_now, load_now = arm_step(m[i], oil[i], gas, g, rate[i], supply[i], tank[i], s, dt[i])
-        drawn[i] = drawn_now
-        returned[i] = returned_now
-        load[i] = load_now
+        flows = arm_flows(m[i], oil[i], g, rate[i], supply[i], tank[i], s)
+        s = arm_fill(m[i], oil[i], gas, g, s, flows.bore, flows.rod, dt[i])
+        drawn[i] = flows.drawn
+        returned[i] = flows.returned
+        load[i] = flows.load
     end[i] = s
 
 
