@@ -1,0 +1,149 @@
+"""Runs of plants, and what a logger writes of them."""
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from . import families
+from .laws.layout import SIGNALS
+
+HOLD = 0.01  # [s] a command stands, and period of the logger
+GRID = 1e-3  # [s] of commands inside
+STEP = 1e-4  # [s] of integration
+SETTLE = 0.15  # [s] at rest before a log
+LOGGED = SIGNALS[:7]
+
+
+@dataclass(frozen=True)
+class Run:
+    """One log to be made.
+
+    Args:
+        family: Name of the family of laws.
+        machine: Constants, as :func:`machine` draws them.
+        effects: Signed sizes of effects by id, in the unit of each effect's magnitude.
+        steering: Command (K,) in [−1, 1], positive to the left, each value held for 10 ms.
+        drive: Share (K,) of the drive pump's flow in [−1, 1], or nothing.
+        joint_angle: At the start [rad].
+        seed: Of the measuring noise.
+        outside: Name of a deviation outside of the catalogue, or nothing.
+        outside_size: Its size, 0 weak to 1 strong.
+    """
+
+    family: str
+    machine: Mapping[str, float]
+    steering: Any
+    effects: Mapping[str, float] = field(default_factory=dict)
+    drive: Any = None
+    joint_angle: float = 0.0
+    seed: int = 0
+    outside: str | None = None
+    outside_size: float = 0.5
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A log at 100 Hz in SI units: one array (K,) a column, sample k at 10 ms · k."""
+
+    columns: dict[str, np.ndarray]
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.columns[name]
+
+
+@dataclass
+class Prepared:
+    """A run as the kernel takes it, and what the measuring chain does to its signals."""
+
+    machine: dict[str, float]
+    command: np.ndarray
+    drive: np.ndarray
+    angle_times: np.ndarray
+    other_times: np.ndarray
+
+
+def prepare(run: Run, period: float) -> Prepared:
+    """Constants, commands on the inner grid, and sampling times of a run."""
+    steering = np.asarray(run.steering, float)
+    if steering.ndim != 1 or not len(steering) or not np.all(np.abs(steering) <= 1.0):
+        raise ValueError("steering must be an array (K,) within [-1, 1]")
+    drive = np.zeros(len(steering)) if run.drive is None else np.asarray(run.drive, float)
+    if drive.shape != steering.shape or not np.all(np.abs(drive) <= 1.0):
+        raise ValueError("drive must be as long as steering, within [-1, 1]")
+    per = round(HOLD / GRID)
+    count = round((len(steering) - 1) * HOLD / period) + 1
+    times = np.arange(count) * period
+    made = dict(run.machine)
+    late = made["chain_delay"]
+    return Prepared(made, np.repeat(steering, per), np.repeat(drive, per), times - late - made["angle_delay"], times - late)
+
+
+def integrate(family: str, prepared: Sequence[Prepared], angles: Sequence[float], device: str, step: float) -> np.ndarray:
+    """Signals (runs, samples, signals) of prepared runs of one family and one length."""
+    kind, kernel = families.structure(family), families.kernel(family)
+    count = len(prepared)
+    settle = round(SETTLE / step)
+    steps = settle + math.ceil(max(one.other_times[-1] for one in prepared) / step) + 2
+    dead = max(one.machine.get("dead_time", 0.0) for one in prepared)
+    places = math.ceil(dead / step) + 4 if dead > 0.0 else 1
+
+    def array(values: Any) -> wp.array:
+        return wp.array(np.ascontiguousarray(values, dtype=float), dtype=wp.float64, device=device)
+
+    samples = len(prepared[0].other_times)
+    out = wp.zeros((count, samples, len(SIGNALS)), dtype=wp.float64, device=device)
+    wp.launch(
+        kernel,
+        dim=count,
+        inputs=[
+            wp.array(families.pack(family, [one.machine for one in prepared]), dtype=kind, device=device),
+            array([one.command for one in prepared]),
+            array([one.drive for one in prepared]),
+            array(angles),
+            array([one.angle_times for one in prepared]),
+            array([one.other_times for one in prepared]),
+            step,
+            settle,
+            steps,
+            wp.zeros((count, places), dtype=wp.float64, device=device),
+        ],
+        outputs=[out],
+        device=device,
+    )
+    return out.numpy()
+
+
+def simulate(runs: Sequence[Run], device: str = "cpu", period: float = HOLD, step: float = STEP) -> tuple[list[Prepared], list[np.ndarray]]:
+    """Prepared runs and their signals (samples, signals), before noise; runs of one family and length go together."""
+    prepared = [prepare(run, period) for run in runs]
+    signals: list[Any] = [None] * len(runs)
+    groups: dict[tuple[str, int], list[int]] = {}
+    for i, run in enumerate(runs):
+        groups.setdefault((run.family, len(prepared[i].command)), []).append(i)
+    workers = max(1, len(os.sched_getaffinity(0))) if device == "cpu" else 1
+    with wp.ScopedDevice(device):
+        for (family, _), members in groups.items():
+            wp.load_module(families.kernel(family).module, device=device)
+            size = max(1, min(256 if device == "cpu" else 16384, math.ceil(len(members) / workers)))
+            chunks = [members[i : i + size] for i in range(0, len(members), size)]
+
+            def one(chunk: list[int], family: str = family) -> np.ndarray:
+                return integrate(family, [prepared[i] for i in chunk], [runs[i].joint_angle for i in chunk], device, step)
+
+            with ThreadPoolExecutor(workers) as pool:
+                for chunk, values in zip(chunks, pool.map(one, chunks), strict=True):
+                    for i, value in zip(chunk, values, strict=True):
+                        signals[i] = value
+    return prepared, signals
+
+
+def trace(runs: Sequence[Run], device: str = "cpu", period: float = GRID, step: float = STEP) -> list[dict[str, np.ndarray]]:
+    """Exact signals of runs at a period [s], by name (``laws.layout.SIGNALS``)."""
+    _, signals = simulate(runs, device, period, step)
+    return [dict(zip(SIGNALS, one.T, strict=True)) for one in signals]
