@@ -1,14 +1,18 @@
 """The family alder: constants and what its device code needs besides."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 
-from aoro_gym.units import BAR, LITRE_PER_MINUTE
+import numpy as np
+
+from aoro_gym.units import ATMOSPHERIC_PRESSURE, BAR, LITRE_PER_MINUTE
 
 from . import common
 from .constants import Constant, Table
 from .laws import alder as laws
 
-__all__ = ["TABLE", "derived", "laws"]
+
+Made = Mapping[str, float]
 
 L = LITRE_PER_MINUTE
 
@@ -42,11 +46,13 @@ TABLE: Table = {
     "valve_play": Constant("", 0.004, 0.008, 0.013, "E: hysteresis 1–6 % is twice this", 0.05),
     "compensator_drop": Constant("Pa", 6 * BAR, 7 * BAR, 8.5 * BAR, "P: fitted, not printed; 4–14"),
     "compensator_spring": Constant("Pa", 0.8 * BAR, 1.2 * BAR, 1.8 * BAR, "E: spring's rise over the stroke"),
+    "compensator_droop": Constant("", 0.006, 0.011, 0.016, "E: flow force and gap; some per cent of flow at 100 bar of load"),
+    "droop_from": Constant("Pa", 35 * BAR, 40 * BAR, 45 * BAR, "E: load at which the flow curve was measured"),
     "compensator_conductance": Constant("m³/s/√Pa", 2.6e-6, 3.2e-6, 4.0e-6, "E: 90 L/min at 2–3 bar, fully open"),
     "compensator_stroke": Constant("m", 3e-3, 4e-3, 5e-3, "E"),
     "compensator_area": Constant("m²", 2.5e-4, 3.1e-4, 3.8e-4, "E: Ø20 mm"),
-    "compensator_mass": Constant("kg", 0.08, 0.12, 0.16, "E: steel spool with a third of its spring"),
-    "compensator_damping": Constant("N s/m", 250, 450, 800, "E: damping orifice of 0.8 mm"),
+    "compensator_mass": Constant("kg", 0.12, 0.16, 0.22, "E: steel spool with a third of its spring"),
+    "compensator_damping": Constant("N s/m", 700, 1000, 1500, "E: damping orifice of 0.6 mm"),
     "return_conductance": Constant("m³/s/√Pa", 1.6e-6, 1.9e-6, 2.3e-6, "P: fitted, not printed; 2–11 bar at 70 L/min"),
     "sense_start": Constant("", 0.06, 0.08, 0.10, "E: the load-sensing tap opens before the edge"),
     "sense_lag": Constant("s", 0.005, 0.008, 0.014, "E: orifice and 3 m of Ø6 mm line"),
@@ -65,9 +71,75 @@ TABLE: Table = {
 """Constants of the family."""
 
 
+SOFT = ("stiffness_along", "stiffness_across", "swivel_stiffness")
+"""Stiffnesses of the tires that soft ground lowers."""
+
+EVEN: dict[str, float] = {}
+"""What else must be set for a machine that is alike on both sides."""
+
+TIGHT = {"spool_gap": 1e-12}
+"""A valve that is tight when closed."""
+
+TIED: dict[str, set[str]] = {}
+"""Magnitudes that an effect moves besides its own, by the family's laws."""
+
+KNOBS = {
+    "pump_response": {"stroke_up": 1.0, "stroke_down": 1.0},
+    "spool_lag": {"spool_frequency": -1.0},
+    "compensator_lag": {"compensator_damping": 1.0},
+    "valve_gain": {f"curve_{side}_{share}": 1.0 for side in ("left", "right") for share in (50, 75, 100)},
+    "hose_compliance": {"hose_modulus": -1.0},
+    "tire_relaxation": {f"relaxation_{way}": 1.0 for way in ("along", "across", "swivel")},
+    "tire_stiffness": dict.fromkeys(SOFT, 1.0),
+}
+"""Constants that an effect scales, and their exponents, where families differ."""
+
+
+def bulk_modulus(made: Made, pressure: float) -> float:
+    """Nykänen's effective bulk modulus [Pa] of the oil at a pressure [Pa]."""
+    p = pressure + ATMOSPHERIC_PRESSURE
+    gas = made["air"] * (ATMOSPHERIC_PRESSURE / p) ** (1.0 / made["polytropic"])
+    liquid = made["liquid"] + made["liquid_slope"] * pressure
+    return (gas + 1.0 - made["air"]) ** 2 / (gas / (made["polytropic"] * p) + (1.0 - made["air"]) / liquid)
+
+
+def capacity(made: Made, volume: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+    """Compliance [m³/Pa] of a side where its pressure is measured, by its cylinders' volume [m³] and pressure [Pa]."""
+    beta = np.vectorize(lambda p: bulk_modulus(made, p))(pressure)
+    return (volume + made["hose_volume"]) / beta + made["hose_volume"] / made["hose_modulus"]
+
+
+def capacity_of_side(made: Made, volume: float, pressure: float) -> float:
+    """Compliance [m³/Pa] of a whole side."""
+    return float(capacity(made, np.array([volume]), np.array([pressure]))[0])
+
+
+def swivel_torque(made: Made, angle: float) -> float:
+    """Torque [N m] that a standing front tire resists with after swivelling by an angle [rad]: Dahl."""
+    limit = made["swivel_friction"] / 3.0 * math.sqrt(made["load_front"] ** 3 / made["inflation"])
+    return limit * (1.0 - math.exp(-made["swivel_stiffness"] * angle / limit))
+
+
+def breakaway(made: Made, pressure: float) -> float:
+    """Largest static friction [N] of a cylinder with both chambers at a pressure [Pa]."""
+    return made["seal_static"] * (made["seal_friction"] + 2.0 * made["seal_pressure"] * pressure)
+
+
+MEASURES: dict[str, Callable[[Made], float]] = {
+    "pump_response": lambda m: m["stroke_up"] * 70.0 * L / m["pump_flow"] + 2 * m["control_damping"] / m["control_frequency"],
+    "spool_lag": lambda m: 2.0 * m["spool_damping"] / m["spool_frequency"],
+    "compensator_lag": lambda m: m["compensator_damping"] * m["compensator_stroke"] / (m["compensator_area"] * 10.0 * BAR),
+    "valve_gain": lambda m: m["curve_left_100"] * 60e3,
+    "hose_compliance": lambda m: m["hose_volume"] / m["hose_modulus"] * 100.0 * BAR * 1e6,
+    "tire_relaxation": lambda m: m["relaxation_across"],
+    "tire_stiffness": lambda m: m["swivel_stiffness"],
+}
+"""Operational magnitudes where families differ, of all constants that the device code reads."""
+
+
 def derived(machine: Mapping[str, float]) -> dict[str, float]:
     """All that the device code reads."""
-    made = common.derived(machine)
+    made = common.derived(machine, SOFT)
     for name in ("compensator_conductance", "return_conductance"):
         made[name] *= made["thinner"]
     return made

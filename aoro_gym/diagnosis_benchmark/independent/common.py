@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 
-from aoro_gym.units import ATMOSPHERIC_PRESSURE, BAR, DEGREE, GRAVITY, LITRE_PER_MINUTE, RPM
+from aoro_gym.units import BAR, DEGREE, GRAVITY, LITRE_PER_MINUTE, RPM, ZERO_CELSIUS
 
 from .constants import Constant, Table
 
@@ -28,8 +28,8 @@ BODY: Table = {
     "rod_inertia": Constant("kg m²", 6.0, 8.0, 11.0, "E: two cylinders of 60 kg, oil columns and brackets"),
     "joint_friction": Constant("N m", 100, 200, 350, "E: μ 0.1 · 15 kN · 0.1 m · 2", 0.06),
     "stop_angle": Constant("rad", 39.6 * DEGREE, 40 * DEGREE, 40.4 * DEGREE, "D: whole stroke over the joint's range"),
-    "stop_stiffness": Constant("N m/rad", 5e6, 7e6, 9e6, "E: hard stop"),
-    "stop_damping": Constant("s/rad", 2.0, 4.0, 6.0, "E: Hunt–Crossley, impact at 0.7 rad/s nearly without rebound"),
+    "stop_stiffness": Constant("N m/rad", 12e6, 15e6, 19e6, "E: hard stop"),
+    "stop_damping": Constant("N m s/rad", 10e3, 14e3, 18e3, "E: about half of critical for the rods"),
     "mount_rear": Constant("m", 0.395, 0.40, 0.405, "D: stroke of 265 mm over ±40°"),
     "mount_front": Constant("m", 0.277, 0.28, 0.283, "D: as above"),
     "stroke": Constant("m", 0.265, 0.265, 0.265, "P: cylinder 80/40-265"),
@@ -76,7 +76,7 @@ OIL: Table = {
     "liquid_slope": Constant("", 8, 10, 12, "R: dβ/dp"),
     "air": Constant("", 0.003, 0.006, 0.012, "E: 0.2–5 % undissolved at rest; a well settled tank", 0.15),
     "polytropic": Constant("", 1.15, 1.25, 1.4, "between isothermal and adiabatic"),
-    "hose_volume": Constant("m³", 0.34 * LITRE, 0.43 * LITRE, 0.54 * LITRE, "E: two legs of Ø12.7 mm, 3 m long, a side"),
+    "hose_volume": Constant("m³", 0.42 * LITRE, 0.50 * LITRE, 0.60 * LITRE, "E: two legs of Ø12.7–16 mm, 3 m long, a side"),
     "hose_modulus": Constant("Pa", 0.9e9, 1.1e9, 1.3e9, "P: double wire braid, 1.2 GPa; static lower"),
     "transition": Constant("Pa", 0.5 * BAR, 0.8 * BAR, 1.2 * BAR, "P: laminar below 1 bar"),
     "cylinder_leakage": Constant("m³/s/Pa", 1e-13, 5e-13, 1.5e-12, "E: tight seals"),
@@ -125,8 +125,8 @@ OUTSIDE_ZERO = dict.fromkeys(
 ) | {"grip": 1.0, "attached_left": 1.0, "attached_right": 1.0, "sense_fall": 1.0}  # fmt: skip
 """Values of a healthy machine of what may go wrong outside of the catalogue."""
 
-EFFECT_ZERO = {"payload": 0.0, "sinkage": 0.0, "dead_time": 0.0}
-"""Values of a healthy machine of what only an effect brings."""
+EFFECT_ZERO = {"payload": 0.0, "sinkage": 0.0, "dead_time": 0.0, "rest_difference": 0.0}
+"""Values of a healthy machine of what only an effect (or a test) brings."""
 
 
 def mount_half_width(machine: Mapping[str, float]) -> float:
@@ -150,13 +150,14 @@ def viscosity(celsius: float) -> float:
     t1, t2 = math.log10(313.15), math.log10(348.15)
     z1, z2 = (math.log10(math.log10(nu + 0.7)) for nu in (46.0, 12.0))
     slope = (z1 - z2) / (t2 - t1)
-    return 10.0 ** (10.0 ** (z1 - slope * (math.log10(celsius + 273.15) - t1))) - 0.7
+    return 10.0 ** (10.0 ** (z1 - slope * (math.log10(celsius + ZERO_CELSIUS) - t1))) - 0.7
 
 
-def derived(machine: Mapping[str, float]) -> dict[str, float]:
+def derived(machine: Mapping[str, float], soft: tuple[str, ...] = ()) -> dict[str, float]:
     """What device code needs besides the constants themselves: oil at its temperature, geometry, loads of the wheels.
 
     Bulk modulus −0.5 %/K, density −0.065 %/K (flow through an orifice ∝ ρ^−½ enters with the conductances of each family).
+    ``soft`` names the tires' stiffnesses, which soft ground lowers.
     """
     made = dict(OUTSIDE_ZERO | EFFECT_ZERO) | dict(machine)
     a, c, w = made["mount_rear"], made["mount_front"], mount_half_width(made)
@@ -178,7 +179,23 @@ def derived(machine: Mapping[str, float]) -> dict[str, float]:
     rear = made["mass_rear"] * made["centre_rear"] / made["axle_rear"]
     share = GRAVITY * (made["mass_front"] + made["mass_rear"]) / (front + rear)
     made["load_front"], made["load_rear"] = 0.5 * share * front, 0.5 * share * rear
+    if made["sinkage"]:
+        sink(made, soft)
     return made
+
+
+def sink(made: dict[str, float], soft: tuple[str, ...]) -> None:
+    """Soften the ground under the wheels by their sinkage z [m].
+
+    Rolling resistance + 0.9 z/(2 R) of the load (linear fits of rutting, Saarilahti 2002); shear builds up over a longer way
+    (Janosi, Hanamoto 1961), stiffness/(1 + z/0.03 m); the rut's walls add to the swivel torque, the soil's grip falls.
+    """
+    z = made["sinkage"]
+    made["wheel_brake"] += 0.5 * (made["load_front"] + made["load_rear"]) * 0.45 * z
+    for name in soft:
+        made[name] /= 1.0 + z / 0.03
+    made["swivel_friction"] *= 1.0 + 6.0 * z
+    made["ground_friction"] /= 1.0 + 3.0 * z
 
 
 def load_up(made: dict[str, float]) -> None:
@@ -189,6 +206,3 @@ def load_up(made: dict[str, float]) -> None:
     made[f"yaw_inertia_{end}"] += mass * load / (mass + load) * away * away + load * 0.5**2
     made[f"mass_{end}"] = mass + load
     made[f"centre_{end}"] = centre + load / (mass + load) * away
-
-
-ATMOSPHERE = ATMOSPHERIC_PRESSURE

@@ -11,7 +11,10 @@ import numpy as np
 import warp as wp
 
 from . import families
+from .effects import apply_all
 from .laws.layout import SIGNALS
+from .measuring import measured
+from .outside import OUTSIDE
 
 HOLD = 0.01  # [s] a command stands, and period of the logger
 GRID = 1e-3  # [s] of commands inside
@@ -79,9 +82,17 @@ def prepare(run: Run, period: float) -> Prepared:
     per = round(HOLD / GRID)
     count = round((len(steering) - 1) * HOLD / period) + 1
     times = np.arange(count) * period
-    made = dict(run.machine)
-    late = made["chain_delay"]
-    return Prepared(made, np.repeat(steering, per), np.repeat(drive, per), times - late - made["angle_delay"], times - late)
+    made = apply_all(run.family, run.machine, run.effects)
+    command = np.repeat(steering, per)
+    if run.outside is not None:
+        if run.outside not in OUTSIDE:
+            raise ValueError(f"no deviation {run.outside!r}; there are {', '.join(OUTSIDE)}")
+        one, rng = OUTSIDE[run.outside], np.random.default_rng([run.seed, 1])
+        made |= one.machine(run.outside_size, rng) if one.machine else {}
+        command = one.command(command, run.outside_size, rng) if one.command else command
+        times = one.clock(times, run.outside_size, rng) if one.clock else times
+    others = times - made["chain_delay"]
+    return Prepared(made, command, np.repeat(drive, per), others - made["angle_delay"], others)
 
 
 def integrate(family: str, prepared: Sequence[Prepared], angles: Sequence[float], device: str, step: float) -> np.ndarray:
@@ -141,6 +152,28 @@ def simulate(runs: Sequence[Run], device: str = "cpu", period: float = HOLD, ste
                     for i, value in zip(chunk, values, strict=True):
                         signals[i] = value
     return prepared, signals
+
+
+def record(runs: Sequence[Run], device: str = "cpu", noise: bool = True) -> list[Recorded]:
+    """Logs of runs.
+
+    Args:
+        runs: What to record; all families and lengths mixed.
+        device: Warp's name of the device.
+        noise: Whether engine orders, noise and quantisation are added; filters, delays, gains and zeros always act.
+
+    Raises:
+        ValueError: If a run names no family, effect or deviation that there is, or its command is out of range.
+    """
+    prepared, signals = simulate(runs, device)
+    logs = []
+    for run, one, exact in zip(runs, prepared, signals, strict=True):
+        rng = np.random.default_rng([run.seed, 2])
+        columns = measured(exact[:, : len(LOGGED)], one.other_times, one.machine, rng, noise)
+        if run.outside is not None and OUTSIDE[run.outside].columns is not None:
+            columns = OUTSIDE[run.outside].columns(columns, run.outside_size, np.random.default_rng([run.seed, 3]))
+        logs.append(Recorded(columns))
+    return logs
 
 
 def trace(runs: Sequence[Run], device: str = "cpu", period: float = GRID, step: float = STEP) -> list[dict[str, np.ndarray]]:

@@ -131,6 +131,7 @@ def valve(d: Any, x: Any, m: Any, inputs: Any, edge_drop: wp.float64):
     d[SPOOL_RATE] = TWO * m.spool_damping * m.spool_frequency * (wanted - x[SPOOL_RATE])
     y = x[COMPENSATOR]
     spring = m.compensator_drop + m.compensator_spring * (y / m.compensator_stroke - f64(0.5))
+    spring -= m.compensator_droop * (wp.max(x[A], x[B]) - m.droop_from)
     force = m.compensator_area * (spring - edge_drop)
     force -= m.compensator_damping * inputs[at.VISCOSITY] * x[COMPENSATOR_RATE]
     d[COMPENSATOR] = x[COMPENSATOR_RATE]
@@ -208,8 +209,8 @@ def limit(x: State, m: Any):
 def start(m: Any, angle: wp.float64):
     """State at rest."""
     x = State()
-    x[A] = m.rest_pressure
-    x[B] = m.rest_pressure
+    x[A] = m.rest_pressure + m.rest_difference
+    x[B] = m.rest_pressure - m.rest_difference
     x[P] = m.margin
     return x
 

@@ -25,12 +25,13 @@ def rod_torque(x: Any, m: Any):
 
 @wp.func
 def stop_torque(x: Any, m: Any):
-    """Torque [N m] of the cylinders' end stops: K d (1 + c ḋ), only pressing (Hunt, Crossley 1975)."""
+    """Torque [N m] of the cylinders' end stops: K d + C min(d/d₀, 1) ḋ, only pressing; d₀ = 0.5 mrad keeps it continuous."""
     depth = wp.abs(x[ROD]) - m.stop_angle
     torque = ZERO
     if depth > ZERO:
         side = wp.sign(x[ROD])
-        torque = -side * wp.max(ZERO, m.stop_stiffness * depth * (ONE + m.stop_damping * side * x[ROD_RATE]))
+        damping = m.stop_damping * unit(depth / f64(5e-4))
+        torque = -side * wp.max(ZERO, m.stop_stiffness * depth + damping * side * x[ROD_RATE])
     return torque
 
 

@@ -33,7 +33,8 @@ def sensors(d: Any, x: Any, m: Any, a: wp.float64, b: wp.float64, pump: wp.float
     """Derivatives of the measuring chain's first-order filters."""
     d[LAG] = (x[ANGLE] - x[LAG]) / m.angle_filter
     d[LAG_TWO] = (x[LAG] - x[LAG_TWO]) / m.chain_filter
-    d[LAG + 1] = (a - x[LAG + 1]) / m.pressure_filter
-    d[LAG + 2] = (b - x[LAG + 2]) / m.pressure_filter
-    d[LAG + 3] = (pump - x[LAG + 3]) / m.pressure_filter
+    lag = m.pressure_filter + m.chain_filter
+    d[LAG + 1] = (a - x[LAG + 1]) / lag
+    d[LAG + 2] = (b - x[LAG + 2]) / lag
+    d[LAG + 3] = (pump - x[LAG + 3]) / lag
     return d
