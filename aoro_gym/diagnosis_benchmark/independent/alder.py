@@ -9,8 +9,6 @@ from aoro_gym.units import ATMOSPHERIC_PRESSURE, BAR, LITRE_PER_MINUTE
 
 from . import common
 from .constants import Constant, Table
-from .laws import alder as laws
-
 
 Made = Mapping[str, float]
 
@@ -20,6 +18,9 @@ TABLE: Table = {
     **common.COMMON,
     "stiffness_along": Constant("N/m", 3.0e5, 4.0e5, 5.0e5, "E: tire shear stiffness", 0.02),
     "stiffness_across": Constant("N/m", 1.6e5, 2.0e5, 2.6e5, "E: as above", 0.02),
+    "carcass_damping": Constant(
+        "N s/m", 3500, 5500, 8000, "E: a tenth to a fifth of critical for a quarter of the machine"
+    ),
     "relaxation_along": Constant("m", 0.3, 0.4, 0.55, "Pacejka 2012: about half a tire's radius to one"),
     "relaxation_across": Constant("m", 0.4, 0.55, 0.75, "Pacejka 2012: as above"),
     "relaxation_swivel": Constant("m", 0.8, 1.2, 1.8, "E: rolling gives back part of the swivel torque"),
@@ -39,14 +40,16 @@ TABLE: Table = {
     "curve_right_50": Constant("m³/s", 12.0 * L, 12.5 * L, 13.0 * L, "P: measured"),
     "curve_right_75": Constant("m³/s", 41.8 * L, 43.2 * L, 44.6 * L, "P: measured"),
     "curve_right_100": Constant("m³/s", 63.4 * L, 65.4 * L, 67.4 * L, "P: measured"),
-    "spool_gap": Constant("m³/s", 0.01 * L, 0.02 * L, 0.05 * L, "R: spool leakage 5–60 cm³/min"),
+    "spool_gap": Constant("m³/s/Pa", 2e-14, 7e-14, 2e-13, "R: spool leakage 5–60 cm³/min at 50 bar"),
     "spool_frequency": Constant("rad/s", 80, 110, 160, "Hopsan: 100 rad/s; 50–250"),
     "spool_damping": Constant("", 0.7, 0.85, 1.0, "0.7–1"),
     "spool_rate": Constant("1/s", 10, 14, 20, "E: 5–25 full strokes a second"),
     "valve_play": Constant("", 0.004, 0.008, 0.013, "E: hysteresis 1–6 % is twice this", 0.05),
     "compensator_drop": Constant("Pa", 6 * BAR, 7 * BAR, 8.5 * BAR, "P: fitted, not printed; 4–14"),
     "compensator_spring": Constant("Pa", 0.8 * BAR, 1.2 * BAR, 1.8 * BAR, "E: spring's rise over the stroke"),
-    "compensator_droop": Constant("", 0.006, 0.011, 0.016, "E: flow force and gap; some per cent of flow at 100 bar of load"),
+    "compensator_droop": Constant(
+        "", 0.006, 0.011, 0.016, "E: flow force and gap; some per cent of flow at 100 bar of load"
+    ),
     "droop_from": Constant("Pa", 35 * BAR, 40 * BAR, 45 * BAR, "E: load at which the flow curve was measured"),
     "compensator_conductance": Constant("m³/s/√Pa", 2.6e-6, 3.2e-6, 4.0e-6, "E: 90 L/min at 2–3 bar, fully open"),
     "compensator_stroke": Constant("m", 3e-3, 4e-3, 5e-3, "E"),
@@ -77,10 +80,10 @@ SOFT = ("stiffness_along", "stiffness_across", "swivel_stiffness")
 EVEN: dict[str, float] = {}
 """What else must be set for a machine that is alike on both sides."""
 
-TIGHT = {"spool_gap": 1e-12}
+TIGHT = {"spool_gap": 0.0}
 """A valve that is tight when closed."""
 
-TIED: dict[str, set[str]] = {}
+TIED = {"tire_stiffness": {"tire_scrub"}}
 """Magnitudes that an effect moves besides its own, by the family's laws."""
 
 KNOBS = {
@@ -126,10 +129,14 @@ def breakaway(made: Made, pressure: float) -> float:
 
 
 MEASURES: dict[str, Callable[[Made], float]] = {
-    "pump_response": lambda m: m["stroke_up"] * 70.0 * L / m["pump_flow"] + 2 * m["control_damping"] / m["control_frequency"],
+    "pump_response": lambda m: (
+        m["stroke_up"] * 70.0 * L / m["pump_flow"] + 2 * m["control_damping"] / m["control_frequency"]
+    ),
     "spool_lag": lambda m: 2.0 * m["spool_damping"] / m["spool_frequency"],
-    "compensator_lag": lambda m: m["compensator_damping"] * m["compensator_stroke"] / (m["compensator_area"] * 10.0 * BAR),
-    "valve_gain": lambda m: m["curve_left_100"] * 60e3,
+    "compensator_lag": lambda m: (
+        m["compensator_damping"] * m["compensator_stroke"] / (m["compensator_area"] * 10.0 * BAR)
+    ),
+    "valve_gain": lambda m: m["curve_left_100"] / L,
     "hose_compliance": lambda m: m["hose_volume"] / m["hose_modulus"] * 100.0 * BAR * 1e6,
     "tire_relaxation": lambda m: m["relaxation_across"],
     "tire_stiffness": lambda m: m["swivel_stiffness"],

@@ -54,7 +54,9 @@ WHEELS: Table = {
     "charge_pressure": Constant("Pa", 21 * BAR, 24 * BAR, 26 * BAR, "R: series 90 charge relief", 0.02),
     "charge_conductance": Constant("m³/s/Pa", 3e-9, 5e-9, 8e-9, "E: 54 L/min at some bar"),
     "loop_relief": Constant("Pa", 345 * BAR, 400 * BAR, 450 * BAR, "R: cross-port relief"),
-    "drive_flow": Constant("m³/s", 195 * LITRE_PER_MINUTE, 207 * LITRE_PER_MINUTE, 215 * LITRE_PER_MINUTE, "D, P90R130"),
+    "drive_flow": Constant(
+        "m³/s", 195 * LITRE_PER_MINUTE, 207 * LITRE_PER_MINUTE, 215 * LITRE_PER_MINUTE, "D, P90R130"
+    ),
     "drive_lag": Constant("s", 0.2, 0.3, 0.5, "R: electric displacement control"),
 }
 """Wheels, ground and driveline."""
@@ -76,7 +78,9 @@ OIL: Table = {
     "liquid_slope": Constant("", 8, 10, 12, "R: dβ/dp"),
     "air": Constant("", 0.003, 0.006, 0.012, "E: 0.2–5 % undissolved at rest; a well settled tank", 0.15),
     "polytropic": Constant("", 1.15, 1.25, 1.4, "between isothermal and adiabatic"),
-    "hose_volume": Constant("m³", 0.42 * LITRE, 0.50 * LITRE, 0.60 * LITRE, "E: two legs of Ø12.7–16 mm, 3 m long, a side"),
+    "hose_volume": Constant(
+        "m³", 0.42 * LITRE, 0.50 * LITRE, 0.60 * LITRE, "E: two legs of Ø12.7–16 mm, 3 m long, a side"
+    ),
     "hose_modulus": Constant("Pa", 0.9e9, 1.1e9, 1.3e9, "P: double wire braid, 1.2 GPa; static lower"),
     "transition": Constant("Pa", 0.5 * BAR, 0.8 * BAR, 1.2 * BAR, "P: laminar below 1 bar"),
     "cylinder_leakage": Constant("m³/s/Pa", 1e-13, 5e-13, 1.5e-12, "E: tight seals"),
@@ -101,7 +105,9 @@ SENSING: Table = {
     "chain_delay": Constant("s", 0.0, 0.001, 0.003, "E: logger reads its inputs one after the other"),
     "angle_gain": Constant("", 0.997, 1.0, 1.003, "R: linearity ±0.5 %"),
     "angle_offset": Constant("rad", -1e-3, 0.0, 1e-3, "E: zero setting", 3e-4),
-    "angle_noise": Constant("rad", 1.5e-4, 2.5e-4, 4e-4, "P: noise of the flow after the filter, 12–18 L/min peak to peak"),
+    "angle_noise": Constant(
+        "rad", 1.5e-4, 2.5e-4, 4e-4, "P: noise of the flow after the filter, 12–18 L/min peak to peak"
+    ),
     "angle_step": Constant("rad", 3.8e-4, 3.835e-4, 3.9e-4, "R: 14 bit a turn"),
     "angle_wave": Constant("rad", 1e-4, 2e-4, 4e-4, "P: lines near 6 and 15 Hz, aliases of engine orders"),
     "pressure_noise": Constant("Pa", 0.10 * BAR, 0.15 * BAR, 0.25 * BAR, "R: 0.05 % of 400 bar"),
@@ -117,9 +123,9 @@ COMMON: Table = {**BODY, **WHEELS, **ENGINE, **OIL, **SENSING}
 
 OUTSIDE_ZERO = dict.fromkeys(
     (
-        "burst_air", "burst_start", "burst_duration", "pocket_volume", "pocket_angle", "shock_leak", "shock_start", "bend_force",
-        "bend_angle", "ripple", "ripple_frequency", "swing_torque", "swing_frequency", "swing_phase", "hunting",
-        "hunting_frequency", "stone_torque", "heating",
+        "burst_air", "burst_start", "burst_duration", "pocket_volume", "pocket_angle", "shock_leak", "shock_start",
+        "bend_force", "bend_angle", "ripple", "ripple_frequency", "swing_torque", "swing_frequency", "swing_phase",
+        "hunting", "hunting_frequency", "stone_torque", "heating",
     ),
     0.0,
 ) | {"grip": 1.0, "attached_left": 1.0, "attached_right": 1.0, "sense_fall": 1.0}  # fmt: skip
@@ -130,7 +136,8 @@ EFFECT_ZERO = {"payload": 0.0, "sinkage": 0.0, "dead_time": 0.0, "rest_differenc
 
 
 def mount_half_width(machine: Mapping[str, float]) -> float:
-    """Lateral offset [m] of the mounts, so that the stroke spans the joint's range: L(θ_s) − L(−θ_s) = stroke, by bisection."""
+    """Lateral offset [m] of the mounts, so that the stroke spans the joint's range: L(θ_s) − L(−θ_s) = stroke, by
+    bisection."""
     a, c, angle = machine["mount_rear"], machine["mount_front"], machine["stop_angle"]
 
     def span(w: float) -> float:
@@ -146,7 +153,8 @@ def mount_half_width(machine: Mapping[str, float]) -> float:
 
 
 def viscosity(celsius: float) -> float:
-    """Kinematic viscosity [mm²/s] of an ISO VG 46 oil by Walther: lg lg(ν + 0.7) = A − B lg T; 46 at 40 °C, 12 at 75 °C."""
+    """Kinematic viscosity [mm²/s] of an ISO VG 46 oil by Walther: lg lg(ν + 0.7) = A − B lg T; 46 at 40 °C, 12 at
+    75 °C."""
     t1, t2 = math.log10(313.15), math.log10(348.15)
     z1, z2 = (math.log10(math.log10(nu + 0.7)) for nu in (46.0, 12.0))
     slope = (z1 - z2) / (t2 - t1)
@@ -156,13 +164,17 @@ def viscosity(celsius: float) -> float:
 def derived(machine: Mapping[str, float], soft: tuple[str, ...] = ()) -> dict[str, float]:
     """What device code needs besides the constants themselves: oil at its temperature, geometry, loads of the wheels.
 
-    Bulk modulus −0.5 %/K, density −0.065 %/K (flow through an orifice ∝ ρ^−½ enters with the conductances of each family).
-    ``soft`` names the tires' stiffnesses, which soft ground lowers.
+    Bulk modulus −0.5 %/K, density −0.065 %/K (flow through an orifice ∝ ρ^−½ enters with the conductances of each
+    family). ``soft`` names the tires' stiffnesses, which soft ground lowers.
     """
     made = dict(OUTSIDE_ZERO | EFFECT_ZERO) | dict(machine)
     a, c, w = made["mount_rear"], made["mount_front"], mount_half_width(made)
     angle = made["stop_angle"]
-    made["mount_squares"], made["mount_across"], made["mount_along"] = a * a + c * c + 2 * w * w, w * w - a * c, w * (a + c)
+    made["mount_squares"], made["mount_across"], made["mount_along"] = (
+        a * a + c * c + 2 * w * w,
+        w * w - a * c,
+        w * (a + c),
+    )
     even = made["mount_squares"] - 2 * made["mount_across"] * math.cos(angle)
     made["length_low"] = math.sqrt(even - 2 * made["mount_along"] * math.sin(angle))
     made["bore_area"] = math.pi / 4 * made["bore"] ** 2
@@ -187,8 +199,9 @@ def derived(machine: Mapping[str, float], soft: tuple[str, ...] = ()) -> dict[st
 def sink(made: dict[str, float], soft: tuple[str, ...]) -> None:
     """Soften the ground under the wheels by their sinkage z [m].
 
-    Rolling resistance + 0.9 z/(2 R) of the load (linear fits of rutting, Saarilahti 2002); shear builds up over a longer way
-    (Janosi, Hanamoto 1961), stiffness/(1 + z/0.03 m); the rut's walls add to the swivel torque, the soil's grip falls.
+    Rolling resistance + 0.9 z/(2 R) of the load (linear fits of rutting, Saarilahti 2002); shear builds up over a
+    longer way (Janosi, Hanamoto 1961), stiffness/(1 + z/0.03 m); the rut's walls add to the swivel torque, the
+    soil's grip falls.
     """
     z = made["sinkage"]
     made["wheel_brake"] += 0.5 * (made["load_front"] + made["load_rear"]) * 0.45 * z
@@ -199,7 +212,8 @@ def sink(made: dict[str, float], soft: tuple[str, ...]) -> None:
 
 
 def load_up(made: dict[str, float]) -> None:
-    """Put the payload onto the rear frame's axle (a bunk), or onto the front frame's where it is negative (crane, grapple)."""
+    """Put the payload onto the rear frame's axle (a bunk), or onto the front frame's where it is negative (crane,
+    grapple)."""
     end = "rear" if made["payload"] > 0.0 else "front"
     load, mass, centre = abs(made["payload"]), made[f"mass_{end}"], made[f"centre_{end}"]
     away = made[f"axle_{end}"] - centre

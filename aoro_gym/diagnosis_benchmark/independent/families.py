@@ -41,7 +41,11 @@ def structure(family: str) -> Any:
     """Warp struct of a family's constants."""
     module = family_of(family)
     fields = sorted(module.derived(nominal(family)))
-    body = {"__annotations__": dict.fromkeys(fields, wp.float64), "__module__": __name__, "__qualname__": family.title()}
+    body = {
+        "__annotations__": dict.fromkeys(fields, wp.float64),
+        "__module__": __name__,
+        "__qualname__": family.title(),
+    }
     return wp.struct(type(family.title(), (), body))
 
 
@@ -50,14 +54,14 @@ def kernel(family: str) -> Any:
     """Kernel of a family."""
     from .laws.advance import build
 
-    return build(family_of(family).laws, structure(family))
+    return build(importlib.import_module(f"{__package__}.laws.{family}"), structure(family))
 
 
 def pack(family: str, machines: list[Mapping[str, float]]) -> np.ndarray:
     """Structured array of machines for the kernel."""
     made = [family_of(family).derived(one) for one in machines]
     kind = structure(family)
-    packed = np.zeros(len(made), dtype=kind.numpy_dtype())
+    packed: Any = np.zeros(len(made), dtype=kind.numpy_dtype())
     for name in packed.dtype.names or ():
         packed[name] = [one[name] for one in made]
     return packed

@@ -98,7 +98,9 @@ def _pressure_drift(columns: Columns, size: float, rng: Rng) -> Columns:
 
 
 def _cross_talk(columns: Columns, size: float, rng: Rng) -> Columns:
-    angle = columns["joint_angle"] + between(2e-4, 5e-3, size) * (columns["pump_pressure"] - columns["pump_pressure"][0]) / (10 * BAR)
+    angle = columns["joint_angle"] + between(2e-4, 5e-3, size) * (
+        columns["pump_pressure"] - columns["pump_pressure"][0]
+    ) / (10 * BAR)
     b = columns["pressure_b"] + between(0.02, 0.25, size) * columns["pressure_a"]
     return columns | {"joint_angle": angle, "pressure_b": b}
 
@@ -138,8 +140,10 @@ MACHINE = {
     ),
     "stuck_shock_valve": Outside(
         "the shock valve of port A stays open from a moment on",
-        lambda size, rng: {"shock_leak": between(3.0, 40.0, size) * LITRE_PER_MINUTE / (50 * BAR) ** 0.5,
-                           "shock_start": rng.uniform(0.5, 1.5)},
+        lambda size, rng: {
+            "shock_leak": between(3.0, 40.0, size) * LITRE_PER_MINUTE / (50 * BAR) ** 0.5,
+            "shock_start": rng.uniform(0.2, 0.9),
+        },
     ),
     "detached_cylinder": Outside(
         "a pin has fallen out: one cylinder stands still (no sizes)",
@@ -147,18 +151,26 @@ MACHINE = {
     ),
     "wandering_air": Outside(
         "a pocket of air wanders from one side to the other during the turn",
-        lambda size, rng: {"pocket_volume": between(10.0, 400.0, size) * MILLI * MILLI, "pocket_angle": rng.uniform(-0.25, 0.25)},
+        lambda size, rng: {
+            "pocket_volume": between(10.0, 400.0, size) * MILLI * MILLI,
+            "pocket_angle": rng.uniform(-0.25, 0.25),
+        },
     ),
     "aeration_burst": Outside(
         "foam from the tank passes for half a second",
-        lambda size, rng: {"burst_air": between(0.02, 0.25, size), "burst_start": rng.uniform(0.5, 1.5), "burst_duration": 0.5},
+        lambda size, rng: {
+            "burst_air": between(0.02, 0.25, size),
+            "burst_start": rng.uniform(0.2, 0.9),
+            "burst_duration": 0.5,
+        },
     ),
     "bent_rod": Outside(
         "a bent rod rubs where it passes the gland",
         lambda size, rng: {"bend_force": between(3e3, 4e4, size), "bend_angle": rng.uniform(-0.3, 0.3)},
     ),
     "sticking_sense_check": Outside(
-        "the load-sensing line's check valve sticks: its pressure falls slowly", lambda size, rng: {"sense_fall": between(8.0, 150.0, size)}
+        "the load-sensing line's check valve sticks: its pressure falls slowly",
+        lambda size, rng: {"sense_fall": between(8.0, 150.0, size)},
     ),
     "heating": Outside(
         "hot oil arrives: viscosity falls during the log", lambda size, rng: {"heating": between(0.1, 0.8, size)}
@@ -167,17 +179,22 @@ MACHINE = {
         "the engine's governor hunts",
         lambda size, rng: {"hunting": between(0.03, 0.2, size), "hunting_frequency": rng.uniform(0.7, 1.6)},
     ),
-}  # fmt: skip
+}
 
 GROUND = {
-    "blocked_wheel": Outside("a stone blocks a front wheel", lambda size, rng: {"stone_torque": between(3e3, 1.5e4, size)}),
+    "blocked_wheel": Outside(
+        "a stone blocks a front wheel", lambda size, rng: {"stone_torque": between(3e3, 1.5e4, size)}
+    ),
     "ice": Outside("one front wheel stands on ice", lambda size, rng: {"grip": between(0.6, 0.04, size)}),
     "swinging_load": Outside(
         "a load swings under the crane",
-        lambda size, rng: {"swing_torque": between(600.0, 8e3, size), "swing_frequency": rng.uniform(0.4, 1.1),
-                           "swing_phase": rng.uniform(0.0, 6.28)},
+        lambda size, rng: {
+            "swing_torque": between(600.0, 8e3, size),
+            "swing_frequency": rng.uniform(0.4, 1.1),
+            "swing_phase": rng.uniform(0.0, 6.28),
+        },
     ),
-}  # fmt: skip
+}
 
 OUTSIDE: Mapping[str, Outside] = {**COMMAND, **LOGGER, **MACHINE, **GROUND}
 """All deviations outside of the catalogue by name."""

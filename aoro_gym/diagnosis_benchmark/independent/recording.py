@@ -73,6 +73,7 @@ class Prepared:
 
 def prepare(run: Run, period: float) -> Prepared:
     """Constants, commands on the inner grid, and sampling times of a run."""
+    families.family_of(run.family)
     steering = np.asarray(run.steering, float)
     if steering.ndim != 1 or not len(steering) or not np.all(np.abs(steering) <= 1.0):
         raise ValueError("steering must be an array (K,) within [-1, 1]")
@@ -95,8 +96,18 @@ def prepare(run: Run, period: float) -> Prepared:
     return Prepared(made, command, np.repeat(drive, per), others - made["angle_delay"], others)
 
 
-def integrate(family: str, prepared: Sequence[Prepared], angles: Sequence[float], device: str, step: float) -> np.ndarray:
-    """Signals (runs, samples, signals) of prepared runs of one family and one length."""
+def integrate(
+    family: str, prepared: Sequence[Prepared], angles: Sequence[float], device: str, step: float
+) -> np.ndarray:
+    """Signals (runs, samples, signals) of prepared runs of one family and one length.
+
+    Args:
+        family: Of all runs.
+        prepared: Runs as the kernel takes them.
+        angles: Joint angles at the start [rad].
+        device: Warp's name of the device.
+        step: Of integration [s].
+    """
     kind, kernel = families.structure(family), families.kernel(family)
     count = len(prepared)
     settle = round(SETTLE / step)
@@ -130,7 +141,9 @@ def integrate(family: str, prepared: Sequence[Prepared], angles: Sequence[float]
     return out.numpy()
 
 
-def simulate(runs: Sequence[Run], device: str = "cpu", period: float = HOLD, step: float = STEP) -> tuple[list[Prepared], list[np.ndarray]]:
+def simulate(
+    runs: Sequence[Run], device: str = "cpu", period: float = HOLD, step: float = STEP
+) -> tuple[list[Prepared], list[np.ndarray]]:
     """Prepared runs and their signals (samples, signals), before noise; runs of one family and length go together."""
     prepared = [prepare(run, period) for run in runs]
     signals: list[Any] = [None] * len(runs)
@@ -145,7 +158,9 @@ def simulate(runs: Sequence[Run], device: str = "cpu", period: float = HOLD, ste
             chunks = [members[i : i + size] for i in range(0, len(members), size)]
 
             def one(chunk: list[int], family: str = family) -> np.ndarray:
-                return integrate(family, [prepared[i] for i in chunk], [runs[i].joint_angle for i in chunk], device, step)
+                return integrate(
+                    family, [prepared[i] for i in chunk], [runs[i].joint_angle for i in chunk], device, step
+                )
 
             with ThreadPoolExecutor(workers) as pool:
                 for chunk, values in zip(chunks, pool.map(one, chunks), strict=True):
@@ -170,13 +185,16 @@ def record(runs: Sequence[Run], device: str = "cpu", noise: bool = True) -> list
     for run, one, exact in zip(runs, prepared, signals, strict=True):
         rng = np.random.default_rng([run.seed, 2])
         columns = measured(exact[:, : len(LOGGED)], one.other_times, one.machine, rng, noise)
-        if run.outside is not None and OUTSIDE[run.outside].columns is not None:
-            columns = OUTSIDE[run.outside].columns(columns, run.outside_size, np.random.default_rng([run.seed, 3]))
+        change = OUTSIDE[run.outside].columns if run.outside is not None else None
+        if change is not None:
+            columns = change(columns, run.outside_size, np.random.default_rng([run.seed, 3]))
         logs.append(Recorded(columns))
     return logs
 
 
-def trace(runs: Sequence[Run], device: str = "cpu", period: float = GRID, step: float = STEP) -> list[dict[str, np.ndarray]]:
+def trace(
+    runs: Sequence[Run], device: str = "cpu", period: float = GRID, step: float = STEP
+) -> list[dict[str, np.ndarray]]:
     """Exact signals of runs at a period [s], by name (``laws.layout.SIGNALS``)."""
     _, signals = simulate(runs, device, period, step)
     return [dict(zip(SIGNALS, one.T, strict=True)) for one in signals]

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.signal import butter, filtfilt
+from scipy.signal import butter, sosfiltfilt
 
 from aoro_gym.units import DEGREE, LITRE_PER_MINUTE
 
@@ -38,8 +38,7 @@ def key_figures(angle: np.ndarray, machine: Mapping[str, float], period: float =
     if not len(left) or not len(whole):
         return dict.fromkeys(("turn_time", "mean_flow", "first_peak", "first_peak_time", "undershoot"), math.nan)
     start, stop = left[0], whole[0]
-    b, a = butter(4, 7.0, fs=1.0 / period)
-    smooth = filtfilt(b, a, angle)
+    smooth = sosfiltfilt(butter(4, 7.0, fs=1.0 / period, output="sos"), angle)
     even = made["mount_squares"] - 2 * made["mount_across"] * np.cos(smooth)
     odd = 2 * made["mount_along"] * np.sin(smooth)
     area = made["bore_area"], made["annulus_area"]

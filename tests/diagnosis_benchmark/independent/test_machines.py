@@ -23,13 +23,41 @@ from aoro_gym.diagnosis_benchmark.independent.families import family_of
 from aoro_gym.diagnosis_benchmark.independent.turns import PUBLISHED, PUBLISHED_RIGHT, key_figures
 from tests.diagnosis_benchmark.independent.plants import back_and_forth, turn
 
-IDS = (
-    "sensor_delay, sensor_filter, sensor_gain, measuring_chain, engine_droop, pump_response, pump_limit, command_delay, spool_lag, "
-    "spool_rate, dead_band, valve_gain, valve_hysteresis, compensator_lag, compensator_opening, back_pressure, oil_temperature, "
-    "oil_bulk_modulus, entrained_air, hose_compliance, cylinder_leakage, cross_port_leakage, seal_friction, joint_friction, "
-    "joint_backlash, frame_compliance, payload, driveline_resistance, tire_relaxation, tire_stiffness, tire_scrub, soft_ground, "
-    "ground_slope"
-).split(", ")
+IDS = [
+    "sensor_delay",
+    "sensor_filter",
+    "sensor_gain",
+    "measuring_chain",
+    "engine_droop",
+    "pump_response",
+    "pump_limit",
+    "command_delay",
+    "spool_lag",
+    "spool_rate",
+    "dead_band",
+    "valve_gain",
+    "valve_hysteresis",
+    "compensator_lag",
+    "compensator_opening",
+    "back_pressure",
+    "oil_temperature",
+    "oil_bulk_modulus",
+    "entrained_air",
+    "hose_compliance",
+    "cylinder_leakage",
+    "cross_port_leakage",
+    "seal_friction",
+    "joint_friction",
+    "joint_backlash",
+    "frame_compliance",
+    "payload",
+    "driveline_resistance",
+    "tire_relaxation",
+    "tire_stiffness",
+    "tire_scrub",
+    "soft_ground",
+    "ground_slope",
+]
 
 
 def test_every_effect_is_there():
@@ -92,7 +120,13 @@ def test_an_effect_moves_its_magnitude_by_its_size(family):
 def test_an_effect_leaves_the_other_effects_magnitudes_alone(family):
     healthy = nominal(family)
     before = magnitudes(family, healthy)
-    shared = {"oil_temperature", "soft_ground", "payload", "entrained_air", "oil_bulk_modulus"}  # physics ties them to others
+    shared = {
+        "oil_temperature",
+        "soft_ground",
+        "payload",
+        "entrained_air",
+        "oil_bulk_modulus",
+    }  # physics ties them to others
     for effect, one in EFFECTS.items():
         after = magnitudes(family, apply(effect, family, healthy, one.signs[0] * one.strong))
         moved = {name for name in EFFECTS if abs(after[name] - before[name]) > 1e-3 * abs(before[name]) + 1e-9}
@@ -116,8 +150,8 @@ def test_logs_are_finite_and_effects_show(family):
     names = [effect for effect, one in EFFECTS.items() for _ in one.signs]
     for effect, log in zip(names, logs, strict=True):
         assert all(np.all(np.isfinite(column)) for column in log.columns.values()), effect
-        change = max(np.ptp(log[name] - healthy[name]) / scale for name, scale in (("joint_angle", 1e-3), ("pressure_a", 1e5)))
-        if change < 1.0:
+        scales = (("joint_angle", 1e-3), ("pressure_a", 1e5))
+        if max(np.ptp(log[name] - healthy[name]) / scale for name, scale in scales) < 1.0:
             silent.add(effect)
     assert silent <= {"engine_droop", "pump_limit"}
 

@@ -1,5 +1,6 @@
 """Closed forms and conservation laws that the independent plants must hold."""
 
+import itertools
 import math
 
 import numpy as np
@@ -43,7 +44,7 @@ def test_motion_dies_out_once_the_valve_is_closed(family):
     energy = log["kinetic_energy"]
     peaks = [energy[start : start + 400].max() for start in range(800, len(energy) - 400, 400)]
     assert peaks[0] > 20.0
-    assert all(later < 1.02 * earlier + 0.5 for earlier, later in zip(peaks, peaks[1:], strict=False))
+    assert all(later < 1.02 * earlier + 0.5 for earlier, later in itertools.pairwise(peaks))
     assert peaks[-1] < 0.05 * peaks[0]
 
 
@@ -71,17 +72,18 @@ def test_mirrored_machine_makes_the_mirrored_turn(family):
 def test_command_delay_is_exact(family, late):
     healthy = nominal(family)
     slow = healthy | {"command_delay": healthy["command_delay"] + late}
-    runs = [turn(family, 0.7, 1.0, machine=one) for one in (healthy, slow)]
+    runs = [turn(family, 0.7, 1.0, rest=0.5, joint_angle=-0.3, machine=one) for one in (healthy, slow)]
     soon, later = trace(runs, period=1e-3)
     times = np.arange(len(soon["angle"])) * 1e-3
     shifted = np.interp(times - late, times, soon["angle"])
-    assert np.ptp(soon["angle"]) > 0.2
-    assert np.max(np.abs(later["angle"] - shifted)[50:]) < (1e-7 if late == 0.02 else 3e-6)
+    assert np.ptp(soon["angle"]) > 0.1
+    assert np.max(np.abs(later["angle"] - shifted)[50:]) < 3e-5  # 0.03 ms at 1 rad/s; pressures settle meanwhile
 
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_joint_on_its_oil_columns_has_the_linear_natural_frequency(family):
     m = nominal(family) | FRICTIONLESS | {"rest_pressure": 60e5, "rest_difference": 5e5} | family_of(family).TIGHT
+    m |= dict.fromkeys(family_of(family).SOFT, 1e-3) | {"carcass_damping": 0.0}
     (log,) = trace([Run(family, m, np.zeros(60))])
     made = family_of(family).derived(m)
     reduced = made["mass_front"] * made["mass_rear"] / (made["mass_front"] + made["mass_rear"])
@@ -90,11 +92,10 @@ def test_joint_on_its_oil_columns_has_the_linear_natural_frequency(family):
     b = reduced * made["centre_rear"] * made["centre_front"]
     inertia = (a * e - b * b) / (a + e + 2 * b) + made["rod_inertia"]
     stiffness = 0.0
+    length = math.sqrt(made["mount_squares"] - 2.0 * made["mount_across"])  # of a cylinder, joint straight
+    lever = (made["bore_area"] + made["annulus_area"]) * made["mount_along"] / length
     for side in "ab":
-        volume = log[f"volume_{side}"][0]
-        lever = np.gradient(log[f"volume_{side}"])[150:400] / np.gradient(log["angle"])[150:400]
-        compliance = family_of(family).capacity_of_side(made, volume, 60e5)
-        stiffness += np.median(np.abs(lever)) ** 2 / compliance
+        stiffness += lever**2 / family_of(family).capacity_of_side(made, log[f"volume_{side}"][0], 60e5)
     stiffness = 1.0 / (1.0 / stiffness + 1.0 / made["joint_stiffness"])
     rate = log["rate"] - np.mean(log["rate"])
     crossings = np.flatnonzero((rate[:-1] < 0.0) & (rate[1:] >= 0.0))
@@ -107,13 +108,17 @@ def errors(runs, step):
     """Root mean square differences of pressures [Pa] and angle [rad] between a step and its half."""
     whole, half = trace(runs, period=0.01, step=step), trace(runs, period=0.01, step=0.5 * step)
     names = ("exact_a", "exact_b", "exact_pump", "angle")
-    rms = [[np.sqrt(np.mean((one[name] - two[name]) ** 2)) for name in names] for one, two in zip(whole, half, strict=True)]
+    rms = [
+        [np.sqrt(np.mean((one[name] - two[name]) ** 2)) for name in names] for one, two in zip(whole, half, strict=True)
+    ]
     return np.array(rms)
 
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_half_the_step_changes_nothing(family):
-    rms = errors([turn(family, 1.0, 1.2), back_and_forth(family, machine=machine(family, np.random.default_rng(1)))], 1e-4)
+    rms = errors(
+        [turn(family, 1.0, 1.2), back_and_forth(family, machine=machine(family, np.random.default_rng(1)))], 1e-4
+    )
     assert rms[:, :3].max() < 0.05e5
     assert rms[:, 3].max() < 1e-5
 

@@ -1,6 +1,7 @@
 """Integration of a family's laws over a log: one thread a run, classical Runge–Kutta of fourth order with a fixed step.
 
-Within a step the command is the mean of what the delayed, held command is over it, so that a delay acts exactly, whatever the step.
+Within a step the command is the mean of what the delayed, held command is over it, so that a delay acts exactly,
+whatever the step.
 """
 
 from typing import Any

@@ -1,8 +1,8 @@
 """Alder: a spool with a measured flow curve behind a spring–mass compensator, a pump with a spring–mass control spool.
 
-Valve: command → play → second-order spool with a rate limit → flow curve by linear interpolation between measured points.
-Compensator upstream of the spool: m ÿ = A (p_spring − Δp_edge) − b ẏ. Oil by Nykänen, hoses of constant stiffness, one volume a
-side; LuGre cylinders; relaxation tires with Dahl swivel; Dahl joint bearing.
+Valve: command → play → second-order spool with a rate limit → flow curve by linear interpolation of measured points.
+Compensator upstream of the spool: m ÿ = A (p_spring − Δp_edge) − b ẏ. Oil by Nykänen, hoses of constant stiffness,
+one volume a side; LuGre cylinders; relaxation tires with Dahl swivel; Dahl joint bearing.
 """
 
 from typing import Any
@@ -20,7 +20,7 @@ from .disturbances import (
     swinging_load,
     wheel_load,
 )
-from .driveline import driveline, engine
+from .driveline import drive_power, driveline, engine
 from .friction import bristle_rate, stribeck
 from .geometry import chambers, vec4d, vec6d
 from .numbers import ONE, TWO, ZERO, check, f64, play, series, unit
@@ -40,7 +40,8 @@ State = wp.types.vector(length=N_STATES, dtype=wp.float64)
 
 @wp.func
 def flow_curve(m: Any, spool: wp.float64):
-    """Flow [m³/s] at the compensator's pressure drop over the spool's travel: measured points, joined by straight lines."""
+    """Flow [m³/s] at the compensator's pressure drop over the spool's travel: measured points, joined by straight
+    lines."""
     s = wp.abs(spool)
     left = spool >= ZERO
     start = wp.where(left, m.dead_left, m.dead_right)
@@ -55,9 +56,10 @@ def flow_curve(m: Any, spool: wp.float64):
 @wp.func
 def edges(x: Any, m: Any):
     """Conductances [m³/s/√Pa] from pump to the compensator, over the spool, and from the other side to tank."""
-    flow = flow_curve(m, x[SPOOL]) + m.spool_gap
+    flow = flow_curve(m, x[SPOOL])
     inlet = flow / wp.sqrt(m.compensator_drop)
-    back = m.return_conductance * wp.sqrt(unit(flow / m.curve_left_100)) * flow / (flow + m.spool_gap)
+    share = unit(flow / m.curve_left_100)
+    back = m.return_conductance * share * (TWO - share)
     valve = m.compensator_conductance * wp.max(x[COMPENSATOR] / m.compensator_stroke, f64(0.002))
     return vec4d(valve, inlet, series(back, m.return_line), ZERO)
 
@@ -105,7 +107,8 @@ def mechanics(d: Any, x: Any, m: Any, inputs: Any, c: Any):
 
 @wp.func
 def port_flows(x: Any, m: Any, inputs: Any):
-    """Flows [m³/s] out of the pump line, into side A, into side B through the valve, and to leave the pump as leakage."""
+    """Flows [m³/s] out of the pump line, into side A, into side B through the valve, and to leave the pump as
+    leakage."""
     k = edges(x, m)
     transition = m.transition * inputs[at.VISCOSITY] * inputs[at.VISCOSITY]
     supply = series(k[0], k[1])
@@ -118,6 +121,9 @@ def port_flows(x: Any, m: Any, inputs: Any):
     lost = cross + to_tank(m, x[A]) + stuck_shock_valve(m, inputs, x[A])
     a = wp.where(left, inflow, -outflow) - lost
     b = wp.where(left, -outflow, inflow) + cross - to_tank(m, x[B])
+    gap = m.spool_gap / inputs[at.VISCOSITY]  # of the closed spool: from the pump to a port and from there to tank
+    a += gap * (x[P] + m.return_preload - TWO * x[A])
+    b += gap * (x[P] + m.return_preload - TWO * x[B])
     return vec4d(inflow, a, b, (x[P] - into) * k[0] * k[0] / (k[0] * k[0] + k[1] * k[1]))
 
 
@@ -191,7 +197,7 @@ def derivative(x: State, m: Any, inputs: Any):
     d = valve(d, x, m, inputs, flows[3])
     line = ONE / (ONE / beta[2] + ONE / m.hose_modulus)
     d = pump(d, x, m, inputs, flows[0] + m.sense_bleed, line)
-    d = engine(d, x, m, inputs, wp.max(x[P], ZERO) * flows[0] + wp.abs(x[at.LOOP_FORWARD] - x[at.LOOP_RETURN]) * x[at.PUMP_FLOW])
+    d = engine(d, x, m, inputs, wp.max(x[P], ZERO) * flows[0] + drive_power(x))
     return sensors(d, x, m, x[A], x[B], x[P])
 
 

@@ -1,8 +1,10 @@
-"""Two frames in the plane, hinged: masses, yaw, the rods between them, and slope. Axes of the rear frame: x forward, y left.
+"""Two frames in the plane, hinged: masses, yaw, the rods between them, and slope.
 
-With G the common centre of mass, d_r and d_f the distances of the frames' centres from the hinge and μ = m_r m_f/(m_r + m_f):
+Axes of the rear frame: x forward, y left. With G the common centre of mass, d_r and d_f the distances of the frames'
+centres from the hinge and μ = m_r m_f/(m_r + m_f):
   (I_r + μ d_r²) ω̇_r + μ d_r d_f (cos θ ω̇_f − sin θ ω_f²) = Q_r,
-  (I_f + μ d_f²) ω̇_f + μ d_r d_f (cos θ ω̇_r + sin θ ω_r²) = Q_f   (Lagrange; Wittenburg: Dynamics of Multibody Systems, 2008).
+  (I_f + μ d_f²) ω̇_f + μ d_r d_f (cos θ ω̇_r + sin θ ω_r²) = Q_f.
+By Lagrange; Wittenburg: Dynamics of Multibody Systems, 2008.
 """
 
 from typing import Any
@@ -25,7 +27,8 @@ def rod_torque(x: Any, m: Any):
 
 @wp.func
 def stop_torque(x: Any, m: Any):
-    """Torque [N m] of the cylinders' end stops: K d + C min(d/d₀, 1) ḋ, only pressing; d₀ = 0.5 mrad keeps it continuous."""
+    """Torque [N m] of the cylinders' end stops: K d + C min(d/d₀, 1) ḋ, only pressing; d₀ = 0.5 mrad keeps it
+    continuous."""
     depth = wp.abs(x[ROD]) - m.stop_angle
     torque = ZERO
     if depth > ZERO:
@@ -85,8 +88,9 @@ def kinetic_energy(x: Any, m: Any):
 def frames(d: Any, x: Any, m: Any, rear: vec4d, front: vec4d, torque: wp.float64, cylinders: wp.float64):
     """Derivatives of the frames and the rods.
 
-    ``rear`` and ``front``: an axle's force along and across, its moment about the axle's centre (all tires' pairs in it), and an
-    outer moment. ``torque``: on the joint, of the rods less the bearing. ``cylinders``: of pressure and friction, on the rods.
+    ``rear`` and ``front``: an axle's force along and across, its moment about the axle's centre (all tires' pairs
+    in it), and an outer moment. ``torque``: on the joint, of the rods less the bearing. ``cylinders``: of pressure
+    and friction, on the rods.
     """
     s = wp.sin(x[ANGLE])
     c = wp.cos(x[ANGLE])

@@ -21,7 +21,8 @@ def wheel_brake(m: Any, wheel: int):
 def driveline(d: Any, x: Any, m: Any, inputs: Any, tires: Any):
     """Derivatives of wheels and loop. ``tires``: the four longitudinal forces on the machine [N].
 
-    J Ω̇ = D Δp − M_b tanh(Ω/Ω₀) − R F_x; V/β ṗ = ±(Q_p − D ΣΩ − c Δp) + K (p_c − p)₊ (charge check valves) − K (p − p_r)₊.
+    J Ω̇ = D Δp − M_b tanh(Ω/Ω₀) − R F_x; V/β ṗ = ±(Q_p − D ΣΩ − c Δp) + K (p_c − p)₊ (charge check valves) − K (p
+    − p_r)₊.
     """
     drop = x[LOOP_FORWARD] - x[LOOP_RETURN]
     speeds = ZERO
@@ -29,7 +30,7 @@ def driveline(d: Any, x: Any, m: Any, inputs: Any, tires: Any):
         speed = x[WHEEL + wheel]
         speeds += speed
         brake = wheel_brake(m, wheel)
-        smooth = wp.max(m.brake_speed, brake * f64(1e-4) / f64(2.0))  # keeps the brake's rate below 1/(50 µs)
+        smooth = wp.max(m.brake_speed, brake / (m.wheel_inertia * f64(5e3)))  # a rate of 5000/s at most
         resisting = brake * wp.tanh(speed / smooth)
         d[WHEEL + wheel] = (m.motor_displacement * drop - resisting - m.tire_radius * tires[wheel]) / m.wheel_inertia
     flow = x[PUMP_FLOW] - m.motor_displacement * speeds - m.loop_leakage * drop
@@ -42,6 +43,12 @@ def driveline(d: Any, x: Any, m: Any, inputs: Any, tires: Any):
     d[LOOP_RETURN] = filling * (back - flow)
     d[PUMP_FLOW] = (inputs[DRIVE] * m.drive_flow * x[ENGINE] / m.engine_speed - x[PUMP_FLOW]) / m.drive_lag
     return d
+
+
+@wp.func
+def drive_power(x: Any):
+    """Power [W] that the drive pump takes."""
+    return wp.max((x[LOOP_FORWARD] - x[LOOP_RETURN]) * x[PUMP_FLOW], ZERO)
 
 
 @wp.func

@@ -1,8 +1,9 @@
 """The two steering cylinders: lengths and volumes over the joint angle.
 
 Mounts at (−a, ±w) from the hinge on the rear frame and (c, ±w) on the front one. Length of the right cylinder:
-L² = a² + c² + 2 w² − 2 (w² − a c) cos φ + 2 w (a + c) sin φ; of the left one: at −φ. Port A feeds the right bore and the left
-annulus, port B the other two; a full turn takes in (A_bore + A_annulus) × stroke.
+L² = a² + c² + 2 w² − 2 (w² − a c) cos φ + 2 w (a + c) sin φ; of the left one: at −φ.
+Port A feeds the right bore and the left annulus, port B the other two; a full turn takes in
+(A_bore + A_annulus) × stroke.
 """
 
 from typing import Any
@@ -28,7 +29,8 @@ def cylinder(phi: wp.float64, squares: wp.float64, across: wp.float64, along: wp
 
 @wp.func
 def chambers(phi: wp.float64, m: Any):
-    """Volumes of sides A and B in the cylinders [m³], their rates, and both lengths' rates (right, left) over φ [1/rad].
+    """Volumes of sides A and B in the cylinders [m³], their rates, and both lengths' rates (right, left) over φ
+    [1/rad].
 
     A cylinder that is not attached (``attached`` 0) stands still in the middle of its stroke.
     """

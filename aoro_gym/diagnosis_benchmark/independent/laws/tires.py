@@ -1,7 +1,9 @@
-"""Tires of a standing or slowly rolling machine: forces along and across, and the torque against swivelling on the spot.
+"""Tires of a standing or slowly rolling machine: forces along and across, and the torque against swivelling on the
+spot.
 
-All take a wheel's motion (slip forwards, ground speed sideways, ground speed along, yaw rate), its load [N] and its deflections.
-They return force forwards [N], force sideways [N], torque [N m] on the machine, and the deflections' rates.
+All take a wheel's motion (slip forwards, ground speed sideways, ground speed along, yaw rate), its load [N] and
+its deflections. They return force forwards [N], force sideways [N], torque [N m] on the machine, and the
+deflections' rates.
 """
 
 from typing import Any
@@ -24,7 +26,8 @@ def swivel_limit(m: Any, load: wp.float64):
 def relaxation_tire(m: Any, motion: vec4d, load: wp.float64, ux: wp.float64, uy: wp.float64, turn: wp.float64):
     """Relaxation length with Dahl saturation, and the swivel of Sharp and Granger (2003).
 
-    u̇ = v − |v| k u/(μ N) − |V| u/σ; M = k_ψ ψ, ψ̇ = ω − |ω| k_ψ ψ/M_∞ − |V| ψ/σ_ψ. Valid for |V| below a few m/s.
+    F = k u + c u̇, u̇ = v − |v| k u/(μ N) − |V| u/σ; M = k_ψ ψ, ψ̇ = ω − |ω| k_ψ ψ/M_∞ − |V| ψ/σ_ψ. Valid for |V|
+    below a few m/s.
     """
     limit = m.ground_friction * load
     rolling = wp.abs(motion[2])
@@ -32,9 +35,9 @@ def relaxation_tire(m: Any, motion: vec4d, load: wp.float64, ux: wp.float64, uy:
     rate_x = motion[0] - wp.abs(motion[0]) * m.stiffness_along * ux / limit - rolling * ux / m.relaxation_along
     rate_y = motion[1] - wp.abs(motion[1]) * m.stiffness_across * uy / limit - rolling * uy / m.relaxation_across
     rate_t = motion[3] - wp.abs(motion[3]) * m.swivel_stiffness * turn / bore - rolling * turn / m.relaxation_swivel
-    return vec6d(
-        m.stiffness_along * ux, -m.stiffness_across * uy, -m.swivel_stiffness * turn, rate_x, rate_y, rate_t
-    )
+    along = m.stiffness_along * ux + m.carcass_damping * rate_x
+    across = m.stiffness_across * uy + m.carcass_damping * rate_y
+    return vec6d(along, -across, -m.swivel_stiffness * turn, rate_x, rate_y, rate_t)
 
 
 @wp.func
@@ -48,7 +51,8 @@ def brush(share: wp.float64):
 def carpet_tire(m: Any, motion: vec4d, load: wp.float64, u: vec4d):
     """Carpet of four brush elements: fore and aft ones shear sideways, left and right ones shear along.
 
-    An element's slip v is that of its place; u̇ = v − |v| u/u_s − |V| u/ℓ, force ½ μ N brush(u/u_s). Arms a (fore), b (side).
+    An element's slip v is that of its place; u̇ = v − |v| u/u_s − |V| u/ℓ, force ½ μ N brush(u/u_s) + ½ c u̇. Arms
+    a (fore), b (side).
     """
     half = HALF * m.ground_friction * load
     rolling = wp.abs(motion[2]) / m.carpet_length
@@ -62,8 +66,8 @@ def carpet_tire(m: Any, motion: vec4d, load: wp.float64, u: vec4d):
     f = vec4d()
     rate = vec4d()
     for i in range(4):
-        f[i] = half * brush(u[i] / slip)
         rate[i] = v[i] - wp.abs(v[i]) * u[i] / slip - rolling * u[i]
+        f[i] = half * brush(u[i] / slip) + HALF * m.carcass_damping * rate[i]
     torque = -m.carpet_fore * (f[0] - f[1]) - m.carpet_side * (f[2] - f[3])
     return vec7d(f[2] + f[3], -f[0] - f[1], torque, rate[0], rate[1], rate[2], rate[3])
 
