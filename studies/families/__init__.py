@@ -1,1 +1,1 @@
-"""Families of laws beside one another: quick fits to the published figures, signatures of effects."""
+"""Families of laws beside one another: quick fits to the published figures."""
