@@ -75,6 +75,6 @@ def test_ctrl_c_does_not_reach_a_worker_that_begins(tmp_path, capfd):
 
 
 def test_no_worker_is_refused():
-    with pytest.raises(ValueError, match="workers = 0"):
+    with pytest.raises(ValueError, match="workers is 0, but must be a positive integer"):
         next(spread(act, {"well": ("well",)}, workers=0))
     assert list(spread(act, {}, workers=1)) == []
