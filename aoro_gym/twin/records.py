@@ -59,24 +59,10 @@ class MachineRecord:
 
 
 LAW_FIELDS: Mapping[str, str] = {
-    "spool": "steering.spool_law",
-    "opening": "steering.opening_law",
-    "orifice": "steering.orifice_law",
-    "flow_force": "steering.flow_force_law",
-    "compensator": "steering.compensator_law",
-    "compensator_sensing": "steering.compensator_sensing_law",
-    "shock_valve": "steering.shock_valve_law",
-    "pump": "steering.pump_law",
-    "load_sensing_line": "steering.load_sensing_line_law",
-    "return_line": "steering.return_line_law",
-    "gas": "oil.gas_law",
-    "liquid": "oil.liquid_law",
-    "hose": "steering.hose_law",
-    "friction": "joint.friction_law",
-    "mount": "joint.mount_law",
-    "swivel": "tire.swivel_law",
-    "slip": "tire.slip_law",
-    "soft_ground": "tire.soft_ground_law",
+    law: f"{section}.{law}_law"
+    for law in OPTIONS
+    for section, field in MachineRecord.vars.items()
+    if f"{law}_law" in getattr(field.type, "vars", ())
 }
 """Where the number of each law's option stands in the record."""
 

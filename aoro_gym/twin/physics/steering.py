@@ -31,6 +31,7 @@ from aoro_gym.twin.physics.steering_valve import (
     Metering,
     closed_by_flow,
     compensator_step,
+    edge_drop,
     metering,
     port_to_tank,
     shock_flow,
@@ -220,9 +221,8 @@ def valve_and_pump_step(
     out = begun
     demand = float(spool_demand)
     if m.flow_force_law == FLOW_FORCE_STEADY:
-        share = s.compensator * s.compensator
-        edge_drop = edges.available * share / wp.max(share + edges.ratio * edges.ratio, 1.0e-12)
-        demand = closed_by_flow(m, demand, edges.opening, edge_drop)
+        drop = edge_drop(s.compensator, edges.available, wp.max(edges.ratio * edges.ratio, 1.0e-12))
+        demand = closed_by_flow(m, demand, edges.opening, drop)
     spool, spool_rate = spool_step(m, s.spool, s.law.spool_rate, demand, dt)
     out.spool = spool
     out.law.spool_rate = spool_rate

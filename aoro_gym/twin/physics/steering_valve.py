@@ -127,21 +127,28 @@ def spool_step(m: Steering, spool: float, rate: float, demand: float, dt: float)
 
 
 @wp.func
-def closed_by_flow(m: Steering, demand: float, opening: float, edge_drop: float):
+def closed_by_flow(m: Steering, demand: float, opening: float, drop: float):
     """Demand [-] on the spool less what the steady flow force moves it: F = 2 C_d A Δp cos 69° closes the edge (Merritt
     1967, ch. 5), over the centring spring a share of the stroke that goes with A Δp, ``flow_force_share`` of it with the
-    edge fully open at the compensator's setting."""
-    moved = m.valve_flow_force_share * opening * edge_drop / m.valve_compensator_pressure
+    edge fully open and its ``drop`` the compensator's setting."""
+    moved = m.valve_flow_force_share * opening * drop / m.valve_compensator_pressure
     return wp.sign(demand) * wp.max(wp.abs(demand) - moved, 0.0)
 
 
 @wp.func
+def edge_drop(y: float, available: float, square: float):
+    """Drop [Pa] over the metering edge, Δp y²/(y² + ρ²), of the ``available`` drop Δp [Pa] with the compensator at ``y``;
+    ``square`` is ρ², of the edge over the open compensator."""
+    return available * y * y / (y * y + square)
+
+
+@wp.func
 def compensator_excess(m: Steering, y: float, available: float, square: float, bias: float):
-    """Pressures [Pa] on the compensator less its spring at the opening ``y``, Δp y²/(y² + ρ²) + b − p_ref (1 + κ (½ − y)),
-    and how it rises with y; ``square`` is ρ²."""
+    """Pressures [Pa] on the compensator less its spring at the opening ``y``, Δp_edge + b − p_ref (1 + κ (½ − y)), and how
+    it rises with y."""
     wide = y * y + square
     spring = m.valve_compensator_pressure * m.valve_compensator_droop
-    excess = available * y * y / wide + bias - m.valve_compensator_pressure - spring * (0.5 - y)
+    excess = edge_drop(y, available, square) + bias - m.valve_compensator_pressure - spring * (0.5 - y)
     return excess, 2.0 * available * y * square / (wide * wide) + spring
 
 
@@ -172,7 +179,7 @@ def spring_mass_compensator(
     2 ζ ω ẏ, with ω² = setting × area over mass × stroke and inelastic stops at 0 and 1."""
     omega = m.valve_compensator_frequency
     square = wp.max(ratio * ratio, 1.0e-12)
-    sensed = available * y * y / (y * y + square) + bias
+    sensed = edge_drop(y, available, square) + bias
     push = 1.0 + m.valve_compensator_droop * (0.5 - y) - sensed / m.valve_compensator_pressure
     moved = (rate + dt * omega * omega * push) / (1.0 + 2.0 * m.valve_compensator_damping * omega * dt)
     out = y + dt * moved
