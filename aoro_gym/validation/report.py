@@ -67,7 +67,7 @@ def passage(result: Validation, folder: Path) -> Passage:
 
 
 @dataclass(frozen=True)
-class Line:
+class FigureRow:
     """One key figure of one turn, as text; ``mark`` says whether it is within its bound (None: there is none)."""
 
     turn: Turn
@@ -98,7 +98,7 @@ COLUMNS = (
 )
 
 
-def lines(result: Validation, direction: str) -> Iterator[Line]:
+def lines(result: Validation, direction: str) -> Iterator[FigureRow]:
     """The table of all turns to one side."""
     for turn in TURNS:
         if turn.direction != direction:
@@ -109,7 +109,7 @@ def lines(result: Validation, direction: str) -> Iterator[Line]:
         for name in FIGURES:
             label, unit, _ = describe(name)
             mevea = against["mevea"]
-            yield Line(
+            yield FigureRow(
                 turn=turn,
                 figure=label,
                 unit=unit,
@@ -174,7 +174,7 @@ def _columns_in_use(result: Validation) -> list[int]:
     return [index for index in range(len(COLUMNS)) if index not in unused]
 
 
-def _cells(line: Line) -> list[str]:
+def _cells(line: FigureRow) -> list[str]:
     return [
         *(line.figure, line.unit, *line.published, line.twin, *line.errors),
         *(line.noise, line.raw, line.uncalibrated, line.ensemble),
