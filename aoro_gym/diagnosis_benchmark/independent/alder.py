@@ -74,8 +74,8 @@ TABLE: Table = {
 """Constants of the family."""
 
 
-SOFT = ("stiffness_along", "stiffness_across", "swivel_stiffness")
-"""Stiffnesses of the tires that soft ground lowers."""
+SOFT = {"stiffness_along": 1, "stiffness_across": 1, "swivel_stiffness": 1}
+"""What is of the tires' stiffness, and its exponent."""
 
 EVEN: dict[str, float] = {}
 """What else must be set for a machine that is alike on both sides."""
@@ -93,7 +93,7 @@ KNOBS = {
     "valve_gain": {f"curve_{side}_{share}": 1.0 for side in ("left", "right") for share in (50, 75, 100)},
     "hose_compliance": {"hose_modulus": -1.0},
     "tire_relaxation": {f"relaxation_{way}": 1.0 for way in ("along", "across", "swivel")},
-    "tire_stiffness": dict.fromkeys(SOFT, 1.0),
+    "tire_stiffness": SOFT,
 }
 """Constants that an effect scales, and their exponents, where families differ."""
 

@@ -161,11 +161,11 @@ def viscosity(celsius: float) -> float:
     return 10.0 ** (10.0 ** (z1 - slope * (math.log10(celsius + ZERO_CELSIUS) - t1))) - 0.7
 
 
-def derived(machine: Mapping[str, float], soft: tuple[str, ...] = ()) -> dict[str, float]:
+def derived(machine: Mapping[str, float], soft: Mapping[str, int]) -> dict[str, float]:
     """What device code needs besides the constants themselves: oil at its temperature, geometry, loads of the wheels.
 
     Bulk modulus −0.5 %/K, density −0.065 %/K (flow through an orifice ∝ ρ^−½ enters with the conductances of each
-    family). ``soft`` names the tires' stiffnesses, which soft ground lowers.
+    family). ``soft`` names what is of the tires' stiffness and its exponent: soft ground lowers it.
     """
     made = dict(OUTSIDE_ZERO | EFFECT_ZERO) | dict(machine)
     a, c, w = made["mount_rear"], made["mount_front"], mount_half_width(made)
@@ -196,7 +196,7 @@ def derived(machine: Mapping[str, float], soft: tuple[str, ...] = ()) -> dict[st
     return made
 
 
-def sink(made: dict[str, float], soft: tuple[str, ...]) -> None:
+def sink(made: dict[str, float], soft: Mapping[str, int]) -> None:
     """Soften the ground under the wheels by their sinkage z [m].
 
     Rolling resistance + 0.9 z/(2 R) of the load (linear fits of rutting, Saarilahti 2002); shear builds up over a
@@ -205,8 +205,8 @@ def sink(made: dict[str, float], soft: tuple[str, ...]) -> None:
     """
     z = made["sinkage"]
     made["wheel_brake"] += 0.5 * (made["load_front"] + made["load_rear"]) * 0.45 * z
-    for name in soft:
-        made[name] /= 1.0 + z / 0.03
+    for name, exponent in soft.items():
+        made[name] /= (1.0 + z / 0.03) ** exponent
     made["swivel_friction"] *= 1.0 + 6.0 * z
     made["ground_friction"] /= 1.0 + 3.0 * z
 

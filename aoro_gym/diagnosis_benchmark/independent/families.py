@@ -11,7 +11,7 @@ import warp as wp
 
 from . import constants
 
-FAMILIES = ("alder",)
+FAMILIES = ("alder", "birch")
 
 
 def family_of(name: str) -> ModuleType:

@@ -29,7 +29,7 @@ def turn_command(share: float, duration: float, rest: float = 0.6, period: float
 
 def key_figures(angle: np.ndarray, machine: Mapping[str, float], period: float = 0.01) -> dict[str, float]:
     """Turn time [s], mean flow, first peak and its time, lowest undershoot [L/min]; nan where a turn is not whole."""
-    made = derived(machine)
+    made = derived(machine, {})
     sign = 1.0 if angle[-1] > angle[0] else -1.0
     turned = sign * (angle - angle[0])
     end = 2 * made["stop_angle"]

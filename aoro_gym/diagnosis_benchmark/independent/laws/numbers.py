@@ -36,6 +36,16 @@ def orifice(conductance: wp.float64, drop: wp.float64, transition: wp.float64):
 
 
 @wp.func
+def mccloy(conductance: wp.float64, drop: wp.float64, transition: wp.float64):
+    """Flow through an orifice whose discharge coefficient grows with the Reynolds number: C_d = C_max tanh(√(Δp/Δp_t)).
+
+    McCloy, Martin: Control of Fluid Power, 1980. Q = K √|Δp| tanh(√(|Δp|/Δp_t)) sgn Δp: laminar for |Δp| ≪ Δp_t.
+    """
+    root = wp.sqrt(wp.abs(drop))
+    return wp.sign(drop) * conductance * root * wp.tanh(root / wp.sqrt(transition))
+
+
+@wp.func
 def series(first: wp.float64, second: wp.float64):
     """Conductance of two turbulent orifices one after the other: 1/K² = 1/K₁² + 1/K₂²."""
     return first * second / wp.sqrt(first * first + second * second + f64(1e-40))

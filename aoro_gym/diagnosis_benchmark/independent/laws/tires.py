@@ -11,7 +11,7 @@ from typing import Any
 import warp as wp
 
 from .geometry import vec4d, vec6d
-from .numbers import HALF, ONE, f64
+from .numbers import HALF, ONE, QUARTER, f64
 
 vec7d = wp.types.vector(length=7, dtype=wp.float64)
 
@@ -51,10 +51,10 @@ def brush(share: wp.float64):
 def carpet_tire(m: Any, motion: vec4d, load: wp.float64, u: vec4d):
     """Carpet of four brush elements: fore and aft ones shear sideways, left and right ones shear along.
 
-    An element's slip v is that of its place; u̇ = v − |v| u/u_s − |V| u/ℓ, force ½ μ N brush(u/u_s) + ½ c u̇. Arms
+    An element's slip v is that of its place; u̇ = v − |v| u/u_s − |V| u/ℓ, force ¼ μ N brush(u/u_s) + ½ c u̇. Arms
     a (fore), b (side).
     """
-    half = HALF * m.ground_friction * load
+    most = QUARTER * m.ground_friction * load
     rolling = wp.abs(motion[2]) / m.carpet_length
     slip = m.carpet_slip
     v = vec4d(
@@ -67,7 +67,7 @@ def carpet_tire(m: Any, motion: vec4d, load: wp.float64, u: vec4d):
     rate = vec4d()
     for i in range(4):
         rate[i] = v[i] - wp.abs(v[i]) * u[i] / slip - rolling * u[i]
-        f[i] = half * brush(u[i] / slip) + HALF * m.carcass_damping * rate[i]
+        f[i] = most * brush(u[i] / slip) + HALF * m.carcass_damping * rate[i]
     torque = -m.carpet_fore * (f[0] - f[1]) - m.carpet_side * (f[2] - f[3])
     return vec7d(f[2] + f[3], -f[0] - f[1], torque, rate[0], rate[1], rate[2], rate[3])
 
