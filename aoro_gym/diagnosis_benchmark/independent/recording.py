@@ -111,7 +111,7 @@ def integrate(
     kind, kernel = families.structure(family), families.kernel(family)
     count = len(prepared)
     settle = round(SETTLE / step)
-    steps = settle + math.ceil(max(one.other_times[-1] for one in prepared) / step) + 2
+    steps = settle + math.ceil(max(one.other_times[-1] for one in prepared) / step) + 4
     dead = max(one.machine.get("dead_time", 0.0) for one in prepared)
     places = math.ceil(dead / step) + 4 if dead > 0.0 else 1
 

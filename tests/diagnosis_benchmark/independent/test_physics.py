@@ -64,7 +64,7 @@ def test_mirrored_machine_makes_the_mirrored_turn(family):
     even |= family_of(family).EVEN
     left, right = trace([turn(family, 0.8, 1.2, machine=even), turn(family, -0.8, 1.2, machine=even)], period=0.01)
     assert np.allclose(left["angle"], -right["angle"], atol=2e-5)  # switches of friction differ in the last digit
-    assert np.allclose(left["exact_a"], right["exact_b"], atol=3e3)
+    assert np.allclose(left["exact_a"], right["exact_b"], atol=1e4)
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -1,7 +1,7 @@
 """Integration of a family's laws over a log: one thread a run, classical Runge–Kutta of fourth order with a fixed step.
 
-Within a step the command is the mean of what the delayed, held command is over it, so that a delay acts exactly,
-whatever the step.
+Steps start where the delayed command may change, so that a delay acts exactly, whatever the step; should the step not
+divide the commands' grid, a step takes their mean.
 """
 
 from typing import Any
@@ -142,8 +142,10 @@ def build(laws: Any, machine: Any) -> Any:
         other_sample = int(0)
         samples = angle_times.shape[1]
         begin = x
+        shift = m.command_delay / step
+        shift = (shift - wp.ceil(shift - f64(1e-6))) * step  # in (−step, 0]: edges of the command start steps
         for k in range(steps):
-            time = f64(k - settle) * step
+            time = f64(k - settle) * step + shift
             inputs[at.COMMAND] = mean_over(commands, run, time - m.command_delay, step)
             inputs[at.DRIVE] = mean_over(drives, run, time, step)
             inputs[at.TIME] = time

@@ -1,4 +1,4 @@
-"""Birch: a spool with four metering edges of their own laps, hoses as lines with inertia, a pump as a delayed pressure source.
+"""Birch: four metering edges of their own laps, hoses as lines with inertia, a pump as a delayed pressure source.
 
 Valve: command → first-order spool with a rate limit → play → four edges; discharge coefficients by McCloy. Compensator
 upstream, ideal but for a first-order lag. Pump: ṗ = (p_wanted(t − T_d) − R Q − p)/τ within rate limits. Oil by Yu, three
@@ -91,7 +91,7 @@ def thickness(m: Any, inputs: Any):
 
 @wp.func
 def inlet(x: Any, m: Any, inputs: Any):
-    """Flow [m³/s] from the pump over the open inlet edge, what of its drop is there without compensator, what it regulates to."""
+    """Flow [m³/s] over the open inlet edge, the drop that would be over it if the compensator stayed open, the one kept."""
     left = x[HELD] >= ZERO
     into = wp.where(left, x[SIDE_A], x[SIDE_B])
     lap = wp.where(left, m.dead_left, m.dead_right)
@@ -135,10 +135,10 @@ def modulus(m: Any, inputs: Any, pressure: wp.float64):
 
 
 @wp.func
-def line(d: Any, x: Any, m: Any, inputs: Any, k: int, port: wp.float64, end: wp.float64, volume: wp.float64, side: wp.float64):
+def line(d: Any, x: Any, m: Any, inputs: Any, k: int, ends: vec4d):
     """A side: three volumes of oil in hose, two inertias, q̇ = (p₁ − p₂ − R q − R₂ q |q|)/L; the last holds the cylinders.
 
-    ``port``: flow in at the valve; ``end``: flow that leaves at the cylinders; ``volume`` of oil there.
+    ``ends``: flow in at the valve, flow that leaves at the cylinders, volume of oil there, 1 or −1 for side A or B.
     """
     first = modulus(m, inputs, x[k])
     last = modulus(m, inputs, x[k + 4])
@@ -150,10 +150,10 @@ def line(d: Any, x: Any, m: Any, inputs: Any, k: int, port: wp.float64, end: wp.
         lost = q * (viscous + HALF * m.hose_turbulence * wp.abs(q))
         d[k + 1 + 2 * i] = (x[k + 2 * i] - x[k + 2 + 2 * i] - lost) / inertia
     hose = m.hose_volume
-    d[k] = (port - x[k + 1]) / (f64(0.45) * hose * (ONE / first + ONE / m.hose_modulus))
+    d[k] = (ends[0] - x[k + 1]) / (f64(0.45) * hose * (ONE / first + ONE / m.hose_modulus))
     d[k + 2] = (x[k + 1] - x[k + 3]) / (f64(0.2) * hose * (ONE / middle + ONE / m.hose_modulus))
-    held = (volume + f64(0.35) * hose) / last + f64(0.35) * hose / m.hose_modulus
-    d[k + 4] = (x[k + 3] - end) / (held + pocket(m, x[k + 4], x[at.ANGLE], side))
+    held = (ends[2] + f64(0.35) * hose) / last + f64(0.35) * hose / m.hose_modulus
+    d[k + 4] = (x[k + 3] - ends[1]) / (held + pocket(m, x[k + 4], x[at.ANGLE], ends[3]))
     return d
 
 
@@ -172,8 +172,8 @@ def derivative(x: State, m: Any, inputs: Any):
     supply = inlet(x, m, inputs)
     ports = port_flows(x, m, inputs, supply[0])
     leak = m.cylinder_leakage / inputs[at.VISCOSITY] * (x[SIDE_A + 4] - x[SIDE_B + 4])
-    d = line(d, x, m, inputs, SIDE_A, ports[0], c[2] * x[at.ROD_RATE] + leak, c[0], ONE)
-    d = line(d, x, m, inputs, SIDE_B, ports[1], c[3] * x[at.ROD_RATE] - leak, c[1], -ONE)
+    d = line(d, x, m, inputs, SIDE_A, vec4d(ports[0], c[2] * x[at.ROD_RATE] + leak, c[0], ONE))
+    d = line(d, x, m, inputs, SIDE_B, vec4d(ports[1], c[3] * x[at.ROD_RATE] - leak, c[1], -ONE))
     d[SPOOL] = wp.clamp((inputs[at.COMMAND] - x[SPOOL]) / m.spool_lag, -m.spool_rate, m.spool_rate)
     d[HELD] = f64(4000.0) * play(x[SPOOL] - x[HELD], m.valve_play)
     goal = wp.clamp(supply[2] / (supply[1] + f64(1e3)), ZERO, ONE)
