@@ -88,18 +88,38 @@ def vehicle_signals(x: Any, m: Any, h: Any):
     return y
 
 
-def build(laws: Any, machine: Any) -> Any:
-    """Kernel of a family.
+@wp.func
+def inputs_at(
+    m: Any, commands: wp.array2d(dtype=wp.float64), drives: wp.array2d(dtype=wp.float64), run: int, time: wp.float64,
+    step: wp.float64,
+):  # fmt: skip
+    """What drives a plant during the step from ``time`` on."""
+    inputs = Inputs()
+    inputs[at.COMMAND] = mean_over(commands, run, time - m.command_delay, step)
+    inputs[at.DRIVE] = mean_over(drives, run, time, step)
+    inputs[at.TIME] = time
+    inputs[at.VISCOSITY] = m.viscosity * wp.exp(-m.heating * wp.max(time, ZERO))
+    return inputs
 
-    ``laws``: module with ``State``, ``derivative``, ``limit``, ``start``, ``remembered`` and ``hydraulic_signals``;
-    ``machine``: Warp struct of its constants.
-    """
-    derivative, limit, start = laws.derivative, laws.limit, laws.start
-    remembered, hydraulic_signals = laws.remembered, laws.hydraulic_signals
 
-    @wp.func
-    def signals(x: laws.State, m: machine, inputs: Inputs):
-        return vehicle_signals(x, m, hydraulic_signals(x, m, inputs))
+@wp.func
+def due(times: wp.array2d(dtype=wp.float64), run: int, sample: int, until: wp.float64):
+    """Whether a sample is to be taken before ``until``."""
+    taken = False
+    if sample < times.shape[1]:
+        taken = times[run, sample] < until
+    return taken
+
+
+@wp.func
+def way(times: wp.array2d(dtype=wp.float64), run: int, sample: int, time: wp.float64, step: wp.float64):
+    """Share of a step after which a sample is taken."""
+    return wp.clamp((times[run, sample] - time) / step, ZERO, ONE)
+
+
+def stepper(laws: Any, machine: Any) -> Any:
+    """Function of a Runge–Kutta step by a family's laws."""
+    derivative, limit = laws.derivative, laws.limit
 
     @wp.func
     def step_on(x: laws.State, m: machine, inputs: Inputs, step: wp.float64):
@@ -119,6 +139,17 @@ def build(laws: Any, machine: Any) -> Any:
             inputs[at.TIME] = begin + ahead * step
         return limit(x + step / f64(6.0) * total, m)
 
+    return step_on
+
+
+def build(laws: Any, machine: Any) -> Any:
+    """Kernel of a family.
+
+    ``laws``: module with ``State``, ``derivative``, ``limit``, ``start``, ``remembered`` and ``hydraulic_signals``;
+    ``machine``: Warp struct of its constants.
+    """
+    step_on, start, remembered, hydraulics = stepper(laws, machine), laws.start, laws.remembered, laws.hydraulic_signals
+
     @wp.kernel(enable_backward=False, module="unique")
     def advance(
         machines: wp.array(dtype=machine),
@@ -131,41 +162,34 @@ def build(laws: Any, machine: Any) -> Any:
         settle: int,
         steps: int,
         history: wp.array2d(dtype=wp.float64),
-        # out
         out: wp.array3d(dtype=wp.float64),
     ):
         run = wp.tid()
         m = machines[run]
         x = vehicle_at_rest(start(m, angles[run]), m, angles[run])
-        inputs = Inputs()
-        angle_sample = int(0)
-        other_sample = int(0)
-        samples = angle_times.shape[1]
-        begin = x
+        one = int(0)
+        other = int(0)
         shift = m.command_delay / step
         shift = (shift - wp.ceil(shift - f64(1e-6))) * step  # in (−step, 0]: edges of the command start steps
         for k in range(steps):
             time = f64(k - settle) * step + shift
-            inputs[at.COMMAND] = mean_over(commands, run, time - m.command_delay, step)
-            inputs[at.DRIVE] = mean_over(drives, run, time, step)
-            inputs[at.TIME] = time
-            inputs[at.VISCOSITY] = m.viscosity * wp.exp(-m.heating * wp.max(time, ZERO))
+            inputs = inputs_at(m, commands, drives, run, time, step)
             if history.shape[1] > 1:
                 history[run, k % history.shape[1]] = remembered(x, m)
                 inputs[at.DELAYED] = remember(history, run, f64(k) + HALF - m.dead_time / step)
             begin = x
             x = step_on(x, m, inputs, step)
-            while angle_sample < samples and angle_times[run, angle_sample] < time + step:
-                share = wp.clamp((angle_times[run, angle_sample] - time) / step, ZERO, ONE)
-                out[run, angle_sample, 0] = (ONE - share) * begin[at.LAG_TWO] + share * x[at.LAG_TWO]
-                angle_sample += 1
-            if other_sample < samples and other_times[run, other_sample] < time + step:
-                one = signals(begin, m, inputs)
-                two = signals(x, m, inputs)
-                while other_sample < samples and other_times[run, other_sample] < time + step:
-                    share = wp.clamp((other_times[run, other_sample] - time) / step, ZERO, ONE)
+            while due(angle_times, run, one, time + step):
+                share = way(angle_times, run, one, time, step)
+                out[run, one, 0] = (ONE - share) * begin[at.LAG_TWO] + share * x[at.LAG_TWO]
+                one += 1
+            if due(other_times, run, other, time + step):
+                first = vehicle_signals(begin, m, hydraulics(begin, m, inputs))
+                last = vehicle_signals(x, m, hydraulics(x, m, inputs))
+                while due(other_times, run, other, time + step):
+                    share = way(other_times, run, other, time, step)
                     for c in range(1, at.N_SIGNALS):
-                        out[run, other_sample, c] = (ONE - share) * one[c] + share * two[c]
-                    other_sample += 1
+                        out[run, other, c] = (ONE - share) * first[c] + share * last[c]
+                    other += 1
 
     return advance
