@@ -1,9 +1,10 @@
-"""What each effect does to the key figures of full left turns: the twin against theory.
+"""What each effect does to the key figures of full left turns: the twin against theory in the same laws.
 
-``python -m studies.sensitivities [--machine FILE] [--laws FAMILY ...] [--limits] [--out FOLDER]`` (minutes on one core).
+``python -m studies.sensitivities [--machine FILE ...] [--laws FAMILY ...] [--options] [--limits] [--out FOLDER]`` (two
+minutes on one core for each machine; ``--options`` as much again for each of 29).
 
-Theory (:mod:`aoro_gym.validation.theory`) knows the default laws alone; of a twin with other laws, each option on its own
-then shows which of them moves a figure's sensitivity away from theory.
+With ``--options`` twin and theory are also compared for each option of a law that the machines obey, on its own beside the
+default ones: a disagreement of a machine that an option has, too, and the default laws have not, is that option's.
 """
 
 from __future__ import annotations
@@ -12,6 +13,9 @@ import argparse
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +26,7 @@ from aoro_gym.execution.files import write_text
 from aoro_gym.machine.laws import OPTIONS
 from aoro_gym.simulation.key_figures import SECOND_PEAK, TOLERANCE
 from aoro_gym.validation.theory.circuit import Array, load_sensing_loop
-from aoro_gym.validation.theory.planar import LIMITS, Planar, oil_mode
+from aoro_gym.validation.theory.planar import Planar, oil_mode
 from aoro_gym.validation.theory.sensitivities import (
     FIGURES,
     LEVELS,
@@ -32,6 +36,7 @@ from aoro_gym.validation.theory.sensitivities import (
     cases,
     predicted_angles,
 )
+from aoro_gym.validation.theory.states import LIMITS
 from aoro_gym.validation.turns import LONGEST_TURN, REST_AFTER, REST_BEFORE
 
 NEAR = 0.15
@@ -98,22 +103,61 @@ def limits_that_carry(turns: Cases, theory: Array) -> Array:
     return np.where(carries, np.argmax(shift, axis=0), -1)
 
 
-def options_that_carry(turns: Cases, machine: Machine, measured: Array, device: str) -> tuple[list[str], Array]:
-    """Options of the machine's laws, and the number of the one (levels, changes, figures) that alone moves a sensitivity
-    of the default laws the most towards ``measured``, -1 where none does so by half."""
-    default = turns.machine.with_laws("default")
-    base = turns.sensitivities(turns.figures(*twin_angles(turns, default, device)))[0]
-    chosen = [(law, option) for law, option in machine.laws.names.items() if option != OPTIONS[law][0]]
-    shares = []
-    for law, option in chosen:
-        angles = twin_angles(turns, default.with_laws(**{law: str(option)}), device)
-        own = turns.sensitivities(turns.figures(*angles))[0]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            shares.append((own - base) / (measured - base))
-    share = np.nan_to_num(np.stack(shares), nan=0.0, posinf=0.0, neginf=0.0)
-    nearest = np.argmin(np.abs(share - 1.0), axis=0)
-    moved = np.take_along_axis(share, nearest[None], axis=0)[0]
-    return [f"{law}: {option}" for law, option in chosen], np.where(np.abs(moved - 1.0) < CARRIES, nearest, -1)
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """Sensitivities (levels, changes, figures) of one machine by theory and by the twin."""
+
+    machine: Machine  # one variant
+    theory: Array
+    twin: Array
+    resolved: Array
+    """Below which neither is told from none."""
+    verdicts: Array
+    figures: tuple[Array, Array]
+    """Key figures (phases, levels, lanes, figures) by theory and by the twin."""
+    places: tuple[Array, Array]
+    carried: Array
+    """Number of the limit that carries it, -1 without."""
+
+    @property
+    def apart(self) -> Array:
+        """Where twin and theory disagree."""
+        return ~np.isin(self.verdicts, ("none", "near"))
+
+
+def compared(machine: Machine, *, limits: bool = False, device: str = "cpu") -> Compared:
+    """Sensitivities of ``machine`` (one variant), theory and twin with its laws."""
+    turns = cases(machine)
+    predicted, seen = predicted_angles(turns), twin_angles(turns, turns.machine, device)
+    figures = (turns.figures(*predicted), turns.figures(*seen))
+    (theory, scatter), (twin, noise) = (turns.sensitivities(values) for values in figures)
+    resolved = np.maximum(FLOOR, SCATTERS * np.maximum(scatter, noise))
+    said = [verdict(*cell) for cell in zip(theory.flat, twin.flat, resolved.flat, strict=True)]
+    carried = limits_that_carry(turns, theory) if limits else np.full(theory.shape, -1)
+    return Compared(
+        machine, theory, twin, resolved, np.array(said).reshape(theory.shape), figures,
+        (turns.places(*predicted), turns.places(*seen)), carried,
+    )  # fmt: skip
+
+
+def laws_apart(own: Compared, alone: Mapping[tuple[str, str], Compared]) -> Array:
+    """Text (levels, changes, figures) of the law in which ``own`` twin and theory are apart, "" where they are not.
+
+    Of the options in which they are apart alone, too, and the default laws are not, the one with the largest difference.
+
+    Args:
+        own: A machine with its laws.
+        alone: Each option of a law on its own beside the default ones; under ("", "") those alone.
+    """
+    default, largest = alone["", ""].apart, np.zeros(own.theory.shape)
+    out = np.where(own.apart, np.where(default, "default laws", "several laws"), "").astype(object)
+    for law, option in own.machine.laws.names.items():
+        if option != OPTIONS[law][0]:
+            one = alone[law, str(option)]
+            off = np.where(own.apart & ~default & one.apart, np.abs(one.twin - one.theory), 0.0)
+            out[off > largest] = f"{law}: {option}"
+            largest = np.maximum(largest, off)
+    return out
 
 
 def place_remarks(theory: Array, twin: Array) -> list[dict[str, str]]:
@@ -164,28 +208,18 @@ def linear_part(turns: Cases) -> list[dict[str, Any]]:
     return rows
 
 
-def compared(turns: Cases, predicted: tuple[Array, Array], *, limits: bool, device: str) -> dict[str, Any]:
-    """Table of sensitivities: theory, from the ``predicted`` instants and angles, beside the twin with its laws."""
-    machine = turns.machine.variant(0)
-    seen = twin_angles(turns, turns.machine, device)
-    figures = [turns.figures(*angles) for angles in (predicted, seen)]
-    (theory, scatter), (twin, noise) = (turns.sensitivities(values) for values in figures)
-    resolved = np.maximum(FLOOR, SCATTERS * np.maximum(scatter, noise))
-    places = place_remarks(turns.places(*predicted), turns.places(*seen))
-    carried = limits_that_carry(turns, theory) if limits else np.full(theory.shape, -1)
-    options, option = [], np.full(theory.shape, -1)
-    if not machine.laws.default:
-        options, option = options_that_carry(turns, machine, twin, device)
+def table_of(own: Compared, alone: Mapping[tuple[str, str], Compared]) -> dict[str, Any]:
+    """Table of sensitivities: theory beside the twin, and the laws in which they are apart, if ``alone`` is known."""
+    turns = cases(own.machine)
+    places = place_remarks(*own.places)
+    laws = laws_apart(own, alone) if alone else np.full(own.theory.shape, "", dtype=object)
     rows = []
-    for level, at, figure in np.ndindex(theory.shape):
-        change, expected, found = turns.changes[at], float(theory[level, at, figure]), float(twin[level, at, figure])
-        said = verdict(expected, found, float(resolved[level, at, figure]))
-        remarks = []
-        if change.effect in SILENT:
-            remarks.append(SILENT[change.effect])
-        if said in ("sign", "opposed", "not predicted", "not seen"):
+    for level, at, figure in np.ndindex(own.theory.shape):
+        here = level, at, figure
+        change, expected, found = turns.changes[at], float(own.theory[here]), float(own.twin[here])
+        remarks = [SILENT[change.effect]] if change.effect in SILENT else []
+        if own.apart[here]:
             remarks += [places[level][FIGURES[figure]]] if FIGURES[figure] in places[level] else []
-            remarks += [options[option[level, at, figure]]] if option[level, at, figure] >= 0 else []
         rows.append(
             {
                 "effect": change.name,
@@ -194,21 +228,23 @@ def compared(turns: Cases, predicted: tuple[Array, Array], *, limits: bool, devi
                 "figure": FIGURES[figure],
                 "theory": expected,
                 "twin": found,
-                "ratio": found / expected if abs(expected) > resolved[level, at, figure] else None,
-                "resolved": float(resolved[level, at, figure]),
-                "verdict": said,
-                "limit": list(LIMITS)[carried[level, at, figure]] if carried[level, at, figure] >= 0 else None,
+                "ratio": found / expected if abs(expected) > own.resolved[here] else None,
+                "resolved": float(own.resolved[here]),
+                "verdict": str(own.verdicts[here]),
+                "limit": list(LIMITS)[own.carried[here]] if own.carried[here] >= 0 else None,
+                "laws": laws[here] or None,
                 "remark": "; ".join(remarks),
             }
         )
     rows.sort(key=lambda row: (row["effect"], -row["signal_percent"]))
-    nominal = [values[:, :, 0].mean(axis=0).tolist() for values in figures]
+    nominal = [values[:, :, 0].mean(axis=0).tolist() for values in own.figures]
     return {
-        "machine": machine.name,
-        "laws": machine.laws.names,
+        "machine": own.machine.name,
+        "laws": own.machine.laws.names,
         "figures": list(FIGURES),
         "nominal": {"theory": nominal[0], "twin": nominal[1]},
         "counts": counts(rows),
+        "laws_apart": dict(Counter(row["laws"] for row in rows if row["laws"]).most_common()),
         "linear": linear_part(turns),
         "rows": rows,
     }
@@ -299,28 +335,42 @@ def table(result: Mapping[str, Any]) -> str:
             cells.append(text + marks[row["verdict"]])
         size = ", ".join(f"{value:g}" for value in rows[0]["size"])
         limits = sorted({row["limit"] for row in rows if row["limit"] and row["verdict"] != "none"})
-        remark = "; ".join(dict.fromkeys([row["remark"] for row in rows if row["remark"]] + limits))
+        said = [row[key] for row in rows for key in ("remark", "laws") if row[key]]
+        remark = "; ".join(dict.fromkeys(said + limits))
         lines.append(f"| {effect} | {size} | {signal:g} % | " + " | ".join(cells) + f" | {remark} |")
     return "\n".join(lines) + "\n"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--machine", default="aoro", help="name of a bundled machine, or a machine file")
-    parser.add_argument("--laws", nargs="+", default=["default"], help="families of laws")
+    parser.add_argument("--machine", nargs="+", default=["aoro"], help="names of bundled machines, or machine files")
+    parser.add_argument("--laws", nargs="+", help="families of laws, instead of the machines' own")
+    parser.add_argument("--options", action="store_true", help="also find the laws in which twin and theory are apart")
     parser.add_argument("--limits", action="store_true", help="also find the limit that carries each sensitivity")
     parser.add_argument("--device", default="cpu")
+    parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("results/sensitivities"))
     asked = parser.parse_args()
     asked.out.mkdir(parents=True, exist_ok=True)
-    base = Machine.load(asked.machine)
-    predicted = predicted_angles(cases(base))
-    for family in asked.laws:
-        result = compared(cases(base.with_laws(family)), predicted, limits=asked.limits, device=asked.device)
-        write_text(asked.out / f"{family}.json", json_of(result))
-        write_text(asked.out / f"{family}.md", table(result))
-        drawn(result, asked.out / f"{family}.png")
-        print(family, result["counts"]["all"])
+    machines = {
+        family or Path(name).stem: Machine.load(name).with_laws(family) if family else Machine.load(name)
+        for name in asked.machine
+        for family in asked.laws or [None]
+    }
+    chosen = {(law, str(o)) for one in machines.values() for law, o in one.laws.names.items() if o != OPTIONS[law][0]}
+    options = [("", ""), *sorted(chosen)] if asked.options else []
+    plain = Machine.load("aoro").with_laws("default")
+    single = [plain.with_laws(**{law: option}) if law else plain for law, option in options]
+    with ProcessPoolExecutor(asked.processes) as pool:
+        work = partial(compared, limits=asked.limits, device=asked.device)
+        found = list(pool.map(work, [*machines.values(), *single]))
+    alone = dict(zip(options, found[len(machines) :], strict=True))
+    for name, own in zip(machines, found, strict=False):
+        result = table_of(own, alone)
+        write_text(asked.out / f"{name}.json", json_of(result))
+        write_text(asked.out / f"{name}.md", table(result))
+        drawn(result, asked.out / f"{name}.png")
+        print(name, result["counts"]["all"], result["laws_apart"])
 
 
 if __name__ == "__main__":

@@ -4,8 +4,9 @@ import json
 
 import numpy as np
 
+from aoro_gym import Machine
 from aoro_gym.validation.theory.sensitivities import FIGURES
-from studies.sensitivities import counts, json_of, place_remarks, verdict
+from studies.sensitivities import Compared, counts, json_of, laws_apart, place_remarks, verdict
 
 
 def test_verdicts():
@@ -39,3 +40,28 @@ def test_tables_are_written_a_row_a_line():
     text = json_of({"machine": "x", "rows": [{"a": 0.123456, "b": None}, {"a": float("nan"), "b": "c"}]})
     assert json.loads(text) == {"machine": "x", "rows": [{"a": 0.1235, "b": None}, {"a": None, "b": "c"}]}
     assert text.count("\n") == 7
+
+
+def _compared(machine, theory, twin):
+    """Of one level, one change and one figure."""
+    theory, twin = (np.full((1, 1, 1), value) for value in (theory, twin))
+    said = np.array(verdict(float(theory.item()), float(twin.item()), 1e-4)).reshape(1, 1, 1)
+    none = np.zeros((1, 1, 1))
+    return Compared(machine, theory, twin, none, said, (none, none), (none, none), none)
+
+
+def test_a_disagreement_is_the_laws_that_has_it_alone():
+    plain = Machine.load("aoro")
+    own = _compared(plain.with_laws(compensator="static", hose="stiffening"), 0.01, 0.02)
+    near, far, farther = (_compared(plain, 0.01, twin) for twin in (0.0101, 0.02, 0.03))
+    laws = ("compensator", "static"), ("hose", "stiffening")
+
+    def apart(default, *single):
+        return laws_apart(own, dict(zip((("", ""), *laws), (default, *single), strict=True))).item()
+
+    assert apart(near, far, near) == "compensator: static"
+    assert apart(near, far, farther) == "hose: stiffening"
+    assert apart(near, near, near) == "several laws"
+    assert apart(far, far, near) == "default laws"
+    own = near
+    assert apart(far, far, far) == ""

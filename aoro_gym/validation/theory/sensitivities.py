@@ -15,7 +15,8 @@ from aoro_gym.sensors.chain import SAMPLE_RATE, measured_flow, sample
 from aoro_gym.simulation.key_figures import FIRST_PEAK_END, SECOND_PEAK, UNDERSHOOT_END, key_figures_batch, turn_span
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.validation.theory.circuit import Array, chambers, steady_turn
-from aoro_gym.validation.theory.planar import PHI, Planar
+from aoro_gym.validation.theory.planar import Planar
+from aoro_gym.validation.theory.states import PHI
 from aoro_gym.validation.turns import REST_AFTER, REST_BEFORE, repeated, stacked
 
 FIGURES = (
@@ -183,7 +184,7 @@ def predicted_angles(
 
     Args:
         turns: The lanes.
-        without: Limits out of reach, one sequence a lane; see :data:`aoro_gym.validation.theory.planar.LIMITS`.
+        without: Limits out of reach, one sequence a lane; see :data:`aoro_gym.validation.theory.states.LIMITS`.
         transient: Time [s] from the command on that is integrated.
     """
     machine = turns.machine

@@ -2,21 +2,28 @@
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from aoro_gym import Machine, Twin
+from aoro_gym.machine.laws import OPTIONS
 from aoro_gym.units import ATMOSPHERIC_PRESSURE, LITRE_PER_MINUTE
 from aoro_gym.validation.theory.circuit import (
     chambers,
     dry_friction,
+    edge_drop,
+    edge_flow,
     load_sensing_loop,
     metered_flow,
     modulus,
     opening,
+    return_flow,
     return_pressure,
     steady_turn,
     turbulent,
+    walls,
 )
-from aoro_gym.validation.theory.planar import LINEAR, SUPPLY, SWASH, Planar
+from aoro_gym.validation.theory.planar import LINEAR, Planar
+from aoro_gym.validation.theory.states import SUPPLY, SWASH
 
 
 def test_chambers_displace_what_their_volumes_change_by(machine):
@@ -66,10 +73,11 @@ def test_the_compensator_holds_its_setting_over_the_edge(machine):
     even = machine.set({"steering.valve.compensator_droop": 0.0})
     valve = even.steering.valve
     edge, available = np.array([0.3, 1.0]), np.array([15e5, 30e5])
-    flow, y = metered_flow(even, edge, available)
+    flow, y, drop = metered_flow(even, edge, available)
     np.testing.assert_allclose(flow, edge * valve.cv_in_left * np.sqrt(valve.compensator_pressure), rtol=1e-12)
+    np.testing.assert_allclose(drop, valve.compensator_pressure, rtol=1e-12)
     assert np.all((y > 0.0) & (y < 1.0))
-    starved, wide = metered_flow(even, edge, 0.5 * valve.compensator_pressure)
+    starved, wide, _ = metered_flow(even, edge, 0.5 * valve.compensator_pressure)
     assert np.all(wide == pytest.approx(1.0)) and np.all(starved < flow)
 
 
@@ -82,6 +90,72 @@ def test_dry_friction_rises_with_pressure_and_falls_with_speed(machine):
     assert fast == pytest.approx(machine.joint.friction_torque + seals)
     pressed = float(dry_friction(machine, ports, 1e7, 10.0))
     assert pressed - fast == pytest.approx(ports.lever_sum * cylinder.seal_pressure_coefficient * 1e7)
+
+
+@pytest.mark.parametrize("orifice", OPTIONS["orifice"])
+def test_the_drop_over_an_edge_is_the_inverse_of_its_flow(machine, orifice):
+    chosen, drop = machine.with_laws(orifice=orifice), np.array([0.0, 1e4, 9e4, 2e5, 5e6])
+    flow = edge_flow(chosen, 2e-6, drop)
+    np.testing.assert_allclose(edge_drop(chosen, 2e-6, flow), drop, rtol=1e-9, atol=1e-9)
+    slope, far = 2e-6 / np.sqrt(machine.oil.laminar_pressure), 2e-6 * np.sqrt(5e6)
+    assert flow[1] == pytest.approx(1e4 * slope, rel=3e-3) and flow[-1] == pytest.approx(far, rel=1.1e-4)
+
+
+@pytest.mark.parametrize("option", OPTIONS["return_line"])
+def test_the_flow_of_a_return_line_is_the_inverse_of_its_pressure(machine, option):
+    chosen, flow = machine.with_laws(return_line=option), np.array([1e-5, 2e-4, 1e-3])
+    np.testing.assert_allclose(return_flow(chosen, return_pressure(chosen, flow)), flow, rtol=1e-9)
+    assert float(return_flow(chosen, 0.0)) == 0.0
+
+
+def test_a_smooth_opening_is_scipys_monotone_cubic_inside(machine):
+    """SciPy's slopes at the inner points; none at the end of the dead band, the last secant at 2 V."""
+    smooth, valve = machine.with_laws(opening="smooth"), machine.steering.valve
+    knots = np.array([valve.dead_band_left, 1.0, 1.5, 2.0], dtype=np.float64)
+    heights = np.array([0.0, valve.opening_left_1V0, valve.opening_left_1V5, 1.0])
+    slopes = PchipInterpolator(knots, heights).derivative()(knots)
+    slopes[0], slopes[3] = 0.0, (heights[3] - heights[2]) / 0.5
+    volts = np.linspace(knots[0], 2.0, 101)
+    expected = CubicHermiteSpline(knots, heights, slopes)(volts)
+    np.testing.assert_allclose(opening(smooth, volts / 2.0), expected, atol=1e-12)
+    assert float(opening(smooth, 0.5 * knots[0] - 0.01)) == 0.0
+
+
+def test_oil_of_each_law_is_as_stiff_as_its_law_says(machine):
+    aerated = machine.set({"oil.gas_fraction": 0.01})
+    exponents = {"polytropic": aerated.oil.polytropic_exponent, "isothermal": 1.0, "adiabatic": 1.4}
+    for gas, exponent in exponents.items():
+        same = aerated.set({"oil.polytropic_exponent": exponent})
+        assert modulus(aerated.with_laws(gas=gas), 3e5) == pytest.approx(modulus(same, 3e5), rel=1e-12)
+    constant = machine.with_laws(liquid="constant")
+    assert modulus(constant, 1e5) == modulus(constant, 3e7) == pytest.approx(modulus(machine, 50e5), rel=1e-12)
+
+
+def test_dissolving_air_is_the_slope_of_its_volume(machine):
+    oil = machine.set({"oil.gas_fraction": 0.01, "oil.bulk_modulus_slope": 0.0}).with_laws(gas="dissolving")
+
+    def gas(p):
+        x = p / oil.oil.solution_pressure
+        free = 1.0 - 3.0 * x**2 + 2.0 * x**3
+        return 0.01 * free * (ATMOSPHERIC_PRESSURE / (p + ATMOSPHERIC_PRESSURE)) ** (1.0 / oil.oil.polytropic_exponent)
+
+    for p in (2e5, 15e5):
+        compliance = 0.99 / oil.oil.bulk_modulus - (gas(p + 10.0) - gas(p - 10.0)) / 20.0
+        assert modulus(oil, p) == pytest.approx((0.99 + gas(p)) / compliance, rel=1e-6)
+    assert modulus(oil, 40e5) == pytest.approx(oil.oil.bulk_modulus, rel=1e-12)
+
+
+def test_walls_give_by_their_law(machine):
+    steering = machine.steering
+    p = steering.hose_stiffening_pressure
+    given = {option: float(walls(machine.with_laws(hose=option), p)) for option in OPTIONS["hose"]}
+    whole = float(steering.hose_compliance)
+    assert given == {
+        "linear": whole,
+        "stiffening": pytest.approx(0.5 * whole),
+        "viscoelastic": pytest.approx((1.0 - steering.hose_delayed_share) * whole),
+        "two_segments": pytest.approx(0.5 * whole),
+    }
 
 
 def test_the_return_line_follows_its_filter(machine):

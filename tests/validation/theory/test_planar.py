@@ -4,27 +4,35 @@ import numpy as np
 import pytest
 
 from aoro_gym import Machine
+from aoro_gym.machine.laws import FAMILIES, OPTIONS
 from aoro_gym.units import GRAVITY
-from aoro_gym.validation.theory import planar as module
+from aoro_gym.validation.theory import hydraulics as module
 from aoro_gym.validation.theory.circuit import chambers, hydraulic_frequency, modulus
 from aoro_gym.validation.theory.half import joint_inertia
-from aoro_gym.validation.theory.planar import (
+from aoro_gym.validation.theory.planar import LINEAR, Planar, oil_mode
+from aoro_gym.validation.theory.states import (
     BRISTLE,
+    COMPENSATOR,
     HINGE,
+    HOSE_FLOW_A,
+    JOINT_BRISTLE,
     LIMITS,
-    LINEAR,
+    LS,
     PHI,
     PORT_A,
     PORT_B,
+    PUMP_VALVE,
     RATE,
     RETURN,
     ROLL,
     ROLL_RATE,
+    SCALES,
     SPOOL,
+    SPOOL_RATE,
     STATES,
     SUPPLY,
-    Planar,
-    oil_mode,
+    SWASH,
+    TWIST,
 )
 
 LOSSLESS = {
@@ -79,9 +87,8 @@ def test_shut_columns_swing_at_the_hydraulic_frequency(lossless):
     planar, angle = Planar(lossless, 0.05), np.radians(-20.0)
     a, x = planar.linearised(angle)
     ports = chambers(lossless, angle)
-    walls = lossless.steering.hose_compliance
     compliance = [
-        volume / modulus(lossless, x[port]) + walls
+        volume / modulus(lossless, x[port]) + lossless.steering.hose_compliance
         for volume, port in ((ports.volume_a, PORT_A), (ports.volume_b, PORT_B))
     ]
     expected = hydraulic_frequency(ports, compliance[0], compliance[1], joint_inertia(planar.half, angle)[0])
@@ -144,3 +151,66 @@ def test_limits_cap_the_pressure(machine):
     reach = low.steering.pump.control_band
     assert top[0] < 60e5 + 3.0 * reach < top[1]
     assert set(LIMITS) >= {"cut-off", "shock valves", "anti-cavitation valves"}
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_the_steady_turn_of_every_family_is_an_equilibrium_of_its_circuit(family):
+    """Of all that the flow balance knows; port B and the return line miss what leaks there, at most 3e-4 of the flow."""
+    machine = Machine.load("aoro").with_laws(family)
+    planar = Planar(machine, np.array([1.0, 0.6]))
+    x, turn = planar.steady(-0.4)
+    rise = planar.derivative(x, planar.level) / SCALES[:, None]
+    known = [SUPPLY, LS, SWASH, COMPENSATOR, SPOOL, SPOOL_RATE, PUMP_VALVE]
+    assert np.abs(rise[known]).max() < 1e-6
+    leaks = 3e-4 * turn.flow * (modulus(machine, 1e6) / 1e-4 / SCALES[PORT_A])
+    assert np.all(np.abs(rise[[PORT_A, PORT_B, RETURN]]) < leaks)
+    np.testing.assert_allclose(planar.circuit.balanced(x), turn.compensator, atol=1e-6)
+    assert (x[HOSE_FLOW_A].max() > 0.0) == (family == "valve_maker")
+
+
+def test_tires_resist_swivelling_by_their_law(machine):
+    """A patch that slides as a whole at the bore torque; discs in proportion to a small twist, at most at their grip."""
+    tire = machine.tire
+    torques = {}
+    for swivel in ("five_discs", "bore_torque"):
+        planar = Planar(machine.with_laws(swivel=swivel), np.ones(3))
+        x = np.zeros((len(STATES), 3))
+        x[TWIST] = [1e-6, 2e-6, 1e3]
+        torques[swivel] = planar._swivel(x, np.zeros(3))[1]
+        assert torques[swivel][1] == pytest.approx(2.0 * torques[swivel][0], rel=1e-12)
+    load = 0.5 * float(Planar(machine, 1.0).half.load)
+    assert torques["bore_torque"][2] == pytest.approx(2.0 * tire.friction_coulomb * load * tire.bore_radius)
+    assert torques["bore_torque"][0] == pytest.approx(2.0 * tire.bore_stiffness * 1e-6)
+    depth = load / tire.stiffness
+    shares = np.array([depth - tire.disc_drop_inner, depth - tire.disc_drop_outer]) / (
+        depth + 2.0 * (2.0 * depth - tire.disc_drop_inner - tire.disc_drop_outer)
+    )
+    levers = np.array([tire.disc_offset_inner, tire.disc_offset_outer])
+    stiffness = 2.0 * load * 2.0 * tire.sigma0_longitudinal * (shares @ levers**2)
+    assert torques["five_discs"][0] == pytest.approx(stiffness * 1e-6, rel=1e-9)
+    assert torques["five_discs"][2] == pytest.approx(4.0 * load * tire.friction_static * (shares @ levers), rel=1e-9)
+
+
+def test_a_relaxing_tire_has_a_slip_stiffness_and_slides_at_its_grip(machine):
+    """ż = u − |v_r| z/ℓ rests at z = u ℓ/|v_r|."""
+    planar = Planar(machine.with_laws(slip="relaxation"), np.ones(1))
+    x, out = np.zeros((len(STATES), 1)), np.zeros((len(STATES), 1))
+    x[RATE], slip = 0.3, np.array([1e-3])
+    x[BRISTLE] = 1e-3 * machine.tire.relaxation_lateral / (0.3 * planar.half.half_track)
+    force = planar._lateral(x, slip, out)
+    assert out[BRISTLE] == pytest.approx(0.0, abs=1e-15)
+    assert force == pytest.approx(machine.tire.sigma0_lateral * x[BRISTLE], rel=1e-12)
+    x[BRISTLE] = 1.0
+    x[HINGE] = 0.0
+    most = planar._tire_grip(planar.half.axle * x[RATE])
+    assert planar._bounded(x.copy())[BRISTLE] == pytest.approx(most / machine.tire.sigma0_lateral)
+
+
+@pytest.mark.parametrize("law", OPTIONS["friction"])
+def test_dry_friction_slides_at_its_capacity_by_every_law(machine, law):
+    planar = Planar(machine.with_laws(friction=law), np.ones(2))
+    x, out = np.zeros((len(STATES), 2)), np.zeros((len(STATES), 2))
+    ports, rate = chambers(machine, np.zeros(2)), np.array([0.2, -0.2])
+    grip = planar._grip(x, ports, rate)
+    x[JOINT_BRISTLE] = np.sign(rate) * grip / machine.joint.presliding_stiffness
+    np.testing.assert_allclose(planar._friction(x, ports, rate, out), np.sign(rate) * grip, rtol=1e-9)
