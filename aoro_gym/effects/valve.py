@@ -30,6 +30,39 @@ def _metered_flow(machine: Machine, *magnitude: Quantity) -> Quantity:
     return valve.cv_in_left * np.sqrt(valve.compensator_pressure)
 
 
+def _slower_spool(machine: Machine, time_constant: Quantity) -> Mapping[str, Quantity]:
+    """Of first order, a longer time constant; of second order, a frequency at which its lag at low frequency, 2ζ/ω, is
+    longer by as much."""
+    valve, second = machine.steering.valve, machine.laws.obeys("spool", "second_order")
+    slower = 1.0 / (1.0 + np.asarray(time_constant) * valve.spool_frequency / (2.0 * valve.spool_damping))
+    return {
+        "steering.valve.spool_time_constant": np.where(second, 0.0, time_constant),
+        "steering.valve.spool_frequency": np.where(second, valve.spool_frequency * (slower - 1.0), 0.0),
+    }
+
+
+def _spool_lag(machine: Machine, *magnitude: Quantity) -> Quantity:
+    valve = machine.steering.valve
+    second = machine.laws.obeys("spool", "second_order")
+    return np.where(second, 2.0 * valve.spool_damping / valve.spool_frequency, valve.spool_time_constant)
+
+
+def _slower_compensator(machine: Machine, factor: Quantity) -> Mapping[str, Quantity]:
+    """A longer time constant, or a spring and a mass with all times longer; a static one has none."""
+    valve, mass = machine.steering.valve, machine.laws.obeys("compensator", "spring_mass")
+    slower = valve.compensator_frequency * (1.0 / np.asarray(factor) - 1.0)
+    return {
+        **scaled("steering.valve.compensator_time_constant")(machine, factor),
+        "steering.valve.compensator_frequency": np.where(mass, slower, 0.0),
+    }
+
+
+def _compensator_time(machine: Machine, *magnitude: Quantity) -> Quantity:
+    valve, mass = machine.steering.valve, machine.laws.obeys("compensator", "spring_mass")
+    own = np.where(mass, 2.0 * valve.compensator_damping / valve.compensator_frequency, valve.compensator_time_constant)
+    return np.where(machine.laws.obeys("compensator", "static"), 0.0, own)
+
+
 def _open_drop(machine: Machine, *magnitude: Quantity) -> Quantity:
     return (REFERENCE_FLOW / machine.steering.valve.cv_compensator) ** 2
 
@@ -50,12 +83,8 @@ EFFECTS: tuple[Effect, ...] = (
         physics="The spool follows its pilot slower.",
         sign="+: slower",
         magnitudes=(Magnitude("time_constant", "s", 0.0, 0.08, "1D: 0.010 to 0.042 s, R: to 0.06"),),
-        operational=(
-            Operational(
-                "time constant of the spool for small steps", "s", parameter("steering.valve.spool_time_constant")
-            ),
-        ),
-        change=added("steering.valve.spool_time_constant"),
+        operational=(Operational("time constant of the spool for small steps", "s", _spool_lag),),
+        change=_slower_spool,
     ),
     MachineEffect(
         id="spool_rate",
@@ -112,13 +141,9 @@ EFFECTS: tuple[Effect, ...] = (
         sign="+: slower",
         magnitudes=(factor(0.1, 5.0, "S16, 1D: 0.2 to 30 ms"),),
         operational=(
-            Operational(
-                "time of the compensator's stroke under an excess of one setting",
-                "s",
-                parameter("steering.valve.compensator_time_constant"),
-            ),
+            Operational("time of the compensator's stroke under an excess of one setting", "s", _compensator_time),
         ),
-        change=scaled("steering.valve.compensator_time_constant"),
+        change=_slower_compensator,
     ),
     MachineEffect(
         id="compensator_opening",

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from aoro_gym.effects.effect import Effect, GroundEffect, MachineEffect, Magnitude, Operational
-from aoro_gym.effects.magnitudes import added, factor, given, parameter, scaled
+from aoro_gym.effects.magnitudes import factor, given, parameter, scaled
 from aoro_gym.machine.parameters import Machine
 from aoro_gym.machine.quantities import Quantity
 from aoro_gym.terrains.plane import Plane
@@ -48,11 +48,24 @@ def _ground_slope(plane: Plane, ahead: Quantity, left: Quantity) -> Plane:
     )
 
 
+def _tire_scrub(machine: Machine, radius: Quantity) -> Mapping[str, Quantity]:
+    """A longer lever of the friction that resists swivelling: the bore torque's own, or one that the other laws add."""
+    bore = machine.laws.obeys("swivel", "bore_torque")
+    return {"tire.scrub_radius": np.where(bore, 0.0, radius), "tire.bore_radius": np.where(bore, radius, 0.0)}
+
+
 def _swivel_torque(machine: Machine, *magnitude: Quantity) -> Quantity:
-    """Dahl's torque after a swivel from rest: M (1 − exp(−ψ/ψ₀)), at slow swivel of a wheel that does not roll."""
-    tire = machine.tire
-    sliding = tire.friction_coulomb * REFERENCE_LOAD * np.asarray(tire.scrub_radius)
-    return sliding * (1.0 - np.exp(-SWIVEL / np.asarray(tire.scrub_angle)))
+    """Torque after a swivel ψ from rest, of a wheel that does not roll: of one contact point M (1 − exp(−ψ/ψ₀)) (Dahl); of
+    the bore torque kψ, no more than M; of five discs M, as all of them slide by then."""
+    tire, laws = machine.tire, machine.laws
+    sliding = tire.friction_coulomb * REFERENCE_LOAD
+    point = sliding * tire.scrub_radius * (1.0 - np.exp(-SWIVEL / np.asarray(tire.scrub_angle)))
+    bore = np.minimum(tire.bore_stiffness * SWIVEL, sliding * tire.bore_radius)
+    offset = 0.4 * (np.asarray(tire.disc_offset_inner) + tire.disc_offset_outer)
+    discs = sliding * (offset + tire.scrub_radius)
+    return np.where(
+        laws.obeys("swivel", "five_discs"), discs, np.where(laws.obeys("swivel", "bore_torque"), bore, point)
+    )
 
 
 EFFECTS: tuple[Effect, ...] = (
@@ -89,7 +102,7 @@ EFFECTS: tuple[Effect, ...] = (
         operational=(
             Operational("torque that swivels one standing wheel by 20° from rest at 24.5 kN", "N*m", _swivel_torque),
         ),
-        change=added("tire.scrub_radius"),
+        change=_tire_scrub,
     ),
     MachineEffect(
         id="soft_ground",

@@ -166,6 +166,10 @@ class Laws:
             raise ValueError(f"laws differ in their number of variants: {sorted(lengths)}; give all the same length")
         return lengths.pop() if lengths else 1
 
+    def obeys(self, law: str, option: str) -> bool | NDArray[np.bool_]:
+        """Whether the choice of ``law`` is ``option``; one truth a twin where twins choose."""
+        return np.equal(self.choices[law], OPTIONS[law].index(option))
+
     @property
     def choices(self) -> dict[str, Choice]:
         """Number of the option by law."""

@@ -597,3 +597,41 @@ def test_every_effect_of_a_component_is_in_the_catalogue() -> None:
     components = [import_module(f"aoro_gym.effects.{name}") for name in COMPONENTS]
     assert sorted(one.id for component in components for one in component.EFFECTS) == sorted(EFFECTS)
     assert all(one.component == name for name, of in zip(COMPONENTS, components, strict=True) for one in of.EFFECTS)
+
+
+@pytest.mark.parametrize(
+    ("effect_id", "law", "option", "moved"),
+    [
+        ("spool_lag", "spool", "second_order", "steering.valve.spool_frequency"),
+        ("compensator_lag", "compensator", "spring_mass", "steering.valve.compensator_frequency"),
+        ("tire_scrub", "swivel", "bore_torque", "tire.bore_radius"),
+        ("tire_scrub", "swivel", "five_discs", "tire.scrub_radius"),
+    ],
+)
+def test_effects_move_what_the_machines_law_reads(
+    effect_id: str, law: str, option: str, moved: str, shipped: Machine
+) -> None:
+    """Whatever law a component obeys, the effect changes its operational magnitude, by a parameter of that very law."""
+    effect, machine = EFFECTS[effect_id], shipped.with_laws(**{law: option})
+    most = [one.high for one in effect.magnitudes]
+    affected = effect.apply(machine, *most)
+    assert affected.value(moved) != machine.value(moved)
+    default = effect.measured(shipped, *most)[0] - effect.measured(shipped, *effect.none)[0]
+    change = effect.measured(machine, *most)[0] - effect.measured(machine, *effect.none)[0]
+    assert np.sign(change) == np.sign(default)
+    absent = effect.apply(machine, *effect.none)
+    assert all(absent.value(key) == machine.value(key) for key in machine.entries)
+
+
+def test_a_lag_of_second_order_is_as_long_as_one_of_first(shipped: Machine) -> None:
+    """A spool of second order behind a ramp lags by 2ζ/ω: the effect adds its time constant to that."""
+    second = shipped.with_laws(spool="second_order")
+    valve = EFFECTS["spool_lag"].apply(second, 0.03).steering.valve
+    before = second.steering.valve
+    added = 2.0 * valve.spool_damping / valve.spool_frequency - 2.0 * before.spool_damping / before.spool_frequency
+    assert added == pytest.approx(0.03, rel=1e-12)
+
+
+def test_a_static_compensator_is_never_late(shipped: Machine) -> None:
+    machine = shipped.with_laws(compensator="static")
+    assert EFFECTS["compensator_lag"].measured(machine, 5.0)[0] == 0.0

@@ -25,7 +25,9 @@ BULLDOZING = option("soft_ground", "bulldozing")
 ROLLING_REGULARISATION = wp.constant(0.05)  # [rad/s] wheel rate below which rolling resistance fades
 DISC_BLEND = wp.constant(0.002)  # [m] of depth by which discs differ that share the contact
 HULL_REGULARISATION = wp.constant(0.05)  # [m/s] slip below which the hull's friction fades
-SOFT = wp.constant(0.05)  # [-] rolling resistance beyond asphalt's of ground that ``bulldozing_resistance`` is given for
+SOFT = wp.constant(
+    0.05
+)  # [-] rolling resistance beyond asphalt's of ground that ``bulldozing_resistance`` is given for
 SOFTEST = wp.constant(0.15)  # [-] to which that holds: three times as deep, 15 cm
 BULLDOZING_REGULARISATION = wp.constant(0.05)  # [m/s] lateral speed below which the push of soft ground fades
 CIRCLE_STEPS = wp.constant(3)  # towards the friction circle
@@ -148,9 +150,7 @@ def lugre_slip(m: Tire, v: Slide, bristle_x: float, bristle_y: float, dt: float)
         + m.sigma1_lateral * (out.bristle_y - bristle_y) / dt
         + m.sigma2_lateral * v.y
     )
-    out.damping = v.load * (
-        m.sigma1_longitudinal / (1.0 + dt * m.sigma0_longitudinal * unload) + m.sigma2_longitudinal
-    )
+    out.damping = v.load * (m.sigma1_longitudinal / (1.0 + dt * m.sigma0_longitudinal * unload) + m.sigma2_longitudinal)
     return out
 
 
@@ -213,6 +213,12 @@ def relaxed_slip(m: Tire, v: Slide, bristle_x: float, bristle_y: float, dt: floa
 def patch_length(m: Tire, depth: float):
     """Length ℓ = 2 √(2 R δ) [m] of the contact patch: the chord at ``depth`` δ [m]."""
     return 2.0 * wp.sqrt(2.0 * m.radius * depth)
+
+
+@wp.func
+def mean_disc_offset(m: Tire):
+    """Mean lateral distance [m] of the five discs from the wheel's middle, the lever of their friction against a swivel."""
+    return 0.4 * (m.disc_offset_inner + m.disc_offset_outer)
 
 
 @wp.func
@@ -420,8 +426,7 @@ def tire_contact(
         out.forward = forward
         out.damping = grip.damping
         rolling = (
-            m.rolling_resistance * ground.rolling_resistance * load * out.lever
-            * wp.tanh(spin / ROLLING_REGULARISATION)
+            m.rolling_resistance * ground.rolling_resistance * load * out.lever * wp.tanh(spin / ROLLING_REGULARISATION)
         )
         out.moment = wp.cross(arm, out.force) - wp.vec3(0.0, rolling, 0.0)
         if m.swivel_law == CONTACT_POINT:
@@ -435,7 +440,8 @@ def tire_contact(
             if m.swivel_law == FIVE_DISCS:
                 out.twist = discs_step(m, v, twist, touch.depth, dt)
                 bristle = 0.5 * wp.vec2(bristle_x + out.bristle_x, bristle_y + out.bristle_y)
-                out.moment += five_discs_torque(m, n, middle, v, bristle, 0.5 * (twist + out.twist)) * n
+                torque = five_discs_torque(m, n, middle, v, bristle, 0.5 * (twist + out.twist))
+                out.moment += torque * (1.0 + m.scrub_radius / mean_disc_offset(m)) * n
             else:
                 out.twist = bore_step(m, v, twist, touch.depth, dt)
                 out.moment += bore_torque(m, v, 0.5 * (twist + out.twist)) * n
