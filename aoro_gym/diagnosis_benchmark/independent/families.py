@@ -11,7 +11,7 @@ import warp as wp
 
 from . import constants
 
-FAMILIES = ("alder", "birch")
+FAMILIES = ("alder", "birch", "cedar")
 
 
 def family_of(name: str) -> ModuleType:

@@ -77,17 +77,19 @@ def lugre_tire(m: Any, motion: vec4d, load: wp.float64, zx: wp.float64, zy: wp.f
     """LuGre with one common sliding speed of all three directions (after Velenis, Tsiotras, Canudas de Wit 2005).
 
     ż_i = v_i − σ₀ |v| z_i/g(|v|) − κ |V| z_i, F_i = N (σ₀ z_i + σ₁ ż_i), v = (slip, sideways, r_b ω), torque r_b F_ψ.
+    Swivelling has bristles of its own stiffness.
     """
     bore = swivel_limit(m, load) / (m.ground_friction * load)
     vt = bore * motion[3]
     speed = wp.sqrt(motion[0] * motion[0] + motion[1] * motion[1] + vt * vt + f64(1e-10))
     level = m.ground_friction * (ONE + m.static_ratio * wp.exp(-wp.sqrt(speed / m.stribeck_tire)))
-    slide = m.bristle_stiffness * speed / level + wp.abs(motion[2]) / m.bristle_length
+    rolling = wp.abs(motion[2]) / m.bristle_length
+    slide = m.bristle_stiffness * speed / level + rolling
     rate_x = motion[0] - slide * zx
     rate_y = motion[1] - slide * zy
-    rate_t = vt - slide * zt
+    rate_t = vt - (m.bristle_swivel * speed / level + rolling) * zt
     damping = m.bristle_damping
     force_x = load * (m.bristle_stiffness * zx + damping * rate_x)
     force_y = load * (m.bristle_stiffness * zy + damping * rate_y)
-    force_t = load * (m.bristle_stiffness * zt + damping * rate_t)
+    force_t = load * (m.bristle_swivel * zt + damping * rate_t)
     return vec6d(force_x, -force_y, -bore * force_t, rate_x, rate_y, rate_t)
