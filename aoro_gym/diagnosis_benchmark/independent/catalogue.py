@@ -255,7 +255,14 @@ VEHICLE = {
     "driveline_resistance": Effect(
         "N m", "resisting torque of a wheel", 150.0, 4000.0, _constant("wheel_brake"), scale={"wheel_brake": 1.0}
     ),
-    "tire_relaxation": Effect("m", "relaxation length", 0.15, 2.0, _own("tire_relaxation")),
+    "tire_relaxation": Effect(
+        "m",
+        "relaxation length",
+        0.15,
+        2.0,
+        _own("tire_relaxation"),
+        note="shows in the family alder; in birch a little, in cedar hardly, as wheels of a standing machine roll little",
+    ),
     "tire_stiffness": Effect("relative", "swivel stiffness of a standing tire", 0.2, 0.7, _own("tire_stiffness"), BOTH),
     "tire_scrub": Effect(
         "N m",

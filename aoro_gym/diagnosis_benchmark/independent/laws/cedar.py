@@ -1,7 +1,7 @@
 """Cedar: a piloted proportional spool, its compensator downstream, a counterbalanced return and a pump that keeps a margin.
 
-Valve: command → solenoid current → pilot pressure with a limited rate → spool on its spring with dry friction → rows of holes.
-The flow follows from the pump's margin over the spool; the compensator behind it keeps load-sensing pressure before itself.
+Valve: command → solenoid current → pilot pressure with a limited rate → spool with dry friction → rows of holes. The
+flow follows from the pump's margin over the spool; the compensator behind it keeps load-sensing pressure before itself.
 Pump: proportional–integral margin controller, swash plate, line volume. Oil by Ruan and Burton, hoses that stiffen with
 pressure; Armstrong's seven parameters in the seals; LuGre tires; Bouc–Wen joint bearing.
 """
