@@ -53,6 +53,7 @@ WHEELS: Table = {
     "loop_volume": Constant("m³", 4 * LITRE, 6 * LITRE, 8 * LITRE, "E: 4 m of Ø25 mm, 10 m of Ø19 mm, motors"),
     "charge_pressure": Constant("Pa", 21 * BAR, 24 * BAR, 26 * BAR, "R: series 90 charge relief", 0.02),
     "charge_conductance": Constant("m³/s/Pa", 3e-9, 5e-9, 8e-9, "E: 54 L/min at some bar"),
+    "flush_conductance": Constant("m³/s/Pa", 3e-10, 5e-10, 8e-10, "R: flushing 10–18 L/min some bar over charge"),
     "loop_relief": Constant("Pa", 345 * BAR, 400 * BAR, 450 * BAR, "R: cross-port relief"),
     "drive_flow": Constant(
         "m³/s", 195 * LITRE_PER_MINUTE, 207 * LITRE_PER_MINUTE, 215 * LITRE_PER_MINUTE, "D, P90R130"
@@ -109,7 +110,7 @@ SENSING: Table = {
         "rad", 1.5e-4, 2.5e-4, 4e-4, "P: noise of the flow after the filter, 12–18 L/min peak to peak"
     ),
     "angle_step": Constant("rad", 3.8e-4, 3.835e-4, 3.9e-4, "R: 14 bit a turn"),
-    "angle_wave": Constant("rad", 1e-4, 2e-4, 4e-4, "P: lines near 6 and 15 Hz, aliases of engine orders"),
+    "angle_wave": Constant("rad", 4e-4, 8e-4, 1.4e-3, "P: lines near 6 and 15 Hz, aliases of engine orders"),
     "pressure_noise": Constant("Pa", 0.10 * BAR, 0.15 * BAR, 0.25 * BAR, "R: 0.05 % of 400 bar"),
     "pressure_step": Constant("Pa", 0.09 * BAR, 0.098 * BAR, 0.10 * BAR, "R: 12 bit of 400 bar"),
     "pressure_offset_a": Constant("Pa", -0.6 * BAR, 0.0, 0.6 * BAR, "R: 0.25 % of 400 bar", 0.1 * BAR),

@@ -185,7 +185,7 @@ def test_noise_is_seeded_and_of_its_size():
     (quiet,) = record(runs[:1], noise=False)
     assert np.array_equal(one["joint_angle"], again["joint_angle"])
     assert not np.array_equal(one["joint_angle"], other["joint_angle"])
-    assert 1e-4 < np.std(one["joint_angle"] - quiet["joint_angle"]) < 1e-3
+    assert 1e-4 < np.std(one["joint_angle"] - quiet["joint_angle"]) < 2e-3
     assert 0.1e5 < np.std(one["pressure_a"] - quiet["pressure_a"]) < 0.5e5
     steps = one["joint_angle"] / nominal(family)["angle_step"]
     assert np.allclose(steps, np.round(steps), atol=1e-6)
@@ -195,7 +195,7 @@ def test_noise_is_seeded_and_of_its_size():
 def test_another_day_is_nearly_the_same_machine(family):
     rng = np.random.default_rng(8)
     healthy = machine(family, rng)
-    other = another_day(family, healthy, rng)
+    other = another_day(healthy, rng)
     changed = {name for name in healthy if other[name] != healthy[name]}
     assert {"oil_temperature", "seal_friction", "air", "ground_friction", "angle_offset"} <= changed
     assert len(changed) < 0.5 * len(healthy)

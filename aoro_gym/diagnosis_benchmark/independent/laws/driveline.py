@@ -5,7 +5,7 @@ from typing import Any
 import warp as wp
 
 from .layout import DRIVE, ENGINE, GOVERNOR, LOOP_FORWARD, LOOP_RETURN, PUMP_FLOW, TIME, WHEEL
-from .numbers import ONE, ZERO, f64
+from .numbers import HALF, ONE, ZERO, f64, unit
 
 
 @wp.func
@@ -19,7 +19,7 @@ def wheel_brake(m: Any, wheel: int):
 
 @wp.func
 def driveline(d: Any, x: Any, m: Any, inputs: Any, tires: Any):
-    """Derivatives of wheels and loop. ``tires``: the four longitudinal forces on the machine [N].
+    """Derivatives of wheels and loop; a shuttle flushes the side of lower pressure above the charge pressure. ``tires``: the four longitudinal forces on the machine [N].
 
     J Ω̇ = D Δp − M_b tanh(Ω/Ω₀) − R F_x; V/β ṗ = ±(Q_p − D ΣΩ − c Δp) + K (p_c − p)₊ (charge check valves) − K (p
     − p_r)₊.
@@ -39,6 +39,9 @@ def driveline(d: Any, x: Any, m: Any, inputs: Any, tires: Any):
     back = m.charge_conductance * wp.max(ZERO, m.charge_pressure - x[LOOP_RETURN])
     forward -= m.charge_conductance * wp.max(ZERO, x[LOOP_FORWARD] - m.loop_relief)
     back -= m.charge_conductance * wp.max(ZERO, x[LOOP_RETURN] - m.loop_relief)
+    shuttle = unit(HALF - drop / f64(8e5))  # share of the flushing that drains the forward side
+    forward -= shuttle * m.flush_conductance * wp.max(ZERO, x[LOOP_FORWARD] - m.charge_pressure - f64(2e5))
+    back -= (ONE - shuttle) * m.flush_conductance * wp.max(ZERO, x[LOOP_RETURN] - m.charge_pressure - f64(2e5))
     d[LOOP_FORWARD] = filling * (flow + forward)
     d[LOOP_RETURN] = filling * (back - flow)
     d[PUMP_FLOW] = (inputs[DRIVE] * m.drive_flow * x[ENGINE] / m.engine_speed - x[PUMP_FLOW]) / m.drive_lag
