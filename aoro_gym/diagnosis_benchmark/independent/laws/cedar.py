@@ -34,7 +34,7 @@ State = wp.types.vector(length=N_STATES, dtype=wp.float64)
 
 @wp.func
 def holes(travel: wp.float64, lap: wp.float64, small: wp.float64, begin: wp.float64):
-    """Open share over the spool's travel: fine notches ξ², then a row of round holes up to nine tenths of it.
+    """Open share over the spool's travel: fine notches, then a row of round holes up to nine tenths of it.
 
     A hole of diameter 1 is open by (arccos(1 − 2 y) − 2 (1 − 2 y) √(y − y²))/π at depth y.
     """
@@ -42,7 +42,7 @@ def holes(travel: wp.float64, lap: wp.float64, small: wp.float64, begin: wp.floa
     y = wp.clamp((x - begin) / (f64(0.9) - begin), ZERO, ONE)
     middle = ONE - TWO * y
     hole = (wp.acos(middle) - TWO * middle * wp.sqrt(wp.max(y - y * y, ZERO))) / f64(3.141592653589793)
-    return small * x * x + (ONE - small) * hole
+    return small * x + (ONE - small) * hole
 
 
 @wp.func

@@ -19,10 +19,10 @@ def wheel_brake(m: Any, wheel: int):
 
 @wp.func
 def driveline(d: Any, x: Any, m: Any, inputs: Any, tires: Any):
-    """Derivatives of wheels and loop; a shuttle flushes the side of lower pressure above the charge pressure. ``tires``: the four longitudinal forces on the machine [N].
+    """Derivatives of wheels and loop. ``tires``: the four longitudinal forces on the machine [N].
 
-    J Ω̇ = D Δp − M_b tanh(Ω/Ω₀) − R F_x; V/β ṗ = ±(Q_p − D ΣΩ − c Δp) + K (p_c − p)₊ (charge check valves) − K (p
-    − p_r)₊.
+    J Ω̇ = D Δp − M_b tanh(Ω/Ω₀) − R F_x. V/β ṗ = ±(Q_p − D ΣΩ − c Δp) + K (p_c − p)₊ − K (p − p_r)₊: charge check
+    valves and relief valves. A shuttle flushes the side of lower pressure from 2 bar above the charge pressure on.
     """
     drop = x[LOOP_FORWARD] - x[LOOP_RETURN]
     speeds = ZERO
