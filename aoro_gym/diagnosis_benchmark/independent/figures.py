@@ -7,11 +7,14 @@ import numpy as np
 
 from aoro_gym.units import BAR
 
+from .catalogue import EFFECTS
 from .families import FAMILIES, machine, nominal
+from .outside import OUTSIDE
 from .recording import STEP, Run, record, trace
 from .turns import PUBLISHED, key_figures, turn_command
 
 DURATION = {100: 3.2, 75: 4.2, 50: 9.5}  # [s] of a turn by share of the signal [%]
+RULE = "|---|---|---|---|---|"
 NAMES = ("turn_time", "mean_flow", "first_peak", "undershoot")
 
 
@@ -44,10 +47,7 @@ def healthy_turns(count: int, seed: int = 11) -> list[str]:
 
 def accuracy(count: int, seed: int = 2) -> list[str]:
     """Table rows of what half the step changes, over turns of drawn machines: largest and middle."""
-    rows = [
-        "| family | pressures, largest rms [bar] | median | angle, largest rms [rad] | median |",
-        "|---|---|---|---|---|",
-    ]
+    rows = ["| family | pressures, largest rms [bar] | median | angle, largest rms [rad] | median |", RULE]
     for family in FAMILIES:
         rng = np.random.default_rng(seed)
         shares = rng.uniform(0.4, 1.0, count) * rng.choice((-1.0, 1.0), count)
@@ -66,10 +66,7 @@ def accuracy(count: int, seed: int = 2) -> list[str]:
 
 def speed(count: int, device: str = "cpu") -> list[str]:
     """Table rows of the time that logs of 4 s take."""
-    rows = [
-        "| family | logs | wall clock [s] | processor time [s] | 10,000 logs on 2 free cores [min] |",
-        "|---|---|---|---|---|",
-    ]
+    rows = ["| family | logs | wall clock [s] | processor time [s] | 10,000 logs on 2 free cores [min] |", RULE]
     command = np.r_[np.zeros(30), np.full(370, 0.7)]
     for family in FAMILIES:
         runs = [Run(family, nominal(family), command, joint_angle=-0.6, seed=seed) for seed in range(count)]
@@ -82,6 +79,21 @@ def speed(count: int, device: str = "cpu") -> list[str]:
     return rows
 
 
+def effects() -> list[str]:
+    """Table rows of all effects."""
+    signs = {(1,): "+", (-1,): "−", (1, -1): "±"}
+    rows = ["| effect | magnitude | unit | sizes | note |", RULE]
+    for name, one in EFFECTS.items():
+        size = f"{signs[one.signs]} {one.weak:g} … {one.strong:g}"
+        rows.append(f"| `{name}` | {one.magnitude} | {one.unit} | {size} | {one.note} |")
+    return rows
+
+
+def deviations() -> list[str]:
+    """Table rows of all deviations outside of the catalogue."""
+    return ["| deviation | what |", "|---|---|", *(f"| `{name}` | {one.what} |" for name, one in OUTSIDE.items())]
+
+
 def main() -> None:
     """Print all tables; the first argument is the number of machines and logs."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 64
@@ -89,6 +101,8 @@ def main() -> None:
         ("Healthy turns", healthy_turns(count)),
         ("Accuracy", accuracy(count)),
         ("Speed", speed(count)),
+        ("Effects", effects()),
+        ("Deviations outside of the catalogue", deviations()),
     ):
         print(f"\n{title}\n", *rows, sep="\n")
 

@@ -1,6 +1,7 @@
 """Machines of the independent plants: healthy figures, effects of the size that is asked for, logs that are finite."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from aoro_gym.diagnosis_benchmark.independent import (
     Run,
     another_day,
     apply,
+    figures,
     machine,
     magnitudes,
     measure,
@@ -69,9 +71,9 @@ def test_every_effect_is_there():
 def test_healthy_turns_are_those_of_the_published_vehicle(family):
     duration = {100: 2.9, 75: 3.5, 50: 9.2}
     logs = trace([turn(family, share / 100, seconds) for share, seconds in duration.items()], period=0.01)
-    for (share, figures), log in zip(PUBLISHED.items(), logs, strict=True):
+    for (share, published), log in zip(PUBLISHED.items(), logs, strict=True):
         got = key_figures(log["angle"], nominal(family))
-        for name, value in figures.items():
+        for name, value in published.items():
             assert got[name] == pytest.approx(value, rel=0.25), (share, name)
 
 
@@ -89,9 +91,9 @@ def test_drawn_machines_make_plausible_turns(family):
     rng = np.random.default_rng(5)
     machines = [machine(family, rng) for _ in range(24)]
     logs = trace([turn(family, 1.0, 3.2, machine=one) for one in machines], period=0.01)
-    figures = [key_figures(log["angle"], one) for log, one in zip(logs, machines, strict=True)]
+    turns = [key_figures(log["angle"], one) for log, one in zip(logs, machines, strict=True)]
     for name, value in PUBLISHED[100].items():
-        values = np.array([one[name] for one in figures])
+        values = np.array([one[name] for one in turns])
         assert np.median(values) == pytest.approx(value, rel=0.25)
         assert np.all(np.abs(values / value - 1.0) < 0.4)
 
@@ -176,6 +178,12 @@ def test_deviations_outside_of_the_catalogue_show(family):
         assert all(np.all(np.isfinite(column)) for column in log.columns.values()), name
         scales = (("joint_angle", 1e-3), ("pressure_a", 1e5), ("pressure_b", 1e5), ("engine_speed", 1.0))
         assert max(np.ptp(log[column] - healthy[column]) / scale for column, scale in scales) > 1.0, name
+
+
+def test_page_has_the_tables_of_effects_and_deviations():
+    page = (Path(__file__).parents[3] / "docs/evidence/independent_plants.md").read_text(encoding="utf-8")
+    for row in (*figures.effects(), *figures.deviations()):
+        assert row in page
 
 
 def test_noise_is_seeded_and_of_its_size():
