@@ -1,0 +1,118 @@
+"""The network without torch: what :mod:`.model` computes, in NumPy, from weights that came with the package."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import erf
+
+from aoro_gym.diagnosis.network.features import FEATURES, SAMPLES
+from aoro_gym.diagnosis.network.hypotheses import PAIRS
+from aoro_gym.diagnosis.network.shape import QUANTILES, STRIDE, WINDOW, Shape
+from aoro_gym.effects.catalogue import IDS
+
+Array = NDArray[np.float32]
+_FIRST, _SECOND = np.array(PAIRS).T
+
+
+@dataclass(frozen=True)
+class Weights:
+    """A trained network: its sizes, its weights by name, and the scales [SI] of the effects' sizes (effects,)."""
+
+    shape: Shape
+    arrays: Mapping[str, Array]
+    scales: NDArray[np.float64]
+
+    @classmethod
+    def load(cls, path: Path) -> Weights:
+        """Read what :func:`save` wrote; ValueError naming the file where it is something else."""
+        from safetensors import SafetensorError, safe_open
+
+        try:
+            with safe_open(path, framework="numpy") as file:
+                told = json.loads(file.metadata()["network"])
+                arrays = {name: file.get_tensor(name).astype(np.float32) for name in file.keys()}  # noqa: SIM118
+        except (SafetensorError, KeyError, TypeError) as error:
+            raise ValueError(
+                f"{path}: not a network of a diagnosis ({error}); train one by `aoro-gym diagnosis train`"
+            ) from error
+        return cls(Shape(**told["shape"]), arrays, np.array(told["scales"]))
+
+    def save(self, path: Path) -> None:
+        """Write the network, half as precise as it computes."""
+        from safetensors.numpy import save_file
+
+        told = {"shape": self.shape.as_dict(), "scales": self.scales.tolist()}
+        halves = {name: np.ascontiguousarray(values, dtype=np.float16) for name, values in self.arrays.items()}
+        save_file(halves, path, metadata={"network": json.dumps(told)})
+
+
+def forward(weights: Weights, rows: Array, present: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Logits (B, hypotheses) and quantiles of scaled sizes (B, effects, quantiles).
+
+    Args:
+        weights: Of the network.
+        rows: Features (B, J, FEATURES, SAMPLES).
+        present: Which logs are there (B, J).
+    """
+    w, shape = weights.arrays, weights.shape
+    batch, each = present.shape
+    x = _windows(w, rows.reshape(batch * each, FEATURES, SAMPLES)) + w["place"]
+    x = np.concatenate([np.broadcast_to(w["kept"], (len(x), *w["kept"].shape)), x], axis=1)
+    for i in range(shape.within):
+        x = _block(w, f"within.{i}", x, shape.heads)
+    x = x[:, : shape.kept].reshape(batch, each * shape.kept, -1)
+    x = np.concatenate([np.broadcast_to(w["cause"], (batch, *w["cause"].shape)), x], axis=1)
+    mask = np.concatenate([np.ones((batch, 1), dtype=bool), np.repeat(present, shape.kept, axis=1)], axis=1)
+    for i in range(shape.across):
+        x = _block(w, f"across.{i}", x, shape.heads, mask)
+    h = _norm(w, "norm", x[:, 0])
+    member = _linear(w, "member", h)
+    left, right = (_linear(w, side, h).reshape(batch, len(IDS), shape.rank) for side in ("left", "right"))
+    both = np.einsum("bpr,bpr->bp", left[:, _FIRST], right[:, _SECOND]) / np.sqrt(np.float32(shape.rank))
+    pair = member[:, _FIRST] + member[:, _SECOND] + both
+    sizes = _linear(w, "size.2", _gelu(_linear(w, "size.0", h))).reshape(batch, len(IDS), len(QUANTILES))
+    return np.concatenate([_linear(w, "single", h), pair], axis=1), sizes
+
+
+def _linear(w: Mapping[str, Array], name: str, x: Array) -> Array:
+    return x @ w[f"{name}.weight"].T + w[f"{name}.bias"]
+
+
+def _norm(w: Mapping[str, Array], name: str, x: Array) -> Array:
+    centred = x - x.mean(axis=-1, keepdims=True)
+    scale = np.sqrt((centred**2).mean(axis=-1, keepdims=True) + np.float32(1e-5))
+    return centred / scale * w[f"{name}.weight"] + w[f"{name}.bias"]
+
+
+def _gelu(x: Array) -> Array:
+    return (0.5 * x * (1.0 + erf(x / np.sqrt(np.float32(2.0))))).astype(np.float32)
+
+
+def _windows(w: Mapping[str, Array], x: Array) -> Array:
+    """Tokens (B, SAMPLES / STRIDE, width) of overlapping windows of rows (B, FEATURES, SAMPLES)."""
+    margin = (WINDOW - STRIDE) // 2
+    padded = np.pad(x, ((0, 0), (0, 0), (margin, margin)))
+    windows = np.lib.stride_tricks.sliding_window_view(padded, WINDOW, axis=2)[:, :, ::STRIDE]
+    flat = windows.transpose(0, 2, 1, 3).reshape(len(x), SAMPLES // STRIDE, FEATURES * WINDOW)
+    return _linear(w, "embed.narrow", _gelu(_linear(w, "embed.wide", flat)))
+
+
+def _block(w: Mapping[str, Array], name: str, x: Array, heads: int, mask: NDArray[np.bool_] | None = None) -> Array:
+    """A transformer's block, normalised first; ``mask`` (B, N) is true for tokens that are there."""
+    batch, count, width = x.shape
+    parts: Any = _linear(w, f"{name}.attention", _norm(w, f"{name}.first", x))
+    q, k, v = parts.reshape(batch, count, 3, heads, width // heads).transpose(2, 0, 3, 1, 4)
+    score = q @ k.transpose(0, 1, 3, 2) / np.sqrt(np.float32(width // heads))
+    if mask is not None:
+        score = np.where(mask[:, None, None, :], score, -np.inf)
+    share = np.exp(score - score.max(axis=-1, keepdims=True))
+    mixed = (share / share.sum(axis=-1, keepdims=True)) @ v
+    x = x + _linear(w, f"{name}.out", mixed.transpose(0, 2, 1, 3).reshape(batch, count, width))
+    return x + _linear(w, f"{name}.narrow", _gelu(_linear(w, f"{name}.wide", _norm(w, f"{name}.second", x))))

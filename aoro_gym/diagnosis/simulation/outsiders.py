@@ -1,0 +1,126 @@
+"""Deviations that the catalogue lacks, of many kinds, so that a diagnosis learns what "none of these" looks like.
+
+Three places: the machine's parameters (:data:`MACHINE`), what its valve really gets of the command (:data:`COMMAND`), and
+the sampled signals (:data:`SIGNAL`, applied where noise is drawn, by number). Sizes are estimates: from what could just be
+seen to what nobody would miss.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aoro_gym.diagnosis.simulation.manoeuvres import REST, TICK
+
+Floats = NDArray[np.float64]
+
+MACHINE: Mapping[str, Mapping[str, tuple[float, float]]] = {
+    "weak_shock_valves": {"steering.valve.shock_pressure": (0.25, 0.7)},
+    "one_sided_left_flow": {"steering.valve.nominal_flow_left": (0.6, 0.9)},
+    "one_sided_right_flow": {"steering.valve.nominal_flow_right": (0.6, 0.9)},
+    "narrow_return_edge_left": {"steering.valve.nominal_drop_out_left": (3.0, 30.0)},
+    "narrow_return_edge_right": {"steering.valve.nominal_drop_out_right": (3.0, 30.0)},
+    "stiff_suction_valves": {"steering.valve.anticavitation_flow": (0.02, 0.3)},
+    "low_margin": {"steering.pump.margin": (0.3, 0.65)},
+    "high_margin": {"steering.pump.margin": (1.4, 2.5)},
+    "wide_control_band": {"steering.pump.control_band": (2.5, 8.0)},
+    "slow_load_sensing_line": {"steering.pump.ls_time_constant": (4.0, 25.0)},
+    "leaking_load_sensing_line": {"steering.pump.bleed_flow": (4.0, 20.0)},
+    "accumulator_in_pump_line": {"steering.pump.line_volume": (3.0, 12.0)},
+    "low_relief": {"steering.pump.relief_pressure": (0.25, 0.6)},
+    "low_compensator_setting": {"steering.valve.compensator_pressure": (0.2, 0.6)},
+    "high_compensator_setting": {"steering.valve.compensator_pressure": (1.8, 4.0)},
+    "bent_opening_curve": {"steering.valve.opening_left_1V0": (0.5, 0.85), "steering.valve.opening_right_1V0": (0.5, 0.85)},
+    "heavy_rear": {"frame.rear.mass": (1.15, 1.5), "frame.rear.inertia_zz": (1.15, 2.0)},
+    "turned_front": {"frame.front.inertia_zz": (1.4, 3.0)},
+    "slippery_ground": {"tire.friction_coulomb": (0.15, 0.5), "tire.friction_static": (0.15, 0.5)},
+    "small_wheels": {"tire.radius": (0.93, 0.98)},
+    "hot_seals": {"steering.cylinder.seal_pressure_coefficient": (3.0, 20.0)},
+    "early_stop": {"joint.range": (0.85, 0.97)},
+    "weak_engine": {
+        f"engine.torque.rpm_{speed}": (0.1, 0.5) for speed in (900, 1200, 1400, 1600, 1800, 2000, 2200, 2400)
+    },
+}  # fmt: skip
+"""Factors on parameters by kind, one draw for all keys of a kind."""
+
+
+def _held(command: Floats, rng: np.random.Generator) -> Floats:
+    """A bus that passes on every k-th value only."""
+    every = int(rng.integers(8, 26))
+    return command[(np.arange(len(command)) // every) * every]
+
+
+def _dropped(command: Floats, rng: np.random.Generator) -> Floats:
+    """A loose contact: the command is zero now and then."""
+    out = command.copy()
+    for begin in rng.integers(round(REST / TICK), len(command), size=int(rng.integers(3, 9))):
+        out[begin : begin + int(rng.integers(4, 16))] = 0.0
+    return out
+
+
+def _sagging(command: Floats, rng: np.random.Generator) -> Floats:
+    """A supply that gives way while the valve is driven."""
+    load = np.cumsum(np.abs(command)) * TICK
+    return command * np.exp(-load / rng.uniform(0.8, 5.0) * rng.uniform(0.3, 1.0))
+
+
+def _biased(command: Floats, rng: np.random.Generator) -> Floats:
+    """A joystick off its centre."""
+    return np.clip(command + rng.choice([-1.0, 1.0]) * rng.uniform(0.08, 0.3), -1.0, 1.0)
+
+
+def _one_sided(command: Floats, rng: np.random.Generator) -> Floats:
+    """One coil weaker than the other."""
+    side = rng.choice([-1.0, 1.0])
+    return np.where(command * side > 0.0, command * rng.uniform(0.6, 0.9), command)
+
+
+def _dithered(command: Floats, rng: np.random.Generator) -> Floats:
+    """An oscillation of the valve's current while it is driven."""
+    time = TICK * np.arange(len(command))
+    wave = rng.uniform(0.08, 0.3) * np.sin(2.0 * np.pi * rng.uniform(2.0, 9.0) * time + rng.uniform(0.0, 6.3))
+    return np.clip(command * (1.0 + wave), -1.0, 1.0)
+
+
+def _limited(command: Floats, rng: np.random.Generator) -> Floats:
+    """A stop that keeps the spool from opening wholly."""
+    return np.clip(command, -1.0, 1.0) * np.minimum(1.0, rng.uniform(0.55, 0.85) / np.maximum(np.abs(command), 1e-6))
+
+
+def _sticking(command: Floats, rng: np.random.Generator) -> Floats:
+    """A spool that sticks for a time each time its command changes much, then jumps."""
+    out, last = command.copy(), command[0]
+    wait = int(rng.integers(6, 20))
+    for begin in np.flatnonzero(np.abs(np.diff(command)) > 0.1) + 1:
+        out[begin : begin + wait] = last
+        last = command[min(begin + wait, len(command) - 1)]
+    return out
+
+
+def _closing_late(command: Floats, rng: np.random.Generator) -> Floats:
+    """A valve that opens at once and closes slowly."""
+    out, rate = command.copy(), TICK / rng.uniform(0.08, 0.5)
+    for i in range(1, len(out)):
+        if abs(out[i]) < abs(out[i - 1]):
+            out[i] = np.sign(out[i - 1]) * max(abs(out[i - 1]) - rate, abs(command[i]))
+    return out
+
+
+COMMAND: Mapping[str, Callable[[Floats, np.random.Generator], Floats]] = {
+    "held_command": _held, "dropped_command": _dropped, "sagging_supply": _sagging, "biased_command": _biased,
+    "weak_coil": _one_sided, "dithered_valve": _dithered, "limited_spool": _limited, "sticking_spool": _sticking,
+    "closing_late": _closing_late,
+}  # fmt: skip
+"""What the valve gets of a command (K,) that was logged, by kind."""
+
+SIGNAL: tuple[str, ...] = (
+    "drifting_angle", "spiking_angle", "wobbling_angle", "dropped_samples", "stretched_clock", "coarse_angle",
+    "pressure_gain", "drifting_pressure", "slow_pressure", "cross_talk", "resonant_pressure", "clipped_pressure",
+    "kinked_angle", "humming_pressure",
+)  # fmt: skip
+"""Deviations of sampled signals; :mod:`aoro_gym.diagnosis.network.sensing` has their equations."""
+
+ALL: tuple[str, ...] = (*MACHINE, *COMMAND, *SIGNAL)
+"""Every kind, in the order of their numbers."""

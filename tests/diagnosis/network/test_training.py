@@ -1,0 +1,99 @@
+"""Training: labels, what a user may lack, and that a network learns what can be learnt."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aoro_gym.diagnosis.network import hypotheses
+from aoro_gym.diagnosis.network.features import CHANNELS, FEATURES, SAMPLES
+from aoro_gym.diagnosis.network.shape import QUANTILES, Shape
+from aoro_gym.diagnosis.simulation.logs import UNITS
+from aoro_gym.diagnosis.simulation.prior import SensorPrior
+
+torch = pytest.importorskip("torch")
+
+from aoro_gym.diagnosis.network.sensing import Draw  # noqa: E402
+from aoro_gym.diagnosis.network.training import Batch, Course, Labelled, draw_batch, loss_of, train  # noqa: E402
+
+SMALL = Shape(width=16, heads=2, within=1, across=1, kept=1, rank=2)
+COURSE = Course(steps=80, batch=16, rate=4e-3, logs=2)
+MACHINES = 64
+
+
+@pytest.fixture(scope="module")
+def data() -> Labelled:
+    """Machines whose joint turns too far with effect 3 and not far enough with effect 9, by 5 % of the angle."""
+    rng = np.random.default_rng(0)
+    wrong = rng.choice([3, 9], MACHINES)
+    ramp = np.clip(np.arange(SAMPLES) - 50, 0, 250) / 250.0
+    angle = np.empty((MACHINES, 2, 2, SAMPLES))
+    angle[:, 0] = rng.uniform(0.4, 0.6, (MACHINES, 2, 1)) * ramp
+    angle[:, 1] = angle[:, 0] * np.where(wrong == 3, 1.05, 0.95)[:, None, None]
+    samples = np.zeros((MACHINES, 2, 2, len(CHANNELS), SAMPLES), dtype=np.int16)
+    samples[..., 0, :] = np.round(angle / UNITS[0])
+    effects = np.full((MACHINES, 2, 2), -1)
+    effects[:, 1, 0] = wrong
+    return Labelled(
+        samples=torch.as_tensor(samples),
+        commands=torch.ones(MACHINES, 2, 2, SAMPLES),
+        chain=torch.zeros(MACHINES, 2, 4),
+        outsider=torch.full((MACHINES, 2), -1),
+        hypothesis=torch.as_tensor(hypotheses.number_of(effects, np.zeros((MACHINES, 2), dtype=bool))),
+        effects=torch.as_tensor(effects),
+        sizes=torch.ones(MACHINES, 2, 2),
+    )
+
+
+def test_a_network_learns_what_tells_two_effects_apart(data: Labelled) -> None:
+    told = []
+    network = train(data, COURSE, shape=SMALL, held_out=16, seed=1, progress=lambda *about: told.append(about))
+    draw = Draw(torch.Generator().manual_seed(2))
+    batch = draw_batch(data, torch.arange(MACHINES - 16, MACHINES), COURSE, SensorPrior(), draw, "pressures")
+    with torch.no_grad():
+        logits, sizes = network.eval()(batch.rows, batch.present)
+    # sixteen cases: fifteen are right by chance with a probability of 3e-4
+    assert int((logits.argmax(dim=1) == batch.hypothesis).sum()) >= 15
+    assert sizes[:, 3, QUANTILES.index(0.5)].median() == pytest.approx(1.0, abs=0.5)
+    assert told[0][2]["cause"] > 5.0  # ln 563 = 6.3 with nothing learnt
+
+
+def test_training_ends_when_its_time_is_over(data: Labelled) -> None:
+    steps = []
+    train(
+        data, replace(COURSE, steps=100000), shape=SMALL, seconds=0.5, progress=lambda step, *about: steps.append(step)
+    )
+    assert steps[-1] < 50000
+
+
+def test_a_user_may_lack_channels_logs_and_healthy_days(data: Labelled) -> None:
+    draw = Draw(torch.Generator().manual_seed(4))
+    batch = draw_batch(data, torch.arange(MACHINES).repeat(4), COURSE, SensorPrior(), draw)
+    assert batch.rows.shape == (4 * MACHINES, 2, FEATURES, SAMPLES)
+    flags = batch.rows[:, :, -len(CHANNELS) - 2 :, 0]
+    channels, days = flags[..., : len(CHANNELS)], flags[..., len(CHANNELS) :]
+    assert torch.all(channels.sum(dim=-1) >= 1.0) and torch.any(channels[..., 0] == 0.0)
+    assert torch.all(days.sum(dim=-1) >= 1.0) and torch.all(days[:, 0, 1] == 1.0)
+    day_one = (days[..., 0] == 0.0).all(dim=1).float().mean()
+    # 256 cases at 12 %: four standard deviations are 8 %
+    assert day_one == pytest.approx(COURSE.day_one, abs=0.08)
+    assert torch.all(batch.present[:, 0]) and not torch.all(batch.present)
+
+
+def test_the_loss_is_least_for_the_truth() -> None:
+    """Certain and right costs nothing but the sizes; certain and wrong costs much."""
+    effects = torch.tensor([[3, -1]])
+    batch = Batch(
+        torch.zeros(1), torch.zeros(1), torch.tensor([hypotheses.SINGLE + 3]), effects, torch.tensor([[0.7, 0.0]])
+    )
+    logits = torch.full((1, hypotheses.HYPOTHESES), -30.0)
+    logits[0, hypotheses.SINGLE + 3] = 30.0
+    sizes = torch.full((1, hypotheses.MEMBERS.shape[1], len(QUANTILES)), 0.7)
+    right = loss_of(logits, sizes, batch, COURSE)
+    assert float(right["cause"]) == pytest.approx(0.0, abs=1e-6) and float(right["size"]) == 0.0
+    wrong = loss_of(logits.roll(1, dims=1), sizes + 0.2, batch, COURSE)
+    assert float(wrong["cause"]) > 50.0
+    # the mean of (1 − level) · 0.2 over the levels, whose mean is one half
+    assert float(wrong["size"]) == pytest.approx(0.1, rel=1e-5)
