@@ -349,12 +349,12 @@ def _case(
     rng: np.random.Generator,
 ) -> Case:
     member = MACHINES / "ensemble" / f"{rng.choice(family.members)}.toml"
-    plant = _varied(_loaded(member), rng, _built)
-    baseline = _baseline(plant, rng) if level else {}
+    plant = varied(loaded(member), rng, built)
+    baseline = baseline_of(plant, rng) if level else {}
     plant = plant.set(baseline, check_ranges=False)
     commissioned = mode == "commissioned"
-    spread = _moved if kind == "nuisance" else _wandering
-    later = _varied(plant, rng, spread) if commissioned or kind == "nuisance" else plant
+    spread = _moved if kind == "nuisance" else wandering
+    later = varied(plant, rng, spread) if commissioned or kind == "nuisance" else plant
     excitations = tuple(excitation for excitation in family.excitations(rng) if logs is None or excitation.name in logs)
     return Case(
         name=name,
@@ -370,24 +370,24 @@ def _case(
     )
 
 
-_loaded = cache(Machine.load)
+loaded = cache(Machine.load)
 
 
-def _built(entry: Parameter) -> float:
+def built(entry: Parameter) -> float:
     return BUILT * (entry.range[1] - entry.range[0])
 
 
-def _wandering(entry: Parameter) -> float:
+def wandering(entry: Parameter) -> float:
     if entry.role == "both":
         return float(entry.commissioned[1] - entry.value)
     return DAY * (entry.range[1] - entry.range[0])
 
 
 def _moved(entry: Parameter) -> float:
-    return _wandering(entry) if entry.role == "both" else MOVED * (entry.range[1] - entry.range[0])
+    return wandering(entry) if entry.role == "both" else MOVED * (entry.range[1] - entry.range[0])
 
 
-def _varied(machine: Machine, rng: np.random.Generator, spread: Callable[[Parameter], float]) -> Machine:
+def varied(machine: Machine, rng: np.random.Generator, spread: Callable[[Parameter], float]) -> Machine:
     """``machine`` with other values of what is uncertain, within ``spread`` (about 95 %) and within its ranges."""
     uncertain = [entry for entry in machine.entries.values() if entry.role in ("nuisance", "both")]
     values, half = (np.array([float(f(entry)) for entry in uncertain]) for f in (lambda entry: entry.value, spread))
@@ -406,7 +406,7 @@ def _varied(machine: Machine, rng: np.random.Generator, spread: Callable[[Parame
     )
 
 
-def _baseline(machine: Machine, rng: np.random.Generator) -> dict[str, float]:
+def baseline_of(machine: Machine, rng: np.random.Generator) -> dict[str, float]:
     """Air and friction, by key, that make a plant above level 0 another machine even with nothing wrong."""
     values = {"oil.gas_fraction": float(np.exp(rng.uniform(*np.log(AIR))))}
     for key in ("steering.cylinder.seal_preload", "joint.friction_torque"):
