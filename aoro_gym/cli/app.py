@@ -13,6 +13,7 @@ from aoro_gym.cli import (
     calibration,
     demo,
     diagnosis,
+    diagnosis_training,
     evaluation,
     laws,
     parameters,
@@ -62,6 +63,7 @@ for command in (
 ):
     app.command()(command)
 app.add_typer(blind.app, name="blind")
+app.add_typer(diagnosis_training.app, name="diagnosis")
 
 
 def main() -> None:

@@ -47,11 +47,13 @@ def test_help_fits_80_columns():
 def test_long_commands_can_be_quiet():
     group = typer.main.get_command(app)
     assert isinstance(group, TyperGroup)
-    nested = group.commands["blind"]
-    assert isinstance(nested, TyperGroup)
-    commands = {**group.commands, **{f"blind {name}": one for name, one in nested.commands.items()}}
+    commands = dict(group.commands)
+    for of in ("blind", "diagnosis"):
+        nested = group.commands[of]
+        assert isinstance(nested, TyperGroup)
+        commands |= {f"{of} {name}": one for name, one in nested.commands.items()}
     lacking = {name for name, one in commands.items() if "--quiet" not in {text for p in one.params for text in p.opts}}
-    assert lacking == {"parameters", "laws", "blind"}
+    assert lacking == {"parameters", "laws", "blind", "diagnosis"}
 
 
 def test_runs_as_a_module():

@@ -8,19 +8,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from aoro_gym.diagnosis.network import hypotheses
+from aoro_gym.diagnosis.network.dataset import Labelled
 from aoro_gym.diagnosis.network.features import features
 from aoro_gym.diagnosis.network.model import Network
 from aoro_gym.diagnosis.network.sensing import Draw, sensed
 from aoro_gym.diagnosis.network.shape import QUANTILES, Shape
-from aoro_gym.diagnosis.simulation.days import Days
 from aoro_gym.diagnosis.simulation.prior import SensorPrior
-from aoro_gym.effects.catalogue import IDS
 
 SENSORS = {"pressures": (1, 1, 1, 1), "ports": (1, 1, 1, 0), "angle": (1, 0, 0, 0)}
 """Channels of usual sets of sensors."""
@@ -53,60 +50,6 @@ class Course:
     unpaired: float = 0.06
     size: float = 0.3
     presence: float = 5.0
-
-
-@dataclass(frozen=True)
-class Labelled:
-    """Simulated days on the device.
-
-    Attributes:
-        samples: int16 (M, D, J, channels, T).
-        commands: (M, J, 2, T), held.
-        chain: (M, D, 4).
-        outsider: (M, D).
-        hypothesis: Number of what is wrong (M, D).
-        effects: Numbers of the effects (M, D, 2), −1 for none.
-        sizes: Scaled sizes (M, D, 2).
-    """
-
-    samples: Tensor
-    commands: Tensor
-    chain: Tensor
-    outsider: Tensor
-    hypothesis: Tensor
-    effects: Tensor
-    sizes: Tensor
-
-    @property
-    def machines(self) -> int:
-        return len(self.samples)
-
-
-def size_scales(days: Days) -> NDArray[np.float64]:
-    """Scales (effects,) [SI] of the sizes: the median of what is drawn."""
-    change, effects = np.abs(days.change).ravel(), days.effects.ravel()
-    return np.array([np.median(change[effects == number]) for number in range(len(IDS))])
-
-
-def labelled(samples: Tensor, commands: NDArray[np.float32], days: Days, scales: NDArray[np.float64]) -> Labelled:
-    """``days`` (M · D,) with their ``samples`` and the ``commands`` (M, J, 2, T − 1) that were logged."""
-    machines, each = samples.shape[:2]
-    device = samples.device
-
-    def put(values: NDArray[Any], dtype: torch.dtype) -> Tensor:
-        return torch.as_tensor(values.reshape(machines, each, *values.shape[1:]), dtype=dtype, device=device)
-
-    sizes = np.arcsinh(days.change / scales[np.maximum(days.effects, 0)])
-    last = commands[..., -1:]
-    return Labelled(
-        samples=samples,
-        commands=torch.as_tensor(np.concatenate([commands, last], axis=-1), device=device),
-        chain=put(days.chain, torch.float32),
-        outsider=put(days.outsider, torch.int64),
-        hypothesis=put(hypotheses.number_of(days.effects, days.outsider >= 0), torch.int64),
-        effects=put(days.effects, torch.int64),
-        sizes=put(sizes, torch.float32),
-    )
 
 
 @dataclass(frozen=True)
@@ -219,7 +162,8 @@ def train(
         held_out: Machines, the last of ``data``, that it never sees.
         seed: Of the first weights and of all draws.
         seconds: Time after which it ends; the learning rate falls accordingly.
-        progress: Called every hundred steps with the step, their number and the losses by name.
+        progress: Called every hundred steps, and at least fifty times, with the step, their number and the losses by
+            name.
     """
     torch.manual_seed(seed)
     device = data.samples.device
@@ -245,6 +189,6 @@ def train(
         losses["loss"].backward()
         nn.utils.clip_grad_norm_(network.parameters(), 1.0)
         optimiser.step()
-        if step % 100 == 0:
+        if step % max(min(100, course.steps // 50), 1) == 0:
             progress(step, course.steps, {name: float(value.detach()) for name, value in losses.items()})
     return network

@@ -16,7 +16,9 @@ L = LITRE_PER_MINUTE
 
 TABLE: Table = {
     **common.COMMON,
-    "air": Constant("", 0.005, 0.0085, 0.014, "E: 0.2–5 % undissolved; foams a little more than the others' tanks", 0.15),
+    "air": Constant(
+        "", 0.005, 0.0085, 0.014, "E: 0.2–5 % undissolved; foams a little more than the others' tanks", 0.15
+    ),
     "stiffness_along": Constant("N/m", 3.0e5, 4.0e5, 5.0e5, "E: tire shear stiffness", 0.02),
     "stiffness_across": Constant("N/m", 1.6e5, 2.0e5, 2.6e5, "E: as above", 0.02),
     "carcass_damping": Constant(

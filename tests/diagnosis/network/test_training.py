@@ -15,8 +15,9 @@ from aoro_gym.diagnosis.simulation.prior import SensorPrior
 
 torch = pytest.importorskip("torch")
 
+from aoro_gym.diagnosis.network.dataset import Labelled  # noqa: E402
 from aoro_gym.diagnosis.network.sensing import Draw  # noqa: E402
-from aoro_gym.diagnosis.network.training import Batch, Course, Labelled, draw_batch, loss_of, train  # noqa: E402
+from aoro_gym.diagnosis.network.training import Batch, Course, draw_batch, loss_of, train  # noqa: E402
 
 SMALL = Shape(width=16, heads=2, within=1, across=1, kept=1, rank=2)
 COURSE = Course(steps=80, batch=16, rate=4e-3, logs=2)

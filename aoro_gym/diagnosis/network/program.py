@@ -1,0 +1,97 @@
+"""Networks of a diagnosis from nothing: simulate days, train on them, try them on machines that they never saw."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from aoro_gym.diagnosis.network.dataset import Amount, simulate
+from aoro_gym.diagnosis.network.evaluation import answers, rates
+from aoro_gym.diagnosis.network.shape import Shape
+from aoro_gym.diagnosis.network.training import SENSORS, Course, train
+from aoro_gym.diagnosis.simulation.prior import Prior, SensorPrior
+from aoro_gym.execution.digest import versions
+from aoro_gym.execution.files import with_nulls, write_json
+
+HELD_OUT = 0.05
+"""Share of the machines that networks are tried on."""
+ROUNDS = 2
+"""Days of each of them, drawn anew for every set of sensors."""
+
+Progress = Callable[[str, float], Any]
+"""Takes a sentence and the share done."""
+
+
+@dataclass(frozen=True)
+class Program:
+    """What is trained.
+
+    Attributes:
+        amount: Of simulated machines and days.
+        networks: Trained one after the other on the same days, each from weights and draws of its own.
+        course: Of each.
+        seconds: Most time for each [s].
+        shape: Sizes of each.
+    """
+
+    amount: Amount
+    networks: int = 3
+    course: Course = field(default_factory=Course)
+    seconds: float = float("inf")
+    shape: Shape = field(default_factory=Shape)
+
+
+def run(program: Program, device: str, out: Path, progress: Progress = lambda sentence, share: None) -> dict[str, Any]:
+    """Train networks; each is written to ``out`` once it is trained, and ``training.json`` with how well it does.
+
+    Args:
+        program: What is trained.
+        device: ``"cpu"`` or ``"cuda:N"``.
+        out: Folder for ``network_N.safetensors``.
+        progress: Told what is done.
+
+    Returns:
+        What ``training.json`` holds.
+    """
+    began = time.monotonic()
+    share = 0.3
+    data, scales = simulate(
+        Prior(), program.amount, device,
+        lambda done, total: progress(f"machine {done} of {total} simulated", share * done / total),
+    )  # fmt: skip
+    held_out = max(int(HELD_OUT * data.machines), 1)
+    result: dict[str, Any] = {
+        "amount": asdict(program.amount), "course": asdict(program.course), "shape": program.shape.as_dict(),
+        "prior": asdict(Prior()), "sensors": asdict(SensorPrior()), "versions": versions(), "device": device,
+        "machines": data.machines, "simulated_s": time.monotonic() - began, "networks": [],
+    }  # fmt: skip
+    machines = torch.arange(data.machines - held_out, data.machines, device=data.samples.device)
+    trained = []
+    for number in range(program.networks):
+        first = share + (1.0 - share) * number / program.networks
+        part = (1.0 - share) / program.networks
+
+        def told(step: int, steps: int, losses: dict[str, float], first: float = first, part: float = part) -> None:
+            progress(f"step {step} of {steps}, cross-entropy {losses['cause']:.2f}", first + part * step / steps)
+
+        start = time.monotonic()
+        network = train(
+            data, program.course, shape=program.shape, held_out=held_out, seed=program.amount.seed + number,
+            seconds=program.seconds, progress=told,
+        )  # fmt: skip
+        network.weights(scales).save(out / f"network_{number}.safetensors")
+        trained.append(network)
+        result["networks"].append({"trained_s": time.monotonic() - start, "rates": _rates([network], data, machines)})
+        if number:
+            result["together"] = _rates(trained, data, machines)
+        write_json(out / "training.json", with_nulls(result))
+    return result
+
+
+def _rates(networks: list[Any], data: Any, machines: torch.Tensor) -> dict[str, dict[str, float]]:
+    return {sensors: rates(answers(networks, data, machines, sensors, rounds=ROUNDS)).as_dict() for sensors in SENSORS}
