@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from functools import lru_cache
 
 from aoro_gym.units import BAR, DEGREE, GRAVITY, LITRE_PER_MINUTE, RPM, ZERO_CELSIUS
 
@@ -136,10 +137,10 @@ EFFECT_ZERO = {"payload": 0.0, "sinkage": 0.0, "dead_time": 0.0, "rest_differenc
 """Values of a healthy machine of what only an effect (or a test) brings."""
 
 
-def mount_half_width(machine: Mapping[str, float]) -> float:
+@lru_cache(maxsize=4096)
+def mount_half_width(a: float, c: float, angle: float, stroke: float) -> float:
     """Lateral offset [m] of the mounts, so that the stroke spans the joint's range: L(θ_s) − L(−θ_s) = stroke, by
     bisection."""
-    a, c, angle = machine["mount_rear"], machine["mount_front"], machine["stop_angle"]
 
     def span(w: float) -> float:
         squares, across, along = a * a + c * c + 2 * w * w, w * w - a * c, w * (a + c)
@@ -149,13 +150,15 @@ def mount_half_width(machine: Mapping[str, float]) -> float:
     low, high = 0.05, 0.5
     for _ in range(60):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if span(middle) < machine["stroke"] else (low, middle)
+        low, high = (middle, high) if span(middle) < stroke else (low, middle)
     return 0.5 * (low + high)
 
 
 def viscosity(celsius: float) -> float:
-    """Kinematic viscosity [mm²/s] of an ISO VG 46 oil by Walther: lg lg(ν + 0.7) = A − B lg T; 46 at 40 °C, 12 at
-    75 °C."""
+    """Kinematic viscosity [mm²/s] of an ISO VG 46 oil, 46 at 40 °C and 12 at 75 °C.
+
+    Walther: lg lg(ν + 0.7) = A − B lg T, T [K]; from −10 to 100 °C.
+    """
     t1, t2 = math.log10(313.15), math.log10(348.15)
     z1, z2 = (math.log10(math.log10(nu + 0.7)) for nu in (46.0, 12.0))
     slope = (z1 - z2) / (t2 - t1)
@@ -169,13 +172,11 @@ def derived(machine: Mapping[str, float], soft: Mapping[str, int]) -> dict[str, 
     family). ``soft`` names what is of the tires' stiffness and its exponent: soft ground lowers it.
     """
     made = dict(OUTSIDE_ZERO | EFFECT_ZERO) | dict(machine)
-    a, c, w = made["mount_rear"], made["mount_front"], mount_half_width(made)
-    angle = made["stop_angle"]
-    made["mount_squares"], made["mount_across"], made["mount_along"] = (
-        a * a + c * c + 2 * w * w,
-        w * w - a * c,
-        w * (a + c),
-    )
+    a, c, angle = made["mount_rear"], made["mount_front"], made["stop_angle"]
+    w = mount_half_width(a, c, angle, made["stroke"])
+    made["mount_squares"] = a * a + c * c + 2 * w * w
+    made["mount_across"] = w * w - a * c
+    made["mount_along"] = w * (a + c)
     even = made["mount_squares"] - 2 * made["mount_across"] * math.cos(angle)
     made["length_low"] = math.sqrt(even - 2 * made["mount_along"] * math.sin(angle))
     made["bore_area"] = math.pi / 4 * made["bore"] ** 2
@@ -188,10 +189,11 @@ def derived(machine: Mapping[str, float], soft: Mapping[str, int]) -> dict[str, 
         made[name] *= made["thinner"]
     if made["payload"]:
         load_up(made)
-    front = made["mass_front"] * made["centre_front"] / made["axle_front"]
-    rear = made["mass_rear"] * made["centre_rear"] / made["axle_rear"]
-    share = GRAVITY * (made["mass_front"] + made["mass_rear"]) / (front + rear)
-    made["load_front"], made["load_rear"] = 0.5 * share * front, 0.5 * share * rear
+    moment = made["mass_front"] * (made["centre_front"] + made["axle_rear"])
+    moment += made["mass_rear"] * (made["axle_rear"] - made["centre_rear"])
+    front = moment / (made["axle_front"] + made["axle_rear"])
+    rear = made["mass_front"] + made["mass_rear"] - front
+    made["load_front"], made["load_rear"] = 0.5 * GRAVITY * front, 0.5 * GRAVITY * rear
     if made["sinkage"]:
         sink(made, soft)
     return made
@@ -213,8 +215,7 @@ def sink(made: dict[str, float], soft: Mapping[str, int]) -> None:
 
 
 def load_up(made: dict[str, float]) -> None:
-    """Put the payload onto the rear frame's axle (a bunk), or onto the front frame's where it is negative (crane,
-    grapple)."""
+    """Put the payload onto the rear frame's axle (a bunk), a negative one onto the front frame's (crane, grapple)."""
     end = "rear" if made["payload"] > 0.0 else "front"
     load, mass, centre = abs(made["payload"]), made[f"mass_{end}"], made[f"centre_{end}"]
     away = made[f"axle_{end}"] - centre

@@ -13,10 +13,8 @@ class Constant:
     Args:
         unit: Of all numbers.
         low, nominal, high: Range of healthy machines, about 98 % of them, and its middle.
-        source: Where the range is from: P the published vehicle, R catalogue, E estimate with its reason, or
-        literature.
-        day: Standard deviation from one day to another: of the value's logarithm, or of the value where the
-        nominal is nought.
+        source: P the published vehicle, D follows from it, R catalogue, E estimate with its reason, or literature.
+        day: Standard deviation between days, of the logarithm; of the value where the nominal is nought.
     """
 
     unit: str
@@ -36,8 +34,7 @@ def nominal(table: Table) -> dict[str, float]:
 
 
 def draw(table: Table, rng: np.random.Generator) -> dict[str, float]:
-    """A machine: each constant normal around its middle on either side, a range is ± 2.33 standard deviations and
-    its bound."""
+    """A machine: each constant normal around its middle; a range is ±2.33 standard deviations, and its bound."""
     machine = {}
     for name, one in table.items():
         z = float(np.clip(rng.standard_normal() / 2.33, -1.0, 1.0))

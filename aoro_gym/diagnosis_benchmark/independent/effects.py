@@ -3,6 +3,9 @@
 import math
 from collections.abc import Mapping
 from types import ModuleType
+from typing import Any
+
+from scipy.optimize import brentq, newton
 
 from .catalogue import EFFECTS, Effect
 from .families import family_of
@@ -49,22 +52,17 @@ def apply(effect: str, family: str, machine: Made, size: float) -> dict[str, flo
     def off(knob: float) -> float:
         return one.measure(module, module.derived(_turned(one, module, effect, machine, knob))) - goal
 
-    if one.shift:  # nearly linear in the knob
-        knob, step = 0.0, max(abs(size), 1e-9)
-        slope = (off(step) - off(0.0)) / step
-        for _ in range(20):
-            knob -= off(knob) / slope
-        return _turned(one, module, effect, machine, knob)
+    if one.shift:  # linear in the knob, or nearly so
+        knob: Any = newton(off, 0.0, x1=size, tol=1e-13, rtol=1e-12)
+        return _turned(one, module, effect, machine, float(knob))
     reach, start = 0.25, off(0.0)
     while off(reach) * start > 0.0 and off(-reach) * start > 0.0:
         reach *= 1.5
         if reach > 12.0:
             raise ValueError(f"{effect} of {size} {one.unit} is out of what family {family} can be")
-    low, high = 0.0, reach if off(reach) * start <= 0.0 else -reach
-    for _ in range(80):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if off(middle) * start > 0.0 else (low, middle)
-    return _turned(one, module, effect, machine, 0.5 * (low + high))
+    end = reach if off(reach) * start <= 0.0 else -reach
+    knob = brentq(off, min(0.0, end), max(0.0, end), xtol=1e-13)
+    return _turned(one, module, effect, machine, knob)
 
 
 def apply_all(family: str, machine: Made, effects: Mapping[str, float]) -> dict[str, float]:

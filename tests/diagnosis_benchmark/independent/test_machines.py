@@ -170,6 +170,32 @@ def test_logs_are_finite_at_both_ends_of_drawn_machines(family):
     assert all(np.all(np.isfinite(column)) for log in record(runs) for column in log.columns.values())
 
 
+def mixed_run(family, rng, seed):
+    """A drawn machine with some effects of any size, perhaps a deviation and driving, commands at random."""
+    effects = {}
+    for name in rng.choice(list(EFFECTS), rng.integers(1, 5), replace=False):
+        one = EFFECTS[name]
+        effects[str(name)] = float(rng.choice(one.signs) * one.weak * (one.strong / one.weak) ** rng.random())
+    command = np.repeat(rng.uniform(-1.0, 1.0, 8) * (rng.random(8) < 0.8), 30)
+    drive = np.repeat(rng.uniform(-0.5, 0.5, 3), 80) if rng.random() < 0.3 else None
+    outside = str(rng.choice(list(OUTSIDE))) if rng.random() < 0.4 else None
+    more = {"joint_angle": rng.uniform(-0.65, 0.65), "seed": seed, "outside": outside, "outside_size": rng.random()}
+    return Run(family, machine(family, rng), command, effects, drive, **more)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("family", FAMILIES)
+def test_effects_together_stay_finite_and_accurate(family):
+    rng = np.random.default_rng(77)
+    runs = [mixed_run(family, rng, seed) for seed in range(60)]
+    whole, half = trace(runs, period=0.01), trace(runs, period=0.01, step=5e-5)
+    pairs = list(zip(whole, half, strict=True))
+    errors = [[np.sqrt(np.mean((a[side] - b[side]) ** 2)) for a, b in pairs] for side in ("exact_a", "exact_b")]
+    assert np.quantile(np.max(errors, axis=0), 0.95) < 0.05e5
+    assert all(np.all(np.isfinite(log["angle"])) and log["exact_pump"].max() < 400e5 for log in whole)
+    assert all(np.max(np.abs(log["angle"])) < 0.75 for log in whole)
+
+
 @pytest.mark.parametrize("family", FAMILIES)
 def test_deviations_outside_of_the_catalogue_show(family):
     runs = [back_and_forth(family, outside=name, outside_size=1.0, seed=4) for name in OUTSIDE]

@@ -138,10 +138,10 @@ def valve(d: Any, x: Any, m: Any, inputs: Any, edge_drop: wp.float64):
     y = x[COMPENSATOR]
     spring = m.compensator_drop + m.compensator_spring * (y / m.compensator_stroke - f64(0.5))
     spring -= m.compensator_droop * (wp.max(x[A], x[B]) - m.droop_from)
-    force = m.compensator_area * (spring - edge_drop)
-    force -= m.compensator_damping * inputs[at.VISCOSITY] * x[COMPENSATOR_RATE]
+    damping = m.compensator_damping * inputs[at.VISCOSITY]
+    force = m.compensator_area * (spring - edge_drop) - damping * x[COMPENSATOR_RATE]
     d[COMPENSATOR] = x[COMPENSATOR_RATE]
-    d[COMPENSATOR_RATE] = force / m.compensator_mass
+    d[COMPENSATOR_RATE] = force / wp.max(m.compensator_mass, damping / f64(1.2e4))  # overdamped: mass hardly counts
     tap_a = unit((x[SPOOL] - m.sense_start) / f64(0.02))
     tap_b = unit((-x[SPOOL] - m.sense_start) / f64(0.02))
     load = wp.max(tap_a * x[A] + tap_b * x[B], ZERO)

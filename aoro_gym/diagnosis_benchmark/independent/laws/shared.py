@@ -22,8 +22,7 @@ def onto_axle(axle: Any, m: Any, wheel: int, along: wp.float64, across: wp.float
 
 @wp.func
 def to_tank(m: Any, pressure: wp.float64):
-    """Flow [m³/s] out of a side: shock valve, K (p − p_s)₊, less the anti-cavitation check valve's from the return
-    gallery."""
+    """Flow [m³/s] out of a side: over the shock valve, K (p − p_s)₊, less what the anti-cavitation check draws in."""
     relief = m.shock_conductance * wp.max(ZERO, pressure - m.shock_pressure)
     suction = check(m.suction_conductance, m.return_preload - m.suction_cracking - pressure, f64(5e4))
     return relief - suction

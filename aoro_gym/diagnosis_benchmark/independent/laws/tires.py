@@ -1,9 +1,8 @@
-"""Tires of a standing or slowly rolling machine: forces along and across, and the torque against swivelling on the
-spot.
+"""Tires of a standing or slowly rolling machine: forces along and across, and the torque against swivelling.
 
-All take a wheel's motion (slip forwards, ground speed sideways, ground speed along, yaw rate), its load [N] and
-its deflections. They return force forwards [N], force sideways [N], torque [N m] on the machine, and the
-deflections' rates.
+All take a wheel's motion (slip forwards, ground speed sideways, ground speed along, yaw rate), its load [N] and its
+deflections. They return force forwards [N], force sideways [N], torque [N m] on the machine, and the deflections'
+rates. Valid for speeds of up to a few m/s.
 """
 
 from typing import Any
@@ -26,8 +25,7 @@ def swivel_limit(m: Any, load: wp.float64):
 def relaxation_tire(m: Any, motion: vec4d, load: wp.float64, ux: wp.float64, uy: wp.float64, turn: wp.float64):
     """Relaxation length with Dahl saturation, and the swivel of Sharp and Granger (2003).
 
-    F = k u + c u̇, u̇ = v − |v| k u/(μ N) − |V| u/σ; M = k_ψ ψ, ψ̇ = ω − |ω| k_ψ ψ/M_∞ − |V| ψ/σ_ψ. Valid for |V|
-    below a few m/s.
+    F = k u + c u̇, u̇ = v − |v| k u/(μ N) − |V| u/σ; M = k_ψ ψ, ψ̇ = ω − |ω| k_ψ ψ/M_∞ − |V| ψ/σ_ψ.
     """
     limit = m.ground_friction * load
     rolling = wp.abs(motion[2])
@@ -51,8 +49,8 @@ def brush(share: wp.float64):
 def carpet_tire(m: Any, motion: vec4d, load: wp.float64, u: vec4d):
     """Carpet of four brush elements: fore and aft ones shear sideways, left and right ones shear along.
 
-    An element's slip v is that of its place; u̇ = v − |v| u/u_s − |V| u/ℓ, force ¼ μ N brush(u/u_s) + ½ c u̇. Arms
-    a (fore), b (side).
+    An element's slip v is that of its place, at the arms a (fore) and b (side); u̇ = v − |v| u/u_s − |V| u/ℓ, force
+    ¼ μ N brush(u/u_s) + ½ c u̇.
     """
     most = QUARTER * m.ground_friction * load
     rolling = wp.abs(motion[2]) / m.carpet_length
