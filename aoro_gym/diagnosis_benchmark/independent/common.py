@@ -139,8 +139,10 @@ EFFECT_ZERO = {"payload": 0.0, "sinkage": 0.0, "dead_time": 0.0, "rest_differenc
 
 @lru_cache(maxsize=4096)
 def mount_half_width(a: float, c: float, angle: float, stroke: float) -> float:
-    """Lateral offset [m] of the mounts, so that the stroke spans the joint's range: L(θ_s) − L(−θ_s) = stroke, by
-    bisection."""
+    """Lateral offset [m] of the mounts, so that the stroke spans the joint's range.
+
+    L(θ_s) − L(−θ_s) = stroke, solved by bisection.
+    """
 
     def span(w: float) -> float:
         squares, across, along = a * a + c * c + 2 * w * w, w * w - a * c, w * (a + c)

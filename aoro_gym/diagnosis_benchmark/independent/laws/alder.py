@@ -40,8 +40,7 @@ State = wp.types.vector(length=N_STATES, dtype=wp.float64)
 
 @wp.func
 def flow_curve(m: Any, spool: wp.float64):
-    """Flow [m³/s] at the compensator's pressure drop over the spool's travel: measured points, joined by straight
-    lines."""
+    """Flow [m³/s] at the compensator's pressure drop: points measured over the spool's travel, and straight lines."""
     s = wp.abs(spool)
     left = spool >= ZERO
     start = wp.where(left, m.dead_left, m.dead_right)
@@ -107,8 +106,7 @@ def mechanics(d: Any, x: Any, m: Any, inputs: Any, c: Any):
 
 @wp.func
 def port_flows(x: Any, m: Any, inputs: Any):
-    """Flows [m³/s] out of the pump line, into side A, into side B through the valve, and to leave the pump as
-    leakage."""
+    """Flows [m³/s] out of the pump line, into side A and into side B; pressure drop [Pa] over the inlet edge."""
     k = edges(x, m)
     transition = m.transition * inputs[at.VISCOSITY] * inputs[at.VISCOSITY]
     supply = series(k[0], k[1])

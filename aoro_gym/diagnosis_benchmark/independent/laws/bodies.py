@@ -27,8 +27,7 @@ def rod_torque(x: Any, m: Any):
 
 @wp.func
 def stop_torque(x: Any, m: Any):
-    """Torque [N m] of the cylinders' end stops: K d + C min(d/d₀, 1) ḋ, only pressing; d₀ = 0.5 mrad keeps it
-    continuous."""
+    """Torque [N m] of the cylinders' end stops: K d + C min(d/d₀, 1) ḋ, only pressing; d₀ = 0.5 mrad."""
     depth = wp.abs(x[ROD]) - m.stop_angle
     torque = ZERO
     if depth > ZERO:

@@ -27,8 +27,10 @@ def air_share(m: Any, inputs: Any):
 
 @wp.func
 def pocket(m: Any, pressure: wp.float64, angle: wp.float64, side: wp.float64):
-    """Compliance [m³/Pa] of a trapped air pocket, isothermal: C = V₀ p₀/p². It wanders from side A to B with the
-    joint."""
+    """Compliance [m³/Pa] of a trapped air pocket, isothermal: C = V₀ p₀/p².
+
+    It wanders from side A to B as the joint turns to the left past an angle.
+    """
     absolute = wp.max(pressure + ATMOSPHERE, f64(10.0) * VACUUM)
     here = HALF * (ONE - side * wp.tanh((angle - m.pocket_angle) / f64(0.05)))
     return m.pocket_volume * here * ATMOSPHERE / (absolute * absolute)

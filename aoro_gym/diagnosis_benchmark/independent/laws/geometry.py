@@ -31,7 +31,7 @@ def cylinder(phi: wp.float64, squares: wp.float64, across: wp.float64, along: wp
 def chambers(phi: wp.float64, m: Any):
     """Volumes of sides A and B in the cylinders [m³], their rates, and both lengths' rates (right, left).
 
-    Rates are over φ [m³/rad, m/rad]. A cylinder that is not attached (``attached`` 0) stands still in the middle of its stroke.
+    Rates are over φ [m³/rad, m/rad]. A cylinder that is not attached (``attached`` 0) stands still at half its stroke.
     """
     right = cylinder(phi, m.mount_squares, m.mount_across, m.mount_along)
     left = cylinder(-phi, m.mount_squares, m.mount_across, m.mount_along)
