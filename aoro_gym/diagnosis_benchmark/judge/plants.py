@@ -114,7 +114,7 @@ class IndependentPlants:
         return independent.machine(self.name, rng)
 
     def another_day(self, machine: Any, rng: np.random.Generator) -> Any:
-        return independent.another_day(self.name, machine, rng)
+        return independent.another_day(machine, rng)
 
     def magnitude(self, effect: str, machine: Any, size: tuple[float, ...]) -> dict[str, Any]:
         without = independent.measure(effect, self.name, machine)

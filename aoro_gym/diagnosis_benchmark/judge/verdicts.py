@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -30,6 +29,36 @@ from aoro_gym.diagnosis_benchmark.judge.statistics import (
     threshold,
 )  # fmt: skip
 
+COMPARED = 0.5
+"""Share of healthy days that a feature must compare; the others lie behind the arrival at a stop."""
+
+
+@dataclass(frozen=True)
+class Days:
+    """Healthy days of one family in the metric of the others'.
+
+    Attributes:
+        axes: Matrix (axes, features) of that metric.
+        pairs: Differences (pairs, axes) of the family's days.
+        largest: Their largest part (pairs,) along a direction of the others' signatures.
+    """
+
+    axes: Floats
+    pairs: Floats
+    largest: Floats
+
+    @classmethod
+    def of(cls, left: Floats, others: Floats, signatures: Floats, kept: Any) -> Days:
+        """From the features of the family's days, of the others' and of the others' signatures; of ``kept`` features."""
+        axes = _whitening(others, kept)
+        pairs = left @ axes.T
+        return cls(axes, pairs, np.abs(pairs @ _directions(signatures @ axes.T).T).max(axis=1))
+
+    def largest_with(self, change: Floats) -> Floats:
+        """Largest part (pairs,) where the direction of a change (features,) is looked at, too."""
+        along = self.axes @ change
+        return np.maximum(self.largest, np.abs(self.pairs @ along) / max(float(np.linalg.norm(along)), 1e-12))
+
 
 @dataclass(frozen=True)
 class Reference:
@@ -39,12 +68,12 @@ class Reference:
         manoeuvres: Their names.
         channels: Places of the channels.
         names: Effects by number.
-        axes: Matrix (features, features) from features to these axes.
-        laws: Variances (features,) of laws for a change of length 1.
-        noise: Covariance (features, features) of the difference of two logs' noise.
-        days: Healthy differences (pairs, features).
+        axes: Matrix (axes, features) from features to these axes.
+        laws: Variances (axes,) of laws for a change of length 1.
+        noise: Covariance (axes, axes) of the difference of two logs' noise.
         paths: Of all effects.
-        directions: Unit vectors (signatures, features).
+        directions: Unit vectors (signatures, axes).
+        days: Healthy days of each family.
     """
 
     manoeuvres: tuple[str, ...]
@@ -53,68 +82,95 @@ class Reference:
     axes: Floats
     laws: Floats
     noise: Floats
-    days: Floats
     paths: Paths
     directions: Floats
+    days: tuple[Days, ...]
 
     @classmethod
     def of(
-        cls, libraries: Sequence[Library], manoeuvres: Sequence[str], channel_set: str, *, own: bool = False
+        cls,
+        libraries: Sequence[Library],
+        manoeuvres: Sequence[str],
+        channel_set: str,
+        *,
+        own: Library | None = None,
     ) -> Reference:
         """Learn from libraries.
 
         Args:
-            libraries: Of the families.
+            libraries: Of families other than the plant's; at least two.
             manoeuvres: Of the protocol.
             channel_set: One of :data:`CHANNEL_SETS`.
-            own: Whether a single library stands for the plant's own laws: its machines count as families then.
+            own: Library of the plant's own family, which alone explains then, its machines as families; for the oracle
+                that knows the laws.
         """
         channels = CHANNEL_SETS[channel_set]
-        days = np.concatenate([one.day_pairs(manoeuvres, channels) for one in libraries])
+        days = [one.day_pairs(manoeuvres, channels) for one in libraries]
+        kept = np.flatnonzero(np.mean(np.concatenate(days) != 0.0, axis=0) >= COMPARED)
         noise = 2.0 * shrunk_covariance(np.concatenate([one.noises(manoeuvres, channels) for one in libraries]))
-        whiten = np.linalg.inv(np.linalg.cholesky(shrunk_covariance(days)))
-        names = tuple(dict.fromkeys(effect for one in libraries for effect, _ in one.paths))
-        signatures = [one.signatures(manoeuvres, channels) @ whiten.T for one in libraries]
-        effects = [[names.index(effect) for effect, _ in one.paths] for one in libraries]
-        if own:
-            signatures = [every[:, :, m : m + 1] for every in signatures for m in range(every.shape[2])]
-            effects = effects * len(signatures)
-        paths = pieces(signatures, effects)
+        changes = [one.signatures(manoeuvres, channels) for one in libraries]
+        flat = [every[np.isfinite(every).all(axis=-1)] for every in changes]
+        whiten = _whitening(np.concatenate(days), kept)
+        explaining = changes if own is None else np.moveaxis(own.signatures(manoeuvres, channels)[..., None, :], 2, 0)
+        sources = libraries if own is None else [own] * len(explaining)
+        names = tuple(dict.fromkeys(effect for one in sources for effect, _ in one.paths))
+        numbers = [[names.index(effect) for effect, _ in one.paths] for one in sources]
+        paths = pieces([every @ whiten.T for every in explaining], numbers)
         laws, turn = np.linalg.eigh(scatter_of_laws(paths))
         axes = turn.T @ whiten
-        turned = Paths(paths.group, paths.effect, paths.start @ turn, paths.end @ turn)
-        lengths = np.linalg.norm(turned.end, axis=1, keepdims=True)
-        directions = (turned.end / np.maximum(lengths, 1e-12))[lengths[:, 0] > 1.0]
         return cls(
-            tuple(manoeuvres), channels, names, axes, np.maximum(laws, 0.0), axes @ noise @ axes.T, days @ axes.T,
-            turned, directions,
-        )  # fmt: skip
+            tuple(manoeuvres),
+            channels,
+            names,
+            axes,
+            np.maximum(laws, 0.0),
+            axes @ noise @ axes.T,
+            Paths(paths.group, paths.effect, paths.start @ turn, paths.end @ turn),
+            _directions(np.concatenate(flat) @ axes.T),
+            tuple(
+                Days.of(days[left], np.concatenate(_without(days, left)), np.concatenate(_without(flat, left)), kept)
+                for left in range(len(libraries))
+            ),
+        )
 
     def largest(self, changes: Floats) -> Floats:
         """T (n,): the largest part of ``changes`` (n, features) along a known direction."""
-        return np.abs(changes @ self.directions.T).max(axis=1)
-
-    @cached_property
-    def _largest_of_days(self) -> Floats:
-        return self.largest(self.days)
+        return np.abs(changes @ self.axes.T @ self.directions.T).max(axis=1)
 
     def limit(self, change: Floats | None = None, level: float = LEVEL) -> float:
-        """Threshold of T over healthy days, where the direction of ``change`` is looked at, too."""
-        largest = self._largest_of_days
-        if change is not None:
-            largest = np.maximum(largest, np.abs(self.days @ change) / np.linalg.norm(change))
-        return threshold(largest, level)
+        """Threshold of T over the days of each family in the metric of the others, where the direction of ``change``
+        (features,) is looked at, too."""
+        largest = [one.largest if change is None else one.largest_with(change) for one in self.days]
+        return threshold(np.concatenate(largest), level)
 
     def power(self, change: Floats) -> float:
         """Probability with which an exact change (features,) is seen."""
-        length = float(np.linalg.norm(change))
+        on_axes = self.axes @ change
+        length = float(np.linalg.norm(on_axes))
         if length == 0.0:
             return 0.0
-        return power(length, self.limit(change), float(np.sqrt(change @ self.noise @ change)) / length)
+        return power(length, self.limit(change), float(np.sqrt(on_axes @ self.noise @ on_axes)) / length)
 
     def explain(self, change: Floats, *, noisy: bool) -> Explained:
         """Explain a change (features,) by each effect."""
-        return explain(change, self.paths, self.laws, self.names, noisy=noisy)
+        return explain(self.axes @ change, self.paths, self.laws, self.names, noisy=noisy)
+
+
+def _whitening(days: Floats, kept: Any) -> Floats:
+    """Matrix (axes, features) to a metric in which ``days`` (pairs, features) scatter by 1; of ``kept`` features."""
+    matrix = np.zeros((len(kept), days.shape[1]))
+    matrix[:, kept] = np.linalg.inv(np.linalg.cholesky(shrunk_covariance(days[:, kept])))
+    return matrix
+
+
+def _directions(signatures: Floats) -> Floats:
+    """Unit vectors of those that are longer than 1."""
+    lengths = np.linalg.norm(signatures, axis=1)
+    return signatures[lengths > 1.0] / lengths[lengths > 1.0, None]
+
+
+def _without(items: Sequence[Any], place: int) -> list[Any]:
+    return [one for number, one in enumerate(items) if number != place]
 
 
 @dataclass(frozen=True)
@@ -157,12 +213,11 @@ def judge(reference: Reference, change: Floats, effects: Sequence[str], others: 
         effects: True ones.
         others: Of two effects, the change without each, in their order.
     """
-    on_axes = reference.axes @ change
-    seen = reference.power(on_axes)
-    each = {e: reference.power(reference.axes @ (change - other)) for e, other in zip(effects, others, strict=False)}
+    seen = reference.power(change)
+    each = {e: reference.power(change - other) for e, other in zip(effects, others, strict=False)}
     if len(effects) != 1:
         return Verdict(seen, seen >= POWER, each=each or None)
-    found = reference.explain(on_axes, noisy=False)
+    found = reference.explain(change, noisy=False)
     return Verdict(seen, seen >= POWER, found.alike(effects[0], NATS), found.best)
 
 
@@ -172,7 +227,7 @@ def validate(libraries: Sequence[Library], manoeuvres: Sequence[str], channel_se
     table = {}
     for left in libraries:
         reference = Reference.of([one for one in libraries if one is not left], manoeuvres, channel_set)
-        days = left.day_pairs(manoeuvres, reference.channels) @ reference.axes.T
+        days = left.day_pairs(manoeuvres, reference.channels)
         verdicts = []
         for (effect, _), sizes in zip(left.paths, left.signatures(manoeuvres, reference.channels), strict=True):
             changes = sizes.reshape(-1, sizes.shape[-1])

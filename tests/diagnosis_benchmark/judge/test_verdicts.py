@@ -34,25 +34,42 @@ def signature(effect: str, size: int = 2) -> np.ndarray:
     return library.signatures(MANOEUVRES, reference("pressures").channels)[row, size, 0]
 
 
-def test_healthy_days_scatter_by_one() -> None:
-    found = reference("pressures")
-    # 144 pairs of 24 machines: a variance of 24 × 3 free differences scatters by √(2/72)
-    assert np.mean(found.days**2) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 72))
+def test_healthy_days_of_another_family_scatter_by_one() -> None:
+    days = libraries()[0].day_pairs(MANOEUVRES, reference("pressures").channels) @ reference("pressures").axes.T
+    # 12 machines × 3 free differences, in a metric that 24 × 3 gave: √(2/36 + 2/72) each; features are many but alike
+    assert np.mean(days**2) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 36 + 2 / 72))
 
 
 @pytest.mark.parametrize("times", [0.7, 1.0, 1.6])
 def test_a_change_of_some_thresholds_has_the_power_of_a_normal_distribution(times: float) -> None:
     found = reference("pressures")
-    unit = found.axes @ signature("one")
-    unit /= np.linalg.norm(unit)
-    limit = found.limit(unit)
+    shape = signature("one")
+    unit = found.axes @ shape / np.linalg.norm(found.axes @ shape)
+    limit = found.limit(shape)
     std = float(np.sqrt(unit @ found.noise @ unit))
-    change = np.linalg.solve(found.axes, times * limit * unit)
+    change = times * limit * shape / np.linalg.norm(found.axes @ shape)
     verdict = judge(found, change, ["one"])
     assert verdict.power == pytest.approx(power(times * limit, limit, std))
     assert verdict.detectable == (times > 1.5)
     if times == 1.0:
         assert verdict.power == pytest.approx(0.5, abs=1e-6)
+
+
+def test_healthy_days_of_another_family_exceed_the_threshold_as_often_as_they_may() -> None:
+    alarms = [
+        np.mean(reference.largest(left.day_pairs(MANOEUVRES, reference.channels)) > reference.limit(level=0.9))
+        for left in libraries()
+        for reference in [Reference.of([one for one in libraries() if one is not left], MANOEUVRES, "pressures")]
+    ]
+    # 36 machines, whose pairs of days go together
+    assert np.mean(alarms) == pytest.approx(0.1, abs=4 * np.sqrt(0.1 * 0.9 / 36))
+
+
+def test_the_oracle_explains_by_the_own_family_alone() -> None:
+    found = Reference.of(libraries()[1:], MANOEUVRES, "pressures", own=libraries()[0])
+    assert judge(found, signature("one"), ["one"]).best == "one"
+    assert set(found.paths.group) == {0, 1}
+    assert found.limit() == reference("pressures").limit()
 
 
 def test_an_effect_of_its_own_is_isolable_and_two_alike_are_one_class() -> None:
