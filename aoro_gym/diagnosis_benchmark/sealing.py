@@ -12,7 +12,6 @@ import hashlib
 import secrets
 import shutil
 from collections.abc import Callable, Mapping, Sequence
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -39,10 +38,7 @@ COLUMNS = {
 """Column and SI value of its unit, by channel."""
 
 BATCH = 40
-"""Cases simulated together, about 1200 runs. Small batches are bound by overhead; an interruption loses one at most."""
-
-APART = frozenset({"entrained_air", "joint_backlash", "frame_compliance"})
-"""Effects whose laws cost time, so that plants with them are simulated apart."""
+"""Cases simulated together, about 1200 runs; an interruption loses one batch at most."""
 
 SALT = 32
 """Bytes of chance among the answers, lest a digest of guessed ones be compared with theirs."""
@@ -156,9 +152,9 @@ def _simulate(
         done += more
         progress("simulating plants", done / ticks)
 
-    # those of the costliest laws first, lest one process work on when the others have ended
+    threads = None if workers == 1 else 1
     jobs = {
-        f"cases {', '.join(case.name for case in part)}": (part, folder, answers, sensors) for part in missing[::-1]
+        f"cases {', '.join(case.name for case in part)}": (part, folder, answers, sensors, threads) for part in missing
     }
     for names, failure in spread(_make, jobs, workers=workers, tell=tell):
         if failure is not None:
@@ -194,10 +190,10 @@ def exact_folder(answers: Path) -> Path:
     return answers.with_name(f"{answers.stem}.exact")
 
 
-def _make(tell: Tell, part: Sequence[Case], folder: Path, answers: Path, sensors: str) -> None:
+def _make(tell: Tell, part: Sequence[Case], folder: Path, answers: Path, sensors: str, threads: int | None) -> None:
     """Simulate cases together, and write them."""
     runs = [case.runs() for case in part]
-    logs = iter(record([run for each in runs for run in _flat(each)], progress=tell))
+    logs = iter(record([run for each in runs for run in _flat(each)], threads=threads, progress=tell))
     for case, each in zip(part, runs, strict=True):
         found = {purpose: [next(logs) for _ in group] for purpose, group in each.items()}
         if not _place(folder, case).exists():
@@ -205,19 +201,9 @@ def _make(tell: Tell, part: Sequence[Case], folder: Path, answers: Path, sensors
             _write_case(_place(folder, case), case, found, sensors)
 
 
-def _batches(cases: Sequence[Case], size: int) -> list[list[Case]]:
-    """Cases that are simulated together: alike in the laws that they need, and the same whatever is done already."""
-
-    def laws(case: Case) -> tuple[int, list[str]]:
-        return case.level, sorted(APART.intersection(one.id for one in case.hidden))
-
-    levels = groupby(sorted(cases, key=laws), key=lambda case: case.level)  # simulated apart anyway
-    return [
-        alike[first : first + size]
-        for _, members in levels
-        for alike in [list(members)]
-        for first in range(0, len(alike), size)
-    ]
+def _batches(cases: Sequence[Case], size: int) -> list[Sequence[Case]]:
+    """Cases that are simulated together, the same whatever is done already."""
+    return [cases[first : first + size] for first in range(0, len(cases), size)]
 
 
 def _flat(runs: Mapping[str, Sequence[Run]]) -> list[Run]:

@@ -241,7 +241,7 @@ def test_an_interrupted_suite_goes_on_to_the_same_files(sealed, tmp_path):
     finished = {path.name: path.stat().st_mtime_ns for path in (tmp_path / "check" / "cases").iterdir()}
     assert 0 < len(finished) < 5
     torn = next(name for name in ("001", "002", "003", "004", "005") if name not in finished)
-    (tmp_path / "check" / "cases" / f".{torn}.partial").mkdir()
+    (tmp_path / "check" / "cases" / f".{torn}.partial").mkdir(exist_ok=True)  # it may have been interrupted writing
     (tmp_path / "check" / "cases" / f".{torn}.partial" / "half_a_log.csv").write_text("time_s,")
     file = tmp_path / "answers.json"
     drawn = file.read_text()

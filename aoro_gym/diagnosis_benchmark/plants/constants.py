@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from aoro_gym.diagnosis_benchmark.plants.fluid import Array
+from aoro_gym.diagnosis_benchmark.plants.records import Array
 from aoro_gym.machine.machine_file import Parameter
 
 COMMISSIONED_CELSIUS = 35.0

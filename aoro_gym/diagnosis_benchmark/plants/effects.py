@@ -6,21 +6,32 @@ the part.
 Ids that begin with ``x_`` are outside of the diagnosis's catalogue.
 """
 
-from __future__ import annotations
-
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportArgumentType=false
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+import warp as wp
+from numpy.typing import ArrayLike, NDArray
 
-from aoro_gym.diagnosis_benchmark.plants.bodies import Bodies
-from aoro_gym.diagnosis_benchmark.plants.circuits import OPERATING, PORT_A, Circuits
-from aoro_gym.diagnosis_benchmark.plants.fluid import Array, Constants, Oil, density, orifice, viscosity
+from aoro_gym.diagnosis_benchmark.plants.bodies import bodies_of
+from aoro_gym.diagnosis_benchmark.plants.circuits import OPERATING, PORT_A, Engine, Lines, Valve, circuit_of
+from aoro_gym.diagnosis_benchmark.plants.fluid import air_for, compressibility_of, density, oil_of, viscosity
 from aoro_gym.diagnosis_benchmark.plants.friction import BEARING_RATIO, dry_law, stribeck_level
-from aoro_gym.diagnosis_benchmark.plants.plant import STAGES, Plant, delay
+from aoro_gym.diagnosis_benchmark.plants.hydraulics import droop_slope, full_load, opening, return_flow
+from aoro_gym.diagnosis_benchmark.plants.joint import Joint, bearing_torque, seal_torque, series_torque
+from aoro_gym.diagnosis_benchmark.plants.plant import (
+    PlantRecord,
+    after_play,
+    delay,
+    held_wheel,
+    plant_of,
+    wheel_capacity,
+)
+from aoro_gym.diagnosis_benchmark.plants.records import Array, Constants, evaluate, f64, packed
 from aoro_gym.diagnosis_benchmark.plants.sensors import angle_chain, half_gain_time
-from aoro_gym.diagnosis_benchmark.plants.tires import NOMINAL_LOAD, SCRUB_ANGLE, Tires
+from aoro_gym.diagnosis_benchmark.plants.tires import NOMINAL_LOAD, SCRUB_ANGLE, pushed
 
 HUNDRED_BAR, TEN_BAR = 100e5, 10e5
 SWIVEL = np.radians(20.0)
@@ -115,12 +126,21 @@ _NON_NEGATIVE = {
 
 
 # ------------------------------------------------------------------------------------------------------------ bench tests
-def _circuits(constants: Constants, level: int) -> Circuits:
-    return Circuits(constants, level, STAGES)
+def _part(p: Constants, level: int, kind: Any) -> NDArray[Any]:
+    """Records (R,) of a part of the circuits, for :func:`~aoro_gym.diagnosis_benchmark.plants.records.evaluate`."""
+    name = {Joint: "joint", Valve: "valve", Lines: "lines", Engine: "engine"}[kind]
+    return packed(kind, circuit_of(p, level)[name], len(p["joint.play"]))
 
 
-def _bodies(constants: Constants, level: int) -> Bodies:
-    return Bodies(constants, Oil(constants, level))
+def _edge(beyond: Callable[[Array], NDArray[Any]], low: Array, high: Array) -> Array:
+    """The least number (R,) between ``low`` and ``high`` that is ``beyond``, to 1e-9 of their distance; ``beyond`` is asked
+    of (points, R) and holds at ``high``."""
+    each = np.arange(len(low))
+    for _ in range(4):
+        points = low + np.linspace(0.0, 1.0, 201)[:, None] * (high - low)
+        first = np.maximum(np.argmax(beyond(points), axis=0), 1)
+        low, high = points[first - 1, each], points[first, each]
+    return high
 
 
 def _sampled_step(constants: Constants) -> tuple[Array, Array]:
@@ -162,141 +182,177 @@ def _command_delay(constants: Constants, level: int) -> Array:
     return 0.5e-3 * (len(arrived) - 200 - arrived.sum(axis=0))
 
 
+@wp.func
+def _swept(m: PlantRecord, step: f64):
+    """Distance between the commands, in steps of ``step``, at which the spool passes half a step below 0.5 upward and
+    downward."""
+    play, up, down = f64(0.0), f64(2.0), f64(-1.0)
+    count, middle = int(wp.round(f64(1.0) / step)), f64(0.5) - f64(0.5) * step
+    for i in range(2 * count):
+        signal = wp.where(i < count, f64(i) * step, f64(1.0) - f64(i - count) * step)
+        left, told = after_play(play, signal, m.half_play)
+        play = left
+        if i < count and told > middle:
+            up = wp.min(up, signal)
+        if i >= count and told < middle:
+            down = wp.max(down, signal)
+    return up - down - step
+
+
 def _hysteresis(constants: Constants, level: int) -> Array:
-    """Distance between the commands at which the spool passes 0.5 upward and downward."""
-    plant = Plant(constants, level)
-    sweep = np.concatenate([np.arange(0.0, 1.0, 1e-3), np.arange(1.0, 0.0, -1e-3)])
-    runs = np.ones(plant.circuits.runs)
-    told = np.array([plant._after_play(value * runs) for value in sweep])
-    top = len(sweep) // 2
-    up, down = sweep[np.argmax(told >= 0.5, axis=0)], sweep[top + np.argmax(told[top:] < 0.5, axis=0)]
-    return up - down
+    return evaluate(_swept, _plant(constants, level), PlantRecord, 1e-3)
+
+
+def _plant(constants: Constants, level: int) -> NDArray[Any]:
+    return packed(PlantRecord, plant_of(constants, level), len(constants["joint.play"]))
+
+
+@wp.func
+def _opening_left(v: Valve, volts: f64):
+    return opening(v.left, v.shift, volts)
 
 
 def _dead_band(constants: Constants, level: int) -> Array:
-    circuits = _circuits(constants, level)
-    side = circuits.side(np.ones(circuits.runs, dtype=bool), circuits.set_speed)
-    low, high = np.full(circuits.runs, -0.5), np.full(circuits.runs, 1.5)
-    for _ in range(50):  # bisection: the smallest signal that opens the port, as far as the spool lets it
-        middle = 0.5 * (low + high)
-        is_open = circuits.opening(middle, side) > 1e-12
-        low, high = np.where(is_open, low, middle), np.where(is_open, middle, high)
-    return high
+    """The smallest signal [V] that opens the port, as far as the spool lets it."""
+    valves = _part(constants, level, Valve)
+    low, high = np.full(len(valves), -0.5), np.full(len(valves), 1.5)
+    return _edge(lambda volts: evaluate(_opening_left, valves, Valve, volts) > 1e-12, low, high)
+
+
+def _droop(constants: Constants, level: int) -> Array:
+    engines = _part(constants, level, Engine)
+    speed = engines["set_speed"]
+    slope, load = evaluate(droop_slope, engines, Engine, 0.0), evaluate(full_load, engines, Engine, speed)
+    return slope * load / speed
+
+
+def _stroke_time(constants: Constants, level: int) -> Array:
+    return 1.0 / circuit_of(constants, level)["lines"]["swash_up"]
+
+
+def _compensator_drop(constants: Constants, level: int) -> Array:
+    return (OPERATING / circuit_of(constants, level)["valve"]["compensator"]) ** 2
 
 
 def _valve_gain(constants: Constants, level: int) -> Array:
-    circuits = _circuits(constants, level)
-    return circuits.edges["inlet"][0] * np.sqrt(circuits.setting)
+    valve = circuit_of(constants, level)["valve"]
+    return valve["inlet"][0] * np.sqrt(valve["setting"])
 
 
 def _back_pressure(constants: Constants, level: int) -> Array:
-    circuits = _circuits(constants, level)
-    low, high = np.zeros(circuits.runs), np.full(circuits.runs, 100e5)
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        more = circuits.return_flow(middle) > OPERATING
-        low, high = np.where(more, low, middle), np.where(more, middle, high)
-    return high
+    lines = _part(constants, level, Lines)
+    low, high = np.zeros(len(lines)), np.full(len(lines), 100e5)
+    return _edge(lambda tank: evaluate(return_flow, lines, Lines, tank) > OPERATING, low, high)
+
+
+def _kink(constants: Constants, level: int) -> Array:
+    straight = {**constants, "steering.valve.kink_b": np.zeros_like(constants["steering.valve.kink_b"])}
+    with_kink, without = (circuit_of(p, level)["valve"]["outlet"][0] ** -2 for p in (constants, straight))
+    return OPERATING**2 * (with_kink - without)
 
 
 def _wall(constants: Constants, level: int) -> Array:
-    circuits = _circuits(constants, level)
-    return circuits.wall[PORT_A] + (circuits.cells * circuits.hose_wall if circuits.hoses else 0.0)
+    lines = circuit_of(constants, level)["lines"]
+    return lines["wall"][PORT_A] + lines["cells"] * lines["hose_wall"]
 
 
 def _modulus(constants: Constants, level: int, pressure: float, *, air: bool) -> Array:
-    oil = Oil(constants, level, None if air else np.zeros_like(constants["oil.gas_fraction"]))
-    return 1.0 / oil.compressibility(np.full_like(constants["oil.bulk_modulus"], pressure))
+    share = None if air else np.zeros_like(constants["oil.gas_fraction"])
+    return 1.0 / compressibility_of(oil_of(constants, level, share), pressure)
 
 
 _SPEEDS = np.concatenate([[0.0], np.logspace(-6, -1, 400)])[:, None]
 """Cylinder speeds [m/s] at which a breakaway is looked for."""
 
 
+@wp.func
+def _seal_friction(j: Joint, speed: f64):
+    """Force [N] of one cylinder's seals without pressure."""
+    sliding = seal_torque(j, f64(1.0), f64(0.0))
+    if j.level == 0:
+        return stribeck_level(sliding, j.static_ratio, speed, j.stribeck)
+    return -dry_law(j.level, speed, sliding, sliding * j.static_ratio)
+
+
+@wp.func
+def _bearing_friction(j: Joint, speed: f64):
+    """Torque [N m] of the bearing, away from its damaged spot."""
+    torque = bearing_torque(j, f64(0.5))
+    if j.level == 0:
+        return torque
+    return -dry_law(j.level, speed, torque / BEARING_RATIO, torque)
+
+
 def _seal(constants: Constants, level: int) -> Array:
-    p, part = constants, "steering.cylinder."
-    if level == 0:
-        level_at = p[part + "seal_preload"], p[part + "seal_static_ratio"], _SPEEDS, p[part + "seal_stribeck_velocity"]
-        return stribeck_level(*level_at).max(axis=0)
-    sliding, static = _circuits(p, level).seal_levels(np.ones(()), _SPEEDS, np.zeros(()))
-    return -dry_law(level)(_SPEEDS, sliding, static).min(axis=0)
+    return evaluate(_seal_friction, _part(constants, level, Joint), Joint, _SPEEDS).max(axis=0)
 
 
 def _bearing(constants: Constants, level: int) -> Array:
-    torque = _circuits(constants, level).bearing_torque(np.full_like(constants["joint.bump"], 0.5))
-    if level == 0:
-        return torque
-    return -dry_law(level)(_SPEEDS, torque / BEARING_RATIO, torque).min(axis=0)
+    return evaluate(_bearing_friction, _part(constants, level, Joint), Joint, _SPEEDS).max(axis=0)
 
 
 def _bump(constants: Constants, level: int) -> Array:
-    circuits = _circuits(constants, level)
-    angles = np.linspace(-0.5, 0.5, 401)[:, None]
-    torque = circuits.bearing_torque(angles)
+    torque = evaluate(bearing_torque, _part(constants, level, Joint), Joint, np.linspace(-0.5, 0.5, 401)[:, None])
     return torque.max(axis=0) - torque[-1]
 
 
+@wp.func
+def _twisted(j: Joint, pin: f64):
+    """Torque [N m] between pins at ``pin`` [rad] and frames at 0, both at rest."""
+    return series_torque(j, pin, f64(0.0), f64(0.0), f64(0.0))
+
+
 def _play(constants: Constants, level: int) -> Array:
-    """Width [rad] over which the pins move without torque, the frames held; bisection of either edge, which are alike."""
-    circuits = _circuits(constants, level)
-    low, high = np.zeros(circuits.runs), np.full(circuits.runs, 0.1)
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        free = circuits.series_torque(middle, np.zeros(()), np.zeros(()), np.zeros(())) == 0.0
-        low, high = np.where(free, middle, low), np.where(free, high, middle)
-    return np.where(circuits.elastic, 2.0 * low, 0.0)
+    """Width [rad] over which the pins move without torque, the frames held, from one edge: they are alike."""
+    joints = _part(constants, level, Joint)
+    low, high = np.zeros(len(joints)), np.full(len(joints), 0.1)
+    edge = _edge(lambda pin: evaluate(_twisted, joints, Joint, pin) != 0.0, low, high)
+    return np.where((joints["elastic"] == 1) & (joints["play"] > 0.0), 2.0 * edge, 0.0)
 
 
 def _compliance(constants: Constants, level: int) -> Array:
     """Of frames and pins under 1 to 2 kN m, the cylinders held [rad/(N m)]."""
-    circuits = _circuits(constants, level)
-    if not circuits.elastic.any():
-        return np.zeros(circuits.runs)
-    wide = circuits.play + 0.05
-    torque = circuits.series_torque(np.stack([wide, wide + 0.01]), np.zeros(()), np.zeros(()), np.zeros(()))
-    rise = torque[1] - torque[0]
-    return np.where(circuits.elastic, 0.01 / np.where(circuits.elastic, rise, 1.0), 0.0)
+    joints = _part(constants, level, Joint)
+    wide = joints["play"] + 0.05
+    torque = evaluate(_twisted, joints, Joint, np.stack([wide, wide + 0.01]))
+    elastic = joints["elastic"] == 1
+    return np.where(elastic, 0.01 / np.where(elastic, torque[1] - torque[0], 1.0), 0.0)
 
 
 def _lateral_stiffness(constants: Constants, level: int) -> Array:
-    tires, travel = Tires(constants, level), 1e-6
-    zero = np.zeros_like(tires.twist)
-    tires.advance(zero, zero + travel, zero, zero, 1.0)
-    return -tires.forces(zero + NOMINAL_LOAD, zero, zero, zero, zero)[1][0] / travel
+    travel = 1e-6
+    return -pushed(constants, level, [(0.0, travel, 0.0, 0.0, 1.0)])[1] / travel
 
 
 def _swivel(constants: Constants, level: int) -> Array:
-    tires, steps = Tires(constants, level), 200
-    zero = np.zeros_like(tires.twist)
-    for _ in range(steps):
-        tires.advance(zero, zero, zero + SWIVEL / steps, zero, 1.0)
-    return -tires.forces(zero + NOMINAL_LOAD, zero, zero, zero, zero)[2][0]
+    steps = 200
+    return -pushed(constants, level, [(0.0, 0.0, SWIVEL / steps, 0.0, 1.0)] * steps)[2]
 
 
 def _towing(constants: Constants, level: int) -> Array:
-    tires = Tires(constants, level)
-    one = np.ones_like(tires.twist)
-    return -tires.rolling_moment(one, one, 10.0 * one)[0]
+    return -pushed(constants, level, [], (0.0, 0.0, 0.0, 10.0))[3] / float(NOMINAL_LOAD)
+
+
+@wp.func
+def _turned_brake(m: PlantRecord, travel: f64):
+    """Dry torque [N m] of the rear right wheel's brake after a hundred times ``travel`` [rad] without oil pressure."""
+    bristle, holding = f64(0.0), wheel_capacity(m, 3, f64(0.0))
+    for _ in range(100):
+        bristle = held_wheel(m, bristle, travel, holding)
+    return bristle * wp.where(m.level == 0, m.brake_stiffness, holding)
 
 
 def _wheel_torque(constants: Constants, level: int) -> Array:
-    """Dry torque [N m] of the rear right wheel's brake after a quarter turn without oil pressure."""
-    plant = Plant(constants, level)
-    plant.state[:] = 0.0
-    for _ in range(100):
-        plant._hold_wheels(np.full_like(plant.spin, 0.016))
-    capacity = plant._wheel_capacity()
-    held = plant.brake_stretch * plant._brake_spring[0] if level == 0 else capacity * plant.brake_stretch
-    return held[3]
+    return evaluate(_turned_brake, _plant(constants, level), PlantRecord, 0.016)
 
 
 def _drag(constants: Constants, level: int) -> Array:
-    return Plant(constants, level)._brake[0] - constants["driveline.brake.disc_torque"]
+    return plant_of(constants, level)["brake"][0] - constants["driveline.brake.disc_torque"]
 
 
 def _slope(constants: Constants, level: int) -> Array:
     """Angles [rad] that a plumb line shows ahead and to the left."""
-    gravity = _bodies(constants, level).gravity
+    gravity = bodies_of(constants, level)["gravity"]
     return np.arctan2(-gravity[:2], -gravity[2])
 
 
@@ -318,7 +374,7 @@ def _scale(measure: Measure, *keys: str, power: float = 1.0) -> Apply:
 
 def _apply_valve_gain(p: Constants, magnitude: Array, level: int) -> Changes:
     own = _valve_gain(p, level)
-    return {"steering.valve.edge_gain": (1.0 + p["steering.valve.edge_gain"]) * (own + magnitude) / own - 1.0}
+    return {"steering.valve.edge_gain": (1.0 + p["steering.valve.edge_gain"]) * ((own + magnitude) / own) - 1.0}
 
 
 def _apply_back_pressure(p: Constants, magnitude: Array, level: int) -> Changes:
@@ -359,7 +415,7 @@ def _apply_temperature(p: Constants, magnitude: Array, level: int) -> Changes:
 
 def _apply_air(p: Constants, magnitude: Array, level: int) -> Changes:
     softer = _modulus(p, level, TEN_BAR, air=True) + magnitude
-    share = Oil(p, level).air_for(softer, TEN_BAR)
+    share = air_for(oil_of(p, level), softer, TEN_BAR)
     return {"oil.gas_fraction": np.where(magnitude == 0.0, p["oil.gas_fraction"], share)}
 
 
@@ -371,13 +427,13 @@ def _apply_seal(p: Constants, magnitude: Array, level: int) -> Changes:
 
 def _apply_bearing(p: Constants, magnitude: Array, level: int) -> Changes:
     own = _bearing(p, level)
-    return {"joint.friction_torque": p["joint.friction_torque"] * (own + magnitude) / own}
+    return {"joint.friction_torque": p["joint.friction_torque"] * ((own + magnitude) / own)}
 
 
 def _apply_scrub(p: Constants, magnitude: Array, level: int) -> Changes:
     """A torque of Dahl's form on every wheel. Level 2: a longer and wider contact patch."""
     if level != 2:
-        built_up = -np.expm1(-SWIVEL / SCRUB_ANGLE)
+        built_up = -np.expm1(-SWIVEL / float(SCRUB_ANGLE))
         return {"tire.scrub_torque": p["tire.scrub_torque"] + magnitude / built_up}
     own = _swivel(p, level)
     low, high = p["tire.patch_gain"], np.full_like(own, 6.0)
@@ -415,20 +471,20 @@ _CATALOGUE = (
     PlantEffect(
         "engine_droop", "engine", "relative fall of the steady speed from no load to full load", "1", 0.01, 0.07,
         "D: droop 0 to 7 %", _add("engine.droop"),
-        lambda p, level: (lambda c: c.engine_droop * c.ceiling(c.set_speed) / c.set_speed)(_circuits(p, level)),
+        _droop,
         standing=False,
     ),
     PlantEffect(
         "pump_response", "pump", "time of pump 2's swash from zero to full at saturated error; down alike", "s", -0.6, 2.0,
         "C: 0.05 to 0.3 s", _scale(
-            lambda p, level: 1.0 / _circuits(p, level).swash_up,
+            _stroke_time,
             "steering.pump.stroke_up_time", "steering.pump.stroke_down_time",
-        ), lambda p, level: 1.0 / _circuits(p, level).swash_up, relative=True,
+        ), _stroke_time, relative=True,
     ),
     PlantEffect(
         "pump_limit", "pump", "supply pressure at which the cut-off lets pump 2 hold no flow", "Pa", -0.6, 0.2,
         "C: 180 to 280 bar; lower where it is set so", _add("steering.pump.cutoff"),
-        lambda p, level: _circuits(p, level).cutoff, relative=True,
+        lambda p, level: circuit_of(p, level)["lines"]["cutoff"], relative=True,
     ),
     PlantEffect(
         "command_delay", "valve", "dead time from command to spool", "s", 0.003, 0.04, "C: 3 to 40 ms",
@@ -436,12 +492,12 @@ _CATALOGUE = (
     ),
     PlantEffect(
         "spool_lag", "valve", "time constant of the spool for a small step", "s", 0.005, 0.08, "C: 8 to 60 ms",
-        _add("steering.valve.spool_time_constant"), lambda p, level: 1.0 / _circuits(p, level).spool_pace,
+        _add("steering.valve.spool_time_constant"), lambda p, level: 1.0 / circuit_of(p, level)["valve"]["spool_pace"],
     ),
     PlantEffect(
         "spool_rate", "valve", "highest speed of the spool, strokes a second", "1/s", -0.92, -0.3,
         "C: 5 to 25; operators' ramps of 2 1/s (S14)", _add("steering.valve.spool_rate_limit"),
-        lambda p, level: _circuits(p, level).spool_rate, relative=True,
+        lambda p, level: circuit_of(p, level)["valve"]["spool_rate"], relative=True,
     ),
     PlantEffect(
         "dead_band", "valve", "signal from 2.5 V at which the left port begins to open; the whole curve shifts", "V", -0.15,
@@ -459,13 +515,14 @@ _CATALOGUE = (
     PlantEffect(
         "compensator_lag", "valve", "time of the compensator's full stroke under an excess of one setting", "s", -0.9, 4.0,
         "C: 0.2 to 30 ms", _add("steering.valve.compensator_time_constant"),
-        lambda p, level: (lambda c: 1.0 / (c.compensator_rate * c.setting))(_circuits(p, level)), relative=True,
+        lambda p, level: (lambda v: 1.0 / (v["compensator_rate"] * v["setting"]))(circuit_of(p, level)["valve"]),
+        relative=True,
     ),
     PlantEffect(
         "compensator_opening", "valve", "drop over the fully open compensator at 60 L/min", "Pa", -0.8, 3.0,
         "F 8: kick of a compensator that starts open", _scale(
-            lambda p, level: (OPERATING / _circuits(p, level).compensator) ** 2, "steering.valve.compensator_open_drop"
-        ), lambda p, level: (OPERATING / _circuits(p, level).compensator) ** 2, relative=True,
+            _compensator_drop, "steering.valve.compensator_open_drop"
+        ), _compensator_drop, relative=True,
     ),
     PlantEffect(
         "back_pressure", "oil_and_hoses", "pressure of the return line at 60 L/min", "Pa", 1e5, 15e5,
@@ -492,15 +549,13 @@ _CATALOGUE = (
         "cylinder_leakage", "cylinders", "leakage past both pistons from A to B at 100 bar, laminar", "m^3/s", 5e-6, 1e-4,
         "F 11: to 1e-11 m^3/s/Pa", lambda p, magnitude, level: {
             "steering.cylinder.leakage": p["steering.cylinder.leakage"] + 0.5 * magnitude / HUNDRED_BAR
-        }, lambda p, level: _circuits(p, level).cylinder_leak * HUNDRED_BAR,
+        }, lambda p, level: circuit_of(p, level)["lines"]["cylinder_leak"] * HUNDRED_BAR,
     ),
     PlantEffect(
         "cross_port_leakage", "valve", "leakage from A to B within the valve at 100 bar, turbulent", "m^3/s", 5e-6, 1e-4,
         "F 11, as a valve left ajar", lambda p, magnitude, level: {
             "steering.valve.cross_orifice": p["steering.valve.cross_orifice"] + magnitude / np.sqrt(HUNDRED_BAR)
-        }, lambda p, level: orifice(
-            _circuits(p, level).cross_orifice, np.full_like(p["joint.play"], HUNDRED_BAR), p["oil.laminar_pressure"]
-        ),
+        }, lambda p, level: circuit_of(p, level)["valve"]["cross_orifice"] * np.sqrt(HUNDRED_BAR),
     ),
     PlantEffect(
         "seal_friction", "cylinders", "breakaway force of one cylinder without pressure", "N", 200.0, 5000.0,
@@ -521,7 +576,7 @@ _CATALOGUE = (
     PlantEffect(
         "payload", "mass", "mass of the machine; what is added lies over the front axle 1.5 m above the ground", "kg", 150.0,
         1500.0, "F 22: crane and load", _add("payload.mass"),
-        lambda p, level: (lambda b: b.front.mass + b.rear.mass)(_bodies(p, level)),
+        lambda p, level: (lambda b: b["front"]["mass"] + b["rear"]["mass"])(bodies_of(p, level)),
     ),
     PlantEffect(
         "driveline_resistance", "driveline", "dry torque with which one wheel resists turning", "N*m", 100.0, 1000.0,
@@ -534,7 +589,7 @@ _CATALOGUE = (
     ),
     PlantEffect(
         "tire_stiffness", "wheels_and_ground", "vertical stiffness of one tire", "N/m", -0.5, 0.6, "E.2: 300 to 650 kN/m",
-        _add("tire.stiffness"), lambda p, level: _bodies(p, level).stiffness, relative=True,
+        _add("tire.stiffness"), lambda p, level: p["tire.stiffness"] + 0.0, relative=True,
     ),
     PlantEffect(
         "tire_scrub", "wheels_and_ground", "torque to swivel one standing wheel by 20° at 24.5 kN", "N*m", 200.0, 3000.0,
@@ -554,21 +609,20 @@ _CATALOGUE = (
     # outside of the catalogue
     PlantEffect(
         "x_air_pocket", "oil_and_hoses", "air trapped in port A, volume at atmospheric pressure", "m^3", 3e-5, 4e-4,
-        "estimate: a badly bled cylinder", _add("steering.pocket_a"), lambda p, level: _circuits(p, level).pocket,
+        "estimate: a badly bled cylinder", _add("steering.pocket_a"),
+        lambda p, level: circuit_of(p, level)["lines"]["pocket"],
     ),
     PlantEffect(
         "x_port_leak", "valve", "leakage from port A to tank at 100 bar, laminar: a spool worn on one land", "m^3/s", 1e-5,
         1e-4, "estimate", lambda p, magnitude, level: {
             "steering.valve.leak_a": p["steering.valve.leak_a"] + magnitude / HUNDRED_BAR
-        }, lambda p, level: (lambda c: (c.port_leak[0] - c.port_leak[1]) * HUNDRED_BAR)(_circuits(p, level)),
+        }, lambda p, level: -np.diff(circuit_of(p, level)["valve"]["port_leak"], axis=0)[0] * HUNDRED_BAR,
     ),
     PlantEffect(
         "x_return_kink", "oil_and_hoses", "drop over a kink in the return from port B at 60 L/min", "Pa", 3e5, 40e5,
         "estimate", lambda p, magnitude, level: {
             "steering.valve.kink_b": p["steering.valve.kink_b"] + magnitude / OPERATING**2
-        }, lambda p, level: (
-            lambda kinked, straight: OPERATING**2 * (kinked.edges["outlet"][0] ** -2 - straight.edges["outlet"][0] ** -2)
-        )(_circuits(p, level), _circuits({**p, "steering.valve.kink_b": np.zeros_like(p["joint.play"])}, level)),
+        }, _kink,
     ),
     PlantEffect(
         "x_angle_wobble", "sensor", "amplitude of an error of the angle with twelve periods a turn", "rad", 0.002, 0.01,
@@ -585,12 +639,12 @@ _CATALOGUE = (
     PlantEffect(
         "x_low_shock_valve", "valve", "opening pressure of port B's shock valve less that of port A's", "Pa", 60e5, 180e5,
         "estimate: a fatigued spring", _add("steering.valve.shock_drop_a"),
-        lambda p, level: (lambda c: c.shock_setting[1] - c.shock_setting[0])(_circuits(p, level)),
+        lambda p, level: np.diff(circuit_of(p, level)["valve"]["shock_setting"], axis=0)[0],
     ),
     PlantEffect(
         "x_ls_restriction", "pump", "time constant of the load-sensing line", "s", 0.01, 0.08,
         "estimate: a clogged damping orifice", _add("steering.pump.ls_time_constant"),
-        lambda p, level: 1.0 / _circuits(p, level).ls_pace,
+        lambda p, level: 1.0 / circuit_of(p, level)["lines"]["ls_pace"],
     ),
 )  # fmt: skip
 

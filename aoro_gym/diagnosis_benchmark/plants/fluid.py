@@ -1,48 +1,80 @@
-"""Oil, orifices and valves of the plants.
+"""Oil, orifices and valves of the plants. Pressures are gauge [Pa], 0 is the tank."""
 
-Pressures are gauge [Pa], 0 is the tank; every argument is a float or an array whose last axis is the runs (R,).
-"""
-
-from __future__ import annotations
-
-from collections.abc import Mapping
-
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
 import numpy as np
-from numpy.typing import NDArray
+import warp as wp
 
-Array = NDArray[np.float64]
-Constants = Mapping[str, Array]
-"""SI values by dotted key, each (R,)."""
+from aoro_gym.diagnosis_benchmark.plants.records import Array, Constants, evaluate, f64, packed, positive, record, unit
 
-ATMOSPHERE = 101_325.0
+ATMOSPHERE = wp.constant(f64(101_325.0))
 """[Pa]"""
 
-LEAST_PRESSURE = 5_000.0
+LEAST_PRESSURE = wp.constant(f64(5_000.0))
 """Absolute pressure [Pa] below which gas expands no further, so that its law stays finite."""
 
-DISSOLVED_AT = 30e5
+DISSOLVED_AT = wp.constant(f64(30e5))
 """Pressure [Pa] from which all air is in solution: the least of the published estimates (1 to 10 MPa) that is a default
 (3 MPa, Ruan and Burton's model as reviewed by Gholizadeh, Burton and Schoenau 2011)."""
 
 
-def orifice(conductance: Array | float, drop: Array, laminar: Array | float) -> Array:
+@wp.func
+def orifice(conductance: f64, drop: f64, laminar: f64):
     """Flow [m³/s] C Δp/√max(|Δp|, Δp_lam): turbulent, C √Δp, but linear below ``laminar`` [Pa] and continuous there."""
-    return conductance * drop / np.sqrt(np.maximum(np.abs(drop), laminar))
+    return conductance * drop / wp.sqrt(wp.max(wp.abs(drop), laminar))
 
 
-def check_valve(conductance: Array | float, drop: Array, crack: Array | float, laminar: Array | float) -> Array:
+@wp.func
+def check_valve(conductance: f64, drop: f64, crack: f64, laminar: f64):
     """Flow [m³/s] of an orifice that opens at ``crack`` [Pa] and lets nothing back."""
-    above = np.maximum(drop - crack, 0.0)
-    return conductance * above / np.sqrt(np.maximum(above, laminar))
+    flow = f64(0.0)
+    if drop > crack:
+        flow = orifice(conductance, drop - crack, laminar)
+    return flow
 
 
-def relief_valve(drop: Array, setting: Array | float, gain: Array | float) -> Array:
+@wp.func
+def relief_valve(drop: f64, setting: f64, gain: f64):
     """Flow [m³/s] of a relief valve that opens at ``setting`` [Pa] by ``gain`` [m³/s/Pa]."""
-    return gain * np.maximum(drop - setting, 0.0)
+    return gain * positive(drop - setting)
 
 
-class Oil:
-    """Tangent compressibility of oil with free air.
+Oil = record("Oil", "modulus slope exponent share", level=wp.int32)
+"""Modulus [Pa] of the liquid, its slope by pressure, the air's polytropic exponent and share, and which law of air."""
+
+
+def oil_of(p: Constants, level: int, share: Array | None = None) -> dict[str, Array]:
+    """Fields of :data:`Oil` (R,), with another ``share`` of air if one is given."""
+    return {
+        "modulus": p["oil.bulk_modulus"], "slope": p["oil.bulk_modulus_slope"],
+        "exponent": p["oil.polytropic_exponent"], "share": p["oil.gas_fraction"] if share is None else share,
+        "level": np.full_like(p["oil.bulk_modulus"], level),
+    }  # fmt: skip
+
+
+@wp.func
+def air(oil: Oil, pressure: f64):
+    """Volume of the oil and of the air that is still free, a unit of each at atmospheric pressure, and 1/(n P) of the air,
+    each with its derivative by the pressure."""
+    absolute = wp.max(pressure + ATMOSPHERE, LEAST_PRESSURE)
+    stiffness = f64(1.0) / (oil.exponent * absolute)
+    gas = wp.pow(ATMOSPHERE / absolute, f64(1.0) / oil.exponent)
+    liquid, liquid_slope, gas_slope = f64(1.0), f64(0.0), -gas * stiffness
+    if oil.level > 0:
+        liquid = wp.exp(-pressure / oil.modulus)
+        liquid_slope = -liquid / oil.modulus
+        s = unit(pressure / DISSOLVED_AT)
+        free, free_slope = (f64(1.0) - s) * (f64(1.0) - s) * (f64(1.0) + f64(2.0) * s), -f64(6.0) * s * (f64(1.0) - s)
+        if oil.level == 3:
+            free = positive(f64(1.0) - f64(2.0) * s)
+            free_slope = wp.where(free > f64(0.0) and s > f64(0.0), f64(-2.0), f64(0.0))
+        gas_slope = gas_slope * free + gas * free_slope / DISSOLVED_AT
+        gas = gas * free
+    return liquid, liquid_slope, gas, gas_slope, stiffness, -stiffness / absolute
+
+
+@wp.func
+def compressibility(oil: Oil, pressure: f64):
+    """Tangent compressibility 1/β [1/Pa] of oil with free air at ``pressure``, and its derivative by it.
 
     Level 0: the air is a share α of the volume at atmospheric pressure and is compressed polytropically, none dissolves::
 
@@ -55,50 +87,49 @@ class Oil:
 
     Level 3: the same with Henry's law as it stands, ψ = 1 − s, which dissolves the air by half of p_c (estimate).
     """
+    value = f64(1.0) / (oil.modulus + oil.slope * positive(pressure))
+    rise = wp.where(pressure > f64(0.0), -oil.slope * value * value, f64(0.0))
+    if oil.share > f64(0.0) and (oil.level == 0 or pressure < DISSOLVED_AT):
+        liquid, liquid_slope, gas, gas_slope, stiffness, stiffness_slope = air(oil, pressure)
+        rest = f64(1.0) - oil.share
+        total = rest * liquid + oil.share * gas
+        total_slope = rest * liquid_slope + oil.share * gas_slope
+        yielding_slope = rest * (liquid_slope * value + liquid * rise) + oil.share * (
+            gas_slope * stiffness + gas * stiffness_slope
+        )
+        value = (rest * liquid * value + oil.share * gas * stiffness) / total
+        rise = (yielding_slope - value * total_slope) / total
+    return value, rise
 
-    def __init__(self, constants: Constants, level: int, share: Array | None = None):
-        self.modulus = constants["oil.bulk_modulus"]
-        self.slope = constants["oil.bulk_modulus_slope"]
-        self.exponent = constants["oil.polytropic_exponent"]
-        self.share = constants["oil.gas_fraction"] if share is None else share
-        self.level = level
-        self.aerated = bool(np.any(self.share > 0.0))
 
-    def liquid_modulus(self, pressure: Array | float) -> Array:
-        """Of the oil without air [Pa]."""
-        return self.modulus + self.slope * np.maximum(pressure, 0.0)
+@wp.func
+def _compressibility(oil: Oil, pressure: f64):
+    value, _rise = compressibility(oil, pressure)
+    return value
 
-    def compressibility(self, pressure: Array) -> Array:
-        """1/β [1/Pa] at ``pressure`` (..., R)."""
-        liquid = 1.0 / self.liquid_modulus(pressure)
-        if not self.aerated:
-            return liquid
-        oil, gas, stiffness = self._parts(pressure)
-        free = self.share * gas
-        return ((1.0 - self.share) * oil * liquid + free * stiffness) / ((1.0 - self.share) * oil + free)
 
-    def air_for(self, modulus: Array | float, pressure: Array | float) -> Array:
-        """Share α of air (R,) with which the tangent modulus at ``pressure`` [Pa] is ``modulus`` [Pa].
+@wp.func
+def _air(oil: Oil, pressure: f64):
+    _liquid, _liquid_slope, gas, _gas_slope, _stiffness, _stiffness_slope = air(oil, pressure)
+    return gas
 
-        The compressibility is a quotient of two terms linear in α, so α follows in closed form.
-        """
-        at = np.asarray(pressure, dtype=np.float64)
-        liquid, wanted = 1.0 / self.liquid_modulus(at), 1.0 / np.asarray(modulus)
-        oil, gas, stiffness = self._parts(at)
-        return oil * (wanted - liquid) / (gas * (stiffness - wanted) + oil * (wanted - liquid))
 
-    def _parts(self, pressure: Array) -> tuple[Array | float, Array, Array]:
-        """Volume of the oil and of the air that is still free, a unit of each at atmospheric pressure, and 1/(n P)."""
-        absolute = np.maximum(pressure + ATMOSPHERE, LEAST_PRESSURE)
-        gas = (ATMOSPHERE / absolute) ** (1.0 / self.exponent)
-        stiffness = 1.0 / (self.exponent * absolute)
-        if self.level == 0:
-            return 1.0, gas, stiffness
-        dissolving = np.minimum(np.maximum(pressure / DISSOLVED_AT, 0.0), 1.0)
-        free = (1.0 - dissolving) ** 2 * (1.0 + 2.0 * dissolving)
-        if self.level == 3:
-            free = np.maximum(1.0 - 2.0 * dissolving, 0.0)
-        return np.exp(-pressure / self.modulus), gas * free, stiffness
+def compressibility_of(oil: dict[str, Array], pressure: Array | float) -> Array:
+    """1/β [1/Pa] (..., R) of :func:`oil_of` at ``pressure``."""
+    return evaluate(_compressibility, packed(Oil, oil, len(oil["modulus"])), Oil, pressure)
+
+
+def air_for(oil: dict[str, Array], modulus: Array | float, pressure: float) -> Array:
+    """Share α of air (R,) with which the tangent modulus at ``pressure`` [Pa] is ``modulus`` [Pa].
+
+    The compressibility is a quotient of two terms linear in α, so α follows in closed form.
+    """
+    gas = evaluate(_air, packed(Oil, oil, len(oil["modulus"])), Oil, pressure)
+    level = oil["level"][0]
+    liquid, wanted = 1.0 / (oil["modulus"] + oil["slope"] * pressure), 1.0 / np.asarray(modulus)
+    shrunk = np.exp(-pressure / oil["modulus"]) if level else 1.0
+    stiffness = 1.0 / (oil["exponent"] * (pressure + float(ATMOSPHERE)))
+    return shrunk * (wanted - liquid) / (gas * (stiffness - wanted) + shrunk * (wanted - liquid))
 
 
 def viscosity(celsius: Array | float) -> Array:

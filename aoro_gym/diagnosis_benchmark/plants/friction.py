@@ -5,47 +5,42 @@ McPhee's continuous law for joint and cylinders, Dahl's for the wheels, which ha
 continuous law, and Dahl's.
 """
 
-from __future__ import annotations
+# device code: its types are Warp's
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportOperatorIssue=false
+# pyright: reportCallIssue=false, reportIndexIssue=false, reportArgumentType=false, reportAssignmentType=false
+import warp as wp
 
-from collections.abc import Callable
+from aoro_gym.diagnosis_benchmark.plants.records import clipped, f64, square
 
-import numpy as np
-
-from aoro_gym.diagnosis_benchmark.plants.fluid import Array
-
-CREEP = 1e-3
+CREEP = wp.constant(f64(1e-3))
 """Cylinder speed [m/s] at which Brown and McPhee's law passes its static level; slower, the cylinder creeps."""
 
-BEARING_RATIO = 1.15
+BEARING_RATIO = wp.constant(f64(1.15))
 """Static over sliding torque of the joint's bearing above level 0, which has none (plain steel on bronze, estimate)."""
 
 
-def stribeck_level(sliding: Array, ratio: Array, speed: Array, stribeck: Array) -> Array:
+@wp.func
+def stribeck_level(sliding: f64, ratio: f64, speed: f64, stribeck: f64):
     """Capacity F_c (1 + (r − 1) exp(−(v/v_s)²)) [N]."""
-    return sliding * (1.0 + (ratio - 1.0) * np.exp(-((speed / stribeck) ** 2)))
+    return sliding * (f64(1.0) + (ratio - f64(1.0)) * wp.exp(-square(speed / stribeck)))
 
 
-def prandtl_force(
-    stretch: Array, speed: Array, stiffness: Array | float, damping: Array | float, capacity: Array | float
-) -> Array:
+@wp.func
+def prandtl_force(stretch: f64, speed: f64, stiffness: f64, damping: f64, capacity: f64):
     """Force or torque on the moving part, −clip(k z + c v, ±capacity).
 
     Args:
-        stretch: Bristle z (R,) [m or rad].
-        speed: Sliding speed v (R,) [m/s or rad/s].
+        stretch: Bristle z [m or rad].
+        speed: Sliding speed v [m/s or rad/s].
         stiffness: k [N/m or N m/rad].
         damping: c [N s/m or N m s/rad].
         capacity: Force or torque at which it slides [N or N m].
     """
-    return -np.minimum(np.maximum(stiffness * stretch + damping * speed, -capacity), capacity)
+    return -clipped(stiffness * stretch + damping * speed, capacity)
 
 
-def clipped(stretch: Array, limit: Array) -> Array:
-    """``stretch`` kept within ±``limit``."""
-    return np.minimum(np.maximum(stretch, -limit), limit)
-
-
-def brown_mcphee(speed: Array, sliding: Array | float, static: Array | float) -> Array:
+@wp.func
+def brown_mcphee(speed: f64, sliding: f64, static: f64):
     """Friction on the moving part [N], without the viscous part::
 
         F = −F_c tanh(4x) − (F_s − F_c) x / (x²/4 + 3/4)²,   x = v / v_t
@@ -53,10 +48,11 @@ def brown_mcphee(speed: Array, sliding: Array | float, static: Array | float) ->
     largest, F_s to 0.1 %, at v_t = :data:`CREEP`. Source: Brown and McPhee, J. Comput. Nonlinear Dyn. 11 (2016) 054502.
     """
     x = speed / CREEP
-    return -sliding * np.tanh(4.0 * x) - (static - sliding) * x / (0.25 * x**2 + 0.75) ** 2
+    return -sliding * wp.tanh(f64(4.0) * x) - (static - sliding) * x / square(f64(0.25) * x * x + f64(0.75))
 
 
-def makkar(speed: Array, sliding: Array | float, static: Array | float) -> Array:
+@wp.func
+def makkar(speed: f64, sliding: f64, static: f64):
     """Friction on the moving part [N], without the viscous part::
 
         F = −F_c tanh(4x) − (F_s − F_c) (tanh(2x) − tanh(x/10)),   x = v / v_t,   v_t = :data:`CREEP`
@@ -65,18 +61,23 @@ def makkar(speed: Array, sliding: Array | float, static: Array | float) -> Array
     Advanced Intelligent Mechatronics (2005) 600; their three rates are estimates here.
     """
     x = speed / CREEP
-    return -sliding * np.tanh(4.0 * x) - (static - sliding) * (np.tanh(2.0 * x) - np.tanh(0.1 * x))
+    bump = wp.tanh(f64(2.0) * x) - wp.tanh(f64(0.1) * x)
+    return -sliding * wp.tanh(f64(4.0) * x) - (static - sliding) * bump
 
 
-def dry_law(level: int) -> Callable[[Array, Array | float, Array | float], Array]:
-    """Law of joint and cylinders above level 0."""
-    return makkar if level == 3 else brown_mcphee
+@wp.func
+def dry_law(level: int, speed: f64, sliding: f64, static: f64):
+    """Friction [N] of joint and cylinders above level 0."""
+    if level == 3:
+        return makkar(speed, sliding, static)
+    return brown_mcphee(speed, sliding, static)
 
 
-def dahl(share: Array, travel: Array, per_capacity: Array) -> Array:
+@wp.func
+def dahl(share: f64, travel: f64, per_capacity: f64):
     """Force as a share of the capacity after ``travel`` at a constant rate: s' = κ |v| (sgn v − s), solved exactly.
 
     ``per_capacity`` κ [1/rad or 1/m] is stiffness over capacity. Source: Dahl, AIAA J. 14 (1976) 1675.
     """
-    toward = np.sign(travel)
-    return toward + (share - toward) * np.exp(-per_capacity * np.abs(travel))
+    toward = wp.sign(travel)
+    return toward + (share - toward) * wp.exp(-per_capacity * wp.abs(travel))

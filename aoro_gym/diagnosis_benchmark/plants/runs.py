@@ -1,9 +1,10 @@
-"""Many runs of many plants: grouped by the laws that they need, stepped in chunks, logged by their sensors."""
+"""Many runs of many plants: stepped in chunks, logged by their sensors."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -11,16 +12,19 @@ from numpy.typing import ArrayLike
 
 from aoro_gym.diagnosis_benchmark.plants.constants import constants_of
 from aoro_gym.diagnosis_benchmark.plants.effects import with_effects
-from aoro_gym.diagnosis_benchmark.plants.fluid import Array
-from aoro_gym.diagnosis_benchmark.plants.plant import MAIN_STEP, Plant, simulate
-from aoro_gym.diagnosis_benchmark.plants.sensors import SensorNoise, measured
+from aoro_gym.diagnosis_benchmark.plants.plant import CHANNELS, EVERY_ANGLE, MAIN_STEP, Plant, simulate
+from aoro_gym.diagnosis_benchmark.plants.records import Array
+from aoro_gym.diagnosis_benchmark.plants.sensors import RATE, SensorNoise, measured
 from aoro_gym.machine.machine_file import Parameter
 
 TICK = 0.01
 """Interval [s] over which commands are held."""
 
-CHUNK = 500
-"""Runs stepped together: 130 MB of outputs for 3 s, and arrays that stay in a core's cache."""
+HELD = round(TICK / MAIN_STEP)
+"""Main steps a tick."""
+
+CHUNK = 1000
+"""Runs stepped together on a CPU: 100 MB of outputs for 5 s. A GPU wants as many as its memory holds, at 100 kB each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,90 +71,111 @@ class Recorded:
     channels: dict[str, Array]
 
 
-def record(runs: Sequence[Run], *, chunk: int = CHUNK, progress: Callable[[int], Any] | None = None) -> list[Recorded]:
+def record(
+    runs: Sequence[Run],
+    *,
+    chunk: int = CHUNK,
+    device: str = "cpu",
+    threads: int | None = None,
+    progress: Callable[[int], Any] | None = None,
+) -> list[Recorded]:
     """Simulate and log ``runs``, in their order.
 
     Args:
         runs: What to do.
         chunk: Runs stepped together, which bounds memory.
+        device: ``"cpu"`` or ``"cuda:N"``.
+        threads: CPU threads that share the stepping; as many as there are cores by default.
         progress: Called with the number of ticks of runs that have been done since the last call.
-    """
-    result: list[Recorded | None] = [None] * len(runs)
-    for members in _groups(runs, chunk):
-        for index, log in zip(members, _record([runs[i] for i in members], progress), strict=True):
-            result[index] = log
-    return [log for log in result if log is not None]
-
-
-def _groups(runs: Sequence[Run], chunk: int) -> Iterator[list[int]]:
-    """Indices of runs that are stepped together: of one level, alike in what laws they need and nearly as long.
-
-    Air and an elastic joint cost time: runs that have neither should not pay for those that do.
     """
     if chunk < 1:
         raise ValueError(f"chunk is {chunk}, but must be a positive integer")
-    kinds: dict[tuple[int, bool, bool], list[int]] = {}
+    # alike and nearly as long side by side: a GPU's neighbours wait for each other
+    order = sorted(range(len(runs)), key=lambda i: (runs[i].level, sorted(runs[i].effects), len(runs[i].steering)))
+    result: dict[int, Recorded] = {}
+    for first in range(0, len(order), chunk):
+        members = order[first : first + chunk]
+        logs = _record([runs[i] for i in members], device, threads, progress)
+        result |= zip(members, logs, strict=True)
+    return [result[index] for index in range(len(runs))]
+
+
+def _record(
+    runs: Sequence[Run], device: str, threads: int | None, progress: Callable[[int], Any] | None
+) -> Iterator[Recorded]:
+    """Logs of ``runs``, which are sorted by level."""
+    levels = [(level, list(group)) for level, group in groupby(runs, key=lambda run: run.level)]
+    constants = [_constants(group, level) for level, group in levels]
+    plants = [
+        Plant(values, level, joint_angle=np.array([run.joint_angle for run in group]))
+        for values, (level, group) in zip(constants, levels, strict=True)
+    ]
+    lengths = np.array([len(run.steering) for run in runs])
+    commands = {"steering_signal": np.zeros((lengths.max(), len(runs)))}
+    commands["drive_signal"] = np.zeros_like(commands["steering_signal"])
     for index, run in enumerate(runs):
-        air = "entrained_air" in run.effects or float(run.machine["oil.gas_fraction"].value) > 0.0
-        elastic = "joint_backlash" in run.effects or "frame_compliance" in run.effects
-        kinds.setdefault((run.level, air, elastic), []).append(index)
-    for kind in sorted(kinds):
-        members = sorted(kinds[kind], key=lambda i: len(runs[i].steering))
-        for first in range(0, len(members), chunk):
-            yield members[first : first + chunk]
+        commands["steering_signal"][: len(run.steering), index] = run.steering
+        if run.drive is not None:
+            commands["drive_signal"][: len(run.steering), index] = run.drive
+    done = 0
+
+    def tell(steps: int) -> None:
+        nonlocal done
+        if progress is not None:
+            before, done = done, steps // HELD
+            progress(int(np.sum(np.minimum(lengths, done) - np.minimum(lengths, before))))
+
+    outputs = simulate(
+        Plant.joined(plants),
+        commands,
+        steps=HELD * lengths,
+        hold=HELD,
+        keep_every=HELD,
+        channels=(*CHANNELS, "engine_angle"),
+        device=device,
+        threads=threads,
+        progress=tell,
+    )
+    outputs["joint_angle"] = outputs.pop(EVERY_ANGLE)
+    first = 0
+    for values, (level, group) in zip(constants, levels, strict=True):
+        yield from _logs(group, level, values, {name: o[:, first : first + len(group)] for name, o in outputs.items()})
+        first += len(group)
 
 
-def _record(runs: Sequence[Run], progress: Callable[[int], Any] | None) -> list[Recorded]:
-    level, count = runs[0].level, len(runs)
-    ids = sorted({name for run in runs for name in run.effects})
+def _constants(runs: Sequence[Run], level: int) -> dict[str, Array]:
+    """Constants (R,) of the plants of ``runs``, with their effects."""
     magnitudes: dict[str, Array] = {}
-    for name in ids:
+    for name in sorted({name for run in runs for name in run.effects}):
         none = next(
             np.zeros_like(np.asarray(run.effects[name], dtype=np.float64)) for run in runs if name in run.effects
         )
         each = [np.asarray(run.effects.get(name, none), dtype=np.float64) for run in runs]
         magnitudes[name] = np.stack(each, axis=-1)
-    constants = with_effects(constants_of([run.machine for run in runs]), magnitudes, level)
-    longest = max(len(run.steering) for run in runs)
-    steering, drive = np.zeros((longest, count)), np.zeros((longest, count))
-    for index, run in enumerate(runs):
-        length = len(run.steering)
-        steering[:length, index], steering[length:, index] = run.steering, run.steering[-1]
-        if run.drive is not None:
-            drive[:length, index], drive[length:, index] = run.drive, run.drive[-1]
-    held = round(TICK / MAIN_STEP)
-    plant = Plant(constants, level, joint_angle=np.array([run.joint_angle for run in runs]))
+    return with_effects(constants_of([run.machine for run in runs]), magnitudes, level)
 
-    def tell(steps: int) -> None:
-        if progress is not None and steps % held == 0:
-            progress(sum(len(run.steering) >= steps // held for run in runs))
 
-    outputs = simulate(
-        plant,
-        {"steering_signal": np.repeat(steering, held, axis=0), "drive_signal": np.repeat(drive, held, axis=0)},
-        progress=tell,
-    )
-    time = MAIN_STEP * np.arange(longest * held + 1, dtype=np.float64)
-    noises = {id(run.noise): run.noise for run in runs}
-    shown: list[Recorded | None] = [None] * count
-    for noise in noises.values():
+def _logs(
+    runs: Sequence[Run], level: int, constants: Mapping[str, Array], outputs: Mapping[str, Array]
+) -> list[Recorded]:
+    """What the sensors of ``runs`` of one level log of the ``outputs`` (F, R)."""
+    logs: dict[int, Recorded] = {}
+    for noise in {id(run.noise): run.noise for run in runs}.values():
         members = [i for i, run in enumerate(runs) if run.noise is noise]
-        ticks, channels = measured(
-            time,
+        channels = measured(
             {name: values[:, members] for name, values in outputs.items()},
             {key: value[members] for key, value in constants.items()},
             level,
             [runs[i].seed for i in members],
             noise,
+            [len(runs[i].steering) + 1 for i in members],
         )
         for place, index in enumerate(members):
             run = runs[index]
             length = len(run.steering) + 1
-            commands = [np.append(s, s[-1]) for s in (run.steering, np.zeros(1) if run.drive is None else run.drive)]
-            shown[index] = Recorded(
-                ticks[:length],
-                commands[0],
-                commands[1] if run.drive is not None else np.zeros(length),
-                {name: values[:length, place].copy() for name, values in channels.items()},
+            steering, drive = (
+                np.zeros(length) if s is None else np.append(s, s[-1]) for s in (run.steering, run.drive)
             )
-    return [log for log in shown if log is not None]
+            shown = {name: values[:length, place].copy() for name, values in channels.items()}
+            logs[index] = Recorded(np.arange(length) / RATE, steering, drive, shown)
+    return [logs[index] for index in range(len(runs))]

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import butter, lfilter, sosfiltfilt
 
-from aoro_gym.diagnosis_benchmark.plants.fluid import Array, Constants
+from aoro_gym.diagnosis_benchmark.plants.records import Array, Constants
 
 RATE = 100.0
 """Samples a second [Hz] of the logger."""
@@ -52,8 +52,9 @@ def angle_chain(time: Array, angle: Array, constants: Constants) -> Array:
     """What the angle sensor shows (F, R), without noise, of the true ``angle`` (F, R) at evenly spaced ``time`` (F,):
     periodic error, gain, first-order lag, delay. Between samples the angle is a straight line; before them it rested."""
     step = time[1] - time[0]
-    value = angle + constants["sensor.wobble"] * np.sin(WOBBLE_PERIODS * angle)
-    value = (1.0 + constants["sensor.gain_error"]) * value
+    value = (1.0 + constants["sensor.gain_error"]) * (
+        angle + constants["sensor.wobble"] * np.sin(WOBBLE_PERIODS * angle)
+    )
     for run in np.flatnonzero(constants["sensor.lag"] > 0.0):
         # exact for inputs that are straight lines between samples
         constant = constants["sensor.lag"][run]
@@ -61,25 +62,31 @@ def angle_chain(time: Array, angle: Array, constants: Constants) -> Array:
         share = constant / step * (1.0 - decay)
         start = value[0, run]
         value[:, run] = start + lfilter([1.0 - share, share - decay], [1.0, -decay], value[:, run] - start)
-    for run in np.flatnonzero(constants["sensor.delay"] > 0.0):
-        value[:, run] = np.interp(time - constants["sensor.delay"][run], time, value[:, run])
+    late = np.flatnonzero(constants["sensor.delay"] > 0.0)
+    place = np.maximum(np.arange(len(time))[:, None] - constants["sensor.delay"][late] / step, 0.0)
+    before = place.astype(np.int64)
+    after = np.minimum(before + 1, len(time) - 1)
+    share = place - before
+    value[:, late] = (1.0 - share) * value[before, late] + share * value[after, late]
     return value
 
 
-def smoothed(series: Array, half_gain: Array, level: int) -> Array:
-    """``series`` (F, R) at :data:`RATE` behind a zero-phase low-pass whose gain is ½ at 1/(2π ``half_gain``) Hz, (R,).
+def smoothed(series: Array, half_gain: Array, level: int, lengths: Sequence[int] | None = None) -> Array:
+    """``series`` (F, R) at :data:`RATE` behind a zero-phase low-pass whose gain is ½ at 1/(2π ``half_gain``) Hz, (R,); of
+    runs that have ended earlier their ``lengths`` alone.
 
     Level 0: Butterworth of fourth order, forward and backward. The others: a Gaussian window.
     """
     result = series.copy()
     for run in np.flatnonzero(half_gain > 1.0 / (2.0 * np.pi * HIGHEST_CORNER)):
+        count = len(series) if lengths is None else lengths[int(run)]
         if level == 0:
             sections = butter(4, 1.0 / (2.0 * np.pi * half_gain[run]), fs=RATE, output="sos")
-            pad = min(int(RATE), len(series) - 1)
-            result[:, run] = sosfiltfilt(sections, series[:, run], padtype="constant", padlen=pad)
+            pad = min(int(RATE), count - 1)
+            result[:count, run] = sosfiltfilt(sections, series[:count, run], padtype="constant", padlen=pad)
         else:
             width = np.sqrt(2.0 * np.log(2.0)) * half_gain[run] * RATE
-            result[:, run] = gaussian_filter1d(series[:, run], width, mode="nearest", truncate=6.0)
+            result[:count, run] = gaussian_filter1d(series[:count, run], width, mode="nearest", truncate=6.0)
     return result
 
 
@@ -99,62 +106,73 @@ def half_gain_time(smoothing: Array, level: int) -> Array:
 
 
 def measured(
-    time: Array,
     outputs: Mapping[str, Array],
     constants: Constants,
     level: int,
     seeds: Sequence[int],
     noise: SensorNoise | None = None,
-) -> tuple[Array, dict[str, Array]]:
-    """Ticks [s] (K,) and what the sensors show of ``outputs`` (F, R), SI, each (K, R).
+    lengths: Sequence[int] | None = None,
+) -> dict[str, Array]:
+    """What the sensors show of ``outputs``, SI, each (K, R), a tick of the logger a row.
 
     Args:
-        time: Instants [s] (F,), evenly spaced, a whole number of them a tick.
-        outputs: By name, ``joint_angle``, pressures, ``engine_speed`` (needed for its orders), wheel rates.
+        outputs: By name, pressures, ``engine_speed``, wheel rates at the ticks (K, R), and ``joint_angle`` a whole number of
+            times a tick (F, R). ``engine_angle`` [rad] at the ticks is needed for the angle's orders.
         constants: Of the plants.
         level: Of the plants.
         seeds: One a run: draws all that is random about it.
         noise: What sensors add; the published kind by default.
+        lengths: Ticks of each run; what is shown after them means nothing. All by default.
     """
     added = SensorNoise() if noise is None else noise
-    step = time[1] - time[0]
-    every = round(1.0 / RATE / step)
-    if abs(every * step * RATE - 1.0) > 1e-6:
-        raise ValueError(f"outputs every {step:g} s do not hold the logger's {RATE:g} Hz; keep one a millisecond")
-    ticks = time[::every]
-    runs = len(seeds)
-    turned = np.concatenate([np.zeros((1, runs)), np.cumsum(outputs["engine_speed"][:-1] * step, axis=0)])[::every]
+    turned = outputs["engine_angle"]
+    ticks = np.arange(len(turned)) / RATE
+    samples = len(outputs["joint_angle"])
+    every, apart = divmod(samples - 1, len(turned) - 1)
+    if apart:
+        raise ValueError(
+            f"joint angle has {samples} samples, but must have a whole number of them between {len(turned)} ticks"
+        )
+    fine = np.arange(samples) / (RATE * every)
     shown: dict[str, Array] = {}
     for name in outputs:
-        value = angle_chain(time, outputs[name], constants) if name == "joint_angle" else outputs[name].copy()
-        value = value[::every]
-        for run, seed in enumerate(seeds):
-            rng = np.random.default_rng([seed, *name.encode()])  # a stream a channel, whichever others there are
-            value[:, run] += _noise(name, added, ticks, turned[:, run], rng)
-        if name == "joint_angle" or "pressure" in name:
-            if "pressure" in name and added.pressure_step:
-                value = np.maximum(value, 0.0)
-            value = smoothed(_quantised(value, _resolution(name, added)), constants["sensor.smoothing"], level)
-        else:
-            value = _quantised(value, _resolution(name, added))
-        shown[name] = value
-    return ticks, shown
+        if name == "engine_angle":
+            continue
+        value = angle_chain(fine, outputs[name], constants)[::every] if name == "joint_angle" else outputs[name]
+        value = value + _noise(name, added, ticks, turned, seeds)
+        if "pressure" in name and added.pressure_step:
+            value = np.maximum(value, 0.0)
+        value = _quantised(value, _resolution(name, added))
+        filtered = name == "joint_angle" or "pressure" in name
+        shown[name] = smoothed(value, constants["sensor.smoothing"], level, lengths) if filtered else value
+    return shown
 
 
-def _noise(name: str, noise: SensorNoise, ticks: Array, turned: Array, rng: np.random.Generator) -> Array:
-    """Draws what holds for a run first, then a number a sample, so that a longer run begins as a shorter one."""
-    if name == "joint_angle":
-        total = np.zeros(len(ticks))
-        for order, amplitude in noise.angle_orders:
-            total += amplitude * np.sin(order * turned + rng.uniform(0.0, 2.0 * np.pi))
-        for low, high, amplitude in noise.angle_lines:
-            frequency, phase = rng.uniform(low, high), rng.uniform(0.0, 2.0 * np.pi)
-            total += amplitude * np.sin(2.0 * np.pi * frequency * ticks + phase)
-        return total + noise.angle_white * rng.standard_normal(len(ticks))
-    if "pressure" in name:
-        zero = noise.pressure_zero * rng.standard_normal()
-        return zero + noise.pressure_white * rng.standard_normal(len(ticks))
-    return (noise.wheel_white if name.startswith("wheel_rate") else 0.0) * rng.standard_normal(len(ticks))
+def _noise(name: str, noise: SensorNoise, ticks: Array, turned: Array, seeds: Sequence[int]) -> Array | float:
+    """Noise (K, R) of a channel: draws what holds for a run first, then a number a sample, so that a longer run begins as a
+    shorter one; a stream a run and channel, whichever others there are."""
+    pressure, angle = "pressure" in name, name == "joint_angle"
+    white = noise.pressure_white if pressure else noise.angle_white if angle else 0.0
+    if name.startswith("wheel_rate"):
+        white = noise.wheel_white
+    orders, lines = (noise.angle_orders, noise.angle_lines) if angle else ((), ())
+    if not (white or orders or lines or (pressure and noise.pressure_zero)):
+        return 0.0
+    uniform, offset = np.empty((len(orders) + 2 * len(lines), len(seeds))), np.zeros(len(seeds))
+    total = np.empty((len(ticks), len(seeds)))
+    for run, seed in enumerate(seeds):
+        rng = np.random.default_rng([seed, *name.encode()])
+        uniform[:, run] = rng.random(len(uniform))
+        if pressure:
+            offset[run] = noise.pressure_zero * rng.standard_normal()
+        total[:, run] = rng.standard_normal(len(ticks))
+    total = offset + white * total
+    for (order, amplitude), phase in zip(orders, uniform, strict=False):
+        total += amplitude * np.sin(order * turned + 2.0 * np.pi * phase)
+    for index, (low, high, amplitude) in enumerate(lines):
+        share, phase = uniform[len(orders) + 2 * index : len(orders) + 2 * index + 2]
+        total += amplitude * np.sin(2.0 * np.pi * (np.outer(ticks, low + (high - low) * share) + phase))
+    return total
 
 
 def _resolution(name: str, noise: SensorNoise) -> float:

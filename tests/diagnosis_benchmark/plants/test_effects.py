@@ -89,9 +89,10 @@ def test_zero_is_none_and_full_severity_shows(level, machine):
     signal = np.zeros((count, runs))
     signal[30:] = 1.0
     signal[310:] = 0.4
-    outputs = simulate(Plant(constants, level, joint_angle=-0.6), {"steering_signal": signal}, channels=CHANNELS)
-    time = 1e-3 * np.arange(count + 1, dtype=np.float64)
-    _, shown = measured(time, outputs, constants, level, [0] * runs, SensorNoise.none())
+    channels = (*CHANNELS, "engine_angle")
+    outputs = simulate(Plant(constants, level, joint_angle=-0.6), {"steering_signal": signal}, channels=channels)
+    every = {name: values if name == "joint_angle" else values[::10] for name, values in outputs.items()}
+    shown = measured(every, constants, level, [0] * runs, SensorNoise.none())
     change = {
         name: np.abs(shown[channel] - shown[channel][:, :1]).max(axis=0)
         for name, channel in (

@@ -1,27 +1,33 @@
 """Whole plants: order of the stepping, oscillation on shut-in oil, standstill, and level 0 against the twin."""
 
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
 from pathlib import Path
 
 import numpy as np
 import pytest
+import warp as wp
 
-from aoro_gym import Twin
+from aoro_gym import Machine, Twin
 from aoro_gym.diagnosis_benchmark import plants
-from aoro_gym.diagnosis_benchmark.plants.circuits import (
-    COMPENSATOR,
-    LS,
-    NODES,
-    PORT_A,
-    PORT_B,
-    SLOW_SHARE,
-    SPOOL,
-    SUPPLY,
-    SWASH,
-    VALVES,
-    WALLS,
-)  # fmt: skip
+from aoro_gym.diagnosis_benchmark.plants import circuits as rows
+from aoro_gym.diagnosis_benchmark.plants.bodies import FRONT, REAR, mass_factor, solved
 from aoro_gym.diagnosis_benchmark.plants.constants import constants_of
-from aoro_gym.diagnosis_benchmark.plants.plant import LEVELS, Plant, delay, simulate
+from aoro_gym.diagnosis_benchmark.plants.effects import with_effects
+from aoro_gym.diagnosis_benchmark.plants.hydraulics import SLOW_SHARE
+from aoro_gym.diagnosis_benchmark.plants.linkage import displacement
+from aoro_gym.diagnosis_benchmark.plants.plant import (
+    FINE_SUBSTEPS,
+    LEVELS,
+    PLAY,
+    POSITION,
+    RATES,
+    Plant,
+    PlantRecord,
+    delay,
+    simulate,
+)
+from aoro_gym.diagnosis_benchmark.plants.records import f64, vec7
+from tests.diagnosis_benchmark.plants import reference
 
 OUTPUTS = (
     "joint_angle",
@@ -35,21 +41,27 @@ OUTPUTS = (
 )
 
 
+OPENED = np.array([[0.5], [0.5], [60e5], [30e5], [30e5], [0.1]])
+"""Spool, compensator, supply, port A, load-sensing line and swash plate of a plant in the beginning of a turn."""
+
+
 def refined(constants, level, halvings, *, opened):
     """Angle, pressures, compensator and swash every 8 ms (F, 5) of the beginning of a turn, main step and circuits' step
     halved so often; with the valve ``opened`` from the start, else as a signal opens it."""
     duration, main_step = (0.048, 1e-3 / 2**halvings) if opened else (0.16, 1e-3 / 2**halvings)
     p = {**constants, "steering.valve.command_delay": np.zeros(1)} if opened else constants
-    plant = Plant(p, level, joint_angle=-0.3, main_step=main_step)
+    plant = Plant(p, level, joint_angle=-0.3, main_step=main_step, substeps=FINE_SUBSTEPS if opened else None)
     if opened:
-        plant._play[:] = 0.5
-        for row, value in ((SPOOL, 0.5), (COMPENSATOR, 0.5), (SUPPLY, 60e5), (PORT_A, 30e5), (LS, 30e5), (SWASH, 0.1)):
-            plant.state[row] = value
+        plant.state[PLAY] = 0.5
+        plant.state[[rows.SPOOL, rows.COMPENSATOR, rows.SUPPLY, rows.PORT_A, rows.LS, rows.SWASH]] = OPENED
         if level == 2:
-            plant.state[NODES] = plant.state[[PORT_A, PORT_B, PORT_A, PORT_B]]
+            plant.state[rows.NODES : rows.NODES + 4] = plant.state[[rows.PORT_A, rows.PORT_B, rows.PORT_A, rows.PORT_B]]
         if level == 3:
-            plant.state[VALVES] = plant.state[[PORT_A, PORT_B]]
-            plant.state[WALLS] = SLOW_SHARE * plant.circuits.hose_wall * plant.state[[PORT_A, PORT_B]]
+            plant.state[rows.NODES : rows.NODES + 2] = plant.state[[rows.PORT_A, rows.PORT_B]]
+            wall = plant.machines["circuit"]["lines"]["hose_wall"]
+            plant.state[rows.WALLS : rows.WALLS + 2] = (
+                float(SLOW_SHARE) * wall * plant.state[[rows.PORT_A, rows.PORT_B]]
+            )
     signal = {"steering_signal": np.full((round(duration / main_step), 1), 0.5 if opened else 0.8)}
     names = ("joint_angle", "pressure_a", "pump_pressure", "compensator", "pump_swash")
     out = simulate(plant, signal, keep_every=round(8e-3 / main_step), channels=names)
@@ -66,11 +78,27 @@ def test_stepping_is_of_second_order(constants, level):
     assert np.all(coarse < 2e-3 * np.ptp(third, axis=0))
 
 
-def test_an_opening_valve_costs_a_thousandth(constants):
-    """The load-sensing line's input jumps as the valve opens: first order there, but small."""
+def test_an_opening_valve_costs_two_thousandths(constants):
+    """The load-sensing line's input jumps as the valve opens, somewhere in a circuits' step of 0.25 ms: first order there,
+    but small."""
     first, second = (refined(constants, 0, n, opened=False) for n in (0, 1))
     error = np.abs(first - second).max(axis=0) / np.ptp(second, axis=0)
-    assert np.all(error[:3] < 1e-3)
+    assert np.all(error[:3] < 2e-3)
+
+
+@wp.kernel(enable_backward=False)
+def pushed(machines: wp.array(dtype=PlantRecord), found: wp.array(dtype=f64)):
+    """Acceleration of the joint [rad/s²] by 1 N m at the angle 0, and volume and slopes of the cylinders there."""
+    m = machines[0]
+    push = vec7()
+    push[FRONT] = f64(1.0)
+    push[REAR] = f64(-1.0)
+    change = solved(mass_factor(m.bodies, vec7()), push)
+    at = displacement(m.circuit.joint.cylinders, f64(0.0))
+    found[0] = change[FRONT] - change[REAR]
+    found[1] = at.volume_a
+    found[2] = at.slope_a
+    found[3] = at.slope_b
 
 
 def test_the_joint_swings_on_shut_in_oil_at_its_own_frequency(constants):
@@ -84,20 +112,15 @@ def test_the_joint_swings_on_shut_in_oil_at_its_own_frequency(constants):
     p["frame.front.cog_height"] = p["frame.rear.cog_height"] = np.array([1e-3])  # so that rolling takes no part
     plant = Plant(p, 0)
     plant.state[1:3] = 60e5  # both ports pressed: no void, and the suction valves stay shut
-    bodies = plant.bodies
-    angle = 1e-3
-    bodies.position[2], bodies.position[3] = 0.5 * angle, -0.5 * angle
-    at = plant.circuits.cylinders.at(np.zeros(1))
     # the oil is shut in at 60 bar with the joint at 1 mrad, so that it swings about there: push it instead
-    plant.u[2], plant.u[3] = 0.05, 0.0
-    compliance = (plant.circuits.volume[1] + at.volume_a) / p["oil.bulk_modulus"] + plant.circuits.wall[1]
-    spring = at.slope_a**2 / compliance + at.slope_b**2 / compliance
-    mass = bodies.mass_factor()[..., 0]
-    matrix = mass @ mass.T
-    push = np.zeros(7)
-    push[2], push[3] = 1.0, -1.0
-    inverse = push @ np.linalg.solve(matrix, push)
-    frequency = np.sqrt(spring[0] * inverse)
+    plant.state[POSITION + 2 : POSITION + 4, 0] = 0.5e-3, -0.5e-3
+    plant.state[RATES + 2] = 0.05
+    found = wp.zeros(4, dtype=f64, device="cpu")
+    wp.launch(pushed, dim=1, inputs=[wp.array(plant.machines, dtype=PlantRecord, device="cpu"), found], device="cpu")
+    inverse, volume, slope_a, slope_b = found.numpy()
+    lines = plant.machines["circuit"]["lines"][0]
+    compliance = (lines["volume"][1] + volume) / p["oil.bulk_modulus"][0] + lines["wall"][1]
+    frequency = np.sqrt((slope_a**2 + slope_b**2) / compliance * inverse)
     out = simulate(plant, {"steering_signal": np.zeros((500, 1))}, channels=("joint_rate",))
     rate = out["joint_rate"][:, 0]
     crossing = np.flatnonzero((rate[:-1] > 0.0) & (rate[1:] <= 0.0))
@@ -123,6 +146,34 @@ def test_it_says_what_it_cannot_do(constants):
         Plant(constants, 0, joint_angle=1.2)
     with pytest.raises(ValueError, match="choose one of"):
         Plant(constants, 4)
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_every_law_does_what_its_first_writing_did(level):
+    """The plants' first writing, in NumPy, stepped the same method. What differs is rounding, and that the compressibility
+    follows the pressure by straight lines, to 7.5e-5 of itself at most and mostly far nearer. Two places multiply that, up
+    to the method's own error of some thousandths: an emptied hose (level 2), and above level 0 pins that yield, which
+    chatter where they stick, as the friction's slope of 7e5 N m s/rad on 2 kg m² is stiffer than the method bears."""
+    first = np.load(Path(reference.__file__).with_suffix(".npz"))[f"level_{level}"]
+    machine = Machine.load("aoro")
+    constants = with_effects(constants_of([machine.entries] * len(reference.START)), reference.magnitudes(), level)
+    plant = Plant(constants, level, joint_angle=reference.START, substeps=4)
+    out = simulate(plant, reference.commands(), keep_every=reference.EVERY, channels=reference.CHANNELS)
+    error = np.abs(np.stack([out[name] for name in reference.CHANNELS]) - first).max(axis=1) / np.ptp(first, axis=1)
+    assert np.median(error) < 1e-6
+    assert error.max() < 5e-3
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_threads_and_holding_change_nothing(constants, level):
+    signal = np.repeat([[0.0], [0.8], [-0.4]], 2, axis=1) * [1.0, -1.0]
+    three = {key: np.repeat(value, 2) for key, value in constants.items()}
+    by_step, by_tick = (
+        simulate(Plant(three, level), {"steering_signal": s}, hold=hold, threads=threads)
+        for s, hold, threads in ((np.repeat(signal, 10, axis=0), 1, 1), (signal, 10, 2))
+    )
+    for name, values in by_step.items():
+        assert by_tick[name] == pytest.approx(values, rel=1e-9, abs=1e-12), name
 
 
 # ------------------------------------------------------------------------------------------------- level 0 and the twin
@@ -192,7 +243,7 @@ def test_level_0_drives_as_the_twin(machine):
     trace = twin.step({"steering_signal": signal, "drive_signal": drive}, duration=1e-3 * count, sample_every=1e-3)
     assert trace is not None
     plant = Plant(constants_of([machine.entries]), 0)
-    plant.bodies.position[4:] = 0.0
+    plant.state[POSITION + 4 : POSITION + 7] = 0.0
     commands = {"steering_signal": np.full((count, 1), signal), "drive_signal": np.full((count, 1), drive)}
     out = simulate(plant, commands, channels=names)
     for name in names:

@@ -29,7 +29,7 @@ def test_company_and_chunks_change_nothing(machine):
 
 
 def test_a_run_has_commands_that_fit(machine):
-    with pytest.raises(ValueError, match="within ±1"):
+    with pytest.raises(ValueError, match=r"must be in \[-1, 1\]"):
         Run(machine.entries, np.array([0.0, 1.2]))
     with pytest.raises(ValueError, match="same K"):
         Run(machine.entries, np.zeros(5), drive=np.zeros(4))

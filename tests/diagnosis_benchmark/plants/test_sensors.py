@@ -42,12 +42,11 @@ def test_smoothing_halves_the_amplitude_at_its_frequency_without_delay(level):
 def test_noise_is_what_it_says_and_repeats_by_its_seed(two):
     still = {
         "joint_angle": np.full((4001, 2), 0.2),
-        "engine_speed": np.full((4001, 2), 167.0),
-        "pressure_a": np.full((4001, 2), 50e5),
+        "engine_angle": np.repeat(167.0 * np.arange(401)[:, None] / RATE, 2, axis=1),
+        "pressure_a": np.full((401, 2), 50e5),
     }
-    ticks, first = measured(TIME, still, two, 0, [1, 2])
-    _, again = measured(TIME, still, two, 0, [1, 3])
-    assert ticks == pytest.approx(np.arange(401) / RATE)
+    first, again = (measured(still, two, 0, seeds) for seeds in ([1, 2], [1, 3]))
+    assert set(first) == {"joint_angle", "pressure_a"}
     assert np.array_equal(first["joint_angle"][:, 0], again["joint_angle"][:, 0])
     assert not np.array_equal(first["joint_angle"][:, 1], again["joint_angle"][:, 1])
     noise = SensorNoise()
@@ -65,10 +64,23 @@ def test_noise_is_what_it_says_and_repeats_by_its_seed(two):
 
 def test_exact_sensors_are_exact(two):
     angle = np.repeat(np.sin(TIME)[:, None], 2, axis=1)
-    _, shown = measured(TIME, {"joint_angle": angle, "engine_speed": angle + 160.0}, two, 0, [0, 0], SensorNoise.none())
+    outputs = {"joint_angle": angle, "engine_angle": angle[::10], "engine_speed": angle[::10] + 160.0}
+    shown = measured(outputs, two, 0, [0, 0], SensorNoise.none())
     assert np.array_equal(shown["joint_angle"], angle[::10])
+    assert np.array_equal(shown["engine_speed"], outputs["engine_speed"])
 
 
-def test_too_sparse_outputs_are_refused(two):
-    with pytest.raises(ValueError, match="100 Hz"):
-        measured(TIME * 7.0, {"engine_speed": np.zeros((4001, 2))}, two, 0, [0, 0])
+def test_a_run_that_ended_is_smoothed_by_itself(two):
+    p = {**two, "sensor.smoothing": np.array([0.02, 0.02])}
+    rng = np.random.default_rng(0)
+    outputs = {name: rng.standard_normal((101, 2)) for name in ("joint_angle", "engine_angle")}
+    whole = measured(outputs, p, 1, [1, 2], lengths=[61, 101])
+    alone = measured(
+        {name: values[:61, :1] for name, values in outputs.items()}, {k: v[:1] for k, v in p.items()}, 1, [1]
+    )
+    assert whole["joint_angle"][:61, :1] == pytest.approx(alone["joint_angle"], rel=1e-12)
+
+
+def test_angles_that_do_not_fit_the_ticks_are_refused(two):
+    with pytest.raises(ValueError, match=r"joint angle has 4001 samples, .* 300 ticks"):
+        measured({"joint_angle": np.zeros((4001, 2)), "engine_angle": np.zeros((300, 2))}, two, 0, [0, 0])
