@@ -1,0 +1,130 @@
+"""From recordings to what the network takes, and from what it says to probabilities.
+
+Recordings of the same commands on a healthy and on a later day are compared with one another; the others stand alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aoro_gym.diagnosis.network import hypotheses
+from aoro_gym.diagnosis.network.features import CHANNELS, SAMPLES, features
+from aoro_gym.diagnosis.network.forward import Weights, forward
+from aoro_gym.diagnosis.recording import Recording
+
+BEGIN = 50
+"""Sample at which the first command begins."""
+ALIKE = 0.05
+"""Root mean square of the difference of two commands below which a machine was told the same."""
+
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Case:
+    """J logs as the network takes them.
+
+    Attributes:
+        rows: Features (J, FEATURES, SAMPLES).
+        names: Of the healthy and of the later recording of each, empty for none.
+    """
+
+    rows: Floats
+    names: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """What networks say of a case.
+
+    Attributes:
+        probabilities: Of the hypotheses (hypotheses,).
+        quantiles: Of the change of every effect's operational magnitude [SI], were it there (effects, quantiles).
+    """
+
+    probabilities: NDArray[np.float64]
+    quantiles: NDArray[np.float64]
+
+    @property
+    def effects(self) -> NDArray[np.float64]:
+        """Probability (effects,) that an effect is there, alone or with another."""
+        return self.probabilities @ hypotheses.MEMBERS
+
+
+def case_of(later: Sequence[Recording], healthy: Sequence[Recording] = ()) -> Case:
+    """The recordings of a case, paired by what the machine was told.
+
+    Raises:
+        ValueError: there is no recording of the later day.
+    """
+    if not later:
+        raise ValueError("no recording given; name at least one log")
+    pairs = _paired(later, healthy)
+    parts = [[None if one is None else _aligned(one) for one in pair] for pair in pairs]
+    count = len(pairs)
+    commands, signals = np.zeros((count, 2, SAMPLES), np.float32), np.zeros((2, count, len(CHANNELS), SAMPLES))
+    has, days = np.ones((count, len(CHANNELS)), np.float32), np.zeros((count, 2), np.float32)
+    for row, pair in enumerate(parts):
+        for day, part in enumerate(pair):
+            if part is None:
+                continue
+            commands[row], signals[day, row] = part.commands, np.nan_to_num(part.signals)
+            days[row, day] = 1.0
+            has[row] *= np.isfinite(part.signals).all(axis=1)
+    rows = features(np, commands, *signals.astype(np.float32), has, days)
+    names = tuple(("" if h is None else h.name, "" if one is None else one.name) for h, one in pairs)
+    return Case(rows.astype(np.float32), names)
+
+
+def posterior(networks: Sequence[Weights], case: Case) -> Posterior:
+    """The mean of what ``networks`` say of a case."""
+    shares, sizes = [], []
+    for weights in networks:
+        logits, quantiles = forward(weights, case.rows[None], np.ones((1, len(case.rows)), dtype=bool))
+        odds = np.exp(logits[0].astype(np.float64) - logits[0].max())
+        shares.append(odds / odds.sum())
+        sizes.append(np.sinh(np.sort(quantiles[0].astype(np.float64), axis=-1)) * weights.scales[:, None])
+    return Posterior(np.mean(shares, axis=0), np.mean(sizes, axis=0))
+
+
+@dataclass(frozen=True)
+class _Aligned:
+    """A recording whose command begins at the usual sample: commands (2, SAMPLES), signals (channels, SAMPLES) [SI], NaN of
+    a channel that it lacks."""
+
+    commands: Floats
+    signals: NDArray[np.float64]
+
+
+def _aligned(recording: Recording) -> _Aligned:
+    """Cut off or continued as it began and ended."""
+    moves = np.flatnonzero(np.any(np.abs(recording.commands) > 1e-3, axis=1))
+    first = (int(moves[0]) if len(moves) else BEGIN) - BEGIN
+    wanted = np.arange(SAMPLES) + first
+    told = np.clip(wanted, 0, len(recording.commands) - 1)
+    commands = np.where((wanted < 0)[:, None], 0.0, recording.commands[told])
+    missing = np.full(recording.ticks + 1, np.nan)
+    signals = np.stack([recording.channels.get(name, missing) for name in CHANNELS])
+    return _Aligned(commands.T.astype(np.float32), signals[:, np.clip(wanted, 0, recording.ticks)])
+
+
+def _paired(
+    later: Sequence[Recording], healthy: Sequence[Recording]
+) -> list[tuple[Recording | None, Recording | None]]:
+    """Healthy and later recordings of the same commands, each healthy one once; then those that are left over."""
+    commands = {id(one): _aligned(one).commands for one in (*later, *healthy)}
+    left, pairs = list(healthy), []
+    for one in later:
+        apart = [_apart(commands[id(one)], commands[id(other)], one, other) for other in left]
+        nearest = int(np.argmin(apart)) if apart else -1
+        pairs.append((left.pop(nearest) if apart and apart[nearest] < ALIKE else None, one))
+    return [*pairs, *((other, None) for other in left)]
+
+
+def _apart(commands: Floats, others: Floats, one: Recording, other: Recording) -> float:
+    """Root mean square difference of two commands; more where the joint begins elsewhere [a quarter of a radian]."""
+    return float(np.sqrt(np.mean((commands - others) ** 2)) + 0.2 * abs(one.start_angle - other.start_angle))
