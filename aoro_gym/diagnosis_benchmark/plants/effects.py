@@ -435,13 +435,17 @@ def _apply_scrub(p: Constants, magnitude: Array, level: int) -> Changes:
     if level != 2:
         built_up = -np.expm1(-SWIVEL / float(SCRUB_ANGLE))
         return {"tire.scrub_torque": p["tire.scrub_torque"] + magnitude / built_up}
-    own = _swivel(p, level)
-    low, high = p["tire.patch_gain"], np.full_like(own, 6.0)
+    changed = np.flatnonzero(magnitude)
+    few = {key: value[changed] for key, value in p.items()}
+    wanted = _swivel(few, level) + magnitude[changed]
+    low, high = few["tire.patch_gain"], np.full(len(changed), 6.0)
     for _ in range(40):
         middle = 0.5 * (low + high)
-        more = _swivel({**p, "tire.patch_gain": middle}, level) > own + magnitude
+        more = _swivel({**few, "tire.patch_gain": middle}, level) > wanted
         low, high = np.where(more, low, middle), np.where(more, middle, high)
-    return {"tire.patch_gain": np.where(magnitude == 0.0, p["tire.patch_gain"], low)}
+    gain = p["tire.patch_gain"].copy()
+    gain[changed] = low
+    return {"tire.patch_gain": gain}
 
 
 def _apply_soft_ground(p: Constants, magnitude: Array, level: int) -> Changes:
