@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from aoro_gym.diagnosis.network import hypotheses
 from aoro_gym.diagnosis.network.cases import BEGIN, case_of, posterior
@@ -16,15 +17,16 @@ from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.effects.catalogue import IDS
 
 
-def recording(name: str, level: float, rest: int = 70, *, offset: float = 0.0, channels=CHANNELS) -> Recording:
+def recording(
+    name: str, level: float, rest: int = 70, *, offset: float = 0.0, channels: tuple[str, ...] = CHANNELS
+) -> Recording:
     """A turn at a steering ``level`` after ``rest`` ticks; its signals are ramps beside their ``offset`` [rad] and [bar]."""
     ticks = 400
     commands = np.zeros((ticks, 2))
     commands[rest : rest + 200, 0] = level
     ramp = TICK * np.clip(np.arange(ticks + 1) - rest, 0, 200)
-    values = dict.fromkeys(CHANNELS[1:], 1000000.0 * (1.0 + ramp) + 100000.0 * offset)
-    values["joint_angle"] = -0.5 + level * ramp + offset
-    kept = {channel: np.asarray(values[channel], dtype=np.float64) for channel in channels}
+    angle, pressure = -0.5 + level * ramp + offset, 1e6 * (1.0 + ramp) + 1e5 * offset
+    kept = {channel: angle if channel == "joint_angle" else pressure for channel in channels}
     return Recording(name, commands, kept, rest, -0.5)
 
 
