@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from aoro_gym.diagnosis.network import hypotheses
 from aoro_gym.diagnosis.network.cases import BEGIN, case_of, posterior
@@ -26,7 +25,9 @@ def recording(
     commands[rest : rest + 200, 0] = level
     ramp = TICK * np.clip(np.arange(ticks + 1) - rest, 0, 200)
     angle, pressure = -0.5 + level * ramp + offset, 1e6 * (1.0 + ramp) + 1e5 * offset
-    kept = {channel: angle if channel == "joint_angle" else pressure for channel in channels}
+    kept = {
+        channel: np.array(angle if channel == "joint_angle" else pressure, dtype=np.float64) for channel in channels
+    }
     return Recording(name, commands, kept, rest, -0.5)
 
 
