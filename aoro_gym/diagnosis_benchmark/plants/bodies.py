@@ -180,13 +180,15 @@ def _arm_stiffness(p: Constants, level: int, angle: dict[str, Array]) -> Array:
 def stance_of(b: Bodies, q: vec7, across: vec4):
     """The stance at the position ``q`` with the contacts' lateral places ``across`` [m]."""
     s = Stance()
-    for w in range(4):
-        heading = q[wp.where(w < 2, FRONT, REAR)]
+    for half in range(2):
+        heading = q[wp.where(half == 0, FRONT, REAR)]
         cosine, sine = wp.cos(heading), wp.sin(heading)
-        s.cosine[w] = cosine
-        s.sine[w] = sine
-        s.x[w] = b.axle[w] * cosine - across[w] * sine
-        s.y[w] = b.axle[w] * sine + across[w] * cosine
+        for side in range(2):
+            w = 2 * half + side
+            s.cosine[w] = cosine
+            s.sine[w] = sine
+            s.x[w] = b.axle[w] * cosine - across[w] * sine
+            s.y[w] = b.axle[w] * sine + across[w] * cosine
     s.across = across
     return s
 

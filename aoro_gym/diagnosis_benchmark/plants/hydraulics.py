@@ -328,6 +328,14 @@ Softness = record("Softness", "", pressure=vec15, value=vec15, slope=vec15)
 
 
 @wp.func
+def unknown_softness():
+    """A :data:`Softness` that is found at first use."""
+    soft = Softness()
+    soft.pressure = vec15(f64(-1e30))
+    return soft
+
+
+@wp.func
 def refreshed(oil: Oil, p: vec15, s: Softness):
     """``s``, found again where the pressures ``p`` of volumes and nodes have moved."""
     found = s
@@ -364,16 +372,17 @@ def held_of(c: Circuit, y: vec29, angle: f64, rate: f64, wheel_rate: vec4, steer
 
 @wp.func
 def advance_circuit(
-    c: Circuit, rule: wp.array2d(dtype=f64), start: vec29, bristle: f64, held: Held, angle: f64, duration: f64,
-    steps: int,
+    c: Circuit, rule: wp.array2d(dtype=f64), start: vec29, bristle: f64, known: Softness, held: Held, angle: f64,
+    duration: f64, steps: int,
 ):  # fmt: skip
-    """State and joint bristle after ``duration`` [s] in ``steps`` steps.
+    """State, joint bristle and the oil's softness after ``duration`` [s] in ``steps`` steps.
 
     Args:
         c: Constants.
         rule: Coefficients of :func:`chebyshev`.
         start: State.
         bristle: Of the joint [rad].
+        known: The softness so far, of :func:`unknown_softness` in the beginning.
         held: What stays, of :func:`held_of`.
         angle: Joint angle [rad] at the start.
         duration: Time [s].
@@ -383,8 +392,7 @@ def advance_circuit(
     stretch = bristle
     before = angle
     step = duration / f64(steps)
-    soft = Softness()
-    soft.pressure = vec15(f64(-1e30))
+    soft = known
     for _ in range(steps):
         older = y
         newer = y
@@ -416,4 +424,4 @@ def advance_circuit(
         else:
             y[rows.PIN_ANGLE] = before
             y[rows.PIN_RATE] = held.rate
-    return y, stretch
+    return y, stretch, soft

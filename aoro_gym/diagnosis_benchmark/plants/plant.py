@@ -202,10 +202,10 @@ def held_wheel(m: PlantRecord, bristle: f64, travel: f64, capacity_now: f64):
 
 @wp.func
 def drift(
-    m: PlantRecord, rule: wp.array2d(dtype=f64), state: wp.array2d(dtype=f64), run: int, steer: f64, drive: f64,
-    duration: f64,
+    m: PlantRecord, rule: wp.array2d(dtype=f64), state: wp.array2d(dtype=f64), run: int, known: hydraulics.Softness,
+    steer: f64, drive: f64, duration: f64,
 ):  # fmt: skip
-    """Move places and states on at constant rates of frames and wheels."""
+    """Move places and states on at constant rates of frames and wheels; gives the oil's softness, ``known`` so far."""
     angle = state[POSITION + bodies.FRONT, run] - state[POSITION + bodies.REAR, run]
     q, u = vec7(), vec7()
     for i in range(7):
@@ -228,7 +228,9 @@ def drift(
     for i in range(29):
         y[i] = state[i, run]
     held = hydraulics.held_of(m.circuit, y, angle, rate, wheel_rate, steer, drive)
-    y, stretch = hydraulics.advance_circuit(m.circuit, rule, y, state[BRISTLE, run], held, angle, duration, m.substeps)
+    y, stretch, soft = hydraulics.advance_circuit(
+        m.circuit, rule, y, state[BRISTLE, run], known, held, angle, duration, m.substeps
+    )
     for i in range(29):
         state[i, run] = y[i]
     if m.level == 0 and m.circuit.joint.elastic == 0:
@@ -238,6 +240,7 @@ def drift(
         limit = joint.capacity(m.circuit.joint, at, now, rate, p_a, p_b) / m.circuit.joint.presliding
         stretch = clipped(stretch + duration * rate, limit)
     state[BRISTLE, run] = stretch
+    return soft
 
 
 # ------------------------------------------------------------------------------------------------------------------ kick
@@ -345,6 +348,7 @@ def advance(
     m = machines[run]
     half = f64(0.5) * main_step
     tick = main_step * f64(hold)
+    soft = hydraulics.unknown_softness()
     for index in range(begin, wp.min(begin + count, steps[run])):
         state[ENGINE_ANGLE, run] += main_step * state[rows.ENGINE, run]
         sample = wp.min(index // hold, drive.shape[0] - 1)
@@ -353,14 +357,14 @@ def advance(
             signal = (told(steering, run, tick, start + half) - told(steering, run, tick, start)) / half
             play, steer = after_play(state[PLAY, run], signal, m.half_play)
             state[PLAY, run] = play
-            drift(m, rule, state, run, steer, drive[sample, run], half)
+            soft = drift(m, rule, state, run, soft, steer, drive[sample, run], half)
             if part == 0:
                 kick(m, state, run, main_step, evaluations)
-        show(m.bodies, state, run)
         done = index + 1
         if angles.shape[0] > 0:
-            angles[done, run] = state[JOINT_ANGLE, run]
+            angles[done, run] = state[POSITION + bodies.FRONT, run] - state[POSITION + bodies.REAR, run]
         if done % every == 0:
+            show(m.bodies, state, run)
             for i in range(kept.shape[0]):
                 outputs[done // every, i, run] = state[kept[i], run]
 

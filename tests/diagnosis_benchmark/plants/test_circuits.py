@@ -18,7 +18,13 @@ from aoro_gym.diagnosis_benchmark.plants.circuits import (
     circuit_of,
 )
 from aoro_gym.diagnosis_benchmark.plants.fluid import compressibility_of, oil_of
-from aoro_gym.diagnosis_benchmark.plants.hydraulics import SLOW_SHARE, advance_circuit, chebyshev, held_of
+from aoro_gym.diagnosis_benchmark.plants.hydraulics import (
+    SLOW_SHARE,
+    advance_circuit,
+    chebyshev,
+    held_of,
+    unknown_softness,
+)
 from aoro_gym.diagnosis_benchmark.plants.linkage import Displacement, displacement
 from aoro_gym.diagnosis_benchmark.plants.plant import STAGES, Plant
 from aoro_gym.diagnosis_benchmark.plants.records import f64, packed, vec4, vec29
@@ -31,9 +37,10 @@ def advanced(
 ):  # fmt: skip
     state = vec29(y[0])
     stretch = f64(0.0)
+    soft = unknown_softness()
     for _ in range(calls):
         held = held_of(circuits[0], state, angle, rate, vec4(), f64(0.0), f64(0.0))
-        state, stretch = advance_circuit(circuits[0], rule, state, stretch, held, angle, duration, steps)
+        state, stretch, soft = advance_circuit(circuits[0], rule, state, stretch, soft, held, angle, duration, steps)
     y[0] = state
     at[0] = displacement(circuits[0].joint.cylinders, angle)
     at[1] = displacement(circuits[0].joint.cylinders, angle + rate * duration)
