@@ -98,7 +98,7 @@ def write_cases(
         if (folder / "seal.json").exists():
             return open_seal(folder, answers)
         _simulate(cases, folder, answers, sensors, batch=batch, workers=workers, progress=progress)
-        seal = {**asked, "cases": len(cases), "blind": sealed["blind"], "sha256": _digests(folder, answers)}
+        seal = {**asked, "cases": len(cases), "blind": sealed["blind"], "sha256": digests(folder, answers)}
         if not sealed["blind"]:
             seal["seed"] = sealed["seed"]
         write_json(folder / "seal.json", seal)
@@ -168,7 +168,7 @@ def open_seal(folder: Path, answers: Path) -> dict[str, Any]:
         ValueError: cases or answers are not those that were sealed.
     """
     seal = read_json(folder / "seal.json")
-    found = _digests(folder, answers)
+    found = digests(folder, answers)
     for what, digest in seal["sha256"].items():
         if found[what] != digest:
             raise ValueError(
@@ -263,7 +263,7 @@ def _write_exact(path: Path, case: Case, found: Mapping[str, Sequence[Recorded]]
         np.savez_compressed(temporary, **arrays)  # pyright: ignore[reportArgumentType]  keys are names of arrays
 
 
-def _digests(folder: Path, answers: Path) -> dict[str, str]:
+def digests(folder: Path, answers: Path) -> dict[str, str]:
     """SHA-256 of the answers' file, which holds the salt, and of all names and contents of the exact logs and the cases."""
     return {
         "answers": hashlib.sha256(answers.read_bytes()).hexdigest(),

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from aoro_gym.diagnosis_benchmark.cases import MACHINES
-from aoro_gym.diagnosis_benchmark.sealing import _digests, exact_folder
+from aoro_gym.diagnosis_benchmark.sealing import digests, exact_folder
 from aoro_gym.execution.files import write_json
 from aoro_gym.simulation.log import write_log
 
@@ -72,5 +72,5 @@ def write_suite(folder: Path) -> Path:
         write_case(folder / "check" / "cases" / name, exact_folder(answers) / f"{name}.npz", size, seed=number)
         cases[name] = {"kind": kind, "level": number % 2, "effects": effects, "logs": list(MANOEUVRES)}
     write_json(answers, {**ABOUT, "cases": cases})
-    write_json(folder / "check" / "seal.json", {**ABOUT, "sha256": _digests(folder / "check", answers)})
+    write_json(folder / "check" / "seal.json", {**ABOUT, "sha256": digests(folder / "check", answers)})
     return answers

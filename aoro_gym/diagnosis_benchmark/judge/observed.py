@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from aoro_gym.diagnosis_benchmark.judge.features import Floats, means, paired, windows
+from aoro_gym.diagnosis_benchmark.judge.features import CHANNEL_SETS, Floats, features, means, paired, windows
+from aoro_gym.diagnosis_benchmark.judge.library import Library
 from aoro_gym.diagnosis_benchmark.judge.plants import Log, Plants
 from aoro_gym.diagnosis_benchmark.judge.suite import JudgedCase, Plan
+from aoro_gym.diagnosis_benchmark.judge.verdicts import Reference, Verdict, judge
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,12 @@ class Observed:
     logs: Mapping[str, Log]
     change: Mapping[str, Floats]
     without: Mapping[str, Mapping[str, Floats]]
+
+    def judge(self, reference: Reference, manoeuvres: Sequence[str], case: JudgedCase, channel_set: str) -> Verdict:
+        """The judge's verdict by a reference of other families."""
+        sets = [self.change, *(self.without[effect] for effect in case.effects if self.without)]
+        whole, *others = (features([one[name] for name in manoeuvres], CHANNEL_SETS[channel_set]) for one in sets)
+        return judge(reference, whole, list(case.effects), others)
 
 
 def observe(plan: Plan, plants: Plants, cases: Sequence[JudgedCase]) -> dict[str, Observed]:
@@ -55,3 +63,21 @@ def changed(plan: Plan, healthy: Mapping[str, Log], later: Mapping[str, Log]) ->
         weights = windows(plan.excitations[name].steering, plan.excitations[name].drive)
         differences[name] = paired(means([later[name]], weights), means([log], weights))[0]
     return differences
+
+
+def judge_cases(
+    plan: Plan, seen: Mapping[str, Observed], libraries: Sequence[Library]
+) -> dict[str, dict[str, Verdict]]:
+    """Verdicts by channel set and case, each by the libraries of all families but its plant's."""
+    found: dict[str, dict[str, Verdict]] = {channel_set: {} for channel_set in CHANNEL_SETS}
+    groups: dict[tuple[str, int], list[JudgedCase]] = {}
+    for case in plan.cases:
+        groups.setdefault((case.family, case.protocol), []).append(case)
+    for (family, protocol), cases in groups.items():
+        others = [one for one in libraries if one.family != family]
+        manoeuvres = plan.protocols[protocol]
+        for channel_set, verdicts in found.items():
+            reference = Reference.of(others, manoeuvres, channel_set)
+            for case in cases:
+                verdicts[case.name] = seen[case.name].judge(reference, manoeuvres, case, channel_set)
+    return found

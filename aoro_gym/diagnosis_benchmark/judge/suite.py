@@ -60,7 +60,7 @@ class Suite:
 SUITES: Mapping[str, Suite] = {
     one.name: one
     for one in (
-        Suite("small", 30, 33, 18, 18, 4, 1, 3, 1, only=("left_100", "steps_1", "pulse_1")),
+        Suite("small", 30, 33, 18, 18, 6, 1, 2, 1, only=("left_100", "steps_1")),
         Suite("seal", 564, 165, 216, 240, 24, 20, 4, 4),
     )
 }
