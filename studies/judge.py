@@ -33,7 +33,7 @@ def libraries(folder: Path, made: Plan, families: Sequence[Plants]) -> list[Libr
     """Libraries of the families, simulated where the folder has none."""
     found = []
     for plants in families:
-        path = folder / f"library_{plants.name}.npz"
+        path = folder / f"library_{plants.name}_{made.digest[:8]}.npz"
         if not path.exists():
             extent = EXTENTS[made.suite.name]
             build(plants, list(made.excitations.values()), extent, made.seed, lambda s: print(s, flush=True)).save(path)
@@ -47,7 +47,7 @@ def changes(
     """Noisy differences (channels, means) of all cases by manoeuvre, and exact ones; simulated where the folder has none."""
     found: dict[str, dict[str, dict[str, Any]]] = defaultdict(lambda: defaultdict(dict))
     for plants in families:
-        path = folder / f"changes_{plants.name}.npz"
+        path = folder / f"changes_{plants.name}_{made.digest[:8]}.npz"
         if not path.exists():
             seen = observe(made, plants, [case for case in made.cases if case.family == plants.name])
             arrays: dict[str, Any] = {}
