@@ -75,7 +75,8 @@ def case_of(later: Sequence[Recording], healthy: Sequence[Recording] = ()) -> Ca
             commands[row], signals[day, row] = part.commands, np.nan_to_num(part.signals)
             days[row, day] = 1.0
             has[row] *= np.isfinite(part.signals).all(axis=1)
-    rows = features(np, commands, *signals.astype(np.float32), has, days)
+    before, after = signals.astype(np.float32)
+    rows = features(np, commands, before, after, has, days)
     names = tuple(("" if h is None else h.name, "" if one is None else one.name) for h, one in pairs)
     return Case(rows.astype(np.float32), names)
 
