@@ -23,8 +23,10 @@ TICK = 0.01
 HELD = round(TICK / MAIN_STEP)
 """Main steps a tick."""
 
-CHUNK, DEVICE_CHUNK = 1000, 30_000
-"""Runs stepped together on a CPU and on a GPU, which is as fast with many as with few: 100 kB of outputs each for 5 s."""
+CHUNK = 1000
+"""Runs stepped together on a CPU, which bounds memory."""
+DEVICE_CHUNK = 30_000
+"""The same on a GPU."""
 
 
 @dataclass(frozen=True, eq=False)
