@@ -439,16 +439,7 @@ def _stacked(parts: Sequence[Variants | Request]) -> Machine:
     first = parts[0].machine
     if len(parts) == 1:
         return first
-    ends = np.cumsum([part.count for part in parts])
-    places = [slice(int(end) - part.count, int(end)) for part, end in zip(parts, ends, strict=True)]
-    values = {}
-    for key, entry in first.entries.items():
-        column = [part.machine.entries[key].value for part in parts]
-        if any(isinstance(value, np.ndarray) or value != entry.value for value in column):
-            values[key] = np.empty(ends[-1])
-            for place, value in zip(places, column, strict=True):
-                values[key][place] = value
-    return first.set(values, check_ranges=False)
+    return Machine.stacked([part.machine for part in parts], [part.count for part in parts])
 
 
 _PLANE = ("slope_deg", "direction_deg", "friction", "rolling_resistance")

@@ -287,6 +287,19 @@ class Machine:
         assert failed is not None
         raise failed
 
+    @classmethod
+    def stacked(cls, machines: Sequence["Machine"], counts: Sequence[int]) -> "Machine":
+        """One machine whose variants are those of all ``machines``, each with its count of them, one after the other; what
+        is the same for all stays one value. Names and ranges are the first one's."""
+        first = machines[0]
+        entries = dict(first.entries)
+        for key, entry in first.entries.items():
+            column = [machine.entries[key].value for machine in machines]
+            if any(isinstance(value, np.ndarray) or value != entry.value for value in column):
+                whole = np.concatenate([np.broadcast_to(v, count) for v, count in zip(column, counts, strict=True)])
+                entries[key] = replace(entry, value=as_quantity(whole))
+        return cls._build(first.name, entries, Laws.stacked([machine.laws for machine in machines], counts))
+
     def variants(self, indices: ArrayLike) -> "Machine":
         """Some of the variants, integers (K,), as a machine of K; a machine without variants is itself."""
         if self.num_variants == 1:

@@ -150,3 +150,18 @@ def test_what_leaves_laws_to_be_drawn() -> None:
     for which in ("libary", "library,libary", "library,any"):
         with pytest.raises(ValueError, match=r"there is no family of laws '(libary|any)'.*, materials, families, any"):
             draws(which)
+
+
+def test_machines_are_stacked_with_their_values_and_laws() -> None:
+    """One after the other, each as often as it counts; what all share stays one value."""
+    shipped = Machine.load("aoro")
+    heavier = shipped.scale({"frame.rear.mass": 1.1}).with_laws("materials")
+    drawn = shipped.sample(2, laws="any", parameters=0.2, seed=1)
+    stacked = Machine.stacked([heavier, drawn, shipped], [3, 2, 1])
+    assert stacked.num_variants == 6
+    for place, one in enumerate([heavier, heavier, heavier, drawn.variant(0), drawn.variant(1), shipped]):
+        again = stacked.variant(place)
+        assert {key: again.value(key) for key in shipped.entries} == {key: one.value(key) for key in shipped.entries}
+        assert again.laws.names == one.laws.names
+    assert isinstance(stacked.value("steering.cylinder.bore"), float)
+    assert Machine.stacked([shipped], [1]).num_variants == 1

@@ -15,11 +15,15 @@ from aoro_gym.diagnosis.network import hypotheses
 from aoro_gym.diagnosis.network.features import CHANNELS, SAMPLES, features
 from aoro_gym.diagnosis.network.forward import Weights, forward
 from aoro_gym.diagnosis.recording import Recording
+from aoro_gym.diagnosis.simulation.manoeuvres import REST, TICK
 
-BEGIN = 50
+BEGIN = round(REST / TICK)
 """Sample at which the first command begins."""
 ALIKE = 0.05
 """Root mean square of the difference of two commands below which a machine was told the same."""
+
+ELSEWHERE = 0.25
+"""Difference [rad] of start angles that makes another manoeuvre of the same command."""
 
 Floats = NDArray[np.float32]
 
@@ -127,5 +131,7 @@ def _paired(
 
 
 def _apart(commands: Floats, others: Floats, one: Recording, other: Recording) -> float:
-    """Root mean square difference of two commands; more where the joint begins elsewhere [a quarter of a radian]."""
-    return float(np.sqrt(np.mean((commands - others) ** 2)) + 0.2 * abs(one.start_angle - other.start_angle))
+    """Root mean square difference of two commands, and as much again as :data:`ALIKE` for every :data:`ELSEWHERE` between
+    the angles that the joint begins at."""
+    started = ALIKE / ELSEWHERE * abs(one.start_angle - other.start_angle)
+    return float(np.sqrt(np.mean((commands - others) ** 2)) + started)

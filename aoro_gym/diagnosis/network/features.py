@@ -8,10 +8,10 @@ from __future__ import annotations
 from types import ModuleType
 from typing import Any
 
-CHANNELS = ("joint_angle", "pressure_a", "pressure_b", "pump_pressure")
-"""Signals, [rad] and [Pa]."""
-SAMPLES = 512
-"""Samples of a log at 100 Hz; its command begins after half a second."""
+from aoro_gym.diagnosis.simulation.manoeuvres import CHANNELS, SAMPLES, TICK
+
+__all__ = ["CHANNELS", "FEATURES", "SAMPLES", "features"]
+
 RATE_SPAN = 2
 """Samples to either side from which the joint's rate is taken."""
 ANGLE, ANGLE_CHANGE = 0.7, 0.01  # [rad]
@@ -51,6 +51,6 @@ def features(xp: ModuleType, commands: Any, healthy: Any, later: Any, has: Any, 
 def _rate(xp: ModuleType, angle: Any) -> Any:
     """Joint rate [rad/s] (..., SAMPLES) as a central difference; zero at the ends."""
     span = 2 * RATE_SPAN
-    middle = (angle[..., span:] - angle[..., :-span]) / (span * 0.01)
+    middle = (angle[..., span:] - angle[..., :-span]) / (span * TICK)
     end = 0.0 * angle[..., :RATE_SPAN]
     return xp.concatenate([end, middle, end], axis=-1)

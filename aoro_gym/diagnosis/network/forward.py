@@ -31,7 +31,7 @@ class Weights:
 
     @classmethod
     def load(cls, path: Path) -> Weights:
-        """Read what :func:`save` wrote; ValueError naming the file where it is something else."""
+        """Read what :meth:`save` wrote; ValueError naming the file where it is something else, or for other effects."""
         from safetensors import SafetensorError, safe_open
 
         try:
@@ -42,13 +42,18 @@ class Weights:
             raise ValueError(
                 f"{path}: not a network of a diagnosis ({error}); train one by `aoro-gym diagnosis train`"
             ) from error
+        if told.get("effects") != list(IDS):
+            raise ValueError(
+                f"{path}: trained for {len(told.get('effects', ()))} effects that are not the catalogue's {len(IDS)}; "
+                "train one by `aoro-gym diagnosis train`"
+            )
         return cls(Shape(**told["shape"]), arrays, np.array(told["scales"]))
 
     def save(self, path: Path) -> None:
         """Write the network, half as precise as it computes."""
         from safetensors.numpy import save_file
 
-        told = {"shape": self.shape.as_dict(), "scales": self.scales.tolist()}
+        told = {"shape": self.shape.as_dict(), "scales": self.scales.tolist(), "effects": IDS}
         halves = {name: np.ascontiguousarray(values, dtype=np.float16) for name, values in self.arrays.items()}
         save_file(halves, path, metadata={"network": json.dumps(told)})
 

@@ -47,7 +47,8 @@ class Program:
 
 
 def run(program: Program, device: str, out: Path, progress: Progress = lambda sentence, share: None) -> dict[str, Any]:
-    """Train networks; each is written to ``out`` once it is trained, and ``training.json`` with how well it does.
+    """Train networks; each is written to ``out`` once it is trained, and ``training.json`` with how well it does. What an
+    earlier run left there besides is removed in the end.
 
     Args:
         program: What is trained.
@@ -84,12 +85,17 @@ def run(program: Program, device: str, out: Path, progress: Progress = lambda se
             data, program.course, shape=program.shape, held_out=held_out, seed=program.amount.seed + number,
             seconds=program.seconds, progress=told,
         )  # fmt: skip
-        network.weights(scales).save(out / f"network_{number}.safetensors")
+        name = f"network_{number}.safetensors"
+        network.weights(scales).save(out / name)
         trained.append(network)
-        result["networks"].append({"trained_s": time.monotonic() - start, "rates": _rates([network], data, machines)})
+        result["networks"].append(
+            {"file": name, "trained_s": time.monotonic() - start, "rates": _rates([network], data, machines)}
+        )
         if number:
             result["together"] = _rates(trained, data, machines)
         write_json(out / "training.json", with_nulls(result))
+    for stale in set(out.glob("network_*.safetensors")) - {out / one["file"] for one in result["networks"]}:
+        stale.unlink()
     return result
 
 

@@ -17,12 +17,12 @@ from aoro_gym.diagnosis.simulation import outsiders
 from aoro_gym.diagnosis.simulation.logs import UNITS
 from aoro_gym.diagnosis.simulation.manoeuvres import TICK
 from aoro_gym.diagnosis.simulation.prior import SensorPrior
+from aoro_gym.effects.signals import SMOOTHING_ORDER
 
 LINES = ((5.3, 6.9, 1.0), (5.3, 6.9, 1.0), (5.3, 6.9, 1.0), (5.3, 6.9, 1.0), (14.0, 16.0, 0.4), (26.0, 33.5, 0.2))
 """Bands [Hz] of the angle's spectral lines, and their heights in units of :data:`LINE`."""
 LINE = 1e-3
 """[rad] of the published lines near 6 Hz."""
-SMOOTHING_ORDER = 4
 
 
 class Draw:

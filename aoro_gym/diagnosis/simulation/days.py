@@ -19,7 +19,6 @@ from aoro_gym.effects.catalogue import EFFECTS, IDS
 from aoro_gym.effects.effect import Effect, Magnitude
 from aoro_gym.machine import Machine
 from aoro_gym.machine.ensemble import bundled_ensemble
-from aoro_gym.machine.laws import Laws
 from aoro_gym.machine.parameters import InvalidMachine
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.twin.records import pack
@@ -95,20 +94,7 @@ def draw_machines(prior: Prior, count: int, rng: np.random.Generator) -> Machine
         for (base, spread, laws, _), many in zip(groups, counts, strict=True)
         if many
     ]
-    return _stacked(parts).variants(rng.permutation(count))
-
-
-def _stacked(parts: list[Machine]) -> Machine:
-    """One machine whose variants are those of all ``parts``."""
-    values = {}
-    for key, entry in bases()[0].entries.items():
-        column = [part.entries[key].value for part in parts]
-        if any(isinstance(value, np.ndarray) or value != entry.value for value in column):
-            values[key] = np.concatenate(
-                [np.broadcast_to(v, part.num_variants) for v, part in zip(column, parts, strict=True)]
-            )
-    laws = Laws.stacked([part.laws for part in parts], [part.num_variants for part in parts])
-    return bases()[0].set(values, check_ranges=False).with_laws("default", **laws.names)
+    return Machine.stacked(parts, [part.num_variants for part in parts]).variants(rng.permutation(count))
 
 
 def _with_baseline(prior: Prior, machine: Machine, rng: np.random.Generator) -> Machine:
@@ -221,7 +207,7 @@ def _changed(
         changed = part if number < 0 else change(part, twice, int(number))
         parts.append(changed.variants(np.arange(len(rows))))
         order.append(rows)
-    return _stacked(parts).variants(np.argsort(np.concatenate(order)))
+    return Machine.stacked(parts, list(map(len, order))).variants(np.argsort(np.concatenate(order)))
 
 
 def _without_idle(days: Days) -> Days:

@@ -17,13 +17,11 @@ from numpy.typing import NDArray
 
 from aoro_gym.diagnosis.simulation import outsiders
 from aoro_gym.diagnosis.simulation.days import Days, planes
-from aoro_gym.diagnosis.simulation.manoeuvres import SAMPLES, TICK, Manoeuvre
+from aoro_gym.diagnosis.simulation.manoeuvres import CHANNELS, SAMPLES, TICK, Manoeuvre
 from aoro_gym.machine import Machine
 from aoro_gym.twin import Twin
 from aoro_gym.twin.records import Command, MachineRecord, Output, State
 
-CHANNELS = ("joint_angle", "pressure_a", "pressure_b", "pump_pressure")
-"""Signals of a log, SI."""
 _OUTPUTS = (Output.JOINT_ANGLE, Output.PRESSURE_A, Output.PRESSURE_B, Output.PUMP_PRESSURE)
 _STATES = (State.JOINT, State.PORT_A, State.PORT_B, State.SUPPLY)
 UNITS = (2.5e-5, 1.5e3, 1.5e3, 1.5e3)

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-TICK = 0.01
-"""Interval [s] of commands and samples."""
+from aoro_gym.recording.logs import TICK
+
+CHANNELS = ("joint_angle", "pressure_a", "pressure_b", "pump_pressure")
+"""Signals of a log, SI: [rad] and [Pa]."""
 SAMPLES = 512
 """Samples of a log, the first at rest; a longer manoeuvre is cut off."""
 REST = 0.5

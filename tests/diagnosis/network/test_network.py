@@ -98,6 +98,14 @@ def test_the_order_of_logs_and_those_that_are_missing_change_nothing() -> None:
     np.testing.assert_allclose(forward(weights, beside, hidden)[0], whole, atol=1e-4)
 
 
+def test_a_network_for_other_effects_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    place = tmp_path / "network.safetensors"
+    Network(SMALL).weights(np.ones(len(IDS))).save(place)
+    monkeypatch.setattr("aoro_gym.diagnosis.network.forward.IDS", IDS[:-1])
+    with pytest.raises(ValueError, match=r"network\.safetensors: trained for 33 effects .* 32; train"):
+        Weights.load(place)
+
+
 def test_a_file_that_is_no_network_is_named(tmp_path: Path) -> None:
     place = tmp_path / "other.safetensors"
     place.write_bytes(b"nothing")

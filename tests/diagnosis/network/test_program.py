@@ -30,4 +30,6 @@ def test_networks_are_written_with_how_well_they_do(tmp_path: Path) -> None:
     first, second = (Weights.load(tmp_path / f"network_{number}.safetensors") for number in range(2))
     assert first.shape == small
     assert (first.scales == second.scales).all() and (first.arrays["place"] != second.arrays["place"]).any()
+    run(Program(amount, 1, Course(steps=1, batch=2), shape=small), "cpu", tmp_path)
+    assert [one.name for one in tmp_path.glob("network_*")] == ["network_0.safetensors"]
     assert told == sorted(told) and 0.0 < told[-1] < 1.0

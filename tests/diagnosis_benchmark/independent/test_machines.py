@@ -24,42 +24,7 @@ from aoro_gym.diagnosis_benchmark.independent import (
 from aoro_gym.diagnosis_benchmark.independent.families import family_of
 from aoro_gym.diagnosis_benchmark.independent.turns import PUBLISHED, PUBLISHED_RIGHT, key_figures
 from tests.diagnosis_benchmark.independent.plants import back_and_forth, turn
-
-IDS = [
-    "sensor_delay",
-    "sensor_filter",
-    "sensor_gain",
-    "measuring_chain",
-    "engine_droop",
-    "pump_response",
-    "pump_limit",
-    "command_delay",
-    "spool_lag",
-    "spool_rate",
-    "dead_band",
-    "valve_gain",
-    "valve_hysteresis",
-    "compensator_lag",
-    "compensator_opening",
-    "back_pressure",
-    "oil_temperature",
-    "oil_bulk_modulus",
-    "entrained_air",
-    "hose_compliance",
-    "cylinder_leakage",
-    "cross_port_leakage",
-    "seal_friction",
-    "joint_friction",
-    "joint_backlash",
-    "frame_compliance",
-    "payload",
-    "driveline_resistance",
-    "tire_relaxation",
-    "tire_stiffness",
-    "tire_scrub",
-    "soft_ground",
-    "ground_slope",
-]
+from tests.effects.test_catalogue import IDS
 
 
 def test_every_effect_is_there():
