@@ -53,13 +53,14 @@ def run(program: Program, device: str, out: Path, progress: Progress = lambda se
     Args:
         program: What is trained.
         device: ``"cpu"`` or ``"cuda:N"``.
-        out: Folder for ``network_N.safetensors``.
+        out: Folder for ``network_N.safetensors``, made where there is none.
         progress: Told what is done.
 
     Returns:
         What ``training.json`` holds.
     """
     began = time.monotonic()
+    out.mkdir(parents=True, exist_ok=True)
     share = 0.3
     data, scales = simulate(
         Prior(), program.amount, device,
