@@ -16,7 +16,7 @@ app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich", help="Networks 
 
 OutOption = Annotated[Path, option("--out -o", "DIR", "Folder to write to.")]
 MachinesOption = Annotated[
-    int, option("--machines", "N", "Simulated machines, each with five days of six logs.", min=20)
+    int, option("--machines", "N", "Simulated machines, each with six days of six logs.", min=20)
 ]
 NetworksOption = Annotated[int, option("--networks", "N", "Networks, whose mean a diagnosis takes.", min=1)]
 MinutesOption = Annotated[float, option("--minutes", "T", "Most time for each network.", min=0.01)]
@@ -45,7 +45,7 @@ def train(
 ) -> None:
     """Train networks that name the cause of a gap, on machines, laws, days and sensors drawn by a prior.
 
-    Simulates N machines with one healthy and four later days, on which there is nothing, one effect, two, or something that
+    Simulates N machines with two healthy and four later days, on which there is nothing, one effect, two, or something that
     the catalogue lacks, and trains networks on them. The twentieth part of the machines is held out: DIR/training.json says
     how well each network and all of them name causes there, with each usual set of sensors. That is on simulated machines;
     aoro-gym blind says how well a diagnosis does on machines whose laws nobody here wrote.

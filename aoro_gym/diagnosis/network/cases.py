@@ -1,6 +1,7 @@
 """From recordings to what the network takes, and from what it says to probabilities.
 
-Recordings of the same commands on a healthy and on a later day are compared with one another; the others stand alone.
+Recordings of the same commands on a healthy and on a later day are compared with one another, and healthy ones that repeat
+a command with the first of them; the others stand alone.
 """
 
 from __future__ import annotations
@@ -35,10 +36,12 @@ class Case:
     Attributes:
         rows: Features (J, FEATURES, SAMPLES).
         names: Of the healthy and of the later recording of each, empty for none.
+        repeats: Which of them are two healthy recordings (J,).
     """
 
     rows: Floats
     names: tuple[tuple[str, str], ...]
+    repeats: tuple[bool, ...]
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,7 @@ def case_of(later: Sequence[Recording], healthy: Sequence[Recording] = ()) -> Ca
     if not later:
         raise ValueError("no recording given; name at least one log")
     pairs = _paired(later, healthy)
-    parts = [[None if one is None else _aligned(one) for one in pair] for pair in pairs]
+    parts = [[None if one is None else _aligned(one) for one in (pair.healthy, pair.later)] for pair in pairs]
     count = len(pairs)
     commands, signals = np.zeros((count, 2, SAMPLES), np.float32), np.zeros((2, count, len(CHANNELS), SAMPLES))
     has, days = np.ones((count, len(CHANNELS)), np.float32), np.zeros((count, 2), np.float32)
@@ -80,9 +83,10 @@ def case_of(later: Sequence[Recording], healthy: Sequence[Recording] = ()) -> Ca
             days[row, day] = 1.0
             has[row] *= np.isfinite(part.signals).all(axis=1)
     before, after = signals.astype(np.float32)
-    rows = features(np, commands, before, after, has, days)
-    names = tuple(("" if h is None else h.name, "" if one is None else one.name) for h, one in pairs)
-    return Case(rows.astype(np.float32), names)
+    repeats = np.array([pair.repeat for pair in pairs])
+    rows = features(np, commands, before, after, has, days, repeats.astype(np.float32))
+    names = tuple(tuple("" if one is None else one.name for one in (pair.healthy, pair.later)) for pair in pairs)
+    return Case(rows.astype(np.float32), names, tuple(repeats.tolist()))
 
 
 def posterior(networks: Sequence[Weights], case: Case) -> Posterior:
@@ -117,17 +121,37 @@ def _aligned(recording: Recording) -> _Aligned:
     return _Aligned(commands.T.astype(np.float32), signals[:, np.clip(wanted, 0, recording.ticks)])
 
 
-def _paired(
-    later: Sequence[Recording], healthy: Sequence[Recording]
-) -> list[tuple[Recording | None, Recording | None]]:
-    """Healthy and later recordings of the same commands, each healthy one once; then those that are left over."""
+@dataclass(frozen=True)
+class _Pair:
+    """Recordings of the same commands; where ``repeat``, the later one is healthy, too."""
+
+    healthy: Recording | None
+    later: Recording | None
+    repeat: bool = False
+
+
+def _paired(later: Sequence[Recording], healthy: Sequence[Recording]) -> list[_Pair]:
+    """Healthy and later recordings of the same commands, each healthy one once; then those that are left over, beside an
+    earlier one of the same commands where there is one."""
     commands = {id(one): _aligned(one).commands for one in (*later, *healthy)}
+
+    def nearest(one: Recording, others: Sequence[Recording]) -> int | None:
+        apart = [_apart(commands[id(one)], commands[id(other)], one, other) for other in others]
+        return int(np.argmin(apart)) if apart and min(apart) < ALIKE else None
+
     left, pairs = list(healthy), []
     for one in later:
-        apart = [_apart(commands[id(one)], commands[id(other)], one, other) for other in left]
-        nearest = int(np.argmin(apart)) if apart else -1
-        pairs.append((left.pop(nearest) if apart and apart[nearest] < ALIKE else None, one))
-    return [*pairs, *((other, None) for other in left)]
+        found = nearest(one, left)
+        pairs.append(_Pair(None if found is None else left.pop(found), one))
+    first = [pair.healthy for pair in pairs if pair.healthy is not None]
+    for one in left:
+        found = nearest(one, first)
+        if found is None:
+            first.append(one)
+            pairs.append(_Pair(one, None))
+        else:
+            pairs.append(_Pair(first[found], one, repeat=True))
+    return pairs
 
 
 def _apart(commands: Floats, others: Floats, one: Recording, other: Recording) -> float:

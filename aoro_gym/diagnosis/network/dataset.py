@@ -16,18 +16,18 @@ from torch import Tensor
 
 from aoro_gym.diagnosis.network import hypotheses
 from aoro_gym.diagnosis.simulation import logs, manoeuvres
-from aoro_gym.diagnosis.simulation.days import Days, draw_days
+from aoro_gym.diagnosis.simulation.days import HEALTHY, Days, draw_days
 from aoro_gym.diagnosis.simulation.manoeuvres import Manoeuvre
 from aoro_gym.diagnosis.simulation.prior import Prior
 from aoro_gym.effects.catalogue import IDS
 
-CHUNK = 2048
+CHUNK = 3584
 """Machines that are drawn together."""
 
 
 @dataclass(frozen=True)
 class Labelled:
-    """Simulated days on the device: M machines, D days, the first of them healthy, J manoeuvres.
+    """Simulated days on the device: M machines, D days, the first HEALTHY of them healthy, J manoeuvres.
 
     Attributes:
         samples: int16 (M, D, J, channels, T), in :data:`~aoro_gym.diagnosis.simulation.logs.UNITS`.
@@ -82,7 +82,7 @@ def simulate(
 
     A machine of which a twin diverges is left out. ``progress`` is told machines that are done, and all.
     """
-    shape = (amount.machines, 1 + amount.later, amount.manoeuvres, len(logs.CHANNELS), manoeuvres.SAMPLES)
+    shape = (amount.machines, HEALTHY + amount.later, amount.manoeuvres, len(logs.CHANNELS), manoeuvres.SAMPLES)
     samples = torch.empty(shape, dtype=torch.int16, device=torch.device(device))
     days, commands, whole, done = [], [], [], 0
     with _drawn(prior, amount) as chunks:

@@ -17,11 +17,11 @@ RATE_SPAN = 2
 ANGLE, ANGLE_CHANGE = 0.7, 0.01  # [rad]
 RATE, RATE_CHANGE = 0.4, 0.03  # [rad/s]
 PRESSURE, PRESSURE_CHANGE = 100e5, 2e5  # [Pa]
-FEATURES = 2 + 6 + 3 * (len(CHANNELS) - 1) + len(CHANNELS) + 2
+FEATURES = 2 + 6 + 3 * (len(CHANNELS) - 1) + len(CHANNELS) + 3
 """Rows of :func:`features`."""
 
 
-def features(xp: ModuleType, commands: Any, healthy: Any, later: Any, has: Any, days: Any) -> Any:
+def features(xp: ModuleType, commands: Any, healthy: Any, later: Any, has: Any, days: Any, repeat: Any) -> Any:
     """Rows (..., FEATURES, SAMPLES) that the network's first layer takes.
 
     Args:
@@ -31,6 +31,7 @@ def features(xp: ModuleType, commands: Any, healthy: Any, later: Any, has: Any, 
         later: The same of the day that is in question.
         has: Which channels there are (..., channels), 0 or 1.
         days: Whether there is a healthy and a later day (..., 2), 0 or 1.
+        repeat: Whether the later day is a healthy one, too (...), 0 or 1: it shows what changes while nothing is wrong.
     """
     both = days[..., 0] * days[..., 1]
     rows = [commands]
@@ -43,7 +44,7 @@ def features(xp: ModuleType, commands: Any, healthy: Any, later: Any, has: Any, 
     ):
         shown = [signals[0] / size, signals[1] / size, xp.arcsinh((signals[1] - signals[0]) / change)]
         rows += [values * (part * present[..., None])[..., None] for values, present in zip(shown, known, strict=True)]
-    flags = xp.concatenate([has, days], axis=-1)[..., None]
+    flags = xp.concatenate([has, days, repeat[..., None]], axis=-1)[..., None]
     rows.append(flags + 0.0 * commands[..., :1, :])
     return xp.concatenate(rows, axis=-2)
 

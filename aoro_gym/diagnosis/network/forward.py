@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from aoro_gym.diagnosis.network.shape import QUANTILES, STRIDE, WINDOW, Shape
 from aoro_gym.effects.catalogue import IDS
 
 Array = NDArray[np.float32]
+TRAINED = Path(__file__).with_name("trained")
 _FIRST, _SECOND = np.array(PAIRS).T
 
 
@@ -56,6 +58,12 @@ class Weights:
         told = {"shape": self.shape.as_dict(), "scales": self.scales.tolist(), "effects": IDS}
         halves = {name: np.ascontiguousarray(values, dtype=np.float16) for name, values in self.arrays.items()}
         save_file(halves, path, metadata={"network": json.dumps(told)})
+
+
+@cache
+def trained() -> tuple[Weights, ...]:
+    """The networks that come with the package; how they were trained stands beside them in ``training.json``."""
+    return tuple(Weights.load(path) for path in sorted(TRAINED.glob("network_*.safetensors")))
 
 
 def forward(weights: Weights, rows: Array, present: NDArray[np.bool_]) -> tuple[Array, Array]:

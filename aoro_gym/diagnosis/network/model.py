@@ -72,6 +72,7 @@ class Network(nn.Module):
         self.single = nn.Linear(width, SINGLE + count)
         self.member = nn.Linear(width, count)
         self.left, self.right = nn.Linear(width, count * shape.rank), nn.Linear(width, count * shape.rank)
+        self.register_buffer("pairs", torch.tensor(PAIRS).T, persistent=False)
         self.size = nn.Sequential(nn.Linear(width, width), nn.GELU(), nn.Linear(width, count * len(QUANTILES)))
 
     def forward(self, rows: Tensor, present: Tensor) -> tuple[Tensor, Tensor]:
@@ -93,7 +94,7 @@ class Network(nn.Module):
         for block in self.across:
             x = block(x, mask)
         h = self.norm(x[:, 0])
-        first, second = torch.tensor(PAIRS, device=h.device).T
+        first, second = self.pairs
         member = self.member(h)
         left, right = (part(h).reshape(batch, len(IDS), self.shape.rank) for part in (self.left, self.right))
         both = torch.einsum("bir,bjr->bij", left, right)[:, first, second] / self.shape.rank**0.5

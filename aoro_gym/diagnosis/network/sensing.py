@@ -1,7 +1,7 @@
 """What sensors and loggers make of exact signals, on the device, drawn anew for every batch.
 
-In this order: what no simulated law has (a random filter across channels, the same on all days of a machine), deviations
-of signals that the catalogue lacks, the angle's gain, lag and delay, the clock, noise, quantisers, smoothing. Delay, lag
+In this order: what no simulated law has (random filters across channels, the same on all days of a machine), deviations of
+signals that the catalogue lacks, the angle's gain, lag and delay, the clock, noise, quantisers, smoothing. Delay, lag
 and smoothing act in the frequency domain on the differences between samples, which begin and end at rest.
 """
 
@@ -111,9 +111,21 @@ def _smoothed(values: Tensor, smoothing: Tensor) -> Tensor:
 
 
 def _with_law_error(values: Tensor, prior: SensorPrior, draw: Draw) -> Tensor:
-    """Adds what laws that were not simulated might do: every channel gets a filtered, mildly nonlinear mix of all."""
+    """Adds what laws that were not simulated might do, to all days alike and to what parts the others from the first."""
+    values = values + _law_error(values, prior.law_error, prior, draw)
+    if values.shape[1] == 1:
+        return values
+    error = _law_error(values[:, 1:] - values[:, :1], prior.change_error, prior, draw)
+    return torch.cat([values[:, :1], values[:, 1:] + error], dim=1)
+
+
+def _law_error(values: Tensor, ends: tuple[float, float], prior: SensorPrior, draw: Draw) -> Tensor:
+    """A filtered, mildly nonlinear mix of all channels of ``values`` (B, D, J, C, T), one filter a machine.
+
+    Its size is a share of each channel's range, logarithmically even between ``ends``.
+    """
     batch, _, _, channels, _ = values.shape
-    size = draw.log_even(prior.law_error, batch, 1, 1, 1, 1)
+    size = draw.log_even(ends, batch, 1, 1, 1, 1)
     start = values[..., :1]
     span = (values - start).abs().amax(dim=(1, 2, 4), keepdim=True).clamp(min=1e-3)
     shape = (values - start) / span
@@ -126,7 +138,7 @@ def _with_law_error(values: Tensor, prior: SensorPrior, draw: Draw) -> Tensor:
     lag = draw.log_even((0.01, prior.law_error_time), batch, 1, 1, channels, 1)
     lead = lag * draw.even(0.0, 3.0, batch, 1, 1, channels, 1)
     response = (1.0 + 1j * omega * lead) / (1.0 + 1j * omega * lag) ** 2
-    return values + size * span * _from_steps(spectrum * response, count, mixed[..., :1])
+    return size * span * _from_steps(spectrum * response, count, mixed[..., :1])
 
 
 def _noisy(values: Tensor, prior: SensorPrior, draw: Draw) -> Tensor:

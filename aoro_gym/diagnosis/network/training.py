@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
+from importlib.util import find_spec
 from typing import Any
 
 import torch
@@ -17,6 +19,7 @@ from aoro_gym.diagnosis.network.features import features
 from aoro_gym.diagnosis.network.model import Network
 from aoro_gym.diagnosis.network.sensing import Draw, sensed
 from aoro_gym.diagnosis.network.shape import QUANTILES, Shape
+from aoro_gym.diagnosis.simulation.days import HEALTHY
 from aoro_gym.diagnosis.simulation.prior import SensorPrior
 
 SENSORS = {"pressures": (1, 1, 1, 1), "ports": (1, 1, 1, 0), "angle": (1, 0, 0, 0)}
@@ -36,6 +39,8 @@ class Course:
         sensors: How often a case has each of :data:`SENSORS`; what remains has channels at random.
         day_one: Share of cases without healthy logs.
         unpaired: Share of logs that lack their healthy or their later day.
+        repeated: Share of cases with healthy logs of a second day.
+        repeats: Share of their logs that are.
         size: Weight of the sizes' loss.
         presence: Weight of the loss of single effects, whatever comes with them.
     """
@@ -48,6 +53,8 @@ class Course:
     sensors: tuple[float, ...] = (0.45, 0.2, 0.25)
     day_one: float = 0.12
     unpaired: float = 0.06
+    repeated: float = 0.3
+    repeats: float = 0.4
     size: float = 0.3
     presence: float = 5.0
 
@@ -63,6 +70,17 @@ class Batch:
     sizes: Tensor
 
 
+@dataclass(frozen=True)
+class Available:
+    """What a user has of each case: channels (B, J, channels), healthy and later days (B, J, 2), 0 or 1; logs (B, J), and
+    those whose later day is a healthy one, too (B, J)."""
+
+    channels: Tensor
+    days: Tensor
+    logs: Tensor
+    repeats: Tensor
+
+
 def draw_batch(
     data: Labelled, machines: Tensor, course: Course, prior: SensorPrior, draw: Draw, sensors: str | None = None
 ) -> Batch:
@@ -74,28 +92,38 @@ def draw_batch(
         course: What a user may lack, and how often.
         prior: What sensors add.
         draw: Random numbers.
-        sensors: One of :data:`SENSORS`, with nothing else missing; by default anything may be.
+        sensors: One of :data:`SENSORS`, with nothing else missing and no repeats; by default anything may be.
     """
     batch = len(machines)
-    day = 1 + draw.one_of(data.samples.shape[1] - 1, batch)
+    day = HEALTHY + draw.one_of(data.samples.shape[1] - HEALTHY, batch)
     order = torch.argsort(draw.even(0.0, 1.0, batch, data.samples.shape[2]), dim=1)[:, : course.logs]
-    both = torch.stack([torch.zeros_like(day), day], dim=1)
-    pick = machines[:, None, None], both[:, :, None], order[:, None, :]
-    own = machines[:, None], both
+    shape = (*order.shape, data.samples.shape[3])
+    if sensors is None:
+        has = _what_there_may_be(shape, course, draw)
+        order = _repeated(order, has.repeats, draw)
+    else:
+        has = _all_of(shape, sensors, draw.device)
+    days = torch.stack([torch.zeros_like(day), day, torch.ones_like(day)], dim=1)
+    pick = machines[:, None, None], days[:, :, None], order[:, None, :]
+    own = machines[:, None], days
     signals = sensed(data.samples[pick], data.chain[own], data.outsider[own], prior, draw)
-    has, days, present = _what_there_is(batch, order.shape[1], signals.shape[3], course, draw, sensors)
-    rows = features(torch, data.commands[machines[:, None], order], signals[:, 0], signals[:, 1], has, days)
-    return Batch(rows, present, data.hypothesis[machines, day], data.effects[machines, day], data.sizes[machines, day])
+    second = torch.where(has.repeats[..., None, None], signals[:, 2], signals[:, 1])
+    commands = data.commands[machines[:, None], order]
+    rows = features(torch, commands, signals[:, 0], second, has.channels, has.days, has.repeats.float())
+    return Batch(rows, has.logs, data.hypothesis[machines, day], data.effects[machines, day], data.sizes[machines, day])
 
 
-def _what_there_is(
-    batch: int, logs: int, channels: int, course: Course, draw: Draw, sensors: str | None
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Channels (B, J, channels), healthy and later days (B, J, 2), and logs (B, J)."""
+def _all_of(shape: tuple[int, int, int], sensors: str, device: torch.device) -> Available:
+    batch, logs, _ = shape
+    has = torch.tensor(SENSORS[sensors], device=device, dtype=torch.float32).expand(shape)
+    every = torch.ones(batch, logs, dtype=torch.bool, device=device)
+    return Available(has, torch.ones(batch, logs, 2, device=device), every, ~every)
+
+
+def _what_there_may_be(shape: tuple[int, int, int], course: Course, draw: Draw) -> Available:
+    """Channels, days, logs and repeats at random, of cases (B, J, channels)."""
+    batch, logs, channels = shape
     device = draw.device
-    if sensors is not None:
-        has = torch.tensor(SENSORS[sensors], device=device, dtype=torch.float32).expand(batch, logs, channels)
-        return has, torch.ones(batch, logs, 2, device=device), torch.ones(batch, logs, dtype=torch.bool, device=device)
     usual = torch.tensor(tuple(SENSORS.values()), device=device, dtype=torch.float32)
     ends = torch.cumsum(torch.tensor(course.sensors, device=device), dim=0)
     which = torch.searchsorted(ends, draw.even(0.0, 1.0, batch))
@@ -106,39 +134,73 @@ def _what_there_is(
     number = torch.where(draw.even(0.0, 1.0, batch) < 0.5, torch.full_like(number, logs), number)
     present = torch.arange(logs, device=device) < number[:, None]
     days = torch.ones(batch, logs, 2, device=device)
-    days[..., 0] = (draw.even(0.0, 1.0, batch, 1) >= course.day_one).float()
+    commissioned = draw.even(0.0, 1.0, batch, 1) >= course.day_one
+    days[..., 0] = commissioned.float()
+    repeats = commissioned & (draw.even(0.0, 1.0, batch, 1) < course.repeated)
+    repeats = repeats & (draw.even(0.0, 1.0, batch, logs) < course.repeats)
+    repeats[:, 0] = False
     lacks, which_day = draw.even(0.0, 1.0, batch, logs) < course.unpaired, draw.one_of(2, batch, logs)
+    lacks = lacks & ~repeats
     days[..., 0] *= 1.0 - (lacks & (which_day == 0)).float()
     days[..., 1] *= 1.0 - (lacks & (which_day == 1) & (days[..., 0] > 0)).float()
     days[:, 0, 1] = 1.0  # one log of the later day at least
-    return has[:, None].expand(batch, logs, channels), days, present
+    return Available(has[:, None].expand(shape), days, present, repeats)
+
+
+def _repeated(order: Tensor, repeats: Tensor, draw: Draw) -> Tensor:
+    """Numbers of manoeuvres (B, J), those of half of the ``repeats`` (B, J) being other logs' as well."""
+    batch, logs = order.shape
+    others = order.gather(1, draw.one_of(logs, batch, logs))
+    return torch.where(repeats & (draw.even(0.0, 1.0, batch, logs) < 0.5), others, order)
 
 
 def loss_of(logits: Tensor, quantiles: Tensor, batch: Batch, course: Course) -> dict[str, Tensor]:
     """Cross-entropy of the hypotheses, binary one of the effects' presence, pinball loss of the sizes."""
     cause = nn.functional.cross_entropy(logits, batch.hypothesis)
     share = effect_probabilities(torch.softmax(logits, dim=1)).clamp(1e-6, 1.0 - 1e-6)
-    truth = torch.zeros_like(share)
-    for place in range(2):
-        there = batch.effects[:, place] >= 0
-        truth[there, batch.effects[there, place]] = 1.0
+    there = batch.effects >= 0
+    none = share.shape[1]  # a column more, which those that are not there go to
+    truth = share.new_zeros(len(share), none + 1).scatter_(1, torch.where(there, batch.effects, none), 1.0)[:, :none]
     presence = nn.functional.binary_cross_entropy(share, truth)
-    levels = torch.tensor(QUANTILES, device=logits.device)
-    pinball = logits.new_zeros(())
-    count = 0
-    for place in range(2):
-        there = batch.effects[:, place] >= 0
-        error = batch.sizes[there, place][:, None] - quantiles[there, batch.effects[there, place]]
-        pinball = pinball + torch.maximum(levels * error, (levels - 1.0) * error).sum()
-        count += len(error) * len(QUANTILES)
-    pinball = pinball / max(count, 1)
+    levels = _constant(QUANTILES, logits.device)
+    asked = batch.effects.clamp(min=0)[..., None].expand(-1, -1, len(QUANTILES))
+    error = batch.sizes[..., None] - quantiles.gather(1, asked)
+    missed = torch.maximum(levels * error, (levels - 1.0) * error) * there[..., None]
+    pinball = missed.sum() / (there.sum() * len(QUANTILES)).clamp(min=1)
     total = cause + course.presence * presence + course.size * pinball
     return {"loss": total, "cause": cause, "presence": presence, "size": pinball}
 
 
 def effect_probabilities(probabilities: Tensor) -> Tensor:
     """Probability (..., effects) that an effect is there, of those of the hypotheses (..., HYPOTHESES)."""
-    return probabilities @ torch.tensor(hypotheses.MEMBERS, dtype=probabilities.dtype, device=probabilities.device)
+    return probabilities @ _members(probabilities.device, probabilities.dtype)
+
+
+@cache
+def _members(device: torch.device, dtype: torch.dtype) -> Tensor:
+    return torch.tensor(hypotheses.MEMBERS, dtype=dtype, device=device)
+
+
+@cache
+def _constant(values: tuple[float, ...], device: torch.device) -> Tensor:
+    """On the device once: every copy to it waits for all that it has to do."""
+    return torch.tensor(values, device=device)
+
+
+def _drawn_ahead(make: Callable[[], Batch], device: torch.device) -> Iterator[Batch]:
+    """Batches; on a GPU drawn on a stream of their own, while the network learns from the last one."""
+    if device.type != "cuda":
+        while True:
+            yield make()
+    drawing, learning = torch.cuda.Stream(device), torch.cuda.current_stream(device)
+    drawing.wait_stream(learning)
+    while True:
+        with torch.cuda.stream(drawing):
+            batch = make()
+        learning.wait_stream(drawing)
+        for part in vars(batch).values():
+            part.record_stream(learning)
+        yield batch
 
 
 def train(
@@ -170,7 +232,14 @@ def train(
     prior = prior or SensorPrior()
     draw = Draw(torch.Generator(device=device).manual_seed(seed))
     network = Network(shape).to(device)
+    compiled = device.type == "cuda" and find_spec("triton") is not None
+    learner = torch.compile(network) if compiled else network
     optimiser = torch.optim.AdamW(network.parameters(), lr=course.rate, weight_decay=course.decay, betas=(0.9, 0.98))
+
+    def make() -> Batch:
+        return draw_batch(data, draw.one_of(data.machines - held_out, course.batch), course, prior, draw)
+
+    batches = _drawn_ahead(make, device)
     began, done = time.monotonic(), 0.0
     for step in range(course.steps):
         done = max(step / course.steps, (time.monotonic() - began) / seconds)
@@ -179,11 +248,9 @@ def train(
         warm = min(1.0, (step + 1) / (0.03 * course.steps))
         for group in optimiser.param_groups:
             group["lr"] = course.rate * warm * (0.02 + 0.98 * 0.5 * (1.0 + math.cos(math.pi * done)))
-        machines = draw.one_of(data.machines - held_out, course.batch)
-        with torch.no_grad():
-            batch = draw_batch(data, machines, course, prior, draw)
+        batch = next(batches)
         with torch.autocast(device.type, dtype=torch.bfloat16):
-            logits, quantiles = network(batch.rows, batch.present)
+            logits, quantiles = learner(batch.rows, batch.present)
         losses = loss_of(logits.float(), quantiles.float(), batch, course)
         optimiser.zero_grad(set_to_none=True)
         losses["loss"].backward()

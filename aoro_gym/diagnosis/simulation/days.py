@@ -1,7 +1,7 @@
 """Machines and days drawn from the prior: records of twins, the ground under them, and what is wrong with them.
 
-A machine has one day on which nothing is wrong and several later ones. All arrays have one row a day, machine by machine,
-its first day first.
+A machine has :data:`HEALTHY` days on which nothing is wrong and several later ones, on which something may be. All arrays
+have one row a day, machine by machine, its healthy days first.
 """
 
 from __future__ import annotations
@@ -27,6 +27,8 @@ Floats = NDArray[np.float64]
 
 CHAIN = ("sensor_delay", "sensor_filter", "sensor_gain", "measuring_chain")
 """Effects of the measuring chain, which act where signals are sampled."""
+HEALTHY = 2
+"""Days of a machine on which nothing is wrong; the first is what a user compares with, the second repeats it."""
 ATTEMPTS = 60
 """Times that what no machine can have is halved before it is given up."""
 
@@ -72,7 +74,7 @@ def bases() -> tuple[Machine, ...]:
 
 
 def draw_days(prior: Prior, machines: int, later: int, seed: int) -> Days:
-    """``machines`` machines with one healthy and ``later`` later days each; the same for the same seed."""
+    """``machines`` machines with :data:`HEALTHY` healthy and ``later`` later days each; the same for the same seed."""
     rng = np.random.default_rng(seed)
     healthy = draw_machines(prior, machines, rng)
     return _with_days(prior, _with_baseline(prior, healthy, rng), later, rng)
@@ -108,14 +110,14 @@ def _with_baseline(prior: Prior, machine: Machine, rng: np.random.Generator) -> 
 
 
 def _with_days(prior: Prior, machine: Machine, later: int, rng: np.random.Generator) -> Days:
-    """The healthy day of each of N machines, and ``later`` others."""
-    count, days = machine.num_variants, 1 + later
+    """The healthy days of each of N machines, and ``later`` others."""
+    count, days = machine.num_variants, HEALTHY + later
     every = np.repeat(np.arange(count), days)
     factor = np.repeat(np.exp(rng.uniform(*np.log(prior.day_factor), size=count)), days)
     drifted = _another_day(prior, machine.variants(every), factor, rng)
     slope = factor[:, None] * prior.slope * rng.standard_normal((count * days, 2))
     kind = rng.choice(len(KINDS), p=prior.weights, size=count * days).astype(np.int8)
-    kind[::days] = 0
+    kind.reshape(count, days)[:, :HEALTHY] = 0
     return _affected(prior, drifted, slope, kind, rng)
 
 

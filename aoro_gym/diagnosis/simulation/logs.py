@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,7 @@ SETTLE = 0.4
 """Time [s] that twins stand before their log begins: on a slope they settle."""
 STRETCH = 16
 """Ticks a launch."""
-BATCH, CPU_BATCH = 65536, 2048
+BATCH, CPU_BATCH = 131072, 2048
 """Twins that run together on a GPU and on a CPU."""
 
 
@@ -177,6 +178,7 @@ def _run(
     return np.asarray(twin.status_codes.numpy(), dtype=np.int32)
 
 
+@cache
 def _any_machine() -> Machine:
     """A machine in whose place the records of others come; its joint reaches as far as any range allows."""
     widest = Machine.load("aoro")

@@ -54,7 +54,7 @@ class Prior:
     temperature: float = 2.0
     slope: float = 0.003
     load: float = 30.0
-    weights: tuple[float, ...] = (0.15, 0.45, 0.25, 0.15)
+    weights: tuple[float, ...] = (0.3, 0.36, 0.2, 0.14)
     weakest: float = 0.1
 
 
@@ -78,7 +78,9 @@ class SensorPrior:
         clock: Largest offset [s] of a log's clock against its command, as loggers sample at instants of their own.
         law_error: Ends of the size of what no simulated law has, as a share of a signal's range: a random filter across
             channels, mildly nonlinear, the same on all days of a machine.
-        law_error_time: Longest time constant [s] of that filter.
+        change_error: The same of what parts a day from the first: laws that differ by little in what they do differ by more
+            in what changes when something is wrong (median cosine 0.92 between families of laws of the slow course).
+        law_error_time: Longest time constant [s] of these filters.
     """
 
     line_scale: tuple[float, float] = (0.2, 2.0)
@@ -95,4 +97,5 @@ class SensorPrior:
     smooth: float = 0.3
     clock: float = 0.005
     law_error: tuple[float, float] = (0.003, 0.036)
+    change_error: tuple[float, float] = (0.02, 0.3)
     law_error_time: float = 0.15

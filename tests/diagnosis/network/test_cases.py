@@ -32,7 +32,7 @@ def recording(
 
 
 DIFFERENCE = 4  # of the angle: after two commands, the healthy and the later angle
-FLAGS = FEATURES - len(CHANNELS) - 2
+FLAGS = FEATURES - len(CHANNELS) - 3
 
 
 def test_logs_of_the_same_command_are_compared_however_long_they_rested() -> None:
@@ -46,7 +46,7 @@ def test_logs_of_the_same_command_are_compared_however_long_they_rested() -> Non
     # in units of 0.01 rad; single precision of angles of 2 rad is 2.4e-7 rad
     np.testing.assert_allclose(np.sinh(case.rows[1, DIFFERENCE]), 1.0, atol=2.4e-5)
     days = case.rows[:, FLAGS + len(CHANNELS) :, 0]
-    np.testing.assert_array_equal(days, [[1, 1], [1, 1], [1, 0]])
+    np.testing.assert_array_equal(days, [[1, 1, 0], [1, 1, 0], [1, 0, 0]])
 
 
 def test_a_channel_that_either_day_lacks_is_not_compared() -> None:
@@ -59,12 +59,20 @@ def test_a_channel_that_either_day_lacks_is_not_compared() -> None:
 def test_without_healthy_logs_each_stands_alone() -> None:
     case = case_of([recording("left", 0.9)])
     assert case.names == (("", "left"),)
-    np.testing.assert_array_equal(case.rows[0, FLAGS + len(CHANNELS) :, 0], [0, 1])
+    np.testing.assert_array_equal(case.rows[0, FLAGS + len(CHANNELS) :, 0], [0, 1, 0])
 
 
 def test_the_same_command_from_elsewhere_is_another_manoeuvre() -> None:
     elsewhere = replace(recording("other", 0.9), start_angle=0.4)
     assert case_of([recording("left", 0.9)], [elsewhere]).names == (("", "left"), ("other", ""))
+
+
+def test_healthy_logs_that_repeat_a_command_show_what_changes_by_itself() -> None:
+    healthy = [recording("first", 0.9), recording("slow", 0.4), recording("again", 0.9), recording("slow again", 0.4)]
+    case = case_of([recording("left", 0.9, offset=0.01)], healthy)
+    assert case.names == (("first", "left"), ("slow", ""), ("first", "again"), ("slow", "slow again"))
+    assert case.repeats == (False, False, True, True)
+    np.testing.assert_array_equal(case.rows[2:, FLAGS + len(CHANNELS) :, 0], [[1, 1, 1]] * 2)
 
 
 def test_nothing_to_explain_is_refused() -> None:

@@ -7,6 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from aoro_gym.diagnosis.simulation.days import HEALTHY
 from aoro_gym.diagnosis.simulation.prior import Prior
 
 torch = pytest.importorskip("torch")
@@ -23,15 +24,15 @@ def test_days_come_with_their_labels_in_their_order(monkeypatch: pytest.MonkeyPa
     told = []
     data, scales = simulate(PRIOR, AMOUNT, "cpu", lambda *about: told.append(about))
     assert told == [(2, 4), (4, 4)]
-    assert data.samples.shape[:3] == (4, 2, 1) and data.machines == 4
-    assert torch.all(data.hypothesis[:, 0] == 0)
-    single = data.hypothesis[:, 1] - 2
-    np.testing.assert_array_equal(single, data.effects[:, 1, 0])
+    assert data.samples.shape[:3] == (4, 3, 1) and data.machines == 4
+    assert torch.all(data.hypothesis[:, :HEALTHY] == 0)
+    single = data.hypothesis[:, HEALTHY] - 2
+    np.testing.assert_array_equal(single, data.effects[:, HEALTHY, 0])
     assert np.all(scales > 0.0)
     # the median of what is drawn of an effect is one scale: arsinh 1 = 0.88 of the only day that has it
     alone = [i for i in range(4) if int((single == single[i]).sum()) == 1]
     assert alone
-    np.testing.assert_allclose(data.sizes[alone, 1, 0].abs().numpy(), np.arcsinh(1.0), rtol=1e-6)
+    np.testing.assert_allclose(data.sizes[alone, HEALTHY, 0].abs().numpy(), np.arcsinh(1.0), rtol=1e-6)
     again, _ = simulate(PRIOR, replace(AMOUNT, processes=2), "cpu")
     for field in fields(Labelled):
         assert torch.equal(getattr(data, field.name), getattr(again, field.name)), field.name

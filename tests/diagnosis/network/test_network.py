@@ -9,7 +9,7 @@ import pytest
 
 from aoro_gym.diagnosis.network import hypotheses
 from aoro_gym.diagnosis.network.features import CHANNELS, FEATURES, SAMPLES, features
-from aoro_gym.diagnosis.network.forward import Weights, forward
+from aoro_gym.diagnosis.network.forward import Weights, forward, trained
 from aoro_gym.diagnosis.network.shape import QUANTILES, Shape
 from aoro_gym.effects.catalogue import IDS
 
@@ -45,6 +45,7 @@ def shown() -> tuple[np.ndarray, ...]:
         later,
         np.ones((3, 2, len(CHANNELS)), np.float32),
         np.ones((3, 2, 2), np.float32),
+        np.zeros((3, 2), np.float32),
     )
 
 
@@ -57,14 +58,14 @@ def test_features_are_the_same_for_training_and_for_diagnosis() -> None:
 
 def test_what_is_missing_cannot_be_seen() -> None:
     """Neither a channel that no sensor has nor a day without a log."""
-    commands, healthy, later, has, days = shown()
+    commands, healthy, later, has, days, repeat = shown()
     has[..., 2:] = 0.0
     days[..., 0] = 0.0
-    seen = features(np, commands, healthy, later, has, days)
+    seen = features(np, commands, healthy, later, has, days, repeat)
     other = later.copy()
     other[..., 2:, :] += 1e6
-    np.testing.assert_array_equal(seen, features(np, commands, healthy + 1.0, other, has, days))
-    assert not np.array_equal(seen, features(np, commands, healthy, later + 1.0, has, days))
+    np.testing.assert_array_equal(seen, features(np, commands, healthy + 1.0, other, has, days, repeat))
+    assert not np.array_equal(seen, features(np, commands, healthy, later + 1.0, has, days, repeat))
 
 
 def test_without_torch_it_computes_the_same(tmp_path: Path) -> None:
@@ -111,3 +112,11 @@ def test_a_file_that_is_no_network_is_named(tmp_path: Path) -> None:
     place.write_bytes(b"nothing")
     with pytest.raises(ValueError, match=r"other\.safetensors: not a network"):
         Weights.load(place)
+
+
+def test_networks_come_with_the_package() -> None:
+    """Two that were trained apart, for the catalogue as it is."""
+    first, second = trained()
+    assert first.shape == second.shape
+    assert not np.array_equal(first.arrays["cause"], second.arrays["cause"])
+    assert np.all(first.scales > 0.0)

@@ -21,7 +21,7 @@ EXACT = replace(
     SensorPrior(),
     line_scale=(TINY, 2 * TINY), angle_white=(TINY, 2 * TINY), angle_step=(TINY, 2 * TINY), angle_zero=0.0,
     pressure_white=(TINY, 2 * TINY), pressure_step=(TINY, 2 * TINY), pressure_zero=0.0, pressure_gain=0.0, delay=0.0,
-    lag=0.0, smooth=0.0, clock=0.0, law_error=(TINY, 2 * TINY),
+    lag=0.0, smooth=0.0, clock=0.0, law_error=(TINY, 2 * TINY), change_error=(TINY, 2 * TINY),
 )  # fmt: skip
 """Sensors that add nothing."""
 BEGIN, RATE = 100, 0.3

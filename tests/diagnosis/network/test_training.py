@@ -10,6 +10,7 @@ import pytest
 from aoro_gym.diagnosis.network import hypotheses
 from aoro_gym.diagnosis.network.features import CHANNELS, FEATURES, SAMPLES
 from aoro_gym.diagnosis.network.shape import QUANTILES, Shape
+from aoro_gym.diagnosis.simulation.days import HEALTHY
 from aoro_gym.diagnosis.simulation.logs import UNITS
 from aoro_gym.diagnosis.simulation.prior import SensorPrior
 
@@ -30,21 +31,22 @@ def data() -> Labelled:
     rng = np.random.default_rng(0)
     wrong = rng.choice([3, 9], MACHINES)
     ramp = np.clip(np.arange(SAMPLES) - 50, 0, 250) / 250.0
-    angle = np.empty((MACHINES, 2, 2, SAMPLES))
+    angle = np.empty((MACHINES, 1 + HEALTHY, 2, SAMPLES))
     angle[:, 0] = rng.uniform(0.4, 0.6, (MACHINES, 2, 1)) * ramp
-    angle[:, 1] = angle[:, 0] * np.where(wrong == 3, 1.05, 0.95)[:, None, None]
-    samples = np.zeros((MACHINES, 2, 2, len(CHANNELS), SAMPLES), dtype=np.int16)
+    angle[:, 1] = angle[:, 0]
+    angle[:, 2] = angle[:, 0] * np.where(wrong == 3, 1.05, 0.95)[:, None, None]
+    samples = np.zeros((MACHINES, 1 + HEALTHY, 2, len(CHANNELS), SAMPLES), dtype=np.int16)
     samples[..., 0, :] = np.round(angle / UNITS[0])
-    effects = np.full((MACHINES, 2, 2), -1)
-    effects[:, 1, 0] = wrong
+    effects = np.full((MACHINES, 1 + HEALTHY, 2), -1)
+    effects[:, 2, 0] = wrong
     return Labelled(
         samples=torch.as_tensor(samples),
         commands=torch.ones(MACHINES, 2, 2, SAMPLES),
-        chain=torch.zeros(MACHINES, 2, 4),
-        outsider=torch.full((MACHINES, 2), -1),
-        hypothesis=torch.as_tensor(hypotheses.number_of(effects, np.zeros((MACHINES, 2), dtype=bool))),
+        chain=torch.zeros(MACHINES, 1 + HEALTHY, 4),
+        outsider=torch.full((MACHINES, 1 + HEALTHY), -1),
+        hypothesis=torch.as_tensor(hypotheses.number_of(effects, np.zeros((MACHINES, 1 + HEALTHY), dtype=bool))),
         effects=torch.as_tensor(effects),
-        sizes=torch.ones(MACHINES, 2, 2),
+        sizes=torch.ones(MACHINES, 1 + HEALTHY, 2),
     )
 
 
@@ -73,13 +75,17 @@ def test_a_user_may_lack_channels_logs_and_healthy_days(data: Labelled) -> None:
     draw = Draw(torch.Generator().manual_seed(4))
     batch = draw_batch(data, torch.arange(MACHINES).repeat(4), COURSE, SensorPrior(), draw)
     assert batch.rows.shape == (4 * MACHINES, 2, FEATURES, SAMPLES)
-    flags = batch.rows[:, :, -len(CHANNELS) - 2 :, 0]
-    channels, days = flags[..., : len(CHANNELS)], flags[..., len(CHANNELS) :]
+    flags = batch.rows[:, :, -len(CHANNELS) - 3 :, 0]
+    channels, days, repeats = flags.split([len(CHANNELS), 2, 1], dim=-1)
     assert torch.all(channels.sum(dim=-1) >= 1.0) and torch.any(channels[..., 0] == 0.0)
     assert torch.all(days.sum(dim=-1) >= 1.0) and torch.all(days[:, 0, 1] == 1.0)
     day_one = (days[..., 0] == 0.0).all(dim=1).float().mean()
     # 256 cases at 12 %: four standard deviations are 8 %
     assert day_one == pytest.approx(COURSE.day_one, abs=0.08)
+    again = repeats[..., 0] == 1.0
+    assert torch.all(days[again] == 1.0) and not torch.any(again[:, 0])
+    # a case in 0.88 · 0.3 has them, and its second log is one of them in 0.4: 27 of 256, within four deviations of 5
+    assert int(again.sum()) == pytest.approx(27, abs=20)
     assert torch.all(batch.present[:, 0]) and not torch.all(batch.present)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from aoro_gym.diagnosis.simulation import outsiders
-from aoro_gym.diagnosis.simulation.days import CHAIN, Days, bases, draw_days, draw_magnitudes
+from aoro_gym.diagnosis.simulation.days import CHAIN, HEALTHY, Days, bases, draw_days, draw_magnitudes
 from aoro_gym.diagnosis.simulation.prior import KINDS, Prior
 from aoro_gym.effects.catalogue import EFFECTS, IDS
 
@@ -28,8 +28,8 @@ def test_a_seed_gives_the_same_days_and_another_seed_others(days: Days) -> None:
     assert not np.array_equal(days.records, other.records)
 
 
-def test_nothing_is_wrong_on_the_first_day(days: Days) -> None:
-    first = np.arange(len(days.kind)) % (1 + LATER) == 0
+def test_nothing_is_wrong_on_the_first_days(days: Days) -> None:
+    first = np.arange(len(days.kind)) % (HEALTHY + LATER) < HEALTHY
     assert np.all(days.kind[first] == KINDS.index("none"))
     assert {KINDS[kind] for kind in days.kind[~first]} == set(KINDS)
 
@@ -54,9 +54,10 @@ def test_days_of_a_machine_differ_by_little_while_nothing_is_wrong() -> None:
     """With nothing from day to day and no effect, all days of a machine are one; else its parts stay as they are."""
     still = replace(PRIOR, day=0.0, temperature=0.0, slope=0.0, load=0.0, weights=(1.0, 0.0, 0.0, 0.0))
     same = draw_days(replace(still, day_factor=(1e-12, 1.1e-12)), 8, 2, seed=1)
-    records = same.records.reshape(8, 3)
-    as_numbers = records.view(np.float32).reshape(8, 3, -1)
-    np.testing.assert_allclose(as_numbers[:, 1:], as_numbers[:, :1].repeat(2, axis=1), rtol=1e-6)
+    each = HEALTHY + 2
+    records = same.records.reshape(8, each)
+    as_numbers = records.view(np.float32).reshape(8, each, -1)
+    np.testing.assert_allclose(as_numbers[:, 1:], as_numbers[:, :1].repeat(each - 1, axis=1), rtol=1e-6)
     assert not np.allclose(as_numbers[0], as_numbers[1], rtol=1e-3)
 
 
