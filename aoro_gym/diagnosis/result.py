@@ -163,12 +163,14 @@ class Experiment:
     Attributes:
         gain: Expected fall of the entropy of the causes, in bits.
         apart: Pairs of causes that it separates, by their titles.
+        gain_error: Standard error of the gain, in bits.
     """
 
     name: str
     description: str
     gain: float
     apart: tuple[tuple[str, str], ...] = ()
+    gain_error: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from aoro_gym.diagnosis.network import hypotheses
 from aoro_gym.diagnosis.network.features import CHANNELS, SAMPLES, features
-from aoro_gym.diagnosis.network.forward import Weights, forward
+from aoro_gym.diagnosis.network.forward import Weights, decided, encoded
 from aoro_gym.diagnosis.recording import Recording
 from aoro_gym.diagnosis.simulation.manoeuvres import REST, TICK
 
@@ -25,6 +25,9 @@ ALIKE = 0.05
 
 ELSEWHERE = 0.25
 """Difference [rad] of start angles that makes another manoeuvre of the same command."""
+
+CHUNK = 16
+"""Logs that a network reads at once: more take memory and no less time."""
 
 Floats = NDArray[np.float32]
 
@@ -91,13 +94,36 @@ def case_of(later: Sequence[Recording], healthy: Sequence[Recording] = ()) -> Ca
 
 def posterior(networks: Sequence[Weights], case: Case) -> Posterior:
     """The mean of what ``networks`` say of a case."""
+    tokens = [one[None] for one in tokens_of(networks, case.rows)]
+    probabilities, quantiles = posteriors(networks, tokens)
+    return Posterior(probabilities[0], quantiles[0])
+
+
+def tokens_of(networks: Sequence[Weights], rows: Floats) -> list[Floats]:
+    """What each of the ``networks`` keeps of N logs, each by itself, (N, kept, width); ``rows`` as in :class:`Case`."""
+    return [
+        np.concatenate([encoded(one, rows[first : first + CHUNK]) for first in range(0, len(rows), CHUNK)])
+        for one in networks
+    ]
+
+
+def posteriors(
+    networks: Sequence[Weights], tokens: Sequence[Floats]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Probabilities (B, hypotheses) and quantiles [SI] (B, effects, quantiles) of B cases, all of J logs: means over
+    ``networks``.
+
+    Args:
+        networks: Trained ones.
+        tokens: What each keeps of the cases' logs (B, J, kept, width), see :func:`tokens_of`.
+    """
     shares, sizes = [], []
-    for weights in networks:
-        logits, quantiles = forward(weights, case.rows[None], np.ones((1, len(case.rows)), dtype=bool))
-        odds = np.exp(logits[0].astype(np.float64) - logits[0].max())
-        shares.append(odds / odds.sum())
-        sizes.append(np.sinh(np.sort(quantiles[0].astype(np.float64), axis=-1)) * weights.scales[:, None])
-    return Posterior(np.mean(shares, axis=0), np.mean(sizes, axis=0))
+    for weights, kept in zip(networks, tokens, strict=True):
+        logits, quantiles = decided(weights, kept, np.ones(kept.shape[:2], dtype=bool))
+        odds = np.exp(logits.astype(np.float64) - logits.max(axis=1, keepdims=True))
+        shares.append(odds / odds.sum(axis=1, keepdims=True))
+        sizes.append(np.sinh(np.sort(quantiles.astype(np.float64), axis=-1)) * weights.scales[:, None])
+    return np.mean(shares, axis=0), np.mean(sizes, axis=0)
 
 
 @dataclass(frozen=True)

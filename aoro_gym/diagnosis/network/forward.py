@@ -74,13 +74,26 @@ def forward(weights: Weights, rows: Array, present: NDArray[np.bool_]) -> tuple[
         rows: Features (B, J, FEATURES, SAMPLES).
         present: Which logs are there (B, J).
     """
-    w, shape = weights.arrays, weights.shape
     batch, each = present.shape
-    x = _windows(w, rows.reshape(batch * each, FEATURES, SAMPLES)) + w["place"]
+    tokens = encoded(weights, rows.reshape(batch * each, FEATURES, SAMPLES))
+    return decided(weights, tokens.reshape(batch, each, *tokens.shape[1:]), present)
+
+
+def encoded(weights: Weights, rows: Array) -> Array:
+    """Tokens (N, kept, width) that stand for N logs, each by itself; ``rows`` are features (N, FEATURES, SAMPLES)."""
+    w, shape = weights.arrays, weights.shape
+    x = _windows(w, rows) + w["place"]
     x = np.concatenate([np.broadcast_to(w["kept"], (len(x), *w["kept"].shape)), x], axis=1)
     for i in range(shape.within):
         x = _block(w, f"within.{i}", x, shape.heads)
-    x = x[:, : shape.kept].reshape(batch, each * shape.kept, -1)
+    return x[:, : shape.kept]
+
+
+def decided(weights: Weights, tokens: Array, present: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """What :func:`forward` gives, from the logs' ``tokens`` (B, J, kept, width)."""
+    w, shape = weights.arrays, weights.shape
+    batch, each = present.shape
+    x = tokens.reshape(batch, each * shape.kept, -1)
     x = np.concatenate([np.broadcast_to(w["cause"], (batch, *w["cause"].shape)), x], axis=1)
     mask = np.concatenate([np.ones((batch, 1), dtype=bool), np.repeat(present, shape.kept, axis=1)], axis=1)
     for i in range(shape.across):
@@ -95,7 +108,9 @@ def forward(weights: Weights, rows: Array, present: NDArray[np.bool_]) -> tuple[
 
 
 def _linear(w: Mapping[str, Array], name: str, x: Array) -> Array:
-    return x @ w[f"{name}.weight"].T + w[f"{name}.bias"]
+    weight = w[f"{name}.weight"]
+    # one product: threads that meet at many small ones take up to ten times as long on a busy machine
+    return (x.reshape(-1, x.shape[-1]) @ weight.T + w[f"{name}.bias"]).reshape(*x.shape[:-1], len(weight))
 
 
 def _norm(w: Mapping[str, Array], name: str, x: Array) -> Array:

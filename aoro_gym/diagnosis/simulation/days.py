@@ -114,14 +114,14 @@ def _with_days(prior: Prior, machine: Machine, later: int, rng: np.random.Genera
     count, days = machine.num_variants, HEALTHY + later
     every = np.repeat(np.arange(count), days)
     factor = np.repeat(np.exp(rng.uniform(*np.log(prior.day_factor), size=count)), days)
-    drifted = _another_day(prior, machine.variants(every), factor, rng)
+    drifted = another_day(prior, machine.variants(every), factor, rng)
     slope = factor[:, None] * prior.slope * rng.standard_normal((count * days, 2))
     kind = rng.choice(len(KINDS), p=prior.weights, size=count * days).astype(np.int8)
     kind.reshape(count, days)[:, :HEALTHY] = 0
     return _affected(prior, drifted, slope, kind, rng)
 
 
-def _another_day(prior: Prior, machine: Machine, factor: Floats, rng: np.random.Generator) -> Machine:
+def another_day(prior: Prior, machine: Machine, factor: Floats, rng: np.random.Generator) -> Machine:
     """Each variant as it is on some day: small changes of all that is uncertain, of the oil's temperature and the load."""
     entries = [one for one in machine.entries.values() if one.role in ("nuisance", "both")]
     values = np.array([np.broadcast_to(one.value, machine.num_variants) for one in entries])

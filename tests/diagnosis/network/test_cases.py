@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from aoro_gym.diagnosis.network import hypotheses
-from aoro_gym.diagnosis.network.cases import BEGIN, case_of, posterior
+from aoro_gym.diagnosis.network.cases import BEGIN, case_of, posterior, posteriors, tokens_of
 from aoro_gym.diagnosis.network.features import CHANNELS, FEATURES, SAMPLES
-from aoro_gym.diagnosis.network.forward import Weights
+from aoro_gym.diagnosis.network.forward import Weights, trained
 from aoro_gym.diagnosis.network.shape import QUANTILES, Shape
 from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.effects.catalogue import IDS
@@ -101,3 +101,16 @@ def test_networks_are_averaged_and_sizes_are_in_their_units() -> None:
     np.testing.assert_allclose(found.probabilities[[0, hypotheses.SINGLE + 5]], 0.5 * (sure + other), rtol=1e-5)
     assert found.effects.argmax() == 5
     np.testing.assert_allclose(found.quantiles[7], 3.0 * np.sinh(np.arange(len(QUANTILES))), rtol=1e-6)
+
+
+def test_cases_that_are_asked_about_together_are_answered_as_each_alone() -> None:
+    """The networks that come with the package; single precision of other sums differs in the sixth digit of a logit."""
+    networks = trained()
+    cases = [case_of([recording("left", level), recording("right", -level, offset=0.01)]) for level in (0.5, 0.9)]
+    tokens = tokens_of(networks, np.concatenate([case.rows for case in cases]))
+    probabilities, quantiles = posteriors(networks, [kept.reshape(2, 2, *kept.shape[1:]) for kept in tokens])
+    for case, shares, sizes in zip(cases, probabilities, quantiles, strict=True):
+        alone = posterior(networks, case)
+        np.testing.assert_allclose(shares, alone.probabilities, rtol=1e-3, atol=1e-9)
+        np.testing.assert_allclose(sizes, alone.quantiles, rtol=1e-3, atol=1e-4 * np.abs(alone.quantiles).max())
+    assert not np.allclose(probabilities[0], probabilities[1], rtol=1e-2)
