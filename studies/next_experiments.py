@@ -42,12 +42,12 @@ RESAMPLES = 10_000
 """Of the bootstrap over cases."""
 CHANNELS = ("joint_angle", "pressure_a", "pressure_b", "pump_pressure")
 
-CHOICES = ("chosen", "each", "truth")
+CHOICES = ("chosen", "each", "fall")
 TITLES = {
     "now": "three logs",
     "chosen": "two more, by what both promise",
     "each": "two more, by what each promises",
-    "truth": "two more, by the truth's expected logarithm",
+    "fall": "two more, by the fall of the entropy",
     "random": "two random more",
     "all": "all of the catalogue",
 }
@@ -137,20 +137,30 @@ def judged(days: Days, more: Days, truth: int, worlds: int, seed: int) -> Answer
         "best": float(max(one["first"] for one in random)),
         "one": [with_more([number])["first"] for number in range(count)],
         "names": {way: [catalogue(machine)[number].name for number in pair] for way, pair in choices.items()},
-        "gains": np.nanmean(found.gains, axis=1).tolist() if found else [],
+        "pairs": random,
+        "draws": draws(found) if found else {},
+    }
+
+
+def draws(found: Prospects) -> dict[str, Any]:
+    """What choices are made by: of every draw the truth's probability and the entropy now and with each manoeuvre."""
+    each = np.arange(len(found.truths))
+    return {
+        "truths": found.truths.tolist(),
+        "now": found.now[found.truths].tolist(),
+        "after": found.after[:, each, found.truths].tolist(),
+        "entropy": entropy(found.after).tolist(),
     }
 
 
 def ways(found: Prospects) -> dict[str, list[int]]:
-    """Pairs of manoeuvres: by what both promise together, by what each promises, and by the mean logarithm of the drawn
-    truth's probability instead of the entropy."""
+    """Pairs of manoeuvres: by what both promise together, by what each promises, and by how far the entropy falls."""
     each = np.argsort(-np.nanmean(found.gains, axis=1))
     first = int(each[0])
     beside = np.nanmean(found.gains_beside(trained(), first), axis=1)
     beside[first] = -np.inf
-    told = np.log2(found.after[:, np.arange(len(found.truths)), found.truths])
-    truth = np.argsort(-np.nanmean(told, axis=1))
-    return {"chosen": [first, int(beside.argmax())], "each": each[:ADDED].tolist(), "truth": truth[:ADDED].tolist()}
+    fall = np.argsort(np.nanmean(entropy(found.after), axis=1))
+    return {"chosen": [first, int(beside.argmax())], "each": each[:ADDED].tolist(), "fall": fall[:ADDED].tolist()}
 
 
 def open_cases(folder: Path, made: Plan, level: int) -> list[JudgedCase]:

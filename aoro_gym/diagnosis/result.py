@@ -161,7 +161,7 @@ class Experiment:
     """A manoeuvre that would tell the surviving causes apart.
 
     Attributes:
-        gain: Expected fall of the entropy of the causes, in bits.
+        gain: Expected information on the cause, in bits.
         apart: Pairs of causes that it separates, by their titles.
         gain_error: Standard error of the gain, in bits.
     """
