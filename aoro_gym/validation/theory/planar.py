@@ -274,7 +274,8 @@ class Planar:
         return change, np.where(self.bores, 2.0 * np.clip(tire.bore_stiffness * twist, -limit, limit), torque)
 
     def _disc_torque(self, x: Array, slip: Array, depth: Array) -> Array:
-        """Torque [N m] of both tires' discs at ±y that bear a share w of the load by their depth, F_n Σ w y clip(σ₀ w y)."""
+        """Torque [N m] of both tires' discs at ±y that bear a share w of the load by their depth, F_n Σ w y clip(σ₀ w y),
+        longer by the scrub radius over the discs' mean offset."""
         tire = self.machine.tire
         dips = [np.maximum(depth - np.asarray(drop), 0.0) for drop in (tire.disc_drop_inner, tire.disc_drop_outer)]
         total = depth + 2.0 * (dips[0] + dips[1])
@@ -284,7 +285,8 @@ class Planar:
             left = np.sqrt(np.maximum(grip**2 - np.square(tire.sigma0_lateral * x[BRISTLE]), 0.0))
             pull = np.clip(tire.sigma0_longitudinal * lever * x[TWIST], -left, left)
             torque = torque + 2.0 * self.half.load * dip / total * lever * pull
-        return torque
+        mean_offset = 0.4 * (np.asarray(tire.disc_offset_inner) + tire.disc_offset_outer)
+        return torque * (1.0 + tire.scrub_radius / mean_offset)
 
     def _steady_twist(self, x: Array) -> Array:
         """Twist [rad] at which it changes no more."""

@@ -169,7 +169,8 @@ def test_the_steady_turn_of_every_family_is_an_equilibrium_of_its_circuit(family
 
 
 def test_tires_resist_swivelling_by_their_law(machine):
-    """A patch that slides as a whole at the bore torque; discs in proportion to a small twist, at most at their grip."""
+    """A patch that slides as a whole at the bore torque; discs in proportion to a small twist, at most at their grip, and
+    more so by a scrub radius over the mean distance of the five from the middle."""
     tire = machine.tire
     torques = {}
     for swivel in ("five_discs", "bore_torque"):
@@ -189,6 +190,9 @@ def test_tires_resist_swivelling_by_their_law(machine):
     stiffness = 2.0 * load * 2.0 * tire.sigma0_longitudinal * (shares @ levers**2)
     assert torques["five_discs"][0] == pytest.approx(stiffness * 1e-6, rel=1e-9)
     assert torques["five_discs"][2] == pytest.approx(4.0 * load * tire.friction_static * (shares @ levers), rel=1e-9)
+    scrubbing = Planar(machine.set({"tire.scrub_radius": 0.05}).with_laws(swivel="five_discs"), np.ones(3))
+    factor = 1.0 + 0.05 / np.mean([0.0, *levers, *levers])
+    np.testing.assert_allclose(scrubbing._swivel(x, np.zeros(3))[1], factor * torques["five_discs"], rtol=1e-12)
 
 
 def test_a_relaxing_tire_has_a_slip_stiffness_and_slides_at_its_grip(machine):
