@@ -281,8 +281,13 @@ def prospects(
     worlds: int = WORLDS,
     progress: Progress = lambda done, total: None,
 ) -> list[Prospects]:
-    """What every manoeuvre of the catalogue promises, by each of the ``sets`` of channels that would be logged; empty where
-    no two hypotheses survive. Other arguments as those of :func:`next_experiments`."""
+    """What every manoeuvre of the catalogue promises, by each of ``sets``; empty where no two hypotheses survive.
+
+    Args:
+        sets: Channels that would be logged.
+        recordings, healthy, machine, networks, posterior, simulator, seed, worlds, progress: As those of
+            :func:`next_experiments`.
+    """
     check_integer("worlds", worlds, ge=2)
     rng = np.random.default_rng(seed)
     numbers = drawn_hypotheses(posterior.probabilities, worlds, rng)
@@ -416,8 +421,15 @@ class _Sensors:
         return cls(noise)
 
     def rows(self, candidate: Candidate, world: int, signals: Floats, channels: Sequence[str], paired: bool) -> Tokens:
-        """Features (1, FEATURES, SAMPLES) of the pair of logs that would be added, or of the later one alone; ``signals``
-        (days, channels, F) are exact. All NaN where some of them are."""
+        """Features (1, FEATURES, SAMPLES) of what would be added to the recordings, all NaN where some of ``signals`` are.
+
+        Args:
+            candidate: Manoeuvre that is recorded.
+            world: Number of the drawn world.
+            signals: Exact signals (days, channels, F).
+            channels: Those that are logged.
+            paired: Whether a pair of logs is added, or the later one alone.
+        """
         shown = np.array(signals + self.noise[world], dtype=np.float64)
         blank = candidate.blank(())
         days = [replace(blank, channels={name: day[CHANNELS.index(name)] for name in channels}) for day in shown]
