@@ -15,15 +15,10 @@ from scipy.stats import chi2, norm
 
 from aoro_gym.diagnosis.linear import Linear
 from aoro_gym.diagnosis.noise import MERGED, Floats
+from aoro_gym.diagnosis.places import phases
 from aoro_gym.diagnosis.problem import Problem
-from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.diagnosis.result import PHASES, Place
 
-ENDS = {"onset": 0.15, "first_peak": 0.3, "undershoot": 0.55, "second_peak": 0.85}
-"""Time [s] since the command last changed at which a phase ends; ``steady`` follows."""
-JUMP = 0.05
-"""Change of a command from one tick to the next that begins a new phase, as those from zero and to it do; within a ramp the
-command goes on as it did."""
 SIGNIFICANT = 0.05
 """Probability of a residual without a cause, above which no place is named."""
 
@@ -84,24 +79,3 @@ def _parts(problem: Problem, linear: Linear) -> dict[tuple[int, str, str], NDArr
             parts[index, signal, PHASES[number]] = first + np.flatnonzero(merged == number)
         first += len(merged)
     return parts
-
-
-def phases(recording: Recording, arrival: float) -> NDArray[np.intp]:
-    """Phase (F,) of every sample, by its number in :data:`~aoro_gym.diagnosis.result.PHASES`.
-
-    By the time since a command last changed (:data:`ENDS`); ``stop`` after one went to zero until one changes again, and
-    after the ``arrival`` at the joint's stop, to which the last one led. Standstill before the first is steady, too.
-    """
-    before = np.vstack([np.zeros_like(recording.commands[:1]), recording.commands[:-1]])
-    now = recording.commands
-    changed = np.any((np.abs(now - before) > JUMP) | ((now == 0.0) != (before == 0.0)), axis=1)
-    ended = np.any((now == 0.0) & (before != 0.0), axis=1)
-    starts = np.flatnonzero(changed)
-    count = len(now) + 1
-    last = np.searchsorted(starts, np.arange(count), side="right") - 1
-    since = np.where(last >= 0, np.arange(count) - np.append(starts, 0)[last], count)
-    found = np.searchsorted(np.round(np.array(list(ENDS.values())) / TICK), since, side="right")
-    stopped = np.append(ended[starts], False)[last]
-    if arrival >= 0:
-        stopped |= np.arange(count) >= arrival
-    return np.where(stopped, PHASES.index("stop"), found)

@@ -73,7 +73,7 @@ def case_of(later: Sequence[Recording], healthy: Sequence[Recording] = ()) -> Ca
     """
     if not later:
         raise ValueError("no recording given; name at least one log")
-    pairs = _paired(later, healthy)
+    pairs = paired(later, healthy)
     parts = [[None if one is None else _aligned(one) for one in (pair.healthy, pair.later)] for pair in pairs]
     count = len(pairs)
     commands, signals = np.zeros((count, 2, SAMPLES), np.float32), np.zeros((2, count, len(CHANNELS), SAMPLES))
@@ -148,7 +148,7 @@ def _aligned(recording: Recording) -> _Aligned:
 
 
 @dataclass(frozen=True)
-class _Pair:
+class Pair:
     """Recordings of the same commands; where ``repeat``, the later one is healthy, too."""
 
     healthy: Recording | None
@@ -156,28 +156,30 @@ class _Pair:
     repeat: bool = False
 
 
-def _paired(later: Sequence[Recording], healthy: Sequence[Recording]) -> list[_Pair]:
+def paired(later: Sequence[Recording], healthy: Sequence[Recording]) -> list[Pair]:
     """Healthy and later recordings of the same commands, each healthy one once; then those that are left over, beside an
     earlier one of the same commands where there is one."""
-    commands = {id(one): _aligned(one).commands for one in (*later, *healthy)}
-
-    def nearest(one: Recording, others: Sequence[Recording]) -> int | None:
-        apart = [_apart(commands[id(one)], commands[id(other)], one, other) for other in others]
-        return int(np.argmin(apart)) if apart and min(apart) < ALIKE else None
-
     left, pairs = list(healthy), []
     for one in later:
         found = nearest(one, left)
-        pairs.append(_Pair(None if found is None else left.pop(found), one))
+        pairs.append(Pair(None if found is None else left.pop(found), one))
     first = [pair.healthy for pair in pairs if pair.healthy is not None]
     for one in left:
         found = nearest(one, first)
         if found is None:
             first.append(one)
-            pairs.append(_Pair(one, None))
+            pairs.append(Pair(one, None))
         else:
-            pairs.append(_Pair(first[found], one, repeat=True))
+            pairs.append(Pair(first[found], one, repeat=True))
     return pairs
+
+
+def nearest(one: Recording, others: Sequence[Recording]) -> int | None:
+    """Number of the recording whose commands are most like those of ``one``; None if a machine was told something else in
+    all of ``others``."""
+    mine = _aligned(one).commands
+    apart = [_apart(mine, _aligned(other).commands, one, other) for other in others]
+    return int(np.argmin(apart)) if apart and min(apart) < ALIKE else None
 
 
 def _apart(commands: Floats, others: Floats, one: Recording, other: Recording) -> float:
