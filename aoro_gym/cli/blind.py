@@ -16,7 +16,7 @@ from aoro_gym.reporting import terminal
 
 app = typer.Typer(
     no_args_is_help=True,
-    help="The blind check: a diagnosis on machines whose deviation is withheld. In turn: seal, run, score; atlas.",
+    help="The blind check: a diagnosis on machines whose deviation is withheld. In turn: seal, run, score.",
 )
 
 NewSuiteArgument = Annotated[Path, argument("DIR", "Folder to write to.")]
@@ -116,16 +116,15 @@ def run(
     FOLDER/NNN/diagnosis.json says what was found. A case that fails leaves FOLDER/NNN/error.txt, is named at the end, and
     stops no other; the exit code is then 1.
 
-    Each of --workers processes diagnoses one case at a time; on a GPU, too, which they share, and which 50 or more of them
-    keep busy. With --ray, each case is a job on a cluster whose nodes share DIR and FOLDER. On a core a case of the quick
-    suite takes six to nine minutes, so that two cores take about three quarters of an hour for all. Ctrl-C is safe: the same
-    command goes on with the cases that have no diagnosis, those that failed among them.
+    Each of --workers processes diagnoses one case at a time. With --ray, each case is a job on a cluster whose nodes share
+    DIR and FOLDER. A case takes about a minute of a core. Ctrl-C is safe: the same command goes on with the cases that have
+    no diagnosis, those that failed among them.
 
     [bold]Examples[/]
 
       aoro-gym blind run blind_quick
       aoro-gym blind run blind_quick --sensors angle
-      aoro-gym blind run blind_standard --device cuda:0,cuda:1 --workers 120
+      aoro-gym blind run blind_standard --workers 8
     """
     with checking_input():
         from aoro_gym.diagnosis_benchmark.running import diagnoses_folder, logged_sensors, run_cases
@@ -203,33 +202,3 @@ def score(
     print_all(tables(result))
     with running():
         say_written(write_score(result, target))
-
-
-AtlasFolderOption = Annotated[Path, option("--out -o", "FOLDER", "Folder to write to.")]
-
-
-@app.command()
-def atlas(out: AtlasFolderOption, device: options.DeviceOption = "cpu", quiet: options.QuietOption = False) -> None:
-    """Which effects look alike, from which sensors and manoeuvres, whatever a diagnosis makes of them.
-
-    Asked of twins of the calibrated ensemble, of no case: what an effect does, less the best that another effect and another
-    day can do instead, against what a decision needs. Writes atlas.json (all distances, by sensors and manoeuvre),
-    classes.json (effects that 'blind score' counts as one) and atlas.png. The classes that score are those shipped with the
-    package: they are frozen. Takes about 40 minutes of one core.
-
-    [bold]Example[/]
-
-      aoro-gym blind atlas --out atlas
-    """
-    with checking_input():
-        from aoro_gym.diagnosis.replay import Simulator
-        from aoro_gym.diagnosis_benchmark.atlas import survey
-        from aoro_gym.diagnosis_benchmark.atlas_report import tables, write_atlas
-
-        options.check_folder(out, "atlas.json")
-        options.check_device(device)
-    with running(), terminal.progress("twins") as tell:
-        found = survey(simulator=Simulator(device), progress=tell)
-        written = write_atlas(found, out)
-    print_all(tables(found))
-    say_written(written)

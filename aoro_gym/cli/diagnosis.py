@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from aoro_gym.cli import options
 from aoro_gym.cli.options import argument, option
-from aoro_gym.cli.outcome import checking_input, print_all, resumable, running, say_error, say_written
+from aoro_gym.cli.outcome import checking_input, print_all, running, say_error, say_written
 from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
@@ -33,9 +33,6 @@ HoldoutOption = Annotated[
     option("--holdout", "NAME", "Logs, by name or glob, that take no part in the fit; or rows: signal=75,50."),
 ]
 FitOption = Annotated[list[str] | None, option("--fit", "NAME", "Logs or rows that do; the others are held out.")]
-CommissionedOption = Annotated[
-    bool, option("--commissioned", None, "The machine file was fitted to this very machine.")
-]
 CheckOption = Annotated[
     bool, option("--check", None, "Read the logs, say what was read, in which units, what is missing; no more.")
 ]
@@ -49,33 +46,30 @@ def diagnose(
     healthy: HealthyOption = None,
     holdout: HoldoutOption = None,
     fit: FitOption = None,
-    commissioned: CommissionedOption = False,
     check: CheckOption = False,
     out: OutOption = Path("diagnosis"),
     machine: options.MachineOption = options.MACHINE,
     set_: options.SetOption = None,
     scale: options.ScaleOption = None,
     device: options.DeviceOption = "cpu",
-    restart: options.RestartOption = False,
-    accept_code_change: options.AcceptCodeChangeOption = False,
     quiet: options.QuietOption = False,
 ) -> None:
     """Say why a machine and its twin disagree: where, because of what, by how much, and what to record next.
 
-    The twin repeats every LOG with each effect of the catalogue (aoro-gym parameters --effects) and with pairs of them, all
-    with the same freedom in uncertain parameters. A LOG needs time_s, steering_signal (or steering_signal_V),
-    joint_angle_rad (or joint_angle_deg) and half a second of rest at its begin; port and pump pressures tell far more.
+    Networks that were trained on simulated machines of many laws weigh each effect of the catalogue (aoro-gym parameters
+    --effects), pairs of them, and something that the catalogue lacks; the twin then fits the size of those that may be. A
+    LOG is a manoeuvre of some seconds and needs time_s, steering_signal (or steering_signal_V), joint_angle_rad (or
+    joint_angle_deg) and half a second of rest at its begin; port and pump pressures tell far more.
 
-    With --healthy logs, best of the same commands, the twin is fitted to those first, and the question is what has changed
-    since. Without, parameters may lie anywhere in their ranges, and what the twin's laws do otherwise cannot be told from an
-    effect.
+    With --healthy logs, best of the same commands, the question is what has changed since; repeats of a command show what
+    changes by itself. Without, what this machine does otherwise than others of its kind cannot be told from an effect.
 
     Where only key figures of full turns are known, --metrics takes a TABLE with the columns signal_percent, source and
     figures such as turn_time_s (aoro-gym validate writes them all), std_turn_time_s and so on if their standard deviations
     are known, and direction. --fit and --holdout then select rows: signal=100, or direction=left.
 
-    Writes DIR/diagnosis.json, DIR/report.html and a machine file for every cause that survives. A verdict of a cause is
-    only as good as the blind check says (aoro-gym blind --help). Killed at any time, the same command goes on where it was.
+    Writes DIR/diagnosis.json, DIR/report.html and a machine file for every cause that was fitted. A verdict of a cause is
+    only as good as the blind check says (aoro-gym blind --help).
 
     --check reads LOGs and --healthy as a diagnosis would, says what it read, in which units, what is missing and what is
     doubtful, and stops: with exit code 2 if a log is refused.
@@ -88,7 +82,7 @@ def diagnose(
       aoro-gym diagnose later/*.csv --healthy healthy --device cuda:0
       aoro-gym diagnose --metrics table.csv --source physical --fit signal=100
     """
-    how = {"device": device, "out": out, "restart": restart, "accept_code_change": accept_code_change}
+    how = {"device": device, "out": out}
     with checking_input():
         from aoro_gym.diagnosis.recording import read_recording
         from aoro_gym.diagnosis.selection import log_files, split_recordings
@@ -106,8 +100,8 @@ def diagnose(
         check_writable(out / "diagnosis.json")
         chosen = options.load(options.run_spec(machine, set_, scale, device))
         if metrics:
-            if healthy or commissioned:
-                raise ValueError("--metrics knows no healthy machine: leave out --healthy and --commissioned")
+            if healthy:
+                raise ValueError("--metrics knows no healthy machine: leave out --healthy")
             _diagnose_table(metrics, source, fit, holdout, chosen, how)
             return
         if source:
@@ -115,7 +109,7 @@ def diagnose(
         recordings = [read_recording(path) for path in logs or []]
         before = [read_recording(path) for path in log_files(healthy)]
         used, held_out = split_recordings(recordings, fit=fit, holdout=holdout)
-    _diagnose_logs(used, before, held_out, commissioned, chosen, how)
+    _diagnose_logs(used, before, held_out, chosen, how)
 
 
 def _check_logs(paths: Sequence[Path]) -> None:
@@ -140,21 +134,15 @@ def _diagnose_logs(
     used: Sequence[Recording],
     healthy: Sequence[Recording],
     held_out: Sequence[Recording],
-    commissioned: bool,
     machine: Machine,
     how: dict[str, Any],
 ) -> None:
     """Diagnose logs, print a summary and write the result."""
     from aoro_gym.diagnosis.diagnose import diagnose as find
 
-    inputs: dict[str, Any] = {"machine": machine.identity, "commissioned": commissioned}
-    for role, those in (("log", used), ("healthy log", healthy), ("held-out log", held_out)):
-        inputs[role] = {one.name: one for one in those}
-    with _simulating(inputs, **how) as shared:
-        found = find(
-            used, machine, healthy=healthy, held_out=held_out, commissioned=True if commissioned else None, **shared
-        )
-        found, written = _written(found, **shared)
+    with _simulating(**how) as shared:
+        found = find(used, machine, healthy=healthy, held_out=held_out, **shared)
+        written = _written(found, shared["out"])
     _conclude(found, written)
 
 
@@ -171,30 +159,26 @@ def _diagnose_table(
     from aoro_gym.diagnosis.tables import diagnose_rows, read_rows
 
     used, held_out = split_rows(read_rows(table, source), fit=fit, holdout=holdout)
-    inputs = {"machine": machine.identity, "rows": used, "held-out rows": held_out}
-    with _simulating(inputs, **how) as shared:
+    with _simulating(**how) as shared:
         found = diagnose_rows(used, machine, held_out=held_out, **shared)
-        found, written = _written(found, **shared)
+        written = _written(found, shared["out"])
     _conclude(found, written)
 
 
 @contextmanager
-def _simulating(
-    inputs: dict[str, Any], *, device: str, out: Path, restart: bool, accept_code_change: bool
-) -> Iterator[dict[str, Any]]:
+def _simulating(*, device: str, out: Path) -> Iterator[dict[str, Any]]:
     """Simulator, folder and progress of a diagnosis, as keyword arguments."""
-    from aoro_gym.diagnosis import resuming
+    from aoro_gym.diagnosis.replay import Simulator
+    from aoro_gym.execution.locking import locked
 
-    kept = resuming.resumable(device, out, inputs, restart=restart, accept_code_change=accept_code_change)
-    with running(), resumable(), terminal.progress("diagnosing") as tell, kept as simulator:
-        yield {"simulator": simulator, "out": out, "progress": tell}
+    with running(), terminal.progress("diagnosing") as tell, locked(out):
+        yield {"simulator": Simulator(device), "out": out, "progress": tell}
 
 
-def _written(found: Diagnosis, *, simulator: Any, out: Path, progress: Any) -> tuple[Diagnosis, list[Path]]:
+def _written(found: Diagnosis, out: Path) -> list[Path]:
     from aoro_gym.diagnosis.report import write_report
 
-    found = found.with_code_changes(simulator.code_changes)
-    return found, [found.save(out), write_report(found, out)]
+    return [found.save(out), write_report(found, out)]
 
 
 def _conclude(found: Diagnosis, written: Sequence[Path]) -> None:

@@ -1,15 +1,16 @@
-"""Key figures of the full turns among recordings, as measured and as the twin shows them before and after."""
+"""Key figures of the full turns among recordings, as measured and as predicted without and with a cause."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from aoro_gym.diagnosis.arrival import arrival_of
 from aoro_gym.diagnosis.noise import Floats
-from aoro_gym.diagnosis.problem import Problem
 from aoro_gym.diagnosis.recording import TICK, Recording
-from aoro_gym.diagnosis.replay import FINE, Replay, Variants
+from aoro_gym.diagnosis.result import Curve
+from aoro_gym.machine import Machine
 from aoro_gym.sensors.chain import STANDSTILL
 from aoro_gym.simulation.key_figures import FIGURES, key_figures_batch
 
@@ -19,32 +20,30 @@ COLUMNS = ("measured", "before", "after")
 
 
 def key_figures(
-    problem: Problem, before: Variants, after: Variants
+    recordings: Sequence[Recording], curves: Sequence[Curve], machine: Machine
 ) -> Mapping[str, Mapping[str, Mapping[str, float | None]]]:
     """By turn and figure: measured, before, after; means over repeats, in the units of
     :mod:`aoro_gym.simulation.key_figures`.
 
-    Measured is what the log says: what a healthy machine does otherwise than its twin is in it, too. The stop is where each
-    angle comes to rest. None where a log does not show a figure.
+    The stop is where each angle comes to rest. None where a log does not show a figure.
 
     Args:
-        problem: Its recordings are looked through.
-        before: The given machine.
-        after: The machine with the cause.
+        recordings: That are looked through for full turns.
+        curves: Their angles as measured, and as predicted without and with the cause.
+        machine: Whose geometry turns angles into flows.
     """
-    machine = problem.nuisances.machine
     reach = float(np.asarray(machine.joint.range))
-    levels = [full_turn(*one, reach) for one in zip(problem.recordings, problem.arrivals, strict=True)]
-    full = [(r, level) for r, level in zip(problem.recordings, levels, strict=True) if level]
-    if not full:
-        return {}
-    found = iter(problem.simulator.run([Replay(one, r, FINE) for r, _ in full for one in (before, after)]))
+    angles = {one.manoeuvre: one for one in curves if one.signal == "joint_angle"}
     turns: dict[str, list[Mapping[str, Floats]]] = {}
-    for recording, level in full:
-        predicted = [next(found)["joint_angle"][:, 0] for _ in (before, after)]
-        angle = np.stack([recording.channels["joint_angle"], *predicted], axis=1)
+    for recording in recordings:
+        curve = angles.get(recording.name)
+        arrival = arrival_of(recording.channels["joint_angle"], recording.commands[:, 0])
+        level = full_turn(recording, arrival, reach)
+        if curve is None or not level:
+            continue
+        angle = np.stack([curve.measured, curve.before, curve.after], axis=1)
         stop = np.mean(angle[-round(STANDSTILL / TICK) :], axis=0)
-        figures = key_figures_batch(TICK * np.arange(len(angle)), angle, machine, stop=stop)
+        figures = key_figures_batch(curve.time, angle, machine, stop=stop)
         title = f"{'left' if level > 0.0 else 'right'}, {100.0 * abs(level):.3g} %"
         turns.setdefault(title, []).append(figures)
     means = {title: {name: _means([one[name] for one in rows]) for name in FIGURES} for title, rows in turns.items()}

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
-from scipy.special import logsumexp
 
 from aoro_gym.diagnosis.axes import Axis
 from aoro_gym.diagnosis.closures import black_box, gap_closures, typical
@@ -372,7 +371,7 @@ def _learn(one: _Hypothesis, best: Floats, signals: Sequence[Mapping[str, Floats
 def _weights(weighed: Sequence[Weighed]) -> Floats:
     """Of the families (K,)."""
     evidence = TRUST * np.array([one.evidence for one in weighed])
-    return np.exp(evidence - logsumexp(evidence))
+    return np.exp(evidence - np.logaddexp.reduce(evidence))
 
 
 def _folds(fitted: NDArray[np.bool_]) -> list[tuple[NDArray[np.bool_], int]]:

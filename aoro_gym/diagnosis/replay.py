@@ -1,13 +1,12 @@
 """Twins that repeat recordings: variants of machines under the commands of recordings, many in one go.
 
-A variant is a machine with effects: parameters, the plane under it, and what the measuring chain does to its signals. What
-is simulated is separate from what the chain does to it, so that processes can share their launches (:mod:`.sharing`).
+A variant is a machine with effects: parameters, the plane under it, and what the measuring chain does to its signals.
 """
 
 # pyright: reportInvalidTypeForm=false
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -15,7 +14,6 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from aoro_gym.diagnosis.following import LACKED, LED, STEPS, Leader
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.recording import COMMANDS, TICK, Recording
 from aoro_gym.effects.effect import Effect
@@ -42,8 +40,8 @@ USUAL = Steps(2e-3, 30)
 a sensor's noise and far less than the twin's own error, and what effects do to them by 1 or 2 per cent (at most 9, of worn
 pins and of soft ground). On a CPU it takes three tenths less time than main steps of 1 ms, where it is 0.1 bar; a third more
 substeps change pressures by less than those do."""
-FINE = Steps(TICK / STEPS, 20)
-"""Of twins that are led along a log, or whose figures are compared with others'."""
+FINE = Steps(1e-3, 20)
+"""Of twins whose figures are compared with others'."""
 COARSE = Steps(2e-3, 16)
 """Of twins that are compared with one another: what an effect does is then off by 1.3 per cent (median), and a step on such
 slopes gains 95 to 99.5 per cent of what it would, in three quarters of the time."""
@@ -119,9 +117,6 @@ class Replay:
 Signals = dict[str, NDArray[np.float32]]
 """Samples (F, N) SI a channel. A variant that diverges is NaN."""
 
-Launching = Generator[None, None, Callable[[], list[Signals]]]
-"""A device that is told of a launch, stretch by stretch; at the end, what waits for it and gives what was asked for."""
-
 
 @dataclass(frozen=True)
 class Request:
@@ -134,8 +129,6 @@ class Request:
     channels: tuple[str, ...]
     frames: int  # samples a tick
     steps: Steps
-    measured: Floats | None = None  # (len(LED), K + 1) that twins are led by (:mod:`.following`); None: they run free
-    zeros: Floats | None = None  # (len(LED), N) of the sensors that lead
 
     @property
     def count(self) -> int:
@@ -144,7 +137,7 @@ class Request:
     @property
     def schedule(self) -> bytes:
         """Equal for two that are told to do the same."""
-        return self.commands.tobytes() + (b"" if self.measured is None else self.measured.tobytes())
+        return self.commands.tobytes()
 
 
 @wp.kernel(enable_backward=False)
@@ -210,47 +203,13 @@ class Simulator:
                 out[index] = _measured(tasks[index], own if lent else {name: own[name].copy() for name in own})
         return out
 
-    def follow(self, tasks: Sequence[Replay], zeros: Sequence[Floats]) -> list[Floats]:
-        """What it takes to lead every task's variants along its recording, (len(LACKED), F, N): :mod:`.following`.
-
-        Args:
-            tasks: Their measuring chains are left out.
-            zeros: Of the sensors that lead (len(LED), N), by task.
-        """
-        requests = [_led(task, own) for task, own in zip(tasks, zeros, strict=True)]
-        return [np.stack([rows[name] for name in LACKED]) for rows in self.launch(requests)]
-
     def launch(self, requests: Sequence[Request]) -> list[Signals]:
         """Samples (K frames + 1, N) of every request, the first of them at rest."""
         out: list[Signals] = [{} for _ in requests]
         for batch in self._batches(requests):
-            for index, rows in zip(batch, self.launch_together([requests[i] for i in batch]), strict=True):
+            for index, rows in zip(batch, _launched([requests[i] for i in batch], self.device), strict=True):
                 out[index] = rows
         return out
-
-    def launching(self, requests: Sequence[Request]) -> Launching:
-        """The same stretch by stretch, on the device's current stream."""
-        batches = self._batches(requests)
-        launched = []
-        for batch in batches:
-            launched.append((yield from _launching([requests[i] for i in batch], self.device)))
-
-        def taken() -> list[Signals]:
-            found = {}
-            for batch, take in zip(batches, launched, strict=True):
-                found |= zip(batch, take(), strict=True)
-            return [found[index] for index in range(len(requests))]
-
-        return taken
-
-    def launch_together(self, requests: Sequence[Request]) -> list[Signals]:
-        """The same in one launch; requests with dense samples come last."""
-        ticks = _launching(requests, self.device)
-        while True:
-            try:
-                next(ticks)
-            except StopIteration as told:
-                return told.value()
 
     def _batches(self, requests: Sequence[Request]) -> list[list[int]]:
         """Numbers of the requests that are launched together."""
@@ -259,7 +218,6 @@ class Simulator:
         order = sorted(
             range(len(requests)),
             key=lambda i: (
-                requests[i].measured is None,
                 requests[i].steps,
                 requests[i].frames,
                 len(requests[i].commands) * (1 if requests[i].frames == 1 else -1),
@@ -274,23 +232,15 @@ class Simulator:
                 first = requests[batch[0]]
                 shorter, longer = sorted((len(first.commands), len(new.commands)))
                 unlike = new.frames != first.frames or shorter < ALIKE * longer
-                apart = new.steps != first.steps or (new.measured is None) != (first.measured is None)
+                apart = new.steps != first.steps
                 if sum(requests[i].count for i in batch) + new.count > most or (cpu and unlike) or apart:
                     batches.append([])
             batches[-1].append(index)
         return batches
 
 
-def _led(task: Replay, zeros: Floats) -> Request:
-    one, recording = task.variants, task.recording
-    start = np.full(one.count, recording.start_angle) - zeros[0]
-    missing = np.full(recording.ticks + 1, np.nan)
-    measured = np.stack([recording.channels.get(name, missing) for name in LED])
-    return Request(one.machine, one.plane, start, recording.commands, LACKED, 1, FINE, measured, zeros)
-
-
-def _launching(requests: Sequence[Request], device: str) -> Launching:
-    """All at once, with the same steps; those with dense samples last."""
+def _launched(requests: Sequence[Request], device: str) -> list[Signals]:
+    """Samples (K frames + 1, N) of requests with the same steps, in one launch; those with dense samples come last."""
     counts = [request.count for request in requests]
     starts = np.cumsum([0, *counts])
     total, ticks = int(starts[-1]), max(len(request.commands) for request in requests)
@@ -301,93 +251,65 @@ def _launching(requests: Sequence[Request], device: str) -> Launching:
     limit = np.broadcast_to(np.asarray(machine.joint.range), total)
     twin.reset(joint_angle=np.clip(np.concatenate([request.start for request in requests]), -limit, limit))
 
-    led = requests[0].measured is not None
-    stretch = 1 if led else STRETCH
-    begins = range(0, ticks, stretch)
+    begins = range(0, ticks, STRETCH)
     schedules: dict[bytes, int] = {}
     which = [schedules.setdefault(request.schedule, len(schedules)) for request in requests]
-    held = np.zeros((len(schedules), len(begins) * stretch, len(COMMANDS)), dtype=np.float32)
+    held = np.zeros((len(schedules), len(begins) * STRETCH, len(COMMANDS)), dtype=np.float32)
     for number, request in zip(which, requests, strict=True):
         held[number, : len(request.commands)] = request.commands
         held[number, len(request.commands) :] = request.commands[-1]
-    names = LACKED if led else [name for name in SIGNALS if any(name in request.channels for request in requests)]
+    names = [name for name in SIGNALS if any(name in request.channels for request in requests)]
     schedule = wp.array(held, dtype=float, device=twin.device)
     numbered = wp.array(np.repeat(which, counts).astype(np.int32), dtype=int, device=twin.device)
     command_rows = wp.array([int(row) for row in COMMANDS.values()], dtype=int, device=twin.device)
-    output_rows = wp.array([SIGNALS[name][0] for name in names if not led], dtype=int, device=twin.device)
+    output_rows = wp.array([SIGNALS[name][0] for name in names], dtype=int, device=twin.device)
 
     frames = requests[-1].frames
     sparse = int(sum(request.count for request in requests if request.frames == 1))
     groups = [(1, 0, sparse), (frames, sparse, total - sparse)]  # samples a tick, first twin, twins
-    leader = _leader(requests, twin, numbered, ticks) if led else None
     kept = {
         first: wp.zeros((len(names), held.shape[1] * density + 1, count), dtype=float, device=twin.device)
         for density, first, count in groups
-        if count and not leader
+        if count
     }
-    at_rest = None if led else wp.clone(twin.state)
-    told = twin.commands.reshape((1, *twin.commands.shape))
-    if not led:  # what recordings do not command stays as it is
-        told = wp.empty((stretch, *twin.commands.shape), dtype=float, device=twin.device)
-        for tick in range(stretch):
-            part: Any = told[tick]
-            wp.copy(part, twin.commands)
+    at_rest = wp.clone(twin.state)
+    told = wp.empty((STRETCH, *twin.commands.shape), dtype=float, device=twin.device)
+    for tick in range(STRETCH):  # what recordings do not command stays as it is
+        part: Any = told[tick]
+        wp.copy(part, twin.commands)
     # recorded launches: on a GPU, packing their arguments anew takes longer than a tick of the twins
     arguments = [schedule, numbered, command_rows, 0, told]
-    dim = (stretch, len(COMMANDS), total)
+    dim = (STRETCH, len(COMMANDS), total)
     hold: Any = wp.launch(_hold, dim, arguments, device=twin.device, record_cmd=True)
-    advance = None if led else twin.advancing(stretch * TICK, sample_every=TICK / frames, commands=told)
+    advance = twin.advancing(STRETCH * TICK, sample_every=TICK / frames, commands=told)
     keeps = []
     for density, first, count in groups:
-        if count and not leader:
+        if count:
             arguments = [twin.outputs, output_rows, frames // density, first, 0, kept[first]]
-            dim = (stretch * density, len(names), count)
+            dim = (STRETCH * density, len(names), count)
             keeps.append((density, wp.launch(_keep, dim, arguments, device=twin.device, record_cmd=True)))
     for tick, (begin, end) in zip(begins, _running(requests, begins), strict=True):
-        yield
         hold.set_param_at_index(3, tick)
         hold.launch()
-        if leader:
-            leader.advance(tick)
-            continue
-        assert advance is not None
         advance(begin, end)
         for density, keep in keeps:
             keep.set_param_at_index(4, 1 + tick * density)
             keep.launch()
-    if leader:
-        kept = {0: leader.taken}
-    stream = twin.device.stream if twin.device.is_cuda else None
-
-    def taken() -> list[Signals]:
-        diverged = _fetched(twin.status_codes, stream) != 0
-        start = None if at_rest is None else _fetched(at_rest, stream)[[SIGNALS[name][1] for name in names]]
-        values = {first: _fetched(part, stream) for first, part in kept.items()}
-        for first, part in values.items():
-            mine = slice(first, first + part.shape[2])
-            part[:, 0] = 0.0 if start is None else start[:, mine]
-            part[:, :, diverged[mine]] = np.nan
-        out: list[Signals] = []
-        for request, begin, end in zip(requests, starts, starts[1:], strict=False):
-            first, samples = (0 if request.frames == 1 else sparse), len(request.commands) * request.frames + 1
-            of = {
-                name: values[first][names.index(name), :samples, begin - first : end - first]
-                for name in request.channels
-            }
-            out.append(of)
-        return out
-
-    return taken
-
-
-def _fetched(values: wp.array, stream: wp.Stream | None) -> NDArray[Any]:
-    """On the host, when the stream has come so far: a thread may do that while the device has another current stream."""
-    if stream is None:
-        return values.numpy()
-    here = wp.empty(values.shape, dtype=values.dtype, device="cpu")
-    wp.copy(here, values, stream=stream)
-    wp.synchronize_stream(stream)
-    return here.numpy()
+    diverged = twin.status_codes.numpy() != 0
+    start = at_rest.numpy()[[SIGNALS[name][1] for name in names]]
+    values: dict[int, Any] = {first: part.numpy() for first, part in kept.items()}
+    for first, part in values.items():
+        mine = slice(first, first + part.shape[2])
+        part[:, 0] = start[:, mine]
+        part[:, :, diverged[mine]] = np.nan
+    out: list[Signals] = []
+    for request, begin, end in zip(requests, starts, starts[1:], strict=False):
+        first, samples = (0 if request.frames == 1 else sparse), len(request.commands) * request.frames + 1
+        own: Signals = {
+            name: values[first][names.index(name), :samples, begin - first : end - first] for name in request.channels
+        }
+        out.append(own)
+    return out
 
 
 def _running(requests: Sequence[Request], begins: Sequence[int]) -> list[tuple[int, int]]:
@@ -398,17 +320,6 @@ def _running(requests: Sequence[Request], begins: Sequence[int]) -> list[tuple[i
     first, last = runs.argmax(axis=1), len(requests) - 1 - runs[:, ::-1].argmax(axis=1)
     starts = ends - [request.count for request in requests]
     return list(zip(starts[first].tolist(), ends[last].tolist(), strict=True))
-
-
-def _leader(requests: Sequence[Request], twin: Twin, which: wp.array, ticks: int) -> Leader:
-    distinct = {request.schedule: request.measured for request in requests}
-    measured = np.full((len(distinct), ticks + 1, len(LED)), np.nan)
-    for k, one in enumerate(distinct.values()):
-        assert one is not None
-        measured[k, : one.shape[1]] = one.T
-        measured[k, one.shape[1] :] = one[:, -1]
-    zeros = np.concatenate([np.asarray(request.zeros) for request in requests], axis=1)
-    return Leader(twin, measured, zeros, which)
 
 
 def _measured(task: Replay, rows: Signals) -> Signals:

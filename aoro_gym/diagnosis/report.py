@@ -17,7 +17,7 @@ from rich.console import RenderableType
 from rich.markup import escape
 from rich.table import Table
 
-from aoro_gym.diagnosis.result import KEY_FIGURES, PHASES, UNKNOWN, Boundary, Cause, Curve, Diagnosis, GapClosure, Place
+from aoro_gym.diagnosis.result import KEY_FIGURES, PHASES, UNKNOWN, Cause, Curve, Diagnosis, GapClosure, Place
 from aoro_gym.diagnosis.words import (
     WITHOUT_CAUSE,
     Conclusions,
@@ -33,7 +33,6 @@ from aoro_gym.diagnosis.words import (
     per_cent,
     probability,
     readable,
-    readable_unit,
     signal_unit,
     signed,
     suspected,
@@ -243,8 +242,8 @@ def _where_html(diagnosis: Diagnosis) -> Markup:
     places = sorted(diagnosis.where, key=lambda place: -place.share)
     signals = list(dict.fromkeys(place.signal for place in diagnosis.where))
     text = (
-        "Share [%] of the gap that calibration cannot absorb, weighed by noise and the twin's own error, by the time since "
-        "the command last changed; a dot is less than half a per cent."
+        "Share [%] of the gap, weighed by noise, by the time since the command last changed; a dot is less than half a per "
+        "cent."
     )
     if diagnosis.where_p is not None:
         text += f" Without any cause a gap as large as this comes with {p_value(diagnosis.where_p)}."
@@ -272,35 +271,7 @@ def _where_html(diagnosis: Diagnosis) -> Markup:
     if suspected(diagnosis) and diagnosis.components:
         likely = [(readable(name), p, probability(p)) for name, p in diagnosis.components.items()]
         cards.append(_bars("Component that a cause lies in", likely))
-    return _explained(text, block("grid", cards=cards), _boundaries_html(diagnosis.boundaries))
-
-
-def _boundaries_html(parts: Sequence[Boundary]) -> Markup:
-    """Table of the machine's parts between their measured boundaries."""
-    if not parts:
-        return Markup("")
-    text = (
-        "Every part of the machine by itself, driven by what was measured at its boundary: one that does as the twin's does "
-        "lacks nothing, whatever its neighbours do. Parts that lie between the same sensors cannot be told apart so, and a "
-        "wrong angle contradicts all."
-    )
-    rows = []
-    for one in parts:
-        unit, field = readable_unit(one.unit, one.size)
-        rows.append(
-            (
-                capital(readable(one.part)),
-                listed([readable(name) for name in one.components]),
-                with_unit(three_digits(one.missing / field), unit),
-                with_unit(three_digits(one.size / field), unit),
-                p_value(one.p),
-                "contradicts" if one.contradicts else "fits",
-                probability(one.share) if one.share > 0.0 else "-",
-            )
-        )
-    head = ("part", "holds", "lacks (rms)", "of (rms)", "without a cause", "its boundary", "share")
-    heading = "Which part contradicts its own boundary signals"
-    return _explained(text, block("table", head=head, rows=rows, text=(0, 1, 5), heading=heading))
+    return _explained(text, block("grid", cards=cards))
 
 
 def _heat_html(
@@ -322,8 +293,7 @@ def _heat_html(
 
 
 def telling(curves: Sequence[Curve], where: Sequence[Place] = ()) -> list[Curve]:
-    """The curves that show most of the gap that calibration cannot absorb; one that took no part in the fit is among them
-    if there is any.
+    """The curves that show most of the gap; one that took no part in the fit is among them if there is any.
 
     A sensor that is off by a constant parts measured from simulated more than most causes do, and is none: what has the
     larger share of ``where`` comes first. The plain difference ranks what has none."""
@@ -346,16 +316,20 @@ def _curves_html(diagnosis: Diagnosis) -> Markup:
         return Markup("")
     after = twin_with(diagnosis.causes)
     text = (
-        f"Above: what was measured, the twin as it was given, and the {after}. Below: what was measured less either twin, "
-        "with the band that noise and the twin's own error stay in for 90 % of the time."
+        f"Above: what was measured, {_before(diagnosis)}, and the {after}. Below: what was measured less either of them, "
+        "with the band that noise stays in for 90 % of the time."
     )
     if len(diagnosis.curves) > len(curves):
-        text += (
-            f" Shown are the {len(curves)} of {len(diagnosis.curves)} signals with most of the gap that calibration cannot "
-            "absorb."
-        )
+        text += f" Shown are the {len(curves)} of {len(diagnosis.curves)} signals with most of the gap."
     cards = [block("card", contents=[_curve_html(curve, after)]) for curve in curves]
     return _explained(text, block("grid", cards=cards))
+
+
+def _before(diagnosis: Diagnosis) -> str:
+    """What the gap is measured from."""
+    if diagnosis.healthy:
+        return "the healthy log of the same commands (the twin where there is none)"
+    return "the twin as it was given"
 
 
 def _curve_html(curve: Curve, after: str) -> Markup:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +21,6 @@ VERDICTS: Mapping[str, str] = {
     "inconclusive": "The data cannot tell.",
 }
 """Every verdict, in a sentence."""
-
-CONTRADICTS = 1e-4
-"""Probability of what a part lacks without a cause, below which it contradicts its boundary: the share by which it errs is
-known from a few healthy recordings only."""
 
 PHASES = ("onset", "first_peak", "undershoot", "second_peak", "steady", "stop")
 """Of a manoeuvre, by the time since its command last changed; see :mod:`.where`."""
@@ -44,44 +40,13 @@ def presence(effects: Sequence[str], probabilities: Mapping[tuple[str, ...], flo
 
 @dataclass(frozen=True)
 class Place:
-    """Where a part of the gap lies: ``share`` of its whitened energy that calibration cannot absorb."""
+    """Where a part of the gap lies: ``share`` of its whitened energy."""
 
-    component: str  # to blame (:func:`~aoro_gym.diagnosis.boundaries.faulty_component`); empty without a cause
+    component: str  # likeliest to hold the cause; empty without a cause
     phase: str
     signal: str
     manoeuvre: str
     share: float
-
-
-@dataclass(frozen=True)
-class Boundary:
-    """How far a part of the machine contradicts what was measured at its boundary (:mod:`.boundaries`).
-
-    Attributes:
-        components: That lie in it.
-        energy: Whitened squares of what its balance lacks, once calibration has had its share.
-        freedom: How many of them.
-        p: Probability of as much without a cause.
-        missing: Torque, flow or pressure that it lacks, its root mean square.
-        size: The same of the torque, flow or pressure itself.
-        error: Share of it by which the part errs while nothing is wrong.
-        share: Of the energy beyond what noise alone gives, over all parts that contradict theirs.
-    """
-
-    part: str
-    components: tuple[str, ...]
-    energy: float
-    freedom: int
-    p: float
-    missing: float
-    size: float
-    unit: str
-    error: float
-    share: float = 0.0
-
-    @property
-    def contradicts(self) -> bool:
-        return self.p < CONTRADICTS
 
 
 @dataclass(frozen=True)
@@ -195,7 +160,6 @@ class Diagnosis:
         verdict: One of :data:`VERDICTS`.
         where: Parts of the gap, largest first.
         where_p: Probability of a gap as large as this without any cause.
-        boundaries: Parts of the machine, the one that contradicts its boundary most first; none without ports' pressures.
         components: Probability that a cause lies in a component, largest first.
         causes: Best first; probabilities add up to one over all hypotheses, of which unlikely ones are left out.
         declared_set: Ids of the effects in the least set of hypotheses that should hold the truth.
@@ -216,7 +180,6 @@ class Diagnosis:
     verdict: str
     where: tuple[Place, ...] = ()
     where_p: float | None = None
-    boundaries: tuple[Boundary, ...] = ()
     components: Mapping[str, float] = field(default_factory=dict)
     causes: tuple[Cause, ...] = ()
     declared_set: tuple[str, ...] = ()
@@ -243,7 +206,6 @@ class Diagnosis:
             "sentence": VERDICTS[self.verdict],
             "where": [_plain(place) for place in self.where],
             "where_p": self.where_p,
-            "boundaries": [{**_plain(one), "components": list(one.components)} for one in self.boundaries],
             "components": dict(self.components),
             "causes": [cause.as_dict() for cause in self.causes],
             "declared_set": list(self.declared_set),
@@ -262,13 +224,6 @@ class Diagnosis:
             "limitations": list(self.limitations),
             "seconds": self.seconds,
         }
-
-    def with_code_changes(self, changes: Sequence[str]) -> Diagnosis:
-        """The diagnosis that says of which other code it holds launches, if there are any."""
-        if not changes:
-            return self
-        said = f"Parts were computed by another version of the code: {', '.join(changes)}."
-        return replace(self, limitations=(*self.limitations, said))
 
     def save(self, folder: Path) -> Path:
         """Write ``diagnosis.json`` into ``folder``."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from aoro_gym.diagnosis.axes import PRIOR_INFORMATION, volume
 from aoro_gym.diagnosis.linear import Beside, Hypothesis, Linear, Tangent
-from aoro_gym.diagnosis.noise import Floats, ModelError
+from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.problem import LARGEST_STEP, STEP, STRAIGHT, Problem, Progress
 from aoro_gym.diagnosis.replay import COARSE, USUAL, Steps, Variants
 
@@ -20,12 +20,6 @@ SETTLED = 0.5
 """Change of the whitened squares by which a search ends."""
 SETTLE = 3
 """Rounds of a stage of the fit of nuisances alone, under the twin's own error."""
-ROUGH = ModelError(rate=0.03, pressure=0.5, swing=1.0, phase=0.5, rough=True)
-"""Error under which a fit far from its end begins: the joint's course counts and no oscillation, on whose every period a fit
-of them would stop."""
-EASED = 10.0
-"""Factor on the twin's own error under which it goes on: the smaller the error, the narrower and the more bent the valley
-that leads to the best fit, and the less a step along it gains."""
 DAMPING = (0.0, 10.0, 1e2, 1e3, 1e4, 1e6)
 """Of the steps that are tried together, in prior precisions (Levenberg 1944, Marquardt 1963): what moves the prediction by
 many noise lengths goes on, what hardly moves it stays, and a curved valley is followed."""
@@ -337,47 +331,3 @@ def trade(searches: Sequence[Search], wider: Search | None = None) -> None:
         wider.offered(list(dict.fromkeys([*plain, *ranked[:TRADED]])))
         trading = [*trading, wider]
     _launch(trading)
-
-
-def firmer(found: Sequence[Search], under: Linear) -> list[Search]:
-    """Searches ``under`` a smaller error that go on from where others came under a larger one."""
-    new = [Search(under, one.effects, [tuple(map(float, one.point[1]))], directions=one.directions) for one in found]
-    for one, donor in zip(new, found, strict=True):
-        one.offered([donor])
-    return new
-
-
-def alone(problem: Problem, rounds: int) -> Search:
-    """The fit of the nuisances alone, around the centre of a learned problem: under :data:`ROUGH`, then an eased and last,
-    so many ``rounds``, its own error."""
-    rough, eased, own = (
-        Linear(problem, error, effects=False) for error in (ROUGH, problem.error.scaled(EASED), problem.error)
-    )
-    found = [Search(rough, (), directions=ALL)]
-    refine(found, 1)
-    for linear, count, slopes in ((eased, 1, COARSE), (own, rounds, USUAL)):
-        found = firmer(found, linear)
-        refine(found, count, slopes=slopes)
-    return found[0]
-
-
-def settle(problem: Problem, stages: int, progress: Progress = lambda sentence, share: None) -> Tangent:
-    """Move a problem to the best fit of its nuisances alone, and hold all hypotheses to the error of that twin.
-
-    Args:
-        problem: Need not be learned.
-        stages: How often the error is taken anew around what was found.
-        progress: Called with a sentence and the share done.
-
-    Returns:
-        The tangent there.
-    """
-    tangent = None
-    for stage in range(stages):
-        progress("fitting uncertain parameters", stage / stages)
-        problem.learn(effects=False)
-        search = alone(problem, SETTLE)
-        problem.hold_to(search.point[0])
-        tangent = search.tangent
-    assert tangent is not None
-    return tangent

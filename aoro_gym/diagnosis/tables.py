@@ -34,7 +34,6 @@ from aoro_gym.calibration.published import FIGURES_SOURCE
 from aoro_gym.calibration.turns import PATIENCE, longest
 from aoro_gym.diagnosis.attribution import Trust, log_priors, weigh
 from aoro_gym.diagnosis.axes import PRIOR_INFORMATION
-from aoro_gym.diagnosis.diagnose import ERROR, LISTED, SURVIVING
 from aoro_gym.diagnosis.experiments import next_experiments
 from aoro_gym.diagnosis.findings import (
     alike_effects,
@@ -98,6 +97,12 @@ MOST_LISTED = 12
 """Causes that are listed, the likeliest: of those that few figures cannot tell apart there are hundreds."""
 DRAWS = 32
 """Machines drawn from the posterior, for intervals of what is gone."""
+ERROR = ModelError(rate=0.003, pressure=0.010, swing=0.06, change=0.1, phase=0.05, sways=1.0)
+"""The twin's own error: what remains between it and machines of other laws once it was fitted to them (E)."""
+LISTED = 1e-3
+"""Probability below which a hypothesis is not listed."""
+SURVIVING = 0.02
+"""Probability below which a hypothesis gets no machine file."""
 TRUST = Trust(temperature=1.0, doubt=0.003)
 """Key figures are few, and each has a tolerance of its own."""
 SURPRISES = (0.3, 0.6, 1.2)

@@ -314,8 +314,7 @@ def _where(diagnosis: Diagnosis) -> str:
     if diagnosis.where:
         (signal, phase), share = max(total_shares(diagnosis.where).items(), key=lambda item: item[1])
         sentences.append(
-            f"It shows most in the {readable(signal)} ({readable(phase)}): {probability(share)} of the gap that "
-            "calibration cannot absorb."
+            f"It shows most in the {readable(signal)} ({readable(phase)}): {probability(share)} of the gap."
         )
     if diagnosis.where and diagnosis.verdict == "inconclusive":
         sentences.append("Take this as a hint only.")
@@ -413,7 +412,7 @@ def _next(diagnosis: Diagnosis) -> str:
         "calibration": on or "Calibrate the twin with them.",
         "cause": f"Look at the machine's {listed(components)}.{on}" if components else on,
         "ambiguous": "",
-        "unknown": "Look at the machine where the gap shows; an effect of your own is weighed with those of the catalogue.",
+        "unknown": "Look at the machine where the gap shows.",
         "inconclusive": "Mend what the limitations name, and record again.",
     }[diagnosis.verdict]
     if diagnosis.next_experiments:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from functools import partial
@@ -11,7 +10,6 @@ from typing import Any
 
 from aoro_gym.checks import check_choice
 from aoro_gym.diagnosis.recording import SENSORS
-from aoro_gym.diagnosis.sharing import PREFIX, sharing
 from aoro_gym.execution.cluster import Failed, connected, on_ray
 from aoro_gym.execution.digest import Contents
 from aoro_gym.execution.files import read_json, write_json, write_text
@@ -19,8 +17,6 @@ from aoro_gym.execution.locking import locked
 from aoro_gym.execution.provenance import PROVENANCE, check_provenance
 from aoro_gym.execution.workers import Failure, Tell, spread
 
-YIELDING = 10
-"""Niceness of processes that share a device."""
 RESULT, FAILED = "diagnosis.json", "error.txt"
 """Files of a case's folder: one of them once it was diagnosed."""
 
@@ -59,7 +55,7 @@ def run_cases(
         folder: With ``cases`` and ``seal.json``.
         out: Gets ``NNN/diagnosis.json`` a case, or ``NNN/error.txt``.
         sensors: ``angle`` or ``full``: what the diagnosis may read.
-        device: Where twins run; several, with commas between them, take cases in turn. Processes share their launches.
+        device: Where twins run; several, with commas between them, take cases in turn.
         workers: Processes at once.
         ray: Address of a Ray cluster whose nodes share ``folder`` and ``out``, to diagnose there instead; see
             :func:`aoro_gym.execution.cluster.connected`.
@@ -89,8 +85,6 @@ def run_cases(
         waiting = [name for name in cases if not (out / name / RESULT).exists()]
         failures = {}
         devices = device.split(",")
-        if ray is None and diagnose is None and waiting and (workers > 1 or len(devices) > 1):
-            devices = [stack.enter_context(sharing(one)) for one in devices]
         jobs = {
             name: (diagnose or _diagnose, folder / "cases" / name, out / name, sensors, devices[k % len(devices)])
             for k, name in enumerate(waiting)
@@ -201,6 +195,4 @@ def _diagnose(place: Path, out: Path, *, sensors: str, device: str) -> None:
     from aoro_gym.diagnosis.diagnose import diagnose_case  # twins are for the processes that use them
 
     warp.config.log_level = warp.LOG_ERROR  # no banner of every process
-    if device.startswith(PREFIX):
-        os.setpriority(os.PRIO_PROCESS, 0, YIELDING)  # to the process that launches, which all wait for
     diagnose_case(place, out, sensors=sensors, device=device)

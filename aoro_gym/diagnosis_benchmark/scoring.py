@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -22,8 +21,8 @@ import warp as wp
 from scipy.stats import binomtest
 
 from aoro_gym.diagnosis.recording import SENSORS
+from aoro_gym.diagnosis.replay import Simulator
 from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN, VERDICTS
-from aoro_gym.diagnosis.sharing import sharing, simulator
 from aoro_gym.diagnosis_benchmark.cases import KINDS
 from aoro_gym.diagnosis_benchmark.oracle import Neighbours, Oracle, consult
 from aoro_gym.diagnosis_benchmark.running import read_diagnoses
@@ -526,11 +525,9 @@ def _consulted(
         return not file.is_file() or read_json(file).get("of") != about["of"]
 
     waiting = [name for name in names if missing(name)]
-    with ExitStack() as stack:
-        stack.enter_context(locked(out))
-        shared = stack.enter_context(sharing(device)) if workers > 1 and waiting else device
+    with locked(out):
         jobs = {
-            name: (folder / "cases" / name, exact_folder(answers) / f"{name}.npz", sensors, shared, out, about)
+            name: (folder / "cases" / name, exact_folder(answers) / f"{name}.npz", sensors, device, out, about)
             for name in waiting
         }
         ended = spread(_consult, jobs, workers=workers)
@@ -552,7 +549,7 @@ def _consult(
 def _twins(device: str) -> Neighbours:
     """Of all cases that this process asks of."""
     wp.config.log_level = wp.LOG_ERROR  # no banner of every process
-    return Neighbours(simulator(device))
+    return Neighbours(Simulator(device))
 
 
 def read_classes(sensors: str, path: Path = CLASSES) -> Classes:

@@ -46,7 +46,7 @@ HEAD = "signal_percent,source,turn_time_s,first_peak_L_per_min"
         (f"{HEAD}\n100,m,2,90\n", ["--fit", "signal=75"], "no row has signal=75; choose of 100"),
         (f"{HEAD}\n100,m,2,90\n", ["--fit", "left"], "write --fit signal=100"),
         (f"{HEAD}\n100,m,2,90\n", ["--holdout", "signal=100"], "leaves no row"),
-        (f"{HEAD}\n100,m,2,90\n", ["--commissioned"], "no healthy machine"),
+        (f"{HEAD}\n100,m,2,90\n", ["--healthy", "logs"], "no healthy machine"),
         ("signal_percent,source,turn_time_s,mean_flow_L_per_min\n100,m,2000,70.6\n", [], "at most 1000"),
         ("signal_percent,source,turn_time_s,mean_flow_L_per_min\n100,m,2,1.2\n", [], "check the units"),
     ],

@@ -6,7 +6,6 @@ from aoro_gym.diagnosis.result import (
     CALIBRATION,
     PHASES,
     UNKNOWN,
-    Boundary,
     Cause,
     CredibleInterval,
     Curve,
@@ -144,20 +143,11 @@ PAUSE = Experiment("pause", "Half signal, 1 s without, half signal again.", 0.21
 STEADY = {("pressure_a", "steady"): 0.41, ("pressure_b", "steady"): 0.22, ("joint_angle", "steady"): 0.19}
 STEADY |= {("pressure_a", "first_peak"): 0.11, ("pump_pressure", "onset"): 0.04, ("joint_angle", "stop"): 0.003}
 
-PARTS = (
-    Boundary(
-        "circuit", ("valve", "oil_and_hoses", "cylinders"), 912.0, 181, 3e-94, 3.1e-5, 8.2e-4, "m^3/s", 0.012, 1.0
-    ),
-    Boundary("pump", ("pump", "engine"), 204.0, 190, 0.23, 0.6e5, 62e5, "Pa", 0.01),
-    Boundary("mechanics", ("cylinders", "joint"), 37.0, 41, 0.65, 210.0, 1.41e4, "N*m", 0.02),
-)
-
 CAUSE = Diagnosis(
     **COMMON,
     verdict="cause",
     where=places("cylinders", STEADY),
     where_p=2e-9,
-    boundaries=PARTS,
     components={"cylinders": 0.955, "valve": 0.04, "oil_and_hoses": 0.009},
     causes=(LEAKAGE, CROSS_PORT, BOTH),
     declared_set=("cylinder_leakage",),

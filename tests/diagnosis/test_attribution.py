@@ -11,34 +11,19 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from aoro_gym.diagnosis.attribution import (
-    ASIDE,
-    HOTTEST,
-    SWAYS,
-    TRUST,
-    USUAL_MISFIT,
     Fit,
     Trust,
-    attribute,
-    beyond,
-    fit_p,
-    fitting,
     log_priors,
     tempering,
-    trust_of,
-    ways_of,
-    weigh,
-    without,
 )
-from aoro_gym.diagnosis.axes import PRIOR_INFORMATION, Axis, axes_of
-from aoro_gym.diagnosis.cross_entropy import Population, evolve
+from aoro_gym.diagnosis.axes import PRIOR_INFORMATION
 from aoro_gym.diagnosis.linear import Beside, Hypothesis, Linear, Misfit, Tangent
 from aoro_gym.diagnosis.noise import MERGED, Floats, ModelError, Noise
 from aoro_gym.diagnosis.nuisances import Nuisances
-from aoro_gym.diagnosis.problem import Problem, references_of
+from aoro_gym.diagnosis.problem import Problem
 from aoro_gym.diagnosis.recording import Recording
 from aoro_gym.diagnosis.replay import USUAL, Steps, Variants
-from aoro_gym.diagnosis.result import CALIBRATION, UNKNOWN
-from aoro_gym.diagnosis.search import ALL, DAMPING, EASED, ROUGH, SETTLE, SETTLED, Search, alone, refine, settle, trade
+from aoro_gym.diagnosis.search import ALL, DAMPING, SETTLED, Search, refine, trade
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.machine import Machine
 from tests.diagnosis.manoeuvres import blank, record, turn
@@ -109,17 +94,6 @@ class LinearWorld(Problem):
         predicted = self.base[:, None] + self.directions @ np.concatenate([one.whole for one in variants]).T
         channels: dict[str, NDArray[Any]] = {"joint_angle": predicted[:COUNT], "pressure_a": predicted[COUNT:]}
         yield channels, np.zeros(predicted.shape[1], dtype=bool)
-
-
-@pytest.mark.parametrize("effects", [NAMES[:1], NAMES], ids="+".join)
-def test_populations_come_to_the_places_of_effects(effects):
-    """From a few spreads off, to where slopes take over: a tenth of the range of effects that are tens of noises long."""
-    truth = [0.8, 0.6 * (len(effects) - 1)]
-    world = LinearWorld(np.random.default_rng(8), places=truth, error=ModelError(0.0, 0.0))
-    start = np.zeros(len(world.centre)), np.array([0.5, 0.3])[: len(effects)]
-    population = Population(world, effects, start)
-    evolve([population, Population(world, size=16)])
-    np.testing.assert_allclose(population.best[1], truth[: len(effects)], atol=0.1)
 
 
 MEAN = np.kron(np.eye(2 * COUNT // MERGED), np.full((1, MERGED), 1.0 / MERGED))
@@ -267,25 +241,6 @@ def refined(linear: Linear, *starts: Hypothesis, directions: int = ALL) -> list[
     return [search.weighed() for search in searches]
 
 
-@pytest.mark.parametrize("directions", [0, 2, ALL])
-@pytest.mark.parametrize("effects", [(), NAMES[:1], NAMES[1:], NAMES])
-def test_a_search_in_a_linear_world_finds_the_least_squares(effects, directions):
-    """From far off, within the steps that it has; the fit of what is true passes."""
-    places = [0.4 if name in effects else 0.0 for name in NAMES]
-    world = LinearWorld(np.random.default_rng(6), nuisances=(0.5, -1.0, 0.3), places=places, error=ModelError(0.0, 0.0))
-    world.learn()
-    linear = Linear(world, world.error)
-    (found,) = refined(linear, Hypothesis(effects, 0.0, (0.9,) * len(effects)), directions=directions)
-    nuisances, places, cost = least_squares(world, linear, effects)
-    np.testing.assert_allclose(found.places, places, atol=1e-5)
-    np.testing.assert_allclose(found.nuisances, nuisances, atol=1e-4)
-    assert found.cost == pytest.approx(cost, rel=1e-6)
-    assert found.refined
-    # in a linear world there is nothing to be gained by refining
-    assert found.log_evidence == pytest.approx(linear.screen()[effects].log_evidence, abs=1e-3)
-    assert fit_p(found, EXACT, found) > 0.01
-
-
 @pytest.mark.parametrize("effects", [NAMES[:1], NAMES])
 def test_a_search_stays_within_the_range(effects):
     """The best place of the first effect lies beyond: the search ends at the end, and the rest is the best there."""
@@ -302,17 +257,6 @@ def test_a_search_stays_within_the_range(effects):
     left = left - other * sum(best[1:])
     np.testing.assert_allclose(found.places, best, atol=1e-6)
     assert found.cost == pytest.approx(left @ inner @ left, rel=1e-6)
-
-
-@pytest.mark.parametrize("effects", [(), NAMES[1:], NAMES])
-def test_a_refit_to_all_recordings_is_the_fit_itself(effects):
-    world = LinearWorld(np.random.default_rng(6), nuisances=TRUE, places=(0.4, 0.5), error=ModelError(0.01, 0.01))
-    world.learn()
-    linear = Linear(world, world.error)
-    (found,) = refined(linear, Hypothesis(effects, 0.0, (0.5,) * len(effects)))
-    nuisances, places = without(linear, [], found)
-    np.testing.assert_allclose(nuisances, found.nuisances, atol=1e-6)
-    np.testing.assert_allclose(places, found.places, atol=1e-6)
 
 
 def test_more_effects_fit_no_worse(world):
@@ -359,37 +303,6 @@ def test_a_partner_is_found_beside_where_its_leader_has_come_to(places):
             ahead.target - linear.shift(effects, np.array(found))[1 - number],
             atol=1e-6,
         )
-
-
-def test_what_others_gain_is_what_they_explain_of_what_is_left():
-    """Against generalised least squares; over what chance has one of them explain, by the upper quartile."""
-    rng = np.random.default_rng(3)
-    names = ("spool_lag", "seal_friction", "joint_friction", "cylinder_leakage", "cross_port_leakage")
-    left = rng.standard_normal(80)
-    sizes = np.array([0.4, 0.9, 0.6, 0.5, 0.7])
-    directions = 4.0 * rng.standard_normal((80, 5)) + np.outer(left, sizes) * 3.0
-    left = left + 0.5 * directions[:, 1]
-    jacobian, slope = rng.standard_normal((80, 3)), rng.standard_normal((80, 1))
-    bounds = np.full(3, -np.inf), np.full(3, np.inf)
-    leader = Hypothesis(
-        ("payload",), 0.0, (0.5,), np.zeros(3), left=left, slopes=slope, tangent=Tangent(jacobian, np.eye(3), bounds)
-    )
-    axes = {name: axes_of(EFFECTS[name]) for name in names}
-    assert all(len(mine) == 1 and mine[0].none == 0.0 for mine in axes.values()), "places are sizes"
-    shifts = {(n, 0): np.outer(d, axes[n][0].nodes) for n, d in zip(names, directions.T, strict=True)}
-    ahead = Beside(leader, ("payload", *names), axes, shifts)
-
-    inner = np.linalg.inv(np.eye(80) + jacobian @ jacobian.T + slope @ slope.T / PRIOR_INFORMATION)
-
-    def explained(*which: int) -> float:
-        d = directions[:, which]
-        places = np.linalg.solve(d.T @ inner @ d, d.T @ inner @ left)
-        assert np.all((places > 0.0) & (places < 1.0)), "no range is in the way"
-        return float(left @ inner @ d @ places)
-
-    alone = [explained(k) for k in range(5)]
-    np.testing.assert_allclose([ahead.gains[name][0] for name in names], alone, rtol=1e-3)
-    assert ahead.excess == pytest.approx(np.quantile(alone, 0.75) / 1.3233, rel=1e-2)
 
 
 def test_the_more_nuisances_are_strained_and_the_more_others_explain_the_less_the_evidence_counts():
@@ -461,25 +374,6 @@ class SwayingWorld(LinearWorld):
     ) -> Iterator[tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]]:
         angle, pressure = self._of(np.concatenate([one.whole[:, 0] for one in variants]))
         yield {"joint_angle": angle, "pressure_a": pressure}, np.zeros(angle.shape[1], dtype=bool)
-
-
-def test_a_rough_fit_steps_over_periods_of_a_sway():
-    """At three standard deviations, where the sway is three periods ahead, a search that counts it stops on the way; one
-    that was told the joint's course ends there, less what the prior takes: u² + (u − 3)² / σ² is least at 3 / (1 + σ²)."""
-    world = SwayingWorld(3.0)
-    world.learn(effects=False)
-    linear = Linear(world, world.error, effects=False)
-    stuck, told = (Search(linear, (), directions=ALL) for _ in range(2))
-    refine([stuck, told], 4)
-    found = alone(world, SETTLE)
-    trade([found], told)
-    refine([told], 4)
-    first = int(np.flatnonzero(world.felt == 0)[0])
-    assert abs(stuck.point[0][first] - 3.0) > 0.5
-    variance = 1.0 / (told.tangent.jacobian[:, first] @ told.tangent.jacobian[:, first])
-    for one in (found, told):
-        assert one.point[0][first] == pytest.approx(3.0 / (1.0 + variance), abs=0.05)
-    assert told.cost < 0.1 * stuck.cost
 
 
 class BentWorld(LinearWorld):
@@ -612,20 +506,6 @@ def test_nuisances_are_those_of_the_same_machine_in_another_problem():
     np.testing.assert_array_equal(there[-own:], search.point[0][-own:])
 
 
-def test_ways_lead_from_none_to_every_end():
-    """Of a play that counts from some width on only upwards, of what touches to either side, each with the other at none."""
-    play, compliance = axes_of(EFFECTS["joint_backlash"])
-    ways = ways_of([play, compliance], (0.4, 0.9))
-    assert play.none < 0.0 < compliance.none < 1.0
-    up = np.array([0.4, 0.9])
-    expected = [
-        [(z, compliance.none) for z in play.none + up * (1.0 - play.none)],
-        [(play.none, z) for z in compliance.none * (1.0 - up)],
-        [(play.none, z) for z in compliance.none + up * (1.0 - compliance.none)],
-    ]
-    np.testing.assert_allclose(ways, expected)
-
-
 def test_every_hypothesis_of_a_catalogue_has_a_prior():
     """Also pairs that no screening had thought of; together they are sure."""
     prior = log_priors(EFFECTS)
@@ -641,72 +521,9 @@ NOISE = 0.4
 """What noise alone leaves of a mean square."""
 
 
-def usual_square(kind: str) -> float:
-    """What the right cause leaves of it."""
-    fit = TRUST["pressure"].fit[kind]
-    return NOISE * fit.noise + (1.0 - NOISE) * fit.error
-
-
 def left(**misfit: Misfit) -> Hypothesis:
     """A cause that leaves so much."""
     return Hypothesis(("spool_lag",), 0.0, misfit=misfit)
-
-
-def test_how_well_something_fits_counts_by_its_density():
-    """As usual or better: nothing is lost; a spread above: a half; what is unknown shows in a kind of channel or not."""
-    trust = TRUST["pressure"]
-    mean, usual, spread = trust.surprise["pressure"], usual_square("pressure"), trust.fit["pressure"].spread
-
-    def found(**misfit: Misfit) -> tuple[float, float]:
-        """Beside what leaves as much, so that nothing is explained."""
-        return fitting(left(**misfit), trust, left(**misfit))
-
-    peak = -np.log(spread * np.sqrt(2.0 * np.pi))
-    for square in (0.1 * usual, usual):
-        assert found(pressure=Misfit(square, MANY, NOISE)) == pytest.approx((peak, peak - np.log(2.0)))
-    worse = Misfit(usual * np.exp(2.0 * spread), MANY, NOISE)
-    alone, beside = found(pressure=worse)
-    assert alone == pytest.approx(peak - 2.0)
-    assert np.exp(beside) == pytest.approx(0.5 * np.exp(peak - 2.0) + 0.5 * np.exp(-2.0 * spread / mean) / mean)
-    both = found(**{kind: Misfit(usual_square(kind), MANY, NOISE) for kind in ("pressure", "angle")})
-    assert both[0] - both[1] == pytest.approx(np.log(4.0))
-    few = found(pressure=worse._replace(count=2))  # whose mean square scatters by one in its logarithm
-    assert few[0] == pytest.approx(-0.5 * np.log(2.0 * np.pi * (1.0 + spread**2)) - 2.0 * spread**2 / (1.0 + spread**2))
-    p = fit_p(left(pressure=worse), trust, left(pressure=worse))
-    assert p == pytest.approx(0.0455, rel=0.01)  # two standard deviations, either side
-
-
-def test_the_law_of_what_explains_much_may_be_wrong_by_a_share_of_it():
-    """So much more may be left as the cause explains times the law's share; what explains nothing, or fits worse than
-    nothing, is held to what is usual."""
-    trust = TRUST["pressure"]
-    usual, fit = usual_square("pressure"), trust.fit["pressure"]
-    before = left(pressure=Misfit(20.0 * usual, MANY, NOISE))
-    # what is left, usual + law · (before − left), of which two spreads more are seen
-    factor = np.exp(2.0 * fit.spread)
-    square = factor * (usual + fit.law * 20.0 * usual) / (1.0 + factor * fit.law)
-    after = left(pressure=Misfit(square, MANY, NOISE))
-    assert square > 3.0 * usual
-    assert beyond(after, "pressure", trust, before)[0] == pytest.approx(2.0 * fit.spread)
-    assert fit_p(after, trust, before) == pytest.approx(0.0455, rel=0.01)
-    assert beyond(after, "pressure", trust, after)[0] == pytest.approx(np.log(square / usual))
-    assert beyond(before, "pressure", trust, after)[0] == pytest.approx(np.log(20.0))
-
-
-@pytest.mark.parametrize("ratio", [0.3, 1.2, 60.0])
-def test_what_fits_far_worse_than_the_right_cause_is_unknown(ratio):
-    """Whatever it is better than; and the larger the error that the data show, the less they say."""
-    trust, square = TRUST["pressure"], ratio * usual_square("pressure")
-    misfit = {"pressure": Misfit(square, MANY, NOISE)}
-    nothing = Hypothesis((), 0.0, cost=40.0, misfit={"pressure": Misfit(1.1 * square, MANY, NOISE)}, refined=True)
-    one = Hypothesis(("spool_lag",), 16.0, cost=4.0, misfit=misfit, refined=True)  # 18 nats of fit, less two of freedom
-    other = Hypothesis(("seal_friction",), 15.0, cost=6.0, misfit=misfit, refined=True)
-    prior = log_priors(("spool_lag", "seal_friction"))
-    found = {h.effects: h.probability for h in weigh([nothing, one, other], prior, trust)}
-    assert sum(found.values()) == pytest.approx(1.0)
-    assert (found[UNKNOWN,] > 0.9) == (ratio > 2.0)
-    odds = np.log(found["spool_lag",] / found["seal_friction",])
-    assert odds == pytest.approx(trust.sharpness / (trust.temperature * ratio + trust.doubt * 16.0), rel=1e-9)
 
 
 @pytest.mark.parametrize("loud", [0.1, 1.0, 10.0])
@@ -729,156 +546,9 @@ def test_what_noise_alone_leaves_is_known(loud: float):
     assert 0.0 < found[0]["pressure"].noise < 0.95
 
 
-@pytest.mark.parametrize(("factor", "hotter"), [(0.2, 1.0), (2.0, 4.0), (3.0, HOTTEST)])
-def test_trust_goes_by_the_square_of_what_the_twin_errs(factor, hotter, monkeypatch):
-    """As healthy logs show it in the pressures where they were logged, however little it is no cooler than usual, however
-    much no hotter than was ever seen; without healthy logs, as usual."""
-    world = LinearWorld(np.random.default_rng(5), error=ModelError(0.05, 0.05))
-    assert trust_of(world) == TRUST["day-one"]
-    fit = TRUST["pressure"].fit
-    usual = replace(TRUST["pressure"], temperature=1.5, doubt=0.01)
-    monkeypatch.setattr("aoro_gym.diagnosis.attribution.TRUST", {**TRUST, "pressure": usual})
-    names = [name for name in world.signals if world.kinds.get(name) == "pressure"]
-    world.misfit = {"joint_angle": 9.0, **dict.fromkeys(names, factor * USUAL_MISFIT["pressure"])}
-    found = trust_of(world)
-    assert found.temperature == pytest.approx(1.5 * hotter) and found.doubt == pytest.approx(0.01 * factor**2)
-    assert found.fit["pressure"].error == pytest.approx(factor**2 * fit["pressure"].error)
-    assert found.fit["angle"] == fit["angle"]
-    assert replace(found, temperature=1.5, doubt=0.01, fit=fit) == usual
-    world.misfit = dict.fromkeys(names, 1e3)
-    assert trust_of(world).fit["pressure"].error == 1.0, "all of what was assumed"
-
-
 TRUE = (0.3, -0.5, 0.8)
 KNOWN_LAWS: dict[str, Any] = {"temperature": 1.0, "doubt": 0.0, "sharpness": 1.0}
 """Trust where the evidence counts in full."""
-GAPS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
-    "nothing": ({"nuisances": TRUE}, ()),
-    "single": ({"nuisances": TRUE, "places": (0.0, 0.5)}, NAMES[1:]),
-    "pair": ({"nuisances": TRUE, "places": (0.4, 0.5)}, NAMES),
-    "unknown": ({"beyond": 0.05 * np.sign(np.sin(40.0 * np.linspace(0.0, 1.0, COUNT)))}, (UNKNOWN,)),
-}
-
-
-@pytest.fixture
-def calibrated_alike(monkeypatch):
-    """Other calibration is fitted with the twin itself, which a linear world has none of."""
-    monkeypatch.setattr(
-        "aoro_gym.diagnosis.attribution.other_calibration",
-        lambda problem: Search(Linear(problem, problem.error), ()),
-    )
-
-
-@pytest.mark.parametrize("kind", GAPS)
-def test_the_kind_of_a_gap_is_told(kind, calibrated_alike):
-    """Each kind of gap, large beside the noise, in a world whose laws are known."""
-    gap, named = GAPS[kind]
-    world = LinearWorld(np.random.default_rng(5), **gap, error=ModelError(0.001, 0.002, 0.01, 0.02))
-    world.learn()
-    found, _ = attribute(world, replace(trust_of(world), **KNOWN_LAWS))
-    assert found[0].effects == named, [(h.effects, h.probability) for h in found[:4]]
-    assert found[0].probability > 0.5
-    assert sum(h.probability for h in found) == pytest.approx(1.0)
-    (other,) = [h for h in found if h.effects == (CALIBRATION,)]
-    assert not other.refined, "its nuisances are not those of the problem"
-    assert {h.effects for h in found} == {(), *((name,) for name in NAMES), NAMES, (UNKNOWN,), (CALIBRATION,)}
-
-
-def test_what_does_best_alone_makes_a_pair(calibrated_alike, monkeypatch):
-    """Where nothing else is tried as a partner, and nothing afresh, two effects that are far before nothing alone are still
-    tried together."""
-    for name in ("PARTNERS", "FRESH"):
-        monkeypatch.setattr(f"aoro_gym.diagnosis.attribution.{name}", 0)
-    gap, named = GAPS["pair"]
-    world = LinearWorld(np.random.default_rng(5), **gap, error=ModelError(0.001, 0.002, 0.01, 0.02))
-    world.learn()
-    found, _ = attribute(world, trust_of(world))
-    assert found[0].effects == named
-
-
-@pytest.mark.parametrize("afresh", [5, 0])
-def test_what_adds_up_to_a_pair_is_searched_afresh(afresh, calibrated_alike, monkeypatch):
-    """Where no effect leads, so that none gets a partner, a pair is found from the start, or not at all."""
-    for name, value in (("LEADERS", 0), ("PARTNERS", 0), ("FRESH", afresh)):
-        monkeypatch.setattr(f"aoro_gym.diagnosis.attribution.{name}", value)
-    gap, named = GAPS["pair"]
-    world = LinearWorld(np.random.default_rng(5), **gap, error=ModelError(0.001, 0.002, 0.01, 0.02))
-    world.learn()
-    found, _ = attribute(world, replace(trust_of(world), **KNOWN_LAWS))
-    assert (named in {h.effects for h in found}) == bool(afresh)
-    assert (found[0].effects == named) == bool(afresh)
-
-
-@pytest.mark.parametrize("strained", [1e-6, 1e6])
-def test_where_parameters_are_strained_the_likeliest_are_searched_by_other_ways(
-    strained, calibrated_alike, monkeypatch
-):
-    """From a rough error, from where they were found and from beside it; and a better end may not get lost by it."""
-    begun: list[tuple[float, tuple[float, ...]]] = []  # by the volume of the error, and its places
-
-    class Watched(Search):
-        def __init__(self, linear: Linear, effects: tuple[str, ...], starts: Any = ((),), *args: Any, **more: Any):
-            if effects == NAMES[1:]:
-                begun.extend((linear.log_volume, tuple(places)) for places in starts)
-            super().__init__(linear, effects, starts, *args, **more)
-
-    monkeypatch.setattr("aoro_gym.diagnosis.attribution.Search", Watched)
-    monkeypatch.setattr("aoro_gym.diagnosis.attribution.STRAINED", strained)
-    gap, named = GAPS["single"]
-    world = LinearWorld(np.random.default_rng(5), **gap, error=ModelError(0.001, 0.002, 0.01, 0.02))
-    world.learn()
-    found, _ = attribute(world, replace(trust_of(world), **KNOWN_LAWS))
-    assert found[0].effects == named
-    (place,) = found[0].places
-    rough, eased = (Linear(world, error).log_volume for error in (ROUGH, world.error.scaled(EASED)))
-    near = [at for volume, (at,) in begun if volume == rough]
-    assert bool(near) == (strained < 1.0)
-    if near:
-        assert near == [pytest.approx(place, abs=1e-2)]
-        for aside in (-ASIDE, 0.0, ASIDE):
-            assert any(abs(at - place - aside) < 1e-2 for volume, (at,) in begun if volume == eased)
-
-
-def test_hypotheses_are_weighed_with_the_trust_that_the_likeliest_deserves(calibrated_alike):
-    """As by hand: hotter by how far its nuisances, as they were drawn, are from where they should be."""
-    gap, named = GAPS["single"]
-    world = LinearWorld(np.random.default_rng(5), **gap, error=ModelError(0.001, 0.002, 0.01, 0.02))
-    world.learn()
-    cool = replace(trust_of(world), others=0.0)
-    found, _ = attribute(world, replace(cool, strain=1e3, usual=0.01))
-    known = [h for h in found if h.effects != (UNKNOWN,)]
-    likeliest = max(known, key=lambda h: h.log_evidence)
-    assert set(named) <= set(likeliest.effects) and likeliest.strain > 0.1
-    hot = replace(cool, bent=1e3 * (likeliest.strain / 0.01 - 1.0))
-    expected, sure = (
-        {h.effects: h.probability for h in weigh(known, log_priors(NAMES), trust)} for trust in (hot, cool)
-    )
-    assert {h.effects: h.probability for h in found} == pytest.approx(expected, rel=1e-9, abs=0.0)
-    assert expected[()] > 1e3 * sure[()], "nothing gains by it"
-
-
-@pytest.mark.parametrize(("errs", "least"), [(1.0, SWAYS), (2.0, 4.0 * SWAYS), (4.0, 1.0)])
-def test_hypotheses_are_weighed_where_pressures_sway_less(errs, least, calibrated_alike, monkeypatch):
-    """Where all is linear, searches end in the same valley whatever they are held to: so those that began where pressures
-    may sway by all that was assumed are weighed as if they had begun where they may not, the less the twin errs. How well
-    they fit stays theirs."""
-    gap, named = GAPS["single"]
-    runs: dict[str, dict[tuple[str, ...], Hypothesis]] = {}
-    for name, begun, weighed_under in (("loose", 1.0, 1.0), ("firm", 1.0, SWAYS), ("from the beginning", least, 1.0)):
-        error = ModelError(0.001, 0.002, swing=0.01, change=0.02, sways=begun)
-        world = LinearWorld(np.random.default_rng(5), **gap, error=error)
-        world.misfit = {"pressure_a": errs * USUAL_MISFIT["pressure"]}
-        world.learn()
-        monkeypatch.setattr("aoro_gym.diagnosis.attribution.SWAYS", weighed_under)
-        found, _ = attribute(world, trust_of(world))
-        assert found[0].effects == named
-        runs[name] = {h.effects: h for h in found if h.refined}
-    loose, firm, expected = runs.values()
-    for effects, h in expected.items():
-        assert firm[effects].log_evidence == pytest.approx(h.log_evidence, abs=SETTLED)
-        assert firm[effects].misfit == loose[effects].misfit and firm[effects].places == loose[effects].places
-    gain, before = (of[named].log_evidence - of[()].log_evidence for of in (firm, loose))
-    assert gain > before + 10.0 if least < 1.0 else gain == before, "what is held to less tells more"
 
 
 # ---- logs of the twin itself ----
@@ -886,55 +556,3 @@ def test_hypotheses_are_weighed_where_pressures_sway_less(errs, least, calibrate
 ERROR = ModelError(rate=0.002, pressure=0.01, swing=0.1, change=0.1)
 CANDIDATES = {name: EFFECTS[name] for name in ("spool_lag", "entrained_air")}
 BLANKS = [blank("left", turn(1.0, 1.6), -0.4), blank("right", turn(-0.5, 1.6), 0.4)]
-
-
-class Commissioned:
-    """A machine whose parameters were drawn, the twin that was fitted to its healthy logs, and what they show beyond it."""
-
-    def __init__(self) -> None:
-        rng = np.random.default_rng(7)
-        around = Nuisances(Machine.load("aoro"), "commissioning")
-        self.machine = around.machines(rng.standard_normal((1, len(around.keys))))
-        healthy = record(Variants(self.machine), BLANKS, rng)
-        fit = Problem(healthy, around, {}, error=ModelError(ERROR.rate, ERROR.pressure, ERROR.swing))
-        tangent = settle(fit, 2)
-        self.day = Nuisances(fit.machine, "day", fit.uncertain(tangent.covariance))
-        self.references = references_of(fit)
-
-
-@pytest.fixture(scope="module")
-def commissioned():
-    return Commissioned()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "given",
-    [
-        {},
-        {"spool_lag": 0.3},
-        {"spool_lag": 0.3, "entrained_air": 0.4},
-        {"entrained_air": 0.5},
-    ],
-    ids=lambda given: "+".join(given) or "none",
-)
-def test_the_given_cause_is_named(commissioned, given):
-    """Logs of another day, with noise and the machine's parameters a little elsewhere: the laws are right, so what is true
-    must be likelier than all else together, its fit must pass, and its magnitude lie within four of its standard deviations
-    and what the linear model of a day leaves, a twentieth of the range."""
-    rng = np.random.default_rng(11)
-    today = Nuisances(commissioned.machine, "day")
-    machine = today.machines(rng.standard_normal((1, len(today.keys))))
-    effects = [(EFFECTS[name], (float(Axis(EFFECTS[name], 0).value(place)),)) for name, place in given.items()]
-    later = record(Variants.of(machine, effects, 1), BLANKS, rng)
-    problem = Problem(later, commissioned.day, CANDIDATES, error=ERROR, references=commissioned.references)
-    problem.learn()
-    found, _ = attribute(problem, trust_of(problem))
-    best = found[0]
-    assert set(best.effects) == set(given), best
-    assert best.probability > 0.5
-    nothing = next(h for h in found if not h.effects)
-    assert fit_p(best, trust_of(problem), nothing) > 0.01
-    axes = [axis for name in best.effects for axis in axes_of(EFFECTS[name])]
-    for axis, place, variance in zip(axes, best.places, np.diag(best.covariance), strict=True):
-        assert place == pytest.approx(given[axis.effect.id], abs=4.0 * np.sqrt(variance) + 0.05)

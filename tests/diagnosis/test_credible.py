@@ -99,7 +99,7 @@ def test_pressures_that_are_none_are_left_out(good, change, left, word):
 def test_without_a_log_that_can_be_believed_no_cause_is_named(good, bad):
     dead = changed(good, joint_angle=np.full(len(good.channels["joint_angle"]), -0.7))
     logs, healthy = ([dead], [good]) if bad == "log" else ([good], [dead])
-    found = diagnose(logs, MACHINE, EFFECTS, healthy=healthy)
+    found = diagnose(logs, MACHINE, healthy=healthy)
     assert found.verdict == "inconclusive" and found.mode == "commissioned" and not found.causes
     assert "left was left out: the joint turns by 0°" in found.limitations[0]
     assert ("healthy" in found.limitations[1]) is (bad == "healthy log")

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from aoro_gym.diagnosis.figures import full_turn, key_figures
-from aoro_gym.diagnosis.noise import ModelError
-from aoro_gym.diagnosis.nuisances import Nuisances
-from aoro_gym.diagnosis.problem import Problem
 from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.diagnosis.replay import FINE, Replay, Simulator, Variants
+from aoro_gym.diagnosis.result import Curve
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.machine import Machine
 from aoro_gym.simulation import key_figures as published
@@ -46,34 +44,35 @@ def test_full_turns_are_known(recording, arrival, level):
     assert full_turn(recording, arrival, REACH) == level
 
 
+def curve(name, measured, before, after):
+    time = TICK * np.arange(len(measured))
+    return Curve(name, "joint_angle", False, time, measured, before, after, np.zeros(len(measured)))
+
+
 def test_figures_are_those_of_a_validation():
-    """A log that the twin made itself has the twin's figures, and those of the published definition; a lag of its spool
-    comes later. A repeat that stands still for three samples underway moves the measured mean time by one and a half."""
+    """A log that the twin made itself has the figures of the published definition. A repeat that stands still for three
+    samples underway moves the measured mean time by one and a half."""
     steering = turn(1.0, 3.6)
     empty = Recording("1", steering, {"joint_angle": np.zeros(len(steering) + 1)}, 60, -REACH)
-    twin = Variants(MACHINE)
-    angle = Simulator().run([Replay(twin, empty, FINE)])[0]["joint_angle"][:, 0].astype(np.float64)
-    late = np.insert(angle, 90, [angle[90]] * 3)[: len(angle)]
-    repeats = [replace(empty, channels={"joint_angle": one}) for one in (angle, late)]
     lagging = Variants.of(MACHINE, [(EFFECTS["spool_lag"], (0.03,))], 1)
-
-    plain, both = (
-        key_figures(Problem(logs, Nuisances(MACHINE, "day"), {}, error=ModelError(0.0, 0.0)), twin, lagging)
-        for logs in (repeats[:1], repeats)
+    angle, slower = (
+        one["joint_angle"][:, 0].astype(np.float64)
+        for one in Simulator().run([Replay(Variants(MACHINE), empty, FINE), Replay(lagging, empty, FINE)])
     )
+    late = np.insert(angle, 90, [angle[90]] * 3)[: len(angle)]
+    logs = [replace(empty, name=str(k), channels={"joint_angle": one}) for k, one in enumerate((angle, late))]
+    curves = [curve(one.name, one.channels["joint_angle"], angle, slower) for one in logs]
+    plain, both = (key_figures(logs[:count], curves, MACHINE) for count in (1, 2))
     figures = plain["left, 100 %"]
     assert tuple(figures) == FIGURES
     exact = published.key_figures(TICK * np.arange(len(angle)), angle, MACHINE)
     for name, values in figures.items():
         assert values["measured"] == values["before"] == pytest.approx(exact[name], rel=2e-3), name
     once, mean = (one["left, 100 %"]["turn_time_s"] for one in (plain, both))
-    assert once["measured"] is not None
-    assert once["after"] is not None
-    assert once["after"] > once["measured"]
+    assert once["measured"] is not None and once["after"] is not None and once["after"] > once["measured"]
     assert mean["measured"] == pytest.approx(once["measured"] + 1.5 * TICK)
 
 
 def test_without_a_full_turn_there_is_none():
     other = Recording("half", turn(1.0, 2.0), {"joint_angle": np.zeros(201)}, 60, 0.0)
-    problem = Problem([other], Nuisances(MACHINE, "day"), {}, error=ModelError(0.0, 0.0))
-    assert key_figures(problem, Variants(MACHINE), Variants(MACHINE)) == {}
+    assert key_figures([other], [curve("half", *np.zeros((3, 201)))], MACHINE) == {}

@@ -22,7 +22,6 @@ from aoro_gym.diagnosis.problem import (
 )
 from aoro_gym.diagnosis.recording import TICK, Recording
 from aoro_gym.diagnosis.replay import COARSE, USUAL, Replay, Simulator, Variants
-from aoro_gym.diagnosis.search import settle
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.machine import Machine
 from tests.diagnosis.manoeuvres import FULL, blank, turn
@@ -53,24 +52,6 @@ def cost(problem: Problem) -> float:
     whiteners = problem.whiteners(problem.error, problem.predicted)
     white = problem.white(whiteners, problem.measured - problem.predicted - own)
     return float(white @ white + problem.centre @ problem.centre)
-
-
-def test_a_moved_machine_is_explained_down_to_its_noise():
-    """All parameters drawn from their priors, a perfect twin, noise that is known: the least cost of a linear model is
-    χ² with as many degrees of freedom as there are (merged) samples. Curvature that is left would add to it."""
-    rng = np.random.default_rng(0)
-    moved = DAY.machines(rng.standard_normal((1, len(DAY.keys))))
-    problem = Problem(logged(Variants(moved), rng, BLANKS[:1]), DAY, {}, error=PERFECT, noise=NOISE)
-    problem.predicted = problem.simulate([problem.at(problem.centre[None])])[:, 0]
-    samples = len(problem.white(problem.whiteners(PERFECT, problem.predicted), problem.measured))
-    assert cost(problem) > 20.0 * samples
-    settle(problem, 1)
-    assert cost(problem) == pytest.approx(samples, abs=4.0 * np.sqrt(2.0 * samples))
-    assert len(problem.centre) == len(problem.felt) + 1 + len(problem.blocks)
-    assert 0 < len(problem.felt) < len(DAY.keys)
-    # the prediction is that of the machine at the centre
-    again = problem.simulate([problem.at(problem.centre[None])])[:, 0]
-    np.testing.assert_array_equal(again, problem.predicted)
 
 
 class Learned:

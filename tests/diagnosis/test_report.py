@@ -237,20 +237,6 @@ def test_heat_maps_hold_the_shares(name, tmp_path):
                 assert share < 0.005 if cell == "·" else close(cell, 100.0 * share)
 
 
-def test_parts_between_their_boundaries(tmp_path):
-    (table,) = [table for table in read(CAUSE, tmp_path).tables["Where the gap lies"] if "its boundary" in table[0]]
-    head, *rows = table
-    for row, part in zip(rows, CAUSE.boundaries, strict=True):
-        cells = dict(zip(head, row, strict=True))
-        assert cells["part"].lower() == part.part
-        assert (cells["its boundary"] == "contradicts") == part.contradicts
-        assert all(readable(name) in cells["holds"] for name in part.components)
-    circuit = dict(zip(head, rows[0], strict=True))
-    assert circuit["lacks (rms)"].replace("\N{NO-BREAK SPACE}", " ") == "1.86 L/min"  # 3.1e-5 m³/s
-    empty = read(replace(CAUSE, boundaries=()), tmp_path)
-    assert "contradicts" not in empty.text["Where the gap lies"]
-
-
 @pytest.mark.parametrize("name", ["no_gap", "calibration"])
 def test_what_is_noise_has_no_place(name, tmp_path):
     assert DIAGNOSES[name].where

@@ -10,13 +10,13 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from aoro_gym.calibration.turns import population_figures
-from aoro_gym.diagnosis.diagnose import ERROR
 from aoro_gym.diagnosis.linear import Linear
 from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.replay import FINE, Variants
 from aoro_gym.diagnosis.report import summary, write_report
 from aoro_gym.diagnosis.result import CALIBRATION
 from aoro_gym.diagnosis.tables import (
+    ERROR,
     FAILED,
     Row,
     Turns,

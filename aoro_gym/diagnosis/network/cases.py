@@ -88,7 +88,7 @@ def case_of(later: Sequence[Recording], healthy: Sequence[Recording] = ()) -> Ca
     before, after = signals.astype(np.float32)
     repeats = np.array([pair.repeat for pair in pairs])
     rows = features(np, commands, before, after, has, days, repeats.astype(np.float32))
-    names = tuple(tuple("" if one is None else one.name for one in (pair.healthy, pair.later)) for pair in pairs)
+    names = tuple((_name(pair.healthy), _name(pair.later)) for pair in pairs)
     return Case(rows.astype(np.float32), names, tuple(repeats.tolist()))
 
 
@@ -97,6 +97,10 @@ def posterior(networks: Sequence[Weights], case: Case) -> Posterior:
     tokens = [one[None] for one in tokens_of(networks, case.rows)]
     probabilities, quantiles = posteriors(networks, tokens)
     return Posterior(probabilities[0], quantiles[0])
+
+
+def _name(recording: Recording | None) -> str:
+    return "" if recording is None else recording.name
 
 
 def tokens_of(networks: Sequence[Weights], rows: Floats) -> list[Floats]:

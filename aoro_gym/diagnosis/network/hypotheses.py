@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import combinations
 
 import numpy as np
@@ -40,6 +41,7 @@ def number_of(effects: NDArray[np.integer], outside: NDArray[np.bool_]) -> NDArr
     return np.select([outside, first < 0, second < 0], [OUTSIDE, NOTHING, SINGLE + first], pairs[first, second])
 
 
+@cache
 def names_of(number: int) -> tuple[str, ...]:
     """Ids of the effects of a hypothesis."""
     return tuple(IDS[i] for i in np.flatnonzero(MEMBERS[number]))

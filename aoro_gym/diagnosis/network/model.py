@@ -94,7 +94,7 @@ class Network(nn.Module):
         for block in self.across:
             x = block(x, mask)
         h = self.norm(x[:, 0])
-        first, second = self.pairs
+        first, second = self.get_buffer("pairs")
         member = self.member(h)
         left, right = (part(h).reshape(batch, len(IDS), self.shape.rank) for part in (self.left, self.right))
         both = torch.einsum("bir,bjr->bij", left, right)[:, first, second] / self.shape.rank**0.5

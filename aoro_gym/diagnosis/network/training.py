@@ -97,7 +97,7 @@ def draw_batch(
     batch = len(machines)
     day = HEALTHY + draw.one_of(data.samples.shape[1] - HEALTHY, batch)
     order = torch.argsort(draw.even(0.0, 1.0, batch, data.samples.shape[2]), dim=1)[:, : course.logs]
-    shape = (*order.shape, data.samples.shape[3])
+    shape = (batch, order.shape[1], data.samples.shape[3])
     if sensors is None:
         has = _what_there_may_be(shape, course, draw)
         order = _repeated(order, has.repeats, draw)

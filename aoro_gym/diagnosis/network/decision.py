@@ -1,0 +1,195 @@
+"""From what networks say to a verdict: is anything wrong, is it in the catalogue, which effects may it be.
+
+Networks are trained on simulated machines; how sure they are elsewhere is learnt from cases whose truth is known
+(:func:`calibrated`), for each usual set of sensors:
+
+- a temperature T: probabilities are raised to 1/T, which makes them as likely as can be (Guo et al. 2017);
+- the null test: the share of healthy cases in which "nothing is wrong" was no likelier (a conformal p-value, Vovk 2005);
+- thresholds of "something else" and of an effect's probability, given that something of the catalogue is wrong, which as
+  many known causes pass as asked for (split conformal, least ambiguous sets, Sadinle et al. 2019).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aoro_gym.diagnosis.network import hypotheses
+from aoro_gym.diagnosis.network.forward import TRAINED
+from aoro_gym.diagnosis.result import UNKNOWN
+from aoro_gym.effects.catalogue import IDS
+from aoro_gym.execution.files import read_json
+
+Floats = NDArray[np.float64]
+
+SENSOR_SETS: Mapping[str, tuple[str, ...]] = {
+    "pressures": ("joint_angle", "pressure_a", "pressure_b", "pump_pressure"),
+    "ports": ("joint_angle", "pressure_a", "pressure_b"),
+    "angle": ("joint_angle",),
+}
+"""Channels of usual sets of sensors, the richest first."""
+ALARMS = 0.02
+"""Share of healthy cases that are taken for a gap."""
+REJECTED = 0.02
+"""Share of known causes that are taken for something outside of the catalogue."""
+HELD = 0.97
+"""Share of single causes that their declared set holds."""
+SURE = 0.8
+"""Probability from which a cause is named alone."""
+LEAST = 1e-4
+"""Probability below which a hypothesis is not kept."""
+TEMPERATURES = np.geomspace(0.5, 4.0, 61)
+"""That are tried."""
+HEALTHY_QUANTILES = 400
+"""By which the null distribution is kept."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What was learnt from cases with a known truth; see the module.
+
+    Attributes:
+        cases: Number of them.
+        temperature: T.
+        healthy: Evenly spaced quantiles of the probability that nothing is wrong, of healthy cases, rising.
+        outside: Least probability of something else, given that something is wrong, from which that is said.
+        member: Least probability of an effect, given that something of the catalogue is wrong, in the declared set.
+    """
+
+    cases: int
+    temperature: float
+    healthy: tuple[float, ...]
+    outside: float
+    member: float
+
+    def null_p(self, nothing: float) -> float:
+        """Share of healthy cases in which nothing was no likelier than ``nothing``; never zero."""
+        count = len(self.healthy)
+        return float((1 + np.searchsorted(self.healthy, nothing, side="right")) / (1 + count))
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What is said of a case.
+
+    Attributes:
+        verdict: One of :data:`~aoro_gym.diagnosis.result.VERDICTS`.
+        null_p: Probability of a gap as clear as this while nothing is wrong.
+        hypotheses: Effects and probability, the named one first, then by probability; none below :data:`LEAST`.
+        effects: Probability (effects,) that an effect is there, alone or with another.
+        declared: Ids of the effects that may be the cause, the likeliest first; none without a gap.
+    """
+
+    verdict: str
+    null_p: float
+    hypotheses: tuple[tuple[tuple[str, ...], float], ...]
+    effects: Floats
+    declared: tuple[str, ...]
+
+
+def sensor_set(channels: Sequence[str]) -> str:
+    """The richest of :data:`SENSOR_SETS` whose channels are all there; that of the angle where none is."""
+    return next((name for name, needed in SENSOR_SETS.items() if set(needed) <= set(channels)), "angle")
+
+
+@cache
+def shipped() -> Mapping[str, Calibration]:
+    """Of the networks that come with the package, by set of sensors."""
+    return {
+        name: Calibration(**(of | {"healthy": tuple(of["healthy"])}))
+        for name, of in read_json(TRAINED / "calibration.json")["sets"].items()
+    }
+
+
+def tempered(probabilities: Floats, temperature: float) -> Floats:
+    """Probabilities (..., hypotheses) at another temperature."""
+    logs = np.log(np.maximum(probabilities, 1e-30)) / temperature
+    powers = np.exp(logs - logs.max(axis=-1, keepdims=True))
+    return powers / powers.sum(axis=-1, keepdims=True)
+
+
+def decide(probabilities: Floats, calibration: Calibration) -> Decision:
+    """The verdict on a case whose hypotheses have these ``probabilities`` (hypotheses,), as networks say."""
+    share = tempered(np.asarray(probabilities, dtype=np.float64), calibration.temperature)
+    nothing, outside = share[hypotheses.NOTHING], share[hypotheses.OUTSIDE]
+    null_p = calibration.null_p(float(nothing))
+    effects = share @ hypotheses.MEMBERS
+    best = hypotheses.SINGLE + int(np.argmax(share[hypotheses.SINGLE :]))
+    declared: tuple[str, ...] = ()
+    if null_p > ALARMS:
+        verdict, first = "no_gap", hypotheses.NOTHING
+    else:
+        declared = _declared(effects, best, max(1.0 - nothing - outside, 1e-30), calibration.member)
+        if outside >= calibration.outside * (1.0 - nothing):
+            verdict, first = "unknown", hypotheses.OUTSIDE
+        else:
+            named = hypotheses.names_of(best)
+            together = float(share[hypotheses.MEMBERS[:, [IDS.index(one) for one in named]].all(axis=1)].sum())
+            verdict, first = ("cause" if together >= SURE else "ambiguous"), best
+    order = [first, *(int(k) for k in np.argsort(-share, kind="stable") if k != first and share[k] >= LEAST)]
+    ranked = tuple((_effects_of(number), float(share[number])) for number in order)
+    return Decision(verdict, null_p, ranked, effects, declared)
+
+
+def _declared(effects: Floats, best: int, known: float, member: float) -> tuple[str, ...]:
+    """Effects of the best hypothesis, and all that are likely enough, the likeliest first."""
+    chosen = effects / known >= member
+    chosen |= hypotheses.MEMBERS[best] > 0.0
+    return tuple(IDS[k] for k in np.argsort(-effects, kind="stable") if chosen[k])
+
+
+def _effects_of(number: int) -> tuple[str, ...]:
+    return (UNKNOWN,) if number == hypotheses.OUTSIDE else hypotheses.names_of(number)
+
+
+def calibrated(probabilities: Floats, truth: NDArray[np.integer], weights: Floats | None = None) -> Calibration:
+    """What cases with a known truth say of networks.
+
+    Args:
+        probabilities: Of the hypotheses (N, hypotheses), as networks say.
+        truth: Numbers of the true ones (N,).
+        weights: Of the cases (N,), equal by default.
+    """
+    weights = np.ones(len(truth)) if weights is None else weights
+    logs = np.log(np.maximum(probabilities, 1e-30))
+    temperature = float(TEMPERATURES[np.argmin([_loss(logs / t, truth, weights) for t in TEMPERATURES])])
+    share = tempered(probabilities, temperature)
+    nothing, outside = share[:, hypotheses.NOTHING], share[:, hypotheses.OUTSIDE]
+    healthy = truth == hypotheses.NOTHING
+    null = _quantile(nothing[healthy], np.linspace(0.0, 1.0, HEALTHY_QUANTILES), weights[healthy])
+    alarmed = nothing <= _quantile(nothing[healthy], ALARMS, weights[healthy])
+    known = alarmed & (truth >= hypotheses.SINGLE)
+    told = outside / np.maximum(1.0 - nothing, 1e-30)
+    single = known & (truth < hypotheses.PAIR)
+    within = (share @ hypotheses.MEMBERS) / np.maximum(1.0 - nothing - outside, 1e-30)[:, None]
+    of_truth = within[single, truth[single] - hypotheses.SINGLE]
+    return Calibration(
+        cases=len(truth),
+        temperature=temperature,
+        healthy=tuple(float(value) for value in null),
+        outside=float(_quantile(told[known], 1.0 - REJECTED, weights[known])),
+        member=float(_quantile(of_truth, 1.0 - HELD, weights[single])),
+    )
+
+
+def _loss(logs: Floats, truth: NDArray[np.integer], weights: Floats) -> float:
+    """Weighted mean −ln of the truth's probability."""
+    top = logs.max(axis=1)
+    norm = top + np.log(np.exp(logs - top[:, None]).sum(axis=1))
+    return float(np.average(norm - logs[np.arange(len(truth)), truth], weights=weights))
+
+
+def _quantile(values: Floats, levels: float | Floats, weights: Floats) -> Floats:
+    """Quantiles of weighted ``values`` (n,): the least value up to which a share of the weight lies."""
+    order = np.argsort(values)
+    reached = np.cumsum(weights[order]) / weights.sum()
+    return values[order][np.minimum(np.searchsorted(reached, levels), len(values) - 1)]
+
+
+def as_dict(sets: Mapping[str, Calibration]) -> dict[str, object]:
+    """For ``calibration.json``."""
+    return {name: asdict(one) for name, one in sets.items()}

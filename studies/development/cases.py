@@ -1,0 +1,115 @@
+"""Cases of the development plants, made again from a seed: a machine's healthy day and a later one, four logs each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from aoro_gym.diagnosis.recording import Recording
+from aoro_gym.diagnosis_benchmark.cases import Excitation
+from aoro_gym.diagnosis_benchmark.judge.features import CHANNELS
+from aoro_gym.diagnosis_benchmark.judge.plants import LayeredPlants, Log
+from aoro_gym.diagnosis_benchmark.judge.suite import JudgedCase, Plan, Suite, plan
+from aoro_gym.execution.files import written_whole
+
+LEVELS = (0, 1, 2, 3)
+SUITE = Suite("development", 600, 231, 400, 400, machines=24, protocols=40, logs=4, draws=4)
+"""2,324 cases: healthy ones, singles of each level, pairs, and what the catalogue lacks."""
+TOGETHER = 60
+"""Cases that are simulated in one go."""
+
+
+@dataclass(frozen=True)
+class DevelopmentCase:
+    """A case, the true change of each effect's operational magnitude [SI], and its recordings."""
+
+    case: JudgedCase
+    sizes: dict[str, list[float]]
+    healthy: Sequence[Recording]
+    later: Sequence[Recording]
+
+    def with_channels(self, channels: Sequence[str], logs: int | None = None) -> DevelopmentCase:
+        """The same with fewer channels, and with the first ``logs`` only."""
+        healthy, later = (
+            [replace(one, channels={name: one.channels[name] for name in channels}) for one in recordings[:logs]]
+            for recordings in (self.healthy, self.later)
+        )
+        return replace(self, healthy=healthy, later=later)
+
+
+def planned(seed: int, suite: Suite = SUITE) -> Plan:
+    return plan(suite, [LayeredPlants(level) for level in LEVELS], seed)
+
+
+def cases_of(made: Plan, level: int) -> Iterator[DevelopmentCase]:
+    """Simulates the cases of a level."""
+    plants = LayeredPlants(level)
+    own = [case for case in made.cases if case.family == plants.name]
+    machines = {number: made.machine(plants, number) for number in {case.machine for case in own}}
+    for first in range(0, len(own), TOGETHER):
+        part = own[first : first + TOGETHER]
+        runs = [made.runs(case, plants, machines[case.machine]) for case in part]
+        logs = iter(plants.record([run for each in runs for run in each["healthy"] + each["logs"]], exact=False))
+        for case, each in zip(part, runs, strict=True):
+            one = each["logs"][0]
+            sizes = {
+                name: list(plants.magnitude(name, one.machine, one.effects[name])["magnitude"]) for name in case.effects
+            }
+            both = [[recording(run.excitation, next(logs)) for run in each[day]] for day in ("healthy", "logs")]
+            yield DevelopmentCase(case, sizes, *both)
+
+
+def recording(told: Excitation, log: Log) -> Recording:
+    """A plant's log as a diagnosis reads it."""
+    count = len(told.steering)
+    commands = np.zeros((count - 1, 2))
+    commands[:, 0] = told.steering[:-1]
+    if told.drive is not None:
+        commands[:, 1] = told.drive[:-1]
+    channels = {name: np.asarray(log[name][:count], dtype=np.float64) for name in CHANNELS}
+    rest = int(np.flatnonzero(np.any(np.abs(commands) > 1e-3, axis=1))[0])
+    return Recording(told.name, commands, channels, rest, float(np.mean(channels["joint_angle"][:rest])))
+
+
+def kept(folder: Path, made: Plan, level: int) -> list[DevelopmentCase]:
+    """Cases of a level, simulated where the folder has none of this plan."""
+    path = folder / f"cases_{made.digest[:8]}_{level}.npz"
+    if not path.exists():
+        _write(path, list(cases_of(made, level)))
+    return _read(path, made)
+
+
+def _write(path: Path, cases: Sequence[DevelopmentCase]) -> None:
+    arrays: dict[str, np.ndarray] = {}
+    for one in cases:
+        for day, recordings in (("healthy", one.healthy), ("later", one.later)):
+            for number, log in enumerate(recordings):
+                signals = np.stack([log.channels[name] for name in CHANNELS]).astype(np.float32)
+                arrays[f"{one.case.name}/{day}/{number}"] = signals
+        for name, size in one.sizes.items():
+            arrays[f"{one.case.name}/size/{name}"] = np.array(size)
+    with written_whole(path) as temporary:
+        np.savez(temporary, allow_pickle=False, **arrays)
+
+
+def _read(path: Path, made: Plan) -> list[DevelopmentCase]:
+    with np.load(path) as kept_arrays:
+        arrays = dict(kept_arrays)
+    found = []
+    for case in made.cases:
+        if f"{case.name}/later/0" not in arrays:
+            continue
+        told = [made.excitations[name] for name in made.protocols[case.protocol]]
+        days = [
+            [
+                recording(one, dict(zip(CHANNELS, arrays[f"{case.name}/{day}/{number}"], strict=True)))
+                for number, one in enumerate(told)
+            ]
+            for day in ("healthy", "later")
+        ]
+        sizes = {name: arrays[f"{case.name}/size/{name}"].tolist() for name in case.effects}
+        found.append(DevelopmentCase(case, sizes, *days))
+    return found

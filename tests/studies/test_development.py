@@ -1,0 +1,86 @@
+"""Development plants: cases come back from their files as they were made, and what is counted of decisions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aoro_gym.diagnosis.network.decision import Decision
+from aoro_gym.diagnosis.result import UNKNOWN
+from aoro_gym.diagnosis_benchmark.judge.features import CHANNELS
+from aoro_gym.diagnosis_benchmark.judge.suite import JudgedCase
+from aoro_gym.effects.catalogue import IDS
+from studies.development.__main__ import truth_of
+from studies.development.cases import SUITE, DevelopmentCase, _read, _write, planned, recording
+from studies.development.rates import Decided, rates
+
+SMALL = replace(SUITE, healthy=4, singles=4, pairs=4, outside=4, machines=2, protocols=2)
+
+
+def made_up(made, case: JudgedCase) -> DevelopmentCase:
+    """A case whose logs are numbers that tell it from others."""
+    days = []
+    for day in range(2):
+        logs = []
+        for number, name in enumerate(made.protocols[case.protocol]):
+            told = made.excitations[name]
+            shown = np.full(len(told.steering), 10.0 * int(case.name) + day + 0.1 * number)
+            logs.append(recording(told, dict.fromkeys(CHANNELS, shown)))
+        days.append(logs)
+    return DevelopmentCase(case, {name: [1.5] for name in case.effects}, *days)
+
+
+def test_cases_come_back_from_their_files(tmp_path):
+    made = planned(5, SMALL)
+    cases = [made_up(made, case) for case in made.cases if case.family == "level_1"]
+    _write(tmp_path / "cases.npz", cases)
+    again = _read(tmp_path / "cases.npz", made)
+    assert [one.case for one in again] == [one.case for one in cases]
+    for one, other in zip(cases, again, strict=True):
+        assert one.sizes == other.sizes
+        for day in ("healthy", "later"):
+            for a, b in zip(getattr(one, day), getattr(other, day), strict=True):
+                np.testing.assert_array_equal(a.commands, b.commands)
+                np.testing.assert_allclose(a.channels["pressure_a"], b.channels["pressure_a"], rtol=1e-6)
+    few = cases[0].with_channels(CHANNELS[:1], 2)
+    assert len(few.later) == 2 and list(few.later[0].channels) == ["joint_angle"]
+
+
+def decided(kind: str, effects: tuple[str, ...], verdict: str, *said: tuple[tuple[str, ...], float]) -> Decided:
+    case = JudgedCase("1", kind, "level_0", 0, 0, dict.fromkeys(effects, (0, 0.5)), None, False, 0)
+    named = tuple(dict.fromkeys(name for those, _ in said for name in those if name in IDS))
+    return Decided(case, Decision(verdict, 0.01, said, np.zeros(len(IDS)), named if verdict != "no_gap" else ()))
+
+
+def test_shares_count_the_cases_that_they_are_of():
+    found = rates(
+        [
+            decided("healthy", (), "no_gap", ((), 0.9)),
+            decided("healthy", (), "cause", (("payload",), 0.9)),
+            decided("single", ("payload",), "cause", (("payload",), 0.9)),
+            decided("single", ("payload",), "no_gap", ((), 0.9)),
+            decided("single", ("payload",), "ambiguous", (("spool_lag",), 0.5), (("payload",), 0.4)),
+            decided("pair", ("payload", "spool_lag"), "cause", (("payload",), 0.9)),
+            decided("outside", (), "unknown", ((UNKNOWN,), 0.9)),
+        ]
+    )
+    share = {name: (rate.value, rate.count) for name, rate in found.items()}
+    assert share["false_alarms"] == (0.5, 2)
+    assert share["noticed"] == (pytest.approx(2 / 3), 3) and share["named"] == (pytest.approx(1 / 3), 3)
+    assert share["named_noticed"] == (0.5, 2) and share["declared"] == (1.0, 2) and share["declared_size"] == (1.5, 2)
+    assert share["pairs_both"] == (0.0, 1) and share["pairs_one"] == (1.0, 1)
+    assert share["outside"] == (1.0, 1) and share["known_rejected"] == (0.0, 4)
+    # the healthy machine that is blamed, and the pair that is called one of its effects
+    assert share["wrong_and_sure"] == (pytest.approx(2 / 7), 7)
+    # Wilson's interval of 1 of 2: (1/2 ± z/2 √(1/(2 n) · ...)) as tabled, 9.5 to 90.5 %
+    assert (found["false_alarms"].low95, found["false_alarms"].high95) == pytest.approx((0.0945, 0.9055), abs=1e-3)
+
+
+def test_the_truth_of_a_case_is_a_hypothesis():
+    made = planned(5, SMALL)
+    numbers = {
+        kind: {truth_of(made_up(made, c)) for c in made.cases if c.kind == kind} for kind in ("healthy", "outside")
+    }
+    assert numbers == {"healthy": {0}, "outside": {1}}
