@@ -252,7 +252,16 @@ def signatures(
     without: Without,
     simulator: Simulator,
 ) -> dict[str, list[Nodes]]:
-    """What effects do along their ``axes`` (on one of their ``sides``), by effect and family, in one go."""
+    """What effects do along their axes, by effect and family, in one go.
+
+    Args:
+        effects: Axes by id.
+        sides: By id, the side of none that is simulated: 1, -1, or 0 for both.
+        logs: Whose commands are repeated.
+        machines: One of each family of laws.
+        without: What these do without effects.
+        simulator: Of the twins.
+    """
     tasks, layout = [], []
     for name, axes in effects.items():
         for k, machine in enumerate(machines):

@@ -166,7 +166,15 @@ def settled(evidence: Evidence, interpolation: Interpolation, prior: Prior) -> F
 def weigh(
     evidence: Evidence, interpolation: Interpolation, prior: Prior, scale: Floats, logs: NDArray[np.bool_]
 ) -> Weighed:
-    """Costs of sizes by some of the ``logs`` (L,), on grids that close in on what is likely."""
+    """Costs of sizes by some of the logs, on grids that close in on what is likely.
+
+    Args:
+        evidence: Of all logs.
+        interpolation: What the effects do at any place of their axes.
+        prior: Cost of places beforehand.
+        scale: Mean squares that residuals are weighed by.
+        logs: Which of them count (L,).
+    """
     ranges = interpolation.ranges
     boxes, whole = list(ranges), _volume(ranges)
     for zoom in range(ZOOMS):
