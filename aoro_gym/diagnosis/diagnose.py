@@ -197,13 +197,8 @@ def _concluded(asked: Asked, fits: Fits, logs: Logs, twin: Machine, tests: tuple
     first = next((one for one in fits.causes if one.effects == decision.hypotheses[0][0]), None)
     components = components_of(decision)
     blamed = next(iter(components), "") if decision.verdict in ("cause", "ambiguous") else ""
-    return Diagnosis(
-        machine=twin.name,
-        mode="commissioned" if logs.healthy else "day-one",
-        logs=tuple(one.name for one in logs.later),
-        healthy=tuple(one.name for one in logs.healthy),
-        signals=logs.channels,
-        verdict=decision.verdict,
+    return replace(
+        _of_logs(twin, logs, decision.verdict),
         where=tuple(replace(place, component=blamed) for place in fits.places),
         where_p=decision.null_p,
         components=components,
@@ -262,14 +257,19 @@ def _alike(decision: Decision) -> tuple[tuple[str, str], ...]:
 
 def _unread(twin: Machine, logs: Logs, doubts: Sequence[str]) -> Diagnosis:
     """Of recordings that cannot be believed."""
+    said = (*doubts, *(sentence for one in logs.every for sentence in one.limitations))
+    return replace(_of_logs(twin, logs, "inconclusive"), limitations=said)
+
+
+def _of_logs(twin: Machine, logs: Logs, verdict: str) -> Diagnosis:
+    """What was compared, and the verdict; no more yet."""
     return Diagnosis(
         machine=twin.name,
         mode="commissioned" if logs.healthy else "day-one",
         logs=tuple(one.name for one in logs.later),
         healthy=tuple(one.name for one in logs.healthy),
         signals=logs.channels,
-        verdict="inconclusive",
-        limitations=(*doubts, *(sentence for one in logs.every for sentence in one.limitations)),
+        verdict=verdict,
     )
 
 

@@ -16,9 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
+from scipy.stats import norm
 
 from aoro_gym.diagnosis.axes import Axis
 from aoro_gym.diagnosis.closures import black_box, gap_closures, typical
+from aoro_gym.diagnosis.network.shape import QUANTILES
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.places import Gap, places
 from aoro_gym.diagnosis.recording import TICK, Recording
@@ -58,8 +60,8 @@ ROUNDS = 2
 """Simulations of the best sizes, all effects of a cause together."""
 MOVED = 0.02
 """Way on an axis beyond which a size is simulated again."""
-SCORES = (-1.645, -0.674, 0.0, 0.674, 1.645)
-"""Of a standard normal: its quantiles as the network gives them, .05, .25, .5, .75 and .95."""
+SCORES = tuple(norm.ppf(QUANTILES).tolist())
+"""Quantiles of a standard normal, at the levels at which networks give those of sizes."""
 TABLE = {1: 41, 2: 13}
 """Places of an axis at which operational magnitudes are measured, by the number of an effect's axes."""
 DRAWS = 400

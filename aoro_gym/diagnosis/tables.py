@@ -34,6 +34,7 @@ from aoro_gym.calibration.published import FIGURES_SOURCE
 from aoro_gym.calibration.turns import PATIENCE, longest
 from aoro_gym.diagnosis.attribution import Trust, log_priors, weigh
 from aoro_gym.diagnosis.axes import PRIOR_INFORMATION
+from aoro_gym.diagnosis.closures import CLEAR, typical
 from aoro_gym.diagnosis.experiments import next_experiments
 from aoro_gym.diagnosis.findings import (
     alike_effects,
@@ -44,7 +45,6 @@ from aoro_gym.diagnosis.findings import (
     row_of,
     verdict_of,
 )
-from aoro_gym.diagnosis.gap_closure import CLEAR, RESAMPLES, typical
 from aoro_gym.diagnosis.linear import Hypothesis, Linear
 from aoro_gym.diagnosis.noise import Floats, ModelError, Whitener
 from aoro_gym.diagnosis.nuisances import Nuisances
@@ -101,6 +101,8 @@ ERROR = ModelError(rate=0.003, pressure=0.010, swing=0.06, change=0.1, phase=0.0
 """The twin's own error: what remains between it and machines of other laws once it was fitted to them (E)."""
 LISTED = 1e-3
 """Probability below which a hypothesis is not listed."""
+RESAMPLES = 2000
+"""Of every interval."""
 SURVIVING = 0.02
 """Probability below which a hypothesis gets no machine file."""
 TRUST = Trust(temperature=1.0, doubt=0.003)
