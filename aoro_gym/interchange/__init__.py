@@ -1,0 +1,1 @@
+"""The machine in the formats of other simulators."""
