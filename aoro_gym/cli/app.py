@@ -15,6 +15,7 @@ from aoro_gym.cli import (
     diagnosis,
     diagnosis_training,
     evaluation,
+    export,
     laws,
     parameters,
     simulation,
@@ -58,10 +59,10 @@ for command in (
     evaluation.curves,
     evaluation.gap,
     training.train,
-    training.export,
     bench.bench,
 ):
     app.command()(command)
+app.add_typer(export.app, name="export")
 app.add_typer(blind.app, name="blind")
 app.add_typer(diagnosis_training.app, name="diagnosis")
 

@@ -1,4 +1,4 @@
-"""Commands that train policies and export them."""
+"""Commands that train policies."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.checks import check_integer
 from aoro_gym.cli import options
 from aoro_gym.cli.courses import training_courses
-from aoro_gym.cli.options import argument, option
+from aoro_gym.cli.options import option
 from aoro_gym.cli.outcome import checking_input, entered, fail, resumable, running, say_written
 from aoro_gym.reporting import terminal
 
@@ -284,40 +284,3 @@ def _search_on_cluster(
         why = found[0].failed if found else "none began"
         fail(ValueError(f"no trial came to an evaluation; the first says: {why}"), 1)
     say_written([folder / "trials.json", folder / "best.yml"])
-
-
-PolicyArgument = Annotated[Path, argument("FILE", "Policy (.json with its .safetensors).")]
-OnnxOption = Annotated[Path | None, option("--out -o", "FILE.onnx", "File to write. Default: beside the policy.")]
-TrustPickleOption = Annotated[
-    bool, option("--trust-pickle", None, "Load a .zip of Stable-Baselines3, which runs code of its maker.")
-]
-
-
-def export(
-    policy: PolicyArgument,
-    out: OnnxOption = None,
-    trust_pickle: TrustPickleOption = False,
-    quiet: options.QuietOption = False,
-) -> None:
-    """Write a learned policy as ONNX, for the vehicle's computer.
-
-    One input, observations (N, O), and one output, actions (N, A), both float32; normalisation and bounds are inside, and
-    the metadata has the environment and the columns of its observation. Needs pip install 'aoro-gym\\[onnx]'.
-
-    [bold]Examples[/]
-
-      aoro-gym export runs/turning/policy.json
-      aoro-gym export runs/turning/policy.json --out turning.onnx
-    """
-    with checking_input():
-        from aoro_gym.agents.policies.files import load_policy
-        from aoro_gym.agents.policies.onnx_file import write_onnx
-        from aoro_gym.execution.files import check_writable
-        from aoro_gym.execution.locking import locked
-
-        target = policy.with_suffix(".onnx") if out is None else out
-        check_writable(target)
-        loaded = load_policy(policy, trust_pickle=trust_pickle)
-        with locked(target.parent):
-            write_onnx(loaded, target)
-    say_written([target])

@@ -11,12 +11,20 @@ from aoro_gym import __version__
 from aoro_gym.cli import app
 from tests.cli.calling import call, runner
 
+GROUPS = ("blind", "diagnosis", "export")
+"""Commands that have commands."""
+
+
+def _commands(group):
+    assert isinstance(group, TyperGroup)
+    return group.commands
+
 
 def test_version_and_help():
     assert call("--version").stdout == f"aoro-gym {__version__}\n"
-    verbs = "parameters simulate validate calibrate demo terrain evaluate leaderboard curves gap train export bench"
-    for verb in verbs.split():
-        shown = call(verb, "--help")
+    verbs = "parameters simulate validate calibrate demo terrain evaluate leaderboard curves gap train bench"
+    for verb in [*verbs.split(), "export policy"]:
+        shown = call(*verb.split(), "--help")
         assert shown.exit_code == 0
         assert "Examples" in shown.stdout
         assert f"aoro-gym {verb}" in shown.stdout
@@ -35,9 +43,8 @@ def test_help_shows_every_word():
 def test_help_fits_80_columns():
     group = typer.main.get_command(app)
     assert isinstance(group, TyperGroup)
-    nested = group.commands["blind"]
-    assert isinstance(nested, TyperGroup)
-    for verb in [*group.commands, *(f"blind {name}" for name in nested.commands)]:
+    nested = [f"{of} {name}" for of in GROUPS for name in _commands(group.commands[of])]
+    for verb in [*group.commands, *nested]:
         shown = runner.invoke(app, [*verb.split(), "--help"], env={"COLUMNS": "80", "TERMINAL_WIDTH": "80"})
         assert shown.exit_code == 0
         for line in shown.stdout.splitlines():
@@ -48,12 +55,10 @@ def test_long_commands_can_be_quiet():
     group = typer.main.get_command(app)
     assert isinstance(group, TyperGroup)
     commands = dict(group.commands)
-    for of in ("blind", "diagnosis"):
-        nested = group.commands[of]
-        assert isinstance(nested, TyperGroup)
-        commands |= {f"{of} {name}": one for name, one in nested.commands.items()}
+    for of in GROUPS:
+        commands |= {f"{of} {name}": one for name, one in _commands(group.commands[of]).items()}
     lacking = {name for name, one in commands.items() if "--quiet" not in {text for p in one.params for text in p.opts}}
-    assert lacking == {"parameters", "laws", "blind", "diagnosis"}
+    assert lacking == {"parameters", "laws", *GROUPS}
 
 
 def test_runs_as_a_module():

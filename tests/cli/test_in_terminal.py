@@ -169,7 +169,7 @@ COMMANDS: list[tuple[str, tuple[object, ...]]] = [
             *("--episodes", 1, "--retrain", 300),
         ),
     ),
-    ("export", ("export", "run/best.json")),
+    ("export policy", ("export", "policy", "run/best.json")),
     ("bench", ("bench", "--twins", "1,2", "--seconds", 0.02)),
 ]
 
@@ -191,7 +191,7 @@ def inputs(trained) -> Path:
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "arguments"), [pytest.param(*one, id=one[0]) for one in COMMANDS])
 def test_commands_in_a_terminal_in_a_pipe_and_quiet(name, arguments, inputs):
-    if name == "export":
+    if name == "export policy":
         pytest.importorskip("onnx")
     text = checked(in_terminal(*arguments, folder=inputs))
     again = () if name in ("parameters", "effects") else ("--quiet",)
