@@ -50,6 +50,8 @@ def train(
     how well each network and all of them name causes there, with each usual set of sensors. That is on simulated machines;
     aoro-gym blind says how well a diagnosis does on machines whose laws nobody here wrote.
 
+    Networks that the same command finished before it was stopped are kept, and more are trained beside them.
+
     The same seed draws the same machines, whichever number of processes. The whole needs a GPU with 32 GB; a CPU serves for
     a trial.
 

@@ -117,7 +117,8 @@ def diagnose(
     progress("causes weighed", 0.1)
     networks = trained() if networks is None else networks
     asked = _asked(logs, networks, calibrations or shipped())
-    progress(f"first finding: {_first(asked.decision)}; sizes are fitted", 0.2)
+    following = "" if asked.decision.verdict == "no_gap" else "; sizes are fitted"
+    progress(f"first finding: {_first(asked.decision)}{following}", 0.2)
     fits = _fitted(asked, logs, twin, networks, simulator, out)
     progress("what to record next", 0.7)
     tests = _tests(asked, logs, twin, networks, simulator)
@@ -162,8 +163,10 @@ def _fitted(
     asked: Asked, logs: Logs, twin: Machine, networks: Sequence[Weights], simulator: Simulator, out: Path | None
 ) -> Fits:
     """Fits of the causes that may be: of those that are listed, the likeliest that the declared set holds, and the first
-    that it does not, which the others are held against."""
+    that it does not, which the others are held against. None where nothing is wrong."""
     decision = asked.decision
+    if decision.verdict == "no_gap":
+        return Fits((), (), None)
     named = [effects for effects, share in decision.hypotheses if effects and set(effects) <= set(IDS)]
     within = [one for one in named if set(one) <= set(decision.declared)][:FITTED]
     others = [one for one in named if within and len(one) == len(within[0]) and not set(one) & set(within[0])][:1]

@@ -17,6 +17,7 @@ from rich.console import RenderableType
 from rich.markup import escape
 from rich.table import Table
 
+from aoro_gym.diagnosis.drawing import machine_drawing
 from aoro_gym.diagnosis.result import KEY_FIGURES, PHASES, UNKNOWN, Cause, Curve, Diagnosis, GapClosure, Place
 from aoro_gym.diagnosis.words import (
     WITHOUT_CAUSE,
@@ -268,10 +269,15 @@ def _where_html(diagnosis: Diagnosis) -> Markup:
         for name in manoeuvres:
             shares = {(s, phase): share for (manoeuvre, s, phase), share in single.items() if manoeuvre == name}
             cards.append(_heat_html(name, shares, signals, single))
-    if suspected(diagnosis) and diagnosis.components:
-        likely = [(readable(name), p, probability(p)) for name, p in diagnosis.components.items()]
-        cards.append(_bars("Component that a cause lies in", likely))
-    return _explained(text, block("grid", cards=cards))
+    return joined([_drawing_html(diagnosis), _explained(text, block("grid", cards=cards))])
+
+
+def _drawing_html(diagnosis: Diagnosis) -> Markup:
+    """Machine with the components that a cause may lie in."""
+    if not suspected(diagnosis) or not diagnosis.components:
+        return Markup("")
+    drawing = machine_drawing(diagnosis.components)
+    return block("card", contents=[drawing], heading="Component that a cause lies in")
 
 
 def _heat_html(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym.execution.files import write_json
+from aoro_gym.execution.files import read_json, write_json
 
 VERDICTS: Mapping[str, str] = {
     "no_gap": "There is nothing above noise and the twin's own error.",
@@ -226,10 +227,21 @@ class Diagnosis:
         }
 
     def save(self, folder: Path) -> Path:
-        """Write ``diagnosis.json`` into ``folder``."""
+        """Write ``diagnosis.json`` into ``folder``. Machine files of the diagnosis that it takes the place of go."""
         path = folder / "diagnosis.json"
+        before = _machine_files(path)
         write_json(path, self.as_dict())
+        for stale in before - {one.machine_file for one in self.causes}:
+            (folder / stale).unlink(missing_ok=True)
         return path
+
+
+def _machine_files(path: Path) -> set[str]:
+    """Of the causes of a written diagnosis, relative to its folder; none where there is no such file."""
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        named = {str(one["machine_file"]) for one in read_json(path)["causes"]}
+        return {name for name in named if Path(name).parent == Path("machines") and Path(name).suffix == ".toml"}
+    return set()
 
 
 def _plain(one: Any) -> dict[str, Any]:

@@ -44,10 +44,10 @@ def planned(seed: int, suite: Suite = SUITE) -> Plan:
     return plan(suite, [LayeredPlants(level) for level in LEVELS], seed)
 
 
-def cases_of(made: Plan, level: int) -> Iterator[DevelopmentCase]:
-    """Simulates the cases of a level."""
+def cases_of(made: Plan, level: int, kind: str | None = None, most: int | None = None) -> Iterator[DevelopmentCase]:
+    """Simulates the cases of a level; the first ``most`` of one ``kind`` if asked for."""
     plants = LayeredPlants(level)
-    own = [case for case in made.cases if case.family == plants.name]
+    own = [case for case in made.cases if case.family == plants.name and kind in (None, case.kind)][:most]
     machines = {number: made.machine(plants, number) for number in {case.machine for case in own}}
     for first in range(0, len(own), TOGETHER):
         part = own[first : first + TOGETHER]

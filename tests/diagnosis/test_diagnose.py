@@ -12,7 +12,7 @@ from aoro_gym.diagnosis import diagnose as pipeline
 from aoro_gym.diagnosis.diagnose import Logs, diagnose
 from aoro_gym.diagnosis.recording import TICK
 from aoro_gym.diagnosis.replay import Variants
-from aoro_gym.diagnosis.result import VERDICTS
+from aoro_gym.diagnosis.result import VERDICTS, Cause, Diagnosis
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.execution.files import LOCK
 from aoro_gym.machine import Machine
@@ -72,6 +72,19 @@ def test_what_is_written_can_be_read(diagnosed, tmp_path):
     assert content["causes"][0]["magnitudes"]["spool_lag"]["unit"] == "s"
     assert content["declared_set"][0] == "spool_lag"
     assert any("first finding: spool lag" in sentence for sentence, _ in told)
+
+
+def test_machine_files_of_the_diagnosis_before_go(tmp_path):
+    """Its own only: what else lies in the folder stays."""
+    (tmp_path / "machines").mkdir()
+    files = {name: tmp_path / "machines" / f"{name}.toml" for name in ("old", "kept", "mine")}
+    for file in files.values():
+        file.write_text("")
+    first = Diagnosis(machine="aoro", mode="day-one", logs=(), healthy=(), signals=(), verdict="ambiguous")
+    causes = [Cause((name,), 0.5, machine_file=f"machines/{name}.toml") for name in ("old", "kept")]
+    replace(first, causes=tuple(causes)).save(tmp_path)
+    replace(first, causes=(causes[1],)).save(tmp_path)
+    assert {name: file.exists() for name, file in files.items()} == {"old": False, "kept": True, "mine": True}
 
 
 def test_two_healthy_days_have_no_gap(monkeypatch):

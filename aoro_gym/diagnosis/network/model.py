@@ -106,3 +106,10 @@ class Network(nn.Module):
         """What :mod:`.forward` computes with; ``scales`` [SI] of the effects' sizes."""
         arrays = {name: values.detach().float().cpu().numpy() for name, values in self.state_dict().items()}
         return Weights(self.shape, arrays, scales)
+
+    @classmethod
+    def of(cls, weights: Weights) -> Network:
+        """The network that has these weights."""
+        network = cls(weights.shape)
+        network.load_state_dict({name: torch.tensor(values) for name, values in weights.arrays.items()})
+        return network

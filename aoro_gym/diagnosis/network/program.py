@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,11 +14,13 @@ import torch
 
 from aoro_gym.diagnosis.network.dataset import Amount, simulate
 from aoro_gym.diagnosis.network.evaluation import answers, rates
+from aoro_gym.diagnosis.network.forward import Weights
+from aoro_gym.diagnosis.network.model import Network
 from aoro_gym.diagnosis.network.shape import Shape
 from aoro_gym.diagnosis.network.training import SENSORS, Course, train
 from aoro_gym.diagnosis.simulation.prior import Prior, SensorPrior
 from aoro_gym.execution.digest import versions
-from aoro_gym.execution.files import with_nulls, write_json
+from aoro_gym.execution.files import read_json, with_nulls, write_json
 
 HELD_OUT = 0.05
 """Share of the machines that networks are tried on."""
@@ -47,8 +51,8 @@ class Program:
 
 
 def run(program: Program, device: str, out: Path, progress: Progress = lambda sentence, share: None) -> dict[str, Any]:
-    """Train networks; each is written to ``out`` once it is trained, and ``training.json`` with how well it does. What an
-    earlier run left there besides is removed in the end.
+    """Train networks; each is written to ``out`` once it is trained, and ``training.json`` with how well it does. Networks
+    that an earlier run of the same program finished there are kept; what it left besides is removed in the end.
 
     Args:
         program: What is trained.
@@ -61,30 +65,32 @@ def run(program: Program, device: str, out: Path, progress: Progress = lambda se
     """
     began = time.monotonic()
     out.mkdir(parents=True, exist_ok=True)
+    told = _as_told(program, device)
+    before = _finished(out, told)
+    kept = before["networks"][: program.networks]
+    if len(kept) == program.networks:
+        progress("all networks are trained already", 1.0)
+        return before
     share = 0.3
     data, scales = simulate(
         Prior(), program.amount, device,
         lambda done, total: progress(f"machine {done} of {total} simulated", share * done / total),
     )  # fmt: skip
+    result = told | {"machines": data.machines, "simulated_s": time.monotonic() - began, "networks": kept}
     held_out = max(int(HELD_OUT * data.machines), 1)
-    result: dict[str, Any] = {
-        "amount": asdict(program.amount), "course": asdict(program.course), "shape": program.shape.as_dict(),
-        "prior": asdict(Prior()), "sensors": asdict(SensorPrior()), "versions": versions(), "device": device,
-        "machines": data.machines, "simulated_s": time.monotonic() - began, "networks": [],
-    }  # fmt: skip
     machines = torch.arange(data.machines - held_out, data.machines, device=data.samples.device)
-    trained = []
-    for number in range(program.networks):
+    trained = [Network.of(Weights.load(out / one["file"])).to(machines.device) for one in kept]
+    for number in range(len(kept), program.networks):
         first = share + (1.0 - share) * number / program.networks
         part = (1.0 - share) / program.networks
 
-        def told(step: int, steps: int, losses: dict[str, float], first: float = first, part: float = part) -> None:
+        def tell(step: int, steps: int, losses: dict[str, float], first: float = first, part: float = part) -> None:
             progress(f"step {step} of {steps}, cross-entropy {losses['cause']:.2f}", first + part * step / steps)
 
         start = time.monotonic()
         network = train(
             data, program.course, shape=program.shape, held_out=held_out, seed=program.amount.seed + number,
-            seconds=program.seconds, progress=told,
+            seconds=program.seconds, progress=tell,
         )  # fmt: skip
         name = f"network_{number}.safetensors"
         network.weights(scales).save(out / name)
@@ -97,7 +103,29 @@ def run(program: Program, device: str, out: Path, progress: Progress = lambda se
         write_json(out / "training.json", with_nulls(result))
     for stale in set(out.glob("network_*.safetensors")) - {out / one["file"] for one in result["networks"]}:
         stale.unlink()
-    return result
+    return with_nulls(result)
+
+
+def _as_told(program: Program, device: str) -> dict[str, Any]:
+    """All that networks depend on, but for how many there are and how many processes draw machines."""
+    told = {
+        "amount": asdict(program.amount), "course": asdict(program.course), "shape": program.shape.as_dict(),
+        "seconds": program.seconds, "prior": asdict(Prior()), "sensors": asdict(SensorPrior()), "versions": versions(),
+        "device": device,
+    }  # fmt: skip
+    del told["amount"]["processes"]
+    return told
+
+
+def _finished(out: Path, told: dict[str, Any]) -> dict[str, Any]:
+    """What an earlier run of the same program wrote to ``out``; no networks where there was none."""
+    path = out / "training.json"
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        found = read_json(path)
+        same = json.loads(json.dumps(with_nulls(told)))
+        if {key: found[key] for key in same} == same and all((out / one["file"]).exists() for one in found["networks"]):
+            return found
+    return {"networks": []}
 
 
 def _rates(networks: list[Any], data: Any, machines: torch.Tensor) -> dict[str, dict[str, float]]:

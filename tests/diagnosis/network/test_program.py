@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("torch")
 
+import torch
+
 from aoro_gym.diagnosis.network.dataset import Amount
+from aoro_gym.diagnosis.network.features import FEATURES, SAMPLES
 from aoro_gym.diagnosis.network.forward import Weights
+from aoro_gym.diagnosis.network.model import Network
 from aoro_gym.diagnosis.network.program import Program, run
 from aoro_gym.diagnosis.network.shape import Shape
 from aoro_gym.diagnosis.network.training import SENSORS, Course
@@ -34,3 +40,31 @@ def test_networks_are_written_with_how_well_they_do(tmp_path: Path) -> None:
     run(Program(amount, 1, Course(steps=1, batch=2), shape=small), "cpu", out)
     assert [one.name for one in out.glob("network_*")] == ["network_0.safetensors"]
     assert told == sorted(told) and 0.0 < told[-1] < 1.0
+
+
+def test_what_an_earlier_run_finished_is_kept(tmp_path: Path) -> None:
+    """A second network is trained beside the first, whose file stays to the bit; another program begins anew."""
+    small = Shape(width=12, heads=1, within=1, across=1, kept=1, rank=1)
+    amount = Amount(machines=4, later=1, manoeuvres=1)
+    program = Program(amount, 1, Course(steps=2, batch=2), shape=small)
+    run(program, "cpu", tmp_path)
+    first, second = (tmp_path / f"network_{number}.safetensors" for number in range(2))
+    bits = first.read_bytes()
+    first.touch()
+    stamp = first.stat().st_mtime_ns
+    result = run(replace(program, networks=2), "cpu", tmp_path)
+    assert second.exists() and len(result["networks"]) == 2 and set(result["together"]) == set(SENSORS)
+    assert first.stat().st_mtime_ns == stamp and first.read_bytes() == bits
+    told: list[str] = []
+    assert run(replace(program, networks=2), "cpu", tmp_path, lambda text, _: told.append(text)) == result
+    assert told == ["all networks are trained already"]
+    run(replace(program, course=Course(steps=1, batch=2)), "cpu", tmp_path)
+    assert first.read_bytes() != bits and not second.exists()
+
+
+def test_a_network_is_made_of_its_weights() -> None:
+    network = Network(Shape(width=12, heads=1, within=1, across=1, kept=1, rank=1))
+    again = Network.of(network.weights(np.ones(33)))
+    rows, present = torch.randn(2, 3, FEATURES, SAMPLES), torch.ones(2, 3, dtype=torch.bool)
+    for one, other in zip(network(rows, present), again(rows, present), strict=True):
+        assert torch.equal(one, other)
