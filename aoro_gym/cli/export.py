@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from typer.core import TyperGroup
 
-from aoro_gym.cli import options
+from aoro_gym.cli import export_machine, options
 from aoro_gym.cli.options import argument, option
 from aoro_gym.cli.outcome import checking_input, say_written
 from aoro_gym.reporting import terminal
@@ -78,3 +78,6 @@ def policy(
         with locked(target.parent):
             write_onnx(loaded, target)
     say_written([target])
+
+
+app.command()(export_machine.machine)
