@@ -80,4 +80,62 @@ def policy(
     say_written([target])
 
 
+FormatOption = Annotated[str, option("--format", "fmi2|fmi3|c", "Functional mock-up unit, or a library of C.")]
+TwinOutOption = Annotated[Path, option("--out -o", "FILE|FOLDER", "Unit to write (.fmu); of c the folder.")]
+TerrainOption = Annotated[
+    Path | None, option("--terrain", "FILE", "Ground: a mesh, raster or cloud. Default: level asphalt.")
+]
+EffectsOption = Annotated[
+    list[str] | None, option("--effects", "ID=VALUE", "Effect that the machine has, in SI. Repeatable.")
+]
+
+
+@app.command()
+def twin(
+    format: FormatOption,
+    out: TwinOutOption,
+    machine: options.MachineOption = options.MACHINE,
+    set_: options.SetOption = None,
+    scale: options.ScaleOption = None,
+    laws: options.LawsOption = None,
+    terrain: TerrainOption = None,
+    effects: EffectsOption = None,
+    quiet: options.QuietOption = False,
+) -> None:
+    """Write the twin as a unit of FMI 2.0 or 3.0 for co-simulation, or as a library of C: no Python inside.
+
+    Needs a C compiler ($CC, cc, gcc or clang). Inputs are the commands, outputs what the log has, and every parameter of
+    the machine file can be set before initialisation, in the unit of the file. Steps are whole milliseconds. Results are
+    those of the Python twin, to the bit where it is compiled for any CPU, too. A terrain becomes a raster of 25 cm, which
+    lies in the file; triangles themselves are not exported. The unit runs on Linux, on CPUs of this computer's kind.
+
+    [bold]Examples[/]
+
+      aoro-gym export twin --format fmi2 --out aoro.fmu
+      aoro-gym export twin --format fmi3 --terrain scan.laz --out forest.fmu
+      aoro-gym export twin --format fmi2 --effects seal_friction=3000 --out worn.fmu
+      aoro-gym export twin --format c --out libaoro
+    """
+    with checking_input():
+        from aoro_gym.cosimulation.export.build import check_output, export_twin
+        from aoro_gym.cosimulation.export.effects import with_effects
+        from aoro_gym.machine.specification import MachineSpec
+        from aoro_gym.terrains import Plane, load
+
+        check_output(format, out)
+        spec = MachineSpec(machine, tuple(set_ or ()), tuple(scale or ()), laws)
+        if spec.draws_laws:
+            raise ValueError(f"--laws {laws} draws laws, but a unit has its laws for good; name one family")
+        chosen, plane = with_effects(options.load_machine(spec), None if terrain else Plane(), effects or [])
+        ground = plane
+        if terrain is not None:
+            with terminal.progress(terrain.name) as tell:
+                ground, report = load(terrain, progress=lambda share: tell(terrain.name, share))
+            for warning in report.warnings:
+                terminal.warn(warning)
+    with checking_input():
+        written = export_twin(format, out, machine=chosen, terrain=ground)
+    say_written(written)
+
+
 app.command()(export_machine.machine)

@@ -381,8 +381,8 @@ class Machine:
         _num_variants(ordered, laws)
         components = {name: _component(kind, f"{name}.", ordered) for name, kind in _COMPONENTS.items()}
         machine = cls(name=name, entries=ordered, laws=laws, **components)
-        _check_components(machine)
-        _check_closure(machine)
+        for holds, keys, sentence in rules(machine):
+            _require(machine, holds, keys, sentence)
         return machine
 
 
@@ -495,15 +495,24 @@ def _require(machine: Machine, holds: Any, keys: list[str], sentence: str) -> No
         raise InvalidMachine.of([(machine.entries[key], where) for key in keys], sentence)
 
 
-def _check_components(machine: Machine) -> None:
+Rule = tuple[Any, list[str], str]
+"""What must hold of a machine, the keys that it is about, and what is wrong otherwise."""
+
+
+def rules(machine: Machine) -> Iterator[Rule]:
+    """What must hold between parameters; a rule may need all those before it."""
+    yield from _component_rules(machine)
+    yield from _closure_rules(machine)
+
+
+def _component_rules(machine: Machine) -> Iterator[Rule]:
     """What must hold between the parameters of one component."""
     arm, wheel, tire = machine.arm, machine.wheel, machine.tire
 
     for half in ("front", "rear"):
         body: HalfFrame = getattr(machine.frame, half)
         moments = (body.inertia_xx, body.inertia_yy, body.inertia_zz)
-        _require(
-            machine,
+        yield (
             2.0 * np.maximum(np.maximum(moments[0], moments[1]), moments[2]) <= moments[0] + moments[1] + moments[2],
             [f"frame.{half}.inertia_{axes}" for axes in ("xx", "yy", "zz")],
             "no body has a principal moment of inertia above the sum of the others; lower the largest",
@@ -512,26 +521,22 @@ def _check_components(machine: Machine) -> None:
         ("arm", arm.inertia_axial, arm.inertia_transverse, ["arm.inertia_axial", "arm.inertia_transverse"]),
         ("wheel", wheel.inertia_spin, wheel.inertia_transverse, ["wheel.inertia_spin", "wheel.inertia_transverse"]),
     ):
-        _require(
-            machine,
+        yield (
             np.less_equal(axial, 2.0 * transverse),
             keys,
             f"a {name}'s moment of inertia about its axis is at most twice the transverse one; lower {keys[0]}",
         )
-    _require(
-        machine,
+    yield (
         np.greater_equal(tire.friction_static, tire.friction_coulomb),
         ["tire.friction_static", "tire.friction_coulomb"],
         "static friction is at least Coulomb friction; raise tire.friction_static",
     )
-    _require(
-        machine,
+    yield (
         np.less(tire.disc_offset_inner, tire.disc_offset_outer),
         ["tire.disc_offset_inner", "tire.disc_offset_outer"],
         "the inner discs lie inside the outer ones; lower tire.disc_offset_inner",
     )
-    _require(
-        machine,
+    yield (
         np.less_equal(tire.disc_drop_inner, tire.disc_drop_outer) & np.less(tire.disc_drop_outer, tire.radius),
         ["tire.disc_drop_inner", "tire.disc_drop_outer", "tire.radius"],
         "the crown falls outward and leaves a radius; lower the inner drop, or the outer one",
@@ -542,42 +547,38 @@ def _check_components(machine: Machine) -> None:
         ("right", valve.opening_right_1V0, valve.opening_right_1V5),
     ):
         keys = [f"steering.valve.opening_{side}_1V0", f"steering.valve.opening_{side}_1V5"]
-        _require(machine, np.less_equal(first, second), keys, f"the opening curve rises; raise {keys[1]}")
+        yield (np.less_equal(first, second), keys, f"the opening curve rises; raise {keys[1]}")
         keys = [f"steering.valve.dead_band_{side}", "steering.valve.overlap"]
-        _require(
-            machine,
+        yield (
             np.greater_equal(machine.value(keys[0]) + np.asarray(valve.overlap), 0.0),
             keys,
             f"the spool would be open in its middle; raise {keys[1]}",
         )
     for prefix, cylinder in (("arm", arm.cylinder), ("steering", machine.steering.cylinder)):
         keys = [f"{prefix}.cylinder.rod", f"{prefix}.cylinder.bore"]
-        _require(machine, np.less(cylinder.rod, cylinder.bore), keys, f"the rod fits into the bore; lower {keys[0]}")
+        yield (np.less(cylinder.rod, cylinder.bore), keys, f"the rod fits into the bore; lower {keys[0]}")
         keys = [f"{prefix}.cylinder.stroke", f"{prefix}.cylinder.dead_length"]
-        _require(
-            machine,
+        yield (
             np.less(cylinder.stroke, cylinder.dead_length),
             keys,
             f"a closed cylinder is longer than its stroke; lower {keys[0]}",
         )
 
 
-def _check_closure(machine: Machine) -> None:
+def _closure_rules(machine: Machine) -> Iterator[Rule]:
     """What must hold between components: linkages close, wheels keep clear and stand on the ground."""
     frame, arm, tire = machine.frame, machine.arm, machine.tire
     for prefix, range_key, linkage in (
         ("arm", "arm.swing", arm.cylinder.linkage),
         ("steering", "joint.range", machine.steering.cylinder.linkage),
     ):
-        _require(
-            machine,
+        yield (
             np.isfinite(linkage.g0),
             [*(f"{prefix}.cylinder.{name}" for name in ("stroke", "dead_length", "mount_ratio")), range_key],
             "no mounting lets the stroke span the range (to either side); move the mount ratio toward 1, or "
             "shorten the stroke against the dead length",
         )
-    _require(
-        machine,
+    yield (
         np.less(arm.pivot_lateral, 0.5 * frame.track - tire.disc_offset_outer),
         ["arm.pivot_lateral", "frame.track", "tire.disc_offset_outer"],
         "the arms' pivots lie inside the tires; lower arm.pivot_lateral or widen frame.track",
@@ -586,40 +587,34 @@ def _check_closure(machine: Machine) -> None:
     turn = 0.5 * machine.joint.range
     for half in ("front", "rear"):
         body: HalfFrame = getattr(frame, half)
-        _require(
-            machine,
+        yield (
             (body.axle_distance - tire.radius) * np.cos(turn)
             > (0.5 * frame.track + tire.disc_offset_outer) * np.sin(turn),
             [f"frame.{half}.axle_distance", "tire.radius", "frame.track", "tire.disc_offset_outer", "joint.range"],
             f"the wheels would meet at full articulation; lengthen frame.{half}.axle_distance",
         )
     rest = machine.rest
-    _require(
-        machine,
+    yield (
         np.isfinite(rest.arm_angle_rear),
         ["arm.rest_angle", "arm.length", "tire.radius", "tire.stiffness"],
         "the rear wheels cannot reach the ground at rest; move arm.rest_angle toward level or raise tire.stiffness",
     )
-    _require(
-        machine,
+    yield (
         np.greater(rest.wheel_load_front, 0.0) & np.greater(rest.wheel_load_rear, 0.0),
         [f"frame.{half}.{name}" for half in ("front", "rear") for name in ("cog_offset", "axle_distance")],
         "the centre of gravity lies between the axles; move it with a cog_offset",
     )
-    _require(
-        machine,
+    yield (
         np.less(rest.deflection_front, tire.radius) & np.less(rest.deflection_rear, tire.radius),
         ["tire.stiffness", "tire.radius"],
         "the load would crush the tires; raise tire.stiffness",
     )
-    _require(
-        machine,
+    yield (
         np.less(np.abs(rest.arm_angle_front), arm.swing) & np.less(np.abs(rest.arm_angle_rear), arm.swing),
         ["arm.rest_angle", "arm.swing"],
         "the wheels stand on the ground within the arms' swing; move arm.rest_angle toward level",
     )
-    _require(
-        machine,
+    yield (
         np.greater_equal(rest.bore_pressure_front, 0.0) & np.greater_equal(rest.bore_pressure_rear, 0.0),
         ["arm.rod_rest_pressure", "frame.front.cog_offset", "frame.rear.cog_offset"],
         "the arms' cylinders would have to pull at rest; move a cog_offset or raise arm.rod_rest_pressure",

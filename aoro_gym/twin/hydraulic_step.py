@@ -59,10 +59,9 @@ TANK = -1
 
 def largest_hydraulic_step(machine: Machine) -> NDArray[np.float64]:
     """Largest stable step [s] of each variant of ``machine`` (num_variants,)."""
-    circuits = (_driveline(machine), _steering(machine, "left"), _steering(machine, "right"), *_arm(machine))
-    fastest = np.max([_fastest(machine.num_variants, *circuit) for circuit in circuits], axis=0)
-    swing = np.where(_chosen(machine, "hose", "two_segments"), _hose_frequency(machine), 0.0)
-    bounds = [4.0 / (fastest + np.sqrt(np.square(fastest) + 4.0 * np.square(swing))), *_actuators(machine)]
+    fastest = np.max([_fastest(machine.num_variants, *circuit) for circuit in circuits(machine)], axis=0)
+    swing = swing_frequency(machine)
+    bounds = [4.0 / (fastest + np.sqrt(np.square(fastest) + 4.0 * np.square(swing))), *actuator_steps(machine)]
     bound: NDArray[np.float64] = np.min([np.broadcast_to(one, fastest.shape) for one in bounds], axis=0)
     return bound
 
@@ -108,6 +107,16 @@ Circuit = tuple[list[Quantity], list[tuple[int, int, Quantity]]]
 """Stiffnesses K of the volumes, and restrictors between two of them: their slopes G."""
 
 
+def circuits(machine: Machine) -> list[Circuit]:
+    """The circuits that bound the step."""
+    return [_driveline(machine), _steering(machine, "left"), _steering(machine, "right"), *_arm(machine)]
+
+
+def swing_frequency(machine: Machine) -> Quantity:
+    """Natural frequency [rad/s] of the oil between two segments of a hose; 0 by laws without."""
+    return np.where(_chosen(machine, "hose", "two_segments"), _hose_frequency(machine), 0.0)
+
+
 def _fastest(
     count: int, stiffness: list[Quantity], restrictors: list[tuple[int, int, Quantity]]
 ) -> NDArray[np.float64]:
@@ -130,7 +139,7 @@ def _chosen(machine: Machine, law: str, option: str) -> NDArray[np.bool_]:
     return np.asarray(np.equal(machine.laws.choices[law], OPTIONS[law].index(option)))
 
 
-def _actuators(machine: Machine) -> tuple[Quantity, ...]:
+def actuator_steps(machine: Machine) -> tuple[Quantity, ...]:
     """Largest stable steps [s] of spool, load-sensing lag and compensator."""
     valve = machine.steering.valve
     spool = np.where(

@@ -231,7 +231,7 @@ def _find(section: object, name: str) -> object:
     raise AttributeError(f"the machine has no value for the device field '{name}' of {type(section).__name__}")
 
 
-def _fill(row: np.ndarray, section: object, geometry: dict[str, Quantity], path: str = "") -> None:
+def _fill(row: Any, section: object, geometry: dict[str, Quantity], path: str = "") -> None:
     for name in row.dtype.names or ():
         here = f"{path}{name}"
         if here in geometry:
@@ -246,5 +246,11 @@ def pack(machine: Machine) -> np.ndarray:
     """Device records of ``machine``: structured float32 array of shape (machine.num_variants,)."""
     layout: Any = MachineRecord.numpy_dtype()
     rows = np.zeros(machine.num_variants, dtype=layout)
-    _fill(rows, machine, _geometry(machine))
+    fill(rows, machine)
     return rows
+
+
+def fill(row: Any, machine: Machine) -> None:
+    """Write what the device needs of ``machine`` into a record: rows of the layout of :class:`MachineRecord`, or whatever
+    takes values by the same names."""
+    _fill(row, machine, _geometry(machine))

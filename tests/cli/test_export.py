@@ -1,8 +1,11 @@
 """The commands ``export ...``."""
 
+import re
+import zipfile
+
 import pytest
 
-from tests.cli.calling import call
+from tests.cli.calling import call, check_refused
 
 
 @pytest.mark.parametrize("arguments", [("none.json",), ("--out", "x.onnx", "none.json"), ("--quiet", "none.zip")])
@@ -21,3 +24,50 @@ def test_the_word_policy_is_no_longer_missed():
 def test_an_unknown_export_is_refused():
     shown = call("export", "polcy")
     assert (shown.exit_code, "No such command 'polcy'" in shown.stderr) == (2, True)
+
+
+def test_a_twin_is_written_in_every_format(tmp_path):
+    shown = call("export", "twin", "--format", "c", "--effects", "seal_friction=2000", "--out", tmp_path / "twin")
+    assert shown.exit_code == 0, shown.stderr
+    assert shown.stdout == f"wrote {tmp_path / 'twin' / 'libaoro.so'}\nwrote {tmp_path / 'twin' / 'aoro.h'}\n"
+    assert "AORO_STEERING_SIGNAL" in (tmp_path / "twin" / "aoro.h").read_text()
+    for name in ("fmi2", "fmi3"):
+        shown = call("export", "twin", "--format", name, "--set", "tire.radius=0.6", "--out", tmp_path / f"{name}.fmu")
+        assert (shown.exit_code, shown.stdout) == (0, f"wrote {tmp_path / name}.fmu\n"), shown.stderr
+        description = zipfile.ZipFile(tmp_path / f"{name}.fmu").read("modelDescription.xml").decode()
+        assert re.search(r'name="tire.radius"[^S]*start="0.6"', description)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("--format fmi1 --out x.fmu", "format is 'fmi1'; choose one of: fmi2, fmi3, c"),
+        ("--format fmi2 --out x.zip", "x.zip must end in .fmu"),
+        ("--format c --out good.csv", "good.csv is a file; of the format c name a folder"),
+        ("--format fmi2 --out x.fmu --machine none.toml", "no machine file none.toml"),
+        ("--format fmi2 --out x.fmu --terrain none.ply", "none.ply: No such file or directory"),
+        ("--format fmi2 --out x.fmu --laws any", "--laws any draws laws, but a unit has its laws for good"),
+        ("--format fmi2 --out x.fmu --effects rust=1", "'rust' is no effect; choose from: sensor_delay, "),
+        ("--format fmi2 --out x.fmu --effects sensor_gain=0.1", "sensor_gain is in the measuring chain, which is not"),
+        ("--format fmi2 --out x.fmu --effects seal_friction", "'seal_friction' is not seal_friction="),
+        ("--format fmi2 --out x.fmu --effects seal_friction=-1", "--effects seal_friction: "),
+        ("--format fmi2 --out x.fmu --terrain good.csv --effects ground_slope=0.1,0", "leave one out"),
+    ],
+)
+def test_what_is_wrong_is_said_before_anything_is_compiled(arguments, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "good.csv").write_text("x,y\n1,2\n")
+    check_refused(f"export twin {arguments}", message)
+
+
+def test_without_a_compiler_the_fix_is_said(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("CC", "no-such-compiler -O2")
+    check_refused(
+        "export twin --format fmi2 --out x.fmu", "CC is 'no-such-compiler', but there is no such program; let CC"
+    )
+    monkeypatch.delenv("CC")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    check_refused("export twin --format fmi2 --out x.fmu", "no C compiler was found (cc, gcc, clang): install one")
+    monkeypatch.setenv("CC", "/bin/false")
+    check_refused("export twin --format fmi2 --out x.fmu", "/bin/false failed: ")
