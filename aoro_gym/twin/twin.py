@@ -174,7 +174,9 @@ class Twin:
         )
         self._chooses_laws = not self.machine.laws.default if choose_laws is None else choose_laws
         self._laws = ChosenLaws() if self._chooses_laws else DefaultLaws()
-        self._reset_kernel, self._advance_kernel = build(type(self.ground)._cls, type(self._laws)._cls)
+        self._reset_kernel, self._advance_kernel = build(
+            type(self.ground)._cls, type(self._laws)._cls, measured_hubs=self._measured_hubs
+        )
 
         n = self.num_twins
         self.state = wp.zeros((len(State), n), dtype=float, device=self.device)
@@ -193,6 +195,9 @@ class Twin:
         self._numbers = wp.zeros(n, dtype=int, device=self.device)
         with devices.compiling(self._reset_kernel, self.device, BLOCK_DIM):
             self.reset()
+
+    _measured_hubs = False
+    """Whether a driveline outside turns the wheels."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         """A copy goes on from the same state, to the bit; on another computer it needs the same device."""

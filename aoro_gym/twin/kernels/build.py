@@ -1,26 +1,36 @@
 """The kernels of a kind of ground, made when first asked for."""
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, update_wrapper
+from types import FunctionType
 from typing import Any
 
 import warp as wp
 
+from aoro_gym.twin.kernels import hubs
 from aoro_gym.twin.kernels.advance import advance
+from aoro_gym.twin.kernels.hydraulics import displace, hydraulics
 from aoro_gym.twin.kernels.laws import ChosenLaws
+from aoro_gym.twin.kernels.outputs import record_outputs
 from aoro_gym.twin.kernels.reset import reset
 
 
-@cache
-def build(kind: Any, laws: Any, *, portable: bool = False) -> tuple[Any, Any]:
+def build(kind: Any, laws: Any, *, portable: bool = False, measured_hubs: bool = False) -> tuple[Any, Any]:
     """The kernels ``reset`` and ``advance`` for one kind of ground (``Planes``, ``Rasters`` or ``Meshes``) and of laws
-    (``DefaultLaws`` or ``ChosenLaws``); ``portable``: for every CPU of this architecture, not for this one.
+    (``DefaultLaws`` or ``ChosenLaws``); ``portable``: for every CPU of this architecture, not for this one;
+    ``measured_hubs``: without the driveline (:mod:`aoro_gym.twin.kernels.hubs`).
 
     Each pair is a module of its own, compiled when first asked for. On CUDA with approximate division, roots and
     exponentials (``fast_math``; the CPU's compiler ignores it): 4.5 times the speed, and a turn that differs by 1e-4 of a
     channel's range at most.
     """
+    return _build(kind, laws, portable, measured_hubs)
+
+
+@cache
+def _build(kind: Any, laws: Any, portable: bool, measured_hubs: bool) -> tuple[Any, Any]:
     module = f"{__package__}.{kind.key.lower()}" + ("_laws" if laws is ChosenLaws else "")
+    module += "_hubs" if measured_hubs else ""
     options = {"fast_math": True, "default_grid_stride": False}
     if portable:
         module += "_portable"
@@ -31,4 +41,35 @@ def build(kind: Any, laws: Any, *, portable: bool = False) -> tuple[Any, Any]:
         generic = wp.kernel(function, enable_backward=False, module=module)
         return wp.overload(generic, kinds)
 
-    return kernel(reset, terrain=kind), kernel(advance, terrain=kind, laws=laws)
+    advancing = advance_with_measured_hubs() if measured_hubs else advance
+    return kernel(reset, terrain=kind), kernel(advancing, terrain=kind, laws=laws)
+
+
+@cache
+def advance_with_measured_hubs() -> Callable[..., None]:
+    """The function ``advance`` as it is for wheels that a driveline outside turns."""
+    loop = {"driveline_step": hubs.measured_driveline_step, "motor_pressures": hubs.measured_motor_pressures}
+    shut = {"driveline_displace": hubs.measured_driveline_displace}
+    outputs = {"motor_pressures": hubs.unknown_motor_pressures}
+    parts = {
+        part.key: wp.func(with_others(part.func, others), module=hubs.__name__)
+        for part, others in ((hydraulics, loop), (displace, shut), (record_outputs, outputs))
+    }
+    return with_others(
+        advance,
+        {
+            **parts,
+            "with_laws": hubs.measured_with_laws,
+            "driveline_control": hubs.measured_driveline_control,
+            "engine_step": hubs.measured_engine_step,
+        },
+    )
+
+
+def with_others(function: Any, others: dict[str, Any]) -> Any:
+    """A copy of a Python ``function`` that finds ``others`` by the names of some that it calls."""
+    missing = sorted(others.keys() - function.__globals__.keys())
+    if missing:
+        raise NameError(f"{function.__name__} knows nothing by the name of {', '.join(missing)}")
+    copied = FunctionType(function.__code__, {**function.__globals__, **others}, function.__name__)
+    return update_wrapper(copied, function, updated=())
