@@ -68,22 +68,25 @@ class HubDrivenTwin(Twin):
     def hub_torques(self) -> npt.NDArray[np.float32]:
         """Torques [N m] that are set, (4, num_twins)."""
         first = int(State.HOSE_FL)
-        return self.state.numpy()[first : first + 4].copy()
+        return np.array(self.state.numpy()[first : first + 4], dtype=np.float32)
 
     @property
     def engine_speed(self) -> npt.NDArray[np.float32]:
         """Speed [rad/s] of the engine that is set, (num_twins,)."""
-        return self.state.numpy()[State.ENGINE_SPEED].copy()
+        return np.array(self.state.numpy()[State.ENGINE_SPEED], dtype=np.float32)
 
     @property
     def wheel_rates(self) -> npt.NDArray[np.float32]:
         """How fast each wheel turns against its arm [rad/s] at the end of the last step, (4, num_twins); 0 after a reset."""
         first = int(Output.WHEEL_RATE_FL)
-        return np.where(self._clock.numpy() > 0, self._outputs.numpy()[-1, first : first + 4], np.float32(0.0))
+        rates = self._outputs.numpy()[-1, first : first + 4]
+        return np.asarray(np.where(self._clock.numpy() > 0, rates, 0.0), dtype=np.float32)
 
     @property
     def pump_torque(self) -> npt.NDArray[np.float32]:
         """Torque [N m] that pump 2 asks of the engine, (num_twins,)."""
         state, pump = self.state.numpy(), self.machine.steering.pump
         supply = np.maximum(state[State.SUPPLY], self.machine.oil.void_pressure)
-        return np.asarray(state[State.SWASH] * pump.displacement * supply / pump.mechanical_efficiency, dtype=np.float32)
+        return np.asarray(
+            state[State.SWASH] * pump.displacement * supply / pump.mechanical_efficiency, dtype=np.float32
+        )

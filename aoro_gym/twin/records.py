@@ -110,6 +110,20 @@ State = _rows(
 
 Command = _rows("Command", COMMAND_BOUNDS)
 
+Demand = _rows("Demand", [*_each("rate"), "pump_torque"])
+"""What the bodies demand of a driveline that is held apart from them: wheel rates against the arms [rad/s], and torque of
+pump 2 on the engine [N m]."""
+
+DrivelineOutput = _rows(
+    "DrivelineOutput",
+    [
+        *(*_each("torque"), "engine_speed", "engine_torque"),
+        *("drive_pressure_forward", "drive_pressure_return", "drive_swash"),
+    ],
+)
+"""What such a driveline gives: torques at the flanges [N m], the engine's speed [rad/s] at the step's start and its torque
+[N m], pressures [Pa] and pump 1's swash [-]."""
+
 OUTPUT_UNITS = {
     name: unit
     for unit, names in (
