@@ -14,6 +14,10 @@ FormatOption = Annotated[str, option("--format", "mjcf|urdf", "MuJoCo's model fo
 FileOption = Annotated[
     Path, option("--out -o", "FILE", "File to write: .xml for mjcf, .urdf for urdf; a .json goes beside it.")
 ]
+RootOption = Annotated[
+    str,
+    option("--root", "world|frame", "Of a URDF: an empty link that the machine floats on, or the front frame itself."),
+]
 
 
 def machine(
@@ -22,13 +26,14 @@ def machine(
     machine: options.MachineOption = options.MACHINE,
     set_: options.SetOption = None,
     scale: options.ScaleOption = None,
+    root: RootOption = "world",
     quiet: options.QuietOption = False,
 ) -> None:
     """Write the machine for another simulator: bodies, masses, hinges, limits and, as far as the format has them, actuators,
     tires as springs, and sensors.
 
     What the format cannot say is listed, and stands in the file as comments and, with figures, in the .json beside it.
-    docs/howto/interchange.md loads both formats.
+    docs/howto/interchange.md loads both formats. PyBullet, which frees the root itself, wants a URDF with --root frame.
 
     [bold]Examples[/]
 
@@ -41,11 +46,11 @@ def machine(
         from aoro_gym.interchange.export import beside_of, check_target, export_machine
         from aoro_gym.interchange.report import limitation_table
 
-        check_target(format_, out)
+        check_target(format_, out, root)
         check_writable(out)
         check_writable(beside_of(out))
         spec = options.run_spec(machine, set_, scale).machine
         chosen = options.load_machine(spec)
-        written, unsaid = export_machine(chosen, format_, out, {"machine": spec.to_json()})
+        written, unsaid = export_machine(chosen, format_, out, {"machine": spec.to_json()}, root_link=root)
     print_all(limitation_table(unsaid, format_, terminal.out().width), highlight=False)
     say_written(written)

@@ -14,20 +14,20 @@ from aoro_gym.interchange.limitations import FORMATS, Limitation, limitations
 from aoro_gym.interchange.mjcf import mjcf, scrub_lever
 from aoro_gym.interchange.rigid_bodies import composite, inverse_weights, machine_bodies, rest_angles, sensor_places
 from aoro_gym.interchange.servos import GEARS, arm_displacement, servos, steering_displacement, wheel_motors
-from aoro_gym.interchange.urdf import urdf
+from aoro_gym.interchange.urdf import WORLD, check_root, urdf
 from aoro_gym.machine import Machine
 from aoro_gym.recording.commands import WHEELS
 from aoro_gym.version import VERSION
 
 SUFFIXES = {"mjcf": ".xml", "urdf": ".urdf"}
 """Of the files, by format."""
-WRITERS = {"mjcf": mjcf, "urdf": urdf}
 POINTS = 9
 """Angles of a hinge at which the JSON has what its cylinders give."""
 
 
-def check_target(format_: str, path: Path) -> None:
-    """Raise ValueError that names the fix if ``format_`` is unknown or ``path`` has not its suffix."""
+def check_target(format_: str, path: Path, root_link: str = WORLD) -> None:
+    """ValueError that names the fix if ``format_`` or ``root_link`` is unknown or ``path`` has not the format's suffix."""
+    check_root(root_link)
     if format_ not in FORMATS:
         raise ValueError(f"format is {format_!r}; choose one of: {', '.join(FORMATS)}")
     if path.suffix != SUFFIXES[format_]:
@@ -40,7 +40,7 @@ def beside_of(path: Path) -> Path:
 
 
 def export_machine(
-    machine: Machine, format_: str, path: Path, made_by: Mapping[str, Any] | None = None
+    machine: Machine, format_: str, path: Path, made_by: Mapping[str, Any] | None = None, *, root_link: str = WORLD
 ) -> tuple[list[Path], tuple[Limitation, ...]]:
     """Write ``machine``, one variant, to ``path`` and what the format lacks to a JSON beside it.
 
@@ -49,6 +49,7 @@ def export_machine(
         format_: ``mjcf`` or ``urdf``.
         path: Ends in ``.xml`` for MJCF, in ``.urdf`` for URDF.
         made_by: What the machine follows from, for the JSON; its name by default.
+        root_link: Of a URDF, see :func:`~aoro_gym.interchange.urdf.urdf`.
 
     Returns:
         The two files, and what the first one cannot say.
@@ -56,9 +57,9 @@ def export_machine(
     Raises:
         ValueError: the format, the suffix or the number of variants is wrong; the message names the fix.
     """
-    check_target(format_, path)
+    check_target(format_, path, root_link)
     unsaid = limitations(machine, format_)
-    text = WRITERS[format_](machine, unsaid)
+    text = mjcf(machine, unsaid) if format_ == "mjcf" else urdf(machine, unsaid, root_link)
     beside = beside_of(path)
     content = {
         "format": format_,

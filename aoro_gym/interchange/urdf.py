@@ -27,18 +27,21 @@ from aoro_gym.interchange.xml_text import Element, add, comment, numbers, text_o
 from aoro_gym.machine import Machine
 
 WORLD = "world"
-"""The empty link that the base floats against: readers that fix the root would else nail the machine to the ground."""
+"""The empty link that the base floats against, for readers that would nail a root to the ground."""
+ROOTS = (WORLD, "frame")
+"""What the root of the tree is: an empty link on which the base floats, or the base itself, for readers that free it."""
 COLOURS = {"frame": "0.95 0.7 0.1 1", "arm": "0.3 0.3 0.3 1", "tire": "0.1 0.1 0.1 1"}
 
 
-def urdf(machine: Machine, limitations: Sequence[Limitation] = ()) -> str:
+def urdf(machine: Machine, limitations: Sequence[Limitation] = (), root_link: str = WORLD) -> str:
     """URDF text of ``machine``, one variant; it says in comments what of the twin it cannot say. Links and hinges are
-    named as in :func:`~aoro_gym.interchange.mjcf.mjcf`.
+    named as in :func:`~aoro_gym.interchange.mjcf.mjcf`; ``root_link`` is one of :data:`ROOTS`.
 
     The ``effort`` of joint and arms is the smaller of both directions' torques at which a relief valve opens, a wheel's that
     of first gear; ``velocity`` is the larger rate.
     """
     check_one(machine)
+    check_root(root_link)
     root = Element("robot", name=machine.name)
     for line in limitations:
         comment(root, f"not said: {line.sentence}")
@@ -48,9 +51,12 @@ def urdf(machine: Machine, limitations: Sequence[Limitation] = ()) -> str:
         add(add(root, "material", name=name), "color", rgba=rgba)
     held = {servo.hinge: servo for servo in servos(machine)}
     motors = {motor.hinge: motor for motor in wheel_motors(machine)}
-    add(root, "link", name=WORLD)
+    if root_link == WORLD:
+        add(root, "link", name=WORLD)
     for body in machine_bodies(machine):
         _link(root, body)
+        if body.parent is None and root_link != WORLD:
+            continue
         place = np.array([0.0, 0.0, float(machine.rest.height)]) if body.parent is None else body.place
         kind = "floating" if body.parent is None else "continuous" if math.isinf(body.limit) else "revolute"
         hinge = _joint(root, body.hinge, kind, body.parent or WORLD, body.name, place)
@@ -61,6 +67,12 @@ def urdf(machine: Machine, limitations: Sequence[Limitation] = ()) -> str:
         add(root, "link", name=name)
         _joint(root, f"{name}_mount", "fixed", BASE, name, place)
     return text_of(root)
+
+
+def check_root(root_link: str) -> None:
+    """ValueError that names the choices if ``root_link`` is none."""
+    if root_link not in ROOTS:
+        raise ValueError(f"root is {root_link!r}; choose one of: {', '.join(ROOTS)}")
 
 
 def _joint(root: Element, name: str, kind: str, parent: str, child: str, place: Vector) -> Element:

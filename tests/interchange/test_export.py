@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from aoro_gym.interchange import FORMATS, description, export_machine, limitations
-from aoro_gym.interchange.export import SUFFIXES, WRITERS, beside_of
+from aoro_gym.interchange import FORMATS, description, export_machine, limitations, mjcf, urdf
+from aoro_gym.interchange.export import SUFFIXES, beside_of
 from aoro_gym.interchange.report import limitation_table
 from aoro_gym.interchange.xml_text import Element, comment, numbers, text_of
 
@@ -21,7 +21,7 @@ def test_files_are_whole_and_the_same_each_time(calibrated, tmp_path, format_):
     first = [file.read_bytes() for file in written]
     export_machine(calibrated, format_, path)
     assert [file.read_bytes() for file in written] == first
-    assert path.read_text(encoding="utf-8") == WRITERS[format_](calibrated, unsaid)
+    assert path.read_text(encoding="utf-8") == {"mjcf": mjcf, "urdf": urdf}[format_](calibrated, unsaid)
 
 
 @pytest.mark.parametrize("format_", FORMATS)
@@ -66,6 +66,8 @@ def test_wrong_targets_are_refused(calibrated, tmp_path):
         export_machine(calibrated, "mjcf", tmp_path / "aoro.urdf")
     with pytest.raises(ValueError, match="format is 'usd'; choose one of: mjcf, urdf"):
         export_machine(calibrated, "usd", tmp_path / "aoro.usd")
+    with pytest.raises(ValueError, match="root is 'base'; choose one of: world, frame"):
+        export_machine(calibrated, "urdf", tmp_path / "aoro.urdf", root_link="base")
     with pytest.raises(ValueError, match="the machine has 2 variants"):
         export_machine(calibrated.scale({"wheel.mass": np.array([1.0, 1.1])}), "urdf", tmp_path / "aoro.urdf")
     assert not list(tmp_path.iterdir())

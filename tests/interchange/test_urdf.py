@@ -87,6 +87,13 @@ def test_it_is_a_tree_with_one_root(root):
     assert {kind: kinds.count(kind) for kind in kinds} == {"floating": 1, "revolute": 5, "continuous": 4, "fixed": 3}
 
 
+def test_the_base_can_be_the_root(root, calibrated):
+    bare = ElementTree.fromstring(urdf(calibrated, root_link="frame"))
+    links = [[link.attrib["name"] for link in one.findall("link")] for one in (root, bare)]
+    joints = [[joint.attrib["name"] for joint in one.findall("joint")] for one in (root, bare)]
+    assert links[0] == ["world", *links[1]] and joints[0] == ["base", *joints[1]]
+
+
 def test_limits_and_friction_are_the_machines(root, model, calibrated):
     joints = {joint.attrib["name"]: joint for joint in root.findall("joint")}
     for servo in servos(calibrated):
