@@ -74,7 +74,7 @@ def mjcf(machine: Machine, limitations: Sequence[Limitation] = ()) -> str:
     )
     _appearance(root)
     world = add(root, "worldbody")
-    add(world, "light", name="sun", type_="directional", pos="0 0 20", dir_="0.3 0.2 -1", diffuse="0.7 0.7 0.7")
+    add(world, "light", name="sun", type_="directional", pos="0 0 10", dir_="0.1 0.1 -1", diffuse="0.7 0.7 0.7")
     add(
         world,
         "geom",
@@ -145,7 +145,12 @@ def scrub_lever(machine: Machine) -> float:
 
 
 def _appearance(root: Element) -> None:
-    add(add(root, "visual"), "global", offwidth="1280", offheight="720")
+    add(root, "statistic", center="0 0 1", extent="4")
+    visual = add(root, "visual")
+    add(visual, "global", offwidth="1280", offheight="720", azimuth="125", elevation="-24")
+    add(visual, "headlight", ambient="0.4 0.4 0.4", diffuse="0.4 0.4 0.4", specular="0 0 0")
+    add(visual, "quality", shadowsize="4096")
+    add(visual, "map", shadowclip="5")
     asset = add(root, "asset")
     size = {"width": "300", "height": "300"}
     colours = {"rgb1": "0.55 0.6 0.5", "rgb2": "0.5 0.55 0.45"}
