@@ -138,7 +138,7 @@ def validated(machine: Machine, uncalibrated: Machine | None, ensemble: list[Mac
         )
 
 
-LogsArgument = Annotated[list[Path] | None, argument("[LOG]...", "Logs (.csv or .parquet), after --logs.")]
+LogsArgument = Annotated[list[Path] | None, argument("[LOG]...", "Logs (.csv, .parquet or a bag), after --logs.")]
 PublishedOption = Annotated[bool, option("--published", None, "Calibrate against the published figures.")]
 UseLogsOption = Annotated[bool, option("--logs", None, "Calibrate against the LOGs that follow.")]
 MembersOption = Annotated[int, option("--ensemble", "N", "Further machines that fit as well, as different as can be.")]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from aoro_gym.diagnosis.result import Diagnosis
     from aoro_gym.machine import Machine
 
-LogsArgument = Annotated[list[Path] | None, argument("[LOG]...", "Logs (.csv or .parquet) to be explained.")]
+LogsArgument = Annotated[list[Path] | None, argument("[LOG]...", "Logs (.csv, .parquet or a bag) to be explained.")]
 MetricsOption = Annotated[
     Path | None, option("--metrics", "TABLE", "Key figures of full turns (.csv), instead of logs.")
 ]

@@ -73,4 +73,4 @@ def read_log(path: Path) -> logs.Log:
 
 def logs_in(folder: Path) -> list[Path]:
     """All logs in a folder, by their names; none if there is no such folder."""
-    return sorted([*folder.glob("*.csv"), *folder.glob("*.parquet")])
+    return sorted(path for ending in ("csv", "parquet", "mcap") for path in folder.glob(f"*.{ending}"))

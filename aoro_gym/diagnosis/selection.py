@@ -8,15 +8,16 @@ from pathlib import Path
 
 from aoro_gym.diagnosis.recording import Recording, logs_in
 from aoro_gym.diagnosis.tables import Row, selected
+from aoro_gym.recording.bags import is_bag
 
 
 def log_files(paths: Sequence[Path] | None) -> list[Path]:
     """Logs of ``paths``, each a log or a folder of logs; ValueError if a folder holds none."""
     found: list[Path] = []
     for path in paths or []:
-        logs = logs_in(path) if path.is_dir() else [path]
+        logs = logs_in(path) if path.is_dir() and not is_bag(path) else [path]
         if not logs:
-            raise ValueError(f"--healthy {path} holds no .csv or .parquet log")
+            raise ValueError(f"--healthy {path} holds no .csv, .parquet or .mcap log")
         found += logs
     return found
 

@@ -1,4 +1,4 @@
-"""Tables as loggers, spreadsheets and scanners write them: CSV of any dialect, text in columns, Parquet.
+"""Tables as loggers, spreadsheets and scanners write them: CSV of any dialect, text in columns, Parquet, bags of ROS.
 
 >>> table = read_table(path)  # doctest: +SKIP
 >>> table.numbers("pressure_a_bar")  # doctest: +SKIP
@@ -19,6 +19,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.recording.bag_mapping import columns_of
+from aoro_gym.recording.bags import is_bag
 from aoro_gym.recording.cells import LONGEST_ECHO, MISSING, THOUSANDS, listed, parse_number, shown, time_stamp
 from aoro_gym.recording.dialects import (
     _INTEGER,
@@ -317,11 +319,13 @@ def _kind_in_words(kind: Any) -> str:
 
 
 def read_table(path: Path) -> Table:
-    """Read a table with a header: CSV, text in columns, or Parquet.
+    """Read a table with a header: CSV, text in columns, Parquet, or a bag (:mod:`.bag_mapping`).
 
     Raises:
         ValueError: the file cannot be a table; names it, the line and the reason.
     """
+    if is_bag(path):
+        return _read_bag(path)
     if not path.is_file():
         raise ValueError(f"{path} is not a file" if path.exists() else f"file {path} does not exist")
     with path.open("rb") as stream:
@@ -459,6 +463,28 @@ def _read_parquet(path: Path) -> Table:
     return Table(
         path, names, np.arange(1, rows + 1), Dialect(names=names, columns=len(names)), False, _Parquet(path, rows)
     )
+
+
+@dataclass(frozen=True)
+class _Columns:
+    """Columns of a bag."""
+
+    values: Sequence[NDArray[np.float64]]
+
+    def texts(self, indices: Sequence[int]) -> None:
+        return None
+
+    def typed(self, index: int) -> Any:
+        import pyarrow
+
+        return pyarrow.array(self.values[index])
+
+
+def _read_bag(path: Path) -> Table:
+    columns = columns_of(path)
+    names, rows = tuple(columns), len(columns["time_s"])
+    source = _Columns(tuple(columns.values()))
+    return Table(path, names, np.arange(1, rows + 1), Dialect(names=names, columns=len(names)), False, source)
 
 
 def _one_line(error: Exception) -> str:

@@ -1,4 +1,4 @@
-"""Logs: what a twin did, or what the machine's logger wrote, as CSV or Parquet.
+"""Logs: what a twin did, or what the machine's logger wrote, as CSV, Parquet or MCAP.
 
 Columns carry field units in their names. Measured columns come first, at 100 Hz as the machine logs them; columns named
 ``true_*`` are the simulator's own state, for plots only. A manifest of the same name in TOML says how the log was made,
@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.execution.files import check_writable, write_text, written_whole
+from aoro_gym.recording.bags import NEEDED, write_bag
 from aoro_gym.sensors.chain import SAMPLE_RATE, sample
 from aoro_gym.sensors.joint_angle import JointAngleSensor
 from aoro_gym.sensors.pressure import PressureSensor
@@ -121,9 +123,12 @@ def _measured(
 
 
 def write_log(path: Path, columns: Mapping[str, ArrayLike], manifest: Mapping[str, Any] | None = None) -> list[Path]:
-    """Write ``columns`` to ``path`` (.csv or .parquet) and ``manifest`` beside it (.toml); returns what was written."""
+    """Write ``columns`` to ``path`` (.csv, .parquet or .mcap) and ``manifest`` beside it (.toml); returns the files."""
     check_log_path(path)
     arrays = {name: np.asarray(values, dtype=np.float64) for name, values in columns.items()}
+    if path.suffix == ".mcap":
+        write_bag(path, arrays)
+        return [path, *_with_manifest(path, manifest)]
     with written_whole(path) as temporary:
         if path.suffix == ".parquet":
             import pyarrow
@@ -133,18 +138,25 @@ def write_log(path: Path, columns: Mapping[str, ArrayLike], manifest: Mapping[st
         else:
             rows = np.column_stack(list(arrays.values()))
             np.savetxt(temporary, rows, fmt="%.9g", delimiter=",", header=",".join(arrays), comments="")
-    written = [path]
-    if manifest is not None:
-        written.append(path.with_suffix(".toml"))
-        write_text(written[-1], _toml(manifest))
-    return written
+    return [path, *_with_manifest(path, manifest)]
+
+
+def _with_manifest(path: Path, manifest: Mapping[str, Any] | None) -> list[Path]:
+    """Write the manifest beside a log, if there is one."""
+    if manifest is None:
+        return []
+    beside = path.with_suffix(".toml")
+    write_text(beside, _toml(manifest))
+    return [beside]
 
 
 def check_log_path(path: Path) -> None:
     """``ValueError`` unless a log can be written to ``path``."""
-    if path.suffix not in (".csv", ".parquet"):
-        raise ValueError(f"log {path} must end in .csv or .parquet")
+    if path.suffix not in (".csv", ".parquet", ".mcap"):
+        raise ValueError(f"log {path} must end in .csv, .parquet or .mcap")
     check_writable(path)
+    if path.suffix == ".mcap" and find_spec("rosbags") is None:
+        raise ValueError(f"log {path} needs rosbags: {NEEDED}, or end it in .csv")
     if path.suffix == ".parquet":
         try:
             import pyarrow  # noqa: F401

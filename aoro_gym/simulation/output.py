@@ -53,7 +53,7 @@ def write(section: Section, twin: Twin, out: Path, spec: RunSpec, *, page: bool 
     Args:
         section: Trajectory and key figures.
         twin: Twin that was recorded, on a plane.
-        out: Log (.csv or .parquet); the other files stand beside it.
+        out: Log (.csv, .parquet or .mcap); the other files stand beside it.
         spec: Machine, device and seed of the run.
         page: Whether to write an HTML page, too.
     """

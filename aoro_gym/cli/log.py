@@ -1,0 +1,89 @@
+"""Commands about logs: what a bag holds, and other formats."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from aoro_gym.cli.options import argument, option
+from aoro_gym.cli.outcome import checking_input, say_written
+from aoro_gym.reporting import terminal
+
+app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich", help="Logs: what a bag holds, and other formats.")
+
+BagArgument = Annotated[Path, argument("BAG", "MCAP file, folder of rosbag2, .db3, or .bag of ROS 1.")]
+MapOption = Annotated[Path | None, option("--out -o", "FILE", "Mapping to write. Default: BAG.map.toml, beside it.")]
+LogArgument = Annotated[Path, argument("LOG", "Log of any format that can be read.")]
+IntoArgument = Annotated[Path, argument("INTO", "Log to write, .csv, .parquet or .mcap.")]
+
+
+@app.callback()
+def _logs() -> None:
+    """Logs: what a bag holds, and other formats."""
+
+
+@app.command("map")
+def propose(bag: BagArgument, out: MapOption = None) -> None:
+    """Propose which fields of a BAG are the columns of a log, as a mapping to be completed by hand.
+
+    Names of topics, fields and joints are held against those that logs use; units follow from the type of a message or the
+    end of a name. What is unknown says "?". With the mapping beside it, calibrate and diagnose read BAG as any log.
+
+    [bold]Examples[/]
+
+      aoro-gym log map turn.mcap
+      aoro-gym diagnose turn.mcap --check
+    """
+    with checking_input():
+        from aoro_gym.execution.files import check_writable, write_text
+        from aoro_gym.recording.bag_mapping import as_toml, mapping_file, proposed
+        from aoro_gym.recording.logs import LOOSE, QUANTITIES
+
+        path = out or mapping_file(bag)
+        if path.exists():
+            raise ValueError(
+                f"{path} exists and may hold what was filled in by hand; remove it, or name another by --out"
+            )
+        check_writable(path)
+        # a steering command is a share, unless the end of its name says volts
+        asked = {key: one.bases - LOOSE for key, one in QUANTITIES.items() if key != "time"}
+        names = {
+            key: sorted(own - asked["steering_signal"] if key == "steering_voltage" else own)
+            for key, own in asked.items()
+        }
+        columns, left = proposed(bag, names)
+        write_text(path, as_toml(bag, columns, left))
+    for one in columns:
+        terminal.out().print(f"{one.column}: {one.topic} {one.field} {one.unit}", markup=False, highlight=False)
+    terminal.out().print(f"{len(left)} other fields are listed in the file, not read", markup=False, highlight=False)
+    say_written([path])
+
+
+@app.command()
+def convert(log: LogArgument, into: IntoArgument) -> None:
+    """Write a LOG in another format: CSV, Parquet or MCAP.
+
+    Numbers keep all their digits in Parquet and MCAP, nine in CSV. The manifest beside LOG goes with it.
+
+    [bold]Examples[/]
+
+      aoro-gym log convert turn.csv turn.mcap
+      aoro-gym log convert turn.mcap turn.parquet
+    """
+    with checking_input():
+        from aoro_gym.recording.manifest import read_manifest
+        from aoro_gym.recording.tables import read_table
+        from aoro_gym.simulation.log import check_log_path, write_log
+
+        if log.resolve() == into.resolve():
+            raise ValueError(f"INTO is LOG itself ({into}); name another file")
+        check_log_path(into)
+        table = read_table(log)
+        columns = {name: table.numbers(name) for name in table.names}
+        if into.suffix == ".mcap" and "time_s" not in columns:
+            raise ValueError(f"{log} has no column time_s, which gives messages their time")
+        manifest = read_manifest(log)
+        written = write_log(into, columns, manifest.values if manifest.path else None)
+    say_written(written)
