@@ -76,10 +76,9 @@ def opened(path: Path) -> Iterator[AnyReader]:
         # bags of old recorders name types only
         with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
             yield reader
-    except (AnyReaderError, Reader1Error, Reader2Error, OSError, AssertionError) as error:
-        raise ValueError(
-            f"{path} is not a whole bag: {str(error).splitlines()[0] if str(error) else error!r}"
-        ) from None
+    except (AnyReaderError, Reader1Error, Reader2Error, OSError, AssertionError, *_DAMAGED) as error:
+        said = str(error).splitlines()
+        raise ValueError(f"{path} is not a whole bag: {said[0] if said else type(error).__name__}") from None
 
 
 # ---- fields of messages ----
