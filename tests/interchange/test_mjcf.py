@@ -140,6 +140,22 @@ def test_ranges_are_the_machines(model, calibrated):
         assert model.joint(hinge).range == pytest.approx([-limit, limit], rel=1e-15)
 
 
+@pytest.mark.parametrize("hinge", [JOINT, "arm_fl", "arm_rr"])
+def test_stops_are_springs_and_dampers(model, calibrated, hinge):
+    servo = next(servo for servo in servos(calibrated) if servo.hinge == hinge)
+    data = at_rest(model)
+    data.qpos[2] += 5.0
+    beyond, rate = 1e-3, 0.2
+    data.joint(hinge).qpos[0] = model.joint(hinge).range[1] + beyond
+    data.joint(hinge).qvel[0] = rate
+    mujoco.mj_forward(model, data)
+    limits = data.efc_force[data.efc_type == mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT]
+    added = IMPEDANCE / (1.0 - IMPEDANCE) / model.dof_invweight0[model.joint(hinge).dofadr[0]]
+    slack = added * np.abs(data.joint(hinge).qacc[0]) + 1e-6
+    assert limits == pytest.approx([servo.stop_stiffness * beyond + servo.stop_damping * rate], abs=slack)
+    assert slack < 0.5 * servo.stop_damping * rate
+
+
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_joint_turns_to_the_side_of_its_control_up_to_its_end(model, calibrated, side):
     servo, data = servos(calibrated)[0], at_rest(model)
