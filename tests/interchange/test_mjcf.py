@@ -236,6 +236,15 @@ def test_wheels_drive_against_brakes_and_rolling_resistance(model, calibrated):
     assert data.sensor("wheel_rate_fl").data[0] == pytest.approx(data.qvel[0] / radius, rel=0.02)
 
 
+def test_hinges_rub_as_the_servos_and_brakes_say(model, calibrated):
+    for servo in servos(calibrated):
+        freedom = model.joint(servo.hinge).dofadr[0]
+        assert (model.dof_damping[freedom], model.dof_frictionloss[freedom]) == (servo.damping, servo.friction)
+        assert model.actuator(servo.hinge).gainprm[0] == servo.stiffness
+    for motor in wheel_motors(calibrated):
+        assert model.dof_frictionloss[model.joint(motor.hinge).dofadr[0]] == motor.brake
+
+
 def test_gears_are_named(model, calibrated):
     for gear in ("gear_1", "gear_2", "gear_3"):
         motors = wheel_motors(calibrated)
