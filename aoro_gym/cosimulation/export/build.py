@@ -143,7 +143,9 @@ def _pack(made: Generated, format: str, library: Path, machine: Machine, out: Pa
     }
     with written_whole(out) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in members.items():
-            archive.writestr(zipfile.ZipInfo(name, _EPOCH), content, zipfile.ZIP_DEFLATED)
+            member = zipfile.ZipInfo(name, _EPOCH)
+            member.external_attr = (0o755 if name.endswith(".so") else 0o644) << 16
+            archive.writestr(member, content, zipfile.ZIP_DEFLATED)
 
 
 def _platform(version: str) -> str:

@@ -54,7 +54,7 @@ def test_any_parameters_give_the_record_or_the_refusal_of_python(reach, probe, s
     """Every parameter is drawn, by a factor of e^(+-reach): the farther, the more of them are no machine."""
     rng = np.random.default_rng(int(100 * reach))
     valid = 0
-    for _ in range(60):
+    for _ in range(25):
         factors = dict(zip(DECLARATIONS, np.exp(rng.uniform(-reach, reach, len(DECLARATIONS))), strict=True))
         values = {key: shipped.entries[key].value * factor for key, factor in factors.items()}
         for key, declaration in DECLARATIONS.items():
@@ -81,7 +81,7 @@ def test_any_parameters_give_the_record_or_the_refusal_of_python(reach, probe, s
             assert record.tobytes() == pack(machine).tobytes()
             valid += 1
     if reach < 0.3:
-        assert valid > 20
+        assert valid > 8
 
 
 @pytest.mark.parametrize("key", list(DECLARATIONS)[::7])
