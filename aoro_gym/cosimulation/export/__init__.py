@@ -5,3 +5,9 @@
 :mod:`~aoro_gym.cosimulation.export.build` compiles and links both with the readable sources in ``c``, and
 :mod:`~aoro_gym.cosimulation.export.description` describes the result to importers.
 """
+
+from aoro_gym.cosimulation.export.build import export_twin
+from aoro_gym.cosimulation.export.compiler import NoCompiler
+from aoro_gym.cosimulation.export.effects import with_effects
+
+__all__ = ["NoCompiler", "export_twin", "with_effects"]

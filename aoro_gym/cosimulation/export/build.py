@@ -11,6 +11,7 @@ import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
+from os import PathLike
 from pathlib import Path
 
 from aoro_gym.checks import check_choice
@@ -47,7 +48,12 @@ class Generated:
 
 
 def export_twin(
-    format: str, out: Path, *, machine: Machine, terrain: Plane | Terrain | None = None, cell: float = CELL
+    format: str,
+    out: str | PathLike[str],
+    *,
+    machine: Machine,
+    terrain: Plane | Terrain | None = None,
+    cell: float = CELL,
 ) -> list[Path]:
     """Write a twin that needs no Python, and return the files.
 
@@ -62,6 +68,7 @@ def export_twin(
     Raises:
         ValueError: a value is out of its bound, or there is no C compiler; the message says what to do.
     """
+    out = Path(out)
     check_output(format, out)
     if machine.num_variants > 1:
         raise ValueError(f"the machine has {machine.num_variants} variants; export one of them: machine.variant(i)")
