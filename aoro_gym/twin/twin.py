@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -355,8 +355,8 @@ class Twin:
     def advancing(
         self, duration: float = 0.02, *, sample_every: float | None = None, commands: wp.array | None = None
     ) -> Callable[[int, int], None]:
-        """What :meth:`advance` does, to the twins from one number up to another, to be called many times: a GPU is told
-        faster so than it is told all anew. Valid until anything but the state and the commands of the twins is replaced.
+        """What :meth:`advance` does, to the twins from one number up to another, to be called many times: a launch that was
+        recorded is told faster than all anew. Valid until anything but the state and the commands of the twins is replaced.
 
         Args:
             duration: See :meth:`advance`.
@@ -368,13 +368,13 @@ class Twin:
         told = self._held if commands is None else commands
         if frames % len(told):
             raise ValueError(f"{len(told)} sets of commands cannot share {frames} samples equally")
-        if self.device.is_cpu:
-            return partial(self._launch, told, frames, every)
         recorded = self._advance(told, frames, every, 0, self.num_twins, record_cmd=True)
         range_told = (0, self.num_twins)
 
         def advance(first: int, last: int) -> None:
             nonlocal range_told
+            if self._sharing(last - first, frames * every) > 1:
+                return self._launch(told, frames, every, first, last)
             if range_told != (first, last):
                 recorded.set_param_at_index(FIRST, first)
                 recorded.set_dim(last - first)
@@ -415,9 +415,8 @@ class Twin:
     def _launch(self, commands: wp.array, frames: int, every: int, first: int, last: int) -> None:
         """Launch ``frames`` times ``every`` main steps of the twins from ``first`` up to ``last``; on the CPU, whose backend
         is single-threaded, one slice of twins a thread."""
-        threads, twins = 1, last - first
-        if self.device.is_cpu and twins * frames * every >= WORTH_THREADS:
-            threads = min(self.threads, twins)
+        twins = last - first
+        threads = self._sharing(twins, frames * every)
 
         def launch(slot: int) -> None:
             begin, end = (first + number * twins // threads for number in (slot, slot + 1))
@@ -427,6 +426,10 @@ class Twin:
             launch(0)
         else:
             list(_threads().map(launch, range(threads)))
+
+    def _sharing(self, twins: int, steps: int) -> int:
+        """CPU threads that share a launch of ``steps`` main steps of ``twins``; 1 on a GPU."""
+        return min(self.threads, twins) if self.device.is_cpu and twins * steps >= WORTH_THREADS else 1
 
     def _whole(self, seconds: float, name: str) -> int:
         steps = round(seconds / self.main_step) if np.isfinite(seconds) else 0

@@ -281,6 +281,15 @@ def test_advancing_again_and_again_is_to_advance(count):
     np.testing.assert_array_equal(twins[0].outputs.numpy(), twins[1].outputs.numpy())
 
 
+def test_a_few_twins_are_told_by_a_recorded_launch(monkeypatch):
+    """On the CPU, too; many are shared by threads, each of which is told anew."""
+    twin = Twin(1, device="cpu")
+    advance, told = twin.advancing(0.01), []
+    monkeypatch.setattr(wp, "launch", lambda *_, **__: told.append(1))
+    advance(0, 1)
+    assert twin.time[0] == 0.01 and not told
+
+
 @pytest.mark.parametrize("count", [1, 300])
 def test_sets_of_commands_are_held_one_after_the_other(count):
     """To the bit: four sets of two samples each in one launch, and four launches."""
