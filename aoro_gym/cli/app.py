@@ -19,6 +19,7 @@ from aoro_gym.cli import (
     laws,
     log,
     parameters,
+    serve,
     simulation,
     terrain,
     training,
@@ -60,6 +61,7 @@ for command in (
     evaluation.curves,
     evaluation.gap,
     training.train,
+    serve.serve,
     bench.bench,
 ):
     app.command()(command)
@@ -98,6 +100,7 @@ def _top(
       aoro-gym laws                         which laws its parts may obey
       aoro-gym evaluate --help              controllers and policies side by side, on any ground
       aoro-gym train --help                 a policy of your own, on your machine and your ground
+      aoro-gym serve --help                 a twin on sockets, for the machine's own tracking script
       aoro-gym diagnose --help              why your machine and its twin disagree
       aoro-gym blind --help                 machines with a withheld deviation, to check a diagnosis on
     """

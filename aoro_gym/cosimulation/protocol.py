@@ -71,6 +71,8 @@ class Reason(StrEnum):
     OUT_OF_RANGE = "out of range"
     REPLAYED = "replayed"
     SENDERS = "too many senders"
+    STALE = "stale"
+    BUSY = "busy"
 
 
 REASONS = {
@@ -86,6 +88,8 @@ REASONS = {
     Reason.OUT_OF_RANGE: "a value is outside of its field's bounds",
     Reason.REPLAYED: "its sequence number does not exceed the sender's last one",
     Reason.SENDERS: f"more than {MOST_SENDERS} senders in one run",
+    Reason.STALE: "answers what was measured too long ago",
+    Reason.BUSY: "another sender is in command",
 }
 """Each reason in words."""
 
@@ -280,8 +284,9 @@ class Receiver:
             self.accepted += 1
         return found
 
-    def drop(self, reason: Reason, detail: str) -> Rejection:
-        """Count a datagram that is dropped for a reason which only its owner knows."""
+    def withdraw(self, reason: Reason, detail: str) -> Rejection:
+        """Count the frame that was accepted last as dropped, for a reason which only its receiver knows."""
+        self.accepted -= 1
         self.rejected[reason] += 1
         return Rejection(reason, detail)
 

@@ -1,0 +1,247 @@
+"""Command that puts a twin on sockets."""
+
+from __future__ import annotations
+
+import json
+import math
+import signal
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from aoro_gym.cli import options
+from aoro_gym.cli.options import option
+from aoro_gym.cli.outcome import checking_input, fail, interrupted, print_all, running, say_error, say_written
+from aoro_gym.reporting import terminal
+
+if TYPE_CHECKING:
+    from aoro_gym.cosimulation.server.geodesy import Origin
+    from aoro_gym.cosimulation.server.server import Server
+    from aoro_gym.terrains import Path as Line
+    from aoro_gym.terrains import Plane, Terrain
+
+TerrainOption = Annotated[
+    Path | None, option("--terrain", "FILE", "Ground, see 'aoro-gym terrain'. Default: level asphalt.")
+]
+GroundOption = Annotated[
+    str, option("--ground", "raster|mesh", "How the twin feels a terrain; mesh: its very triangles.")
+]
+PathOption = Annotated[Path | None, option("--path", "FILE", "Start on this path (GPX, CSV, ...), 4 m from its begin.")]
+TrackOption = Annotated[str | None, option("--track", "N|NAME", "Which of the file's tracks.")]
+StartOption = Annotated[
+    tuple[float, float, float] | None,
+    option("--start", "X Y DEG", "Or start here: hinge [m], heading from x to the left."),
+]
+OriginOption = Annotated[
+    str | None,
+    option(
+        "--origin", "LAT,LON[,HEIGHT]", "Place of x = y = z = 0 on the Earth [deg, m], if the ground does not say it."
+    ),
+]
+HostOption = Annotated[str, option("--host", "ADDRESS", "Address to bind. Any but 127.0.0.1 needs --token.")]
+UdpOption = Annotated[int, option("--udp-port", "N", "Commands in, telemetry out; 0: any free one.")]
+TcpOption = Annotated[int, option("--tcp-port", "N", "GPS sentences out; 0: any free one.")]
+TokenOption = Annotated[
+    str | None,
+    typer.Option("--token", metavar="TEXT", help="Secret that authenticates all datagrams.", envvar="AORO_TOKEN"),
+]
+LockStepOption = Annotated[bool, option("--lock-step", None, "Clients grant each step; no real time.")]
+RateOption = Annotated[int, option("--telemetry-rate", "100|50|20", "Records of telemetry a second [Hz].")]
+DurationOption = Annotated[float | None, option("--duration", "S", "Simulated time to end after. Default: none.")]
+FifoOption = Annotated[
+    int | None, option("--fifo", "PRIORITY", "First-in-first-out scheduling (1 to 99), locked memory.")
+]
+SpinOption = Annotated[bool, option("--spin", None, "Wait with the processor running; fewer steps are late.")]
+LossOption = Annotated[
+    float | None, option("--gps-loss", "S", "Mean time between two losses of the fixed solution. Default: none.")
+]
+IdealOption = Annotated[bool, option("--ideal-sensors", None, "Sensors without errors.")]
+OutOption = Annotated[
+    Path | None, option("--out -o", "FOLDER", "Write a log (.csv), events (.log) and results (.json) here.")
+]
+JsonOption = Annotated[
+    Path | None, option("--json", "FILE|-", "Write the results here, or (-) to the standard output.")
+]
+
+
+def serve(
+    terrain: TerrainOption = None,
+    ground: GroundOption = "raster",
+    path: PathOption = None,
+    track: TrackOption = None,
+    start: StartOption = None,
+    origin: OriginOption = None,
+    host: HostOption = "127.0.0.1",
+    udp_port: UdpOption = 47800,
+    tcp_port: TcpOption = 47801,
+    token: TokenOption = None,
+    lock_step: LockStepOption = False,
+    telemetry_rate: RateOption = 100,
+    duration: DurationOption = None,
+    fifo: FifoOption = None,
+    spin: SpinOption = False,
+    gps_loss: LossOption = None,
+    ideal: IdealOption = False,
+    out: OutOption = None,
+    json_file: JsonOption = None,
+    machine: options.MachineOption = options.MACHINE,
+    set_: options.SetOption = None,
+    scale: options.ScaleOption = None,
+    laws: options.LawsOption = None,
+    seed: options.SeedOption = 0,
+    quiet: options.QuietOption = False,
+) -> None:
+    """Put a twin on sockets, so that a controller meets it as it meets the machine.
+
+    Over TCP it sends NMEA 0183 (GGA, RMC, VTG, HDT) ten times a second, of two antennas on the front frame; over UDP the
+    other sensors a hundred times a second, to whom said hello. Commands come back over UDP in volts, as binary records or as
+    lines of JSON. Without a valid command for 200 ms the valves go to the middle and the brakes on; the next one is obeyed
+    again.
+
+    It runs in real time, with steps of 1 ms at absolute deadlines, or with --lock-step as far as clients grant. How late
+    steps were is told at the end: an ordinary scheduler misses deadlines on a busy computer; --fifo 50 --spin help.
+
+    [bold]Examples[/]
+
+      aoro-gym serve
+      aoro-gym serve --terrain scan.ply --path lap.gpx --seed 3 --out session
+      aoro-gym serve --lock-step --telemetry-rate 20
+      aoro-gym serve --terrain scan.ply --ground mesh --fifo 50 --spin --duration 60 --json -
+      AORO_TOKEN=correct-horse-battery aoro-gym serve --host 0.0.0.0
+    """
+    with checking_input():
+        from aoro_gym.cosimulation.realtime import request_realtime
+        from aoro_gym.cosimulation.server.report import RESULT, Log
+        from aoro_gym.cosimulation.server.server import Server, Settings
+        from aoro_gym.cosimulation.server.session import Sensing
+        from aoro_gym.cosimulation.server.starting import start_on_path
+        from aoro_gym.execution.files import check_writable
+        from aoro_gym.sensors import FixLoss, GpsNoise
+        from aoro_gym.twin import Twin
+
+        if path is not None and start is not None:
+            raise ValueError("--path and --start both say where to start; drop one of them")
+        if out is not None:
+            options.check_folder(out, RESULT)
+        if json_file is not None and str(json_file) != "-":
+            check_writable(json_file)
+        chosen = options.load(options.run_spec(machine, set_, scale, "cpu", seed, laws=laws, ideal=ideal))
+        sensing = Sensing.ideal() if ideal else Sensing()
+        if gps_loss is not None and not ideal:
+            sensing = Sensing(gps=GpsNoise.typical(FixLoss(gps_loss)))
+        settings = Settings(
+            host=host, udp_port=udp_port, tcp_port=tcp_port, token=token, lock_step=lock_step, spin=spin,
+            duration=math.inf if duration is None else duration, telemetry_rate=telemetry_rate, origin=_origin(origin),
+            sensing=sensing, seed=seed,
+        )  # fmt: skip
+        land = _ground(terrain)
+        twin = Twin(machine=chosen, terrain=land, ground=ground, threads=1)
+        line = None if path is None else _line(path, track, land)
+        if line is not None:
+            start_on_path(twin, chosen, line)
+        elif start is not None:
+            twin.reset(position=start[:2], heading=math.radians(start[2]))
+        if fifo is not None:
+            _permitted(fifo, request_realtime)
+        log = Log(out, _tell_event)
+        server = Server(twin, settings, path=line, on_event=log.event, on_log=log.row)
+    _say_where(server)
+    signal.signal(signal.SIGTERM, lambda *_: server.stop("terminated"))
+    signal.signal(signal.SIGINT, lambda *_: server.stop("interrupted"))
+    try:
+        with running():
+            server.run()
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        log.close()
+    _report(server, out, json_file)
+    if server.ended == "interrupted":
+        interrupted("the twin stands still; the same command begins anew")
+    if server.ended == "diverged":
+        say_error(f"simulation diverged (non-finite state at t = {server.session.time:.3f} s)")
+        raise typer.Exit(1)
+
+
+def _report(server: Server, out: Path | None, json_file: Path | None) -> None:
+    """Print and write what the server measured."""
+    from aoro_gym.cosimulation.server.report import EVENTS, LOG, RESULT, tables
+    from aoro_gym.execution.files import write_json
+
+    result = server.to_json()
+    written = []
+    with running():
+        if out is not None:
+            write_json(out / RESULT, result)
+            written += [out / LOG, out / EVENTS, out / RESULT]
+        if json_file is not None and str(json_file) != "-":
+            write_json(json_file, result)
+            written.append(json_file)
+    if json_file is not None and str(json_file) == "-":
+        typer.echo(json.dumps(result, indent=2))
+        return
+    print_all(tables(result))
+    say_written(written)
+
+
+def _say_where(server: Server) -> None:
+    """Where clients find the server, at once, on the standard error so that results can be piped."""
+    settings, place = server.settings, server.geodesy.place(0.0, 0.0, 0.0)
+    typer.echo(
+        f"serving {'in lock-step' if settings.lock_step else 'in real time'}: udp {settings.host}:{server.link.port}"
+        f" tcp {settings.host}:{server.publisher.port} session {server.link.session}"
+        f" origin {place[0]:.7f},{place[1]:.7f},{place[2]:.2f}",
+        err=True,
+    )
+
+
+def _tell_event(text: str) -> None:
+    if not terminal.is_quiet():
+        typer.echo(text, err=True)
+
+
+def _permitted(priority: int, request: Any) -> None:
+    from aoro_gym.cosimulation.realtime import NotPermitted
+
+    try:
+        request(priority)
+    except NotPermitted as error:
+        fail(ValueError(f"--fifo {priority}: {error}"), 2)
+
+
+def _origin(text: str | None) -> Origin:
+    from aoro_gym.cosimulation.server.geodesy import Origin
+
+    if text is None:
+        return Origin()
+    try:
+        numbers = [float(part) for part in text.split(",")]
+        if len(numbers) not in (2, 3):
+            raise ValueError
+    except ValueError:
+        raise ValueError(
+            f"--origin is {text!r}, but must be LAT,LON or LAT,LON,HEIGHT, such as 66.5,25.7,100"
+        ) from None
+    return Origin(*numbers)
+
+
+def _ground(file: Path | None) -> Terrain | Plane:
+    from aoro_gym.terrains import Plane, load
+
+    if file is None:
+        return Plane()
+    with terminal.progress(f"loading {file.name}") as tell:
+        loaded = load(file, progress=lambda share: tell(f"loading {file.name}", share))
+    for warning in loaded.report.warnings:
+        terminal.warn(warning)
+    return loaded.terrain
+
+
+def _line(file: Path, track: str | None, terrain: Terrain | Plane) -> Line:
+    """The path of a file."""
+    from aoro_gym.terrains import Plane, load_path
+
+    loaded = load_path(file, None if isinstance(terrain, Plane) else terrain, track=track)
+    for warning in loaded.report.warnings:
+        terminal.warn(warning)
+    return loaded.path
