@@ -82,6 +82,11 @@ def test_tables_of_laws_are_as_the_code_has_them():
     assert made["PAGE"].read_text(encoding="utf-8") == made["page"](), "run `python docs/laws.py`"
 
 
+def test_tables_of_records_are_as_the_code_has_them():
+    made = runpy.run_path(str(ROOT / "docs/records.py"))
+    assert made["PAGE"].read_text(encoding="utf-8") == made["page"](), "run `python docs/records.py`"
+
+
 def test_slow_tests_are_named():
     slow = {name_of(file) for file in (ROOT / "tests").rglob("test_*.py") if "mark.slow" in file.read_text("utf-8")}
     page = (ROOT / "docs/development.md").read_text(encoding="utf-8")

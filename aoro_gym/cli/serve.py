@@ -31,12 +31,12 @@ PathOption = Annotated[Path | None, option("--path", "FILE", "Start on this path
 TrackOption = Annotated[str | None, option("--track", "N|NAME", "Which of the file's tracks.")]
 StartOption = Annotated[
     tuple[float, float, float] | None,
-    option("--start", "X Y DEG", "Or start here: hinge [m], heading from x to the left."),
+    option("--start", "X Y DEG", "Or start here: hinge in m, heading from x to the left."),
 ]
 OriginOption = Annotated[
     str | None,
     option(
-        "--origin", "LAT,LON[,HEIGHT]", "Place of x = y = z = 0 on the Earth [deg, m], if the ground does not say it."
+        "--origin", "LAT,LON[,HEIGHT]", "Where x = y = z = 0 lies, in degrees and m, if the ground does not say it."
     ),
 ]
 HostOption = Annotated[str, option("--host", "ADDRESS", "Address to bind. Any but 127.0.0.1 needs --token.")]
@@ -47,7 +47,7 @@ TokenOption = Annotated[
     typer.Option("--token", metavar="TEXT", help="Secret that authenticates all datagrams.", envvar="AORO_TOKEN"),
 ]
 LockStepOption = Annotated[bool, option("--lock-step", None, "Clients grant each step; no real time.")]
-RateOption = Annotated[int, option("--telemetry-rate", "100|50|20", "Records of telemetry a second [Hz].")]
+RateOption = Annotated[int, option("--telemetry-rate", "100|50|20", "Records of telemetry a second.")]
 DurationOption = Annotated[float | None, option("--duration", "S", "Simulated time to end after. Default: none.")]
 FifoOption = Annotated[
     int | None, option("--fifo", "PRIORITY", "First-in-first-out scheduling (1 to 99), locked memory.")

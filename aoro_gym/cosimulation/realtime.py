@@ -57,11 +57,9 @@ class Lateness:
         wanted, seen = percent / 100.0 * self.total, 0
         for place, count in enumerate(self.counts):
             seen += count
-            if seen >= wanted and seen:
-                break
-        else:
-            return self.worst  # none at all
-        return self.worst if place == len(self.counts) - 1 else min((place + 1) * RESOLUTION, self.worst)
+            if seen >= wanted and seen and place < len(self.counts) - 1:
+                return min((place + 1) * RESOLUTION, self.worst)
+        return self.worst
         return self.worst
 
     def to_json(self) -> dict[str, float]:

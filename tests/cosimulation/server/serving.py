@@ -10,12 +10,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from aoro_gym.cosimulation.protocol import Frame, Receiver, Sender, encode_json
+from aoro_gym.cosimulation.protocol import Frame, Receiver, Sender, encode, encode_json
 from aoro_gym.cosimulation.server.records import COMMAND, GRANT, HELLO, STATE, TELEMETRY
 from aoro_gym.cosimulation.server.server import Server, Settings
 from aoro_gym.twin import Twin
 
-DEFAULTS = {one.name: one.default for one in COMMAND.fields}
+DEFAULTS: dict[str, float] = {one.name: float(one.default or 0.0) for one in COMMAND.fields}
+"""Everything at rest, brakes released."""
 
 
 @contextmanager
@@ -67,8 +68,6 @@ class Client:
         if self.json:
             self.socket.send(encode_json(frame, self.sender.token))
         else:
-            from aoro_gym.cosimulation.protocol import encode
-
             self.socket.send(encode(frame, self.sender.token))
 
     def command(self, **volts: float) -> None:

@@ -124,13 +124,13 @@ def test_a_path_is_judged_by_the_front_axle():
     state = np.array([[twin.state.numpy()[0, 0], twin.state.numpy()[1, 0], 0.0]])
     judge, level = PathJudge(line, twin.machine), np.zeros(1)
     judge.see(state, level, level, level)
-    judge.see(state + [[1.0, 0.3, 0.0]], level, level, level)
+    judge.see(state + np.array([1.0, 0.3, 0.0]), level, level, level)
     found = judge.to_json()
     assert found["cross_track_rms_m"] == pytest.approx(0.3 / math.sqrt(2.0), abs=1e-5) and not found["reached_end"]
     assert found["driven_m"] == pytest.approx(1.0, abs=1e-5) and found["cross_track_largest_m"] == pytest.approx(
         0.3, abs=1e-5
     )
-    with pytest.raises(ValueError, match="is 3.00 m long"):
+    with pytest.raises(ValueError, match=r"is 3\.00 m long"):
         start_on_path(twin, twin.machine, Path(np.array([[0.0, 0.0], [3.0, 0.0]])))
 
 
