@@ -123,6 +123,7 @@ def twin(
         from aoro_gym.terrains import Plane, load
 
         check_output(format, out)
+        options.check_device("cpu")
         spec = MachineSpec(machine, tuple(set_ or ()), tuple(scale or ()), laws)
         if spec.draws_laws:
             raise ValueError(f"--laws {laws} draws laws, but a unit has its laws for good; name one family")

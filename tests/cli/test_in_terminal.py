@@ -170,6 +170,7 @@ COMMANDS: list[tuple[str, tuple[object, ...]]] = [
         ),
     ),
     ("export policy", ("export", "policy", "run/best.json")),
+    ("export twin", ("export", "twin", "--format", "fmi2", "--out", "twin.fmu")),
     ("bench", ("bench", "--twins", "1,2", "--seconds", 0.02)),
 ]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import platform
-import shutil
 import sys
 import tempfile
 import zipfile
@@ -20,7 +19,7 @@ from aoro_gym.cosimulation.export.description import IDENTIFIER, description
 from aoro_gym.cosimulation.export.kernels import CompiledKernels, compiled_kernels
 from aoro_gym.cosimulation.export.source import MAIN_STEP, SUBSTEPS, header, model
 from aoro_gym.cosimulation.export.variables import Variable, variables
-from aoro_gym.execution.files import check_writable, written_whole
+from aoro_gym.execution.files import check_writable, write_bytes, written_whole
 from aoro_gym.machine.parameters import Machine
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.terrains.raster import CELL, Raster, surface
@@ -80,10 +79,9 @@ def export_twin(
         library = made.folder / "libaoro.so"
         build_library(made, format, library)
         if format == "c":
-            out.mkdir(parents=True, exist_ok=True)
             written = [out / "libaoro.so", out / "aoro.h"]
             for target in written:
-                shutil.copyfile(made.folder / target.name, target)
+                write_bytes(target, (made.folder / target.name).read_bytes())
             return written
         _pack(made, format, library, machine, out)
     return [out]
