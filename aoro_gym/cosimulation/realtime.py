@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import gc
+import math
 import os
 import time
 from dataclasses import dataclass, field
@@ -15,10 +16,9 @@ from typing import Any
 
 from aoro_gym.checks import check_integer, check_range
 
-RESOLUTION = 1e-6
-"""[s] of the histogram of lateness."""
-LARGEST = 0.1
-"""Lateness [s] from which on it is counted as one."""
+LEAST, GROWTH, BINS = 1e-6, 1.01, 1650
+"""Of the histogram of lateness: end of the first bin [s]; each of the others is so many times as long as the one before, so
+that percentiles are exact to 1 %; their number, which reaches to 13 s."""
 PERCENTILES = (50.0, 90.0, 99.0, 99.9, 99.99)
 SPIN = 300e-6
 """Time [s] before a deadline from which a spinning wait spins. Not all of the step: Linux takes 5 % of the time from a
@@ -28,6 +28,7 @@ RESYNCHRONISE = 1.0
 slept."""
 TIMER_SLACK = 1
 """[ns] by which the kernel may round wake-ups; 50 µs is its default."""
+_GROWTH = math.log(GROWTH)
 _PR_SET_TIMERSLACK, _MCL_CURRENT, _MCL_FUTURE = 29, 1, 2
 
 
@@ -35,31 +36,26 @@ _PR_SET_TIMERSLACK, _MCL_CURRENT, _MCL_FUTURE = 29, 1, 2
 class Lateness:
     """Distribution of times after deadlines, in memory of a fixed size."""
 
-    counts: list[int] = field(default_factory=lambda: [0] * (round(LARGEST / RESOLUTION) + 1))
-    """By whole multiples of ``RESOLUTION``; the last: ``LARGEST`` and above."""
+    counts: list[int] = field(default_factory=lambda: [0] * BINS)
+    """By bins."""
     total: int = 0
     worst: float = 0.0
     """[s]"""
 
     def add(self, seconds: float) -> None:
         """One more; what is before its deadline counts as 0."""
-        place = int(seconds / RESOLUTION) if seconds > 0.0 else 0
-        self.counts[min(place, len(self.counts) - 1)] += 1
+        place = 0 if seconds <= LEAST else min(math.ceil(math.log(seconds / LEAST) / _GROWTH), BINS - 1)
+        self.counts[place] += 1
         self.total += 1
         self.worst = max(self.worst, seconds)
 
-    def share_above(self, seconds: float) -> float:
-        """Share [-] of what is later than ``seconds`` [s]."""
-        return sum(self.counts[int(seconds / RESOLUTION) :]) / max(self.total, 1)
-
     def percentile(self, percent: float) -> float:
-        """Lateness [s] that ``percent`` of all do not exceed, to ``RESOLUTION``; at most the worst."""
+        """Lateness [s] that ``percent`` of all do not exceed, up to the end of its bin; at most the worst."""
         wanted, seen = percent / 100.0 * self.total, 0
-        for place, count in enumerate(self.counts):
+        for place, count in enumerate(self.counts[:-1]):
             seen += count
-            if seen >= wanted and seen and place < len(self.counts) - 1:
-                return min((place + 1) * RESOLUTION, self.worst)
-        return self.worst
+            if seen >= wanted and seen:
+                return min(LEAST * GROWTH**place, self.worst)
         return self.worst
 
     def to_json(self) -> dict[str, float]:

@@ -68,7 +68,7 @@ def reason(datagram: bytes, token: bytes | None = None) -> Reason:
     return found.reason
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(frames, st.sampled_from([None, TOKEN]), st.sampled_from([encode, encode_json]))
 def test_a_frame_comes_back(frame, token, encoding):
     assert decode(encoding(frame, token), RECORDS, token) == frame
@@ -83,7 +83,7 @@ def test_the_layout_is_what_the_documentation_says():
     assert "| 44 | `gear` | u8 | 1 | 1 | 3 | a gear |" in field_table(RECORD)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.binary(max_size=200) | st.binary(max_size=150).map(lambda rest: b"AORO\x01\xc8" + rest))
 def test_noise_is_refused(datagram):
     for token in (None, TOKEN):
@@ -91,7 +91,7 @@ def test_noise_is_refused(datagram):
         assert isinstance(decode(b"{" + datagram, RECORDS, token), Rejection)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.data())
 def test_a_flipped_bit_is_noticed(data):
     datagram = bytearray(encode(FRAME, data.draw(st.sampled_from([None, TOKEN]), "token")))

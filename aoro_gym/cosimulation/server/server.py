@@ -127,14 +127,17 @@ class Server:
             on_sentences=lambda block: self.publisher.send(block),
         )  # fmt: skip
         token = None if settings.token is None else settings.token.encode()
-        self.link = Link(
-            settings.host, settings.udp_port, token=token, state=self._state, on_rejected=self._tell_rejection
-        )
+        try:
+            self.link = Link(
+                settings.host, settings.udp_port, token=token, state=self._state, on_rejected=self._tell_rejection
+            )
+        except OSError as error:
+            raise _unbound("udp_port", settings.udp_port, settings.host, error) from error
         try:
             self.publisher = SentencePublisher(settings.host, settings.tcp_port)
-        except OSError:
+        except OSError as error:
             self.link.close()
-            raise
+            raise _unbound("tcp_port", settings.tcp_port, settings.host, error) from error
         self.schedule = Schedule(twin.main_step, spin=settings.spin)
         self.ended = ""
         """Why it ended."""
@@ -300,3 +303,10 @@ class Server:
         if self.judge is not None:
             found["tracking"] = self.judge.to_json()
         return found if self.settings.lock_step else {**found, "deadlines": self.schedule.to_json()}
+
+
+def _unbound(name: str, port: int, host: str, error: OSError) -> OSError:
+    """What cannot be bound, and why."""
+    return OSError(
+        error.errno, f"{name} is {port}, but cannot be bound on {host}: {error.strerror}; choose another, or 0"
+    )

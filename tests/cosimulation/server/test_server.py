@@ -219,7 +219,10 @@ def test_sentences_come_over_tcp_and_a_client_that_does_not_read_stalls_nothing(
 
 
 def test_an_address_in_use_is_an_error():
-    with serving(LOCK_STEP) as server, pytest.raises(OSError):
+    with (
+        serving(LOCK_STEP) as server,
+        pytest.raises(OSError, match=r"udp_port is \d+, but cannot be bound on 127\.0\.0\.1"),
+    ):
         Server(Twin(threads=1), Settings(udp_port=server.link.port))
 
 
