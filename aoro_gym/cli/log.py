@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
+from aoro_gym.cli import options
 from aoro_gym.cli.options import argument, option
-from aoro_gym.cli.outcome import checking_input, say_written
+from aoro_gym.cli.outcome import checking_input, running, say_written
 from aoro_gym.reporting import terminal
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich", help="Logs: what a bag holds, and other formats.")
@@ -25,7 +26,7 @@ def _logs() -> None:
 
 
 @app.command("map")
-def propose(bag: BagArgument, out: MapOption = None) -> None:
+def propose(bag: BagArgument, out: MapOption = None, quiet: options.QuietOption = False) -> None:
     """Propose which fields of a BAG are the columns of a log, as a mapping to be completed by hand.
 
     Names of topics, fields and joints are held against those that logs use; units follow from the type of a message or the
@@ -53,7 +54,8 @@ def propose(bag: BagArgument, out: MapOption = None) -> None:
             key: sorted(own - asked["steering_signal"] if key == "steering_voltage" else own)
             for key, own in asked.items()
         }
-        columns, left = proposed(bag, names)
+        with terminal.progress("reading the bag"):
+            columns, left = proposed(bag, names)
         write_text(path, as_toml(bag, columns, left))
     for one in columns:
         terminal.out().print(f"{one.column}: {one.topic} {one.field} {one.unit}", markup=False, highlight=False)
@@ -62,7 +64,7 @@ def propose(bag: BagArgument, out: MapOption = None) -> None:
 
 
 @app.command()
-def convert(log: LogArgument, into: IntoArgument) -> None:
+def convert(log: LogArgument, into: IntoArgument, quiet: options.QuietOption = False) -> None:
     """Write a LOG in another format: CSV, Parquet or MCAP.
 
     Numbers keep all their digits in Parquet and MCAP, nine in CSV. The manifest beside LOG goes with it.
@@ -80,10 +82,12 @@ def convert(log: LogArgument, into: IntoArgument) -> None:
         if log.resolve() == into.resolve():
             raise ValueError(f"INTO is LOG itself ({into}); name another file")
         check_log_path(into)
-        table = read_table(log)
-        columns = {name: table.numbers(name) for name in table.names}
+        with terminal.progress("reading the log"):
+            table = read_table(log)
+            columns = {name: table.numbers(name) for name in table.names}
         if into.suffix == ".mcap" and "time_s" not in columns:
             raise ValueError(f"{log} has no column time_s, which gives messages their time")
         manifest = read_manifest(log)
+    with running(), terminal.progress("writing the log"):
         written = write_log(into, columns, manifest.values if manifest.path else None)
     say_written(written)

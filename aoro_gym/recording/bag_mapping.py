@@ -212,7 +212,7 @@ def proposed(bag: Path, wanted: Mapping[str, Sequence[str]]) -> tuple[list[Mappe
     for topic, (kind, fields) in topics_of(bag).items():
         for field in fields:
             quantity = _looks_like(topic, field, wanted)
-            if quantity is None or quantity in found:
+            if quantity is None or quantity in found or field.startswith("true_"):
                 left.append(f"{topic} {field}")
                 continue
             unit = UNITS.get((kind, re.split(r"[.\[]", field)[0])) or _unit_of(field)

@@ -11,7 +11,7 @@ from aoro_gym import __version__
 from aoro_gym.cli import app
 from tests.cli.calling import call, runner
 
-GROUPS = ("blind", "diagnosis", "export")
+GROUPS = ("blind", "diagnosis", "export", "log")
 """Commands that have commands."""
 
 

@@ -190,6 +190,12 @@ def test_another_machines_bag_is_read_through_a_mapping(tmp_path, ros):
     assert again.exit_code == 2 and "remove it" in again.output
 
 
+def test_the_simulators_own_state_is_never_proposed(bag):
+    found, left = proposed(bag[0], NAMES | {"joint_flow": ["joint_flow"]})
+    assert {one.column for one in found} == {"joint_angle", "pressure_a", "steering_signal"}
+    assert "/true_state true_joint_flow_l_per_min" in left
+
+
 def test_an_unknown_unit_must_be_filled_in(tmp_path):
     path = tmp_path / "turn.map.toml"
     path.write_text('[columns.pressure_a]\ntopic = "/a"\nfield = "data"\nunit = "?"\n')

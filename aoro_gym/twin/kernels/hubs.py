@@ -3,7 +3,8 @@
 The cut lies at the flange between hub and wheel. The torque there is what is left of the motor's D Δp after the friction of
 motor, reduction, hub and brakes, so that with measured torques the twin has none of these and loses nothing twice. It acts
 on the wheel and, in reverse, on its arm. The twin keeps wheels, tires and ground; arms, joint and the oil in their
-cylinders; pump 2. Pump 1, motors, brakes and engine are outside; of the engine the twin takes the speed, which pump 2 turns at.
+cylinders; pump 2. Pump 1, motors, brakes and engine are outside; of the engine the twin takes the speed, at which pump 2
+turns.
 
 What is measured stands in the twin's state and holds until it is set again: the rows ``HOSE_…`` are torques [N m] here, not
 pressures, and ``ENGINE_SPEED`` is the measured speed. :func:`aoro_gym.twin.kernels.build.build` puts the functions of this
