@@ -16,6 +16,7 @@ from aoro_gym.cli import (
     diagnosis_training,
     evaluation,
     export,
+    laboratory,
     laws,
     log,
     parameters,
@@ -62,6 +63,7 @@ for command in (
     evaluation.gap,
     training.train,
     serve.serve,
+    laboratory.laboratory,
     bench.bench,
 ):
     app.command()(command)
