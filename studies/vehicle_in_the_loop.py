@@ -216,7 +216,8 @@ def main() -> None:
     }
     results["seconds"] = round(time.monotonic() - begun)
     RESULTS.parent.mkdir(exist_ok=True)
-    RESULTS.write_text(json.dumps(results, indent=1) + "\n")
+    text = json.dumps(results, indent=1).replace("Infinity", "null")  # of machines that diverged
+    RESULTS.write_text(text + "\n")
     draw(results, PICTURE)
 
 
