@@ -22,11 +22,8 @@ class HubDrivenTwin(Twin):
 
     Steering, arms, joint and pump 2 stay the twin's, at the engine speed that is measured; the torque that pump 2 asks of
     the engine is :attr:`pump_torque`. The commands ``drive_signal``, ``gear``, ``traction_…`` and ``parking_brake`` are for
-    the driveline outside and move nothing here; the outputs of the driveline and of the engine's torque say nothing.
-
-    Args:
-        *args: As for :class:`Twin`.
-        **kwargs: As for :class:`Twin`.
+    the driveline outside and move nothing here; the outputs of the driveline and of the engine's torque say nothing. It is
+    made as a :class:`Twin` is.
     """
 
     _measured_hubs = True

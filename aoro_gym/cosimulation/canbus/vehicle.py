@@ -161,7 +161,7 @@ class CanVehicle:
         """Whether both objects have come since the heartbeat is back, and command nothing that moves the machine."""
         return self._fresh >= {1, 2} and all(self.commanded[name] == 0.0 for name in SIGNALS)
 
-    def _heartbeat(self, cob_id: int, data: bytes, timestamp: float) -> None:
+    def _heartbeat(self, cob_id: int, data: Any, timestamp: float) -> None:
         self.watch.hear(time.monotonic())
 
     def _command(self, pdo: Any) -> None:

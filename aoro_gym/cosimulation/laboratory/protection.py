@@ -58,7 +58,7 @@ class Protection:
         self.limits = limits
         self._rest = rest.copy()
         self._setpoints = np.zeros_like(rest)
-        self.phase = Phase.STARTING
+        self.phase = Phase.STARTING if limits.soft_start > 0.0 else Phase.RUNNING
         self.reason = ""
         """Of the stop, one line."""
         self._started = 0.0
@@ -82,7 +82,8 @@ class Protection:
         """Begin anew with a soft start, the machine held at ``rest`` by torques [N m]; only once the hubs stand."""
         if self.phase is Phase.STOPPED and not self.at_rest:
             raise ValueError("the laboratory's hubs still turn; wait until their set-points are at rest, then rearm")
-        self.phase, self.reason, self._started, self._rest = Phase.STARTING, "", 0.0, rest.copy()
+        self.phase = Phase.STARTING if self.limits.soft_start > 0.0 else Phase.RUNNING
+        self.reason, self._started, self._rest = "", 0.0, rest.copy()
 
     def setpoints(self, rates: Array, period: float) -> Array:
         """Set-points [rad/s] of the dynamometers for wheel ``rates`` (4, N), after a ``period`` [s]."""

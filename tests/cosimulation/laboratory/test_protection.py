@@ -61,7 +61,7 @@ def test_a_stop_brings_set_points_to_rest_and_holds_until_rearmed() -> None:
     assert rates[150] == pytest.approx(1.49, abs=0.01)
     assert protection.at_rest
     protection.rearm(REST)
-    assert protection.phase is Phase.STARTING
+    assert protection.phase is Phase.RUNNING  # without a soft start at once
     protection.stop("again")
     protection._setpoints += 1.0
     with pytest.raises(ValueError, match="still turn"):
