@@ -5,7 +5,7 @@ from __future__ import annotations
 from aoro_gym.cosimulation.protocol import Field, Record
 from aoro_gym.recording.commands import WHEELS
 
-LARGEST_RATE, LARGEST_TORQUE = 100.0, 1e5
+LARGEST_RATE, LARGEST_TORQUE = 100.0, 5e4
 LONGEST_RUN = 2**32 - 1
 
 
