@@ -18,6 +18,7 @@ from aoro_gym.reporting import terminal
 if TYPE_CHECKING:
     from aoro_gym.cosimulation.server.geodesy import Origin
     from aoro_gym.cosimulation.server.server import Server
+    from aoro_gym.cosimulation.server.session import Sensing
     from aoro_gym.terrains import Path as Line
     from aoro_gym.terrains import Plane, Terrain
 
@@ -112,28 +113,19 @@ def serve(
     """
     with checking_input():
         from aoro_gym.cosimulation.realtime import request_realtime
-        from aoro_gym.cosimulation.server.report import RESULT, Log
+        from aoro_gym.cosimulation.server.report import Log
         from aoro_gym.cosimulation.server.server import Server, Settings
-        from aoro_gym.cosimulation.server.session import Sensing
         from aoro_gym.cosimulation.server.starting import start_on_path
-        from aoro_gym.execution.files import check_writable
-        from aoro_gym.sensors import FixLoss, GpsNoise
         from aoro_gym.twin import Twin
 
         if path is not None and start is not None:
             raise ValueError("--path and --start both say where to start; drop one of them")
-        if out is not None:
-            options.check_folder(out, RESULT)
-        if json_file is not None and str(json_file) != "-":
-            check_writable(json_file)
+        _check_written(out, json_file)
         chosen = options.load(options.run_spec(machine, set_, scale, "cpu", seed, laws=laws, ideal=ideal))
-        sensing = Sensing.ideal() if ideal else Sensing()
-        if gps_loss is not None and not ideal:
-            sensing = Sensing(gps=GpsNoise.typical(FixLoss(gps_loss)))
         settings = Settings(
             host=host, udp_port=udp_port, tcp_port=tcp_port, token=token, lock_step=lock_step, spin=spin,
             duration=math.inf if duration is None else duration, telemetry_rate=telemetry_rate, origin=_origin(origin),
-            sensing=sensing, seed=seed,
+            sensing=_sensing(ideal, gps_loss), seed=seed,
         )  # fmt: skip
         land = _ground(terrain)
         twin = Twin(machine=chosen, terrain=land, ground=ground, threads=1)
@@ -147,6 +139,46 @@ def serve(
         log = Log(out, _tell_event)
         server = Server(twin, settings, path=line, on_event=log.event, on_log=log.row)
     _say_where(server)
+    try:
+        _run(server)
+    finally:
+        log.close()
+    _report(server, out, json_file)
+    _exit(server)
+
+
+def _check_written(out: Path | None, json_file: Path | None) -> None:
+    """ValueError unless results can be written."""
+    from aoro_gym.cosimulation.server.report import RESULT
+    from aoro_gym.execution.files import check_writable
+
+    if out is not None:
+        options.check_folder(out, RESULT)
+    if json_file is not None and str(json_file) != "-":
+        check_writable(json_file)
+
+
+def _exit(server: Server) -> None:
+    """Leave with the code that the server's end earns."""
+    if server.ended == "interrupted":
+        interrupted("the twin stands still; the same command begins anew")
+    if server.ended == "diverged":
+        say_error(f"simulation diverged (non-finite state at t = {server.session.time:.3f} s)")
+        raise typer.Exit(1)
+
+
+def _sensing(ideal: bool, gps_loss: float | None) -> Sensing:
+    """Errors of the sensors."""
+    from aoro_gym.cosimulation.server.session import Sensing
+    from aoro_gym.sensors import FixLoss, GpsNoise
+
+    if ideal:
+        return Sensing.ideal()
+    return Sensing() if gps_loss is None else Sensing(gps=GpsNoise.typical(FixLoss(gps_loss)))
+
+
+def _run(server: Server) -> None:
+    """Serve until the end, or until a signal asks for it."""
     signal.signal(signal.SIGTERM, lambda *_: server.stop("terminated"))
     signal.signal(signal.SIGINT, lambda *_: server.stop("interrupted"))
     try:
@@ -154,13 +186,6 @@ def serve(
             server.run()
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        log.close()
-    _report(server, out, json_file)
-    if server.ended == "interrupted":
-        interrupted("the twin stands still; the same command begins anew")
-    if server.ended == "diverged":
-        say_error(f"simulation diverged (non-finite state at t = {server.session.time:.3f} s)")
-        raise typer.Exit(1)
 
 
 def _report(server: Server, out: Path | None, json_file: Path | None) -> None:

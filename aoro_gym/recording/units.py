@@ -17,7 +17,16 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from aoro_gym.units import ATMOSPHERIC_PRESSURE, BAR, DEGREE, LITRE_PER_MINUTE, RPM, STANDARD_GRAVITY, ZERO_CELSIUS
+from aoro_gym.units import (
+    ATMOSPHERIC_PRESSURE,
+    BAR,
+    DEGREE,
+    KNOT,
+    LITRE_PER_MINUTE,
+    RPM,
+    STANDARD_GRAVITY,
+    ZERO_CELSIUS,
+)
 
 Vector = tuple[int, int, int, int, int, int]
 """Exponents of length, time, mass, angle, current and temperature."""
@@ -138,7 +147,7 @@ _SPELLINGS: dict[str, list[tuple[str, float]]] = {
     "current": [("A amp amps ampere amperes", 1.0), ("mA milliamp milliamps milliampere milliamperes", 1e-3)],
     "temperature": [("K kelvin kelvins degK °K", 1.0), ("mK", 1e-3)],
     "speed": [
-        ("kn kt kts knot knots", 1852 / 3600),
+        ("kn kt kts knot knots", KNOT),
         ("mph", 1609.344 / 3600),
         ("kmh kmph kph kmhr", 1000 / 3600),
         ("mps ms", 1.0),
