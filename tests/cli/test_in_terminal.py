@@ -212,7 +212,7 @@ def test_commands_in_a_terminal_in_a_pipe_and_quiet(name, arguments, inputs):
     ("arguments", "goes_on"),
     [
         (("calibrate", "--logs", "log.csv", "--out", "c.toml"), "the same command goes on from where it stopped"),
-        (("diagnose", "log.csv", "--out", "d"), "the same command goes on from where it stopped"),
+        (("diagnose", "log.csv", "--out", "d"), "the same command begins anew"),
         (("evaluate", *TURNING, "--episodes", 64, "--out", "e"), "the same command goes on from where it stopped"),
         (("leaderboard", *TURNING, "--episodes", 64, "--out", "l"), "the same command goes on from where it stopped"),
         (("blind", "seal", "--workers", 2, "--seed", 1, "suite"), "the same command goes on from where it stopped"),
