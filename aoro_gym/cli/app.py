@@ -25,8 +25,11 @@ from aoro_gym.cli import (
     terrain,
     training,
 )
-from aoro_gym.cli.outcome import interrupted
+from aoro_gym.cli.outcome import interrupted, say_interrupted
 from aoro_gym.version import VERSION
+
+BEGINS_ANEW = "the same command begins anew"
+"""What one does after an interruption that nothing else is said of."""
 
 
 class _Commands(TyperGroup):
@@ -36,7 +39,7 @@ class _Commands(TyperGroup):
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
-            interrupted("the same command begins anew")
+            interrupted(BEGINS_ANEW)
 
 
 app = typer.Typer(
@@ -75,7 +78,11 @@ app.add_typer(diagnosis_training.app, name="diagnosis")
 
 def main() -> None:
     """Entry point of ``aoro-gym``."""
-    app()
+    try:
+        app()
+    except KeyboardInterrupt:  # before a command was reached: typer builds all of them first
+        say_interrupted(BEGINS_ANEW)
+        raise SystemExit(130) from None
 
 
 def _show_version(wanted: bool) -> None:

@@ -77,8 +77,13 @@ class _DiskFull(typer.Exit):
     """No room for what was to be written."""
 
 
-def interrupted(what_next: str) -> NoReturn:
+def say_interrupted(what_next: str) -> None:
+    """One line on the standard error."""
     terminal.err().print(f"[bold]interrupted:[/] {escape(what_next)}", soft_wrap=True, highlight=False)
+
+
+def interrupted(what_next: str) -> NoReturn:
+    say_interrupted(what_next)
     raise typer.Exit(130) from None
 
 

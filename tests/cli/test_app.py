@@ -3,12 +3,13 @@
 import subprocess
 import sys
 
+import pytest
 import typer
 from rich.text import Text
 from typer.core import TyperGroup
 
 from aoro_gym import __version__
-from aoro_gym.cli import app
+from aoro_gym.cli import app, main
 from tests.cli.calling import call, runner
 
 GROUPS = ("blind", "diagnosis", "export", "log")
@@ -64,3 +65,14 @@ def test_long_commands_can_be_quiet():
 def test_runs_as_a_module():
     command = [sys.executable, "-m", "aoro_gym", "--version"]
     assert subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()[1] == __version__
+
+
+def test_an_interruption_before_any_command_is_one_line(monkeypatch, capsys):
+    def stop():
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sys.modules["aoro_gym.cli.app"], "app", stop)
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 130
+    assert capsys.readouterr().err == "interrupted: the same command begins anew\n"

@@ -150,6 +150,41 @@ static int restore(struct instance *one, const void *bytes, size_t size)
     return OK;
 }
 
+/* The calls of both versions, whose states are bytes of their own. */
+
+static int hand_out_state(struct instance *one, void **state)
+{
+    if (*state == NULL) *state = malloc(state_size());
+    if (*state == NULL) return tell(one, ERROR, "there is no memory for a state");
+    save(one, *state);
+    return OK;
+}
+
+static int free_state(void **state)
+{
+    if (state != NULL) {
+        free(*state);
+        *state = NULL;
+    }
+    return OK;
+}
+
+static int serialize(struct instance *one, const void *state, void *bytes, size_t size)
+{
+    if (state == NULL || size < state_size()) return tell(one, ERROR, "the serialized state has %zu bytes", state_size());
+    memcpy(bytes, state, state_size());
+    return OK;
+}
+
+static int deserialize(struct instance *one, const void *bytes, size_t size, void **state)
+{
+    if (size != state_size()) return tell(one, ERROR, "the state is none of this unit");
+    if (*state == NULL) *state = malloc(size);
+    if (*state == NULL) return tell(one, ERROR, "there is no memory for a state");
+    memcpy(*state, bytes, size);
+    return OK;
+}
+
 /* --- birth and death --- */
 
 static struct instance *born(const char *name, const char *token)

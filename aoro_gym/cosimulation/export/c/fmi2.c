@@ -159,24 +159,14 @@ FMI fmi2Status fmi2CancelStep(fmi2Component c) { return tell(c, ERROR, "no step 
 
 /* --- states --- */
 
-FMI fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state)
-{
-    if (*state == NULL) *state = malloc(state_size());
-    if (*state == NULL) return tell(c, ERROR, "there is no memory for a state");
-    save(c, *state);
-    return OK;
-}
+FMI fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state) { return hand_out_state(c, state); }
 
 FMI fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) { return restore(c, state, state_size()); }
 
 FMI fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
 {
     (void)c;
-    if (state != NULL) {
-        free(*state);
-        *state = NULL;
-    }
-    return OK;
+    return free_state(state);
 }
 
 FMI fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t *size)
@@ -189,18 +179,12 @@ FMI fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, s
 
 FMI fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
 {
-    if (state == NULL || size < state_size()) return tell(c, ERROR, "the serialized state has %zu bytes", state_size());
-    memcpy(bytes, state, state_size());
-    return OK;
+    return serialize(c, state, bytes, size);
 }
 
 FMI fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
 {
-    if (size != state_size()) return tell(c, ERROR, "the state is none of this unit");
-    if (*state == NULL) *state = malloc(size);
-    if (*state == NULL) return tell(c, ERROR, "there is no memory for a state");
-    memcpy(*state, bytes, size);
-    return OK;
+    return deserialize(c, bytes, size, state);
 }
 
 /* --- status --- */

@@ -182,24 +182,14 @@ FMI fmi3Status fmi3SetInt32(fmi3Instance c, const fmi3ValueReference references[
 
 /* --- states --- */
 
-FMI fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *state)
-{
-    if (*state == NULL) *state = malloc(state_size());
-    if (*state == NULL) return tell(c, ERROR, "there is no memory for a state");
-    save(c, *state);
-    return OK;
-}
+FMI fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *state) { return hand_out_state(c, state); }
 
 FMI fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState state) { return restore(c, state, state_size()); }
 
 FMI fmi3Status fmi3FreeFMUState(fmi3Instance c, fmi3FMUState *state)
 {
     (void)c;
-    if (state != NULL) {
-        free(*state);
-        *state = NULL;
-    }
-    return OK;
+    return free_state(state);
 }
 
 FMI fmi3Status fmi3SerializedFMUStateSize(fmi3Instance c, fmi3FMUState state, size_t *size)
@@ -212,18 +202,12 @@ FMI fmi3Status fmi3SerializedFMUStateSize(fmi3Instance c, fmi3FMUState state, si
 
 FMI fmi3Status fmi3SerializeFMUState(fmi3Instance c, fmi3FMUState state, fmi3Byte bytes[], size_t size)
 {
-    if (state == NULL || size < state_size()) return tell(c, ERROR, "the serialized state has %zu bytes", state_size());
-    memcpy(bytes, state, state_size());
-    return OK;
+    return serialize(c, state, bytes, size);
 }
 
 FMI fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte bytes[], size_t size, fmi3FMUState *state)
 {
-    if (size != state_size()) return tell(c, ERROR, "the state is none of this unit");
-    if (*state == NULL) *state = malloc(size);
-    if (*state == NULL) return tell(c, ERROR, "there is no memory for a state");
-    memcpy(*state, bytes, size);
-    return OK;
+    return deserialize(c, bytes, size, state);
 }
 
 /* --- what this unit has none of: the standard wants its functions to be there --- */
