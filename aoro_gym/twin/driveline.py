@@ -10,6 +10,7 @@ import numpy.typing as npt
 import warp as wp
 
 from aoro_gym.checks import check_finite, check_integer, check_range
+from aoro_gym.execution import devices
 from aoro_gym.machine.parameters import Machine
 from aoro_gym.recording.commands import COMMAND_BOUNDS
 from aoro_gym.twin.hydraulic_step import check_hydraulic_step
@@ -52,13 +53,14 @@ class Driveline:
         self.num_drivelines, self.hub_inertia = int(num_drivelines), float(hub_inertia)
         self.main_step, self.substeps = float(main_step), int(substeps)
         check_hydraulic_step(self.machine, self.main_step, self.substeps)
+        self._device = devices.find("cpu")
         n = self.num_drivelines
-        self._machines = wp.array(pack(self.machine), dtype=MachineRecord, device="cpu")
-        self._commands = wp.zeros((len(Command), n), dtype=float, device="cpu")
-        self._demands = wp.zeros((len(Demand), n), dtype=float, device="cpu")
-        self._state = wp.zeros((len(State), n), dtype=float, device="cpu")
-        self._clock = wp.zeros(n, dtype=int, device="cpu")
-        self._outputs = wp.zeros((len(DrivelineOutput), n), dtype=float, device="cpu")
+        self._machines = wp.array(pack(self.machine), dtype=MachineRecord, device=self._device)
+        self._commands = wp.zeros((len(Command), n), dtype=float, device=self._device)
+        self._demands = wp.zeros((len(Demand), n), dtype=float, device=self._device)
+        self._state = wp.zeros((len(State), n), dtype=float, device=self._device)
+        self._clock = wp.zeros(n, dtype=int, device=self._device)
+        self._outputs = wp.zeros((len(DrivelineOutput), n), dtype=float, device=self._device)
         idle = Twin(n, machine=self.machine, main_step=main_step, substeps=substeps)
         self._idle = idle.state.numpy().copy()
         self.reset()
@@ -111,7 +113,7 @@ class Driveline:
                 self._machines, self.hub_inertia, self._commands, self._demands, self._state, self._clock, self._outputs,
                 steps, self.substeps, self.main_step,
             ],
-            device="cpu",
+            device=self._device,
             block_dim=BLOCK_DIM,
         )  # fmt: skip
         outputs = np.array(self._outputs.numpy(), dtype=np.float32)

@@ -33,7 +33,7 @@ def compiled_kernels(ground: Any, *, default_laws: bool) -> CompiledKernels:
     """The kernels for a kind of ground (``Planes`` or ``Rasters``); compiled once on a computer, by Warp's own cache."""
     devices.start()
     kernels = portable_kernels(ground, default_laws=default_laws)
-    with devices.compiling(kernels[0], wp.get_device("cpu"), 1):
+    with devices.compiling(kernels[0], devices.find("cpu"), 1):
         [file] = wp.compile_aot_module(kernels[0].module, device="cpu")
     return CompiledKernels(
         Path(file),
