@@ -635,7 +635,7 @@ def _shrinkages(problem: Turns, predicted: Floats, *, held_out: bool, seed: int 
     """S of every row whose figures show a gap, over them in their standard deviations; of rows that took no part in the fit
     by those only that the machine file was not made with.
 
-    Intervals are of the influences (see :mod:`.gap_closure`) of resampled figures, under machines drawn from the posterior.
+    Intervals are of the influences (see :mod:`.closures`) of resampled figures, under machines drawn from the posterior.
 
     Args:
         problem: Its rows are compared.

@@ -17,7 +17,7 @@ LOG, EVENTS, RESULT = "serve.csv", "events.log", "serve.json"
 
 
 def tables(result: Mapping[str, Any]) -> list[Comparison]:
-    """Tables of what :meth:`Server.to_json` gives."""
+    """Tables of what :meth:`.server.Server.to_json` gives."""
     rows = [
         ("mode", result["mode"]),
         ("ended", result["ended"]),
