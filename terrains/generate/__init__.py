@@ -1,1 +1,1 @@
-"""Generated terrains: procedural forests, and imperfect scans of them."""
+"""Generated terrains: procedural forests, imperfect scans of them, and worlds of objects on any ground."""

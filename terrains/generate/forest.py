@@ -21,6 +21,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import KDTree
 
 from aoro_gym.checks import check_range
+from aoro_gym.terrains.generate.random_field import RandomField
 from aoro_gym.terrains.paths.path import Path
 from aoro_gym.terrains.terrain import Terrain
 
@@ -145,6 +146,11 @@ class Forest:
     settings: ForestSettings
     seed: int
 
+    @property
+    def ways(self) -> list[tuple[Path, float]]:
+        """Trail and road, and the distance [m] from their middles within which nothing stands."""
+        return _ways(self.settings, self.trail, self.road)
+
     def circles(self, *kinds: str) -> Array:
         """(K, 3) x, y, radius [m] of the obstacles of ``kinds``; of all without."""
         chosen = [(o.x, o.y, o.radius) for o in self.obstacles if not kinds or o.kind in kinds]
@@ -194,27 +200,6 @@ RUT_APART, RUT_WIDTH = 1.97, 0.5
 """Of the trail's ruts [m]: the track and the width of the machine's tires."""
 
 
-class _RandomField:
-    """A random field of plane waves with amplitudes in proportion to their lengths^``roll``: mean 0, mean square 1."""
-
-    def __init__(self, rng: np.random.Generator, count: int, shortest: float, longest: float, roll: float = 1.0):
-        length = np.exp(rng.uniform(np.log(shortest), np.log(longest), count))
-        direction = rng.uniform(0.0, 2.0 * np.pi, count)
-        self.numbers = 2.0 * np.pi / length[:, None] * np.stack([np.cos(direction), np.sin(direction)], axis=1)
-        amplitude = length**roll
-        self.amplitude = amplitude * np.sqrt(2.0 / np.sum(amplitude**2))
-        self.phase = rng.uniform(0.0, 2.0 * np.pi, count)
-
-    def grid(self, x: Array, y: Array) -> Array:
-        """(rows, columns) over the axes ``x`` (columns,) and ``y`` (rows,): a wave over a grid is an outer product."""
-        across = self.amplitude[:, None] * np.exp(1j * (np.outer(self.numbers[:, 0], x) + self.phase[:, None]))
-        return (np.exp(1j * np.outer(y, self.numbers[:, 1])) @ across).real
-
-    def at(self, points: Array) -> Array:
-        """(K,) at points (K, 2)."""
-        return np.cos(points @ self.numbers.T + self.phase) @ self.amplitude
-
-
 class _ForestBuilder:
     """Builds one forest. Each part draws from its own stream, so that settings of one leave the others in place."""
 
@@ -230,14 +215,14 @@ class _ForestBuilder:
         self.nodes = np.stack(np.meshgrid(self.x, self.y), axis=-1).reshape(-1, 2)
 
         rng = self.streams["relief"]
-        self.hills = _RandomField(rng, 60, 14.0, 90.0)
+        self.hills = RandomField(rng, 60, 14.0, 90.0)
         direction = rng.uniform(0.0, 2.0 * np.pi)
         self.fall = np.tan(np.radians(settings.tilt_deg)) * np.array([np.cos(direction), np.sin(direction)])
         self.road = self._road() if settings.road_width > 0.0 else None
         self.side = 1.0 if self.streams["road"].random() < 0.5 else -1.0
         """Left or right of the road, where the trail is."""
         self.trail = self._trail() if settings.trail else None
-        self.meadow_edge = _RandomField(self.streams["meadow"], 12, 8.0, 30.0)
+        self.meadow_edge = RandomField(self.streams["meadow"], 12, 8.0, 30.0)
 
     def forest(self) -> Forest:
         rows, columns = len(self.y), len(self.x)
@@ -260,7 +245,7 @@ class _ForestBuilder:
             zones[np.abs(offset) < TRAIL_HALF + 0.3] = Zone.GRASS
         if self.road is not None:
             z, wild, zones = self._with_road(z, wild, zones)
-        floor = _RandomField(self.streams["floor"], 160, 0.8, 4.0).grid(self.x, self.y).ravel()
+        floor = RandomField(self.streams["floor"], 160, 0.8, 4.0).grid(self.x, self.y).ravel()
         z = z + settings.roughness * wild * floor
         z = z + wild * self._hummocks()
         obstacles: list[Obstacle] = []
@@ -348,15 +333,12 @@ class _ForestBuilder:
         found = []
         if self.trail is not None:
             s, offset = self.road.project(self.trail.points)
-            edge = np.abs(offset) - self._ditch_middle()
+            edge = np.abs(offset) - _ditch_middle(self.settings)
             for i in np.flatnonzero(edge[1:] * edge[:-1] < 0.0):
                 found.append((float(s[i]), self.side))
         if self.settings.meadow:
             found.append((float(self.road.project(self._meadow_middle())[0]), -self.side))
         return found
-
-    def _ditch_middle(self) -> float:
-        return 0.5 * self.settings.road_width + SHOULDER + DITCH_INNER * self.settings.ditch_depth + 0.5 * DITCH_BOTTOM
 
     def _with_road(self, z: Array, wild: Array, zones: NDArray[np.int8]) -> tuple[Array, Array, NDArray[np.int8]]:
         """Road, shoulders, ditches and banks cut into or filled onto the ground."""
@@ -433,8 +415,8 @@ class _ForestBuilder:
         tall = rng.random(len(places))
         height = {"boulder": radius * (0.65 + 0.25 * tall), "stump": 0.15 + 0.3 * tall, "tree": radius * 80.0}[kind]
         keep = rng.random(len(places)) > self._meadow(places) * (0.8 if kind == "boulder" else 1.0)
-        for path, room in ((self.trail, TRAIL_HALF + 0.4), (self.road, self._ditch_middle() + 1.5)):
-            if path is not None and len(places):
+        for path, room in _ways(self.settings, self.trail, self.road):
+            if len(places):
                 keep &= np.abs(path.project(places)[1]) > room + radius
         found: list[Obstacle] = []
         for i in np.flatnonzero(keep):
@@ -485,6 +467,16 @@ class _ForestBuilder:
             return None
         kept = np.all(np.abs(path.points) <= 0.5 * np.asarray(self.settings.size), axis=1)
         return Path(path.points[kept], name=path.name)
+
+
+def _ditch_middle(settings: ForestSettings) -> float:
+    """Distance [m] of the ditches from the road's middle."""
+    return 0.5 * settings.road_width + SHOULDER + DITCH_INNER * settings.ditch_depth + 0.5 * DITCH_BOTTOM
+
+
+def _ways(settings: ForestSettings, trail: Path | None, road: Path | None) -> list[tuple[Path, float]]:
+    ways = ((trail, TRAIL_HALF + 0.4), (road, _ditch_middle(settings) + 1.5))
+    return [(path, room) for path, room in ways if path is not None]
 
 
 def _path_coordinates(path: Path, points: Array, reach: float) -> tuple[Array, Array]:
