@@ -11,6 +11,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.checks import check_choice, check_finite, check_integer, check_range
+from aoro_gym.execution.devices import find
 from aoro_gym.sensors.raytrace import device as device_code
 from aoro_gym.sensors.raytrace.triangles import checked_triangles
 
@@ -71,6 +72,7 @@ class Bodies:
             raise ValueError("bodies is empty; give at least one, or no bodies at all")
         worlds = np.array([body.world for body in bodies], dtype=np.int32)
         check_range("body world", worlds, ge=0, le=num_worlds - 1)
+        find(device)
         self.num_worlds = num_worlds
         self.device = device
         self.class_ids = np.array([body.class_id for body in bodies])

@@ -10,6 +10,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.checks import check_finite, check_integer, check_range
+from aoro_gym.execution.devices import find
 from aoro_gym.sensors.raytrace import device as device_code
 from aoro_gym.sensors.raytrace.bodies import Bodies
 from aoro_gym.sensors.raytrace.triangles import checked_triangles
@@ -83,6 +84,7 @@ class Scene:
         check_integer("num_worlds", num_worlds)
         if bodies is not None and num_worlds not in (1, bodies.num_worlds):
             raise ValueError(f"num_worlds is {num_worlds}, but the bodies are those of {bodies.num_worlds} worlds")
+        find(device)
         self.device = device
         self.bodies = bodies
         self.num_worlds = num_worlds if bodies is None else bodies.num_worlds
