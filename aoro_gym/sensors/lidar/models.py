@@ -159,8 +159,8 @@ MODELS: Mapping[str, LidarModel] = {
         resolution=0.002,
         ring_delay=2.304e-6,
         source="Velodyne, VLP-16 User Manual: elevation by laser, a pulse every 2.304 µs and a sequence every 55.296 µs"
-        " (1808 a turn at 10 Hz), 903 nm, 2 mm, 100 m, ±3 cm typical (taken for two deviations: E), beam 3.0 mrad x 1.2 mrad,"
-        " 6 ns; range at 10 %: E",
+        " (1808 a turn at 10 Hz), 903 nm, 2 mm, 100 m, ±3 cm typical (taken for two deviations: E), beam 3.0 mrad x"
+        " 1.2 mrad, 6 ns; range at 10 %: E",
     ),
     "mid-360": LidarModel(
         name="mid-360",

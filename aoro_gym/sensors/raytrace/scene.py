@@ -15,6 +15,7 @@ from aoro_gym.sensors.raytrace import device as device_code
 from aoro_gym.sensors.raytrace.bodies import Bodies
 from aoro_gym.sensors.raytrace.triangles import checked_triangles
 from aoro_gym.terrains.terrain import Terrain
+from aoro_gym.terrains.world.world import World
 
 NO_CLASS = 255
 """Class of a ray that met nothing."""
@@ -98,6 +99,17 @@ class Scene:
     def of_terrain(cls, terrain: Terrain, **options: Any) -> Scene:
         """A scene of bare ground, all instance 0 and class 0; ``options`` are those of the constructor."""
         return cls(terrain.vertices, terrain.faces, **options)
+
+    @classmethod
+    def of_world(cls, world: World, **options: Any) -> Scene:
+        """A world with all that stands and lies on it; classes are its surfaces, with their reflectances."""
+        parts = world.scene()
+        materials = parts.materials
+        given: dict[str, Any] = {
+            "reflectance": np.column_stack([materials.reflectance_905nm, materials.reflectance_1550nm]),
+            **options,
+        }
+        return cls(parts.vertices, parts.faces, face_instance=parts.face_instance, face_class=parts.face_class, **given)
 
     def _packed(self, instances: NDArray[Any], classes: NDArray[Any], materials: NDArray[Any]) -> Any:
         """The struct that device code takes."""

@@ -6,6 +6,8 @@ import trimesh
 
 from aoro_gym.sensors.raytrace import NO_CLASS, Bodies, Body, Scene
 from aoro_gym.terrains import Terrain
+from aoro_gym.terrains.generate.world import world
+from aoro_gym.terrains.world.materials import MATERIALS, Surface
 
 FLOAT = 2.0**-23
 """Distance of float32 numbers near 1."""
@@ -190,3 +192,18 @@ def test_what_are_no_rays(arguments, options, message):
 def test_what_are_no_bodies(body, message):
     with pytest.raises(ValueError, match=message):
         body()
+
+
+def test_a_world_is_seen_with_its_objects_and_materials():
+    made = world(2, size=(40.0, 40.0))
+    scene = Scene.of_world(made)
+    parts = made.scene()
+    down = np.random.default_rng(0).uniform(-15, 15, (4000, 3))
+    down[:, 2] = 60.0
+    hits = scene.cast(down, np.tile([0.0, 0.0, -1.0], (4000, 1)))
+    assert len(np.unique(hits.instance)) > 10
+    np.testing.assert_array_equal(hits.instance, parts.face_instance[hits.face])
+    np.testing.assert_array_equal(hits.class_id, parts.face_class[hits.face])
+    snow = MATERIALS[Surface.SNOW]
+    row = scene.data.reflectance.numpy()[Surface.SNOW]
+    np.testing.assert_allclose(row, [snow.reflectance_905nm, snow.reflectance_1550nm], rtol=1e-6)
