@@ -24,6 +24,7 @@ from aoro_gym.cli import (
     simulation,
     terrain,
     training,
+    view,
 )
 from aoro_gym.cli.outcome import interrupted, say_interrupted
 from aoro_gym.version import VERSION
@@ -65,6 +66,7 @@ for command in (
     evaluation.curves,
     evaluation.gap,
     training.train,
+    view.view,
     serve.serve,
     laboratory.laboratory,
     bench.bench,
@@ -109,6 +111,7 @@ def _top(
       aoro-gym laws                         which laws its parts may obey
       aoro-gym evaluate --help              controllers and policies side by side, on any ground
       aoro-gym train --help                 a policy of your own, on your machine and your ground
+      aoro-gym view                         see it move in the browser, and drive it
       aoro-gym serve --help                 a twin on sockets, for the machine's own tracking script
       aoro-gym diagnose --help              why your machine and its twin disagree
       aoro-gym blind --help                 machines with a withheld deviation, to check a diagnosis on

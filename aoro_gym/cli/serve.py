@@ -127,9 +127,9 @@ def serve(
             duration=math.inf if duration is None else duration, telemetry_rate=telemetry_rate, origin=_origin(origin),
             sensing=_sensing(ideal, gps_loss), seed=seed,
         )  # fmt: skip
-        land = _ground(terrain)
+        land = load_ground(terrain)
         twin = Twin(machine=chosen, terrain=land, ground=ground, threads=1)
-        line = None if path is None else _line(path, track, land)
+        line = None if path is None else load_line(path, track, land)
         if line is not None:
             start_on_path(twin, chosen, line)
         elif start is not None:
@@ -250,7 +250,7 @@ def _origin(text: str | None) -> Origin:
     return Origin(*numbers)
 
 
-def _ground(file: Path | None) -> Terrain | Plane:
+def load_ground(file: Path | None) -> Terrain | Plane:
     from aoro_gym.terrains import Plane, load
 
     if file is None:
@@ -262,7 +262,7 @@ def _ground(file: Path | None) -> Terrain | Plane:
     return loaded.terrain
 
 
-def _line(file: Path, track: str | None, terrain: Terrain | Plane) -> Line:
+def load_line(file: Path, track: str | None, terrain: Terrain | Plane) -> Line:
     """The path of a file."""
     from aoro_gym.terrains import Plane, load_path
 

@@ -233,8 +233,3 @@ class Traces:
         )  # fmt: skip
         self._labels += 1
         return self._canvas.moving(line)
-
-
-def first_value(parameter: Any) -> float:
-    """A parameter of the machine, or of the first of many."""
-    return float(np.ravel(parameter)[0])

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from aoro_gym.envs.core.rendering import Canvas, Traces, first_value
+from aoro_gym.envs.core.rendering import Canvas, Traces
 from aoro_gym.machine import Machine
 from aoro_gym.reporting.style import AMBER, BLUE, GREEN, GRID, INK, RED, SOFT
 from aoro_gym.units import LITRE_PER_MINUTE
+from aoro_gym.view.solids import first_value
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

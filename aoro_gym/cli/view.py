@@ -1,0 +1,146 @@
+"""Command that shows machines in the browser."""
+
+from __future__ import annotations
+
+import math
+import webbrowser
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from aoro_gym.cli import options
+from aoro_gym.cli.options import option
+from aoro_gym.cli.outcome import checking_input, interrupted
+from aoro_gym.cli.serve import GroundOption, StartOption, TrackOption, load_ground, load_line
+from aoro_gym.reporting import terminal
+
+if TYPE_CHECKING:
+    from aoro_gym.machine import Machine
+    from aoro_gym.terrains import Path as Line
+    from aoro_gym.terrains import Plane, Terrain
+    from aoro_gym.view.live import LiveTwins
+
+PORT = 8080
+TerrainOption = Annotated[
+    Path | None, option("--terrain", "FILE", "Ground, see 'aoro-gym terrain'. Default: level asphalt.")
+]
+PathOption = Annotated[Path | None, option("--path", "FILE", "A path (GPX, CSV, ...) that is shown; starts on it.")]
+PortOption = Annotated[int, option("--port", "N", "Port of the page on 127.0.0.1; 0: any free one.")]
+NoBrowserOption = Annotated[bool, option("--no-browser", None, "Open no browser; the address is told.")]
+MachinesOption = Annotated[
+    list[str] | None,
+    option("--machine", "NAME|FILE", "Bundled machine, or a machine file. Repeatable: side by side. Default: aoro."),
+]
+
+
+def view(
+    machine: MachinesOption = None,
+    terrain: TerrainOption = None,
+    ground: GroundOption = "raster",
+    path: PathOption = None,
+    track: TrackOption = None,
+    start: StartOption = None,
+    port: PortOption = PORT,
+    no_browser: NoBrowserOption = False,
+    set_: options.SetOption = None,
+    scale: options.ScaleOption = None,
+    laws: options.LawsOption = None,
+    seed: options.SeedOption = 0,
+    quiet: options.QuietOption = False,
+) -> None:
+    """See a twin move in the browser, in real time, and drive it.
+
+    The machine in its real proportions on its ground, forces of the ground on the tires, pressures, angles and wheel loads.
+    Sliders and keys drive it: W S forward and back, A D left and right, X stops, C steers straight, space pauses, N is a
+    single step. Several --machine stand in one place and obey the same commands.
+
+    The page is for this computer alone (127.0.0.1). Ctrl-C ends it.
+
+    [bold]Examples[/]
+
+      aoro-gym view
+      aoro-gym view --terrain scan.ply --path lap.gpx
+      aoro-gym view --machine aoro --machine mine.toml
+      aoro-gym view --set joint.compliance=1e-8 --no-browser --port 8090
+    """
+    with checking_input():
+        from aoro_gym.view.extras import viser
+
+        viser()
+        if path is not None and start is not None:
+            raise ValueError("--path and --start both say where to start; drop one of them")
+        machines = [
+            options.load(options.run_spec(name, set_, scale, "cpu", seed, laws=laws))
+            for name in machine or [options.MACHINE]
+        ]
+        land = load_ground(terrain)
+        line = None if path is None else load_line(path, track, land)
+        twins = _twins(machines, land, ground, line, start)
+        server = _page(port, terrain, land, line)
+    from aoro_gym.view.server import LiveView
+
+    twins.forces()  # says so where their kernel is compiled first
+    shown = LiveView(server, twins, machine or [options.MACHINE])
+    _say_where(server, no_browser)
+    try:
+        shown.run()
+    except KeyboardInterrupt:
+        server.stop()
+        interrupted("the page is closed; the same command begins anew")
+
+
+def _twins(
+    machines: list[Machine],
+    land: Terrain | Plane,
+    ground: str,
+    line: Line | None,
+    start: tuple[float, float, float] | None,
+) -> LiveTwins:
+    """Twins of all machines at their start."""
+    from aoro_gym.cosimulation.server.starting import start_on_path
+    from aoro_gym.twin import Twin
+    from aoro_gym.view.live import LiveTwins
+
+    count = len(machines)
+    chooses = any(not one.laws.default for one in machines)
+    twin = Twin(
+        count, machine=machines[0], terrain=land, ground=ground, own_machines=True, choose_laws=chooses, threads=1
+    )
+    for i, one in enumerate(machines):
+        twin.set_machines([i], one)
+
+    def begin() -> None:
+        if line is not None:
+            start_on_path(twin, machines[0], line)
+        elif start is not None:
+            twin.reset(position=start[:2], heading=math.radians(start[2]))
+        else:
+            twin.reset()
+
+    begin()
+    return LiveTwins(twin, machines, begin=begin)
+
+
+def _page(port: int, file: Path | None, land: Terrain | Plane, line: Line | None) -> Any:
+    """A server whose scene has the ground and the path."""
+    from aoro_gym.terrains import Plane
+    from aoro_gym.view.colours import scan_colours
+    from aoro_gym.view.scene import Ground, draw_path, nearest_heights
+    from aoro_gym.view.server import start as start_server
+
+    server = start_server(port)
+    colours = None if file is None or isinstance(land, Plane) else scan_colours(file, land)
+    Ground(server.scene, land, colours)
+    if line is not None:
+        draw_path(server.scene, line, nearest_heights(land, line.points))
+    return server
+
+
+def _say_where(server: Any, no_browser: bool) -> None:
+    """Tell the address, and open it."""
+    address = f"http://127.0.0.1:{server.get_port()}"
+    if not terminal.is_quiet():
+        typer.echo(f"view: {address} (Ctrl-C ends it)", err=True)
+    if not no_browser:
+        webbrowser.open(address)

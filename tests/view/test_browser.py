@@ -1,0 +1,44 @@
+"""The page in a real browser."""
+
+import threading
+
+import pytest
+
+from aoro_gym.terrains import Plane
+from aoro_gym.twin import Twin
+from aoro_gym.view.live import LiveTwins
+from aoro_gym.view.scene import Ground
+from aoro_gym.view.server import LiveView, start
+
+from .browser import CHROMIUM, Browser
+
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium")]
+
+
+def test_a_page_connects_frames_arrive_and_keys_drive():
+    pytest.importorskip("viser", reason="[view] is not installed")
+    server, stop = start(0), threading.Event()
+    twin = Twin(threads=1)
+    Ground(server.scene, Plane())
+    view = LiveView(server, LiveTwins(twin, [twin.machine]), ["aoro"])
+    thread = threading.Thread(target=view.run, args=(stop.is_set,))
+    thread.start()
+    browser = Browser(640, 480)
+    try:
+        browser.open(f"http://127.0.0.1:{server.get_port()}")
+        for _ in range(60):
+            browser.wait(2.0)
+            if server.get_clients():
+                break
+        assert server.get_clients(), "no page has connected within two minutes"
+        before = view.frames
+        received = [one["method"] for one in browser.wait(10.0)].count("Network.webSocketFrameReceived")
+        assert view.frames - before > 10 and received > 10
+        browser.press("w", repeat=4)
+        browser.wait(10.0)
+        assert view.driving.commands["drive_signal"] > 0.0
+    finally:
+        browser.close()
+        stop.set()
+        thread.join()
+        server.stop()
