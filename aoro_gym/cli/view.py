@@ -78,7 +78,7 @@ def view(
         line = None if path is None else load_line(path, track, land)
         twins = _twins(machines, land, ground, line, start)
         server = _page(port, terrain, land, line)
-    from aoro_gym.view.server import LiveView
+    from aoro_gym.view.server import LiveView, stop
 
     twins.forces()  # says so where their kernel is compiled first
     shown = LiveView(server, twins, machine or [options.MACHINE])
@@ -86,7 +86,7 @@ def view(
     try:
         shown.run()
     except KeyboardInterrupt:
-        server.stop()
+        stop(server)
         interrupted("the page is closed; the same command begins anew")
 
 

@@ -46,6 +46,12 @@ def start(port: int, label: str = "AORO") -> Any:
     return server
 
 
+def stop(server: Any) -> None:
+    """Close the page; viser's own word about it is left out."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        server.stop()
+
+
 def _free_port(port: int) -> int:
     """``port``, if it can be bound, or any free one for 0; viser itself would take the next one without a word."""
     with socket.socket() as probe:
