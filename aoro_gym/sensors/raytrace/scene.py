@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, cast
 
 import numpy as np
@@ -91,8 +92,8 @@ class Scene:
         self.num_worlds = num_worlds if bodies is None else bodies.num_worlds
         self.num_classes = len(materials)
         self.extent = points.min(axis=0), points.max(axis=0)
-        self._keep = wp.array(corners.ravel(), dtype=wp.int32, device=device)
-        self.mesh = wp.Mesh(wp.array(points, dtype=wp.vec3, device=device), self._keep)
+        self._indices = wp.array(corners.ravel(), dtype=wp.int32, device=device)
+        self.mesh = wp.Mesh(wp.array(points, dtype=wp.vec3, device=device), self._indices)
         self.data: Any = self._packed(instances, classes, materials)
 
     @classmethod
@@ -110,6 +111,17 @@ class Scene:
             **options,
         }
         return cls(parts.vertices, parts.faces, face_instance=parts.face_instance, face_class=parts.face_class, **given)
+
+    @cached_property
+    def ground(self) -> wp.Mesh:
+        """The ground's triangles alone; ``ValueError`` where there are none."""
+        mask = self.data.face_instance.numpy() == 0
+        if mask.all():
+            return self.mesh
+        if not mask.any():
+            raise ValueError("the scene has no ground: no face is of instance 0; name its faces in face_instance")
+        faces = self._indices.numpy().reshape(-1, 3)[mask]
+        return wp.Mesh(self.mesh.points, wp.array(faces.ravel(), dtype=wp.int32, device=self.device))
 
     def _packed(self, instances: NDArray[Any], classes: NDArray[Any], materials: NDArray[Any]) -> Any:
         """The struct that device code takes."""
