@@ -36,7 +36,7 @@ from aoro_gym.agents.evaluation.tasks import TASKS
 from aoro_gym.agents.policies.files import shipped_policies
 from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training.plan import TrainingPlan
-from aoro_gym.checks import check_range
+from aoro_gym.effects.parsing import parse_effect
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.execution.files import read_json
 from aoro_gym.machine import Machine
@@ -256,16 +256,7 @@ def with_effects(machine: Machine, asked: Sequence[str]) -> Machine:
     Raises ValueError naming what is wrong.
     """
     for text in asked:
-        name, _, values = text.partition("=")
-        if name not in SWITCHABLE:
-            raise ValueError(f"{name!r} is no effect on the machine; choose from: {', '.join(SWITCHABLE)}")
-        try:
-            magnitudes = [float(value) for value in values.split(",")]
-        except ValueError:
-            raise ValueError(f"{text!r} is not NAME=VALUE, such as seal_friction=3000") from None
-        effect = SWITCHABLE[name]
-        for value, magnitude in zip(magnitudes, effect.magnitudes, strict=False):
-            check_range(f"{name}: {magnitude.name}", value, magnitude.unit, ge=magnitude.low, le=magnitude.high)
+        effect, magnitudes = parse_effect("--effect", text, SWITCHABLE)
         machine = effect.apply(machine, *magnitudes)
     return machine
 

@@ -26,6 +26,7 @@ from aoro_gym.cli import (
     training,
     view,
 )
+from aoro_gym.cli.application import Application
 from aoro_gym.cli.outcome import interrupted, say_interrupted
 from aoro_gym.version import VERSION
 
@@ -43,7 +44,7 @@ class _Commands(TyperGroup):
             interrupted(BEGINS_ANEW)
 
 
-app = typer.Typer(
+app = Application(
     name="aoro-gym",
     cls=_Commands,
     no_args_is_help=True,

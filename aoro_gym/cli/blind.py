@@ -10,11 +10,12 @@ from rich.markup import escape
 
 from aoro_gym.checks import check_choice
 from aoro_gym.cli import options
+from aoro_gym.cli.application import Application
 from aoro_gym.cli.options import argument, option
 from aoro_gym.cli.outcome import checking_input, print_all, resumable, running, say_error, say_written
 from aoro_gym.reporting import terminal
 
-app = typer.Typer(
+app = Application(
     no_args_is_help=True,
     help="The blind check: a diagnosis on machines whose deviation is withheld. In turn: seal, run, score.",
 )

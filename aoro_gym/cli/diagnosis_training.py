@@ -5,14 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from aoro_gym.cli import options
+from aoro_gym.cli.application import Application
 from aoro_gym.cli.options import option
 from aoro_gym.cli.outcome import checking_input, running, say_written
 from aoro_gym.reporting import terminal
 
-app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich", help="Networks that a diagnosis asks.")
+app = Application(no_args_is_help=True, rich_markup_mode="rich", help="Networks that a diagnosis asks.")
 
 OutOption = Annotated[Path, option("--out -o", "DIR", "Folder to write to.")]
 MachinesOption = Annotated[

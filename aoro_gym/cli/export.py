@@ -9,6 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from aoro_gym.cli import export_machine, options
+from aoro_gym.cli.application import Application
 from aoro_gym.cli.options import argument, option
 from aoro_gym.cli.outcome import checking_input, say_written
 from aoro_gym.reporting import terminal
@@ -30,7 +31,7 @@ class _Exports(TyperGroup):
         return super().parse_args(ctx, args)
 
 
-app = typer.Typer(
+app = Application(
     cls=_Exports,
     no_args_is_help=True,
     rich_markup_mode="rich",

@@ -78,13 +78,20 @@ def laboratory(
       aoro-gym laboratory --manoeuvre kerb --connect 127.0.0.1:5005 --out kerb
     """
     with checking_input():
-        from aoro_gym.checks import check_choice, check_integer
+        from aoro_gym.checks import check_choice, check_integer, check_range
         from aoro_gym.cosimulation.laboratory.manoeuvres import MANOEUVRES
         from aoro_gym.cosimulation.laboratory.protection import Limits
         from aoro_gym.cosimulation.laboratory.run import Line, driveline_process, run, write
 
         check_choice("--manoeuvre", manoeuvre, MANOEUVRES)
         check_integer("--period", period, ge=1, le=1000)
+        check_range("--limit-torque", limit_torque, "N m", gt=0.0)
+        check_range("--limit-speed", limit_speed, "rad/s", gt=0.0)
+        check_range("--limit-silence", limit_silence, "ms", gt=0.0)
+        check_range("--soft-start", soft_start, "s", ge=0.0)
+        check_range("--hub-inertia", hub_inertia, "kg m²", ge=0.0)
+        for name, value in (("--delay", delay), ("--jitter", jitter)):
+            check_range(name, value, "ms", ge=0.0)
         limits = Limits(torque=limit_torque, speed=limit_speed, soft_start=soft_start, silence=1e-3 * limit_silence)
         secret = None if token is None else token.encode()
         if host != "127.0.0.1" and secret is None:

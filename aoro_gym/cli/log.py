@@ -5,14 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from aoro_gym.cli import options
+from aoro_gym.cli.application import Application
 from aoro_gym.cli.options import argument, option
 from aoro_gym.cli.outcome import checking_input, running, say_written
 from aoro_gym.reporting import terminal
 
-app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich", help="Logs: what a bag holds, and other formats.")
+app = Application(no_args_is_help=True, rich_markup_mode="rich", help="Logs: what a bag holds, and other formats.")
 
 BagArgument = Annotated[Path, argument("BAG", "MCAP file, folder of rosbag2, .db3, or .bag of ROS 1.")]
 MapOption = Annotated[Path | None, option("--out -o", "FILE", "Mapping to write. Default: BAG.map.toml, beside it.")]

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import errno
-from collections.abc import Callable, Iterable, Iterator, Sequence
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextvars import ContextVar
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NoReturn
 
 import typer
@@ -15,6 +18,10 @@ from aoro_gym.reporting import terminal
 
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Errors that are no fault of the input."""
+ARGUMENT = re.compile(r"([a-z][a-z0-9_]*)(?: (?:is|has) )")
+"""What a message about an argument begins with, see :mod:`aoro_gym.checks`."""
+FLAGS: ContextVar[Mapping[str, str]] = ContextVar("flags", default=MappingProxyType({}))
+"""Options of the command that runs (``--udp-port``) by the names of arguments (``udp_port``)."""
 
 
 def say_written(paths: Sequence[Path]) -> None:
@@ -100,7 +107,15 @@ def fail(error: Exception, code: int) -> NoReturn:
     message, full = str(error), isinstance(error, OSError) and error.errno in DISK_FULL
     if isinstance(error, OSError) and error.strerror:
         message = error.strerror if error.filename is None else f"{error.filename}: {error.strerror}"
+    message = naming_option(message)
     if full:
         message += "; make room and try again"
     terminal.err().print(f"[bold red]error:[/] {escape(' '.join(message.split()))}", soft_wrap=True, highlight=False)
     raise (_DiskFull(1) if full else typer.Exit(code)) from None
+
+
+def naming_option(message: str) -> str:
+    """The message of an error, with the option that was typed in place of the Python argument that it begins with."""
+    begin = ARGUMENT.match(message)
+    flag = FLAGS.get().get(begin[1]) if begin else None
+    return message if begin is None or flag is None else flag + message[begin.end(1) :]

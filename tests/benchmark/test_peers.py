@@ -24,6 +24,7 @@ def rolled(monkeypatch):
     return seen
 
 
+@pytest.mark.slow
 def test_ten_seconds_of_changing_controls(machine, rolled):
     """An episode over the forest: it begins at rest and stays finite, and nobody falls through the ground or flies."""
     worlds = peers.mujoco(16, machine=machine)

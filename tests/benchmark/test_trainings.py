@@ -48,6 +48,7 @@ def test_whole_rollouts_are_learned_from(trainer, machine, monkeypatch):
     assert (learner.policy().weights[0] != weights[0]).any()
 
 
+@pytest.mark.slow
 def test_trainers_stand_beside_each_other(machine):
     pytest.importorskip("skrl")
     plan = Plan(twins=(2,), what=("train",), env=TURNING, trainers=("sb3", "resident"), threads=(1,), seconds=0.02)

@@ -11,17 +11,23 @@ from aoro_gym.machine.laws import family
 from tests.cli.calling import call, check_refused
 
 
+@pytest.fixture(scope="module")
+def a_validation():
+    return validation.validate("aoro", uncalibrated="aoro_datasheet", noise_runs=2)
+
+
 @pytest.fixture
-def quick(monkeypatch):
-    """Calls of the heavy parts: machines that were validated, and options of calibrations."""
-    calls = SimpleNamespace(validated=[], calibrated=[], stop=False, verdict={"fits": True, "sentence": "fits: [/x] 1"})
+def quick(monkeypatch, a_validation):
+    """Calls of the heavy parts: machines that were validated, and options of calibrations; what they found is made up, or
+    of another machine, unless ``simulated``."""
+    calls = SimpleNamespace(
+        simulated=False, validated=[], calibrated=[], stop=False, verdict={"fits": True, "sentence": "fits: [/x] 1"}
+    )
     found = validation.validate
 
     def quick_validate(machine, **options):
         calls.validated.append((machine.name, options))
-        if not calls.validated[1:]:
-            options = {**options, "noise_runs": 2}
-        return found(machine, **options)
+        return found(machine, **options, noise_runs=2) if calls.simulated else a_validation
 
     def quick_calibrate(what):
         def calibrate(machine, *logs, ensemble=0, folder, progress, **options):
@@ -84,7 +90,9 @@ def test_validate_takes_laws_and_records_them(tmp_path, quick):
     assert made_by["machine"] == {"file": "aoro", "set": [], "scale": [], "laws": "library"}
 
 
+@pytest.mark.slow
 def test_validate_takes_an_ensemble_and_no_second_machine(tmp_path, quick):
+    quick.simulated = True
     machine = Machine.load("aoro")
     (tmp_path / "members").mkdir()
     for name in ("members/01.toml", "members/02.toml", "third.toml"):

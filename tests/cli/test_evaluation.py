@@ -105,7 +105,7 @@ def test_policies_in_files_are_evaluated_and_exported(tmp_path):
         ("gap --policy preview", "give one of --diagnosis and --improved"),
         ("gap --policy preview --improved aoro", "the plant is the baseline; give --plant or --effect"),
         ("gap --policy preview --diagnosis empty", "empty/diagnosis.json: No such file"),
-        ("gap --policy preview --improved aoro --effect x=1", "'x' is no effect on the machine; choose from"),
+        ("gap --policy preview --improved aoro --effect x=1", "'x' is no effect here; choose from"),
         (
             "gap --policy preview --improved aoro --effect payload=9 --retrain 9",
             "preview cannot be retrained; give a file",

@@ -45,6 +45,7 @@ def test_simulate_is_repeatable(turn, tmp_path):
     assert again.read_bytes() == turn[0].read_bytes()
 
 
+@pytest.mark.slow
 def test_simulate_takes_laws(tmp_path):
     (tmp_path / "turn.csv").write_text("time_s,steering_signal\n0,0\n0.1,1\n0.4,0\n")
 

@@ -154,6 +154,7 @@ def test_time_and_mean_flow_are_one_figure():
 # ---- evidence ----
 
 
+@pytest.mark.slow
 def test_the_evidence_of_nothing_is_that_of_a_normal_distribution(own):
     """Of the twin's figures with its own error and the noise, whose share in the extremes is integrated out."""
     moved = [
@@ -199,6 +200,7 @@ def test_a_black_box_carries_factors_from_level_to_level(own):
 # ---- the diagnosis ----
 
 
+@pytest.mark.slow
 def test_the_twins_own_figures_show_no_gap(own):
     found = diagnose_rows(own[:1], MACHINE, CANDIDATES)
     assert found.verdict == "no_gap"

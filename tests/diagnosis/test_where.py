@@ -94,6 +94,7 @@ def some_slopes(rng):
     return np.concatenate(stacked)
 
 
+@pytest.mark.slow
 def test_without_a_cause_the_probability_is_uniform():
     """Kolmogorov and Smirnov's test of 150 draws, which what is right fails with one seed of a thousand."""
     rng = np.random.default_rng(2)

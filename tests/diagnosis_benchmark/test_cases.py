@@ -149,6 +149,7 @@ def test_logs_begin_and_end_at_rest(family):
             assert abs(excitation.start) <= 1.0 and np.any(excitation.steering)
 
 
+@pytest.mark.slow
 def test_families_share_nothing(standard):
     ours = standard["commissioned"]
     theirs = plan(SUITES["standard"], mode="commissioned", family=DEVELOPMENT, seed=SEED)
@@ -231,6 +232,7 @@ def test_oracles_get_what_they_need(sealed):
         )
 
 
+@pytest.mark.slow
 def test_an_interrupted_suite_goes_on_to_the_same_files(sealed, tmp_path):
     def interrupt(sentence, share):
         if share > 0.8:

@@ -91,6 +91,7 @@ def test_a_case_is_seen_through_the_noise_of_its_own_sensors(tmp_path):
         assert share == pytest.approx(1.0 - 1.0 / 9.0, abs=slack + cross)
 
 
+@pytest.mark.slow
 def test_noise_is_no_gap(tmp_path):
     """Where nothing but the deviation differs, S is 1, however much noise there is in the logs of both days."""
     found = []
@@ -105,12 +106,14 @@ def test_noise_is_no_gap(tmp_path):
     assert np.mean(found) == pytest.approx(1.0, abs=4.0 * error / gap)
 
 
+@pytest.mark.slow
 def test_what_cannot_be_seen_is_not_asked_for(tmp_path):
     write_case(tmp_path / "case", tmp_path / "exact.npz", 1e-5, seed=6)
     oracle = consult(tmp_path / "case", tmp_path / "exact.npz", ["joint_angle"])
     assert not oracle.detectable and not oracle.shrinkage
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("size", "asked"), [(0.05, 1), (1e-4, 2)])
 def test_logs_are_asked_until_nothing_is_rejected(tmp_path, size, asked):
     """What one log shows is enough, or all are asked, and another one takes nothing away."""

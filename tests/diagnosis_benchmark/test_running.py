@@ -59,6 +59,7 @@ def test_failures_are_named_and_tried_again(suite):
     assert set(read_diagnoses(suite, out)[1]["004"]) == {"verdict", "sensors", "device"}
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_goes_on(suite):
     out = suite / "kept"
     (suite / "mended").touch()
@@ -75,6 +76,7 @@ def test_an_interrupted_run_goes_on(suite):
     assert len(read_diagnoses(suite, out)[1]) == 4
 
 
+@pytest.mark.slow
 def test_kept_diagnoses_of_another_case_or_code_are_not_taken(suite, monkeypatch):
     out = suite / "kept"
     (suite / "mended").touch()
@@ -134,6 +136,7 @@ def test_killed_ten_times_at_random_moments_it_comes_to_the_same_results(suite, 
     assert files(tmp_path / "killed") == files(tmp_path / "whole")
 
 
+@pytest.mark.slow
 def test_two_runs_do_not_share_a_folder(suite):
     out = suite / "kept"
     process = multiprocessing.get_context("spawn").Process(target=run_slowly, args=(suite, out))

@@ -4,21 +4,31 @@ The reference (:mod:`tests.oracles.machine`) starts from the state that the twin
 and is integrated by an implicit variable-step solver, converged to 1e-4 of every signal's peak. What is left is the twin's
 time stepping, its float32, and whatever one of the two got wrong.
 
+The solver takes a minute a run, so two of its trajectories are stored, with digests of what they were computed from;
+``python -m tests.twin.test_against_reference`` computes them anew, and a slow test compares.
+
 Impacts amplify: a first-order error of the substeps shifts the bounce off the stop and, with it, all that follows. So
 signals are held tightly up to the first touch of the stop, and more loosely after it; that the looser error is one of
 the step shows in its fall with the step.
 """
 
+import hashlib
+import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from aoro_gym.calibration.procedure import measured_curve
+from aoro_gym.machine import Machine
 from aoro_gym.twin.records import WHEELS, State
 from aoro_gym.twin.twin import Twin
+from tests import oracles
 from tests.oracles.machine import MachineOracle
 
+STORED = Path(__file__).with_name("reference")
 SAMPLE = 1e-3
 # channel of the twin: output of the reference, index in it
 SIGNALS: dict[str, tuple[str, Any]] = {
@@ -107,16 +117,82 @@ def deviation(twin, reference, name, where=slice(None)):
     return np.abs(twin[name] - reference[name])[where].max() / np.abs(reference[name]).max()
 
 
-# ------------------------------------------------------------------------------------------------------- standing turn
+# --------------------------------------------------------------------------------------------------- stored references
 TURN: Schedule = [(0.1, {"steering_signal": 1.0})]
 TURN_DURATION = 2.7
+RAISE = {f"arm_{wheel}": signal for wheel, signal in zip(WHEELS, (0.6, 0.6, 0.5, 0.5), strict=True)}
+RAISING: Schedule = [(0.1, RAISE), (1.0, dict.fromkeys(RAISE, 0.0))]
+RUNS: dict[str, tuple[Schedule, float, float, float]] = {
+    "turn": (TURN, TURN_DURATION, -1.0, 1e-6),
+    "raising": (RAISING, 1.5, 0.0, 1e-5),
+}
+"""Schedule, duration [s], joint angle in its range's half, and the solver's tolerance."""
 
 
+def computed_from(name: str, machine) -> str:
+    """Digest of all that decides a stored reference, but the state that it starts from."""
+    made = hashlib.sha256(json.dumps(RUNS[name]).encode())
+    made.update(json.dumps({key: entry.value for key, entry in machine.entries.items()}, default=list).encode())
+    for source in sorted(Path(oracles.__path__[0]).glob("[a-z]*.py")):
+        if not source.name.startswith("test_"):
+            made.update(source.read_bytes())
+    return made.hexdigest()
+
+
+def stored_reference(name: str, machine, start) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Instants and outputs by name, as :func:`run_reference` gives them."""
+    with np.load(STORED / f"{name}.npz") as kept:
+        assert str(kept["computed_from"]) == computed_from(name, machine), (
+            f"{name}.npz is of another machine or other oracles: run python -m tests.twin.test_against_reference"
+        )
+        for state, values in start.items():
+            np.testing.assert_allclose(kept[f"start/{state}"], values, rtol=1e-5, atol=1e-5, err_msg=state)
+        return kept["times"], {signal: kept[signal].astype(float) for signal in SIGNALS}
+
+
+def computed_reference(name: str, machine, start) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    schedule, duration, _, tolerance = RUNS[name]
+    return run_reference(machine, schedule, duration, start, tolerance)
+
+
+def start_of(name: str, machine) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Signals of the twin, and the states that its reset left."""
+    schedule, duration, bent, _ = RUNS[name]
+    return run_twin(machine, schedule, duration, bent * machine.joint.range)
+
+
+def store() -> None:
+    """Compute the references anew."""
+    machine = measured_curve(Machine.load("aoro_datasheet"))
+    STORED.mkdir(exist_ok=True)
+    for name in RUNS:
+        _, start = start_of(name, machine)
+        times, outputs = computed_reference(name, machine, start)
+        arrays: dict[str, Any] = {f"start/{state}": values for state, values in start.items()}
+        arrays |= {signal: values.astype(np.float32) for signal, values in outputs.items()}
+        made = computed_from(name, machine)
+        np.savez_compressed(STORED / f"{name}.npz", times=times, computed_from=made, **arrays)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", RUNS)
+def test_stored_references_are_those_of_the_oracles(name, machine):
+    """To ten times what the solver is converged to: a SciPy of another version takes other steps."""
+    _, start = start_of(name, machine)
+    times, kept = stored_reference(name, machine, start)
+    instants, fresh = computed_reference(name, machine, start)
+    np.testing.assert_array_equal(times, instants)
+    for signal, values in fresh.items():
+        if np.ptp(values):
+            assert np.abs(kept[signal] - values).max() < 1e-3 * np.abs(values).max(), signal
+
+
+# ------------------------------------------------------------------------------------------------------- standing turn
 @pytest.fixture(scope="module")
 def turn(machine):
     """Twin, instants and reference of a full left turn at full signal, and when the joint first touches the stop."""
-    twin, start = run_twin(machine, TURN, TURN_DURATION, -machine.joint.range)
-    times, reference = run_reference(machine, TURN, TURN_DURATION, start)
+    twin, start = start_of("turn", machine)
+    times, reference = stored_reference("turn", machine, start)
     return twin, times, reference, times[np.argmax(reference["joint_angle"] > machine.joint.range)]
 
 
@@ -210,10 +286,8 @@ def test_driving_steering_shifting_and_braking(machine):
 
 
 def test_raising_the_machine_on_its_arms(machine):
-    up = {f"arm_{wheel}": signal for wheel, signal in zip(WHEELS, (0.6, 0.6, 0.5, 0.5), strict=True)}
-    schedule: Schedule = [(0.1, up), (1.0, dict.fromkeys(up, 0.0))]
-    twin, start = run_twin(machine, schedule, 1.5, 0.0)
-    _, reference = run_reference(machine, schedule, 1.5, start, tolerance=1e-5)
+    twin, start = start_of("raising", machine)
+    _, reference = stored_reference("raising", machine, start)
     assert np.ptp(reference["arm_angle_fl"]) > 0.1 and reference["position_z"][-1] > 0.05
     still = ("joint", "position_y", "spool")  # nothing moves there but rounding errors
     # The twin's arm spools move once a main step, so that the load-sensing line learns of a closed valve up to 1 ms late.
@@ -221,3 +295,7 @@ def test_raising_the_machine_on_its_arms(machine):
     for name in SIGNALS:
         if not name.startswith(still):
             assert deviation(twin, reference, name) < bounds.get(name, 0.02), name
+
+
+if __name__ == "__main__":
+    store()

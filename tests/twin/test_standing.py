@@ -99,6 +99,7 @@ def test_where_friction_does_not_hold_the_joint_its_oil_does(machine):
     assert np.all(np.ptp(log["joint_angle"], axis=0) < leak * log.time[-1] / displacement + height)
 
 
+@pytest.mark.slow
 def test_parking_brakes_hold_on_twenty_degrees(machine):
     """Up, down, across and between: less than a millimetre in a minute."""
     twin, settling = parked(machine, 20.0)
@@ -181,6 +182,7 @@ def test_disc_brake_holds_its_share_of_slope(machine):
 
 
 # ------------------------------------------------------------------------------------------------------------- the arms
+@pytest.mark.slow
 def test_arms_are_drop_tight(machine):
     """Valves shut for ten minutes: less than a millimetre of sink at the wheels; so, too, with no seal to hold it."""
     keys = ("arm.cylinder.seal_preload", "arm.cylinder.seal_pressure_coefficient")

@@ -193,6 +193,7 @@ def test_the_headline_names_the_machine_and_its_published_twin(result):
     assert sum(one.in_bounds <= 1.0 for one in result.misses("mevea")) == result.reached()[0]
 
 
+@pytest.mark.slow
 def test_a_report_without_second_machine_noise_and_ensemble(machine, tmp_path, monkeypatch):
     monkeypatch.setattr("aoro_gym.validation.study.motor_pressure_at", lambda *_, **__: np.array([np.nan]))
     plain = validate(machine, noise_runs=0)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from aoro_gym.checks import check_range
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.effects.effect import ChainEffect, GroundEffect
+from aoro_gym.effects.parsing import parse_effect
 from aoro_gym.machine.parameters import Machine
-from aoro_gym.recording.cells import parse_number
 from aoro_gym.terrains.plane import Plane
 
 
@@ -20,23 +19,15 @@ def with_effects(machine: Machine, plane: Plane | None, asked: Sequence[str]) ->
     slope that it has.
     """
     for text in asked:
-        name, _, values = text.partition("=")
-        effect = EFFECTS.get(name)
-        if effect is None:
-            raise ValueError(f"--effects {text}: {name!r} is no effect; choose from: {', '.join(EFFECTS)}")
+        effect, magnitudes = parse_effect("--effects", text, EFFECTS)
         if isinstance(effect, ChainEffect):
             raise ValueError(
-                f"--effects {text}: {name} is in the measuring chain, which is not exported; let the host measure so"
+                f"--effects {text}: {effect.id} is in the measuring chain, which is not exported; let the host measure so"
             )
         if isinstance(effect, GroundEffect) and plane is None:
-            raise ValueError(f"--effects {text}: {name} tilts a plane, but --terrain names a ground; leave one out")
-        magnitudes = [parse_number(value.strip()) for value in values.split(",")]
-        names = ",".join(one.name.upper() for one in effect.magnitudes)
-        if len(magnitudes) != len(effect.magnitudes) or None in magnitudes:
-            raise ValueError(f"--effects {text!r} is not {name}={names}, in SI")
-        numbers = [number for number in magnitudes if number is not None]
-        for value, one in zip(numbers, effect.magnitudes, strict=True):
-            check_range(f"--effects {name}: {one.name}", value, one.unit, ge=one.low, le=one.high)
-        machine = effect.apply(machine, *numbers)
-        plane = plane if plane is None else effect.tilt(plane, *numbers)
+            raise ValueError(
+                f"--effects {text}: {effect.id} tilts a plane, but --terrain names a ground; leave one out"
+            )
+        machine = effect.apply(machine, *magnitudes)
+        plane = plane if plane is None else effect.tilt(plane, *magnitudes)
     return machine, plane

@@ -143,6 +143,7 @@ class Turner:
         pass
 
 
+@pytest.mark.slow
 def test_own_policies_and_rewards_count_by_source_and_state(tmp_path, drives):
     driven, _ = drives
 
@@ -218,6 +219,7 @@ def test_grounds_and_paths_count_by_their_contents(tmp_path, monkeypatch):
     assert key(path=Line(line, name="other")) == key()
 
 
+@pytest.mark.slow
 def test_another_process_finds_what_was_kept(tmp_path):
     """Digests do not hang on the process."""
     program = (

@@ -147,6 +147,7 @@ def learning() -> None:
         pytest.importorskip(module)
 
 
+@pytest.mark.slow
 def test_a_training_killed_between_its_files_is_the_same(tmp_path: Path, learning: None):
     """After the checkpoint of the first part: before its policy's numbers, its evaluations and the next checkpoint."""
     ran(TRAINING, tmp_path, "calls", "4,5,3", 100)
@@ -167,6 +168,7 @@ def test_a_training_killed_before_every_file_operation_is_the_same(tmp_path: Pat
         assert_same_training(tmp_path / str(call) / "whole", tmp_path / str(call) / "parted")
 
 
+@pytest.mark.slow
 def test_an_evaluation_killed_between_its_files_is_the_same(tmp_path: Path):
     ran(EVALUATION, tmp_path, "calls", "1,3,2", 4)
     assert (tmp_path / "whole" / "evaluation.json").read_bytes() == (

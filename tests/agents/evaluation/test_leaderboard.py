@@ -129,6 +129,7 @@ def test_files_hold_the_table(found, tmp_path):
     assert {len(row) for row in body} == {len(head)}
 
 
+@pytest.mark.slow
 def test_cells_of_repeats_have_both_intervals(tmp_path):
     policies = {name: policy_factory(TURNING, name) for name in ("bang-bang", "proportional-derivative")}
     found = leaderboard.compare(TURNING, policies, episodes=3, repeats=2, seed=3)

@@ -120,6 +120,7 @@ def test_the_newest_pairs_are_kept_and_the_first_ones_normalise():
     learner.close()
 
 
+@pytest.mark.slow
 def test_it_learns_what_the_teacher_does():
     """Of the variance of the teacher's signal, less than a fifth is left after four rollouts."""
     learner = dagger(n_envs=16, n_steps=100, buffer_size=6400, batch_size=100, n_epochs=20, net_arch=[32, 32])

@@ -82,10 +82,10 @@ def test_effects_of_the_command_line():
     found = gap.with_effects(MACHINE, ["spool_lag=0.06", "payload=800"])
     assert float(found.mass) == pytest.approx(float(MACHINE.mass) + 800.0)
     for asked, message in (
-        (["gremlins=1"], "'gremlins' is no effect on the machine; choose from: engine_droop"),
-        (["sensor_delay=0.01"], "'sensor_delay' is no effect on the machine"),
-        (["payload=much"], "'payload=much' is not NAME=VALUE"),
-        (["payload=1,2"], "effect payload has 2 magnitudes"),
+        (["gremlins=1"], "--effect gremlins=1: 'gremlins' is no effect here; choose from: engine_droop"),
+        (["sensor_delay=0.01"], "'sensor_delay' is no effect here"),
+        (["payload=much"], "--effect payload=much is not payload=MASS, numbers in SI"),
+        (["payload=1,2"], "--effect payload=1,2 is not payload=MASS"),
         (["spool_lag=1e9"], r"spool_lag: time_constant is 1000000000 s, but must be in \[0, 0.08\] s"),
     ):
         with pytest.raises(ValueError, match=message):

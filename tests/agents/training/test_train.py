@@ -184,6 +184,7 @@ def test_a_held_actor_stays_while_the_critic_learns(algo, trainer, training):
         learner.close()
 
 
+@pytest.mark.slow
 def test_the_critic_learns_first_where_there_is_a_policy_to_start_from(training, tmp_path, monkeypatch):
     """A tenth of the steps, whatever the parts are; not without a policy, and not again."""
     from aoro_gym.agents.training.stable_baselines import StableBaselines

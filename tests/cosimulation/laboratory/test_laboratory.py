@@ -193,7 +193,11 @@ def test_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         (["--manoeuvre", "fly"], "--manoeuvre is 'fly'"),
         (["--connect", "here"], "must be HOST:PORT"),
         (["--host", "0.0.0.0"], "give --token"),
-        (["--limit-torque", "0"], "limits.torque"),
+        (["--limit-torque", "0"], "--limit-torque is 0 N m, but must be above 0"),
+        (["--limit-silence", "-5"], "--limit-silence is -5 ms"),
+        (["--delay", "-1"], "--delay is -1 ms"),
+        (["--delay", "0.5"], "--delay is 0.5 ms, but must be a whole multiple"),
+        (["--hub-inertia", "-1"], "--hub-inertia is -1 kg m²"),
         (["--period", "0"], "--period"),
     ],
 )

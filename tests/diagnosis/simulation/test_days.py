@@ -21,6 +21,7 @@ def days() -> Days:
     return draw_days(PRIOR, 60, LATER, seed=5)
 
 
+@pytest.mark.slow
 def test_a_seed_gives_the_same_days_and_another_seed_others(days: Days) -> None:
     again, other = draw_days(PRIOR, 60, LATER, seed=5), draw_days(PRIOR, 60, LATER, seed=6)
     for field in fields(Days):

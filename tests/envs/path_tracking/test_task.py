@@ -114,6 +114,7 @@ def test_exact_sensors_show_the_true_motion():
     np.testing.assert_allclose(term(env, observations, "heading_error"), infos["heading_error"], atol=0.01)
 
 
+@pytest.mark.slow
 def test_typical_sensors_err_by_centimetres_and_a_lost_fix_by_more():
     errors = {}
     for name, loss in (("fixed", FixLoss()), ("lost", FixLoss(interval=1.0, float_duration=20.0, none_share=0.0))):
@@ -255,6 +256,7 @@ def test_every_ending_has_its_test():
 # ---- whole episodes --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_closed_path_is_driven_around():
     env = make(courses=[Course(Plane(), (circle(8.0),))])
     observations, infos = env.reset(seed=0, options={"start": 0.0})

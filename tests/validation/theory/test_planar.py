@@ -132,6 +132,7 @@ def test_rest_is_an_equilibrium_on_level_ground_and_on_a_slope(machine):
     assert np.sign(x[BRISTLE]).tolist() == [0.0, -1.0, 1.0]
 
 
+@pytest.mark.slow
 def test_halving_the_step_changes_nothing_seen(monkeypatch):
     """The command's edge falls within a step, so that all of the motion is as late as that at most."""
     step, machine = module.STEP, Machine.load("aoro")
