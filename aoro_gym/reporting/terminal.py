@@ -1,7 +1,7 @@
 """What a person sees of a command: consoles, progress, warnings.
 
-In a terminal progress is one bar. Elsewhere it is a line every ten seconds, so that a log file tells a run that goes on from
-one that hangs; what is over sooner leaves none. With ``--quiet`` there is neither.
+In a terminal progress is one bar. Elsewhere it is a line after two seconds and then every ten, so that a log file tells a
+run that goes on from one that hangs; what is over sooner leaves none. With ``--quiet`` there is neither.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
 from rich.table import Column, Table
 from rich.text import Text
 
-EVERY = 10.0
-"""Time [s] between two lines of progress where there is no terminal."""
+SOON, EVERY = 2.0, 10.0
+"""Times [s] to the first line of progress, and between two of them, where there is no terminal."""
 BAR_WIDTH = 20
 """Of a bar [characters]: the rest of 80 columns is for words."""
 PIPE_WIDTH = 200
@@ -253,7 +253,9 @@ def _lines(track: ProgressEstimate) -> Iterator[Tell]:
     over = threading.Event()
 
     def write() -> None:
-        while not over.wait(EVERY):
+        wait = min(SOON, EVERY)
+        while not over.wait(wait):
+            wait = EVERY
             try:
                 print(track.line(), file=sys.stderr, flush=True)
             except (OSError, ValueError):  # nobody reads any more

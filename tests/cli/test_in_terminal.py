@@ -171,6 +171,8 @@ COMMANDS: list[tuple[str, tuple[object, ...]]] = [
     ),
     ("export policy", ("export", "policy", "run/best.json")),
     ("export twin", ("export", "twin", "--format", "fmi2", "--out", "twin.fmu")),
+    ("serve", ("serve", "--udp-port", 0, "--tcp-port", 0, "--duration", 2)),
+    ("laboratory", ("laboratory", "-m", "park")),
     ("bench", ("bench", "--twins", "1,2", "--seconds", 0.02)),
 ]
 
@@ -231,21 +233,29 @@ def test_ctrl_c_ends_with_one_line(arguments, goes_on, after, inputs):
     assert [line for line in shown.lines if line.strip()][-1] == f"interrupted: {goes_on}"
 
 
+def test_ctrl_c_ends_a_server(tmp_path):
+    shown = in_terminal("serve", "--udp-port", 0, "--tcp-port", 0, folder=tmp_path, interrupt="serving", after=0.5)
+    assert shown.code == 130, shown.text
+    assert "Traceback" not in shown.text
+    last = [line for line in shown.lines if line.strip()][-1]
+    assert last == "interrupted: the twin stands still; the same command begins anew"
+
+
 @pytest.mark.slow
-def test_lines_of_a_diagnosis_in_a_pipe(inputs):
-    """At least one every 15 s, each with an estimate that is a number once two shares are known."""
+def test_lines_of_a_calibration_in_a_pipe(inputs):
+    """One soon and then at least one every 15 s, each with an estimate that is a number once two shares are known."""
     began, times, lines = time.monotonic(), [], []
-    command = [sys.executable, "-m", "aoro_gym", "diagnose", "log.csv", "--out", "d2"]
-    process = subprocess.Popen(
-        command, cwd=inputs, env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    assert process.stderr is not None
-    for line in process.stderr:
-        times.append(time.monotonic() - began)
-        lines.append(line.strip())
-        if len(lines) == 5:
-            process.send_signal(signal.SIGINT)
-    assert process.wait() == 130
+    command = [sys.executable, "-m", "aoro_gym", "calibrate", "--logs", "log.csv", "--out", "c2.toml"]
+    with subprocess.Popen(
+        command, cwd=inputs, env=ENVIRONMENT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stderr is not None
+        for line in process.stderr:
+            times.append(time.monotonic() - began)
+            lines.append(line.strip())
+            if len(lines) == 5:
+                process.send_signal(signal.SIGINT)
+    assert process.returncode == 130, lines
     assert lines[-1] == "interrupted: the same command goes on from where it stopped"
     assert max(np.diff([0.0, *times[:5]])) < 15.0
     assert all(re.fullmatch(r".+: \d+ %, (--:--|[\d:]+) left", line) for line in lines[:5]), lines
