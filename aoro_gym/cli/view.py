@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from aoro_gym.terrains import Path as Line
     from aoro_gym.terrains import Plane, Terrain
     from aoro_gym.view.live import LiveTwins
+    from aoro_gym.view.replay import Replay
 
 PORT = 8080
 TerrainOption = Annotated[
@@ -28,6 +29,9 @@ TerrainOption = Annotated[
 PathOption = Annotated[Path | None, option("--path", "FILE", "A path (GPX, CSV, ...) that is shown; starts on it.")]
 PortOption = Annotated[int, option("--port", "N", "Port of the page on 127.0.0.1; 0: any free one.")]
 NoBrowserOption = Annotated[bool, option("--no-browser", None, "Open no browser; the address is told.")]
+LogsArgument = Annotated[
+    list[Path] | None, options.argument("[LOG]...", "Logs to show again, one machine each, instead of a live twin.")
+]
 MachinesOption = Annotated[
     list[str] | None,
     option("--machine", "NAME|FILE", "Bundled machine, or a machine file. Repeatable: side by side. Default: aoro."),
@@ -35,6 +39,7 @@ MachinesOption = Annotated[
 
 
 def view(
+    logs: LogsArgument = None,
     machine: MachinesOption = None,
     terrain: TerrainOption = None,
     ground: GroundOption = "raster",
@@ -55,12 +60,16 @@ def view(
     Sliders and keys drive it: W S forward and back, A D left and right, X stops, C steers straight, space pauses, N is a
     single step. Several --machine stand in one place and obey the same commands.
 
+    With LOGs it shows these again, side by side on one clock with a slider. Logs of the simulator hold the pose; of others,
+    the joint and the wheels move and the machine stays in its place.
+
     The page is for this computer alone (127.0.0.1). Ctrl-C ends it.
 
     [bold]Examples[/]
 
       aoro-gym view
       aoro-gym view --terrain scan.ply --path lap.gpx
+      aoro-gym view before.csv after.csv
       aoro-gym view --machine aoro --machine mine.toml
       aoro-gym view --set joint.compliance=1e-8 --no-browser --port 8090
     """
@@ -76,18 +85,34 @@ def view(
         ]
         land = load_ground(terrain)
         line = None if path is None else load_line(path, track, land)
-        twins = _twins(machines, land, ground, line, start)
+        names = machine or [options.MACHINE]
+        if logs:
+            twins, names = _replay(logs, machines), [log.stem for log in logs]
+        else:
+            twins = _twins(machines, land, ground, line, start)
         server = _page(port, terrain, land, line)
     from aoro_gym.view.server import LiveView, stop
 
     twins.forces()  # says so where their kernel is compiled first
-    shown = LiveView(server, twins, machine or [options.MACHINE])
+    shown = LiveView(server, twins, names)
     _say_where(server, no_browser)
     try:
         shown.run()
     except KeyboardInterrupt:
         stop(server)
         interrupted("the page is closed; the same command begins anew")
+
+
+def _replay(logs: list[Path], machines: list[Machine]) -> Replay:
+    """The logs, each with its machine, or with the one that there is."""
+    from aoro_gym.view.replay import Recording, Replay, log_channels
+
+    if len(machines) not in (1, len(logs)):
+        raise ValueError(
+            f"--machine is given {len(machines)} times, but must be given once, or once for each of the logs"
+        )
+    of = machines * len(logs) if len(machines) == 1 else machines
+    return Replay([Recording(one, *log_channels(log)) for one, log in zip(of, logs, strict=True)])
 
 
 def _twins(

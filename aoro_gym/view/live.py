@@ -71,11 +71,16 @@ class LiveTwins:
             self.twin.advance(part * step)
             steps -= part
 
+    def settle(self) -> None:
+        """A main step, after which there are outputs to show."""
+        self.twin.advance(self.twin.main_step)
+
     def restart(self) -> None:
         """Begin again, with all commands at rest."""
         self.commands = {name: start for name, (_, _, start) in COMMAND_BOUNDS.items()}
         self._left = 0.0
         self._begin()
+        self.settle()
 
     def poses(self) -> list[Pose]:
         """Where the machines are."""

@@ -87,6 +87,25 @@ class TimeControls:
         self._shown.content = f"t = **{time:.2f} s**, {reached:.2f} × real time{note}"
 
 
+class Timeline:
+    """Slider of a replay's time.
+
+    Args:
+        gui: Of a server of viser.
+        duration: [s]
+        seek: Called with the time [s] that a person moves it to.
+    """
+
+    def __init__(self, gui: Any, duration: float, seek: Callable[[float], None]):
+        self._slider = gui.add_slider("time [s]", min=0.0, max=max(duration, 0.01), step=0.01, initial_value=0.0)
+        # what the program sets comes without a client
+        self._slider.on_update(lambda event: seek(float(self._slider.value)) if event.client is not None else None)
+
+    def show(self, time: float) -> None:
+        """Move the slider to ``time`` [s]."""
+        self._slider.value = round(time, 2)
+
+
 class Driving:
     """Sliders and keys of the commands.
 

@@ -24,8 +24,8 @@ from aoro_gym.view.solid import Solid
 from aoro_gym.view.solids import CHROME, IRON, front_frame, rear_frame, wheel
 
 WORLD = "/world"
-FORCE_SCALE = 2.5e-5
-"""Length of an arrow [m] a force [N]: 1 m for 40 kN."""
+FORCE_SCALE = 8e-5
+"""Length of an arrow [m] a force [N]: 1 m for 12.5 kN, so that a wheel's load at rest reaches over the wheel."""
 LEAST_FORCE = 200.0
 """[N] below which no arrow is drawn."""
 ROD_SHARE, BARREL_SHARE = 0.9, 0.8

@@ -14,8 +14,9 @@ from aoro_gym.checks import check_integer
 from aoro_gym.machine import Machine
 from aoro_gym.view.extras import viser
 from aoro_gym.view.live import LiveTwins
-from aoro_gym.view.panel import Driving, Gauges, TimeControls
+from aoro_gym.view.panel import Driving, Gauges, TimeControls, Timeline
 from aoro_gym.view.poses import Pose
+from aoro_gym.view.replay import Replay
 from aoro_gym.view.scene import WORLD, MachineNodes, tints
 
 HOST = "127.0.0.1"
@@ -82,7 +83,7 @@ class MachineScene:
         with server.gui.add_folder("View"):
             self._follow = server.gui.add_checkbox("follow", True)
             self._turn = server.gui.add_checkbox("turn with the machine", False)
-            self._forces = server.gui.add_checkbox("tire forces", True, hint="1 m is 40 kN")
+            self._forces = server.gui.add_checkbox("tire forces", True, hint="1 m is 12.5 kN")
             shadows = server.gui.add_checkbox("shadows", False, hint="takes a graphics card")
         shadows.on_update(lambda _: server.scene.configure_default_lights(True, cast_shadow=shadows.value))
 
@@ -108,7 +109,7 @@ class MachineScene:
 
 
 class LiveView:
-    """Live twins on a page.
+    """Live twins, or a replay, on a page.
 
     Args:
         server: From :func:`start`.
@@ -117,18 +118,20 @@ class LiveView:
         driver: What the twins' driver is called.
     """
 
-    def __init__(self, server: Any, twins: LiveTwins, names: Sequence[str], driver: str | None = None):
+    def __init__(self, server: Any, twins: LiveTwins | Replay, names: Sequence[str], driver: str | None = None):
         self.server, self.twins = server, twins
         self.frames = 0
         """Pictures so far."""
         self._restart = False
         self.clock = TimeControls(server.gui, self._ask_restart)
-        self.driving = Driving(server.gui, driver)
+        replay = isinstance(twins, Replay)
+        self.driving = None if replay else Driving(server.gui, driver)
+        self.timeline = Timeline(server.gui, twins.duration, twins.seek) if replay else None
         self.scene = MachineScene(server, twins.machines, names)
         self.gauges = Gauges(server.gui, names)
         self._simulated, self._since = 0.0, time.monotonic()
         self._reached = 0.0
-        twins.advance(twins.twin.main_step)  # outputs to show
+        twins.settle()
         self.draw(with_forces=False)
 
     def run(self, stopped: Callable[[], bool] = lambda: False) -> None:
@@ -147,12 +150,13 @@ class LiveView:
         """One picture: what has happened since the last one, and what the page asks for."""
         if self._restart:
             self._restart = False
-            self.driving.rest()
+            if self.driving is not None:
+                self.driving.rest()
             self.twins.restart()
-            self.twins.advance(self.twins.twin.main_step)
-        self.twins.commands = self.driving.commands
-        if self.driving.driver is not None:
-            self.twins.driven = bool(self.driving.driver.value)
+        if self.driving is not None:
+            self.twins.commands = self.driving.commands
+            if self.driving.driver is not None:
+                self.twins.driven = bool(self.driving.driver.value)
         duration = 0.0
         if not self.clock.paused:
             duration = FRAME * self.clock.speed
@@ -176,6 +180,8 @@ class LiveView:
                 self._reached, self._simulated, self._since = self._simulated / (now - self._since), 0.0, now
             note = "; **the simulation has diverged**: restart" if self.twins.diverged else ""
             self.clock.show(self.twins.time, self._reached, note)
+            if self.timeline is not None:
+                self.timeline.show(self.twins.time)
             self.gauges.show(self.twins.time, self.twins.readings())
         self.frames += 1
 

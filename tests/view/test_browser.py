@@ -36,7 +36,7 @@ def test_a_page_connects_frames_arrive_and_keys_drive():
         assert view.frames - before > 10 and received > 10
         browser.press("w", repeat=4)
         browser.wait(10.0)
-        assert view.driving.commands["drive_signal"] > 0.0
+        assert view.driving is not None and view.driving.commands["drive_signal"] > 0.0
     finally:
         browser.close()
         stop.set()

@@ -104,7 +104,9 @@ def test_arrows_are_as_long_as_their_forces():
     points = arrows(np.ones((4, 3)), forces)
     assert points.shape == (2, 2, 3)
     np.testing.assert_allclose(
-        np.linalg.norm(points[:, 1] - points[:, 0], axis=1), [24e3 * FORCE_SCALE, 5e3 * FORCE_SCALE], rtol=1e-6  # float32
+        np.linalg.norm(points[:, 1] - points[:, 0], axis=1),
+        [24e3 * FORCE_SCALE, 5e3 * FORCE_SCALE],
+        rtol=1e-6,  # float32
     )
 
 
