@@ -25,11 +25,10 @@ def log_channels(path: Path) -> tuple[Floats, dict[str, Floats]]:
     columns = {channel: _column(channel) for channel in CHANNELS}
     if columns["position_x"][0] not in table:
         log = read_log(path, purpose="a replay")
-        return TICK * np.arange(len(log.channels["joint_angle"])), dict(log.channels)
-    time = table["time_s"].astype(np.float64)
-    return np.asarray(time - time[0], dtype=np.float64), {
-        name: table[c] * size for name, (c, size) in columns.items() if c in table
-    }
+        time = np.arange(len(log.channels["joint_angle"]), dtype=np.float64) * TICK
+        return time, dict(log.channels)
+    time = np.asarray(table["time_s"], dtype=np.float64)
+    return time - time[0], {name: table[column] * size for name, (column, size) in columns.items() if column in table}
 
 
 def _column(channel: str) -> tuple[str, float]:
