@@ -25,6 +25,7 @@ from aoro_gym.cli import (
     terrain,
     training,
     view,
+    world,
 )
 from aoro_gym.cli.application import Application
 from aoro_gym.cli.outcome import interrupted, say_interrupted
@@ -62,6 +63,7 @@ for command in (
     calibration.calibrate,
     diagnosis.diagnose,
     terrain.terrain,
+    world.world,
     evaluation.evaluate,
     evaluation.leaderboard,
     evaluation.curves,

@@ -74,7 +74,7 @@ class DrawnTree(NamedTuple):
 
 
 def draw_diameters(stand: Stand, mean: float, count: int, rng: np.random.Generator) -> Array:
-    """(count,) diameters at breast height [m]: Weibull's between :data:`THINNEST` and :data:`THICKEST`.
+    """(count,) diameters at breast height [m]: Weibull's between ``THINNEST`` and ``THICKEST``.
 
     Args:
         stand: Its shape.

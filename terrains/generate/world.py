@@ -87,7 +87,7 @@ class WorldSettings:
     """Whether snow lies, and birches are bare."""
 
     def __post_init__(self) -> None:
-        check_choice("world stand", self.stand, STANDS)
+        check_choice("stand", self.stand, STANDS)
         bounds = {
             "stems": (0.0, 4000.0),
             "mean_diameter": (0.06, 0.4),
@@ -104,7 +104,7 @@ class WorldSettings:
         for name, (low, high) in bounds.items():
             value = getattr(self, name)
             if value is not None:
-                check_range(f"world {name}", value, ge=low, le=high)
+                check_range(name, value, ge=low, le=high)
 
 
 def world(

@@ -23,8 +23,10 @@ def _commands(group):
 
 def test_version_and_help():
     assert call("--version").stdout == f"aoro-gym {__version__}\n"
-    verbs = "parameters simulate validate calibrate demo terrain evaluate leaderboard curves gap train serve bench view"
-    for verb in [*verbs.split(), "export policy", "export twin", "laboratory"]:
+    verbs = (
+        "parameters simulate validate calibrate demo terrain world evaluate leaderboard curves gap train serve bench"
+    )
+    for verb in [*verbs.split(), "view", "export policy", "export twin", "laboratory"]:
         shown = call(*verb.split(), "--help")
         assert shown.exit_code == 0
         assert "Examples" in shown.stdout

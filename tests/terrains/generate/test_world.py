@@ -162,9 +162,9 @@ def test_every_setting_counts(field):
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"stems": -1.0}, r"world stems is -1, but must be in \[0, 4000\]"),
-        ({"mean_diameter": np.nan}, "world mean_diameter is nan"),
-        ({"stand": "palms"}, "world stand is 'palms'; choose one of: pine, spruce"),
+        ({"stems": -1.0}, r"stems is -1, but must be in \[0, 4000\]"),
+        ({"mean_diameter": np.nan}, "mean_diameter is nan"),
+        ({"stand": "palms"}, "stand is 'palms'; choose one of: pine, spruce"),
         ({"lakes": 3}, "world has no lakes; choose one of: size, stand"),
     ],
 )

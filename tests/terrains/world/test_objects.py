@@ -39,7 +39,7 @@ def test_what_a_machine_gets_over():
     assert Stump(ORIGIN, upright(), "pine", 0.1, 0.3).drivable()
     assert not Stump(ORIGIN, upright(), "pine", 0.1, 0.3).drivable(0.25)
     assert not Tree(ORIGIN, upright(), **TREE).drivable()
-    assert Tree(ORIGIN, upright(), **(TREE | {"diameter": 0.04})).drivable()
+    assert Tree(ORIGIN, upright(), **{**TREE, "diameter": 0.04}).drivable()
     assert Boulder(ORIGIN, upright(), (0.5, 0.4, 0.3), 0.2, 1).drivable()
     assert not Boulder(ORIGIN, upright(), (1.5, 1.4, 1.3), 1.2, 1).drivable()
     log = (ORIGIN, along((1.0, 0.0, 0.0)), "spruce", 4.0, 0.15, 0.1, 0.3)
@@ -61,7 +61,7 @@ def test_what_a_machine_gets_over():
 )
 def test_refuses(changes, message):
     with pytest.raises(ValueError, match=message):
-        Tree(**({"position": ORIGIN, "rotation": upright()} | TREE | changes))
+        Tree(**{"position": ORIGIN, "rotation": upright(), **TREE, **changes})
 
 
 def test_example():
