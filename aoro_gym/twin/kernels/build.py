@@ -21,7 +21,7 @@ def build(kind: Any, laws: Any, *, portable: bool = False, measured_hubs: bool =
     ``measured_hubs``: without the driveline (:mod:`aoro_gym.twin.kernels.hubs`).
 
     Each pair is a module of its own, compiled when first asked for. On CUDA with approximate division, roots and
-    exponentials (``fast_math``; the CPU's compiler ignores it): 4.5 times the speed, and a turn that differs by 1e-4 of a
+    exponentials (``fast_math``; the CPU's compiler ignores it): about twice the speed, and a turn that differs by 1e-4 of a
     channel's range at most.
     """
     return _build(kind, laws, portable, measured_hubs)
