@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import io
 import os
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -115,3 +116,9 @@ class Points:
         cloud.instance, cloud.class_id = self.instance, self.class_id
         with written_whole(target) as temporary:
             cloud.write(str(temporary), do_compress=target.suffix.lower() == ".laz")
+
+
+def joined(sweeps: Sequence[Points], period: float) -> Points:
+    """Sweeps that followed one another every ``period`` [s] as one; times count from the first one's beginning."""
+    later = [replace(one, time=one.time + number * period) for number, one in enumerate(sweeps)]
+    return Points(*(np.concatenate([getattr(one, entry.name) for one in later]) for entry in fields(Points)))

@@ -1,0 +1,171 @@
+"""Command that makes a sweep of a lidar."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from aoro_gym.checks import check_range
+from aoro_gym.cli import options
+from aoro_gym.cli.options import option
+from aoro_gym.cli.outcome import checking_input, print_all, running, say_written
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from aoro_gym.sensors.lidar import Points, Weather
+    from aoro_gym.sensors.raytrace import Scene
+
+ModelOption = Annotated[str, option("--model", "NAME", "os1-64, os1-128, vlp-16 or mid-360.")]
+TerrainOption = Annotated[
+    Path | None, option("--terrain", "FILE", "Ground of 'aoro-gym terrain'. Default: a made forest.")
+]
+PlaceOption = Annotated[tuple[float, float], option("--at", "X Y", "Where the machine stands, in metres.")]
+HeadingOption = Annotated[float, option("--heading", "DEG", "Of the machine, from east to north.")]
+SpeedOption = Annotated[float, option("--speed", "M/S", "At which it drives on, for motion in a sweep.")]
+SweepsOption = Annotated[int, option("--sweeps", "N", "One after the other.")]
+WeatherOption = Annotated[
+    str | None, option("--weather", "KIND=AMOUNT", "rain=MM/H, fog=METRES of visibility, or snow=MM/H.")
+]
+ReturnOption = Annotated[
+    list[str] | None, option("--return", "WHICH", "first, strongest or last echo. Repeatable. Default: strongest.")
+]
+IdealOption = Annotated[bool, option("--ideal-sensors", None, "Without noise.")]
+PointsOption = Annotated[Path, option("--out -o", "FILE", "Points to write: .npz, .pcd, .laz or .las.")]
+JsonOption = Annotated[bool, option("--json", None, "Print what was seen as JSON.")]
+
+
+def lidar(
+    out: PointsOption = Path("sweep.npz"),
+    model: ModelOption = "os1-64",
+    terrain: TerrainOption = None,
+    at: PlaceOption = (0.0, 0.0),
+    heading: HeadingOption = 0.0,
+    speed: SpeedOption = 0.0,
+    sweeps: SweepsOption = 1,
+    weather: WeatherOption = None,
+    returns: ReturnOption = None,
+    ideal: IdealOption = False,
+    seed: options.SeedOption = 0,
+    device: options.DeviceOption = "cpu",
+    as_json: JsonOption = False,
+    quiet: options.QuietOption = False,
+) -> None:
+    """Let a lidar look around, from a machine that stands or drives on.
+
+    Without --terrain the machine is in a made forest, by --seed: trees, stumps, boulders, logs and branches, each with its
+    number and material. Writes FILE with ring, time, intensity, object and class of every point, and a picture (.png).
+
+    [bold]Examples[/]
+
+      aoro-gym lidar
+      aoro-gym lidar --model mid-360 --sweeps 5 --out mid.laz
+      aoro-gym lidar --speed 3 --return first --return last --out drive.pcd
+      aoro-gym lidar --weather fog=60 --out fog.npz
+      aoro-gym lidar --terrain ground.ply --at 10 -4 --heading 90
+    """
+    with checking_input():
+        from aoro_gym.checks import check_choice, check_integer
+        from aoro_gym.execution.files import check_writable
+        from aoro_gym.sensors.lidar import Lidar
+        from aoro_gym.sensors.lidar.figures import draw_sweep
+        from aoro_gym.sensors.lidar.points import SUFFIXES, joined
+
+        check_choice("suffix of --out", out.suffix.lower(), SUFFIXES)
+        check_writable(out)
+        check_integer("--sweeps", sweeps, le=1000)
+        check_range("--speed", speed, "m/s", ge=-10.0, le=10.0)
+        check_range("--heading", heading, "deg", ge=-360.0, le=360.0)
+        options.check_seed(seed)
+        options.check_device(device)
+        scene = _scene(terrain, seed, device)
+        sensor = Lidar(
+            scene, model, returns=returns or ["strongest"], weather=_weather(weather), ideal=ideal, seed=seed
+        )
+        motion = _motion(scene, at, heading, speed, sweeps / sensor.model.rate + 0.01)
+        first = sensor.sweep(motion)[0]  # what is wrong with the place shows here
+    with running():
+        later = (sensor.sweep(motion, start=n / sensor.model.rate, number=n)[0] for n in range(1, sweeps))
+        points = joined([first, *later], 1.0 / sensor.model.rate)
+        points.save(out)
+        written = [out]
+        if len(points):
+            written.append(out.with_suffix(".png"))
+            draw_sweep(points, at, title=f"{model}, {len(points):,} points").savefig(written[-1], dpi=110)
+    if as_json:
+        typer.echo(json.dumps(_summary(points)))
+    else:
+        print_all([_table(points)], highlight=False)
+        say_written(written)
+
+
+def _scene(terrain: Path | None, seed: int, device: str) -> Scene:
+    from aoro_gym.sensors.raytrace import Scene
+    from aoro_gym.terrains import load
+    from aoro_gym.terrains.generate.world import world
+
+    if terrain is None:
+        return Scene.of_world(world(seed), device=device)
+    return Scene.of_terrain(load(terrain).terrain, device=device)
+
+
+def _weather(text: str | None) -> Weather:
+    from aoro_gym.sensors.lidar import CLEAR, Weather
+
+    if text is None:
+        return CLEAR
+    kind, _, amount = text.partition("=")
+    try:
+        number = float(amount)
+    except ValueError:
+        raise ValueError(f"--weather is {text!r}, but must be KIND=AMOUNT, such as rain=10 or fog=60") from None
+    return Weather.named(kind, number)
+
+
+def _motion(scene: Scene, at: tuple[float, float], heading: float, speed: float, duration: float):
+    """Straight on at a constant speed, upright, on the ground at every tenth of a second."""
+    import numpy as np
+
+    from aoro_gym.sensors.height_map import HeightMap
+    from aoro_gym.sensors.lidar import Motion
+
+    top = float(scene.extent[1][2])
+    yaw = np.radians(heading)
+    time = np.arange(0.0, duration + 0.1, 0.1)
+    way = np.asarray(at) + np.outer(speed * time, [np.cos(yaw), np.sin(yaw)])
+    below = HeightMap(scene, forward=(0.0, 0.0), left=(0.0, 0.0), above=1.0)
+    ground = top + below.measure(np.column_stack([way, np.full(len(time), top)]), np.zeros(len(time)))[:, 0, 0]
+    if np.isnan(ground).any():
+        x, y = way[np.argmax(np.isnan(ground))]
+        raise ValueError(
+            f"there is no ground at x = {x:.1f} m, y = {y:.1f} m; choose another --at, --heading or --speed"
+        )
+    return Motion(time, np.column_stack([way, ground]), 0 * time, 0 * time, 0 * time + yaw)
+
+
+def _summary(points: Points) -> dict[str, float | int]:
+    import numpy as np
+
+    return {
+        "points": len(points),
+        "objects": len(np.unique(points.instance[points.instance > 0])),
+        "share_of_ground": float((points.instance == 0).mean()) if len(points) else 0.0,
+        "share_of_precipitation": float((points.instance == -2).mean()) if len(points) else 0.0,
+        "median_range_m": float(np.median(points.range)) if len(points) else 0.0,
+    }
+
+
+def _table(points: Points) -> Table:
+    from rich.table import Table
+
+    table = Table("", "seen", title="Sweep", title_justify="left")
+    found = _summary(points)
+    table.add_row("points", f"{found['points']:,}")
+    table.add_row("objects", f"{found['objects']:,}")
+    table.add_row("of the ground", f"{found['share_of_ground']:.0%}")
+    table.add_row("of rain, fog or snow", f"{found['share_of_precipitation']:.0%}")
+    table.add_row("median range", f"{found['median_range_m']:.1f} m")
+    return table

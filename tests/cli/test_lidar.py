@@ -1,0 +1,57 @@
+"""A sweep from the command line: points, picture, JSON, and what is wrong input."""
+
+import json
+
+import numpy as np
+import pytest
+
+from aoro_gym.terrains import Terrain
+from tests.cli.calling import call
+
+
+@pytest.fixture
+def ground(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    import trimesh
+
+    x, y = np.meshgrid(np.arange(-20, 21), np.arange(-20, 21))
+    terrain = Terrain.from_heights(0.02 * x + 0.0 * y, cell=1.0, corner=(-20.0, -20.0))
+    trimesh.Trimesh(terrain.vertices, terrain.faces, process=False).export("ground.ply")
+    return ("lidar", "--terrain", "ground.ply", "--model", "vlp-16", "--quiet")
+
+
+def test_points_and_picture(ground, tmp_path):
+    shown = call(*ground, "--speed", "2", "--sweeps", "2", "--out", "a.npz", "--json")
+    assert shown.exit_code == 0, shown.output
+    found = json.loads(shown.stdout)
+    with np.load(tmp_path / "a.npz") as points:
+        assert found["points"] == len(points["time"]) > 1000
+        assert found["share_of_ground"] == 1.0 and found["objects"] == 0
+        assert 0.1 < points["time"].max() < 0.2
+        np.testing.assert_allclose(points["world"][:, 2], 0.02 * points["world"][:, 0], atol=0.1)  # six deviations
+    assert (tmp_path / "a.png").stat().st_size > 10_000
+
+
+def test_a_table_and_its_files(ground):
+    shown = call(*ground, "--weather", "fog=40", "--out", "a.pcd")
+    assert "of rain, fog or snow" in shown.stdout
+    assert "wrote a.pcd" in shown.stdout and "wrote a.png" in shown.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--out", "a.xyz"], "suffix of --out is '.xyz'"),
+        (["--model", "os9"], "lidar model is 'os9'; choose one of"),
+        (["--weather", "rain"], "--weather is 'rain', but must be KIND=AMOUNT"),
+        (["--weather", "hail=2"], "weather is 'hail'; choose one of"),
+        (["--at", "500", "0"], "there is no ground at x = 500.0 m"),
+        (["--speed", "99"], "--speed is 99 m/s"),
+        (["--sweeps", "0"], "--sweeps is 0"),
+        (["--return", "best"], "returns is 'best'; choose one of"),
+    ],
+)
+def test_wrong_input(ground, words, message):
+    shown = call(*ground, *words)
+    assert shown.exit_code == 2
+    assert message in " ".join(shown.stderr.split())
