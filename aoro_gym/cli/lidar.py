@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -16,7 +16,7 @@ from aoro_gym.cli.outcome import checking_input, print_all, running, say_written
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from aoro_gym.sensors.lidar import Points, Weather
+    from aoro_gym.sensors.lidar import Motion, Points, Weather
     from aoro_gym.sensors.raytrace import Scene
 
 ModelOption = Annotated[str, option("--model", "NAME", "os1-64, os1-128, vlp-16 or mid-360.")]
@@ -65,7 +65,7 @@ def lidar(
       aoro-gym lidar --model mid-360 --sweeps 5 --out mid.laz
       aoro-gym lidar --speed 3 --return first --return last --out drive.pcd
       aoro-gym lidar --weather fog=60 --out fog.npz
-      aoro-gym lidar --terrain ground.ply --at 10 -4 --heading 90
+      aoro-gym lidar --terrain ground.ply --at 10 4 --heading 90
     """
     with checking_input():
         from aoro_gym.checks import check_choice, check_integer
@@ -125,7 +125,7 @@ def _weather(text: str | None) -> Weather:
     return Weather.named(kind, number)
 
 
-def _motion(scene: Scene, at: tuple[float, float], heading: float, speed: float, duration: float):
+def _motion(scene: Scene, at: tuple[float, float], heading: float, speed: float, duration: float) -> Motion:
     """Straight on at a constant speed, upright, on the ground at every tenth of a second."""
     import numpy as np
 
@@ -134,10 +134,10 @@ def _motion(scene: Scene, at: tuple[float, float], heading: float, speed: float,
 
     top = float(scene.extent[1][2])
     yaw = np.radians(heading)
-    time = np.arange(0.0, duration + 0.1, 0.1)
+    time: Any = np.arange(0.0, duration + 0.1, 0.1)
     way = np.asarray(at) + np.outer(speed * time, [np.cos(yaw), np.sin(yaw)])
     below = HeightMap(scene, forward=(0.0, 0.0), left=(0.0, 0.0), above=1.0)
-    ground = top + below.measure(np.column_stack([way, np.full(len(time), top)]), np.zeros(len(time)))[:, 0, 0]
+    ground: Any = top + below.measure(np.column_stack([way, np.full(len(time), top)]), np.zeros(len(time)))[:, 0, 0]
     if np.isnan(ground).any():
         x, y = way[np.argmax(np.isnan(ground))]
         raise ValueError(

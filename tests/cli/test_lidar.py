@@ -48,7 +48,7 @@ def test_a_table_and_its_files(ground):
         (["--at", "500", "0"], "there is no ground at x = 500.0 m"),
         (["--speed", "99"], "--speed is 99 m/s"),
         (["--sweeps", "0"], "--sweeps is 0"),
-        (["--return", "best"], "returns is 'best'; choose one of"),
+        (["--return", "best"], "is 'best'; choose one of: first"),
     ],
 )
 def test_wrong_input(ground, words, message):
