@@ -144,16 +144,17 @@ def test_logs_of_a_pile_are_one_length(hectare):
         assert all(log.top_radius <= log.radius for log in logs)
 
 
-def test_every_setting_counts(field):
-    usual = populate(field, 6)
+def test_every_setting_counts():
+    field = Terrain.from_heights(np.zeros((41, 41)), cell=0.5)
+    usual = populate(field, 6, WorldSettings(piles=40.0, fallen=200.0))
     other = {
         "stand": "pine", "stems": 500.0, "mean_diameter": 0.2, "stumps": 100.0, "boulders": 0.0, "fallen": 0.0,
-        "piles": 20.0, "logs": 3, "branches": 50.0, "strip_roads": 0.0, "strip_road_width": 5.0, "undergrowth": 0.2,
+        "piles": 0.0, "logs": 3, "branches": 50.0, "strip_roads": 0.0, "strip_road_width": 5.0, "undergrowth": 0.2,
         "snow": True,
     }  # fmt: skip
     assert {*other, "size"} == {one.name for one in fields(WorldSettings)}
     for name, value in other.items():
-        changed = populate(field, 6, replace(WorldSettings(), **{name: value}))
+        changed = populate(field, 6, replace(WorldSettings(piles=40.0, fallen=200.0), **{name: value}))
         assert usual.undergrowth is not None and changed.undergrowth is not None
         same_plants = np.array_equal(usual.undergrowth.density, changed.undergrowth.density)
         assert changed.objects != usual.objects or not same_plants or changed.leaves != usual.leaves, name
