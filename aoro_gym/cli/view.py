@@ -14,6 +14,7 @@ from aoro_gym.cli.options import option
 from aoro_gym.cli.outcome import checking_input, interrupted
 from aoro_gym.cli.serve import GroundOption, StartOption, TrackOption, load_ground, load_line
 from aoro_gym.reporting import terminal
+from aoro_gym.reporting.display import has_display
 
 if TYPE_CHECKING:
     from aoro_gym.machine import Machine
@@ -167,5 +168,5 @@ def _say_where(server: Any, no_browser: bool) -> None:
     address = f"http://127.0.0.1:{server.get_port()}"
     if not terminal.is_quiet():
         typer.echo(f"view: {address} (Ctrl-C ends it)", err=True)
-    if not no_browser:
+    if not no_browser and has_display():
         webbrowser.open(address)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 
@@ -12,3 +13,8 @@ def viser() -> Any:
         return import_module("viser")
     except ImportError:
         raise ValueError("the view needs viser: pip install 'aoro-gym[view]'") from None
+
+
+def is_installed() -> bool:
+    """Whether :func:`viser` would find it."""
+    return find_spec("viser") is not None

@@ -26,7 +26,7 @@ class LiveTwins:
 
     Args:
         twin: One or several copies, at rest.
-        machines: Of each of them, one variant each.
+        machines: Of each of them, one variant each; of the first ones only, if no others are looked at.
         driver: Commands what it names while ``driven``; the rest is the person's.
         begin: Puts the twins at their start again.
     """
@@ -49,7 +49,7 @@ class LiveTwins:
     @property
     def time(self) -> float:
         """Simulated time [s]."""
-        return float(self.twin.time.max())
+        return float(self.twin.time[: len(self.machines)].max())
 
     @property
     def diverged(self) -> bool:
@@ -85,10 +85,10 @@ class LiveTwins:
     def poses(self) -> list[Pose]:
         """Where the machines are."""
         state = self.twin.state.numpy()
-        return [pose_of_state(state[:, i]) for i in range(self.twin.num_twins)]
+        return [pose_of_state(state[:, i]) for i in range(len(self.machines))]
 
     def forces(self) -> tuple[Floats, Floats]:
-        """Contact points [m] and forces [N] of all tires, (num_twins, 4, 3)."""
+        """Contact points [m] and forces [N] of all tires, (num_twins, 4, 3), of all twins."""
         if self._forces is None:
             self._forces = TireForces(self.twin)
         return self._forces.evaluate()
@@ -96,4 +96,4 @@ class LiveTwins:
     def readings(self) -> list[dict[str, float]]:
         """Outputs of each twin, SI."""
         outputs = np.asarray(self.twin.outputs.numpy()[-1], dtype=np.float64)
-        return [dict(zip(CHANNELS, outputs[:, i].tolist(), strict=True)) for i in range(self.twin.num_twins)]
+        return [dict(zip(CHANNELS, outputs[:, i].tolist(), strict=True)) for i in range(len(self.machines))]

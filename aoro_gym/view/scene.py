@@ -185,7 +185,7 @@ def draw_path(scene: Any, path: Path, heights: Sequence[float] | Floats) -> Any:
     if path.closed:
         points = np.concatenate([points, points[:1]])
     segments = np.stack([points[:-1], points[1:]], axis=1)
-    return scene.add_line_segments(f"{WORLD}/path", segments, (31, 119, 180), line_width=4.0)
+    return scene.add_line_segments(f"{WORLD}/path", segments, (31, 119, 180), thickness=4.0, thickness_units="screen")
 
 
 def tints(count: int) -> list[tuple[float, float, float] | None]:

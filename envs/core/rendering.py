@@ -1,10 +1,10 @@
-"""Pictures of a task without a display: their renderer, what they are drawn on, and the window that shows them."""
+"""Pictures of a task without a display: their renderer, what they are drawn on, and the page or window that shows them."""
 
 from __future__ import annotations
 
-import os
 import sys
 import time
+import webbrowser
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -12,13 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.machine import Machine
+from aoro_gym.reporting.display import has_display
 from aoro_gym.reporting.style import GRID, INK, SOFT
+from aoro_gym.terrains import Path, Plane, Terrain
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
     from aoro_gym.envs.core.task import Task
+    from aoro_gym.twin import Twin
+    from aoro_gym.view.page import TwinPage
 
 RENDER_MODES = ("rgb_array", "human")
 PAPER = "#ffffff"
@@ -36,15 +40,18 @@ class Scene(Protocol):
 
 
 class Renderer:
-    """Keeps the traces of all sub-environments, draws them, and shows the first one in a window."""
+    """Keeps the traces of all sub-environments, draws them, and shows the first one: in the browser, or where viser is not
+    installed in a window."""
 
     def __init__(self, task: Task, num_envs: int, machine: Machine):
+        self._task = task
         self._scene: Scene = task.scene(machine)
         self._control_step = task.control_step
         frames = round(task.render_span / task.control_step) + 1
         self._history = np.full((frames, len(task.render_channels), num_envs), np.nan, dtype=np.float32)  # a ring
         self._newest = frames - 1
         self._window: Window | None = None
+        self._page: TwinPage | None = None
 
     def traces(self) -> tuple[NDArray[np.float32], int]:
         """What is kept of all sub-environments, for :meth:`take_up`."""
@@ -68,17 +75,49 @@ class Renderer:
         """Picture (height, width, 3) of a sub-environment."""
         return self._scene.draw(np.roll(self._history[:, :, index], -1 - self._newest, axis=0))
 
-    def show(self) -> None:
-        """Draw the first sub-environment into the window, in real time."""
+    def show(self, twin: Twin) -> None:
+        """Show the first sub-environment, whose twin is the first of ``twin``, in real time."""
+        if self._page is None and self._window is None:
+            self._page = opened_page(twin)
+        if self._page is not None:
+            self._page.surround(*surroundings(self._task, twin))
+            self._page.show(self._control_step)
+            return
         if self._window is None:
             self._window = Window(self._control_step, self._scene.size)
         if self._window.open:
             self._window.show(self.frame(0))
 
     def close(self) -> None:
-        """Close the window."""
+        """Close the page or the window."""
+        if self._page is not None:
+            self._page.close()
         if self._window is not None:
             self._window.close()
+
+
+def opened_page(twin: Twin) -> TwinPage | None:
+    """A page in the browser, whose address is told; None without viser."""
+    from aoro_gym.view.extras import is_installed
+
+    if not is_installed():
+        return None
+    from aoro_gym.view.page import TwinPage
+
+    page = TwinPage(twin)
+    print(f"aoro-gym: the environment is at {page.address}", file=sys.stderr, flush=True)
+    if has_display():
+        webbrowser.open(page.address)
+    return page
+
+
+def surroundings(task: Task, twin: Twin) -> tuple[Plane | Terrain, Path | None]:
+    """Ground and path of the first sub-environment, as the task's ``surroundings`` says, or the twins' ground."""
+    told = getattr(task, "surroundings", None)
+    if told is not None:
+        return told()
+    ground = twin.terrain
+    return (ground if isinstance(ground, Plane | Terrain) else ground[0]), None
 
 
 class Window:
@@ -93,10 +132,7 @@ class Window:
         from matplotlib import pyplot
 
         self._pyplot = pyplot
-        headless = sys.platform.startswith("linux") and not (
-            os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-        )
-        if not headless:
+        if has_display():
             try:
                 self._figure = pyplot.figure("aoro-gym", figsize=(size[0] / 100, size[1] / 100), dpi=100)
                 self.open = matplotlib.get_backend().lower() in {name.lower() for name in _interactive_backends()}
@@ -104,8 +140,9 @@ class Window:
                 pass
         if not self.open:
             print(
-                'aoro-gym: render_mode="human" needs a display and a windowing backend of matplotlib (pip install PyQt6); '
-                'nothing is drawn. render_mode="rgb_array" needs neither.',
+                'aoro-gym: render_mode="human" needs the part view (pip install -c constraints.txt -e ".[view]"), or a '
+                'display and a windowing backend of matplotlib (PyQt6); nothing is drawn. render_mode="rgb_array" needs '
+                "neither.",
                 file=sys.stderr,
                 flush=True,
             )

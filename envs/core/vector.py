@@ -85,7 +85,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         own_machines: Give every twin its own machine record, as randomised machines need it.
         autoreset_mode: See above; an :class:`AutoresetMode` or its value.
         max_episode_steps: Control steps after which an episode is truncated; never by default.
-        render_mode: None, ``"rgb_array"`` or ``"human"``.
+        render_mode: None, ``"rgb_array"``, or ``"human"``: the first one in the browser, where viser is installed.
 
     Raises:
         ValueError: naming the argument, its value and its bound.
@@ -557,13 +557,13 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
     # ---- rendering ---------------------------------------------------------------------------------------------------
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:  # type: ignore[override]
-        """One frame (height, width, 3) a sub-environment; for ``"human"`` the first one's window, and None."""
+        """One frame (height, width, 3) a sub-environment; for ``"human"`` None: the first one is in the browser."""
         if self.render_mode is None:
             gymnasium.logger.warn('render() draws nothing: make the environment with render_mode="rgb_array"')
             return None
         assert self._renderer is not None, "the environment is closed"
         if self.render_mode == "human":
-            self._renderer.show()
+            self._renderer.show(self.twin)
             return None
         return tuple(self._renderer.frame(i) for i in range(self.num_envs))
 

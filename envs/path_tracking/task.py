@@ -36,7 +36,7 @@ from aoro_gym.envs.path_tracking.view import PathTrackingView
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats
 from aoro_gym.machine import Machine
 from aoro_gym.sensors.attitude import in_world, wrapped
-from aoro_gym.terrains import Path, Plane
+from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.twin.records import WHEELS, Output, State
 
 PROJECTION_REACH = 1.5
@@ -401,6 +401,11 @@ class PathTracking:
                 newest[:, layout[STEERING]][:, 0], newest[:, layout[DRIVE]][:, 0], self._gear.gear, self._tipping_margin,
             ]
         )  # fmt: skip
+
+    def surroundings(self) -> tuple[Plane | Terrain, Path]:
+        """Ground and path of the first sub-environment."""
+        course = self.courses[int(self._course[0])]
+        return course.terrain, course.paths[int(self._path_number[0])]
 
     def scene(self, machine: Machine) -> Any:
         from aoro_gym.envs.path_tracking.rendering.scene import PathTrackingScene

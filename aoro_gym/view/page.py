@@ -1,0 +1,69 @@
+"""A page for twins that somebody else advances: those of an environment, or of a server."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from aoro_gym.terrains import Path, Plane, Terrain
+from aoro_gym.twin import Twin
+from aoro_gym.view.live import LiveTwins
+from aoro_gym.view.panel import Gauges
+from aoro_gym.view.scene import Ground, draw_path, nearest_heights
+from aoro_gym.view.server import GAUGES_EVERY, HOST, MachineScene, start, stop
+
+
+class TwinPage:
+    """The first of the twins, its tire forces and its gauges, in the browser.
+
+    Args:
+        twin: Somebody else's; it is looked at only.
+        port: Of the page on 127.0.0.1; 0: any free one.
+
+    Raises ValueError if viser is missing, OSError if the port is taken.
+    """
+
+    def __init__(self, twin: Twin, port: int = 0):
+        machine = twin.machine if twin.machine.num_variants == 1 else twin.machine.variant(0)
+        self._server = start(port)
+        self._twins = LiveTwins(twin, [machine])
+        self._scene = MachineScene(self._server, [machine], [""])
+        self._gauges = Gauges(self._server.gui, [""])
+        self._drawn: tuple[Any, Any] = (None, None)
+        self._nodes: list[Any] = []
+        self.frames = 0
+        """Pictures so far."""
+        self._due = 0.0
+
+    @property
+    def address(self) -> str:
+        """Where a browser finds it."""
+        return f"http://{HOST}:{self._server.get_port()}"
+
+    def surround(self, terrain: Plane | Terrain, path: Path | None) -> None:
+        """Draw the ground and the path, if they are others than those that are drawn."""
+        if self._drawn[0] is terrain and self._drawn[1] is path:
+            return
+        for node in self._nodes:
+            node.remove()
+        self._nodes = [Ground(self._server.scene, terrain).node]
+        if path is not None:
+            self._nodes.append(draw_path(self._server.scene, path, nearest_heights(terrain, path.points)))
+        self._drawn = terrain, path
+
+    def show(self, period: float) -> None:
+        """Send what is now, and wait until ``period`` [s] has passed since the last time."""
+        if self._server.get_clients():
+            forces = self._twins.forces() if self._scene.shows_forces else None
+            with self._server.atomic():
+                self._scene.show(self._twins.poses(), forces)
+            if self.frames % GAUGES_EVERY == 0:
+                self._gauges.show(self._twins.time, self._twins.readings())
+            self.frames += 1
+        now = time.monotonic()
+        self._due = max(self._due + period, now)
+        time.sleep(max(self._due - now, 0.0))
+
+    def close(self) -> None:
+        """Close the page."""
+        stop(self._server)
