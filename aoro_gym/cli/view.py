@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import webbrowser
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -33,6 +34,11 @@ NoBrowserOption = Annotated[bool, option("--no-browser", None, "Open no browser;
 LogsArgument = Annotated[
     list[Path] | None, options.argument("[LOG]...", "Logs to show again, one machine each, instead of a live twin.")
 ]
+PolicyOption = Annotated[
+    list[str] | None,
+    option("--policy", "NAME|FILE", "Let a controller or a policy drive episodes. Repeatable: side by side."),
+]
+EnvOption = Annotated[str, option("--env", "ID", "Environment whose episodes they drive.")]
 MachinesOption = Annotated[
     list[str] | None,
     option("--machine", "NAME|FILE", "Bundled machine, or a machine file. Repeatable: side by side. Default: aoro."),
@@ -47,6 +53,8 @@ def view(
     path: PathOption = None,
     track: TrackOption = None,
     start: StartOption = None,
+    policy: PolicyOption = None,
+    env: EnvOption = options.TRACKING,
     port: PortOption = PORT,
     no_browser: NoBrowserOption = False,
     set_: options.SetOption = None,
@@ -64,6 +72,9 @@ def view(
     With LOGs it shows these again, side by side on one clock with a slider. Logs of the simulator hold the pose; of others,
     the joint and the wheels move and the machine stays in its place.
 
+    With --policy it shows episodes of an environment that controllers or policies drive, from --seed on; --terrain and
+    --path say where.
+
     The page is for this computer alone (127.0.0.1). Ctrl-C ends it.
 
     [bold]Examples[/]
@@ -71,6 +82,7 @@ def view(
       aoro-gym view
       aoro-gym view --terrain scan.ply --path lap.gpx
       aoro-gym view before.csv after.csv
+      aoro-gym view --policy preview --policy stanley
       aoro-gym view --machine aoro --machine mine.toml
       aoro-gym view --set joint.compliance=1e-8 --no-browser --port 8090
     """
@@ -78,30 +90,85 @@ def view(
         from aoro_gym.view.extras import viser
 
         viser()
-        if path is not None and start is not None:
-            raise ValueError("--path and --start both say where to start; drop one of them")
-        machines = [
-            options.load(options.run_spec(name, set_, scale, "cpu", seed, laws=laws))
-            for name in machine or [options.MACHINE]
-        ]
-        land = load_ground(terrain)
-        line = None if path is None else load_line(path, track, land)
+        _check_together(logs, machine, path, start, policy)
         names = machine or [options.MACHINE]
-        if logs:
-            twins, names = _replay(logs, machines), [log.stem for log in logs]
+        machines = [options.load(options.run_spec(name, set_, scale, "cpu", seed, laws=laws)) for name in names]
+        if policy:
+            page, run = _driven_by(policy, env, machines[0], (terrain, path, track), seed, port)
         else:
-            twins = _twins(machines, land, ground, line, start)
-        server = _page(port, terrain, land, line)
-    from aoro_gym.view.server import LiveView, stop
+            land = load_ground(terrain)
+            line = None if path is None else load_line(path, track, land)
+            if logs:
+                twins, names = _replay(logs, machines), [log.stem for log in logs]
+            else:
+                twins = _twins(machines, land, ground, line, start)
+            page, run = _driven_by_hand(_page(port, terrain, land, line), twins, names)
+    _say_where(page, no_browser)
+    try:
+        run()
+    except KeyboardInterrupt:
+        from aoro_gym.view.server import stop
+
+        stop(page)
+        interrupted("the page is closed; the same command begins anew")
+
+
+def _check_together(
+    logs: list[Path] | None,
+    machines: list[str] | None,
+    path: Path | None,
+    start: tuple[float, float, float] | None,
+    policies: list[str] | None,
+) -> None:
+    """ValueError for options that contradict each other."""
+    if path is not None and start is not None:
+        raise ValueError("--path and --start both say where to start; drop one of them")
+    if policies and logs:
+        raise ValueError("--policy drives a live twin, but a LOG is shown again; drop one of them")
+    if policies and start is not None:
+        raise ValueError("--policy drives episodes, which have their own start; drop --start")
+    if policies and len(machines or []) > 1:
+        raise ValueError("--machine is given several times, but policies drive one; give it once")
+
+
+def _driven_by_hand(page: Any, twins: LiveTwins | Replay, names: list[str]) -> tuple[Any, Callable[[], None]]:
+    """The page, and what keeps it up to date."""
+    from aoro_gym.view.server import LiveView
 
     twins.forces()  # says so where their kernel is compiled first
-    shown = LiveView(server, twins, names)
-    _say_where(server, no_browser)
-    try:
-        shown.run()
-    except KeyboardInterrupt:
-        stop(server)
-        interrupted("the page is closed; the same command begins anew")
+    return page, LiveView(page, twins, names).run
+
+
+def _driven_by(
+    policies: list[str],
+    env: str,
+    machine: Machine,
+    place: tuple[Path | None, Path | None, str | None],
+    seed: int,
+    port: int,
+) -> tuple[Any, Callable[[], None]]:
+    """A page of episodes under policies, and what drives them; ``place``: files of ground and path, and its track."""
+    from aoro_gym.agents.evaluation.selection import named_policies
+    from aoro_gym.agents.evaluation.watching import WatchedEpisodes
+    from aoro_gym.cli.courses import load_courses
+    from aoro_gym.envs.core.rendering import surroundings
+    from aoro_gym.envs.path_tracking.course_files import CourseFiles
+    from aoro_gym.view.page import TwinPage
+
+    makers = named_policies(env, policies)
+    terrain, path, track = place
+    courses = load_courses(CourseFiles(env, terrain, path, track=track))
+    episodes = WatchedEpisodes(env, makers, machine=machine, courses=courses, seed=seed)
+    task, twin = episodes.env.task, episodes.env.twin
+    page = TwinPage(twin, episodes.names, port)
+
+    def run() -> None:
+        while True:
+            page.surround(*surroundings(task, twin))
+            page.show(task.control_step)
+            episodes.step()
+
+    return page.server, run
 
 
 def _replay(logs: list[Path], machines: list[Machine]) -> Replay:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from typing import Any
 
 from aoro_gym.terrains import Path, Plane, Terrain
@@ -14,21 +15,23 @@ from aoro_gym.view.server import GAUGES_EVERY, HOST, MachineScene, start, stop
 
 
 class TwinPage:
-    """The first of the twins, its tire forces and its gauges, in the browser.
+    """The first of the twins, their tire forces and gauges, in the browser.
 
     Args:
         twin: Somebody else's; it is looked at only.
+        names: Of those that are shown.
         port: Of the page on 127.0.0.1; 0: any free one.
 
     Raises ValueError if viser is missing, OSError if the port is taken.
     """
 
-    def __init__(self, twin: Twin, port: int = 0):
-        machine = twin.machine if twin.machine.num_variants == 1 else twin.machine.variant(0)
-        self._server = start(port)
-        self._twins = LiveTwins(twin, [machine])
-        self._scene = MachineScene(self._server, [machine], [""])
-        self._gauges = Gauges(self._server.gui, [""])
+    def __init__(self, twin: Twin, names: Sequence[str] = ("",), port: int = 0):
+        several = twin.machine.num_variants > 1
+        machines = [twin.machine.variant(i) if several else twin.machine for i in range(len(names))]
+        self.server = start(port)
+        self._twins = LiveTwins(twin, machines)
+        self._scene = MachineScene(self.server, machines, names)
+        self._gauges = Gauges(self.server.gui, names)
         self._drawn: tuple[Any, Any] = (None, None)
         self._nodes: list[Any] = []
         self.frames = 0
@@ -38,7 +41,7 @@ class TwinPage:
     @property
     def address(self) -> str:
         """Where a browser finds it."""
-        return f"http://{HOST}:{self._server.get_port()}"
+        return f"http://{HOST}:{self.server.get_port()}"
 
     def surround(self, terrain: Plane | Terrain, path: Path | None) -> None:
         """Draw the ground and the path, if they are others than those that are drawn."""
@@ -46,16 +49,16 @@ class TwinPage:
             return
         for node in self._nodes:
             node.remove()
-        self._nodes = [Ground(self._server.scene, terrain).node]
+        self._nodes = [Ground(self.server.scene, terrain).node]
         if path is not None:
-            self._nodes.append(draw_path(self._server.scene, path, nearest_heights(terrain, path.points)))
+            self._nodes.append(draw_path(self.server.scene, path, nearest_heights(terrain, path.points)))
         self._drawn = terrain, path
 
     def show(self, period: float) -> None:
         """Send what is now, and wait until ``period`` [s] has passed since the last time."""
-        if self._server.get_clients():
+        if self.server.get_clients():
             forces = self._twins.forces() if self._scene.shows_forces else None
-            with self._server.atomic():
+            with self.server.atomic():
                 self._scene.show(self._twins.poses(), forces)
             if self.frames % GAUGES_EVERY == 0:
                 self._gauges.show(self._twins.time, self._twins.readings())
@@ -66,4 +69,4 @@ class TwinPage:
 
     def close(self) -> None:
         """Close the page."""
-        stop(self._server)
+        stop(self.server)

@@ -72,7 +72,7 @@ def test_human_rendering_is_a_page(capsys):
     page = env.unwrapped._renderer._page
     address = re.search(r"the environment is at (http://127\.0\.0\.1:\d+)", capsys.readouterr().err)
     assert address is not None and page.address == address[1]
-    page._server.get_clients = lambda: {0: None}
+    page.server.get_clients = lambda: {0: None}
     began = time.monotonic()
     for _ in range(3):
         env.step(np.zeros((2, 2), dtype=np.float32))
