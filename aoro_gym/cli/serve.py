@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import signal
+from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from aoro_gym.cosimulation.server.session import Sensing
     from aoro_gym.terrains import Path as Line
     from aoro_gym.terrains import Plane, Terrain
+    from aoro_gym.twin import Twin
+    from aoro_gym.view.mirror import MirrorPage
 
 TerrainOption = Annotated[
     Path | None, option("--terrain", "FILE", "Ground, see 'aoro-gym terrain'. Default: level asphalt.")
@@ -58,6 +61,9 @@ LossOption = Annotated[
     float | None, option("--gps-loss", "S", "Mean time between two losses of the fixed solution. Default: none.")
 ]
 IdealOption = Annotated[bool, option("--ideal-sensors", None, "Sensors without errors.")]
+ViewOption = Annotated[
+    int | None, option("--view", "PORT", "Show it in the browser, see 'aoro-gym view'; 0: any free port. Default: no.")
+]
 OutOption = Annotated[
     Path | None, option("--out -o", "FOLDER", "Write a log (.csv), events (.log) and results (.json) here.")
 ]
@@ -84,6 +90,7 @@ def serve(
     spin: SpinOption = False,
     gps_loss: LossOption = None,
     ideal: IdealOption = False,
+    view: ViewOption = None,
     out: OutOption = None,
     json_file: JsonOption = None,
     machine: options.MachineOption = options.MACHINE,
@@ -115,7 +122,6 @@ def serve(
         from aoro_gym.cosimulation.realtime import request_realtime
         from aoro_gym.cosimulation.server.report import Log
         from aoro_gym.cosimulation.server.server import Server, Settings
-        from aoro_gym.cosimulation.server.starting import start_on_path
         from aoro_gym.twin import Twin
 
         if path is not None and start is not None:
@@ -130,21 +136,42 @@ def serve(
         land = load_ground(terrain)
         twin = Twin(machine=chosen, terrain=land, ground=ground, threads=1)
         line = None if path is None else load_line(path, track, land)
-        if line is not None:
-            start_on_path(twin, chosen, line)
-        elif start is not None:
-            twin.reset(position=start[:2], heading=math.radians(start[2]))
+        _place(twin, line, start)
+        page = None if view is None else _page(twin, ground, line, view)  # of an ordinary priority
         if fifo is not None:
             _permitted(fifo, request_realtime)
         log = Log(out, _tell_event)
-        server = Server(twin, settings, path=line, on_event=log.event, on_log=log.row)
+        tick = {} if page is None else {"on_tick": page.publish}
+        server = Server(twin, settings, path=line, on_event=log.event, on_log=log.row, **tick)
     _say_where(server)
-    try:
-        _run(server)
-    finally:
-        log.close()
-    _report(server, out, json_file)
+    with nullcontext() if page is None else closing(page):
+        try:
+            _run(server)
+        finally:
+            log.close()
+        _report(server, out, json_file)
     _exit(server)
+
+
+def _place(twin: Twin, line: Line | None, start: tuple[float, float, float] | None) -> None:
+    """Put the twin on the path, or where it shall start."""
+    from aoro_gym.cosimulation.server.starting import start_on_path
+
+    if line is not None:
+        start_on_path(twin, twin.machine, line)
+    elif start is not None:
+        twin.reset(position=start[:2], heading=math.radians(start[2]))
+
+
+def _page(twin: Twin, ground: str, line: Line | None, port: int) -> MirrorPage:
+    """A page of the twin in a process of its own, whose address is told."""
+    from aoro_gym.view.extras import viser
+    from aoro_gym.view.mirror import MirrorPage
+
+    viser()
+    page = MirrorPage(twin, ground=ground, path=line, port=port)
+    typer.echo(f"view: {page.address}", err=True)
+    return page
 
 
 def _check_written(out: Path | None, json_file: Path | None) -> None:

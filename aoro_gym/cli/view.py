@@ -153,14 +153,14 @@ def _driven_by(
     from aoro_gym.cli.courses import load_courses
     from aoro_gym.envs.core.rendering import surroundings
     from aoro_gym.envs.path_tracking.course_files import CourseFiles
-    from aoro_gym.view.page import TwinPage
+    from aoro_gym.view.page import page_of
 
     makers = named_policies(env, policies)
     terrain, path, track = place
     courses = load_courses(CourseFiles(env, terrain, path, track=track))
     episodes = WatchedEpisodes(env, makers, machine=machine, courses=courses, seed=seed)
     task, twin = episodes.env.task, episodes.env.twin
-    page = TwinPage(twin, episodes.names, port)
+    page = page_of(twin, episodes.names, port)
 
     def run() -> None:
         while True:

@@ -4,32 +4,54 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Protocol
 
+from aoro_gym.machine import Machine
 from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.twin import Twin
 from aoro_gym.view.live import LiveTwins
 from aoro_gym.view.panel import Gauges
+from aoro_gym.view.poses import Floats, Pose
 from aoro_gym.view.scene import Ground, draw_path, nearest_heights
 from aoro_gym.view.server import GAUGES_EVERY, HOST, MachineScene, start, stop
 
 
+class Shown(Protocol):
+    """Twins that a page looks at, such as :class:`~aoro_gym.view.live.LiveTwins`."""
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        ...
+
+    def poses(self) -> list[Pose]:
+        """Where the machines are."""
+        ...
+
+    def forces(self) -> tuple[Floats, Floats]:
+        """Contact points [m] and forces [N] of their tires, (machines, 4, 3)."""
+        ...
+
+    def readings(self) -> list[dict[str, float]]:
+        """Outputs of each machine, SI."""
+        ...
+
+
 class TwinPage:
-    """The first of the twins, their tire forces and gauges, in the browser.
+    """Twins, their tire forces and gauges, in the browser.
 
     Args:
-        twin: Somebody else's; it is looked at only.
-        names: Of those that are shown.
+        twins: Somebody else's; they are looked at only.
+        machines: Of those that are shown.
+        names: Of these.
         port: Of the page on 127.0.0.1; 0: any free one.
 
     Raises ValueError if viser is missing, OSError if the port is taken.
     """
 
-    def __init__(self, twin: Twin, names: Sequence[str] = ("",), port: int = 0):
-        several = twin.machine.num_variants > 1
-        machines = [twin.machine.variant(i) if several else twin.machine for i in range(len(names))]
+    def __init__(self, twins: Shown, machines: Sequence[Machine], names: Sequence[str] = ("",), port: int = 0):
         self.server = start(port)
-        self._twins = LiveTwins(twin, machines)
+        self._twins = twins
         self._scene = MachineScene(self.server, machines, names)
         self._gauges = Gauges(self.server.gui, names)
         self._drawn: tuple[Any, Any] = (None, None)
@@ -70,3 +92,10 @@ class TwinPage:
     def close(self) -> None:
         """Close the page."""
         stop(self.server)
+
+
+def page_of(twin: Twin, names: Sequence[str] = ("",), port: int = 0) -> TwinPage:
+    """A page of as many of the first twins as there are ``names``."""
+    several = twin.machine.num_variants > 1
+    machines = [twin.machine.variant(i) if several else twin.machine for i in range(len(names))]
+    return TwinPage(LiveTwins(twin, machines), machines, names, port)

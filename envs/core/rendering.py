@@ -102,9 +102,9 @@ def opened_page(twin: Twin) -> TwinPage | None:
 
     if not is_installed():
         return None
-    from aoro_gym.view.page import TwinPage
+    from aoro_gym.view.page import page_of
 
-    page = TwinPage(twin)
+    page = page_of(twin)
     print(f"aoro-gym: the environment is at {page.address}", file=sys.stderr, flush=True)
     if has_display():
         webbrowser.open(page.address)

@@ -103,6 +103,7 @@ class Server:
         path: What clients are to follow, to be judged by.
         on_event: Called with one line of text for what happens: a first bad datagram of a kind, a watchdog that trips.
         on_log: Called with a row each ``LOG_EVERY``.
+        on_tick: Called between two steps: once for each record of telemetry, in lock-step after each grant.
 
     Raises OSError if an address cannot be bound.
     """
@@ -115,6 +116,7 @@ class Server:
         path: Path | None = None,
         on_event: Callable[[str], None] = lambda _: None,
         on_log: Callable[[LogRow], None] = lambda _: None,
+        on_tick: Callable[[], None] = lambda: None,
     ):
         self.settings = settings = Settings() if settings is None else settings
         self.geodesy = Geodesy(twin.terrain, settings.origin)  # pyright: ignore[reportArgumentType]
@@ -141,7 +143,7 @@ class Server:
         self.schedule = Schedule(twin.main_step, spin=settings.spin)
         self.ended = ""
         """Why it ended."""
-        self._on_event, self._on_log = on_event, on_log
+        self._on_event, self._on_log, self._on_tick = on_event, on_log, on_tick
         self._events = 0
         self._stopped = ""
         self._began = self._logged = time.monotonic()
@@ -191,6 +193,7 @@ class Server:
             self.session.step()
             if self.session.steps % self.session.tick_steps == accepting:
                 self.publisher.accept()
+                self._on_tick()
                 if now - self._logged >= LOG_EVERY:
                     self._log(now)
             self.schedule.done()
@@ -225,6 +228,7 @@ class Server:
             if not watchdog.expired:
                 steps = min(steps, max(math.ceil((watchdog.last + PATIENCE - session.time) / step - _ROUNDING), 1))
             session.run(steps)
+        self._on_tick()
 
     # ---- what both do
 
