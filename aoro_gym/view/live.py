@@ -75,6 +75,13 @@ class LiveTwins:
         """A main step, after which there are outputs to show."""
         self.twin.advance(self.twin.main_step)
 
+    def change(self, index: int, machine: Machine) -> None:
+        """Give one of the twins another machine, from the next step on.
+
+        Raises ValueError where the machine cannot be simulated with these steps.
+        """
+        self.twin.set_machines([index], machine)
+
     def restart(self) -> None:
         """Begin again, with all commands at rest."""
         self.commands = {name: start for name, (_, _, start) in COMMAND_BOUNDS.items()}

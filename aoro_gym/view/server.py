@@ -12,6 +12,7 @@ from typing import Any
 
 from aoro_gym.checks import check_integer
 from aoro_gym.machine import Machine
+from aoro_gym.view.changes import Changes
 from aoro_gym.view.extras import viser
 from aoro_gym.view.live import LiveTwins
 from aoro_gym.view.panel import Driving, Gauges, TimeControls, Timeline
@@ -126,6 +127,7 @@ class LiveView:
         self.clock = TimeControls(server.gui, self._ask_restart)
         replay = isinstance(twins, Replay)
         self.driving = None if replay else Driving(server.gui, driver)
+        self.changes = None if replay else Changes(server.gui, twins.machines, names)
         self.timeline = Timeline(server.gui, twins.duration, twins.seek) if replay else None
         self.scene = MachineScene(server, twins.machines, names)
         self.gauges = Gauges(server.gui, names)
@@ -157,6 +159,7 @@ class LiveView:
             self.twins.commands = self.driving.commands
             if self.driving.driver is not None:
                 self.twins.driven = bool(self.driving.driver.value)
+        self._change()
         duration = 0.0
         if not self.clock.paused:
             duration = FRAME * self.clock.speed
@@ -168,6 +171,16 @@ class LiveView:
             self._simulated += duration
         if self.server.get_clients():
             self.draw()
+
+    def _change(self) -> None:
+        """Give the twins the machine that a person asks for."""
+        asked = None if self.changes is None else self.changes.take()
+        if asked is None or self.changes is None or isinstance(self.twins, Replay):
+            return
+        try:
+            self.twins.change(*asked)
+        except ValueError as error:
+            self.changes.say(str(error))
 
     def draw(self, *, with_forces: bool = True) -> None:
         """Send what is now."""
