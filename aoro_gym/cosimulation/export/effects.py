@@ -19,15 +19,14 @@ def with_effects(machine: Machine, plane: Plane | None, asked: Sequence[str]) ->
     slope that it has.
     """
     for text in asked:
+        name = text.partition("=")[0]
+        if isinstance(EFFECTS.get(name), ChainEffect):
+            raise ValueError(
+                f"--effects {text}: {name} is in the measuring chain, which is not exported; let the host measure so"
+            )
+        if isinstance(EFFECTS.get(name), GroundEffect) and plane is None:
+            raise ValueError(f"--effects {text}: {name} tilts a plane, but --terrain names a ground; leave one out")
         effect, magnitudes = parse_effect("--effects", text, EFFECTS)
-        if isinstance(effect, ChainEffect):
-            raise ValueError(
-                f"--effects {text}: {effect.id} is in the measuring chain, which is not exported; let the host measure so"
-            )
-        if isinstance(effect, GroundEffect) and plane is None:
-            raise ValueError(
-                f"--effects {text}: {effect.id} tilts a plane, but --terrain names a ground; leave one out"
-            )
         machine = effect.apply(machine, *magnitudes)
         plane = plane if plane is None else effect.tilt(plane, *magnitudes)
     return machine, plane
