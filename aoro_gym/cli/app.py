@@ -14,6 +14,7 @@ from aoro_gym.cli import (
     demo,
     diagnosis,
     diagnosis_training,
+    doctor,
     evaluation,
     export,
     laboratory,
@@ -75,6 +76,7 @@ for command in (
     serve.serve,
     laboratory.laboratory,
     bench.bench,
+    doctor.doctor,
 ):
     app.command()(command)
 app.add_typer(export.app, name="export")

@@ -174,6 +174,7 @@ COMMANDS: list[tuple[str, tuple[object, ...]]] = [
     ("serve", ("serve", "--udp-port", 0, "--tcp-port", 0, "--duration", 2)),
     ("laboratory", ("laboratory", "-m", "park")),
     ("bench", ("bench", "--twins", "1,2", "--seconds", 0.02)),
+    ("doctor", ("doctor",)),
 ]
 
 
