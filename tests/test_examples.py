@@ -15,8 +15,8 @@ def example(monkeypatch, tmp_path):
     """Runs an example in an empty folder; returns its variables."""
     monkeypatch.chdir(tmp_path)
 
-    def run(name: str) -> dict[str, Any]:
-        return runpy.run_path(str(EXAMPLES / name))
+    def run(name: str, run_name: str = "example") -> dict[str, Any]:
+        return runpy.run_path(str(EXAMPLES / name), run_name=run_name)
 
     return run
 
@@ -39,3 +39,41 @@ def test_the_hidden_fault_shows_and_nothing_but_noise_is_left_of_the_gap(example
     assert min(least, key=least.__getitem__) == "spool_lag"
     # the noise is known from 60 samples, to 9 % (standard deviation)
     assert least["spool_lag"] < 1.3 < least["nothing"]
+
+
+def test_steeper_and_slower_gears_take_more_pressure(example):
+    found = example("04_drive.py")
+    speed, pressure = (found[name].reshape(3, 3) for name in ("speed", "pressure"))  # slopes by gears
+    assert (np.diff(speed, axis=1) > 0.0).all() and (np.diff(pressure, axis=0) > 0.0).all()
+
+
+def test_a_machine_of_ones_own_is_written_and_turns(example, tmp_path):
+    found = example("05_own_machine.py")
+    assert (tmp_path / "mine.toml").stat().st_size > 0
+    # the same oil at a flow in proportion to the valve's; the start takes less than in proportion
+    assert found["times"][0] / found["times"][-1] == pytest.approx(1.0 / 0.7, rel=0.05)
+
+
+def test_ground_of_ones_own_is_driven_over(example):
+    found = example("06_own_terrain.py")
+    assert found["arrived"] and found["rms"] < 0.1
+
+
+def test_a_reward_of_ones_own_is_logged(example):
+    found = example("07_custom_reward.py")
+    assert found["sums"]["reward/haste"] < 0.0
+
+
+def test_stable_baselines_learns(example, tmp_path):
+    pytest.importorskip("stable_baselines3", reason="[agents] is not installed")
+    found = example("08_train_stable_baselines3.py")
+    assert np.isfinite(found["rewards"]).all()
+    assert (tmp_path / "turning.zip").stat().st_size > 0
+
+
+def test_a_controller_of_ones_own_follows_the_path(example, monkeypatch):
+    """At least as a person would: within a machine's width, and to the end."""
+    monkeypatch.setattr("sys.argv", ["09_controller.py"])
+    found = example("09_controller.py", run_name="__main__")["found"].summary
+    assert found["mine"]["success_rate"].mean == 1.0
+    assert found["mine"]["cross_track_rms_m"].mean < 0.5

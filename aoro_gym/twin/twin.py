@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -316,6 +316,25 @@ class Twin:
                 self._host_commands[row] = array
             else:
                 self.commands[row].assign(np.ascontiguousarray(array))
+
+    @overload
+    def step(
+        self, commands: Mapping[str, npt.ArrayLike] | None = None, duration: float = 0.02, *, sample_every: float
+    ) -> Trace: ...
+
+    @overload
+    def step(
+        self, commands: Mapping[str, npt.ArrayLike] | None = None, duration: float = 0.02, *, sample_every: None = None
+    ) -> None: ...
+
+    @overload
+    def step(
+        self,
+        commands: Mapping[str, npt.ArrayLike] | None = None,
+        duration: float = 0.02,
+        *,
+        sample_every: float | None = None,
+    ) -> Trace | None: ...
 
     def step(
         self,
