@@ -86,6 +86,11 @@ def check_choice(name: str, value: Any, known: Iterable[Any], error: type[ValueE
         raise error(f"{name} is {value!r}; choose one of: {', '.join(map(str, known))}")
 
 
+def printable(text: str) -> str:
+    """``text`` with a mark in place of every character that a terminal would obey, or not show."""
+    return "".join(c if c.isprintable() else "\ufffd" for c in text)
+
+
 def _digits(value: Any) -> str:
     """A number in as many digits as its type holds, without those that rounding made."""
     return f"{float(str(value)):.10g}" if isinstance(value, float | np.floating) else str(value)

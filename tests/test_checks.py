@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from aoro_gym.checks import check_choice, check_finite, check_integer, check_range
+from aoro_gym.checks import check_choice, check_finite, check_integer, check_range, printable
 
 
 @pytest.mark.parametrize(
@@ -81,3 +81,7 @@ def test_what_is_no_choice_is_named_with_the_choices():
     with pytest.raises(ValueError) as raised:
         check_choice("kind", "c", ("a", "b"))
     assert str(raised.value) == "kind is 'c'; choose one of: a, b"
+
+
+def test_what_a_terminal_would_obey_is_marked():
+    assert printable("l\tt, \x1b[2K, °ä") == "l\ufffdt, \ufffd[2K, °ä"

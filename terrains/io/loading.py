@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from aoro_gym.checks import printable
 from aoro_gym.execution.files import check_writable, write_json, written_whole
 from aoro_gym.terrains.georeference import MOST_SCALE_ERROR, axis_unit, horizontal, scale_factors
 from aoro_gym.terrains.heights import Heights
@@ -173,7 +174,7 @@ def _found(path: Path | None, source: Any, request: LoadOptions, report: Report)
     try:
         return _repaired(settle_heights(_read(path, source, request, report), request, report), request, report)
     except TerrainError as error:
-        text = "".join(c if c.isprintable() else "\ufffd" for c in f"{error}{report.doubts()}")
+        text = printable(f"{error}{report.doubts()}")
         raise TerrainError(text) from None
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from aoro_gym.checks import check_range
+from aoro_gym.checks import check_range, printable
 from aoro_gym.execution.files import write_bytes, written_whole
 from aoro_gym.terrains.georeference import axis_unit, horizontal, to_geographic
 from aoro_gym.terrains.io.check import Change
@@ -172,7 +172,7 @@ def load_path(
         if spacing is not None:
             path = _smoothed(path, smoothing, spacing, report)
     except ValueError as error:
-        raise ValueError(f"{file}: {error}") from None
+        raise ValueError(printable(f"{file}: {error}")) from None
     _check(path, terrain, report)
     return LoadedPath(path, report)
 
