@@ -22,7 +22,14 @@ ON_MACHINE = {name: effect for name, effect in EFFECTS.items() if isinstance(eff
 
 
 def changed(machine: Machine, key: str, value: float, effect: str, magnitudes: Sequence[float]) -> Machine:
-    """``machine`` with another value of a parameter, in the file's unit, and with an effect, in SI; ``NOTHING`` for neither.
+    """``machine`` with another value of a parameter and with an effect.
+
+    Args:
+        machine: As it is.
+        key: Of the parameter; ``NOTHING``: none.
+        value: Of the parameter, in the file's unit.
+        effect: Id in the catalogue; ``NOTHING``: none.
+        magnitudes: Of the effect, in SI.
 
     Raises ValueError where there is no such machine.
     """
