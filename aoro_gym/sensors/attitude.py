@@ -43,3 +43,20 @@ def angles_of(quaternion: Array) -> tuple[Array, Array, Array]:
     pitch = -xp.asin(xp.clip(2.0 * (x * z - w * y), -1.0, 1.0))
     yaw = xp.atan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
     return roll, pitch, yaw
+
+
+def quaternion_of(roll: Array, pitch: Array, yaw: Array) -> Array:
+    """Unit quaternions x, y, z, w (..., 4) of R_z(yaw) R_y(pitch) R_x(roll), angles [rad] of one shape (...): what
+    :func:`angles_of` takes apart."""
+    roll, pitch, yaw = (0.5 * floats(angle) for angle in (roll, pitch, yaw))
+    xp = namespace(roll)
+    (sr, sp, sy), (cr, cp, cy) = ([f(angle) for angle in (roll, pitch, yaw)] for f in (xp.sin, xp.cos))
+    return xp.stack(
+        [
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+            cr * cp * cy + sr * sp * sy,
+        ],
+        axis=-1,
+    )

@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 from aoro_gym.interchange.rigid_bodies import BASE, REAR, Body, machine_bodies
 from aoro_gym.machine import Machine
@@ -53,12 +51,6 @@ def pose_of_state(state: ArrayLike) -> Pose:
     q = s[[State["QW"], State["QX"], State["QY"], State["QZ"]]]
     arms, wheels = (tuple(s[State[f"{name}_FL"] : State[f"{name}_FL"] + 4].tolist()) for name in ("ARM", "WHEEL"))
     return Pose(s[State["X"] : State["X"] + 3], q / np.linalg.norm(q), float(s[State["JOINT"]]), arms, wheels)
-
-
-def quaternions(roll: Any, pitch: Any, yaw: Any) -> Floats:
-    """(N, 4) unit quaternions w, x, y, z of R_z(yaw) R_y(pitch) R_x(roll), angles (N,) [rad]."""
-    angles = np.stack(np.broadcast_arrays(yaw, pitch, roll), axis=-1)
-    return np.asarray(Rotation.from_euler("ZYX", angles).as_quat(scalar_first=True), dtype=np.float64)
 
 
 Placement = tuple[tuple[float, float, float], tuple[float, float, float, float]]

@@ -13,9 +13,10 @@ from aoro_gym.machine import Machine
 from aoro_gym.recording.commands import WHEELS
 from aoro_gym.recording.logs import TICK, read_log
 from aoro_gym.recording.tables import read_table
+from aoro_gym.sensors.attitude import quaternion_of
 from aoro_gym.simulation.log import field_unit
 from aoro_gym.twin.records import CHANNELS
-from aoro_gym.view.poses import Floats, Kinematics, Pose, quaternions
+from aoro_gym.view.poses import Floats, Kinematics, Pose
 
 
 def log_channels(path: Path) -> tuple[Floats, dict[str, Floats]]:
@@ -71,7 +72,7 @@ class Recording:
 
         return Pose(
             np.array([of(f"position_{axis}") for axis in "xyz"]),
-            quaternions(of("roll"), of("pitch"), of("yaw")),
+            np.roll(quaternion_of(of("roll"), of("pitch"), of("yaw")), 1),  # w first
             of("joint_angle"),
             tuple(of(f"arm_angle_{w}") for w in WHEELS),
             tuple(of(f"wheel_turn_{w}") for w in WHEELS),

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 from aoro_gym.interchange.rigid_bodies import JOINT, machine_bodies, poses
 from aoro_gym.machine import Machine
 from aoro_gym.recording.commands import WHEELS
-from aoro_gym.sensors.attitude import in_world
+from aoro_gym.sensors.attitude import in_world, quaternion_of
 from aoro_gym.twin import Twin
-from aoro_gym.view.poses import Kinematics, Pose, pose_of_state, quaternions
+from aoro_gym.view.poses import Kinematics, Pose, pose_of_state
 from aoro_gym.view.scene import machine_solids
 
 JOINT_ANGLE, ARMS, TURNED = 0.4, (0.1, -0.2, 0.15, -0.05), (0.3, 2.0, -1.0, 4.0)
@@ -84,7 +84,7 @@ def test_a_twin_s_pose_is_that_of_its_state():
     assert pose.joint == pytest.approx(outputs["joint_angle"], abs=1e-7)
     assert pose.arms[0] == pytest.approx(outputs["arm_angle_fl"], abs=1e-7)
     np.testing.assert_allclose(pose.position, [float(twin.output(f"position_{axis}")[0]) for axis in "xyz"], atol=1e-6)
-    np.testing.assert_allclose(np.abs(quaternions(roll, pitch, yaw) @ pose.wxyz), 1.0, atol=1e-7)
+    np.testing.assert_allclose(np.abs(np.roll(quaternion_of(roll, pitch, yaw), 1, axis=-1) @ pose.wxyz), 1.0, atol=1e-7)
 
 
 def test_wheels_stand_on_the_ground():
@@ -109,5 +109,5 @@ def test_every_part_has_a_solid_of_the_machine_s_size(machine, placed):
 
 
 def test_heading_of_a_pose():
-    pose = Pose(np.zeros(3), quaternions(0.1, -0.2, 2.0))
+    pose = Pose(np.zeros(3), np.roll(quaternion_of(0.1, -0.2, 2.0), 1))
     assert pose.heading == pytest.approx(2.0)

@@ -12,6 +12,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.checks import check_choice, check_finite, check_integer, check_range
+from aoro_gym.sensors.attitude import quaternion_of
 from aoro_gym.sensors.lidar import device as device_code
 from aoro_gym.sensors.lidar.models import MODELS, Firings, LidarModel
 from aoro_gym.sensors.lidar.points import FIRST, LAST, STRONGEST, Points
@@ -73,23 +74,8 @@ class Motion:
     @property
     def poses(self) -> NDArray[np.float32]:
         """(T, W, 7) position and quaternion x, y, z, w."""
-        turned = quaternions(self.roll, self.pitch, self.yaw)
+        turned = quaternion_of(self.roll, self.pitch, self.yaw)
         return np.concatenate([self.position, turned], axis=-1).astype(np.float32)
-
-
-def quaternions(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> Array:
-    """Unit quaternions x, y, z, w (..., 4) of R_z(yaw) R_y(pitch) R_x(roll), angles [rad] of one shape (...)."""
-    half = [0.5 * np.asarray(angle, dtype=np.float64) for angle in (roll, pitch, yaw)]
-    (sr, sp, sy), (cr, cp, cy) = map(np.sin, half), map(np.cos, half)
-    return np.stack(
-        [
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-            cr * cp * cy + sr * sp * sy,
-        ],
-        axis=-1,
-    )
 
 
 @dataclass(frozen=True)
@@ -113,7 +99,7 @@ class Mounting:
         """From the sensor's axes to the front frame's, as a ``wp.transform``; with its errors, or as one believes it."""
         share = 1.0 if true else 0.0
         place = np.add(self.position, np.multiply(share, self.position_error))
-        turned = quaternions(*np.radians(np.add(self.angles_deg, np.multiply(share, self.angle_errors_deg))))
+        turned = quaternion_of(*np.radians(np.add(self.angles_deg, np.multiply(share, self.angle_errors_deg))))
         return wp.transform(*map(float, place), *map(float, turned))
 
 
