@@ -129,14 +129,14 @@ def _motion(scene: Scene, at: tuple[float, float], heading: float, speed: float,
     """Straight on at a constant speed, upright, on the ground at every tenth of a second."""
     import numpy as np
 
-    from aoro_gym.sensors.height_map import HeightMap
+    from aoro_gym.sensors.height_map import HeightMapSensor
     from aoro_gym.sensors.lidar import Motion
 
     top = float(scene.extent[1][2])
     yaw = np.radians(heading)
     time: Any = np.arange(0.0, duration + 0.1, 0.1)
     way = np.asarray(at) + np.outer(speed * time, [np.cos(yaw), np.sin(yaw)])
-    below = HeightMap(scene, forward=(0.0, 0.0), left=(0.0, 0.0), above=1.0)
+    below = HeightMapSensor(scene, forward=(0.0, 0.0), left=(0.0, 0.0), above=1.0)
     ground: Any = top + below.measure(np.column_stack([way, np.full(len(time), top)]), np.zeros(len(time)))[:, 0, 0]
     if np.isnan(ground).any():
         x, y = way[np.argmax(np.isnan(ground))]

@@ -2,7 +2,7 @@
 
 >>> from aoro_gym.sensors.raytrace import Scene
 >>> scene = Scene([[-99, -99, 0], [99, -99, 0], [99, 99, 0], [-99, 99, 0]], [[0, 1, 2], [0, 2, 3]])
->>> sensor = HeightMap(scene, forward=(-2.0, 6.0), left=(-2.0, 2.0), cell=1.0)
+>>> sensor = HeightMapSensor(scene, forward=(-2.0, 6.0), left=(-2.0, 2.0), cell=1.0)
 >>> sensor.measure([[0.0, 0.0, 1.5]], [0.3]).shape, float(sensor.measure([[0.0, 0.0, 1.5]], [0.3])[0, 0, 0])
 ((1, 9, 5), -1.5)
 """
@@ -24,7 +24,7 @@ MOST_POINTS = 1_000_000
 """Of one grid."""
 
 
-class HeightMap:
+class HeightMapSensor:
     """Heights around machines in a scene, on its device. Moving bodies are not seen.
 
     Args:
