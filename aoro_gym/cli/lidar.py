@@ -12,6 +12,8 @@ from aoro_gym.checks import check_range
 from aoro_gym.cli import options
 from aoro_gym.cli.options import option
 from aoro_gym.cli.outcome import checking_input, print_all, running, say_written
+from aoro_gym.cli.place import load_terrain
+from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -104,12 +106,12 @@ def lidar(
 
 def _scene(terrain: Path | None, seed: int, device: str) -> Scene:
     from aoro_gym.sensors.raytrace import Scene
-    from aoro_gym.terrains import load
     from aoro_gym.terrains.generate.world import world
 
     if terrain is None:
-        return Scene.of_world(world(seed), device=device)
-    return Scene.of_terrain(load(terrain).terrain, device=device)
+        with terminal.progress("making a forest"):
+            return Scene.of_world(world(seed), device=device)
+    return Scene.of_terrain(load_terrain(terrain), device=device)
 
 
 def _weather(text: str | None) -> Weather:

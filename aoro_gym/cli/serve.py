@@ -14,6 +14,16 @@ import typer
 from aoro_gym.cli import options
 from aoro_gym.cli.options import option
 from aoro_gym.cli.outcome import checking_input, fail, interrupted, print_all, running, say_error, say_written
+from aoro_gym.cli.place import (
+    GroundOption,
+    StartOption,
+    TerrainOption,
+    TrackOption,
+    check_start,
+    load_ground,
+    load_line,
+    put,
+)
 from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
@@ -21,22 +31,10 @@ if TYPE_CHECKING:
     from aoro_gym.cosimulation.server.server import Server
     from aoro_gym.cosimulation.server.session import Sensing
     from aoro_gym.terrains import Path as Line
-    from aoro_gym.terrains import Plane, Terrain
     from aoro_gym.twin import Twin
     from aoro_gym.view.mirror import MirrorPage
 
-TerrainOption = Annotated[
-    Path | None, option("--terrain", "FILE", "Ground, see 'aoro-gym terrain'. Default: level asphalt.")
-]
-GroundOption = Annotated[
-    str, option("--ground", "raster|mesh", "How the twin feels a terrain; mesh: its very triangles.")
-]
 PathOption = Annotated[Path | None, option("--path", "FILE", "Start on this path (GPX, CSV, ...), 4 m from its begin.")]
-TrackOption = Annotated[str | None, option("--track", "N|NAME", "Which of the file's tracks.")]
-StartOption = Annotated[
-    tuple[float, float, float] | None,
-    option("--start", "X Y DEG", "Or start here: hinge in m, heading from x to the left."),
-]
 OriginOption = Annotated[
     str | None,
     option(
@@ -124,8 +122,7 @@ def serve(
         from aoro_gym.cosimulation.server.server import Server, Settings
         from aoro_gym.twin import Twin
 
-        if path is not None and start is not None:
-            raise ValueError("--path and --start both say where to start; drop one of them")
+        check_start(path, start)
         _check_written(out, json_file)
         chosen = options.load(options.run_spec(machine, set_, scale, "cpu", seed, laws=laws, ideal=ideal))
         settings = Settings(
@@ -136,7 +133,7 @@ def serve(
         land = load_ground(terrain)
         twin = Twin(machine=chosen, terrain=land, ground=ground, threads=1)
         line = None if path is None else load_line(path, track, land)
-        _place(twin, line, start)
+        put(twin, chosen, line, start)
         page = None if view is None else _page(twin, ground, line, view)  # of an ordinary priority
         if fifo is not None:
             _permitted(fifo, request_realtime)
@@ -151,16 +148,6 @@ def serve(
             log.close()
         _report(server, out, json_file)
     _exit(server)
-
-
-def _place(twin: Twin, line: Line | None, start: tuple[float, float, float] | None) -> None:
-    """Put the twin on the path, or where it shall start."""
-    from aoro_gym.cosimulation.server.starting import start_on_path
-
-    if line is not None:
-        start_on_path(twin, twin.machine, line)
-    elif start is not None:
-        twin.reset(position=start[:2], heading=math.radians(start[2]))
 
 
 def _page(twin: Twin, ground: str, line: Line | None, port: int) -> MirrorPage:
@@ -275,25 +262,3 @@ def _origin(text: str | None) -> Origin:
             f"--origin is {text!r}, but must be LAT,LON or LAT,LON,HEIGHT, such as 66.5,25.7,100"
         ) from None
     return Origin(*numbers)
-
-
-def load_ground(file: Path | None) -> Terrain | Plane:
-    from aoro_gym.terrains import Plane, load
-
-    if file is None:
-        return Plane()
-    with terminal.progress(f"loading {file.name}") as tell:
-        loaded = load(file, progress=lambda share: tell(f"loading {file.name}", share))
-    for warning in loaded.report.warnings:
-        terminal.warn(warning)
-    return loaded.terrain
-
-
-def load_line(file: Path, track: str | None, terrain: Terrain | Plane) -> Line:
-    """The path of a file."""
-    from aoro_gym.terrains import Plane, load_path
-
-    loaded = load_path(file, None if isinstance(terrain, Plane) else terrain, track=track)
-    for warning in loaded.report.warnings:
-        terminal.warn(warning)
-    return loaded.path

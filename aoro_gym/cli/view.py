@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +12,16 @@ import typer
 from aoro_gym.cli import options
 from aoro_gym.cli.options import option
 from aoro_gym.cli.outcome import checking_input, interrupted
-from aoro_gym.cli.serve import GroundOption, StartOption, TrackOption, load_ground, load_line
+from aoro_gym.cli.place import (
+    GroundOption,
+    StartOption,
+    TerrainOption,
+    TrackOption,
+    check_start,
+    load_ground,
+    load_line,
+    put,
+)
 from aoro_gym.reporting import terminal
 from aoro_gym.reporting.display import has_display
 
@@ -25,9 +33,6 @@ if TYPE_CHECKING:
     from aoro_gym.view.replay import Replay
 
 PORT = 8080
-TerrainOption = Annotated[
-    Path | None, option("--terrain", "FILE", "Ground, see 'aoro-gym terrain'. Default: level asphalt.")
-]
 PathOption = Annotated[Path | None, option("--path", "FILE", "A path (GPX, CSV, ...) that is shown; starts on it.")]
 PortOption = Annotated[int, option("--port", "N", "Port of the page on 127.0.0.1; 0: any free one.")]
 NoBrowserOption = Annotated[bool, option("--no-browser", None, "Open no browser; the address is told.")]
@@ -121,8 +126,7 @@ def _check_together(
     policies: list[str] | None,
 ) -> None:
     """ValueError for options that contradict each other."""
-    if path is not None and start is not None:
-        raise ValueError("--path and --start both say where to start; drop one of them")
+    check_start(path, start)
     if policies and logs:
         raise ValueError("--policy drives a live twin, but a LOG is shown again; drop one of them")
     if policies and start is not None:
@@ -191,7 +195,6 @@ def _twins(
     start: tuple[float, float, float] | None,
 ) -> LiveTwins:
     """Twins of all machines at their start."""
-    from aoro_gym.cosimulation.server.starting import start_on_path
     from aoro_gym.twin import Twin
     from aoro_gym.view.live import LiveTwins
 
@@ -204,12 +207,7 @@ def _twins(
         twin.set_machines([i], one)
 
     def begin() -> None:
-        if line is not None:
-            start_on_path(twin, machines[0], line)
-        elif start is not None:
-            twin.reset(position=start[:2], heading=math.radians(start[2]))
-        else:
-            twin.reset()
+        put(twin, machines[0], line, start)
 
     begin()
     return LiveTwins(twin, machines, begin=begin)

@@ -11,6 +11,8 @@ import typer
 from aoro_gym.cli import options
 from aoro_gym.cli.options import option
 from aoro_gym.cli.outcome import checking_input, print_all, running, say_written
+from aoro_gym.cli.place import load_terrain
+from aoro_gym.reporting import terminal
 
 OutOption = Annotated[Path, option("--out -o", "FOLDER", "Folder to write the world to.")]
 StandOption = Annotated[str, option("--stand", "NAME", "pine, spruce, birch or mixed.")]
@@ -21,13 +23,12 @@ TerrainOption = Annotated[
 StemsOption = Annotated[float | None, option("--stems", "N", "Trees a hectare. Default: the stand's.")]
 BouldersOption = Annotated[float, option("--boulders", "N", "Boulders a hectare.")]
 SnowOption = Annotated[bool, option("--snow", None, "Snow on the ground, and bare birches.")]
-SeedOption = Annotated[int, option("--seed", "N", "Another number, another world.")]
 JsonOption = Annotated[bool, option("--json", None, "Print JSON instead of a table.")]
 
 
 def world(
     out: OutOption = Path("world"),
-    seed: SeedOption = 0,
+    seed: options.SeedOption = 0,
     stand: StandOption = "mixed",
     size: SizeOption = (100.0, 100.0),
     terrain: TerrainOption = None,
@@ -55,7 +56,6 @@ def world(
     with checking_input():
         from aoro_gym.terrains.generate.world import WorldSettings, populate
         from aoro_gym.terrains.generate.world import world as make
-        from aoro_gym.terrains.io.loading import load
         from aoro_gym.terrains.world.figures import draw_world
         from aoro_gym.terrains.world.files import save_world
         from aoro_gym.terrains.world.report import summary, table
@@ -63,7 +63,9 @@ def world(
         options.check_seed(seed)
         options.check_folder(out, "world.json")
         settings = WorldSettings(size=size, stand=stand, stems=stems, boulders=boulders, snow=snow)
-        made = make(seed, settings) if terrain is None else populate(load(terrain).terrain, seed, settings)
+        ground = None if terrain is None else load_terrain(terrain)
+        with terminal.progress("planting"):
+            made = make(seed, settings) if ground is None else populate(ground, seed, settings)
     with running():
         written = [*save_world(made, out), out / "world.png"]
         draw_world(made).savefig(written[-1])
