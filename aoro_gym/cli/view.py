@@ -107,13 +107,13 @@ def view(
                 twins, names = _replay(logs, machines), [log.stem for log in logs]
             else:
                 twins = _twins(machines, land, ground, line, start)
-            page, run = _driven_by_hand(_page(port, terrain, land, line), twins, names)
-    _say_where(page, no_browser)
+            page, run = _driven_by_hand(twins, names, land, line, terrain, port)
+    from aoro_gym.view.server import stop
+
     try:
+        _say_where(page, no_browser)
         run()
     except KeyboardInterrupt:
-        from aoro_gym.view.server import stop
-
         stop(page)
         interrupted("the page is closed; the same command begins anew")
 
@@ -135,12 +135,21 @@ def _check_together(
         raise ValueError("--machine is given several times, but policies drive one; give it once")
 
 
-def _driven_by_hand(page: Any, twins: LiveTwins | Replay, names: list[str]) -> tuple[Any, Callable[[], None]]:
-    """The page, and what keeps it up to date."""
-    from aoro_gym.view.server import LiveView
+def _driven_by_hand(
+    twins: LiveTwins | Replay, names: list[str], land: Terrain | Plane, line: Line | None, file: Path | None, port: int
+) -> tuple[Any, Callable[[], None]]:
+    """A server whose page has the ground, of ``file`` if there is one, and the path; and what keeps it up to date."""
+    from aoro_gym.terrains import Plane
+    from aoro_gym.view.colours import scan_colours
+    from aoro_gym.view.live_view import LiveView
+    from aoro_gym.view.server import start
 
+    server = start(port)
+    colours = None if file is None or isinstance(land, Plane) else scan_colours(file, land)
     twins.forces()  # says so where their kernel is compiled first
-    return page, LiveView(page, twins, names).run
+    shown = LiveView(server, twins, names)
+    shown.page.surround(land, line, colours)
+    return server, shown.run
 
 
 def _driven_by(
@@ -211,21 +220,6 @@ def _twins(
 
     begin()
     return LiveTwins(twin, machines, begin=begin)
-
-
-def _page(port: int, file: Path | None, land: Terrain | Plane, line: Line | None) -> Any:
-    """A server whose scene has the ground and the path."""
-    from aoro_gym.terrains import Plane
-    from aoro_gym.view.colours import scan_colours
-    from aoro_gym.view.scene import Ground, draw_path, nearest_heights
-    from aoro_gym.view.server import start as start_server
-
-    server = start_server(port)
-    colours = None if file is None or isinstance(land, Plane) else scan_colours(file, land)
-    Ground(server.scene, land, colours)
-    if line is not None:
-        draw_path(server.scene, line, nearest_heights(land, line.points))
-    return server
 
 
 def _say_where(server: Any, no_browser: bool) -> None:

@@ -20,9 +20,9 @@ from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.twin import Twin
 from aoro_gym.twin.records import CHANNELS, State
 from aoro_gym.view.forces import TireForces
-from aoro_gym.view.page import TwinPage
+from aoro_gym.view.page import FRAME, TwinPage
 from aoro_gym.view.poses import Floats, Pose, pose_of_state
-from aoro_gym.view.server import FRAME
+from aoro_gym.view.server import start
 
 ENDED = -1
 """Count of a twin that is shown no more."""
@@ -167,7 +167,7 @@ def _show(
     try:
         twin = Twin(1, machine=machine, terrain=terrain, ground=ground, threads=1)
         mirrored = MirroredTwin(memory, twin)
-        page = TwinPage(mirrored, [machine], port=port)
+        page = TwinPage(start(port), mirrored, [machine])
         page.surround(terrain if isinstance(terrain, Plane | Terrain) else terrain[0], path)
     except (ValueError, OSError) as error:
         told.send(error)

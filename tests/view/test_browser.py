@@ -8,8 +8,9 @@ import pytest
 from aoro_gym.terrains import Plane
 from aoro_gym.twin import Twin
 from aoro_gym.view.live import LiveTwins
+from aoro_gym.view.live_view import LiveView
 from aoro_gym.view.scene import Ground
-from aoro_gym.view.server import LiveView, start
+from aoro_gym.view.server import start
 from aoro_gym.view.server import stop as close
 
 from .browser import CHROMIUM, Browser
@@ -40,13 +41,13 @@ def test_a_page_connects_frames_arrive_and_keys_drive():
                 break
         assert server.get_clients(), "no page has connected within two minutes"
         shown = [shown_time(browser)]
-        before = view.frames
+        before = view.page.frames
         for _ in range(30):
             browser.wait(2.0)
             shown.append(shown_time(browser))
             if shown[-1] > shown[-2] >= 0.0:
                 break
-        assert view.frames - before > 10
+        assert view.page.frames - before > 10
         assert shown[-1] > shown[-2] >= 0.0, shown  # the page shows that time goes on
         browser.press("w", repeat=4)
         browser.wait(10.0)

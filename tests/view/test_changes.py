@@ -9,7 +9,8 @@ from aoro_gym.twin import Twin
 from aoro_gym.twin.records import pack
 from aoro_gym.view.changes import NOTHING, ON_MACHINE, changed
 from aoro_gym.view.live import LiveTwins
-from aoro_gym.view.server import LiveView, start
+from aoro_gym.view.live_view import LiveView
+from aoro_gym.view.server import start
 
 AORO = Machine.load("aoro")
 

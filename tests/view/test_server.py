@@ -9,9 +9,11 @@ from aoro_gym.terrains import Plane
 from aoro_gym.twin import Twin
 from aoro_gym.view import server as module
 from aoro_gym.view.live import LiveTwins
+from aoro_gym.view.live_view import LiveView
+from aoro_gym.view.page import FRAME
 from aoro_gym.view.panel import gauges
 from aoro_gym.view.scene import FORCE_SCALE, Ground, arrows
-from aoro_gym.view.server import FRAME, LiveView, start
+from aoro_gym.view.server import start
 
 
 @pytest.fixture

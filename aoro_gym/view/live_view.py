@@ -1,0 +1,99 @@
+"""Live twins, or a replay, on a page with controls, and the loop that keeps it up to date."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from aoro_gym.view.changes import Changes
+from aoro_gym.view.live import LiveTwins
+from aoro_gym.view.page import FRAME, TwinPage
+from aoro_gym.view.panel import Driving, TimeControls, Timeline
+from aoro_gym.view.replay import Replay
+
+
+class LiveView:
+    """Live twins, or a replay, on a page.
+
+    Args:
+        server: From :func:`start`.
+        twins: What is shown and driven.
+        names: Of the machines.
+        driver: What the twins' driver is called.
+    """
+
+    def __init__(self, server: Any, twins: LiveTwins | Replay, names: Sequence[str], driver: str | None = None):
+        self.server, self.twins = server, twins
+        self._restart = False
+        self.clock = TimeControls(server.gui, self._ask_restart)
+        replay = isinstance(twins, Replay)
+        self.driving = None if replay else Driving(server.gui, driver)
+        self.changes = None if replay else Changes(server.gui, twins.machines, names)
+        self.timeline = Timeline(server.gui, twins.duration, twins.seek) if replay else None
+        self.page = TwinPage(server, twins, twins.machines, names)
+        self._simulated, self._since = 0.0, time.monotonic()
+        self._reached = 0.0
+        twins.settle()
+        self.draw(with_forces=False)
+
+    def run(self, stopped: Callable[[], bool] = lambda: False) -> None:
+        """Keep the page up to date, in real time where the computer can, until ``stopped`` or Ctrl-C."""
+        due = time.monotonic()
+        while not stopped():
+            self.frame()
+            due += FRAME
+            left = due - time.monotonic()
+            if left > 0.0:
+                time.sleep(left)
+            else:  # what was missed is not caught up with
+                due -= left
+
+    def frame(self) -> None:
+        """One picture: what has happened since the last one, and what the page asks for."""
+        if self._restart:
+            self._restart = False
+            if self.driving is not None:
+                self.driving.rest()
+            self.twins.restart()
+        if self.driving is not None:
+            self.twins.commands = self.driving.commands
+            if self.driving.driver is not None:
+                self.twins.driven = bool(self.driving.driver.value)
+        self._change()
+        duration = 0.0
+        if not self.clock.paused:
+            duration = FRAME * self.clock.speed
+        elif self.clock.steps:
+            self.clock.steps -= 1
+            duration = FRAME
+        if duration and not self.twins.diverged:
+            self.twins.advance(duration)
+            self._simulated += duration
+        if self.server.get_clients():
+            self.draw()
+
+    def _change(self) -> None:
+        """Give the twins the machine that a person asks for."""
+        asked = None if self.changes is None else self.changes.take()
+        if asked is None or self.changes is None or isinstance(self.twins, Replay):
+            return
+        try:
+            self.twins.change(*asked)
+        except ValueError as error:
+            self.changes.say(str(error))
+
+    def draw(self, *, with_forces: bool = True) -> None:
+        """Send what is now."""
+        if not self.page.draw(with_forces=with_forces):
+            return
+        now = time.monotonic()
+        if now - self._since > 0.9:
+            self._reached, self._simulated, self._since = self._simulated / (now - self._since), 0.0, now
+        note = "; **the simulation has diverged**: restart" if self.twins.diverged else ""
+        self.clock.show(self.twins.time, self._reached, note)
+        if self.timeline is not None:
+            self.timeline.show(self.twins.time)
+
+    def _ask_restart(self) -> None:
+        self._restart = True
