@@ -152,10 +152,12 @@ def serve(
 
 def _page(twin: Twin, ground: str, line: Line | None, port: int) -> MirrorPage:
     """A page of the twin in a process of its own, whose address is told."""
+    from aoro_gym.checks import check_integer
     from aoro_gym.view.extras import viser
     from aoro_gym.view.mirror import MirrorPage
 
     viser()
+    check_integer("--view", port, ge=0, le=65535)
     page = MirrorPage(twin, ground=ground, path=line, port=port)
     typer.echo(f"view: {page.address}", err=True)
     return page

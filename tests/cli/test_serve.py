@@ -48,6 +48,7 @@ def test_json_goes_to_the_standard_output_alone():
         ("serve --terrain nothing.ply", "nothing.ply"),
         ("serve --path a.gpx --start 0 0 0", "--path and --start both say where to start"),
         ("serve --ground grid", "ground is 'grid'; choose one of: raster, mesh"),
+        ("serve --view 99999", "--view is 99999, but must be an integer in [0, 65535]"),
         ("serve --fifo 0", "priority is 0, but must be an integer in [1, 99]"),
     ],
 )
