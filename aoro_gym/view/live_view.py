@@ -17,7 +17,7 @@ class LiveView:
     """Live twins, or a replay, on a page.
 
     Args:
-        server: From :func:`start`.
+        server: From :func:`aoro_gym.view.server.start`.
         twins: What is shown and driven.
         names: Of the machines.
         driver: What the twins' driver is called.
