@@ -91,11 +91,23 @@ def encoded(weights: Weights, rows: Array) -> Array:
 
 def decided(weights: Weights, tokens: Array, present: NDArray[np.bool_]) -> tuple[Array, Array]:
     """What :func:`forward` gives, from the logs' ``tokens`` (B, J, kept, width)."""
-    w, shape = weights.arrays, weights.shape
     batch, each = present.shape
-    x = tokens.reshape(batch, each * shape.kept, -1)
-    x = np.concatenate([np.broadcast_to(w["cause"], (batch, *w["cause"].shape)), x], axis=1)
-    mask = np.concatenate([np.ones((batch, 1), dtype=bool), np.repeat(present, shape.kept, axis=1)], axis=1)
+    kept = weights.shape.kept
+    return concluded(weights, tokens.reshape(batch, each * kept, -1), np.repeat(present, kept, axis=1))
+
+
+def concluded(weights: Weights, tokens: Array, present: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Logits (B, hypotheses) and quantiles of scaled sizes (B, effects, quantiles).
+
+    Args:
+        weights: Of the network.
+        tokens: Of each case (B, N, width).
+        present: Which of them are there (B, N).
+    """
+    w, shape = weights.arrays, weights.shape
+    batch = len(tokens)
+    x = np.concatenate([np.broadcast_to(w["cause"], (batch, *w["cause"].shape)), tokens], axis=1)
+    mask = np.concatenate([np.ones((batch, 1), dtype=bool), present], axis=1)
     for i in range(shape.across):
         x = _block(w, f"across.{i}", x, shape.heads, mask)
     h = _norm(w, "norm", x[:, 0])

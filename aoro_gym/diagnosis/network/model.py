@@ -7,6 +7,8 @@ what stands for either effect and of a product of what they are to each other, s
 
 from __future__ import annotations
 
+from typing import Self
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -55,17 +57,13 @@ class Block(nn.Module):
         return x + self.narrow(nn.functional.gelu(self.wide(self.second(x))))
 
 
-class Network(nn.Module):
-    """Causes and sizes from the logs of a case."""
+class Causes(nn.Module):
+    """A distribution over causes, and sizes, from the tokens of a case: attention across them, and the heads."""
 
-    def __init__(self, shape: Shape | None = None):
+    def __init__(self, shape: Shape):
         super().__init__()
-        self.shape = shape = shape or Shape()
+        self.shape = shape
         width, count = shape.width, len(IDS)
-        self.embed = Windows(width)
-        self.place = nn.Parameter(0.02 * torch.randn(SAMPLES // STRIDE, width))
-        self.kept = nn.Parameter(0.02 * torch.randn(shape.kept, width))
-        self.within = nn.ModuleList(Block(width, shape.heads) for _ in range(shape.within))
         self.cause = nn.Parameter(0.02 * torch.randn(1, width))
         self.across = nn.ModuleList(Block(width, shape.heads) for _ in range(shape.across))
         self.norm = nn.LayerNorm(width)
@@ -75,22 +73,16 @@ class Network(nn.Module):
         self.register_buffer("pairs", torch.tensor(PAIRS).T, persistent=False)
         self.size = nn.Sequential(nn.Linear(width, width), nn.GELU(), nn.Linear(width, count * len(QUANTILES)))
 
-    def forward(self, rows: Tensor, present: Tensor) -> tuple[Tensor, Tensor]:
+    def concluded(self, tokens: Tensor, present: Tensor) -> tuple[Tensor, Tensor]:
         """Logits (B, hypotheses) and quantiles of scaled sizes (B, effects, quantiles).
 
         Args:
-            rows: Features (B, J, FEATURES, SAMPLES).
-            present: Which logs are there (B, J).
+            tokens: Of the case (B, N, width).
+            present: Which of them are there (B, N).
         """
-        batch, each = present.shape
-        x = self.embed(rows.flatten(0, 1)) + self.place
-        x = torch.cat([self.kept.expand(len(x), -1, -1), x], dim=1)
-        for block in self.within:
-            x = block(x)
-        kept = self.shape.kept
-        x = x[:, :kept].reshape(batch, each * kept, -1)
-        x = torch.cat([self.cause.expand(batch, -1, -1), x], dim=1)
-        mask = torch.cat([present.new_ones(batch, 1), present.repeat_interleave(kept, dim=1)], dim=1)
+        batch = len(tokens)
+        x = torch.cat([self.cause.expand(batch, -1, -1), tokens], dim=1)
+        mask = torch.cat([present.new_ones(batch, 1), present], dim=1)
         for block in self.across:
             x = block(x, mask)
         h = self.norm(x[:, 0])
@@ -108,8 +100,36 @@ class Network(nn.Module):
         return Weights(self.shape, arrays, scales)
 
     @classmethod
-    def of(cls, weights: Weights) -> Network:
+    def of(cls, weights: Weights) -> Self:
         """The network that has these weights."""
         network = cls(weights.shape)
         network.load_state_dict({name: torch.tensor(values) for name, values in weights.arrays.items()})
         return network
+
+
+class Network(Causes):
+    """Causes and sizes from the logs of a case."""
+
+    def __init__(self, shape: Shape | None = None):
+        super().__init__(shape or Shape())
+        width = self.shape.width
+        self.embed = Windows(width)
+        self.place = nn.Parameter(0.02 * torch.randn(SAMPLES // STRIDE, width))
+        self.kept = nn.Parameter(0.02 * torch.randn(self.shape.kept, width))
+        self.within = nn.ModuleList(Block(width, self.shape.heads) for _ in range(self.shape.within))
+
+    def forward(self, rows: Tensor, present: Tensor) -> tuple[Tensor, Tensor]:
+        """Logits (B, hypotheses) and quantiles of scaled sizes (B, effects, quantiles).
+
+        Args:
+            rows: Features (B, J, FEATURES, SAMPLES).
+            present: Which logs are there (B, J).
+        """
+        batch, each = present.shape
+        x = self.embed(rows.flatten(0, 1)) + self.place
+        x = torch.cat([self.kept.expand(len(x), -1, -1), x], dim=1)
+        for block in self.within:
+            x = block(x)
+        kept = self.shape.kept
+        tokens = x[:, :kept].reshape(batch, each * kept, -1)
+        return self.concluded(tokens, present.repeat_interleave(kept, dim=1))
