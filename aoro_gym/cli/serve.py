@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import math
 import signal
-from contextlib import closing, nullcontext
+from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -116,37 +116,33 @@ def serve(
       aoro-gym serve --terrain scan.ply --ground mesh --fifo 50 --spin --duration 60 --json -
       AORO_TOKEN=correct-horse-battery aoro-gym serve --host 0.0.0.0
     """
-    with checking_input():
-        from aoro_gym.cosimulation.realtime import request_realtime
-        from aoro_gym.cosimulation.server.report import Log
-        from aoro_gym.cosimulation.server.server import Server, Settings
-        from aoro_gym.twin import Twin
+    with ExitStack() as held:
+        with checking_input():
+            from aoro_gym.cosimulation.server.report import Log
+            from aoro_gym.cosimulation.server.server import Server, Settings
+            from aoro_gym.twin import Twin
 
-        check_start(path, start)
-        _check_written(out, json_file)
-        chosen = options.load(options.run_spec(machine, set_, scale, "cpu", seed, laws=laws, ideal=ideal))
-        settings = Settings(
-            host=host, udp_port=udp_port, tcp_port=tcp_port, token=token, lock_step=lock_step, spin=spin,
-            duration=math.inf if duration is None else duration, telemetry_rate=telemetry_rate, origin=_origin(origin),
-            sensing=_sensing(ideal, gps_loss), seed=seed,
-        )  # fmt: skip
-        land = load_ground(terrain)
-        twin = Twin(machine=chosen, terrain=land, ground=ground, threads=1)
-        line = None if path is None else load_line(path, track, land)
-        put(twin, chosen, line, start)
-        page = None if view is None else _page(twin, ground, line, view)  # of an ordinary priority
-        if fifo is not None:
-            _permitted(fifo, request_realtime)
-        log = Log(out, _tell_event)
-        tick = {} if page is None else {"on_tick": page.publish}
-        server = Server(twin, settings, path=line, on_event=log.event, on_log=log.row, **tick)
-    _say_where(server)
-    with nullcontext() if page is None else closing(page):
-        try:
-            _run(server)
-        finally:
-            log.close()
-        _report(server, out, json_file)
+            check_start(path, start)
+            _check_written(out, json_file)
+            _check_fifo(fifo)
+            chosen = options.load(options.run_spec(machine, set_, scale, "cpu", seed, laws=laws, ideal=ideal))
+            settings = Settings(
+                host=host, udp_port=udp_port, tcp_port=tcp_port, token=token, lock_step=lock_step, spin=spin,
+                duration=math.inf if duration is None else duration, telemetry_rate=telemetry_rate,
+                origin=_origin(origin), sensing=_sensing(ideal, gps_loss), seed=seed,
+            )  # fmt: skip
+            land = load_ground(terrain)
+            twin = Twin(machine=chosen, terrain=land, ground=ground, threads=1)
+            line = None if path is None else load_line(path, track, land)
+            put(twin, chosen, line, start)
+            page = None if view is None else held.enter_context(closing(_page(twin, ground, line, view)))
+            _permit(fifo)  # after the page, which keeps an ordinary priority
+            log = held.enter_context(closing(Log(out, _tell_event)))
+            tick = {} if page is None else {"on_tick": page.publish}
+            server = Server(twin, settings, path=line, on_event=log.event, on_log=log.row, **tick)
+        _say_where(server)
+        _run(server)
+    _report(server, out, json_file)
     _exit(server)
 
 
@@ -158,7 +154,10 @@ def _page(twin: Twin, ground: str, line: Line | None, port: int) -> MirrorPage:
 
     viser()
     check_integer("--view", port, ge=0, le=65535)
-    page = MirrorPage(twin, ground=ground, path=line, port=port)
+    try:
+        page = MirrorPage(twin, ground=ground, path=line, port=port)
+    except OSError as error:
+        raise OSError(error.errno, f"{error.strerror}".replace("port is", "--view is", 1)) from None
     typer.echo(f"view: {page.address}", err=True)
     return page
 
@@ -241,11 +240,22 @@ def _tell_event(text: str) -> None:
         typer.echo(text, err=True)
 
 
-def _permitted(priority: int, request: Any) -> None:
-    from aoro_gym.cosimulation.realtime import NotPermitted
+def _check_fifo(priority: int | None) -> None:
+    """ValueError for what is no priority."""
+    from aoro_gym.checks import check_integer
 
+    if priority is not None:
+        check_integer("--fifo", priority, ge=1, le=99)
+
+
+def _permit(priority: int | None) -> None:
+    """Ask for FIFO priority, if any is wanted."""
+    from aoro_gym.cosimulation.realtime import NotPermitted, request_realtime
+
+    if priority is None:
+        return
     try:
-        request(priority)
+        request_realtime(priority)
     except NotPermitted as error:
         fail(ValueError(f"--fifo {priority}: {error}"), 2)
 

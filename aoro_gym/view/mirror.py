@@ -22,7 +22,7 @@ from aoro_gym.twin.records import CHANNELS, State
 from aoro_gym.view.forces import TireForces
 from aoro_gym.view.page import FRAME, TwinPage
 from aoro_gym.view.poses import Floats, Pose, pose_of_state
-from aoro_gym.view.server import start
+from aoro_gym.view.server import free_port, start
 
 ENDED = -1
 """Count of a twin that is shown no more."""
@@ -117,10 +117,11 @@ class MirrorPage:
         path: To draw.
         port: On 127.0.0.1; 0: any free one.
 
-    Raises ValueError if the page cannot be shown, with what its process said.
+    Raises ValueError if the page cannot be shown, with what its process said, and OSError if the port is taken.
     """
 
     def __init__(self, twin: Twin, *, ground: str = "raster", path: Path | None = None, port: int = 0):
+        free_port(port)  # said at once, not when the page's process has come so far
         self._shared = SharedTwin(twin)
         context = multiprocessing.get_context("spawn")
         here, there = context.Pipe()
@@ -132,6 +133,10 @@ class MirrorPage:
             said = here.recv()
         except EOFError:
             said = ValueError("the view's process ended before it had a page")
+        except BaseException:  # Ctrl-C, while the page's process may compile
+            self._process.kill()
+            self.close()
+            raise
         if isinstance(said, Exception):
             self.close()
             raise said
@@ -169,6 +174,7 @@ def _show(
         mirrored = MirroredTwin(memory, twin)
         page = TwinPage(start(port), mirrored, [machine])
         page.surround(terrain if isinstance(terrain, Plane | Terrain) else terrain[0], path)
+        mirrored.forces()  # compiled now, once on a computer, not beside the first steps
     except (ValueError, OSError) as error:
         told.send(error)
         return

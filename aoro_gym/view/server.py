@@ -22,9 +22,8 @@ def start(port: int, label: str = "AORO") -> Any:
 
     Raises ValueError if viser is missing, and OSError if the port is taken.
     """
-    check_integer("port", port, ge=0, le=65535)
+    free = free_port(port)
     library = viser()
-    free = _free_port(port)
     with contextlib.redirect_stdout(io.StringIO()):  # its own banner
         server = library.ViserServer(host=HOST, port=free, label=label, verbose=False)
     server.gui.configure_theme(control_width="medium", show_logo=False, show_share_button=False)
@@ -41,8 +40,12 @@ def stop(server: Any) -> None:
         server.stop()
 
 
-def _free_port(port: int) -> int:
-    """``port``, if it can be bound, or any free one for 0; viser itself would take the next one without a word."""
+def free_port(port: int) -> int:
+    """``port``, if it can be bound, or any free one for 0; viser itself would take the next one without a word.
+
+    Raises ValueError for what is no port, and OSError if it is taken.
+    """
+    check_integer("port", port, ge=0, le=65535)
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:

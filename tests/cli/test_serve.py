@@ -2,6 +2,7 @@
 
 import csv
 import json
+import socket
 
 import pytest
 
@@ -49,7 +50,7 @@ def test_json_goes_to_the_standard_output_alone():
         ("serve --path a.gpx --start 0 0 0", "--path and --start both say where to start"),
         ("serve --ground grid", "ground is 'grid'; choose one of: raster, mesh"),
         ("serve --view 99999", "--view is 99999, but must be an integer in [0, 65535]"),
-        ("serve --fifo 0", "priority is 0, but must be an integer in [1, 99]"),
+        ("serve --fifo 0", "--fifo is 0, but must be an integer in [1, 99]"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(arguments, message, tmp_path, monkeypatch):
@@ -65,3 +66,32 @@ def test_what_is_not_permitted_is_said_in_one_line(monkeypatch):
     shown = call("serve", *PORTS, "--fifo", "50")
     assert shown.exit_code == 2 and shown.stderr == "error: --fifo 50: FIFO priority 50 is refused\n"
     assert module.serve.__doc__
+
+
+def test_a_views_port_that_is_taken_is_named_by_its_option():
+    pytest.importorskip("viser")
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        check_refused(f"serve --view {taken.getsockname()[1]}", "--view is")
+
+
+def test_the_page_is_closed_when_the_server_cannot_be(monkeypatch):
+    closed = []
+
+    class Page:
+        address = "http://127.0.0.1:1"
+
+        def __init__(self, *_, **__):
+            pass
+
+        def publish(self):
+            pass
+
+        def close(self):
+            closed.append(self)
+
+    monkeypatch.setattr("aoro_gym.view.mirror.MirrorPage", Page)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        shown = call("serve", "--view", "0", "--udp-port", taken.getsockname()[1])
+    assert shown.exit_code == 2 and "error: --udp-port is" in shown.stderr
+    assert len(closed) == 1

@@ -1,5 +1,7 @@
 """A twin that another process shows: what goes through the memory that both share."""
 
+from multiprocessing.shared_memory import SharedMemory
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -59,6 +61,43 @@ def test_what_is_being_written_is_not_read(driven):
     assert not mirrored.look()
     del mirrored._shared, plain
     shared.close()
+
+
+def test_an_interrupted_start_leaves_neither_process_nor_memory(driven, monkeypatch):
+    killed, names = [], []
+
+    class Process:
+        """In place of the page's: Ctrl-C comes before it has told its address."""
+
+        def __init__(self, *, args=(), **_):
+            names.append(args[0])
+
+        def kill(self):
+            killed.append(self)
+
+        def start(self):
+            pass
+
+        def join(self, timeout):
+            pass
+
+        def is_alive(self):
+            return False
+
+    class Pipe:
+        def recv(self):
+            raise KeyboardInterrupt
+
+        def close(self):
+            pass
+
+    context = SimpleNamespace(Process=Process, Pipe=lambda: (Pipe(), Pipe()))
+    monkeypatch.setattr("multiprocessing.get_context", lambda _: context)
+    with pytest.raises(KeyboardInterrupt):
+        MirrorPage(driven)
+    with pytest.raises(FileNotFoundError):
+        SharedMemory(names[0])
+    assert len(killed) == 1
 
 
 @pytest.mark.slow
