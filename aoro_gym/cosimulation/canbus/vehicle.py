@@ -36,6 +36,8 @@ COMMUNICATION = 0x10
 """Bit of the error register: communication."""
 PERIOD = 0.02
 """[s] between two steps of the twin, and two process data objects."""
+ROUNDING = 1e-6
+"""[s] that sums of periods may be beside a duration."""
 THOUSANDTH = 1e-3
 SIGNALS = ("drive_signal", "steering_signal", *(f"arm_{wheel}" for wheel in WHEELS))
 NEUTRAL = {**dict.fromkeys(SIGNALS, 0.0), "gear": 1.0, "parking_brake": 1.0}
@@ -147,15 +149,17 @@ class CanVehicle:
         self._show(fault)
 
     def run(self, duration: float) -> None:
-        """Step for ``duration`` [s], a period each; what is late is caught up with, at most a second of it."""
+        """Step for ``duration`` [s], a period each, and wait for the end of the last one: another call goes on in real time.
+
+        What is late is caught up with, at most a second of it.
+        """
         begun = time.monotonic()
         due = begun
-        while due < begun + duration:
-            wait = due - time.monotonic()
-            if wait > 0.0:
-                time.sleep(wait)
+        while due < begun + duration - ROUNDING:
+            _wait_until(due)
             self.step(time.monotonic())
             due = max(due + PERIOD, time.monotonic() - 1.0)
+        _wait_until(due)
 
     def _commands_neutral(self) -> bool:
         """Whether both objects have come since the heartbeat is back, and command nothing that moves the machine."""
@@ -184,3 +188,10 @@ class CanVehicle:
         shown["gear_shown"].raw = int(self.commands["gear"])
         shown["fault"].raw = int(fault)
         shown.transmit()
+
+
+def _wait_until(instant: float) -> None:
+    """Sleep until ``instant`` [s] of the monotonic clock, if it is not over."""
+    wait = instant - time.monotonic()
+    if wait > 0.0:
+        time.sleep(wait)

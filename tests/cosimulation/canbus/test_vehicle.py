@@ -2,13 +2,16 @@
 
 import runpy
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import can
 import canopen
+import numpy as np
 import pytest
 
 from aoro_gym import Twin
@@ -141,6 +144,23 @@ def test_what_is_out_of_range_is_not_taken(both: tuple[CanVehicle, Controller]) 
     assert vehicle.commanded["drive_signal"] == pytest.approx(0.1)
 
 
+def test_calls_in_a_row_keep_the_pace_of_the_clock(both: tuple[CanVehicle, Controller], monkeypatch) -> None:
+    vehicle, _ = both
+    clock, steps = [100.0], []
+
+    def step(now: float) -> None:
+        steps.append(now)
+        clock[0] += 0.3 * PERIOD  # what a step takes
+
+    monkeypatch.setattr(vehicle, "step", step)
+    told = SimpleNamespace(monotonic=lambda: clock[0], sleep=lambda s: clock.__setitem__(0, clock[0] + s))
+    monkeypatch.setattr("aoro_gym.cosimulation.canbus.vehicle.time", told)
+    for _ in range(3):
+        vehicle.run(0.1)
+    assert clock[0] == pytest.approx(100.3)
+    assert steps == pytest.approx([100.0 + PERIOD * number for number in range(15)])
+
+
 def test_multicast_reaches_others_on_this_computer() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
@@ -165,3 +185,57 @@ def test_the_example_in_two_processes() -> None:
     assert fault == Fault.HEARTBEAT
     assert abs(speed) < 0.05
     assert found["vehicle"].faults == 2  # either controller ended, and its heartbeat was missed
+
+
+def test_measured_times_are_those_of_the_machine(request: pytest.FixtureRequest) -> None:
+    """A command is shown after a step, a period at most on a free computer; silence is a fault when ``CONSUMED`` is over."""
+    measure, name = runpy.run_path(str(EXAMPLES / "measure.py")), request.node.name
+    vehicle, ended = CanVehicle(Twin(), virtual_bus(name)), threading.Event()
+
+    def drive() -> None:
+        while not ended.is_set():
+            vehicle.run(PERIOD)
+
+    machine = threading.Thread(target=drive)
+    with virtual_bus(name) as bus:
+        machine.start()
+        try:
+            shown, every, noticed = measure["measure_machine"](bus, 3, 2)
+        finally:
+            ended.set()
+            machine.join()
+            vehicle.close()
+    assert len(shown) == len(every) == 6 and (shown > 0.0).all()
+    assert np.median(every) >= 0.5 * PERIOD
+    assert len(noticed) == 2 and (noticed >= CONSUMED - 0.5 * PERIOD).all()  # the heartbeat is heard before it is timed
+    assert vehicle.faults == 2
+
+
+def test_measured_trips_and_losses_are_those_of_the_bus(request: pytest.FixtureRequest) -> None:
+    measure = runpy.run_path(str(EXAMPLES / "measure.py"))
+
+    def leaky(channel: int) -> can.BusABC:
+        """Every other frame that is only counted is lost."""
+        bus, seen = virtual_bus(request.node.name), [0]
+        receive = bus.recv
+
+        def recv(timeout: float | None = None) -> can.Message | None:
+            found = receive(timeout)
+            if found is not None and found.arbitration_id == measure["COUNT"]:
+                seen[0] += 1
+                if seen[0] % 2:
+                    found.arbitration_id = 0
+            return found
+
+        bus.recv = recv
+        return bus
+
+    with virtual_bus(request.node.name) as bus:
+        other = threading.Thread(target=measure["answer"], args=(leaky, 0))
+        other.start()
+        trips = measure["there_and_back"](bus, 20)
+        rate, lost = measure["count"](bus, 20, 0.002)
+        bus.send(measure["frame"](measure["END"]))
+        other.join()
+    assert len(trips) == 20 and (trips > 0.0).all()
+    assert 0.0 < rate < 20 / (19 * 0.002) and lost == 0.5
