@@ -104,10 +104,10 @@ def laboratory(
         return
     with running(), checking_input():
         of_its_own = driveline_process(machine, hub_inertia) if place is None else nullcontext(place)
-        with of_its_own as address:
+        with of_its_own as address, terminal.progress("laboratory") as tell:
             found = run(
                 loaded, manoeuvre, address, steps=period, line=line, limits=limits, token=secret if connect else None,
-                hub_inertia=hub_inertia,
+                hub_inertia=hub_inertia, done=tell,
             )  # fmt: skip
     _show(found)
     say_written([write(found, out)])
@@ -132,15 +132,24 @@ def _be_driveline(
 
     with checking_input():
         assert isinstance(limits, Limits)
+        note = _ignore if terminal.is_quiet() else _say
         process = DrivelineProcess(
             Driveline(machine=machine, hub_inertia=hub_inertia),
-            host=place[0], port=place[1], limits=limits, token=token, say=lambda text: typer.echo(text, err=True),
+            host=place[0], port=place[1], limits=limits, token=token, say=_say, note=note,
         )  # fmt: skip
     typer.echo(f"{LISTENING}{process.address[0]}:{process.address[1]}")
     try:
         process.run()
     finally:
         process.close()
+
+
+def _ignore(text: str) -> None:
+    pass
+
+
+def _say(text: str) -> None:
+    typer.echo(text, err=True)
 
 
 def _show(found: Outcome) -> None:

@@ -222,6 +222,7 @@ def test_commands_in_a_terminal_in_a_pipe_and_quiet(name, arguments, inputs):
         (("train", "--steps", 100_000, "--n-envs", 2, "--out", "t"), "aoro-gym train --resume t goes on"),
         (("validate", "--out", "v"), "the same command begins anew"),
         (("bench", "--twins", 1), "the same command begins anew"),
+        (("laboratory", "-m", "kerb"), "the same command begins anew"),
     ],
 )
 @pytest.mark.parametrize("after", [0.0, 4.0])

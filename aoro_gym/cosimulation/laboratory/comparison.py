@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,20 +72,29 @@ def parted(
     )
 
 
-def drive_whole(machine: Machine, manoeuvre: Manoeuvre, period: float = 1e-3) -> npt.NDArray[np.float32]:
-    """Outputs (periods, channels) of the whole twin."""
+def drive_whole(
+    machine: Machine, manoeuvre: Manoeuvre, period: float = 1e-3, done: Callable[[float], None] = lambda _: None
+) -> npt.NDArray[np.float32]:
+    """Outputs (periods, channels) of the whole twin; ``done`` is told the share that is done."""
     twin, rows = Twin(machine=machine, terrain=manoeuvre.ground()), []
     for number in range(round(manoeuvre.duration / period)):
+        done(number * period / manoeuvre.duration)
         twin.set_commands(manoeuvre.commands(number * period))
         twin.advance(period)
         rows.append(twin.outputs.numpy()[-1, :, 0].copy())
     return np.array(rows)
 
 
-def drive_parted(coupling: Coupling, manoeuvre: Manoeuvre) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    """Outputs (periods, channels) of the first machine's bodies, and its torques (periods, 4) [N m]."""
+def drive_parted(
+    coupling: Coupling, manoeuvre: Manoeuvre, done: Callable[[float], None] = lambda _: None
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """Outputs (periods, channels) of the first machine's bodies, and its torques (periods, 4) [N m].
+
+    ``done`` is told the share that is done.
+    """
     rows, torques = [], []
     for number in range(round(manoeuvre.duration / coupling.period)):
+        done(number * coupling.period / manoeuvre.duration)
         torques.append(coupling.exchange(manoeuvre.commands(number * coupling.period))[:, 0].copy())
         rows.append(coupling.bodies.outputs.numpy()[-1, :, 0].copy())
     return np.array(rows), np.array(torques)

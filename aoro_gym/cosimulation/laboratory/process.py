@@ -44,7 +44,10 @@ class DrivelineProcess:
         port: 0: any free one.
         limits: Of torque, speed and silence.
         token: Which datagrams must be authenticated with.
-        say: Takes one line for a log.
+        say: Takes one line for a log, of what went wrong.
+        note: Takes one of what went well.
+
+    Raises OSError if the address cannot be bound.
     """
 
     def __init__(
@@ -56,10 +59,16 @@ class DrivelineProcess:
         limits: Limits | None = None,
         token: bytes | None = None,
         say: Callable[[str], None] = print,
+        note: Callable[[str], None] = lambda _: None,
     ):
-        self.driveline, self.limits, self._say = driveline, limits or Limits(), say
+        self.driveline, self.limits, self._say, self._note = driveline, limits or Limits(), say, note
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.bind((host, port))
+        try:
+            self._socket.bind((host, port))
+        except OSError as error:
+            self._socket.close()
+            message = f"port is {port}, but cannot be bound on {host}: {error.strerror}; choose another, or 0"
+            raise OSError(error.errno, message) from None
         self.address: tuple[str, int] = self._socket.getsockname()
         self.receiver = Receiver([BEGIN, DEMAND], session=draw_identifier(), token=token, greetings=[BEGIN])
         self._sender = Sender(token)
@@ -111,7 +120,7 @@ class DrivelineProcess:
             self.driveline.reset(torque)
             self._tick, self._steps, self.stopped = 0, int(values["steps"]), ""
             self._answer = self._values(np.array(torque, dtype=np.float32), self.driveline.output("engine_speed"))
-            self._say("began")
+            self._note("the bodies began")
         elif values["tick"] == self._tick + 1 and not self.stopped:
             self._move(values)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -32,6 +32,8 @@ from aoro_gym.machine.parameters import Machine
 LISTENING = "driveline on "
 """What a driveline's process writes first, with its address behind it."""
 MAIN_STEP = 1e-3
+WHOLE = 0.1
+"""Share of the time that the whole twin takes (E)."""
 PATIENCE = 10.0
 """Limit of silence [s] of a driveline that this process starts: in lock-step its time stands still while no one asks."""
 
@@ -96,6 +98,7 @@ def run(
     limits: Limits | None = None,
     token: bytes | None = None,
     hub_inertia: float = HUB_INERTIA,
+    done: Callable[[str, float], None] = lambda what, share: None,
 ) -> Outcome:
     """Drive a manoeuvre with the driveline at ``address``, in lock-step, and compare it with the whole twin's.
 
@@ -108,17 +111,20 @@ def run(
         limits: Of the laboratory; without a soft start the run is the whole twin's.
         token: Which datagrams are authenticated with.
         hub_inertia: Of a hub [kg m²], on the driveline's side.
+        done: Is told what is driven and the share of all that is done.
     """
     driven, line, limits = MANOEUVRES[manoeuvre], line or Line(), limits or Limits(soft_start=0.0)
     period = steps * MAIN_STEP
     forth, back = lines(line, period)
-    whole = drive_whole(machine, driven, period)
+    whole = drive_whole(machine, driven, period, lambda share: done("the whole twin", WHOLE * share))
     bodies, _ = parted(machine, driven, hub_inertia=hub_inertia)
     remote = RemoteDriveline(address, main_step=MAIN_STEP, steps=steps, token=token)
     protection = Protection(limits, bodies.hub_torques)
     try:
         coupling = Coupling(bodies, remote, steps=steps, forth=forth, back=back, protection=protection)
-        outputs, _ = drive_parted(coupling, driven)
+        outputs, _ = drive_parted(
+            coupling, driven, lambda share: done("over the socket", WHOLE + (1.0 - WHOLE) * share)
+        )
     except LaboratoryLost as lost:
         protection.stop(str(lost))
         outputs = np.empty((0, 0), dtype=np.float32)
@@ -134,7 +140,7 @@ def run(
 @contextmanager
 def driveline_process(machine: str, hub_inertia: float = HUB_INERTIA) -> Iterator[tuple[str, int]]:
     """The address of a driveline in a process of its own, which ends with the context."""
-    command = [sys.executable, "-m", "aoro_gym", "laboratory", "--driveline", "--port", "0"]
+    command = [sys.executable, "-m", "aoro_gym", "laboratory", "--driveline", "--port", "0", "--quiet"]
     command += ["--machine", machine, "--hub-inertia", str(hub_inertia), "--limit-silence", str(1e3 * PATIENCE)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:

@@ -106,8 +106,8 @@ def _demand(tick: int) -> dict[str, float]:
 
 
 def test_silence_stops_the_driveline_and_a_beginning_revives_it() -> None:
-    told: list[str] = []
-    process = DrivelineProcess(Driveline(), limits=Limits(silence=0.3), say=told.append)
+    told, noted = list[str](), list[str]()
+    process = DrivelineProcess(Driveline(), limits=Limits(silence=0.3), say=told.append, note=noted.append)
     thread = threading.Thread(target=process.run, args=(60.0,), daemon=True)
     thread.start()
     remote = RemoteDriveline(process.address)
@@ -125,6 +125,8 @@ def test_silence_stops_the_driveline_and_a_beginning_revives_it() -> None:
     remote.reset([0.0] * 4)
     remote.step([0.0] * 4, 0.0)
     assert not process.stopped
+    assert noted == ["the bodies began"] * 2
+    assert len(told) == 1 and told[0].startswith("stopped: no demand for 300 ms")
     remote.close()
     process.end()
     thread.join()
@@ -177,10 +179,28 @@ def test_the_example_in_two_processes(monkeypatch: pytest.MonkeyPatch) -> None:
     assert found["protection"].at_rest
 
 
+def test_shares_that_are_done_rise_to_the_end() -> None:
+    manoeuvre, shares = replace(MANOEUVRES["park"], duration=0.02), list[float]()
+    drive_whole(Machine.load("aoro"), manoeuvre, 1e-3, shares.append)
+    assert shares == pytest.approx(np.arange(20) / 20.0)
+    shares.clear()
+    drive_parted(Coupling(HubDrivenTwin(), Driveline()), manoeuvre, shares.append)
+    assert shares == pytest.approx(np.arange(20) / 20.0)
+
+
+def test_a_port_that_is_taken_is_named() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        with pytest.raises(OSError, match=f"port is {port}, but cannot be bound on 127.0.0.1"):
+            DrivelineProcess(Driveline(), port=port)
+
+
 def test_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(MANOEUVRES, "drive", replace(MANOEUVRES["drive"], duration=0.3))
-    done = CliRunner().invoke(app, ["laboratory", "--delay", "2", "--out", str(tmp_path)])
+    done = CliRunner().invoke(app, ["laboratory", "--delay", "2", "--out", str(tmp_path), "--quiet"])
     assert done.exit_code == 0, done.output
+    assert done.stderr == ""
     found = json.loads((tmp_path / "laboratory.json").read_text())
     assert found["phase"] == "running"
     assert found["line"]["delay"] == pytest.approx(2e-3)
