@@ -21,6 +21,7 @@ from aoro_gym.terrains.io.cloud_survey import Chunk, Cloud
 from aoro_gym.terrains.io.elevation_model import ElevationModel
 from aoro_gym.terrains.io.frame import LoadOptions
 from aoro_gym.terrains.io.ground_filter import suppressed_output
+from aoro_gym.terrains.io.laz_chunks import Points, check_chunks
 from aoro_gym.terrains.io.read_cloud import CHUNK, Array, read_cloud, reading_errors
 from aoro_gym.terrains.length_units import UNITS, LengthUnit
 
@@ -66,10 +67,10 @@ def read_las(path: Path, request: LoadOptions, report: Report) -> ElevationModel
     logging.getLogger("laspy").addHandler(logging.NullHandler())  # its errors are raised here, not printed
     with reading_errors(path, "a point cloud (LAS)"):
         head = _header(path)
-        if head.compressed:
-            _check_chunk_table(path, head, report)
         count = head.count if head.compressed else _count(path, head, report)
         with laspy.open(path) as file:
+            if head.compressed:
+                _check_chunks(path, head, file.header, report)
             system, unit, z_unit = _system(file.header, request, report)
 
     def chunks() -> Iterator[Chunk]:
@@ -179,45 +180,12 @@ def _is_blank(path: Path, head: Header) -> bool:
     return True
 
 
-def _check_chunk_table(path: Path, head: Header, report: Report) -> None:
-    """``TerrainError`` for a LAZ file whose table of chunks cannot be true: lazrs would reserve memory after it, and abort.
-
-    The compressed points begin with the table's position (int64), or -1 if that stands in the last eight bytes; the
-    table begins with a version and the number of chunks (uint32 each), and no chunk is shorter than a byte.
-    """
-    size, start = path.stat().st_size, head.start
-    with path.open("rb") as file:
-        file.seek(start)
-        (table,) = struct.unpack("<q", file.read(8))
-        if table == -1:
-            file.seek(size - 8)
-            (table,) = struct.unpack("<q", file.read(8))
-        if not start + 8 <= table <= size - 8:
-            raise TerrainError(
-                f"{path}: its table of chunks is not in the file, so it is cut off or broken; get it again"
-            )
-        file.seek(table)
-        _, chunks = struct.unpack("<II", file.read(8))
-        file.seek(0)
-        at = (front := file.read(min(start, 1 << 20))).find(b"laszip encoded")
-    if chunks > size:
-        raise TerrainError(f"{path}: it claims {chunks:,} chunks in {size:,} bytes, so it is broken; get it again")
-    if at < 0 or at + 68 > len(front):
-        return
-    # The record's 54 bytes begin two before the user id; its data give the points of a chunk at byte 12.
-    (points,) = struct.unpack_from("<I", front, at - 2 + 54 + 12)
-    if points == 0xFFFFFFFF:  # chunks of different sizes
-        return
-    if head.count > chunks * points:
-        raise TerrainError(
-            f"{path}: its header declares {head.count:,} points, but its {chunks:,} chunks hold {chunks * points:,} at"
-            " most, so it is cut off or broken; get it again"
-        )
-    if head.count <= (chunks - 1) * points:
-        report.warnings.append(
-            f"the header declares {head.count:,} points, but there are {chunks:,} chunks of {points:,}: what comes after the"
-            " declared ones is not read; write the file anew to have it"
-        )
+def _check_chunks(path: Path, head: Header, header: Any, report: Report) -> None:
+    records = header.vlrs.get("LasZipVlr")
+    if not records:
+        raise TerrainError(f"{path}: its points are compressed, but no record says how, so it is broken; get it again")
+    with suppressed_output(2):  # lazrs tells of its panics there
+        check_chunks(Points(path, head.start, head.count, head.length), records[0].record_data, report)
 
 
 def _system(header: Any, request: LoadOptions, report: Report) -> tuple[str | None, str | None, LengthUnit | None]:
