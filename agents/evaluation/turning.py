@@ -50,7 +50,7 @@ def turn_joints(
         film.append(np.array(env.task.traces()[:, 0], dtype=np.float32))
         tell((len(film) - 1) / EPISODE_STEPS)
 
-    run = rollout(env, policy, **reset_arguments(seeds, asked), callback=callback)
+    run = rollout(env, policy, **reset_arguments(seeds, asked), steps=EPISODE_STEPS, callback=callback)
     found = responses(run, tolerance=env.task.config.tolerance)
     mine = [found["episode"] == i for i in range(env.num_envs)]
 

@@ -9,6 +9,7 @@ import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -96,13 +97,26 @@ def read_toml(path: Path) -> dict[str, Any]:
         text = path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n")
         if _DEEP_KEY.search(text):  # tomllib's time grows with the square of a key's length
             raise RecursionError
-        return tomllib.loads(text)
+        return _copied(_parsed(text))
     except RecursionError:
         raise ValueError(f"{path} is not TOML: it is nested too deeply") from None
     except UnicodeDecodeError as error:
         raise ValueError(f"{path} is not TOML: byte {error.start + 1:,} is not UTF-8; save it as UTF-8") from None
     except ValueError as error:  # no TOML, or an integer of too many digits
         raise ValueError(f"{path} is not TOML: {_shortened(str(error))}") from None
+
+
+@lru_cache(maxsize=8)
+def _parsed(text: str) -> dict[str, Any]:
+    """A machine file takes tens of milliseconds, and is read for every machine that stands on it."""
+    return tomllib.loads(text)
+
+
+def _copied(value: Any) -> Any:
+    """``value`` with tables and arrays of its own."""
+    if isinstance(value, dict):
+        return {key: _copied(item) for key, item in value.items()}
+    return [_copied(item) for item in value] if isinstance(value, list) else value
 
 
 def check_writable(path: Path) -> None:

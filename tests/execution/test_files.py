@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from aoro_gym.execution.files import read_json, remove_partial_files, write_json, write_text, written_whole
+from aoro_gym.execution.files import read_json, read_toml, remove_partial_files, write_json, write_text, written_whole
 
 
 def test_new_content_replaces_the_old_at_once(tmp_path: Path):
@@ -52,6 +52,18 @@ def test_a_full_disk_leaves_what_was_there_and_names_the_file(tmp_path: Path):
     assert caught.value.filename == str(path)
     assert path.read_text() == "old"
     assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_toml_is_read_anew(tmp_path: Path):
+    """Whoever changes what was read changes nobody else's, and a file that changed is not what it was."""
+    path = tmp_path / "a.toml"
+    path.write_text("[a]\nb = [1, 2]\nc = {d = 3}\n")
+    first = read_toml(path)
+    first["a"]["b"].append(9)
+    first["a"]["c"]["d"] = 9
+    assert read_toml(path) == {"a": {"b": [1, 2], "c": {"d": 3}}}
+    path.write_text("a = 2\n")
+    assert read_toml(path) == {"a": 2}
 
 
 def test_a_killed_writer_leaves_what_was_there(tmp_path: Path):

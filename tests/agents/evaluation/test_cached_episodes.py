@@ -27,6 +27,8 @@ from aoro_gym.machine import Machine
 from aoro_gym.terrains import Path as Line
 from aoro_gym.terrains import Plane, Terrain
 
+pytestmark = pytest.mark.usefixtures("short_episodes")
+
 TURNING = "AORO/Turning-v0"
 NAMES = ("proportional-derivative", "turning-ppo")
 """A controller, and a policy of numbers."""

@@ -4,7 +4,7 @@ import pytest
 
 
 @pytest.fixture
-def training():
+def training(short_episodes):
     pytest.importorskip("stable_baselines3")
     pytest.importorskip("tensorboard")
     pytest.importorskip("yaml")
