@@ -10,10 +10,12 @@ what its commands write; one that fails leaves its error in FOLDER/NAME/error.tx
 from __future__ import annotations
 
 import argparse
+import io
 import os
-import subprocess
+import runpy
 import sys
 from collections.abc import Callable, Mapping
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -214,15 +216,30 @@ def path_tracking_in_forests(folder: Path) -> None:
 
 
 def command(folder: Path, *arguments: str, output: str | None = None) -> None:
-    """Run ``aoro-gym`` in ``folder``, so that what it writes names no other; keep what it prints as ``output``."""
-    environment = {**os.environ, "AORO_GYM_CACHE": "off", "COLUMNS": "120"}
-    done = subprocess.run(
-        [sys.executable, "-m", "aoro_gym", *arguments], cwd=folder, env=environment, capture_output=True, text=True
-    )
-    if done.returncode:
-        raise RuntimeError(f"aoro-gym {arguments[0]}: {(done.stderr.strip() or done.stdout.strip()).splitlines()[-1:]}")
+    """Run ``aoro-gym`` in ``folder``, so that what it writes names no other; keep what it prints as ``output``.
+
+    It runs in this process: one of its own would import everything again.
+    """
+    shown, said, before = io.StringIO(), io.StringIO(), (Path.cwd(), sys.argv, dict(os.environ))
+    os.environ.update(AORO_GYM_CACHE="off", COLUMNS="120")
+    os.chdir(folder)
+    sys.argv = ["aoro-gym", *arguments]
+    code: Any = 0
+    try:
+        with redirect_stdout(shown), redirect_stderr(said):
+            runpy.run_module("aoro_gym", run_name="__main__")
+    except SystemExit as end:
+        code = end.code
+    finally:
+        place, sys.argv, environment = before
+        os.chdir(place)
+        os.environ.clear()
+        os.environ.update(environment)
+    if code:
+        last = (said.getvalue().strip() or shown.getvalue().strip()).splitlines()[-1:]
+        raise RuntimeError(f"aoro-gym {arguments[0]}: {last}")
     if output is not None:
-        (folder / output).write_text(done.stdout)
+        (folder / output).write_text(shown.getvalue())
 
 
 @scenario("quick")
