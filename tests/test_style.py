@@ -3,6 +3,7 @@
 import ast
 import math
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -39,7 +40,13 @@ def modules(*folders: str) -> Iterator[tuple[str, ast.Module]]:
     """File and syntax tree of every module."""
     for folder in folders:
         for file in sorted((ROOT / folder).rglob("*.py")):  # does not follow the links in aoro_gym
-            yield file.relative_to(ROOT).as_posix(), ast.parse(file.read_text(encoding="utf-8"))
+            yield file.relative_to(ROOT).as_posix(), parsed(file)
+
+
+@cache
+def parsed(file: Path) -> ast.Module:
+    """Parsed once for all tests, which leave it as it is."""
+    return ast.parse(file.read_text(encoding="utf-8"))
 
 
 def functions(*folders: str) -> Iterator[tuple[str, ast.FunctionDef]]:

@@ -163,6 +163,7 @@ def test_a_script_that_sends_garbage_is_as_good_as_a_silent_one(tmp_path):
         assert len([one for one in events if "dropped" in one]) == len(server.link.commander.receiver.rejected)
 
 
+@pytest.mark.slow
 def test_the_example_records_a_path_and_the_script_follows_it(tmp_path):
     """As the how-to says it: two commands and two programs."""
     environment = {**os.environ, "AORO_TOKEN": "correct-horse-battery"}

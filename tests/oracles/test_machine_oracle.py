@@ -243,18 +243,15 @@ def test_friction_elements_lose_energy_over_any_cycle():
     """Prandtl element driven round a Lissajous figure of amplitudes: work in, spring energy returned, never more out."""
     k, c, capacity = 7e5, 5e3, 400.0
     t, dt = np.linspace(0.0, 4.0 * np.pi, 100001, retstep=True)
-    lost = 0.0
-    for amplitude in (2e-4, 5e-3, 0.1):
-        z, work = 0.0, 0.0
-        v = amplitude * (np.cos(t) + 0.5 * np.cos(2.0 * t))
-        for speed in v:
-            work += -float(bristle_force(z, speed, k, c, capacity)) * speed * dt
-            z += dt * float(bristle_rate(z, speed, capacity / k))
-        assert work > 0.0
-        assert abs(z) <= capacity / k * 1.01
-        lost = max(lost, work)
+    speeds = np.outer(np.cos(t) + 0.5 * np.cos(2.0 * t), (2e-4, 5e-3, 0.1))
+    z, work = np.zeros(3), np.zeros(3)
+    for v in speeds:
+        work -= bristle_force(z, v, k, c, capacity) * v * dt
+        z = z + dt * bristle_rate(z, v, capacity / k)
+    assert np.all(work > 0.0)
+    assert np.all(np.abs(z) <= capacity / k * 1.01)
     # wide cycles slide nearly all the way: the work is capacity times path
-    assert lost == pytest.approx(capacity * np.abs(v).sum() * dt, rel=0.05)
+    assert work[2] == pytest.approx(capacity * np.abs(speeds[:, 2]).sum() * dt, rel=0.05)
 
 
 def test_tire_brakes_steady_sliding_with_coulomb_friction(oracle, machine):
@@ -264,11 +261,11 @@ def test_tire_brakes_steady_sliding_with_coulomb_friction(oracle, machine):
     for direction in (np.array([1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0])):
         speed, z = 0.7, np.zeros((2, 1))
         velocity = (speed * direction).reshape(3, 1)
-        for _ in range(4000):
+        for _ in range(1000):
             force, _, z_rate, info = tire.contact(
                 np.array([-0.55]), n, 1.0, z, velocity, np.zeros((3, 1)), np.zeros(1), 1.0, 0.0
             )
-            z = z + 5e-4 * z_rate
+            z = z + 2e-3 * z_rate
         g = p.friction_coulomb + (p.friction_static - p.friction_coulomb) * np.exp(
             -((speed / p.stribeck_velocity) ** 2)
         )

@@ -12,6 +12,7 @@ from aoro_gym.agents.evaluation.evaluate import evaluate, policy_factory
 from aoro_gym.agents.evaluation.metrics import ranked, shown
 from aoro_gym.agents.evaluation.perturbations import PERTURBATIONS, perturbed
 from aoro_gym.agents.evaluation.statistics import Interval, interquartile_mean, interval, stratified_interval
+from tests.agents.episodes import shortened_episodes
 
 TURNING = "AORO/Turning-v0"
 
@@ -32,7 +33,8 @@ class Still:
 @pytest.fixture(scope="module")
 def found():
     policies = {"still": Still, "proportional-derivative": policy_factory(TURNING, "proportional-derivative")}
-    return leaderboard.compare(TURNING, policies, episodes=4, seed=3)
+    with shortened_episodes():
+        return leaderboard.compare(TURNING, policies, episodes=4, seed=3)
 
 
 def test_every_perturbation_is_driven_by_everyone(found):

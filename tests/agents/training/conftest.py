@@ -11,3 +11,10 @@ def training(short_episodes):
     from aoro_gym.agents.training import train as training
 
     return training
+
+
+@pytest.fixture
+def learning() -> None:
+    """What a training in another process needs."""
+    for module in ("stable_baselines3", "tensorboard", "yaml"):
+        pytest.importorskip(module)

@@ -12,6 +12,8 @@ from aoro_gym.agents.training.curves import read
 from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.cli import app
 
+pytestmark = pytest.mark.usefixtures("short_episodes")
+
 PLAN = TrainingPlan(env="AORO/Turning-v0", eval_episodes=2, param=["n_steps=16"])
 METRICS = ("settling_time_s", "flow_overshoot_share", "overshoot_deg", "success_rate")
 

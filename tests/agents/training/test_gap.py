@@ -66,7 +66,7 @@ def test_share_of_noisy_pairs_has_an_interval_that_covers():
     assert share_of(np.append(part, np.nan), np.append(whole, 1.0)) == found
 
 
-def test_an_improved_twin_that_is_the_plant_predicts_all_of_the_loss():
+def test_an_improved_twin_that_is_the_plant_predicts_all_of_the_loss(short_episodes):
     plant = EFFECTS["spool_lag"].apply(MACHINE, 0.06)
     make = policy_factory(TURNING, "proportional-derivative")
     found = measure(TURNING, make, baseline=MACHINE, plant=plant, improved=plant, episodes=3)

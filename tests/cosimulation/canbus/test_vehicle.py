@@ -176,6 +176,7 @@ def test_the_example_has_the_same_dictionary() -> None:
     assert (EXAMPLES / "aoro.eds").read_bytes() == DICTIONARY.read_bytes()
 
 
+@pytest.mark.slow
 def test_the_example_in_two_processes() -> None:
     found = runpy.run_path(str(EXAMPLES / "vehicle.py"))
     gears = {gear for _, gear, _, fault in found["history"] if not fault}

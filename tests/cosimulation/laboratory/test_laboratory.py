@@ -171,6 +171,7 @@ def test_what_is_no_whole_number_of_periods() -> None:
     assert (int(forth.delay[0]), int(back.delay[0])) == (3, 2)
 
 
+@pytest.mark.slow
 def test_the_example_in_two_processes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "argv", [str(EXAMPLE), "0.7"])
     found = runpy.run_path(str(EXAMPLE))

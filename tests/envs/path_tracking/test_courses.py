@@ -115,6 +115,7 @@ def test_nothing_of_a_terrain_outlives_it(folder):
     assert isinstance(paths[0], Path)
 
 
+@pytest.mark.slow
 def test_the_default_course_costs_little_the_second_time():
     """Make and reset in a process of its own: less than its imports, whatever the speed of the machine."""
     code = (
@@ -141,6 +142,7 @@ def rss() -> int:
     return pages * 4096
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_own_terrains(monkeypatch):
     monkeypatch.setenv("AORO_GYM_CACHE", "off")
 
