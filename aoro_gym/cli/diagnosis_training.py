@@ -21,6 +21,7 @@ NetworksOption = Annotated[int, option("--networks", "N", "Networks, whose mean 
 MinutesOption = Annotated[float, option("--minutes", "T", "Most time for each network.", min=0.01)]
 StepsOption = Annotated[int, option("--steps", "N", "Batches of each network.", min=1)]
 BatchOption = Annotated[int, option("--batch", "N", "Cases in a batch.", min=1)]
+StartOption = Annotated[Path | None, option("--start", "DIR", "Folder of networks whose weights training begins with.")]
 ProcessesOption = Annotated[int, option("--processes", "N", "Processes that draw machines.", min=1)]
 
 
@@ -37,6 +38,7 @@ def train(
     minutes: MinutesOption = 10.0,
     steps: StepsOption = 16000,
     batch: BatchOption = 1024,
+    start: StartOption = None,
     processes: ProcessesOption = 1,
     device: options.DeviceOption = "cuda:0",
     seed: options.SeedOption = 0,
@@ -66,11 +68,13 @@ def train(
         devices.find(device)
         check_writable(out / "training.json")
         from aoro_gym.diagnosis.network.dataset import Amount
+        from aoro_gym.diagnosis.network.forward import networks_in
         from aoro_gym.diagnosis.network.program import Program, run
         from aoro_gym.diagnosis.network.training import Course
 
+        begin = () if start is None else networks_in(start)
         amount = Amount(machines, seed=seed, processes=processes)
-        program = Program(amount, networks, Course(steps=steps, batch=batch), 60.0 * minutes)
+        program = Program(amount, networks, Course(steps=steps, batch=batch), 60.0 * minutes, start=begin)
     with terminal.progress("train networks") as tell, running():
         run(program, device, out, tell)
     say_written([*(out / f"network_{number}.safetensors" for number in range(networks)), out / "training.json"])

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.special import erf
 
 from aoro_gym.diagnosis.network.features import FEATURES, SAMPLES
-from aoro_gym.diagnosis.network.hypotheses import PAIRS
+from aoro_gym.diagnosis.network.hypotheses import PAIRS, SINGLE
 from aoro_gym.diagnosis.network.shape import QUANTILES, STRIDE, WINDOW, Shape
 from aoro_gym.effects.catalogue import IDS
 
@@ -63,7 +63,15 @@ class Weights:
 @cache
 def trained() -> tuple[Weights, ...]:
     """The networks that come with the package; how they were trained stands beside them in ``training.json``."""
-    return tuple(Weights.load(path) for path in sorted(TRAINED.glob("network_*.safetensors")))
+    return tuple(Weights.load(path) for path in networks_in(TRAINED))
+
+
+def networks_in(folder: Path) -> tuple[Path, ...]:
+    """Files of the networks in a folder, in their order; ValueError where there is none."""
+    found = tuple(sorted(folder.glob("network_*.safetensors")))
+    if not found:
+        raise ValueError(f"{folder}: no network_*.safetensors there; train networks by `aoro-gym diagnosis train`")
+    return found
 
 
 def forward(weights: Weights, rows: Array, present: NDArray[np.bool_]) -> tuple[Array, Array]:
@@ -105,18 +113,27 @@ def concluded(weights: Weights, tokens: Array, present: NDArray[np.bool_]) -> tu
         present: Which of them are there (B, N).
     """
     w, shape = weights.arrays, weights.shape
-    batch = len(tokens)
-    x = np.concatenate([np.broadcast_to(w["cause"], (batch, *w["cause"].shape)), tokens], axis=1)
-    mask = np.concatenate([np.ones((batch, 1), dtype=bool), present], axis=1)
+    batch, count = len(tokens), len(IDS)
+    first = np.concatenate([w["effects"], w["cause"]])
+    x = np.concatenate([np.broadcast_to(first, (batch, *first.shape)), tokens], axis=1)
+    seen = np.concatenate([np.zeros((batch, count), dtype=bool), np.ones((batch, 1), dtype=bool), present], axis=1)
+    mask = np.repeat(seen[:, None], x.shape[1], axis=1)
+    mask[:, :count, :count] = True
     for i in range(shape.across):
         x = _block(w, f"across.{i}", x, shape.heads, mask)
-    h = _norm(w, "norm", x[:, 0])
-    member = _linear(w, "member", h)
-    left, right = (_linear(w, side, h).reshape(batch, len(IDS), shape.rank) for side in ("left", "right"))
-    both = np.einsum("bpr,bpr->bp", left[:, _FIRST], right[:, _SECOND]) / np.sqrt(np.float32(shape.rank))
-    pair = member[:, _FIRST] + member[:, _SECOND] + both
-    sizes = _linear(w, "size.2", _gelu(_linear(w, "size.0", h))).reshape(batch, len(IDS), len(QUANTILES))
-    return np.concatenate([_linear(w, "single", h), pair], axis=1), sizes
+    x = _norm(w, "norm", x)
+    asked, h = x[:, :count], x[:, count]
+    own = np.einsum("bcw,cwk->bck", asked, w["own"])
+    member = _linear(w, "member", h) + own[..., 1]
+    left, right = (_linear(w, side, h).reshape(batch, count, shape.rank) for side in ("left", "right"))
+    one, other = (_linear(w, side, asked) for side in ("one", "other"))
+    both = np.einsum("bpr,bpr->bp", left[:, _FIRST], right[:, _SECOND])
+    both += np.einsum("bpr,bpr->bp", one[:, _FIRST], other[:, _SECOND])
+    pair = member[:, _FIRST] + member[:, _SECOND] + both / np.sqrt(np.float32(shape.rank))
+    single = _linear(w, "single", h)
+    single = np.concatenate([single[:, :SINGLE], single[:, SINGLE:] + own[..., 0]], axis=1)
+    sizes = _linear(w, "size.2", _gelu(_linear(w, "size.0", h))).reshape(batch, count, len(QUANTILES)) + own[..., 2:]
+    return np.concatenate([single, pair], axis=1), sizes
 
 
 def _linear(w: Mapping[str, Array], name: str, x: Array) -> Array:
@@ -145,13 +162,13 @@ def _windows(w: Mapping[str, Array], x: Array) -> Array:
 
 
 def _block(w: Mapping[str, Array], name: str, x: Array, heads: int, mask: NDArray[np.bool_] | None = None) -> Array:
-    """A transformer's block, normalised first; ``mask`` (B, N) is true for tokens that are there."""
+    """A transformer's block, normalised first; ``mask`` (B, N or 1, N) is true where a token may see another."""
     batch, count, width = x.shape
     parts: Any = _linear(w, f"{name}.attention", _norm(w, f"{name}.first", x))
     q, k, v = parts.reshape(batch, count, 3, heads, width // heads).transpose(2, 0, 3, 1, 4)
     score = q @ k.transpose(0, 1, 3, 2) / np.sqrt(np.float32(width // heads))
     if mask is not None:
-        score = np.where(mask[:, None, None, :], score, -np.inf)
+        score = np.where(mask[:, None], score, -np.inf)
     share = np.exp(score - score.max(axis=-1, keepdims=True))
     mixed = (share / share.sum(axis=-1, keepdims=True)) @ v
     x = x + _linear(w, f"{name}.out", mixed.transpose(0, 2, 1, 3).reshape(batch, count, width))

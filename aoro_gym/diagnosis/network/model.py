@@ -47,24 +47,29 @@ class Block(nn.Module):
         self.wide, self.narrow = nn.Linear(width, 4 * width), nn.Linear(4 * width, width)
 
     def forward(self, x: Tensor, mask: Tensor | None = None) -> Tensor:
-        """``x`` (B, N, width); ``mask`` (B, N), true for tokens that are there."""
+        """``x`` (B, N, width); ``mask`` (B, N or 1, N), true where a token (rows) may see another (columns)."""
         batch, count, width = x.shape
         parts = self.attention(self.first(x)).reshape(batch, count, 3, self.heads, width // self.heads)
         q, k, v = parts.permute(2, 0, 3, 1, 4)
-        keep = None if mask is None else mask[:, None, None, :]
+        keep = None if mask is None else mask[:, None]
         mixed = nn.functional.scaled_dot_product_attention(q, k, v, attn_mask=keep)
         x = x + self.out(mixed.transpose(1, 2).reshape(batch, count, width))
         return x + self.narrow(nn.functional.gelu(self.wide(self.second(x))))
 
 
 class Causes(nn.Module):
-    """A distribution over causes, and sizes, from the tokens of a case: attention across them, and the heads."""
+    """A distribution over causes, and sizes, from the tokens of a case: attention across them, and the heads.
+
+    One token stands for the cause, and one for each effect, which asks the case's tokens and the other effects for itself;
+    the case's tokens and the cause do not see the effects.
+    """
 
     def __init__(self, shape: Shape):
         super().__init__()
         self.shape = shape
         width, count = shape.width, len(IDS)
         self.cause = nn.Parameter(0.02 * torch.randn(1, width))
+        self.effects = nn.Parameter(0.02 * torch.randn(count, width))
         self.across = nn.ModuleList(Block(width, shape.heads) for _ in range(shape.across))
         self.norm = nn.LayerNorm(width)
         self.single = nn.Linear(width, SINGLE + count)
@@ -72,6 +77,10 @@ class Causes(nn.Module):
         self.left, self.right = nn.Linear(width, count * shape.rank), nn.Linear(width, count * shape.rank)
         self.register_buffer("pairs", torch.tensor(PAIRS).T, persistent=False)
         self.size = nn.Sequential(nn.Linear(width, width), nn.GELU(), nn.Linear(width, count * len(QUANTILES)))
+        self.own = nn.Parameter(torch.zeros(count, width, 2 + len(QUANTILES)))
+        self.one, self.other = nn.Linear(width, 2 * shape.rank), nn.Linear(width, 2 * shape.rank)
+        nn.init.zeros_(self.other.weight)
+        nn.init.zeros_(self.other.bias)
 
     def concluded(self, tokens: Tensor, present: Tensor) -> tuple[Tensor, Tensor]:
         """Logits (B, hypotheses) and quantiles of scaled sizes (B, effects, quantiles).
@@ -80,19 +89,27 @@ class Causes(nn.Module):
             tokens: Of the case (B, N, width).
             present: Which of them are there (B, N).
         """
-        batch = len(tokens)
-        x = torch.cat([self.cause.expand(batch, -1, -1), tokens], dim=1)
-        mask = torch.cat([present.new_ones(batch, 1), present], dim=1)
+        batch, count = len(tokens), len(IDS)
+        x = torch.cat([self.effects.expand(batch, -1, -1), self.cause.expand(batch, -1, -1), tokens], dim=1)
+        seen = torch.cat([present.new_zeros(batch, count), present.new_ones(batch, 1), present], dim=1)
+        mask = seen[:, None].repeat(1, x.shape[1], 1)
+        mask[:, :count, :count] = True
         for block in self.across:
             x = block(x, mask)
-        h = self.norm(x[:, 0])
+        x = self.norm(x)
+        asked, h = x[:, :count], x[:, count]
+        own = torch.einsum("bcw,cwk->bck", asked, self.own)
         first, second = self.get_buffer("pairs")
-        member = self.member(h)
-        left, right = (part(h).reshape(batch, len(IDS), self.shape.rank) for part in (self.left, self.right))
-        both = torch.einsum("bir,bjr->bij", left, right)[:, first, second] / self.shape.rank**0.5
-        pair = member[:, first] + member[:, second] + both
-        sizes = self.size(h).reshape(batch, len(IDS), len(QUANTILES))
-        return torch.cat([self.single(h), pair], dim=1), sizes
+        member = self.member(h) + own[..., 1]
+        left, right = (part(h).reshape(batch, count, self.shape.rank) for part in (self.left, self.right))
+        both = torch.einsum("bir,bjr->bij", left, right) + torch.einsum(
+            "bir,bjr->bij", self.one(asked), self.other(asked)
+        )
+        pair = member[:, first] + member[:, second] + both[:, first, second] / self.shape.rank**0.5
+        single = self.single(h)
+        single = torch.cat([single[:, :SINGLE], single[:, SINGLE:] + own[..., 0]], dim=1)
+        sizes = self.size(h).reshape(batch, count, len(QUANTILES)) + own[..., 2:]
+        return torch.cat([single, pair], dim=1), sizes
 
     def weights(self, scales: NDArray[np.float64]) -> Weights:
         """What :mod:`.forward` computes with; ``scales`` [SI] of the effects' sizes."""

@@ -6,7 +6,7 @@ import json
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from aoro_gym.diagnosis.network.model import Network
 from aoro_gym.diagnosis.network.shape import Shape
 from aoro_gym.diagnosis.network.training import SENSORS, Course, train
 from aoro_gym.diagnosis.simulation.prior import Prior, SensorPrior
-from aoro_gym.execution.digest import versions
+from aoro_gym.execution.digest import digest, versions
 from aoro_gym.execution.files import read_json, with_nulls, write_json
 
 HELD_OUT = 0.05
@@ -41,6 +41,7 @@ class Program:
         course: Of each.
         seconds: Most time for each [s].
         shape: Sizes of each.
+        start: Weights that training begins with, one after the other and again; random ones by default.
     """
 
     amount: Amount
@@ -48,6 +49,7 @@ class Program:
     course: Course = field(default_factory=Course)
     seconds: float = float("inf")
     shape: Shape = field(default_factory=Shape)
+    start: tuple[Path, ...] = ()
 
 
 def run(program: Program, device: str, out: Path, progress: Progress = lambda sentence, share: None) -> dict[str, Any]:
@@ -64,6 +66,9 @@ def run(program: Program, device: str, out: Path, progress: Progress = lambda se
         What ``training.json`` holds.
     """
     began = time.monotonic()
+    starts = [Weights.load(path) for path in program.start] or [None]
+    if starts[0] is not None:
+        program = replace(program, shape=starts[0].shape)
     out.mkdir(parents=True, exist_ok=True)
     told = _as_told(program, device)
     before = _finished(out, told)
@@ -89,8 +94,8 @@ def run(program: Program, device: str, out: Path, progress: Progress = lambda se
 
         start = time.monotonic()
         network = train(
-            data, program.course, shape=program.shape, held_out=held_out, seed=program.amount.seed + number,
-            seconds=program.seconds, progress=tell,
+            data, program.course, shape=program.shape, start=starts[number % len(starts)], held_out=held_out,
+            seed=program.amount.seed + number, seconds=program.seconds, progress=tell,
         )  # fmt: skip
         name = f"network_{number}.safetensors"
         network.weights(scales).save(out / name)
@@ -111,7 +116,7 @@ def _as_told(program: Program, device: str) -> dict[str, Any]:
     told = {
         "amount": asdict(program.amount), "course": asdict(program.course), "shape": program.shape.as_dict(),
         "seconds": program.seconds, "prior": asdict(Prior()), "sensors": asdict(SensorPrior()), "versions": versions(),
-        "device": device,
+        "device": device, "start": [digest(path) for path in program.start],
     }  # fmt: skip
     del told["amount"]["processes"]
     return told

@@ -21,6 +21,10 @@ from aoro_gym.effects.signals import SMOOTHING_ORDER
 
 LINES = ((5.3, 6.9, 1.0), (5.3, 6.9, 1.0), (5.3, 6.9, 1.0), (5.3, 6.9, 1.0), (14.0, 16.0, 0.4), (26.0, 33.5, 0.2))
 """Bands [Hz] of the angle's spectral lines, and their heights in units of :data:`LINE`."""
+MIXED, MIXED_TIME = (0.03, 0.4), 0.6
+"""Size of mixed signals as a share of each channel's range, and their longest time constant [s] (E)."""
+WAVES = 5
+"""Of a wandering signal."""
 LINE = 1e-3
 """[rad] of the published lines near 6 Hz."""
 
@@ -112,17 +116,18 @@ def _smoothed(values: Tensor, smoothing: Tensor) -> Tensor:
 
 def _with_law_error(values: Tensor, prior: SensorPrior, draw: Draw) -> Tensor:
     """Adds what laws that were not simulated might do, to all days alike and to what parts the others from the first."""
-    values = values + _law_error(values, prior.law_error, prior, draw)
+    values = values + _mix(values, prior.law_error, prior.law_error_time, draw)
     if values.shape[1] == 1:
         return values
-    error = _law_error(values[:, 1:] - values[:, :1], prior.change_error, prior, draw)
+    error = _mix(values[:, 1:] - values[:, :1], prior.change_error, prior.law_error_time, draw)
     return torch.cat([values[:, :1], values[:, 1:] + error], dim=1)
 
 
-def _law_error(values: Tensor, ends: tuple[float, float], prior: SensorPrior, draw: Draw) -> Tensor:
+def _mix(values: Tensor, ends: tuple[float, float], longest: float, draw: Draw) -> Tensor:
     """A filtered, mildly nonlinear mix of all channels of ``values`` (B, D, J, C, T), one filter a machine.
 
-    Its size is a share of each channel's range, logarithmically even between ``ends``.
+    Its size is a share of each channel's range, logarithmically even between ``ends``, and its time constants reach to
+    ``longest`` [s].
     """
     batch, _, _, channels, _ = values.shape
     size = draw.log_even(ends, batch, 1, 1, 1, 1)
@@ -135,7 +140,7 @@ def _law_error(values: Tensor, ends: tuple[float, float], prior: SensorPrior, dr
     mixed = torch.einsum("bck,bdjkt->bdjct", weight, shape)
     spectrum, frequency, count = _spectrum(mixed)
     omega = 2.0 * math.pi * frequency
-    lag = draw.log_even((0.01, prior.law_error_time), batch, 1, 1, channels, 1)
+    lag = draw.log_even((0.01, longest), batch, 1, 1, channels, 1)
     lead = lag * draw.even(0.0, 3.0, batch, 1, 1, channels, 1)
     response = (1.0 + 1j * omega * lead) / (1.0 + 1j * omega * lag) ** 2
     return size * span * _from_steps(spectrum * response, count, mixed[..., :1])
@@ -298,6 +303,75 @@ def _humming_pressure(values: Tensor, draw: Draw) -> Tensor:
     wave = torch.sin(2.0 * math.pi * draw.even(1.0, 20.0, len(values), 1, 1) * time + phase)
     values[rows, :, channel] += draw.log_even((2e5, 15e5), len(values), 1, 1) * wave
     return values
+
+
+def _mixed_signals(values: Tensor, draw: Draw) -> Tensor:
+    """A law that is another one: a filtered mix of all signals on top of each."""
+    return values + _mix(values[:, None], MIXED, MIXED_TIME, draw)[:, 0]
+
+
+def _one_channel(values: Tensor, draw: Draw) -> tuple[Tensor, Tensor, Tensor]:
+    """A channel of each day: which, its signals (n, J, T), and their span (n, 1, 1)."""
+    rows = torch.arange(len(values), device=values.device)
+    channel = draw.one_of(values.shape[2], len(values))
+    own = values[rows, :, channel]
+    return channel, own, (own.amax(dim=(1, 2)) - own.amin(dim=(1, 2)))[:, None, None].clamp(min=1e-3)
+
+
+def _with_channel(values: Tensor, channel: Tensor, own: Tensor) -> Tensor:
+    values[torch.arange(len(values), device=values.device), :, channel] = own
+    return values
+
+
+def _bent_signal(values: Tensor, draw: Draw) -> Tensor:
+    """A sensor that is not linear."""
+    channel, own, span = _one_channel(values, draw)
+    periods, phase = draw.even(0.4, 2.0, len(values), 1, 1), draw.even(0.0, 6.3, len(values), 1, 1)
+    bend = torch.sin(6.3 * periods * own / span + phase) - torch.sin(6.3 * periods * own[..., :1] / span + phase)
+    return _with_channel(values, channel, own + draw.log_even((0.02, 0.2), len(values), 1, 1) * span * bend)
+
+
+def _filtered_signal(values: Tensor, draw: Draw) -> Tensor:
+    """A signal behind a filter of second order, damped or not."""
+    channel, own, _ = _one_channel(values, draw)
+    spectrum, frequency, size = _spectrum(own)
+    natural, damping = 6.3 * draw.log_even((0.7, 8.0), len(values), 1, 1), draw.log_even((0.05, 1.5), len(values), 1, 1)
+    omega = 2.0 * math.pi * frequency
+    response = natural**2 / (natural**2 - omega**2 + 2j * damping * natural * omega)
+    return _with_channel(values, channel, _from_steps(spectrum * response, size, own[..., :1]))
+
+
+def _wandering_signal(values: Tensor, draw: Draw) -> Tensor:
+    """A signal with slow waves of its own."""
+    channel, own, span = _one_channel(values, draw)
+    time = TICK * torch.arange(values.shape[-1], device=values.device)
+    wave = torch.zeros_like(own)
+    for _ in range(WAVES):
+        frequency = draw.log_even((0.1, 3.0), len(values), own.shape[1], 1)
+        wave += torch.sin(6.3 * frequency * time + draw.even(0.0, 6.3, len(values), own.shape[1], 1))
+    return _with_channel(values, channel, own + draw.log_even((0.01, 0.12), len(values), 1, 1) * span * wave)
+
+
+def _warped_time(values: Tensor, draw: Draw) -> Tensor:
+    """A machine, or a clock, that is now ahead and now behind."""
+    index = torch.arange(values.shape[-1], device=values.device).expand(len(values), values.shape[1], values.shape[-1])
+    frequency = draw.log_even((0.15, 1.5), len(values), 1, 1)
+    depth = draw.log_even((0.02, 0.3), len(values), 1, 1) / TICK
+    wave = torch.sin(6.3 * frequency * TICK * index + draw.even(0.0, 6.3, len(values), values.shape[1], 1))
+    return _gathered(values, torch.round(index + depth * wave))
+
+
+def _late_pressure(values: Tensor, draw: Draw) -> Tensor:
+    """One pressure that is logged late."""
+    rows, channel = _one_pressure(values, draw)
+    late = draw.log_even((0.03, 0.4), len(values), 1).expand(len(values), values.shape[1])
+    values[rows, :, channel] = _filtered(values[rows, :, channel], late, torch.zeros_like(late))
+    return values
+
+
+def _swapped_ports(values: Tensor, draw: Draw) -> Tensor:
+    """Two sensors whose wires were exchanged."""
+    return values[:, :, [0, 2, 1, 3]]
 
 
 DEVIATIONS: dict[str, Any] = {name: globals()[f"_{name}"] for name in outsiders.SIGNAL}

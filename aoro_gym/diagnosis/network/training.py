@@ -16,6 +16,7 @@ from torch import Tensor, nn
 from aoro_gym.diagnosis.network import hypotheses
 from aoro_gym.diagnosis.network.dataset import Labelled
 from aoro_gym.diagnosis.network.features import features
+from aoro_gym.diagnosis.network.forward import Weights
 from aoro_gym.diagnosis.network.model import Network
 from aoro_gym.diagnosis.network.sensing import Draw, sensed
 from aoro_gym.diagnosis.network.shape import QUANTILES, Shape
@@ -208,6 +209,7 @@ def train(
     course: Course,
     *,
     shape: Shape | None = None,
+    start: Weights | None = None,
     prior: SensorPrior | None = None,
     held_out: int = 0,
     seed: int = 0,
@@ -220,6 +222,7 @@ def train(
         data: Simulated days.
         course: How it is trained.
         shape: Its sizes.
+        start: Weights to begin with, of that shape; random ones by default.
         prior: What sensors add.
         held_out: Machines, the last of ``data``, that it never sees.
         seed: Of the first weights and of all draws.
@@ -231,7 +234,7 @@ def train(
     device = data.samples.device
     prior = prior or SensorPrior()
     draw = Draw(torch.Generator(device=device).manual_seed(seed))
-    network = Network(shape).to(device)
+    network = (Network(shape) if start is None else Network.of(start)).to(device)
     compiled = device.type == "cuda" and find_spec("triton") is not None
     learner = torch.compile(network) if compiled else network
     optimiser = torch.optim.AdamW(network.parameters(), lr=course.rate, weight_decay=course.decay, betas=(0.9, 0.98))

@@ -6,7 +6,7 @@ have one row a day, machine by machine, its healthy days first.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
@@ -165,7 +165,7 @@ def _affected(prior: Prior, machine: Machine, slope: Floats, kind: NDArray[np.in
     effects[:, 0] = np.where((kind == 1) | (kind == 2), rng.integers(len(IDS), size=count), -1)
     other = (effects[:, 0] + rng.integers(1, len(IDS), size=count)) % len(IDS)
     effects[:, 1] = np.where(kind == 2, other, -1)
-    outsider = np.where(kind == 3, rng.integers(len(outsiders.ALL), size=count), -1).astype(np.int16)
+    outsider = np.where(kind == 3, rng.choice(len(outsiders.ALL), p=outsiders.SHARES, size=count), -1).astype(np.int16)
     days = Days(
         records=pack(machine),
         joint_range=np.zeros(count),
@@ -186,10 +186,8 @@ def _affected(prior: Prior, machine: Machine, slope: Floats, kind: NDArray[np.in
                 prior, part, EFFECTS[IDS[number]], days, rows, place, rng
             ),
         )
-    of_machine = np.where(outsider < len(outsiders.MACHINE), outsider, -1)
-    machine = _changed(
-        machine, of_machine, lambda part, rows, number: _outside(part, outsiders.MACHINE[outsiders.ALL[number]], rng)
-    )
+    of_machine = np.where(outsider < len(outsiders.MACHINE) + len(outsiders.DRAWN), outsider, -1)
+    machine = _changed(machine, of_machine, lambda part, rows, number: deviating(part, outsiders.ALL[number], rng))
     days.records[:] = pack(machine)
     days.joint_range[:] = machine.joint.range
     return _without_idle(days)
@@ -291,15 +289,31 @@ def _sized(one: Magnitude, severity: Floats, rng: np.random.Generator) -> Floats
     return np.exp(size) if one.scale == "log" else size
 
 
-def _outside(machine: Machine, factors: Mapping[str, tuple[float, float]], rng: np.random.Generator) -> Machine:
-    """``machine`` with parameters times a factor; one draw for all of them."""
-    at = rng.random(machine.num_variants)
+def deviating(machine: Machine, kind: str, rng: np.random.Generator) -> Machine:
+    """``machine`` with a deviation of :data:`outsiders.MACHINE` or :data:`outsiders.DRAWN`."""
+    count = machine.num_variants
+    if kind == "another_machine":
+        return machine.variants(np.roll(np.arange(count), 1))
+    if kind == "any_parameters":
+        keys = free_parameters()
+        moved = np.argsort(rng.random((len(keys), count)), axis=0) < rng.integers(1, outsiders.MOST_FREE + 1, count)
+        size = rng.uniform(*np.log(outsiders.FREE_FACTOR), moved.shape)
+        factors = dict(zip(keys, np.exp(rng.choice([-1.0, 1.0], moved.shape) * size * moved), strict=True))
+    else:
+        at = rng.random(count)  # one draw for all
+        factors = {
+            key: np.exp((1.0 - at) * np.log(a) + at * np.log(b)) for key, (a, b) in outsiders.MACHINE[kind].items()
+        }
+    return _as_far_as_it_goes(
+        lambda m, share: m.scale({key: values**share for key, values in factors.items()}, check_ranges=False), machine
+    )
 
-    def changed(machine: Machine, share: Floats) -> Machine:
-        drawn = {key: np.exp(np.log(low) + at * (np.log(high) - np.log(low))) for key, (low, high) in factors.items()}
-        return machine.scale({key: values**share for key, values in drawn.items()}, check_ranges=False)
 
-    return _as_far_as_it_goes(changed, machine)
+@cache
+def free_parameters() -> tuple[str, ...]:
+    """Uncertain parameters of what a log shows that no effect moves."""
+    entries = bases()[0].entries.values()
+    return tuple(one.key for one in entries if one.role == "nuisance" and one.key.startswith(outsiders.FREE))
 
 
 def planes(slope: Floats) -> Plane:

@@ -128,7 +128,7 @@ def _schedules(
     later = outsider.shape[1]
     own = commands.transpose(0, 1, 3, 2).reshape(machines * each, ticks, 2)
     which = np.broadcast_to(np.arange(machines * each).reshape(machines, 1, each), (machines, later, each)).copy()
-    first = len(outsiders.MACHINE)
+    first = len(outsiders.MACHINE) + len(outsiders.DRAWN)
     kinds = list(outsiders.COMMAND.values())
     other = []
     for m, d in np.argwhere((outsider >= first) & (outsider < first + len(kinds))):

@@ -1,8 +1,9 @@
 """Deviations that the catalogue lacks, of many kinds, so that a diagnosis learns what "none of these" looks like.
 
-Three places: the machine's parameters (:data:`MACHINE`), what its valve really gets of the command (:data:`COMMAND`), and
-the sampled signals (:data:`SIGNAL`, applied where noise is drawn, by number). Sizes are estimates: from what could just be
-seen to what nobody would miss.
+Three places: the machine's parameters (:data:`MACHINE`, :data:`DRAWN`), what its valve really gets of the command
+(:data:`COMMAND`), and the sampled signals (:data:`SIGNAL`, applied where noise is drawn, by number). Sizes are estimates:
+from what could just be seen to what nobody would miss. Kinds that somebody thought of are few beside those that machines
+have, so some are broad (:data:`BROAD`): any parameters, another machine, any mix of the signals.
 """
 
 from __future__ import annotations
@@ -44,6 +45,14 @@ MACHINE: Mapping[str, Mapping[str, tuple[float, float]]] = {
     },
 }  # fmt: skip
 """Factors on parameters by kind, one draw for all keys of a kind."""
+DRAWN = ("any_parameters", "another_machine")
+"""Kinds whose parameters are drawn: a few of :data:`FREE` ones far from where they were, or all of another machine."""
+FREE = ("steering.", "joint.", "tire.", "frame.", "oil.")
+"""Beginnings of the parameters of ``any_parameters`` that no effect of the catalogue moves."""
+MOST_FREE = 3
+"""Of them that move at once."""
+FREE_FACTOR = (1.4, 6.0)
+"""By which each is more, or less (E)."""
 
 
 def _held(command: Floats, rng: np.random.Generator) -> Floats:
@@ -108,19 +117,54 @@ def _closing_late(command: Floats, rng: np.random.Generator) -> Floats:
     return out
 
 
+def _bent(command: Floats, rng: np.random.Generator) -> Floats:
+    """A joystick or an amplifier of another curve."""
+    power = np.exp(rng.choice([-1.0, 1.0]) * rng.uniform(np.log(1.2), np.log(2.5)))
+    return np.sign(command) * np.abs(command) ** power
+
+
+def _coarse(command: Floats, rng: np.random.Generator) -> Floats:
+    """An amplifier with a few steps."""
+    step = rng.uniform(0.12, 0.4)
+    return np.clip(np.round(command / step) * step, -1.0, 1.0)
+
+
+def _ringing(command: Floats, rng: np.random.Generator) -> Floats:
+    """A current controller that overshoots: of second order, hardly damped."""
+    natural, damping = 2.0 * np.pi * rng.uniform(0.8, 5.0), rng.uniform(0.05, 0.5)
+    out, value, rate = np.empty_like(command), command[0], 0.0
+    for i, wanted in enumerate(command):
+        for _ in range(RINGING_STEPS):
+            rate += TICK / RINGING_STEPS * natural * (natural * (wanted - value) - 2.0 * damping * rate)
+            value += TICK / RINGING_STEPS * rate
+        out[i] = value
+    return np.clip(out, -1.0, 1.0)
+
+
+RINGING_STEPS = 4
+"""Integration steps a tick."""
+
 COMMAND: Mapping[str, Callable[[Floats, np.random.Generator], Floats]] = {
     "held_command": _held, "dropped_command": _dropped, "sagging_supply": _sagging, "biased_command": _biased,
     "weak_coil": _one_sided, "dithered_valve": _dithered, "limited_spool": _limited, "sticking_spool": _sticking,
-    "closing_late": _closing_late,
+    "closing_late": _closing_late, "bent_command": _bent, "coarse_command": _coarse, "ringing_command": _ringing,
 }  # fmt: skip
 """What the valve gets of a command (K,) that was logged, by kind."""
 
 SIGNAL: tuple[str, ...] = (
     "drifting_angle", "spiking_angle", "wobbling_angle", "dropped_samples", "stretched_clock", "coarse_angle",
     "pressure_gain", "drifting_pressure", "slow_pressure", "cross_talk", "resonant_pressure", "clipped_pressure",
-    "kinked_angle", "humming_pressure",
+    "kinked_angle", "humming_pressure", "mixed_signals", "bent_signal", "filtered_signal", "wandering_signal",
+    "warped_time", "late_pressure", "swapped_ports",
 )  # fmt: skip
 """Deviations of sampled signals; :mod:`aoro_gym.diagnosis.network.sensing` has their equations."""
 
-ALL: tuple[str, ...] = (*MACHINE, *COMMAND, *SIGNAL)
+ALL: tuple[str, ...] = (*MACHINE, *DRAWN, *COMMAND, *SIGNAL)
 """Every kind, in the order of their numbers."""
+BROAD: Mapping[str, float] = {
+    "any_parameters": 10.0, "another_machine": 3.0, "bent_command": 2.0, "ringing_command": 2.0, "mixed_signals": 8.0,
+    "bent_signal": 3.0, "filtered_signal": 3.0, "wandering_signal": 3.0,
+}  # fmt: skip
+"""How often broad kinds are drawn beside the others, which weigh 1."""
+SHARES: Floats = np.array([BROAD.get(name, 1.0) for name in ALL]) / sum(BROAD.get(name, 1.0) for name in ALL)
+"""Probabilities of all kinds."""

@@ -54,7 +54,7 @@ class Prior:
     temperature: float = 2.0
     slope: float = 0.003
     load: float = 30.0
-    weights: tuple[float, ...] = (0.3, 0.36, 0.2, 0.14)
+    weights: tuple[float, ...] = (0.25, 0.35, 0.24, 0.16)
     weakest: float = 0.1
 
 

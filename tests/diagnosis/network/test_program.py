@@ -68,3 +68,20 @@ def test_a_network_is_made_of_its_weights() -> None:
     rows, present = torch.randn(2, 3, FEATURES, SAMPLES), torch.ones(2, 3, dtype=torch.bool)
     for one, other in zip(network(rows, present), again(rows, present), strict=True):
         assert torch.equal(one, other)
+
+
+def test_training_goes_on_from_other_networks(tmp_path: Path) -> None:
+    """No step of it leaves their weights, but for the halves that they are stored in; their sizes are taken over."""
+    small = Shape(width=12, heads=1, within=1, across=1, kept=1, rank=1)
+    amount = Amount(machines=4, later=1, manoeuvres=1)
+    run(Program(amount, 1, Course(steps=2, batch=2), shape=small), "cpu", tmp_path / "before")
+    start = (tmp_path / "before" / "network_0.safetensors",)
+    still = Program(amount, 1, Course(steps=1, batch=2, rate=0.0), start=start)
+    result = run(still, "cpu", tmp_path / "after")
+    before, after = (Weights.load(tmp_path / name / "network_0.safetensors") for name in ("before", "after"))
+    assert after.shape == small and result["shape"] == small.as_dict() and len(result["start"]) == 1
+    for name, values in before.arrays.items():
+        np.testing.assert_array_equal(after.arrays[name], values)
+    moved = run(replace(still, course=Course(steps=2, batch=2, rate=1e-2)), "cpu", tmp_path / "after")
+    assert len(moved["networks"]) == 1
+    assert (Weights.load(tmp_path / "after" / "network_0.safetensors").arrays["place"] != before.arrays["place"]).any()

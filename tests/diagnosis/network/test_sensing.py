@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from aoro_gym.diagnosis.simulation import outsiders
-from aoro_gym.diagnosis.simulation.logs import CHANNELS, UNITS
+from aoro_gym.diagnosis.simulation.logs import UNITS
 from aoro_gym.diagnosis.simulation.manoeuvres import SAMPLES, TICK
 from aoro_gym.diagnosis.simulation.prior import SensorPrior
 
@@ -34,7 +34,7 @@ def turning() -> np.ndarray:
     index = np.arange(SAMPLES)
     angle = RATE * TICK * np.clip(index - BEGIN, 0, 200)
     pressure = np.where(index > BEGIN, 60e5, 20e5)
-    values = np.stack([angle, *[pressure] * (len(CHANNELS) - 1)]) / np.array(UNITS)[:, None]
+    values = np.stack([angle, pressure, 0.5 * pressure, pressure]) / np.array(UNITS)[:, None]
     return np.round(values).astype(np.int16)[None, None, None]
 
 

@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 
 from aoro_gym.diagnosis.simulation import outsiders
-from aoro_gym.diagnosis.simulation.days import CHAIN, HEALTHY, Days, bases, draw_days, draw_magnitudes
+from aoro_gym.diagnosis.simulation.days import (
+    CHAIN,
+    HEALTHY,
+    Days,
+    bases,
+    deviating,
+    draw_days,
+    draw_magnitudes,
+    free_parameters,
+)
 from aoro_gym.diagnosis.simulation.prior import KINDS, Prior
 from aoro_gym.effects.catalogue import EFFECTS, IDS
 
@@ -100,3 +109,29 @@ def test_outsiders_are_no_effects_of_the_catalogue() -> None:
         got = deviates(command, np.random.default_rng(4))
         assert got.shape == command.shape and np.all(np.abs(got) <= 1.0), name
         assert not np.array_equal(got, command), name
+
+
+def test_any_parameters_moves_a_few_that_no_effect_moves() -> None:
+    machine = bases()[0].sample(40, laws="any", parameters=0.4, seed=1)
+    moved = deviating(machine, "any_parameters", np.random.default_rng(2))
+    ratio = np.array([np.log(moved.entries[key].value / machine.entries[key].value) for key in free_parameters()])
+    changed = np.abs(ratio) > 1e-9
+    assert np.all((changed.sum(axis=0) >= 1) & (changed.sum(axis=0) <= outsiders.MOST_FREE))
+    assert np.abs(ratio).max() <= np.log(outsiders.FREE_FACTOR[1]) + 1e-9 and changed.any(axis=1).mean() > 0.5
+    others = [key for key in machine.entries if key not in free_parameters()]
+    for key in others:
+        np.testing.assert_array_equal(moved.entries[key].value, machine.entries[key].value)
+
+
+def test_another_machine_is_another_one_in_all_its_parameters() -> None:
+    machine = bases()[0].sample(5, laws="any", parameters=0.4, seed=1)
+    other = deviating(machine, "another_machine", np.random.default_rng(2))
+    for key in ("frame.rear.mass", "steering.pump.margin", "oil.bulk_modulus"):
+        own, got = machine.entries[key].value, other.entries[key].value
+        np.testing.assert_array_equal(np.sort(got), np.sort(own))
+        assert np.all(got != own)
+
+
+def test_broad_kinds_are_drawn_more_often() -> None:
+    assert outsiders.SHARES.sum() == pytest.approx(1.0) and len(outsiders.SHARES) == len(outsiders.ALL)
+    assert set(outsiders.BROAD) <= set(outsiders.ALL) and len(set(outsiders.ALL)) == len(outsiders.ALL)
