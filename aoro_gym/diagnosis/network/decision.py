@@ -4,16 +4,19 @@ Networks are trained on simulated machines; how sure they are elsewhere is learn
 (:func:`calibrated`), for each usual set of sensors:
 
 - a temperature T: probabilities are raised to 1/T, which makes them as likely as can be (Guo et al. 2017);
-- the null test: the share of healthy cases in which "nothing is wrong" was no likelier (a conformal p-value, Vovk 2005);
+- the null test: the share of healthy cases in which a statistic was no larger (a conformal p-value, Vovk 2005), one against
+  causes of the catalogue and one against something else, each with a share of the false alarms (Bonferroni): what machines
+  and days do that was never simulated looks like something else, and must not hide causes that are plain;
 - thresholds of "something else" and of an effect's probability, given that something of the catalogue is wrong, which as
   many known causes pass as asked for (split conformal, least ambiguous sets, Sadinle et al. 2019).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +49,33 @@ TEMPERATURES = np.geomspace(0.5, 4.0, 61)
 """That are tried."""
 HEALTHY_QUANTILES = 400
 """By which the null distribution is kept."""
+STATISTICS: Mapping[str, Callable[[Floats, Floats], Floats]] = {
+    "nothing": lambda nothing, outside: nothing,
+    "known": lambda nothing, outside: nothing / np.maximum(1.0 - outside, 1e-30),
+    "outside": lambda nothing, outside: 1.0 - outside,
+}
+"""Of the null test, from the probabilities of nothing and of something else: small where something is wrong."""
+SPLIT: Mapping[str, float] = {"known": 0.75, "outside": 0.25}
+"""Statistics of the null test for logs, and the share of the false alarms that is each one's."""
+
+
+@dataclass(frozen=True)
+class NullStatistic:
+    """A statistic of the null test.
+
+    Attributes:
+        name: One of :data:`STATISTICS`.
+        share: Of the false alarms that are its own.
+        healthy: Its evenly spaced quantiles in healthy cases, rising.
+    """
+
+    name: str
+    share: float
+    healthy: tuple[float, ...]
+
+    def p(self, value: Floats) -> Floats:
+        """Share (...) of healthy cases in which the statistic is no larger than ``value`` (...)."""
+        return (1 + np.searchsorted(self.healthy, value, side="right")) / (1 + len(self.healthy))
 
 
 @dataclass(frozen=True)
@@ -55,21 +85,28 @@ class Calibration:
     Attributes:
         cases: Number of them.
         temperature: T.
-        healthy: Evenly spaced quantiles of the probability that nothing is wrong, of healthy cases, rising.
+        null: Statistics of the null test.
         outside: Least probability of something else, given that something is wrong, from which that is said.
         member: Least probability of an effect, given that something of the catalogue is wrong, in the declared set.
     """
 
     cases: int
     temperature: float
-    healthy: tuple[float, ...]
+    null: tuple[NullStatistic, ...]
     outside: float
     member: float
 
-    def null_p(self, nothing: float) -> float:
-        """Share of healthy cases in which nothing was no likelier than ``nothing``; never zero."""
-        count = len(self.healthy)
-        return float((1 + np.searchsorted(self.healthy, nothing, side="right")) / (1 + count))
+    def null_p(self, nothing: Floats | float, outside: Floats | float) -> Floats:
+        """Probability (...) of a gap as clear as this while nothing is wrong, from the probabilities (...) of nothing and of
+        something else; never zero."""
+        found = [one.p(STATISTICS[one.name](np.asarray(nothing), np.asarray(outside))) / one.share for one in self.null]
+        return np.minimum(np.min(found, axis=0), 1.0)
+
+    @classmethod
+    def from_dict(cls, told: Mapping[str, Any]) -> Calibration:
+        """Of what :func:`as_dict` wrote."""
+        null = tuple(NullStatistic(one["name"], one["share"], tuple(one["healthy"])) for one in told["null"])
+        return cls(**{**told, "null": null})
 
 
 @dataclass(frozen=True)
@@ -99,10 +136,7 @@ def sensor_set(channels: Sequence[str]) -> str:
 @cache
 def shipped() -> Mapping[str, Calibration]:
     """Of the networks that come with the package, by set of sensors."""
-    return {
-        name: Calibration(**(of | {"healthy": tuple(of["healthy"])}))
-        for name, of in read_json(TRAINED / "calibration.json")["sets"].items()
-    }
+    return {name: Calibration.from_dict(of) for name, of in read_json(TRAINED / "calibration.json")["sets"].items()}
 
 
 def tempered(probabilities: Floats, temperature: float) -> Floats:
@@ -116,7 +150,7 @@ def decide(probabilities: Floats, calibration: Calibration) -> Decision:
     """The verdict on a case whose hypotheses have these ``probabilities`` (hypotheses,), as networks say."""
     share = tempered(np.asarray(probabilities, dtype=np.float64), calibration.temperature)
     nothing, outside = share[hypotheses.NOTHING], share[hypotheses.OUTSIDE]
-    null_p = calibration.null_p(float(nothing))
+    null_p = float(calibration.null_p(nothing, outside))
     effects = share @ hypotheses.MEMBERS
     best = hypotheses.SINGLE + int(np.argmax(share[hypotheses.SINGLE :]))
     declared: tuple[str, ...] = ()
@@ -146,13 +180,19 @@ def _effects_of(number: int) -> tuple[str, ...]:
     return (UNKNOWN,) if number == hypotheses.OUTSIDE else hypotheses.names_of(number)
 
 
-def calibrated(probabilities: Floats, truth: NDArray[np.integer], weights: Floats | None = None) -> Calibration:
+def calibrated(
+    probabilities: Floats,
+    truth: NDArray[np.integer],
+    weights: Floats | None = None,
+    statistics: Mapping[str, float] = SPLIT,
+) -> Calibration:
     """What cases with a known truth say of networks.
 
     Args:
         probabilities: Of the hypotheses (N, hypotheses), as networks say.
         truth: Numbers of the true ones (N,).
         weights: Of the cases (N,), equal by default.
+        statistics: Of the null test, and the share of false alarms of each.
     """
     weights = np.ones(len(truth)) if weights is None else weights
     logs = np.log(np.maximum(probabilities, 1e-30))
@@ -160,17 +200,24 @@ def calibrated(probabilities: Floats, truth: NDArray[np.integer], weights: Float
     share = tempered(probabilities, temperature)
     nothing, outside = share[:, hypotheses.NOTHING], share[:, hypotheses.OUTSIDE]
     healthy = truth == hypotheses.NOTHING
-    null = _quantile(nothing[healthy], np.linspace(0.0, 1.0, HEALTHY_QUANTILES), weights[healthy])
-    alarmed = nothing <= _quantile(nothing[healthy], ALARMS, weights[healthy])
+    levels = np.linspace(0.0, 1.0, HEALTHY_QUANTILES)
+    null = tuple(
+        NullStatistic(
+            name,
+            part,
+            tuple(_quantile(STATISTICS[name](nothing, outside)[healthy], levels, weights[healthy]).tolist()),
+        )
+        for name, part in statistics.items()
+    )
+    calibration = Calibration(len(truth), temperature, null, 0.0, 0.0)
+    alarmed = calibration.null_p(nothing, outside) <= ALARMS
     known = alarmed & (truth >= hypotheses.SINGLE)
     told = outside / np.maximum(1.0 - nothing, 1e-30)
     single = known & (truth < hypotheses.PAIR)
     within = (share @ hypotheses.MEMBERS) / np.maximum(1.0 - nothing - outside, 1e-30)[:, None]
     of_truth = within[single, truth[single] - hypotheses.SINGLE]
-    return Calibration(
-        cases=len(truth),
-        temperature=temperature,
-        healthy=tuple(float(value) for value in null),
+    return replace(
+        calibration,
         outside=float(_quantile(told[known], 1.0 - REJECTED, weights[known])),
         member=float(_quantile(of_truth, 1.0 - HELD, weights[single])),
     )
@@ -190,6 +237,6 @@ def _quantile(values: Floats, levels: float | Floats, weights: Floats) -> Floats
     return values[order][np.minimum(np.searchsorted(reached, levels), len(values) - 1)]
 
 
-def as_dict(sets: Mapping[str, Calibration]) -> dict[str, object]:
+def as_dict(sets: Mapping[str, Calibration]) -> dict[str, dict[str, Any]]:
     """For ``calibration.json``."""
     return {name: asdict(one) for name, one in sets.items()}

@@ -297,7 +297,8 @@ def deviating(machine: Machine, kind: str, rng: np.random.Generator) -> Machine:
     if kind == "any_parameters":
         keys = free_parameters()
         moved = np.argsort(rng.random((len(keys), count)), axis=0) < rng.integers(1, outsiders.MOST_FREE + 1, count)
-        size = rng.uniform(*np.log(outsiders.FREE_FACTOR), moved.shape)
+        low, high = np.log(outsiders.FREE_FACTOR)
+        size = rng.uniform(low, high, moved.shape)
         factors = dict(zip(keys, np.exp(rng.choice([-1.0, 1.0], moved.shape) * size * moved), strict=True))
     else:
         at = rng.random(count)  # one draw for all

@@ -10,7 +10,10 @@ from aoro_gym.diagnosis.network.decision import (
     ALARMS,
     HELD,
     SENSOR_SETS,
+    SPLIT,
     Calibration,
+    NullStatistic,
+    as_dict,
     calibrated,
     decide,
     sensor_set,
@@ -20,7 +23,8 @@ from aoro_gym.diagnosis.network.decision import (
 from aoro_gym.diagnosis.result import UNKNOWN, VERDICTS
 from aoro_gym.effects.catalogue import IDS
 
-CALIBRATION = Calibration(100, 1.0, tuple(np.linspace(0.2, 1.0, 199)), 0.5, 0.1)
+EVEN = tuple(np.linspace(0.2, 1.0, 199))
+CALIBRATION = Calibration(100, 1.0, (NullStatistic("nothing", 1.0, EVEN),), 0.5, 0.1)
 
 
 def said(**shares: float) -> np.ndarray:
@@ -67,9 +71,45 @@ def test_verdicts_follow_from_probabilities(shares, verdict, first, declared):
 
 def test_the_null_test_counts_healthy_cases():
     """p = (1 + cases with no larger probability of nothing) / (1 + cases)."""
-    assert CALIBRATION.null_p(0.0) == pytest.approx(1 / 200)
-    assert CALIBRATION.null_p(0.601) == pytest.approx((1 + 100) / 200)
-    assert CALIBRATION.null_p(1.0) == pytest.approx(1.0)
+    for nothing, p in ((0.0, 1 / 200), (0.601, (1 + 100) / 200), (1.0, 1.0)):
+        assert CALIBRATION.null_p(nothing, 0.0) == pytest.approx(p)
+
+
+def test_two_statistics_share_the_false_alarms():
+    """Bonferroni: each p over its share of the alarms, the smaller one counts, 1 at most."""
+    both = Calibration(100, 1.0, (NullStatistic("known", 0.75, EVEN), NullStatistic("outside", 0.25, EVEN)), 0.5, 0.1)
+    # something else is as likely as it ever was: what is left says nothing of causes that are known
+    assert both.null_p(0.1, 0.9) == pytest.approx(1 / 200 / 0.25)
+    assert both.null_p(0.05, 0.5) == pytest.approx(1 / 200 / 0.75)
+    assert both.null_p(0.2, 0.75) == pytest.approx((1 + np.searchsorted(EVEN, 0.25, side="right")) / 200 / 0.25)
+    assert both.null_p(1.0, 0.0) == 1.0
+    np.testing.assert_allclose(both.null_p(np.array([0.1, 1.0]), np.array([0.9, 0.0])), [1 / 50, 1.0])
+
+
+def test_a_calibration_is_read_as_it_was_written():
+    assert Calibration.from_dict(as_dict({"all": CALIBRATION})["all"]) == CALIBRATION
+
+
+def test_odd_healthy_cases_do_not_hide_known_causes():
+    """Healthy cases of which a tenth look like something else: a cause that is plain is noticed all the same."""
+    rng = np.random.default_rng(0)
+    count = 1000
+    share = np.full((2 * count, hypotheses.HYPOTHESES), 1e-9)
+    odd = rng.random(count) < 0.1
+    share[:count, hypotheses.OUTSIDE] = np.where(odd, rng.uniform(0.5, 0.99, count), 0.01)
+    share[:count, hypotheses.NOTHING] = 0.99 - 0.98 * share[:count, hypotheses.OUTSIDE]
+    share[count:, hypotheses.SINGLE] = rng.uniform(0.6, 0.9, count)
+    share[count:, hypotheses.NOTHING] = 1.0 - share[count:, hypotheses.SINGLE]
+    share /= share.sum(axis=1, keepdims=True)
+    truth = np.repeat([hypotheses.NOTHING, hypotheses.SINGLE], count)
+    noticed = {}
+    for name, statistics in (("one", {"nothing": 1.0}), ("two", SPLIT)):
+        calibration = calibrated(share, truth, statistics=statistics)
+        said_now = tempered(share, calibration.temperature)
+        p = calibration.null_p(said_now[:, hypotheses.NOTHING], said_now[:, hypotheses.OUTSIDE])
+        assert np.mean(p[:count] <= ALARMS) <= ALARMS
+        noticed[name] = float(np.mean(p[count:] <= ALARMS))
+    assert noticed["two"] > 0.95 > 0.5 > noticed["one"]
 
 
 def test_temperature_one_changes_nothing_and_a_high_one_knows_nothing():
@@ -118,4 +158,6 @@ def test_networks_come_with_their_calibration():
     assert set(shipped()) == set(SENSOR_SETS)
     for one in shipped().values():
         assert one.cases > 1000 and 0.5 <= one.temperature <= 4.0
-        assert np.all(np.diff(one.healthy) >= 0.0) and 0.0 < one.outside < 1.0 and 0.0 < one.member < 0.5
+        assert sum(part.share for part in one.null) == pytest.approx(1.0)
+        assert all(np.all(np.diff(part.healthy) >= 0.0) for part in one.null)
+        assert 0.0 < one.outside < 1.0 and 0.0 < one.member < 0.5
