@@ -44,7 +44,9 @@ wood = forest(seed, PUBLISHED_SIZE, road_width=0.0, trail=False, boulders=0.0, s
 truth = dataclasses.replace(wood.terrain, **PLACE)
 scan(truth, seed=seed, density=12.0).save("scan.laz")
 loaded = load("scan.laz", crs=PLACE["crs"], cell=0.679, hole_limit=20.0)
-print(loaded.report)
+print(f"{loaded.report.source}: {loaded.report.points_read:,} points")
+for sentence in [change.text for change in loaded.report.changes] + loaded.report.warnings:
+    print(f"  {sentence}")
 save(loaded, Path("ground.ply"))
 ground = load("ground.ply").terrain
 path = drivable_path(ground, seed, length=float(length), obstacles=wood.circles())

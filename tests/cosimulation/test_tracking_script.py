@@ -168,7 +168,10 @@ def test_the_example_records_a_path_and_the_script_follows_it(tmp_path):
     """As the how-to says it: two commands and two programs."""
     environment = {**os.environ, "AORO_TOKEN": "correct-horse-battery"}
     run = {"cwd": tmp_path, "env": environment, "text": True}
-    subprocess.run([sys.executable, str(SCRIPT.with_name("record_path.py")), "5", "10"], check=True, timeout=300, **run)
+    record = [sys.executable, str(SCRIPT.with_name("record_path.py")), "5", "10"]
+    told = subprocess.run(record, check=True, timeout=300, stdout=subprocess.PIPE, **run).stdout.splitlines()
+    assert told[0].startswith("scan.laz: ") and told[-1].startswith("ground of ")
+    assert max(map(len, told)) < 120
     command = [
         sys.executable,
         "-m",
@@ -183,7 +186,9 @@ def test_the_example_records_a_path_and_the_script_follows_it(tmp_path):
     command += ["--udp-port", "0", "--tcp-port", "0", "--json", "served.json"]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **run)
     assert server.stderr is not None
-    words = server.stderr.readline().split()
+    words = next(
+        line for line in server.stderr if line.startswith("serving ")
+    ).split()  # after lines of progress, if any
     addresses = ["--udp", words[words.index("udp") + 1], "--tcp", words[words.index("tcp") + 1]]
     script = [
         sys.executable,
