@@ -42,8 +42,10 @@ def main() -> None:
         vehicle.rpdo[2].transmit()  # arms: their valves stay shut
         time.sleep(PERIOD)
     shown = vehicle.tpdo[1]
-    print(f"speed {shown['speed'].raw} mm/s, gear {shown['gear_shown'].raw}, fault {shown['fault'].raw}")
     network.disconnect()
+    if shown.timestamp is None:
+        raise SystemExit("no machine answered on the bus")
+    print(f"speed {shown['speed'].raw} mm/s, gear {shown['gear_shown'].raw}, fault {shown['fault'].raw}")
 
 
 if __name__ == "__main__":

@@ -176,6 +176,14 @@ def test_the_example_has_the_same_dictionary() -> None:
     assert (EXAMPLES / "aoro.eds").read_bytes() == DICTIONARY.read_bytes()
 
 
+def test_a_controller_alone_says_so_and_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    bus = virtual_bus("alone")
+    monkeypatch.setattr("can.Bus", lambda **_: bus)
+    monkeypatch.setattr("sys.argv", ["controller.py", "--seconds", "0.1"])
+    with pytest.raises(SystemExit, match="no machine answered on the bus"):
+        runpy.run_path(str(EXAMPLES / "controller.py"), run_name="__main__")
+
+
 @pytest.mark.slow
 def test_the_example_in_two_processes() -> None:
     found = runpy.run_path(str(EXAMPLES / "vehicle.py"))
