@@ -147,6 +147,8 @@ class Server:
         self._events = 0
         self._stopped = ""
         self._began = self._logged = time.monotonic()
+        self._finished = math.nan
+        """Time [s] of the monotonic clock at which it ended."""
         self._memory_at_start = 0
         self._missed_before = 0
         self._last_step = round(min(settings.duration, 1e12) / twin.main_step)
@@ -166,7 +168,8 @@ class Server:
             else:
                 self._run_in_real_time()
         finally:
-            self._log(time.monotonic())
+            self._finished = time.monotonic()
+            self._log(self._finished)
             self.publisher.close()
             self.link.close()
         self.ended = self._stopped or ("diverged" if self.session.diverged else "duration over")
@@ -284,7 +287,7 @@ class Server:
     def to_json(self) -> dict[str, Any]:
         """What was served, how late, and what was dropped."""
         receiver, watchdog = self.link.commander.receiver, self.link.watchdog
-        wall = time.monotonic() - self._began
+        wall = (self._finished if math.isfinite(self._finished) else time.monotonic()) - self._began
         found: dict[str, Any] = {
             "mode": "lock-step" if self.settings.lock_step else "real time",
             "ended": self.ended,
