@@ -102,7 +102,7 @@ def test_startup_tells_cold_from_warm(monkeypatch):
     assert (found["cold_first_twin_s"], found["cold_s"]) == (40.0, 41.0)
 
 
-@pytest.mark.parametrize("ground", ["plane", "raster"])
+@pytest.mark.parametrize("ground", ["plane", pytest.param("raster", marks=pytest.mark.slow)])
 def test_a_fresh_process_steps_a_twin(ground):
     times = startup._first_step("cpu", ground, os.environ)
     assert 0.0 < times["import_s"] + times["first_twin_s"] < times["process_s"]

@@ -72,6 +72,13 @@ REPORTS = {
 }
 
 
+@pytest.fixture
+def no_pictures(monkeypatch):
+    """Reports without their pictures, for tests that do not look at them: these take most of a report's time."""
+    for name in ("write_turns", "write_errors", "write_index"):
+        monkeypatch.setattr(f"aoro_gym.validation.report.{name}", lambda *arguments, **options: None)
+
+
 def test_validate(tmp_path, quick):
     shown = call("validate", "--out", tmp_path)
     assert shown.exit_code == 0, shown.output
@@ -83,7 +90,7 @@ def test_validate(tmp_path, quick):
         assert f"wrote {tmp_path / file}" in shown.stdout
 
 
-def test_validate_takes_laws_and_records_them(tmp_path, quick):
+def test_validate_takes_laws_and_records_them(tmp_path, quick, no_pictures):
     shown = call("validate", "--laws", "library", "--uncalibrated", "none", "--out", tmp_path)
     assert shown.exit_code == 0, shown.output
     made_by = json.loads((tmp_path / "validation.json").read_text())["made_by"]
@@ -105,7 +112,7 @@ def test_validate_takes_an_ensemble_and_no_second_machine(tmp_path, quick):
     assert result["ensemble"]["members"] == 3
 
 
-def test_validate_recalibrates_first(tmp_path, quick):
+def test_validate_recalibrates_first(tmp_path, quick, no_pictures):
     shown = call("validate", "--recalibrate", "--out", tmp_path, "--seed", 4)
     assert shown.exit_code == 0, shown.output
     assert quick.calibrated == [("published", "aoro_datasheet", {"ensemble": 0, "seed": 4, "device": "cpu"})]

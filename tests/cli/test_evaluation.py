@@ -2,10 +2,13 @@
 
 import json
 import math
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.agents.episodes import shortened_episodes
 from tests.cli.calling import call, check_refused
 
 
@@ -49,10 +52,12 @@ def test_evaluate_a_terrain_and_a_path(tmp_path):
     assert "path 'short' is 3.00 m long, but must be at least 6.00 m" in " ".join(shown.stderr.split())
 
 
-def test_policies_in_files_are_evaluated_and_exported(tmp_path):
+@pytest.fixture
+def still(tmp_path) -> Path:
+    """File of a policy that never turns."""
     from aoro_gym.agents.policies.policy import LearnedPolicy
 
-    still = LearnedPolicy(
+    policy = LearnedPolicy(
         weights=(np.zeros((1, 8), dtype=np.float32),),
         biases=(np.zeros(1, dtype=np.float32),),
         activation="tanh",
@@ -61,7 +66,22 @@ def test_policies_in_files_are_evaluated_and_exported(tmp_path):
         high=np.ones(1, dtype=np.float32),
         environment="AORO/Turning-v0",
     )
-    _, file = still.save(tmp_path / "still")
+    return policy.save(tmp_path / "still")[1]
+
+
+@pytest.fixture
+def short_episodes() -> Iterator[None]:
+    with shortened_episodes():
+        yield
+
+
+def test_a_policy_in_a_file_is_exported(still):
+    pytest.importorskip("onnx")
+    assert call("export", "policy", still).stdout == f"wrote {still.with_suffix('.onnx')}\n"
+
+
+def test_policies_in_files_are_evaluated(tmp_path, still, short_episodes):
+    file = still
     options = ["--env", "AORO/Turning-v0", "--episodes", 1, "--no-films", "--out", tmp_path / "evaluation"]
     shown = call("evaluate", "--policy", file, "--policy", "bang-bang", *options)
     assert shown.exit_code == 0, shown.output
@@ -83,9 +103,6 @@ def test_policies_in_files_are_evaluated_and_exported(tmp_path):
     assert content["best_reference"] == "bang-bang"
     for end in ("json", "md", "png"):
         assert f"wrote {board / 'leaderboard'}.{end}" in shown.stdout
-
-    pytest.importorskip("onnx")
-    assert call("export", "policy", file).stdout == f"wrote {tmp_path / 'still.onnx'}\n"
 
 
 @pytest.mark.parametrize(

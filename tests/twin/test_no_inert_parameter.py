@@ -62,6 +62,13 @@ def steer(machine: Machine, **options) -> Log:
     return drive(twin, *((t, {"steering_signal": u}) for t, u in signals), sample_every=FRAME)
 
 
+def begin(machine: Machine, **options) -> Log:
+    """A second of everything at once, which shows most parameters: the others alone go through the long manoeuvres."""
+    twin = Twin(machine.num_variants, machine=machine, **options)
+    at_once = {"steering_signal": 1.0, "drive_signal": 0.5, "arm_fl": 0.6, "arm_rr": -0.6}
+    return drive(twin, (0.7, at_once), (0.4, {"steering_signal": -1.0, "drive_signal": 0.0}), sample_every=FRAME)
+
+
 def shift(machine: Machine, **options) -> Log:
     """Up a slope through the gears, one wheel throttled, in reverse, to a halt, and parked."""
     twin = Twin(machine.num_variants, machine=machine, terrain=Plane(slope_deg=8.0), **options)
@@ -112,7 +119,7 @@ def fall(machine: Machine, **options) -> Log:
     return drive(twin, (1.6, {}), sample_every=FRAME)
 
 
-CALM = (steer, shift, lift, stall)
+CALM = (begin, steer, shift, lift, stall)
 BODIES = ("frame.", "hull.", "arm.", "wheel.", "tire.")
 """Whose parameters the fall may show: a tumbling machine tells everything apart, in the end."""
 

@@ -17,6 +17,10 @@ def test_a_simulation_in_a_terminal(tmp_path):
     assert "wrote log.csv" in checked(shown)
     assert ERASED in shown.raw
     assert max(map(len, shown.lines)) <= COLUMNS
+
+
+@pytest.mark.slow
+def test_a_quiet_simulation_in_a_terminal(tmp_path):
     quiet = in_terminal("simulate", "-m", "left", "--duration", 1, "--out", "log.csv", "--quiet", folder=tmp_path)
     assert "wrote log.csv" in checked(quiet)
     assert ERASED not in quiet.raw
