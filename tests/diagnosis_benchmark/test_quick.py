@@ -15,17 +15,18 @@ PART = Suite("part", null=1, single=1, pair=0, outside=0, nuisance=0, logs=SUITE
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A healthy machine and one with an effect, by the angle alone, which takes less time."""
+    """A healthy machine and one with an effect, with all sensors: an oracle that knows the machine's laws sees by the angle
+    alone what nobody does who does not know them."""
     folder = tmp_path_factory.mktemp("quick")
     family = FAMILIES["development"]
-    write_cases(PART, folder / "check", folder / "answers", mode="commissioned", sensors="angle", family=family, seed=1)
+    write_cases(PART, folder / "check", folder / "answers", mode="commissioned", sensors="full", family=family, seed=1)
     return folder
 
 
 def scored(folder, out, diagnose=None) -> Score:
-    assert run_cases(folder / "check", out, sensors="angle", diagnose=diagnose) == {}
+    assert run_cases(folder / "check", out, sensors="full", diagnose=diagnose) == {}
     sensors, found = read_diagnoses(folder / "check", out)
-    assert sensors == "angle" and list(found) == ["001", "002"]
+    assert sensors == "full" and list(found) == ["001", "002"]
     return score_cases(folder / "check", folder / "answers", out, folder / "oracle")
 
 
