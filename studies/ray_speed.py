@@ -2,8 +2,9 @@
 
     python -m studies.ray_speed [--rays N] [--repeats N] [--device cuda:0]
 
-On a GPU, rays and hits stay there, and the median launch counts. On a CPU, both casters take turns in one process; the best of the repeats counts. Embree is handed arrays by trimesh and takes its
-rays one by one, as ours does; arrays on the way into Warp count, too.
+On a GPU, rays and hits stay there, and the median launch counts. On a CPU, both casters take turns in one process; the
+best of the repeats counts. Embree is handed arrays by trimesh and takes its rays one by one, as ours does; arrays on
+the way into Warp count, too.
 """
 
 from __future__ import annotations
