@@ -1,8 +1,8 @@
 """The judged suite: drawn by the operating system's chance, simulated, judged, written and sealed.
 
 ``python -m studies.seal FOLDER ANSWERS [--suite NAME] [--device cuda:0] [--stock]`` goes on where it was stopped: libraries
-and calibrated machines are kept in ``FOLDER``. Calibration takes 22 to 30 minutes a machine on two cores; with ``--stock`` only
-the suite with the stock machine file is made.
+and calibrated machines are kept in ``FOLDER``. Calibration takes 22 to 30 minutes a machine on two cores; with ``--stock``
+only the suite with the stock machine file is made.
 """
 
 from __future__ import annotations
