@@ -24,6 +24,9 @@ MetricsOption = Annotated[
 SourceOption = Annotated[
     str | None, option("--source", "NAME", "Rows of TABLE that are the machine's, by their source.")
 ]
+HealthySourceOption = Annotated[
+    str | None, option("--healthy-source", "NAME", "Rows of TABLE of the machine while nothing was wrong.")
+]
 HealthyOption = Annotated[
     list[Path] | None,
     option("--healthy", "LOG|DIR", "Log of the same machine while nothing was wrong, or a folder of them."),
@@ -43,6 +46,7 @@ def diagnose(
     logs: LogsArgument = None,
     metrics: MetricsOption = None,
     source: SourceOption = None,
+    healthy_source: HealthySourceOption = None,
     healthy: HealthyOption = None,
     holdout: HoldoutOption = None,
     fit: FitOption = None,
@@ -66,7 +70,9 @@ def diagnose(
 
     Where only key figures of full turns are known, --metrics takes a TABLE with the columns signal_percent, source and
     figures such as turn_time_s (aoro-gym validate writes them all), std_turn_time_s and so on if their standard deviations
-    are known, and direction. --fit and --holdout then select rows: signal=100, or direction=left.
+    are known, and direction. Rows of the --healthy-source are what the same turns of the --source are compared with; without
+    them the question is what the machine does otherwise than others of its kind. --fit and --holdout then select rows:
+    signal=100, or direction=left.
 
     Writes DIR/diagnosis.json, DIR/report.html and a machine file for every cause that was fitted. A verdict of a cause is
     only as good as the blind check says (aoro-gym blind --help).
@@ -80,7 +86,8 @@ def diagnose(
       aoro-gym diagnose later/*.csv --healthy healthy --machine mine.toml --out diagnosis
       aoro-gym diagnose left.csv right.csv ramp.csv --holdout ramp
       aoro-gym diagnose later/*.csv --healthy healthy --device cuda:0
-      aoro-gym diagnose --metrics table.csv --source physical --fit signal=100
+      aoro-gym diagnose --metrics table.csv --source later --healthy-source before
+      aoro-gym diagnose --metrics table.csv --source physical --holdout signal=50
     """
     how = {"device": device, "out": out}
     with checking_input():
@@ -101,11 +108,12 @@ def diagnose(
         chosen = options.load(options.run_spec(machine, set_, scale, device))
         if metrics:
             if healthy:
-                raise ValueError("--metrics knows no healthy machine: leave out --healthy")
-            _diagnose_table(metrics, source, fit, holdout, chosen, how)
+                raise ValueError("--healthy takes logs; with --metrics give --healthy-source NAME")
+            _diagnose_table(metrics, (source, healthy_source), fit, holdout, chosen, how)
             return
-        if source:
-            raise ValueError(f"--source {source} belongs to --metrics TABLE; logs have no sources")
+        for name, value in (("--source", source), ("--healthy-source", healthy_source)):
+            if value:
+                raise ValueError(f"{name} {value} belongs to --metrics TABLE; logs have no sources")
         recordings = [read_recording(path) for path in logs or []]
         before = [read_recording(path) for path in log_files(healthy)]
         used, held_out = split_recordings(recordings, fit=fit, holdout=holdout)
@@ -148,19 +156,26 @@ def _diagnose_logs(
 
 def _diagnose_table(
     table: Path,
-    source: str | None,
+    sources: tuple[str | None, str | None],
     fit: list[str] | None,
     holdout: list[str] | None,
     machine: Machine,
     how: dict[str, Any],
 ) -> None:
-    """Diagnose key figures of a table, print a summary and write the result."""
+    """Diagnose key figures of a table, print a summary and write the result; ``sources`` are those of the machine and of
+    the healthy one."""
     from aoro_gym.diagnosis.selection import split_rows
-    from aoro_gym.diagnosis.tables import diagnose_rows, read_rows
+    from aoro_gym.diagnosis.tables import read_rows
+    from aoro_gym.diagnosis.tables_diagnosis import diagnose_rows
 
-    used, held_out = split_rows(read_rows(table, source), fit=fit, holdout=holdout)
+    source, healthy_source = sources
+    rows = read_rows(table, source)
+    healthy = [] if healthy_source is None else read_rows(table, healthy_source)
+    if healthy and healthy == rows:
+        raise ValueError(f"--healthy-source {healthy_source} is the --source itself; name another one")
+    used, held_out = split_rows(rows, fit=fit, holdout=holdout)
     with _simulating(**how) as shared:
-        found = diagnose_rows(used, machine, held_out=held_out, **shared)
+        found = diagnose_rows(used, machine, healthy=healthy, held_out=held_out, **shared)
         written = _written(found, shared["out"])
     _conclude(found, written)
 

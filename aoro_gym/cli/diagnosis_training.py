@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -23,6 +24,7 @@ StepsOption = Annotated[int, option("--steps", "N", "Batches of each network.", 
 BatchOption = Annotated[int, option("--batch", "N", "Cases in a batch.", min=1)]
 StartOption = Annotated[Path | None, option("--start", "DIR", "Folder of networks whose weights training begins with.")]
 ProcessesOption = Annotated[int, option("--processes", "N", "Processes that draw machines.", min=1)]
+TablesOption = Annotated[bool, option("--tables", None, "Networks of tables of key figures, instead of logs.")]
 
 
 @app.callback()
@@ -33,6 +35,7 @@ def _networks() -> None:
 @app.command()
 def train(
     out: OutOption = Path("networks"),
+    tables: TablesOption = False,
     machines: MachinesOption = 102400,
     networks: NetworksOption = 3,
     minutes: MinutesOption = 10.0,
@@ -51,6 +54,9 @@ def train(
     how well each network and all of them name causes there, with each usual set of sensors. That is on simulated machines;
     aoro-gym blind says how well a diagnosis does on machines whose laws nobody here wrote.
 
+    With --tables they are networks for diagnose --metrics TABLE: of the key figures of six full turns on one healthy and
+    four later days. DIR/tables_calibration.json then says how sure they may be, by the machines that were held out.
+
     Networks that the same command finished before it was stopped are kept, and more are trained beside them.
 
     The same seed draws the same machines, whichever number of processes. The whole needs a GPU with 32 GB; a CPU serves for
@@ -60,6 +66,7 @@ def train(
 
       aoro-gym diagnosis train --processes 16
       aoro-gym diagnosis train --machines 20 --networks 1 --steps 20 --batch 8 --device cpu
+      aoro-gym diagnosis train --tables --machines 40000 --networks 1 --minutes 2 --processes 16
     """
     with checking_input():
         from aoro_gym.execution import devices
@@ -67,14 +74,23 @@ def train(
 
         devices.find(device)
         check_writable(out / "training.json")
+        from aoro_gym.diagnosis.network import program, tables_program
         from aoro_gym.diagnosis.network.dataset import Amount
         from aoro_gym.diagnosis.network.forward import networks_in
-        from aoro_gym.diagnosis.network.program import Program, run
+        from aoro_gym.diagnosis.network.tables_forward import CALIBRATION, TRAINING, file_name
+        from aoro_gym.diagnosis.network.tables_model import SHAPE
         from aoro_gym.diagnosis.network.training import Course
 
         begin = () if start is None else networks_in(start)
         amount = Amount(machines, seed=seed, processes=processes)
-        program = Program(amount, networks, Course(steps=steps, batch=batch), 60.0 * minutes, start=begin)
+        what = program.Program(amount, networks, Course(steps=steps, batch=batch), 60.0 * minutes, start=begin)
+        if tables:
+            what = replace(what, course=tables_program.course(steps, batch), shape=SHAPE)
     with terminal.progress("train networks") as tell, running():
-        run(program, device, out, tell)
-    say_written([*(out / f"network_{number}.safetensors" for number in range(networks)), out / "training.json"])
+        (tables_program if tables else program).run(what, device, out, tell)
+    files = (
+        [*map(file_name, range(networks)), CALIBRATION, TRAINING]
+        if tables
+        else [*(f"network_{number}.safetensors" for number in range(networks)), "training.json"]
+    )
+    say_written([out / name for name in files])

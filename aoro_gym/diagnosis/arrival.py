@@ -9,11 +9,18 @@ on as fast as it came, so that its distance from the measurement is what it woul
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from aoro_gym.diagnosis.noise import Floats
-from aoro_gym.diagnosis.recording import TICK
+from aoro_gym.diagnosis.recording import TICK, Recording
+
+CLOCKED = ("joint_angle", "pressure_a", "pressure_b", "pump_pressure")
+"""Signals that the joint's arrival at a stop shows in."""
 
 SMOOTH = 5
 """Samples that the angle is averaged over to find the instant, of measurements and predictions alike."""
@@ -100,6 +107,19 @@ def on_clock(values: Floats, own: Floats, measured: float, steering: Floats, *, 
         begin, end = _between(values, np.stack([early - APPROACH, early]))
         read[:first] += np.where(arrives, further * (end - begin) / APPROACH, 0.0)
     return read
+
+
+def on_clock_of(recording: Recording, arrival: int, signals: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Signals (F, N) of machines under the commands of a ``recording`` whose joint comes to its stop at the sample
+    ``arrival``, read on its clock."""
+    steering = recording.commands[:, 0]
+    own = arrivals(signals["joint_angle"], steering)
+    clocked = {
+        name: on_clock(values, own, arrival, steering, goes_on=name == "joint_angle")
+        for name, values in signals.items()
+        if name in CLOCKED
+    }
+    return {**signals, **clocked}
 
 
 def _between(values: Floats, instants: Floats) -> Floats:

@@ -118,7 +118,7 @@ def diagnose(
     networks = trained() if networks is None else networks
     asked = _asked(logs, networks, calibrations or shipped())
     following = "" if asked.decision.verdict == "no_gap" else "; sizes are fitted"
-    progress(f"first finding: {_first(asked.decision)}{following}", 0.2)
+    progress(f"first finding: {first_finding(asked.decision)}{following}", 0.2)
     fits = _fitted(asked, logs, twin, networks, simulator, out)
     progress("what to record next", 0.7)
     tests = _tests(asked, logs, twin, networks, simulator)
@@ -152,7 +152,7 @@ def _asked(logs: Logs, networks: Sequence[Weights], calibrations: Mapping[str, C
     return Asked(case, said, decide(said.probabilities, calibrations[sensor_set(logs.channels)]))
 
 
-def _first(decision: Decision) -> str:
+def first_finding(decision: Decision) -> str:
     """The verdict in a few words."""
     effects, share = decision.hypotheses[0]
     named = " and ".join(name.replace("_", " ") for name in effects) or "nothing wrong"
@@ -173,14 +173,14 @@ def _fitted(
     without = []
     if within and len(logs.later) > 1 and not logs.held_out:
         rest = [[one for one in logs.later if one is not left] for left in logs.later]
-        without = [_sizes(posterior(networks, case_of(those, logs.healthy))) for those in rest]
+        without = [sizes_of(posterior(networks, case_of(those, logs.healthy))) for those in rest]
     return fit(
         twin, logs.later, logs.healthy, [*within, *(one for one in others if one not in within)], held_out=logs.held_out,
-        quantiles=_sizes(asked.posterior), quantiles_without=without, simulator=simulator, out=out,
+        quantiles=sizes_of(asked.posterior), quantiles_without=without, simulator=simulator, out=out,
     )  # fmt: skip
 
 
-def _sizes(said: Posterior) -> dict[str, tuple[float, ...]]:
+def sizes_of(said: Posterior) -> dict[str, tuple[float, ...]]:
     """Quantiles of the change of every effect's first operational magnitude [SI], by id."""
     return {name: tuple(values.tolist()) for name, values in zip(IDS, said.quantiles, strict=True)}
 
@@ -211,7 +211,7 @@ def _concluded(asked: Asked, fits: Fits, logs: Logs, twin: Machine, tests: tuple
         controls={} if first is None else fits.controls(first.effects),
         key_figures={} if first is None else key_figures(logs.later, first.curves, twin),
         next_experiments=tests,
-        alike=_alike(decision),
+        alike=alike_causes(decision),
         curves=() if first is None else first.curves,
     )
 
@@ -220,12 +220,12 @@ def _causes(asked: Asked, fits: Fits) -> tuple[Cause, ...]:
     """Hypotheses worth listing, with the sizes that networks say of those that were fitted, and of a second operational
     magnitude what the fit says."""
     fitted = {one.effects: one for one in fits.causes}
-    said = _sizes(asked.posterior)
+    said = sizes_of(asked.posterior)
     found = []
     for place, (effects, share) in enumerate(asked.decision.hypotheses):
         if effects in fitted:
             cause = fitted[effects].cause(share)
-            sizes = {name: (_interval(name, said[name]), *parts[1:]) for name, parts in cause.magnitudes.items()}
+            sizes = {name: (interval_of(name, said[name]), *parts[1:]) for name, parts in cause.magnitudes.items()}
             found.append(replace(cause, magnitudes=sizes))
         elif share >= LISTED or not place:
             parts = dict.fromkeys(EFFECTS[name].component for name in effects if name in EFFECTS)
@@ -233,7 +233,7 @@ def _causes(asked: Asked, fits: Fits) -> tuple[Cause, ...]:
     return tuple(found)
 
 
-def _interval(name: str, quantiles: Sequence[float]) -> CredibleInterval:
+def interval_of(name: str, quantiles: Sequence[float]) -> CredibleInterval:
     """Of an effect's first operational magnitude, from its quantiles [SI]."""
     of = EFFECTS[name].operational[0]
     return CredibleInterval(quantiles[MEDIAN], quantiles[0], quantiles[-1], of.unit, of.quantity)
@@ -248,7 +248,7 @@ def components_of(decision: Decision) -> dict[str, float]:
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 
-def _alike(decision: Decision) -> tuple[tuple[str, str], ...]:
+def alike_causes(decision: Decision) -> tuple[tuple[str, str], ...]:
     """Pairs of effects that these logs cannot tell apart: single causes of the declared set."""
     single = {effects[0] for effects, share in decision.hypotheses if len(effects) == 1 and share >= LISTED}
     names = [name for name in decision.declared if name in single]

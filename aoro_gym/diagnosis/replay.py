@@ -177,8 +177,8 @@ class Simulator:
     def __init__(self, device: str = "cpu"):
         self.device = device
 
-    def run(self, tasks: Sequence[Replay], *, lent: bool = False) -> list[Signals]:
-        """What the channels of every task's recording would be; if it is ``lent``, until the next launch only."""
+    def run(self, tasks: Sequence[Replay]) -> list[Signals]:
+        """What the channels of every task's recording would be."""
         groups: dict[tuple[int, int, Steps, int], list[int]] = {}
         for index, task in enumerate(tasks):
             groups.setdefault((id(task.recording), task.variants.frames, task.steps, task.still), []).append(index)
@@ -199,8 +199,8 @@ class Simulator:
                 rows = {name: np.pad(values, ((still * frames, 0), (0, 0)), "edge") for name, values in rows.items()}
             ends = np.cumsum([0, *(tasks[index].variants.count for index in mine)])
             for index, begin, end in zip(mine, ends, ends[1:], strict=False):
-                own = {name: values[:, begin:end] for name, values in rows.items()}
-                out[index] = _measured(tasks[index], own if lent else {name: own[name].copy() for name in own})
+                own = {name: values[:, begin:end].copy() for name, values in rows.items()}
+                out[index] = _measured(tasks[index], own)
         return out
 
     def launch(self, requests: Sequence[Request]) -> list[Signals]:

@@ -18,7 +18,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from aoro_gym.diagnosis.drawing import machine_drawing
-from aoro_gym.diagnosis.result import KEY_FIGURES, PHASES, UNKNOWN, Cause, Curve, Diagnosis, GapClosure, Place
+from aoro_gym.diagnosis.figures import COLUMNS
+from aoro_gym.diagnosis.result import KEY_FIGURES, PHASES, Cause, Curve, Diagnosis, GapClosure, Place
 from aoro_gym.diagnosis.words import (
     WITHOUT_CAUSE,
     Conclusions,
@@ -184,9 +185,11 @@ def write_report(diagnosis: Diagnosis, folder: Path, *, effects: Mapping[str, Ef
 
 
 def _lead(diagnosis: Diagnosis) -> str:
-    state = f"commissioned on {count(len(diagnosis.healthy), 'healthy log')}" if diagnosis.healthy else diagnosis.mode
-    compared = f" Compared: {listed([readable(name) for name in diagnosis.signals])}." if diagnosis.signals else ""
     what = "turn" if diagnosis.signals == (KEY_FIGURES,) else "log"
+    state = (
+        f"commissioned on {count(len(diagnosis.healthy), f'healthy {what}')}" if diagnosis.healthy else diagnosis.mode
+    )
+    compared = f" Compared: {listed([readable(name) for name in diagnosis.signals])}." if diagnosis.signals else ""
     return f"{count(len(diagnosis.logs), what)} against the twin {diagnosis.machine} ({state}).{compared}"
 
 
@@ -462,26 +465,30 @@ def _key_figures_html(diagnosis: Diagnosis) -> Markup:
 
 
 def _key_figures(diagnosis: Diagnosis) -> tuple[Sequence[str], list[Sequence[str]]]:
-    """Head and rows of a table; a row of one cell heads a turn's. Where figures are all that was compared, with their
-    standard deviations and what became of them."""
+    """Head and rows of a table; a row of one cell heads a turn's. Where figures are all that was compared, with those of the
+    healthy machine, with their standard deviations and what became of them."""
     alone = diagnosis.signals == (KEY_FIGURES,)
+    every = [values for figures in diagnosis.key_figures.values() for values in figures.values()]
+    columns = {"measured": "measured", "healthy": "healthy", "before": "twin", "after": twin_with(diagnosis.causes)}
+    shown = [of for of in columns if any(values.get(of) is not None for values in every)] if alone else list(COLUMNS)
     rows: list[Sequence[str]] = []
     for turn, figures in diagnosis.key_figures.items():
         rows.append([turn])
         for name, values in figures.items():
             found, unit, _ = describe(name)
-            row = [found, unit, *(show(name, values.get(of)) for of in ("measured", "before", "after"))]
+            row = [found, unit, *(show(name, values.get(of)) for of in shown)]
             rows.append([*row, show(name, values["std"]), _use(values)] if alone else row)
-    known = [one for one in diagnosis.causes if one.effects != (UNKNOWN,)]  # the best fit that there is
-    head = ("key figure", "unit", "measured", "twin", twin_with(known if alone else diagnosis.causes))
+    head = ("key figure", "unit", *(columns[of] for of in shown))
     return (*head, "σ", "used") if alone else head, rows
 
 
 def _use(figure: Mapping[str, float | None]) -> str:
     """What became of a figure in a table."""
-    if figure["built_in"]:
-        return "built in"
-    return "left out" if figure["held_out"] else "fitted"
+    if figure["measured"] is None:
+        return ""
+    if figure["held_out"]:
+        return "left out"
+    return "built in" if figure["built_in"] and figure["healthy"] is None else "yes"
 
 
 def _experiments_html(diagnosis: Diagnosis) -> Markup:

@@ -24,7 +24,7 @@ VERDICTS: Mapping[str, str] = {
 """Every verdict, in a sentence."""
 
 PHASES = ("onset", "first_peak", "undershoot", "second_peak", "steady", "stop")
-"""Of a manoeuvre, by the time since its command last changed; see :mod:`.where`."""
+"""Of a manoeuvre, by the time since its command last changed; see :mod:`.places`."""
 
 UNKNOWN = "unknown"
 """Stands for an effect outside the catalogue."""

@@ -419,6 +419,8 @@ def _next(diagnosis: Diagnosis) -> str:
         best = diagnosis.next_experiments[0]
         what = f"Record {readable(best.name)}: {best.description.rstrip('.')} (expected gain {best.gain:.2f} bit)."
         return f"{text} {what}".strip()
+    if diagnosis.verdict != "no_gap" and diagnosis.signals == (KEY_FIGURES,):
+        return f"{text} Record logs of these turns, with the pressures of both ports and of the pump.".strip()
     if diagnosis.verdict in ("ambiguous", "unknown", "inconclusive") and "pressure_a" not in diagnosis.signals:
         return f"{text} Log the pressures of both ports and of the pump, too.".strip()
     return text.strip() or "Record other manoeuvres: other levels, ramps, reversals."

@@ -38,10 +38,9 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular, toeplitz
 from scipy.stats import chi2
 
-from aoro_gym.diagnosis.arrival import bounce
-from aoro_gym.diagnosis.noise import EXACT, Floats, Noise, noise_of
+from aoro_gym.diagnosis.arrival import arrival_of, bounce, on_clock_of
+from aoro_gym.diagnosis.noise import Floats, Noise, noise_of
 from aoro_gym.diagnosis.nuisances import Nuisances
-from aoro_gym.diagnosis.problem import Problem, on_clock_of
 from aoro_gym.diagnosis.recording import Recording
 from aoro_gym.diagnosis.replay import FINE, Replay, Signals, Simulator, Variants
 from aoro_gym.diagnosis_benchmark.sealing import COLUMNS
@@ -223,17 +222,18 @@ def _evidence_given_calibration(
     calibration and the first less each of the others, of whose size nothing is known."""
     file = place / "machine.toml"
     spread = "day" if commissioned else "range"
-    machine = Nuisances(Machine.load(file), spread)
-    problem = Problem(logs, machine, {}, error=EXACT, noise=noises)
-    points, steps = problem.neighbours(problem.centre)
-    variants = problem.at(np.vstack([problem.centre, points]))
+    uncertain = Nuisances(Machine.load(file), spread)
+    steps = uncertain.steps
+    points = np.vstack([np.zeros(len(steps)), np.diag(steps)])
+    variants = Variants(uncertain.machines(points), len(points))
     others = next(iter(signals[0].values())).shape[1] - 2
-    precision = np.pad(problem.precision[: len(steps), : len(steps)], (0, others))
+    precision = np.pad(np.eye(len(steps)), (0, others))
     whole, evidence = np.zeros((1 + len(precision), 1 + len(precision))), 0.0
     for index in sorted(range(len(logs)), key=lambda index: logs[index].ticks):
-        log, arrival = logs[index], problem.arrivals[index]
+        log = logs[index]
+        arrival = arrival_of(log.channels["joint_angle"], log.commands[:, 0])
         (around,) = twins.replayed(file.read_bytes(), spread, variants, [log])
-        read, known = (on_clock_of(log, arrival, each)[0] for each in (signals[index], around))
+        read, known = (on_clock_of(log, arrival, each) for each in (signals[index], around))
         for channel, values in read.items():
             slopes = np.nan_to_num(known[channel][:, 1:] - known[channel][:, :1]) / steps
             shifts = np.column_stack([values[:, 0] - values[:, 1], slopes, values[:, :1] - values[:, 2:]]).astype(

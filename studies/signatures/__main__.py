@@ -17,7 +17,6 @@ from scipy.ndimage import gaussian_filter1d
 
 from aoro_gym import Machine
 from aoro_gym.diagnosis.noise import Floats
-from aoro_gym.diagnosis.problem import SWAY
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.execution.files import write_text
 from aoro_gym.machine.laws import FAMILIES
@@ -31,6 +30,8 @@ FITTED = Path(__file__).parents[1] / "families/results"
 """Machine files of the families, each fitted to the published figures with its own laws."""
 VIEWS = ("whole", "turning", "slow")
 """What is compared: all frames; those from a command up to the first arrival of any machine at a stop; these smoothed."""
+SWAY = 15
+"""Standard deviation, in samples, of the window that parts a signal's sway, of about 3 Hz, from its slow course."""
 ROUNDINGS = 10.0
 """Length of a signature, over that of a change of some roundings, below which single precision blurs it."""
 

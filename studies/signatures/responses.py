@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from aoro_gym import Machine, Twin
 from aoro_gym.diagnosis.noise import Floats
 from aoro_gym.diagnosis.nuisances import Nuisances
-from aoro_gym.diagnosis.problem import START_JITTER, ZEROS
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.sensors import JointAngleNoise, PressureNoise
 from aoro_gym.terrains.plane import Plane
@@ -32,6 +31,12 @@ DAY = "day"
 """Spread of the nuisances: a commissioned machine on another day."""
 STEP = 0.5
 """Finite difference of a nuisance, in prior standard deviations."""
+START_JITTER = 1e-3
+"""Standard deviation [s] of a recording's clock against its commands."""
+ZEROS: Mapping[str, float] = {
+    "joint_angle": np.radians(0.03), "pressure_a": 1e5, "pressure_b": 1e5, "pump_pressure": 1e5,
+}  # fmt: skip
+"""Standard deviation [SI] of a sensor's zero, anew in each recording: a quarter of a per cent of 400 bar."""
 ROUNDING = ("frame.front.mass", 1e-6)
 """Parameter and relative change of it that stand for a change of a few roundings."""
 

@@ -46,7 +46,14 @@ HEAD = "signal_percent,source,turn_time_s,first_peak_L_per_min"
         (f"{HEAD}\n100,m,2,90\n", ["--fit", "signal=75"], "no row has signal=75; choose of 100"),
         (f"{HEAD}\n100,m,2,90\n", ["--fit", "left"], "write --fit signal=100"),
         (f"{HEAD}\n100,m,2,90\n", ["--holdout", "signal=100"], "leaves no row"),
-        (f"{HEAD}\n100,m,2,90\n", ["--healthy", "logs"], "no healthy machine"),
+        (f"{HEAD}\n100,m,2,90\n", ["--healthy", "logs"], "--healthy takes logs; with --metrics give --healthy-source NAME"),
+        (f"{HEAD}\n100,m,2,90\n", ["--healthy-source", "m"], "--healthy-source m is the --source itself"),
+        (f"{HEAD}\n100,m,2,90\n", ["--healthy-source", "q"], "no row of source 'q'; choose one of m"),
+        (
+            f"{HEAD}\n100,m,2,90\n75,n,2,90\n",
+            ["--source", "m", "--healthy-source", "n"],
+            "no healthy row has a turn of left, 100 %; there are left, 75 %",
+        ),
         ("signal_percent,source,turn_time_s,mean_flow_L_per_min\n100,m,2000,70.6\n", [], "at most 1000"),
         ("signal_percent,source,turn_time_s,mean_flow_L_per_min\n100,m,2,1.2\n", [], "check the units"),
     ],
@@ -66,6 +73,7 @@ def test_tables_that_cannot_be_used_are_refused_in_a_line(content, options, said
         ([], "give LOGs or --metrics"),
         (["log.csv", "--metrics", "t.csv"], "not both"),
         (["--metrics", "no.csv"], "no.csv"),
+        (["log.csv", "--healthy-source", "m"], "--healthy-source m belongs to --metrics TABLE"),
     ],
 )
 def test_logs_or_a_table_are_needed(options, said):

@@ -87,9 +87,9 @@ def test_kept_diagnoses_of_another_case_or_code_are_not_taken(suite, monkeypatch
     with pytest.raises(ChangedInput, match="case 002 has changed"):
         run_cases(suite, out, sensors="angle", diagnose=stand_in)
     log.write_text(before)
-    edited = {**sources(), "diagnosis/search.py": "0" * 16}
+    edited = {**sources(), "diagnosis/fits.py": "0" * 16}
     monkeypatch.setattr(provenance, "sources", lambda: edited)
-    with pytest.raises(ChangedCode, match=r"diagnosis/search.py has changed"):
+    with pytest.raises(ChangedCode, match=r"diagnosis/fits.py has changed"):
         run_cases(suite, out, sensors="angle", diagnose=stand_in)
     kept = (out / "001" / "diagnosis.json").stat().st_mtime_ns
     run_cases(suite, out, sensors="angle", accept_code_change=True, diagnose=stand_in)

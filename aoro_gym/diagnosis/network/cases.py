@@ -6,7 +6,7 @@ a command with the first of them; the others stand alone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -121,9 +121,20 @@ def posteriors(
         networks: Trained ones.
         tokens: What each keeps of the cases' logs (B, J, kept, width), see :func:`tokens_of`.
     """
+    said = (
+        decided(weights, kept, np.ones(kept.shape[:2], dtype=bool))
+        for weights, kept in zip(networks, tokens, strict=True)
+    )
+    return averaged(networks, said)
+
+
+def averaged(
+    networks: Sequence[Weights], said: Iterable[tuple[Floats, Floats]]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Probabilities and quantiles [SI] as in :func:`posteriors`, of the logits and scaled quantiles that each of the
+    ``networks`` said."""
     shares, sizes = [], []
-    for weights, kept in zip(networks, tokens, strict=True):
-        logits, quantiles = decided(weights, kept, np.ones(kept.shape[:2], dtype=bool))
+    for weights, (logits, quantiles) in zip(networks, said, strict=True):
         odds = np.exp(logits.astype(np.float64) - logits.max(axis=1, keepdims=True))
         shares.append(odds / odds.sum(axis=1, keepdims=True))
         sizes.append(np.sinh(np.sort(quantiles.astype(np.float64), axis=-1)) * weights.scales[:, None])

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -136,7 +137,12 @@ def sensor_set(channels: Sequence[str]) -> str:
 @cache
 def shipped() -> Mapping[str, Calibration]:
     """Of the networks that come with the package, by set of sensors."""
-    return {name: Calibration.from_dict(of) for name, of in read_json(TRAINED / "calibration.json")["sets"].items()}
+    return calibrations_of(TRAINED / "calibration.json")
+
+
+def calibrations_of(path: Path) -> Mapping[str, Calibration]:
+    """By set of sensors, from a file."""
+    return {name: Calibration.from_dict(of) for name, of in read_json(path)["sets"].items()}
 
 
 def tempered(probabilities: Floats, temperature: float) -> Floats:
@@ -190,7 +196,8 @@ def calibrated(
 
     Args:
         probabilities: Of the hypotheses (N, hypotheses), as networks say.
-        truth: Numbers of the true ones (N,).
+        truth: Numbers of the true ones (N,), one of them at least that of nothing. Without a known cause that is noticed
+            nothing is taken for something else, and every effect may be the cause.
         weights: Of the cases (N,), equal by default.
         statistics: Of the null test, and the share of false alarms of each.
     """
@@ -218,8 +225,8 @@ def calibrated(
     of_truth = within[single, truth[single] - hypotheses.SINGLE]
     return replace(
         calibration,
-        outside=float(_quantile(told[known], 1.0 - REJECTED, weights[known])),
-        member=float(_quantile(of_truth, 1.0 - HELD, weights[single])),
+        outside=float(_quantile(told[known], 1.0 - REJECTED, weights[known])) if known.any() else 1.0,
+        member=float(_quantile(of_truth, 1.0 - HELD, weights[single])) if single.any() else 0.0,
     )
 
 

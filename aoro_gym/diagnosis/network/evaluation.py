@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from aoro_gym.diagnosis.network import hypotheses
 from aoro_gym.diagnosis.network.dataset import Labelled
-from aoro_gym.diagnosis.network.model import Network
+from aoro_gym.diagnosis.network.model import Causes, Network
 from aoro_gym.diagnosis.network.sensing import Draw
-from aoro_gym.diagnosis.network.training import Course, draw_batch
+from aoro_gym.diagnosis.network.training import Batch, Course, draw_batch
 from aoro_gym.diagnosis.simulation.prior import SensorPrior
 
 BATCH = 512
@@ -89,15 +89,21 @@ def answers(
         rounds: Days of each machine.
     """
     draw = Draw(torch.Generator(device=data.samples.device).manual_seed(seed))
-    course, found = Course(logs=data.samples.shape[2]), []
-    for part in machines.repeat(rounds).split(BATCH):
-        with torch.no_grad():
-            batch = draw_batch(data, part, course, SensorPrior(), draw, sensors)
+    course = Course(logs=data.samples.shape[2])
+    parts = machines.repeat(rounds).split(BATCH)
+    return answered(networks, (draw_batch(data, part, course, SensorPrior(), draw, sensors) for part in parts))
+
+
+def answered(networks: Sequence[Causes], batches: Iterable[Batch]) -> Answers:
+    """What the mean of ``networks`` says of ``batches``."""
+    found = []
+    with torch.no_grad():
+        for batch in batches:
             said = [network.eval()(batch.rows, batch.present) for network in networks]
             share = torch.stack([torch.softmax(logits, dim=1) for logits, _ in said]).mean(dim=0)
             quantiles = torch.stack([quantiles for _, quantiles in said]).mean(dim=0)
-        parts = (share, batch.hypothesis, quantiles, batch.effects, batch.sizes)
-        found.append([values.cpu().numpy() for values in parts])
+            parts = (share, batch.hypothesis, quantiles, batch.effects, batch.sizes)
+            found.append([values.cpu().numpy() for values in parts])
     return Answers(*(np.concatenate(column) for column in zip(*found, strict=True)))
 
 

@@ -124,19 +124,20 @@ def concluded(weights: Weights, tokens: Array, present: NDArray[np.bool_]) -> tu
     x = _norm(w, "norm", x)
     asked, h = x[:, :count], x[:, count]
     own = np.einsum("bcw,cwk->bck", asked, w["own"])
-    member = _linear(w, "member", h) + own[..., 1]
-    left, right = (_linear(w, side, h).reshape(batch, count, shape.rank) for side in ("left", "right"))
-    one, other = (_linear(w, side, asked) for side in ("one", "other"))
+    member = linear(w, "member", h) + own[..., 1]
+    left, right = (linear(w, side, h).reshape(batch, count, shape.rank) for side in ("left", "right"))
+    one, other = (linear(w, side, asked) for side in ("one", "other"))
     both = np.einsum("bpr,bpr->bp", left[:, _FIRST], right[:, _SECOND])
     both += np.einsum("bpr,bpr->bp", one[:, _FIRST], other[:, _SECOND])
     pair = member[:, _FIRST] + member[:, _SECOND] + both / np.sqrt(np.float32(shape.rank))
-    single = _linear(w, "single", h)
+    single = linear(w, "single", h)
     single = np.concatenate([single[:, :SINGLE], single[:, SINGLE:] + own[..., 0]], axis=1)
-    sizes = _linear(w, "size.2", _gelu(_linear(w, "size.0", h))).reshape(batch, count, len(QUANTILES)) + own[..., 2:]
+    sizes = linear(w, "size.2", gelu(linear(w, "size.0", h))).reshape(batch, count, len(QUANTILES)) + own[..., 2:]
     return np.concatenate([single, pair], axis=1), sizes
 
 
-def _linear(w: Mapping[str, Array], name: str, x: Array) -> Array:
+def linear(w: Mapping[str, Array], name: str, x: Array) -> Array:
+    """``x`` (..., inputs) through the layer ``name`` of weights ``w``."""
     weight = w[f"{name}.weight"]
     # one product: threads that meet at many small ones take up to ten times as long on a busy machine
     return (x.reshape(-1, x.shape[-1]) @ weight.T + w[f"{name}.bias"]).reshape(*x.shape[:-1], len(weight))
@@ -148,7 +149,8 @@ def _norm(w: Mapping[str, Array], name: str, x: Array) -> Array:
     return centred / scale * w[f"{name}.weight"] + w[f"{name}.bias"]
 
 
-def _gelu(x: Array) -> Array:
+def gelu(x: Array) -> Array:
+    """x Φ(x), element by element."""
     return (0.5 * x * (1.0 + erf(x / np.sqrt(np.float32(2.0))))).astype(np.float32)
 
 
@@ -158,18 +160,18 @@ def _windows(w: Mapping[str, Array], x: Array) -> Array:
     padded = np.pad(x, ((0, 0), (0, 0), (margin, margin)))
     windows = np.lib.stride_tricks.sliding_window_view(padded, WINDOW, axis=2)[:, :, ::STRIDE]
     flat = windows.transpose(0, 2, 1, 3).reshape(len(x), SAMPLES // STRIDE, FEATURES * WINDOW)
-    return _linear(w, "embed.narrow", _gelu(_linear(w, "embed.wide", flat)))
+    return linear(w, "embed.narrow", gelu(linear(w, "embed.wide", flat)))
 
 
 def _block(w: Mapping[str, Array], name: str, x: Array, heads: int, mask: NDArray[np.bool_] | None = None) -> Array:
     """A transformer's block, normalised first; ``mask`` (B, N or 1, N) is true where a token may see another."""
     batch, count, width = x.shape
-    parts: Any = _linear(w, f"{name}.attention", _norm(w, f"{name}.first", x))
+    parts: Any = linear(w, f"{name}.attention", _norm(w, f"{name}.first", x))
     q, k, v = parts.reshape(batch, count, 3, heads, width // heads).transpose(2, 0, 3, 1, 4)
     score = q @ k.transpose(0, 1, 3, 2) / np.sqrt(np.float32(width // heads))
     if mask is not None:
         score = np.where(mask[:, None], score, -np.inf)
     share = np.exp(score - score.max(axis=-1, keepdims=True))
     mixed = (share / share.sum(axis=-1, keepdims=True)) @ v
-    x = x + _linear(w, f"{name}.out", mixed.transpose(0, 2, 1, 3).reshape(batch, count, width))
-    return x + _linear(w, f"{name}.narrow", _gelu(_linear(w, f"{name}.wide", _norm(w, f"{name}.second", x))))
+    x = x + linear(w, f"{name}.out", mixed.transpose(0, 2, 1, 3).reshape(batch, count, width))
+    return x + linear(w, f"{name}.narrow", gelu(linear(w, f"{name}.wide", _norm(w, f"{name}.second", x))))

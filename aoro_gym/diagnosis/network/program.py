@@ -70,8 +70,8 @@ def run(program: Program, device: str, out: Path, progress: Progress = lambda se
     if starts[0] is not None:
         program = replace(program, shape=starts[0].shape)
     out.mkdir(parents=True, exist_ok=True)
-    told = _as_told(program, device)
-    before = _finished(out, told)
+    told = as_told(program, device)
+    before = finished(out / "training.json", told)
     kept = before["networks"][: program.networks]
     if len(kept) == program.networks:
         progress("all networks are trained already", 1.0)
@@ -111,7 +111,7 @@ def run(program: Program, device: str, out: Path, progress: Progress = lambda se
     return with_nulls(result)
 
 
-def _as_told(program: Program, device: str) -> dict[str, Any]:
+def as_told(program: Program, device: str) -> dict[str, Any]:
     """All that networks depend on, but for how many there are and how many processes draw machines."""
     told = {
         "amount": asdict(program.amount), "course": asdict(program.course), "shape": program.shape.as_dict(),
@@ -122,13 +122,14 @@ def _as_told(program: Program, device: str) -> dict[str, Any]:
     return told
 
 
-def _finished(out: Path, told: dict[str, Any]) -> dict[str, Any]:
-    """What an earlier run of the same program wrote to ``out``; no networks where there was none."""
-    path = out / "training.json"
+def finished(path: Path, told: dict[str, Any]) -> dict[str, Any]:
+    """What an earlier run of the same program wrote to ``path``; no networks where there was none, or one is gone."""
     with suppress(OSError, ValueError, KeyError, TypeError):
         found = read_json(path)
         same = json.loads(json.dumps(with_nulls(told)))
-        if {key: found[key] for key in same} == same and all((out / one["file"]).exists() for one in found["networks"]):
+        if {key: found[key] for key in same} == same and all(
+            (path.parent / one["file"]).exists() for one in found["networks"]
+        ):
             return found
     return {"networks": []}
 

@@ -17,7 +17,7 @@ from aoro_gym.diagnosis.network import hypotheses
 from aoro_gym.diagnosis.network.dataset import Labelled
 from aoro_gym.diagnosis.network.features import features
 from aoro_gym.diagnosis.network.forward import Weights
-from aoro_gym.diagnosis.network.model import Network
+from aoro_gym.diagnosis.network.model import Causes, Network
 from aoro_gym.diagnosis.network.sensing import Draw, sensed
 from aoro_gym.diagnosis.network.shape import QUANTILES, Shape
 from aoro_gym.diagnosis.simulation.days import HEALTHY
@@ -235,13 +235,36 @@ def train(
     prior = prior or SensorPrior()
     draw = Draw(torch.Generator(device=device).manual_seed(seed))
     network = (Network(shape) if start is None else Network.of(start)).to(device)
-    compiled = device.type == "cuda" and find_spec("triton") is not None
-    learner = torch.compile(network) if compiled else network
-    optimiser = torch.optim.AdamW(network.parameters(), lr=course.rate, weight_decay=course.decay, betas=(0.9, 0.98))
 
     def make() -> Batch:
         return draw_batch(data, draw.one_of(data.machines - held_out, course.batch), course, prior, draw)
 
+    optimise(network, make, course, device, seconds=seconds, progress=progress)
+    return network
+
+
+def optimise(
+    network: Causes,
+    make: Callable[[], Batch],
+    course: Course,
+    device: torch.device,
+    *,
+    seconds: float = math.inf,
+    progress: Callable[[int, int, dict[str, float]], Any] = lambda step, steps, losses: None,
+) -> None:
+    """Train ``network`` on batches.
+
+    Args:
+        network: On the ``device``.
+        make: Makes a batch.
+        course: How the network is trained.
+        device: Where that is.
+        seconds: See :func:`train`.
+        progress: See :func:`train`.
+    """
+    compiled = device.type == "cuda" and find_spec("triton") is not None
+    learner = torch.compile(network) if compiled else network
+    optimiser = torch.optim.AdamW(network.parameters(), lr=course.rate, weight_decay=course.decay, betas=(0.9, 0.98))
     batches = _drawn_ahead(make, device)
     began, done = time.monotonic(), 0.0
     for step in range(course.steps):
@@ -261,4 +284,3 @@ def train(
         optimiser.step()
         if step % max(min(100, course.steps // 50), 1) == 0:
             progress(step, course.steps, {name: float(value.detach()) for name, value in losses.items()})
-    return network

@@ -66,6 +66,10 @@ class Days:
         """Days of all ``parts``, one after the other."""
         return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in cls.__dataclass_fields__))
 
+    def of(self, rows: NDArray[np.intp]) -> Days:
+        """Some of the days, by number."""
+        return Days(*(getattr(self, name)[rows] for name in Days.__dataclass_fields__))
+
 
 @cache
 def bases() -> tuple[Machine, ...]:

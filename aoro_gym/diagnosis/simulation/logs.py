@@ -20,6 +20,7 @@ from aoro_gym.diagnosis.simulation import outsiders
 from aoro_gym.diagnosis.simulation.days import Days, planes
 from aoro_gym.diagnosis.simulation.manoeuvres import CHANNELS, SAMPLES, TICK, Manoeuvre
 from aoro_gym.machine import Machine
+from aoro_gym.terrains.plane import Plane
 from aoro_gym.twin import Twin
 from aoro_gym.twin.records import Command, MachineRecord, Output, State
 
@@ -110,20 +111,22 @@ def simulate(
         own = slice(first, min(first + stride, machines))
         rows = slice(own.start * later, own.stop * later)
         into: Any = samples[own.start * later * each : own.stop * later * each]
-        told = _schedules(commands[own], days.outsider[rows].reshape(-1, later), rng)
+        outsider = days.outsider[rows].reshape(-1, later)
+        told = schedules(commands[own], outsider, lambda machine, day: int(rng.integers(2**63)))
         angle = (start[own][:, None] * days.joint_range[rows].reshape(-1, later, 1)).ravel()
         records, slope = np.repeat(days.records[rows], each), np.repeat(days.slope[rows], each, axis=0)
-        status = _run(records, planes(slope), angle, *told, into)
+        status = follow(records, planes(slope), angle, *told, _keeper(into), device=device)
         diverged[own] = status.reshape(-1, later, each) != 0
         progress(own.stop * later * each, machines * later * each)
     return Logs(samples, commands, diverged)
 
 
-def _schedules(
-    commands: NDArray[np.float32], outsider: NDArray[np.int16], rng: np.random.Generator
+def schedules(
+    commands: NDArray[np.float32], outsider: NDArray[np.int16], seed_of: Callable[[int, int], int]
 ) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
     """Commands (S, ticks, 2) as valves get them, and their numbers by twin (M D J): those of a machine's manoeuvres
-    (M, J, 2, ticks) on all its days (M, D), but for days whose ``outsider`` lies in the command."""
+    (M, J, 2, ticks) on all its days (M, D), but for days whose ``outsider`` lies in the command: these draw what it does
+    with the seed of their machine and day."""
     machines, each, _, ticks = commands.shape
     later = outsider.shape[1]
     own = commands.transpose(0, 1, 3, 2).reshape(machines * each, ticks, 2)
@@ -132,7 +135,7 @@ def _schedules(
     kinds = list(outsiders.COMMAND.values())
     other = []
     for m, d in np.argwhere((outsider >= first) & (outsider < first + len(kinds))):
-        deviates, state = kinds[outsider[m, d] - first], int(rng.integers(2**63))
+        deviates, state = kinds[outsider[m, d] - first], seed_of(int(m), int(d))
         for j in range(each):
             told = own[m * each + j].copy()
             told[:, 0] = deviates(told[:, 0].astype(np.float64), np.random.default_rng(state))
@@ -141,21 +144,49 @@ def _schedules(
     return (np.concatenate([own, np.stack(other)]) if other else own), which.ravel().astype(np.int32)
 
 
-def _run(
-    records: NDArray[np.void], plane: Any, angle: NDArray[np.float64], schedule: Any, which: Any, into: Any
+def _keeper(into: wp.array) -> Callable[[wp.array, wp.array, int], None]:
+    """Keeps samples (N, channels, SAMPLES) of twins."""
+
+    def keep(values: wp.array, rows: wp.array, first: int) -> None:
+        count = (len(values), len(CHANNELS), values.shape[2])
+        wp.launch(_keep, count, [values, rows, first, SAMPLES, into], device=into.device)
+
+    return keep
+
+
+def follow(
+    records: NDArray[np.void],
+    plane: Plane,
+    angle: NDArray[np.float64],
+    schedule: NDArray[np.float32],
+    which: NDArray[np.int32],
+    keep: Callable[[wp.array, wp.array, int], object],
+    *,
+    device: str,
 ) -> NDArray[np.int32]:
-    """Simulate twins into samples (N, channels, SAMPLES); their status codes."""
-    count, device = len(records), into.device
+    """Simulate twins (N,) that do as they are told; their status codes.
+
+    Args:
+        records: Of the twins.
+        plane: Under each of them.
+        angle: Joint angles [rad] at the beginning.
+        schedule: Commands (S, ticks, 2).
+        which: Number in ``schedule`` of each twin.
+        keep: Called with values (frames, rows, N) on the device, which of the rows are :data:`CHANNELS`, and the number of
+            the first frame; the last call may go beyond the last sample.
+        device: Of the twins.
+    """
+    count, ticks = len(records), schedule.shape[1]
     twin = Twin(
-        count, machine=_any_machine(), terrain=plane, own_machines=True, choose_laws=True, device=str(device),
+        count, machine=any_machine(), terrain=plane, own_machines=True, choose_laws=True, device=device,
         main_step=MAIN_STEP, substeps=SUBSTEPS, check_step=False,
     )  # fmt: skip
     twin.machines.assign(wp.array(records, dtype=MachineRecord, device=device))
-    limit = float(np.max(_any_machine().joint.range))
+    limit = float(np.max(any_machine().joint.range))
     twin.reset(joint_angle=np.clip(angle, -limit, limit))
-    stretches = -(-(SAMPLES - 1) // STRETCH)
+    stretches = -(-ticks // STRETCH)
     padded = np.zeros((len(schedule), stretches * STRETCH, len(COMMANDS)), dtype=np.float32)
-    padded[:, : SAMPLES - 1] = schedule
+    padded[:, :ticks] = schedule
     held = wp.array(padded, dtype=float, device=device)
     numbers = wp.array(which, dtype=int, device=device)
     told = wp.empty((STRETCH, *twin.commands.shape), dtype=float, device=device)
@@ -164,22 +195,19 @@ def _run(
         wp.copy(part, twin.commands)
     twin.advance(SETTLE)
     state_rows = wp.array([int(row) for row in _STATES], dtype=int, device=device)
-    wp.launch(
-        _keep, (1, len(CHANNELS), count), [twin.state.reshape((1, *twin.state.shape)), state_rows, 0, SAMPLES, into],
-        device=device,
-    )  # fmt: skip
+    keep(twin.state.reshape((1, *twin.state.shape)), state_rows, 0)
     advance = twin.advancing(STRETCH * TICK, sample_every=TICK, commands=told)
     rows = wp.array([int(row) for row in _OUTPUTS], dtype=int, device=device)
     for stretch in range(stretches):
         first = stretch * STRETCH
         wp.launch(_hold, (STRETCH, len(COMMANDS), count), [held, numbers, first, told], device=device)
         advance(0, count)
-        wp.launch(_keep, (STRETCH, len(CHANNELS), count), [twin.outputs, rows, first + 1, SAMPLES, into], device=device)
+        keep(twin.outputs, rows, first + 1)
     return np.asarray(twin.status_codes.numpy(), dtype=np.int32)
 
 
 @cache
-def _any_machine() -> Machine:
+def any_machine() -> Machine:
     """A machine in whose place the records of others come; its joint reaches as far as any range allows."""
     widest = Machine.load("aoro")
     return widest.set({"joint.range": widest.entries["joint.range"].range[1]}, check_ranges=False)
