@@ -72,6 +72,8 @@ def train(
         from aoro_gym.execution import devices
         from aoro_gym.execution.files import check_writable
 
+        if tables and start is not None:
+            raise ValueError(f"--start {start} holds networks of logs; leave it out with --tables")
         devices.find(device)
         check_writable(out / "training.json")
         from aoro_gym.diagnosis.network import program, tables_program

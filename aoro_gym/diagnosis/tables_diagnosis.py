@@ -56,10 +56,14 @@ LISTED = 0.01
 """Probability below which a hypothesis is not listed."""
 MOST_LISTED = 12
 """Causes that are listed, the likeliest."""
+SET = 4
+"""Of these that the twin is set to, the likeliest that the declared set holds."""
 SIZES = 8
 """Sizes of a cause, evenly likely, for intervals of what is gone."""
 RESAMPLES = 2000
 """Of every interval."""
+BEYOND = 2.0
+"""Standard deviations beyond which it is said that a figure is not the twin's."""
 PLACES = {1: 401, 2: 41}
 """Magnitudes that are tried for a size, along each of an effect's axes, by the number of these."""
 
@@ -167,7 +171,7 @@ def diagnose_rows(
         controls=controls,
         key_figures=gap.table(),
         alike=alike_causes(decision),
-        limitations=_limitations(told, others, gap),
+        limitations=_limitations(told, others, gap, decision.verdict),
         seconds=time.monotonic() - began,
     )
 
@@ -204,15 +208,16 @@ def rows_of(pairs: Sequence[Pair], twin: Machine) -> Any:
 
 
 def _causes(decision: Decision, said: Posterior, twin: Machine, out: Path | None) -> tuple[Cause, ...]:
-    """Hypotheses worth listing, with the sizes that networks say; of those that the declared set holds with the magnitudes
-    that the twin takes, and a machine file."""
-    sizes, found = sizes_of(said), []
+    """Hypotheses worth listing, with the sizes that networks say; the likeliest that the declared set holds with the
+    magnitudes that the twin takes, and a machine file."""
+    sizes = sizes_of(said)
+    found: list[Cause] = []
     for place, (effects, share) in enumerate(decision.hypotheses[:MOST_LISTED]):
         if share < LISTED and place:
             break
         known = [name for name in effects if name in EFFECTS]
         settings = {}
-        if known and set(known) <= set(decision.declared):
+        if known and set(known) <= set(decision.declared) and sum(bool(one.settings) for one in found) < SET:
             settings = {name: _setting(name, twin, _middle(sizes[name])) for name in known}
         found.append(
             Cause(
@@ -476,7 +481,7 @@ def _finite(value: float | None) -> float | None:
 # ---- what figures cannot say ----
 
 
-def _limitations(told: Sequence[Pair], held_out: Sequence[Pair], gap: _Gap) -> tuple[str, ...]:
+def _limitations(told: Sequence[Pair], held_out: Sequence[Pair], gap: _Gap, verdict: str) -> tuple[str, ...]:
     every = [*told, *held_out]
     count = sum(len(pair.compared) for pair in told)
     found = [
@@ -489,6 +494,13 @@ def _limitations(told: Sequence[Pair], held_out: Sequence[Pair], gap: _Gap) -> t
             "No healthy machine was measured: what this machine does otherwise than others of its kind cannot be told from "
             "an effect."
         )
+        off = [abs(size) for k in range(len(told)) for _, size in gap.parts(k)]
+        if verdict == "no_gap" and off:
+            beyond = sum(size > BEYOND for size in off)
+            found.append(
+                f"{beyond} of {len(off)} figures lie more than {BEYOND:g} of their standard deviations from the twin's, at "
+                f"most {max(off):.1f}; whether a healthy machine may have them is all that was asked."
+            )
     elif alone:
         found.append(f"No row of the healthy machine has the turn of {'; '.join(alone)}.")
     unknown = any(

@@ -279,6 +279,8 @@ def _headline(diagnosis: Diagnosis) -> str:
     if blamed:
         more = ["others"] if len(blamed) > MOST_NAMED else []
         return capital(listed([*blamed[:MOST_NAMED], *more], "or"))
+    if _usual_figures(diagnosis):
+        return "No cause shows in these figures"
     return {
         "no_gap": "No gap",
         "calibration": "Calibration removes the gap",
@@ -287,8 +289,17 @@ def _headline(diagnosis: Diagnosis) -> str:
     }.get(diagnosis.verdict, VERDICTS[diagnosis.verdict].rstrip("."))
 
 
+def _usual_figures(diagnosis: Diagnosis) -> bool:
+    """Whether all that is said is that a healthy machine may have such key figures, whatever the twin's are."""
+    return diagnosis.verdict == "no_gap" and diagnosis.signals == (KEY_FIGURES,) and not diagnosis.healthy
+
+
 def _why(diagnosis: Diagnosis, effects: Mapping[str, Effect]) -> str:
     sentence = VERDICTS[diagnosis.verdict]
+    if _usual_figures(diagnosis):
+        return (
+            "A healthy machine of the kind may have figures like these. That the twin has others is no sign of a cause."
+        )
     known = dict.fromkeys(name for one in suspected(diagnosis) for name in one.effects if name in effects)
     if diagnosis.verdict == "cause":
         return " ".join(effects[name].physics for name in known) or sentence
@@ -301,6 +312,8 @@ def _why(diagnosis: Diagnosis, effects: Mapping[str, Effect]) -> str:
 
 
 def _where(diagnosis: Diagnosis) -> str:
+    if _usual_figures(diagnosis):
+        return "Nowhere that healthy machines of the kind do not differ, too."
     if diagnosis.verdict == "no_gap":
         return "Nowhere: what differs is what noise and the twin's own error bring about."
     if diagnosis.verdict == "calibration":
@@ -365,6 +378,8 @@ def _confidence(diagnosis: Diagnosis) -> str:
 
 
 def _closure(diagnosis: Diagnosis) -> str:
+    if _usual_figures(diagnosis):
+        return "No cause was tried."
     if diagnosis.verdict == "no_gap":
         return "There is nothing to shrink."
     if not diagnosis.shrinkage:
@@ -419,6 +434,10 @@ def _next(diagnosis: Diagnosis) -> str:
         best = diagnosis.next_experiments[0]
         what = f"Record {readable(best.name)}: {best.description.rstrip('.')} (expected gain {best.gain:.2f} bit)."
         return f"{text} {what}".strip()
+    if _usual_figures(diagnosis):
+        return (
+            "Compare with the same turns of a healthy day (--healthy-source), or calibrate the twin to these figures."
+        )
     if diagnosis.verdict != "no_gap" and diagnosis.signals == (KEY_FIGURES,):
         return f"{text} Record logs of these turns, with the pressures of both ports and of the pump.".strip()
     if diagnosis.verdict in ("ambiguous", "unknown", "inconclusive") and "pressure_a" not in diagnosis.signals:

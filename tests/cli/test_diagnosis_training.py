@@ -13,6 +13,7 @@ pytest.importorskip("torch")
         ("diagnosis train --device cpu --out good.csv", "good.csv"),
         ("diagnosis train --device abacus", "abacus"),
         ("diagnosis train --device cpu --start .", "no network_*.safetensors"),
+        ("diagnosis train --device cpu --tables --start .", "leave it out with --tables"),
     ],
 )
 def test_wrong_input_is_one_line_before_anything_runs(files, arguments, message):

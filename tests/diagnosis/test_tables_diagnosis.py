@@ -22,6 +22,7 @@ from aoro_gym.diagnosis.simulation.turns import READ
 from aoro_gym.diagnosis.tables import Row, read_rows
 from aoro_gym.diagnosis.tables_diagnosis import Pair, _gap_closure, _setting, diagnose_rows, paired, rows_of
 from aoro_gym.diagnosis.tables_twin import TwinTurns, turn_time
+from aoro_gym.diagnosis.words import conclusions
 from aoro_gym.effects.catalogue import EFFECTS, IDS
 from aoro_gym.machine import Machine
 from aoro_gym.simulation.key_figures import FIGURES
@@ -48,7 +49,8 @@ def network(probabilities: dict[int, float], size: float = 1.0) -> Weights:
         "left.weight": (len(IDS), 4), "left.bias": (len(IDS),), "right.weight": (len(IDS), 4), "right.bias": (len(IDS),),
         "size.0.weight": (4, 4), "size.0.bias": (4,), "size.2.weight": (len(IDS) * len(QUANTILES), 4),
         "size.2.bias": (len(IDS) * len(QUANTILES),), "wide.weight": (8, FEATURES), "wide.bias": (8,),
-        "narrow.weight": (4, 8), "narrow.bias": (4,),
+        "narrow.weight": (4, 8), "narrow.bias": (4,), "effects": (len(IDS), 4), "own": (len(IDS), 4, 2 + len(QUANTILES)),
+        "one.weight": (2, 4), "one.bias": (2,), "other.weight": (2, 4), "other.bias": (2,),
     }  # fmt: skip
     arrays = {name: np.zeros(of, np.float32) for name, of in sizes.items()}
     arrays["single.bias"] -= 30.0
@@ -210,6 +212,8 @@ def test_without_a_gap_nothing_is_closed(healthy):
     assert found.verdict == "no_gap" and found.mode == "day-one"
     assert found.shrinkage == () and found.where == () and found.controls == {}
     assert any("No healthy machine was measured" in text for text in found.limitations)
+    assert conclusions(found).headline == "No cause shows in these figures"
+    assert any("0 of 6 figures lie more than 2 of their standard deviations" in text for text in found.limitations)
 
 
 def test_held_out_rows_are_tests(later, healthy, monkeypatch):

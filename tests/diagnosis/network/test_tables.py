@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -63,7 +64,7 @@ def data() -> Tables:
     )
 
 
-def batch_of(data: Tables, machines: torch.Tensor, *, day_one: bool | None = None, prior: TablePrior | None = None):
+def batch_of(data: Tables, machines: Any, *, day_one: bool | None = None, prior: TablePrior | None = None):
     return draw_batch(
         data, machines, tables_program.course(1, 1), Draw(torch.Generator().manual_seed(1)),
         prior=prior or TablePrior(), sensors=SensorPrior(), day_one=day_one,
