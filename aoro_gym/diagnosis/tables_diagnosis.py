@@ -347,7 +347,7 @@ class _Gap:
             return (), {}
         count = len(self.told)
         held_out = list(range(count, len(self.pairs)))
-        said = {k: sizes_of(asked(self.told)) for k in range(len(self.pairs))}
+        said = dict.fromkeys(range(len(self.pairs)), sizes_of(asked(self.told)))
         without = {}
         if not held_out and count > 1:
             without = {k: sizes_of(asked([one for one in self.told if one is not self.pairs[k]])) for k in range(count)}
