@@ -10,7 +10,7 @@ import pytest
 from aoro_gym.calibration.turns import population_figures
 from aoro_gym.diagnosis import tables_diagnosis
 from aoro_gym.diagnosis.network import hypotheses
-from aoro_gym.diagnosis.network.decision import Calibration
+from aoro_gym.diagnosis.network.decision import Calibration, NullStatistic
 from aoro_gym.diagnosis.network.forward import Weights
 from aoro_gym.diagnosis.network.shape import QUANTILES, Shape
 from aoro_gym.diagnosis.network.tables_features import FEATURES
@@ -34,7 +34,7 @@ PUBLISHED = Path(str(files("aoro_gym").joinpath("validation/data/left_turn_metri
 LAG = 0.075
 """Added to the spool's time constant [s]."""
 LEVELS = (100.0, 75.0)
-CERTAIN = Calibration(100, 1.0, tuple(np.linspace(0.5, 1.0, 100)), 0.9, 0.2)
+CERTAIN = Calibration(100, 1.0, (NullStatistic("nothing", 1.0, tuple(np.linspace(0.5, 1.0, 100))),), 0.9, 0.2)
 """Nothing is wrong from a probability of one half on."""
 CALIBRATIONS = {PAIRED: CERTAIN, DAY_ONE: CERTAIN}
 
