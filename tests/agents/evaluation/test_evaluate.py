@@ -298,7 +298,7 @@ def test_strata_have_gaps_and_single_members():
     assert math.isnan(stratified_interval(values[[2, 4]], np.arange(2)).mean)
 
 
-def test_repeats_ask_for_the_same_with_other_noise_and_machines():
+def test_repeats_ask_for_the_same_with_other_noise_and_machines(short_episodes):
     """Two episodes, three times: starts and targets as of the plain ones, other errors of the sensors."""
     seeds: list[list[int]] = []
 
@@ -409,7 +409,7 @@ def test_film_without_moviepy_is_a_gif(fixture, policy, size, tmp_path, monkeypa
         assert getattr(film, "n_frames") == 3 if fixture == "turned" else 1 <= getattr(film, "n_frames") <= 3  # noqa: B009
 
 
-def test_one_episode_has_no_interval_but_of_its_rate(tmp_path):
+def test_one_episode_has_no_interval_but_of_its_rate(tmp_path, short_episodes):
     found = evaluate(TURNING, {"bang-bang": policy_factory(TURNING, "bang-bang")}, episodes=1)
     content = found.to_json()["policies"]["bang-bang"]
     assert content["return"]["low95"] is None
