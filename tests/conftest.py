@@ -6,10 +6,12 @@ import os
 os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1")
 
 from collections import defaultdict
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
+import typer.main
 import warp
 
 from aoro_gym import Machine, Twin
@@ -58,6 +60,14 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     terminalreporter.section(f"slowest files of {sum(seconds.values()):.0f} s")
     for name in sorted(seconds, key=seconds.__getitem__, reverse=True)[:20]:
         terminalreporter.write_line(f"{seconds[name]:7.1f} s  {name}")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _command_line_is_built_once() -> Iterator[None]:
+    """Typer's runner builds all commands anew for every call, which takes longer than most calls that are refused."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("typer.testing._get_command", cache(typer.main.get_command))
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -45,8 +45,9 @@ def commands(page: Path) -> list[str]:
 
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=name_of)
 def test_commands_have_the_options_that_are_shown(page):
+    whole = typer.main.get_command(app)
     for line in commands(page):
-        command: Any = typer.main.get_command(app)
+        command: Any = whole
         words = iter(shlex.split(line, comments=True)[1:])
         while hasattr(command, "commands"):
             word = next(words)
