@@ -26,6 +26,7 @@ from aoro_gym.execution.files import write_json
 from aoro_gym.machine import Machine
 from aoro_gym.terrains import Path as Line
 from aoro_gym.terrains import Plane, Terrain
+from tests.agents.episodes import SHORT
 
 pytestmark = pytest.mark.usefixtures("short_episodes")
 
@@ -158,7 +159,7 @@ def test_own_policies_and_rewards_count_by_source_and_state(tmp_path, drives):
 
     assert (drive(made(1.0)), drive(made(1.0)), drive(made(2.0))) == (1, 1, 2)
     shared = Turner(1.0)
-    assert (drive(lambda env: shared), shared.steps) == (3, 500)
+    assert (drive(lambda env: shared), shared.steps) == (3, SHORT)
     assert drive(lambda env: Turner(1.0)) == 4
     rewards = [lambda view: 0.0 * view.error, lambda view: 1.0 * view.error]
     assert [drive(made(1.0), reward_terms={"mine": (1.0, term)}) for term in (*rewards, rewards[0])] == [5, 6, 6]
