@@ -19,6 +19,9 @@ install: $(VENV)/.core ## set up .venv with the package and its command line
 demo: $(VENV)/.core ## validation, a controlled turn and a forest drive, as one page (OUT=folder, default demo)
 	$(BIN)/aoro-gym demo --out $(OUT)
 
+# Bytecode is written whatever the environment says: else every process compiles all sources again.
+export PYTHONDONTWRITEBYTECODE :=
+
 PYTEST := $(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 
 test: $(VENV)/.agents ## run the tests, a file at a time on every core

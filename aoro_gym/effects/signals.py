@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
-from scipy.signal import lfilter
 
 from aoro_gym.machine.quantities import Quantity
 
@@ -34,6 +33,8 @@ def lagged(values: NDArray, rate: float, time_constant: Quantity) -> NDArray[np.
     np.divide(1.0 / rate, time_constant, out=ratio, where=np.greater(time_constant, 0.0))
     decay = np.exp(-ratio)
     lag = (1.0 - decay) / ratio
+    from scipy.signal import lfilter  # half a second to import
+
     out = np.empty(values.shape)
     for run, start in enumerate(values[0].astype(np.float64)):
         weights = [1.0 - lag[run], lag[run] - decay[run]], [1.0, -decay[run]]

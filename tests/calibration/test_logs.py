@@ -56,6 +56,7 @@ def found(tmp_path_factory):
     return start, logs, result, kept
 
 
+@pytest.mark.slow
 def test_identified_parameters_lie_within_their_intervals(found):
     _, _, result, _ = found
     entries = {entry["key"]: entry for entry in result.report["parameters"]}
@@ -73,6 +74,7 @@ def test_identified_parameters_lie_within_their_intervals(found):
         assert entry["low95"] - slack <= HIDDEN[key] <= entry["high95"] + slack, entry
 
 
+@pytest.mark.slow
 def test_what_the_logs_do_not_feel_is_named(found):
     _, _, result, _ = found
     assert result.report["not_felt"] == ["arm.valve.time_constant"]
@@ -81,6 +83,7 @@ def test_what_the_logs_do_not_feel_is_named(found):
     assert not entry.source.startswith("C")
 
 
+@pytest.mark.slow
 def test_the_noise_is_all_that_is_left(found):
     """Residuals of a converged fit are of the order of one standard deviation, less what the floors add."""
     _, _, result, _ = found
@@ -90,6 +93,7 @@ def test_the_noise_is_all_that_is_left(found):
     assert set(verdict["channels"]) == {"joint_angle", "pressure_a", "pressure_b", "pump_pressure"}
 
 
+@pytest.mark.slow
 def test_ensemble_fits_as_well_and_differs(found):
     _, _, result, _ = found
     assert len(result.ensemble) == 3

@@ -119,8 +119,8 @@ MARGIN = 0.05
 
 
 @pytest.fixture(scope="module")
-def on_ice(machine):
-    """Settled on grip, put on ice, and given a nudge of 1 mm/s downhill: logs with friction above and below the slope's.
+def nudged(machine):
+    """State of machines settled on grip and given a nudge of 1 mm/s downhill.
 
     The nudge matters: a bristle that is bent beyond what slippery ground can hold lets go once it moves.
     """
@@ -129,33 +129,36 @@ def on_ice(machine):
     heading = np.radians(DIRECTIONS)
     state[State.VX] -= 1e-3 * np.cos(heading)
     state[State.VY] -= 1e-3 * np.sin(heading)
-    logs = {}
-    for sign in (1.0, -1.0):
-        friction = np.tan(np.radians(SLOPE)) / machine.tire.friction_static * (1.0 + sign * MARGIN)
-        icy = Twin(
-            len(DIRECTIONS),
-            machine=machine,
-            terrain=Plane(slope_deg=SLOPE, direction_deg=DIRECTIONS, friction=friction),
-        )
-        icy.set_commands({"parking_brake": 1.0})
-        icy.state.assign(state)
-        logs[sign] = friction, drive(icy, (75.0, {}), sample_every=0.5)
-    return logs
+    return state
 
 
-def test_holds_below_the_friction_angle(machine, on_ice):
+def on_ice(machine, state, margin: float, duration: float):
+    """Friction with a ``margin`` over the slope's, and the log of machines that are put on such ice."""
+    friction = np.tan(np.radians(SLOPE)) / machine.tire.friction_static * (1.0 + margin)
+    icy = Twin(
+        len(DIRECTIONS),
+        machine=machine,
+        terrain=Plane(slope_deg=SLOPE, direction_deg=DIRECTIONS, friction=friction),
+    )
+    icy.set_commands({"parking_brake": 1.0})
+    icy.state.assign(state)
+    return friction, drive(icy, (duration, {}), sample_every=0.5)
+
+
+def test_holds_below_the_friction_angle(machine, nudged):
     """5 % of grip to spare: it stays within a fraction of what its bristles bend before they let go, 20 mm and more."""
-    friction, log = on_ice[1.0]
+    friction, log = on_ice(machine, nudged, MARGIN, 20.0)
     stiffness = max(machine.tire.sigma0_longitudinal, machine.tire.sigma0_lateral)
     assert np.all(moved(log) < 0.25 * friction * machine.tire.friction_static / stiffness)
 
 
-def test_slides_above_the_friction_angle(machine, on_ice):
+@pytest.mark.slow
+def test_slides_above_the_friction_angle(machine, nudged):
     """5 % of grip missing: it goes, up to the speed at which Coulomb and viscous friction balance the slope.
 
     The speed is approached with the time constant 1/(σ₂ g cos α), 5 s along and 11 s across: 75 s leave 0.1 %.
     """
-    friction, log = on_ice[-1.0]
+    friction, log = on_ice(machine, nudged, -MARGIN, 75.0)
     assert np.all(moved(log) > 50.0)
     path = positions(log)
     speed = np.linalg.norm(path[-1] - path[-3], axis=0) / (log.time[-1] - log.time[-3])

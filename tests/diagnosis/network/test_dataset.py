@@ -33,8 +33,13 @@ def test_days_come_with_their_labels_in_their_order(monkeypatch: pytest.MonkeyPa
     alone = [i for i in range(4) if int((single == single[i]).sum()) == 1]
     assert alone
     np.testing.assert_allclose(data.sizes[alone, HEALTHY, 0].abs().numpy(), np.arcsinh(1.0), rtol=1e-6)
-    again, _ = simulate(PRIOR, replace(AMOUNT, processes=2), "cpu")
-    for field in fields(Labelled):
-        assert torch.equal(getattr(data, field.name), getattr(again, field.name)), field.name
     chosen = data.of(torch.tensor([2, 0]))
     assert torch.equal(chosen.samples[1], data.samples[0]) and torch.equal(chosen.effects[0], data.effects[2])
+
+
+@pytest.mark.slow
+def test_processes_draw_the_same_days(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dataset, "CHUNK", 2)
+    data, again = (simulate(PRIOR, replace(AMOUNT, processes=processes), "cpu")[0] for processes in (1, 2))
+    for field in fields(Labelled):
+        assert torch.equal(getattr(data, field.name), getattr(again, field.name)), field.name
