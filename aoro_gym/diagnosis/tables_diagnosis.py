@@ -18,7 +18,16 @@ from typing import Any
 import numpy as np
 
 from aoro_gym.diagnosis.closures import CLEAR, typical
-from aoro_gym.diagnosis.diagnose import alike_causes, components_of, first_finding, interval_of, sizes_of
+from aoro_gym.diagnosis.diagnose import (
+    LISTED,
+    MEDIAN,
+    Progress,
+    alike_causes,
+    components_of,
+    first_finding,
+    interval_of,
+    sizes_of,
+)
 from aoro_gym.diagnosis.network.cases import Posterior
 from aoro_gym.diagnosis.network.decision import Calibration, Decision, decide
 from aoro_gym.diagnosis.network.forward import Weights
@@ -39,9 +48,6 @@ from aoro_gym.machine.parameters import InvalidMachine
 from aoro_gym.simulation.key_figures import FIGURES
 from aoro_gym.validation.study import TARGETS
 
-Progress = Callable[[str, float], object]
-"""Takes a sentence and the share done."""
-
 SHOWN: Mapping[str, tuple[str, str]] = {
     "turn_time_s": ("joint_angle", "stop"),
     "mean_flow_L_per_min": ("joint_flow", "steady"),
@@ -52,8 +58,6 @@ SHOWN: Mapping[str, tuple[str, str]] = {
     "second_peak_L_per_min": ("joint_flow", "second_peak"),
 }
 """Signal and phase that a figure is read from."""
-LISTED = 0.01
-"""Probability below which a hypothesis is not listed."""
 MOST_LISTED = 12
 """Causes that are listed, the likeliest."""
 SET = 4
@@ -218,7 +222,7 @@ def _causes(decision: Decision, said: Posterior, twin: Machine, out: Path | None
         known = [name for name in effects if name in EFFECTS]
         settings = {}
         if known and set(known) <= set(decision.declared) and sum(bool(one.settings) for one in found) < SET:
-            settings = {name: _setting(name, twin, _middle(sizes[name])) for name in known}
+            settings = {name: _setting(name, twin, sizes[name][MEDIAN]) for name in known}
         found.append(
             Cause(
                 effects,
@@ -230,10 +234,6 @@ def _causes(decision: Decision, said: Posterior, twin: Machine, out: Path | None
             )
         )
     return tuple(found)
-
-
-def _middle(quantiles: Sequence[float]) -> float:
-    return quantiles[QUANTILES.index(0.5)]
 
 
 def _setting(name: str, twin: Machine, change: float) -> tuple[float, ...]:
@@ -308,7 +308,7 @@ class _Gap:
     def __init__(self, told: Sequence[Pair], held_out: Sequence[Pair], turns: TwinTurns, twin: Machine):
         self.told, self.pairs = list(told), [*told, *held_out]
         self.turns, self.twin = turns, twin
-        self.before = [_first(one) for one in turns.figures([[Variants(twin)]] * len(self.pairs))]
+        self.before = [_first(one) for one in turns.given]
         self.after: list[dict[str, float]] = [{} for _ in self.pairs]
 
     def measured(self, pair: int, name: str) -> float:

@@ -63,9 +63,12 @@ class TwinTurns:
         self.simulator = simulator
         self._turns = [_turn(row, machine) for row in rows]
         reach = float(np.asarray(machine.joint.range))
-        rest = [_rests(angle)[0] for angle in self._angles([[Variants(machine)]] * len(self.rows))]
+        angles = self._angles([[Variants(machine)]] * len(self.rows))
+        rest = [_rests(angle)[0] for angle in angles]
         self._give = [row.turn.sign * angle - reach for row, angle in zip(rows, rest, strict=True)]
         """Angle [rad] by which every turn comes to rest beyond its stop, which gives."""
+        self.given = [self._figures(k, angle) for k, angle in enumerate(angles)]
+        """Figures (1,) of each row by the given twin; see :meth:`figures`."""
 
     def figures(self, variants: Sequence[Sequence[Variants]]) -> list[Mapping[str, Floats]]:
         """Figures (N,) of each row's own ``variants``, together N, by name; NaN where there is none. No turn is told by its

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
+from typing import TypeVar
 
 import numpy as np
 import torch
@@ -75,6 +76,11 @@ class Amount:
     processes: int = 1
 
 
+DrawJob = tuple[Prior, int, Amount, int]
+"""Prior, machines of a chunk, what is simulated in all, and the chunk's seed."""
+Drawn = TypeVar("Drawn")
+
+
 def simulate(
     prior: Prior, amount: Amount, device: str, progress: Callable[[int, int], object] = lambda done, total: None
 ) -> tuple[Labelled, NDArray[np.float64]]:
@@ -85,7 +91,7 @@ def simulate(
     shape = (amount.machines, HEALTHY + amount.later, amount.manoeuvres, len(logs.CHANNELS), manoeuvres.SAMPLES)
     samples = torch.empty(shape, dtype=torch.int16, device=torch.device(device))
     days, commands, whole, done = [], [], [], 0
-    with _drawn(prior, amount) as chunks:
+    with drawn_chunks(_draw, prior, amount, CHUNK) as chunks:
         for number, (drawn, told) in enumerate(chunks):
             found = logs.simulate(drawn, told, seed=amount.seed + number, device=device)
             part = wp.to_torch(found.samples).reshape(len(told), *shape[1:])
@@ -103,22 +109,24 @@ def simulate(
 
 
 @contextmanager
-def _drawn(prior: Prior, amount: Amount) -> Iterator[Iterator[tuple[Days, list[list[Manoeuvre]]]]]:
-    """Chunks of days and manoeuvres in their order, drawn ahead in processes where there are several."""
-    sizes = [min(CHUNK, amount.machines - first) for first in range(0, amount.machines, CHUNK)]
+def drawn_chunks(
+    draw: Callable[[DrawJob], Drawn], prior: Prior, amount: Amount, chunk: int
+) -> Iterator[Iterator[Drawn]]:
+    """What ``draw`` makes of chunks of machines, in their order, ahead in processes where there are several."""
+    sizes = [min(chunk, amount.machines - first) for first in range(0, amount.machines, chunk)]
     jobs = [(prior, size, amount, amount.seed * 65537 + number) for number, size in enumerate(sizes)]
     if amount.processes == 1:
-        yield map(_draw, jobs)
+        yield map(draw, jobs)
         return
     context = multiprocessing.get_context("spawn")
     pool: Executor = ProcessPoolExecutor(amount.processes, mp_context=context)
     try:
-        yield pool.map(_draw, jobs)
+        yield pool.map(draw, jobs)
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-def _draw(job: tuple[Prior, int, Amount, int]) -> tuple[Days, list[list[Manoeuvre]]]:
+def _draw(job: DrawJob) -> tuple[Days, list[list[Manoeuvre]]]:
     prior, machines, amount, seed = job
     rng = np.random.default_rng([seed, 1])
     told = [manoeuvres.draw(rng, amount.manoeuvres) for _ in range(machines)]

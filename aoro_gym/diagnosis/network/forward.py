@@ -49,6 +49,10 @@ class Weights:
                 f"{path}: trained for {len(told.get('effects', ()))} effects that are not the catalogue's {len(IDS)}; "
                 "train one by `aoro-gym diagnosis train`"
             )
+        if "effects" not in arrays:
+            raise ValueError(
+                f"{path}: its effects have no tokens, as networks had before them; train one by `aoro-gym diagnosis train`"
+            )
         return cls(Shape(**told["shape"]), arrays, np.array(told["scales"]))
 
     def save(self, path: Path) -> None:

@@ -6,9 +6,7 @@ standard deviations that may be given, rounding, and figures, rows and healthy d
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +15,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from aoro_gym.diagnosis.network import hypotheses
-from aoro_gym.diagnosis.network.dataset import Amount, size_scales
+from aoro_gym.diagnosis.network.dataset import Amount, DrawJob, drawn_chunks, size_scales
 from aoro_gym.diagnosis.network.sensing import Draw
 from aoro_gym.diagnosis.network.tables_features import change_unit, features
 from aoro_gym.diagnosis.network.training import Batch, Course
@@ -104,13 +102,8 @@ def simulate(
         threads: That read figures.
         progress: Told turns that are done, and all.
     """
-    sizes = [min(CHUNK, amount.machines - first) for first in range(0, amount.machines, CHUNK)]
-    jobs = [(prior, size, amount, amount.seed * 65537 + number) for number, size in enumerate(sizes)]
-    if amount.processes == 1:
-        drawn = list(map(_draw, jobs))
-    else:
-        with ProcessPoolExecutor(amount.processes, mp_context=multiprocessing.get_context("spawn")) as pool:
-            drawn = list(pool.map(_draw, jobs))
+    with drawn_chunks(_draw, prior, amount, CHUNK) as chunks:
+        drawn = list(chunks)
     days, signals = Days.joined([one for one, _ in drawn]), np.concatenate([told for _, told in drawn])
     figures = simulate_figures(
         days, signals, prior=SensorPrior(), seed=amount.seed, device=device, threads=threads, progress=progress
@@ -119,7 +112,7 @@ def simulate(
     return labelled(figures, signals, days, scales, device), scales
 
 
-def _draw(job: tuple[Prior, int, Amount, int]) -> tuple[Days, Floats]:
+def _draw(job: DrawJob) -> tuple[Days, Floats]:
     prior, machines, amount, seed = job
     days = draw_days(prior, machines, amount.later, seed)
     number = np.arange(len(days.kind)).reshape(machines, -1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -104,6 +105,15 @@ def test_a_network_for_other_effects_is_refused(tmp_path: Path, monkeypatch: pyt
     Network(SMALL).weights(np.ones(len(IDS))).save(place)
     monkeypatch.setattr("aoro_gym.diagnosis.network.forward.IDS", IDS[:-1])
     with pytest.raises(ValueError, match=r"network\.safetensors: trained for 33 effects .* 32; train"):
+        Weights.load(place)
+
+
+def test_a_network_of_before_effects_had_tokens_is_refused(tmp_path: Path) -> None:
+    place = tmp_path / "network.safetensors"
+    weights = Network(SMALL).weights(np.ones(len(IDS)))
+    without = {name: values for name, values in weights.arrays.items() if name != "effects"}
+    replace(weights, arrays=without).save(place)
+    with pytest.raises(ValueError, match=r"network\.safetensors: its effects have no tokens"):
         Weights.load(place)
 
 
