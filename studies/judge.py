@@ -131,7 +131,7 @@ def main() -> None:
     made = plan(SUITES[options.suite], judged, options.seed)
     options.folder.mkdir(parents=True, exist_ok=True)
     print(f"plan {made.digest}: {len(made.cases)} cases", flush=True)
-    books = libraries(options.folder, made, [*[LayeredPlants(level) for level in LEVELS], *judged])
+    books = libraries(options.folder, made, [*[LayeredPlants(level, options.device) for level in LEVELS], *judged])
     noisy, seen = changes(options.folder, made, judged)
     verdicts = judge_cases(made, seen, books)
     found = {

@@ -148,6 +148,7 @@ class LayeredPlants:
     """A level of laws of :mod:`aoro_gym.diagnosis_benchmark.plants`, around the calibrated ensemble."""
 
     level: int
+    device: str = "cpu"
 
     @property
     def name(self) -> str:
@@ -177,7 +178,7 @@ class LayeredPlants:
 
     def record(self, runs: Sequence[PlantRun], *, exact: bool) -> list[Log]:
         noise = cases.EXACT if exact else None
-        logs = record([self._run(run, noise) for run in runs])
+        logs = record([self._run(run, noise) for run in runs], device=self.device)
         return [{channel: log.channels[channel][:-1] for channel in CHANNELS} for log in logs]
 
     def _run(self, run: PlantRun, noise: Any) -> Run:
