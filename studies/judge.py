@@ -29,14 +29,14 @@ EXTENTS = {"small": Extent(12, 3, 2, (0.2, 0.6, 1.0)), "seal": Extent()}
 LEVELS = (0, 1, 2, 3)
 
 
-def libraries(folder: Path, made: Plan, families: Sequence[Plants]) -> list[Library]:
-    """Libraries of the families, simulated where the folder has none."""
+def libraries(folder: Path, made: Plan, families: Sequence[Plants], together: int = 1) -> list[Library]:
+    """Libraries of the families, simulated where the folder has none, so many manoeuvres ``together``."""
     found = []
     for plants in families:
         path = folder / f"library_{plants.name}_{made.digest[:8]}.npz"
         if not path.exists():
-            extent = EXTENTS[made.suite.name]
-            build(plants, list(made.excitations.values()), extent, made.seed, lambda s: print(s, flush=True)).save(path)
+            extent, told = EXTENTS[made.suite.name], list(made.excitations.values())
+            build(plants, told, extent, made.seed, lambda s: print(s, flush=True), together).save(path)
         found.append(Library.load(path))
     return found
 
@@ -131,7 +131,8 @@ def main() -> None:
     made = plan(SUITES[options.suite], judged, options.seed)
     options.folder.mkdir(parents=True, exist_ok=True)
     print(f"plan {made.digest}: {len(made.cases)} cases", flush=True)
-    books = libraries(options.folder, made, [*[LayeredPlants(level, options.device) for level in LEVELS], *judged])
+    families = [*[LayeredPlants(level, options.device) for level in LEVELS], *judged]
+    books = libraries(options.folder, made, families, 1 if options.device == "cpu" else len(made.excitations))
     noisy, seen = changes(options.folder, made, judged)
     verdicts = judge_cases(made, seen, books)
     found = {

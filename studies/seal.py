@@ -30,7 +30,8 @@ def main() -> None:
     judged = [IndependentPlants(name, options.device) for name in independent.FAMILIES]
     made = draw(SUITES[options.suite], judged, options.answers)
     options.folder.mkdir(parents=True, exist_ok=True)
-    books = libraries(options.folder, made, [*[LayeredPlants(level, options.device) for level in LEVELS], *judged])
+    families = [*[LayeredPlants(level, options.device) for level in LEVELS], *judged]
+    books = libraries(options.folder, made, families, 1 if options.device == "cpu" else len(made.excitations))
     if not options.stock:
         write_machines(options.folder, made, judged, calibrate_on(options.device))
     write_suite(options.folder, options.answers, made, judged, books, variants)

@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
@@ -21,6 +21,7 @@ GRID = 1e-3  # [s] of commands inside
 STEP = 1e-4  # [s] of integration
 SETTLE = 0.15  # [s] at rest before a log
 LOGGED = SIGNALS[:7]
+CHUNK, DEVICE_CHUNK = 256, 16384  # runs stepped together, which bounds memory
 
 
 @dataclass(frozen=True)
@@ -96,10 +97,11 @@ def prepare(run: Run, period: float) -> Prepared:
     return Prepared(made, command, np.repeat(drive, per), others - made["angle_delay"], others)
 
 
-def integrate(
+def launch(
     family: str, prepared: Sequence[Prepared], angles: Sequence[float], device: str, step: float
-) -> np.ndarray:
-    """Signals (runs, samples, signals) of prepared runs of one family and one length.
+) -> tuple[wp.array, list[Any]]:
+    """Signals (runs, samples, signals) of prepared runs of one family and one length, which a GPU may still be computing,
+    and what has to be kept until it has.
 
     Args:
         family: Of all runs.
@@ -120,25 +122,20 @@ def integrate(
 
     samples = len(prepared[0].other_times)
     out = wp.zeros((count, samples, len(SIGNALS)), dtype=wp.float64, device=device)
-    wp.launch(
-        kernel,
-        dim=count,
-        inputs=[
-            wp.array(families.pack(family, [one.machine for one in prepared]), dtype=kind, device=device),
-            array([one.command for one in prepared]),
-            array([one.drive for one in prepared]),
-            array(angles),
-            array([one.angle_times for one in prepared]),
-            array([one.other_times for one in prepared]),
-            step,
-            settle,
-            steps,
-            wp.zeros((count, places), dtype=wp.float64, device=device),
-        ],
-        outputs=[out],
-        device=device,
-    )
-    return out.numpy()
+    inputs = [
+        wp.array(families.pack(family, [one.machine for one in prepared]), dtype=kind, device=device),
+        array([one.command for one in prepared]),
+        array([one.drive for one in prepared]),
+        array(angles),
+        array([one.angle_times for one in prepared]),
+        array([one.other_times for one in prepared]),
+        step,
+        settle,
+        steps,
+        wp.zeros((count, places), dtype=wp.float64, device=device),
+    ]
+    wp.launch(kernel, dim=count, inputs=inputs, outputs=[out], device=device)
+    return out, inputs
 
 
 def simulate(
@@ -150,23 +147,38 @@ def simulate(
     groups: dict[tuple[str, int], list[int]] = {}
     for i, run in enumerate(runs):
         groups.setdefault((run.family, len(prepared[i].command)), []).append(i)
+    most = CHUNK if device == "cpu" else DEVICE_CHUNK
     workers = max(1, len(os.sched_getaffinity(0))) if device == "cpu" else 1
-    with wp.ScopedDevice(device):
-        for (family, _), members in groups.items():
-            wp.load_module(families.kernel(family).module, device=device)
-            size = max(1, min(256 if device == "cpu" else 16384, math.ceil(len(members) / workers)))
-            chunks = [members[i : i + size] for i in range(0, len(members), size)]
+    chunks = []
+    for (family, _), members in groups.items():
+        wp.load_module(families.kernel(family).module, device=device)  # once, before threads ask for it
+        size = max(1, min(most, math.ceil(len(members) / workers)))
+        chunks += [(family, members[i : i + size]) for i in range(0, len(members), size)]
 
-            def one(chunk: list[int], family: str = family) -> np.ndarray:
-                return integrate(
-                    family, [prepared[i] for i in chunk], [runs[i].joint_angle for i in chunk], device, step
-                )
+    def begin(chunk: tuple[str, list[int]]) -> tuple[wp.array, list[Any]]:
+        family, members = chunk
+        return launch(family, [prepared[i] for i in members], [runs[i].joint_angle for i in members], device, step)
 
-            with ThreadPoolExecutor(workers) as pool:
-                for chunk, values in zip(chunks, pool.map(one, chunks), strict=True):
-                    for i, value in zip(chunk, values, strict=True):
-                        signals[i] = value
+    if device == "cpu":
+        with ThreadPoolExecutor(workers) as pool:
+            found = list(pool.map(lambda chunk: begin(chunk)[0].numpy(), chunks))
+    else:
+        found = _side_by_side(begin, chunks, device)
+    for (_, members), values in zip(chunks, found, strict=True):
+        for i, value in zip(members, values, strict=True):
+            signals[i] = value
     return prepared, signals
+
+
+def _side_by_side(begin: Callable[[Any], tuple[wp.array, Any]], chunks: Sequence[Any], device: str) -> list[np.ndarray]:
+    """Signals of chunks of runs, each on a stream of its own: one alone leaves a GPU nearly idle."""
+    begun = []
+    for chunk in chunks:
+        stream = wp.Stream(device)
+        with wp.ScopedStream(stream):
+            begun.append((*begin(chunk), stream))
+    wp.synchronize_device(device)
+    return [out.numpy() for out, *_ in begun]
 
 
 def record(runs: Sequence[Run], device: str = "cpu", noise: bool = True) -> list[Recorded]:

@@ -104,6 +104,7 @@ def build(
     extent: Extent,
     seed: int,
     progress: Callable[[str], Any] = lambda sentence: None,
+    together: int = 1,
 ) -> Library:
     """Simulate a family's library.
 
@@ -113,6 +114,7 @@ def build(
         extent: How much of it.
         seed: Of machines, days and noise.
         progress: Called with each manoeuvre's name when it is done.
+        together: Manoeuvres that are simulated in one go; one fills a CPU, all of them do not fill a GPU.
     """
     rng = np.random.default_rng([seed, *plants.name.encode()])
     machines = [plants.machine(rng) for _ in range(extent.machines)]
@@ -130,20 +132,27 @@ def build(
         for place, machine in enumerate(changed)
     }
     runs_of = {index: change for index, change in wanted.items() if _can(plants, *change)}
-    for excitation, seeds_of_days in zip(excitations, seeds, strict=True):
-        weights = windows(excitation.steering, excitation.drive)
-        healthy = [PlantRun(day, excitation, seed=int(s)) for day, s in zip(days, seeds_of_days, strict=True)]
-        shape = (extent.machines, extent.days)
-        for into, exact in ((found[0], False), (found[1], True)):
-            into[excitation.name] = _shaped(means(plants.record(healthy, exact=exact), weights), shape)
-        runs = [PlantRun(machine, excitation, effects) for machine, effects in runs_of.values()]
-        later = means(plants.record(runs, exact=True), weights)
-        base = found[1][excitation.name][:, 0]
-        where = np.array(list(runs_of))
-        effects = np.full((len(paths), len(extent.shares), len(changed), len(CHANNELS), len(weights)), np.nan)
-        effects[tuple(where.T)] = paired(later, base[where[:, 2]])
-        found[2][excitation.name] = effects
-        progress(f"{plants.name}: {excitation.name}")
+    where = np.array(list(runs_of))
+    for first in range(0, len(excitations), together):
+        part = list(excitations[first : first + together])
+        seeded = [
+            (told, *one) for told, own in zip(part, seeds[first:], strict=False) for one in zip(days, own, strict=True)
+        ]
+        healthy = [PlantRun(day, told, seed=int(own)) for told, day, own in seeded]
+        later = [PlantRun(machine, told, effects) for told in part for machine, effects in runs_of.values()]
+        noisy, exact = plants.record(healthy, exact=False), plants.record([*healthy, *later], exact=True)
+        changes = exact[len(healthy) :]
+        for number, told in enumerate(part):
+            weights = windows(told.steering, told.drive)
+            own = slice(number * len(days), (number + 1) * len(days))
+            for into, logs in ((found[0], noisy[own]), (found[1], exact[own])):
+                into[told.name] = _shaped(means(logs, weights), (extent.machines, extent.days))
+            base = found[1][told.name][:, 0]
+            effects = np.full((len(paths), len(extent.shares), len(changed), len(CHANNELS), len(weights)), np.nan)
+            own = slice(number * len(runs_of), (number + 1) * len(runs_of))
+            effects[tuple(where.T)] = paired(means(changes[own], weights), base[where[:, 2]])
+            found[2][told.name] = effects
+            progress(f"{plants.name}: {told.name}")
     return Library(plants.name, paths, *found)
 
 
