@@ -43,8 +43,13 @@ LISTED = 20
 
 
 def asked(place: Path) -> dict[str, Any]:
-    """What the diagnosis of a case would say, by set of sensors, as ``diagnosis.json`` has it."""
-    days = [[read_recording(path) for path in logs_in(place / day)] for day in ("logs", "healthy")]
+    """What the diagnosis of a case would say, by set of sensors, as ``diagnosis.json`` has it; where a log is refused, its
+    reader has told that something is wrong which no effect explains, which counts as ``unknown``."""
+    try:
+        days = [[read_recording(path) for path in logs_in(place / day)] for day in ("logs", "healthy")]
+    except ValueError as error:
+        refused = {"verdict": "unknown", "causes": [], "declared_set": [], "refused": str(error)}
+        return dict.fromkeys(SENSOR_SETS, refused)
     found = {}
     for name, channels in SENSOR_SETS.items():
         later, healthy = (

@@ -125,6 +125,14 @@ def test_very_many_damaged_files(suffix):
     fuzz(lambda data: judge(data, suffix), WHOLE[suffix], TOKENS, THOROUGH)
 
 
+def test_a_damaged_column_name_leaves_a_message_on_one_line(tmp_path):
+    path = tmp_path / "log.parquet"
+    pyarrow.parquet.write_table(pyarrow.table({"time_s": [0.0, 1.0], "\nteering_signal": [0.0, 1.0]}), path)
+    with pytest.raises(ValueError, match="neither a column steering_signal") as caught:
+        read_recording(path)
+    assert str(caught.value).isprintable()
+
+
 @pytest.mark.parametrize("path", sorted(CORPUS.glob("*")), ids=lambda path: path.name)
 def test_what_once_failed(path):
     judge(path.read_bytes(), path.suffix)
