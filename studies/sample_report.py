@@ -13,7 +13,7 @@ from pathlib import Path
 
 from aoro_gym.diagnosis.diagnose import diagnose
 from aoro_gym.diagnosis.report import write_report
-from studies.development.cases import cases_of, planned
+from studies.development.cases import LAYERED, cases_of, planned
 
 
 def main() -> None:
@@ -23,7 +23,7 @@ def main() -> None:
     parser.add_argument("--level", type=int, default=2, help="of the plant's laws, from 0, nearest to the twin's, to 3")
     parser.add_argument("--number", type=int, default=0, help="of the case among those with a single effect")
     options = parser.parse_args()
-    cases = cases_of(planned(options.seed), options.level, kind="single", most=options.number + 1)
+    cases = cases_of(planned(options.seed), LAYERED[options.level], kind="single", most=options.number + 1)
     case = next(islice(cases, options.number, None))
     found = diagnose(case.later, healthy=case.healthy, out=options.folder, progress=lambda text, share: print(text))
     found.save(options.folder)

@@ -1,9 +1,10 @@
 """Calibrates the networks on development plants, and tries that on families of plants left out.
 
-``python -m studies.development FOLDER [--seed S] [--write]`` simulates 2,324 cases of plants with laws of four kinds (some
-minutes of two cores), asks the networks that come with the package, and writes ``development.json`` and ``development.md``
-into the folder: each level decided with what the others taught, for every set of sensors. With ``--write`` what all of
-them teach goes to the package as ``calibration.json``.
+``python -m studies.development FOLDER [--seed S] [--write]`` simulates 2,324 cases of layered plants, whose laws are of four
+kinds, and the 1,515 of the independent ones, of three families (an hour of two cores), asks the networks that come with the
+package, and writes ``development.json`` and ``development.md`` into the folder: each family decided with what the others
+taught, all families alike, for every set of sensors. With ``--write`` what all of them teach goes to the package as
+``calibration.json``.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -20,26 +20,30 @@ from aoro_gym.diagnosis.network import hypotheses
 from aoro_gym.diagnosis.network.cases import case_of, posteriors, tokens_of
 from aoro_gym.diagnosis.network.decision import SENSOR_SETS, Calibration, as_dict, calibrated, decide
 from aoro_gym.diagnosis.network.forward import TRAINED, trained
+from aoro_gym.diagnosis_benchmark.judge.plants import Plants
+from aoro_gym.diagnosis_benchmark.judge.suite import JudgedCase, Plan
 from aoro_gym.effects.catalogue import IDS
 from aoro_gym.execution.files import write_json, write_text, written_whole
-from studies.development.cases import LEVELS, DevelopmentCase, kept, planned
+from studies.development.cases import INDEPENDENT, LAYERED, kept, opened, planned
 from studies.development.rates import ROWS, Decided, Rate, rates
 
 BATCH = 16
 """Cases that networks are asked about together."""
 
 
-def truth_of(one: DevelopmentCase) -> int:
+def truth_of(case: JudgedCase) -> int:
     """Number of the true hypothesis."""
-    numbers = [IDS.index(name) for name in one.case.effects]
+    numbers = [IDS.index(name) for name in case.effects]
     effects = np.array([*numbers, -1, -1][:2])
-    return int(hypotheses.number_of(effects, np.array(one.case.kind == "outside")))
+    return int(hypotheses.number_of(effects, np.array(case.kind == "outside")))
 
 
-def said(path: Path, cases: Sequence[DevelopmentCase], channels: Sequence[str]) -> np.ndarray:
-    """Probabilities of the hypotheses (N, hypotheses), asked for where ``path`` has none."""
+def said(folder: Path, made: Plan, plants: Plants, sensors: str) -> np.ndarray:
+    """Probabilities of the hypotheses (N, hypotheses) for a family's cases, in the plan's order; where the folder has none,
+    cases are simulated and the networks asked."""
+    path = folder / f"said_{made.digest[:8]}_{plants.name}_{sensors}.npy"
     if not path.exists():
-        shown = [one.with_channels(channels) for one in cases]
+        shown = [one.with_channels(SENSOR_SETS[sensors]) for one in kept(folder, made, plants)]
         found = []
         for first in range(0, len(shown), BATCH):
             part = [case_of(one.later, one.healthy) for one in shown[first : first + BATCH]]
@@ -54,33 +58,44 @@ def said(path: Path, cases: Sequence[DevelopmentCase], channels: Sequence[str]) 
     return np.load(path).astype(np.float64)
 
 
-def left_out(cases: Sequence[DevelopmentCase], probabilities: np.ndarray, truth: np.ndarray) -> list[Decided]:
-    """Decisions on each level, calibrated on the others."""
-    family = np.array([one.case.family for one in cases])
+def alike(family: np.ndarray) -> np.ndarray:
+    """Weights (N,) by which every family counts as much as another, whatever its number of cases."""
+    names, place, counts = np.unique(family, return_inverse=True, return_counts=True)
+    return len(family) / (len(names) * counts[place])
+
+
+def left_out(cases: Sequence[JudgedCase], probabilities: np.ndarray, truth: np.ndarray) -> list[Decided]:
+    """Decisions on each family, calibrated on the others."""
+    family = np.array([one.family for one in cases])
     found = []
     for name in dict.fromkeys(family.tolist()):
-        calibration = calibrated(probabilities[family != name], truth[family != name])
-        own = np.flatnonzero(family == name).tolist()
-        found += [Decided(cases[k].case, decide(probabilities[k], calibration)) for k in own]
+        others = family != name
+        calibration = calibrated(probabilities[others], truth[others], alike(family[others]))
+        found += [Decided(cases[k], decide(probabilities[k], calibration)) for k in np.flatnonzero(~others).tolist()]
     return found
 
 
-def table(by_set: Mapping[str, Mapping[str, Mapping[str, Rate]]]) -> str:
-    """Markdown, a row a figure, a column a set of sensors, and the range over levels."""
+def table(by_set: Mapping[str, Mapping[str, Mapping[str, Rate]]], families: Sequence[str]) -> str:
+    """Markdown, a row a figure, a column a set of sensors: of some families together, and of each.
+
+    Args:
+        by_set: Rates by set of sensors and family; those of all ``families`` together under their names, joined by a space.
+        families: Which are shown.
+    """
     lines = ["| | " + " | ".join(by_set) + " |", "|---|" + "---|" * len(by_set)]
     for row, (title, _) in ROWS.items():
         cells = []
-        for levels in by_set.values():
-            whole = levels["all"].get(row)
+        for of in by_set.values():
+            whole = of[" ".join(families)].get(row)
             if whole is None:
                 cells.append("-")
                 continue
             scale, unit = (1.0, "") if row == "declared_size" else (100.0, " %")
             digits = 2 if row == "declared_size" else 1
-            each = [scale * one[row].value for name, one in levels.items() if name != "all" and row in one]
+            each = [f"{scale * of[name][row].value:.{digits}f}" for name in families if row in of[name]]
             cells.append(
                 f"{scale * whole.value:.{digits}f}{unit} ({scale * whole.low95:.{digits}f} to "
-                f"{scale * whole.high95:.{digits}f}; by level {', '.join(f'{value:.{digits}f}' for value in each)})"
+                f"{scale * whole.high95:.{digits}f}; each {', '.join(each)})"
             )
         lines.append(f"| {title} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
@@ -90,33 +105,40 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument(
-        "--seed", type=int, default=7002, help="of the cases; those of the shipped calibration by default"
+        "--seed", type=int, default=7002, help="of the layered plants; those of the shipped calibration by default"
     )
     parser.add_argument("--write", action="store_true", help="calibrate the networks of the package")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
-    made = planned(options.seed)
-    cases = [one for level in LEVELS for one in kept(options.folder, made, level)]
-    truth = np.array([truth_of(one) for one in cases])
-    result: dict[str, Any] = {"seed": options.seed, "plan": made.digest, "cases": len(cases), "sets": {}}
+    plans = ((planned(options.seed), LAYERED), (opened(), INDEPENDENT))
+    cases = [case for made, several in plans for plants in several for case in made.cases if case.family == plants.name]
+    truth, family = np.array([truth_of(one) for one in cases]), np.array([one.family for one in cases])
+    groups = [[plants.name for plants in several] for _, several in plans]
     found: dict[str, Calibration] = {}
     by_set: dict[str, dict[str, dict[str, Rate]]] = {}
-    for name, channels in SENSOR_SETS.items():
-        probabilities = said(options.folder / f"said_{made.digest[:8]}_{name}.npy", cases, channels)
+    for name in SENSOR_SETS:
+        parts = [said(options.folder, made, plants, name) for made, several in plans for plants in several]
+        probabilities = np.concatenate(parts)
         decided = left_out(cases, probabilities, truth)
-        levels = sorted({one.case.family for one in decided})
-        by_set[name] = {"all": rates(decided)} | {
-            level: rates([one for one in decided if one.case.family == level]) for level in levels
+        by_set[name] = {
+            " ".join(names): rates([one for one in decided if one.case.family in names])
+            for names in [*groups, *([one] for group in groups for one in group)]
         }
-        found[name] = calibrated(probabilities, truth)
-        result["sets"][name] = {
-            level: {row: asdict(rate) for row, rate in of.items()} for level, of in by_set[name].items()
-        }
-    write_json(options.folder / "development.json", result)
-    write_text(options.folder / "development.md", table(by_set))
-    print(table(by_set))
+        found[name] = calibrated(probabilities, truth, alike(family))
+    digests = [made.digest for made, _ in plans]
+    shares = {
+        name: {of: {row: asdict(rate) for row, rate in own.items()} for of, own in each.items()}
+        for name, each in by_set.items()
+    }
+    write_json(
+        options.folder / "development.json",
+        {"seed": options.seed, "plans": digests, "cases": len(cases), "sets": shares},
+    )
+    told = "\n".join(f"{' '.join(names)}\n\n{table(by_set, names)}" for names in groups)
+    write_text(options.folder / "development.md", told)
+    print(told)
     if options.write:
-        about = {"cases": "development plants", "seed": options.seed, "plan": made.digest}
+        about = {"cases": "development plants, every family alike", "seed": options.seed, "plans": digests}
         write_json(TRAINED / "calibration.json", about | {"sets": as_dict(found)})
 
 

@@ -9,13 +9,19 @@ from pathlib import Path
 import numpy as np
 
 from aoro_gym.diagnosis.recording import Recording
+from aoro_gym.diagnosis_benchmark import independent
 from aoro_gym.diagnosis_benchmark.cases import Excitation
 from aoro_gym.diagnosis_benchmark.judge.features import CHANNELS
-from aoro_gym.diagnosis_benchmark.judge.plants import LayeredPlants, Log
-from aoro_gym.diagnosis_benchmark.judge.suite import JudgedCase, Plan, Suite, plan
+from aoro_gym.diagnosis_benchmark.judge.plants import IndependentPlants, LayeredPlants, Log, Plants
+from aoro_gym.diagnosis_benchmark.judge.suite import SUITES, JudgedCase, Plan, Suite, plan
 from aoro_gym.execution.files import written_whole
 
-LEVELS = (0, 1, 2, 3)
+LAYERED: tuple[Plants, ...] = tuple(LayeredPlants(level) for level in (0, 1, 2, 3))
+"""Plants around the calibrated ensemble, whose laws the twin does not share."""
+INDEPENDENT: tuple[Plants, ...] = tuple(IndependentPlants(name) for name in independent.FAMILIES)
+"""Plants that share nothing with the twin."""
+OPENED = 112849172439076219896902514827477302792
+"""Seed of the judged suite of :data:`INDEPENDENT`, which was scored once and has been open since: it judges no more."""
 SUITE = Suite("development", 600, 231, 400, 400, machines=24, protocols=40, logs=4, draws=4)
 """2,324 cases: healthy ones, singles of each level, pairs, and what the catalogue lacks."""
 TOGETHER = 60
@@ -41,12 +47,17 @@ class DevelopmentCase:
 
 
 def planned(seed: int, suite: Suite = SUITE) -> Plan:
-    return plan(suite, [LayeredPlants(level) for level in LEVELS], seed)
+    """The plan of :data:`LAYERED`."""
+    return plan(suite, LAYERED, seed)
 
 
-def cases_of(made: Plan, level: int, kind: str | None = None, most: int | None = None) -> Iterator[DevelopmentCase]:
-    """Simulates the cases of a level; the first ``most`` of one ``kind`` if asked for."""
-    plants = LayeredPlants(level)
+def opened() -> Plan:
+    """The plan of :data:`INDEPENDENT`: 1,515 cases."""
+    return plan(SUITES["seal"], INDEPENDENT, OPENED)
+
+
+def cases_of(made: Plan, plants: Plants, kind: str | None = None, most: int | None = None) -> Iterator[DevelopmentCase]:
+    """Simulates the cases of a family; the first ``most`` of one ``kind`` if asked for."""
     own = [case for case in made.cases if case.family == plants.name and kind in (None, case.kind)][:most]
     machines = {number: made.machine(plants, number) for number in {case.machine for case in own}}
     for first in range(0, len(own), TOGETHER):
@@ -74,11 +85,11 @@ def recording(told: Excitation, log: Log) -> Recording:
     return Recording(told.name, commands, channels, rest, float(np.mean(channels["joint_angle"][:rest])))
 
 
-def kept(folder: Path, made: Plan, level: int) -> list[DevelopmentCase]:
-    """Cases of a level, simulated where the folder has none of this plan."""
-    path = folder / f"cases_{made.digest[:8]}_{level}.npz"
+def kept(folder: Path, made: Plan, plants: Plants) -> list[DevelopmentCase]:
+    """Cases of a family, simulated where the folder has none of this plan."""
+    path = folder / f"cases_{made.digest[:8]}_{plants.name}.npz"
     if not path.exists():
-        _write(path, list(cases_of(made, level)))
+        _write(path, list(cases_of(made, plants)))
     return _read(path, made)
 
 
