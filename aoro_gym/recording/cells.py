@@ -8,8 +8,6 @@ from datetime import date
 
 import numpy as np
 
-from aoro_gym.checks import printable
-
 THOUSANDS = re.compile(
     r"(?<![\d.,])\d{1,3}(?:(?:,\d{3})+\.\d|(?:\.\d{3})+,\d|(?:['’\u00a0\u202f]\d{3})+)\d*(?:[.,]\d+)?"
 )
@@ -78,7 +76,7 @@ def listed(names: Sequence[str], limit: int = 120) -> str:
     """``names`` for a message, in ``limit`` characters; more are counted."""
     text = ""
     for index, name in enumerate(names):
-        name = printable(name if len(name) <= LONGEST_ECHO else name[: LONGEST_ECHO - 1] + "…")
+        name = name if len(name) <= LONGEST_ECHO else name[: LONGEST_ECHO - 1] + "…"
         if len(text) + len(name) > limit:
             return f"{text}, … ({len(names):,} in all)" if index else f"{name} … ({len(names):,} in all)"
         text += f", {name}" if index else name

@@ -19,6 +19,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.checks import printable
 from aoro_gym.recording.bag_mapping import columns_of
 from aoro_gym.recording.bags import is_bag
 from aoro_gym.recording.cells import LONGEST_ECHO, MISSING, THOUSANDS, listed, parse_number, shown, time_stamp
@@ -375,7 +376,7 @@ def _read_text(path: Path) -> Table:
     dialect = find_dialect(text, encoding)
     if dialect.separator != "," and not re.search(r"[0-9]\.[0-9]", text) and re.search(r"[0-9],[0-9]", text):
         dialect = replace(dialect, decimal=",")  # whole numbers for long, as at rest
-    names = dialect.names
+    names = tuple(map(printable, dialect.names))
     if not names:
         hint = "" if not text.strip() else f"; its first line is {shown(text.strip().splitlines()[0])}"
         raise ValueError(f"{path} holds no rows under a header such as time_s,steering_signal{hint}")
@@ -449,7 +450,7 @@ def _read_parquet(path: Path) -> Table:
         raise ValueError(f"{path} needs pyarrow: pip install 'aoro-gym[parquet]'") from None
     try:
         with pyarrow.parquet.ParquetFile(path) as file:
-            names = tuple(file.schema_arrow.names)
+            names = tuple(map(printable, file.schema_arrow.names))
             rows = file.metadata.num_rows
     except (pyarrow.ArrowException, OSError, UnicodeDecodeError) as error:
         raise ValueError(f"{path} is not a Parquet file: {_one_line(error)}") from None

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow
+import pyarrow.csv
 import pyarrow.parquet
 import pytest
 from hypothesis import given, settings
@@ -125,10 +126,23 @@ def test_very_many_damaged_files(suffix):
     fuzz(lambda data: judge(data, suffix), WHOLE[suffix], TOKENS, THOROUGH)
 
 
-def test_a_damaged_column_name_leaves_a_message_on_one_line(tmp_path):
-    path = tmp_path / "log.parquet"
-    pyarrow.parquet.write_table(pyarrow.table({"time_s": [0.0, 1.0], "\nteering_signal": [0.0, 1.0]}), path)
-    with pytest.raises(ValueError, match="neither a column steering_signal") as caught:
+@pytest.mark.parametrize(
+    ("names", "gain", "message"),
+    [
+        (("time_s", "\nteering_signal", "joint_angle_rad"), 1.0, "neither a column steering_signal"),
+        (("time_s", "steering\nsignal", "joint_angle_rad"), 3.0, "must be in"),
+        (("time\n_s", "steering_signal", "joint_angle_rad"), -1.0, "repeats or runs backwards"),
+    ],
+    ids=["unknown", "known, its values out of range", "time that runs backwards"],
+)
+@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
+def test_a_damaged_column_name_leaves_a_message_on_one_line(tmp_path, names, gain, message, suffix):
+    time_s = K / 100 if gain > 0.0 else K[::-1] / 100
+    values = pyarrow.table(dict(zip(names, (time_s, abs(gain) * SIGNAL, ANGLE), strict=True)))
+    path = tmp_path / f"log{suffix}"
+    write = pyarrow.parquet.write_table if suffix == ".parquet" else pyarrow.csv.write_csv
+    write(values, path)
+    with pytest.raises(ValueError, match=message) as caught:
         read_recording(path)
     assert str(caught.value).isprintable()
 
