@@ -19,7 +19,7 @@ from aoro_gym.diagnosis.network.model import Network
 from aoro_gym.diagnosis.network.shape import Shape
 from aoro_gym.diagnosis.network.training import SENSORS, Course, train
 from aoro_gym.diagnosis.simulation.prior import Prior, SensorPrior
-from aoro_gym.execution.digest import digest, versions
+from aoro_gym.execution.digest import Contents, digest, versions
 from aoro_gym.execution.files import read_json, with_nulls, write_json
 
 HELD_OUT = 0.05
@@ -116,7 +116,7 @@ def as_told(program: Program, device: str) -> dict[str, Any]:
     told = {
         "amount": asdict(program.amount), "course": asdict(program.course), "shape": program.shape.as_dict(),
         "seconds": program.seconds, "prior": asdict(Prior()), "sensors": asdict(SensorPrior()), "versions": versions(),
-        "device": device, "start": [digest(path) for path in program.start],
+        "device": device, "start": [digest(Contents(path)) for path in program.start],
     }  # fmt: skip
     del told["amount"]["processes"]
     return told

@@ -85,3 +85,16 @@ def test_training_goes_on_from_other_networks(tmp_path: Path) -> None:
     moved = run(replace(still, course=Course(steps=2, batch=2, rate=1e-2)), "cpu", tmp_path / "after")
     assert len(moved["networks"]) == 1
     assert (Weights.load(tmp_path / "after" / "network_0.safetensors").arrays["place"] != before.arrays["place"]).any()
+
+
+def test_training_does_not_take_over_what_came_from_another_network_of_the_same_name(tmp_path: Path) -> None:
+    small = Shape(width=12, heads=1, within=1, across=1, kept=1, rank=1)
+    amount = Amount(machines=4, later=1, manoeuvres=1)
+    start = tmp_path / "network_0.safetensors"
+    still = Program(amount, 1, Course(steps=1, batch=2, rate=0.0), start=(start,))
+    for seed in range(2):
+        torch.manual_seed(seed)
+        Network(small).weights(np.ones(33)).save(start)
+        run(still, "cpu", tmp_path / "after")
+        found, given = (Weights.load(path) for path in (tmp_path / "after" / start.name, start))
+        np.testing.assert_array_equal(found.arrays["place"], given.arrays["place"])
