@@ -29,13 +29,16 @@ EXTENTS = {"small": Extent(12, 3, 2, (0.2, 0.6, 1.0)), "seal": Extent()}
 LEVELS = (0, 1, 2, 3)
 
 
-def libraries(folder: Path, made: Plan, families: Sequence[Plants], together: int = 1) -> list[Library]:
-    """Libraries of the families, simulated where the folder has none, so many manoeuvres ``together``."""
+def libraries(folder: Path, made: Plan, judged: Sequence[Plants], device: str) -> list[Library]:
+    """Libraries of the layered plants and the ``judged`` ones, simulated on the device where the folder has none."""
+    families: list[Plants] = [*(LayeredPlants(level, device) for level in LEVELS), *judged]
+    told = list(made.excitations.values())
     found = []
     for plants in families:
         path = folder / f"library_{plants.name}_{made.digest[:8]}.npz"
         if not path.exists():
-            extent, told = EXTENTS[made.suite.name], list(made.excitations.values())
+            together = 1 if device == "cpu" else len(told)
+            extent = EXTENTS[made.suite.name]
             build(plants, told, extent, made.seed, lambda s: print(s, flush=True), together).save(path)
         found.append(Library.load(path))
     return found
@@ -131,8 +134,7 @@ def main() -> None:
     made = plan(SUITES[options.suite], judged, options.seed)
     options.folder.mkdir(parents=True, exist_ok=True)
     print(f"plan {made.digest}: {len(made.cases)} cases", flush=True)
-    families = [*[LayeredPlants(level, options.device) for level in LEVELS], *judged]
-    books = libraries(options.folder, made, families, 1 if options.device == "cpu" else len(made.excitations))
+    books = libraries(options.folder, made, judged, options.device)
     noisy, seen = changes(options.folder, made, judged)
     verdicts = judge_cases(made, seen, books)
     found = {

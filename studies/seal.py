@@ -11,11 +11,11 @@ import argparse
 from pathlib import Path
 
 from aoro_gym.diagnosis_benchmark import independent
-from aoro_gym.diagnosis_benchmark.judge.plants import IndependentPlants, LayeredPlants
+from aoro_gym.diagnosis_benchmark.judge.plants import IndependentPlants
 from aoro_gym.diagnosis_benchmark.judge.suite import SUITES
 from aoro_gym.diagnosis_benchmark.judged_suite import VARIANTS, calibrate_on, draw, write_machines, write_suite
 from aoro_gym.execution.files import read_json
-from studies.judge import LEVELS, libraries
+from studies.judge import libraries
 
 
 def main() -> None:
@@ -30,8 +30,7 @@ def main() -> None:
     judged = [IndependentPlants(name, options.device) for name in independent.FAMILIES]
     made = draw(SUITES[options.suite], judged, options.answers)
     options.folder.mkdir(parents=True, exist_ok=True)
-    families = [*[LayeredPlants(level, options.device) for level in LEVELS], *judged]
-    books = libraries(options.folder, made, families, 1 if options.device == "cpu" else len(made.excitations))
+    books = libraries(options.folder, made, judged, options.device)
     if not options.stock:
         write_machines(options.folder, made, judged, calibrate_on(options.device))
     write_suite(options.folder, options.answers, made, judged, books, variants)

@@ -21,7 +21,7 @@ import numpy as np
 
 from aoro_gym.diagnosis.network.cases import case_of, posterior
 from aoro_gym.diagnosis.network.decision import SENSOR_SETS, decide, shipped
-from aoro_gym.diagnosis.network.forward import trained
+from aoro_gym.diagnosis.network.forward import TRAINED, networks_in, trained
 from aoro_gym.diagnosis.recording import logs_in, read_recording
 from aoro_gym.diagnosis_benchmark import independent
 from aoro_gym.diagnosis_benchmark.judge.plants import IndependentPlants
@@ -29,6 +29,7 @@ from aoro_gym.diagnosis_benchmark.judge.score import ROWS, Judged, score
 from aoro_gym.diagnosis_benchmark.judge.suite import SUITES, Plan, plan
 from aoro_gym.diagnosis_benchmark.sealing import digests
 from aoro_gym.effects.catalogue import EFFECTS, IDS
+from aoro_gym.execution.digest import Contents, digest
 from aoro_gym.execution.files import read_json, write_json, write_text
 from aoro_gym.units import BAR, LITRE_PER_MINUTE
 
@@ -134,7 +135,8 @@ def main() -> None:
         raise SystemExit(f"{suite}: cases or answers are not those that were sealed")
     families = [IndependentPlants(name) for name in independent.FAMILIES]
     made = plan(SUITES[answers["suite"]], families, answers["seed"])
-    kept = options.out / "said.json"
+    told = digest(*map(Contents, [*networks_in(TRAINED), TRAINED / "calibration.json"]))
+    kept = options.out / f"said_{made.digest[:8]}_{told[:8]}.json"
     said: dict[str, Any] = read_json(kept) if kept.exists() else {}
     waiting = [case.name for case in made.cases if case.name not in said]
     with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:

@@ -19,10 +19,11 @@ import numpy as np
 from aoro_gym.diagnosis.network import hypotheses
 from aoro_gym.diagnosis.network.cases import case_of, posteriors, tokens_of
 from aoro_gym.diagnosis.network.decision import SENSOR_SETS, Calibration, as_dict, calibrated, decide
-from aoro_gym.diagnosis.network.forward import TRAINED, trained
+from aoro_gym.diagnosis.network.forward import TRAINED, networks_in, trained
 from aoro_gym.diagnosis_benchmark.judge.plants import Plants
 from aoro_gym.diagnosis_benchmark.judge.suite import JudgedCase, Plan
 from aoro_gym.effects.catalogue import IDS
+from aoro_gym.execution.digest import Contents, digest
 from aoro_gym.execution.files import write_json, write_text, written_whole
 from studies.development.cases import INDEPENDENT, LAYERED, kept, opened, planned
 from studies.development.rates import ROWS, Decided, Rate, rates
@@ -41,7 +42,8 @@ def truth_of(case: JudgedCase) -> int:
 def said(folder: Path, made: Plan, plants: Plants, sensors: str) -> np.ndarray:
     """Probabilities of the hypotheses (N, hypotheses) for a family's cases, in the plan's order; where the folder has none,
     cases are simulated and the networks asked."""
-    path = folder / f"said_{made.digest[:8]}_{plants.name}_{sensors}.npy"
+    networks = digest(*map(Contents, networks_in(TRAINED)))
+    path = folder / f"said_{made.digest[:8]}_{networks[:8]}_{plants.name}_{sensors}.npy"
     if not path.exists():
         shown = [one.with_channels(SENSOR_SETS[sensors]) for one in kept(folder, made, plants)]
         found = []
@@ -58,7 +60,7 @@ def said(folder: Path, made: Plan, plants: Plants, sensors: str) -> np.ndarray:
     return np.load(path).astype(np.float64)
 
 
-def alike(family: np.ndarray) -> np.ndarray:
+def family_weights(family: np.ndarray) -> np.ndarray:
     """Weights (N,) by which every family counts as much as another, whatever its number of cases."""
     names, place, counts = np.unique(family, return_inverse=True, return_counts=True)
     return len(family) / (len(names) * counts[place])
@@ -70,7 +72,7 @@ def left_out(cases: Sequence[JudgedCase], probabilities: np.ndarray, truth: np.n
     found = []
     for name in dict.fromkeys(family.tolist()):
         others = family != name
-        calibration = calibrated(probabilities[others], truth[others], alike(family[others]))
+        calibration = calibrated(probabilities[others], truth[others], family_weights(family[others]))
         found += [Decided(cases[k], decide(probabilities[k], calibration)) for k in np.flatnonzero(~others).tolist()]
     return found
 
@@ -124,7 +126,7 @@ def main() -> None:
             " ".join(names): rates([one for one in decided if one.case.family in names])
             for names in [*groups, *([one] for group in groups for one in group)]
         }
-        found[name] = calibrated(probabilities, truth, alike(family))
+        found[name] = calibrated(probabilities, truth, family_weights(family))
     digests = [made.digest for made, _ in plans]
     shares = {
         name: {of: {row: asdict(rate) for row, rate in own.items()} for of, own in each.items()}

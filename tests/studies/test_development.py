@@ -12,7 +12,7 @@ from aoro_gym.diagnosis.result import UNKNOWN
 from aoro_gym.diagnosis_benchmark.judge.features import CHANNELS
 from aoro_gym.diagnosis_benchmark.judge.suite import JudgedCase
 from aoro_gym.effects.catalogue import IDS
-from studies.development.__main__ import alike, truth_of
+from studies.development.__main__ import family_weights, truth_of
 from studies.development.cases import SUITE, DevelopmentCase, _read, _write, planned, recording
 from studies.development.rates import Decided, rates
 
@@ -84,8 +84,8 @@ def test_the_truth_of_a_case_is_a_hypothesis():
     assert numbers == {"healthy": {0}, "outside": {1}}
 
 
-def test_families_weigh_alike_whatever_their_number_of_cases():
+def test_families_weigh_the_same_whatever_their_number_of_cases():
     family = np.array(["oak", "oak", "oak", "ash"])
-    weights = alike(family)
+    weights = family_weights(family)
     np.testing.assert_allclose(weights, [2 / 3, 2 / 3, 2 / 3, 2.0])
     assert weights.sum() == pytest.approx(len(family))

@@ -135,22 +135,22 @@ def build(
     where = np.array(list(runs_of))
     for first in range(0, len(excitations), together):
         part = list(excitations[first : first + together])
-        seeded = [
-            (told, *one) for told, own in zip(part, seeds[first:], strict=False) for one in zip(days, own, strict=True)
+        healthy = [
+            PlantRun(day, told, seed=int(drawn))
+            for told, own in zip(part, seeds[first : first + together], strict=True)
+            for day, drawn in zip(days, own, strict=True)
         ]
-        healthy = [PlantRun(day, told, seed=int(own)) for told, day, own in seeded]
         later = [PlantRun(machine, told, effects) for told in part for machine, effects in runs_of.values()]
         noisy, exact = plants.record(healthy, exact=False), plants.record([*healthy, *later], exact=True)
         changes = exact[len(healthy) :]
         for number, told in enumerate(part):
             weights = windows(told.steering, told.drive)
-            own = slice(number * len(days), (number + 1) * len(days))
-            for into, logs in ((found[0], noisy[own]), (found[1], exact[own])):
-                into[told.name] = _shaped(means(logs, weights), (extent.machines, extent.days))
+            of_days, of_changes = (slice(number * n, (number + 1) * n) for n in (len(days), len(runs_of)))
+            for into, logs in ((found[0], noisy), (found[1], exact)):
+                into[told.name] = _shaped(means(logs[of_days], weights), (extent.machines, extent.days))
             base = found[1][told.name][:, 0]
             effects = np.full((len(paths), len(extent.shares), len(changed), len(CHANNELS), len(weights)), np.nan)
-            own = slice(number * len(runs_of), (number + 1) * len(runs_of))
-            effects[tuple(where.T)] = paired(means(changes[own], weights), base[where[:, 2]])
+            effects[tuple(where.T)] = paired(means(changes[of_changes], weights), base[where[:, 2]])
             found[2][told.name] = effects
             progress(f"{plants.name}: {told.name}")
     return Library(plants.name, paths, *found)
