@@ -545,7 +545,7 @@ def _onward_html(diagnosis: Diagnosis, folder: Path) -> Markup:
     elif file:
         text = "This machine file can be used like any other, by the twin, its environments and training:"
     elif diagnosis.verdict == "no_gap":
-        text = "The machine file that you have agrees with the data:"
+        text = "No other machine file is called for than the one that you have:"
     else:
         text = "No machine file is better founded than the one that you have:"
     shell = f"aoro-gym simulate --manoeuvre left --machine {machine}\naoro-gym evaluate --machine {machine}"

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from aoro_gym.execution.files import read_json, write_json
 
 VERDICTS: Mapping[str, str] = {
-    "no_gap": "There is nothing above noise and the twin's own error.",
+    "no_gap": "The difference is no clearer than between healthy days.",
     "calibration": "There is a gap, and recalibrating uncertain parameters removes it; no effect is needed.",
     "cause": "One cause stands out.",
     "ambiguous": "Several causes explain the gap, and the data cannot tell them apart.",

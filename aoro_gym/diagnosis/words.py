@@ -315,7 +315,7 @@ def _where(diagnosis: Diagnosis) -> str:
     if _usual_figures(diagnosis):
         return "Nowhere that healthy machines of the kind do not differ, too."
     if diagnosis.verdict == "no_gap":
-        return "Nowhere: what differs is what noise and the twin's own error bring about."
+        return "Nowhere: healthy days differ as much."
     if diagnosis.verdict == "calibration":
         p = "" if diagnosis.where_p is None else f" ({p_value(diagnosis.where_p)})"
         return f"In parameters that were uncertain: what they cannot absorb looks like noise{p}."
@@ -418,12 +418,25 @@ def _by_signal(found: Sequence[GapClosure]) -> str:
     return "; ".join(parts)
 
 
+def _doubt(diagnosis: Diagnosis) -> str:
+    """What is likelier than no cause, though healthy days differ as much."""
+    nothing = sum(one.probability for one in diagnosis.causes if not one.effects)
+    likelier = [one for one in diagnosis.causes if one.effects and one.probability > nothing]
+    if not likelier:
+        return ""
+    best = max(likelier, key=lambda one: one.probability)
+    return (
+        f" {capital(title(best.effects))} is likelier than no cause, but not clear: record more logs, and repeat commands "
+        "while nothing is wrong."
+    )
+
+
 def _next(diagnosis: Diagnosis) -> str:
     file = machine_file(diagnosis)
     components = list(dict.fromkeys(readable(name) for one in suspected(diagnosis) for name in one.components))
     on = f" Go on with {file}." if file else ""
     text = {
-        "no_gap": "Go on with the machine file that you have.",
+        "no_gap": f"Go on with the machine file that you have.{_doubt(diagnosis)}",
         "calibration": on or "Calibrate the twin with them.",
         "cause": f"Look at the machine's {listed(components)}.{on}" if components else on,
         "ambiguous": "",

@@ -244,6 +244,13 @@ def test_what_is_noise_has_no_place(name, tmp_path):
     assert "Where the gap lies" not in page.tables
 
 
+def test_a_cause_that_is_likelier_than_none_is_told_though_no_gap_is_said():
+    sure = DIAGNOSES["no_gap"]
+    doubtful = replace(sure, causes=(Cause((), 0.13), Cause(("spool_lag",), 0.09), Cause(("hose_compliance",), 0.16)))
+    assert "likelier" not in conclusions(sure).next
+    assert "Hose compliance is likelier than no cause" in conclusions(doubtful).next
+
+
 def test_causes(page, verdict):
     head, *rows = page.tables["Causes"][0]
     causes = DIAGNOSES[verdict].causes
