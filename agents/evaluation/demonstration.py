@@ -16,7 +16,7 @@ from aoro_gym.agents.evaluation.films import write_film
 from aoro_gym.agents.evaluation.plots import write_plans
 from aoro_gym.envs import Course, TurningEnv
 from aoro_gym.machine import Machine
-from aoro_gym.reporting.page import Passage, write_gif
+from aoro_gym.reporting.page import Passage, write_animation
 from aoro_gym.terrains import drivable_path, load
 from aoro_gym.terrains.generate.forest import forest
 from aoro_gym.terrains.generate.scan import scan
@@ -31,12 +31,12 @@ TRACKING, PATH_LENGTH, DRIVERS = "AORO/PathTracking-v0", 40.0, ("paths-dagger", 
 Progress = Callable[[str, float], Any]
 
 
-def controlled_turn(machine: Machine, path: Path, *, device: str, seed: int, progress: Progress) -> Passage:
+def controlled_turn(machine: Machine, stem: Path, *, device: str, seed: int, progress: Progress) -> Passage:
     """Film an episode of ``AORO/Turning-v0`` under its reference controller.
 
     Args:
         machine: Machine that is driven.
-        path: GIF to write.
+        stem: Of the film to write, without its suffix.
         device: Of the twin.
         seed: Of the episode.
         progress: Called with what is done and the share of it.
@@ -55,14 +55,14 @@ def controlled_turn(machine: Machine, path: Path, *, device: str, seed: int, pro
         if terminated:
             break
     env.close()
-    write_gif(path, frames, frames_per_second=env.metadata["render_fps"] / 5)
+    film = write_animation(stem, frames, frames_per_second=env.metadata["render_fps"] / 5)
     targets = ", ".join(f"{target:g}°" for target in TARGETS_DEG)
     verdict = "settled on every one in time" if info["is_success"] else "did not settle on every one in time"
     text = (
         f"The reference controller of AORO/Turning-v0 (proportional-derivative, from the noisy angle sensor alone) is asked "
         f"for joint angles of {targets}, left positive, and {verdict}."
     )
-    return Passage("A controlled turn", text, [path])
+    return Passage("A controlled turn", text, [film])
 
 
 def forest_drive(machine: Machine, folder: Path, *, device: str, seed: int, progress: Progress) -> Passage:

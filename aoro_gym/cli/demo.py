@@ -53,7 +53,7 @@ def demo(
     report.print_tables(terminal.out(), result)
     passages = [report.passage(result, out / "validation")]
     with terminal.progress("AORO/Turning-v0") as tell, running():
-        passages.append(controlled_turn(chosen, out / "turning.gif", device=device, seed=seed, progress=tell))
+        passages.append(controlled_turn(chosen, out / "turning", device=device, seed=seed, progress=tell))
     with terminal.progress("scanning a forest") as tell, running():
         passages.append(forest_drive(chosen, out / "drive", device=device, seed=seed, progress=tell))
     sections = []

@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from aoro_gym.reporting.page import Passage, write_gif
+from aoro_gym.reporting.page import Passage, write_animation
 from aoro_gym.simulation.key_figures import recording_figures
-from aoro_gym.simulation.plots import Section, panels, write_html, write_png
+from aoro_gym.simulation.plots import Section, _instants, panels, write_html, write_png
 
 
 @pytest.fixture(scope="module")
@@ -54,10 +54,19 @@ def test_page_is_self_contained(tmp_path, sections):
 
 
 def test_page_holds_copies_of_pictures(tmp_path, sections):
-    moving = tmp_path / "moving.gif"
-    write_gif(moving, [np.full((8, 12, 3), shade, dtype=np.uint8) for shade in (0, 120, 255)], frames_per_second=10)
+    frames = [np.full((16, 24, 3), shade, dtype=np.uint8) for shade in (0, 120, 255)]
+    moving = write_animation(tmp_path / "moving", frames, frames_per_second=10)
     path = tmp_path / "page.html"
     write_html(path, "T", "lead", sections[:1], [Passage("A & b", "more < less", [moving], more="other/index.html")])
     page = path.read_text(encoding="utf-8")
     assert 'A &amp; b</h2><p>more &lt; less <a href="other/index.html">' in page
-    assert 'src="data:image/gif;base64,' in page
+    assert f'src="data:image/{moving.suffix[1:]};base64,' in page
+
+
+def test_even_instants_are_a_start_and_a_step():
+    """As plotly takes them; uneven ones are written out."""
+    even = _instants(np.linspace(0.25, 0.35, 101), 2)
+    assert even == {"x0": 0.25, "dx": 0.002}
+    uneven = _instants(np.array([0.0, 0.1, 0.3, 0.4]), 1)
+    np.testing.assert_allclose(uneven["x"], [0.0, 0.1, 0.3, 0.4], rtol=1e-6)
+    assert _instants(np.array([0.5]), 1)["x0"] == 0.5
