@@ -96,6 +96,17 @@ class Arrays:
 
         return warp.to_torch(array)
 
+    def shared(self, array: Array) -> Any:
+        """The memory of an array from here as a Warp array, not copied: :meth:`alias` the other way round. It holds while
+        ``array`` lives."""
+        import warp
+
+        return warp.array(array, copy=False, device="cpu") if self.on_host else warp.from_torch(array)
+
+    def copy(self, array: Array) -> Array:
+        """A copy."""
+        return array.copy() if self.on_host else array.clone()
+
     def known_all_false(self, mask: Array) -> bool:
         """Whether ``mask`` is known to be false everywhere, so that what it is for can be left out. On a device one would
         have to wait to know: there, never."""

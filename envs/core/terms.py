@@ -3,7 +3,11 @@
 A term is a function of one argument, the view of all sub-environments at the end of a control step (for turning:
 :class:`aoro_gym.envs.turning.view.TurningView`). It returns one number a sub-environment, shape (N,); an observation term
 may also return (N, K). The view's ``xp`` is the namespace of its arrays, by the names of the array API standard: terms that
-call ``view.xp.abs`` and the like, instead of ``numpy.abs``, work with ``output="torch"``, too.
+call ``view.xp.abs`` and the like, instead of ``numpy.abs``, work with ``output="torch"``, too. A view holds until the next
+step.
+
+Where a task has kernels (:mod:`aoro_gym.envs.core.kernel_step`) the package's own terms are part of them. Terms of your own
+are asked after the launches: the first one costs the view, about 0.1 ms a step on a CPU and 60 small launches on a GPU.
 
 Terms are changed by name when an environment is made, without subclassing:
 

@@ -6,6 +6,7 @@ import difflib
 import inspect
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 
 from aoro_gym.checks import check_choice, check_integer
 from aoro_gym.envs.core.copying import copied, pickled
+from aoro_gym.envs.core.kernel_step import KernelStep, kernel_step
 from aoro_gym.envs.core.rendering import RENDER_MODES, Renderer
 from aoro_gym.envs.core.task import Outputs, Task, channel_row
 from aoro_gym.envs.core.terms import observations_of, rewards_of
@@ -34,8 +36,27 @@ from aoro_gym.twin.twin import STATUS
 Infos = dict[str, Any]
 BASE_OPTIONS = ("reset_mask", "machine", "terrain", "sensor_seed")
 """Keys of ``reset(options=...)`` that every task takes."""
+BASE_OPTIONS_SET = frozenset(BASE_OPTIONS)
 OUTPUTS = ("numpy", "torch")
 """Kinds of arrays that environments hand out."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What a control step came to; arrays of shape (N,), contributions of the reward terms (T, N)."""
+
+    meant: Callable[[], Array]
+    """Gives whose actions are finite."""
+    values: Array
+    rewards: Array
+    ending: Array
+    terminated: Array
+    truncated: Array
+    done: Array
+    running: Array
+    diverged: Array
+    infos: Infos
+    """Those of the task."""
 
 
 class TwinVectorEnv(VectorEnv[Array, Array, Array]):
@@ -86,6 +107,8 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         autoreset_mode: See above; an :class:`AutoresetMode` or its value.
         max_episode_steps: Control steps after which an episode is truncated; never by default.
         render_mode: None, ``"rgb_array"``, or ``"human"``: the first one in the browser, where viser is installed.
+        kernels: Whether a step is made of the task's kernels where it has some (see
+            :mod:`aoro_gym.envs.core.kernel_step`); else of array operations, one by one, which give the same up to rounding.
 
     Raises:
         ValueError: naming the argument, its value and its bound.
@@ -113,6 +136,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
+        kernels: bool = True,
     ):
         check_integer("num_envs", num_envs)
         if max_episode_steps is not None:
@@ -149,6 +173,8 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         self.arrays = HOST if output == "numpy" else Arrays.torch(str(self.twin.device))
         """Where the arrays live that the task calculates with."""
         self._own_machines = own_machines
+        self._kernels = kernels
+        self._kernel_step: KernelStep | None = None  # made when it is first asked for, as it shares memory
         self._machine_changed = np.zeros(self.num_envs, dtype=bool)
         self._warned_of: set[str] = set()  # parameters outside of their ranges
         self._done = np.ones(self.num_envs, dtype=bool)  # the host knows who waits for a reset
@@ -215,7 +241,8 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
     def copied_state(self) -> dict[str, Any]:
         """Everything but the twin, for :meth:`restore_state`."""
         traces = None if self._renderer is None else self._renderer.traces()
-        return {**{name: value for name, value in vars(self).items() if name != "twin"}, "_renderer": traces}
+        state = {name: value for name, value in vars(self).items() if name != "twin"}
+        return {**state, "_renderer": traces, "_kernel_step": None}
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
         """Take up what :meth:`copied_state` gave; pictures are drawn anew."""
@@ -281,6 +308,8 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
 
     def _start(self, where: NDArray[np.intp], options: Mapping[str, Any]) -> None:
         """Begin the episodes of the sub-environments ``where``."""
+        if not BASE_OPTIONS_SET.issuperset(options):
+            self._kernel_step = None  # a task's own options may bring along what its kernels have to share anew
         generators = [generator for i in where if (generator := self.generators[i]) is not None]
         draws = self.task.randomisation.draw(generators)
         machine = self._machines(where, draws.apply(self.twin.machine.variants(where)), options)
@@ -395,18 +424,54 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
                     f"sub-environment {int(np.argmax(self._done))} has no running episode; call reset() first, for some "
                     "with options={'reset_mask': mask}"
                 )
-        actions, meant = self._taken_actions(actions)
+        actions = self._checked_actions(actions)
         with self.arrays.ordered():
-            result = self._advance(actions, meant, resetting)
+            result = self._advance(actions, resetting)
         if self.render_mode == "human":
             self.render()
         return result
 
-    def _advance(
-        self, actions: Array, meant: Array, resetting: NDArray[np.bool_]
-    ) -> tuple[Array, Array, Array, Array, Infos]:
-        """A control step; those that are ``resetting`` begin an episode in it. ``meant`` (N,): whose actions are finite."""
+    def _advance(self, actions: Array, resetting: NDArray[np.bool_]) -> tuple[Array, Array, Array, Array, Infos]:
+        """A control step; those that are ``resetting`` begin an episode in it."""
+        arrays, kernels = self.arrays, self._in_kernels()
+        judged = self._judged(actions, resetting) if kernels is None else self._told(kernels, actions, resetting)
+        infos = {f"reward/{name}": value for name, value in zip(self.task.reward_terms, judged.values, strict=True)}
+        infos |= judged.infos
+        if self._renderer is not None:
+            self._renderer.record(self.task.traces())
+        masks = dict.fromkeys(infos, judged.running)
+
+        if resetting.any():
+            self._start(np.flatnonzero(resetting), {})
+        if kernels is None:
+            self._observe(~(judged.diverged & judged.running))
+        elif resetting.any() or kernels.own_observations:
+            self._observe_in_kernels(kernels, again=bool(resetting.any()))
+        # all that the host waits for
+        flags = self._flags(judged) if kernels is None or kernels.has_own else kernels.flags
+        unmeant, wrong_reward, wrong_observation, any_terminated, any_done = arrays.host(flags)
+        if unmeant:
+            self._complain_of_action(judged.meant())
+        if wrong_reward:
+            self._complain_of_reward(judged.values)
+        if wrong_observation:
+            self._complain_of_observation()
+        if resetting.any():
+            infos, masks = _replaced(infos, masks, self.task.info(), ~judged.running)
+        if any_terminated:
+            infos["termination"], masks["termination"] = self._reasons(judged.ending), judged.terminated
+        self._done = np.array(arrays.host(judged.done)) if any_done else np.zeros(self.num_envs, dtype=bool)
+        if any_done and self.autoreset_mode is AutoresetMode.SAME_STEP:
+            infos = self._same_step(infos, masks, judged.done)
+        else:
+            infos = _with_masks(infos, masks)
+        return self._handed_out(self._observation), judged.rewards, judged.terminated, judged.truncated, infos
+
+    def _judged(self, actions: Array, resetting: NDArray[np.bool_]) -> Judged:
+        """A control step by array operations, up to the observation."""
         arrays, xp = self.arrays, self.arrays.xp
+        finite = xp.isfinite(actions)
+        actions = xp.clip(xp.where(finite, actions, 0.0), self._least_action, self._largest_action)
         for name, command in self.task.commands(actions).items():
             self._commands[int(Command[name.upper()])] = command
         if arrays.on_host and self.twin.device.is_cuda:
@@ -423,10 +488,6 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         contributions = rewards_of(self.task.reward_terms, judged.view, self.num_envs)
         values = xp.stack([xp.astype(value, xp.float32) for value in contributions.values()])
         values = xp.where(running & ~diverged, values, 0.0)
-        rewards = values[0]
-        for value in values[1:]:
-            rewards = rewards + value
-        infos = {f"reward/{name}": value for name, value in zip(contributions, values, strict=True)}
 
         ending = xp.where(diverged, self._status + (len(self.task.termination_reasons) - 1), judged.terminal)
         ending = xp.where(running, ending, 0)
@@ -435,41 +496,73 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         if self.max_episode_steps is not None:
             truncated = truncated | (self._steps >= self.max_episode_steps)
         truncated = truncated & running & ~terminated
-        done = terminated | truncated
-        infos |= self.task.info()
+        infos = self.task.info()
         if "is_success" in infos:
             infos["is_success"] &= ~diverged
-        if self._renderer is not None:
-            self._renderer.record(self.task.traces())
-        masks = dict.fromkeys(infos, running)
+        meant = xp.all(finite, axis=1)
+        return Judged(
+            lambda: meant, values, _sum(values), ending, terminated, truncated, terminated | truncated, running, diverged,
+            infos,
+        )  # fmt: skip
 
-        if resetting.any():
-            self._start(np.flatnonzero(resetting), {})
-        self._observe(~(diverged & running))
-        # all that the host waits for
-        unmeant, wrong_reward = ~xp.all(meant), ~xp.all(xp.isfinite(rewards))
-        flags = xp.stack([unmeant, wrong_reward, self._wrong_observation(), xp.any(terminated), xp.any(done)])
-        unmeant, wrong_reward, wrong_observation, any_terminated, any_done = arrays.host(flags)
-        if unmeant:
-            self._complain_of_action(meant)
-        if wrong_reward:
-            self._complain_of_reward(values)
-        if wrong_observation:
-            self._complain_of_observation()
-        if resetting.any():
-            infos, masks = _replaced(infos, masks, self.task.info(), ~running)
-        if any_terminated:
-            infos["termination"], masks["termination"] = self._reasons(ending), terminated
-        self._done = np.array(arrays.host(done)) if any_done else np.zeros(self.num_envs, dtype=bool)
-        if any_done and self.autoreset_mode is AutoresetMode.SAME_STEP:
-            infos = self._same_step(infos, masks, done)
-        else:
-            infos = _with_masks(infos, masks)
-        return self._handed_out(self._observation), rewards, terminated, truncated, infos
+    def _flags(self, judged: Judged) -> Array:
+        """What the host has to know of a step (5,)."""
+        xp = self.arrays.xp
+        unmeant, wrong_reward = ~xp.all(judged.meant()), ~xp.all(xp.isfinite(judged.rewards))
+        ended = xp.any(judged.terminated), xp.any(judged.done)
+        return xp.stack([unmeant, wrong_reward, self._wrong_observation(), *ended])
+
+    # ---- in kernels
+
+    def _in_kernels(self) -> KernelStep | None:
+        """The task's kernels, put together anew where the memory that they share was replaced."""
+        if not self._kernels:
+            return None
+        if self._kernel_step is None or self._kernel_step.built_on is not self.twin.outputs:
+            self._kernel_step = kernel_step(self)
+            self._kernels = self._kernel_step is not None
+        return self._kernel_step
+
+    def _told(self, kernels: KernelStep, actions: Array, resetting: NDArray[np.bool_]) -> Judged:
+        """What :meth:`_judged` does, by the task's kernels, which observe, too."""
+        arrays, xp, anew = self.arrays, self.arrays.xp, bool(resetting.any())
+        if anew:
+            arrays.put(kernels.resetting, slice(None), resetting)
+        kernels.run(actions)
+        if anew:
+            kernels.resetting[...] = False
+        self._outputs, self._status = kernels.outputs, kernels.status
+        kernels.told()
+        ending, terminated, truncated, done, running = kernels.ended()
+        values, rewards, diverged = kernels.values(), kernels.rewards(), self._status != 0
+        if kernels.own_rewards:
+            names = list(self.task.reward_terms)
+            own = {name: self.task.reward_terms[name] for name in kernels.own_rewards}
+            for name, value in rewards_of(own, self.task.view(), self.num_envs).items():
+                values[names.index(name)] = xp.where(running & ~diverged, xp.astype(value, xp.float32), 0.0)
+            rewards = _sum(values)
+        return Judged(
+            lambda: xp.all(xp.isfinite(kernels.given), axis=1), values, rewards, ending, terminated, truncated, done,
+            running, diverged, kernels.infos(),
+        )  # fmt: skip
+
+    def _observe_in_kernels(self, kernels: KernelStep, *, again: bool = True) -> None:
+        """Renew the observation where ``kernels.keeps`` does not hold: ``again``, or only by terms of the user's own."""
+        if again:
+            kernels.observe()
+        arrays, xp = self.arrays, self.arrays.xp
+        own = {name: self.task.observation_terms[name] for name in kernels.own_observations}
+        for name, part in zip(own, observations_of(own, self.task.view(), self.num_envs) if own else [], strict=True):
+            columns = self.observation_layout[name]
+            bounds = self._lowest[columns], self._highest[columns]
+            value = xp.clip(xp.astype(part, xp.float32), *bounds)
+            if not arrays.known_all_false(kernels.keeps):
+                value = xp.where(kernels.keeps[:, None], self._observation[:, columns], value)
+            self._observation[:, columns] = value
 
     def _same_step(self, infos: Infos, masks: dict[str, Array], done: Array) -> Infos:
         """Reset the sub-environments whose episode just ended, and put the end of the old one into the infos."""
-        final = self._observation  # a new one follows
+        final = self._handed_out(self._observation)  # a new one follows
         if self.arrays.on_host:
             final = np.full(self.num_envs, None, dtype=object)
             for i in np.flatnonzero(done):
@@ -488,19 +581,15 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             "_final_info": done,
         }
 
-    def _taken_actions(self, actions: Array) -> tuple[Array, Array]:
-        """Actions (N, A) within the action space, and which of them (N,) were finite; the others are 0."""
-        arrays, xp = self.arrays, self.arrays.xp
+    def _checked_actions(self, actions: Array) -> Array:
+        """Actions (N, A) where the arrays live, of the right shape; those of the host are finite."""
         on_host = namespace(actions) is np
         actions = np.asarray(actions, dtype=np.float32) if on_host else actions
         if tuple(actions.shape) != self.action_space.shape:
             raise ValueError(f"actions have shape {tuple(actions.shape)}, but must have {self.action_space.shape}")
         if on_host and not np.isfinite(actions).all():
             self._complain_of_action(np.isfinite(actions).all(axis=1))
-        actions = arrays.asarray(actions, xp.float32)
-        finite = xp.isfinite(actions)
-        actions = xp.clip(xp.where(finite, actions, 0.0), self._least_action, self._largest_action)
-        return actions, xp.all(finite, axis=1)
+        return self.arrays.asarray(actions, self.arrays.xp.float32)
 
     def _complain_of_action(self, meant: Array) -> None:
         meant = meant if isinstance(meant, np.ndarray) else self.arrays.host(meant)
@@ -531,7 +620,11 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
 
     def _observe(self, mask: Array) -> None:
         """Renew the observations where ``mask`` holds; the others keep their last one."""
-        arrays, xp = self.arrays, self.arrays.xp
+        arrays, xp, kernels = self.arrays, self.arrays.xp, self._in_kernels()
+        if kernels is not None:
+            kernels.keeps[...] = ~mask
+            self._observe_in_kernels(kernels)
+            return
         parts = observations_of(self.task.observation_terms, self.task.view(), self.num_envs)
         observation = xp.clip(xp.astype(xp.concat(parts, axis=1), xp.float32), self._lowest, self._highest)
         if not arrays.known_all_false(~mask):
@@ -543,7 +636,8 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         return ~self.arrays.xp.all(self.arrays.xp.isfinite(self._observation))
 
     def _handed_out(self, observation: Array) -> Array:
-        return observation.copy() if self.arrays.on_host else observation
+        alone = self._kernel_step is None and not self.arrays.on_host
+        return observation if alone else self.arrays.copy(observation)
 
     def _reasons(self, ending: Array) -> Array:
         """Why episodes terminate (N,): words, or None for those that go on; indices on a device."""
@@ -576,7 +670,8 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
     def output(self, channel: str) -> Array:
         """The twins' exact output channel at the end of the last control step, SI, float32 (num_envs,); a tensor aliases the
         twins' memory."""
-        return self._handed_out(self._outputs.last(channel))
+        last = self._outputs.last(channel)
+        return last.copy() if self.arrays.on_host else last
 
     @property
     def time(self) -> Array:
@@ -622,6 +717,14 @@ def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
     except ValueError:
         known = ", ".join(repr(m.value) for m in AutoresetMode)
         raise ValueError(f"autoreset_mode is {mode!r}; choose one of: {known}") from None
+
+
+def _sum(values: Array) -> Array:
+    """Sum over the terms (T, N), one after the other."""
+    total = values[0]
+    for value in values[1:]:
+        total = total + value
+    return total
 
 
 def _where(mask: Array, values: Mapping[str, Array]) -> dict[str, Array]:

@@ -265,6 +265,24 @@ class PathTracking:
         self._judge()
         return StepResult(self.view(), self._ending, self._step >= self._steps_allowed)
 
+    # ---- step in kernels
+
+    @property
+    def has_kernels(self) -> bool:
+        """Whether kernels do the same as this class: not as one that is derived from it."""
+        return type(self) is PathTracking
+
+    def kernels(self, memory: Any) -> Any:
+        """What :meth:`commands` and :meth:`advance` do, and the terms, as kernels
+        (:class:`aoro_gym.envs.core.kernel_step.TaskKernels`) with the ``memory`` of the step."""
+        from aoro_gym.envs.path_tracking.kernels.step import path_tracking_kernels
+
+        return path_tracking_kernels(self, memory, self._arrays, reach=PROJECTION_REACH)
+
+    def took(self, outputs: Outputs) -> None:
+        """The kernels have taken in ``outputs`` of a control step."""
+        self._outputs, self._view = outputs, None
+
     def _judge(self) -> None:
         """How episodes end; of several reasons the worst."""
         xp, config = self._arrays.xp, self.config

@@ -222,10 +222,11 @@ class Uploads(torch.overrides.TorchFunctionMode):
         return func(*args, **(kwargs or {}))
 
 
+@pytest.mark.parametrize("kernels", [False, True])
 @pytest.mark.parametrize("case", CASES)
-def test_a_step_without_an_end_waits_for_its_flags_only(case, monkeypatch):
+def test_a_step_without_an_end_waits_for_its_flags_only(case, kernels, monkeypatch):
     name, arguments = CASES[case]
-    env: Any = gymnasium.make_vec(name, num_envs=3, output="torch", **arguments).unwrapped
+    env: Any = gymnasium.make_vec(name, num_envs=3, output="torch", kernels=kernels, **arguments).unwrapped
     env.reset(seed=0)
     actions = torch.zeros(env.action_space.shape)
     env.step(actions)
@@ -237,7 +238,9 @@ def test_a_step_without_an_end_waits_for_its_flags_only(case, monkeypatch):
     with Watched() as watched, Uploads() as uploads:
         env.step(actions)
     assert read == [(5,)]
-    assert watched.calls > 200  # it did watch
+    # it did watch; with kernels there is little left to be seen: actions in, copies of results out
+    few = kernels and name == "AORO/PathTracking-v0"
+    assert 5 < watched.calls < 30 if few else watched.calls > 200
     assert watched.found == []
     assert uploads.found == []
 

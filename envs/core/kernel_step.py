@@ -1,0 +1,200 @@
+"""A control step as a few launches: those of a task around that of its twins, recorded once; on CUDA as one graph.
+
+What stands in the launches are addresses, so all that they share with the host is written in place. Terms that are functions
+of the user's own are left to the host: they are asked after the launches, as those of tasks without kernels are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from aoro_gym.envs.core.kernels import DONE, OWN, RUNNING, TERMINATED, TRUNCATED, StepMemory
+from aoro_gym.envs.core.task import Outputs
+from aoro_gym.execution.array_api import Array, Arrays
+from aoro_gym.twin.twin import BLOCK_DIM
+
+Launch = tuple[Any, list[Any]]
+"""A kernel and what it takes; one thread a sub-environment."""
+
+
+@dataclass(frozen=True)
+class TaskKernels:
+    """What a task's control step is made of."""
+
+    before: Sequence[Launch]
+    """From actions to commands; the twins follow."""
+    after: Sequence[Launch]
+    """Measurement and judgement."""
+    observe: Launch
+    """Writes the observation."""
+    rewarded: Sequence[Callable[[Any], Array]]
+    """Functions of reward terms that the kernels know, by their kinds."""
+    observed: Sequence[Callable[[Any], Array]]
+    """Likewise of observation terms."""
+    logged: Sequence[tuple[Sequence[str], Array]]
+    """Names of the rows of arrays (rows, N): what is logged, in the order of ``Task.info``."""
+
+
+class KernelStep:
+    """The control step of a vector environment.
+
+    Args:
+        env: The :class:`~aoro_gym.envs.core.vector.TwinVectorEnv`, allocated.
+    """
+
+    def __init__(self, env: Any):
+        self._arrays: Arrays = env.arrays
+        self._twin, self._task, self.num_envs = env.twin, env.task, env.num_envs
+        arrays, xp, n, twin = self._arrays, env.arrays.xp, env.num_envs, env.twin
+        self._advance = twin.advancing(env.task.control_step, sample_every=env.task.sample_step)
+        self.built_on = twin.outputs
+        """The memory of the outputs that the launches write to."""
+        terms = len(env.task.reward_terms)
+        self.given = arrays.zeros(env.action_space.shape, xp.float32)
+        """Actions as they were given (N, A)."""
+        self.resetting, self.keeps = arrays.zeros(n, xp.bool), arrays.zeros(n, xp.bool)
+        """Whose episode begins in the step, and whose observation stays as it was (N,)."""
+        self._flags = arrays.zeros(5, xp.int32)
+        self._values, self._rewards = arrays.zeros((terms, n), xp.float32), arrays.zeros(n, xp.float32)
+        self._ending, self._ended = arrays.zeros(n, xp.int64), arrays.zeros((4, n), xp.bool)
+        self._observation = env._observation
+        self.outputs = Outputs(arrays.alias(twin.outputs), arrays.alias(twin.state))
+        """Of the twins; their memory."""
+        self.status = arrays.alias(twin.status_codes)
+        """Likewise (N,)."""
+        self._memory = self._shared(env)
+        kernels = env.task.kernels(self._memory)
+        self._kernels = kernels  # a recorded launch holds addresses, not what lies there
+        self._tell_terms(env, kernels)
+        self._before = [self._recorded(launch) for launch in kernels.before]
+        self._after = [self._recorded(launch) for launch in kernels.after]
+        self._observe = self._recorded(kernels.observe)
+        self._graph: Any = None
+        self._runs = 0
+
+    def _shared(self, env: Any) -> Any:
+        out, arrays, task, twin = StepMemory(), self._arrays, env.task, env.twin
+        out.control_step, out.reasons = task.control_step, len(task.termination_reasons)
+        out.max_steps = -1 if env.max_episode_steps is None else env.max_episode_steps
+        out.commands, out.outputs, out.state, out.status = twin.commands, twin.outputs, twin.state, twin.status_codes
+        for name, array in (
+            ("given", self.given), ("least", env._least_action), ("largest", env._largest_action),
+            ("steps", env._steps), ("resetting", self.resetting), ("flags", self._flags), ("values", self._values),
+            ("rewards", self._rewards), ("ending", self._ending), ("ended", self._ended), ("keeps", self.keeps),
+            ("lowest", env._lowest), ("highest", env._highest), ("observation", self._observation),
+        ):  # fmt: skip
+            setattr(out, name, arrays.shared(array))
+        self._sources = (env._least_action, env._largest_action, env._steps, env._lowest, env._highest)
+        return out
+
+    def _tell_terms(self, env: Any, kernels: TaskKernels) -> None:
+        """The terms by their kinds, and which are left to the host."""
+        device, task = str(self._twin.device), env.task
+        rewards = [_kind(term.function, kernels.rewarded) for term in task.reward_terms.values()]
+        observations = [_kind(term.function, kernels.observed) for term in task.observation_terms.values()]
+        self.own_rewards = [name for name, kind in zip(task.reward_terms, rewards, strict=True) if kind == OWN]
+        """Names of the reward terms that the kernels don't know."""
+        self.own_observations = [
+            name for name, kind in zip(task.observation_terms, observations, strict=True) if kind == OWN
+        ]
+        """Likewise of the observation terms."""
+        weights = np.array([term.weight for term in task.reward_terms.values()], dtype=np.float64)
+        columns = [env.observation_layout[name].start for name in task.observation_terms]
+        self._memory.weights = wp.array(weights, dtype=wp.float64, device=device)
+        for field, numbers in (("reward_kinds", rewards), ("observation_kinds", observations), ("columns", columns)):
+            setattr(self._memory, field, wp.array(np.array(numbers, dtype=np.int32), dtype=int, device=device))
+
+    def _recorded(self, launch: Launch) -> Any:
+        kernel, inputs = launch
+        return wp.launch(
+            kernel, dim=self.num_envs, inputs=inputs, device=self._twin.device, block_dim=BLOCK_DIM, record_cmd=True
+        )
+
+    def run(self, actions: Array) -> None:
+        """One control step under ``actions`` (N, A), observation included."""
+        self.given[...] = actions
+        self._runs += 1
+        if self._graph is not None:
+            wp.capture_launch(self._graph)
+        else:
+            self._launch()
+        if self._runs == 1 and self._twin.device.is_cuda:  # what the launches need is loaded now
+            self._graph = self._captured()
+
+    def _launch(self) -> None:
+        if self._twin.device.is_cuda:
+            self._memory.flags.zero_()
+        else:
+            self._flags[...] = 0
+        for each in self._before:
+            each.launch()
+        self._advance(0, self.num_envs)
+        for each in self._after:
+            each.launch()
+        self._observe.launch()
+
+    def _captured(self) -> Any:
+        """All launches as one graph; torch's own stream, where it is the default one, cannot be captured."""
+        with (
+            wp.ScopedStream(wp.Stream(self._twin.device)) as stream,
+            wp.ScopedCapture(stream=stream, force_module_load=False) as capture,
+        ):
+            self._launch()
+        return capture.graph
+
+    def told(self) -> None:
+        """Let the task know that its arrays are those of another step."""
+        self._task.took(self.outputs)
+
+    def observe(self) -> None:
+        """Renew the observation where it is not to stay as it was."""
+        self._observe.launch()
+
+    @property
+    def has_own(self) -> bool:
+        """Whether any term is left to the host."""
+        return bool(self.own_rewards or self.own_observations)
+
+    @property
+    def flags(self) -> Array:
+        """See :mod:`aoro_gym.envs.core.kernels` (5,)."""
+        return self._flags
+
+    def values(self) -> Array:
+        """Contribution of each reward term (T, N), to be kept; 0 for those of own functions."""
+        return self._arrays.copy(self._values)
+
+    def rewards(self) -> Array:
+        """Sum of the terms that the kernels know (N,), to be kept."""
+        return self._arrays.copy(self._rewards)
+
+    def ended(self) -> tuple[Array, Array, Array, Array, Array]:
+        """Why episodes end (N,), and whether they terminate, are truncated, either, and ran at all, to be kept."""
+        ended = self._arrays.copy(self._ended)
+        rows = (ended[int(row)] for row in (TERMINATED, TRUNCATED, DONE, RUNNING))
+        terminated, truncated, done, running = rows
+        return self._arrays.copy(self._ending), terminated, truncated, done, running
+
+    def infos(self) -> dict[str, Array]:
+        """What ``Task.info`` gives at the end of the step."""
+        out: dict[str, Array] = {}
+        for names, array in self._kernels.logged:
+            out |= zip(names, self._arrays.copy(array), strict=True)
+        return out
+
+
+def kernel_step(env: Any) -> KernelStep | None:
+    """The step of ``env`` in kernels; None for a task that has none, and where arrays and twins live apart."""
+    kernels = getattr(env.task, "kernels", None)
+    apart = env.arrays.on_host and env.twin.device.is_cuda
+    return None if kernels is None or apart or not env.task.has_kernels else KernelStep(env)
+
+
+def _kind(function: Callable[[Any], Array], known: Sequence[Callable[[Any], Array]]) -> int:
+    """Number of a term's function among those that the kernels know."""
+    return known.index(function) if function in known else int(OWN)

@@ -1,0 +1,109 @@
+"""What the kernels of all tasks share: the memory of a control step, and its beginning and end for one sub-environment."""
+
+import warp as wp
+
+UNMEANT, WRONG_REWARD, WRONG_OBSERVATION, ANY_TERMINATED, ANY_DONE = (wp.constant(number) for number in range(5))
+"""Rows of the flags."""
+TERMINATED, TRUNCATED, DONE, RUNNING = (wp.constant(number) for number in range(4))
+"""Rows of what a step ended with."""
+OWN = wp.constant(-1)
+"""Kind of a term that is a function of the user's own: it is left to the host."""
+
+
+@wp.struct
+class StepMemory:
+    """Of N sub-environments with A actions, T reward terms and D columns of the observation."""
+
+    control_step: wp.float64  # [s]
+    reasons: int  # why a task's episodes may terminate, how many
+    max_steps: wp.int64  # of an episode; -1: no bound
+    given: wp.array2d(dtype=float)  # (N, A) actions as they were given
+    least: wp.array(dtype=float)  # (A,)
+    largest: wp.array(dtype=float)  # (A,)
+    commands: wp.array2d(dtype=float)  # of the twins
+    outputs: wp.array3d(dtype=float)  # likewise
+    state: wp.array2d(dtype=float)  # likewise
+    status: wp.array(dtype=int)  # likewise
+    steps: wp.array(dtype=wp.int64)  # (N,) since the episode began
+    resetting: wp.array(dtype=wp.bool)  # (N,) whose episode begins in this step
+    flags: wp.array(dtype=int)  # (5,)
+    weights: wp.array(dtype=wp.float64)  # (T,)
+    reward_kinds: wp.array(dtype=int)  # (T,)
+    values: wp.array2d(dtype=float)  # (T, N)
+    rewards: wp.array(dtype=float)  # (N,)
+    ending: wp.array(dtype=wp.int64)  # (N,)
+    ended: wp.array2d(dtype=wp.bool)  # (4, N)
+    keeps: wp.array(dtype=wp.bool)  # (N,) whose observation stays as it was
+    observation_kinds: wp.array(dtype=int)  # of each term
+    columns: wp.array(dtype=int)  # its first one
+    lowest: wp.array(dtype=float)  # (D,)
+    highest: wp.array(dtype=float)  # (D,)
+    observation: wp.array2d(dtype=float)  # (N, D)
+
+
+@wp.func
+def taken_action(m: StepMemory, i: int, column: int):
+    """An action within its space; 0 for what is not finite, which is told."""
+    value = m.given[i, column]
+    if not wp.isfinite(value):
+        m.flags[UNMEANT] = 1
+        value = float(0.0)
+    return wp.clamp(value, m.least[column], m.largest[column])
+
+
+@wp.func
+def begin_step(m: StepMemory, i: int):
+    """Time [s] of the episode at the end of this step; what a twin that diverged shows is made numbers."""
+    if m.status[i] != 0:
+        for frame in range(m.outputs.shape[0]):
+            for channel in range(m.outputs.shape[1]):
+                if not wp.isfinite(m.outputs[frame, channel, i]):
+                    m.outputs[frame, channel, i] = 0.0
+    m.steps[i] = m.steps[i] + wp.int64(1)
+    return wp.float64(m.steps[i]) * m.control_step
+
+
+@wp.func
+def counts(m: StepMemory, i: int):
+    """Whether rewards of this step count: an episode was running, and the twin did not diverge."""
+    return not m.resetting[i] and m.status[i] == 0
+
+
+@wp.func
+def end_step(m: StepMemory, i: int, reward: float, terminal: wp.int64, time_limit: bool):
+    """Write the reward, and how the step ends."""
+    running = not m.resetting[i]
+    diverged = m.status[i] != 0
+    if not wp.isfinite(reward):
+        m.flags[WRONG_REWARD] = 1
+    m.rewards[i] = reward
+    ending = terminal
+    if diverged:
+        ending = wp.int64(m.status[i] + m.reasons - 1)
+    if not running:
+        ending = wp.int64(0)
+    late = time_limit
+    if m.max_steps >= wp.int64(0) and m.steps[i] >= m.max_steps:
+        late = True
+    terminated = ending != wp.int64(0)
+    truncated = late and running and not terminated
+    m.ending[i] = ending
+    m.ended[TERMINATED, i] = terminated
+    m.ended[TRUNCATED, i] = truncated
+    m.ended[DONE, i] = terminated or truncated
+    m.ended[RUNNING, i] = running
+    m.keeps[i] = diverged and running
+    if terminated:
+        m.flags[ANY_TERMINATED] = 1
+    if terminated or truncated:
+        m.flags[ANY_DONE] = 1
+
+
+@wp.func
+def observe_value(m: StepMemory, i: int, column: int, value: wp.float64):
+    """Write a column of the observation, within its bounds."""
+    if not wp.isfinite(value):
+        m.flags[WRONG_OBSERVATION] = 1
+        m.observation[i, column] = float(value)
+    else:
+        m.observation[i, column] = wp.clamp(float(value), m.lowest[column], m.highest[column])

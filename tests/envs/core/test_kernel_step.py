@@ -1,0 +1,230 @@
+"""A step in kernels is the step by array operations, up to rounding, in a few launches."""
+
+import copy
+import pickle
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+from aoro_gym.envs import register_envs
+from aoro_gym.envs.core.kernel_step import KernelStep
+from aoro_gym.envs.core.terms import ObservationTerm
+from aoro_gym.envs.path_tracking.config import MILD, PathTrackingConfig
+from aoro_gym.envs.path_tracking.courses import as_courses
+from aoro_gym.envs.path_tracking.environment import PathTrackingVectorEnv
+from aoro_gym.envs.path_tracking.observations import EXACT_TERMS
+from aoro_gym.envs.path_tracking.rewards import FURTHER_REWARD_TERMS
+from aoro_gym.envs.path_tracking.task import PathTracking
+from aoro_gym.sensors import FixLoss, GpsNoise, ImuNoise, JointAngleNoise, PressureNoise, WheelSpeedNoise
+from aoro_gym.twin.records import State
+from tests.envs.path_tracking.paths import LEVEL
+
+register_envs()
+PATH_TRACKING = "AORO/PathTracking-v0"
+
+ROUNDING = 2.0**-23
+"""Unit in the last place of a float32: what of a step is float64 differs by far less before it is rounded."""
+TERMS = 8.0
+"""Of a reward: its sum errs by as many roundings at most."""
+FLOAT64 = 1e4 * 2.0**-53
+"""What is logged as float64, relative to its size: some 1e4 roundings, as positions of 100 m are what errors of
+millimetres are taken from."""
+
+
+def stays(view):
+    """A term of the user's own, of two columns."""
+    return view.xp.stack([view.speed, view.tipping_margin], axis=-1)
+
+
+def leans(view):
+    """Likewise of the reward."""
+    return view.xp.abs(view.measured_roll)
+
+
+CASES: dict[str, dict[str, Any]] = {
+    "default": {},
+    "all that is measured": {
+        "randomisation": MILD,
+        "gear": "automatic",
+        "arms": "level",
+        "observe_inertial": True,
+        "scan_x": (2.0, 4.0),
+        "config": PathTrackingConfig(gps_noise=GpsNoise.typical(FixLoss(interval=1.0))),
+    },
+    "all that acts": {"act_arms": True, "act_traction": True, "act_gear": True},
+    "exact sensors over a plane": {
+        "courses": (LEVEL,),
+        "arms": "hold",
+        "config": PathTrackingConfig(
+            traction=None,
+            sample_step=0.05,
+            gps_noise=GpsNoise(),
+            imu_noise=ImuNoise(),
+            joint_angle_noise=JointAngleNoise(),
+            pressure_noise=PressureNoise(),
+            wheel_speed_noise=WheelSpeedNoise(),
+        ),
+    },
+    "other terms": {
+        "reward_terms": {**{name: (0.5, term) for name, term in FURTHER_REWARD_TERMS.items()}, "time": None},
+        "observation_terms": {**EXACT_TERMS, "preview": None},
+    },
+    "own terms": {
+        "reward_terms": {"leans": (-1.0, leans), "time": -0.2},
+        "observation_terms": {"stays": ObservationTerm(stays, -0.5, 0.5), "roll": None},
+    },
+}
+
+
+def pair(count: int = 3, **arguments: Any) -> tuple[Any, Any]:
+    """The same environment by array operations, and in kernels."""
+    plain, kernels = (
+        gymnasium.make_vec(PATH_TRACKING, num_envs=count, kernels=each, **arguments).unwrapped for each in (False, True)
+    )
+    return plain, kernels
+
+
+def agree(name: str, plain: Any, kernels: Any) -> None:
+    plain, kernels = np.asarray(plain), np.asarray(kernels)
+    assert plain.dtype == kernels.dtype and plain.shape == kernels.shape, name
+    if plain.dtype.kind == "f":
+        relative = TERMS * ROUNDING if plain.dtype == np.float32 else FLOAT64
+        scale = max(1.0, float(np.abs(plain).max(initial=0.0)))
+        np.testing.assert_allclose(kernels, plain, rtol=0.0, atol=relative * scale, err_msg=name)
+    elif plain.dtype == object:
+        for one, other in zip(plain, kernels, strict=True):
+            if one is None or isinstance(one, str):
+                assert one == other, name
+            else:
+                agree(name, one, other)
+    else:
+        np.testing.assert_array_equal(kernels, plain, err_msg=name)
+
+
+def infos_agree(plain: dict[str, Any], kernels: dict[str, Any]) -> None:
+    assert list(plain) == list(kernels)
+    for name, value in plain.items():
+        infos_agree(value, kernels[name]) if name == "final_info" else agree(name, value, kernels[name])
+
+
+def steps_agree(plain: Any, kernels: Any, count: int, seed: int = 3) -> int:
+    """Number of episodes that end."""
+    rng, ended = np.random.default_rng(seed), 0
+    for _ in range(count):
+        actions = rng.uniform(-1.1, 1.1, plain.action_space.shape).astype(np.float32)
+        one, other = plain.step(actions), kernels.step(actions)
+        for name, array, told in zip(("observations", "rewards", "terminated", "truncated"), one, other, strict=False):
+            agree(name, array, told)
+        infos_agree(one[4], other[4])
+        ended += int((one[2] | one[3]).sum())
+    assert isinstance(kernels._kernel_step, KernelStep) and plain._kernel_step is None
+    return ended
+
+
+@pytest.mark.parametrize("output", ["numpy", "torch"])
+@pytest.mark.parametrize("case", CASES)
+def test_kernels_do_what_array_operations_do(case, output):
+    """Over three episodes each, with their resets."""
+    if output == "torch":
+        pytest.importorskip("array_api_compat")
+    plain, kernels = pair(max_episode_steps=16, output=output, **CASES[case])
+    one, other = plain.reset(seed=7), kernels.reset(seed=7)
+    agree("observations", one[0], other[0])
+    infos_agree(one[1], other[1])
+    assert steps_agree(plain, kernels, 40) == 6
+
+
+def test_same_step_autoreset_agrees():
+    plain, kernels = pair(max_episode_steps=5, autoreset_mode="SameStep")
+    for env in (plain, kernels):
+        env.reset(seed=1)
+    assert steps_agree(plain, kernels, 12) == 6
+
+
+def test_a_part_that_is_reset_leaves_the_others():
+    plain, kernels = pair(autoreset_mode="Disabled")
+    for env in (plain, kernels):
+        env.reset(seed=1)
+    steps_agree(plain, kernels, 3)
+    before = kernels._observation.copy()
+    mask = np.array([False, True, False])
+    one, other = (env.reset(options={"reset_mask": mask}) for env in (plain, kernels))
+    agree("observations", one[0], other[0])
+    np.testing.assert_array_equal(other[0][~mask], before[~mask])
+    assert (other[0][mask] != before[mask]).any()
+    steps_agree(plain, kernels, 3)
+
+
+def test_a_path_that_is_brought_along_is_followed():
+    """The table of paths is replaced, and with it what the kernels share."""
+    plain, kernels = pair(courses=(LEVEL,), autoreset_mode="Disabled")
+    for env in (plain, kernels):
+        env.reset(seed=1)
+    steps_agree(plain, kernels, 2)
+    path = as_courses((LEVEL,), None, None)[0].paths[0]
+    other = type(path)(path.points[::-1].copy(), path.closed)
+    for env in (plain, kernels):
+        env.reset(options={"path": other})
+    steps_agree(plain, kernels, 5)
+
+
+def test_a_lost_twin_is_told_alike():
+    plain, kernels = pair(courses=(LEVEL,))
+    for env in (plain, kernels):
+        env.reset(seed=0)
+    steps_agree(plain, kernels, 2)
+    before = kernels._observation.copy()
+    for env in (plain, kernels):
+        env.twin.state.numpy()[State.JOINT_RATE, 1] = np.nan
+    assert steps_agree(plain, kernels, 1) == 1
+    np.testing.assert_array_equal(kernels._observation[1], before[1])
+    steps_agree(plain, kernels, 3)
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copy", "pickle"])
+def test_a_copy_goes_on_by_itself(copied):
+    _, env = pair(2)
+    env.reset(seed=0)
+    actions = np.full((2, 2), 0.5, dtype=np.float32)
+    env.step(actions)
+    other = copied(env)
+    first = [env.step(actions)[0] for _ in range(3)]
+    second = [other.step(actions)[0] for _ in range(3)]
+    np.testing.assert_array_equal(first, second)
+
+
+class Derived(PathTracking):
+    """A task that does something else."""
+
+
+def test_a_derived_task_is_asked_itself():
+    env = PathTrackingVectorEnv(1, courses=(LEVEL,))
+    env.task = Derived((LEVEL,), env.task.config)
+    env._allocate()
+    env.reset(seed=0)
+    env.step(np.zeros((1, 2), dtype=np.float32))
+    assert env._kernel_step is None
+
+
+def test_what_is_handed_out_stays():
+    """The kernels write in place."""
+    _, env = pair(2)
+    first, _ = env.reset(seed=0)
+    parts = [first, *env.step(np.ones((2, 2), dtype=np.float32))[:4]]
+    infos = env.step(np.ones((2, 2), dtype=np.float32))[4]
+    kept, told = copy.deepcopy(parts), copy.deepcopy(infos)
+    for _ in range(2):
+        env.step(-np.ones((2, 2), dtype=np.float32))
+    for now, then in zip(parts, kept, strict=True):
+        np.testing.assert_array_equal(now, then)
+    infos_agree(told, infos)
+
+
+def test_wrong_terms_are_named():
+    for kind in ("reward_terms", "observation_terms"):
+        _, env = pair(2, **{kind: {"mine": lambda view: view.cross_track * np.nan}})
+        with pytest.raises(ValueError, match=rf"{kind}\['mine'\] is nan in sub-environment 0"):
+            env.reset(seed=0)
+            env.step(np.zeros((2, 2), dtype=np.float32))
