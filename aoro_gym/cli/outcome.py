@@ -18,8 +18,8 @@ from aoro_gym.reporting import terminal
 
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Errors that are no fault of the input."""
-ARGUMENT = re.compile(r"([a-z][a-z0-9_]*)(?: (?:is|has) )")
-"""What a message about an argument begins with, see :mod:`aoro_gym.checks`."""
+ARGUMENT = re.compile(r"([a-z][a-z0-9_]*)(?:\[(\d+)\])?( (?:is|has) )")
+"""What a message about an argument, or a number of an argument, begins with, see :mod:`aoro_gym.checks`."""
 FLAGS: ContextVar[Mapping[str, str]] = ContextVar("flags", default=MappingProxyType({}))
 """Options of the command that runs (``--udp-port``) by the names of arguments (``udp_port``)."""
 
@@ -118,4 +118,7 @@ def naming_option(message: str) -> str:
     """The message of an error, with the option that was typed in place of the Python argument that it begins with."""
     begin = ARGUMENT.match(message)
     flag = FLAGS.get().get(begin[1]) if begin else None
-    return message if begin is None or flag is None else flag + message[begin.end(1) :]
+    if begin is None or flag is None:
+        return message
+    which = f", value {int(begin[2]) + 1}," if begin[2] else ""
+    return flag + which + message[begin.end() - len(begin[3]) :]

@@ -108,10 +108,10 @@ class ForestSettings:
             "trees": (0.0, 2500.0),
         }
         for name, (low, high) in bounds.items():
-            check_range(f"forest {name}", getattr(self, name), ge=low, le=high)
+            check_range(name, getattr(self, name), ge=low, le=high)
         if len(self.size) != 2:
-            raise ValueError(f"forest size is {self.size} m, but must be two sides")
-        check_range("forest size", self.size, "m", ge=30.0, le=500.0)
+            raise ValueError(f"size is {self.size} m, but must be two sides")
+        check_range("size", self.size, "m", ge=30.0, le=500.0)
 
 
 PUBLISHED_SIZE = ForestSettings(cell=0.679)

@@ -11,6 +11,7 @@ def test_an_argument_is_named_by_its_option():
     before = FLAGS.set({"udp_port": "--udp-port"})
     try:
         assert naming_option("udp_port is 99999, but must be") == "--udp-port is 99999, but must be"
+        assert naming_option("udp_port[1] is 5, but must be") == "--udp-port, value 2, is 5, but must be"
         for other in ("tcp_port is 3", "udp_ports is 3", "file.toml: udp_port is 3", "--udp-port is 3"):
             assert naming_option(other) == other
     finally:

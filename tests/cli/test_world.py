@@ -28,7 +28,7 @@ def test_world_on_ground_of_ones_own(tmp_path, monkeypatch):
     [
         ("world --stand palms", "--stand is 'palms'; choose one of: pine, spruce, birch, mixed"),
         ("world --stems -3", "--stems is -3, but must be in [0, 4000]"),
-        ("world --size 10 50", "forest size[0] is 10 m, but must be in [30, 500] m"),
+        ("world --size 10 50", "--size, value 1, is 10 m, but must be in [30, 500] m"),
         ("world --out good.csv", "--out good.csv is a file; name a folder"),
         ("world --terrain none.ply", "none.ply: No such file or directory"),
         ("world --seed -1", "--seed is -1"),

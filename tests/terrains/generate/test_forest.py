@@ -190,10 +190,10 @@ def test_wide_ground():
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"cell": 0.0}, r"forest cell is 0, but must be in \[0.05, 2\]"),
-        ({"wet_share": np.nan}, "forest wet_share is nan"),
-        ({"boulders": -1.0}, "forest boulders is -1"),
-        ({"size": (10.0, 50.0)}, r"forest size\[0\] is 10 m, but must be in \[30, 500\] m"),
+        ({"cell": 0.0}, r"^cell is 0, but must be in \[0.05, 2\]"),
+        ({"wet_share": np.nan}, "^wet_share is nan"),
+        ({"boulders": -1.0}, "^boulders is -1"),
+        ({"size": (10.0, 50.0)}, r"^size\[0\] is 10 m, but must be in \[30, 500\] m"),
         ({"lakes": 3}, "forest has no lakes; choose one of: size, cell"),
     ],
 )
