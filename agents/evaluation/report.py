@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from aoro_gym.agents.evaluation.films import film_caption, write_film
+from aoro_gym.agents.evaluation.logs import write_episode
 from aoro_gym.agents.evaluation.metrics import MARKS, describe, named, shown
 from aoro_gym.agents.evaluation.plots import write_errors, write_metrics, write_plans
 from aoro_gym.agents.evaluation.result import Evaluation
@@ -20,6 +21,7 @@ def write_report(
     folder: Path,
     *,
     films: bool = True,
+    logs: str | None = None,
     lead: str | None = None,
     made_by: Mapping[str, Any] | None = None,
     progress: Callable[[str, float], Any] = lambda what, share: None,
@@ -30,6 +32,7 @@ def write_report(
         result: What to report on.
         folder: Made if it is not there.
         films: Whether to draw each policy's first episode, which takes most of the time.
+        logs: Suffix of a log of that episode, ``csv``, ``parquet`` or ``mcap``; by default none is written.
         lead: What the page says of the machine; its name by default.
         made_by: Put into the JSON under this name.
         progress: Called with what is drawn and the share of it that is done.
@@ -59,6 +62,9 @@ def write_report(
     if plans:
         text = "Where each policy drove; the paths are dashed, a cross marks an episode that ended badly."
         passages.append(Passage("From above", text, plans))
+    logged = []
+    for policy in result.runs if logs else ():
+        logged += write_episode(result, policy, folder / f"{_file_name(policy)}.{logs}")
     drawn = []
     for policy, run in result.runs.items() if films else ():
         stem, before = folder / _file_name(policy), len(drawn) / len(result.runs)
@@ -71,7 +77,7 @@ def write_report(
     about = f"{result.env}, {counted(result)} a policy from seed {result.seed}."
     lead = f"{about} {lead or f'Machine {result.machine.name}.'}"
     write_page(page, "AORO: evaluation", lead, (one.section for one in passages), interactive=False)
-    return [summary, metrics, errors, *plans, *drawn, page]
+    return [summary, metrics, errors, *plans, *logged, *drawn, page]
 
 
 def metric_rows(result: Evaluation) -> list[list[str]]:

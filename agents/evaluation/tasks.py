@@ -10,6 +10,8 @@ from aoro_gym.agents.evaluation.episodes import Episodes
 from aoro_gym.agents.evaluation.path_tracking import STATION, drive_paths, make_tracking
 from aoro_gym.agents.evaluation.turning import make_turning, turn_joints
 from aoro_gym.agents.policies.policy import Policy
+from aoro_gym.envs.path_tracking.task import PathTracking
+from aoro_gym.envs.turning.task import Turning
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,8 @@ class EvaluationTask:
     """What they are, with its unit."""
     decisive: tuple[str, ...]
     """Metrics that policies are compared by, after their success; less is better, but for the speed."""
+    channels: tuple[str, ...]
+    """Of ``Episodes.film``."""
 
 
 TASKS: Mapping[str, EvaluationTask] = {
@@ -38,6 +42,7 @@ TASKS: Mapping[str, EvaluationTask] = {
         "time since the target was set [s]",
         "distance from the target [°]",
         ("settling_time_s", "flow_overshoot_share", "overshoot_deg"),
+        Turning.render_channels,
     ),
     "AORO/PathTracking-v0": EvaluationTask(
         make_tracking,
@@ -46,6 +51,7 @@ TASKS: Mapping[str, EvaluationTask] = {
         "distance driven along the path [m]",
         "cross-track error [m]",
         ("cross_track_rms_m", "speed_m_per_s"),
+        PathTracking.render_channels,
     ),
 }
 """What can be evaluated, by the environment's id."""

@@ -40,6 +40,10 @@ PerturbationOption = Annotated[
     str | None,
     option("--perturbation", "NAME", "Drive machines drawn as the leaderboard's: perturbed, or 'with an effect'."),
 ]
+LogsOption = Annotated[
+    str | None,
+    option("--logs", "csv|parquet|mcap", "Log each policy's first episode, too, as 'aoro-gym view' shows it."),
+]
 FilmsOption = Annotated[bool, option("--films/--no-films", None, "Draw each policy's first episode.")]
 
 
@@ -57,6 +61,7 @@ def evaluate(
     repeats: options.RepeatsOption = 1,
     out: options.FolderOption = Path("evaluation"),
     films: FilmsOption = True,
+    logs: LogsOption = None,
     restart: options.RestartOption = False,
     accept_code_change: options.AcceptCodeChangeOption = False,
     ray: options.RayOption = None,
@@ -78,13 +83,13 @@ def evaluate(
     checked and repaired as 'aoro-gym terrain' does it. With --laws families each episode has a machine of other laws, drawn
     by its seed; policies are made for the machine of the file.
 
-    FOLDER gets evaluation.json, plots, films (MP4 with the extra 'video', else GIF) and index.html. Ctrl-C is safe: the
+    FOLDER gets evaluation.json, plots, films (MP4 with the extra 'video', else AVIF) and index.html. Ctrl-C is safe: the
     same command goes on where it stopped.
 
     [bold]Examples[/]
 
       aoro-gym evaluate
-      aoro-gym evaluate --policy preview --policy stanley --episodes 64
+      aoro-gym evaluate --policy preview --policy stanley --episodes 64 --logs mcap
       aoro-gym evaluate --terrain forest.laz --path lap.gpx --policy preview
       aoro-gym evaluate --env AORO/Turning-v0 --scale steering.valve.spool_time_constant=5
       aoro-gym evaluate --env AORO/Turning-v0 --laws families --perturbation perturbed
@@ -97,7 +102,7 @@ def evaluate(
         from aoro_gym.agents.evaluation.selection import check_episodes, named_policies
         from aoro_gym.envs.path_tracking.course_files import CourseFiles
 
-        options.check_folder(out, "index.html")
+        _check_files(out, logs)
         policies = named_policies(env, policy, trust_pickle=trust_pickle)
         check_episodes(episodes, repeats)
         run = options.run_spec(machine, set_, scale, device, seed, laws=laws)
@@ -118,9 +123,22 @@ def evaluate(
         made_by = run.to_json() | files.to_json() | accepted(kept)
         made_by |= {} if perturbation is None else {"perturbation": perturbation}
         about: dict[str, Any] = {"lead": run.machine.sentence, "made_by": made_by}
-        written = write_report(result, out, films=films, **about, progress=terminal.within(tell, driven, 1.0))
+        written = write_report(
+            result, out, films=films, logs=logs, **about, progress=terminal.within(tell, driven, 1.0)
+        )
     terminal.out().print(table(result))
     say_written(written)
+
+
+def _check_files(out: Path, suffix: str | None) -> None:
+    """ValueError unless a page, and logs of this suffix, can be written."""
+    from aoro_gym.checks import check_choice
+    from aoro_gym.simulation.log import SUFFIXES, check_log_path
+
+    options.check_folder(out, "index.html")
+    if suffix is not None:
+        check_choice("--logs", suffix, [one[1:] for one in SUFFIXES])
+        check_log_path(out / f"episode.{suffix}")
 
 
 def _drawn_machines(

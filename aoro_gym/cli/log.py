@@ -83,7 +83,10 @@ def convert(log: LogArgument, into: IntoArgument, quiet: options.QuietOption = F
         check_log_path(into)
         with terminal.progress("reading the log"):
             table = read_table(log)
-            columns = {name: table.numbers(name) for name in table.names}
+            # what is measured may be blank, such as a receiver's place before its first solution
+            columns = {
+                name: table.numbers(name) if name == "time_s" else table.numbers_or_blank(name) for name in table.names
+            }
         if into.suffix == ".mcap" and "time_s" not in columns:
             raise ValueError(f"{log} has no column time_s, which gives messages their time")
         manifest = read_manifest(log)

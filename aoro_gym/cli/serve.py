@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from aoro_gym.cosimulation.server.geodesy import Origin
     from aoro_gym.cosimulation.server.server import Server
     from aoro_gym.cosimulation.server.session import Sensing
+    from aoro_gym.machine.specification import RunSpec
     from aoro_gym.terrains import Path as Line
     from aoro_gym.twin import Twin
     from aoro_gym.view.mirror import MirrorPage
@@ -65,6 +66,9 @@ ViewOption = Annotated[
 OutOption = Annotated[
     Path | None, option("--out -o", "FOLDER", "Write a log (.csv), events (.log) and results (.json) here.")
 ]
+LogOption = Annotated[
+    Path | None, option("--log", "FILE", "Log of all sensors and commands to write: .csv, .parquet or .mcap.")
+]
 JsonOption = Annotated[
     Path | None, option("--json", "FILE|-", "Write the results here, or (-) to the standard output.")
 ]
@@ -90,6 +94,7 @@ def serve(
     ideal: IdealOption = False,
     view: ViewOption = None,
     out: OutOption = None,
+    log: LogOption = None,
     json_file: JsonOption = None,
     machine: options.MachineOption = options.MACHINE,
     set_: options.SetOption = None,
@@ -112,7 +117,7 @@ def serve(
 
       aoro-gym serve
       aoro-gym serve --terrain scan.ply --path lap.gpx --seed 3 --out session
-      aoro-gym serve --lock-step --telemetry-rate 20
+      aoro-gym serve --lock-step --telemetry-rate 20 --log session.mcap
       aoro-gym serve --terrain scan.ply --ground mesh --fifo 50 --spin --duration 60 --json -
       AORO_TOKEN=correct-horse-battery aoro-gym serve --host 0.0.0.0
     """
@@ -123,9 +128,10 @@ def serve(
             from aoro_gym.twin import Twin
 
             check_start(path, start)
-            _check_written(out, json_file)
+            _check_written(out, json_file, log)
             _check_fifo(fifo)
-            chosen = options.load(options.run_spec(machine, set_, scale, "cpu", seed, laws=laws, ideal=ideal))
+            run = options.run_spec(machine, set_, scale, "cpu", seed, laws=laws, ideal=ideal)
+            chosen = options.load(run)
             settings = Settings(
                 host=host, udp_port=udp_port, tcp_port=tcp_port, token=token, lock_step=lock_step, spin=spin,
                 duration=math.inf if duration is None else duration, telemetry_rate=telemetry_rate,
@@ -137,12 +143,14 @@ def serve(
             put(twin, chosen, line, start)
             page = None if view is None else held.enter_context(closing(_page(twin, ground, line, view)))
             _permit(fifo)  # after the page, which keeps an ordinary priority
-            log = held.enter_context(closing(Log(out, _tell_event)))
+            told = held.enter_context(closing(Log(out, _tell_event)))
             tick = {} if page is None else {"on_tick": page.publish}
-            server = Server(twin, settings, path=line, on_event=log.event, on_log=log.row, **tick)
+            server = Server(
+                twin, settings, path=line, on_event=told.event, on_log=told.row, recording=log is not None, **tick
+            )
         _say_where(server)
         _run(server)
-    _report(server, out, json_file)
+    _report(server, out, json_file, _write_log(server, log, run, terrain))
     _exit(server)
 
 
@@ -162,11 +170,14 @@ def _page(twin: Twin, ground: str, line: Line | None, port: int) -> MirrorPage:
     return page
 
 
-def _check_written(out: Path | None, json_file: Path | None) -> None:
+def _check_written(out: Path | None, json_file: Path | None, log: Path | None) -> None:
     """ValueError unless results can be written."""
     from aoro_gym.cosimulation.server.report import RESULT
     from aoro_gym.execution.files import check_writable
+    from aoro_gym.simulation.log import check_log_path
 
+    if log is not None:
+        check_log_path(log)
     if out is not None:
         options.check_folder(out, RESULT)
     if json_file is not None and str(json_file) != "-":
@@ -203,13 +214,27 @@ def _run(server: Server) -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-def _report(server: Server, out: Path | None, json_file: Path | None) -> None:
-    """Print and write what the server measured."""
+def _write_log(server: Server, log: Path | None, run: RunSpec, terrain: Path | None) -> list[Path]:
+    """Write what the sensors showed, with a manifest; the files, none where no log is asked for or nothing was measured."""
+    from aoro_gym.cosimulation.server.recorder import manifest
+
+    recorder = server.recorder
+    if log is None or recorder is None:
+        return []
+    with closing(recorder), running(), terminal.progress("writing the log"):
+        if not len(recorder):
+            terminal.warn(f"nothing was measured in {server.session.time:g} s: {log} is not written")
+            return []
+        return recorder.write(log, manifest(server.session.twin, run, terrain, server.session.time))
+
+
+def _report(server: Server, out: Path | None, json_file: Path | None, logged: list[Path]) -> None:
+    """Print and write what the server measured; the files of its log are ``logged``."""
     from aoro_gym.cosimulation.server.report import EVENTS, LOG, RESULT, tables
     from aoro_gym.execution.files import write_json
 
     result = server.to_json()
-    written = []
+    written = list(logged)
     with running():
         if out is not None:
             write_json(out / RESULT, result)

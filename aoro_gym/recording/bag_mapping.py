@@ -25,7 +25,8 @@ from typing import Any
 import numpy as np
 
 from aoro_gym.execution.files import read_toml
-from aoro_gym.recording.bags import Floats, Series, own_column, series_of, topics_of
+from aoro_gym.recording.bag_writing import own_column
+from aoro_gym.recording.bags import Floats, Series, series_of, topics_of
 from aoro_gym.recording.cells import listed, shown
 from aoro_gym.recording.commands import COMMAND_BOUNDS, WHEELS
 
@@ -48,6 +49,8 @@ SPOKEN: Mapping[str, tuple[str, ...]] = {
 """Further names of quantities in topics and fields."""
 HELD = (*COMMAND_BOUNDS, "steering_voltage")
 """Quantities that hold from one message to the next."""
+LATE = ("gps_",)
+"""Columns that hold likewise, and may begin later than a log."""
 
 
 @dataclass(frozen=True)
@@ -74,9 +77,14 @@ class Mapped:
         return f"{self.column} [{self.unit}]" if self.unit else self.column
 
     @property
+    def is_late(self) -> bool:
+        """Whether a log may begin before it."""
+        return self.column.startswith(LATE)
+
+    @property
     def is_held(self) -> bool:
-        """Whether it is a command."""
-        return any(self.column.startswith(name) for name in HELD)
+        """Whether it is a command, or a solution that stays until the next one."""
+        return self.is_late or any(self.column.startswith(name) for name in HELD)
 
 
 @dataclass(frozen=True)
@@ -173,7 +181,8 @@ def _common(bag: Path, columns: Sequence[Mapped], series: Sequence[Series]) -> F
     """Instants of the joint angle's topic, else of the busiest one, while all topics run."""
     angle = next((k for k, one in enumerate(columns) if "angle" in one.column), None)
     chosen = max(range(len(series)), key=lambda k: len(series[k].time)) if angle is None else angle
-    begin = max(one.time[0] for one in series)
+    told = [one.time[0] for one, column in zip(series, columns, strict=True) if not column.is_late]
+    begin = max(told, default=min(one.time[0] for one in series))
     measured = [one.time[-1] for one, column in zip(series, columns, strict=True) if not column.is_held]
     end = min(measured, default=max(one.time[-1] for one in series))
     time = series[chosen].time
@@ -184,13 +193,14 @@ def _common(bag: Path, columns: Sequence[Mapped], series: Sequence[Series]) -> F
 
 
 def _at(time: Floats, series: Series, *, held: bool) -> Floats:
-    """A series at other instants; of several values at one instant the last holds."""
+    """A series at other instants; of several values at one instant the last holds, and NaN before the first."""
     order = np.argsort(series.time, kind="stable")
     own, values = series.time[order], series.values[order]
     if len(own) == len(time) and np.array_equal(own, time):
         return values
     if held:
-        return values[np.searchsorted(own, time, side="right") - 1]
+        last = np.searchsorted(own, time, side="right") - 1
+        return np.where(last < 0, np.nan, values[last])
     return np.interp(time, own, values)
 
 

@@ -120,7 +120,7 @@ class Table:
         self._used.add(index)
         texts = self._source.texts([index])
         if texts is None:
-            return self._typed_numbers(name, self._source.typed(index))
+            return self._typed_numbers(name, self._source.typed(index), may_lack=True)
         values = np.full(len(self), np.nan)
         for row, cell in enumerate(texts[0]):
             if cell.strip().lower() in MISSING:
@@ -188,20 +188,22 @@ class Table:
             return f"{said}: it has separators of thousands; write the column without them"
         return f"{said}; leave such rows out"
 
-    def _typed_numbers(self, name: str, column: Any) -> NDArray[np.float64]:
+    def _typed_numbers(self, name: str, column: Any, *, may_lack: bool = False) -> NDArray[np.float64]:
         import pyarrow.types as kinds
 
         kind = column.type
         if not (kinds.is_integer(kind) or kinds.is_floating(kind) or kinds.is_decimal(kind)):
             raise ValueError(f"{self.path}: column {shown(name)} does not hold numbers, but {_kind_in_words(kind)}")
-        if column.null_count:
+        if column.null_count and not may_lack:
             row = int(np.argmax(column.is_null().to_numpy(zero_copy_only=False)))
             raise ValueError(self._not_a_number(name, row, "", column.null_count))
         if kinds.is_decimal(kind):
-            values = np.array([float(value) for value in column.to_pylist()], dtype=np.float64)
+            values = np.array(
+                [np.nan if value is None else float(value) for value in column.to_pylist()], dtype=np.float64
+            )
         else:
             values = column.to_numpy(zero_copy_only=False).astype(np.float64)
-        for row in np.flatnonzero(~np.isfinite(values)):
+        for row in np.flatnonzero(np.isinf(values) if may_lack else ~np.isfinite(values)):
             raise ValueError(self._not_a_number(name, int(row), str(values[row]), 0))
         return values
 

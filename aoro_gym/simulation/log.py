@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.execution.files import check_writable, write_text, written_whole
-from aoro_gym.recording.bags import NEEDED, write_bag
+from aoro_gym.recording.bag_writing import write_bag
+from aoro_gym.recording.bags import NEEDED
 from aoro_gym.sensors.chain import SAMPLE_RATE, sample
 from aoro_gym.sensors.joint_angle import JointAngleSensor
 from aoro_gym.sensors.pressure import PressureSensor
@@ -27,6 +28,9 @@ from aoro_gym.units import BAR, DEGREE, LITRE_PER_MINUTE, RPM
 
 RATE = SAMPLE_RATE
 """Samples a second [Hz] of the machine's logger."""
+
+SUFFIXES = (".csv", ".parquet", ".mcap")
+"""Of logs that can be written."""
 
 _CORNER = "_(fl|fr|rl|rr)"
 _UNITS: list[tuple[str, str, float]] = [
@@ -152,7 +156,7 @@ def _with_manifest(path: Path, manifest: Mapping[str, Any] | None) -> list[Path]
 
 def check_log_path(path: Path) -> None:
     """``ValueError`` unless a log can be written to ``path``."""
-    if path.suffix not in (".csv", ".parquet", ".mcap"):
+    if path.suffix not in SUFFIXES:
         raise ValueError(f"log {path} must end in .csv, .parquet or .mcap")
     check_writable(path)
     if path.suffix == ".mcap" and find_spec("rosbags") is None:

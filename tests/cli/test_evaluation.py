@@ -26,7 +26,21 @@ def test_evaluate_a_terrain_and_a_path(tmp_path):
     (tmp_path / "lane.csv").write_text("x,y\n5,10\n8,10\n11,10\n14,10\n")
     options = ["--terrain", tmp_path / "slope.csv", "--path", tmp_path / "lane.csv", "--policy", "stanley"]
     out = tmp_path / "evaluation"
-    shown = call("evaluate", *options, "--policy", "preview", "--episodes", 2, "--seed", 3, "--no-films", "--out", out)
+    shown = call(
+        "evaluate",
+        *options,
+        "--policy",
+        "preview",
+        "--episodes",
+        2,
+        "--seed",
+        3,
+        "--no-films",
+        "--logs",
+        "csv",
+        "--out",
+        out,
+    )
     assert shown.exit_code == 0, shown.output
     assert "lane.csv: 4 points, x, y; local x, y [m]" in shown.stderr.replace("\n", " ")
     content = json.loads((out / "evaluation.json").read_text())
@@ -42,7 +56,7 @@ def test_evaluate_a_terrain_and_a_path(tmp_path):
     assert figures["worst_tilt_deg"]["mean"] > math.degrees(math.atan(0.04))
     for name in ("stanley", "cross track rms", "success rate", "ended: end of path reached"):
         assert name in shown.stdout
-    for name in ("evaluation.json", "figures.png", "errors.png", "plan_1.png", "index.html"):
+    for name in ("evaluation.json", "figures.png", "errors.png", "plan_1.png", "preview.csv", "index.html"):
         assert f"wrote {out / name}" in shown.stdout
 
     (tmp_path / "short.csv").write_text("x,y\n5,10\n8,10\n")

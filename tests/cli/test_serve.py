@@ -8,6 +8,7 @@ import pytest
 
 from aoro_gym.cli import serve as module
 from aoro_gym.cosimulation.realtime import NotPermitted
+from aoro_gym.recording.tables import read_table
 
 from .calling import call, check_refused
 
@@ -31,6 +32,17 @@ def test_it_serves_for_so_long_and_tells_how_late_it_was(tmp_path):
     assert (out / "events.log").exists()
 
 
+def test_a_log_of_the_sensors_is_written(tmp_path):
+    file = tmp_path / "session.mcap"
+    shown = call("serve", *PORTS, "--duration", "0.3", "--log", file)
+    assert shown.exit_code == 0, shown.output
+    assert f"wrote {file}" in shown.stdout.replace("\n", "") and file.with_suffix(".toml").exists()
+    assert len(read_table(file)) == 29  # a record leaves after the instant that it shows
+    short = call("serve", *PORTS, "--duration", "0.01", "--log", tmp_path / "short.csv")
+    assert short.exit_code == 0 and "nothing was measured in 0.01 s" in short.stderr
+    assert not (tmp_path / "short.csv").exists()
+
+
 def test_json_goes_to_the_standard_output_alone():
     shown = call("serve", *PORTS, "--duration", "0.05", "--json", "-", "--quiet")
     assert json.loads(shown.stdout)["mode"] == "real time"
@@ -50,6 +62,7 @@ def test_json_goes_to_the_standard_output_alone():
         ("serve --path a.gpx --start 0 0 0", "--path and --start both say where to start"),
         ("serve --ground grid", "ground is 'grid'; choose one of: raster, mesh"),
         ("serve --view 99999", "--view is 99999, but must be an integer in [0, 65535]"),
+        ("serve --log session.txt", "log session.txt must end in .csv, .parquet or .mcap"),
         ("serve --fifo 0", "--fifo is 0, but must be an integer in [1, 99]"),
     ],
 )

@@ -17,7 +17,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from aoro_gym.cli import app
 from aoro_gym.recording.bag_mapping import Mapped, columns_of, mapping_file, proposed, read_mapping
-from aoro_gym.recording.bags import is_bag, number_in, numbers_of, own_column, own_place, topics_of, write_bag
+from aoro_gym.recording.bag_writing import GPS, IMU, own_column, own_place, write_bag
+from aoro_gym.recording.bags import is_bag, number_in, numbers_of, topics_of
 from aoro_gym.recording.logs import LOOSE, QUANTITIES, read_log
 from aoro_gym.recording.tables import read_table
 from aoro_gym.simulation.log import write_log
@@ -40,6 +41,14 @@ def columns(rng: np.random.Generator) -> dict[str, np.ndarray]:
     for wheel in ("fl", "fr", "rl", "rr"):
         found[f"wheel_speed_{wheel}_rad_per_s"] = 0.01 * rng.normal(size=SAMPLES)
     found["true_joint_flow_L_per_min"] = rng.normal(size=SAMPLES)
+    for name in (*IMU, "imu_roll_rad", "imu_pitch_rad"):
+        found[name] = rng.normal(size=SAMPLES)
+    # the receiver has its first solution after 0.13 s, and loses it once; nine hold for ten samples
+    solution = np.maximum(np.arange(SAMPLES) - 13, -1) // 10
+    for name in (*GPS, "gps_heading_rad"):
+        values = rng.normal(size=SAMPLES)
+        values = np.where(values < 0.0, -1.0, 2.0) if name == "gps_status" else values
+        found[name] = np.where(solution < 0, np.nan, values[solution])
     for name in ("position_x_m", "position_y_m", "position_z_m", "roll_deg", "pitch_deg", "yaw_deg"):
         found[f"true_{name}"] = rng.normal(size=SAMPLES)
     return found
@@ -71,7 +80,16 @@ def test_another_reader_finds_the_same(bag):
     shown: dict[str, list] = {}
     for one in reader.read_ros2_messages(str(path)):
         shown.setdefault(one.channel.topic, []).append((one.log_time_ns, one.ros_msg))
-    assert all(len(messages) == SAMPLES for messages in shown.values())
+    solutions = np.ceil((SAMPLES - 13) / 10)
+    assert all(len(messages) == (solutions if topic == "/gps/fix" else SAMPLES) for topic, messages in shown.items())
+    tick, fix = shown["/gps/fix"][0]
+    assert tick == 130_000_000 and fix.latitude == written["gps_latitude_deg"][13]
+    assert fix.status.status == written["gps_status"][13]
+    for _, message in shown["/imu"][:2]:
+        assert message.orientation_covariance[0] == -1.0
+    np.testing.assert_array_equal(
+        [message.linear_acceleration.z for _, message in shown["/imu"]], written["imu_force_z_m_per_s2"]
+    )
     at = [tick for tick, _ in shown["/joint_states"]]
     np.testing.assert_array_equal(at, np.rint(1e9 * written["time_s"]))
     angles = [message.position[0] for _, message in shown["/joint_states"]]
@@ -95,6 +113,24 @@ def test_every_column_has_a_place_of_its_own():
     assert [own_column(*place) for place in places] == names
 
 
+@pytest.mark.parametrize(
+    ("name", "wrong"),
+    [("imu_force_z_m_per_s2", None), ("gps_altitude_m", None), ("gps_status", 1.5), ("gps_status", 200.0)],
+)
+def test_what_no_message_of_ros_holds_comes_back_as_well(tmp_path, name, wrong):
+    """A sensor of two axes, a receiver without height, a status that is no whole number of eight bits."""
+    written = columns(np.random.default_rng(5))
+    if wrong is None:
+        del written[name]
+    else:
+        written[name] = np.where(np.arange(SAMPLES) == 200, wrong, written[name])
+    write_bag(tmp_path / "turn.mcap", written)
+    found = columns_of(tmp_path / "turn.mcap")
+    assert set(found) == set(written)
+    for column, values in written.items():
+        np.testing.assert_allclose(found[column], values, rtol=0.0, atol=1e-12 if column == "time_s" else 0.0)
+
+
 def test_a_bag_is_read_as_a_log(bag, tmp_path):
     path, written = bag
     write_log(tmp_path / "turn.parquet", written)
@@ -114,7 +150,7 @@ def test_logs_are_converted(tmp_path):
     one, other = (read_table(tmp_path / name) for name in ("turn.parquet", "again.parquet"))
     assert set(one.names) == set(other.names)
     for name in one.names[1:]:
-        np.testing.assert_array_equal(one.numbers(name), other.numbers(name), err_msg=name)
+        np.testing.assert_array_equal(one.numbers_or_blank(name), other.numbers_or_blank(name), err_msg=name)
     assert read_log(tmp_path / "again.parquet").manifest.oil_temperature_C == 41.5
 
 

@@ -16,6 +16,7 @@ from aoro_gym.cosimulation.server.geodesy import Geodesy, Origin
 from aoro_gym.cosimulation.server.judging import PathJudge
 from aoro_gym.cosimulation.server.link import MOST_AT_ONCE, Link
 from aoro_gym.cosimulation.server.publisher import SentencePublisher
+from aoro_gym.cosimulation.server.recorder import Recorder
 from aoro_gym.cosimulation.server.records import COMMAND, commands_of, neutral
 from aoro_gym.cosimulation.server.session import TELEMETRY_RATES, Sensing, Session
 from aoro_gym.cosimulation.server.watchdog import PATIENCE
@@ -104,6 +105,7 @@ class Server:
         on_event: Called with one line of text for what happens: a first bad datagram of a kind, a watchdog that trips.
         on_log: Called with a row each ``LOG_EVERY``.
         on_tick: Called between two steps: once for each record of telemetry, in lock-step after each grant.
+        recording: Whether :attr:`recorder` keeps what is measured.
 
     Raises OSError if an address cannot be bound.
     """
@@ -117,16 +119,21 @@ class Server:
         on_event: Callable[[str], None] = lambda _: None,
         on_log: Callable[[LogRow], None] = lambda _: None,
         on_tick: Callable[[], None] = lambda: None,
+        recording: bool = False,
     ):
         self.settings = settings = Settings() if settings is None else settings
         self.geodesy = Geodesy(twin.terrain, settings.origin)  # pyright: ignore[reportArgumentType]
         self.judge = None if path is None else PathJudge(path, twin.machine)
         """Of the path."""
+        self.recorder = Recorder(self.geodesy) if recording else None
+        """Of what is measured, if asked for."""
+        solved = {} if self.recorder is None else {"on_solution": self.recorder.solve}
         self.session = Session(
             twin, self.geodesy, sensing=settings.sensing, seed=settings.seed, judge=self.judge,
             telemetry_rate=settings.telemetry_rate,
-            on_telemetry=lambda values, instant: self.link.publish(values, instant, time.monotonic()),
+            on_telemetry=self._publish,
             on_sentences=lambda block: self.publisher.send(block),
+            **solved,
         )  # fmt: skip
         token = None if settings.token is None else settings.token.encode()
         try:
@@ -234,6 +241,11 @@ class Server:
         self._on_tick()
 
     # ---- what both do
+
+    def _publish(self, values: Mapping[str, float], instant: float) -> None:
+        self.link.publish(values, instant, time.monotonic())
+        if self.recorder is not None:
+            self.recorder.take(values, instant, *self.session.measured)
 
     def _obey(self, frame: Frame) -> None:
         if self.session.watchdog:

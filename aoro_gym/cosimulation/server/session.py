@@ -75,6 +75,7 @@ class Session:
         telemetry_rate: One of ``TELEMETRY_RATES`` [Hz].
         on_telemetry: Called with each record of telemetry and the time [s] that it shows.
         on_sentences: Called with the sentences of each GPS solution.
+        on_solution: Called with the solution itself.
 
     Raises ValueError if the twin is not one on the CPU, or its main step does not divide a tick into enough parts.
     """
@@ -90,6 +91,7 @@ class Session:
         telemetry_rate: int = TELEMETRY_RATES[0],
         on_telemetry: Callable[[Mapping[str, float], float], None] = lambda *_: None,
         on_sentences: Callable[[bytes], None] = lambda _: None,
+        on_solution: Callable[[Solution], None] = lambda _: None,
     ):
         if twin.num_twins != 1 or not twin.device.is_cpu:
             raise ValueError(f"{twin.num_twins} twins on {twin.device.alias}: a session has one, on the CPU")
@@ -102,7 +104,8 @@ class Session:
                 f"main_step is {twin.main_step} s, but must divide the {self.telemetry_step} s between two records into"
                 f" {_STAGES} parts or more"
             )
-        self.twin, self.on_telemetry, self.on_sentences = twin, on_telemetry, on_sentences
+        self.twin, self.on_telemetry = twin, on_telemetry
+        self.on_sentences, self.on_solution = on_sentences, on_solution
         self.steps = 0
         """Main steps so far."""
         self.command_sequence, self.watchdog = 0, True
@@ -121,6 +124,7 @@ class Session:
         self._output_row, self._state_column = twin.outputs.numpy()[-1, :, 0], twin.state.numpy()[:, 0]  # not copied
         self._status = twin.status_codes.numpy()
         self._outputs, self._state, self._time = self._output_row.copy(), self._state_column.copy(), 0.0
+        self._commanded = self.commands
         self._reading: dict[str, float] = {}
         self._solution: Solution | None = None
         self._judge = judge
@@ -173,6 +177,11 @@ class Session:
         """An output of the twin at the last step."""
         return float(self._output_row[Output[channel.upper()]])
 
+    @property
+    def measured(self) -> tuple[Any, Mapping[str, float]]:
+        """What telemetry was measured of last: all outputs of the twin, and the commands up to that instant."""
+        return self._outputs, self._commanded
+
     def _launch(self, steps: int) -> Callable[[int, int], None]:
         if steps not in self._launches:
             self._launches[steps] = self.twin.advancing(steps * self.twin.main_step)
@@ -183,6 +192,7 @@ class Session:
     def _take(self) -> None:
         """Keep what is to be measured."""
         self._outputs[:], self._state[:], self._time = self._output_row, self._state_column, self.time
+        self._commanded = self.commands
 
     def _out(self, first: str, count: int = 1) -> Any:
         row = Output[first.upper()]
@@ -249,6 +259,7 @@ class Session:
     def _write(self) -> None:
         if self._solution is not None:
             self.on_sentences(self._sentences.write(self._solution))
+            self.on_solution(self._solution)
             self._solution = None
 
     def _see(self) -> None:

@@ -12,6 +12,7 @@ from aoro_gym.agents.evaluation import batches, films
 from aoro_gym.agents.evaluation import report as evaluation_report
 from aoro_gym.agents.evaluation.episodes import TIME_IS_UP
 from aoro_gym.agents.evaluation.evaluate import evaluate, policy_factory
+from aoro_gym.agents.evaluation.logs import write_episode
 from aoro_gym.agents.evaluation.path_tracking import STATION, drive_paths
 from aoro_gym.agents.evaluation.responses import responses, rollout
 from aoro_gym.agents.evaluation.statistics import interquartile_mean, interval, stratified_interval
@@ -20,7 +21,9 @@ from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.envs.path_tracking.environment import PathTrackingVectorEnv
 from aoro_gym.envs.path_tracking.task import END_OF_PATH
 from aoro_gym.envs.turning.environment import TurningVectorEnv
+from aoro_gym.recording.tables import read_table
 from aoro_gym.terrains import Path, Plane
+from aoro_gym.view.replay import log_channels
 
 TRACKING, TURNING = "AORO/PathTracking-v0", "AORO/Turning-v0"
 SHORT = Course(
@@ -388,6 +391,31 @@ def test_report_holds_everything(found, tmp_path, monkeypatch):
     assert "3 episodes a policy from seed 5. Machine mine, as it is.<" in page
     rate = next(row for row in evaluation_report.difference_rows(found) if row[0] == "success rate")
     assert rate == ["success rate", "%", "-100 [-100, -100]"]
+
+
+@pytest.mark.parametrize(("fixture", "policy"), [("turned", "bang-bang"), ("found", "preview")])
+@pytest.mark.parametrize("suffix", ["mcap", "parquet"])
+def test_the_first_episode_is_logged_to_the_last_digit(fixture, policy, suffix, tmp_path, request):
+    result = request.getfixturevalue(fixture)
+    run, channels = result.runs[policy], list(result.task.channels)
+    film = {name: run.film[:, channels.index(name)].astype(np.float64) for name in channels}
+    path = tmp_path / f"log.{suffix}"
+    assert write_episode(result, policy, path) == [path, path.with_suffix(".toml")]
+    log = read_table(path)
+    np.testing.assert_allclose(log["time_s"], result.control_step * np.arange(len(run.film)), rtol=0.0, atol=1e-9)
+    # the command of a row leads to the state of the next one
+    np.testing.assert_array_equal(log["steering_signal"][:-1], film["steering_signal"][1:])
+    np.testing.assert_array_equal(log["joint_angle_rad"], film["joint_angle"])
+    np.testing.assert_allclose(np.radians(log["true_yaw_deg"]), film["yaw"], rtol=1e-15)
+    if fixture == "found":
+        np.testing.assert_array_equal(log["true_position_z_m"], film["z"])
+        np.testing.assert_allclose(np.radians(log["true_arm_angle_rl_deg"]), film["arm_rl"], rtol=1e-15)
+        assert "arm_rl" not in log  # an angle there, and no command
+    else:
+        np.testing.assert_array_equal(log["target_joint_angle_rad"], film["target"])
+    time, shown = log_channels(path)  # as a replay shows it
+    np.testing.assert_allclose(shown["position_y"], film["y"], rtol=1e-15)
+    assert time[-1] == pytest.approx(result.control_step * (len(run.film) - 1))
 
 
 @pytest.mark.parametrize(
