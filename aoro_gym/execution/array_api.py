@@ -7,8 +7,8 @@ boolean selects rows (their number would have to be known), and what the host up
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from types import ModuleType
 from typing import Any
 
@@ -34,6 +34,7 @@ class Arrays:
         self.device = device
         self.on_host = xp is np
         """Whether values can be looked at without waiting for a device."""
+        self._waiting: dict[int, tuple[Array, Any, Any]] | None = None  # writes by the array's identity
 
     @classmethod
     def torch(cls, device: str) -> Arrays:
@@ -78,11 +79,41 @@ class Arrays:
 
     def index(self, rows: NDArray[np.integer]) -> Index:
         """Rows known to the host, as an index of arrays here."""
-        return self.asarray(rows, self.xp.int64)
+        index = self.asarray(rows, self.xp.int64)
+        if not self.on_host:
+            index.rows = rows  # so that together() need not ask the device for them
+        return index
 
     def put(self, array: Array, index: Any, values: Array) -> None:
         """``array[index] = values`` for values of the host or from here, of any type."""
+        if self._waiting is not None and (isinstance(values, int | float) or namespace(values) is np):
+            if id(array) in self._waiting:
+                self._write()
+            self._waiting[id(array)] = array, _rows_of(index), values
+            return
         array[index] = values if isinstance(values, int | float) else self.asarray(values, array.dtype)
+
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """Within it, what :meth:`put` writes to a device is kept, and written by one launch at the end."""
+        if self.on_host:
+            yield
+            return
+        self._waiting = {}
+        try:
+            yield
+            self._write()
+        finally:
+            self._waiting = None
+
+    def _write(self) -> None:
+        from aoro_gym.execution.scatter import write
+
+        assert self._waiting is not None
+        if self._waiting:
+            tensors, indices, values = zip(*self._waiting.values(), strict=True)
+            write(tensors, indices, values, str(self.device))
+        self._waiting.clear()
 
     def host(self, array: Array) -> NDArray[Any]:
         """The values on the host, for which it waits; to be read only."""
@@ -123,6 +154,13 @@ class Arrays:
 
 HOST = Arrays()
 """NumPy."""
+
+
+def _rows_of(index: Any) -> Any:
+    """``index`` with rows as the host knows them."""
+    if isinstance(index, tuple):
+        return tuple(_rows_of(part) for part in index)
+    return getattr(index, "rows", index)
 
 
 def _arrays_on(device: str | None) -> Arrays:

@@ -204,9 +204,8 @@ class Gps:
         self._arrays.put(self._phase, rows, uniform(channel(seeds, 0), 0))
         self._drift.reset(rows, channels(channel(seeds, 1), range(3)))
         self._float_drift.reset(rows, channels(channel(seeds, 2), range(3)))
-        self._number[rows] = -1
-        self._state[rows] = FIXED
-        self._fresh[rows] = True
+        for state, value in ((self._number, -1), (self._state, FIXED), (self._fresh, True)):
+            self._arrays.put(state, rows, value)
 
     @property
     def quality(self) -> Array:

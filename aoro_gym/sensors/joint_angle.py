@@ -180,7 +180,7 @@ class JointAngleSensor:
         self._arrays.put(self._draw.frequency, (slice(None), rows), draw.frequency)
         self._arrays.put(self._draw.phase, (slice(None), rows), draw.phase)
         self._arrays.put(self._draw.seeds, rows, draw.seeds)
-        self._fresh[rows] = True
+        self._arrays.put(self._fresh, rows, True)
 
     def measure(self, angle: Array, time: Array, indices: Index | None = None) -> Array:
         """One sample of each twin, or of some: the memory of the others stays as it is.

@@ -88,7 +88,7 @@ class Drift:
         """Begin anew for the twins ``rows`` (K,), with the seeds (C, K) of their channels, on the host."""
         self._arrays.put(self._seeds, (slice(None), rows), seeds)
         self._arrays.put(self._value, (slice(None), rows), self._spread * white(seeds, -1))
-        self._number[rows] = 0
+        self._arrays.put(self._number, rows, 0)
 
     def at(self, rows: Index, number: Array) -> Array:
         """Values (C, K) of the twins ``rows`` at their samples ``number`` (K,), not before the last ones asked for.

@@ -83,9 +83,9 @@ class WheelSpeedSensor:
         seeds = draw_seeds(rngs)
         self._arrays.put(self._turned, rows, uniform(channels(seeds, range(WHEELS)), 0).T)
         self._arrays.put(self._seeds, rows, channels(seeds, range(WHEELS, 2 * WHEELS)).T)
-        self._edge[rows] = np.nan  # no pulse yet
+        self._arrays.put(self._edge, rows, np.nan)  # no pulse yet
         for state in (self._rate, self._time, self._edge_time, self._shown):
-            state[rows] = 0.0
+            self._arrays.put(state, rows, 0.0)
 
     def measure(self, rate: Array, time: Array, indices: Index | None = None) -> Array:
         """Measured speeds [rad/s] (K, 4), positive forward.

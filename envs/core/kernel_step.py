@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from aoro_gym.envs.core.kernels import DONE, OWN, RUNNING, TERMINATED, TRUNCATED, StepMemory
+from aoro_gym.envs.core.kernels import DONE, OWN, RUNNING, TERMINATED, TRUNCATED, StepMemory, rest_outputs
 from aoro_gym.envs.core.task import Outputs
-from aoro_gym.execution.array_api import Array, Arrays
+from aoro_gym.execution.array_api import Array, Arrays, Index
 from aoro_gym.twin.twin import BLOCK_DIM
 
 Launch = tuple[Any, list[Any]]
@@ -30,6 +30,8 @@ class TaskKernels:
     """From actions to commands; the twins follow."""
     after: Sequence[Launch]
     """Measurement and judgement."""
+    rest: Launch
+    """First measurements of sub-environments at rest, one a thread; takes their rows before the rest."""
     observe: Launch
     """Writes the observation."""
     rewarded: Sequence[Callable[[Any], Array]]
@@ -146,6 +148,19 @@ class KernelStep:
         ):
             self._launch()
         return capture.graph
+
+    def rest(self, rows: Index, known: Sequence[Any]) -> None:
+        """First outputs and measurements of the sub-environments ``rows`` (K,).
+
+        ``known`` are five numbers or arrays (K,), see :func:`aoro_gym.envs.core.kernels.rest_outputs`.
+        """
+        device, shared = self._twin.device, self._arrays.shared(rows)
+        values = np.array(np.broadcast_arrays(*known, np.zeros(len(rows)))[:-1], dtype=np.float32)
+        begun = wp.array(values, dtype=float, device=device)
+        inputs = [self._memory, shared, begun]
+        wp.launch(rest_outputs, dim=len(rows), inputs=inputs, device=device, block_dim=BLOCK_DIM)
+        kernel, inputs = self._kernels.rest
+        wp.launch(kernel, dim=len(rows), inputs=[shared, *inputs], device=device, block_dim=BLOCK_DIM)
 
     def told(self) -> None:
         """Let the task know that its arrays are those of another step."""

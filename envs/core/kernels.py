@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from aoro_gym.twin.records import Output, State
+
 UNMEANT, WRONG_REWARD, WRONG_OBSERVATION, ANY_TERMINATED, ANY_DONE = (wp.constant(number) for number in range(5))
 """Rows of the flags."""
 TERMINATED, TRUNCATED, DONE, RUNNING = (wp.constant(number) for number in range(4))
@@ -107,3 +109,34 @@ def observe_value(m: StepMemory, i: int, column: int, value: wp.float64):
         m.observation[i, column] = float(value)
     else:
         m.observation[i, column] = wp.clamp(float(value), m.lowest[column], m.highest[column])
+
+
+@wp.kernel(enable_backward=False, module="aoro_gym.envs.core.kernels")
+def rest_outputs(m: StepMemory, rows: wp.array(dtype=wp.int64), known: wp.array2d(dtype=float)):
+    """What is known of machines at rest, until a step gives the outputs of the sub-environments ``rows`` (K,).
+
+    ``known`` is (5, K): joint angle [rad], pressure in both ports and at the pump [Pa], engine speed [rad/s].
+    """
+    k = wp.tid()
+    i = int(rows[k])
+    x = wp.float64(m.state[State.QX, i])
+    y = wp.float64(m.state[State.QY, i])
+    z = wp.float64(m.state[State.QZ, i])
+    w = wp.float64(m.state[State.QW, i])
+    one = wp.float64(1.0)
+    two = wp.float64(2.0)
+    for frame in range(m.outputs.shape[0]):
+        for channel in range(m.outputs.shape[1]):
+            m.outputs[frame, channel, i] = 0.0
+        for axis in range(3):
+            m.outputs[frame, Output.POSITION_X + axis, i] = m.state[State.X + axis, i]
+        m.outputs[frame, Output.ROLL, i] = float(wp.atan2(two * (y * z + w * x), one - two * (x * x + y * y)))
+        m.outputs[frame, Output.PITCH, i] = float(-wp.asin(wp.clamp(two * (x * z - w * y), -one, one)))
+        m.outputs[frame, Output.YAW, i] = float(wp.atan2(two * (x * y + w * z), one - two * (y * y + z * z)))
+        for wheel in range(4):
+            m.outputs[frame, Output.ARM_ANGLE_FL + wheel, i] = m.state[State.ARM_FL + wheel, i]
+        m.outputs[frame, Output.JOINT_ANGLE, i] = known[0, k]
+        m.outputs[frame, Output.PRESSURE_A, i] = known[1, k]
+        m.outputs[frame, Output.PRESSURE_B, i] = known[2, k]
+        m.outputs[frame, Output.PUMP_PRESSURE, i] = known[3, k]
+        m.outputs[frame, Output.ENGINE_SPEED, i] = known[4, k]

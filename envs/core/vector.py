@@ -6,6 +6,7 @@ import difflib
 import inspect
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,9 +23,9 @@ from aoro_gym.checks import check_choice, check_integer
 from aoro_gym.envs.core.copying import copied, pickled
 from aoro_gym.envs.core.kernel_step import KernelStep, kernel_step
 from aoro_gym.envs.core.rendering import RENDER_MODES, Renderer
-from aoro_gym.envs.core.task import Outputs, Task, channel_row
+from aoro_gym.envs.core.task import Outputs, Start, Task, channel_row
 from aoro_gym.envs.core.terms import observations_of, rewards_of
-from aoro_gym.execution.array_api import HOST, Array, Arrays, floats, namespace
+from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats, namespace
 from aoro_gym.machine import Machine
 from aoro_gym.machine.parameters import InvalidMachine, OutsideRangeWarning, shortened
 from aoro_gym.sensors.attitude import angles_of
@@ -313,7 +314,11 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         generators = [generator for i in where if (generator := self.generators[i]) is not None]
         draws = self.task.randomisation.draw(generators)
         machine = self._machines(where, draws.apply(self.twin.machine.variants(where)), options)
-        start = self.task.start(where, generators, draws, machine, options)
+        rows = self.arrays.index(where)
+        # what a task of one's own writes is there at once
+        with self.arrays.together() if getattr(self.task, "has_kernels", False) else nullcontext():
+            start = self.task.start(where, generators, draws, machine, options)
+            self.arrays.put(self._steps, rows, 0)
 
         mask = np.zeros(self.num_envs, dtype=bool)
         mask[where] = True
@@ -324,10 +329,21 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             terrain = np.zeros(self.num_envs, dtype=np.int32)
             terrain[where] = start.terrain
         self.twin.reset(mask, position=position, heading=heading, joint_angle=joint_angle, terrain=terrain)
-        rows = self.arrays.index(where)
-        self._steps[rows] = 0
         self._done[where] = False
+        kernels = self._in_kernels()
+        if kernels is not None:
+            steering = machine.steering
+            back = steering.tank_line.back_pressure
+            kernels.rest(rows, (start.joint_angle, back, back, steering.pump.margin, machine.engine.set_speed))
+            self._outputs, self._status = kernels.outputs, kernels.status
+            kernels.told()
+        else:
+            self._rest(rows, start, machine)
+        if self._renderer is not None:
+            self._renderer.restart(where, self.task.traces())
 
+    def _rest(self, rows: Index, start: Start, machine: Machine) -> None:
+        """First outputs and measurements of the sub-environments ``rows``, by array operations."""
         # the twin's outputs come with its first step: until then, what is known of a machine at rest
         values = self._outputs.values
         self._outputs = Outputs(values, self.arrays.alias(self.twin.state))
@@ -345,8 +361,6 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             row, count = channel_row(channel), len(value) if getattr(value, "ndim", 0) == 2 else 1
             self.arrays.put(values, (slice(None), slice(row, row + count), rows), value)
         self.task.rest(rows, self._outputs)
-        if self._renderer is not None:
-            self._renderer.restart(where, self.task.traces())
 
     def _machines(self, where: NDArray[np.intp], machine: Machine, options: Mapping[str, Any]) -> Machine:
         """Machines of the sub-environments ``where`` for their next episode, handed to the twins where they changed."""

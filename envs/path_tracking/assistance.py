@@ -61,10 +61,10 @@ class AutomaticGear:
         """1, 2 or 3 (N,)."""
         self._held = arrays.zeros(num_envs)  # [s]
 
-    def reset(self, where: Index) -> None:
-        """First gear for the sub-environments ``where``."""
-        self.gear[where] = 1.0
-        self._held[where] = 0.0
+    def reset(self, where: Index, gear: float = 1.0) -> None:
+        """``gear`` for the sub-environments ``where``."""
+        self._arrays.put(self.gear, where, gear)
+        self._arrays.put(self._held, where, 0.0)
 
     def update(self, drive_signal: Array, speed: Array, pressure: Array, top_speed: Array, step: float) -> Array:
         """Gears (N,) for the next ``step`` [s].
@@ -201,7 +201,7 @@ class ArmController:
 
     def reset(self, where: Index) -> None:
         """Forget the past of the sub-environments ``where``."""
-        self._twist[where] = 0.0
+        self._arrays.put(self._twist, where, 0.0)
 
     def update(
         self,

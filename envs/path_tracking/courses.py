@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym import terrains
-from aoro_gym.execution.array_api import HOST, Array, Arrays
+from aoro_gym.execution.array_api import HOST, Array, Arrays, namespace
 from aoro_gym.execution.cache import cached, computed_with
 from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.terrains.raster import CELL, surface
@@ -70,26 +70,31 @@ class HeightMap:
             nodes.append(raster.nodes[..., [0, 3]].reshape(-1, 2))
         self._level = not shapes
         self._extents, self._shapes = arrays.asarray(extents), arrays.asarray(shapes, arrays.xp.int64)
-        self._heights, self._known = (arrays.asarray(column) for column in np.concatenate(nodes).T)
+        heights, known = (HOST.asarray(column) for column in np.concatenate(nodes).T)
+        self._heights, self._known = arrays.asarray(heights), arrays.asarray(known)
+        self._on_host = HOST.asarray(extents), HOST.asarray(shapes, np.int64), known
 
     def height(self, ground: Array, xy: Array) -> Array:
         """Height [m] (...) at ``xy`` (..., 2) of the grounds whose numbers ``ground`` broadcasts against it."""
         if self._level:
             return self._slope[0] * xy[..., 0] + self._slope[1] * xy[..., 1]
-        return self._between(self._heights, ground, xy)
+        return self._between(self._heights, self._extents[ground], self._shapes[ground], xy)
 
     def known(self, ground: Array, xy: Array) -> Array:
-        """Whether there is ground at ``xy`` (..., 2): within the extent, and not over a hole."""
+        """Whether there is ground at ``xy`` (..., 2): within the extent, and not over a hole. On the host for arrays of the
+        host."""
+        xp = namespace(xy)
         if self._level:
-            return self._arrays.xp.isfinite(xy[..., 0])
-        extent = self._extents[ground]
+            return xp.isfinite(xy[..., 0])
+        extents, shapes, known = self._on_host if xp is np else (self._extents, self._shapes, self._known)
+        extent = extents[ground]
         low, high = extent[..., 2:4], extent[..., 4:6]
-        inside = self._arrays.xp.all((xy >= low) & (xy <= high), axis=-1)
-        return inside & (self._between(self._known, ground, xy) >= 0.5)
+        inside = xp.all((xy >= low) & (xy <= high), axis=-1)
+        return inside & (self._between(known, extent, shapes[ground], xy) >= 0.5)
 
-    def _between(self, nodes: Array, ground: Array, xy: Array) -> Array:
-        """Values of the nodes of all rasters, bilinear between the nodes."""
-        xp, extent, shape = self._arrays.xp, self._extents[ground], self._shapes[ground]
+    def _between(self, nodes: Array, extent: Array, shape: Array, xy: Array) -> Array:
+        """Values of the nodes of all rasters, bilinear between the nodes, at ``xy`` of those of ``extent`` and ``shape``."""
+        xp = namespace(xy)
         columns = shape[..., 0]
         place = xp.clip(xp.minimum((xy - extent[..., :2]) / CELL, extent[..., 6:]), 0.0, None)
         before = xp.astype(place, xp.int64)

@@ -40,8 +40,8 @@ class Measures:
             (self.rod_share, machine.arm.cylinder.annulus_area / machine.arm.cylinder.bore_area),
         ):
             arrays.put(state, rows, value)
-        arrays.put(self._arm_rest, (slice(0, 2), rows), machine.rest.arm_angle_front)
-        arrays.put(self._arm_rest, (slice(2, 4), rows), machine.rest.arm_angle_rear)
+        front, rear = np.broadcast_arrays(machine.rest.arm_angle_front, machine.rest.arm_angle_rear)
+        arrays.put(self._arm_rest, (slice(None), rows), np.stack([front, front, rear, rear]).reshape(4, -1))
 
     @property
     def reference(self) -> Array:

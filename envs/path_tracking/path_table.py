@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym.execution.array_api import HOST, Array, Arrays
+from aoro_gym.execution.array_api import HOST, Array, Arrays, namespace
 from aoro_gym.terrains import Path
 
 
@@ -57,7 +57,8 @@ class PathTable:
         self._count = max(len(row) for row in self._rows)
         # what follows a shorter path's points is never asked for
         stacked = [np.pad(row, ((0, self._count - len(row)), (0, 0)), mode="edge") for row in self._rows]
-        self._points = self._arrays.asarray(np.ascontiguousarray(np.concatenate(stacked).T))  # as in places()
+        self._on_host = np.ascontiguousarray(np.concatenate(stacked).T)
+        self._points = self._arrays.asarray(self._on_host)  # as in places()
 
     def _row(self, path: Path) -> NDArray[np.float64]:
         number = np.arange(-self._beyond, math.ceil(path.length / self.spacing) + self._beyond + 1)
@@ -100,15 +101,16 @@ class PathTable:
 
     def places(self, row: Array, s: Array) -> Array:
         """What stands at arc lengths ``s`` (...) [m] of the paths ``row``, which broadcasts against it, (5, ...): x, y [m],
-        cosine and sine of the heading, curvature [1/m]."""
-        xp = self._arrays.xp
+        cosine and sine of the heading, curvature [1/m]. On the host for arrays of the host."""
+        xp = namespace(s)
+        points = self._on_host if xp is np else self._points
         place = xp.clip(s / self.spacing + self._beyond, 0.0, self._count - 1.001)
         before = xp.astype(place, xp.int64)
-        first, second = (self._points[:, row * self._count + before + step] for step in (0, 1))
+        first, second = (points[:, row * self._count + before + step] for step in (0, 1))
         return first + (place - before) * (second - first)
 
     def at(self, row: Array, s: Array) -> tuple[Array, Array, Array]:
         """Position (..., 2) [m], heading (...) [rad] and curvature (...) [1/m] there."""
-        xp = self._arrays.xp
+        xp = namespace(s)
         x, y, cosine, sine, curvature = self.places(row, s)
         return xp.stack([x, y], axis=-1), xp.atan2(sine, cosine), curvature

@@ -13,7 +13,6 @@ from aoro_gym.envs.core.randomisation import Draws
 from aoro_gym.envs.core.task import given
 from aoro_gym.envs.path_tracking.courses import HeightMap
 from aoro_gym.envs.path_tracking.path_table import PathTable
-from aoro_gym.execution.array_api import Arrays
 from aoro_gym.machine import Machine
 from aoro_gym.sensors.attitude import wrapped
 
@@ -46,7 +45,6 @@ def starting_poses(
     where: NDArray[np.intp],
     num_envs: int,
     start_distance: float,
-    arrays: Arrays,
 ) -> StartingPose:
     """Poses of the sub-environments ``where`` (K,).
 
@@ -59,7 +57,6 @@ def starting_poses(
         where: Sub-environments.
         num_envs: Number of all of them.
         start_distance: Least distance [m] along an open path: a machine stands behind it.
-        arrays: Where the table lives.
 
     Raises:
         ValueError: an option is outside its range.
@@ -83,7 +80,7 @@ def starting_poses(
         )
     offset = asked("lateral_offset", draws.task["lateral_offset"], -np.inf, np.inf, "m")
     turned = asked("heading_offset", draws.task["heading_offset"], -np.pi, np.pi, "rad")
-    place, along, bend = map(arrays.host, table.at(arrays.index(path), arrays.asarray(s)))
+    place, along, bend = table.at(path, s)
     heading = wrapped(along + turned)
     # the front axle's middle and, one machine behind, the rear one's
     reference = place + offset[:, None] * np.stack([-np.sin(along), np.cos(along)], axis=1)
@@ -96,9 +93,7 @@ def starting_poses(
     return StartingPose(s, heading, angle, np.stack([reference, behind]), hinge)
 
 
-def check_ground(
-    poses: StartingPose, height_map: HeightMap, course: NDArray[np.intp], names: list[str], arrays: Arrays
-) -> None:
+def check_ground(poses: StartingPose, height_map: HeightMap, course: NDArray[np.intp], names: list[str]) -> None:
     """Refuse a start without ground under both axles.
 
     Args:
@@ -106,12 +101,11 @@ def check_ground(
         height_map: Grounds of all courses.
         course: Its number (K,).
         names: Of the K paths, for the message.
-        arrays: Where the height map lives.
 
     Raises:
         ValueError: there is none.
     """
-    there = arrays.host(height_map.known(arrays.index(course), arrays.asarray(poses.axles))).all(axis=0)
+    there = height_map.known(course, poses.axles).all(axis=0)
     if not there.all():
         bad = int(np.argmin(there))
         x, y = poses.axles[0, bad]

@@ -151,34 +151,26 @@ class PathTracking:
         self._measures.take(machine, where)
         poses = starting_poses(
             self.table, path, machine, draws, options,
-            where=where, num_envs=n, start_distance=config.start_distance, arrays=arrays,
+            where=where, num_envs=n, start_distance=config.start_distance,
         )  # fmt: skip
-        check_ground(poses, self.height_map, course, [self.table.paths[row].name for row in path], arrays)
+        check_ground(poses, self.height_map, course, [self.table.paths[row].name for row in path])
 
         rows = arrays.index(where)
         length = self.table.lengths[path]
         duration = (length - poses.s) / config.working_speed * config.time_margin
         allowed = np.maximum(np.ceil(duration / config.control_step), 1)
         number = np.where(path < self._library, path - self._first_path[course], path)
-        values = [course, path, number, length, poses.s, poses.s, allowed, draws.sensor_noise]
-        *values, noise = arrays.asarray(np.stack(values))
-        states = (
-            self._course, self._path, self._path_number, self._length, self._s, self._measured_s, self._steps_allowed,
-        )  # fmt: skip
-        for state, value in zip(states, values, strict=True):
-            arrays.put(state, rows, value)
-        for state in (
-            self._step, self._mark_step, self._ending, self._progress, self._power, self._work, self._squares,
+        for state, value in (
+            (self._course, course), (self._path, path), (self._path_number, number), (self._length, length),
+            (self._s, poses.s), (self._measured_s, poses.s), (self._steps_allowed, allowed), (self._tipping_margin, 1.0),
+            (self._step, 0), (self._mark_step, 0), (self._ending, 0), (self._progress, 0), (self._power, 0),
+            (self._work, 0), (self._squares, 0), (self._openings, 1.0),
         ):  # fmt: skip
-            state[rows] = 0
-        self._tipping_margin[rows] = 1.0
-        self._sensors.reset(rows, sensing(options, where, n, generators), noise)
-        self._actions[:, rows] = 0.0
-        self._gear.reset(rows)
+            arrays.put(state, rows, value)
+        arrays.put(self._actions, (slice(None), rows), 0.0)
+        self._sensors.reset(rows, sensing(options, where, n, generators), draws.sensor_noise)
+        self._gear.reset(rows, 1.0 if config.act_gear or config.gear == "automatic" else float(config.gear))
         self._arms.reset(rows)
-        self._openings[rows] = 1.0
-        if config.gear != "automatic":
-            self._gear.gear[rows] = 1.0 if config.act_gear else float(config.gear)
         return Start(
             joint_angle=poses.joint_angle,
             heading=poses.heading,

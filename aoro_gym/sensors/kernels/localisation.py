@@ -32,6 +32,15 @@ def localisation_memory(localisation: Localisation, arrays: Arrays) -> Localisat
 
 
 @wp.func
+def begin_at(m: LocalisationMemory, i: int, gps: Solution, roll: wp.float64, pitch: wp.float64, place: wp.vec3d):
+    """Take the first solution of twin ``i`` as it is."""
+    then = gps.position + in_world(roll, pitch, gps.heading, place - m.antenna)
+    m.position[i, 0] = then[0]
+    m.position[i, 1] = then[1]
+    m.heading[i] = gps.heading
+
+
+@wp.func
 def locate(
     m: LocalisationMemory,
     i: int,

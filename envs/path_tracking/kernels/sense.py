@@ -11,7 +11,7 @@ from aoro_gym.sensors.kernels.attitude import in_world, wrapped
 from aoro_gym.sensors.kernels.gps import gps_shown
 from aoro_gym.sensors.kernels.imu import imu_error, imu_moved_on, specific_force
 from aoro_gym.sensors.kernels.joint_angle import joint_angle_shown
-from aoro_gym.sensors.kernels.localisation import locate
+from aoro_gym.sensors.kernels.localisation import begin_at, locate
 from aoro_gym.sensors.kernels.pressure import pressure_shown
 from aoro_gym.sensors.kernels.wheel_speed import ground_speed, wheel_speed_shown
 from aoro_gym.twin.records import Output, State
@@ -90,11 +90,29 @@ def sense_pressures(m: StepMemory, s: Sensing, i: int, time: wp.float64):
 
 
 @wp.func
-def follow(
-    m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rules, i: int, hinge: wp.vec3d,
-    roll: wp.float64, pitch: wp.float64, yaw: wp.float64,
-):  # fmt: skip
+def hinge_of(m: StepMemory, i: int):
+    """Position of the hinge [m]."""
+    return wp.vec3d(last(m, Output.POSITION_X, i), last(m, Output.POSITION_Y, i), last(m, Output.POSITION_Z, i))
+
+
+@wp.func
+def sense_all(m: StepMemory, v: Vehicle, s: Sensing, i: int, time: wp.float64):
+    """Read every sensor but that of the joint; gives the solution of the GPS."""
+    roll = last(m, Output.ROLL, i)
+    pitch = last(m, Output.PITCH, i)
+    sense_inertia(m, s, i, roll, pitch, time)
+    sense_wheels(m, s, i, v.rolling_radius[i], time)
+    sense_pressures(m, s, i, time)
+    return gps_shown(s.gps, i, hinge_of(m, i), roll, pitch, last(m, Output.YAW, i), time)
+
+
+@wp.func
+def follow(m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rules, i: int):
     """Where the vehicle is, and where on its path it is and believes to be."""
+    hinge = hinge_of(m, i)
+    roll = last(m, Output.ROLL, i)
+    pitch = last(m, Output.PITCH, i)
+    yaw = last(m, Output.YAW, i)
     reference = hinge + in_world(roll, pitch, yaw, wp.vec3d(v.front[i], ZERO, ZERO))
     rear = yaw - last(m, Output.JOINT_ANGLE, i)
     d.reference[i, 0] = reference[0]
@@ -123,17 +141,24 @@ def sense(m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rule
     i = wp.tid()
     time = begin_step(m, i)
     d.step[i] = d.step[i] + wp.int64(1)
-    hinge = wp.vec3d(
-        last(m, Output.POSITION_X, i), last(m, Output.POSITION_X + 1, i), last(m, Output.POSITION_X + 2, i)
-    )
-    roll = last(m, Output.ROLL, i)
-    pitch = last(m, Output.PITCH, i)
-    yaw = last(m, Output.YAW, i)
     sense_joint(m, s, i, time)
-    sense_inertia(m, s, i, roll, pitch, time)
-    sense_wheels(m, s, i, v.rolling_radius[i], time)
-    sense_pressures(m, s, i, time)
-    fix = gps_shown(s.gps, i, hinge, roll, pitch, yaw, time)
-    reference = wp.vec3d(v.front[i], ZERO, ZERO)
-    locate(s.localisation, i, fix, s.roll[i], s.pitch[i], reference, s.speed[i], s.rates[i, 2], m.control_step)
-    follow(m, c, v, s, d, r, i, hinge, roll, pitch, yaw)
+    fix = sense_all(m, v, s, i, time)
+    front = wp.vec3d(v.front[i], ZERO, ZERO)
+    locate(s.localisation, i, fix, s.roll[i], s.pitch[i], front, s.speed[i], s.rates[i, 2], m.control_step)
+    follow(m, c, v, s, d, r, i)
+
+
+@wp.kernel(enable_backward=False, module="aoro_gym.envs.path_tracking.kernels")
+def rest(rows: wp.array(dtype=wp.int64), m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rules):
+    """First measurements of the vehicles ``rows`` (K,), at rest."""
+    i = int(rows[wp.tid()])
+    true = last(m, Output.JOINT_ANGLE, i)
+    shown = true + s.joint_noise[i] * (joint_angle_shown(s.joint, i, true, ZERO) - true)
+    for k in range(s.angles.shape[0]):
+        s.angles[k, i] = shown
+    fix = sense_all(m, v, s, i, ZERO)
+    begin_at(s.localisation, i, fix, s.roll[i], s.pitch[i], wp.vec3d(v.front[i], ZERO, ZERO))
+    follow(m, c, v, s, d, r, i)
+    d.progress[i] = ZERO
+    d.start_s[i] = d.s[i]
+    d.mark_s[i] = d.s[i]

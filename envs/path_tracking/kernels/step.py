@@ -22,7 +22,7 @@ from aoro_gym.envs.path_tracking.kernels.memory import (
     vehicle_memory,
 )
 from aoro_gym.envs.path_tracking.kernels.observe import OBSERVED, observe
-from aoro_gym.envs.path_tracking.kernels.sense import sense
+from aoro_gym.envs.path_tracking.kernels.sense import rest, sense
 from aoro_gym.execution.array_api import Arrays
 from aoro_gym.sensors.kernels.noise import constants
 
@@ -63,6 +63,7 @@ def path_tracking_kernels(task: Any, memory: StepMemory, arrays: Arrays, *, reac
             (sense, [memory, courses, vehicle, sensing, driving, rules]),
             (judge, [memory, courses, control, sensing, driving, rules, told]),
         ],
+        rest=(rest, [memory, courses, vehicle, sensing, driving, rules]),
         observe=(observe, [memory, courses, control, sensing, driving, rules]),
         rewarded=REWARDED,
         observed=OBSERVED,

@@ -123,8 +123,9 @@ def steps_agree(plain: Any, kernels: Any, count: int, seed: int = 3) -> int:
     return ended
 
 
-@pytest.mark.parametrize("output", ["numpy", "torch"])
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    ("case", "output"), [*((case, "numpy") for case in CASES), ("default", "torch"), ("own terms", "torch")]
+)
 def test_kernels_do_what_array_operations_do(case, output):
     """Over three episodes each, with their resets."""
     if output == "torch":

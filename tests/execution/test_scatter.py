@@ -1,0 +1,56 @@
+"""Writes that are kept and made together are those made one by one."""
+
+import numpy as np
+import pytest
+
+from aoro_gym.execution.array_api import HOST, Arrays
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("array_api_compat")
+
+
+def writes(arrays):
+    """Arrays of every type, rank and kind of index that tasks and sensors write."""
+    xp, rows = arrays.xp, arrays.index(np.array([3, 1]))
+    made = {
+        "numbers": (arrays.zeros((3, 5)), (slice(None), rows), np.arange(6.0).reshape(3, 2)),
+        "part": (arrays.zeros((4, 5)), (slice(1, 3), rows), np.array([[1.5], [-2.5]])),
+        "whole": (arrays.zeros(5, xp.int64), rows, np.array([7.0, -8.0])),
+        "single": (arrays.zeros((5, 2), xp.float32), rows, np.array([[0.1, 0.2], [0.3, np.nan]])),
+        "flag": (arrays.zeros(5, xp.bool), rows, True),
+        "places": (arrays.zeros((2, 5, 3)), (slice(None), rows), 0.25),
+        "last": (arrays.zeros((3, 5), xp.int64), (..., rows), np.arange(6).reshape(3, 2) - 2**62),
+    }
+    for array, index, value in made.values():
+        arrays.put(array, index, value)
+    return {name: array for name, (array, *_) in made.items()}
+
+
+def test_together_is_one_by_one():
+    plain, arrays = writes(HOST), Arrays.torch("cpu")
+    with arrays.together():
+        waiting = writes(arrays)
+        assert not any(array.any() for array in waiting.values())
+    assert plain.keys() == waiting.keys()
+    for name, array in waiting.items():
+        np.testing.assert_array_equal(array.numpy(), plain[name], err_msg=name)
+
+
+def test_the_later_of_two_writes_counts():
+    arrays = Arrays.torch("cpu")
+    array, rows = arrays.zeros(4), arrays.index(np.array([2]))
+    with arrays.together():
+        arrays.put(array, rows, 1.0)
+        arrays.put(array, rows, np.array([2.0]))
+    assert array.tolist() == [0.0, 0.0, 2.0, 0.0]
+
+
+def test_nothing_is_written_after_an_error():
+    arrays = Arrays.torch("cpu")
+    array, rows = arrays.zeros(4), arrays.index(np.array([2]))
+    with pytest.raises(RuntimeError), arrays.together():
+        arrays.put(array, rows, 1.0)
+        raise RuntimeError
+    assert not array.any()
+    arrays.put(array, rows, 1.0)
+    assert array.tolist() == [0.0, 0.0, 1.0, 0.0]
