@@ -42,7 +42,7 @@ PerturbationOption = Annotated[
 ]
 LogsOption = Annotated[
     str | None,
-    option("--logs", "csv|parquet|mcap", "Log each policy's first episode, too, as 'aoro-gym view' shows it."),
+    option("--logs", "FORMAT", "Log each policy's first episode, too: csv, parquet or mcap."),
 ]
 FilmsOption = Annotated[bool, option("--films/--no-films", None, "Draw each policy's first episode.")]
 
@@ -109,10 +109,8 @@ def evaluate(
         chosen = options.load(run, draw=False)
         drawn, drawn_by = _drawn_machines(laws, perturbation, chosen)
         files = CourseFiles(env, terrain, path, path_length, track, join_gaps, path_crs)
-        asked: dict[str, Any] = {
-            "episodes": episodes, "repeats": repeats, "seed": seed, "courses": load_courses(files),
-            "machine": chosen, "device": device,
-        }  # fmt: skip
+        asked: dict[str, Any] = {"episodes": episodes, "repeats": repeats, "seed": seed, "machine": chosen}
+        asked |= {"courses": load_courses(files), "device": device}
     inputs = evaluation.asked_of(env, policies, **asked) | drawn_by
     with _keeping(out, inputs, restart, accept_code_change) as kept, terminal.progress(env) as tell:
         driven = 0.5 if films else 0.95
