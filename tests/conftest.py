@@ -5,6 +5,7 @@ import os
 # Workers share the cores: threads of linear algebra within each would spin for most of the suite's time.
 os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1")
 
+import gc
 from collections import defaultdict
 from collections.abc import Generator, Iterator
 from functools import cache
@@ -48,6 +49,23 @@ def pytest_make_collect_report() -> Generator[None, pytest.CollectReport, pytest
     report = yield
     _refuse(report)
     return report
+
+
+GARBAGE = 50_000
+"""Objects made since garbage was last looked for, until it is looked for again (E): by default 700, for programs that run on
+little memory."""
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Imports make a million objects that stay to the end: garbage is looked for among those of the tests alone."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.set_threshold(GARBAGE)
+        gc.enable()
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

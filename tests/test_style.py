@@ -28,23 +28,27 @@ WITH_SIZES_OF_UNITS = {
 """Files other than ``units.py`` with a number of a unit's size, and why."""
 
 
-def modules(*folders: str) -> Iterator[tuple[str, ast.Module]]:
-    """File and syntax tree of every module."""
+KINDS = (ast.FunctionDef, ast.Constant, ast.Attribute, ast.BinOp)
+"""Nodes that the tests look at."""
+
+
+def modules(*folders: str) -> Iterator[tuple[str, list[ast.AST]]]:
+    """File and nodes of every module."""
     for folder in folders:
         for file in sorted((ROOT / folder).rglob("*.py")):  # does not follow the links in aoro_gym
-            yield file.relative_to(ROOT).as_posix(), parsed(file)
+            yield file.relative_to(ROOT).as_posix(), nodes(file)
 
 
 @cache
-def parsed(file: Path) -> ast.Module:
-    """Parsed once for all tests, which leave it as it is."""
-    return ast.parse(file.read_text(encoding="utf-8"))
+def nodes(file: Path) -> list[ast.AST]:
+    """Those of KINDS, parsed and looked for once for all tests, which leave them as they are."""
+    return [node for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))) if isinstance(node, KINDS)]
 
 
 def functions(*folders: str) -> Iterator[tuple[str, ast.FunctionDef]]:
     """File and node of every function."""
-    for path, tree in modules(*folders):
-        for node in ast.walk(tree):
+    for path, found in modules(*folders):
+        for node in found:
             if isinstance(node, ast.FunctionDef):
                 yield path, node
 
@@ -89,8 +93,8 @@ def test_units_are_defined_once():
     sizes = [size for name, size in vars(units).items() if name.isupper()]
     digits = {f"{size:.14g}" for size in sizes} | {f"{1.0 / size:.14g}" for size in sizes if size < 1.0}
     again = set()
-    for path, tree in modules(*PACKAGES):
-        for node in ast.walk(tree):
+    for path, found in modules(*PACKAGES):
+        for node in found:
             is_count = isinstance(node, ast.Constant) and isinstance(node.value, int)
             if not is_count and f"{factor(node):.14g}" in digits:
                 again.add(path)

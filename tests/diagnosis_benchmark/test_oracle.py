@@ -11,6 +11,7 @@ from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.diagnosis.recording import read_recording
 from aoro_gym.diagnosis.replay import Replay, Simulator, Variants
 from aoro_gym.diagnosis_benchmark.oracle import (
+    Neighbours,
     consult,
     evidence_given,
     evidence_of,
@@ -26,6 +27,12 @@ COUNT = 60
 SHAPE = np.sin(np.linspace(0.0, np.pi, COUNT)) ** 2
 WHITE = Noise(np.r_[4.0, np.zeros(COUNT - 1)])
 COLOURED = Noise(4.0 * 0.8 ** np.arange(COUNT))
+
+
+@pytest.fixture(scope="module")
+def twins() -> Neighbours:
+    """Of all tests, whose cases are of one machine under the same commands: it is simulated once."""
+    return Neighbours()
 
 
 def test_evidence_in_white_noise_is_the_squared_ratio():
@@ -75,9 +82,9 @@ def test_what_another_day_does_remains():
     assert np.isnan(ideal_gap_closure(expected, deviation, expected, 0.1))
 
 
-def test_a_case_is_seen_through_the_noise_of_its_own_sensors(tmp_path):
+def test_a_case_is_seen_through_the_noise_of_its_own_sensors(tmp_path, twins):
     write_case(tmp_path / "case", tmp_path / "exact.npz", 0.05, day=0.025, seed=5)
-    oracle = consult(tmp_path / "case", tmp_path / "exact.npz", ["joint_angle"])
+    oracle = consult(tmp_path / "case", tmp_path / "exact.npz", ["joint_angle"], twins=twins)
     bump = deviation(0.05)
     # two logs; the variance of white noise from 2 x 71 samples of rest has a standard error of sqrt(2 / 142)
     expected = 2.0 * np.sum(np.square(bump - bump.mean())) / NOISE**2
@@ -91,13 +98,12 @@ def test_a_case_is_seen_through_the_noise_of_its_own_sensors(tmp_path):
         assert share == pytest.approx(1.0 - 1.0 / 9.0, abs=slack + cross)
 
 
-@pytest.mark.slow
-def test_noise_is_no_gap(tmp_path):
+def test_noise_is_no_gap(tmp_path, twins):
     """Where nothing but the deviation differs, S is 1, however much noise there is in the logs of both days."""
     found = []
     for seed in range(6):
         write_case(tmp_path / f"{seed}", tmp_path / f"{seed}.npz", 0.006, seed=seed)
-        found += consult(tmp_path / f"{seed}", tmp_path / f"{seed}.npz", ["joint_angle"]).shrinkage.values()
+        found += consult(tmp_path / f"{seed}", tmp_path / f"{seed}.npz", ["joint_angle"], twins=twins).shrinkage.values()
     # standard errors of the 12 logs' mean squares and of the 6 variances that 142 samples of rest give, both of two noises
     error = 2.0 * NOISE**2 * np.sqrt(2.0 / SAMPLES / 12.0 + 2.0 / (2.0 * RESTING) / 6.0)
     gap = np.mean(np.square(deviation(0.006)))
@@ -106,21 +112,19 @@ def test_noise_is_no_gap(tmp_path):
     assert np.mean(found) == pytest.approx(1.0, abs=4.0 * error / gap)
 
 
-@pytest.mark.slow
-def test_what_cannot_be_seen_is_not_asked_for(tmp_path):
+def test_what_cannot_be_seen_is_not_asked_for(tmp_path, twins):
     write_case(tmp_path / "case", tmp_path / "exact.npz", 1e-5, seed=6)
-    oracle = consult(tmp_path / "case", tmp_path / "exact.npz", ["joint_angle"])
+    oracle = consult(tmp_path / "case", tmp_path / "exact.npz", ["joint_angle"], twins=twins)
     assert not oracle.detectable and not oracle.shrinkage
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("size", "asked"), [(0.05, 1), (1e-4, 2)])
-def test_logs_are_asked_until_nothing_is_rejected(tmp_path, size, asked):
+def test_logs_are_asked_until_nothing_is_rejected(tmp_path, twins, size, asked):
     """What one log shows is enough, or all are asked, and another one takes nothing away."""
     place, exact, found = tmp_path / "case", tmp_path / "exact.npz", []
     write_case(place, exact, size, seed=5)
     for remaining in (2, 1):
-        oracle = consult(place, exact, ["joint_angle"])
+        oracle = consult(place, exact, ["joint_angle"], twins=twins)
         found.append(oracle.evidence)
         assert oracle.detectable == (asked < 2)
         if remaining == 2:
@@ -131,7 +135,7 @@ def test_logs_are_asked_until_nothing_is_rejected(tmp_path, size, asked):
 
 
 @pytest.mark.parametrize(("size", "seen"), [(1.0, False), (5.0, True)])
-def test_what_another_day_can_do_instead_is_not_detectable(tmp_path, size, seen):
+def test_what_another_day_can_do_instead_is_not_detectable(tmp_path, twins, size, seen):
     """Edges of the valve a standard deviation off, as on any day, are no deviation, however far they show above the noise:
     at a price of one a side they explain themselves, where 6.6 is asked. Five standard deviations are one."""
     place = tmp_path / "case"
@@ -148,13 +152,13 @@ def test_what_another_day_can_do_instead_is_not_detectable(tmp_path, size, seen)
         for column, which in enumerate(("with", "without"))
     }
     np.savez(tmp_path / "exact.npz", **arrays)
-    oracle = consult(place, tmp_path / "exact.npz", ["joint_angle"])
+    oracle = consult(place, tmp_path / "exact.npz", ["joint_angle"], twins=twins)
     assert oracle.noise > 100.0
     assert oracle.detectable == seen
 
 
 @pytest.mark.parametrize(("later", "seen"), [(0, False), (40, True)])
-def test_of_two_effects_each_is_seen_beside_the_other_at_any_strength(tmp_path, later, seen):
+def test_of_two_effects_each_is_seen_beside_the_other_at_any_strength(tmp_path, twins, later, seen):
     """Two bumps of one shape, the second ``later`` samples on: at the same place either could be all there is."""
     place, exact = tmp_path / "case", tmp_path / "exact.npz"
     write_case(place, exact, 0.05, seed=5)
@@ -166,7 +170,7 @@ def test_of_two_effects_each_is_seen_beside_the_other_at_any_strength(tmp_path, 
         both[f"{log}/with"] = healthy + one + other
         both[f"{log}/without one"], both[f"{log}/without other"] = healthy + other, healthy + one
     np.savez(exact, **both)
-    oracle = consult(place, exact, ["joint_angle"])
+    oracle = consult(place, exact, ["joint_angle"], twins=twins)
     assert oracle.detectable
     assert list(oracle.each) == ["one", "other"]
     assert oracle.each_detectable == seen

@@ -13,21 +13,11 @@ from aoro_gym.diagnosis_benchmark import running
 from aoro_gym.diagnosis_benchmark.running import diagnoses_folder, read_diagnoses, run_cases
 from aoro_gym.execution import provenance
 from aoro_gym.execution.digest import sources
-from aoro_gym.execution.files import read_json, write_json, write_text
+from aoro_gym.execution.files import read_json
 from aoro_gym.execution.locking import FolderInUse
 from aoro_gym.execution.provenance import ChangedCode, ChangedInput
+from tests.diagnosis_benchmark.stand_ins import run_slowly, stand_in
 from tests.diagnosis_benchmark.suites import write_suite
-
-
-def stand_in(place, out, *, sensors, device):
-    """A diagnosis that fails on the third case and forgets its result of the fourth, until told otherwise."""
-    assert (place / "machine.toml").is_file() and list((place / "logs").glob("*.csv"))
-    mended = (place.parents[1] / "mended").exists()
-    if place.name == "003" and not mended:
-        raise ValueError("the log is too short")
-    if place.name == "004" and not mended:
-        return
-    write_json(out / "diagnosis.json", {"verdict": "no_gap", "sensors": sensors, "device": device})
 
 
 @pytest.fixture
@@ -100,18 +90,6 @@ def test_kept_diagnoses_of_another_case_or_code_are_not_taken(suite, monkeypatch
     (out / "provenance.json").unlink()
     with pytest.raises(ChangedCode, match="without a record of their code"):
         run_cases(suite, out, sensors="angle", diagnose=stand_in)
-
-
-def slow_stand_in(place, out, *, sensors, device):
-    """A diagnosis that writes now and then while it works."""
-    for part in range(20):
-        write_text(out / f"part{part}.txt", "x" * 10_000)
-        time.sleep(0.005)
-    write_json(out / "diagnosis.json", {"case": place.name, "sensors": sensors})
-
-
-def run_slowly(suite, out):
-    run_cases(suite, out, sensors="angle", workers=2, diagnose=slow_stand_in)
 
 
 @pytest.mark.slow
