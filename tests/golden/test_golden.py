@@ -25,7 +25,7 @@ import pytest
 
 from aoro_gym import Machine
 from tests.golden.compare import difference, fields, results
-from tests.golden.scenarios import ERROR, SCENARIOS
+from tests.golden.scenarios import ERROR, SCENARIOS, run
 
 VALUES = Path(__file__).with_name("values.json")
 ROOT = Path(__file__).parents[2]
@@ -111,9 +111,11 @@ def write() -> None:
 
 @pytest.fixture(scope="module")
 def today(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What the quick scenarios give today."""
+    """What the quick scenarios give today, in this process, which has imported most of what they need."""
     out = tmp_path_factory.mktemp("golden")
-    results(str(ROOT), out, group="quick", only=None)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("AORO_GYM_CACHE", "off")
+        run(out, "quick")
     return out
 
 
@@ -126,6 +128,13 @@ def test_stored_values(name: str, today: Path) -> None:
     for field, (mean, last, *tolerances) in stored.items():
         off = np.abs(np.subtract(found[field], (mean, last)))
         assert np.all(off <= tolerances), f"{field}: {found[field]}, not {(mean, last)} ± {tuple(tolerances)}"
+
+
+@pytest.mark.slow
+def test_a_revision_runs_in_a_process_of_its_own_to_the_same_bits(today: Path, tmp_path: Path) -> None:
+    for name in ("driving", "parameters"):
+        results(str(ROOT), tmp_path, group="quick", only=name)
+        assert difference(today / name, tmp_path / name) is None
 
 
 def test_a_difference_of_one_bit_is_named(tmp_path: Path) -> None:
