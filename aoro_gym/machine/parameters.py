@@ -474,7 +474,10 @@ def _validated(entries: Mapping[str, Parameter], known: Mapping[str, Parameter])
             fitting = ", ".join(unit for unit, (si, _) in UNITS.items() if si == declaration.unit)
             problem = "does not measure it" if entry.unit in UNITS else "is unknown"
             raise ValueError(f"{key}: unit {shortened(entry.unit)} {problem}; use one of: {fitting}")
-        admitted = declaration.admits(entry.si)
+        value = entry.si
+        if isinstance(value, float) and declaration.admits_number(value):
+            continue
+        admitted = declaration.admits(value)
         if not np.all(admitted):
             raise InvalidMachine.of([(entry, ~admitted)], f"must be finite and {declaration.bounds(entry.unit)}")
     return {key: entries[key] for key in DECLARATIONS}

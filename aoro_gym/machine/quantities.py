@@ -62,6 +62,8 @@ UNITS: dict[str, tuple[str, float]] = {
 
 def as_quantity(value: ArrayLike) -> Quantity:
     """``value`` as a float, or as a read-only array if it has a dimension."""
+    if isinstance(value, float):  # most are: an array would take ten times as long
+        return float(value)
     array = np.array(value, np.float64)
     array.flags.writeable = False
     return array if array.ndim else float(array)
@@ -87,6 +89,12 @@ class Declaration:
         above = np.greater(value, self.low) if self.low_open else np.greater_equal(value, self.low)
         below = np.less(value, self.high) if self.high_open else np.less_equal(value, self.high)
         return np.isfinite(value) & above & below
+
+    def admits_number(self, value: float) -> bool:
+        """As :meth:`admits`, of one number, in a tenth of the time."""
+        above = value > self.low if self.low_open else value >= self.low
+        below = value < self.high if self.high_open else value <= self.high
+        return math.isfinite(value) and above and below
 
     def bounds(self, unit: str) -> str:
         """The interval in words, in ``unit``."""
