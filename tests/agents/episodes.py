@@ -5,9 +5,9 @@ from contextlib import contextmanager
 
 import pytest
 
-SHORT = 150
-"""Control steps [0.02 s] of a short episode: its first target stands for at least 125 of them, and the metrics look at the
-first 100 after it was set."""
+SHORT = 110
+"""Control steps [0.02 s] of a short episode: its first target stands for at least 125 of them, so that it has no other, and the
+metrics look at the first 100 after it was set."""
 
 
 @contextmanager

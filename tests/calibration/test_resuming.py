@@ -4,6 +4,7 @@ import errno
 import os
 import random
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -111,6 +112,15 @@ def test_the_share_that_is_told_grows_from_nothing_to_one(whole):
     assert told[0] == 0.0 and told[-1] == 1.0 and len(told) > 50
 
 
+@pytest.fixture(scope="module")
+def begun(tmp_path_factory):
+    """A folder with a log and a calibration on it that was interrupted half-way."""
+    folder = tmp_path_factory.mktemp("begun")
+    with pytest.raises(KeyboardInterrupt):
+        calibrate_to(folder / "mine.toml", fit(write_turn(folder / "turn.csv"), progress=interrupt_at(0.5)))
+    return folder
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [
@@ -123,10 +133,10 @@ def test_the_share_that_is_told_grows_from_nothing_to_one(whole):
         ({"manifest": "gear = 2\n"}, r"logs 1 turn\.toml"),
     ],
 )
-def test_a_changed_input_is_refused_by_name_or_begun_anew(tmp_path, change, says):
-    log, out = write_turn(tmp_path / "turn.csv"), tmp_path / "mine.toml"
-    with pytest.raises(KeyboardInterrupt):
-        calibrate_to(out, fit(log, progress=interrupt_at(0.5)))
+def test_a_changed_input_is_refused_by_name_or_begun_anew(begun, tmp_path, change, says):
+    shutil.copytree(begun, tmp_path, dirs_exist_ok=True)
+    log, out = tmp_path / "turn.csv", tmp_path / "mine.toml"
+    assert (unfinished_folder(out) / "search.json").exists()
     if size := change.pop("log", None):
         write_turn(log, size)
     if change.pop("pressure", None):  # the last digit of one pressure
