@@ -6,7 +6,7 @@ from contextlib import contextmanager
 import pytest
 
 SHORT = 110
-"""Control steps [0.02 s] of a short episode: its first target stands for at least 125 of them, so that it has no other, and the
+"""Control steps [0.02 s] of a short episode: its first target stands for at least 125 of them, so it has no other;
 metrics look at the first 100 after it was set."""
 
 

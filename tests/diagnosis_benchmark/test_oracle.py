@@ -103,7 +103,9 @@ def test_noise_is_no_gap(tmp_path, twins):
     found = []
     for seed in range(6):
         write_case(tmp_path / f"{seed}", tmp_path / f"{seed}.npz", 0.006, seed=seed)
-        found += consult(tmp_path / f"{seed}", tmp_path / f"{seed}.npz", ["joint_angle"], twins=twins).shrinkage.values()
+        found += consult(
+            tmp_path / f"{seed}", tmp_path / f"{seed}.npz", ["joint_angle"], twins=twins
+        ).shrinkage.values()
     # standard errors of the 12 logs' mean squares and of the 6 variances that 142 samples of rest give, both of two noises
     error = 2.0 * NOISE**2 * np.sqrt(2.0 / SAMPLES / 12.0 + 2.0 / (2.0 * RESTING) / 6.0)
     gap = np.mean(np.square(deviation(0.006)))
