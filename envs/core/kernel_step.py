@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from aoro_gym.envs.core.kernels import DONE, OWN, RUNNING, TERMINATED, TRUNCATED, StepMemory, rest_outputs
+from aoro_gym.envs.core.kernels.step import DONE, OWN, RUNNING, TERMINATED, TRUNCATED, StepMemory, rest_outputs
 from aoro_gym.envs.core.task import Outputs
 from aoro_gym.execution.array_api import Array, Arrays, Index
 from aoro_gym.twin.twin import BLOCK_DIM
@@ -149,10 +149,14 @@ class KernelStep:
             self._launch()
         return capture.graph
 
+    def judged_view(self) -> Any:
+        """What reward terms of the user's own see."""
+        return self._task.judged_view()
+
     def rest(self, rows: Index, known: Sequence[Any]) -> None:
         """First outputs and measurements of the sub-environments ``rows`` (K,).
 
-        ``known`` are five numbers or arrays (K,), see :func:`aoro_gym.envs.core.kernels.rest_outputs`.
+        ``known`` are five numbers or arrays (K,), see :func:`aoro_gym.envs.core.kernels.step.rest_outputs`.
         """
         device, shared = self._twin.device, self._arrays.shared(rows)
         values = np.array(np.broadcast_arrays(*known, np.zeros(len(rows)))[:-1], dtype=np.float32)
@@ -177,7 +181,7 @@ class KernelStep:
 
     @property
     def flags(self) -> Array:
-        """See :mod:`aoro_gym.envs.core.kernels` (5,)."""
+        """See :mod:`aoro_gym.envs.core.kernels.step` (5,)."""
         return self._flags
 
     def values(self) -> Array:
@@ -201,6 +205,21 @@ class KernelStep:
         for names, array in self._kernels.logged:
             out |= zip(names, self._arrays.copy(array), strict=True)
         return out
+
+
+def shared(out: Any, source: Any, names: Any, arrays: Arrays, prefix: str = "") -> Any:
+    """``out`` with arrays of ``source``, shared.
+
+    Args:
+        out: A struct.
+        source: What holds the arrays.
+        names: Of its fields.
+        arrays: Where they live.
+        prefix: Of their names in ``source``.
+    """
+    for name in names:
+        setattr(out, name, arrays.shared(getattr(source, prefix + name)))
+    return out
 
 
 def kernel_step(env: Any) -> KernelStep | None:

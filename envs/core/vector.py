@@ -552,7 +552,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         if kernels.own_rewards:
             names = list(self.task.reward_terms)
             own = {name: self.task.reward_terms[name] for name in kernels.own_rewards}
-            for name, value in rewards_of(own, self.task.view(), self.num_envs).items():
+            for name, value in rewards_of(own, kernels.judged_view(), self.num_envs).items():
                 values[names.index(name)] = xp.where(running & ~diverged, xp.astype(value, xp.float32), 0.0)
             rewards = _sum(values)
         return Judged(

@@ -275,6 +275,10 @@ class PathTracking:
         """The kernels have taken in ``outputs`` of a control step."""
         self._outputs, self._view = outputs, None
 
+    def judged_view(self) -> PathTrackingView:
+        """What reward terms see of the step that the kernels took."""
+        return self.view()
+
     def _judge(self) -> None:
         """How episodes end; of several reasons the worst."""
         xp, config = self._arrays.xp, self.config

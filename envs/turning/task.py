@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -94,6 +95,8 @@ class Turning:
             else None
         )
         self._pressures = arrays.zeros((n, 3 * config.observe_pressures), xp.float32)
+        # what the kernels' last step pursued: target, error and overshoot [rad], and the target's age [s]
+        self._pursued, self._pursued_age = arrays.zeros((3, n), xp.float32), arrays.zeros(n)
 
     # ---- start
 
@@ -161,9 +164,9 @@ class Turning:
         for state in (
             self._cursor, self._step, self._set_at, self._inside, self._settled, self._missed, self._largest_overshoot,
         ):  # fmt: skip
-            state[rows] = 0
-        self._signals[:, rows] = 0.0
-        self._flows[:, rows] = 0.0
+            put(state, rows, 0)
+        for state in (self._signals, self._flows):
+            put(state, (slice(None), rows), 0.0)
         sensor_draws = sensing(options, where, len(self._target), generators)
         for sensor in (self._joint, self._pressure_sensor):
             if sensor is not None:
@@ -221,6 +224,29 @@ class Turning:
         self._update_goals()
         return result
 
+    # ---- step in kernels
+
+    @property
+    def has_kernels(self) -> bool:
+        """Whether kernels do the same as this class: not as one that is derived from it."""
+        return type(self) is Turning
+
+    def kernels(self, memory: Any) -> Any:
+        """What :meth:`commands` and :meth:`advance` do, and the terms, as kernels
+        (:class:`aoro_gym.envs.core.kernel_step.TaskKernels`) with the ``memory`` of the step."""
+        from aoro_gym.envs.turning.kernels.step import turning_kernels
+
+        return turning_kernels(self, memory, self._arrays)
+
+    def took(self, outputs: Outputs) -> None:
+        """The kernels have taken in ``outputs`` of a control step."""
+        self._outputs = outputs
+
+    def judged_view(self) -> TurningView:
+        """What reward terms see of the step that the kernels took: with the goals that it pursued."""
+        target, error, overshoot = self._pursued
+        return replace(self.view(), target=target, target_age=self._pursued_age, error=error, overshoot=overshoot)
+
     def _measure_pressures(self, time: Array, where: Index = None) -> Array:
         xp, rows = self._arrays.xp, slice(None) if where is None else where
         if self._pressure_sensor is None:
@@ -248,7 +274,12 @@ class Turning:
         self._inside = xp.where(due, 0, self._inside)
 
     def _is_settled(self) -> Array:
-        return self._inside >= math.ceil(self.config.dwell / self.control_step - 1e-6)
+        return self._inside >= self.dwell_steps
+
+    @property
+    def dwell_steps(self) -> int:
+        """Steps within the tolerance that settle a target."""
+        return math.ceil(self.config.dwell / self.control_step - 1e-6)
 
     def _age(self) -> Array:
         """Time since the target was set [s]."""

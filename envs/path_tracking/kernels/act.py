@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from aoro_gym.envs.core.kernels import StepMemory, taken_action
+from aoro_gym.envs.core.kernels.step import StepMemory, taken_action
 from aoro_gym.envs.path_tracking.kernels.memory import Control, Driving, Sensing, Vehicle
 from aoro_gym.twin.records import Command, Output
 
@@ -74,8 +74,8 @@ def move_arms(m: StepMemory, k: Control, s: Sensing, v: Vehicle, i: int):
     for wheel in range(4):
         sunk += v.arm_length[i] * (arm_angle(m, wheel, i) - v.arm_rest[wheel, i])
     # of the corners in the front frame's axes; the rear frame is turned by −θ against it
-    sine = wp.sin(s.angles[0, i])
-    cosine = wp.cos(s.angles[0, i])
+    sine = wp.sin(s.joint.angles[0, i])
+    cosine = wp.cos(s.joint.angles[0, i])
     track = v.half_track[i]
     rear = v.rear[i]
     x = wp.vec4d(v.front[i], v.front[i], track * sine - rear * cosine, -track * sine - rear * cosine)

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from aoro_gym.envs.core.kernels import OWN, StepMemory, counts, end_step
+from aoro_gym.envs.core.kernels.step import OWN, StepMemory, counts, end_step
 from aoro_gym.envs.path_tracking import rewards
 from aoro_gym.envs.path_tracking.kernels.geometry import known_at
 from aoro_gym.envs.path_tracking.kernels.memory import Control, Courses, Driving, Rules, Sensing, Told

@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from aoro_gym.envs.core.kernel_step import shared
+from aoro_gym.envs.core.kernels.joint import JointMemory, joint_memory
 from aoro_gym.execution.array_api import Arrays
 from aoro_gym.sensors.kernels.gps import GpsMemory, gps_memory
 from aoro_gym.sensors.kernels.imu import ImuMemory, imu_memory
-from aoro_gym.sensors.kernels.joint_angle import JointAngleMemory, joint_angle_memory
 from aoro_gym.sensors.kernels.localisation import LocalisationMemory, localisation_memory
-from aoro_gym.sensors.kernels.noise import constants
 from aoro_gym.sensors.kernels.pressure import PressureMemory, pressure_memory
 from aoro_gym.sensors.kernels.wheel_speed import WheelSpeedMemory, wheel_speed_memory
 from aoro_gym.terrains.raster import CELL
@@ -53,7 +53,7 @@ class Vehicle:
 class Sensing:
     """Sensors, and what they last read."""
 
-    joint: JointAngleMemory
+    joint: JointMemory
     imu: ImuMemory
     wheels: WheelSpeedMemory
     gps: GpsMemory
@@ -61,10 +61,6 @@ class Sensing:
     pressure: PressureMemory
     inertial: int  # whether the specific force is observed
     noise: wp.array(dtype=wp.float64)  # (N,) of wheels and pressures
-    joint_noise: wp.array(dtype=wp.float64)  # (N,)
-    ages: wp.array(dtype=wp.float64)  # (F,) [s] of the joint's samples
-    slope: wp.array(dtype=wp.float64)  # (kept,) [1/s]
-    angles: wp.array2d(dtype=wp.float64)  # (kept, N) newest first
     channels: wp.array(dtype=int)  # of the pressures
     roll: wp.array(dtype=wp.float64)
     pitch: wp.array(dtype=wp.float64)
@@ -171,21 +167,6 @@ class Control:
     least: wp.float64
 
 
-def shared(out: Any, source: Any, names: Any, arrays: Arrays, prefix: str = "") -> Any:
-    """``out`` with arrays of ``source``, shared.
-
-    Args:
-        out: A struct.
-        source: What holds the arrays.
-        names: Of its fields.
-        arrays: Where they live.
-        prefix: Of their names in ``source``.
-    """
-    for name in names:
-        setattr(out, name, arrays.shared(getattr(source, prefix + name)))
-    return out
-
-
 def courses_memory(table: Any, height_map: Any, arrays: Arrays) -> Courses:
     """Of the paths in ``table`` and the grounds in ``height_map``."""
     grounds = () if height_map._level else ("extents", "shapes", "heights", "known")
@@ -207,15 +188,13 @@ def vehicle_memory(measures: Any, arrays: Arrays) -> Vehicle:
 def sensing_memory(sensors: Any, arrays: Arrays) -> Sensing:
     """Of :class:`aoro_gym.envs.path_tracking.sensing.VehicleSensors`."""
     read = ("roll", "pitch", "rates", "force", "wheel_rates", "speed")
-    out, joint = shared(Sensing(), sensors, read, arrays), sensors.joint
-    out.joint, out.imu = joint_angle_memory(joint._sensor, arrays), imu_memory(sensors._imu, arrays)
+    out = shared(Sensing(), sensors, read, arrays)
+    out.joint, out.imu = joint_memory(sensors.joint, arrays), imu_memory(sensors._imu, arrays)
     out.wheels = wheel_speed_memory(sensors._wheel_sensor, arrays)
     out.gps, out.localisation = gps_memory(sensors.gps, arrays), localisation_memory(sensors.localisation, arrays)
     out.pressure = pressure_memory(sensors._pressure_sensor, arrays)
     out.inertial = int(sensors._config.observe_inertial)
-    out.noise, out.joint_noise = arrays.shared(sensors._noise), arrays.shared(joint.scale)
-    out.ages, out.slope = constants(arrays, arrays.host(joint._ages)), constants(arrays, joint._weights)
-    out.angles, out.pressures = arrays.shared(joint._angles), arrays.shared(sensors._pressures)
+    out.noise, out.pressures = arrays.shared(sensors._noise), arrays.shared(sensors._pressures)
     rows = [int(Output[channel.upper()]) for channel in sensors._pressure_rows]
     out.channels = wp.array(np.array(rows, dtype=np.int32), dtype=int, device=str(arrays.device))
     return out

@@ -2,7 +2,8 @@
 
 import warp as wp
 
-from aoro_gym.envs.core.kernels import OWN, StepMemory, observe_value
+from aoro_gym.envs.core.kernels.joint import joint_rate
+from aoro_gym.envs.core.kernels.step import OWN, StepMemory, observe_value
 from aoro_gym.envs.path_tracking import observations
 from aoro_gym.envs.path_tracking.kernels.geometry import height_at, place_at
 from aoro_gym.envs.path_tracking.kernels.memory import Control, Courses, Driving, Rules, Sensing
@@ -27,15 +28,6 @@ OBSERVED = (
 
 
 @wp.func
-def joint_rate(s: Sensing, i: int):
-    """Slope of the line through the last measured angles [rad/s]."""
-    rate = wp.float64(0.0)
-    for k in range(s.slope.shape[0]):
-        rate += s.slope[k] * s.angles[k, i]
-    return rate
-
-
-@wp.func
 def observed(kind: int, k: Control, s: Sensing, d: Driving, i: int):
     """An observation term of one column; see :mod:`aoro_gym.envs.path_tracking.observations`."""
     if kind == CROSS_TRACK:
@@ -47,9 +39,9 @@ def observed(kind: int, k: Control, s: Sensing, d: Driving, i: int):
     if kind == SPEED:
         return s.speed[i]
     if kind == JOINT_ANGLE:
-        return s.angles[0, i]
+        return s.joint.angles[0, i]
     if kind == JOINT_RATE:
-        return joint_rate(s, i)
+        return joint_rate(s.joint, i)
     if kind == ROLL:
         return s.roll[i]
     if kind == PITCH:

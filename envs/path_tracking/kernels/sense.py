@@ -4,13 +4,13 @@ geometry for one vehicle.
 
 import warp as wp
 
-from aoro_gym.envs.core.kernels import StepMemory, begin_step
+from aoro_gym.envs.core.kernels.joint import rest_joint, sense_joint
+from aoro_gym.envs.core.kernels.step import StepMemory, begin_step
 from aoro_gym.envs.path_tracking.kernels.geometry import place_at, project
 from aoro_gym.envs.path_tracking.kernels.memory import Courses, Driving, Rules, Sensing, Vehicle
 from aoro_gym.sensors.kernels.attitude import in_world, wrapped
 from aoro_gym.sensors.kernels.gps import gps_shown
 from aoro_gym.sensors.kernels.imu import imu_error, imu_moved_on, specific_force
-from aoro_gym.sensors.kernels.joint_angle import joint_angle_shown
 from aoro_gym.sensors.kernels.localisation import begin_at, locate
 from aoro_gym.sensors.kernels.pressure import pressure_shown
 from aoro_gym.sensors.kernels.wheel_speed import ground_speed, wheel_speed_shown
@@ -31,22 +31,6 @@ def last(m: StepMemory, channel: int, i: int):
 def three(m: StepMemory, row: int, i: int):
     """Three rows of the state from ``row`` on."""
     return wp.vec3d(wp.float64(m.state[row, i]), wp.float64(m.state[row + 1, i]), wp.float64(m.state[row + 2, i]))
-
-
-@wp.func
-def sense_joint(m: StepMemory, s: Sensing, i: int, time: wp.float64):
-    """Samples of the joint-angle sensor over the step, newest first."""
-    kept = s.angles.shape[0]
-    frames = m.outputs.shape[0]
-    for k in range(kept):
-        row = kept - 1 - k
-        if row >= frames:
-            s.angles[row, i] = s.angles[row - frames, i]
-    for row in range(wp.min(frames, kept)):
-        frame = frames - 1 - row
-        true = wp.float64(m.outputs[frame, Output.JOINT_ANGLE, i])
-        shown = joint_angle_shown(s.joint, i, true, time - s.ages[frame])
-        s.angles[row, i] = true + s.joint_noise[i] * (shown - true)
 
 
 @wp.func
@@ -141,7 +125,7 @@ def sense(m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rule
     i = wp.tid()
     time = begin_step(m, i)
     d.step[i] = d.step[i] + wp.int64(1)
-    sense_joint(m, s, i, time)
+    sense_joint(m, s.joint, i, time)
     fix = sense_all(m, v, s, i, time)
     front = wp.vec3d(v.front[i], ZERO, ZERO)
     locate(s.localisation, i, fix, s.roll[i], s.pitch[i], front, s.speed[i], s.rates[i, 2], m.control_step)
@@ -152,10 +136,7 @@ def sense(m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rule
 def rest(rows: wp.array(dtype=wp.int64), m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rules):
     """First measurements of the vehicles ``rows`` (K,), at rest."""
     i = int(rows[wp.tid()])
-    true = last(m, Output.JOINT_ANGLE, i)
-    shown = true + s.joint_noise[i] * (joint_angle_shown(s.joint, i, true, ZERO) - true)
-    for k in range(s.angles.shape[0]):
-        s.angles[k, i] = shown
+    rest_joint(s.joint, i, last(m, Output.JOINT_ANGLE, i))
     fix = sense_all(m, v, s, i, ZERO)
     begin_at(s.localisation, i, fix, s.roll[i], s.pitch[i], wp.vec3d(v.front[i], ZERO, ZERO))
     follow(m, c, v, s, d, r, i)

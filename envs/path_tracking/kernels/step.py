@@ -5,8 +5,8 @@ from typing import Any
 
 import warp as wp
 
-from aoro_gym.envs.core.kernel_step import TaskKernels
-from aoro_gym.envs.core.kernels import StepMemory
+from aoro_gym.envs.core.kernel_step import TaskKernels, shared
+from aoro_gym.envs.core.kernels.step import StepMemory
 from aoro_gym.envs.path_tracking.assistance import GEAR_DISPLACEMENT
 from aoro_gym.envs.path_tracking.kernels.act import act
 from aoro_gym.envs.path_tracking.kernels.judge import REWARDED, judge
@@ -18,7 +18,6 @@ from aoro_gym.envs.path_tracking.kernels.memory import (
     Told,
     courses_memory,
     sensing_memory,
-    shared,
     vehicle_memory,
 )
 from aoro_gym.envs.path_tracking.kernels.observe import OBSERVED, observe

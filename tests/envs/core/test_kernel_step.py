@@ -17,12 +17,15 @@ from aoro_gym.envs.path_tracking.environment import PathTrackingVectorEnv
 from aoro_gym.envs.path_tracking.observations import EXACT_TERMS
 from aoro_gym.envs.path_tracking.rewards import FURTHER_REWARD_TERMS
 from aoro_gym.envs.path_tracking.task import PathTracking
+from aoro_gym.envs.turning import config as turning
+from aoro_gym.envs.turning.observations import EXACT_TERMS as TURNING_EXACT
+from aoro_gym.envs.turning.rewards import FURTHER_REWARD_TERMS as TURNING_REWARDS
 from aoro_gym.sensors import FixLoss, GpsNoise, ImuNoise, JointAngleNoise, PressureNoise, WheelSpeedNoise
 from aoro_gym.twin.records import State
 from tests.envs.path_tracking.paths import LEVEL
 
 register_envs()
-PATH_TRACKING = "AORO/PathTracking-v0"
+PATH_TRACKING, TURNING = "AORO/PathTracking-v0", "AORO/Turning-v0"
 
 ROUNDING = 2.0**-23
 """Unit in the last place of a float32: what of a step is float64 differs by far less before it is rounded."""
@@ -43,6 +46,28 @@ def leans(view):
     return view.xp.abs(view.measured_roll)
 
 
+def late(view):
+    """A term of turning that shows which goals its view has."""
+    return view.target_age + view.target + view.error + view.overshoot
+
+
+SHORT_GOALS = turning.TurningConfig(hold=(0.06, 0.12), dwell=0.04, tolerance=0.3)
+"""Several targets in an episode of a few steps, some of which settle."""
+
+TURNING_CASES: dict[str, dict[str, Any]] = {
+    "turning": {"config": SHORT_GOALS},
+    "turning, all that is measured": {"randomisation": turning.MILD, "observe_pressures": True},
+    "turning, other terms": {
+        "config": SHORT_GOALS,
+        "reward_terms": {**{name: (0.5, term) for name, term in TURNING_REWARDS.items()}, "precision": None},
+        "observation_terms": {**TURNING_EXACT, "joint_rate": None},
+    },
+    "turning, own terms": {
+        "config": SHORT_GOALS,
+        "reward_terms": {"late": (-1.0, late)},
+        "observation_terms": {"late": ObservationTerm(late, -0.5, 0.5), "target": None},
+    },
+}
 CASES: dict[str, dict[str, Any]] = {
     "default": {},
     "all that is measured": {
@@ -78,10 +103,10 @@ CASES: dict[str, dict[str, Any]] = {
 }
 
 
-def pair(count: int = 3, **arguments: Any) -> tuple[Any, Any]:
+def pair(count: int = 3, name: str = PATH_TRACKING, **arguments: Any) -> tuple[Any, Any]:
     """The same environment by array operations, and in kernels."""
     plain, kernels = (
-        gymnasium.make_vec(PATH_TRACKING, num_envs=count, kernels=each, **arguments).unwrapped for each in (False, True)
+        gymnasium.make_vec(name, num_envs=count, kernels=each, **arguments).unwrapped for each in (False, True)
     )
     return plain, kernels
 
@@ -124,21 +149,32 @@ def steps_agree(plain: Any, kernels: Any, count: int, seed: int = 3) -> int:
 
 
 @pytest.mark.parametrize(
-    ("case", "output"), [*((case, "numpy") for case in CASES), ("default", "torch"), ("own terms", "torch")]
+    ("case", "output"),
+    [
+        *((case, "numpy") for case in (*CASES, *TURNING_CASES)),
+        ("default", "torch"),
+        ("own terms", "torch"),
+        ("turning, own terms", "torch"),
+    ],
 )
 def test_kernels_do_what_array_operations_do(case, output):
     """Over three episodes each, with their resets."""
     if output == "torch":
         pytest.importorskip("array_api_compat")
-    plain, kernels = pair(max_episode_steps=16, output=output, **CASES[case])
+    name = TURNING if case in TURNING_CASES else PATH_TRACKING
+    plain, kernels = pair(name=name, max_episode_steps=16, output=output, **(CASES | TURNING_CASES)[case])
     one, other = plain.reset(seed=7), kernels.reset(seed=7)
     agree("observations", one[0], other[0])
     infos_agree(one[1], other[1])
     assert steps_agree(plain, kernels, 40) == 6
+    if "config" in TURNING_CASES.get(case, {}):  # goals were reached, and missed
+        told = plain.task.info()
+        assert plain.task._cursor.min() > 0 and told["targets_settled"].any() and told["targets_missed"].any()
 
 
-def test_same_step_autoreset_agrees():
-    plain, kernels = pair(max_episode_steps=5, autoreset_mode="SameStep")
+@pytest.mark.parametrize("name", [PATH_TRACKING, TURNING])
+def test_same_step_autoreset_agrees(name):
+    plain, kernels = pair(name=name, max_episode_steps=5, autoreset_mode="SameStep")
     for env in (plain, kernels):
         env.reset(seed=1)
     assert steps_agree(plain, kernels, 12) == 6
@@ -171,8 +207,10 @@ def test_a_path_that_is_brought_along_is_followed():
     steps_agree(plain, kernels, 5)
 
 
-def test_a_lost_twin_is_told_alike():
-    plain, kernels = pair(courses=(LEVEL,))
+@pytest.mark.parametrize("name", [PATH_TRACKING, TURNING])
+def test_a_lost_twin_is_told_alike(name):
+    arguments: dict[str, Any] = {"courses": (LEVEL,)} if name == PATH_TRACKING else {}
+    plain, kernels = pair(name=name, **arguments)
     for env in (plain, kernels):
         env.reset(seed=0)
     steps_agree(plain, kernels, 2)
@@ -225,7 +263,8 @@ def test_what_is_handed_out_stays():
 
 def test_wrong_terms_are_named():
     for kind in ("reward_terms", "observation_terms"):
-        _, env = pair(2, **{kind: {"mine": lambda view: view.cross_track * np.nan}})
+        arguments: dict[str, Any] = {kind: {"mine": lambda view: view.cross_track * np.nan}}
+        _, env = pair(2, **arguments)
         with pytest.raises(ValueError, match=rf"{kind}\['mine'\] is nan in sub-environment 0"):
             env.reset(seed=0)
             env.step(np.zeros((2, 2), dtype=np.float32))

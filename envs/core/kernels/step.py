@@ -1,4 +1,4 @@
-"""What the kernels of all tasks share: the memory of a control step, and its beginning and end for one sub-environment."""
+"""The memory of a control step, and its beginning and end for one sub-environment."""
 
 import warp as wp
 
