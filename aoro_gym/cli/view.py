@@ -35,6 +35,9 @@ if TYPE_CHECKING:
 PORT = 8080
 PathOption = Annotated[Path | None, option("--path", "FILE", "A path (GPX, CSV, ...) that is shown; starts on it.")]
 PortOption = Annotated[int, option("--port", "N", "Port of the page on 127.0.0.1; 0: any free one.")]
+GamepadOption = Annotated[
+    Path | None, option("--gamepad", "FILE", "Drive by this gamepad, too, such as /dev/input/js0 (Linux).")
+]
 NoBrowserOption = Annotated[bool, option("--no-browser", None, "Open no browser; the address is told.")]
 LogsArgument = Annotated[
     list[Path] | None, options.argument("[LOG]...", "Logs to show again, one machine each, instead of a live twin.")
@@ -60,6 +63,7 @@ def view(
     start: StartOption = None,
     policy: PolicyOption = None,
     env: EnvOption = options.TRACKING,
+    gamepad: GamepadOption = None,
     port: PortOption = PORT,
     no_browser: NoBrowserOption = False,
     set_: options.SetOption = None,
@@ -72,7 +76,7 @@ def view(
 
     The machine in its real proportions on its ground, forces of the ground on the tires, pressures, angles and wheel loads.
     Sliders and keys drive it: W S forward and back, A D left and right, X stops, C steers straight, space pauses, N is a
-    single step. Several --machine stand in one place and obey the same commands.
+    single step; --gamepad drives, too. Several --machine stand in one place and obey the same commands.
 
     With LOGs it shows these again, side by side on one clock with a slider. Logs of the simulator hold the pose; of others,
     the joint and the wheels move and the machine stays in its place.
@@ -85,7 +89,7 @@ def view(
     [bold]Examples[/]
 
       aoro-gym view
-      aoro-gym view --terrain scan.ply --path lap.gpx
+      aoro-gym view --terrain scan.ply --path lap.gpx --gamepad /dev/input/js0
       aoro-gym view before.csv after.csv
       aoro-gym view --policy preview --policy stanley
       aoro-gym view --machine aoro --machine mine.toml
@@ -96,6 +100,7 @@ def view(
 
         viser()
         _check_together(logs, machine, path, start, policy)
+        _check_gamepad(gamepad, logs, policy)
         names = machine or [options.MACHINE]
         machines = [options.load(options.run_spec(name, set_, scale, "cpu", seed, laws=laws)) for name in names]
         if policy:
@@ -107,7 +112,7 @@ def view(
                 twins, names = _replay(logs, machines), [log.stem for log in logs]
             else:
                 twins = _twins(machines, land, ground, line, start)
-            page, run = _driven_by_hand(twins, names, land, line, terrain, port)
+            page, run = _driven_by_hand(twins, names, (land, line, terrain), gamepad, port)
     from aoro_gym.view.server import stop
 
     try:
@@ -135,19 +140,40 @@ def _check_together(
         raise ValueError("--machine is given several times, but policies drive one; give it once")
 
 
+def _check_gamepad(gamepad: Path | None, logs: list[Path] | None, policies: list[str] | None) -> None:
+    """ValueError for a gamepad that drives nothing, or is none."""
+    from glob import glob
+
+    from aoro_gym.view.gamepad import DEVICES
+
+    if gamepad is None:
+        return
+    if logs or policies:
+        shown = "a LOG is" if logs else "episodes are"
+        raise ValueError(f"--gamepad drives a live twin, but {shown} shown; drop one of them")
+    if not gamepad.exists():
+        there = ", ".join(sorted(glob(DEVICES))) or f"none ({DEVICES})"
+        raise ValueError(f"--gamepad {gamepad} does not exist; there are: {there}")
+
+
 def _driven_by_hand(
-    twins: LiveTwins | Replay, names: list[str], land: Terrain | Plane, line: Line | None, file: Path | None, port: int
+    twins: LiveTwins | Replay,
+    names: list[str],
+    place: tuple[Terrain | Plane, Line | None, Path | None],
+    gamepad: Path | None,
+    port: int,
 ) -> tuple[Any, Callable[[], None]]:
-    """A server whose page has the ground, of ``file`` if there is one, and the path; and what keeps it up to date."""
+    """A server whose page has the place, ground and path and the ground's file; and what keeps it up to date."""
     from aoro_gym.terrains import Plane
     from aoro_gym.view.colours import scan_colours
     from aoro_gym.view.live_view import LiveView
     from aoro_gym.view.server import start
 
+    land, line, file = place
     server = start(port)
     colours = None if file is None or isinstance(land, Plane) else scan_colours(file, land)
     twins.forces()  # says so where their kernel is compiled first
-    shown = LiveView(server, twins, names)
+    shown = LiveView(server, twins, names, gamepad=gamepad)
     shown.page.surround(land, line, colours)
     return server, shown.run
 

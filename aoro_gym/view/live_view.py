@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 from aoro_gym.view.changes import Changes
+from aoro_gym.view.gamepad import BRAKE, FASTER_GEAR, PAUSE, RESTART, SLOWER_GEAR, Gamepad
 from aoro_gym.view.live import LiveTwins
 from aoro_gym.view.page import FRAME, TwinPage
 from aoro_gym.view.panel import Driving, TimeControls, Timeline
@@ -21,14 +23,26 @@ class LiveView:
         twins: What is shown and driven.
         names: Of the machines.
         driver: What the twins' driver is called.
+        gamepad: File of a gamepad that drives, too, see :mod:`aoro_gym.view.gamepad`; not for a replay.
+
+    Raises OSError if the gamepad's file cannot be opened.
     """
 
-    def __init__(self, server: Any, twins: LiveTwins | Replay, names: Sequence[str], driver: str | None = None):
+    def __init__(
+        self,
+        server: Any,
+        twins: LiveTwins | Replay,
+        names: Sequence[str],
+        driver: str | None = None,
+        *,
+        gamepad: Path | None = None,
+    ):
         self.server, self.twins = server, twins
         self._restart = False
         self.clock = TimeControls(server.gui, self._ask_restart)
         replay = isinstance(twins, Replay)
         self.driving = None if replay else Driving(server.gui, driver)
+        self.gamepad = None if gamepad is None or replay else Gamepad(gamepad, self._press)
         self.changes = None if replay else Changes(server.gui, twins.machines, names)
         self.timeline = Timeline(server.gui, twins.duration, twins.seek) if replay else None
         self.page = TwinPage(server, twins, twins.machines, names)
@@ -57,6 +71,8 @@ class LiveView:
                 self.driving.rest()
             self.twins.restart()
         if self.driving is not None:
+            for name, value in ({} if self.gamepad is None else self.gamepad.changes()).items():
+                self.driving.put(name, value)
             self.twins.commands = self.driving.commands
             if self.driving.driver is not None:
                 self.twins.driven = bool(self.driving.driver.value)
@@ -72,6 +88,18 @@ class LiveView:
             self._simulated += duration
         if self.server.get_clients():
             self.draw()
+
+    def _press(self, button: int) -> None:
+        """Do what a button of the gamepad is for."""
+        assert self.driving is not None
+        if button in (SLOWER_GEAR, FASTER_GEAR):
+            self.driving.shift(1 if button == FASTER_GEAR else -1)
+        elif button == BRAKE:
+            self.driving.toggle_brake()
+        elif button == PAUSE:
+            self.clock.toggle()
+        elif button == RESTART:
+            self._ask_restart()
 
     def _change(self) -> None:
         """Give the twins the machine that a person asks for."""

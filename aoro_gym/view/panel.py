@@ -15,6 +15,7 @@ from aoro_gym.units import BAR, DEGREE, RPM
 
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
 """Simulated seconds a second to choose from."""
+GEARS = ("1", "2", "3")
 NOTCH = 0.1
 """Change of a signal by a key."""
 SPAN, CHART_POINTS = 20.0, 200
@@ -122,7 +123,7 @@ class Driving:
                 "drive_signal": gui.add_slider("drive", **signal, hint="W and S, X: stop"),
                 "steering_signal": gui.add_slider("steer (right -, left +)", **signal, hint="A and D, C: middle"),
             }
-            self._gear = gui.add_dropdown("gear", ("1", "2", "3"), initial_value="1")
+            self._gear = gui.add_dropdown("gear", GEARS, initial_value=GEARS[0])
             self._brake = gui.add_checkbox("parking brake", False)
         with gui.add_folder("Arms and traction", expand_by_default=False):
             for wheel in WHEELS:
@@ -141,6 +142,19 @@ class Driving:
         """Move a signal by ``change``, or to the middle."""
         slider = self._sliders[name]
         slider.value = 0.0 if change is None else round(min(max(slider.value + change, -1.0), 1.0), 2)
+
+    def put(self, name: str, value: float) -> None:
+        """Move a signal to ``value``."""
+        self._sliders[name].value = value
+
+    def shift(self, gears: int) -> None:
+        """So many gears up, or down."""
+        number = GEARS.index(self._gear.value) + gears
+        self._gear.value = GEARS[min(max(number, 0), len(GEARS) - 1)]
+
+    def toggle_brake(self) -> None:
+        """Parking brake on, or off."""
+        self._brake.value = not self._brake.value
 
     @property
     def commands(self) -> dict[str, float]:

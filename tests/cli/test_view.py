@@ -25,6 +25,8 @@ ROOT = Path(__file__).resolve().parents[2]
         ("view --policy preview --start 0 0 0", "drop --start"),
         ("view --policy preview --machine aoro --machine aoro", "policies drive one"),
         ("view --policy preview a.csv", "drop one of them"),
+        ("view --gamepad nothing", "--gamepad nothing does not exist; there are: "),
+        ("view --gamepad nothing --policy preview", "--gamepad drives a live twin, but episodes are shown"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(arguments, message, tmp_path, monkeypatch):
