@@ -54,8 +54,7 @@ class KernelStep:
         self._twin, self._task, self.num_envs = env.twin, env.task, env.num_envs
         arrays, xp, n, twin = self._arrays, env.arrays.xp, env.num_envs, env.twin
         self._advance = twin.advancing(env.task.control_step, sample_every=env.task.sample_step)
-        self.built_on = twin.outputs
-        """The memory of the outputs that the launches write to."""
+        self._built_on = twin.outputs, env.max_episode_steps, env.task.reward_terms
         terms = len(env.task.reward_terms)
         self.given = arrays.zeros(env.action_space.shape, xp.float32)
         """Actions as they were given (N, A)."""
@@ -78,6 +77,11 @@ class KernelStep:
         self._observe = self._recorded(kernels.observe)
         self._graph: Any = None
         self._runs = 0
+
+    def fits(self, env: Any) -> bool:
+        """Whether the launches are still of what ``env`` has: memory of the outputs, limit of steps, and reward terms."""
+        outputs, steps, terms = self._built_on
+        return outputs is env.twin.outputs and steps == env.max_episode_steps and terms is env.task.reward_terms
 
     def _shared(self, env: Any) -> Any:
         out, arrays, task, twin = StepMemory(), self._arrays, env.task, env.twin

@@ -529,10 +529,10 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
     # ---- in kernels
 
     def _in_kernels(self) -> KernelStep | None:
-        """The task's kernels, put together anew where the memory that they share was replaced."""
+        """The task's kernels, put together anew where what they were made of was replaced."""
         if not self._kernels:
             return None
-        if self._kernel_step is None or self._kernel_step.built_on is not self.twin.outputs:
+        if self._kernel_step is None or not self._kernel_step.fits(self):
             self._kernel_step = kernel_step(self)
             self._kernels = self._kernel_step is not None
         return self._kernel_step

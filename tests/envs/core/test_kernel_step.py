@@ -10,7 +10,7 @@ import pytest
 
 from aoro_gym.envs import register_envs
 from aoro_gym.envs.core.kernel_step import KernelStep
-from aoro_gym.envs.core.terms import ObservationTerm
+from aoro_gym.envs.core.terms import ObservationTerm, RewardTerm
 from aoro_gym.envs.path_tracking.config import MILD, PathTrackingConfig
 from aoro_gym.envs.path_tracking.courses import as_courses
 from aoro_gym.envs.path_tracking.environment import PathTrackingVectorEnv
@@ -259,6 +259,22 @@ def test_what_is_handed_out_stays():
     for now, then in zip(parts, kept, strict=True):
         np.testing.assert_array_equal(now, then)
     infos_agree(told, infos)
+
+
+def test_what_is_set_later_counts():
+    plain, kernels = pair(2)
+    for env in (plain, kernels):
+        env.reset(seed=0)
+    steps_agree(plain, kernels, 1)
+    for env in (plain, kernels):
+        env.max_episode_steps = 3
+        env.task.reward_terms = {
+            **env.task.reward_terms,
+            "time": RewardTerm(-5.0, env.task.reward_terms["time"].function),
+        }
+    assert steps_agree(plain, kernels, 2) == 2
+    assert kernels.step(np.zeros((2, 2), dtype=np.float32))[4]["reward/time"].tolist() == [0.0, 0.0]  # they reset
+    assert kernels.step(np.zeros((2, 2), dtype=np.float32))[4]["reward/time"].tolist() == [-5.0, -5.0]
 
 
 def test_wrong_terms_are_named():
