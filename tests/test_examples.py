@@ -77,3 +77,24 @@ def test_a_controller_of_ones_own_follows_the_path(example, monkeypatch):
     found = example("09_controller.py", run_name="__main__")["found"].summary
     assert found["mine"]["success_rate"].mean == 1.0
     assert found["mine"]["cross_track_rms_m"].mean < 0.5
+
+
+def test_skrl_learns_on_tensors(example, tmp_path):
+    pytest.importorskip("skrl", reason="[resident] is not installed")
+    found = example("10_train_skrl.py")
+    assert all(bool(one.isfinite().all()) for one in found["rewards"])
+    # every rollout is learned from in four passes over four batches
+    steps = {int(state["step"]) for state in found["agent"].optimizer.state.values()}
+    assert steps == {found["STEPS"] // found["ROLLOUT"] * 4 * 4}
+    assert (tmp_path / "turning.pt").stat().st_size > 0
+
+
+@pytest.mark.slow
+def test_what_was_hidden_is_calibrated(example, tmp_path):
+    found = example("11_calibrate_from_logs.py")
+    for key, hidden in found["HIDDEN"].items():
+        row = found["parameters"][key]
+        # half an interval more on either side: four standard deviations
+        slack = 0.5 * (row["high95"] - row["low95"])
+        assert row["identified"] and row["low95"] - slack <= hidden <= row["high95"] + slack
+    assert (tmp_path / "calibrated.toml").stat().st_size > 0
