@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
-from aoro_gym.diagnosis_benchmark import cases, independent
+from aoro_gym.diagnosis_benchmark import cases, independent, sealed_families
 from aoro_gym.diagnosis_benchmark.cases import Excitation
-from aoro_gym.diagnosis_benchmark.independent import recording
 from aoro_gym.diagnosis_benchmark.judge.features import CHANNELS, Floats
 from aoro_gym.diagnosis_benchmark.plants import effects as layered
 from aoro_gym.diagnosis_benchmark.plants.constants import constants_of
@@ -96,6 +95,9 @@ class Plants(Protocol):
 class IndependentPlants:
     """A family of :mod:`aoro_gym.diagnosis_benchmark.independent`."""
 
+    PACKAGE: ClassVar[Any] = independent
+    """Where families, effects, deviations and recording are."""
+
     name: str
     device: str = "cpu"
 
@@ -103,29 +105,29 @@ class IndependentPlants:
     def effects(self) -> Mapping[str, tuple[Path, ...]]:
         return {
             name: tuple(Path((float(sign),), one.weak, one.strong) for sign in one.signs)
-            for name, one in independent.EFFECTS.items()
+            for name, one in self.PACKAGE.EFFECTS.items()
         }
 
     @property
     def outside(self) -> tuple[str, ...]:
-        return tuple(independent.OUTSIDE)
+        return tuple(self.PACKAGE.OUTSIDE)
 
     def machine(self, rng: np.random.Generator) -> Any:
-        return independent.machine(self.name, rng)
+        return self.PACKAGE.machine(self.name, rng)
 
     def another_day(self, machine: Any, rng: np.random.Generator) -> Any:
-        return independent.another_day(machine, rng)
+        return self.PACKAGE.another_day(machine, rng)
 
     def magnitude(self, effect: str, machine: Any, size: tuple[float, ...]) -> dict[str, Any]:
-        without = independent.measure(effect, self.name, machine)
-        changed = independent.measure(effect, self.name, independent.apply(effect, self.name, machine, size[0]))
-        unit = independent.EFFECTS[effect].unit
+        without = self.PACKAGE.measure(effect, self.name, machine)
+        changed = self.PACKAGE.measure(effect, self.name, self.PACKAGE.apply(effect, self.name, machine, size[0]))
+        unit = self.PACKAGE.EFFECTS[effect].unit
         change = changed / without - 1.0 if unit == "relative" else changed - without
         return {"magnitude": [change], "unit": unit}
 
     def record(self, runs: Sequence[PlantRun], *, exact: bool) -> list[Log]:
         made = [
-            independent.Run(
+            self.PACKAGE.Run(
                 self.name,
                 run.machine,
                 run.excitation.steering,
@@ -139,8 +141,15 @@ class IndependentPlants:
         ]
         return [
             {channel: log[channel] for channel in CHANNELS}
-            for log in recording.record(made, self.device, noise=not exact)
+            for log in self.PACKAGE.record(made, self.device, noise=not exact)
         ]
+
+
+@dataclass(frozen=True)
+class SealedPlants(IndependentPlants):
+    """A family of :mod:`aoro_gym.diagnosis_benchmark.sealed_families`."""
+
+    PACKAGE: ClassVar[Any] = sealed_families
 
 
 @dataclass(frozen=True)

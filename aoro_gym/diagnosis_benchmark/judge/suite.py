@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from aoro_gym.diagnosis_benchmark import sealed_families
 from aoro_gym.diagnosis_benchmark.cases import Excitation, protocol
 from aoro_gym.diagnosis_benchmark.judge.plants import PlantRun, Plants
 
@@ -22,10 +23,10 @@ KINDS = ("healthy", "single", "pair", "outside")
 FAMILIAR = frozenset(
     {
         "supply_sag", "coarse_command", "bus_jitter", "broken_contact", "clock_drift", "dropouts", "spikes",
-        "pressure_drift", "stuck_shock_valve", "sticking_sense_check", "ice",
+        "pressure_drift", "stuck_shock_valve", "sticking_sense_check", "ice", *sealed_families.FAMILIAR,
     }
 )  # fmt: skip
-"""Deviations of the independent plants whose like anybody may train on; the other half nobody may."""
+"""Deviations of independent and sealed plants whose like anybody may train on; the other half nobody may."""
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from aoro_gym.diagnosis_benchmark.judge.plants import IndependentPlants
+from aoro_gym.diagnosis_benchmark import sealed_families
+from aoro_gym.diagnosis_benchmark.judge.plants import IndependentPlants, SealedPlants
 from aoro_gym.diagnosis_benchmark.judge.suite import FAMILIAR, SUITES, Plan, plan
 from tests.diagnosis_benchmark.judge.families import Made
 
@@ -43,9 +44,22 @@ def test_the_seal_holds_what_is_asked() -> None:
 
 
 def test_names_of_the_familiar_kinds_are_there() -> None:
-    there = IndependentPlants("alder").outside
-    assert set(there) >= FAMILIAR
-    assert len(there) >= 2 * len(FAMILIAR) - 1
+    for plants in (IndependentPlants("alder"), SealedPlants("fir")):
+        familiar = FAMILIAR & set(plants.outside)
+        assert len(plants.outside) >= 2 * len(familiar) - 1 >= 15
+    assert {*IndependentPlants("alder").outside, *SealedPlants("fir").outside} >= FAMILIAR
+
+
+def test_the_seal_can_be_planned_on_sealed_families() -> None:
+    families = [SealedPlants(name) for name in sealed_families.FAMILIES]
+    found = plan(SUITES["seal"], families, 1)
+    assert len(found.cases) >= 1500
+    kinds = {case.outside[0] for case in found.cases if case.outside is not None}
+    assert kinds == set(sealed_families.OUTSIDE)
+    for case in found.cases[::50]:
+        plants = next(one for one in families if one.name == case.family)
+        runs = found.runs(case, plants, found.machine(plants, case.machine))
+        assert all(plants.magnitude(e, r.machine, s) for r in runs["logs"] for e, s in r.effects.items())
 
 
 def test_cases_of_one_machine_share_its_healthy_day() -> None:

@@ -1,0 +1,135 @@
+"""What becomes of a command before the valve and of signals before the log: delays, filters, gains, noise. SI units.
+
+Signals lie on a grid of 1 ms and hold their first value before it.
+"""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.signal import lfilter
+
+Floats = np.ndarray
+Made = Mapping[str, float]
+
+GRID = 1e-3
+"""Step of the fine grid [s]."""
+ORDERS = {
+    "elm": ((1.0, 1.0), (4.0, 0.5)),
+    "fir": ((0.5, 0.7), (2.0, 1.0), (4.32, 0.6)),
+    "hazel": ((1.0, 0.5), (3.985, 1.0), (6.0, 0.4)),
+}
+"""Engine orders on the joint angle and their share of :data:`WAVE`."""
+WAVE = 3e-4
+"""Amplitude of an engine order on the joint angle [rad] (E)."""
+SPEED_STEP = {"elm": 0.013, "fir": 0.026, "hazel": 0.052}
+"""Resolution of the engine's speed [rad/s]."""
+
+
+def delayed(values: Floats, delay: float) -> Floats:
+    """Values (K,) a ``delay`` [s] later, between samples by straight lines."""
+    times = np.arange(len(values)) * GRID
+    return np.interp(times - delay, times, values)
+
+
+def averaged(values: Floats, window: float) -> Floats:
+    """Mean (K,) over the last ``window`` [s]."""
+    times = np.arange(len(values)) * GRID
+    area = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * GRID)])
+    before = np.interp(times - window, times, area)
+    before = before + values[0] * np.minimum(times - window, 0.0)
+    return (area - before) / window
+
+
+def lagged(values: Floats, lag: float) -> Floats:
+    """Values (K,) behind a low-pass of first order, exact for straight lines between samples."""
+    pole = math.exp(-GRID / lag)
+    new = 1.0 - (1.0 - pole) * lag / GRID
+    old = (1.0 - pole) * lag / GRID - pole
+    return lfilter([new, old], [1.0, -pole], values - values[0]) + values[0]
+
+
+def butterworth(values: Floats, lag: float) -> Floats:
+    """Values (K,) behind a Butterworth low-pass of second order with √2/ω = ``lag`` [s]; bilinear."""
+    w = math.sqrt(2.0) / lag
+    k = 2.0 / GRID
+    a = (k * k + math.sqrt(2.0) * w * k + w * w, 2 * (w * w - k * k), k * k - math.sqrt(2.0) * w * k + w * w)
+    b = w * w * np.array([1.0, 2.0, 1.0])
+    return lfilter(b, a, values - values[0]) + values[0]
+
+
+def held(values: Floats, period: float) -> Floats:
+    """Values (K,) sampled every ``period`` [s] and held."""
+    times = np.arange(len(values)) * GRID
+    return np.interp(np.floor(times / period + 1e-9) * period, times, values)
+
+
+def updated(values: Floats, period: float) -> Floats:
+    """Values (K,) sampled every ``period`` [s], joined by straight lines that end when the next sample is there."""
+    times = np.arange(len(values)) * GRID
+    cells = times / period
+    low = np.floor(cells + 1e-9)
+    share = cells - low
+    first, last = (np.interp((low + shift) * period, times, values) for shift in (-1, 0))
+    return (1.0 - share) * first + share * last
+
+
+def command(family: str, values: Floats, m: Made) -> Floats:
+    """Command (K,) as it leaves the bus or the driver of a family; pure delays act in the integrator."""
+    if family == "fir":
+        return held(values, m["bus_cycle"])
+    if family == "hazel":
+        return averaged(values, m["driver_window"])
+    return values
+
+
+def _angle(family: str, angle: Floats, m: Made) -> Floats:
+    """Joint angle (K,) as its own sensor gives it."""
+    if family == "elm":
+        return m["angle_gain"] * lagged(delayed(angle, m["angle_delay"]), m["angle_lag"])
+    if family == "fir":
+        bent = m["angle_gain"] * angle * (1.0 + m["loading"] * (angle / m["stop_angle"]) ** 2)
+        return held(butterworth(bent, m["angle_lag"]), m["sample_hold"])
+    bent = m["angle_gain"] * angle + m["eccentricity"] * np.sin(angle)
+    return updated(averaged(bent, m["angle_window"]), m["update_period"])
+
+
+def _chain(family: str, values: Floats, m: Made) -> Floats:
+    """A channel (K,) through the logger's chain."""
+    if family == "elm":
+        return averaged(values, m["chain_window"])
+    if family == "fir":
+        return delayed(values, m["chain_delay"])
+    return lagged(values, m["chain_lag"])
+
+
+def measured(
+    family: str, fine: Floats, times: Floats, m: Made, rng: np.random.Generator, noise: bool
+) -> dict[str, Floats]:
+    """Columns of a log.
+
+    Args:
+        family: Of the machine.
+        fine: Joint angle [rad], pressures a, b, pump, drive forward and return [Pa], engine speed [rad/s], (K, 7) on the
+            fine grid.
+        times: Of the samples [s].
+        m: Constants of the machine.
+        rng: For phases and noise.
+        noise: False leaves out engine orders, noise and quantisation.
+    """
+    grid = np.arange(len(fine)) * GRID
+    angle = _angle(family, fine[:, 0], m) + m["angle_offset"]
+    channels = [_chain(family, one, m) for one in (angle, *fine[:, 1:].T)]
+    angle, *others = (np.interp(times, grid, one) for one in channels)
+    for place, port in enumerate(("a", "b", "pump")):
+        others[place] = others[place] + m[f"pressure_offset_{port}"]
+    if noise:
+        for order, share in ORDERS[family]:
+            angle = angle + WAVE * share * np.sin(order * m["engine_speed"] * times + rng.uniform(0.0, 2 * math.pi))
+        angle = angle + m["angle_noise"] * rng.standard_normal(len(times))
+        angle = np.round(angle / m["angle_step"]) * m["angle_step"]
+        for place in range(5):
+            others[place] = others[place] + m["pressure_noise"] * rng.standard_normal(len(times))
+        others[5] = np.round(others[5] / SPEED_STEP[family]) * SPEED_STEP[family]
+    names = ("pressure_a", "pressure_b", "pump_pressure", "drive_forward", "drive_return", "engine_speed")
+    return {"joint_angle": angle, **dict(zip(names, others, strict=True))}

@@ -1,0 +1,63 @@
+"""The sealed families' measuring: lags of ramps by closed form, and steps that stay steps."""
+
+import numpy as np
+import pytest
+
+from aoro_gym.diagnosis_benchmark import sealed_families as sealed
+from aoro_gym.diagnosis_benchmark.sealed_families import measuring
+from aoro_gym.diagnosis_benchmark.sealed_families.families import family_of
+
+RAMP = np.arange(2000) * measuring.GRID
+
+
+@pytest.mark.parametrize(
+    ("law", "lag"),
+    [
+        (measuring.delayed, 0.0123),
+        (lambda v, lag: measuring.averaged(v, 2 * lag), 0.0137),
+        (measuring.lagged, 0.02),
+        (measuring.butterworth, 0.03),
+        (measuring.updated, 0.0115),
+    ],
+)
+def test_a_ramp_comes_late_by_the_lag(law, lag: float) -> None:
+    assert law(RAMP, lag)[-500:] == pytest.approx(
+        RAMP[-500:] - lag, abs=measuring.GRID**2 / 8 / lag
+    )  # of a chord over the grid
+
+
+def test_a_held_ramp_comes_late_by_half_the_period() -> None:
+    late = RAMP - measuring.held(RAMP, 0.02)
+    assert late.max() == pytest.approx(0.019)  # of 20 samples of 1 ms, the last
+    assert late.min() == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "law", [measuring.delayed, measuring.averaged, measuring.lagged, measuring.butterworth, measuring.held]
+)
+def test_what_stands_still_passes(law) -> None:
+    assert law(np.full(300, 3.7), 0.02) == pytest.approx(3.7, rel=1e-12)
+
+
+@pytest.mark.parametrize("family", sealed.FAMILIES)
+def test_a_logged_ramp_is_late_by_the_lags_of_sensor_and_chain(family: str) -> None:
+    machine = sealed.nominal(family)
+    machine = sealed.apply("measuring_chain", family, machine, 0.02)
+    machine = sealed.apply("sensor_filter", family, machine, 0.015)
+    fine = np.outer(0.05 * RAMP, np.ones(7))
+    times = np.arange(200) * 0.01
+    made = family_of(family).derived(machine)
+    log = measuring.measured(family, fine, times, made, np.random.default_rng(0), False)
+    chain = sealed.measure("measuring_chain", family, machine)
+    sensor = sealed.measure("sensor_filter", family, machine) + sealed.measure("sensor_delay", family, machine)
+    assert np.mean(0.05 * times[100:] - log["pressure_a"][100:]) == pytest.approx(0.05 * chain, rel=1e-6)
+    late = np.mean(0.05 * times[100:] - log["joint_angle"][100:])
+    assert late == pytest.approx(0.05 * (chain + sensor), abs=0.05 * 1.5e-3)  # a hold ends on the grid of 1 ms
+
+
+@pytest.mark.parametrize("family", ["fir", "hazel"])
+def test_a_command_is_late_by_bus_or_driver(family: str) -> None:
+    machine = sealed.apply("command_delay", family, sealed.nominal(family), 0.02)
+    made = family_of(family).derived(machine)
+    late = np.mean(RAMP[1000:] - measuring.command(family, RAMP, made)[1000:]) + made["command_delay"]
+    assert late == pytest.approx(sealed.measure("command_delay", family, machine), abs=1.5e-3)
