@@ -76,7 +76,7 @@ CASES: dict[str, dict[str, Any]] = {
         "arms": "level",
         "observe_inertial": True,
         "scan_x": (2.0, 4.0),
-        "config": PathTrackingConfig(gps_noise=GpsNoise.typical(FixLoss(interval=1.0))),
+        "config": PathTrackingConfig(gps_noise=GpsNoise.typical(FixLoss(0.1, 0.5, 0.2))),
     },
     "all that acts": {"act_arms": True, "act_traction": True, "act_gear": True},
     "exact sensors over a plane": {
@@ -134,8 +134,8 @@ def infos_agree(plain: dict[str, Any], kernels: dict[str, Any]) -> None:
         infos_agree(value, kernels[name]) if name == "final_info" else agree(name, value, kernels[name])
 
 
-def steps_agree(plain: Any, kernels: Any, count: int, seed: int = 3) -> int:
-    """Number of episodes that end."""
+def steps_agree(plain: Any, kernels: Any, count: int, seed: int = 3, reasons: set[Any] | None = None) -> int:
+    """Number of episodes that end; why they terminate goes into ``reasons``."""
     rng, ended = np.random.default_rng(seed), 0
     for _ in range(count):
         actions = rng.uniform(-1.1, 1.1, plain.action_space.shape).astype(np.float32)
@@ -144,6 +144,8 @@ def steps_agree(plain: Any, kernels: Any, count: int, seed: int = 3) -> int:
             agree(name, array, told)
         infos_agree(one[4], other[4])
         ended += int((one[2] | one[3]).sum())
+        if reasons is not None:
+            reasons.update(other[4].get("final_info", other[4]).get("termination", ()))
     assert isinstance(kernels._kernel_step, KernelStep) and plain._kernel_step is None
     return ended
 
@@ -205,6 +207,25 @@ def test_a_path_that_is_brought_along_is_followed():
     for env in (plain, kernels):
         env.reset(options={"path": other})
     steps_agree(plain, kernels, 5)
+
+
+@pytest.mark.parametrize(
+    ("limits", "reason"),
+    [
+        ({"stuck_time": 0.2, "stuck_distance": 3.0}, "stuck"),
+        ({"path_limit": 0.1}, "lost the path"),
+        ({"rollover": 0.001}, "rolled over"),
+    ],
+)
+def test_episodes_end_for_the_same_reason(limits, reason):
+    """Over two episodes each, that start elsewhere."""
+    config = PathTrackingConfig(randomisation=MILD, **limits)
+    plain, kernels = pair(config=config, autoreset_mode="SameStep")
+    for env in (plain, kernels):
+        env.reset(seed=4)
+    reasons: set[Any] = set()
+    assert steps_agree(plain, kernels, 9, reasons=reasons) > 3
+    assert reasons - {None} == {reason}
 
 
 @pytest.mark.parametrize("name", [PATH_TRACKING, TURNING])
