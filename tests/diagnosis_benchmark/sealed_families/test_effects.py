@@ -44,12 +44,12 @@ def test_what_no_machine_can_be_is_an_error() -> None:
         sealed.nominal("oak")
 
 
-def excited(family: str, **more: object) -> sealed.Run:
+def excited(family: str, angle: float = 0.35, **more: object) -> sealed.Run:
     """A start, a held turn into the stop, with a slow drive."""
-    command = np.full(130, 0.85)
-    command[:15] = 0.0
-    drive = np.where(np.arange(130) > 60, 0.25, 0.0)
-    return sealed.Run(family, sealed.nominal(family), command, drive=drive, joint_angle=0.15, **more)  # type: ignore[arg-type]
+    command = np.full(80, 0.85)
+    command[:8] = 0.0
+    drive = np.where(np.arange(80) > 30, 0.25, 0.0)
+    return sealed.Run(family, sealed.nominal(family), command, drive=drive, joint_angle=angle, **more)  # type: ignore[arg-type]
 
 
 def departure(log: dict[str, np.ndarray], healthy: dict[str, np.ndarray]) -> float:
@@ -73,8 +73,8 @@ def test_strong_deviations_show_in_the_logs() -> None:
     names = list(sealed.OUTSIDE)
     assert len(names) >= 16
     assert 2 * len(sealed.FAMILIAR) <= len(names)
-    runs = [excited("hazel", outside=name, outside_size=1.0, seed=3) for name in names]
-    healthy, *logs = sealed.record([excited("hazel", seed=3), *runs], noise=False)
+    runs = [excited("hazel", -0.1, outside=name, outside_size=1.0, seed=3) for name in names]
+    healthy, *logs = sealed.record([excited("hazel", -0.1, seed=3), *runs], noise=False)
     departures = {name: departure(log, healthy) for name, log in zip(names, logs, strict=True)}
     assert all(np.isfinite(list(departures.values())))
     assert not {name: value for name, value in departures.items() if value < 1.0}
