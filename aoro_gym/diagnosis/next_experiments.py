@@ -377,7 +377,7 @@ def magnitudes_of(effect: Effect, machine: Machine, change: float, rng: np.rando
 
     Raises InvalidMachine where the machine can hardly have any.
     """
-    drawn, _ = draw_magnitudes(effect, TRIED, Prior().weakest, rng)
+    drawn, _ = draw_magnitudes(effect, TRIED, (Prior().weakest, 1.0), rng)
     none = np.array(effect.none)[:, None]
     without = float(np.asarray(effect.measured(machine, *effect.none)[0]))
     share = np.ones(TRIED)

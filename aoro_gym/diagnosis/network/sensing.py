@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -71,10 +72,21 @@ def sensed(samples: Tensor, chain: Tensor, outsider: Tensor, prior: SensorPrior,
     angle[0] = 1.0
     gain = 1.0 + prior.pressure_gain * draw.normal(batch, days, 1, values.shape[3], 1) * (1.0 - angle)[:, None]
     gain = gain + (chain[..., 2][..., None, None, None] * angle[:, None])
-    values = gain * _filtered(values, clock + delay[..., None, None] * angle, lag[..., None, None] * angle)
+    smoothing, late, lagging = _forms_of_chain(chain[..., 3], prior, draw)
+    values = gain * _filtered(
+        values, clock + late + delay[..., None, None] * angle, lag[..., None, None] * angle, lagging
+    )
     values = _noisy(values, prior, draw)
     smooth = draw.even(0.0, prior.smoothing, batch, 1) * (draw.even(0.0, 1.0, batch, 1) < prior.smooth)
-    return _smoothed(values, torch.maximum(smooth.expand(batch, days), chain[..., 3]))
+    return _smoothed(values, torch.maximum(smooth.expand(batch, days), smoothing))
+
+
+def _forms_of_chain(time: Tensor, prior: SensorPrior, draw: Draw) -> tuple[Tensor, Tensor, Tensor]:
+    """Smoothing (B, D), delay and lag (B, D, 1, 1) [s] of whole logs, of which each has its ``time`` (B, D) in one form."""
+    at, ends = draw.even(0.0, 1.0, *time.shape), np.cumsum(prior.chain_forms)
+    smoothing, lag = time * (at < ends[0]), time * ((at >= ends[0]) & (at < ends[1]))
+    late = time - smoothing - lag
+    return smoothing, late[..., None, None], lag[..., None, None]
 
 
 def _spectrum(values: Tensor) -> tuple[Tensor, Tensor, int]:
@@ -94,11 +106,13 @@ def _from_steps(spectrum: Tensor, size: int, first: Tensor) -> Tensor:
     return torch.cat([first + early, first + early + torch.cumsum(steps[..., : count - 1], dim=-1)], dim=-1)
 
 
-def _filtered(values: Tensor, delay: Tensor, lag: Tensor) -> Tensor:
+def _filtered(values: Tensor, delay: Tensor, *lags: Tensor) -> Tensor:
     """``values`` (..., T) behind delays and first-order lags [s] (...)."""
     spectrum, frequency, size = _spectrum(values)
     omega = 2.0 * math.pi * frequency
-    response = torch.exp(-1j * omega * delay[..., None]) / (1.0 + 1j * omega * lag[..., None])
+    response = torch.exp(-1j * omega * delay[..., None])
+    for lag in lags:
+        response = response / (1.0 + 1j * omega * lag[..., None])
     return _from_steps(spectrum * response, size, values[..., :1])
 
 

@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym.diagnosis.simulation import outsiders
+from aoro_gym.diagnosis.simulation import forms, outsiders
 from aoro_gym.diagnosis.simulation.prior import KINDS, Prior
 from aoro_gym.effects.catalogue import EFFECTS, IDS
 from aoro_gym.effects.effect import Effect, Magnitude
@@ -145,6 +145,15 @@ def another_day(prior: Prior, machine: Machine, factor: Floats, rng: np.random.G
         return machine.set({one.key: drawn[i] for i, one in enumerate(entries)}, check_ranges=False)
 
     machine = _as_far_as_it_goes(moved, machine)
+    normal = np.clip(rng.standard_normal((len(prior.day_shares), machine.num_variants)), -2.5, 2.5)
+    grown = {
+        key: factor * size * draw
+        for (keys, size), draw in zip(prior.day_shares.items(), normal, strict=True)
+        for key in keys
+    }
+    machine = _as_far_as_it_goes(
+        lambda m, share: m.scale({key: np.exp(share * one) for key, one in grown.items()}, check_ranges=False), machine
+    )
     warmer = np.clip(factor * prior.temperature * rng.standard_normal(machine.num_variants), -15.0, 15.0)
     load = np.maximum(factor * prior.load * rng.standard_normal(machine.num_variants), 0.0)
     machine = _as_far_as_it_goes(lambda m, share: EFFECTS["oil_temperature"].apply(m, share * warmer), machine)
@@ -236,14 +245,15 @@ def _with_effect(
     rng: np.random.Generator,
 ) -> Machine:
     """``machine``, whose variants are the days' ``rows``, with ``effect`` as their cause number ``place``."""
-    magnitudes, severity = draw_magnitudes(effect, len(rows), prior.weakest, rng)
+    magnitudes, severity = draw_magnitudes(effect, len(rows), (prior.weakest, prior.strongest), rng)
+    formed = forms.drawn_form(effect, len(rows), prior.own_form, prior.mixed_form, prior.varied_form, rng)
     without = np.broadcast_to(effect.measured(machine, *effect.none)[0], len(rows))
     none = np.array(effect.none)[:, None]
     share = np.ones(len(rows))
     for _ in range(ATTEMPTS):
         reduced = tuple(none + share * (magnitudes - none))
         try:
-            affected, measured = effect.apply(machine, *reduced), effect.measured(machine, *reduced)[0]
+            affected, measured = formed.apply(machine, *reduced), effect.measured(machine, *reduced)[0]
             break
         except InvalidMachine as error:
             share = np.where(np.broadcast_to(error.shown[0][1], share.shape), 0.7 * share, share)
@@ -259,15 +269,18 @@ def _with_effect(
     return affected
 
 
-def draw_magnitudes(effect: Effect, count: int, weakest: float, rng: np.random.Generator) -> tuple[Floats, Floats]:
+def draw_magnitudes(
+    effect: Effect, count: int, ends: tuple[float, float], rng: np.random.Generator
+) -> tuple[Floats, Floats]:
     """Magnitudes (m, count) of an effect and their sizes as shares of its range (count,).
 
-    Sizes are logarithmically even from ``weakest`` to 1, of a factor in its logarithm; where both signs can be, either is
-    as likely; two magnitudes of one unit share their size at a random angle, a second one of another unit is drawn on its
-    own.
+    Sizes are logarithmically even between ``ends``, of a factor in its logarithm and no more than 1; where both signs can
+    be, either is as likely; two magnitudes of one unit share their size at a random angle, a second one of another unit is
+    drawn on its own.
     """
-    severity = np.exp(rng.uniform(np.log(weakest), 0.0, count))
     first, *rest = effect.magnitudes
+    most = min(ends[1], 1.0) if first.scale == "log" else ends[1]
+    severity = np.exp(rng.uniform(*np.log((ends[0], most)), count))
     if rest and rest[0].unit == first.unit:
         angle = rng.uniform(0.0, 2.0 * np.pi if first.low < first.none else 0.5 * np.pi, count)
         return first.high * severity * np.array([np.cos(angle), np.sin(angle)]), severity

@@ -27,7 +27,6 @@ MACHINE: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "low_margin": {"steering.pump.margin": (0.3, 0.65)},
     "high_margin": {"steering.pump.margin": (1.4, 2.5)},
     "wide_control_band": {"steering.pump.control_band": (2.5, 8.0)},
-    "slow_load_sensing_line": {"steering.pump.ls_time_constant": (4.0, 25.0)},
     "leaking_load_sensing_line": {"steering.pump.bleed_flow": (4.0, 20.0)},
     "accumulator_in_pump_line": {"steering.pump.line_volume": (3.0, 12.0)},
     "low_relief": {"steering.pump.relief_pressure": (0.25, 0.6)},

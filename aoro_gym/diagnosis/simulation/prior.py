@@ -31,11 +31,17 @@ class Prior:
         day: Half of what holds 95 % of a nuisance from day to day, as a share of its range.
         day_factor: Ends of a factor on all that changes from day to day, one a machine, logarithmically even: some machines
             are kept in a hall, others stand outside.
+        day_shares: Standard deviation of the logarithm from day to day, by keys that move together: friction, air and
+            inflation change by shares of what they are, not of their ranges.
         temperature: Standard deviation [K] of the oil's temperature from day to day.
         slope: The same of the ground's slope [rad], of either component.
         load: The same of what lies on the front frame [kg]; no less than nothing.
+        own_form: Share of the effects that have the catalogue's form; the others have :mod:`.forms` of other laws.
+        mixed_form: Share of these that mix all forms.
+        varied_form: Standard deviation of the logarithm of a factor on each parameter that these move together.
         weights: How often a later day is of each of :data:`KINDS`.
-        weakest: Least size of an effect as a share of its range's end; between them sizes are logarithmically even.
+        weakest: Least size of an effect as a share of its range's end.
+        strongest: Largest one, of what is no factor; between them sizes are logarithmically even.
     """
 
     families: float = 0.4
@@ -51,11 +57,25 @@ class Prior:
     signed: tuple[str, ...] = ("steering.valve.overlap",)
     day: float = 0.02
     day_factor: tuple[float, float] = (0.3, 3.0)
+    day_shares: Mapping[tuple[str, ...], float] = field(
+        default_factory=lambda: {
+            ("tire.friction_coulomb", "tire.friction_static"): 0.03, ("tire.stiffness",): 0.02,
+            ("tire.scrub_radius", "tire.bore_radius"): 0.05, ("joint.friction_torque",): 0.05,
+            ("steering.cylinder.seal_preload", "steering.cylinder.seal_pressure_coefficient"): 0.06,
+            ("driveline.brake.disc_torque",): 0.05, ("oil.gas_fraction",): 0.15, ("steering.hose_bulk_modulus",): 0.02,
+            ("steering.tank_line.back_pressure",): 0.03, ("steering.tank_line.throttle_drop",): 0.05,
+            ("steering.valve.hysteresis",): 0.05,
+        }
+    )  # fmt: skip
     temperature: float = 2.0
     slope: float = 0.003
     load: float = 30.0
+    own_form: float = 0.4
+    mixed_form: float = 0.5
+    varied_form: float = 0.25
     weights: tuple[float, ...] = (0.25, 0.35, 0.24, 0.16)
     weakest: float = 0.1
+    strongest: float = 1.6
 
 
 @dataclass(frozen=True)
@@ -80,6 +100,8 @@ class SensorPrior:
             channels, mildly nonlinear, the same on all days of a machine.
         change_error: The same of what parts a day from the first: laws that differ by little in what they do differ by more
             in what changes when something is wrong (median cosine 0.92 between families of laws of the slow course).
+        chain_forms: How often a measuring chain smooths without phase, lags as an input filter of first order does, and
+            delays the log as a logger does whose stamps come late; all signals alike.
         law_error_time: Longest time constant [s] of these filters.
     """
 
@@ -98,4 +120,5 @@ class SensorPrior:
     clock: float = 0.005
     law_error: tuple[float, float] = (0.003, 0.036)
     change_error: tuple[float, float] = (0.02, 0.3)
+    chain_forms: tuple[float, ...] = (0.4, 0.4, 0.2)
     law_error_time: float = 0.15

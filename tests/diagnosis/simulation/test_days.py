@@ -57,12 +57,12 @@ def test_every_effect_changes_what_it_is_measured_by(days: Days) -> None:
     there = days.effects >= 0
     assert np.all(days.change[there] != 0.0)
     assert np.all(days.change[~there] == 0.0)
-    assert np.all((days.severity[there] > 0.0) & (days.severity[there] <= 1.0))
+    assert np.all((days.severity[there] > 0.0) & (days.severity[there] <= PRIOR.strongest))
 
 
 def test_days_of_a_machine_differ_by_little_while_nothing_is_wrong() -> None:
     """With nothing from day to day and no effect, all days of a machine are one; else its parts stay as they are."""
-    still = replace(PRIOR, day=0.0, temperature=0.0, slope=0.0, load=0.0, weights=(1.0, 0.0, 0.0, 0.0))
+    still = replace(PRIOR, day=0.0, day_shares={}, temperature=0.0, slope=0.0, load=0.0, weights=(1.0, 0.0, 0.0, 0.0))
     same = draw_days(replace(still, day_factor=(1e-12, 1.1e-12)), 8, 2, seed=1)
     each = HEALTHY + 2
     records = same.records.reshape(8, each)
@@ -83,7 +83,7 @@ def test_an_effect_that_a_law_knows_nothing_of_is_no_cause() -> None:
 @pytest.mark.parametrize("effect_id", IDS)
 def test_magnitudes_stay_in_their_ranges_on_both_sides(effect_id: str) -> None:
     effect = EFFECTS[effect_id]
-    drawn, severity = draw_magnitudes(effect, 400, 0.1, np.random.default_rng(3))
+    drawn, severity = draw_magnitudes(effect, 400, (0.1, 1.0), np.random.default_rng(3))
     for one, values in zip(effect.magnitudes, drawn, strict=True):
         slack = 1e-9 * max(abs(one.low), abs(one.high))
         assert np.all((values >= one.low - slack) & (values <= one.high + slack))
