@@ -56,12 +56,14 @@ def opened() -> Plan:
     return plan(SUITES["seal"], INDEPENDENT, OPENED)
 
 
-def cases_of(made: Plan, plants: Plants, kind: str | None = None, most: int | None = None) -> Iterator[DevelopmentCase]:
-    """Simulates the cases of a family; the first ``most`` of one ``kind`` if asked for."""
+def cases_of(
+    made: Plan, plants: Plants, kind: str | None = None, most: int | None = None, together: int = TOGETHER
+) -> Iterator[DevelopmentCase]:
+    """Simulates the cases of a family, some ``together``; the first ``most`` of one ``kind`` if asked for."""
     own = [case for case in made.cases if case.family == plants.name and kind in (None, case.kind)][:most]
     machines = {number: made.machine(plants, number) for number in {case.machine for case in own}}
-    for first in range(0, len(own), TOGETHER):
-        part = own[first : first + TOGETHER]
+    for first in range(0, len(own), together):
+        part = own[first : first + together]
         runs = [made.runs(case, plants, machines[case.machine]) for case in part]
         logs = iter(plants.record([run for each in runs for run in each["healthy"] + each["logs"]], exact=False))
         for case, each in zip(part, runs, strict=True):

@@ -74,7 +74,7 @@ def case_of(later: Sequence[Recording], healthy: Sequence[Recording] = ()) -> Ca
     if not later:
         raise ValueError("no recording given; name at least one log")
     pairs = paired(later, healthy)
-    parts = [[None if one is None else _aligned(one) for one in (pair.healthy, pair.later)] for pair in pairs]
+    parts = [[None if one is None else aligned(one) for one in (pair.healthy, pair.later)] for pair in pairs]
     count = len(pairs)
     commands, signals = np.zeros((count, 2, SAMPLES), np.float32), np.zeros((2, count, len(CHANNELS), SAMPLES))
     has, days = np.ones((count, len(CHANNELS)), np.float32), np.zeros((count, 2), np.float32)
@@ -142,7 +142,7 @@ def averaged(
 
 
 @dataclass(frozen=True)
-class _Aligned:
+class Aligned:
     """A recording whose command begins at the usual sample: commands (2, SAMPLES), signals (channels, SAMPLES) [SI], NaN of
     a channel that it lacks."""
 
@@ -150,8 +150,8 @@ class _Aligned:
     signals: NDArray[np.float64]
 
 
-def _aligned(recording: Recording) -> _Aligned:
-    """Cut off or continued as it began and ended."""
+def aligned(recording: Recording) -> Aligned:
+    """``recording`` cut off, or continued as it began and ended."""
     moves = np.flatnonzero(np.any(np.abs(recording.commands) > 1e-3, axis=1))
     first = (int(moves[0]) if len(moves) else BEGIN) - BEGIN
     wanted = np.arange(SAMPLES) + first
@@ -159,7 +159,7 @@ def _aligned(recording: Recording) -> _Aligned:
     commands = np.where((wanted < 0)[:, None], 0.0, recording.commands[told])
     missing = np.full(recording.ticks + 1, np.nan)
     signals = np.stack([recording.channels.get(name, missing) for name in CHANNELS])
-    return _Aligned(commands.T.astype(np.float32), signals[:, np.clip(wanted, 0, recording.ticks)])
+    return Aligned(commands.T.astype(np.float32), signals[:, np.clip(wanted, 0, recording.ticks)])
 
 
 @dataclass(frozen=True)
@@ -192,8 +192,8 @@ def paired(later: Sequence[Recording], healthy: Sequence[Recording]) -> list[Pai
 def nearest(one: Recording, others: Sequence[Recording]) -> int | None:
     """Number of the recording whose commands are most like those of ``one``; None if a machine was told something else in
     all of ``others``."""
-    mine = _aligned(one).commands
-    apart = [_apart(mine, _aligned(other).commands, one, other) for other in others]
+    mine = aligned(one).commands
+    apart = [_apart(mine, aligned(other).commands, one, other) for other in others]
     return int(np.argmin(apart)) if apart and min(apart) < ALIKE else None
 
 

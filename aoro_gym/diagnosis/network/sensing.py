@@ -62,7 +62,7 @@ def sensed(samples: Tensor, chain: Tensor, outsider: Tensor, prior: SensorPrior,
     """
     unit = torch.tensor(UNITS, device=samples.device)[:, None]
     values = samples.to(torch.float32) * unit
-    values = _with_law_error(values, prior, draw)
+    values = with_law_error(values, prior, draw)
     values = _with_deviations(values, outsider - outsiders.ALL.index(outsiders.SIGNAL[0]), draw)
     batch, days, each = values.shape[:3]
     clock = draw.even(-prior.clock, prior.clock, batch, days, each, 1)
@@ -128,7 +128,7 @@ def _smoothed(values: Tensor, smoothing: Tensor) -> Tensor:
     return _from_steps(spectrum * gain[:, :, None, None], size, values[..., :1])
 
 
-def _with_law_error(values: Tensor, prior: SensorPrior, draw: Draw) -> Tensor:
+def with_law_error(values: Tensor, prior: SensorPrior, draw: Draw) -> Tensor:
     """Adds what laws that were not simulated might do, to all days alike and to what parts the others from the first."""
     values = values + _mix(values, prior.law_error, prior.law_error_time, draw)
     if values.shape[1] == 1:

@@ -62,13 +62,19 @@ class Course:
 
 @dataclass(frozen=True)
 class Batch:
-    """Cases as the network takes them, and their labels."""
+    """Cases as the network takes them, and their labels; scaled sizes that nobody knows are NaN."""
 
     rows: Tensor
     present: Tensor
     hypothesis: Tensor
     effects: Tensor
     sizes: Tensor
+
+    def joined(self, other: Batch) -> Batch:
+        """These cases and ``other`` ones."""
+        return Batch(
+            *(torch.cat([mine, theirs]) for mine, theirs in zip(vars(self).values(), vars(other).values(), strict=True))
+        )
 
 
 @dataclass(frozen=True)
@@ -100,7 +106,7 @@ def draw_batch(
     order = torch.argsort(draw.even(0.0, 1.0, batch, data.samples.shape[2]), dim=1)[:, : course.logs]
     shape = (batch, order.shape[1], data.samples.shape[3])
     if sensors is None:
-        has = _what_there_may_be(shape, course, draw)
+        has = what_there_may_be(shape, course, draw)
         order = _repeated(order, has.repeats, draw)
     else:
         has = _all_of(shape, sensors, draw.device)
@@ -121,7 +127,7 @@ def _all_of(shape: tuple[int, int, int], sensors: str, device: torch.device) -> 
     return Available(has, torch.ones(batch, logs, 2, device=device), every, ~every)
 
 
-def _what_there_may_be(shape: tuple[int, int, int], course: Course, draw: Draw) -> Available:
+def what_there_may_be(shape: tuple[int, int, int], course: Course, draw: Draw) -> Available:
     """Channels, days, logs and repeats at random, of cases (B, J, channels)."""
     batch, logs, channels = shape
     device = draw.device
@@ -165,9 +171,10 @@ def loss_of(logits: Tensor, quantiles: Tensor, batch: Batch, course: Course) -> 
     presence = nn.functional.binary_cross_entropy(share, truth)
     levels = _constant(QUANTILES, logits.device)
     asked = batch.effects.clamp(min=0)[..., None].expand(-1, -1, len(QUANTILES))
-    error = batch.sizes[..., None] - quantiles.gather(1, asked)
-    missed = torch.maximum(levels * error, (levels - 1.0) * error) * there[..., None]
-    pinball = missed.sum() / (there.sum() * len(QUANTILES)).clamp(min=1)
+    known = there & torch.isfinite(batch.sizes)
+    error = torch.where(known, batch.sizes, 0.0)[..., None] - quantiles.gather(1, asked)
+    missed = torch.maximum(levels * error, (levels - 1.0) * error) * known[..., None]
+    pinball = missed.sum() / (known.sum() * len(QUANTILES)).clamp(min=1)
     total = cause + course.presence * presence + course.size * pinball
     return {"loss": total, "cause": cause, "presence": presence, "size": pinball}
 
@@ -211,6 +218,7 @@ def train(
     shape: Shape | None = None,
     start: Weights | None = None,
     prior: SensorPrior | None = None,
+    beside: Callable[[int, Draw], Batch] | None = None,
     held_out: int = 0,
     seed: int = 0,
     seconds: float = math.inf,
@@ -224,6 +232,7 @@ def train(
         shape: Its sizes.
         start: Weights to begin with, of that shape; random ones by default.
         prior: What sensors add.
+        beside: Draws cases that are half of every batch, given their number; all are simulated days by default.
         held_out: Machines, the last of ``data``, that it never sees.
         seed: Of the first weights and of all draws.
         seconds: Time after which it ends; the learning rate falls accordingly.
@@ -236,8 +245,11 @@ def train(
     draw = Draw(torch.Generator(device=device).manual_seed(seed))
     network = (Network(shape) if start is None else Network.of(start)).to(device)
 
+    own = course.batch if beside is None else course.batch // 2
+
     def make() -> Batch:
-        return draw_batch(data, draw.one_of(data.machines - held_out, course.batch), course, prior, draw)
+        batch = draw_batch(data, draw.one_of(data.machines - held_out, own), course, prior, draw)
+        return batch if beside is None else batch.joined(beside(course.batch - own, draw))
 
     optimise(network, make, course, device, seconds=seconds, progress=progress)
     return network
