@@ -23,7 +23,6 @@ from aoro_gym.diagnosis.network.forward import TRAINED, Weights, networks_in
 from aoro_gym.diagnosis.network.sensing import Draw
 from aoro_gym.diagnosis.network.training import Batch, Course, train
 from aoro_gym.diagnosis.simulation.prior import Prior, SensorPrior
-from aoro_gym.diagnosis_benchmark.judge.plants import IndependentPlants, LayeredPlants
 from aoro_gym.execution.digest import versions
 from aoro_gym.execution.files import write_json
 from studies.cross_fitting.plants import ADDED, SEED, SUITE, Recorded, draw_cases, load, simulated
@@ -33,14 +32,6 @@ LEFT_OUT = (("alder", "level_0", "level_3"), ("birch", "level_1"), ("cedar", "le
 """Families that each network never sees."""
 HELD_OUT = 2000
 """Machines that no network sees."""
-
-
-def simulate_family(folder: Path, plants: IndependentPlants | LayeredPlants) -> Path:
-    """File of a family's cases; says how long it took."""
-    began = time.monotonic()
-    path = simulated(folder, plants)
-    print(f"{plants.name}: cases in {time.monotonic() - began:.0f} s", flush=True)
-    return path
 
 
 def taught_by(recorded: Recorded, names: Sequence[str], left_out: Sequence[str], course: Course):
@@ -72,7 +63,7 @@ def main() -> None:
         print(f"{time.monotonic() - began:.0f} s: {text}", flush=True)
 
     with ProcessPoolExecutor(len(plants), mp_context=multiprocessing.get_context("spawn")) as pool:
-        paths = [pool.submit(simulate_family, options.folder, one) for one in plants]
+        paths = [pool.submit(simulated, options.folder, one) for one in plants]
         days, scales = simulate(
             Prior(), amount, options.device, lambda done, total: say(f"machine {done} of {total} simulated")
         )

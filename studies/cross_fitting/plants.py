@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -57,6 +58,7 @@ class Recorded:
 
 def simulated(folder: Path, plants: Plants, suite: Suite = SUITE, seed: int = SEED) -> Path:
     """File of a family's cases in ``folder``, simulated where there is none."""
+    began = time.monotonic()
     made = plan(suite, [plants], seed)
     path = folder / f"teaching_{made.digest[:8]}_{plants.name}.npz"
     if path.exists():
@@ -81,6 +83,7 @@ def simulated(folder: Path, plants: Plants, suite: Suite = SUITE, seed: int = SE
             temporary, allow_pickle=False, samples=np.array(samples), commands=np.array(commands),
             effects=np.array(effects), outside=np.array(outside),
         )  # fmt: skip
+    print(f"{len(samples)} cases of {plants.name} in {time.monotonic() - began:.0f} s", flush=True)
     return path
 
 

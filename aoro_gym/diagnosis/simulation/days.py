@@ -149,7 +149,7 @@ def another_day(prior: Prior, machine: Machine, factor: Floats, rng: np.random.G
     grown = {
         key: factor * size * draw
         for (keys, size), draw in zip(prior.day_shares.items(), normal, strict=True)
-        for key in keys
+        for key in keys.split()
     }
     machine = _as_far_as_it_goes(
         lambda m, share: m.scale({key: np.exp(share * one) for key, one in grown.items()}, check_ranges=False), machine

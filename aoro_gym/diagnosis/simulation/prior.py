@@ -31,7 +31,7 @@ class Prior:
         day: Half of what holds 95 % of a nuisance from day to day, as a share of its range.
         day_factor: Ends of a factor on all that changes from day to day, one a machine, logarithmically even: some machines
             are kept in a hall, others stand outside.
-        day_shares: Standard deviation of the logarithm from day to day, by keys that move together: friction, air and
+        day_shares: Standard deviation of the logarithm from day to day, by keys that move together, with a space between: friction, air and
             inflation change by shares of what they are, not of their ranges.
         temperature: Standard deviation [K] of the oil's temperature from day to day.
         slope: The same of the ground's slope [rad], of either component.
@@ -57,14 +57,14 @@ class Prior:
     signed: tuple[str, ...] = ("steering.valve.overlap",)
     day: float = 0.02
     day_factor: tuple[float, float] = (0.3, 3.0)
-    day_shares: Mapping[tuple[str, ...], float] = field(
+    day_shares: Mapping[str, float] = field(
         default_factory=lambda: {
-            ("tire.friction_coulomb", "tire.friction_static"): 0.03, ("tire.stiffness",): 0.02,
-            ("tire.scrub_radius", "tire.bore_radius"): 0.05, ("joint.friction_torque",): 0.05,
-            ("steering.cylinder.seal_preload", "steering.cylinder.seal_pressure_coefficient"): 0.06,
-            ("driveline.brake.disc_torque",): 0.05, ("oil.gas_fraction",): 0.15, ("steering.hose_bulk_modulus",): 0.02,
-            ("steering.tank_line.back_pressure",): 0.03, ("steering.tank_line.throttle_drop",): 0.05,
-            ("steering.valve.hysteresis",): 0.05,
+            "tire.friction_coulomb tire.friction_static": 0.03, "tire.stiffness": 0.02,
+            "tire.scrub_radius tire.bore_radius": 0.05, "joint.friction_torque": 0.05,
+            "steering.cylinder.seal_preload steering.cylinder.seal_pressure_coefficient": 0.06,
+            "driveline.brake.disc_torque": 0.05, "oil.gas_fraction": 0.15, "steering.hose_bulk_modulus": 0.02,
+            "steering.tank_line.back_pressure": 0.03, "steering.tank_line.throttle_drop": 0.05,
+            "steering.valve.hysteresis": 0.05,
         }
     )  # fmt: skip
     temperature: float = 2.0
