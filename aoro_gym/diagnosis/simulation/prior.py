@@ -31,7 +31,7 @@ class Prior:
         day: Half of what holds 95 % of a nuisance from day to day, as a share of its range.
         day_factor: Ends of a factor on all that changes from day to day, one a machine, logarithmically even: some machines
             are kept in a hall, others stand outside.
-        day_shares: Standard deviation of the logarithm from day to day, by keys that move together, with a space between: friction, air and
+        day_shares: Standard deviation of the logarithm from day to day, by keys that move together: friction, air and
             inflation change by shares of what they are, not of their ranges.
         temperature: Standard deviation [K] of the oil's temperature from day to day.
         slope: The same of the ground's slope [rad], of either component.
