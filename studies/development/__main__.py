@@ -1,10 +1,10 @@
 """Calibrates the networks on development plants, and tries that on families of plants left out.
 
 ``python -m studies.development FOLDER [--seed S] [--write]`` simulates 2,324 cases of layered plants, whose laws are of four
-kinds, and the 1,515 of the independent ones, of three families (an hour of two cores), asks the networks that come with the
-package, and writes ``development.json`` and ``development.md`` into the folder: each family decided with what the others
-taught, all families alike, for every set of sensors. With ``--write`` what all of them teach goes to the package as
-``calibration.json``.
+kinds, and the 1,515 of the independent ones, of three families (an hour of two cores), asks of the networks that come with
+the package those that never saw the family (``studies.cross_fitting``), and writes ``development.json`` and
+``development.md`` into the folder: each family decided with what the others taught, for every set of sensors. With
+``--write`` what all of them teach goes to the package as ``calibration.json``.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ import numpy as np
 from aoro_gym.diagnosis.network import hypotheses
 from aoro_gym.diagnosis.network.cases import case_of, posteriors, tokens_of
 from aoro_gym.diagnosis.network.decision import SENSOR_SETS, Calibration, as_dict, calibrated, decide
-from aoro_gym.diagnosis.network.forward import TRAINED, networks_in, trained
+from aoro_gym.diagnosis.network.forward import TRAINED, Weights
 from aoro_gym.diagnosis_benchmark.judge.plants import Plants
 from aoro_gym.diagnosis_benchmark.judge.suite import JudgedCase, Plan
 from aoro_gym.effects.catalogue import IDS
 from aoro_gym.execution.digest import Contents, digest
-from aoro_gym.execution.files import write_json, write_text, written_whole
+from aoro_gym.execution.files import read_json, write_json, write_text, written_whole
 from studies.development.cases import INDEPENDENT, LAYERED, kept, opened, planned
 from studies.development.rates import ROWS, Decided, Rate, rates
 
@@ -39,21 +39,28 @@ def truth_of(case: JudgedCase) -> int:
     return int(hypotheses.number_of(effects, np.array(case.kind == "outside")))
 
 
+def unbiased(family: str) -> list[Path]:
+    """Files of the shipped networks that learnt nothing from a family."""
+    networks = read_json(TRAINED / "training.json")["networks"]
+    return [TRAINED / one["file"] for one in networks if family in one["left_out"]]
+
+
 def said(folder: Path, made: Plan, plants: Plants, sensors: str) -> np.ndarray:
     """Probabilities of the hypotheses (N, hypotheses) for a family's cases, in the plan's order; where the folder has none,
     cases are simulated and the networks asked."""
-    networks = digest(*map(Contents, networks_in(TRAINED)))
+    files = unbiased(plants.name)
+    networks, weights = digest(*map(Contents, files)), [Weights.load(file) for file in files]
     path = folder / f"said_{made.digest[:8]}_{networks[:8]}_{plants.name}_{sensors}.npy"
     if not path.exists():
         shown = [one.with_channels(SENSOR_SETS[sensors]) for one in kept(folder, made, plants)]
         found = []
         for first in range(0, len(shown), BATCH):
             part = [case_of(one.later, one.healthy) for one in shown[first : first + BATCH]]
-            tokens = tokens_of(trained(), np.concatenate([one.rows for one in part]))
+            tokens = tokens_of(weights, np.concatenate([one.rows for one in part]))
             ends = np.cumsum([len(one.rows) for one in part]).tolist()
             for end, one in zip(ends, part, strict=True):
                 own = [kept_tokens[None, end - len(one.rows) : end] for kept_tokens in tokens]
-                found.append(posteriors(trained(), own)[0][0])
+                found.append(posteriors(weights, own)[0][0])
             print(f"{path.stem}: {min(first + BATCH, len(shown))} of {len(shown)} cases", flush=True)
         with written_whole(path) as temporary:
             np.save(temporary, np.array(found, dtype=np.float32), allow_pickle=False)
@@ -61,8 +68,11 @@ def said(folder: Path, made: Plan, plants: Plants, sensors: str) -> np.ndarray:
 
 
 def family_weights(family: np.ndarray) -> np.ndarray:
-    """Weights (N,) by which every family counts as much as another, whatever its number of cases."""
-    names, place, counts = np.unique(family, return_inverse=True, return_counts=True)
+    """Weights (N,) by which every family counts as much as another, whatever its number of cases; the layered ones are one,
+    as their levels share a circuit and the machines that they are built around."""
+    layered = [plants.name for plants in LAYERED]
+    lineage = np.where(np.isin(family, layered), "layered", family)
+    names, place, counts = np.unique(lineage, return_inverse=True, return_counts=True)
     return len(family) / (len(names) * counts[place])
 
 

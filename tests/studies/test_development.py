@@ -89,3 +89,8 @@ def test_families_weigh_the_same_whatever_their_number_of_cases():
     weights = family_weights(family)
     np.testing.assert_allclose(weights, [2 / 3, 2 / 3, 2 / 3, 2.0])
     assert weights.sum() == pytest.approx(len(family))
+
+
+def test_levels_of_layered_plants_weigh_as_one_family():
+    weights = family_weights(np.array(["level_0", "level_1", "level_3", "ash"]))
+    np.testing.assert_allclose(weights, [2 / 3, 2 / 3, 2 / 3, 2.0])

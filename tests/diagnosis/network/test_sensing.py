@@ -71,10 +71,22 @@ def test_a_gain_error_multiplies_the_angle() -> None:
 
 def test_smoothing_halves_its_own_frequency_and_delays_nothing() -> None:
     """A step stays where it was and keeps its height: half of it is there at the step itself."""
-    smooth = shown((0.0, 0.0, 0.0, 0.03))[1]
+    smooth = shown((0.0, 0.0, 0.0, 0.03), prior=replace(EXACT, chain_forms=(1.0, 0.0, 0.0)))[1]
     middle = 0.5 * (smooth[BEGIN] + smooth[BEGIN + 1])
     assert middle == pytest.approx(40e5, rel=1e-3)
     assert smooth[BEGIN - 1] > 20e5 and smooth[-1] == pytest.approx(60e5, rel=1e-3)
+
+
+def test_a_chain_that_lags_or_delays_does_so_to_every_signal() -> None:
+    """Of first order a step has come to 1 − 1/e of its height after its time constant; a delay shifts it."""
+    lag = shown((0.0, 0.0, 0.0, 0.05), prior=replace(EXACT, chain_forms=(0.0, 1.0, 0.0)))
+    steady = slice(BEGIN + 60, BEGIN + 200)
+    np.testing.assert_allclose(EXACTLY[0, steady] - lag[0, steady], RATE * 0.05, rtol=0.02)
+    share = (lag[1, BEGIN + 6] - 20e5) / 40e5  # 5 ticks after the first sample of the step, which began a tick before
+    assert 1.0 - np.exp(-1.0) <= share <= 1.0 - np.exp(-1.2)
+    late = shown((0.0, 0.0, 0.0, 0.03), prior=replace(EXACT, chain_forms=(0.0, 0.0, 1.0)))
+    np.testing.assert_allclose(late[0, 3:], EXACTLY[0, :-3], rtol=0.0, atol=SINGLE_PRECISION)
+    np.testing.assert_allclose(late[1:, 3:], EXACTLY[1:, :-3], rtol=1e-3)
 
 
 def test_noise_is_as_large_as_drawn() -> None:

@@ -104,3 +104,16 @@ def test_the_loss_is_least_for_the_truth() -> None:
     assert float(wrong["cause"]) > 50.0
     # the mean of (1 − level) · 0.2 over the levels, whose mean is one half
     assert float(wrong["size"]) == pytest.approx(0.1, rel=1e-5)
+
+
+def test_sizes_that_nobody_knows_cost_nothing() -> None:
+    effects = torch.tensor([[3, 5], [4, -1]])
+    sizes = torch.tensor([[0.7, float("nan")], [float("nan"), float("nan")]])
+    truth = torch.from_numpy(hypotheses.number_of(effects.numpy(), np.zeros(2, dtype=bool)))
+    batch = Batch(torch.zeros(2), torch.zeros(2), truth, effects, sizes)
+    said = torch.full((2, hypotheses.MEMBERS.shape[1], len(QUANTILES)), 0.9, requires_grad=True)
+    losses = loss_of(torch.zeros(2, hypotheses.HYPOTHESES), said, batch, COURSE)
+    assert losses["size"].item() == pytest.approx(0.1, rel=1e-5)
+    losses["size"].backward()
+    assert said.grad is not None and torch.all(torch.isfinite(said.grad))
+    assert torch.count_nonzero(said.grad) == torch.count_nonzero(said.grad[0, 3])
