@@ -31,13 +31,7 @@ from aoro_gym.diagnosis_benchmark.sealing import digests
 from aoro_gym.effects.catalogue import EFFECTS, IDS
 from aoro_gym.execution.digest import Contents, digest
 from aoro_gym.execution.files import read_json, write_json, write_text
-from aoro_gym.units import BAR, LITRE_PER_MINUTE
-
-UNITS: Mapping[tuple[str, str], float] = {
-    ("bar", "Pa"): BAR, ("L/min", "m^3/s"): LITRE_PER_MINUTE, ("mrad", "rad"): 1e-3, ("deg", "rad"): np.pi / 180.0,
-    ("N m", "N*m"): 1.0, **{(unit, unit): 1.0 for unit in ("s", "1", "K", "N", "kg")},
-}  # fmt: skip
-"""Of plants' magnitudes and of the twin's: those of other pairs are not the same quantity, and not compared."""
+from studies.development.cases import SIZE_UNITS
 
 LISTED = 20
 """Hypotheses of a case that are kept."""
@@ -56,7 +50,7 @@ def asked(place: Path) -> dict[str, Any]:
         later, healthy = (
             [replace(one, channels={key: one.channels[key] for key in channels}) for one in day] for day in days
         )
-        said = posterior(trained(), case_of(later, healthy))
+        said = posterior(trained(), case_of(later, healthy)).widened(shipped()[name].widening)
         decision = decide(said.probabilities, shipped()[name])
         named = [
             {"effects": list(effects), "probability": share, "magnitudes": _magnitudes(effects, said.quantiles)}
@@ -73,8 +67,8 @@ def _magnitudes(effects: Sequence[str], quantiles: np.ndarray) -> dict[str, dict
         if effect not in EFFECTS:
             continue
         pair = independent.EFFECTS[effect].unit, EFFECTS[effect].operational[0].unit
-        if pair in UNITS:
-            low, high = quantiles[IDS.index(effect), [0, -1]] / UNITS[pair]
+        if pair in SIZE_UNITS:
+            low, high = quantiles[IDS.index(effect), [0, -1]] / SIZE_UNITS[pair]
             found[effect] = {"low90": float(low), "high90": float(high)}
     return found
 

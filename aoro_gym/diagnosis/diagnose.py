@@ -148,8 +148,9 @@ def _only(recording: Recording, channels: Sequence[str]) -> Recording:
 
 def _asked(logs: Logs, networks: Sequence[Weights], calibrations: Mapping[str, Calibration]) -> Asked:
     case = case_of(logs.later, logs.healthy)
-    said = posterior(networks, case)
-    return Asked(case, said, decide(said.probabilities, calibrations[sensor_set(logs.channels)]))
+    calibration = calibrations[sensor_set(logs.channels)]
+    said = posterior(networks, case).widened(calibration.widening)
+    return Asked(case, said, decide(said.probabilities, calibration))
 
 
 def first_finding(decision: Decision) -> str:

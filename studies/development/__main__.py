@@ -11,21 +11,21 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 
 from aoro_gym.diagnosis.network import hypotheses
 from aoro_gym.diagnosis.network.cases import case_of, posteriors, tokens_of
-from aoro_gym.diagnosis.network.decision import SENSOR_SETS, Calibration, as_dict, calibrated, decide
+from aoro_gym.diagnosis.network.decision import SENSOR_SETS, Calibration, as_dict, calibrated, decide, widening_of
 from aoro_gym.diagnosis.network.forward import TRAINED, Weights
 from aoro_gym.diagnosis_benchmark.judge.plants import Plants
 from aoro_gym.diagnosis_benchmark.judge.suite import JudgedCase, Plan
-from aoro_gym.effects.catalogue import IDS
+from aoro_gym.effects.catalogue import EFFECTS, IDS
 from aoro_gym.execution.digest import Contents, digest
 from aoro_gym.execution.files import read_json, write_json, write_text, written_whole
-from studies.development.cases import INDEPENDENT, LAYERED, kept, opened, planned
+from studies.development.cases import INDEPENDENT, LAYERED, SIZE_UNITS, kept, opened, planned
 from studies.development.rates import ROWS, Decided, Rate, rates
 
 BATCH = 16
@@ -45,26 +45,60 @@ def unbiased(family: str) -> list[Path]:
     return [TRAINED / one["file"] for one in networks if family in one["left_out"]]
 
 
-def said(folder: Path, made: Plan, plants: Plants, sensors: str) -> np.ndarray:
-    """Probabilities of the hypotheses (N, hypotheses) for a family's cases, in the plan's order; where the folder has none,
-    cases are simulated and the networks asked."""
+def said(folder: Path, made: Plan, plants: Plants, sensors: str) -> tuple[np.ndarray, np.ndarray]:
+    """Probabilities of the hypotheses (N, hypotheses) and quantiles of sizes [SI] (N, effects, quantiles) for a family's
+    cases, in the plan's order; where the folder has none, cases are simulated and the networks asked."""
     files = unbiased(plants.name)
     networks, weights = digest(*map(Contents, files)), [Weights.load(file) for file in files]
-    path = folder / f"said_{made.digest[:8]}_{networks[:8]}_{plants.name}_{sensors}.npy"
+    path = folder / f"said_{made.digest[:8]}_{networks[:8]}_{plants.name}_{sensors}.npz"
     if not path.exists():
         shown = [one.with_channels(SENSOR_SETS[sensors]) for one in kept(folder, made, plants)]
-        found = []
+        found: tuple[list[np.ndarray], list[np.ndarray]] = [], []
         for first in range(0, len(shown), BATCH):
             part = [case_of(one.later, one.healthy) for one in shown[first : first + BATCH]]
             tokens = tokens_of(weights, np.concatenate([one.rows for one in part]))
             ends = np.cumsum([len(one.rows) for one in part]).tolist()
             for end, one in zip(ends, part, strict=True):
                 own = [kept_tokens[None, end - len(one.rows) : end] for kept_tokens in tokens]
-                found.append(posteriors(weights, own)[0][0])
+                for kept_answers, answer in zip(found, posteriors(weights, own), strict=True):
+                    kept_answers.append(answer[0])
             print(f"{path.stem}: {min(first + BATCH, len(shown))} of {len(shown)} cases", flush=True)
         with written_whole(path) as temporary:
-            np.save(temporary, np.array(found, dtype=np.float32), allow_pickle=False)
-    return np.load(path).astype(np.float64)
+            probabilities, quantiles = (np.array(one, dtype=np.float32) for one in found)
+            np.savez(temporary, allow_pickle=False, probabilities=probabilities, quantiles=quantiles)
+    with np.load(path) as answers:
+        return answers["probabilities"].astype(np.float64), answers["quantiles"].astype(np.float64)
+
+
+def true_sizes(made: Plan, plants: Plants) -> list[dict[str, float]]:
+    """True change of each effect's magnitude by case of a family [SI], where plants and twin measure the same quantity."""
+    own = [case for case in made.cases if case.family == plants.name]
+    machines = {number: made.machine(plants, number) for number in {case.machine for case in own}}
+    found = []
+    for case in own:
+        run = made.runs(case, plants, machines[case.machine])["logs"][0]
+        sizes = {}
+        for name in case.effects:
+            true = plants.magnitude(name, run.machine, run.effects[name])
+            unit = SIZE_UNITS.get((true["unit"], EFFECTS[name].operational[0].unit))
+            if unit is not None:
+                sizes[name] = unit * true["magnitude"][0]
+        found.append(sizes)
+    return found
+
+
+def widened(
+    decided: Sequence[Decided], quantiles: np.ndarray, sizes: Sequence[Mapping[str, float]], weights: np.ndarray
+) -> float:
+    """Factor on intervals of sizes: of the effects in the declared sets of noticed cases."""
+    rows = [
+        (k, IDS.index(name), size)
+        for k, (one, true) in enumerate(zip(decided, sizes, strict=True))
+        for name, size in true.items()
+        if name in one.decision.declared
+    ]
+    case, effect = np.array([row[:2] for row in rows]).T
+    return widening_of(quantiles[case, effect], np.array([row[2] for row in rows]), weights[case])
 
 
 def family_weights(family: np.ndarray) -> np.ndarray:
@@ -125,18 +159,22 @@ def main() -> None:
     plans = ((planned(options.seed), LAYERED), (opened(), INDEPENDENT))
     cases = [case for made, several in plans for plants in several for case in made.cases if case.family == plants.name]
     truth, family = np.array([truth_of(one) for one in cases]), np.array([one.family for one in cases])
+    sizes = [size for made, several in plans for plants in several for size in true_sizes(made, plants)]
     groups = [[plants.name for plants in several] for _, several in plans]
     found: dict[str, Calibration] = {}
     by_set: dict[str, dict[str, dict[str, Rate]]] = {}
     for name in SENSOR_SETS:
         parts = [said(options.folder, made, plants, name) for made, several in plans for plants in several]
-        probabilities = np.concatenate(parts)
+        probabilities, quantiles = (np.concatenate(part) for part in zip(*parts, strict=True))
         decided = left_out(cases, probabilities, truth)
         by_set[name] = {
             " ".join(names): rates([one for one in decided if one.case.family in names])
             for names in [*groups, *([one] for group in groups for one in group)]
         }
-        found[name] = calibrated(probabilities, truth, family_weights(family))
+        weights = family_weights(family)
+        found[name] = replace(
+            calibrated(probabilities, truth, weights), widening=widened(decided, quantiles, sizes, weights)
+        )
     digests = [made.digest for made, _ in plans]
     shares = {
         name: {of: {row: asdict(rate) for row, rate in own.items()} for of, own in each.items()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from aoro_gym.diagnosis_benchmark.judge.features import CHANNELS
 from aoro_gym.diagnosis_benchmark.judge.plants import IndependentPlants, LayeredPlants, Log, Plants
 from aoro_gym.diagnosis_benchmark.judge.suite import SUITES, JudgedCase, Plan, Suite, plan
 from aoro_gym.execution.files import written_whole
+from aoro_gym.units import BAR, LITRE_PER_MINUTE
 
 LAYERED: tuple[Plants, ...] = tuple(LayeredPlants(level) for level in (0, 1, 2, 3))
 """Plants around the calibrated ensemble, whose laws the twin does not share."""
@@ -24,6 +25,12 @@ OPENED = 112849172439076219896902514827477302792
 """Seed of the judged suite of :data:`INDEPENDENT`, which was scored once and has been open since: it judges no more."""
 SUITE = Suite("development", 600, 231, 400, 400, machines=24, protocols=40, logs=4, draws=4)
 """2,324 cases: healthy ones, singles of each level, pairs, and what the catalogue lacks."""
+SIZE_UNITS: Mapping[tuple[str, str], float] = {
+    ("bar", "Pa"): BAR, ("L/min", "m^3/s"): LITRE_PER_MINUTE, ("mrad", "rad"): 1e-3, ("deg", "rad"): np.pi / 180.0,
+    ("N m", "N*m"): 1.0,
+    **{(unit, unit): 1.0 for unit in ["s", "1", "K", "N", "kg", "Pa", "m^3/s", "rad", "N*m", "1/s", "N/m", "m^3/Pa"]},
+}  # fmt: skip
+"""Of plants' magnitudes and of the twin's: those of other pairs are not the same quantity, and not compared."""
 TOGETHER = 60
 """Cases that are simulated in one go."""
 

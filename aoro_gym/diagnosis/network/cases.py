@@ -59,6 +59,11 @@ class Posterior:
     probabilities: NDArray[np.float64]
     quantiles: NDArray[np.float64]
 
+    def widened(self, factor: float) -> Posterior:
+        """The same with quantiles that lie farther from their medians by a ``factor``."""
+        middle = self.quantiles[:, self.quantiles.shape[1] // 2, None]
+        return Posterior(self.probabilities, middle + factor * (self.quantiles - middle))
+
     @property
     def effects(self) -> NDArray[np.float64]:
         """Probability (effects,) that an effect is there, alone or with another."""

@@ -8,7 +8,8 @@ Networks are trained on simulated machines; how sure they are elsewhere is learn
   causes of the catalogue and one against something else, each with a share of the false alarms (Bonferroni): what machines
   and days do that was never simulated looks like something else, and must not hide causes that are plain;
 - thresholds of "something else" and of an effect's probability, given that something of the catalogue is wrong, which as
-  many known causes pass as asked for (split conformal, least ambiguous sets, Sadinle et al. 2019).
+  many known causes pass as asked for (split conformal, least ambiguous sets, Sadinle et al. 2019);
+- a widening of the intervals of sizes (conformalised quantiles, Romano et al. 2019, in the scaled form).
 """
 
 from __future__ import annotations
@@ -42,6 +43,8 @@ REJECTED = 0.02
 """Share of known causes that are taken for something outside of the catalogue."""
 HELD = 0.97
 """Share of single causes that their declared set holds."""
+INTERVAL = 0.9
+"""Share of true sizes that their intervals hold."""
 SURE = 0.8
 """Probability from which a cause is named alone."""
 LEAST = 1e-4
@@ -89,6 +92,7 @@ class Calibration:
         null: Statistics of the null test.
         outside: Least probability of something else, given that something is wrong, from which that is said.
         member: Least probability of an effect, given that something of the catalogue is wrong, in the declared set.
+        widening: Factor on the distances of a size's quantiles from their median, so that its 90 % interval holds as often.
     """
 
     cases: int
@@ -96,6 +100,7 @@ class Calibration:
     null: tuple[NullStatistic, ...]
     outside: float
     member: float
+    widening: float = 1.0
 
     def null_p(self, nothing: Floats | float, outside: Floats | float) -> Floats:
         """Probability (...) of a gap as clear as this while nothing is wrong, from the probabilities (...) of nothing and of
@@ -228,6 +233,20 @@ def calibrated(
         outside=float(_quantile(told[known], 1.0 - REJECTED, weights[known])) if known.any() else 1.0,
         member=float(_quantile(of_truth, 1.0 - HELD, weights[single])) if single.any() else 0.0,
     )
+
+
+def widening_of(quantiles: Floats, sizes: Floats, weights: Floats) -> float:
+    """Least factor, 1 at least, by which intervals are widened about their medians to hold 90 % of the true sizes.
+
+    Args:
+        quantiles: Said of each size (N, quantiles), rising.
+        sizes: The true ones (N,).
+        weights: Of the cases (N,).
+    """
+    middle = quantiles[:, quantiles.shape[1] // 2]
+    side = np.where(sizes >= middle, quantiles[:, -1] - middle, middle - quantiles[:, 0])
+    needed = np.abs(sizes - middle) / np.maximum(side, 1e-30)
+    return max(float(_quantile(needed, INTERVAL, weights)), 1.0)
 
 
 def _loss(logs: Floats, truth: NDArray[np.integer], weights: Floats) -> float:

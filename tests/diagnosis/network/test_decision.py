@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from aoro_gym.diagnosis.network import hypotheses
+from aoro_gym.diagnosis.network.cases import Posterior
 from aoro_gym.diagnosis.network.decision import (
     ALARMS,
     HELD,
@@ -19,6 +20,7 @@ from aoro_gym.diagnosis.network.decision import (
     sensor_set,
     shipped,
     tempered,
+    widening_of,
 )
 from aoro_gym.diagnosis.result import UNKNOWN, VERDICTS
 from aoro_gym.effects.catalogue import IDS
@@ -149,6 +151,24 @@ def test_calibration_finds_how_sure_networks_are_and_keeps_its_promises():
     assert np.mean(held) > HELD - 4.0 * np.sqrt(2.0 * HELD * (1.0 - HELD) / single.sum())
 
 
+def test_widened_intervals_hold_nine_of_ten_sizes():
+    """Of a normal distribution intervals that are half as wide as they should be are doubled; none is made narrower."""
+    rng = np.random.default_rng(7)
+    middle, deviation = rng.normal(size=4000), rng.uniform(0.5, 2.0, 4000)
+    sizes = middle + deviation * rng.standard_normal(4000)
+    half = 1.645 * deviation
+    quantiles = np.stack(
+        [middle - 0.5 * half, middle - 0.2 * half, middle, middle + 0.2 * half, middle + 0.5 * half], 1
+    )
+    factor = widening_of(quantiles, sizes, np.ones(4000))
+    # the 90 % point of |z|, whose density there is 0.206, scatters by √(0.9 · 0.1/4000)/0.206 = 1.4 % of 1.645
+    assert factor == pytest.approx(2.0, rel=4.0 * 0.014)
+    posterior = Posterior(np.ones(1), quantiles).widened(factor)
+    held = (posterior.quantiles[:, 0] <= sizes) & (sizes <= posterior.quantiles[:, -1])
+    assert held.mean() == pytest.approx(0.9, abs=1.0 / 4000)
+    assert widening_of(middle[:, None] + 9.0 * (quantiles - middle[:, None]), sizes, np.ones(4000)) == 1.0
+
+
 def test_the_richest_set_of_sensors_counts():
     assert [sensor_set(channels) for channels in SENSOR_SETS.values()] == list(SENSOR_SETS)
     assert sensor_set(["joint_angle", "pressure_a", "engine_speed"]) == "angle"
@@ -161,3 +181,4 @@ def test_networks_come_with_their_calibration():
         assert sum(part.share for part in one.null) == pytest.approx(1.0)
         assert all(np.all(np.diff(part.healthy) >= 0.0) for part in one.null)
         assert 0.0 < one.outside < 1.0 and 0.0 < one.member < 0.5
+        assert 1.0 <= one.widening < 2.0
