@@ -11,9 +11,9 @@ from __future__ import annotations
 import argparse
 import multiprocessing
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 
 import torch
@@ -23,6 +23,7 @@ from aoro_gym.diagnosis.network.forward import TRAINED, Weights, networks_in
 from aoro_gym.diagnosis.network.sensing import Draw
 from aoro_gym.diagnosis.network.training import Batch, Course, train
 from aoro_gym.diagnosis.simulation.prior import Prior, SensorPrior
+from aoro_gym.diagnosis_benchmark.judge.plants import IndependentPlants, LayeredPlants, Plants
 from aoro_gym.execution.digest import versions
 from aoro_gym.execution.files import write_json
 from studies.cross_fitting.plants import ADDED, SEED, SUITE, Recorded, draw_cases, load, simulated
@@ -34,7 +35,9 @@ HELD_OUT = 2000
 """Machines that no network sees."""
 
 
-def taught_by(recorded: Recorded, names: Sequence[str], left_out: Sequence[str], course: Course):
+def taught_by(
+    recorded: Recorded, names: Sequence[str], left_out: Sequence[str], course: Course
+) -> Callable[[int, Draw], Batch]:
     """What draws cases of all families but those ``left_out``."""
     families = [number for number, name in enumerate(names) if name not in left_out]
 
@@ -54,7 +57,8 @@ def main() -> None:
     parser.add_argument("--start", type=Path, default=TRAINED, help="folder of the networks that training begins with")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
-    plants = [replace(one, device=options.device) for one in (*INDEPENDENT, *LAYERED)]
+    plants: list[Plants] = [IndependentPlants(one.name, options.device) for one in INDEPENDENT]
+    plants += [LayeredPlants(level, options.device) for level in range(len(LAYERED))]
     names = [one.name for one in plants]
     amount = Amount(options.machines, seed=SEED, processes=options.processes)
     began = time.monotonic()

@@ -280,7 +280,7 @@ def draw_magnitudes(
     """
     first, *rest = effect.magnitudes
     most = min(ends[1], 1.0) if first.scale == "log" else ends[1]
-    severity = np.exp(rng.uniform(*np.log((ends[0], most)), count))
+    severity = np.exp(rng.uniform(np.log(ends[0]), np.log(most), count))
     if rest and rest[0].unit == first.unit:
         angle = rng.uniform(0.0, 2.0 * np.pi if first.low < first.none else 0.5 * np.pi, count)
         return first.high * severity * np.array([np.cos(angle), np.sin(angle)]), severity

@@ -10,6 +10,7 @@ from aoro_gym.diagnosis.simulation.forms import FORMS, Change, drawn_form
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.effects.effect import MachineEffect
 from aoro_gym.machine import Machine
+from aoro_gym.machine.quantities import Quantity
 from aoro_gym.units import BAR
 
 NUMBERED = [(name, number) for name, several in FORMS.items() for number in range(len(several))]
@@ -20,7 +21,7 @@ def machine() -> Machine:
     return Machine.load("aoro_datasheet")
 
 
-def changed(machine: Machine, effect: str, change: Change, *magnitudes: float) -> dict[str, float]:
+def changed(machine: Machine, change: Change, *magnitudes: float) -> dict[str, Quantity]:
     """Values [SI] that a form leaves at the keys that it moves."""
     return {key: machine.value(key) + np.asarray(by) for key, by in change(machine, *magnitudes).items()}
 
@@ -54,7 +55,7 @@ def test_a_curve_pressed_together_opens_as_far_at_the_full_signal(machine: Machi
     for side in ("left", "right"):
         for name, volts in (("1V0", 1.0), ("1V5", 1.5)):
             keys[f"steering.valve.opening_{side}_{name}"] = (volts - dead) / (2.0 - dead)
-    found = changed(machine.set(keys, check_ranges=False), "dead_band", FORMS["dead_band"][0], wider)
+    found = changed(machine.set(keys, check_ranges=False), FORMS["dead_band"][0], wider)
     after = dead + wider
     for side in ("left", "right"):
         assert found[f"steering.valve.dead_band_{side}"] == pytest.approx(after)
@@ -70,7 +71,7 @@ def test_a_filter_adds_its_pressure_at_the_reference_flow(machine: Machine) -> N
 def test_a_load_on_the_rear_adds_its_moment_of_inertia(machine: Machine) -> None:
     """Parallel axes: about the new centre, I = I₀ + m M/(m + M) r², and the centre moves by m/(m + M) of the way."""
     mass, rear = 800.0, machine.frame.rear
-    found = changed(machine, "payload", FORMS["payload"][0], mass)
+    found = changed(machine, FORMS["payload"][0], mass)
     total = rear.mass + mass
     assert found["frame.rear.mass"] == pytest.approx(total)
     assert found["frame.rear.cog_offset"] == pytest.approx(rear.mass * rear.cog_offset / total)
@@ -88,7 +89,7 @@ def test_machines_have_the_own_form_as_often_as_asked(machine: Machine) -> None:
     assert isinstance(formed, MachineEffect)
     several = machine.variants(np.zeros(1, dtype=int)) if machine.num_variants > 1 else machine
     leaks = formed.change(several, np.full(count, 5e-5))
-    none = leaks["steering.valve.cross_port_leakage"] == 0.0
+    none = np.equal(leaks["steering.valve.cross_port_leakage"], 0.0)
     assert abs(none.mean() - 0.3) < 5.0 * np.sqrt(0.3 * 0.7 / count)
     share = leaks["steering.valve.cross_port_leakage"] / 5e-5 + leaks["steering.cylinder.leakage"] * 2e7 / 5e-5
     np.testing.assert_allclose(share, 1.0)
