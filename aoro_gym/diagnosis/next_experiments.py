@@ -373,7 +373,7 @@ def _with_changes(
 
 def magnitudes_of(effect: Effect, machine: Machine, change: float, rng: np.random.Generator) -> tuple[float, ...]:
     """Magnitudes with which ``effect`` changes its first operational magnitude on ``machine`` by about ``change`` [SI]: the
-    nearest of :data:`TRIED` that the prior draws. Where an effect has two, many pairs do; this is one of them.
+    nearest of :data:`TRIED` of the effect's range. Where an effect has two, many pairs do; this is one of them.
 
     Raises InvalidMachine where the machine can hardly have any.
     """

@@ -1,9 +1,9 @@
 """Networks that families of plants teach beside simulated twins, each network without some of the families.
 
-``python -m studies.cross_fitting FOLDER --device cuda:0`` simulates cases of all development plants (kept in ``FOLDER``) and
-days of twins, and trains a network for each of :data:`LEFT_OUT`. What a network says of the families that it never saw
-calibrates it (``studies.development``), and a diagnosis asks all networks. Plants that judge the diagnosis are of other
-families still. Half of every batch are twins, half plants, every family as often as another.
+``python -m studies.cross_fitting FOLDER --start NETWORKS --device cuda:0`` simulates cases of all development plants (kept in
+``FOLDER``) and days of twins, and trains a network for each of :data:`LEFT_OUT`. What a network says of the families that it
+never saw calibrates it (``studies.development``), and a diagnosis asks all networks. Plants that judge the diagnosis are of
+other families still. Half of every batch are twins, half plants, every family as often as another.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from pathlib import Path
 import torch
 
 from aoro_gym.diagnosis.network.dataset import Amount, simulate
-from aoro_gym.diagnosis.network.forward import TRAINED, Weights, networks_in
+from aoro_gym.diagnosis.network.forward import Weights, networks_in
 from aoro_gym.diagnosis.network.sensing import Draw
 from aoro_gym.diagnosis.network.training import Batch, Course, train
 from aoro_gym.diagnosis.simulation.prior import Prior, SensorPrior
 from aoro_gym.diagnosis_benchmark.judge.plants import IndependentPlants, LayeredPlants, Plants
-from aoro_gym.execution.digest import versions
+from aoro_gym.execution.digest import Contents, digest, versions
 from aoro_gym.execution.files import write_json
 from studies.cross_fitting.plants import ADDED, SEED, SUITE, Recorded, draw_cases, load, simulated
 from studies.development.cases import INDEPENDENT, LAYERED
@@ -54,7 +54,9 @@ def main() -> None:
     parser.add_argument("--machines", type=int, default=65536, help="of twins")
     parser.add_argument("--processes", type=int, default=8, help="that draw machines")
     parser.add_argument("--seconds", type=float, default=600.0, help="of training, each network")
-    parser.add_argument("--start", type=Path, default=TRAINED, help="folder of the networks that training begins with")
+    parser.add_argument(
+        "--start", type=Path, required=True, help="folder of networks to begin with, which no plants have taught"
+    )
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
     plants: list[Plants] = [IndependentPlants(one.name, options.device) for one in INDEPENDENT]
@@ -89,7 +91,7 @@ def main() -> None:
             "amount": asdict(amount), "course": asdict(course), "seconds": options.seconds, "prior": asdict(Prior()),
             "sensors": asdict(SensorPrior()), "plants": {"suite": asdict(SUITE), "seed": SEED, "added": asdict(ADDED)},
             "device": torch.cuda.get_device_name() if torch.cuda.is_available() else options.device,
-            "versions": versions(), "start": [path.name for path in starts],
+            "versions": versions(), "start": [digest(Contents(path)) for path in starts],
             "networks": [
                 {"file": f"network_{number}.safetensors", "left_out": list(one)} for number, one in enumerate(LEFT_OUT)
             ],

@@ -121,27 +121,3 @@ def draw_cases(recorded: Recorded, families: Sequence[int], count: int, course: 
         recorded.effects[cases],
         torch.full((count, 2), float("nan"), device=shown.device),
     )
-
-
-def said_of(network: torch.nn.Module, recorded: Recorded, cases: Tensor, channels: Sequence[int]) -> np.ndarray:
-    """Probabilities (N, hypotheses) of some ``cases``, with those of the channels that are 1."""
-    found = []
-    unit = torch.tensor(UNITS, device=cases.device)[:, None]
-    with torch.no_grad():
-        for part in cases.split(256):
-            signals = recorded.samples[part].float() * unit
-            shape = signals.shape[:2]
-            has = torch.tensor(channels, dtype=torch.float32, device=part.device).expand(*shape, len(CHANNELS))
-            days = torch.ones(*shape, 2, device=part.device)
-            rows = features(
-                torch,
-                recorded.commands[part],
-                signals[:, :, 0],
-                signals[:, :, 1],
-                has,
-                days,
-                torch.zeros_like(days[..., 0]),
-            )
-            logits, _ = network(rows, torch.ones(shape, dtype=torch.bool, device=part.device))
-            found.append(torch.softmax(logits.double(), dim=1).float().cpu().numpy())
-    return np.concatenate(found)

@@ -47,7 +47,7 @@ class Days:
         outsider: Number in :data:`~aoro_gym.diagnosis.simulation.outsiders.ALL` (N,), −1 for none.
         without: First operational magnitude [SI] of :attr:`effects` without them (N, 2).
         change: How much the effects change it [SI] (N, 2).
-        severity: Sizes as shares of the effects' ranges (N, 2), from 0 to 1.
+        severity: Sizes as shares of the effects' ranges (N, 2), beyond 1 where the prior goes beyond them.
     """
 
     records: NDArray[np.void]

@@ -5,6 +5,10 @@ is a change of the machine's parameters as an effect of the catalogue makes it, 
 the operational magnitude which a bench would show is about the same. Simulated machines have the catalogue's form, another
 one or a mix, so that a diagnosis learns what the forms have in common. Forms of the measuring chain act on sampled signals,
 in :mod:`aoro_gym.diagnosis.network.sensing`.
+
+Some forms of one effect do what another effect's own form does: a leak's law does not tell where it leaks, and a carcass's
+stiffness against swivelling is its stiffness in the ground's plane. On machines of unknown laws such causes cannot be told
+apart for sure, and a network is to learn how sure it may be. Sizes are those of the catalogue's form, whatever the form.
 """
 
 from __future__ import annotations
@@ -30,6 +34,8 @@ SEAL_PRESSURE = 50e5
 """Mean pressure [Pa] in a cylinder at which energised seals rub as much as preloaded ones (E)."""
 SEAL_SPEED = 0.08
 """Speed [m/s] of a rod in a turn at which viscous friction resists as much as dry friction (E: 265 mm in 3 s)."""
+STIFFEST = 10.0
+"""Most by which a tight bearing's presliding is stiffer, less one (E)."""
 WHEEL_SCRUB = 1.5
 """Lever [m] of the rut's grip per rolling resistance: a wheel that sank swivels against the walls of its rut (E)."""
 
@@ -102,7 +108,7 @@ def _viscous_seals(machine: Machine, preload: Quantity) -> Mapping[str, Quantity
 
 def _stiff_bearing(machine: Machine, torque: Quantity) -> Mapping[str, Quantity]:
     """A tight bearing that breaks away at the same angle: presliding is stiffer by as much as friction."""
-    share = np.asarray(torque) / np.asarray(machine.joint.friction_torque)
+    share = np.minimum(np.asarray(torque) / np.maximum(machine.joint.friction_torque, 1.0), STIFFEST)
     return {"joint.friction_torque": torque, **scaled("joint.presliding_stiffness")(machine, 1.0 + share)}
 
 
