@@ -1,9 +1,9 @@
 """Networks that families of plants teach beside simulated twins, each network without some of the families.
 
 ``python -m studies.cross_fitting FOLDER --start NETWORKS --device cuda:0`` simulates cases of all development plants (kept
-in ``FOLDER``) and days of twins, and trains a network for each of :data:`LEFT_OUT`. What a network says of the families that it
-never saw calibrates it (``studies.development``), and a diagnosis asks all networks. Plants that judge the diagnosis are of
-other families still. Half of every batch are twins, half plants, every family as often as another.
+in ``FOLDER``) and days of twins, and trains a network for each of :data:`LEFT_OUT`. What a network says of the families that
+it never saw calibrates it (``studies.development``), and a diagnosis asks all networks. Plants that judge the diagnosis are
+of other families still. Half of every batch are twins, half plants, every family as often as another.
 """
 
 from __future__ import annotations
