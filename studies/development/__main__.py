@@ -25,7 +25,7 @@ from aoro_gym.diagnosis_benchmark.judge.suite import JudgedCase, Plan
 from aoro_gym.effects.catalogue import EFFECTS, IDS
 from aoro_gym.execution.digest import Contents, digest
 from aoro_gym.execution.files import read_json, write_json, write_text, written_whole
-from studies.development.cases import INDEPENDENT, LAYERED, SIZE_UNITS, kept, opened, planned
+from studies.development.cases import INDEPENDENT, LAYERED, SIZE_UNITS, kept, magnitudes, opened, planned
 from studies.development.rates import ROWS, Decided, Rate, rates
 
 BATCH = 16
@@ -78,8 +78,7 @@ def true_sizes(made: Plan, plants: Plants) -> list[dict[str, float]]:
     for case in own:
         run = made.runs(case, plants, machines[case.machine])["logs"][0]
         sizes = {}
-        for name in case.effects:
-            true = plants.magnitude(name, run.machine, run.effects[name])
+        for name, true in magnitudes(plants, case, run).items():
             unit = SIZE_UNITS.get((true["unit"], EFFECTS[name].operational[0].unit))
             if unit is not None:
                 sizes[name] = unit * true["magnitude"][0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from aoro_gym.diagnosis.recording import Recording
 from aoro_gym.diagnosis_benchmark import independent
 from aoro_gym.diagnosis_benchmark.cases import Excitation
 from aoro_gym.diagnosis_benchmark.judge.features import CHANNELS
-from aoro_gym.diagnosis_benchmark.judge.plants import IndependentPlants, LayeredPlants, Log, Plants
+from aoro_gym.diagnosis_benchmark.judge.plants import IndependentPlants, LayeredPlants, Log, PlantRun, Plants
 from aoro_gym.diagnosis_benchmark.judge.suite import SUITES, JudgedCase, Plan, Suite, plan
 from aoro_gym.execution.files import written_whole
 from aoro_gym.units import BAR, LITRE_PER_MINUTE
@@ -74,12 +75,15 @@ def cases_of(
         runs = [made.runs(case, plants, machines[case.machine]) for case in part]
         logs = iter(plants.record([run for each in runs for run in each["healthy"] + each["logs"]], exact=False))
         for case, each in zip(part, runs, strict=True):
-            one = each["logs"][0]
-            sizes = {
-                name: list(plants.magnitude(name, one.machine, one.effects[name])["magnitude"]) for name in case.effects
-            }
+            told = magnitudes(plants, case, each["logs"][0])
+            sizes = {name: list(magnitude["magnitude"]) for name, magnitude in told.items()}
             both = [[recording(run.excitation, next(logs)) for run in each[day]] for day in ("healthy", "logs")]
             yield DevelopmentCase(case, sizes, *both)
+
+
+def magnitudes(plants: Plants, case: JudgedCase, run: PlantRun) -> dict[str, dict[str, Any]]:
+    """True change of each effect's magnitude and its unit, as the plants measure it, of a ``run`` of the later day."""
+    return {name: plants.magnitude(name, run.machine, run.effects[name]) for name in case.effects}
 
 
 def recording(told: Excitation, log: Log) -> Recording:
