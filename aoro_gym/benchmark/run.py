@@ -19,7 +19,7 @@ from aoro_gym.benchmark.twins import twins
 from aoro_gym.checks import check_choice, check_integer, check_range
 from aoro_gym.envs.registration import ENVIRONMENTS
 from aoro_gym.machine import Machine
-from aoro_gym.twin.twin import cores
+from aoro_gym.twin.recorded import cores
 
 WHAT = ("twin", "env", "train")
 MOST_TWINS = 1_000_000

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from aoro_gym.benchmark.scene import EPISODE
-from aoro_gym.twin.twin import cores
+from aoro_gym.twin.recorded import cores
 
 RUNS = 5
 """Timed runs of each subject; the median, the fastest and the slowest are reported."""

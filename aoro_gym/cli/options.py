@@ -132,7 +132,7 @@ def check_device(device: str) -> None:
 
 
 def check_workers(asked: int | None) -> int:
-    from aoro_gym.twin.twin import cores
+    from aoro_gym.twin.recorded import cores
 
     if asked is not None:
         check_integer("--workers", asked)

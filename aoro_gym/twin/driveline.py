@@ -15,8 +15,9 @@ from aoro_gym.machine.parameters import Machine
 from aoro_gym.recording.commands import COMMAND_BOUNDS
 from aoro_gym.twin.hydraulic_step import check_hydraulic_step
 from aoro_gym.twin.kernels.driveline import drive
+from aoro_gym.twin.recorded import BLOCK_DIM
 from aoro_gym.twin.records import Command, Demand, DrivelineOutput, MachineRecord, State, pack, row_of
-from aoro_gym.twin.twin import BLOCK_DIM, Twin
+from aoro_gym.twin.twin import Twin
 
 COMMANDS = ("drive_signal", "gear", "parking_brake", "traction_fl", "traction_fr", "traction_rl", "traction_rr")
 """What a driveline is commanded."""

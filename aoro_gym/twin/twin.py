@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any, overload
 
@@ -25,6 +22,7 @@ from aoro_gym.twin.hydraulic_step import check_hydraulic_step, warn_of_fine_step
 from aoro_gym.twin.kernels import overwrite
 from aoro_gym.twin.kernels.build import build
 from aoro_gym.twin.kernels.laws import ChosenLaws, DefaultLaws
+from aoro_gym.twin.recorded import BLOCK_DIM, RecordedAdvance, cores
 from aoro_gym.twin.records import (
     CHANNELS,
     COMMAND_BOUNDS,
@@ -41,14 +39,8 @@ from aoro_gym.units import GRAVITY
 LONGEST_COMMAND_DELAY = 0.1
 """Upper bound [s] of ``steering.valve.command_delay``; that much of the steering command is kept."""
 
-BLOCK_DIM = 32
-"""Threads a block: one warp, so that a few thousand twins already reach every multiprocessor. Every other number would
-compile the kernels again."""
-
-FIRST = 9
-"""Of the arguments of the kernel that advances: the number of the first twin."""
-WORTH_THREADS = 200
-"""Twin-steps of a launch (about 4 µs each on a core) from which several CPU threads pay."""
+KEPT_LAUNCHES = 16
+"""Recorded launches that a twin keeps, one for each duration and sampling interval it is advanced by."""
 
 STATE_ARRAYS = ("_machines", "state", "commands", "_history", "_clock", "_status", "_outputs")
 """What a twin's next steps depend on, beside its ground."""
@@ -189,7 +181,9 @@ class Twin:
         self._history = wp.zeros((kept, n), dtype=float, device=self.device)
         self._clock = wp.zeros(n, dtype=int, device=self.device)
         self._status = wp.zeros(n, dtype=int, device=self.device)
-        self._outputs = wp.zeros((1, len(Output), n), dtype=float, device=self.device)
+        seen = {"_clock": self._clock, "_status": self._status} if self.device.is_cpu else {}
+        self._seen = {name: array.numpy() for name, array in seen.items()}  # the same memory, to be had at once
+        self._make_room(1)
         self._mask = wp.ones(n, dtype=bool, device=self.device)
         self._pose = wp.zeros((4, n), dtype=float, device=self.device)
         self._numbers = wp.zeros(n, dtype=int, device=self.device)
@@ -299,6 +293,10 @@ class Twin:
         Raises:
             ValueError: unknown name, wrong shape, not finite or out of its bounds (``COMMAND_BOUNDS``).
         """
+        if self._host_commands is not None and _plain(commands):
+            for name, value in commands.items():
+                self._host_commands[_PLAIN[name][0]] = value
+            return
         rows: dict[int, npt.NDArray[np.float32]] = {}
         for name, value in commands.items():
             row = row_of(Command, name, "command")
@@ -359,7 +357,7 @@ class Twin:
         self.advance(duration, sample_every=sample_every)
         if start is None or sample_every is None:
             return None
-        samples = self._outputs.numpy().copy()
+        samples = self._on_host("_outputs").copy()
         return Trace(time=start + sample_every * np.arange(1, len(samples) + 1), samples=samples)
 
     def advance(self, duration: float = 0.02, *, sample_every: float | None = None) -> None:
@@ -369,7 +367,13 @@ class Twin:
             duration: A whole number of main steps [s].
             sample_every: Sampling interval of :attr:`outputs` [s], a whole number of main steps; only the end if None.
         """
-        self._launch(self._held, *self._frames(duration, sample_every), 0, self.num_twins)
+        recorded = self._recorded.get((duration, sample_every))
+        if recorded is None:
+            recorded = self._record(self._held, *self._frames(duration, sample_every))
+            if len(self._recorded) >= KEPT_LAUNCHES:
+                self._recorded.clear()
+            self._recorded[duration, sample_every] = recorded
+        recorded(0, self.num_twins, self.threads)
 
     def advancing(
         self, duration: float = 0.02, *, sample_every: float | None = None, commands: wp.array | None = None
@@ -387,20 +391,8 @@ class Twin:
         told = self._held if commands is None else commands
         if frames % len(told):
             raise ValueError(f"{len(told)} sets of commands cannot share {frames} samples equally")
-        recorded = self._advance(told, frames, every, 0, self.num_twins, record_cmd=True)
-        range_told = (0, self.num_twins)
-
-        def advance(first: int, last: int) -> None:
-            nonlocal range_told
-            if self._sharing(last - first, frames * every) > 1:
-                return self._launch(told, frames, every, first, last)
-            if range_told != (first, last):
-                recorded.set_param_at_index(FIRST, first)
-                recorded.set_dim(last - first)
-                range_told = (first, last)
-            recorded.launch()
-
-        return advance
+        recorded = self._record(told, frames, every)
+        return lambda first, last: recorded(first, last, self.threads)
 
     def _frames(self, duration: float, sample_every: float | None) -> tuple[int, int]:
         """Number of samples, for which there is room then, and main steps a sample."""
@@ -412,43 +404,28 @@ class Twin:
             )
         frames = steps // every
         if self._outputs.shape[0] != frames:
-            self._outputs = wp.zeros((frames, len(Output), self.num_twins), dtype=float, device=self.device)
+            self._make_room(frames)
         return frames, every
 
-    def _advance(
-        self, commands: wp.array, frames: int, every: int, first: int, count: int, *, record_cmd: bool = False
-    ) -> Any:
-        """Launch ``frames`` times ``every`` main steps of ``count`` twins from the ``first`` on, or record that."""
-        return wp.launch(
-            self._advance_kernel,
-            dim=count,
-            inputs=[
-                self._machines, self._laws, self.ground, commands, self.state, self._history, self._clock,
-                self._status, self._outputs, first, frames, every, self.substeps, self.main_step,
-            ],
-            device=self.device,
-            block_dim=BLOCK_DIM,
-            record_cmd=record_cmd,
-        )  # fmt: skip
+    def _make_room(self, frames: int) -> None:
+        """Make outputs of so many samples; launches are not of them yet."""
+        self._outputs = wp.zeros((frames, len(Output), self.num_twins), dtype=float, device=self.device)
+        if self.device.is_cpu:
+            self._seen["_outputs"] = self._outputs.numpy()
+        self._recorded: dict[tuple[float, float | None], RecordedAdvance] = {}
 
-    def _launch(self, commands: wp.array, frames: int, every: int, first: int, last: int) -> None:
-        """Launch ``frames`` times ``every`` main steps of the twins from ``first`` up to ``last``; on the CPU, whose backend
-        is single-threaded, one slice of twins a thread."""
-        twins = last - first
-        threads = self._sharing(twins, frames * every)
+    def _on_host(self, name: str) -> npt.NDArray[Any]:
+        """The values of ``_outputs``, ``_clock`` or ``_status``."""
+        seen = self._seen.get(name)
+        return getattr(self, name).numpy() if seen is None else seen
 
-        def launch(slot: int) -> None:
-            begin, end = (first + number * twins // threads for number in (slot, slot + 1))
-            self._advance(commands, frames, every, begin, end - begin)
-
-        if threads == 1:
-            launch(0)
-        else:
-            list(_threads().map(launch, range(threads)))
-
-    def _sharing(self, twins: int, steps: int) -> int:
-        """CPU threads that share a launch of ``steps`` main steps of ``twins``; 1 on a GPU."""
-        return min(self.threads, twins) if self.device.is_cpu and twins * steps >= WORTH_THREADS else 1
+    def _record(self, commands: wp.array, frames: int, every: int) -> RecordedAdvance:
+        """The launch of ``frames`` times ``every`` main steps."""
+        inputs = [
+            self._machines, self._laws, self.ground, commands, self.state, self._history, self._clock, self._status,
+            self._outputs, 0, frames, every, self.substeps, self.main_step,
+        ]  # fmt: skip
+        return RecordedAdvance(self._advance_kernel, inputs, steps=frames * every, device=self.device)
 
     def _whole(self, seconds: float, name: str) -> int:
         steps = round(seconds / self.main_step) if np.isfinite(seconds) else 0
@@ -528,16 +505,16 @@ class Twin:
     @property
     def time(self) -> npt.NDArray[np.float64]:
         """Time since the last reset [s], shape (num_twins,)."""
-        return self._clock.numpy() * self.main_step
+        return self._on_host("_clock") * self.main_step
 
     def output(self, channel: str) -> npt.NDArray[np.float32]:
         """Last value of an output channel, SI, shape (num_twins,); zero before the first step."""
-        return self._outputs.numpy()[-1, row_of(Output, channel, "output")]
+        return self._on_host("_outputs")[-1, row_of(Output, channel, "output")]
 
     @property
     def status(self) -> npt.NDArray[Any]:
         """Status of every twin, shape (num_twins,): 0 runs, else frozen (see ``STATUS``)."""
-        return self.status_codes.numpy()
+        return self._on_host("_status")
 
     @property
     def status_codes(self) -> wp.array:
@@ -562,7 +539,7 @@ def _restored(
     """The twin that was made so, in the state that it was in."""
     twin = kind(**made, threads=min(threads, cores()), check_step=False)  # it was checked when it was made
     twin._check_step = check_step
-    twin._outputs = wp.zeros(state["_outputs"].shape, dtype=float, device=twin.device)
+    twin._make_room(len(state["_outputs"]))
     for name, values in state.items():
         array = getattr(twin, name)
         wp.copy(array, wp.array(values, dtype=array.dtype, device=twin.device))
@@ -570,14 +547,21 @@ def _restored(
     return twin
 
 
-def cores() -> int:
-    """CPU cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+_PLAIN = {
+    name: (int(Command[name.upper()]), low, high) for name, (low, high, _) in COMMAND_BOUNDS.items() if name != "gear"
+}
+"""Row and bounds of the commands that may be any number within them."""
 
 
-@cache
-def _threads() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(cores(), thread_name_prefix="twin")
+def _plain(commands: Mapping[str, Any]) -> bool:
+    """Whether all are numbers of Python's within their bounds, which is most of what takes a while to check of arrays."""
+    for name, value in commands.items():
+        if type(value) not in (float, int) or name not in _PLAIN:
+            return False
+        _, low, high = _PLAIN[name]
+        if not low <= value <= high:
+            return False
+    return True
 
 
 def _repeated(records: npt.NDArray[Any], count: int) -> npt.NDArray[Any]:

@@ -10,7 +10,7 @@ from aoro_gym.execution import devices
 from aoro_gym.recording.commands import WHEELS
 from aoro_gym.twin import Twin
 from aoro_gym.twin.kernels.tire_forces import build
-from aoro_gym.twin.twin import BLOCK_DIM
+from aoro_gym.twin.recorded import BLOCK_DIM
 
 
 class TireForces:

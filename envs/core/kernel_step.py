@@ -16,7 +16,8 @@ import warp as wp
 from aoro_gym.envs.core.kernels.step import DONE, OWN, RUNNING, TERMINATED, TRUNCATED, StepMemory, rest_outputs
 from aoro_gym.envs.core.task import Outputs
 from aoro_gym.execution.array_api import Array, Arrays, Index
-from aoro_gym.twin.twin import BLOCK_DIM
+from aoro_gym.execution.launches import RecordedLaunch
+from aoro_gym.twin.recorded import BLOCK_DIM
 
 Launch = tuple[Any, list[Any]]
 """A kernel and what it takes; one thread a sub-environment."""
@@ -115,11 +116,9 @@ class KernelStep:
         for field, numbers in (("reward_kinds", rewards), ("observation_kinds", observations), ("columns", columns)):
             setattr(self._memory, field, wp.array(np.array(numbers, dtype=np.int32), dtype=int, device=device))
 
-    def _recorded(self, launch: Launch) -> Any:
+    def _recorded(self, launch: Launch) -> RecordedLaunch:
         kernel, inputs = launch
-        return wp.launch(
-            kernel, dim=self.num_envs, inputs=inputs, device=self._twin.device, block_dim=BLOCK_DIM, record_cmd=True
-        )
+        return RecordedLaunch(kernel, self.num_envs, inputs, device=self._twin.device, block_dim=BLOCK_DIM)
 
     def run(self, actions: Array) -> None:
         """One control step under ``actions`` (N, A), observation included."""

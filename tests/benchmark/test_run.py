@@ -10,7 +10,7 @@ from aoro_gym.benchmark import startup
 from aoro_gym.benchmark.report import tables
 from aoro_gym.benchmark.run import Plan, run
 from aoro_gym.benchmark.timing import RUNS
-from aoro_gym.twin.twin import cores
+from aoro_gym.twin.recorded import cores
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """The host side of the twin: errors, resets, batches, and what happens to a twin that goes non-finite."""
 
+import math
+
 import numpy as np
 import pytest
 import warp as wp
@@ -7,8 +9,8 @@ import warp as wp
 from aoro_gym.machine import Machine
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.twin import Twin
+from aoro_gym.twin.recorded import WORTH_THREADS, cores
 from aoro_gym.twin.records import COMMAND_BOUNDS, OUTPUT_UNITS, Command, MachineRecord, Output, State, pack
-from aoro_gym.twin.twin import WORTH_THREADS, cores
 
 
 @pytest.mark.parametrize(
@@ -281,13 +283,51 @@ def test_advancing_again_and_again_is_to_advance(count):
     np.testing.assert_array_equal(twins[0].outputs.numpy(), twins[1].outputs.numpy())
 
 
-def test_a_few_twins_are_told_by_a_recorded_launch(monkeypatch):
-    """On the CPU, too; many are shared by threads, each of which is told anew."""
+@pytest.mark.parametrize("count", [1, 300])
+def test_what_is_done_again_and_again_is_told_once(count, monkeypatch):
+    """Of one twin, and of many that threads share: nothing is told Warp anew but what differs."""
+    twin = Twin(count, device="cpu")
+    advance, told, real = twin.advancing(0.01), [], wp.launch
+    monkeypatch.setattr(wp, "launch", lambda *given, **named: (told.append(1), real(*given, **named))[1])
+    for _ in range(2):
+        advance(0, count)
+    assert twin.time[0] == 0.02 and len(told) < min(twin.threads, count)  # each thread's own
+    for _ in range(2):
+        twin.step({"steering_signal": 0.5}, 0.02)
+    told.clear()
+    trace = twin.step({"steering_signal": 0.5}, 0.02, sample_every=0.02)
+    assert trace is not None and len(told) <= min(twin.threads, count)  # another sampling interval
+    told.clear()
+    for _ in range(2):
+        twin.step({"steering_signal": 0.4}, 0.02)
+        trace = twin.step({"steering_signal": 0.4}, 0.02, sample_every=0.02)
+        assert trace is not None and trace["steering_signal"][-1, -1] == np.float32(0.4)
+    assert not told
+    assert np.allclose(twin.time, 0.16, rtol=0.0, atol=1e-12)
+
+
+def test_outputs_of_another_length_are_told_anew():
+    """Short steps between long traces, and more durations than are kept."""
+    alternating, straight = Twin(1, device="cpu"), Twin(1, device="cpu")
+    for twin in (alternating, straight):
+        twin.set_commands({"steering_signal": 0.7})
+    for number in range(1, 20):
+        alternating.step(duration=0.001 * number)
+        alternating.step(duration=0.02, sample_every=0.01)
+        alternating.step(duration=0.02)
+    straight.step(duration=0.19 + 19 * 0.04)
+    assert np.array_equal(alternating.state.numpy(), straight.state.numpy())
+    assert np.array_equal(alternating.output("joint_angle"), straight.output("joint_angle"))
+
+
+@pytest.mark.parametrize("wrong", [1.5, -1.5, math.nan, math.inf, 2, np.float32(1.5), "left"])
+def test_plain_numbers_are_checked_as_arrays_are(wrong):
+    """A number of Python's takes a short way: with the same bounds, and nothing is set before all is checked."""
     twin = Twin(1, device="cpu")
-    advance, told = twin.advancing(0.01), []
-    monkeypatch.setattr(wp, "launch", lambda *_, **__: told.append(1))
-    advance(0, 1)
-    assert twin.time[0] == 0.01 and not told
+    before = twin.commands.numpy().copy()
+    with pytest.raises(ValueError, match=r"steering_signal is|could not convert"):
+        twin.set_commands({"drive_signal": 0.5, "steering_signal": wrong})
+    assert np.array_equal(twin.commands.numpy(), before)
 
 
 @pytest.mark.parametrize("count", [1, 300])

@@ -1,0 +1,73 @@
+"""The launches that advance twins, recorded."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from typing import Any
+
+from aoro_gym.execution.launches import RecordedLaunch
+
+BLOCK_DIM = 32
+"""Threads a block: one warp, so that a few thousand twins already reach every multiprocessor. Every other number would
+compile the kernels again."""
+FIRST = 9
+"""Of the arguments of the kernel that advances: the number of the first twin."""
+WORTH_THREADS = 200
+"""Twin-steps of a launch (about 4 µs each on a core) from which several CPU threads pay."""
+
+
+class RecordedAdvance:
+    """Advances twins by a number of main steps.
+
+    Args:
+        kernel: The kernel ``advance``.
+        inputs: Its arguments.
+        steps: Main steps, for how many threads pay.
+        device: Of the twins.
+    """
+
+    def __init__(self, kernel: Any, inputs: Sequence[Any], *, steps: int, device: Any):
+        self._steps, self._on_cpu = steps, device.is_cpu
+        self._record = lambda: RecordedLaunch(kernel, 1, inputs, device=device, block_dim=BLOCK_DIM)
+        self._launches = [self._record()]
+        self._told = (0, 0, 0)
+        self._own: Callable[[], Any] = lambda: None
+        self._others: list[Callable[[], Any]] = []
+
+    def __call__(self, first: int, last: int, threads: int) -> None:
+        """Advance the twins from ``first`` up to ``last``; on the CPU, whose backend is single-threaded, one slice of them a
+        thread, of ``threads`` at most."""
+        told = (first, last, threads)
+        if told != self._told:
+            self._share(*told)
+            self._told = told
+        if self._others:
+            waiting = [_threads().submit(launch) for launch in self._others]
+            self._own()
+            for one in waiting:
+                one.result()
+        else:
+            self._own()
+
+    def _share(self, first: int, last: int, threads: int) -> None:
+        twins = last - first
+        shares = min(threads, twins) if self._on_cpu and twins * self._steps >= WORTH_THREADS else 1
+        while len(self._launches) < shares:
+            self._launches.append(self._record())
+        for number, launch in enumerate(self._launches[:shares]):
+            begin, end = (first + each * twins // shares for each in (number, number + 1))
+            launch.set(end - begin, FIRST, begin)
+        self._own, *self._others = (launch.launch for launch in self._launches[:shares])
+
+
+def cores() -> int:
+    """CPU cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@cache
+def _threads() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(cores(), thread_name_prefix="twin")
