@@ -108,11 +108,17 @@ def launches(env: Any, step: Callable[[], Any]) -> dict[str, Any]:
     return {"operators": operators.count}
 
 
-def measure(name: str, num_envs: int, device: str, output: str, seconds: float, runs: int) -> dict[str, Any]:
+def measure(asked: argparse.Namespace, num_envs: int) -> dict[str, Any]:
     """One row: steps a second of all sub-environments, median of ``runs`` that last ``seconds`` in all."""
+    name, device, output, runs = asked.env, asked.device, asked.output, asked.runs
     began = time.perf_counter()
     made: Any = gymnasium.make_vec(
-        name, num_envs=num_envs, device=device, output=output, randomisation=ENVIRONMENTS[name]
+        name,
+        num_envs=num_envs,
+        device=device,
+        output=output,
+        randomisation=ENVIRONMENTS[name],
+        observation_terms=dict.fromkeys(asked.terms, True),
     )
     built = time.perf_counter()
     env = made.unwrapped
@@ -139,7 +145,7 @@ def measure(name: str, num_envs: int, device: str, output: str, seconds: float, 
         return time.perf_counter() - start
 
     steps = 2
-    while (spent := run(steps)) < seconds / runs:
+    while (spent := run(steps)) < asked.seconds / runs:
         steps *= 2
     ended = 0
     spent = [run(steps) for _ in range(runs)]
@@ -149,6 +155,8 @@ def measure(name: str, num_envs: int, device: str, output: str, seconds: float, 
         "environment": name,
         "device": env.twin.device.name,
         "output": output,
+        "terms": asked.terms,
+        "columns": env.single_observation_space.shape[0],
         "envs": num_envs,
         "steps_per_s": statistics.median(rates),
         "min": min(rates),
@@ -171,13 +179,14 @@ def main() -> None:
     parser.add_argument("--output", choices=["numpy", "torch"], default="numpy")
     parser.add_argument("--seconds", type=float, default=3.0, help="measured for each number, at least")
     parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--terms", nargs="*", default=[], help="terms that cast rays: lidar, height_map")
     parser.add_argument("--json", type=Path, help="file for the rows")
     asked = parser.parse_args()
     wp.config.log_level = wp.LOG_ERROR
     register_envs()
     rows = []
     for num_envs in map(int, asked.envs.split(",")):
-        rows.append(measure(asked.env, num_envs, asked.device, asked.output, asked.seconds, asked.runs))
+        rows.append(measure(asked, num_envs))
         print(
             json.dumps({k: float(f"{v:.4g}") if isinstance(v, float) else v for k, v in rows[-1].items()}), flush=True
         )

@@ -52,20 +52,14 @@ class HeightMapSensor:
         noise: float = 0.0,
         seed: int = 0,
     ):
-        check_range("cell", cell, "m", gt=0.0, lt=math.inf)
+        points = grid_points(forward, left, cell)
         check_range("above", above, "m", gt=0.0, le=1000.0)
         check_range("noise", noise, "m", ge=0.0, lt=math.inf)
         check_integer("seed", seed, ge=0)
-        for name, (low, high) in {"forward": forward, "left": left}.items():
-            check_finite(name, (low, high), "m")
-            check_range(f"second number of {name}", high, "m", ge=low, note=", the first one")
         self.forward, self.left = _nodes(forward, cell), _nodes(left, cell)
-        count = len(self.forward) * len(self.left)
-        check_range("number of points of the height map", count, le=MOST_POINTS, note="; take larger cells")
         self.scene, self.above, self.noise = scene, above, noise
         self._mesh = scene.ground if ground_only else scene.mesh
         self._rng = np.random.default_rng(seed)
-        points = np.stack(np.meshgrid(self.forward, self.left, indexing="ij"), axis=-1).reshape(-1, 2)
         self._points = wp.array(points, dtype=cast(Any, wp.vec2), device=scene.device)
 
     def measure(self, position: ArrayLike, heading: ArrayLike) -> NDArray[np.float32]:
@@ -99,6 +93,17 @@ class HeightMapSensor:
         inputs = [self._mesh.id, frames, self._points, float(self.above)]
         wp.launch(look_down, dim=out.shape, inputs=inputs, outputs=[out], device=device)
         return out
+
+
+def grid_points(forward: tuple[float, float], left: tuple[float, float], cell: float) -> NDArray[np.float64]:
+    """(forward x left, 2) [m] points of a grid, see :class:`HeightMapSensor`, which names what it raises."""
+    check_range("cell", cell, "m", gt=0.0, lt=math.inf)
+    for name, (low, high) in {"forward": forward, "left": left}.items():
+        check_finite(name, (low, high), "m")
+        check_range(f"second number of {name}", high, "m", ge=low, note=", the first one")
+    count = math.prod(int((high - low) / cell + 1e-6) + 1 for low, high in (forward, left))
+    check_range("number of points of the height map", count, le=MOST_POINTS, note="; take larger cells")
+    return np.stack(np.meshgrid(_nodes(forward, cell), _nodes(left, cell), indexing="ij"), axis=-1).reshape(-1, 2)
 
 
 def _nodes(bounds: tuple[float, float], cell: float) -> NDArray[np.float64]:

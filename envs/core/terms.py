@@ -126,25 +126,32 @@ def changed_rewards(terms: Mapping[str, RewardTerm], changes: Mapping[str, Any] 
 
 
 def changed_observations(
-    terms: Mapping[str, ObservationTerm], changes: Mapping[str, Any] | None
+    terms: Mapping[str, ObservationTerm],
+    changes: Mapping[str, Any] | None,
+    offered: Mapping[str, Callable[[], ObservationTerm]] | None = None,
 ) -> Frozen[ObservationTerm]:
     """``terms`` with ``changes`` by name: a term, a function alone, or None to leave the term out; new ones come last.
 
-    Raises ValueError that names the term and the fix.
+    True asks for the term that is ``offered`` under the name, with its defaults. Raises ValueError that names the term and
+    the fix.
     """
+    offered = {} if offered is None else offered
     result = dict(terms)
     for name, change in _named(changes, "observation_terms").items():
         if change is None:
             _known(name, result, "observation_terms", "leave out")
             del result[name]
+        elif change is True:
+            _known(name, offered, "observation_terms", "ask for by True")
+            result[name] = offered[name]()
         elif isinstance(change, ObservationTerm):
             result[name] = change
         elif callable(change):
             result[name] = ObservationTerm(change)
         else:
             raise ValueError(
-                f"observation_terms[{name!r}] is {change!r}; give an ObservationTerm, a function, or None to leave the "
-                "term out"
+                f"observation_terms[{name!r}] is {change!r}; give an ObservationTerm, a function, None to leave the "
+                f"term out, or True for one of: {', '.join(offered) or 'none'}"
             )
     if not result:
         raise ValueError("observation_terms leaves no term; keep at least one")

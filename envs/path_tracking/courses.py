@@ -13,10 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym import terrains
+from aoro_gym.envs.core.ray_sensing import Ground
 from aoro_gym.execution.array_api import HOST, Array, Arrays, namespace
 from aoro_gym.execution.cache import cached, computed_with
 from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.terrains.raster import CELL, surface
+from aoro_gym.terrains.world.world import World
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +29,9 @@ class Course:
     paths: tuple[Path, ...]
     name: str = "course"
     trees: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 4)))
-    """(K, 4) x, y, radius and height [m] of what pictures show beside the ground; the machine does not feel them."""
+    """(K, 4) x, y, radius and height [m] that pictures and rays show beside the ground; the machine does not feel them."""
+    world: World | None = None
+    """What rays meet instead of ``terrain`` and ``trees``: a world with its objects, on the same terrain."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "paths", tuple(self.paths))
@@ -36,12 +40,21 @@ class Course:
         for path in self.paths:
             if not isinstance(path, Path):
                 raise ValueError(f"course {self.name!r} has {path!r} for a path; give aoro_gym.terrains.Path")
+        if self.world is not None and self.world.terrain is not self.terrain:
+            raise ValueError(f"course {self.name!r}: its world stands on another terrain; give terrain=world.terrain")
         if isinstance(self.terrain, Plane):
             for entry in fields(self.terrain):
                 if np.ndim(getattr(self.terrain, entry.name)):
                     raise ValueError(
                         f"course {self.name!r}: the plane's {entry.name} is an array, but must be a number"
                     )
+
+    @property
+    def surroundings(self) -> Ground:
+        """What rays meet."""
+        if self.world is not None:
+            return self.world
+        return self.terrain if isinstance(self.terrain, Plane) else (self.terrain, self.trees)
 
 
 class HeightMap:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from aoro_gym.envs.core.ray_terms import RAY_TERMS
 from aoro_gym.envs.core.single import TwinEnv
 from aoro_gym.envs.core.terms import ObservationTerm, RewardTerm, changed_observations, changed_rewards
 from aoro_gym.envs.core.vector import TwinVectorEnv, check_keywords
@@ -39,7 +40,8 @@ class PathTrackingVectorEnv(TwinVectorEnv):
         terrain: Instead: one ground, with ``path`` or with paths that are generated.
         path: The only path on it.
         reward_terms: Changes to the reward terms by name; see :mod:`aoro_gym.envs.core.terms`.
-        observation_terms: Changes to the observation terms by name.
+        observation_terms: Changes to the observation terms by name; ``"lidar": True`` and ``"height_map": True`` add what
+            rays show, see :mod:`aoro_gym.envs.core.ray_terms`.
         randomisation: Instead of the configuration's: ``FIXED``, ``MILD`` or an own one.
         gear: 1, 2, 3 or ``"automatic"``.
         arms: ``"share"`` the weight (the default), ``"level"`` the frames, too, or ``"hold"``; or an
@@ -64,7 +66,7 @@ class PathTrackingVectorEnv(TwinVectorEnv):
         terrain: Terrain | Plane | None = None,
         path: Path | None = None,
         reward_terms: Mapping[str, RewardTerm | tuple[float, Callable[[Any], Array]] | float | None] | None = None,
-        observation_terms: Mapping[str, ObservationTerm | Callable[[Any], Array] | None] | None = None,
+        observation_terms: Mapping[str, ObservationTerm | Callable[[Any], Array] | bool | None] | None = None,
         randomisation: PathTrackingRandomisation | None = None,
         gear: int | str | None = None,
         arms: ArmControl | str | None = None,
@@ -98,7 +100,7 @@ class PathTrackingVectorEnv(TwinVectorEnv):
         config = replace(
             config,
             reward_terms=changed_rewards(config.reward_terms, reward_terms),
-            observation_terms=changed_observations(observed, observation_terms),
+            observation_terms=changed_observations(observed, observation_terms, RAY_TERMS),
         )
         library = as_courses(courses, terrain, path)
         grounds = [course.terrain for course in library]

@@ -24,6 +24,8 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from aoro_gym.envs.core.randomisation import Draws
+from aoro_gym.envs.core.ray_sensing import RaySensing
+from aoro_gym.envs.core.ray_terms import looks_back
 from aoro_gym.envs.core.task import Outputs, Start, StepResult, Terrains, chosen, sensing
 from aoro_gym.envs.path_tracking.assistance import ArmController, AutomaticGear
 from aoro_gym.envs.path_tracking.config import PathTrackingConfig
@@ -129,6 +131,8 @@ class PathTracking:
         self._measured_s, self._measured_cross_track = arrays.zeros(n), arrays.zeros(n)
         self._measured_heading_error = arrays.zeros(n)
         self._actions = arrays.zeros((config.action_memory, n, self.action_space.shape[0]), xp.float32)
+        grounds = [course.surroundings for course in self.courses]
+        self._rays = RaySensing(n, grounds, config.control_step, looks_back(self.observation_terms), arrays)
         self._view: PathTrackingView | None = None
         # controllers
         self._gear = AutomaticGear(n, config.gear_shift, arrays)
@@ -168,7 +172,9 @@ class PathTracking:
         ):  # fmt: skip
             arrays.put(state, rows, value)
         arrays.put(self._actions, (slice(None), rows), 0.0)
-        self._sensors.reset(rows, sensing(options, where, n, generators), draws.sensor_noise)
+        sensor_generators = sensing(options, where, n, generators)
+        self._sensors.reset(rows, sensor_generators, draws.sensor_noise)
+        self._rays.reset(rows, course, draws.sensor_noise, sensor_generators)
         self._gear.reset(rows, 1.0 if config.act_gear or config.gear == "automatic" else float(config.gear))
         self._arms.reset(rows)
         return Start(
@@ -370,6 +376,8 @@ class PathTracking:
             gear=self._gear.gear,
             actions=xp.permute_dims(self._actions, (1, 0, 2)),
             heights=self._heights(),
+            step=self._step,
+            rays=self._rays,
             outputs=self._outputs,
         )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from aoro_gym.envs.core.ray_sensing import RaySensing
 from aoro_gym.envs.core.task import Outputs
 from aoro_gym.execution.array_api import Array
 
@@ -73,6 +74,10 @@ class PathTrackingView:
     """The last actions, newest first, shape (N, M, A)."""
     heights: Array
     """Ground at the scan's places over that at the reference point [m], shape (N, G)."""
+    step: Array
+    """Control steps since the episode began, int64."""
+    rays: RaySensing
+    """For terms that cast rays."""
     outputs: Outputs
     """Exact output channels of the twins over the step."""
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from aoro_gym.envs.core.randomisation import Randomisation
+from aoro_gym.envs.core.ray_terms import RAY_TERMS
 from aoro_gym.envs.core.single import TwinEnv
 from aoro_gym.envs.core.terms import ObservationTerm, RewardTerm, changed_observations, changed_rewards
 from aoro_gym.envs.core.vector import TwinVectorEnv, check_keywords
@@ -34,7 +35,8 @@ class TurningVectorEnv(TwinVectorEnv):
         num_envs: Sub-environments.
         config: The task; see :class:`TurningConfig`.
         reward_terms: Changes to its reward terms by name; see :mod:`aoro_gym.envs.core.terms`.
-        observation_terms: Changes to its observation terms by name.
+        observation_terms: Changes to its observation terms by name; see :mod:`aoro_gym.envs.core.ray_terms` for those
+            that cast rays.
         observe_pressures: Add the pressures of both ports and of the pump to the observation.
         randomisation: Instead of the configuration's: ``FIXED``, ``MILD`` or an own one.
         arguments: See :class:`TwinVectorEnv`: machine, terrain, device, output, own_machines, autoreset_mode,
@@ -49,7 +51,7 @@ class TurningVectorEnv(TwinVectorEnv):
         *,
         config: TurningConfig | None = None,
         reward_terms: Mapping[str, RewardTerm | tuple[float, Callable[[Any], Array]] | float | None] | None = None,
-        observation_terms: Mapping[str, ObservationTerm | Callable[[Any], Array] | None] | None = None,
+        observation_terms: Mapping[str, ObservationTerm | Callable[[Any], Array] | bool | None] | None = None,
         observe_pressures: bool | None = None,
         randomisation: Randomisation | None = None,
         **arguments: Any,
@@ -62,7 +64,7 @@ class TurningVectorEnv(TwinVectorEnv):
             config,
             observe_pressures=observe_pressures,
             reward_terms=changed_rewards(config.reward_terms, reward_terms),
-            observation_terms=changed_observations(observed, observation_terms),
+            observation_terms=changed_observations(observed, observation_terms, RAY_TERMS),
             randomisation=config.randomisation if randomisation is None else randomisation,
         )
         super().__init__(Turning(config), num_envs, **arguments)

@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 
 from aoro_gym.envs.core.joint import MeasuredJoint
 from aoro_gym.envs.core.randomisation import Draws
+from aoro_gym.envs.core.ray_sensing import RaySensing
+from aoro_gym.envs.core.ray_terms import looks_back
 from aoro_gym.envs.core.task import Outputs, Start, StepResult, Terrains, chosen, given, sensing
 from aoro_gym.envs.turning.config import TurningConfig
 from aoro_gym.envs.turning.view import TurningView
@@ -28,7 +30,7 @@ from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats
 from aoro_gym.machine import Machine
 from aoro_gym.sensors import PressureSensor
 from aoro_gym.terrains import Plane
-from aoro_gym.twin.records import Output
+from aoro_gym.twin.records import Output, State
 
 TARGETS_DRAWN = 32
 """Targets drawn for an episode; the last one stays."""
@@ -61,7 +63,9 @@ class Turning:
         n, config = num_envs, self.config
         self._terrains = terrains
         frames = round(config.control_step / config.sample_step)
-        self._outputs = Outputs(arrays.zeros((frames, len(Output), n), xp.float32))
+        self._outputs = Outputs(
+            arrays.zeros((frames, len(Output), n), xp.float32), arrays.zeros((len(State), n), xp.float32)
+        )
         # goals
         self._table = arrays.zeros((n, TARGETS_DRAWN), xp.float32)  # [rad]
         self._until = arrays.full((n, TARGETS_DRAWN), LAST_STEP, xp.int64)  # step that ends each target
@@ -95,6 +99,8 @@ class Turning:
             else None
         )
         self._pressures = arrays.zeros((n, 3 * config.observe_pressures), xp.float32)
+        grounds = [terrains] if isinstance(terrains, Plane) else list(terrains)
+        self._rays = RaySensing(n, grounds, config.control_step, looks_back(self.observation_terms), arrays)
         # what the kernels' last step pursued: target, error and overshoot [rad], and the target's age [s]
         self._pursued, self._pursued_age = arrays.zeros((3, n), xp.float32), arrays.zeros(n)
 
@@ -172,7 +178,9 @@ class Turning:
             if sensor is not None:
                 sensor.reset(rows, sensor_draws)
         heading = given(options, "heading", where, len(self._target), np.zeros(count), -math.tau, math.tau, "rad")
-        return Start(angle, heading, *self._standpoint(where, generators, options))
+        middle, terrain = self._standpoint(where, generators, options)
+        self._rays.reset(rows, np.zeros(count) if terrain is None else terrain, draws.sensor_noise, sensor_draws)
+        return Start(angle, heading, middle, terrain)
 
     def _standpoint(
         self, where: NDArray[np.intp], generators: list[np.random.Generator], options: Mapping[str, Any]
@@ -301,6 +309,8 @@ class Turning:
             signals=self._signals.T,
             flows=self._flows,
             measured_pressures=self._pressures,
+            step=self._step,
+            rays=self._rays,
             outputs=self._outputs,
         )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from aoro_gym.envs.core.ray_sensing import RaySensing
 from aoro_gym.envs.core.task import Outputs
 from aoro_gym.execution.array_api import Array
 
@@ -41,6 +42,10 @@ class TurningView:
     """True joint flow [m³/s], positive left, at the end of the last three steps, newest first, shape (3, N)."""
     measured_pressures: Array
     """Ports A and B and the pump [Pa] as their sensors give them, shape (N, 3); (N, 0) if they are not observed."""
+    step: Array
+    """Control steps since the episode began, int64."""
+    rays: RaySensing
+    """For terms that cast rays."""
     outputs: Outputs
     """Exact output channels of the twins over the step."""
 

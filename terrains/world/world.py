@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,6 +97,9 @@ class World:
             raise ValueError(f"world ground holds {ground.max()}, but the last surface is {len(Surface) - 1}")
         ground.flags.writeable = False
         object.__setattr__(self, "ground", ground)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> World:
+        return self  # immutable
 
     @property
     def counts(self) -> dict[str, int]:

@@ -204,6 +204,68 @@ def pose_at(times: wp.array(dtype=float), poses: wp.array2d(dtype=wp.transform),
     return wp.transform(p, wp.normalize(q * (1.0 - share) + r * share))
 
 
+@wp.struct
+class Pulse:
+    """A beam in the world's axes."""
+
+    origin: wp.vec3  # [m]
+    axis: wp.vec3  # unit, as left and up
+    left: wp.vec3
+    up: wp.vec3
+
+
+@wp.func
+def pulse_of(pose: wp.transform, azimuth: float, elevation: float):
+    """The beam of a sensor at a pose, by its angles [rad] in the sensor's axes."""
+    out = Pulse()
+    ca = wp.cos(azimuth)
+    sa = wp.sin(azimuth)
+    ce = wp.cos(elevation)
+    se = wp.sin(elevation)
+    out.origin = wp.transform_get_translation(pose)
+    out.axis = wp.transform_vector(pose, wp.vec3(ce * ca, ce * sa, se))
+    out.left = wp.transform_vector(pose, wp.vec3(-sa, ca, 0.0))
+    out.up = wp.transform_vector(pose, wp.vec3(-se * ca, -se * sa, ce))
+    return out
+
+
+@wp.func
+def echoes_of(rays: Rays, sensor: Sensor, air: Air, pulse: Pulse, world: int, seed: int, number: int):
+    """Echoes of one pulse, by the noise of a seed and the pulse's number."""
+    ranges = LEVELS()
+    powers = LEVELS()
+    instances = LABELS()
+    kinds = LABELS()
+    count = int(0)
+    for k in range(sensor.subrays):
+        direction = wp.normalize(pulse.axis + sensor.across[k] * pulse.left + sensor.up[k] * pulse.up)
+        hit = cast(rays, pulse.origin, direction, sensor.max_range, world)
+        if hit.instance >= 0 and hit.distance >= sensor.min_range:
+            cosine = -wp.dot(hit.normal, direction)
+            power = rays.reflectance[hit.kind][sensor.band] * cosine / (hit.distance * hit.distance)
+            power = power * wp.exp(-2.0 * air.extinction * hit.distance) / float(sensor.subrays)
+            place = count
+            while place > 0 and ranges[wp.max(place - 1, 0)] > hit.distance:
+                ranges[place] = ranges[place - 1]
+                powers[place] = powers[place - 1]
+                instances[place] = instances[place - 1]
+                kinds[place] = kinds[place - 1]
+                place -= 1
+            ranges[place] = hit.distance
+            powers[place] = power
+            instances[place] = hit.instance
+            kinds[place] = hit.kind
+            count += 1
+    echoes = Echoes()
+    echoes.first = nothing()
+    echoes.strongest = nothing()
+    echoes.last = nothing()
+    state = wp.rand_init(seed, number)
+    if air.reach > 0.0:
+        echoes = echoes_of_air(sensor, air, ranges, count, echoes, wp.rand_init(seed + 1, number))
+    return echoes_of_surfaces(sensor, ranges, powers, instances, kinds, count, echoes, state)
+
+
 @wp.kernel(enable_backward=False)
 def fire(
     rays: Rays,
@@ -227,52 +289,11 @@ def fire(
 ):
     """A pulse of a world's lidar."""
     world, i = wp.tid()
-    pose = pose_at(pose_times, poses, world, times[i]) * sensor.mounting
-    azimuth = angles[i][0]
-    elevation = angles[i][1]
-    ca = wp.cos(azimuth)
-    sa = wp.sin(azimuth)
-    ce = wp.cos(elevation)
-    se = wp.sin(elevation)
-    axis = wp.transform_vector(pose, wp.vec3(ce * ca, ce * sa, se))
-    left = wp.transform_vector(pose, wp.vec3(-sa, ca, 0.0))
-    up = wp.transform_vector(pose, wp.vec3(-se * ca, -se * sa, ce))
-    origin = wp.transform_get_translation(pose)
-    ranges = LEVELS()
-    powers = LEVELS()
-    instances = LABELS()
-    kinds = LABELS()
-    count = int(0)
-    for k in range(sensor.subrays):
-        direction = wp.normalize(axis + sensor.across[k] * left + sensor.up[k] * up)
-        hit = cast(rays, origin, direction, sensor.max_range, world)
-        if hit.instance >= 0 and hit.distance >= sensor.min_range:
-            cosine = -wp.dot(hit.normal, direction)
-            power = rays.reflectance[hit.kind][sensor.band] * cosine / (hit.distance * hit.distance)
-            power = power * wp.exp(-2.0 * air.extinction * hit.distance) / float(sensor.subrays)
-            place = count
-            while place > 0 and ranges[wp.max(place - 1, 0)] > hit.distance:
-                ranges[place] = ranges[place - 1]
-                powers[place] = powers[place - 1]
-                instances[place] = instances[place - 1]
-                kinds[place] = kinds[place - 1]
-                place -= 1
-            ranges[place] = hit.distance
-            powers[place] = power
-            instances[place] = hit.instance
-            kinds[place] = hit.kind
-            count += 1
-    echoes = Echoes()
-    echoes.first = nothing()
-    echoes.strongest = nothing()
-    echoes.last = nothing()
-    state = wp.rand_init(seed, world * times.shape[0] + i)
-    if air.reach > 0.0:
-        echoes = echoes_of_air(sensor, air, ranges, count, echoes, wp.rand_init(seed + 1, world * times.shape[0] + i))
-    echoes = echoes_of_surfaces(sensor, ranges, powers, instances, kinds, count, echoes, state)
+    pulse = pulse_of(pose_at(pose_times, poses, world, times[i]) * sensor.mounting, angles[i][0], angles[i][1])
+    echoes = echoes_of(rays, sensor, air, pulse, world, seed, world * times.shape[0] + i)
     counts[world, i] = echoes.count
-    out_origin[world, i] = origin
-    out_axis[world, i] = axis
+    out_origin[world, i] = pulse.origin
+    out_axis[world, i] = pulse.axis
     for k in range(3):
         echo = echoes.first
         if k == STRONGEST:

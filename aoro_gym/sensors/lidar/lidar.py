@@ -143,13 +143,13 @@ class Lidar:
         self.scene, self.model, self.weather, self.seed = scene, model, weather, seed
         self.mounting = Mounting() if mounting is None else mounting
         self.returns = sum({RETURNS[name] for name in returns})
-        self._sensor = _sensor(model, self.mounting, subrays, ideal)
-        self._air = _air(model, weather, self.threshold)
+        self._sensor = device_sensor(model, self.mounting, subrays, ideal)
+        self._air = device_air(model, weather, self.threshold)
 
     @property
     def threshold(self) -> float:
         """Received power, in the unit of :attr:`Points.intensity`, from which an echo is detected."""
-        return _threshold(self.model)
+        return detection_threshold(self.model)
 
     def sweep(self, motion: Motion, *, start: float | None = None, number: int = 0) -> list[Points]:
         """Points of one sweep, for each world of the motion.
@@ -238,7 +238,7 @@ class Lidar:
         )
 
 
-def _threshold(model: LidarModel) -> float:
+def detection_threshold(model: LidarModel) -> float:
     """Power that 10 % of reflectance gives at ``range_10``, less what lets nine of ten such echoes through."""
     return 0.1 / model.range_10**2 / (1.0 + NINE_OF_TEN / THRESHOLD_TO_NOISE)
 
@@ -257,7 +257,8 @@ def beam(model: LidarModel, subrays: int) -> Array:
     return radius[:, None] * np.column_stack([np.cos(turn), np.sin(turn)]) * np.radians(model.divergence_deg)
 
 
-def _sensor(model: LidarModel, mounting: Mounting, subrays: int, ideal: bool) -> Any:
+def device_sensor(model: LidarModel, mounting: Mounting, subrays: int, ideal: bool) -> Any:
+    """A lidar as device code has it; see :class:`Lidar`."""
     sensor: Any = device_code.Sensor()
     sensor.mounting = mounting.transform()
     sensor.min_range, sensor.max_range, sensor.gate = model.min_range, model.max_range, model.gate
@@ -265,7 +266,7 @@ def _sensor(model: LidarModel, mounting: Mounting, subrays: int, ideal: bool) ->
     pairs = [*model.noise, *[model.noise[-1]] * (4 - len(model.noise))]
     sensor.noise_range = wp.vec4(*(float(pair[0]) for pair in pairs))
     sensor.noise_deviation = wp.vec4(*(0.0 if ideal else float(pair[1]) for pair in pairs))
-    sensor.threshold = _threshold(model)
+    sensor.threshold = detection_threshold(model)
     sensor.power_noise = 0.0 if ideal else sensor.threshold / THRESHOLD_TO_NOISE
     sensor.band, sensor.subrays = model.band, subrays
     spread = np.zeros((MOST_SUBRAYS, 2))
@@ -275,7 +276,8 @@ def _sensor(model: LidarModel, mounting: Mounting, subrays: int, ideal: bool) ->
     return sensor
 
 
-def _air(model: LidarModel, weather: Weather, threshold: float) -> Any:
+def device_air(model: LidarModel, weather: Weather, threshold: float) -> Any:
+    """Weather as device code has it, for a lidar that detects powers from ``threshold`` on."""
     air: Any = device_code.Air()
     air.extinction = weather.extinction
     air.volume = math.pi * weather.backscatter * model.gate

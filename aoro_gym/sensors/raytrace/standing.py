@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from aoro_gym.sensors.raytrace.scene import BARE_GROUND, Scene
 from aoro_gym.terrains.generate.forest import Forest
+from aoro_gym.terrains.terrain import Terrain
 
 GROUND, TRUNK, CROWN = 0, 1, 2
 """Classes of :func:`forest_scene`."""
@@ -26,12 +27,16 @@ def forest_scene(forest: Forest, **options: Any) -> Scene:
 
     ``options`` are those of :class:`~aoro_gym.sensors.raytrace.Scene`, such as ``device`` and ``bodies``.
     """
-    terrain = forest.terrain
+    return scene_with_trees(forest.terrain, forest.trees, **options)
+
+
+def scene_with_trees(terrain: Terrain, trees: NDArray[np.float64], **options: Any) -> Scene:
+    """A terrain with ``trees`` (K, 4), x, y, radius and height [m] of each; see :func:`forest_scene`."""
     vertices: list[NDArray[Any]] = [terrain.vertices]
     faces: list[NDArray[Any]] = [terrain.faces]
     labels = [np.zeros((len(terrain.faces), 2), dtype=np.int32)]
     first = len(terrain.vertices)
-    for instance, (x, y, radius, height) in enumerate(forest.trees, start=1):
+    for instance, (x, y, radius, height) in enumerate(trees, start=1):
         near = np.argmin(np.hypot(terrain.vertices[:, 0] - x, terrain.vertices[:, 1] - y))
         foot = terrain.vertices[near] * [0.0, 0.0, 1.0] + [x, y, -0.3]  # roots: no gap on a slope
         start = foot[2] + CROWN_FROM * height

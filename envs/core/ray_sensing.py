@@ -1,0 +1,157 @@
+"""Rays around the machines of a task: where they are and were, what stands around them, what each episode draws."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, cast
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from aoro_gym.checks import check_range
+from aoro_gym.envs.core.kernels import rays as kernels
+from aoro_gym.envs.core.task import Outputs
+from aoro_gym.execution.array_api import HOST, Array, Arrays, Index
+from aoro_gym.sensors.noise import draw_seeds
+from aoro_gym.sensors.raytrace import Scene
+from aoro_gym.sensors.raytrace.device import Rays
+from aoro_gym.sensors.raytrace.standing import scene_with_trees
+from aoro_gym.terrains import Plane, Terrain
+from aoro_gym.terrains.world.world import World
+
+FARTHEST = 500.0
+"""Half the side [m] of the square that stands for a plane."""
+MOST_KEPT = 100
+"""Poses of a sub-environment: 5 s of steps of 50 ms."""
+Ground = Plane | Terrain | World | tuple[Terrain, NDArray[np.float64]]
+"""What rays meet: bare ground, a world with its objects, or a terrain with trees (K, 4), x, y, radius and height [m]."""
+
+
+class RaySensing:
+    """What terms that cast rays know of N sub-environments; see :mod:`aoro_gym.envs.core.ray_terms`.
+
+    Args:
+        num_envs: N.
+        grounds: Which there are to stand on.
+        control_step: [s].
+        oldest: Age [s] of the oldest pose that any term asks for; None: no term casts rays, and nothing is kept.
+        arrays: Where all lives.
+    """
+
+    def __init__(
+        self,
+        num_envs: int,
+        grounds: Sequence[Ground],
+        control_step: float,
+        oldest: float | None,
+        arrays: Arrays = HOST,
+    ):
+        xp, n = arrays.xp, num_envs
+        kept = 0 if oldest is None else math.ceil(oldest / control_step - 1e-6) + 1
+        check_range("control steps that a term looks back", kept, le=MOST_KEPT, note="; shorten its latency")
+        self.arrays, self.num_envs, self.grounds = arrays, n, tuple(grounds)
+        self.control_step, self.oldest = control_step, oldest
+        self._ground, self._seeds = arrays.zeros(n, xp.int64), arrays.zeros(n, xp.int64)
+        self._noise = arrays.ones(n)
+        self._poses = arrays.zeros((kept, n, 7), xp.float32)
+        self._made: dict[Any, Any] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "_made": {}}  # made anew on its device
+
+    def reset(self, rows: Index, ground: Array, noise: Array, generators: Sequence[np.random.Generator]) -> None:
+        """Episodes of the sub-environments ``rows`` (K,) begin.
+
+        Args:
+            rows: Sub-environments.
+            ground: Which of the grounds they stand on (K,).
+            noise: Multiples of noise and errors (K,).
+            generators: One each, to draw with; where no term casts rays, nothing is drawn.
+        """
+        if self.oldest is not None:
+            for array, values in ((self._ground, ground), (self._noise, noise), (self._seeds, draw_seeds(generators))):
+                self.arrays.put(array, rows, values)
+
+    @property
+    def device(self) -> str:
+        """Warp's name of it."""
+        return str(self.arrays.device)
+
+    def made(self, key: Any, make: Any) -> Any:
+        """What ``make()`` gives, kept on the device under ``key``."""
+        if key not in self._made:
+            self._made[key] = make()
+        return self._made[key]
+
+    def scenes(self) -> list[Scene]:
+        """What rays meet on each of the grounds."""
+        return self.made("scenes", lambda: [scene_of(ground, self.device) for ground in self.grounds])
+
+    def rays(self) -> wp.array:
+        """The scenes as device code has them."""
+        struct: Any = Rays
+        return self.made("rays", lambda: wp.array([s.data for s in self.scenes()], dtype=struct, device=self.device))
+
+    def meshes(self, *, ground_only: bool) -> wp.array:
+        """Identifiers of the scenes' triangles, or of their grounds' alone."""
+        return self.made(
+            ("meshes", ground_only),
+            lambda: wp.array(
+                [(scene.ground if ground_only else scene.mesh).id for scene in self.scenes()],
+                dtype=cast(Any, wp.uint64),
+                device=self.device,
+            ),
+        )
+
+    def episodes(self, step: Array, outputs: Outputs, oldest: float) -> Any:
+        """The struct that device code takes, poses of this step included.
+
+        Args:
+            step: Control steps since each episode began (N,).
+            outputs: Of the twins, with their state.
+            oldest: Age [s] of the oldest pose that is asked for.
+        """
+        if self.oldest is None or oldest > self.oldest:
+            kept = "no poses" if self.oldest is None else f"poses for {self.oldest:g} s"
+            raise ValueError(
+                f"a term looks back {oldest:g} s, but the environment keeps {kept}, as its observation terms need them:"
+                " give it this term when it is made, as the function of an ObservationTerm"
+            )
+        shared: Any = kernels.Episodes()
+        shared.ground, shared.step, shared.seeds, shared.noise, shared.poses = (
+            self.arrays.shared(each) for each in (self._ground, step, self._seeds, self._noise, self._poses)
+        )
+        shared.control_step = self.control_step
+        inputs = [shared, self.arrays.shared(outputs.state)]
+        wp.launch(kernels.remember, dim=self.num_envs, inputs=inputs, device=self.device)
+        return shared
+
+
+_scenes: WeakKeyDictionary[Any, dict[Any, Scene]] = WeakKeyDictionary()
+
+
+def scene_of(ground: Ground, device: str) -> Scene:
+    """What rays meet on a ground; made once a process and device while the ground lives."""
+    terrain, trees = ground if isinstance(ground, tuple) else (ground, np.zeros((0, 4)))
+    known, key = _scenes.setdefault(terrain, {}), (device, trees.tobytes())
+    if key not in known:
+        if isinstance(terrain, Plane):
+            known[key] = Scene(*_square(terrain), device=device)
+        elif isinstance(terrain, World):
+            known[key] = Scene.of_world(terrain, device=device)
+        else:
+            known[key] = scene_with_trees(terrain, trees, device=device)
+    return known[key]
+
+
+def _square(plane: Plane) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Corners and faces of a part of a plane."""
+    normal = plane.normal
+    if normal.ndim != 1:
+        raise ValueError("the plane's slope is an array, but rays meet one ground; give numbers")
+    xy = FARTHEST * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    z = -(xy @ normal[:2]) / normal[2]
+    return np.column_stack([xy, z]), np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
