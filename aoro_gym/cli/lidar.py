@@ -155,6 +155,7 @@ def _summary(points: Points) -> dict[str, float | int]:
         "points": len(points),
         "objects": len(np.unique(points.instance[points.instance > 0])),
         "share_of_ground": float((points.instance == 0).mean()) if len(points) else 0.0,
+        "share_of_undergrowth": float((points.instance == -3).mean()) if len(points) else 0.0,
         "share_of_precipitation": float((points.instance == -2).mean()) if len(points) else 0.0,
         "median_range_m": float(np.median(points.range)) if len(points) else 0.0,
     }
@@ -168,6 +169,7 @@ def _table(points: Points) -> Table:
     table.add_row("points", f"{found['points']:,}")
     table.add_row("objects", f"{found['objects']:,}")
     table.add_row("of the ground", f"{found['share_of_ground']:.0%}")
+    table.add_row("of undergrowth", f"{found['share_of_undergrowth']:.0%}")
     table.add_row("of rain, fog or snow", f"{found['share_of_precipitation']:.0%}")
     table.add_row("median range", f"{found['median_range_m']:.1f} m")
     return table

@@ -46,6 +46,8 @@ class Surface(IntEnum):
     MOSSY_ROCK = 16
     DEAD_WOOD = 17
     """Grey, without bark."""
+    DWARF_SHRUBS = 18
+    """Leaves of the undergrowth: bilberry, lingonberry."""
 
 
 class Material(NamedTuple):
@@ -79,6 +81,7 @@ MATERIALS = {
     Surface.ROCK: Material((0.26, 0.25, 0.24), 0.9, 0.33, 0.37, "E; E: granite and gneiss with lichen"),
     Surface.MOSSY_ROCK: Material((0.08, 0.11, 0.05), 1.0, 0.36, 0.18, "E; E: as forest floor"),
     Surface.DEAD_WOOD: Material((0.30, 0.28, 0.25), 1.0, 0.50, 0.45, "E; E"),
+    Surface.DWARF_SHRUBS: Material((0.06, 0.12, 0.04), 0.7, 0.46, 0.27, "E; E: as birch leaves"),
 }
 """By surface; sources are tagged as above. The file's birch stem is dark in visible light (0.10), which may be the bark's
 black base; the white above it is estimated."""

@@ -12,12 +12,15 @@ of backscatter β over a pulse's length L gives P = π β L / R² exp(-2 α R).
 import warp as wp
 
 from aoro_gym.sensors.raytrace.device import Rays, cast
+from aoro_gym.sensors.raytrace.undergrowth import FACING, stopped_at
 
 MOST = wp.constant(16)  # sub-rays of a beam
 LEVELS = wp.types.vector(length=16, dtype=wp.float32)
 LABELS = wp.types.vector(length=16, dtype=wp.int32)
 FIRST, STRONGEST, LAST = wp.constant(0), wp.constant(1), wp.constant(2)
 PRECIPITATION = wp.constant(-2)  # instance of an echo of rain, fog or snow
+UNDERGROWTH = wp.constant(-3)  # likewise of leaves that are no triangles
+NOTHING = wp.constant(-1)  # likewise of a ray that met nothing
 NO_CLASS = wp.constant(255)
 
 
@@ -237,11 +240,20 @@ def echoes_of(rays: Rays, sensor: Sensor, air: Air, pulse: Pulse, world: int, se
     instances = LABELS()
     kinds = LABELS()
     count = int(0)
+    chances = wp.rand_init(seed + 2, number)
     for k in range(sensor.subrays):
         direction = wp.normalize(pulse.axis + sensor.across[k] * pulse.left + sensor.up[k] * pulse.up)
         hit = cast(rays, pulse.origin, direction, sensor.max_range, world)
-        if hit.instance >= 0 and hit.distance >= sensor.min_range:
-            cosine = -wp.dot(hit.normal, direction)
+        cosine = -wp.dot(hit.normal, direction)
+        if rays.leaves.tallest > 0.0:
+            reach = wp.min(hit.distance, sensor.max_range)
+            depth = stopped_at(rays.leaves, pulse.origin, direction, reach, 1.0 - wp.randf(chances), wp.randf(chances))
+            if depth < reach:
+                hit.distance = depth
+                hit.instance = UNDERGROWTH
+                hit.kind = rays.leaves.kind
+                cosine = FACING
+        if hit.instance != NOTHING and hit.distance >= sensor.min_range:
             power = rays.reflectance[hit.kind][sensor.band] * cosine / (hit.distance * hit.distance)
             power = power * wp.exp(-2.0 * air.extinction * hit.distance) / float(sensor.subrays)
             place = count

@@ -38,7 +38,7 @@ class Points:
     intensity: NDArray[np.float32]
     """(K,) received power over that of a white Lambertian surface at right angles 1 m away in clear air."""
     instance: NDArray[np.int32]
-    """(K,) what was hit: 0 ground, -2 rain, fog or snow."""
+    """(K,) what was hit: 0 ground, -2 rain, fog or snow, -3 undergrowth."""
     class_id: NDArray[np.uint8]
     """(K,) its class, 255 for rain, fog or snow."""
     echo: NDArray[np.uint8]

@@ -11,6 +11,7 @@ subtree of its own.
 import warp as wp
 
 from aoro_gym.sensors.raytrace.shapes import MISS, Surface, finite_inverse, ray_box, ray_capsule, ray_cylinder
+from aoro_gym.sensors.raytrace.undergrowth import Leaves
 
 BOX = wp.constant(0)
 CYLINDER = wp.constant(1)
@@ -44,6 +45,7 @@ class Rays:
     shapes: wp.array(dtype=Shape)
     poses: wp.array(dtype=wp.transform)  # of the moving things in the world's axes
     reflectance: wp.array(dtype=wp.vec2)  # [-] of each class at 905 nm and 1550 nm
+    leaves: Leaves  # undergrowth, for those that ask for it: cast() looks through it
 
 
 @wp.struct

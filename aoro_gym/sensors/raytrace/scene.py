@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, cast
@@ -14,9 +15,12 @@ from aoro_gym.checks import check_finite, check_integer, check_range
 from aoro_gym.execution.devices import find
 from aoro_gym.sensors.raytrace import device as device_code
 from aoro_gym.sensors.raytrace.bodies import Bodies
+from aoro_gym.sensors.raytrace.downward import look_down
 from aoro_gym.sensors.raytrace.triangles import checked_triangles
+from aoro_gym.sensors.raytrace.undergrowth import Leaves
 from aoro_gym.terrains.terrain import Terrain
-from aoro_gym.terrains.world.world import World
+from aoro_gym.terrains.world.materials import Surface
+from aoro_gym.terrains.world.world import Undergrowth, World
 
 NO_CLASS = 255
 """Class of a ray that met nothing."""
@@ -54,6 +58,8 @@ class Scene:
         face_instance: (F,) instance of each face: 0 ground, objects from 1. All ground by default.
         face_class: (F,) class of each face, 0 to 254. All 0 by default.
         reflectance: (C, 2) diffuse reflectance [-] of each class at 905 nm and at 1550 nm, in [0, 1].
+        undergrowth: What is too fine for triangles; lidars alone meet it, :meth:`cast` looks through it.
+        undergrowth_class: Its class.
         bodies: Moving things.
         num_worlds: How many worlds rays are cast in; the bodies' if there are some.
         device: Where all lives: ``"cpu"``, ``"cuda:0"``.
@@ -69,6 +75,8 @@ class Scene:
         face_instance: ArrayLike | None = None,
         face_class: ArrayLike | None = None,
         reflectance: ArrayLike = (BARE_GROUND,),
+        undergrowth: Undergrowth | None = None,
+        undergrowth_class: int = 0,
         bodies: Bodies | None = None,
         num_worlds: int = 1,
         device: str = "cpu",
@@ -80,7 +88,8 @@ class Scene:
         if materials.ndim != 2 or materials.shape[1] != 2 or not len(materials):
             raise ValueError(f"reflectance has the shape {materials.shape}, but must be (C, 2), a row a class")
         check_range("reflectance", materials, ge=0.0, le=1.0)
-        highest = max(int(classes.max()), int(bodies.class_ids.max()) if bodies is not None else 0)
+        check_integer("undergrowth_class", undergrowth_class, ge=0, le=NO_CLASS - 1)
+        highest = max(int(classes.max()), int(bodies.class_ids.max()) if bodies is not None else 0, undergrowth_class)
         if highest >= len(materials):
             raise ValueError(f"class {highest} has no reflectance: there are {len(materials)} rows; give {highest + 1}")
         check_integer("num_worlds", num_worlds)
@@ -95,6 +104,8 @@ class Scene:
         self._indices = wp.array(corners.ravel(), dtype=wp.int32, device=device)
         self.mesh = wp.Mesh(wp.array(points, dtype=wp.vec3, device=device), self._indices)
         self.data: Any = self._packed(instances, classes, materials)
+        if undergrowth is not None and (undergrowth.height > 0.0).any():
+            self.data.leaves = self._leaves(undergrowth, undergrowth_class)
 
     @classmethod
     def of_terrain(cls, terrain: Terrain, **options: Any) -> Scene:
@@ -103,11 +114,13 @@ class Scene:
 
     @classmethod
     def of_world(cls, world: World, **options: Any) -> Scene:
-        """A world with all that stands and lies on it; classes are its surfaces, with their reflectances."""
+        """A world with all that stands, lies and grows on it; classes are its surfaces, with their reflectances."""
         parts = world.scene()
         materials = parts.materials
         given: dict[str, Any] = {
             "reflectance": np.column_stack([materials.reflectance_905nm, materials.reflectance_1550nm]),
+            "undergrowth": world.undergrowth,
+            "undergrowth_class": int(Surface.DWARF_SHRUBS),
             **options,
         }
         return cls(parts.vertices, parts.faces, face_instance=parts.face_instance, face_class=parts.face_class, **given)
@@ -140,6 +153,36 @@ class Scene:
             data.bodies = self.bodies.tree
             data.roots, data.shapes, data.poses = self.bodies.roots, self.bodies.shapes, self.bodies.poses
         return data
+
+    def _leaves(self, undergrowth: Undergrowth, kind: int) -> Any:
+        """Undergrowth on the ground below its nodes, as device code has it; none grows where there is no ground."""
+        rows, columns = undergrowth.height.shape
+        if min(rows, columns) < 2:
+            raise ValueError(f"undergrowth has {rows} x {columns} nodes, but must have at least 2 x 2")
+        x, y = (undergrowth.corner[k] + undergrowth.cell * np.arange(n) for k, n in ((0, columns), (1, rows)))
+        points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        top = float(self.extent[1][2]) + 1.0
+        vec2, vec4 = cast(Any, (wp.vec2, wp.vec4))
+        frames = wp.array(np.zeros((1, 4)), dtype=vec4, device=self.device)
+        found = wp.empty((1, len(points)), dtype=float, device=self.device)
+        inputs = [self.ground.id, frames, wp.array(points, dtype=vec2, device=self.device), top]
+        wp.launch(look_down, dim=found.shape, inputs=inputs, outputs=[found], device=self.device)
+        ground = found.numpy().reshape(rows, columns)
+        known = np.isfinite(ground)
+        if not known.any():
+            raise ValueError("no node of the undergrowth lies over the scene's ground; shift its corner")
+        rises = np.concatenate([np.abs(np.diff(ground, axis=axis)).ravel() for axis in (0, 1)]) / undergrowth.cell
+        leaves: Any = Leaves()
+        leaves.corner, leaves.cell, leaves.kind = wp.vec2(*undergrowth.corner), undergrowth.cell, kind
+        leaves.tallest = float(undergrowth.height.max())
+        leaves.steepest = math.sqrt(2.0) * float(np.max(rises[np.isfinite(rises)], initial=0.0))
+        for name, values in (
+            ("ground", np.where(known, ground, np.mean(ground[known]))),
+            ("height", np.where(known, undergrowth.height, 0.0)),
+            ("density", np.where(known, undergrowth.density, 0.0)),
+        ):
+            setattr(leaves, name, wp.array(values, dtype=wp.float32, device=self.device))
+        return leaves
 
     def cast(
         self, origins: ArrayLike, directions: ArrayLike, *, max_range: float = 1000.0, worlds: ArrayLike = 0

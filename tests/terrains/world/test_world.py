@@ -64,7 +64,7 @@ def test_a_bare_birch(ground):
 def test_refuses(ground, monkeypatch):
     with pytest.raises(ValueError, match=r"world ground has the shape \(3,\), but must have \(40,\)"):
         World(ground, ground=np.zeros(3, dtype=np.uint8))
-    with pytest.raises(ValueError, match="world ground holds 200, but the last surface is 17"):
+    with pytest.raises(ValueError, match="world ground holds 200, but the last surface is 18"):
         World(ground, ground=np.full(40, 200))
     with pytest.raises(ValueError, match="undergrowth height has the shape"):
         Undergrowth((0.0, 0.0), 1.0, np.full((1, 1), np.nan, np.float32), np.ones((1, 1), np.float32))
