@@ -14,6 +14,14 @@ from aoro_gym.cli.outcome import FLAGS
 class Command(TyperCommand):
     """A command that says, while it runs, which options stand for which arguments."""
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Arguments of the command; --json without a file means the standard output."""
+        for place, text in reversed(list(enumerate(args))):
+            following = args[place + 1 : place + 2]
+            if text == "--json" and (not following or (following[0].startswith("-") and following[0] != "-")):
+                args = [*args[: place + 1], "-", *args[place + 1 :]]
+        return super().parse_args(ctx, args)
+
     def invoke(self, ctx: Any) -> Any:
         flags: dict[str, str] = {}
         for parameter in self.params:

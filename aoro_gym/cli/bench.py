@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Any
 
 from aoro_gym.cli import options
 from aoro_gym.cli.options import option
-from aoro_gym.cli.outcome import checking_input, print_all, running, say_written
+from aoro_gym.cli.outcome import checking_input, conclude, is_output, running
 from aoro_gym.reporting import terminal
 
 TwinsOption = Annotated[str, option("--twins", "N[,N...]", "Numbers of twins, or of environments, stepped together.")]
@@ -28,7 +27,6 @@ StartupOption = Annotated[
     bool, option("--startup", None, "Time fresh processes, too, with compiled kernels and without.")
 ]
 SecondsOption = Annotated[float, option("--seconds", "S", "Time to measure for, each case.")]
-JsonOption = Annotated[Path | None, option("--json", "FILE", "Write the results here.")]
 
 
 def bench(
@@ -44,7 +42,7 @@ def bench(
     worlds: WorldsOption = None,
     startup: StartupOption = False,
     seconds: SecondsOption = 5.0,
-    json_file: JsonOption = None,
+    json_to: options.JsonOption = None,
     machine: options.MachineOption = options.MACHINE,
     set_: options.SetOption = None,
     scale: options.ScaleOption = None,
@@ -79,11 +77,9 @@ def bench(
       aoro-gym bench --what train --trainer sb3,resident --ground raster --device cuda:0 --twins 4096,16384
     """
     with checking_input():
-        from aoro_gym.execution.files import check_writable, with_nulls, write_json
+        from aoro_gym.execution.files import with_nulls, write_json
 
         counts = {"twins": _counts("--twins", twins)}
-        if json_file is not None:
-            check_writable(json_file)
         asked = options.run_spec(machine, set_, scale, device, seed, laws=laws)
         chosen = options.load(asked)
         from aoro_gym.benchmark.report import tables
@@ -96,13 +92,12 @@ def bench(
         )  # fmt: skip
 
     def save(so_far: dict[str, Any]) -> None:
-        if json_file is not None:
-            write_json(json_file, with_nulls(so_far | {"made_by": asked.to_json()}))
+        if json_to is not None and not is_output(json_to):
+            write_json(json_to, with_nulls(so_far | {"made_by": asked.to_json()}))
 
     with terminal.progress("bench") as tell, running():
         result = run(plan, chosen, tell, save)
-    print_all(tables(result))
-    say_written([json_file] if json_file is not None else [])
+    conclude(result | {"made_by": asked.to_json()}, tables(result), json_to=json_to)
 
 
 def _parts(text: str) -> tuple[str, ...]:

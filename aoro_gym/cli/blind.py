@@ -12,7 +12,7 @@ from aoro_gym.checks import check_choice
 from aoro_gym.cli import options
 from aoro_gym.cli.application import Application
 from aoro_gym.cli.options import argument, option
-from aoro_gym.cli.outcome import checking_input, print_all, resumable, running, say_error, say_written
+from aoro_gym.cli.outcome import checking_input, conclude, resumable, running, say_error
 from aoro_gym.reporting import terminal
 
 app = Application(
@@ -48,6 +48,7 @@ def seal(
     seed: SuiteSeedOption = None,
     workers: options.WorkersOption = None,
     accept_code_change: options.AcceptCodeChangeOption = False,
+    json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
 ) -> None:
     """Make cases whose answers are withheld, and publish the digest of the answers.
@@ -87,7 +88,7 @@ def seal(
                 SUITES[suite], folder, file, mode=mode, sensors=sensors, family=FAMILIES[family], seed=seed,
                 workers=processes, accept_code_change=accept_code_change, progress=tell,
             )  # fmt: skip
-    say_written([folder / "seal.json", file])
+    conclude(folder / "seal.json", written=[folder / "seal.json", file], json_to=json_to)
 
 
 SuiteArgument = Annotated[Path, argument("DIR", "Folder of a sealed suite.")]
@@ -109,6 +110,7 @@ def run(
     device: options.DeviceOption = "cpu",
     restart: options.RestartOption = False,
     accept_code_change: options.AcceptCodeChangeOption = False,
+    json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
 ) -> None:
     """Diagnose every case of a sealed suite.
@@ -143,7 +145,7 @@ def run(
             )  # fmt: skip
     for name, reason in failures.items():
         say_error(reason, f"[bold red]case {escape(name)} failed:[/]")
-    say_written([target])
+    conclude({"folder": str(target), "failures": dict(failures)}, written=[target], json_to=json_to)
     if failures:
         raise typer.Exit(1)
 
@@ -166,6 +168,7 @@ def score(
     out: ScoreFolderOption = None,
     workers: options.WorkersOption = None,
     device: options.DeviceOption = "cpu",
+    json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
 ) -> None:
     """Open the seal, and hold every diagnosis against its answer.
@@ -200,6 +203,6 @@ def score(
             result = score_cases(
                 folder, file, found, target / "oracle", device=device, workers=processes, progress=tell
             )
-    print_all(tables(result))
     with running():
-        say_written(write_score(result, target))
+        written = write_score(result, target)
+    conclude(target / "score.json", tables(result), written, json_to=json_to)

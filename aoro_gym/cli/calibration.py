@@ -11,10 +11,11 @@ import typer
 from aoro_gym.checks import check_integer
 from aoro_gym.cli import options
 from aoro_gym.cli.options import argument, option
-from aoro_gym.cli.outcome import checking_input, print_all, resumable, running, say_error, say_written
+from aoro_gym.cli.outcome import checking_input, conclude, resumable, running, say_error
 from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
+    from aoro_gym.calibration.published import Calibration
     from aoro_gym.machine import Machine
     from aoro_gym.machine.specification import MachineSpec, RunSpec
     from aoro_gym.validation import Validation
@@ -50,6 +51,7 @@ def validate(
     seed: options.SeedOption = 0,
     restart: options.RestartOption = False,
     accept_code_change: options.AcceptCodeChangeOption = False,
+    json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
 ) -> None:
     """Full turns of the twin beside the published machine and its published twin.
@@ -71,7 +73,7 @@ def validate(
     with checking_input():
         from aoro_gym.execution.files import check_writable
         from aoro_gym.machine import Machine
-        from aoro_gym.validation.report import print_tables, write_report
+        from aoro_gym.validation.report import printed, write_report
 
         options.check_folder(out, "index.html")
         if recalibrate and (machine != options.MACHINE or set_ or scale or laws):
@@ -92,16 +94,16 @@ def validate(
 
         assert second is not None
         file = out / "calibrated.toml"
-        written += _calibrate(
+        _, made = _calibrate(
             lambda **settings: calibrate_published(second, **settings), file, force=True, seed=seed, device=device,
             restart=restart, accept_code_change=accept_code_change,
         )  # fmt: skip
+        written += made
         chosen = Machine.load(file)
     result = validated(chosen, second, family, run)
     with running():
         written += write_report(result, out, run.to_json() | ({"recalibrated": uncalibrated} if recalibrate else {}))
-    print_tables(terminal.out(), result)
-    say_written(written)
+    conclude(out / "validation.json", printed(result), written, json_to=json_to, highlight=False)
 
 
 def comparison_machine(spec: MachineSpec, name: str) -> Machine | None:
@@ -167,6 +169,7 @@ def calibrate(
     force: ForceOption = False,
     restart: options.RestartOption = False,
     accept_code_change: options.AcceptCodeChangeOption = False,
+    json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
 ) -> None:
     """Fit the machine's uncertain parameters within their ranges, to published figures or to your logs.
@@ -210,12 +213,11 @@ def calibrate(
         return calibrate_published(chosen, **settings) if published else calibrate_logs(chosen, logs or [], **settings)
 
     sizes = {name: n for name, n in (("starts", starts), ("population", population)) if n is not None}
-    say_written(
-        _calibrate(
-            fit, out, force=force, ensemble=ensemble, seed=seed, device=device, restart=restart,
-            accept_code_change=accept_code_change, **sizes,
-        )
+    report, written = _calibrate(
+        fit, out, force=force, ensemble=ensemble, seed=seed, device=device, restart=restart,
+        accept_code_change=accept_code_change, **sizes,
     )  # fmt: skip
+    _conclude_calibration(report, written, out, force=force, json_to=json_to)
 
 
 def _check_source(published: bool, use_logs: bool, logs: list[Path] | None) -> None:
@@ -228,17 +230,25 @@ def _check_source(published: bool, use_logs: bool, logs: list[Path] | None) -> N
         raise ValueError("--logs needs the logs behind it, such as --logs turn_left.csv turn_right.csv")
 
 
-def _calibrate(fit: Callable[..., Any], out: Path, *, force: bool = False, **settings: Any) -> list[Path]:
-    """Calibrate, print the verdict and what was found, and write machine, ensemble and report; returns the paths."""
+def _calibrate(
+    fit: Callable[..., Any], out: Path, *, force: bool = False, **settings: Any
+) -> tuple[Calibration, list[Path]]:
+    """Calibrate, and write machine, ensemble and report; gives what was found, and the paths."""
     from aoro_gym.calibration.output import calibrate_to
-    from aoro_gym.calibration.report import tables
 
     with checking_input(), resumable(), terminal.progress("calibration") as tell:
-        found, written = calibrate_to(out, lambda folder: fit(folder=folder, progress=tell, **settings), force=force)
-    print_all(tables(found.report), highlight=False)
+        return calibrate_to(out, lambda folder: fit(folder=folder, progress=tell, **settings), force=force)
+
+
+def _conclude_calibration(
+    found: Calibration, written: list[Path], out: Path, *, force: bool, json_to: Path | None
+) -> None:
+    """Show the verdict and what was found; exit code 1 where no machine was written."""
+    from aoro_gym.calibration.report import tables
+
+    conclude(written[-1], tables(found.report), written, json_to=json_to, highlight=False)
     if found.fits or force:
-        return written
-    terminal.out().print(f"wrote {written[-1]}", soft_wrap=True, markup=False, highlight=False)
+        return
     say_error(
         f"{out} was not written, as no machine that was tried does what it was calibrated to;"
         " --force writes it all the same"

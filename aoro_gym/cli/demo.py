@@ -6,7 +6,7 @@ from pathlib import Path
 
 from aoro_gym.cli import options
 from aoro_gym.cli.calibration import comparison_machine, ensemble_machines, validated
-from aoro_gym.cli.outcome import checking_input, running, say_written
+from aoro_gym.cli.outcome import checking_input, conclude, running
 from aoro_gym.cli.simulation import simulated
 from aoro_gym.reporting import terminal
 
@@ -18,6 +18,7 @@ def demo(
     scale: options.ScaleOption = None,
     device: options.DeviceOption = "cpu",
     seed: options.SeedOption = 0,
+    json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
 ) -> None:
     """Validate the twin, let controllers steer and policies drive it, turn fully left and drive straight on: one page.
@@ -50,7 +51,6 @@ def demo(
     result = validated(chosen, second, family, run)
     with running():
         report.write_report(result, out / "validation")
-    report.print_tables(terminal.out(), result)
     passages = [report.passage(result, out / "validation")]
     with terminal.progress("AORO/Turning-v0") as tell, running():
         passages.append(controlled_turn(chosen, out / "turning", device=device, seed=seed, progress=tell))
@@ -61,7 +61,8 @@ def demo(
         sections.append(simulated(twin, plan))
         with running():
             output.write(sections[-1], twin, out / f"{name}.csv", run, page=False)
-        terminal.out().print(output.figure_table(sections[-1]))
     page = out / "index.html"
     write_html(page, "AORO twin: demo", run.machine.sentence, sections, passages)
-    say_written([page.resolve()])
+    shown = [*report.printed(result), *(output.figure_table(one) for one in sections)]
+    found = {name: dict(one.figures) for name, one in zip(plans, sections, strict=True)} | {"page": str(page.resolve())}
+    conclude(found, shown, [page.resolve()], json_to=json_to, highlight=False)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from aoro_gym.cli import options
 from aoro_gym.cli.options import argument, option
-from aoro_gym.cli.outcome import checking_input, print_all, running, say_error, say_written
+from aoro_gym.cli.outcome import checking_input, conclude, running, say_error
 from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
@@ -56,6 +56,7 @@ def diagnose(
     set_: options.SetOption = None,
     scale: options.ScaleOption = None,
     device: options.DeviceOption = "cpu",
+    json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
 ) -> None:
     """Say why a machine and its twin disagree: where, because of what, by how much, and what to record next.
@@ -89,7 +90,7 @@ def diagnose(
       aoro-gym diagnose --metrics table.csv --source later --healthy-source before
       aoro-gym diagnose --metrics table.csv --source physical --holdout signal=50
     """
-    how = {"device": device, "out": out}
+    how = {"device": device, "out": out, "json_to": json_to}
     with checking_input():
         from aoro_gym.diagnosis.recording import read_recording
         from aoro_gym.diagnosis.selection import log_files, split_recordings
@@ -100,7 +101,7 @@ def diagnose(
         if check:
             if metrics:
                 raise ValueError("--check reads LOGs, not --metrics TABLE; leave one out")
-            _check_logs([*(logs or []), *log_files(healthy)])
+            _check_logs([*(logs or []), *log_files(healthy)], json_to)
             return
         if fit and holdout:
             raise ValueError("give --fit or --holdout, not both: what is not fitted is held out")
@@ -120,22 +121,23 @@ def diagnose(
     _diagnose_logs(used, before, held_out, chosen, how)
 
 
-def _check_logs(paths: Sequence[Path]) -> None:
+def _check_logs(paths: Sequence[Path], json_to: Path | None) -> None:
     """Say what a diagnosis would read of every log; ValueError if it refuses one."""
     from aoro_gym.diagnosis.recording import CHANNELS, read_log
     from aoro_gym.recording.summary import describe
 
-    refused = 0
+    read: dict[str, list[str]] = {}
+    refused: dict[str, str] = {}
     for path in paths:
         try:
-            lines = describe(read_log(path), channels=CHANNELS)
+            read[str(path)] = describe(read_log(path), channels=CHANNELS)
         except (ValueError, OSError) as error:
-            refused += 1
+            refused[str(path)] = str(error)
             say_error(str(error))
-            continue
-        terminal.out().print("\n".join(lines), soft_wrap=True, highlight=False, markup=False)
+    shown = ["\n".join(lines) for lines in read.values()]
+    conclude({"read": read, "refused": refused}, shown, json_to=json_to, soft_wrap=True, highlight=False, markup=False)
     if refused:
-        raise ValueError(f"{refused} of {len(paths)} logs cannot be used")
+        raise ValueError(f"{len(refused)} of {len(paths)} logs cannot be used")
 
 
 def _diagnose_logs(
@@ -148,10 +150,11 @@ def _diagnose_logs(
     """Diagnose logs, print a summary and write the result."""
     from aoro_gym.diagnosis.diagnose import diagnose as find
 
+    json_to = how.pop("json_to")
     with _simulating(**how) as shared:
         found = find(used, machine, healthy=healthy, held_out=held_out, **shared)
         written = _written(found, shared["out"])
-    _conclude(found, written)
+    _conclude(found, written, json_to)
 
 
 def _diagnose_table(
@@ -174,10 +177,11 @@ def _diagnose_table(
     if healthy and healthy == rows:
         raise ValueError(f"--healthy-source {healthy_source} is the --source itself; name another one")
     used, held_out = split_rows(rows, fit=fit, holdout=holdout)
+    json_to = how.pop("json_to")
     with _simulating(**how) as shared:
         found = diagnose_rows(used, machine, healthy=healthy, held_out=held_out, **shared)
         written = _written(found, shared["out"])
-    _conclude(found, written)
+    _conclude(found, written, json_to)
 
 
 @contextmanager
@@ -196,8 +200,7 @@ def _written(found: Diagnosis, out: Path) -> list[Path]:
     return [found.save(out), write_report(found, out)]
 
 
-def _conclude(found: Diagnosis, written: Sequence[Path]) -> None:
+def _conclude(found: Diagnosis, written: Sequence[Path], json_to: Path | None) -> None:
     from aoro_gym.diagnosis.report import summary
 
-    print_all(summary(found))
-    say_written(written)
+    conclude(written[0], summary(found), written, json_to=json_to)

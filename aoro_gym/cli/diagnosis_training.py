@@ -9,7 +9,7 @@ from typing import Annotated
 from aoro_gym.cli import options
 from aoro_gym.cli.application import Application
 from aoro_gym.cli.options import option
-from aoro_gym.cli.outcome import checking_input, running, say_written
+from aoro_gym.cli.outcome import checking_input, conclude, running
 from aoro_gym.reporting import terminal
 
 app = Application(no_args_is_help=True, rich_markup_mode="rich", help="Networks that a diagnosis asks.")
@@ -45,6 +45,7 @@ def train(
     processes: ProcessesOption = 1,
     device: options.DeviceOption = "cuda:0",
     seed: options.SeedOption = 0,
+    json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
 ) -> None:
     """Train networks that name the cause of a gap, on machines, laws, days and sensors drawn by a prior.
@@ -95,4 +96,4 @@ def train(
         if tables
         else [*(f"network_{number}.safetensors" for number in range(networks)), "training.json"]
     )
-    say_written([out / name for name in files])
+    conclude(out / files[-1], written=[out / name for name in files], json_to=json_to)

@@ -13,7 +13,7 @@ from aoro_gym.checks import check_integer
 from aoro_gym.cli import options
 from aoro_gym.cli.courses import load_courses, training_courses
 from aoro_gym.cli.options import argument, option
-from aoro_gym.cli.outcome import checking_input, entered, resumable, running, say_written
+from aoro_gym.cli.outcome import checking_input, conclude, entered, resumable, running
 from aoro_gym.cli.training import trained
 from aoro_gym.reporting import terminal
 
@@ -72,6 +72,7 @@ def evaluate(
     perturbation: PerturbationOption = None,
     device: options.DeviceOption = "cpu",
     seed: options.SeedOption = 0,
+    json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
 ) -> None:
     """Drive the same episodes under several policies, and compare them.
@@ -124,8 +125,7 @@ def evaluate(
         written = write_report(
             result, out, films=films, logs=logs, **about, progress=terminal.within(tell, driven, 1.0)
         )
-    terminal.out().print(table(result))
-    say_written(written)
+    conclude(out / "evaluation.json", [table(result)], written, json_to=json_to)
 
 
 def _check_files(out: Path, suffix: str | None) -> None:
@@ -186,6 +186,7 @@ def leaderboard(
     laws: options.LawsOption = None,
     device: options.DeviceOption = "cpu",
     seed: LeaderboardSeedOption = None,
+    json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
 ) -> None:
     """Rank policies and tuned controllers on seeds, grounds and machines that none of them saw.
@@ -229,8 +230,7 @@ def leaderboard(
         with checking_input():  # such as a cluster that is not there
             result = board.compare(env, policies, **asked, ray=ray, kept=kept, progress=tell)
         written = board.write(result, out, readme=readme, made_by=run.to_json() | accepted(kept))
-    terminal.out().print(board.table(result))
-    say_written(written)
+    conclude(out / "leaderboard.json", [board.table(result)], written, json_to=json_to)
 
 
 TrainingsArgument = Annotated[list[Path], argument("FOLDER...", "Of 'aoro-gym train', done or on the way.")]
@@ -241,6 +241,7 @@ def curves(
     out: options.FolderOption = Path("curves"),
     restart: options.RestartOption = False,
     accept_code_change: options.AcceptCodeChangeOption = False,
+    json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
 ) -> None:
     """Learning curves of trainings, beside the reference controllers on the episodes that they were evaluated on.
@@ -272,8 +273,8 @@ def curves(
         beside = drawing.references(plan, chosen, held_out, tell, kept)
         write_json(out / "curves.json", with_nulls(drawing.to_json(found, beside) | accepted(kept)))
         drawing.write_figure(found, beside, out / "curves.png")
-    terminal.out().print(drawing.table(found, beside))
-    say_written([out / "curves.png", out / "curves.json"])
+    written = [out / "curves.png", out / "curves.json"]
+    conclude(written[-1], [drawing.table(found, beside)], written, json_to=json_to)
 
 
 PolicyOption = Annotated[str, option("--policy", "NAME|FILE", "Who drives; with --retrain a file of 'aoro-gym train'.")]
@@ -307,6 +308,7 @@ def gap(
     laws: options.LawsOption = None,
     device: options.DeviceOption = "cpu",
     seed: options.SeedOption = 0,
+    json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
 ) -> None:
     """What a gap costs a policy, how much of that a diagnosis foresees, and how much retraining wins back.
@@ -363,5 +365,4 @@ def gap(
         made_by = run.to_json() | {"policy": policy, "plant": plant, "effects": effect, "improved": found.name}
         made_by |= {"retrain": retrain} | accepted(kept)
         write_json(out / "gap.json", with_nulls(result.to_json() | {"made_by": made_by}))
-    terminal.out().print(gaps.table(result))
-    say_written([out / "gap.json"])
+    conclude(out / "gap.json", [gaps.table(result)], [out / "gap.json"], json_to=json_to)

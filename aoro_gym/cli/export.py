@@ -11,7 +11,7 @@ from typer.core import TyperGroup
 from aoro_gym.cli import export_machine, options
 from aoro_gym.cli.application import Application
 from aoro_gym.cli.options import argument, option
-from aoro_gym.cli.outcome import checking_input, say_written
+from aoro_gym.cli.outcome import checking_input, conclude
 from aoro_gym.reporting import terminal
 
 POLICY_SUFFIXES = (".json", ".zip")
@@ -55,6 +55,7 @@ def policy(
     policy: PolicyArgument,
     out: OnnxOption = None,
     trust_pickle: TrustPickleOption = False,
+    json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
 ) -> None:
     """Write a learned policy as ONNX, for the vehicle's computer.
@@ -78,7 +79,7 @@ def policy(
         loaded = load_policy(policy, trust_pickle=trust_pickle)
         with locked(target.parent):
             write_onnx(loaded, target)
-    say_written([target])
+    conclude(written=[target], json_to=json_to)
 
 
 FormatOption = Annotated[str, option("--format", "fmi2|fmi3|c", "Functional mock-up unit, or a library of C.")]
@@ -101,6 +102,7 @@ def twin(
     laws: options.LawsOption = None,
     terrain: TerrainOption = None,
     effects: EffectsOption = None,
+    json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
 ) -> None:
     """Write the twin as a unit of FMI 2.0 or 3.0 for co-simulation, or as a library of C: no Python inside.
@@ -137,7 +139,7 @@ def twin(
                 terminal.warn(warning)
     with checking_input():
         written = export_twin(format, out, machine=chosen, terrain=ground)
-    say_written(written)
+    conclude(written=written, json_to=json_to)
 
 
 app.command()(export_machine.machine)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from aoro_gym.cli import options
 from aoro_gym.cli.options import option
-from aoro_gym.cli.outcome import checking_input, print_all, say_written
+from aoro_gym.cli.outcome import checking_input, conclude
 from aoro_gym.reporting import terminal
 
 FormatOption = Annotated[str, option("--format", "mjcf|urdf", "MuJoCo's model format, or URDF.")]
@@ -27,6 +27,7 @@ def machine(
     set_: options.SetOption = None,
     scale: options.ScaleOption = None,
     root: RootOption = "world",
+    json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
 ) -> None:
     """Write the machine for another simulator: bodies, masses, hinges, limits and, as far as the format has them, actuators,
@@ -52,5 +53,5 @@ def machine(
         spec = options.run_spec(machine, set_, scale).machine
         chosen = options.load_machine(spec)
         written, unsaid = export_machine(chosen, format_, out, {"machine": spec.to_json()}, root_link=root)
-    print_all(limitation_table(unsaid, format_, terminal.out().width), highlight=False)
-    say_written(written)
+    shown = limitation_table(unsaid, format_, terminal.out().width)
+    conclude(beside_of(out), shown, written, json_to=json_to, highlight=False)

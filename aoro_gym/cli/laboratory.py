@@ -10,7 +10,7 @@ import typer
 
 from aoro_gym.cli import options
 from aoro_gym.cli.options import option
-from aoro_gym.cli.outcome import checking_input, print_all, running, say_error, say_written
+from aoro_gym.cli.outcome import checking_input, conclude, running, say_error
 from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
@@ -62,6 +62,7 @@ def laboratory(
     machine: options.MachineOption = options.MACHINE,
     out: options.FolderOption = Path("laboratory"),
     seed: options.SeedOption = 0,
+    json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
 ) -> None:
     """Vehicle in the loop: the driveline in a process of its own, bodies, tires and steering here.
@@ -100,7 +101,7 @@ def laboratory(
         place = None if connect is None else _address(connect)
         line = Line(1e-3 * delay, 1e-3 * jitter, loss, seed)
     if driveline:
-        _be_driveline(machine, hub_inertia, (host, port), limits, secret)
+        _be_driveline(machine, hub_inertia, (host, port), limits, secret, json_to)
         return
     with running(), checking_input():
         of_its_own = driveline_process(machine, hub_inertia) if place is None else nullcontext(place)
@@ -109,8 +110,11 @@ def laboratory(
                 loaded, manoeuvre, address, steps=period, line=line, limits=limits, token=secret if connect else None,
                 hub_inertia=hub_inertia, done=tell,
             )  # fmt: skip
-    _show(found)
-    say_written([write(found, out)])
+    with running():
+        file = write(found, out)
+    if found.reason:
+        say_error(f"the laboratory stopped: {found.reason}")
+    conclude(file, [] if found.reason else [_table(found)], [file], json_to=json_to)
     if found.reason:
         raise typer.Exit(1)
 
@@ -123,8 +127,23 @@ def _address(text: str) -> tuple[str, int]:
 
 
 def _be_driveline(
-    machine: str, hub_inertia: float, place: tuple[str, int], limits: object, token: bytes | None
+    machine: str,
+    hub_inertia: float,
+    place: tuple[str, int],
+    limits: object,
+    token: bytes | None,
+    json_to: Path | None,
 ) -> None:
+    """Answer until interrupted, and tell where.
+
+    Args:
+        machine: Name or file.
+        hub_inertia: Inertia that turns with a hub [kg m²].
+        place: Host and port.
+        limits: Beyond which it stops.
+        token: Secret of both sides.
+        json_to: Value of --json.
+    """
     from aoro_gym.cosimulation.laboratory.process import DrivelineProcess
     from aoro_gym.cosimulation.laboratory.protection import Limits
     from aoro_gym.cosimulation.laboratory.run import LISTENING
@@ -137,7 +156,8 @@ def _be_driveline(
             Driveline(machine=machine, hub_inertia=hub_inertia),
             host=place[0], port=place[1], limits=limits, token=token, say=_say, note=note,
         )  # fmt: skip
-    typer.echo(f"{LISTENING}{process.address[0]}:{process.address[1]}")
+    found, port = process.address[:2]
+    conclude({"host": found, "port": port}, [f"{LISTENING}{found}:{port}"], json_to=json_to, highlight=False)
     try:
         process.run()
     finally:
@@ -152,20 +172,13 @@ def _say(text: str) -> None:
     typer.echo(text, err=True)
 
 
-def _show(found: Outcome) -> None:
-    if found.reason:
-        say_error(f"the laboratory stopped: {found.reason}")
-        return
+def _table(found: Outcome) -> terminal.Comparison:
+    """Differences to the whole twin."""
     rows = [[one.channel, f"{100.0 * one.rms:.3f}", f"{100.0 * one.largest:.3f}"] for one in found.differences]
     trips = ", ".join(f"{name} {value:.0f} µs" for name, value in found.round_trip_us.items())
-    head = ["channel", "rms [% of range]", "largest [% of range]"]
-    print_all(
-        [
-            terminal.Comparison(
-                f"{found.manoeuvre}: difference to the whole twin",
-                head,
-                rows,
-                note=f"round trip of the sockets: {trips}",
-            )
-        ]
+    return terminal.Comparison(
+        f"{found.manoeuvre}: difference to the whole twin",
+        ["channel", "rms [% of range]", "largest [% of range]"],
+        rows,
+        note=f"round trip of the sockets: {trips}",
     )

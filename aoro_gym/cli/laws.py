@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-import json
 from typing import Annotated
 
-import typer
-
 from aoro_gym.cli import options
-from aoro_gym.cli.options import argument, option
-from aoro_gym.cli.outcome import checking_input, print_all
+from aoro_gym.cli.options import argument
+from aoro_gym.cli.outcome import checking_input, conclude
 
 PatternArgument = Annotated[str | None, argument("[PATTERN]", "Part of a law's name, or a glob such as '*line'.")]
-JsonOption = Annotated[bool, option("--json", None, "Print JSON instead of tables.")]
 
 
 def laws(
     pattern: PatternArgument = None,
-    as_json: JsonOption = False,
     machine: options.MachineOption = options.MACHINE,
     set_: options.SetOption = None,
     scale: options.ScaleOption = None,
     laws: options.LawsOption = None,
+    json_to: options.JsonOption = None,
+    quiet: options.QuietOption = False,
 ) -> None:
     """List the laws that parts of the machine may obey, and families of them.
 
@@ -34,21 +31,18 @@ def laws(
       aoro-gym laws
       aoro-gym laws hose
       aoro-gym laws --laws library
-      aoro-gym laws --json
+      aoro-gym laws --json -
       aoro-gym simulate --manoeuvre left --laws library --out library.csv
       aoro-gym train --env AORO/Turning-v0 --laws families --out runs/turning
     """
     with checking_input():
+        from aoro_gym.machine.laws import FAMILIES
         from aoro_gym.machine.report import family_table, law_entries, law_table
 
         chosen = options.load(options.run_spec(machine, set_, scale, laws=laws))
         entries = law_entries(chosen, pattern)
         if not entries:
             raise ValueError(f"no law matches {pattern!r}; 'aoro-gym laws' lists all")
-    if as_json:
-        from aoro_gym.machine.laws import FAMILIES
-
-        families = {name: dict(family) for name, family in FAMILIES.items()}
-        typer.echo(json.dumps({"laws": entries, "families": families}, indent=2, ensure_ascii=False))
-    else:
-        print_all([law_table(entries), "", family_table([entry["law"] for entry in entries])], highlight=False)
+    result = {"laws": entries, "families": {name: dict(family) for name, family in FAMILIES.items()}}
+    shown = [law_table(entries), "", family_table([entry["law"] for entry in entries])]
+    conclude(result, shown, json_to=json_to, highlight=False)

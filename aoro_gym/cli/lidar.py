@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
 
 from aoro_gym.checks import check_range
 from aoro_gym.cli import options
 from aoro_gym.cli.options import option
-from aoro_gym.cli.outcome import checking_input, print_all, running, say_written
+from aoro_gym.cli.outcome import checking_input, conclude, running
 from aoro_gym.cli.place import load_terrain
 from aoro_gym.reporting import terminal
 
@@ -37,7 +34,6 @@ ReturnOption = Annotated[
 ]
 IdealOption = Annotated[bool, option("--ideal-sensors", None, "Without noise.")]
 PointsOption = Annotated[Path, option("--out -o", "FILE", "Points to write: .npz, .pcd, .laz or .las.")]
-JsonOption = Annotated[bool, option("--json", None, "Print what was seen as JSON.")]
 
 
 def lidar(
@@ -53,7 +49,7 @@ def lidar(
     ideal: IdealOption = False,
     seed: options.SeedOption = 0,
     device: options.DeviceOption = "cpu",
-    as_json: JsonOption = False,
+    json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
 ) -> None:
     """Let a lidar look around, from a machine that stands or drives on.
@@ -97,11 +93,7 @@ def lidar(
         if len(points):
             written.append(out.with_suffix(".png"))
             draw_sweep(points, at, title=f"{model}, {len(points):,} points").savefig(written[-1], dpi=110)
-    if as_json:
-        typer.echo(json.dumps(_summary(points)))
-    else:
-        print_all([_table(points)], highlight=False)
-        say_written(written)
+    conclude(_summary(points), [_table(points)], written, json_to=json_to, highlight=False)
 
 
 def _scene(terrain: Path | None, seed: int, device: str) -> Scene:

@@ -8,7 +8,7 @@ from typing import Annotated
 from aoro_gym.cli import options
 from aoro_gym.cli.application import Application
 from aoro_gym.cli.options import argument, option
-from aoro_gym.cli.outcome import checking_input, running, say_written
+from aoro_gym.cli.outcome import checking_input, conclude, running
 from aoro_gym.reporting import terminal
 
 app = Application(no_args_is_help=True, rich_markup_mode="rich", help="Logs: what a bag holds, and other formats.")
@@ -25,7 +25,9 @@ def _logs() -> None:
 
 
 @app.command("map")
-def propose(bag: BagArgument, out: MapOption = None, quiet: options.QuietOption = False) -> None:
+def propose(
+    bag: BagArgument, out: MapOption = None, json_to: options.JsonOption = None, quiet: options.QuietOption = False
+) -> None:
     """Propose which fields of a BAG are the columns of a log, as a mapping to be completed by hand.
 
     Names of topics, fields and joints are held against those that logs use; units follow from the type of a message or the
@@ -56,14 +58,22 @@ def propose(bag: BagArgument, out: MapOption = None, quiet: options.QuietOption 
         with terminal.progress("reading the bag"):
             columns, left = proposed(bag, names)
         write_text(path, as_toml(bag, columns, left))
-    for one in columns:
-        terminal.out().print(f"{one.column}: {one.topic} {one.field} {one.unit}", markup=False, highlight=False)
-    terminal.out().print(f"{len(left)} other fields are listed in the file, not read", markup=False, highlight=False)
-    say_written([path])
+    result = {
+        "columns": [
+            {"column": one.column, "topic": one.topic, "field": one.field, "unit": one.unit} for one in columns
+        ],
+        "fields_not_read": len(left),
+        "mapping": str(path),
+    }
+    shown = [f"{one.column}: {one.topic} {one.field} {one.unit}" for one in columns]
+    shown.append(f"{len(left)} other fields are listed in the file, not read")
+    conclude(result, shown, [path], json_to=json_to, markup=False, highlight=False)
 
 
 @app.command()
-def convert(log: LogArgument, into: IntoArgument, quiet: options.QuietOption = False) -> None:
+def convert(
+    log: LogArgument, into: IntoArgument, json_to: options.JsonOption = None, quiet: options.QuietOption = False
+) -> None:
     """Write a LOG in another format: CSV, Parquet or MCAP.
 
     Numbers keep all their digits in Parquet and MCAP, nine in CSV. The manifest beside LOG goes with it.
@@ -92,4 +102,4 @@ def convert(log: LogArgument, into: IntoArgument, quiet: options.QuietOption = F
         manifest = read_manifest(log)
     with running(), terminal.progress("writing the log"):
         written = write_log(into, columns, manifest.values if manifest.path else None)
-    say_written(written)
+    conclude(written=written, json_to=json_to)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from aoro_gym.checks import check_integer
+from aoro_gym.cli.outcome import check_json_to
 from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
@@ -51,7 +52,21 @@ RepeatsOption = Annotated[
 WorkersOption = Annotated[int | None, option("--workers", "N", "Processes at once. Default: the number of cores.")]
 QuietOption = Annotated[
     bool,
-    option("--quiet -q", None, "Show no progress; results, warnings and errors remain.", callback=terminal.set_quiet),
+    option(
+        "--quiet -q",
+        None,
+        "Show no progress, and no tables of what stands in files; warnings and errors remain.",
+        callback=terminal.set_quiet,
+    ),
+]
+JsonOption = Annotated[
+    Path | None,
+    option(
+        "--json",
+        "FILE|-",
+        "Write the results as JSON here (.json), or alone (-) to the standard output.",
+        callback=check_json_to,
+    ),
 ]
 RayOption = Annotated[
     str | None, option("--ray", "ADDRESS", "Spread over a Ray cluster: auto, local (this computer), or HOST:PORT.")

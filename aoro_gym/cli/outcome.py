@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
@@ -30,10 +31,58 @@ def say_written(paths: Sequence[Path]) -> None:
         typer.echo(f"wrote {path}")
 
 
-def print_all(items: Iterable[Any], **options: Any) -> None:
-    """Print tables and lines to the standard output."""
-    for item in items:
-        terminal.out().print(item, **options)
+def conclude(
+    result: Any = None,
+    shown: Iterable[Any] = (),
+    written: Sequence[Path] = (),
+    *,
+    json_to: Path | None = None,
+    **style: Any,
+) -> None:
+    """Show what a command found: tables and the names of its files, or JSON on the standard output and nothing else.
+
+    Args:
+        result: Content of the JSON, or the JSON file that has it. Default: the names of the files.
+        shown: Tables and lines. With --quiet those of a command that wrote files are left out.
+        written: Files that were written.
+        json_to: Value of --json: a file that gets the result, too, or ``-``.
+        style: How a console prints ``shown``.
+    """
+    from aoro_gym.execution.files import read_json, with_nulls, write_text
+
+    names = list(written)
+    if json_to is not None:
+        content = read_json(result) if isinstance(result, Path) else result
+        content = {"written": [str(path) for path in written]} if content is None else with_nulls(content)
+        text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
+        if is_output(json_to):
+            typer.echo(text)
+            return
+        with running():
+            write_text(json_to, text + "\n")
+        names.append(json_to)
+    if not (terminal.is_quiet() and written):
+        for item in shown:
+            terminal.out().print(item, **style)
+    say_written(names)
+
+
+def is_output(json_to: Path | None) -> bool:
+    """Whether --json asks for the standard output."""
+    return str(json_to) == "-"
+
+
+def check_json_to(json_to: Path | None) -> Path | None:
+    """Value of --json, of which a file can be written; else the command ends."""
+    from aoro_gym.execution.files import check_writable
+
+    if json_to is None or is_output(json_to):
+        return json_to
+    with checking_input():
+        if json_to.suffix != ".json":
+            raise ValueError(f"--json is '{json_to}', but must be - or end in .json")
+        check_writable(json_to)
+    return json_to
 
 
 def say_error(text: str, head: str = "[bold red]error:[/]") -> None:

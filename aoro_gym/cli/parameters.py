@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
-import json
 from typing import Annotated
-
-import typer
 
 from aoro_gym.cli import options
 from aoro_gym.cli.options import argument, option
-from aoro_gym.cli.outcome import checking_input, print_all
+from aoro_gym.cli.outcome import checking_input, conclude
 from aoro_gym.reporting import terminal
 
 PatternArgument = Annotated[str | None, argument("[PATTERN]", "Part of a key, or a glob such as 'steering.*.leakage'.")]
 EffectsOption = Annotated[
     bool, option("--effects", None, "List the effects that may part a machine from its twin instead.")
 ]
-JsonOption = Annotated[bool, option("--json", None, "Print JSON instead of a table.")]
 
 
 def parameters(
     pattern: PatternArgument = None,
     effects: EffectsOption = False,
-    as_json: JsonOption = False,
     machine: options.MachineOption = options.MACHINE,
     set_: options.SetOption = None,
     scale: options.ScaleOption = None,
+    json_to: options.JsonOption = None,
+    quiet: options.QuietOption = False,
 ) -> None:
     """List the machine's parameters: value, unit, range, role and source.
 
@@ -37,7 +34,7 @@ def parameters(
       aoro-gym parameters
       aoro-gym parameters --effects
       aoro-gym parameters steering.valve
-      aoro-gym parameters 'driveline.*.displacement' --json
+      aoro-gym parameters 'driveline.*.displacement' --json -
       aoro-gym parameters oil --set oil.gas_fraction=0.01
     """
     with checking_input():
@@ -50,9 +47,5 @@ def parameters(
         entries = [effect.describe(chosen) for effect in matching(pattern)] if effects else parameter_entries(found)
         if not entries:
             raise ValueError(f"no parameter matches {pattern!r}; 'aoro-gym parameters' lists all")
-    if as_json:
-        typer.echo(json.dumps(entries, indent=2, ensure_ascii=False))
-    elif effects:
-        terminal.out().print(effects_table(entries))
-    else:
-        print_all(parameter_table(found, terminal.out().width), highlight=False)
+    shown = [effects_table(entries)] if effects else parameter_table(found, terminal.out().width)
+    conclude(entries, shown, json_to=json_to, highlight=False)

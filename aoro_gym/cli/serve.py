@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import signal
 from contextlib import ExitStack, closing
@@ -13,7 +12,7 @@ import typer
 
 from aoro_gym.cli import options
 from aoro_gym.cli.options import option
-from aoro_gym.cli.outcome import checking_input, fail, interrupted, print_all, running, say_error, say_written
+from aoro_gym.cli.outcome import checking_input, conclude, fail, interrupted, running, say_error
 from aoro_gym.cli.place import (
     GroundOption,
     StartOption,
@@ -69,9 +68,6 @@ OutOption = Annotated[
 LogOption = Annotated[
     Path | None, option("--log", "FILE", "Log of all sensors and commands to write: .csv, .parquet or .mcap.")
 ]
-JsonOption = Annotated[
-    Path | None, option("--json", "FILE|-", "Write the results here, or (-) to the standard output.")
-]
 
 
 def serve(
@@ -95,7 +91,7 @@ def serve(
     view: ViewOption = None,
     out: OutOption = None,
     log: LogOption = None,
-    json_file: JsonOption = None,
+    json_to: options.JsonOption = None,
     machine: options.MachineOption = options.MACHINE,
     set_: options.SetOption = None,
     scale: options.ScaleOption = None,
@@ -128,7 +124,7 @@ def serve(
             from aoro_gym.twin import Twin
 
             check_start(path, start)
-            _check_written(out, json_file, log)
+            _check_written(out, log)
             _check_fifo(fifo)
             run = options.run_spec(machine, set_, scale, "cpu", seed, laws=laws, ideal=ideal)
             chosen = options.load(run)
@@ -150,7 +146,7 @@ def serve(
             )
         _say_where(server)
         _run(server)
-    _report(server, out, json_file, _write_log(server, log, run, terrain))
+    _report(server, out, json_to, _write_log(server, log, run, terrain))
     _exit(server)
 
 
@@ -170,18 +166,15 @@ def _page(twin: Twin, ground: str, line: Line | None, port: int) -> MirrorPage:
     return page
 
 
-def _check_written(out: Path | None, json_file: Path | None, log: Path | None) -> None:
+def _check_written(out: Path | None, log: Path | None) -> None:
     """ValueError unless results can be written."""
     from aoro_gym.cosimulation.server.report import RESULT
-    from aoro_gym.execution.files import check_writable
     from aoro_gym.simulation.log import check_log_path
 
     if log is not None:
         check_log_path(log)
     if out is not None:
         options.check_folder(out, RESULT)
-    if json_file is not None and str(json_file) != "-":
-        check_writable(json_file)
 
 
 def _exit(server: Server) -> None:
@@ -228,7 +221,7 @@ def _write_log(server: Server, log: Path | None, run: RunSpec, terrain: Path | N
         return recorder.write(log, manifest(server.session.twin, run, terrain, server.session.time))
 
 
-def _report(server: Server, out: Path | None, json_file: Path | None, logged: list[Path]) -> None:
+def _report(server: Server, out: Path | None, json_to: Path | None, logged: list[Path]) -> None:
     """Print and write what the server measured; the files of its log are ``logged``."""
     from aoro_gym.cosimulation.server.report import EVENTS, LOG, RESULT, tables
     from aoro_gym.execution.files import write_json
@@ -239,14 +232,7 @@ def _report(server: Server, out: Path | None, json_file: Path | None, logged: li
         if out is not None:
             write_json(out / RESULT, result)
             written += [out / LOG, out / EVENTS, out / RESULT]
-        if json_file is not None and str(json_file) != "-":
-            write_json(json_file, result)
-            written.append(json_file)
-    if json_file is not None and str(json_file) == "-":
-        typer.echo(json.dumps(result, indent=2))
-        return
-    print_all(tables(result))
-    say_written(written)
+    conclude(result, tables(result), written, json_to=json_to)
 
 
 def _say_where(server: Server) -> None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from aoro_gym.cli import options
 from aoro_gym.cli.options import option
-from aoro_gym.cli.outcome import checking_input, running, say_written
+from aoro_gym.cli.outcome import checking_input, conclude, running
 from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
@@ -53,6 +53,7 @@ def simulate(
     laws: options.LawsOption = None,
     device: options.DeviceOption = "cpu",
     seed: options.SeedOption = 0,
+    json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
 ) -> None:
     """Run one manoeuvre and write its log, plots and key figures.
@@ -92,10 +93,10 @@ def simulate(
     section = simulated(twin, plan)
     with running():
         written = output.write(section, twin, out, run)
-    terminal.out().print(output.figure_table(section))
+    shown: list[Any] = [output.figure_table(section)]
     if plan.turn and section.figures["turn_time_s"] is None:
-        terminal.out().print("The turn did not reach its stop, so it has no key figures; a longer --duration may help.")
-    say_written(written)
+        shown.append("The turn did not reach its stop, so it has no key figures; a longer --duration may help.")
+    conclude(out.with_suffix(".json"), shown, written, json_to=json_to)
 
 
 def simulated(twin: Twin, manoeuvre: Manoeuvre) -> Section:

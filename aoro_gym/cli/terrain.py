@@ -7,7 +7,7 @@ from typing import Annotated
 
 from aoro_gym.cli import options
 from aoro_gym.cli.options import argument, option
-from aoro_gym.cli.outcome import checking_input, print_all, running, say_written
+from aoro_gym.cli.outcome import checking_input, conclude, running
 from aoro_gym.reporting import terminal
 
 FileArgument = Annotated[Path, argument("FILE", "Mesh, elevation raster, point cloud or .npy heights to drive on.")]
@@ -46,6 +46,7 @@ def terrain(
     hole_limit: HoleLimitOption = 5.0,
     spike_limit: SpikeLimitOption = 0.5,
     ground: GroundOption = None,
+    json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
     nodata: NodataOption = None,
     band: BandOption = None,
@@ -91,8 +92,7 @@ def terrain(
     with running():
         written = [*save(loaded, mesh), mesh.with_suffix(".png")]
         draw_terrain(loaded.terrain).savefig(written[-1], bbox_inches="tight")
-    print_all(tables(loaded.report), highlight=False)
-    say_written(written)
+    conclude(mesh.with_suffix(".json"), tables(loaded.report), written, json_to=json_to, highlight=False)
 
 
 def _nodata(texts: list[str] | None) -> list[float] | None:

@@ -17,7 +17,7 @@ from aoro_gym.checks import check_integer
 from aoro_gym.cli import options
 from aoro_gym.cli.courses import training_courses
 from aoro_gym.cli.options import option
-from aoro_gym.cli.outcome import checking_input, entered, fail, resumable, running, say_written
+from aoro_gym.cli.outcome import checking_input, conclude, entered, fail, resumable, running
 from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
@@ -73,6 +73,7 @@ def train(
     space: SpaceOption = None,
     restart: options.RestartOption = False,
     accept_code_change: options.AcceptCodeChangeOption = False,
+    json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
     **planned: Any,
 ) -> None:
@@ -114,7 +115,7 @@ def train(
     with checking_input():
         _check_combination(context, resume=resume, ray=ray, seeds=seeds, trials=trials, space=space, planned=planned)
         plan = TrainingPlan(**planned)
-    how = {"restart": restart, "accept_code_change": accept_code_change}
+    how = {"restart": restart, "accept_code_change": accept_code_change, "json_to": json_to}
     if resume is not None:
         _train(None, resume, **how)
     elif ray is None:
@@ -155,7 +156,9 @@ def _check_combination(context: typer.Context, *, planned: Any, **given: Any) ->
             raise ValueError(f"--{name.replace('_', '-')} was settled when the training began; leave it out")
 
 
-def _train(plan: TrainingPlan | None, folder: Path, *, restart: bool, accept_code_change: bool) -> None:
+def _train(
+    plan: TrainingPlan | None, folder: Path, *, restart: bool, accept_code_change: bool, json_to: Path | None
+) -> None:
     """Train as ``plan`` says, or go on with the training in ``folder``."""
 
     def goes_on() -> str:
@@ -191,9 +194,9 @@ def _train(plan: TrainingPlan | None, folder: Path, *, restart: bool, accept_cod
                     plan, recipe, folder, machine=chosen, courses=courses, held_out=held_out,
                     accept_code_change=accept_code_change, tell=terminal.learning(tell, plan.env),
                 )  # fmt: skip
-    terminal.out().print(evaluations_table(found))
-    typer.echo(f"trained for {time.perf_counter() - began:.0f} s")
-    say_written([folder / name for name in (RECORD, EVALUATIONS, "policy.json", "best.json")])
+    shown = [evaluations_table(found), f"trained for {time.perf_counter() - began:.0f} s"]
+    written = [folder / name for name in (RECORD, EVALUATIONS, "policy.json", "best.json")]
+    conclude(written[1], shown, written, json_to=json_to, highlight=False)
 
 
 def trained(plan: TrainingPlan, folder: Path, machine: Machine, *, restart: bool, accept_code_change: bool) -> Factory:
@@ -225,7 +228,14 @@ def trained(plan: TrainingPlan, folder: Path, machine: Machine, *, restart: bool
 
 
 def _train_on_cluster(
-    first: TrainingPlan, folder: Path, ray: str, seeds: int, *, restart: bool, accept_code_change: bool
+    first: TrainingPlan,
+    folder: Path,
+    ray: str,
+    seeds: int,
+    *,
+    restart: bool,
+    accept_code_change: bool,
+    json_to: Path | None,
 ) -> None:
     """``train --ray``."""
     with checking_input():
@@ -247,9 +257,10 @@ def _train_on_cluster(
                 plans, recipes, ray=ray, machine=chosen, courses=courses, held_out=held_out,
                 accept_code_change=accept_code_change, progress=tell,
             )  # fmt: skip
-    for place, evaluations in sorted(found.items()):
-        terminal.out().print(evaluations_table(evaluations))
-        say_written([place / "best.json"])
+    by_place = dict(sorted(found.items()))
+    shown = [evaluations_table(evaluations) for evaluations in by_place.values()]
+    result = {str(place): evaluations for place, evaluations in by_place.items()}
+    conclude(result, shown, [place / "best.json" for place in by_place], json_to=json_to)
 
 
 def _search_on_cluster(
@@ -261,6 +272,7 @@ def _search_on_cluster(
     *,
     restart: bool,
     accept_code_change: bool,
+    json_to: Path | None,
 ) -> None:
     """``train --ray --trials``."""
     with checking_input():
@@ -279,8 +291,9 @@ def _search_on_cluster(
             trials=trials, ray=ray, machine=chosen, courses=courses, held_out=held_out,
             restart=restart, accept_code_change=accept_code_change, progress=tell,
         )  # fmt: skip
-    terminal.out().print(trials_table(found))
     if not found or found[0].best is None:
         why = found[0].failed if found else "none began"
+        terminal.out().print(trials_table(found))
         fail(ValueError(f"no trial came to an evaluation; the first says: {why}"), 1)
-    say_written([folder / "trials.json", folder / "best.yml"])
+    written = [folder / "trials.json", folder / "best.yml"]
+    conclude(written[0], [trials_table(found)], written, json_to=json_to)

@@ -11,7 +11,7 @@ import typer
 
 from aoro_gym.cli import options
 from aoro_gym.cli.options import option
-from aoro_gym.cli.outcome import checking_input, interrupted
+from aoro_gym.cli.outcome import checking_input, conclude, interrupted
 from aoro_gym.cli.place import (
     GroundOption,
     StartOption,
@@ -70,6 +70,7 @@ def view(
     scale: options.ScaleOption = None,
     laws: options.LawsOption = None,
     seed: options.SeedOption = 0,
+    json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
 ) -> None:
     """See a twin move in the browser, in real time, and drive it.
@@ -116,7 +117,7 @@ def view(
     from aoro_gym.view.server import stop
 
     try:
-        _say_where(page, no_browser)
+        _say_where(page, no_browser, json_to)
         run()
     except KeyboardInterrupt:
         stop(page)
@@ -248,9 +249,11 @@ def _twins(
     return LiveTwins(twin, machines, begin=begin)
 
 
-def _say_where(server: Any, no_browser: bool) -> None:
+def _say_where(server: Any, no_browser: bool, json_to: Path | None) -> None:
     """Tell the address, and open it."""
     address = f"http://127.0.0.1:{server.get_port()}"
+    if json_to is not None:
+        conclude({"address": address, "port": server.get_port()}, json_to=json_to)
     if not terminal.is_quiet():
         typer.echo(f"view: {address} (Ctrl-C ends it)", err=True)
     if not no_browser and has_display():

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from aoro_gym.cli import options
 from aoro_gym.cli.options import option
-from aoro_gym.cli.outcome import checking_input, print_all, running, say_written
+from aoro_gym.cli.outcome import checking_input, conclude, running
 from aoro_gym.cli.place import load_terrain
 from aoro_gym.reporting import terminal
 
@@ -23,7 +20,6 @@ TerrainOption = Annotated[
 StemsOption = Annotated[float | None, option("--stems", "N", "Trees a hectare. Default: the stand's.")]
 BouldersOption = Annotated[float, option("--boulders", "N", "Boulders a hectare.")]
 SnowOption = Annotated[bool, option("--snow", None, "Snow on the ground, and bare birches.")]
-JsonOption = Annotated[bool, option("--json", None, "Print JSON instead of a table.")]
 
 
 def world(
@@ -35,7 +31,7 @@ def world(
     stems: StemsOption = None,
     boulders: BouldersOption = 120.0,
     snow: SnowOption = False,
-    as_json: JsonOption = False,
+    json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
 ) -> None:
     """Make a forest of objects on made or scanned ground: trees, stumps, boulders, logs, branches.
@@ -51,7 +47,7 @@ def world(
       aoro-gym world --seed 3
       aoro-gym world --stand pine --size 60 60 --out heath
       aoro-gym world --terrain scan.laz --stems 600 --snow --out winter
-      aoro-gym world --json
+      aoro-gym world --json -
     """
     with checking_input():
         from aoro_gym.terrains.generate.world import WorldSettings, populate
@@ -70,8 +66,4 @@ def world(
         written = [*save_world(made, out), out / "world.png"]
         draw_world(made).savefig(written[-1])
     figures = summary(made)
-    if as_json:
-        typer.echo(json.dumps(figures, indent=2))
-        return
-    print_all([table(figures)], highlight=False)
-    say_written(written)
+    conclude(figures, [table(figures)], written, json_to=json_to, highlight=False)

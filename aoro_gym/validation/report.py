@@ -126,6 +126,12 @@ def lines(result: Validation, direction: str) -> Iterator[FigureRow]:
 
 def print_tables(console: Console, result: Validation) -> None:
     """Print the key figures of all turns, the checks and the notes."""
+    for one in printed(result):
+        console.print(one, highlight=False)
+
+
+def printed(result: Validation) -> Iterator[Comparison | str]:
+    """Tables of the key figures of all turns and of the checks, the verdict and the notes, for a terminal."""
     shown = _columns_in_use(result)
     for direction in ("left", "right"):
         table = Comparison(f"Full turns to the {direction}", [COLUMNS[index] for index in shown], [], lead=2)
@@ -138,16 +144,16 @@ def print_tables(console: Console, result: Validation) -> None:
                 if line.mark is not None:
                     cells[6] = Text(str(cells[6]), style="green" if line.mark else "red")
                 table.add(*(cells[index] for index in shown))
-        console.print(table)
+        yield table
     for title, checks in ((SHAPE_TITLE, result.shape), ("Checks", result.checks)):
         table = Comparison(title, ("what", "value", "published", "bound", "unit", ""), [])
         for check in checks:
             mark = Text("reached", style="green") if check["reached"] else Text("missed", style="red")
             table.add(*_check_cells(check), mark)
-        console.print(table)
-    console.print(_verdict(result), highlight=False)
+        yield table
+    yield _verdict(result)
     for note in result.notes:
-        console.print(f"[yellow]note:[/] {escape(note)}", highlight=False)
+        yield f"[yellow]note:[/] {escape(note)}"
 
 
 def _verdict(result: Validation) -> str:

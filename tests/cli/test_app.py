@@ -1,7 +1,9 @@
 """The command as a whole: its version, its help, and that it runs as a module."""
 
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 import typer
@@ -54,14 +56,29 @@ def test_help_fits_80_columns():
             assert len(line) <= 80 and "…" not in line, f"{verb}: {line}"
 
 
-def test_long_commands_can_be_quiet():
+def _every_command():
+    """All commands by their names, those within groups by two words."""
     group = typer.main.get_command(app)
     assert isinstance(group, TyperGroup)
-    commands = dict(group.commands)
+    commands = {name: one for name, one in group.commands.items() if name not in GROUPS}
     for of in GROUPS:
         commands |= {f"{of} {name}": one for name, one in _commands(group.commands[of]).items()}
-    lacking = {name for name, one in commands.items() if "--quiet" not in {text for p in one.params for text in p.opts}}
-    assert lacking == {"parameters", "laws", *GROUPS}
+    return commands
+
+
+@pytest.mark.parametrize("option", ["--quiet", "--json"])
+def test_every_command_has_the_options_of_all(option):
+    found = {name: {text: p for p in one.params for text in p.opts} for name, one in _every_command().items()}
+    assert [name for name, known in found.items() if option not in known] == []
+    # one declaration: the same words everywhere
+    assert len({(getattr(known[option], "help", None), known[option].metavar) for known in found.values()}) == 1
+
+
+def test_every_command_has_a_row_in_the_list_of_commands():
+    page = (Path(__file__).parents[2] / "docs/howto/commands.md").read_text(encoding="utf-8")
+    rows = [line.split("|")[1] for line in page.splitlines() if line.startswith("| `aoro-gym ")]
+    listed = [name.removeprefix("aoro-gym ") for row in rows for name in re.findall(r"`([^`]+)`", row)]
+    assert sorted(listed) == sorted(_every_command())
 
 
 def test_runs_as_a_module():

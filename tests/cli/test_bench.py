@@ -42,7 +42,7 @@ def test_other_laws_are_timed_without_a_ceiling(tmp_path):
         ("bench --seconds nan", "seconds is nan s, but must be in (0, 600] s"),
         ("bench --what twin,drive", "what is 'drive'; choose one of: twin, env, train"),
         ("bench --threads 0", "--threads '0': '0' must be a positive integer"),
-        ("bench --json .", ". is a folder; name a file in it"),
+        ("bench --json .", "--json is '.', but must be - or end in .json"),
     ],
 )
 def test_wrong_input_is_one_line_before_anything_runs(files, arguments, message):

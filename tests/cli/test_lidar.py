@@ -17,11 +17,11 @@ def ground(tmp_path, monkeypatch):
     x, y = np.meshgrid(np.arange(-20, 21), np.arange(-20, 21))
     terrain = Terrain.from_heights(0.02 * x + 0.0 * y, cell=1.0, corner=(-20.0, -20.0))
     trimesh.Trimesh(terrain.vertices, terrain.faces, process=False).export("ground.ply")
-    return ("lidar", "--terrain", "ground.ply", "--model", "vlp-16", "--quiet")
+    return ("lidar", "--terrain", "ground.ply", "--model", "vlp-16")
 
 
 def test_points_and_picture(ground, tmp_path):
-    shown = call(*ground, "--speed", "2", "--sweeps", "2", "--out", "a.npz", "--json")
+    shown = call(*ground, "--speed", "2", "--sweeps", "2", "--out", "a.npz", "--json", "-")
     assert shown.exit_code == 0, shown.output
     found = json.loads(shown.stdout)
     with np.load(tmp_path / "a.npz") as points:

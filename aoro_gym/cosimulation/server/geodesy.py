@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from aoro_gym.checks import check_range
+from aoro_gym.cosimulation.server.transverse_mercator import TransverseMercator
 from aoro_gym.terrains import Plane, Terrain
 from aoro_gym.terrains.extras import import_extra
 from aoro_gym.terrains.georeference import GEOGRAPHIC, axis_unit, horizontal
@@ -39,27 +40,20 @@ class Geodesy:
     """
 
     def __init__(self, ground: Terrain | Plane, origin: Origin | None = None):
-        pyproj = import_extra("pyproj", "the place of the ground on the Earth")
         origin = Origin() if origin is None else origin
         self.georeferenced = isinstance(ground, Terrain) and ground.crs is not None
         """Whether the ground itself says where it lies."""
+        self._projection: TransverseMercator | _Georeferenced
         if isinstance(ground, Terrain) and ground.crs is not None:
-            system, self._offset = horizontal(ground.crs), ground.origin
+            self._projection, self._offset = _Georeferenced(ground.crs), ground.origin
         else:
-            place = f"+lat_0={origin.latitude!r} +lon_0={origin.longitude!r}"
-            system, self._offset = (
-                horizontal(f"+proj=tmerc {place} +k=1 +datum=WGS84 +units=m"),
-                (0.0, 0.0, origin.height),
-            )
-        self._metre = axis_unit(system)
-        self._to_degrees: Any = pyproj.Transformer.from_crs(system, GEOGRAPHIC, always_xy=True)
-        self._projection: Any = pyproj.Proj(system)
+            self._projection = TransverseMercator(origin.latitude, origin.longitude)
+            self._offset = (0.0, 0.0, origin.height)
         self._convergence = self._measured_convergence(0.0, 0.0)
 
     def place(self, x: float, y: float, z: float) -> tuple[float, float, float]:
         """Latitude and longitude [deg] and height [m] of a local place [m]."""
-        first, second = (x + self._offset[0]) / self._metre, (y + self._offset[1]) / self._metre
-        longitude, latitude = self._to_degrees.transform(first, second)
+        latitude, longitude = self._projection.place(x + self._offset[0], y + self._offset[1])
         return latitude, longitude, z + self._offset[2]
 
     def azimuth(self, x: float, y: float, heading: float) -> float:
@@ -73,8 +67,26 @@ class Geodesy:
 
     def _measured_convergence(self, x: float, y: float) -> tuple[float, float, float]:
         """The place, and the convergence [deg] there."""
-        latitude, longitude, _ = self.place(x, y, 0.0)
-        return x, y, float(self._projection.get_factors(longitude, latitude).meridian_convergence)
+        return x, y, self._projection.convergence(x + self._offset[0], y + self._offset[1])
+
+
+class _Georeferenced:
+    """Places in a coordinate reference system, by pyproj."""
+
+    def __init__(self, crs: str):
+        pyproj = import_extra("pyproj", "the place of the ground on the Earth")
+        system = horizontal(crs)
+        self._metre = axis_unit(system)
+        self._to_degrees: Any = pyproj.Transformer.from_crs(system, GEOGRAPHIC, always_xy=True)
+        self._projection: Any = pyproj.Proj(system)
+
+    def place(self, x: float, y: float) -> tuple[float, float]:
+        longitude, latitude = self._to_degrees.transform(x / self._metre, y / self._metre)
+        return latitude, longitude
+
+    def convergence(self, x: float, y: float) -> float:
+        latitude, longitude = self.place(x, y)
+        return float(self._projection.get_factors(longitude, latitude).meridian_convergence)
 
 
 REMEASURE = 20.0

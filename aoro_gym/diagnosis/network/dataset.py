@@ -93,14 +93,17 @@ def simulate(
     days, commands, whole, done = [], [], [], 0
     with drawn_chunks(_draw, prior, amount, CHUNK) as chunks:
         for number, (drawn, told) in enumerate(chunks):
-            found = logs.simulate(drawn, told, seed=amount.seed + number, device=device)
-            part = wp.to_torch(found.samples).reshape(len(told), *shape[1:])
-            samples[done : done + len(told)] = part
+            count = len(told)
+
+            def part(twins: int, of: int, done: int = done, count: int = count) -> None:
+                progress(done + count * twins // of, amount.machines)
+
+            found = logs.simulate(drawn, told, seed=amount.seed + number, device=device, progress=part)
+            samples[done : done + count] = wp.to_torch(found.samples).reshape(count, *shape[1:])
             days.append(drawn)
             commands.append(found.commands)
             whole.append(~found.diverged.any(axis=(1, 2)))
-            done += len(told)
-            progress(done, amount.machines)
+            done += count
     drawn = Days.joined(days)
     scales = size_scales(drawn)
     data = labelled(samples, np.concatenate(commands), drawn, scales)

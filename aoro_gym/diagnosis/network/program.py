@@ -77,6 +77,7 @@ def run(program: Program, device: str, out: Path, progress: Progress = lambda se
         progress("all networks are trained already", 1.0)
         return before
     share = 0.3
+    progress("drawing machines", 0.0)
     data, scales = simulate(
         Prior(), program.amount, device,
         lambda done, total: progress(f"machine {done} of {total} simulated", share * done / total),

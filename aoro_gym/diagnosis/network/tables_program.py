@@ -57,6 +57,7 @@ def run(program: Program, device: str, out: Path, progress: Progress = lambda se
     if len(kept) == program.networks and (out / CALIBRATION).exists():
         progress("all networks are trained already", 1.0)
         return before
+    progress("drawing machines", 0.0)
     data, scales = simulate(
         Prior(), program.amount, device, threads=program.amount.processes,
         progress=lambda done, total: progress(f"turn {done} of {total} simulated", 0.5 * done / total),

@@ -96,7 +96,7 @@ def simulate(
         manoeuvres: J of each of the M machines.
         seed: Of what outsiders do to commands.
         device: Of the twins.
-        progress: Called with the number of twins that are done, and of all.
+        progress: Called with the number of twins that are done, in shares of those that are simulated, and of all.
     """
     machines, each = len(manoeuvres), len(manoeuvres[0])
     later = len(days.kind) // machines
@@ -115,9 +115,13 @@ def simulate(
         told = schedules(commands[own], outsider, lambda machine, day: int(rng.integers(2**63)))
         angle = (start[own][:, None] * days.joint_range[rows].reshape(-1, later, 1)).ravel()
         records, slope = np.repeat(days.records[rows], each), np.repeat(days.slope[rows], each, axis=0)
-        status = follow(records, planes(slope), angle, *told, _keeper(into), device=device)
+        begun, count = own.start * later * each, len(records)
+
+        def done(share: float, begun: int = begun, count: int = count) -> None:
+            progress(begun + int(share * count), len(samples))
+
+        status = follow(records, planes(slope), angle, *told, _keeper(into, done), device=device)
         diverged[own] = status.reshape(-1, later, each) != 0
-        progress(own.stop * later * each, machines * later * each)
     return Logs(samples, commands, diverged)
 
 
@@ -144,12 +148,13 @@ def schedules(
     return (np.concatenate([own, np.stack(other)]) if other else own), which.ravel().astype(np.int32)
 
 
-def _keeper(into: wp.array) -> Callable[[wp.array, wp.array, int], None]:
-    """Keeps samples (N, channels, SAMPLES) of twins."""
+def _keeper(into: wp.array, done: Callable[[float], Any]) -> Callable[[wp.array, wp.array, int], None]:
+    """Keeps samples (N, channels, SAMPLES) of twins; ``done`` is told which share of them are there."""
 
     def keep(values: wp.array, rows: wp.array, first: int) -> None:
         count = (len(values), len(CHANNELS), values.shape[2])
         wp.launch(_keep, count, [values, rows, first, SAMPLES, into], device=into.device)
+        done(min((first + len(values)) / SAMPLES, 1.0))
 
     return keep
 

@@ -44,3 +44,12 @@ def test_the_origin_lies_where_it_is_said():
     )
     with pytest.raises(ValueError, match="latitude of the origin is 95"):
         Origin(95.0, 0.0)
+
+
+def test_a_plane_needs_no_pyproj(monkeypatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "pyproj", None)  # an import of it fails
+    assert Geodesy(Plane()).place(0.0, 0.0, 0.0) == pytest.approx((66.5, 25.7, 100.0), abs=1e-9)
+    with pytest.raises(ValueError, match=r"needs pyproj: pip install 'aoro-gym\[terrain\]'"):
+        Geodesy(Terrain.from_heights(np.zeros((3, 3)), cell=1.0, crs="EPSG:32634", name="ground"))
