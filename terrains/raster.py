@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import cache
 from pathlib import Path
 from typing import Any, cast
 from weakref import WeakKeyDictionary
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from aoro_gym.checks import check_range
 from aoro_gym.execution import devices
 from aoro_gym.execution.cache import cached, computed_with
+from aoro_gym.execution.digest import digest
 from aoro_gym.terrains.survey import bound, survey
 from aoro_gym.terrains.terrain import Terrain
 
@@ -74,7 +76,7 @@ def surface(terrain: Terrain, device: str, *, cell: float = CELL, mesh: wp.Mesh 
 
         ground = (terrain.vertices, terrain.faces, terrain.friction, terrain.rolling_resistance)
         on_cpu = devices.find(device).is_cpu
-        raster = cached("rasters", (ground, cell, *_code()), make, _packed, _unpacked) if on_cpu else make()
+        raster = cached("rasters", (ground, cell, _code()), make, _packed, _unpacked) if on_cpu else make()
         for values in (raster.nodes, raster.cover, raster.ceilings):
             values.flags.writeable = False
         if raster.nodes.nbytes + raster.cover.nbytes + raster.ceilings.nbytes <= LARGEST_SHARED:
@@ -92,8 +94,9 @@ def triangles(terrain: Terrain, device: Any) -> wp.Mesh:
     )
 
 
-def _code() -> tuple[Any, ...]:
-    return computed_with(Path(__file__), Path(__file__).with_name("survey.py"))
+@cache
+def _code() -> str:
+    return digest(*computed_with(Path(__file__), Path(__file__).with_name("survey.py")))
 
 
 def _packed(raster: Raster) -> dict[str, Any]:

@@ -125,22 +125,22 @@ def _planes(plane: Plane, num_twins: int, gravity: float, device: Any) -> Any:
 
 def _terrains(
     terrains: list[Terrain], num_twins: int, kind: Any, cell: float, gravity: float, device: Any
-) -> tuple[Any, list[wp.Mesh]]:
+) -> tuple[Any, list[wp.Mesh | None]]:
     layout: Any = Site.numpy_dtype()
     sites: Any = np.zeros(len(terrains), dtype=layout)
     rasters, meshes, first = [], [], 0
     for site, terrain in zip(sites, terrains, strict=True):
-        mesh = triangles(terrain, device)
+        mesh = triangles(terrain, device) if kind is Meshes else None  # rasters are asked alone
         raster = surface(terrain, str(device), cell=cell, mesh=mesh)
         rows, columns = raster.ceilings.shape
         site["x"], site["y"] = raster.corner
         site["inverse_cell"] = 1.0 / raster.cell
         site["columns"], site["rows"], site["first"] = columns, rows, first
-        site["mesh"] = mesh.id
+        site["mesh"] = 0 if mesh is None else mesh.id
         site["friction"], site["rolling_resistance"], site["gravity"] = 1.0, 1.0, gravity
         first += rows * columns
         rasters.append(raster)
-        meshes.append(mesh)
+        meshes.append(mesh)  # it lives as long as what asks it
     if first >= 2**31:
         raise ValueError(
             f"cell is {cell} m, which makes {first:.3g} nodes in all, but 2^31 is the limit; take larger cells"

@@ -16,6 +16,7 @@ from aoro_gym import terrains
 from aoro_gym.envs.core.ray_sensing import Ground
 from aoro_gym.execution.array_api import HOST, Array, Arrays, namespace
 from aoro_gym.execution.cache import cached, computed_with
+from aoro_gym.execution.digest import digest
 from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.terrains.raster import CELL, surface
 from aoro_gym.terrains.world.world import World
@@ -168,7 +169,7 @@ def generated_paths(terrain: Terrain | Plane, count: int = 4, length: float = 60
             return tuple(ground.path(seed, length=length) for seed in range(first, first + count))
 
         shape = terrain if isinstance(terrain, Plane) else (terrain.vertices, terrain.faces)
-        known[key] = cached("paths", (shape, key, *_code()), make, _packed_paths, _unpacked_paths)
+        known[key] = cached("paths", (shape, key, _code()), make, _packed_paths, _unpacked_paths)
         if len(known) > PATHS_KEPT:
             del known[next(iter(known))]
     return known[key]
@@ -200,15 +201,16 @@ def forest_course(
         paths = tuple(ground.path(number, length=length) for number in range(count))
         return Course(grown.terrain, paths, name=f"forest {seed}", trees=grown.trees)
 
-    return cached("courses", (seed, size, count, length, *_code()), make, _packed, _unpacked)
+    return cached("courses", (seed, size, count, length, _code()), make, _packed, _unpacked)
 
 
 # ---- on disk ---------------------------------------------------------------------------------------------------------
 
 
-def _code() -> tuple[Any, ...]:
-    """What a course depends on beside its arguments."""
-    return computed_with(Folder(__file__).resolve(), Folder(terrains.__file__).parent)
+@cache
+def _code() -> str:
+    """Digest of what a course depends on beside its arguments."""
+    return digest(*computed_with(Folder(__file__).resolve(), Folder(terrains.__file__).parent))
 
 
 def _packed(course: Course) -> dict[str, Any]:
