@@ -1,33 +1,28 @@
-"""Rays around the machines of a task: where they are and were, what stands around them, what each episode draws."""
+"""Rays around the machines of a task: where they are and were, what each episode draws.
+
+What casts them is loaded when a term asks for it: most environments have none.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, cast
-from weakref import WeakKeyDictionary
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import warp as wp
-from numpy.typing import NDArray
 
 from aoro_gym.checks import check_range
-from aoro_gym.envs.core.kernels import rays as kernels
 from aoro_gym.envs.core.task import Outputs
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index
 from aoro_gym.sensors.noise import draw_seeds
-from aoro_gym.sensors.raytrace import Scene
-from aoro_gym.sensors.raytrace.device import Rays
-from aoro_gym.sensors.raytrace.standing import scene_with_trees
-from aoro_gym.terrains import Plane, Terrain
-from aoro_gym.terrains.world.world import World
 
-FARTHEST = 500.0
-"""Half the side [m] of the square that stands for a plane."""
+if TYPE_CHECKING:
+    from aoro_gym.envs.core.ray_scenes import Ground
+    from aoro_gym.sensors.raytrace import Scene
+
 MOST_KEPT = 100
 """Poses of a sub-environment: 5 s of steps of 50 ms."""
-Ground = Plane | Terrain | World | tuple[Terrain, NDArray[np.float64]]
-"""What rays meet: bare ground, a world with its objects, or a terrain with trees (K, 4), x, y, radius and height [m]."""
 
 
 class RaySensing:
@@ -88,10 +83,14 @@ class RaySensing:
 
     def scenes(self) -> list[Scene]:
         """What rays meet on each of the grounds."""
+        from aoro_gym.envs.core.ray_scenes import scene_of
+
         return self.made("scenes", lambda: [scene_of(ground, self.device) for ground in self.grounds])
 
     def rays(self) -> wp.array:
         """The scenes as device code has them."""
+        from aoro_gym.sensors.raytrace.device import Rays
+
         struct: Any = Rays
         return self.made("rays", lambda: wp.array([s.data for s in self.scenes()], dtype=struct, device=self.device))
 
@@ -114,6 +113,8 @@ class RaySensing:
             outputs: Of the twins, with their state.
             oldest: Age [s] of the oldest pose that is asked for.
         """
+        from aoro_gym.envs.core.kernels import rays as kernels
+
         if self.oldest is None or oldest > self.oldest:
             kept = "no poses" if self.oldest is None else f"poses for {self.oldest:g} s"
             raise ValueError(
@@ -130,28 +131,7 @@ class RaySensing:
         return shared
 
 
-_scenes: WeakKeyDictionary[Any, dict[Any, Scene]] = WeakKeyDictionary()
-
-
-def scene_of(ground: Ground, device: str) -> Scene:
-    """What rays meet on a ground; made once a process and device while the ground lives."""
-    terrain, trees = ground if isinstance(ground, tuple) else (ground, np.zeros((0, 4)))
-    known, key = _scenes.setdefault(terrain, {}), (device, trees.tobytes())
-    if key not in known:
-        if isinstance(terrain, Plane):
-            known[key] = Scene(*_square(terrain), device=device)
-        elif isinstance(terrain, World):
-            known[key] = Scene.of_world(terrain, device=device)
-        else:
-            known[key] = scene_with_trees(terrain, trees, device=device)
-    return known[key]
-
-
-def _square(plane: Plane) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Corners and faces of a part of a plane."""
-    normal = plane.normal
-    if normal.ndim != 1:
-        raise ValueError("the plane's slope is an array, but rays meet one ground; give numbers")
-    xy = FARTHEST * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    z = -(xy @ normal[:2]) / normal[2]
-    return np.column_stack([xy, z]), np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
+def looks_back(terms: Any) -> float | None:
+    """Age [s] of the oldest pose that any of the observation ``terms`` asks for; None where none casts rays."""
+    ages = [getattr(term.function, "oldest", None) for term in terms.values()]
+    return max((age for age in ages if age is not None), default=None)

@@ -14,7 +14,6 @@ seed, are the errors of their mounting; noise is that seed's and the step's. The
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, cast
 
@@ -206,13 +205,3 @@ def height_map(**settings: Any) -> ObservationTerm:
     Raises ``ValueError`` naming the field, its value and its bound.
     """
     return ObservationTerm(HeightView(**settings), -HEIGHT_BOUND, HEIGHT_BOUND)
-
-
-RAY_TERMS: dict[str, Callable[[], ObservationTerm]] = {"lidar": lidar, "height_map": height_map}
-"""Terms that environments know by name, with their defaults."""
-
-
-def looks_back(terms: Any) -> float | None:
-    """Age [s] of the oldest pose that any of the observation ``terms`` asks for; None where none casts rays."""
-    ages = [getattr(term.function, "oldest", None) for term in terms.values()]
-    return max((age for age in ages if age is not None), default=None)

@@ -6,20 +6,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cache
 from pathlib import Path as Folder
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym import terrains
-from aoro_gym.envs.core.ray_sensing import Ground
 from aoro_gym.execution.array_api import HOST, Array, Arrays, namespace
 from aoro_gym.execution.cache import cached, computed_with
 from aoro_gym.execution.digest import digest
 from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.terrains.raster import CELL, surface
-from aoro_gym.terrains.world.world import World
+
+if TYPE_CHECKING:
+    from aoro_gym.envs.core.ray_scenes import Ground
+    from aoro_gym.terrains.world.world import World
 
 
 @dataclass(frozen=True, eq=False)

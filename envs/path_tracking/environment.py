@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from aoro_gym.envs.core.ray_terms import RAY_TERMS
+from aoro_gym.envs.core.offered_terms import OFFERED
 from aoro_gym.envs.core.single import TwinEnv
 from aoro_gym.envs.core.terms import ObservationTerm, RewardTerm, changed_observations, changed_rewards
 from aoro_gym.envs.core.vector import TwinVectorEnv, check_keywords
@@ -100,7 +100,7 @@ class PathTrackingVectorEnv(TwinVectorEnv):
         config = replace(
             config,
             reward_terms=changed_rewards(config.reward_terms, reward_terms),
-            observation_terms=changed_observations(observed, observation_terms, RAY_TERMS),
+            observation_terms=changed_observations(observed, observation_terms, OFFERED),
         )
         library = as_courses(courses, terrain, path)
         grounds = [course.terrain for course in library]

@@ -24,8 +24,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from aoro_gym.envs.core.randomisation import Draws
-from aoro_gym.envs.core.ray_sensing import RaySensing
-from aoro_gym.envs.core.ray_terms import looks_back
+from aoro_gym.envs.core.ray_sensing import RaySensing, looks_back
 from aoro_gym.envs.core.task import Outputs, Start, StepResult, Terrains, chosen, sensing
 from aoro_gym.envs.path_tracking.assistance import ArmController, AutomaticGear
 from aoro_gym.envs.path_tracking.config import PathTrackingConfig

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
+from aoro_gym.envs.core.offered_terms import OFFERED
 from aoro_gym.envs.core.randomisation import Randomisation
-from aoro_gym.envs.core.ray_terms import RAY_TERMS
 from aoro_gym.envs.core.single import TwinEnv
 from aoro_gym.envs.core.terms import ObservationTerm, RewardTerm, changed_observations, changed_rewards
 from aoro_gym.envs.core.vector import TwinVectorEnv, check_keywords
@@ -64,7 +64,7 @@ class TurningVectorEnv(TwinVectorEnv):
             config,
             observe_pressures=observe_pressures,
             reward_terms=changed_rewards(config.reward_terms, reward_terms),
-            observation_terms=changed_observations(observed, observation_terms, RAY_TERMS),
+            observation_terms=changed_observations(observed, observation_terms, OFFERED),
             randomisation=config.randomisation if randomisation is None else randomisation,
         )
         super().__init__(Turning(config), num_envs, **arguments)

@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 
 from aoro_gym.envs.core.joint import MeasuredJoint
 from aoro_gym.envs.core.randomisation import Draws
-from aoro_gym.envs.core.ray_sensing import RaySensing
-from aoro_gym.envs.core.ray_terms import looks_back
+from aoro_gym.envs.core.ray_sensing import RaySensing, looks_back
 from aoro_gym.envs.core.task import Outputs, Start, StepResult, Terrains, chosen, given, sensing
 from aoro_gym.envs.turning.config import TurningConfig
 from aoro_gym.envs.turning.view import TurningView

@@ -21,6 +21,7 @@ from aoro_gym.envs import (
 )
 
 register_envs()
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.parametrize("name", list(ENVIRONMENTS))
@@ -72,9 +73,24 @@ def test_registering_twice_is_silent():
 
 def test_registration_imports_nothing_of_the_twin():
     code = "import sys; from aoro_gym.envs import register_envs; register_envs(); print('warp' in sys.modules)"
-    root = Path(__file__).resolve().parents[2]
-    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
+
+
+@pytest.mark.parametrize("name", ["AORO/PathTracking-v0", "AORO/Turning-v0"])
+def test_the_first_step_imports_nothing_that_it_does_not_need(name):
+    """What takes long to import stays out of a process that only steps; courses come from the disk."""
+    gymnasium.make(name).close()  # so that they are there
+    code = f"""
+import sys, gymnasium, aoro_gym
+env = gymnasium.make({name!r})
+env.reset(seed=0)
+env.step(env.action_space.sample())
+slow = ["torch", "scipy", "trimesh", "matplotlib", "pandas", "PIL", "jinja2", "typer", "aoro_gym.sensors.raytrace"]
+print([one for one in slow if one in sys.modules])
+"""
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
 
 
 def test_a_spec_makes_the_environment_again():

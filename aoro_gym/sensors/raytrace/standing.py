@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.sensors.raytrace.scene import BARE_GROUND, Scene
-from aoro_gym.terrains.generate.forest import Forest
 from aoro_gym.terrains.terrain import Terrain
+
+if TYPE_CHECKING:
+    from aoro_gym.terrains.generate.forest import Forest
 
 GROUND, TRUNK, CROWN = 0, 1, 2
 """Classes of :func:`forest_scene`."""

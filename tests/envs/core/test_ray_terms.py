@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from aoro_gym import Plane
-from aoro_gym.envs.core.ray_sensing import FARTHEST, scene_of
+from aoro_gym.envs.core.ray_scenes import FARTHEST, scene_of
 from aoro_gym.envs.core.ray_terms import HEIGHT_BOUND, HeightView, LidarView, height_map, lidar
 from aoro_gym.envs.core.terms import ObservationTerm
 from aoro_gym.envs.path_tracking.courses import Course
