@@ -1,9 +1,9 @@
-"""Grounds on the device: planes, or terrains as rasters or triangles."""
+"""Grounds on the device: planes, or terrains as rasters or triangles, with or without solid objects on them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,11 @@ from aoro_gym.twin.kernels.overwrite import multiply
 from aoro_gym.twin.physics.ground import Ground, Meshes, Planes, Rasters, Site
 from aoro_gym.units import GRAVITY
 
+if TYPE_CHECKING:
+    from aoro_gym.terrains.world.objects import Object
+    from aoro_gym.terrains.world.world import World
+    from aoro_gym.twin.objects import WorldObjects
+
 KINDS = {"raster": Rasters, "mesh": Meshes}
 """How twins feel a terrain, by name."""
 
@@ -25,7 +30,7 @@ class Grounds:
     """What the twins stand on.
 
     Args:
-        terrain: One plane (its arrays hold one value a twin), one terrain, or several.
+        terrain: One plane (its arrays hold one value a twin), one terrain or world, or several of these.
         num_twins: Twins that stand on it; on the first terrain, to begin with.
         kind: ``"raster"`` or ``"mesh"``; planes need neither.
         cell: Distance of the rasters' nodes [m].
@@ -38,7 +43,7 @@ class Grounds:
 
     def __init__(
         self,
-        terrain: Plane | Terrain | Sequence[Terrain],
+        terrain: Plane | Terrain | World | Sequence[Terrain | World],
         *,
         num_twins: int,
         kind: str = "raster",
@@ -47,19 +52,26 @@ class Grounds:
         device: Any = "cpu",
     ):
         check_choice("ground", kind, KINDS)
+        self.objects: WorldObjects | None = None
+        """Solid objects, if there are any."""
         self.count = 0
         """Terrains to choose from; 0 for planes."""
         if isinstance(terrain, Plane):
             self.device_struct: Any = _planes(terrain, num_twins, gravity, device)
             """What kernels take as their ``terrain`` (see :mod:`aoro_gym.twin.physics.ground`)."""
             return
-        terrains = [terrain] if isinstance(terrain, Terrain) else list(terrain)
-        wrong = [type(one).__name__ for one in terrains if not isinstance(one, Terrain)]
-        if wrong or not terrains:
-            listed = f"holds a {wrong[0]}" if wrong else "is empty"
-            raise ValueError(f"terrain {listed}; give a Plane, a Terrain, or a sequence of Terrains")
+        terrains, objects = _with_objects(list(terrain) if isinstance(terrain, Iterable) else [terrain])
         self.count = len(terrains)
         self.device_struct, self._meshes = _terrains(terrains, num_twins, KINDS[kind], cell, gravity, device)
+        if any(objects):
+            from aoro_gym.twin.objects import WorldObjects
+
+            self.objects = WorldObjects(objects, num_twins, gravity=gravity, device=device)
+
+    @property
+    def advancing(self) -> Any:
+        """What ``advance`` takes as its ``terrain``: :attr:`device_struct`, with objects if there are any."""
+        return self.device_struct if self.objects is None else self.objects.on(self.device_struct)
 
     def standing(self) -> dict[str, npt.NDArray[Any]]:
         """What each twin stands on, with its multipliers, for :meth:`stand`."""
@@ -67,6 +79,8 @@ class Grounds:
         if self.count:
             sites = self.device_struct.terrains.numpy()
             out["number"] = np.argmax(out["twins"]["first"][:, None] == sites["first"], axis=1)
+        if self.objects is not None:
+            out |= self.objects.standing()
         return out
 
     def stand(self, standing: Mapping[str, npt.NDArray[Any]]) -> None:
@@ -75,6 +89,8 @@ class Grounds:
         if self.count:
             rows["mesh"] = self.device_struct.terrains.numpy()["mesh"][standing["number"]]  # an address
         wp.copy(twins, wp.array(rows, dtype=twins.dtype, device=twins.device))
+        if self.objects is not None:
+            self.objects.stand({name: standing[name] for name in standing if name not in ("twins", "number")})
 
     def set_multipliers(
         self, chosen: npt.NDArray[np.int32], friction: npt.ArrayLike | None, rolling_resistance: npt.ArrayLike | None
@@ -103,6 +119,28 @@ class Grounds:
             ],
             device=twins.device,
         )
+
+
+def _with_objects(grounds: list[Any]) -> tuple[list[Terrain], list[tuple[Object, ...]]]:
+    """Terrains of ``grounds``, which may be worlds, and the objects of each; none if nothing on it is solid."""
+    terrains, objects, wrong = [], [], []
+    for one in grounds:
+        if isinstance(one, Terrain):
+            terrains.append(one)
+            objects.append(())
+            continue
+        from aoro_gym.terrains.world.objects import is_solid
+        from aoro_gym.terrains.world.world import World
+
+        if isinstance(one, World):
+            terrains.append(one.terrain)
+            objects.append(one.objects if any(map(is_solid, one.objects)) else ())
+        else:
+            wrong.append(type(one).__name__)
+    if wrong or not terrains:
+        listed = f"holds a {wrong[0]}" if wrong else "is empty"
+        raise ValueError(f"terrain {listed}; give a Plane, a Terrain or World, or a sequence of them")
+    return terrains, objects
 
 
 def _planes(plane: Plane, num_twins: int, gravity: float, device: Any) -> Any:

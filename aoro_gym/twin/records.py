@@ -165,6 +165,20 @@ Output = _rows("Output", OUTPUT_UNITS)
 CHANNELS = tuple(OUTPUT_UNITS)
 """Names of all outputs, in the order of their rows."""
 
+OBJECT_PARTS = (*WHEELS, "front", "rear")
+"""What objects of a world can touch: the wheels, the chassis of the front frame and that of the rear one."""
+
+OBJECT_OUTPUT_UNITS = {
+    name: unit
+    for part in OBJECT_PARTS
+    for name, unit in (*((f"object_force_{axis}_{part}", "N") for axis in "xyz"), (f"touched_object_{part}", "1"))
+}
+"""Unit of each output that only twins among solid objects have, after the others: the force of all objects on each part in
+the world's axes, and the number of the object that presses most (0: none), ``World.objects[number - 1]``."""
+
+FIRST_OBJECT_OUTPUT = len(OUTPUT_UNITS)
+"""Row of the first of them."""
+
 
 def row_of(rows: type[IntEnum], name: Any, what: str) -> int:
     """Row of ``name``, ``what`` it is called; ValueError that lists the names if there is none such."""

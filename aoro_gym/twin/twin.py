@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +27,7 @@ from aoro_gym.twin.records import (
     CHANNELS,
     COMMAND_BOUNDS,
     NON_FINITE,
+    OBJECT_OUTPUT_UNITS,
     Command,
     MachineRecord,
     Output,
@@ -35,6 +36,9 @@ from aoro_gym.twin.records import (
     row_of,
 )
 from aoro_gym.units import GRAVITY
+
+if TYPE_CHECKING:
+    from aoro_gym.terrains.world.world import World
 
 LONGEST_COMMAND_DELAY = 0.1
 """Upper bound [s] of ``steering.valve.command_delay``; that much of the steering command is kept."""
@@ -60,30 +64,28 @@ class UnknownChannel(KeyError):
 class Trace(Mapping[str, npt.NDArray[np.float32]]):
     """Sampled outputs of one :meth:`Twin.step`: a mapping of channel names to arrays (frames, num_twins).
 
-    SI units as in ``OUTPUT_UNITS``; a name that is not there raises a KeyError that lists the channels.
+    SI units as in ``OUTPUT_UNITS`` and ``OBJECT_OUTPUT_UNITS``; a name that is not there raises a KeyError that lists the
+    channels.
     """
 
     time: npt.NDArray[np.float64]
     """(frames,) [s]."""
     samples: npt.NDArray[Any]
     """All channels in their order, float32, (frames, channels, num_twins)."""
-
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """Names of all channels."""
-        return CHANNELS
+    channels: tuple[str, ...] = CHANNELS
+    """Names of all channels."""
 
     def __getitem__(self, channel: str) -> npt.NDArray[np.float32]:
         try:
-            return self.samples[:, row_of(Output, channel, "output")]
+            return self.samples[:, _channel_row(self.channels, channel)]
         except ValueError as error:
             raise UnknownChannel(str(error)) from None
 
     def __iter__(self) -> Iterator[str]:
-        return iter(CHANNELS)
+        return iter(self.channels)
 
     def __len__(self) -> int:
-        return len(CHANNELS)
+        return len(self.channels)
 
     # arrays have no one truth value: a trace is compared by identity
     __eq__ = object.__eq__
@@ -100,7 +102,8 @@ class Twin:
         machine: Name of a bundled machine, path of a machine file, or a :class:`Machine`; a machine whose values are
             arrays of length ``num_twins`` gives every twin its own.
         terrain: Ground; level asphalt by default. A plane whose values are arrays gives every twin its own; of several
-            terrains, :meth:`reset` chooses.
+            terrains, :meth:`reset` chooses. The stems, stumps, boulders and logs of a
+            :class:`~aoro_gym.terrains.world.world.World` push back.
         ground: How twins feel a terrain: ``"raster"`` (fastest) or ``"mesh"`` (its very triangles, below overhangs).
         cell: Distance of the raster's nodes [m].
         own_machines: Keep a machine record for every twin even if all start alike, so that :meth:`set_machines` can
@@ -125,7 +128,7 @@ class Twin:
         num_twins: int = 1,
         *,
         machine: str | Path | Machine = "aoro",
-        terrain: Plane | Terrain | Sequence[Terrain] | None = None,
+        terrain: Plane | Terrain | World | Sequence[Terrain | World] | None = None,
         ground: str = "raster",
         cell: float = CELL,
         own_machines: bool = False,
@@ -167,8 +170,14 @@ class Twin:
         self._chooses_laws = not self.machine.laws.default if choose_laws is None else choose_laws
         self._laws = ChosenLaws() if self._chooses_laws else DefaultLaws()
         self._reset_kernel, self._advance_kernel = build(
-            type(self.ground)._cls, type(self._laws)._cls, measured_hubs=self._measured_hubs
+            type(self.ground)._cls,
+            type(self._laws)._cls,
+            measured_hubs=self._measured_hubs,
+            objects=self._grounds.objects is not None,
         )
+        self._felt = self._grounds.advancing
+        self.channels = CHANNELS if self._grounds.objects is None else (*CHANNELS, *OBJECT_OUTPUT_UNITS)
+        """Names of the outputs, in the order of their rows."""
 
         n = self.num_twins
         self.state = wp.zeros((len(State), n), dtype=float, device=self.device)
@@ -189,7 +198,10 @@ class Twin:
         self._numbers = wp.zeros(n, dtype=int, device=self.device)
         with devices.compiling(self._reset_kernel, self.device, BLOCK_DIM):
             self.reset()
+        self._checks_start = True
 
+    _checks_start = False
+    """Whether a reset refuses places in objects: not that of the constructor, which nobody chose."""
     _measured_hubs = False
     """Whether a driveline outside turns the wheels."""
 
@@ -238,6 +250,10 @@ class Twin:
             joint_angle: Joint angle [rad], positive left, scalar or (num_twins,).
             terrain: Which of the terrains each twin stands on, whole numbers, scalar or (num_twins,); by default where it
                 stood.
+
+        Raises:
+            ValueError: a value has the wrong shape, is out of its bound, or puts a twin into an object of its world, where
+                it stands all the same.
         """
         n = self.num_twins
         chosen = np.ones(n, dtype=bool) if mask is None else np.asarray(mask)
@@ -286,6 +302,10 @@ class Twin:
             device=self.device,
             block_dim=BLOCK_DIM,
         )  # fmt: skip
+        if self._grounds.objects is not None:
+            self._grounds.objects.clear(self._mask, self._numbers)
+            if self._checks_start:
+                self._grounds.objects.check_start(self._machines, self.state, chosen)
 
     def set_commands(self, commands: Mapping[str, npt.ArrayLike]) -> None:
         """Set commands by name, each a scalar or of shape (num_twins,); the others keep their last value.
@@ -358,7 +378,8 @@ class Twin:
         if start is None or sample_every is None:
             return None
         samples = self._on_host("_outputs").copy()
-        return Trace(time=start + sample_every * np.arange(1, len(samples) + 1), samples=samples)
+        time = start + sample_every * np.arange(1, len(samples) + 1)
+        return Trace(time=time, samples=samples, channels=self.channels)
 
     def advance(self, duration: float = 0.02, *, sample_every: float | None = None) -> None:
         """Advance all twins under the commands that :attr:`commands` holds, unchecked, and copy nothing to the host.
@@ -409,7 +430,7 @@ class Twin:
 
     def _make_room(self, frames: int) -> None:
         """Make outputs of so many samples; launches are not of them yet."""
-        self._outputs = wp.zeros((frames, len(Output), self.num_twins), dtype=float, device=self.device)
+        self._outputs = wp.zeros((frames, len(self.channels), self.num_twins), dtype=float, device=self.device)
         if self.device.is_cpu:
             self._seen["_outputs"] = self._outputs.numpy()
         self._recorded: dict[tuple[float, float | None], RecordedAdvance] = {}
@@ -422,7 +443,7 @@ class Twin:
     def _record(self, commands: wp.array, frames: int, every: int) -> RecordedAdvance:
         """The launch of ``frames`` times ``every`` main steps."""
         inputs = [
-            self._machines, self._laws, self.ground, commands, self.state, self._history, self._clock, self._status,
+            self._machines, self._laws, self._felt, commands, self.state, self._history, self._clock, self._status,
             self._outputs, 0, frames, every, self.substeps, self.main_step,
         ]  # fmt: skip
         return RecordedAdvance(self._advance_kernel, inputs, steps=frames * every, device=self.device)
@@ -437,7 +458,7 @@ class Twin:
 
     @property
     def outputs(self) -> wp.array:
-        """Sampled outputs of the last step on the device: frames × channels (see :class:`Output`) × twins, float32.
+        """Sampled outputs of the last step on the device: frames × :attr:`channels` × twins, float32.
 
         Valid until the next step; the last frame is the end of the step.
         """
@@ -509,7 +530,7 @@ class Twin:
 
     def output(self, channel: str) -> npt.NDArray[np.float32]:
         """Last value of an output channel, SI, shape (num_twins,); zero before the first step."""
-        return self._on_host("_outputs")[-1, row_of(Output, channel, "output")]
+        return self._on_host("_outputs")[-1, _channel_row(self.channels, channel)]
 
     @property
     def status(self) -> npt.NDArray[Any]:
@@ -545,6 +566,11 @@ def _restored(
         wp.copy(array, wp.array(values, dtype=array.dtype, device=twin.device))
     twin._grounds.stand(standing)
     return twin
+
+
+def _channel_row(channels: tuple[str, ...], name: Any) -> int:
+    """Row of a channel; ValueError that lists all if there is none such."""
+    return channels.index(name) if name in channels[len(CHANNELS) :] else row_of(Output, name, "output")
 
 
 _PLAIN = {

@@ -190,6 +190,11 @@ CLASSES: dict[str, type[Any]] = {one.kind.name.lower(): one for one in (Tree, St
 """By the names of their kinds."""
 
 
+def is_solid(one: Object) -> bool:
+    """Whether an object pushes back: all but branches, and trees that a machine bends over."""
+    return not isinstance(one, Branch) and not (isinstance(one, Tree) and one.drivable())
+
+
 def dimensions(kind: type[Any]) -> list[str]:
     """Names of the fields of a class of objects, position and rotation first."""
     return [field.name for field in fields(kind)]
@@ -251,6 +256,7 @@ __all__ = [
     "Vector",
     "along",
     "dimensions",
+    "is_solid",
     "matrix",
     "upright",
 ]

@@ -197,7 +197,7 @@ def advance(
                 status[t] = NON_FINITE
                 return
 
-        record_outputs(outputs, frame, t, m, signals, pose, velocity, actuators, circuits, engine, contact)
+        record_outputs(outputs, frame, t, m, signals, pose, velocity, actuators, circuits, engine, contact, terrain)
 
     if not wp.isfinite(rest(pose, change, bent, actuators, circuits, engine)):
         status[t] = NON_FINITE

@@ -1,6 +1,8 @@
 """Outputs of one twin at the end of a frame."""
 
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
+from typing import Any
+
 import warp as wp
 
 from aoro_gym.twin.kernels.hydraulics import Signals
@@ -36,8 +38,9 @@ def record_outputs(
     circuits: Circuits,
     engine: EngineState,
     contact: GroundContact,
+    terrain: Any,
 ):
-    """Write all rows of :class:`Output`, a line each."""
+    """Write all rows of :class:`Output`, a line each; ``terrain`` is for grounds with rows of their own."""
     oil = m.oil
     steering = circuits.steering
     driveline = circuits.driveline

@@ -378,8 +378,8 @@ def test_terrains_stand_side_by_side():
     ("terrain", "options", "message"),
     [
         (Plane(), {"kind": "voxels"}, "ground is 'voxels'; choose one of: raster, mesh"),
-        ([], {}, "terrain is empty; give a Plane, a Terrain, or a sequence of Terrains"),
-        ([Plane()], {}, "terrain holds a Plane; give a Plane, a Terrain, or a sequence of Terrains"),
+        ([], {}, "terrain is empty; give a Plane, a Terrain or World, or a sequence of them"),
+        ([Plane()], {}, "terrain holds a Plane; give a Plane, a Terrain or World, or a sequence of them"),
         (Plane(friction=np.ones(3)), {}, "the terrain has 3 variants, but must have 1 or num_twins = 1"),
     ],
 )
