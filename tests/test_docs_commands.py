@@ -1,0 +1,145 @@
+"""Commands of README and documentation run: those of the tutorials as written, the others on small inputs."""
+
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from aoro_gym.cli import app
+from tests.cli.terminal.running import in_pipe, in_terminal
+from tests.test_docs import PAGES, ROOT, blocks, commands, name_of
+
+TUTORIALS = sorted((ROOT / "docs/tutorials").glob("*.md"))
+LEAVES = {
+    "drive": ("turn.html", "slow.csv", "uphill.json"),
+    "train": ("runs/turning/best.json", "evaluation/index.html", "curves/curves.png", "slow/evaluation.json"),
+    "scan": ("ground.ply", "evaluation/preview.mcap"),
+    "calibrate": ("mine.toml", "validation/index.html", "again.csv"),
+    "diagnose": ("diagnosis/report.html",),
+}
+"""What each tutorial ends with."""
+TRAINING = ("--steps", "500", "--n-envs", "2", "--checkpoint-every", "250", "--eval-episodes", "1")
+SHORTER = {
+    "bench": ("--twins", "1", "--seconds", "0.02"),
+    "calibrate": ("--starts", "1", "--population", "2", "--force"),
+    "curves": (),
+    "diagnosis": ("--machines", "20", "--steps", "2", "--batch", "8", "--processes", "1", "--device", "cpu"),
+    "evaluate": ("--episodes", "1", "--no-films"),
+    "gap": ("--episodes", "1", "--retrain", "300"),
+    "leaderboard": ("--episodes", "1", "--policy", "bang-bang"),
+    "serve": ("--duration", "0.3", "--udp-port", "0", "--tcp-port", "0"),
+    "train": TRAINING,
+    "view": ("--no-browser", "--port", "0"),
+}
+"""What makes a command end soon: of an option that is given twice the last counts."""
+NOT_HERE = {
+    "--device cuda:0": "needs a GPU",
+    "--gamepad": "needs a gamepad",
+    "--fifo": "needs the right to real-time priority",
+    "--connect": "the other end of the command before; tests/cosimulation/laboratory runs both",
+    "--driveline": "likewise",
+    "export policy": "[onnx] is not installed by `make test`",
+    "--peer mujoco --startup": "fresh processes, minutes each; tests/benchmark runs both",
+}
+"""Commands that are not executed, by a part of theirs, and why."""
+
+
+def run(line: str) -> None:
+    """Run a command of a page in the current folder, as the shell would; a live view is closed once it is there."""
+    words = [
+        found
+        for word in shlex.split(line, comments=True)[1:]
+        for found in (sorted(map(str, Path().glob(word))) if "*" in word else [word])
+    ]
+    if words[0] == "view":
+        shown = in_terminal(*words, folder=Path.cwd(), interrupt="view:", after=3.0)
+        assert shown.code == 130 and "Traceback" not in shown.text, f"{line}: {shown.text}"
+        return
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, f"{line}: {done.output}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
+def test_a_tutorial_can_be_done_as_written(page, monkeypatch, tmp_path):
+    """All of its blocks, in their order, in an empty folder."""
+    if page.stem == "train":
+        pytest.importorskip("stable_baselines3")
+    monkeypatch.chdir(tmp_path)
+    text = page.read_text(encoding="utf-8")
+    steps = [(text.index(block), "python", block) for block in blocks(page, "python")]
+    steps += [(text.index(block), "sh", block) for block in blocks(page, "sh")]
+    for _, language, block in sorted(steps):
+        if language == "python":
+            exec(compile(block, page.name, "exec"), {})
+            continue
+        for line in block.splitlines():
+            assert line.startswith("aoro-gym "), line
+            run(f"{line} --no-browser --port 0" if line.startswith("aoro-gym view") else line)
+    for name in LEAVES[page.stem]:
+        assert (tmp_path / name).exists(), name
+
+
+def wanted(page: Path) -> list[str]:
+    """Commands of a page, each once, that can be run here."""
+    found = dict.fromkeys(line.partition("  #")[0].strip() for line in commands(page))
+    return [line for line in found if not any(part in line for part in NOT_HERE)]
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory) -> Path:
+    """A folder with all that the pages take as given: ground, paths, logs of two days, machines, tables, trainings."""
+    pytest.importorskip("stable_baselines3")
+    from aoro_gym.terrains.generate.forest import forest
+    from aoro_gym.terrains.generate.scan import scan
+
+    folder = tmp_path_factory.mktemp("place")
+    scanned = scan(forest(seed=1), seed=1)
+    scanned.save_mesh(folder / "scan.ply")
+    scanned.save(folder / "scan.laz")
+    line = "x,y\n" + "".join(f"{x},0\n" for x in np.linspace(-15.0, 15.0, 61))
+    (folder / "line.csv").write_text(line)
+    slow = ("--scale", "steering.valve.spool_time_constant=4")
+    turning = ("train", "--env", "AORO/Turning-v0", *TRAINING)
+    for words in (
+        ("simulate", "-m", "left", "--out", "healthy/left.csv"),
+        ("simulate", "-m", "left", *slow, "--out", "later/left.csv"),
+        ("terrain", "scan.ply", "--out", "ground.ply"),
+        ("validate", "--uncalibrated", "none", "--ensemble", "none", "--out", "validation"),
+        (*turning, "--out", "runs/turning"),
+        (*turning, "--laws", "default,library", "--out", "runs/robust"),
+        ("train", "--terrain", "ground.ply", *TRAINING, "--out", "runs/mine"),
+        ("train", "--algo", "dagger", *TRAINING, "--out", "runs/taught"),
+        ("diagnose", "later/left.csv", "--healthy", "healthy/left.csv", "--out", "diagnosis"),
+    ):
+        made = in_pipe(*words, "--quiet", folder=folder)
+        assert made.returncode == 0, f"{words}: {made.stderr}"
+    for copy in ("before", "healthy"):
+        shutil.copy(folder / "healthy/left.csv", folder / f"{copy}.csv")
+    for copy in ("after", "later"):
+        shutil.copy(folder / "later/left.csv", folder / f"{copy}.csv")
+    for number in range(3):
+        shutil.copytree(folder / "runs/turning", folder / f"runs/{number}")
+    for name in ("mine.toml", "field.toml", "library.toml"):
+        shutil.copy(ROOT / "aoro_gym/machines/aoro.toml", folder / name)
+    return folder
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", [page for page in PAGES if page not in TUTORIALS and wanted(page)], ids=name_of)
+def test_commands_of_a_page_run(page, place, monkeypatch):
+    monkeypatch.chdir(place)
+    for line in wanted(page):
+        verb = shlex.split(line)[1]
+        line = re.sub(r"\b(path|lap|drive)\.gpx", "line.csv", line)  # a forest lies nowhere on the Earth
+        run(" ".join([line, *SHORTER.get(verb, ())]))
+
+
+def test_what_is_not_executed_is_there():
+    """A reason for which nothing is left out any more goes."""
+    lines = [line for page in PAGES for line in commands(page)]
+    assert [part for part in NOT_HERE if not any(part in line for line in lines)] == []
