@@ -35,6 +35,7 @@ class Arrays:
         self.on_host = xp is np
         """Whether values can be looked at without waiting for a device."""
         self._waiting: dict[int, tuple[Array, Any, Any]] | None = None  # writes by the array's identity
+        self._keeps = False  # whether they are never made
 
     @classmethod
     def torch(cls, device: str) -> Arrays:
@@ -79,6 +80,8 @@ class Arrays:
 
     def index(self, rows: NDArray[np.integer]) -> Index:
         """Rows known to the host, as an index of arrays here."""
+        if self._keeps:
+            return rows  # of what goes nowhere yet
         index = self.asarray(rows, self.xp.int64)
         if not self.on_host:
             index.rows = rows  # so that together() need not ask the device for them
@@ -88,9 +91,13 @@ class Arrays:
         """``array[index] = values`` for values of the host or from here, of any type."""
         if self._waiting is not None and (isinstance(values, int | float) or namespace(values) is np):
             if id(array) in self._waiting:
+                if self._keeps:
+                    raise RuntimeError("an array is written twice where writes are kept")
                 self._write()
             self._waiting[id(array)] = array, _rows_of(index), values
             return
+        if self._keeps:
+            raise RuntimeError("values that lie on the device are written where writes are kept")
         array[index] = values if isinstance(values, int | float) else self.asarray(values, array.dtype)
 
     @contextmanager
@@ -105,6 +112,19 @@ class Arrays:
             self._write()
         finally:
             self._waiting = None
+
+    @contextmanager
+    def kept(self) -> Iterator[list[tuple[Array, Any, Any]]]:
+        """Within it, what :meth:`put` writes to a device is not written: tensors, indices and values are in the list in the
+        end. RuntimeError if an array is written twice, whose order would be lost."""
+        assert self._waiting is None and not self.on_host
+        self._waiting, self._keeps = {}, True
+        out: list[tuple[Array, Any, Any]] = []
+        try:
+            yield out
+            out += self._waiting.values()
+        finally:
+            self._waiting, self._keeps = None, False
 
     def _write(self) -> None:
         from aoro_gym.execution.scatter import write

@@ -1,6 +1,7 @@
 """Many small writes into arrays on a device, as one upload and one launch."""
 
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportArgumentType=false, reportIndexIssue=false
+# pyright: reportAssignmentType=false
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -11,13 +12,10 @@ import warp as wp
 from numpy.typing import NDArray
 
 
-@wp.kernel(enable_backward=False)
-def scatter(writes: wp.array2d(dtype=wp.int64)):
-    """Write (3, M): addresses, bits, and how many bytes of them."""
-    t = wp.tid()
-    address = wp.uint64(writes[0, t])
-    bits = writes[1, t]
-    size = writes[2, t]
+@wp.func
+def store(place: wp.int64, bits: wp.int64, size: wp.int64):
+    """Write ``size`` bytes of ``bits`` to an address."""
+    address = wp.uint64(place)
     if size == wp.int64(8):
         longs = wp.array(ptr=address, shape=(1,), dtype=wp.int64)
         longs[0] = bits
@@ -27,6 +25,20 @@ def scatter(writes: wp.array2d(dtype=wp.int64)):
     else:
         octets = wp.array(ptr=address, shape=(1,), dtype=wp.uint8)
         octets[0] = wp.uint8(bits)
+
+
+@wp.kernel(enable_backward=False)
+def scatter(writes: wp.array2d(dtype=wp.int64)):
+    """Write (3, M): addresses, bits, and how many bytes of them."""
+    t = wp.tid()
+    store(writes[0, t], writes[1, t], writes[2, t])
+
+
+@wp.kernel(enable_backward=False)
+def scatter_rows(places: wp.array2d(dtype=wp.int64), rows: wp.array(dtype=wp.int64), bits: wp.array2d(dtype=wp.int64)):
+    """Write ``bits`` (K, M) into ``rows`` (K,): ``places`` (3, M) are addresses in row 0, steps to the next row, sizes."""
+    k, t = wp.tid()
+    store(places[0, t] + rows[k] * places[1, t], bits[k, t], places[2, t])
 
 
 def write(tensors: Sequence[Any], indices: Sequence[Any], values: Sequence[Any], device: str) -> None:
@@ -54,6 +66,35 @@ def write(tensors: Sequence[Any], indices: Sequence[Any], values: Sequence[Any],
         parts = [np.concatenate(each) for each in (addresses, bits, sizes)]
         writes: Any = wp.array(np.stack(parts), dtype=wp.int64, device=device)
         wp.launch(scatter, dim=writes.shape[1], inputs=[writes], device=device)
+
+
+def by_row(
+    tensors: Sequence[Any], indices: Sequence[Any], values: Sequence[Any]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The same writes by rows, for :func:`scatter_rows`: places (3, M), and bits (K, M) of each of K rows. Every index holds
+    the rows as an array; see :func:`write`."""
+    addresses, steps, sizes, bits = [], [], [], []
+    known: dict[Any, NDArray[np.int64]] = {}  # many tensors are of one shape
+    for tensor, index, value in zip(tensors, indices, values, strict=True):
+        shape, strides, size = tuple(tensor.shape), tensor.stride(), tensor.element_size()
+        index = index if isinstance(index, tuple) else (index,)
+        if index[0] is Ellipsis:
+            index = (slice(None),) * (len(shape) + 1 - len(index)) + index[1:]
+        axis = next(number for number, part in enumerate(index) if isinstance(part, np.ndarray))
+        first = tuple(np.zeros(1, dtype=np.int64) if number == axis else part for number, part in enumerate(index))
+        key = shape, strides, size, *(part.__reduce__()[1] if isinstance(part, slice) else axis for part in index)
+        if key not in known:
+            known[key] = size * _offsets(shape, strides, first)
+        offsets = known[key]
+        rows = len(index[axis])
+        whole = (*offsets.shape[:axis], rows, *offsets.shape[axis + 1 :])
+        parts = np.broadcast_to(np.asarray(value, _KINDS[tensor.dtype]).view(_BITS[size]), whole)
+        bits.append(np.moveaxis(parts, axis, 0).reshape(rows, -1))
+        addresses.append(offsets.ravel() + tensor.data_ptr())
+        steps.append(np.full(offsets.size, size * strides[axis]))
+        sizes.append(np.full(offsets.size, size))
+    places = np.stack([np.concatenate(each) for each in (addresses, steps, sizes)])
+    return places, np.concatenate(bits, axis=1, dtype=np.int64)
 
 
 _BITS = {8: np.int64, 4: np.int32, 1: np.uint8}

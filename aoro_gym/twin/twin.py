@@ -259,6 +259,36 @@ class Twin:
         chosen = np.ones(n, dtype=bool) if mask is None else np.asarray(mask)
         if chosen.shape != (n,) or chosen.dtype != bool:
             raise ValueError(f"mask has shape {chosen.shape} and type {chosen.dtype}, but must be ({n},) of bool")
+        pose, numbers = self.checked_start(n, position, heading, joint_angle, terrain)
+        self._mask.assign(chosen)
+        self._numbers.assign(numbers)
+        self._pose.assign(pose)
+        self.reset_marked()
+        if self._grounds.objects is not None and self._checks_start:
+            self._grounds.objects.check_start(self._machines, self.state, chosen)
+
+    def checked_start(
+        self,
+        count: int,
+        position: npt.ArrayLike,
+        heading: npt.ArrayLike,
+        joint_angle: npt.ArrayLike,
+        terrain: npt.ArrayLike | None,
+    ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]:
+        """What :meth:`reset` makes of its arguments for ``count`` twins K: poses (4, K), and numbers of terrains (K,), −1
+        where they stay.
+
+        Args:
+            count: K.
+            position: See :meth:`reset`, with K in place of num_twins.
+            heading: Likewise.
+            joint_angle: Likewise.
+            terrain: Likewise.
+
+        Raises:
+            ValueError: a value is out of its bound; the message names it.
+        """
+        n = count
         pose = np.empty((4, n), dtype=np.float32)
         try:
             pose[:2] = np.broadcast_to(np.asarray(position, dtype=np.float64), (n, 2)).T
@@ -289,12 +319,19 @@ class Twin:
                 )
             check_range("terrain", asked, ge=0, le=self._grounds.count - 1)
             numbers[:] = asked
-        self._mask.assign(chosen)
-        self._numbers.assign(numbers)
-        self._pose.assign(pose)
+        return pose, numbers
+
+    @property
+    def start_memory(self) -> tuple[wp.array, wp.array, wp.array]:
+        """On the device, for :meth:`reset_marked`: which twins, bool; their poses (4, num_twins), float32; their terrains,
+        int32, as :meth:`checked_start` has them."""
+        return self._mask, self._pose, self._numbers
+
+    def reset_marked(self) -> None:
+        """What :meth:`reset` does, to the twins that :attr:`start_memory` marks, by what it holds of them, unchecked."""
         wp.launch(
             self._reset_kernel,
-            dim=n,
+            dim=self.num_twins,
             inputs=[
                 self._machines, self.ground, self._mask, self._pose, self._numbers, self.state, self.commands,
                 self._history, self._clock, self._status,
@@ -304,8 +341,11 @@ class Twin:
         )  # fmt: skip
         if self._grounds.objects is not None:
             self._grounds.objects.clear(self._mask, self._numbers)
-            if self._checks_start:
-                self._grounds.objects.check_start(self._machines, self.state, chosen)
+
+    @property
+    def has_objects(self) -> bool:
+        """Whether any of its grounds is a world, whose objects are solid: :meth:`reset` looks where twins would stand."""
+        return self._grounds.objects is not None
 
     def set_commands(self, commands: Mapping[str, npt.ArrayLike]) -> None:
         """Set commands by name, each a scalar or of shape (num_twins,); the others keep their last value.
@@ -508,15 +548,23 @@ class Twin:
                 "these twins obey the default laws alone; construct them with choose_laws=True to give them others"
             )
         chosen = self._chosen(indices)
+        self.set_records(chosen, self.checked_records(chosen, machine))
+
+    def checked_records(self, chosen: npt.NDArray[np.int32], machine: Machine) -> npt.NDArray[Any]:
+        """Records (K,) of ``machine`` for the twins ``chosen`` (K,), for :meth:`set_records`; raises as
+        :meth:`set_machines` does."""
         _check_count("the machine", machine.num_variants, max(len(chosen), 1))
         if self._check_step:
             check_hydraulic_step(machine, self.main_step, self.substeps, numbers=chosen)
-        rows = _repeated(pack(machine), len(chosen))
+        return _repeated(pack(machine), len(chosen))
+
+    def set_records(self, chosen: npt.NDArray[np.int32], records: npt.NDArray[Any]) -> None:
+        """Give the twins ``chosen`` (K,) the records (K,) that :meth:`checked_records` made."""
         wp.launch(
             overwrite.exchange,
             dim=len(chosen),
             inputs=[
-                wp.array(rows, dtype=MachineRecord, device=self.device),
+                wp.array(records, dtype=MachineRecord, device=self.device),
                 wp.array(chosen, dtype=int, device=self.device),
                 self._machines,
             ],

@@ -78,6 +78,7 @@ class KernelStep:
         self._observe = self._recorded(kernels.observe)
         self._graph: Any = None
         self._runs = 0
+        self._ran = wp.Event(twin.device) if twin.device.is_cuda else None
 
     def fits(self, env: Any) -> bool:
         """Whether the launches are still of what ``env`` has: memory of the outputs, limit of steps, and reward terms."""
@@ -130,6 +131,13 @@ class KernelStep:
             self._launch()
         if self._runs == 1 and self._twin.device.is_cuda:  # what the launches need is loaded now
             self._graph = self._captured()
+        if self._ran is not None:
+            self._twin.device.stream.record_event(self._ran)
+
+    @property
+    def computing(self) -> bool:
+        """Whether the device is still at the last step, for which nothing waits."""
+        return self._ran is not None and not self._ran.is_complete
 
     def _launch(self) -> None:
         if self._twin.device.is_cuda:

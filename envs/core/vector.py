@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from aoro_gym.checks import check_choice, check_integer
 from aoro_gym.envs.core.copying import copied, pickled
 from aoro_gym.envs.core.kernel_step import KernelStep, kernel_step
+from aoro_gym.envs.core.next_episodes import NextEpisodes
 from aoro_gym.envs.core.rendering import RENDER_MODES, Renderer
 from aoro_gym.envs.core.task import Outputs, Start, Task, channel_row
 from aoro_gym.envs.core.terms import observations_of, rewards_of
@@ -83,7 +84,9 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
 
     With ``output="torch"`` all that :meth:`reset` and :meth:`step` hand out are tensors on the twins' device, and actions
     may be such tensors; nothing of it comes to the host, which reads a few flags a step, and what ended if something did.
-    Starts are drawn on the host, by each sub-environment's generator, and uploaded for those that begin.
+    Starts are drawn on the host, by each sub-environment's generator, and uploaded for those that begin. Where the step is
+    in kernels, and resets are automatic, they are drawn ahead while the device computes
+    (:mod:`aoro_gym.envs.core.next_episodes`).
     What differs from NumPy's arrays:
 
     - Observations are not copied: the environment reads its tensor once more in the next step. Keep it as long as you
@@ -176,6 +179,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         self._own_machines = own_machines
         self._kernels = kernels
         self._kernel_step: KernelStep | None = None  # made when it is first asked for, as it shares memory
+        self._next: NextEpisodes | None = None  # likewise
         self._machine_changed = np.zeros(self.num_envs, dtype=bool)
         self._warned_of: set[str] = set()  # parameters outside of their ranges
         self._done = np.ones(self.num_envs, dtype=bool)  # the host knows who waits for a reset
@@ -242,8 +246,9 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
     def copied_state(self) -> dict[str, Any]:
         """Everything but the twin, for :meth:`restore_state`."""
         traces = None if self._renderer is None else self._renderer.traces()
+        self._forget_next()  # generators as they are to be
         state = {name: value for name, value in vars(self).items() if name != "twin"}
-        return {**state, "_renderer": traces, "_kernel_step": None}
+        return {**state, "_renderer": traces, "_kernel_step": None, "_next": None}
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
         """Take up what :meth:`copied_state` gave; pictures are drawn anew."""
@@ -264,6 +269,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         """
         options = {} if options is None else options
         mask = self._reset_mask(options)
+        self._forget_next(np.flatnonzero(mask))
         self._seed(seed, mask)
         with self.arrays.ordered():
             self._start(np.flatnonzero(mask), options)
@@ -311,6 +317,11 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         """Begin the episodes of the sub-environments ``where``."""
         if not BASE_OPTIONS_SET.issuperset(options):
             self._kernel_step = None  # a task's own options may bring along what its kernels have to share anew
+            self._forget_next()
+        if self._next is not None and not options and self._in_kernels() is not None:
+            where = self._next.begin(self, where)
+            if not len(where):
+                return
         generators = [generator for i in where if (generator := self.generators[i]) is not None]
         draws = self.task.randomisation.draw(generators)
         machine = self._machines(where, draws.apply(self.twin.machine.variants(where)), options)
@@ -329,18 +340,28 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             terrain = np.zeros(self.num_envs, dtype=np.int32)
             terrain[where] = start.terrain
         self.twin.reset(mask, position=position, heading=heading, joint_angle=joint_angle, terrain=terrain)
-        self._done[where] = False
-        kernels = self._in_kernels()
-        if kernels is not None:
-            steering = machine.steering
-            back = steering.tank_line.back_pressure
-            kernels.rest(rows, (start.joint_angle, back, back, steering.pump.margin, machine.engine.set_speed))
-            self._outputs, self._status = kernels.outputs, kernels.status
-            kernels.told()
+        if self._in_kernels() is not None:
+            self._rest_in_kernels(where, rows, self._known_at_rest(start, machine))
         else:
+            self._done[where] = False
             self._rest(rows, start, machine)
         if self._renderer is not None:
             self._renderer.restart(where, self.task.traces())
+
+    def _known_at_rest(self, start: Start, machine: Machine) -> tuple[Any, ...]:
+        """What :meth:`KernelStep.rest` takes as ``known``."""
+        steering = machine.steering
+        back = steering.tank_line.back_pressure
+        return start.joint_angle, back, back, steering.pump.margin, machine.engine.set_speed
+
+    def _rest_in_kernels(self, where: NDArray[np.intp], rows: Index, known: Sequence[Any]) -> None:
+        """What :meth:`_rest` does, by kernels; ``rows`` are ``where`` on the device."""
+        kernels = self._kernel_step
+        assert kernels is not None
+        self._done[where] = False
+        kernels.rest(rows, known)
+        self._outputs, self._status = kernels.outputs, kernels.status
+        kernels.told()
 
     def _rest(self, rows: Index, start: Start, machine: Machine) -> None:
         """First outputs and measurements of the sub-environments ``rows``, by array operations."""
@@ -531,11 +552,21 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
     def _in_kernels(self) -> KernelStep | None:
         """The task's kernels, put together anew where what they were made of was replaced."""
         if not self._kernels:
+            self._forget_next()
             return None
         if self._kernel_step is None or not self._kernel_step.fits(self):
+            self._forget_next()
             self._kernel_step = kernel_step(self)
             self._kernels = self._kernel_step is not None
+            by_itself = self.autoreset_mode is not AutoresetMode.DISABLED and not self.twin.has_objects
+            ahead = self._kernels and not self.arrays.on_host and by_itself
+            self._next = NextEpisodes(self.num_envs) if ahead else None
         return self._kernel_step
+
+    def _forget_next(self, where: NDArray[np.intp] | None = None) -> None:
+        """Give back what was drawn of episodes that have not begun."""
+        if self._next is not None:
+            self._next.forget(self, where)
 
     def _told(self, kernels: KernelStep, actions: Array, resetting: NDArray[np.bool_]) -> Judged:
         """What :meth:`_judged` does, by the task's kernels, which observe, too."""
@@ -545,6 +576,9 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         kernels.run(actions)
         if anew:
             kernels.resetting[...] = False
+        if self._next is not None:
+            while self._next.draw(self) and kernels.computing:
+                pass
         self._outputs, self._status = kernels.outputs, kernels.status
         kernels.told()
         ending, terminated, truncated, done, running = kernels.ended()

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+import warp as wp
 
 from aoro_gym.execution.array_api import HOST, Arrays
+from aoro_gym.execution.scatter import by_row, scatter_rows
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("array_api_compat")
@@ -52,5 +54,36 @@ def test_nothing_is_written_after_an_error():
         arrays.put(array, rows, 1.0)
         raise RuntimeError
     assert not array.any()
+    arrays.put(array, rows, 1.0)
+    assert array.tolist() == [0.0, 0.0, 1.0, 0.0]
+
+
+def test_by_rows_is_one_by_one():
+    """What is kept is not written, and can be written into other rows of the same arrays, in any order."""
+    plain, arrays = writes(HOST), Arrays.torch("cpu")
+    with arrays.kept() as kept:
+        waiting = writes(arrays)
+    assert not any(array.any() for array in waiting.values())
+    places, bits = by_row(*zip(*kept, strict=True))
+    assert bits.shape == (2, places.shape[1]) and len(kept) == len(plain)
+    for rows in ([3, 1], [0, 4]):
+        given = [wp.array(each, dtype=wp.int64, device="cpu") for each in (places, rows, bits)]
+        wp.launch(scatter_rows, dim=bits.shape, inputs=given, device="cpu")
+        for name, array in waiting.items():
+            axis = 0 if name in ("whole", "single", "flag") else 1
+            np.testing.assert_array_equal(
+                np.take(array.numpy(), rows, axis), np.take(plain[name], [3, 1], axis), err_msg=name
+            )
+
+
+def test_order_and_the_device_are_not_kept():
+    """Rather than losing them, an error."""
+    arrays = Arrays.torch("cpu")
+    array, rows = arrays.zeros(4), arrays.index(np.array([2]))
+    with arrays.kept(), pytest.raises(RuntimeError, match="twice"):
+        arrays.put(array, rows, 1.0)
+        arrays.put(array, rows, 2.0)
+    with arrays.kept(), pytest.raises(RuntimeError, match="on the device"):
+        arrays.put(array, rows, arrays.ones(1))
     arrays.put(array, rows, 1.0)
     assert array.tolist() == [0.0, 0.0, 1.0, 0.0]

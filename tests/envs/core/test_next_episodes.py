@@ -1,0 +1,140 @@
+"""Episodes that are drawn ahead are those that would be drawn when they begin."""
+
+import copy
+import pickle
+from dataclasses import replace
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+from aoro_gym.envs import register_envs
+from aoro_gym.envs.path_tracking.config import MILD
+from aoro_gym.envs.turning import config as turning
+
+pytest.importorskip("torch")
+pytest.importorskip("array_api_compat")
+register_envs()
+PATH_TRACKING, TURNING = "AORO/PathTracking-v0", "AORO/Turning-v0"
+NUMBER = 10
+
+
+def made(name: str = TURNING, *, output: str = "torch", **options: Any) -> Any:
+    """On the host nothing is drawn ahead."""
+    options = {"num_envs": NUMBER, "max_episode_steps": 4, "autoreset_mode": "SameStep", **options}
+    return gymnasium.make_vec(name, output=output, **options).unwrapped
+
+
+def pair(name: str = TURNING, **options: Any) -> tuple[Any, Any]:
+    ahead, plain = made(name, **options), made(name, output="numpy", **options)
+    for env in (ahead, plain):
+        env.reset(seed=5)
+    return ahead, plain
+
+
+def steps_agree(ahead, plain, count=14):
+    """To the bit: the same kernels compute both."""
+    rng = np.random.default_rng(1)
+    for _ in range(count):
+        actions = rng.uniform(-1.0, 1.0, plain.action_space.shape).astype(np.float32)
+        one, other = ahead.step(actions), plain.step(actions)
+        for left, right in zip(one[:4], other[:4], strict=True):
+            np.testing.assert_array_equal(np.asarray(left), right)
+
+
+@pytest.fixture
+def begun(monkeypatch):
+    """Numbers of sub-environments whose episodes began from what was drawn ahead."""
+    from aoro_gym.envs.core.next_episodes import NextEpisodes
+
+    real, rows = NextEpisodes._begin, []
+    monkeypatch.setattr(
+        NextEpisodes, "_begin", lambda self, env, which: (rows.extend(which), real(self, env, which))[1]
+    )
+    return rows
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        (TURNING, {}),
+        (TURNING, {"autoreset_mode": "NextStep", "randomisation": turning.MILD}),
+        (PATH_TRACKING, {"randomisation": MILD, "gear": "automatic"}),
+        (PATH_TRACKING, {"autoreset_mode": "NextStep"}),
+    ],
+)
+def test_drawn_ahead_is_drawn_then(name, options, begun):
+    """Machines that vary, too; most episodes begin so."""
+    ahead, plain = pair(name, **options)
+    steps_agree(ahead, plain)
+    assert len(begun) >= NUMBER
+
+
+def test_a_reset_begins_what_would_have_begun_without(begun):
+    """All of it is given back: with a mask, with options, with seeds."""
+    ahead, plain = pair()
+    masks = {"reset_mask": np.arange(NUMBER) % 3 == 0}
+    options = masks, {"joint_angle": 0.1}, {"machine": {"oil.gas_fraction": 0.005}}
+    for each in ({"seed": 9}, *({"options": one} for one in options)):
+        steps_agree(ahead, plain, 6)
+        assert ahead._next.ready.any()
+        one, other = (env.reset(**each) for env in (ahead, plain))
+        np.testing.assert_array_equal(np.asarray(one[0]), other[0])
+    steps_agree(ahead, plain, 6)
+    assert begun
+
+
+def test_what_is_set_later_counts_for_episodes_that_were_drawn(begun):
+    ahead, plain = pair()
+    for env in (ahead, plain):
+        steps = env.step(np.zeros(env.action_space.shape, np.float32))
+        assert len(steps) == 5
+        env.task.randomisation = replace(turning.MILD, joint_angle=(0.5, 0.6))
+    assert ahead._next.ready.any()
+    steps_agree(ahead, plain)
+    assert begun
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_copy_begins_the_same_episodes(copied):
+    ahead, plain = pair()
+    steps_agree(ahead, plain, 2)
+    assert ahead._next.ready.any()
+    steps_agree(copied(ahead), copied(plain))
+    steps_agree(ahead, plain)
+
+
+def test_array_operations_go_on_from_the_same_draws():
+    ahead, plain = pair()
+    steps_agree(ahead, plain, 2)
+    states = [generator.bit_generator.state for generator in plain.generators]
+    ahead._kernels = False
+    ahead._in_kernels()
+    assert [generator.bit_generator.state for generator in ahead.generators] == states
+
+
+def test_an_error_is_raised_where_the_episode_begins(monkeypatch):
+    """Not while others go on; then with nothing lost."""
+    ahead, plain = pair()
+    real = type(ahead.task).start
+
+    def start(self, where, *given):
+        raise ValueError("no start") if self is ahead.task else real(self, where, *given)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(type(ahead.task), "start", start)
+        steps_agree(ahead, plain, 3)
+        assert isinstance(ahead._next.failed, ValueError) and not ahead._next.ready.any()
+        with pytest.raises(ValueError, match="no start"):
+            ahead.step(np.zeros(ahead.action_space.shape, np.float32))
+
+
+def test_nothing_is_drawn_ahead_without_a_device():
+    """There the host has no time to spare; and with resets by hand none is known to come."""
+    cases: tuple[dict[str, Any], ...] = ({"output": "numpy"}, {"autoreset_mode": "Disabled"}, {"kernels": False})
+    for options in cases:
+        env = made(**options)
+        env.reset(seed=1)
+        env.step(np.zeros(env.action_space.shape, np.float32))
+        assert env._next is None
