@@ -194,10 +194,11 @@ def found_kernel(
     objects: Objects, low: wp.array(dtype=wp.vec3), high: wp.array(dtype=wp.vec3), met: wp.array2d(dtype=int)
 ):
     i = wp.tid()
-    at = next_object(objects, search(objects.grids[0], low[i], high[i]))
-    while at.found >= 0:
-        met[i, at.found] += 1
-        at = next_object(objects, at)
+    at = search(objects.grids[0], low[i], high[i])
+    while at.row <= at.last_row:
+        at = next_object(objects.starts, objects.order, objects.boxes, at)
+        if at.found >= 0:
+            met[i, at.found] += 1
 
 
 def test_the_grid_finds_every_object_whose_box_meets_a_part_once():

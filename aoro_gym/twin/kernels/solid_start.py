@@ -50,18 +50,19 @@ def overlaps(
     if i < FRONT:
         side = 1.0 - 2.0 * float(i & 1)
         part = wheel_part(m.tire, wheel_centre(m.corner, frame.pivot_x, direction, side, pose.arms[i]))
-    turned = wp.quat_from_matrix(rotation)
     deepest = float(0.0)
     number = int(0)
     count = int(0)
-    at = next_object(objects, near(objects, t, part, rotation, pose.position))
-    while at.found >= 0:
+    at = near(objects.grids[objects.worlds[t]], part, rotation, pose.position)
+    while at.row <= at.last_row:
+        at = next_object(objects.starts, objects.order, objects.boxes, at)
+        if at.found < 0:
+            break
         count += 1
-        depth = gap(part, in_frame(objects.shapes[at.found], rotation, turned, pose.position)).depth
+        depth = gap(part, in_frame(objects.shapes[at.found], rotation, pose.position)).depth
         if depth > deepest:
             deepest = depth
             number = objects.numbers[at.found]
-        at = next_object(objects, at)
     candidates[i, t] = count
     depths[i, t] = deepest
     numbers[i, t] = number

@@ -19,11 +19,11 @@ from aoro_gym.twin.kernels.hydraulics import Signals
 from aoro_gym.twin.kernels.outputs import GroundContact, record_outputs
 from aoro_gym.twin.kernels.state import Actuators, Circuits, Deflections, OilLoads, Pose, Velocity
 from aoro_gym.twin.physics.arms import ArmGeometry, ArmState
-from aoro_gym.twin.physics.bodies import Accelerations, CornerLoad, FrameBody, arm_tangent, hull_corner, wheel_centre
+from aoro_gym.twin.physics.bodies import Accelerations, CornerLoad, FrameBody, hull_corner, wheel_centre
 from aoro_gym.twin.physics.engine import EngineState
 from aoro_gym.twin.physics.ground import Meshes, Rasters
 from aoro_gym.twin.physics.solids import Part, Solid, gap, hull_on_solid, hull_part, in_frame, tire_on_solid, wheel_part
-from aoro_gym.twin.physics.tires import Hull
+from aoro_gym.twin.physics.tires import Hull, Tire
 from aoro_gym.twin.records import FIRST_OBJECT_OUTPUT, OBJECT_PARTS, MachineRecord
 
 FRONT = wp.constant(4)  # number of the front chassis among the parts, after the wheels
@@ -154,15 +154,15 @@ def overlap(box: Box, low: wp.vec3, high: wp.vec3):
 
 
 @wp.func
-def next_object(objects: Objects, now: Search):
-    """``now`` at the next object, or at none."""
+def next_object(starts: wp.array(dtype=int), order: wp.array(dtype=int), boxes: wp.array(dtype=Box), now: Search):
+    """``now`` at the next object, or at none: then it is past the last row."""
     out = now
     out.found = -1
     while out.found < 0 and out.row <= out.last_row:
         if out.at < out.end:
-            index = objects.order[out.at]
+            index = order[out.at]
             out.at += 1
-            box = objects.boxes[index]
+            box = boxes[index]
             told_here = (
                 wp.max(box.column, out.first_column) == out.column and wp.max(box.row, out.first_row) == out.row
             )
@@ -175,13 +175,13 @@ def next_object(objects: Objects, now: Search):
                 out.row += 1
             if out.row <= out.last_row:
                 cell = out.grid.first + out.row * out.grid.columns + out.column
-                out.at = objects.starts[cell]
-                out.end = objects.starts[cell + 1]
+                out.at = starts[cell]
+                out.end = starts[cell + 1]
     return out
 
 
 @wp.func
-def near(objects: Objects, twin: int, part: Part, rotation: wp.mat33, origin: wp.vec3):
+def near(grid: Grid, part: Part, rotation: wp.mat33, origin: wp.vec3):
     """Search of the objects near a part of a frame at ``origin`` [m] of a ``rotation``."""
     middle = origin + rotation * part.centre
     reach = wp.vec3()
@@ -192,7 +192,7 @@ def near(objects: Objects, twin: int, part: Part, rotation: wp.mat33, origin: wp
             + wp.abs(rotation[i, 2]) * part.half[2]
             + part.margin
         )
-    return search(objects.grids[objects.worlds[twin]], middle - reach, middle + reach)
+    return search(grid, middle - reach, middle + reach)
 
 
 @wp.struct
@@ -207,14 +207,14 @@ class Touched:
 
 
 @wp.func
-def tell(objects: Objects, twin: int, part: int, touched: Touched, rotation: wp.mat33):
+def tell(touches: wp.array2d(dtype=float), twin: int, part: int, touched: Touched, rotation: wp.mat33):
     """Keep what touched a ``part``; nothing is written while nothing does."""
     row = TOUCH_ROWS * part
-    if touched.number > 0 or objects.touches[row + 3, twin] > 0.0:
+    if touched.number > 0 or touches[row + 3, twin] > 0.0:
         force = rotation * touched.force
         for i in range(3):
-            objects.touches[row + i, twin] = force[i]
-        objects.touches[row + 3, twin] = float(touched.number)
+            touches[row + i, twin] = force[i]
+        touches[row + 3, twin] = float(touched.number)
 
 
 @wp.func
@@ -232,7 +232,7 @@ def keep_bristle(objects: Objects, row: int, twin: int, value: wp.vec3):
 
 @wp.func
 def wheel_touched(
-    m: MachineRecord, objects: Objects, twin: int, friction: float, half: Half, i: int, centre: wp.vec3,
+    tire: Tire, objects: Objects, twin: int, friction: float, half: Half, i: int, centre: wp.vec3,
     velocity: wp.vec3, spin: float, h: float,
 ):  # fmt: skip
     """What the objects do to wheel ``i`` at ``centre`` [m] that moves at ``velocity`` [m/s], both of the frame.
@@ -241,8 +241,7 @@ def wheel_touched(
     step, so that it only damps.
     """
     out = Touched()
-    part = wheel_part(m.tire, centre)
-    turned = wp.quat_from_matrix(half.rotation)
+    part = wheel_part(tire, centre)
     row = BRISTLE_ROWS * i
     before = objects.touches[TOUCH_ROWS * i + 3, twin] > 0.0
     old_first = wp.vec3()
@@ -254,9 +253,12 @@ def wheel_touched(
     second = wp.vec3()
     first_load = float(-1.0)
     second_load = float(-1.0)
-    at = next_object(objects, near(objects, twin, part, half.rotation, half.origin))
-    while at.found >= 0:
-        one = in_frame(objects.shapes[at.found], half.rotation, turned, half.origin)
+    at = near(objects.grids[objects.worlds[twin]], part, half.rotation, half.origin)
+    while at.row <= at.last_row:
+        at = next_object(objects.starts, objects.order, objects.boxes, at)
+        if at.found < 0:
+            break
+        one = in_frame(objects.shapes[at.found], half.rotation, half.origin)
         between = gap(part, one)
         if between.depth > 0.0:
             number = float(objects.numbers[at.found])
@@ -266,7 +268,7 @@ def wheel_touched(
             elif old_second[0] == number:
                 bristle = old_second
             contact = tire_on_solid(
-                m.tire, between, centre, velocity, half.omega, spin, friction * one.friction, bristle[1], bristle[2], h
+                tire, between, centre, velocity, half.omega, spin, friction * one.friction, bristle[1], bristle[2], h
             )
             out.force += contact.force
             out.moment += contact.moment
@@ -281,7 +283,6 @@ def wheel_touched(
             elif contact.load > second_load:
                 second = bristle
                 second_load = contact.load
-        at = next_object(objects, at)
     out.number = int(first[0])
     if before or out.number > 0:
         keep_bristle(objects, row, twin, first)
@@ -317,16 +318,17 @@ def object_corner_contact(
     )  # fmt: skip
     angle = arm_angles[i]
     centre = wheel_centre(m.corner, half.pivot_x, half.direction, 1.0 - 2.0 * float(i & 1), angle)
-    tangent = arm_tangent(half.direction, angle, m.corner.arm_length)
+    # the arm's tangent, without its sine and cosine once more
+    tangent = half.direction * wp.vec3(m.corner.pivot_height - centre[2], 0.0, centre[0] - half.pivot_x)
     velocity = half.velocity + wp.cross(half.omega, centre) + middle.arms[i] * tangent
     touched = wheel_touched(
-        m, terrain.objects, ground.twin, site.friction, half, i, centre, velocity, middle.spins[i], h
+        m.tire, terrain.objects, ground.twin, site.friction, half, i, centre, velocity, middle.spins[i], h
     )
     if touched.number > 0:
         load, force = loaded(out.load, touched, change.spins[i], m.corner.spin_inertia, h)
         out.load = load
         touched.force = force
-    tell(terrain.objects, ground.twin, i, touched, half.rotation)
+    tell(terrain.objects.touches, ground.twin, i, touched, half.rotation)
     return out
 
 
@@ -337,12 +339,14 @@ def object_hull_loads(m: Hull, frame: FrameBody, clearance: float, terrain: Any,
     out = hull_loads(m, frame, clearance, terrain.ground, site, half)
     objects = terrain.objects
     part = hull_part(hull_corner(frame, clearance, 0), hull_corner(frame, clearance, 7))
-    turned = wp.quat_from_matrix(half.rotation)
     touched = Touched()
     largest = float(-1.0)
-    at = next_object(objects, near(objects, ground.twin, part, half.rotation, half.origin))
-    while at.found >= 0:
-        between = gap(part, in_frame(objects.shapes[at.found], half.rotation, turned, half.origin))
+    at = near(objects.grids[objects.worlds[ground.twin]], part, half.rotation, half.origin)
+    while at.row <= at.last_row:
+        at = next_object(objects.starts, objects.order, objects.boxes, at)
+        if at.found < 0:
+            break
+        between = gap(part, in_frame(objects.shapes[at.found], half.rotation, half.origin))
         if between.depth > 0.0:
             force = hull_on_solid(m, between, half.velocity, half.omega)
             touched.force += force
@@ -350,11 +354,10 @@ def object_hull_loads(m: Hull, frame: FrameBody, clearance: float, terrain: Any,
             if wp.length(force) > largest:
                 largest = wp.length(force)
                 touched.number = objects.numbers[at.found]
-        at = next_object(objects, at)
     if touched.number > 0:
         out.force += touched.force
         out.moment += touched.moment
-    tell(objects, ground.twin, wp.where(half.direction > 0.0, FRONT, FRONT + 1), touched, half.rotation)
+    tell(objects.touches, ground.twin, wp.where(half.direction > 0.0, FRONT, FRONT + 1), touched, half.rotation)
     return out
 
 

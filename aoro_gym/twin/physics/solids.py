@@ -230,14 +230,14 @@ def gap(part: Part, one: Solid):
 
 
 @wp.func
-def in_frame(one: Solid, rotation: wp.mat33, turned: wp.quat, origin: wp.vec3):
-    """An object of the world in the axes of a frame at ``origin`` [m], whose ``rotation``, also as a quaternion, leads into
-    the world."""
+def in_frame(one: Solid, rotation: wp.mat33, origin: wp.vec3):
+    """An object of the world in the axes of a frame at ``origin`` [m], whose ``rotation`` leads into the world."""
     out = one
     to_frame = wp.transpose(rotation)
     out.start = to_frame * (one.start - origin)
     out.end = to_frame * (one.end - origin)
-    out.rotation = wp.quat_inverse(turned) * one.rotation
+    if one.kind == STONE:
+        out.rotation = wp.quat_inverse(wp.quat_from_matrix(rotation)) * one.rotation
     return out
 
 
