@@ -127,6 +127,10 @@ def _used(log: logs.Log) -> tuple[str, ...]:
 def _unused(manifest: Manifest) -> list[str]:
     """What a manifest says of the conditions that the twin cannot take over."""
     sentences = []
+    if "world" in manifest.values:
+        sentences.append(
+            f"manifest {manifest.path}: the world that was driven in was not used; the twin drives on level asphalt"
+        )
     if manifest.tire_pressure_bar is not None:
         sentences.append(
             f"manifest {manifest.path}: tire_pressure_bar = {manifest.tire_pressure_bar:g} was not used; tires"

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from aoro_gym.cli import options
 from aoro_gym.cli.options import option
 from aoro_gym.cli.outcome import checking_input, conclude, running
+from aoro_gym.cli.place import StartOption
 from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
     from aoro_gym.simulation.manoeuvres import Manoeuvre
     from aoro_gym.simulation.plots import Section
+    from aoro_gym.terrains import Plane
+    from aoro_gym.terrains.world.world import World
     from aoro_gym.twin import Twin
 
 ManoeuvreOption = Annotated[
@@ -31,6 +35,9 @@ SlopeDirectionOption = Annotated[
 ]
 FrictionOption = Annotated[float, option("--terrain-friction", "FACTOR", "Tire friction against dry asphalt.")]
 RollingOption = Annotated[float, option("--terrain-rolling", "FACTOR", "Rolling resistance against asphalt.")]
+WorldOption = Annotated[
+    Path | None, option("--world", "FOLDER", "World to drive in, see 'aoro-gym world'; in place of a plane.")
+]
 IdealOption = Annotated[
     bool, option("--ideal-sensors", None, "Measured columns without noise, zero error and quantiser.")
 ]
@@ -46,6 +53,8 @@ def simulate(
     slope_direction: SlopeDirectionOption = 0.0,
     friction: FrictionOption = 1.0,
     rolling: RollingOption = 1.0,
+    world: WorldOption = None,
+    start: StartOption = None,
     ideal: IdealOption = False,
     machine: options.MachineOption = options.MACHINE,
     set_: options.SetOption = None,
@@ -66,6 +75,10 @@ def simulate(
     and the simulator's exact state as true_*. Beside it come LOG.toml (how it was made), LOG.json (key figures, without
     noise), LOG.png and LOG.html (plots).
 
+    In a --world what is solid pushes back: stems stop the machine, tires climb logs or do not. The log gets the forces
+    and numbers of the objects, a table tells what was touched. It starts at --start, by default at the free place
+    nearest to the middle.
+
     [bold]Examples[/]
 
       aoro-gym simulate --manoeuvre left --out turn.csv
@@ -73,35 +86,82 @@ def simulate(
       aoro-gym simulate --manoeuvre drive --signal 40 --duration 8 --terrain-slope 5 --out hill.csv
       aoro-gym simulate --manoeuvre left --scale steering.valve.spool_time_constant=5 --out slow_spool.csv
       aoro-gym simulate --manoeuvre left --laws library --out library.csv
+      aoro-gym simulate --manoeuvre drive --world forest --start 3 5 90 --duration 20 --out through.csv
       aoro-gym simulate --manoeuvre my_commands.csv --start-angle 10 --out mine.csv
     """
     with checking_input():
         from aoro_gym.simulation import output
+        from aoro_gym.simulation.contacts import contact_table
         from aoro_gym.simulation.named import named_manoeuvre
-        from aoro_gym.terrains import Plane
         from aoro_gym.twin import Twin
 
         output.check_output(out, manoeuvre)
         run = options.run_spec(machine, set_, scale, device, seed, laws=laws, ideal=ideal)
         chosen = options.load(run)
-        terrain = Plane(slope_deg=slope, direction_deg=slope_direction, friction=friction, rolling_resistance=rolling)
+        terrain = _ground(world, slope, slope_direction, friction, rolling)
+        place = _place(terrain, start)
         plan = named_manoeuvre(
             manoeuvre, chosen, signal=signal, duration=duration, start_angle=start_angle, warn=terminal.warn
         )
         twin = Twin(machine=chosen, terrain=terrain, device=device)
+        if world is not None:
+            twin.set_ground([0], friction=friction, rolling_resistance=rolling)
+        twin.reset(position=place[:2], heading=place[2], joint_angle=plan.start_angle)
         twin.step(duration=twin.main_step)  # says so where kernels are compiled first
-    section = simulated(twin, plan)
+    section = simulated(twin, plan, place)
     with running():
         written = output.write(section, twin, out, run)
     shown: list[Any] = [output.figure_table(section)]
     if plan.turn and section.figures["turn_time_s"] is None:
         shown.append("The turn did not reach its stop, so it has no key figures; a longer --duration may help.")
+    if world is not None:
+        shown.append(contact_table(output.touched(section.recording, twin)))
     conclude(out.with_suffix(".json"), shown, written, json_to=json_to)
 
 
-def simulated(twin: Twin, manoeuvre: Manoeuvre) -> Section:
-    """Recording of a manoeuvre with its key figures, under a progress bar."""
+def simulated(twin: Twin, manoeuvre: Manoeuvre, place: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Section:
+    """Recording of a manoeuvre from a ``place`` (x, y [m], heading [rad]) with its key figures, under a progress bar."""
     from aoro_gym.simulation import output
 
     with terminal.progress(manoeuvre.title) as tell, running():
-        return output.simulate(twin, manoeuvre, tell)
+        return output.simulate(twin, manoeuvre, tell, place)
+
+
+def _ground(folder: Path | None, slope: float, direction: float, friction: float, rolling: float) -> Plane | World:
+    """The world of a folder, or the plane that options describe.
+
+    Args:
+        folder: Value of --world.
+        slope: Of --terrain-slope [deg].
+        direction: Of --terrain-direction [deg].
+        friction: Of --terrain-friction; in a world, on top of its own.
+        rolling: Of --terrain-rolling, likewise.
+    """
+    from aoro_gym.terrains import Plane
+    from aoro_gym.terrains.world.files import load_world
+
+    plane = Plane(slope_deg=slope, direction_deg=direction, friction=friction, rolling_resistance=rolling)
+    if folder is None:
+        return plane
+    if slope or direction:
+        raise ValueError(
+            f"--terrain-slope {slope:g} is that of a plane, but --world {folder} has its own ground; drop one"
+        )
+    return load_world(folder)
+
+
+def _place(ground: Plane | World, start: tuple[float, float, float] | None) -> tuple[float, float, float]:
+    """x, y [m] and heading [rad] of a start (heading in degrees); by default the origin, or in a world the free place
+    nearest to its middle."""
+    from aoro_gym.checks import check_finite, check_range
+    from aoro_gym.terrains import Plane
+    from aoro_gym.terrains.world.places import free_place
+
+    if start is None:
+        return (0.0, 0.0, 0.0) if isinstance(ground, Plane) else free_place(ground)
+    check_finite("--start", start)
+    if not isinstance(ground, Plane):
+        low, high = ground.terrain.extent
+        for i, axis in enumerate("xy"):
+            check_range(f"--start {axis}", start[i], "m", ge=float(low[i]), le=float(high[i]), note=", on the ground")
+    return start[0], start[1], math.radians(start[2])

@@ -44,7 +44,7 @@ _UNITS: list[tuple[str, str, float]] = [
     (r"joint_angle|arm_angle" + _CORNER + "|roll|pitch|yaw", "deg", DEGREE),
     (r"position_[xyz]", "m", 1.0),
     (r"speed", "m_per_s", 1.0),
-    (r"wheel_load" + _CORNER + "|hull_force", "kN", 1e3),
+    (r"wheel_load" + _CORNER + "|hull_force|object_force_[xyz]_.*", "kN", 1e3),
 ]
 
 _MEASURED: list[tuple[str, str, float]] = [

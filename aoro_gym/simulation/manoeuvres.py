@@ -180,6 +180,7 @@ def run(
     twin: Twin,
     manoeuvre: Manoeuvre,
     *,
+    start: tuple[float, float, float] = (0.0, 0.0, 0.0),
     keep_every: float = 1e-3,
     progress: Callable[[float], Any] | None = None,
 ) -> Trajectory:
@@ -188,11 +189,13 @@ def run(
     Args:
         twin: The twins; all receive the same commands, the first is recorded.
         manoeuvre: What to do.
+        start: x, y [m] of the hinge and heading [rad] at rest.
         keep_every: Time [s] between two kept samples, a multiple of the main step.
         progress: Called with the simulated time [s] so far.
 
     Raises:
         SimulationDiverged: the state is no longer finite.
+        ValueError: it would start in an object of its world.
     """
     main_step = manoeuvre.main_step
     chunk = max(1, round(CHUNK / main_step))
@@ -201,7 +204,7 @@ def run(
     rows: dict[str, list[NDArray[np.float64]]] = {}
     rest_steps, done = 0, 0
 
-    twin.reset(joint_angle=manoeuvre.start_angle)
+    twin.reset(position=start[:2], heading=start[2], joint_angle=manoeuvre.start_angle)
     held = {name: initial for name, (_, _, initial) in COMMAND_BOUNDS.items()}
     told = {name for segment in manoeuvre.segments for name in segment.commands} - set(CHANNELS)
     for segment in manoeuvre.segments:

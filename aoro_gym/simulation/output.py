@@ -13,11 +13,13 @@ from aoro_gym.execution.files import with_nulls, write_json
 from aoro_gym.machine.specification import RunSpec
 from aoro_gym.reporting.page import describe, show
 from aoro_gym.reporting.terminal import Comparison
+from aoro_gym.simulation.contacts import contacts
 from aoro_gym.simulation.key_figures import recording_figures
 from aoro_gym.simulation.log import IDEAL, NOISY, check_log_path, log_columns, write_log
 from aoro_gym.simulation.manoeuvres import Manoeuvre, Trajectory, run
 from aoro_gym.simulation.plots import Section, write_html, write_png
 from aoro_gym.terrains import Plane
+from aoro_gym.terrains.world.world import World
 from aoro_gym.twin import Twin
 from aoro_gym.version import VERSION
 
@@ -33,14 +35,20 @@ def check_output(out: Path, manoeuvre: str) -> None:
         raise ValueError(f"--out {out} would overwrite the commands in {path}; choose another name")
 
 
-def simulate(twin: Twin, manoeuvre: Manoeuvre, progress: Callable[[str, float], Any]) -> Section:
-    """Trajectory of a manoeuvre with its key figures.
+def simulate(
+    twin: Twin,
+    manoeuvre: Manoeuvre,
+    progress: Callable[[str, float], Any],
+    start: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Section:
+    """Trajectory of a manoeuvre from ``start`` (x, y [m], heading [rad]) with its key figures.
 
     Raises SimulationDiverged if the state is no longer finite.
     """
     recording = run(
         twin,
         manoeuvre,
+        start=start,
         keep_every=1e-3 if manoeuvre.duration <= LONG else 1e-2,
         progress=lambda now: progress(manoeuvre.title, now / manoeuvre.duration),
     )
@@ -52,7 +60,7 @@ def write(section: Section, twin: Twin, out: Path, spec: RunSpec, *, page: bool 
 
     Args:
         section: Trajectory and key figures.
-        twin: Twin that was recorded, on a plane.
+        twin: Twin that was recorded, on a plane or in a world.
         out: Log (.csv, .parquet or .mcap); the other files stand beside it.
         spec: Machine, device and seed of the run.
         page: Whether to write an HTML page, too.
@@ -60,7 +68,10 @@ def write(section: Section, twin: Twin, out: Path, spec: RunSpec, *, page: bool 
     about = manifest(section.recording, twin, spec)
     rng = None if spec.ideal else np.random.default_rng(spec.seed)
     written = write_log(out, log_columns(section.recording.time, section.recording.channels, rng=rng), about)
-    write_json(out.with_suffix(".json"), with_nulls({**about, "figures": dict(section.figures)}))
+    results: dict[str, Any] = {**about, "figures": dict(section.figures)}
+    if isinstance(twin.terrain, World):
+        results["contacts"] = touched(section.recording, twin)
+    write_json(out.with_suffix(".json"), with_nulls(results))
     write_png(out.with_suffix(".png"), section)
     written += [out.with_suffix(".json"), out.with_suffix(".png")]
     if page:
@@ -71,8 +82,7 @@ def write(section: Section, twin: Twin, out: Path, spec: RunSpec, *, page: bool 
 
 def manifest(recording: Trajectory, twin: Twin, spec: RunSpec) -> dict[str, Any]:
     """Manifest of a log: manoeuvre, sensors, ground, machine and simulation."""
-    manoeuvre, terrain = recording.manoeuvre, twin.terrain
-    assert isinstance(terrain, Plane), "manoeuvres are run on planes"
+    manoeuvre = recording.manoeuvre
     about: dict[str, Any] = {"manoeuvre": manoeuvre.name}
     if manoeuvre.signal_percent is not None:
         about["signal_percent"] = manoeuvre.signal_percent
@@ -83,12 +93,7 @@ def manifest(recording: Trajectory, twin: Twin, spec: RunSpec) -> dict[str, Any]
         "filters": [],
         # not ``units.RPM``: pi / 30 rounded first gives other last bits
         "engine_speed_rpm": float(twin.machine.engine.set_speed) * 30.0 / math.pi,
-        "ground": {
-            "slope_deg": terrain.slope_deg,
-            "direction_deg": terrain.direction_deg,
-            "friction": terrain.friction,
-            "rolling_resistance": terrain.rolling_resistance,
-        },
+        **_ground(twin.terrain, recording),
         "machine": spec.machine.to_json(),
         "simulation": {
             "aoro_gym": VERSION,
@@ -98,6 +103,23 @@ def manifest(recording: Trajectory, twin: Twin, spec: RunSpec) -> dict[str, Any]
             "substeps": twin.substeps,
         },
     }
+
+
+def _ground(terrain: Any, recording: Trajectory) -> dict[str, Any]:
+    """What a manifest says of the ground: a plane, or a world and where in it the recording begins."""
+    if isinstance(terrain, World):
+        places = {f"{axis}_m": float(recording[f"position_{axis}"][0]) for axis in "xy"}
+        heading = math.degrees(recording["yaw"][0])
+        return {"world": {"name": terrain.name, "objects": len(terrain.objects), **places, "heading_deg": heading}}
+    assert isinstance(terrain, Plane), "manoeuvres are run on planes and in worlds"
+    names = ("slope_deg", "direction_deg", "friction", "rolling_resistance")
+    return {"ground": {name: getattr(terrain, name) for name in names}}
+
+
+def touched(recording: Trajectory, twin: Twin) -> list[dict[str, Any]]:
+    """What a twin touched in its world; nothing where nothing is solid."""
+    has_objects = "touched_object_fl" in recording
+    return contacts(recording, twin.terrain) if has_objects and isinstance(twin.terrain, World) else []
 
 
 def figure_table(section: Section) -> Comparison:

@@ -2,12 +2,17 @@
 
 import json
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from aoro_gym.machine import Machine
 from aoro_gym.recording.tables import read_table
+from aoro_gym.terrains.terrain import Terrain
+from aoro_gym.terrains.world.files import save_world
+from aoro_gym.terrains.world.objects import Log, Tree, along, upright
+from aoro_gym.terrains.world.world import World
 from aoro_gym.twin import Twin
 from tests.cli.calling import call, check_refused
 
@@ -97,6 +102,55 @@ def test_simulate_a_file_on_a_slope(tmp_path):
     assert tomllib.loads(out.with_suffix(".toml").read_text())["ground"]["slope_deg"] == 6.0
 
 
+@pytest.fixture(scope="module")
+def clearing(tmp_path_factory) -> Path:
+    """The folder of a small flat world with a pine 6 m ahead of its middle and a log behind it."""
+    field = Terrain.from_heights(np.zeros((31, 31)), cell=1.0, corner=(-15.0, -15.0))
+    pine = Tree((6.0, 0.0, 0.0), upright(), "pine", 0.3, 15.0, 8.0, 1.5, 1)
+    log = Log((-6.0, -2.0, 0.15), along((0.0, 1.0, 0.0)), "pine", 4.0, 0.15, 0.15, 0.3, 0)
+    folder = tmp_path_factory.mktemp("clearing")
+    save_world(World(field, (pine, log)), folder)
+    return folder
+
+
+def test_simulate_in_a_world_logs_and_tells_what_it_touches(clearing, tmp_path):
+    out = tmp_path / "log.csv"
+    options = ("--start", "2", "0", "0", "--signal", "50", "--duration", "5", "--terrain-friction", "0.9")
+    shown = call("simulate", "-m", "drive", "--world", clearing, *options, "--out", out)
+    assert shown.exit_code == 0, shown.output
+    assert "front chassis" in shown.stdout and "tree 1" in shown.stdout
+    table = read_table(out)
+    touching = table["true_touched_object_front"] == 1
+    assert touching[-50:].all() and not touching[:150].any()
+    assert table["true_object_force_x_front_kN"][-1] < -20.0
+    manifest = tomllib.loads(out.with_suffix(".toml").read_text())
+    assert "ground" not in manifest
+    assert manifest["world"] | {"name": ""} == {"name": "", "objects": 2, "x_m": 2.0, "y_m": 0.0, "heading_deg": 0.0}
+    contacts = json.loads(out.with_suffix(".json").read_text())["contacts"]
+    assert [(row["part"], row["object"], row["kind"]) for row in contacts] == [("front chassis", 1, "tree")]
+    assert contacts[0]["largest_force_kN"] > 20.0 and contacts[0]["duration_s"] > 0.5
+
+
+def test_simulate_in_a_world_starts_where_it_is_free(clearing, tmp_path):
+    out = tmp_path / "log.csv"
+    assert call("simulate", "-m", "drive", "--world", clearing, "--duration", "1", "--out", out).exit_code == 0
+    world = tomllib.loads(out.with_suffix(".toml").read_text())["world"]
+    assert np.hypot(world["x_m"], world["y_m"]) < 4.0
+    assert json.loads(out.with_suffix(".json").read_text())["contacts"] == []
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ("--terrain-slope 3", "--terrain-slope 3 is that of a plane, but --world"),
+        ("--start 90 0 0", "--start x is 90 m, but must be in [-15, 15] m, on the ground"),
+        ("--start 5 0 0", "twin 0 would stand in an object: the front chassis"),
+    ],
+)
+def test_simulate_in_a_world_refuses(clearing, options, message, tmp_path):
+    check_refused(f"simulate -m drive --world {clearing} {options} --out {tmp_path / 'log.csv'}", message)
+
+
 def test_seed_draws_the_noise(turn, tmp_path):
     slow = "steering.valve.spool_time_constant=2"
     other = tmp_path / "other.csv"
@@ -131,6 +185,8 @@ def test_seed_draws_the_noise(turn, tmp_path):
         ("simulate -m left --duration 0.2", "--duration is 0.2 s, but must be in [0.61, 3600] s"),
         ("simulate -m left --out log.xlsx", "log log.xlsx must end in .csv, .parquet or .mcap"),
         ("simulate -m left --device tpu", "--device 'tpu' is not available here; choose one of: cpu"),
+        ("simulate -m drive --world nowhere", "nowhere: No such file"),
+        ("simulate -m drive --start 0 nan 0", "--start[1] is nan, but must be finite"),
         ("simulate -m left --seed -1", "--seed is -1, but must be an integer of at least 0"),
         ("simulate -m left --machine tractor", "no bundled machine 'tractor'"),
         ("simulate -m left --machine none.toml", "no machine file none.toml"),
