@@ -186,8 +186,9 @@ class _StepCallback(BaseCallback):
         self._callback = callback
 
     def _on_step(self) -> bool:
-        for info in self.locals["infos"]:
-            for name, value in info.items():
+        infos = self.locals["infos"]
+        for i in np.flatnonzero(self.locals["dones"]):
+            for name, value in infos[i].items():
                 if name.startswith("return/"):
                     self.logger.record_mean(f"terms/{name.removeprefix('return/')}", value)
         self._callback.on_step(self.num_timesteps)

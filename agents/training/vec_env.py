@@ -132,14 +132,16 @@ class TwinVecEnv(VecEnv):
         for name, value in contributions(infos).items():
             self._returns[name] = self._returns[name] + value if name in self._returns else value
         described: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        dones = np.array(self._host(terminated | truncated))
+        shown, earned, ended, cut = self.envs.arrays.hosts(observations, rewards, terminated | truncated, truncated)
+        dones = np.array(ended)
         if final:
             rows = np.flatnonzero(dones)
-            cut = self._host(truncated)
             index = self.envs.arrays.index(rows)
-            sums = {f"return{name.removeprefix('reward')}": self._host(v[index]) for name, v in self._returns.items()}
-            last = infos["final_obs"][index]
-            last = np.stack(list(last)) if self.envs.arrays.on_host else self._host(last)
+            last, *returns = self.envs.arrays.hosts(
+                infos["final_obs"][index], *(value[index] for value in self._returns.values())
+            )
+            last = np.stack(list(last)) if self.envs.arrays.on_host else last
+            sums = {f"return{name.removeprefix('reward')}": r for name, r in zip(self._returns, returns, strict=True)}
             begun = self._of_rows({k: v for k, v in infos.items() if "final_" not in k}, rows)
             for k, (i, info) in enumerate(zip(rows.tolist(), self._of_rows(final, rows), strict=True)):
                 info |= {name: float(value[k]) for name, value in sums.items()}
@@ -149,23 +151,23 @@ class TwinVecEnv(VecEnv):
                 self.reset_infos[i] = begun[k]
             for value in self._returns.values():
                 value[index] = 0.0
-        return self._host(observations), self._host(rewards), dones, described
+        return shown, earned, dones, described
 
     def _of_rows(self, infos: Mapping[str, Any], rows: NDArray[np.intp]) -> list[dict[str, Any]]:
         """Gymnasium's vector infos as one dictionary for each of the sub-environments ``rows``."""
         index = self.envs.arrays.index(rows)
-        held: dict[int, list[bool]] = {}  # by mask: many are one array
+        names = [name for name in infos if not name.startswith("_")]
+        masks = {id(mask): mask for mask in (infos[f"_{name}"] for name in names)}  # many are one array
+        taken = self.envs.arrays.hosts(
+            *(infos[name][index] for name in names), *(mask[index] for mask in masks.values())
+        )
+        held = dict(zip(masks, (mask.tolist() for mask in taken[len(names) :]), strict=True))
         found: list[dict[str, Any]] = [{} for _ in rows]
-        for name, values in infos.items():
-            if name.startswith("_"):
-                continue
-            mask = infos[f"_{name}"]
-            if id(mask) not in held:
-                held[id(mask)] = self._host(mask[index]).tolist()
-            chosen: list[Any] = self._host(values[index]).tolist()
+        for name, values in zip(names, taken, strict=False):
+            chosen: list[Any] = values.tolist()
             if name == "termination" and not self.envs.arrays.on_host:
                 chosen = [self.envs.termination_reasons[number] for number in chosen]
-            for info, value, holds in zip(found, chosen, held[id(mask)], strict=True):
+            for info, value, holds in zip(found, chosen, held[id(infos[f"_{name}"])], strict=True):
                 if holds:
                     info[name] = value
         return found

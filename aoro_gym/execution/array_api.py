@@ -36,6 +36,7 @@ class Arrays:
         """Whether values can be looked at without waiting for a device."""
         self._waiting: dict[int, tuple[Array, Any, Any]] | None = None  # writes by the array's identity
         self._keeps = False  # whether they are never made
+        self._pinned: Any = None  # memory of the host that a GPU writes to
 
     @classmethod
     def torch(cls, device: str) -> Arrays:
@@ -139,6 +140,23 @@ class Arrays:
         """The values on the host, for which it waits; to be read only."""
         return array if self.on_host else array.numpy(force=True)
 
+    def hosts(self, *arrays: Array) -> tuple[NDArray[Any], ...]:
+        """The values of several arrays on the host, for which it waits once: from a GPU in one copy, through memory that the
+        GPU writes to. They are the caller's, but of arrays that are on the host."""
+        if self.on_host:
+            return arrays
+        if self.device.type == "cpu":
+            return tuple(np.array(array.numpy(force=True)) for array in arrays)
+        import torch  # pyright: ignore[reportMissingImports]
+
+        bytes_there = packed(arrays)
+        if self._pinned is None or len(self._pinned) < len(bytes_there):
+            self._pinned = torch.empty(len(bytes_there), dtype=torch.uint8, pin_memory=True)
+        waiting = self._pinned[: len(bytes_there)]
+        waiting.copy_(bytes_there, non_blocking=True)
+        torch.cuda.current_stream(self.device).synchronize()
+        return unpacked(waiting.numpy().copy(), arrays)
+
     def alias(self, array: Any) -> Array:
         """The memory of a Warp array, not copied."""
         if self.on_host:
@@ -170,6 +188,30 @@ class Arrays:
         import warp
 
         return warp.ScopedStream(warp.stream_from_torch(self.device))
+
+
+def packed(tensors: Sequence[Array]) -> Array:
+    """Bytes of all ``tensors`` in one, for :func:`unpacked`: those of larger elements first, so that all are aligned."""
+    import torch  # pyright: ignore[reportMissingImports]
+
+    ordered = (tensors[number] for number in _by_size(tensors))
+    return torch.cat([each.contiguous().reshape(-1).view(torch.uint8) for each in ordered])
+
+
+def unpacked(values: NDArray[np.uint8], tensors: Sequence[Array]) -> tuple[NDArray[Any], ...]:
+    """The arrays of ``tensors`` whose bytes :func:`packed` put together, as parts of ``values``."""
+    out: dict[int, NDArray[Any]] = {}
+    begin = 0
+    for number in _by_size(tensors):
+        tensor = tensors[number]
+        end = begin + tensor.element_size() * tensor.numel()
+        dtype = np.dtype(str(tensor.dtype).removeprefix("torch."))
+        out[number], begin = values[begin:end].view(dtype).reshape(tuple(tensor.shape)), end
+    return tuple(out[number] for number in range(len(tensors)))
+
+
+def _by_size(tensors: Sequence[Array]) -> list[int]:
+    return sorted(range(len(tensors)), key=lambda number: -tensors[number].element_size())
 
 
 HOST = Arrays()
