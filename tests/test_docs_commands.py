@@ -22,6 +22,7 @@ LEAVES = {
     "diagnose": ("diagnosis/report.html",),
 }
 """What each tutorial ends with."""
+TRACKING = ("--env", "AORO/PathTracking-v0")
 TRAINING = ("--steps", "500", "--n-envs", "2", "--checkpoint-every", "250", "--eval-episodes", "1")
 SHORTER = {
     "bench": ("--twins", "1", "--seconds", "0.02"),
@@ -112,8 +113,8 @@ def place(tmp_path_factory) -> Path:
         ("validate", "--uncalibrated", "none", "--ensemble", "none", "--out", "validation"),
         (*turning, "--out", "runs/turning"),
         (*turning, "--laws", "default,library", "--out", "runs/robust"),
-        ("train", "--terrain", "ground.ply", *TRAINING, "--out", "runs/mine"),
-        ("train", "--algo", "dagger", *TRAINING, "--out", "runs/taught"),
+        ("train", *TRACKING, "--terrain", "ground.ply", *TRAINING, "--out", "runs/mine"),
+        ("train", *TRACKING, "--algo", "dagger", *TRAINING, "--out", "runs/taught"),
         ("diagnose", "later/left.csv", "--healthy", "healthy/left.csv", "--out", "diagnosis"),
     ):
         made = in_pipe(*words, "--quiet", folder=folder)

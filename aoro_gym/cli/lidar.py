@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -33,7 +34,9 @@ ReturnOption = Annotated[
     list[str] | None, option("--return", "WHICH", "first, strongest or last echo. Repeatable. Default: strongest.")
 ]
 IdealOption = Annotated[bool, option("--ideal-sensors", None, "Without noise.")]
-PointsOption = Annotated[Path, option("--out -o", "FILE", "Points to write: .npz, .pcd, .laz or .las.")]
+TOPIC = "/lidar/points"
+"""Of an MCAP file."""
+PointsOption = Annotated[Path, option("--out -o", "FILE", "Points to write: .npz, .pcd, .laz, .las or .mcap.")]
 
 
 def lidar(
@@ -55,7 +58,8 @@ def lidar(
     """Let a lidar look around, from a machine that stands or drives on.
 
     Without --terrain the machine is in a made forest, by --seed: trees, stumps, boulders, logs and branches, each with its
-    number and material. Writes FILE with ring, time, intensity, object and class of every point, and a picture (.png).
+    number and material. Writes FILE with ring, time, intensity, object and class of every point, and a picture (.png). An
+    MCAP file holds a PointCloud2 a sweep, on the topic /lidar/points.
 
     [bold]Examples[/]
 
@@ -63,6 +67,7 @@ def lidar(
       aoro-gym lidar --model mid-360 --sweeps 5 --out mid.laz
       aoro-gym lidar --speed 3 --return first --return last --out drive.pcd
       aoro-gym lidar --weather fog=60 --out fog.npz
+      aoro-gym lidar --speed 1 --sweeps 20 --out drive.mcap
       aoro-gym lidar --terrain ground.ply --at 10 4 --heading 90
     """
     with checking_input():
@@ -72,7 +77,7 @@ def lidar(
         from aoro_gym.sensors.lidar.figures import draw_sweep
         from aoro_gym.sensors.lidar.points import SUFFIXES, joined
 
-        check_choice("suffix of --out", out.suffix.lower(), SUFFIXES)
+        check_choice("suffix of --out", out.suffix.lower(), (*SUFFIXES, ".mcap"))
         check_writable(out)
         check_integer("--sweeps", sweeps, le=1000)
         check_range("--speed", speed, "m/s", ge=-10.0, le=10.0)
@@ -87,8 +92,12 @@ def lidar(
         first = sensor.sweep(motion)[0]  # what is wrong with the place shows here
     with running():
         later = (sensor.sweep(motion, start=n / sensor.model.rate, number=n)[0] for n in range(1, sweeps))
-        points = joined([first, *later], 1.0 / sensor.model.rate)
-        points.save(out)
+        each = [first, *later]
+        points = joined(each, 1.0 / sensor.model.rate)
+        if out.suffix.lower() == ".mcap":
+            _write_bag(each, 1.0 / sensor.model.rate, out)
+        else:
+            points.save(out)
         written = [out]
         if len(points):
             written.append(out.with_suffix(".png"))
@@ -138,6 +147,18 @@ def _motion(scene: Scene, at: tuple[float, float], heading: float, speed: float,
             f"there is no ground at x = {x:.1f} m, y = {y:.1f} m; choose another --at, --heading or --speed"
         )
     return Motion(time, np.column_stack([way, ground]), 0 * time, 0 * time, 0 * time + yaw)
+
+
+def _write_bag(sweeps: Sequence[Points], period: float, out: Path) -> None:
+    """A PointCloud2 a sweep, in the sensor's axes; times of points count from their sweep's beginning."""
+    from aoro_gym.recording.sensor_bags import Cloud, write_sensors
+
+    clouds = []
+    for number, points in enumerate(sweeps):
+        names = ("intensity", "time", "ring", "range", "instance", "class_id", "echo")
+        places = {axis: points.points[:, column] for column, axis in enumerate("xyz")}
+        clouds.append(Cloud(number * period, places | {name: getattr(points, name) for name in names}))
+    write_sensors(out, {TOPIC: clouds})
 
 
 def _summary(points: Points) -> dict[str, float | int]:

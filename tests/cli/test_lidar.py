@@ -32,6 +32,22 @@ def test_points_and_picture(ground, tmp_path):
     assert (tmp_path / "a.png").stat().st_size > 10_000
 
 
+def test_a_bag_has_a_cloud_a_sweep(ground, tmp_path):
+    from aoro_gym.recording.sensor_bags import read_sensors
+
+    common = (*ground, "--speed", "2", "--sweeps", "2")
+    assert call(*common, "--out", "a.npz").exit_code == 0
+    assert call(*common, "--out", "a.mcap").exit_code == 0
+    clouds = list(read_sensors(tmp_path / "a.mcap", "/lidar/points"))
+    assert [one.time for one in clouds] == [0.0, 0.1]  # ten sweeps a second
+    with np.load(tmp_path / "a.npz") as points:
+        for column, axis in enumerate("xyz"):
+            both = np.concatenate([one.columns[axis] for one in clouds])
+            np.testing.assert_array_equal(both, points["points"][:, column])
+        rings = np.concatenate([one.columns["ring"] for one in clouds])
+        np.testing.assert_array_equal(rings, points["ring"])
+
+
 def test_a_table_and_its_files(ground):
     shown = call(*ground, "--weather", "fog=40", "--out", "a.pcd")
     assert "of rain, fog or snow" in shown.stdout
