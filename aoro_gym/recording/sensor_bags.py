@@ -6,7 +6,6 @@ sensor_msgs/Image, and its camera sensor_msgs/CameraInfo.
 
 from __future__ import annotations
 
-import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -222,4 +221,4 @@ def _dtype(name: str, order: str) -> np.dtype[Any]:
 
 def _native(values: NDArray[Any]) -> NDArray[Any]:
     """A copy in this computer's order of bytes."""
-    return values.astype(values.dtype.newbyteorder("<" if sys.byteorder == "little" else ">"))
+    return values.astype(values.dtype.newbyteorder("="))
