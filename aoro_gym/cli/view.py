@@ -38,6 +38,9 @@ PortOption = Annotated[int, option("--port", "N", "Port of the page on 127.0.0.1
 GamepadOption = Annotated[
     Path | None, option("--gamepad", "FILE", "Drive by this gamepad, too, such as /dev/input/js0 (Linux).")
 ]
+LidarOption = Annotated[
+    str | None, option("--lidar", "MODEL", "Show what a lidar sees: vlp-16, os1-64, os1-128 or mid-360. Default: none.")
+]
 NoBrowserOption = Annotated[bool, option("--no-browser", None, "Open no browser; the address is told.")]
 LogsArgument = Annotated[
     list[Path] | None, options.argument("[LOG]...", "Logs to show again, one machine each, instead of a live twin.")
@@ -64,6 +67,7 @@ def view(
     policy: PolicyOption = None,
     env: EnvOption = options.TRACKING,
     gamepad: GamepadOption = None,
+    lidar: LidarOption = None,
     port: PortOption = PORT,
     no_browser: NoBrowserOption = False,
     set_: options.SetOption = None,
@@ -85,6 +89,8 @@ def view(
     With --policy it shows episodes of an environment that controllers or policies drive, from --seed on; --terrain and
     --path say where.
 
+    --lidar shows the points that a lidar on the first machine gets of the ground. There is no camera yet.
+
     The page is for this computer alone (127.0.0.1). Ctrl-C ends it.
 
     [bold]Examples[/]
@@ -92,6 +98,7 @@ def view(
       aoro-gym view
       aoro-gym view --terrain scan.ply --path lap.gpx --gamepad /dev/input/js0
       aoro-gym view before.csv after.csv
+      aoro-gym view --terrain scan.ply --lidar vlp-16
       aoro-gym view --policy preview --policy stanley
       aoro-gym view --machine aoro --machine mine.toml
       aoro-gym view --set joint.compliance=1e-8 --no-browser --port 8090
@@ -102,6 +109,8 @@ def view(
         viser()
         _check_together(logs, machine, path, start, policy)
         _check_gamepad(gamepad, logs, policy)
+        if lidar is not None and policy:
+            raise ValueError("--lidar looks around a live twin or the machine of a LOG; drop --policy")
         names = machine or [options.MACHINE]
         machines = [options.load(options.run_spec(name, set_, scale, "cpu", seed, laws=laws)) for name in names]
         if policy:
@@ -113,7 +122,7 @@ def view(
                 twins, names = _replay(logs, machines), [log.stem for log in logs]
             else:
                 twins = _twins(machines, land, ground, line, start)
-            page, run = _driven_by_hand(twins, names, (land, line, terrain), gamepad, port)
+            page, run = _driven_by_hand(twins, names, (land, line, terrain), gamepad, lidar, port)
     from aoro_gym.view.server import stop
 
     try:
@@ -162,19 +171,31 @@ def _driven_by_hand(
     names: list[str],
     place: tuple[Terrain | Plane, Line | None, Path | None],
     gamepad: Path | None,
+    lidar: str | None,
     port: int,
 ) -> tuple[Any, Callable[[], None]]:
-    """A server whose page has the place, ground and path and the ground's file; and what keeps it up to date."""
+    """A server whose page has the place, and what keeps it up to date.
+
+    Args:
+        twins: Live ones or a replay.
+        names: Of the machines.
+        place: Ground and path, and the ground's file.
+        gamepad: File of one, if any.
+        lidar: Model of one, if any.
+        port: Of the page.
+    """
     from aoro_gym.terrains import Plane
     from aoro_gym.view.colours import scan_colours
+    from aoro_gym.view.lidar_cloud import LidarCloud
     from aoro_gym.view.live_view import LiveView
     from aoro_gym.view.server import start
 
     land, line, file = place
     server = start(port)
+    cloud = None if lidar is None else LidarCloud(server, land, lidar)
     colours = None if file is None or isinstance(land, Plane) else scan_colours(file, land)
     twins.forces()  # says so where their kernel is compiled first
-    shown = LiveView(server, twins, names, gamepad=gamepad)
+    shown = LiveView(server, twins, names, gamepad=gamepad, lidar=cloud)
     shown.page.surround(land, line, colours)
     return server, shown.run
 

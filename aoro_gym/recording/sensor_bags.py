@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -188,7 +188,7 @@ def _camera(types: Any, header: Any, one: Camera) -> Any:
 def _read(message: Any, kind: str, time: float) -> Message:
     frame = message.header.frame_id
     if kind == CLOUD:
-        order = ">" if message.is_bigendian else "<"
+        order: Literal["<", ">"] = ">" if message.is_bigendian else "<"
         names = {number: name for name, number in KINDS.items()}
         layout = np.dtype(
             {
@@ -214,11 +214,12 @@ def _read(message: Any, kind: str, time: float) -> Message:
     )
 
 
-def _dtype(name: str, order: str) -> np.dtype[Any]:
+def _dtype(name: str, order: Literal["<", ">"]) -> np.dtype[Any]:
     """Of numbers with their bytes in an order, ``<`` or ``>``."""
     return np.dtype(name).newbyteorder(order)
 
 
 def _native(values: NDArray[Any]) -> NDArray[Any]:
     """A copy in this computer's order of bytes."""
-    return values.astype(values.dtype.newbyteorder("="))
+    kind: Any = values.dtype.newbyteorder("=")
+    return values.astype(kind)

@@ -9,6 +9,7 @@ from typing import Any
 
 from aoro_gym.view.changes import Changes
 from aoro_gym.view.gamepad import BRAKE, FASTER_GEAR, PAUSE, RESTART, SLOWER_GEAR, Gamepad
+from aoro_gym.view.lidar_cloud import LidarCloud
 from aoro_gym.view.live import LiveTwins
 from aoro_gym.view.page import FRAME, TwinPage
 from aoro_gym.view.panel import Driving, TimeControls, Timeline
@@ -24,6 +25,7 @@ class LiveView:
         names: Of the machines.
         driver: What the twins' driver is called.
         gamepad: File of a gamepad that drives, too, see :mod:`aoro_gym.view.gamepad`; not for a replay.
+        lidar: On the first machine.
 
     Raises OSError if the gamepad's file cannot be opened.
     """
@@ -36,8 +38,9 @@ class LiveView:
         driver: str | None = None,
         *,
         gamepad: Path | None = None,
+        lidar: LidarCloud | None = None,
     ):
-        self.server, self.twins = server, twins
+        self.server, self.twins, self.lidar = server, twins, lidar
         self._restart = False
         self.clock = TimeControls(server.gui, self._ask_restart)
         replay = isinstance(twins, Replay)
@@ -113,6 +116,8 @@ class LiveView:
 
     def draw(self, *, with_forces: bool = True) -> None:
         """Send what is now."""
+        if self.lidar is not None:
+            self.lidar.show(self.twins.time, self.twins.poses()[0])
         if not self.page.draw(with_forces=with_forces):
             return
         now = time.monotonic()
