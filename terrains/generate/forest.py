@@ -59,7 +59,7 @@ humus, 0.3 on wet ground. Rolling resistance: Carvill, Mechanical Engineer's Dat
 
 @dataclass(frozen=True)
 class ForestSettings:
-    """What a forest has; lengths in m, numbers a hectare (10,000 m²). Raises ``ValueError`` naming the field."""
+    """What a forest has; lengths in m, numbers a hectare (10,000 m²), all (E). Raises ``ValueError`` naming the field."""
 
     size: tuple[float, float] = (57.0, 103.0)
     """Along x and y [m], in whole cells; the ground lies around the local origin."""

@@ -1,4 +1,4 @@
-"""Wood that lies: single stems on uneven ground, and logs stacked on each other."""
+"""Wood that lies: single stems on uneven ground, and logs stacked on each other. Numbers without a source are (E)."""
 
 from __future__ import annotations
 

@@ -23,11 +23,11 @@ TRIES = 8
 FINEST_CELL = 0.25
 """Distance [m] of the heights that objects are put on."""
 EDGE = 0.5
-"""Distance [m] from the edge of the ground within which nothing stands."""
+"""Distance [m] from the edge of the ground within which nothing stands. (E)"""
 PATH_STEP = 0.25
 """Distance [m] of a path's points, from which its distance is measured: at most 0.5 % of a room of 1 m too far."""
 ALONG = 0.2
-"""Room [m] beside lying stems."""
+"""Room [m] beside lying stems. (E)"""
 BIN = 2.0
 """Side [m] of the squares in which neighbours are looked up."""
 

@@ -21,11 +21,11 @@ Array = NDArray[np.float64]
 Faces = NDArray[np.int64]
 
 SIDES = {Kind.TREE: 10, Kind.STUMP: 14, Kind.LOG: 12, Kind.BRANCH: 5}
-"""Of the polygons that stand for round wood."""
+"""Of the polygons that stand for round wood. (E)"""
 BURIED = 0.3
 """Depth [m] to which stems, stumps reach below their origin, so that no gap opens on slopes. (E)"""
 MOST_LEAVES = 240
-"""Triangles of one crown; each stands for as much foliage as it must."""
+"""Triangles of one crown; each stands for as much foliage as it must. (E)"""
 LEAF = 0.12
 """Least area [m²] of a triangle of foliage, the size of a shoot with its twigs. (E)"""
 ORANGE_FROM = 0.35

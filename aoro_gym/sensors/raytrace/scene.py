@@ -176,12 +176,9 @@ class Scene:
         leaves.corner, leaves.cell, leaves.kind = wp.vec2(*undergrowth.corner), undergrowth.cell, kind
         leaves.tallest = float(undergrowth.height.max())
         leaves.steepest = math.sqrt(2.0) * float(np.max(rises[np.isfinite(rises)], initial=0.0))
-        for name, values in (
-            ("ground", np.where(known, ground, np.mean(ground[known]))),
-            ("height", np.where(known, undergrowth.height, 0.0)),
-            ("density", np.where(known, undergrowth.density, 0.0)),
-        ):
-            setattr(leaves, name, wp.array(values, dtype=wp.float32, device=self.device))
+        nodes = np.where(known, [ground, undergrowth.height, undergrowth.density], 0.0)
+        nodes[0][~known] = np.mean(ground[known])
+        leaves.nodes = wp.array(np.moveaxis(nodes, 0, -1), dtype=cast(Any, wp.vec3), device=self.device)
         return leaves
 
     def cast(

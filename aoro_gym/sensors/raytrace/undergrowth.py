@@ -27,9 +27,9 @@ class Leaves:
     cell: float  # [m]
     tallest: float  # [m]
     steepest: float  # [-] rise of the ground between nodes
-    ground: wp.array2d(dtype=float)  # [m]
-    height: wp.array2d(dtype=float)  # [m] over the ground
-    density: wp.array2d(dtype=float)  # [1/m] area of leaves in a volume, one side counted
+    nodes: wp.array2d(
+        dtype=wp.vec3
+    )  # ground [m], height over it [m], area of leaves in a volume, one side counted [1/m]
     kind: int  # class
 
 
@@ -38,24 +38,30 @@ def node(leaves: Leaves, x: float, y: float):
     """Ground, height over it and density at a place, between the nodes; no density off the grid."""
     u = (x - leaves.corner[0]) / leaves.cell
     v = (y - leaves.corner[1]) / leaves.cell
-    columns = leaves.ground.shape[1]
-    rows = leaves.ground.shape[0]
+    rows = leaves.nodes.shape[0]
+    columns = leaves.nodes.shape[1]
     i = wp.clamp(int(wp.floor(u)), 0, columns - 2)
     j = wp.clamp(int(wp.floor(v)), 0, rows - 2)
-    inside = float(1.0)
-    if u < 0.0 or v < 0.0 or u > float(columns - 1) or v > float(rows - 1):
-        inside = 0.0
     a = wp.clamp(u - float(i), 0.0, 1.0)
     b = wp.clamp(v - float(j), 0.0, 1.0)
-    out = wp.vec3()
-    for corner in range(4):
-        east = corner % 2
-        north = corner / 2
-        share = (a if east == 1 else 1.0 - a) * (b if north == 1 else 1.0 - b)
-        out += share * wp.vec3(
-            leaves.ground[j + north, i + east], leaves.height[j + north, i + east], leaves.density[j + north, i + east]
-        )
-    out[2] = out[2] * inside
+    south = wp.lerp(leaves.nodes[j, i], leaves.nodes[j, i + 1], a)
+    out = wp.lerp(south, wp.lerp(leaves.nodes[j + 1, i], leaves.nodes[j + 1, i + 1], a), b)
+    if u < 0.0 or v < 0.0 or u > float(columns - 1) or v > float(rows - 1):
+        out[2] = 0.0
+    return out
+
+
+@wp.func
+def to_next_cell(leaves: Leaves, place: wp.vec3, direction: wp.vec3):
+    """Distance [m] along a ray to the next cell of the grid."""
+    out = float(wp.inf)
+    for axis in range(2):
+        share = (place[axis] - leaves.corner[axis]) / leaves.cell
+        share = share - wp.floor(share)
+        if direction[axis] > 1.0e-6:
+            out = wp.min(out, (1.0 - share) * leaves.cell / direction[axis])
+        if direction[axis] < -1.0e-6:
+            out = wp.min(out, share * leaves.cell / -direction[axis])
     return out
 
 
@@ -82,6 +88,8 @@ def stopped_at(leaves: Leaves, origin: wp.vec3, direction: wp.vec3, reach: float
         elif over:
             t += STRIDE * offset
             over = False
+        elif here[2] == 0.0:  # none grows in this cell
+            t += wp.max(to_next_cell(leaves, place, direction), 0.2 * STRIDE)
         else:
             if above < here[1] and above > -STRIDE:
                 depth += PROJECTION * here[2] * STRIDE

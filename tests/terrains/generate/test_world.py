@@ -8,7 +8,7 @@ import pytest
 
 import aoro_gym.terrains.generate.world as module
 from aoro_gym.terrains import Terrain
-from aoro_gym.terrains.generate.forest import forest
+from aoro_gym.terrains.generate.forest import Zone, forest
 from aoro_gym.terrains.generate.placing import Site
 from aoro_gym.terrains.generate.world import WorldSettings, populate, world
 from aoro_gym.terrains.paths.path import Path
@@ -42,9 +42,26 @@ def test_a_hectare_holds_more_than_500_objects(hectare):
     assert {Surface.ASPHALT, Surface.GRASS, Surface.WET_SOIL, Surface.END_GRAIN, Surface.PINE_NEEDLES} <= kinds
 
 
-def test_ground_is_the_forests(hectare):
+def test_ground_is_the_forests_with_ruts_on_strip_roads(hectare):
+    """Where trees may grow, two ruts as deep as asked for and 1.97 m apart lead on every 20 m; the rest is as it was."""
     bare = forest(3, size=(100.0, 100.0), boulders=0.0, stumps=0.0, trees=0.0)
-    np.testing.assert_array_equal(hectare.terrain.vertices, bare.terrain.vertices)
+    np.testing.assert_array_equal(hectare.terrain.vertices[:, :2], bare.terrain.vertices[:, :2])
+    lower = (bare.terrain.vertices - hectare.terrain.vertices)[:, 2]
+    standing = np.isin(bare.zones, [Zone.FOREST, Zone.WET])
+    np.testing.assert_array_equal(lower[~standing], 0.0)
+    assert lower.min() > -1e-9 and lower.max() == pytest.approx(0.06, abs=0.01)
+    x = hectare.terrain.vertices[:, 0]
+    profile = np.array([lower[standing & (x == column)].mean() for column in np.unique(x)])
+    deep = np.unique(x)[profile > 0.5 * profile.max()]
+    middles = np.array([part.mean() for part in np.split(deep, np.flatnonzero(np.diff(deep) > 0.5) + 1)])
+    middles = middles[np.abs(middles) < 49.0]  # whole ruts
+    apart = np.diff(middles)
+    assert len(middles) == 9
+    # columns are 0.25 m apart: a mean of two to three of them is off by less than one
+    assert (np.minimum(np.abs(apart - 1.97), np.abs(apart - (20.0 - 1.97))) < 0.25).all()
+    np.testing.assert_array_equal(world(3, rut_depth=0.0).terrain.vertices, bare.terrain.vertices)
+    on_strips = np.abs(places(hectare.objects, Tree)[:, :1] - middles).min(axis=1)
+    assert on_strips.min() > 0.5 * (4.2 - 1.97) - 0.25
     trees = places(hectare.objects, Tree)
     for path, room in bare.ways:
         assert np.abs(path.project(trees[:, :2])[1]).min() > room - 0.05
@@ -152,7 +169,7 @@ def test_every_setting_counts():
         "piles": 0.0, "logs": 3, "branches": 50.0, "strip_roads": 0.0, "strip_road_width": 5.0, "undergrowth": 0.2,
         "snow": True,
     }  # fmt: skip
-    assert {*other, "size"} == {one.name for one in fields(WorldSettings)}
+    assert {*other, "size", "rut_depth"} == {one.name for one in fields(WorldSettings)}
     for name, value in other.items():
         changed = populate(field, 6, replace(WorldSettings(piles=40.0, fallen=200.0), **{name: value}))
         assert usual.undergrowth is not None and changed.undergrowth is not None
