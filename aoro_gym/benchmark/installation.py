@@ -25,6 +25,7 @@ PURPOSES = {
     "resident": "training with skrl that stays on the GPU",
     "ray": "clusters",
     "onnx": "policies as ONNX",
+    "hub": "policies on the Hugging Face Hub",
     "parquet": "Parquet logs",
     "bags": "bags of ROS as logs",
     "terrain": "rasters, point clouds, coordinate systems",

@@ -17,6 +17,7 @@ from aoro_gym.cli import (
     doctor,
     evaluation,
     export,
+    hub,
     laboratory,
     laws,
     lidar,
@@ -80,6 +81,7 @@ for command in (
 ):
     app.command()(command)
 app.add_typer(export.app, name="export")
+app.add_typer(hub.app, name="hub")
 app.add_typer(log.app, name="log")
 app.add_typer(blind.app, name="blind")
 app.add_typer(diagnosis_training.app, name="diagnosis")

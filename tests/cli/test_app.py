@@ -14,7 +14,7 @@ from aoro_gym import __version__
 from aoro_gym.cli import app, main
 from tests.cli.calling import call, runner
 
-GROUPS = ("blind", "diagnosis", "export", "log")
+GROUPS = ("blind", "diagnosis", "export", "hub", "log")
 """Commands that have commands."""
 
 
