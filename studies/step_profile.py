@@ -1,0 +1,120 @@
+"""Where a step's microseconds go: of one twin, and of learning environments in kernels.
+
+Parts are measured in turns, each several times, so that a busy computer slows all alike: on the CPU in processor time of one
+thread, on CUDA from one wait for the device to the next. ``python -m studies.step_profile`` writes the table of
+docs/evidence/profile.md; ``--device cuda:0 --output torch --envs 4096,65536`` that of a GPU.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import statistics
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import warp as wp
+
+from aoro_gym.envs import register_envs
+from aoro_gym.terrains import Terrain
+from aoro_gym.twin import Twin
+
+ENVIRONMENTS = ("AORO/PathTracking-v0", "AORO/Turning-v0")
+ROUNDS = 9
+"""Turns of each part, whose median counts."""
+
+
+def timed(parts: Mapping[str, Callable[[], Any]], device: str, seconds: float) -> dict[str, float]:
+    """Median time [µs] of a call of each part; about ``seconds`` in all."""
+    clock = time.perf_counter if device.startswith("cuda") else time.process_time
+
+    def spent(call: Callable[[], Any], times: int) -> float:
+        wp.synchronize_device(device)
+        began = clock()
+        for _ in range(times):
+            call()
+        wp.synchronize_device(device)
+        return 1e6 * (clock() - began) / times
+
+    for call in parts.values():
+        spent(call, 3)
+    share = 1e6 * seconds / len(parts) / ROUNDS
+    times = {name: max(1, round(share / max(spent(call, 3), 1.0))) for name, call in parts.items()}
+    rounds: dict[str, list[float]] = {name: [] for name in parts}
+    for _ in range(ROUNDS):
+        for name, call in parts.items():
+            rounds[name].append(spent(call, times[name]))
+    return {name: statistics.median(values) for name, values in rounds.items()}
+
+
+def one_twin(device: str, seconds: float) -> dict[str, float]:
+    """Of a main step of 1 ms on a level raster."""
+    ground = Terrain.from_heights([[0.0] * 200] * 200, cell=0.25)
+    twin = Twin(terrain=ground, device=device)
+    recorded, long = twin.advancing(0.001), twin.advancing(0.05)
+    signal = {"steering_signal": 0.5}
+    twin.set_commands(signal)
+    parts = {
+        "fifty steps in a launch": lambda: long(0, 1),
+        "recorded launch": lambda: recorded(0, 1),
+        "advance(0.001)": lambda: twin.advance(0.001),
+        "step(commands, 0.001)": lambda: twin.step(signal, 0.001),
+        "step(commands, 0.001, sample_every=0.001)": lambda: twin.step(signal, 0.001, sample_every=0.001),
+    }
+    found = timed(parts, device, seconds)
+    found["a step of fifty"] = found.pop("fifty steps in a launch") / 50.0
+    return found
+
+
+def environment(name: str, count: int, device: str, output: str, seconds: float) -> dict[str, float]:
+    """Of a control step of ``count`` sub-environments under random actions, whose episodes end by themselves."""
+    env: Any = gymnasium.make_vec(
+        name, num_envs=count, device=device, output=output, autoreset_mode="SameStep"
+    ).unwrapped
+    env.twin.threads = 1
+    env.reset(seed=0)
+    space, rng = env.single_action_space, np.random.default_rng(0)
+    given = [rng.uniform(space.low, space.high, (count, *space.shape)).astype(np.float32) for _ in range(16)]
+    actions = [env.arrays.asarray(each, env.arrays.xp.float32) for each in given]
+    turn = iter(range(10**9))
+    env.step(actions[0])
+    kernels = env._kernel_step
+    parts: dict[str, Callable[[], Any]] = {
+        "twins": lambda: env.twin.advance(env.task.control_step, sample_every=env.task.sample_step),
+        "step": lambda: env.step(actions[next(turn) % 16]),
+    }
+    if kernels is not None:
+        parts["twins and kernels"] = lambda: kernels.run(actions[0])
+    return timed(parts, device, seconds)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--output", choices=["numpy", "torch"], default="numpy")
+    parser.add_argument("--envs", default="1,64", help="numbers of sub-environments, by commas")
+    parser.add_argument("--seconds", type=float, default=3.0, help="measured for each case, about")
+    parser.add_argument("--json", type=Path, help="file for the rows")
+    asked = parser.parse_args()
+    wp.config.log_level = wp.LOG_ERROR
+    register_envs()
+    rows: list[dict[str, Any]] = [{"what": "one twin", **one_twin(asked.device, asked.seconds)}]
+    for name in ENVIRONMENTS:
+        for count in map(int, asked.envs.split(",")):
+            found = environment(name, count, asked.device, asked.output, asked.seconds)
+            rows.append({"what": f"{count} x {name}", **found})
+    for row in rows:
+        print(row["what"])
+        for part, value in row.items():
+            if part != "what":
+                print(f"  {value:12.1f} µs  {part}")
+    if asked.json is not None:
+        asked.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
