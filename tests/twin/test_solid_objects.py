@@ -14,6 +14,7 @@ from aoro_gym.terrains.terrain import Terrain
 from aoro_gym.terrains.world.objects import Boulder, Branch, Log, Stump, Tree, along, upright
 from aoro_gym.terrains.world.world import World
 from aoro_gym.twin import Twin
+from aoro_gym.twin.hub_driven import HubDrivenTwin
 from aoro_gym.twin.kernels.solids import Objects, next_object, search
 from aoro_gym.twin.objects import WOOD_FRICTION, WorldObjects
 from aoro_gym.twin.records import CHANNELS, OBJECT_PARTS, WHEELS, State
@@ -286,3 +287,28 @@ def test_an_unknown_channel_among_objects_is_told(bundled):
     assert twin.output("touched_object_rear").tolist() == [0.0]
     with pytest.raises(ValueError, match="there is no output 'touched_object_roof'"):
         twin.output("touched_object_roof")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "options"),
+    [(Twin, {"ground": "mesh"}), (Twin, {"choose_laws": True}), (HubDrivenTwin, {})],
+    ids=["triangles", "laws", "hubs"],
+)
+def test_objects_push_in_every_kernel(bundled, kind, options):
+    """On triangles, with laws by choice, and with a driveline outside: a log under the front wheels bears them, and a tree
+    stops a machine that rolls."""
+    world = World(FLAT, (log_across(bundled.frame.front.axle_distance + 8.0, 0.15), tree(2.5, 10.0)))
+    twin = kind(2, machine=bundled, terrain=world, **options)
+    twin.reset()
+    moved(twin, X=np.array([8.0, 0.0]), Y=np.array([0.0, 10.0]), Z=np.array([0.35, 0.01]), VX=np.array([0.0, 2.0]))
+    rates = np.array([0.0, 2.0 / bundled.tire.radius])
+    moved(twin, **{f"SPIN_{wheel.upper()}": rates for wheel in WHEELS})
+    if kind is HubDrivenTwin:
+        twin.set_hubs(np.zeros(4), 160.0)
+    trace = twin.step({}, 6.0, sample_every=0.01)
+    assert trace is not None and twin.diverged == []
+    assert (trace["touched_object_fl"][:, 0] == 1).any() and trace["object_force_z_fl"][:, 0].max() > 1e4
+    hit = trace["touched_object_front"][:, 1] == 2
+    assert hit.any() and trace["object_force_x_front"][:, 1].min() < -2e4
+    assert trace["speed"][np.argmax(hit) + 100 :, 1].max() < 0.5

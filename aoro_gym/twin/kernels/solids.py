@@ -233,9 +233,10 @@ def keep_bristle(objects: Objects, row: int, twin: int, value: wp.vec3):
 @wp.func
 def wheel_touched(
     tire: Tire, objects: Objects, twin: int, friction: float, half: Half, i: int, centre: wp.vec3,
-    velocity: wp.vec3, spin: float, h: float,
+    velocity: wp.vec3, spin: float, found: Search, before: bool, h: float,
 ):  # fmt: skip
-    """What the objects do to wheel ``i`` at ``centre`` [m] that moves at ``velocity`` [m/s], both of the frame.
+    """What the objects from that which is ``found`` on do to wheel ``i`` at ``centre`` [m] that moves at ``velocity`` [m/s],
+    both of the frame; ``before``: whether any touched it in the step before.
 
     Every object presses; friction remembers its bristles with the two of the largest load, any other starts anew in each
     step, so that it only damps.
@@ -243,7 +244,6 @@ def wheel_touched(
     out = Touched()
     part = wheel_part(tire, centre)
     row = BRISTLE_ROWS * i
-    before = objects.touches[TOUCH_ROWS * i + 3, twin] > 0.0
     old_first = wp.vec3()
     old_second = wp.vec3()
     if before:
@@ -253,11 +253,8 @@ def wheel_touched(
     second = wp.vec3()
     first_load = float(-1.0)
     second_load = float(-1.0)
-    at = near(objects.grids[objects.worlds[twin]], part, half.rotation, half.origin)
-    while at.row <= at.last_row:
-        at = next_object(objects.starts, objects.order, objects.boxes, at)
-        if at.found < 0:
-            break
+    at = found
+    while at.found >= 0:
         one = in_frame(objects.shapes[at.found], half.rotation, half.origin)
         between = gap(part, one)
         if between.depth > 0.0:
@@ -283,6 +280,7 @@ def wheel_touched(
             elif contact.load > second_load:
                 second = bristle
                 second_load = contact.load
+        at = next_object(objects.starts, objects.order, objects.boxes, at)
     out.number = int(first[0])
     if before or out.number > 0:
         keep_bristle(objects, row, twin, first)
@@ -318,17 +316,22 @@ def object_corner_contact(
     )  # fmt: skip
     angle = arm_angles[i]
     centre = wheel_centre(m.corner, half.pivot_x, half.direction, 1.0 - 2.0 * float(i & 1), angle)
-    # the arm's tangent, without its sine and cosine once more
-    tangent = half.direction * wp.vec3(m.corner.pivot_height - centre[2], 0.0, centre[0] - half.pivot_x)
-    velocity = half.velocity + wp.cross(half.omega, centre) + middle.arms[i] * tangent
-    touched = wheel_touched(
-        m.tire, terrain.objects, ground.twin, site.friction, half, i, centre, velocity, middle.spins[i], h
-    )
-    if touched.number > 0:
-        load, force = loaded(out.load, touched, change.spins[i], m.corner.spin_inertia, h)
-        out.load = load
-        touched.force = force
-    tell(terrain.objects.touches, ground.twin, i, touched, half.rotation)
+    objects = terrain.objects
+    at = near(objects.grids[objects.worlds[ground.twin]], wheel_part(m.tire, centre), half.rotation, half.origin)
+    at = next_object(objects.starts, objects.order, objects.boxes, at)
+    before = objects.touches[TOUCH_ROWS * i + 3, ground.twin] > 0.0
+    if at.found >= 0 or before:
+        # the arm's tangent, without its sine and cosine once more
+        tangent = half.direction * wp.vec3(m.corner.pivot_height - centre[2], 0.0, centre[0] - half.pivot_x)
+        velocity = half.velocity + wp.cross(half.omega, centre) + middle.arms[i] * tangent
+        touched = wheel_touched(
+            m.tire, objects, ground.twin, site.friction, half, i, centre, velocity, middle.spins[i], at, before, h
+        )
+        if touched.number > 0:
+            load, force = loaded(out.load, touched, change.spins[i], m.corner.spin_inertia, h)
+            out.load = load
+            touched.force = force
+        tell(objects.touches, ground.twin, i, touched, half.rotation)
     return out
 
 
