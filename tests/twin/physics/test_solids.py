@@ -1,6 +1,7 @@
 """Depths, normals and forces between wheels, chassis and solid objects against duality, closed forms and quadrature."""
 
 # pyright: reportInvalidTypeForm=false, reportGeneralTypeIssues=false, reportArgumentType=false, reportCallIssue=false
+import mujoco
 import numpy as np
 import pytest
 import warp as wp
@@ -96,6 +97,31 @@ def roll_kernel(tires: wp.array(dtype=Tire), parts: wp.array(dtype=Part), object
             v = wp.vec3()
     end[i] = part.centre
     spins[i] = spin
+
+
+@wp.kernel(enable_backward=False)
+def pass_kernel(tires: wp.array(dtype=Tire), parts: wp.array(dtype=Part), objects: wp.array(dtype=Solid),
+                mass: wp.array(dtype=float), inertia: wp.array(dtype=float), velocity: wp.array(dtype=wp.vec3),
+                spin: wp.array(dtype=float), x: wp.array2d(dtype=float), z: wp.array2d(dtype=float),
+                rate: wp.array2d(dtype=float)):  # fmt: skip
+    i = wp.tid()
+    part = parts[i]
+    v = velocity[i]
+    turning = spin[i]
+    bristle = float(0.0)
+    for step in range(x.shape[1]):
+        part.centre += 0.5e-3 * v
+        between = gap(part, objects[i])
+        v -= wp.vec3(0.0, 0.0, 9.81e-3)
+        if between.depth > 0.0:
+            contact = tire_on_solid(tires[i], between, part.centre, v, wp.vec3(), turning, 1.0, bristle, 0.0, 1.0e-3)
+            bristle = contact.bristle_x
+            v += (1.0e-3 / mass[i]) * contact.force
+            turning += 1.0e-3 / inertia[i] * contact.moment[1]
+        part.centre += 0.5e-3 * v
+        x[i, step] = part.centre[0]
+        z[i, step] = part.centre[2]
+        rate[i, step] = turning
 
 
 def disc(centre=(0.0, 0.0, 0.0), radius=0.4, margin=0.24):
@@ -287,6 +313,55 @@ def test_a_wheel_rolls_off_a_log_where_it_must_leave_it(bundled, radius, start):
     assert angle == pytest.approx(leaves, abs=0.005)
     rolling = np.sqrt(9.81 * (size + radius) * np.cos(leaves)) / size
     assert 0.9 * rolling < spin[0] < rolling
+
+
+WHEEL_OVER_LOG = """
+<mujoco>
+  <option timestep="0.0005" gravity="0 0 -9.81" cone="elliptic" integrator="implicitfast"/>
+  <default><geom friction="1 0 0" condim="3" solref="0.004 1" solimp="0.99 0.999 0.0001"/></default>
+  <worldbody>
+    <geom type="cylinder" size="{radius} 2" zaxis="0 1 0"/>
+    <body pos="{x} 0 {z}">
+      <joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
+      <joint name="spin" type="hinge" axis="0 1 0"/>
+      <inertial pos="0 0 0" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>
+      <geom type="sphere" size="{size}"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+"""A wheel in its plane over a fixed log: a sphere, which there is a disc."""
+
+
+@pytest.mark.parametrize("radius", [0.15, 0.4])
+def test_a_wheel_rolls_over_a_log_as_in_mujoco(bundled, radius):
+    """Up one side, over the top and down the other: place and spin at every 0.1 s of the 0.5 s before it leaves the log.
+
+    Both contacts are nearly rigid, a millimetre deep at most; what is at the top a millimetre aside is some more of them
+    below.
+    """
+    tire = bundled["tire"].copy()
+    for name in ("stiffness", "damping"):
+        tire[name] *= 100.0
+    mass, inertia, size, angle, speed = 2500.0, 40.0, float(tire["radius"][0]), 0.35, 1.5
+    part, log = on_log(tire, radius, angle, 0.0007)
+    ahead = speed * np.array([np.cos(angle), 0.0, np.sin(angle)])
+    ours = launch(pass_kernel, tire, part, log, mass, inertia, ahead, speed / size, length=500)
+    text = WHEEL_OVER_LOG.format(
+        radius=radius, x=part["centre"][0], z=part["centre"][2], mass=mass, inertia=inertia, size=size
+    )
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    data.qvel[:] = ahead[0], ahead[2], speed / size
+    theirs = []
+    for _ in range(500):
+        mujoco.mj_step(model, data, 2)
+        theirs.append((part["centre"][0] + data.qpos[0], part["centre"][2] + data.qpos[1], data.qvel[2]))
+    place = np.stack(ours, axis=-1)[0]
+    assert place[0, 0] < -0.2 and place[-1, 0] > 0.1  # over the top, and still on it
+    assert np.hypot(place[-1, 0], place[-1, 1]) < size + radius
+    np.testing.assert_allclose(place[99::100, :2], np.array(theirs)[99::100, :2], atol=3e-3)
+    np.testing.assert_allclose(place[99::100, 2], np.array(theirs)[99::100, 2], rtol=5e-3)
 
 
 def restitution(speed):
