@@ -36,7 +36,6 @@ class Arrays:
         """Whether values can be looked at without waiting for a device."""
         self._waiting: dict[int, tuple[Array, Any, Any]] | None = None  # writes by the array's identity
         self._keeps = False  # whether they are never made
-        self._pinned: Any = None  # memory of the host that a GPU writes to
 
     @classmethod
     def torch(cls, device: str) -> Arrays:
@@ -149,13 +148,11 @@ class Arrays:
             return tuple(np.array(array.numpy(force=True)) for array in arrays)
         import torch  # pyright: ignore[reportMissingImports]
 
-        bytes_there = packed(arrays)
-        if self._pinned is None or len(self._pinned) < len(bytes_there):
-            self._pinned = torch.empty(len(bytes_there), dtype=torch.uint8, pin_memory=True)
-        waiting = self._pinned[: len(bytes_there)]
-        waiting.copy_(bytes_there, non_blocking=True)
+        there = packed(arrays)
+        here = torch.empty(len(there), dtype=torch.uint8, pin_memory=True)  # torch keeps such memory to use it again
+        here.copy_(there, non_blocking=True)
         torch.cuda.current_stream(self.device).synchronize()
-        return unpacked(waiting.numpy().copy(), arrays)
+        return unpacked(here.numpy(), arrays)
 
     def alias(self, array: Any) -> Array:
         """The memory of a Warp array, not copied."""
