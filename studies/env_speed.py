@@ -148,7 +148,9 @@ def measure(asked: argparse.Namespace, num_envs: int) -> dict[str, Any]:
     while (spent := run(steps)) < asked.seconds / runs:
         steps *= 2
     ended = 0
+    worked = time.process_time()
     spent = [run(steps) for _ in range(runs)]
+    worked = time.process_time() - worked
     rates = [num_envs * steps / one for one in spent]
     ends = ended / (runs * steps)
     row = {
@@ -159,6 +161,7 @@ def measure(asked: argparse.Namespace, num_envs: int) -> dict[str, Any]:
         "columns": env.single_observation_space.shape[0],
         "envs": num_envs,
         "steps_per_s": statistics.median(rates),
+        "steps_per_cpu_s": num_envs * steps * runs / worked,
         "min": min(rates),
         "max": max(rates),
         "step_ms": statistics.median(spent) / steps * 1e3,

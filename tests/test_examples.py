@@ -98,3 +98,11 @@ def test_what_was_hidden_is_calibrated(example, tmp_path):
         slack = 0.5 * (row["high95"] - row["low95"])
         assert row["identified"] and row["low95"] - slack <= hidden <= row["high95"] + slack
     assert (tmp_path / "calibrated.toml").stat().st_size > 0
+
+
+@pytest.mark.slow
+def test_a_lidars_odometry_tracks_the_true_path_within_a_hundredth(example, tmp_path):
+    found = example("12_lidar_odometry.py")
+    assert found["driven"][-1] == pytest.approx(100.0, abs=3.0)
+    assert found["error"].max() < 0.01 * found["driven"][-1]
+    assert (tmp_path / "odometry.png").stat().st_size > 0

@@ -16,6 +16,8 @@ from aoro_gym.sensors.raytrace import device as device_code
 from aoro_gym.sensors.raytrace.triangles import checked_triangles
 
 KINDS: dict[str, int] = {"box": 0, "cylinder": 1, "capsule": 2, "mesh": 3}
+MOST_BODIES = 1_000_000
+"""Of all worlds: they are packed one by one, about 10 µs each. (E)"""
 IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
@@ -70,6 +72,8 @@ class Bodies:
         check_integer("num_worlds", num_worlds)
         if not bodies:
             raise ValueError("bodies is empty; give at least one, or no bodies at all")
+        note = "; bake what stands still into the scene's triangles"
+        check_range("number of bodies", len(bodies), le=MOST_BODIES, note=note)
         worlds = np.array([body.world for body in bodies], dtype=np.int32)
         check_range("body world", worlds, ge=0, le=num_worlds - 1)
         find(device)

@@ -184,6 +184,10 @@ def test_what_are_no_rays(arguments, options, message):
         (lambda: Body("capsule", 1, 0, (1, -1)), r"size of a capsule\[1\] is -1 m"),
         (lambda: Body("mesh", 1, 0), "give both"),
         (lambda: Bodies([]), "bodies is empty"),
+        (
+            lambda: Bodies([Body("box", 1, 0, (1, 1, 1))] * 1_000_001),
+            "number of bodies is 1000001, but must be at most",
+        ),
         (lambda: Bodies([Body("box", 1, 0, (1, 1, 1), world=2)], num_worlds=2), r"body world\[0\] is 2"),
         (lambda: Bodies([Body("box", 1, 0, (1, 1, 1))]).move([[0, 0, 0, 0, 0, 0, 2]]), "length of the quaternion"),
         (lambda: Bodies([Body("box", 1, 0, (1, 1, 1))]).move([[0, 0, 0]]), r"must be \(1, 7\)"),
