@@ -116,7 +116,7 @@ def surroundings(task: Task, twin: Twin) -> tuple[Plane | Terrain, Path | None]:
     told = getattr(task, "surroundings", None)
     if told is not None:
         return told()
-    ground = twin.terrain
+    ground: Any = twin.terrain
     return (ground if isinstance(ground, Plane | Terrain) else ground[0]), None
 
 

@@ -193,7 +193,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         self._commands = arrays.alias(self.twin.commands)
         self._steps = arrays.zeros(n, arrays.xp.int64)
 
-        ground_of = self.twin.terrain
+        ground_of: Any = self.twin.terrain  # environments stand on no worlds
         if isinstance(ground_of, Terrain):
             ground_of = (ground_of,)
         self.task.allocate(n, ground_of if isinstance(ground_of, Plane) else tuple(ground_of), arrays)
