@@ -14,12 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from aoro_gym.diagnosis_benchmark import independent
 from aoro_gym.diagnosis_benchmark.judge.features import CHANNEL_SETS
 from aoro_gym.diagnosis_benchmark.judge.library import Extent, Library, build
 from aoro_gym.diagnosis_benchmark.judge.matcher import Matcher
 from aoro_gym.diagnosis_benchmark.judge.observed import Observed, changed, judge_cases, observe
-from aoro_gym.diagnosis_benchmark.judge.plants import IndependentPlants, LayeredPlants, Plants
+from aoro_gym.diagnosis_benchmark.judge.plants import LayeredPlants, Plants, judged_plants
 from aoro_gym.diagnosis_benchmark.judge.score import ROWS, Judged, score
 from aoro_gym.diagnosis_benchmark.judge.suite import SUITES, Plan, plan
 from aoro_gym.diagnosis_benchmark.judge.verdicts import Reference, Verdict, validate
@@ -29,19 +28,15 @@ EXTENTS = {"small": Extent(12, 3, 2, (0.2, 0.6, 1.0)), "seal": Extent()}
 LEVELS = (0, 1, 2, 3)
 
 
-def libraries(folder: Path, made: Plan, judged: Sequence[Plants], device: str) -> list[Library]:
-    """Libraries of the layered plants and the ``judged`` ones, simulated on the device where the folder has none."""
-    families: list[Plants] = [*(LayeredPlants(level, device) for level in LEVELS), *judged]
-    told = list(made.excitations.values())
-    found = []
-    for plants in families:
-        path = folder / f"library_{plants.name}_{made.digest[:8]}.npz"
-        if not path.exists():
-            together = 1 if device == "cpu" else len(told)
-            extent = EXTENTS[made.suite.name]
-            build(plants, told, extent, made.seed, lambda s: print(s, flush=True), together).save(path)
-        found.append(Library.load(path))
-    return found
+def library(folder: Path, made: Plan, device: str, plants: Plants) -> Library:
+    """Library of a family, simulated on the device where the folder has none."""
+    path = folder / f"library_{plants.name}_{made.digest[:8]}.npz"
+    if not path.exists():
+        told = list(made.excitations.values())
+        together = 1 if device == "cpu" else len(told)
+        extent = EXTENTS[made.suite.name]
+        build(plants, told, extent, made.seed, lambda s: print(s, flush=True), together).save(path)
+    return Library.load(path)
 
 
 def changes(
@@ -52,7 +47,7 @@ def changes(
     for plants in families:
         path = folder / f"changes_{plants.name}_{made.digest[:8]}.npz"
         if not path.exists():
-            seen = observe(made, plants, [case for case in made.cases if case.family == plants.name])
+            seen = observe(made, plants)
             arrays: dict[str, Any] = {}
             for name, one in seen.items():
                 sets = {"noisy": changed(made, one.healthy, one.logs), "exact": one.change, **one.without}
@@ -130,11 +125,12 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--device", default="cpu")
     options = parser.parse_args()
-    judged = [IndependentPlants(name, options.device) for name in independent.FAMILIES]
+    judged = judged_plants("independent", options.device)
     made = plan(SUITES[options.suite], judged, options.seed)
     options.folder.mkdir(parents=True, exist_ok=True)
     print(f"plan {made.digest}: {len(made.cases)} cases", flush=True)
-    books = libraries(options.folder, made, judged, options.device)
+    families: list[Plants] = [*(LayeredPlants(level, options.device) for level in LEVELS), *judged]
+    books = [library(options.folder, made, options.device, plants) for plants in families]
     noisy, seen = changes(options.folder, made, judged)
     verdicts = judge_cases(made, seen, books)
     found = {

@@ -1,7 +1,7 @@
 """What the networks of the diagnosis name in a judged suite, beside what the judge says can be named.
 
-``python -m studies.seal_score FOLDER ANSWERS OUT [--workers N]`` reads the cases in ``FOLDER/stock``, which
-:mod:`studies.seal` has made, asks the networks that come with the package with every usual set of sensors, and writes
+``python -m studies.seal_score FOLDER ANSWERS OUT [--families sealed] [--workers N]`` reads the cases in ``FOLDER/stock``,
+which :mod:`studies.seal` has made, asks the networks that come with the package with every usual set of sensors, and writes
 ``seal.json`` and ``seal.md`` into ``OUT``; what was asked is kept there. Names, declared sets and sizes are the networks' in
 :func:`aoro_gym.diagnosis.diagnose.diagnose`, too, which looks first whether logs are credible and fits afterwards: neither
 is done here.
@@ -13,6 +13,7 @@ import argparse
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -23,8 +24,7 @@ from aoro_gym.diagnosis.network.cases import case_of, posterior
 from aoro_gym.diagnosis.network.decision import SENSOR_SETS, decide, shipped
 from aoro_gym.diagnosis.network.forward import TRAINED, networks_in, trained
 from aoro_gym.diagnosis.recording import logs_in, read_recording
-from aoro_gym.diagnosis_benchmark import independent
-from aoro_gym.diagnosis_benchmark.judge.plants import IndependentPlants
+from aoro_gym.diagnosis_benchmark.judge.plants import JUDGED, judged_plants
 from aoro_gym.diagnosis_benchmark.judge.score import ROWS, Judged, score
 from aoro_gym.diagnosis_benchmark.judge.suite import SUITES, Plan, plan
 from aoro_gym.diagnosis_benchmark.sealing import digests
@@ -37,9 +37,10 @@ LISTED = 20
 """Hypotheses of a case that are kept."""
 
 
-def asked(place: Path) -> dict[str, Any]:
-    """What the diagnosis of a case would say, by set of sensors, as ``diagnosis.json`` has it; where a log is refused, its
-    reader has told that something is wrong which no effect explains, which counts as ``unknown``."""
+def asked(units: Mapping[str, str], place: Path) -> dict[str, Any]:
+    """What the diagnosis of a case would say, by set of sensors, as ``diagnosis.json`` has it, magnitudes in ``units`` by
+    effect; where a log is refused, its reader has told that something is wrong which no effect explains, which counts as
+    ``unknown``."""
     try:
         days = [[read_recording(path) for path in logs_in(place / day)] for day in ("logs", "healthy")]
     except ValueError as error:
@@ -53,20 +54,20 @@ def asked(place: Path) -> dict[str, Any]:
         said = posterior(trained(), case_of(later, healthy)).widened(shipped()[name].widening)
         decision = decide(said.probabilities, shipped()[name])
         named = [
-            {"effects": list(effects), "probability": share, "magnitudes": _magnitudes(effects, said.quantiles)}
+            {"effects": list(effects), "probability": share, "magnitudes": _magnitudes(effects, said.quantiles, units)}
             for effects, share in decision.hypotheses[:LISTED]
         ]
         found[name] = {"verdict": decision.verdict, "causes": named, "declared_set": list(decision.declared)}
     return found
 
 
-def _magnitudes(effects: Sequence[str], quantiles: np.ndarray) -> dict[str, dict[str, float]]:
-    """Of effects whose plants measure the same quantity, in the plants' units."""
+def _magnitudes(effects: Sequence[str], quantiles: np.ndarray, units: Mapping[str, str]) -> dict[str, dict[str, float]]:
+    """Of effects whose plants measure the same quantity, in the plants' ``units``."""
     found = {}
     for effect in effects:
         if effect not in EFFECTS:
             continue
-        pair = independent.EFFECTS[effect].unit, EFFECTS[effect].operational[0].unit
+        pair = units[effect], EFFECTS[effect].operational[0].unit
         if pair in SIZE_UNITS:
             low, high = quantiles[IDS.index(effect), [0, -1]] / SIZE_UNITS[pair]
             found[effect] = {"low90": float(low), "high90": float(high)}
@@ -121,20 +122,22 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("answers", type=Path)
     parser.add_argument("out", type=Path)
+    parser.add_argument("--families", choices=JUDGED, default="independent", help="whose plants are judged")
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
     suite, answers = options.folder / "stock", read_json(options.answers)
     sealed = read_json(suite / "seal.json")
     if digests(suite, options.answers) != sealed["sha256"]:
         raise SystemExit(f"{suite}: cases or answers are not those that were sealed")
-    families = [IndependentPlants(name) for name in independent.FAMILIES]
+    families = judged_plants(options.families)
     made = plan(SUITES[answers["suite"]], families, answers["seed"])
     told = digest(*map(Contents, [*networks_in(TRAINED), TRAINED / "calibration.json"]))
     kept = options.out / f"said_{made.digest[:8]}_{told[:8]}.json"
     said: dict[str, Any] = read_json(kept) if kept.exists() else {}
+    units = {effect: one.unit for effect, one in families[0].PACKAGE.EFFECTS.items()}
     waiting = [case.name for case in made.cases if case.name not in said]
     with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:
-        answered = pool.map(asked, [suite / "cases" / name for name in waiting], chunksize=4)
+        answered = pool.map(partial(asked, units), [suite / "cases" / name for name in waiting], chunksize=4)
         for done, (name, one) in enumerate(zip(waiting, answered, strict=True), start=len(said) + 1):
             said[name] = one
             if done % 100 == 0 or done == len(made.cases):

@@ -250,7 +250,9 @@ def components_of(decision: Decision) -> dict[str, float]:
 
 
 def alike_causes(decision: Decision) -> tuple[tuple[str, str], ...]:
-    """Pairs of effects that these logs cannot tell apart: single causes of the declared set."""
+    """Pairs of effects that these logs cannot tell apart: single causes of the declared set, where a gap is said."""
+    if decision.verdict == "no_gap":
+        return ()
     single = {effects[0] for effects, share in decision.hypotheses if len(effects) == 1 and share >= LISTED}
     names = [name for name in decision.declared if name in single]
     return tuple((one, other) for k, one in enumerate(names) for other in names[k + 1 :])

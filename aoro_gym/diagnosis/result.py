@@ -163,7 +163,8 @@ class Diagnosis:
         where_p: Probability of a gap as large as this without any cause.
         components: Probability that a cause lies in a component, largest first.
         causes: Best first; probabilities add up to one over all hypotheses, of which unlikely ones are left out.
-        declared_set: Ids of the effects in the least set of hypotheses that should hold the truth.
+        declared_set: Ids of the effects in the least set of hypotheses that should hold the truth; with the verdict "no_gap"
+            of those that may be behind one that is not ruled out.
         fit_test_p: Probability of residuals as large as those that the first cause leaves, if it is right.
         shrinkage: By manoeuvre and signal, fitted and held out.
         controls: Median S of held-out manoeuvres for the cause, a wrong cause of the same freedom, a black box.

@@ -221,7 +221,8 @@ def _causes(decision: Decision, said: Posterior, twin: Machine, out: Path | None
             break
         known = [name for name in effects if name in EFFECTS]
         settings = {}
-        if known and set(known) <= set(decision.declared) and sum(bool(one.settings) for one in found) < SET:
+        told = decision.verdict != "no_gap" and known and set(known) <= set(decision.declared)
+        if told and sum(bool(one.settings) for one in found) < SET:
             settings = {name: _setting(name, twin, sizes[name][MEDIAN]) for name in known}
         found.append(
             Cause(

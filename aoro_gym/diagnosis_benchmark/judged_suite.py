@@ -21,7 +21,7 @@ from aoro_gym.diagnosis.recording import SENSORS
 from aoro_gym.diagnosis_benchmark.cases import MACHINES, Excitation
 from aoro_gym.diagnosis_benchmark.judge.features import PERIOD
 from aoro_gym.diagnosis_benchmark.judge.library import Library
-from aoro_gym.diagnosis_benchmark.judge.observed import Observed, judge_cases, observe
+from aoro_gym.diagnosis_benchmark.judge.observed import Observed, judge_cases
 from aoro_gym.diagnosis_benchmark.judge.plants import Log, PlantRun, Plants
 from aoro_gym.diagnosis_benchmark.judge.suite import JudgedCase, Plan, Suite, plan
 from aoro_gym.diagnosis_benchmark.plants.constants import COMMISSIONED_CELSIUS
@@ -92,16 +92,18 @@ def write_suite(
     answers: Path,
     made: Plan,
     families: Sequence[Plants],
+    seen: Mapping[str, Observed],
     libraries: Sequence[Library],
     variants: Sequence[str] = VARIANTS,
 ) -> dict[str, Any]:
-    """Simulate, judge, write and seal all cases of a plan.
+    """Judge, write and seal all cases of a plan.
 
     Args:
         folder: Gets a suite by variant.
         answers: File that :func:`draw` has begun, outside of ``folder``.
         made: The plan.
         families: Of its plants.
+        seen: What the plants of all cases do.
         libraries: Of these and more families, by which the judge judges.
         variants: Machine files that are handed out; ``calibrated`` ones need :func:`write_machines` first.
 
@@ -116,9 +118,6 @@ def write_suite(
     with locked(folder):
         if any((folder / variant / "seal.json").exists() for variant in variants):
             raise ValueError(f"{folder} is sealed already; name a new folder")
-        seen: dict[str, Observed] = {}
-        for plants in families:
-            seen |= observe(made, plants, [case for case in made.cases if case.family == plants.name])
         verdicts = judge_cases(made, seen, libraries)
         of_family = {plants.name: plants for plants in families}
         told = {

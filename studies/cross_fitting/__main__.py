@@ -25,7 +25,7 @@ from aoro_gym.diagnosis.network.training import Batch, Course, train
 from aoro_gym.diagnosis.simulation.prior import Prior, SensorPrior
 from aoro_gym.diagnosis_benchmark.judge.plants import IndependentPlants, LayeredPlants, Plants
 from aoro_gym.execution.digest import Contents, digest, versions
-from aoro_gym.execution.files import write_json
+from aoro_gym.execution.files import read_json, write_json
 from studies.cross_fitting.plants import ADDED, SEED, SUITE, Recorded, draw_cases, load, simulated
 from studies.development.cases import INDEPENDENT, LAYERED
 
@@ -33,6 +33,21 @@ LEFT_OUT = (("alder", "level_0", "level_3"), ("birch", "level_1"), ("cedar", "le
 """Families that each network never sees."""
 HELD_OUT = 2000
 """Machines that no network sees."""
+
+
+def starts_in(folder: Path) -> list[Path]:
+    """Files of the networks to begin with, one for each of :data:`LEFT_OUT`.
+
+    Raises:
+        ValueError: families that one of them may not have seen have taught it.
+    """
+    files, told = networks_in(folder), folder / "training.json"
+    taught = read_json(told).get("networks", []) if told.exists() else []
+    if taught and [set(one["left_out"]) for one in taught] != [set(one) for one in LEFT_OUT]:
+        raise ValueError(
+            f"{told}: networks left out other families than {LEFT_OUT}; name networks that plants have not taught"
+        )
+    return [files[number % len(files)] for number in range(len(LEFT_OUT))]
 
 
 def taught_by(
@@ -55,9 +70,13 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=8, help="that draw machines")
     parser.add_argument("--seconds", type=float, default=600.0, help="of training, each network")
     parser.add_argument(
-        "--start", type=Path, required=True, help="folder of networks to begin with, which no plants have taught"
+        "--start",
+        type=Path,
+        required=True,
+        help="folder of networks to begin with: no plants have taught them, or all but those that are left out",
     )
     options = parser.parse_args()
+    starts = starts_in(options.start)
     options.folder.mkdir(parents=True, exist_ok=True)
     plants: list[Plants] = [IndependentPlants(one.name, options.device) for one in INDEPENDENT]
     plants += [LayeredPlants(level, options.device) for level in range(len(LAYERED))]
@@ -69,17 +88,16 @@ def main() -> None:
         print(f"{time.monotonic() - began:.0f} s: {text}", flush=True)
 
     with ProcessPoolExecutor(len(plants), mp_context=multiprocessing.get_context("spawn")) as pool:
-        paths = [pool.submit(simulated, options.folder, one) for one in plants]
+        paths = [pool.submit(simulated, options.folder, one, seed=SEED + number) for number, one in enumerate(plants)]
         days, scales = simulate(
             Prior(), amount, options.device, lambda done, total: say(f"machine {done} of {total} simulated")
         )
         recorded = load([path.result() for path in paths], options.device)
     say(f"{len(recorded.family)} cases of plants, {days.machines} machines")
-    starts = networks_in(options.start)
     course = Course(steps=1_000_000, rate=6e-4)
     for number, left_out in enumerate(LEFT_OUT):
         network = train(
-            days, course, start=Weights.load(starts[number % len(starts)]), seconds=options.seconds, held_out=HELD_OUT,
+            days, course, start=Weights.load(starts[number]), seconds=options.seconds, held_out=HELD_OUT,
             seed=SEED + number, beside=taught_by(recorded, names, left_out, course),
             progress=lambda step, steps, losses: say(f"step {step}: " + str({k: round(v, 3) for k, v in losses.items()})),
         )  # fmt: skip

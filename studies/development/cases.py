@@ -29,6 +29,7 @@ SUITE = Suite("development", 600, 231, 400, 400, machines=24, protocols=40, logs
 SIZE_UNITS: Mapping[tuple[str, str], float] = {
     ("bar", "Pa"): BAR, ("L/min", "m^3/s"): LITRE_PER_MINUTE, ("mrad", "rad"): 1e-3, ("deg", "rad"): np.pi / 180.0,
     ("N m", "N*m"): 1.0,
+    ("m³/s", "m^3/s"): 1.0,
     **{(unit, unit): 1.0 for unit in ["s", "1", "K", "N", "kg", "Pa", "m^3/s", "rad", "N*m", "1/s", "N/m", "m^3/Pa"]},
 }  # fmt: skip
 """Of plants' magnitudes and of the twin's: those of other pairs are not the same quantity, and not compared."""

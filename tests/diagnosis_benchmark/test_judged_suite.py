@@ -8,6 +8,7 @@ import pytest
 
 from aoro_gym.diagnosis_benchmark.judge.features import CHANNEL_SETS, CHANNELS
 from aoro_gym.diagnosis_benchmark.judge.library import Extent, build
+from aoro_gym.diagnosis_benchmark.judge.observed import observe
 from aoro_gym.diagnosis_benchmark.judge.suite import Suite
 from aoro_gym.diagnosis_benchmark.judged_suite import STOCK, VARIANTS, draw, write_machines, write_suite
 from aoro_gym.diagnosis_benchmark.running import sealed_cases
@@ -40,7 +41,8 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
         Machine.load(STOCK).set({KEY: margin(int(out.parent.name[-1]))}, check_ranges=False).save(out)
 
     write_machines(folder, made, FAMILIES, calibrate)
-    write_suite(folder, answers, made, FAMILIES, books)
+    seen = {name: one for plants in FAMILIES for name, one in observe(made, plants).items()}
+    write_suite(folder, answers, made, FAMILIES, seen, books)
     return folder, answers
 
 
@@ -98,10 +100,10 @@ def test_what_was_changed_since_is_refused(written: tuple[Path, Path]) -> None:
         open_seal(folder / "calibrated", answers)
     path.write_bytes(before)
     with pytest.raises(ValueError, match="sealed already"):
-        write_suite(folder, answers, draw(SUITE, FAMILIES, answers), FAMILIES, [])
+        write_suite(folder, answers, draw(SUITE, FAMILIES, answers), FAMILIES, {}, [])
 
 
 def test_answers_do_not_lie_where_a_diagnosis_reads(tmp_path: Path) -> None:
     made = draw(SUITE, FAMILIES, tmp_path / "answers.json")
     with pytest.raises(ValueError, match="keep them outside"):
-        write_suite(tmp_path, tmp_path / "answers.json", made, FAMILIES, [])
+        write_suite(tmp_path, tmp_path / "answers.json", made, FAMILIES, {}, [])

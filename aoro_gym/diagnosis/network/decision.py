@@ -39,10 +39,12 @@ SENSOR_SETS: Mapping[str, tuple[str, ...]] = {
 """Channels of usual sets of sensors, the richest first."""
 ALARMS = 0.02
 """Share of healthy cases that are taken for a gap."""
+SUSPECTED = 0.2
+"""Share of healthy cases of which a gap is not ruled out: what it may be is declared, without a gap being said."""
 REJECTED = 0.02
 """Share of known causes that are taken for something outside of the catalogue."""
 HELD = 0.97
-"""Share of single causes that their declared set holds."""
+"""Share of single causes with a gap said that their declared set holds."""
 INTERVAL = 0.9
 """Share of true sizes that their intervals hold."""
 SURE = 0.8
@@ -124,7 +126,8 @@ class Decision:
         null_p: Probability of a gap as clear as this while nothing is wrong.
         hypotheses: Effects and probability, the named one first, then by probability; none below :data:`LEAST`.
         effects: Probability (effects,) that an effect is there, alone or with another.
-        declared: Ids of the effects that may be the cause, the likeliest first; none without a gap.
+        declared: Ids of the effects that may be the cause, the likeliest first; none where a gap is ruled out, that is where
+            ``null_p`` exceeds :data:`SUSPECTED`.
     """
 
     verdict: str
@@ -165,16 +168,16 @@ def decide(probabilities: Floats, calibration: Calibration) -> Decision:
     effects = share @ hypotheses.MEMBERS
     best = hypotheses.SINGLE + int(np.argmax(share[hypotheses.SINGLE :]))
     declared: tuple[str, ...] = ()
+    if null_p <= SUSPECTED:
+        declared = _declared(effects, best, max(1.0 - nothing - outside, 1e-30), calibration.member)
     if null_p > ALARMS:
         verdict, first = "no_gap", hypotheses.NOTHING
+    elif outside >= calibration.outside * (1.0 - nothing):
+        verdict, first = "unknown", hypotheses.OUTSIDE
     else:
-        declared = _declared(effects, best, max(1.0 - nothing - outside, 1e-30), calibration.member)
-        if outside >= calibration.outside * (1.0 - nothing):
-            verdict, first = "unknown", hypotheses.OUTSIDE
-        else:
-            named = hypotheses.names_of(best)
-            together = float(share[hypotheses.MEMBERS[:, [IDS.index(one) for one in named]].all(axis=1)].sum())
-            verdict, first = ("cause" if together >= SURE else "ambiguous"), best
+        named = hypotheses.names_of(best)
+        together = float(share[hypotheses.MEMBERS[:, [IDS.index(one) for one in named]].all(axis=1)].sum())
+        verdict, first = ("cause" if together >= SURE else "ambiguous"), best
     order = [first, *(int(k) for k in np.argsort(-share, kind="stable") if k != first and share[k] >= LEAST)]
     ranked = tuple((_effects_of(number), float(share[number])) for number in order)
     return Decision(verdict, null_p, ranked, effects, declared)

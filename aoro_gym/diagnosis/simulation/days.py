@@ -329,9 +329,13 @@ def deviating(machine: Machine, kind: str, rng: np.random.Generator) -> Machine:
 
 @cache
 def free_parameters() -> tuple[str, ...]:
-    """Uncertain parameters of what a log shows that no effect moves."""
-    entries = bases()[0].entries.values()
-    return tuple(one.key for one in entries if one.role == "nuisance" and one.key.startswith(outsiders.FREE))
+    """Uncertain parameters of what a log shows that no effect moves, in any of its forms."""
+    entries, moved = bases()[0].entries.values(), forms.moved_keys()
+    return tuple(
+        one.key
+        for one in entries
+        if one.role == "nuisance" and one.key.startswith(outsiders.FREE) and one.key not in moved
+    )
 
 
 def planes(slope: Floats) -> Plane:

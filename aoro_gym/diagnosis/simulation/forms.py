@@ -6,19 +6,21 @@ the operational magnitude which a bench would show is about the same. Simulated 
 one or a mix, so that a diagnosis learns what the forms have in common. Forms of the measuring chain act on sampled signals,
 in :mod:`aoro_gym.diagnosis.network.sensing`.
 
-Some forms of one effect do what another effect's own form does: a leak's law does not tell where it leaks, and a carcass's
-stiffness against swivelling is its stiffness in the ground's plane. On machines of unknown laws such causes cannot be told
-apart for sure, and a network is to learn how sure it may be. Sizes are those of the catalogue's form, whatever the form.
+Some forms of one effect do what another effect's own form does: a leak's law does not tell where it leaks. On machines of
+unknown laws such causes cannot be told apart for sure, and a network is to learn how sure it may be. Sizes are those of the
+catalogue's form, whatever the form.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.effects.effect import Effect, MachineEffect
 from aoro_gym.effects.magnitudes import REFERENCE_FLOW, REFERENCE_PRESSURE, scaled
 from aoro_gym.effects.mass import PAYLOAD_HEIGHT
@@ -151,14 +153,6 @@ def _inflated(machine: Machine, factor: Quantity) -> Mapping[str, Quantity]:
     }
 
 
-def _swivel_stiffness(machine: Machine, factor: Quantity) -> Mapping[str, Quantity]:
-    """A carcass of another stiffness against swivelling on the spot."""
-    return {
-        **scaled("tire.bore_stiffness", "tire.sigma0_longitudinal", "tire.sigma0_lateral")(machine, factor),
-        **scaled("tire.scrub_angle")(machine, 1.0 / np.asarray(factor)),
-    }
-
-
 def _rut(machine: Machine, resistance: Quantity) -> Mapping[str, Quantity]:
     """Ground that resists rolling and, in the rut, swivelling."""
     lever = WHEEL_SCRUB * np.asarray(resistance)
@@ -206,10 +200,19 @@ FORMS: Mapping[str, tuple[Change, ...]] = {
     "joint_backlash": (_free_play,),
     "payload": (_rear_load,),
     "tire_relaxation": (_relaxation_lengths,),
-    "tire_stiffness": (_inflated, _swivel_stiffness),
+    "tire_stiffness": (_inflated,),
     "soft_ground": (_rut,),
 }
 """Forms beside the catalogue's, by effect."""
+
+
+@cache
+def moved_keys() -> frozenset[str]:
+    """Parameters that a form of any effect moves."""
+    machine = Machine.load("aoro")
+    return frozenset(
+        key for effect, changes in FORMS.items() for change in changes for key in change(machine, *EFFECTS[effect].none)
+    )
 
 
 def drawn_form(effect: Effect, count: int, own: float, mixed: float, varied: float, rng: np.random.Generator) -> Effect:
@@ -221,7 +224,8 @@ def drawn_form(effect: Effect, count: int, own: float, mixed: float, varied: flo
         own: Share of the machines that have the catalogue's form alone.
         mixed: Share of the others that have a mix of all forms, by shares that are even on the simplex; the rest have one.
         varied: Standard deviation of the logarithm of a factor on each parameter's change, one a machine and parameter, on
-            machines without the catalogue's own form: no law holds to the per cent.
+            machines without the catalogue's own form: no law holds to the per cent. The factors of a change have the
+            geometric mean 1, so that its size stays.
         rng: Random numbers.
     """
     if not isinstance(effect, MachineEffect):
@@ -239,10 +243,9 @@ def drawn_form(effect: Effect, count: int, own: float, mixed: float, varied: flo
         if len(total) == 1:
             return total
         again = np.random.default_rng(state)  # the same factors however often sizes are tried
-        return {
-            key: amount * np.where(other, np.exp(varied * again.standard_normal(count)), 1.0)
-            for key, amount in sorted(total.items())
-        }
+        factor = again.standard_normal((len(total), count))
+        factor = np.where(other, np.exp(varied * (factor - factor.mean(axis=0))), 1.0)
+        return {key: amount * own for (key, amount), own in zip(sorted(total.items()), factor, strict=True)}
 
     return replace(effect, change=change)
 

@@ -26,24 +26,18 @@ MACHINE: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "stiff_suction_valves": {"steering.valve.anticavitation_flow": (0.02, 0.3)},
     "low_margin": {"steering.pump.margin": (0.3, 0.65)},
     "high_margin": {"steering.pump.margin": (1.4, 2.5)},
-    "wide_control_band": {"steering.pump.control_band": (2.5, 8.0)},
     "leaking_load_sensing_line": {"steering.pump.bleed_flow": (4.0, 20.0)},
     "accumulator_in_pump_line": {"steering.pump.line_volume": (3.0, 12.0)},
     "low_relief": {"steering.pump.relief_pressure": (0.25, 0.6)},
-    "low_compensator_setting": {"steering.valve.compensator_pressure": (0.2, 0.6)},
-    "high_compensator_setting": {"steering.valve.compensator_pressure": (1.8, 4.0)},
-    "bent_opening_curve": {"steering.valve.opening_left_1V0": (0.5, 0.85), "steering.valve.opening_right_1V0": (0.5, 0.85)},
-    "heavy_rear": {"frame.rear.mass": (1.15, 1.5), "frame.rear.inertia_zz": (1.15, 2.0)},
     "turned_front": {"frame.front.inertia_zz": (1.4, 3.0)},
     "slippery_ground": {"tire.friction_coulomb": (0.15, 0.5), "tire.friction_static": (0.15, 0.5)},
     "small_wheels": {"tire.radius": (0.93, 0.98)},
-    "hot_seals": {"steering.cylinder.seal_pressure_coefficient": (3.0, 20.0)},
     "early_stop": {"joint.range": (0.85, 0.97)},
     "weak_engine": {
         f"engine.torque.rpm_{speed}": (0.1, 0.5) for speed in (900, 1200, 1400, 1600, 1800, 2000, 2200, 2400)
     },
 }  # fmt: skip
-"""Factors on parameters by kind, one draw for all keys of a kind."""
+"""Factors on parameters by kind, one draw for all keys of a kind; none does what a form of an effect does."""
 DRAWN = ("any_parameters", "another_machine")
 """Kinds whose parameters are drawn: a few of :data:`FREE` ones far from where they were, or all of another machine."""
 FREE = ("steering.", "joint.", "tire.", "frame.", "oil.")

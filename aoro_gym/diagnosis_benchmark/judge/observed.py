@@ -35,8 +35,9 @@ class Observed:
         return judge(reference, whole, list(case.effects), others)
 
 
-def observe(plan: Plan, plants: Plants, cases: Sequence[JudgedCase]) -> dict[str, Observed]:
-    """Simulate cases of one family together, with noise and exactly."""
+def observe(plan: Plan, plants: Plants, cases: Sequence[JudgedCase] | None = None) -> dict[str, Observed]:
+    """Simulate cases of one family together, with noise and exactly: all of the plan's by default."""
+    cases = [case for case in plan.cases if case.family == plants.name] if cases is None else cases
     machines = {number: plan.machine(plants, number) for number in {case.machine for case in cases}}
     runs = [plan.runs(case, plants, machines[case.machine]) for case in cases]
     noisy = iter(plants.record([r for each in runs for r in each["healthy"] + each["logs"]], exact=False))

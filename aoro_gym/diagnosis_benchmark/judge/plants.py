@@ -152,6 +152,16 @@ class SealedPlants(IndependentPlants):
     PACKAGE: ClassVar[Any] = sealed_families
 
 
+JUDGED: Mapping[str, type[IndependentPlants]] = {"independent": IndependentPlants, "sealed": SealedPlants}
+"""Plants that a judged suite may be of."""
+
+
+def judged_plants(group: str, device: str = "cpu") -> list[IndependentPlants]:
+    """All families of a group of :data:`JUDGED`."""
+    plants = JUDGED[group]
+    return [plants(name, device) for name in plants.PACKAGE.FAMILIES]
+
+
 @dataclass(frozen=True)
 class LayeredPlants:
     """A level of laws of :mod:`aoro_gym.diagnosis_benchmark.plants`, around the calibrated ensemble."""

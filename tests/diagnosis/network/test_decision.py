@@ -48,6 +48,7 @@ def said(**shares: float) -> np.ndarray:
     ("shares", "verdict", "first", "declared"),
     [
         ({"nothing": 0.9, "payload": 0.1}, "no_gap", (), ()),
+        ({"nothing": 0.35, "payload": 0.6}, "no_gap", (), ("payload",)),  # p = 0.195: not ruled out
         ({"payload": 0.95, "nothing": 0.05}, "cause", ("payload",), ("payload",)),
         ({"payload": 0.55, "spool_lag": 0.4, "nothing": 0.05}, "ambiguous", ("payload",), ("payload", "spool_lag")),
         # alone or beside something else it is there
