@@ -94,7 +94,7 @@ def main() -> None:
         )
         recorded = load([path.result() for path in paths], options.device)
     say(f"{len(recorded.family)} cases of plants, {days.machines} machines")
-    course = Course(steps=1_000_000, rate=6e-4)
+    course = Course(steps=1_000_000, rate=5e-4)
     for number, left_out in enumerate(LEFT_OUT):
         network = train(
             days, course, start=Weights.load(starts[number]), seconds=options.seconds, held_out=HELD_OUT,

@@ -27,6 +27,10 @@ SENSORS = {"pressures": (1, 1, 1, 1), "ports": (1, 1, 1, 0), "angle": (1, 0, 0, 
 """Channels of usual sets of sensors."""
 
 
+WARM = 0.03
+"""Share of a training over which the learning rate rises."""
+
+
 @dataclass(frozen=True)
 class Course:
     """How a network is trained.
@@ -34,7 +38,7 @@ class Course:
     Attributes:
         steps: Batches.
         batch: Cases in each.
-        rate: Highest learning rate; it rises over the first 3 % and falls as a cosine.
+        rate: Highest learning rate; it rises over :data:`WARM` of the training and falls as a cosine.
         decay: Of the weights.
         logs: Largest number of a case's logs.
         sensors: How often a case has each of :data:`SENSORS`; what remains has channels at random.
@@ -255,6 +259,12 @@ def train(
     return network
 
 
+def learning_rate(course: Course, done: float) -> float:
+    """Of a batch when a share ``done`` of the training, of its steps or its time, is over."""
+    warm = min(1.0, (done + 1.0 / course.steps) / WARM)
+    return course.rate * warm * (0.02 + 0.98 * 0.5 * (1.0 + math.cos(math.pi * done)))
+
+
 def optimise(
     network: Causes,
     make: Callable[[], Batch],
@@ -283,9 +293,8 @@ def optimise(
         done = max(step / course.steps, (time.monotonic() - began) / seconds)
         if done >= 1.0:
             break
-        warm = min(1.0, (step + 1) / (0.03 * course.steps))
         for group in optimiser.param_groups:
-            group["lr"] = course.rate * warm * (0.02 + 0.98 * 0.5 * (1.0 + math.cos(math.pi * done)))
+            group["lr"] = learning_rate(course, done)
         batch = next(batches)
         with torch.autocast(device.type, dtype=torch.bfloat16):
             logits, quantiles = learner(batch.rows, batch.present)

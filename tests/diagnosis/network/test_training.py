@@ -18,7 +18,15 @@ torch = pytest.importorskip("torch")
 
 from aoro_gym.diagnosis.network.dataset import Labelled  # noqa: E402
 from aoro_gym.diagnosis.network.sensing import Draw  # noqa: E402
-from aoro_gym.diagnosis.network.training import Batch, Course, draw_batch, loss_of, train  # noqa: E402
+from aoro_gym.diagnosis.network.training import (  # noqa: E402
+    WARM,
+    Batch,
+    Course,
+    draw_batch,
+    learning_rate,
+    loss_of,
+    train,
+)
 
 SMALL = Shape(width=16, heads=2, within=1, across=1, kept=1, rank=2)
 COURSE = Course(steps=80, batch=16, rate=4e-3, logs=2)
@@ -69,6 +77,16 @@ def test_training_ends_when_its_time_is_over(data: Labelled) -> None:
         data, replace(COURSE, steps=100000), shape=SMALL, seconds=0.5, progress=lambda step, *about: steps.append(step)
     )
     assert steps[-1] < 50000
+
+
+def test_the_learning_rate_rises_soon_whether_steps_or_time_end_a_training() -> None:
+    """A training that its time ends has more steps than it ever does: its rate must not wait for a share of them."""
+    course = Course(steps=1_000_000, rate=1e-3)
+    rates = [learning_rate(course, done) for done in np.linspace(0.0, 1.0, 201)]
+    assert rates[0] == pytest.approx(course.rate / (WARM * course.steps))
+    top = int(np.argmax(rates))
+    assert 0.98 * course.rate < rates[top] <= course.rate and top / 200 == pytest.approx(WARM, abs=0.006)
+    assert np.all(np.diff(rates[top:]) < 0.0) and rates[-1] == pytest.approx(0.02 * course.rate)
 
 
 def test_a_user_may_lack_channels_logs_and_healthy_days(data: Labelled) -> None:
