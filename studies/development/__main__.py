@@ -3,8 +3,8 @@
 ``python -m studies.development FOLDER [--seed S] [--write]`` simulates 2,324 cases of layered plants, whose laws are of four
 kinds, and the 1,515 of the independent ones, of three families (an hour of two cores), asks of the networks that come with
 the package those that never saw the family (``studies.cross_fitting``), and writes ``development.json`` and
-``development.md`` into the folder: each family decided with what the others taught, for every set of sensors. With
-``--write`` what all of them teach goes to the package as ``calibration.json``.
+``development.md`` into the folder: each family decided with what the other independent ones taught, for every set of
+sensors. With ``--write`` what the independent ones teach goes to the package as ``calibration.json``.
 """
 
 from __future__ import annotations
@@ -100,23 +100,26 @@ def widened(
     return widening_of(quantiles[case, effect], np.array([row[2] for row in rows]), weights[case])
 
 
+def calibrating(family: np.ndarray) -> np.ndarray:
+    """Which cases (N,) networks are calibrated on: those of the independent families. Layered plants share the twin's
+    circuit, and networks are surer of them than of a machine that nobody has modelled."""
+    return np.isin(family, [plants.name for plants in INDEPENDENT])
+
+
 def family_weights(family: np.ndarray) -> np.ndarray:
-    """Weights (N,) by which every family counts as much as another, whatever its number of cases; the layered ones are one,
-    as their levels share a circuit and the machines that they are built around."""
-    layered = [plants.name for plants in LAYERED]
-    lineage = np.where(np.isin(family, layered), "layered", family)
-    names, place, counts = np.unique(lineage, return_inverse=True, return_counts=True)
+    """Weights (N,) by which every family counts as much as another, whatever its number of cases."""
+    names, place, counts = np.unique(family, return_inverse=True, return_counts=True)
     return len(family) / (len(names) * counts[place])
 
 
 def left_out(cases: Sequence[JudgedCase], probabilities: np.ndarray, truth: np.ndarray) -> list[Decided]:
-    """Decisions on each family, calibrated on the others."""
+    """Decisions on each family, calibrated on the others that calibrate."""
     family = np.array([one.family for one in cases])
     found = []
     for name in dict.fromkeys(family.tolist()):
-        others = family != name
+        own, others = family == name, calibrating(family) & (family != name)
         calibration = calibrated(probabilities[others], truth[others], family_weights(family[others]))
-        found += [Decided(cases[k], decide(probabilities[k], calibration)) for k in np.flatnonzero(~others).tolist()]
+        found += [Decided(cases[k], decide(probabilities[k], calibration)) for k in np.flatnonzero(own).tolist()]
     return found
 
 
@@ -170,9 +173,11 @@ def main() -> None:
             " ".join(names): rates([one for one in decided if one.case.family in names])
             for names in [*groups, *([one] for group in groups for one in group)]
         }
-        weights = family_weights(family)
+        own = np.flatnonzero(calibrating(family))
+        weights = family_weights(family[own])
         found[name] = replace(
-            calibrated(probabilities, truth, weights), widening=widened(decided, quantiles, sizes, weights)
+            calibrated(probabilities[own], truth[own], weights),
+            widening=widened([decided[k] for k in own], quantiles[own], [sizes[k] for k in own], weights),
         )
     digests = [made.digest for made, _ in plans]
     shares = {
@@ -187,7 +192,7 @@ def main() -> None:
     write_text(options.folder / "development.md", told)
     print(told)
     if options.write:
-        about = {"cases": "development plants, every family alike", "seed": options.seed, "plans": digests}
+        about = {"cases": "independent plants, every family alike", "seed": options.seed, "plans": digests}
         write_json(TRAINED / "calibration.json", about | {"sets": as_dict(found)})
 
 

@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aoro_gym.diagnosis.network import hypotheses
 from aoro_gym.diagnosis.network.decision import Decision
 from aoro_gym.diagnosis.result import UNKNOWN
 from aoro_gym.diagnosis_benchmark.judge.features import CHANNELS
 from aoro_gym.diagnosis_benchmark.judge.suite import JudgedCase
 from aoro_gym.effects.catalogue import IDS
-from studies.development.__main__ import family_weights, truth_of
+from studies.development.__main__ import calibrating, family_weights, left_out, truth_of
 from studies.development.cases import SUITE, DevelopmentCase, _read, _write, planned, recording
 from studies.development.rates import Decided, rates
 
@@ -91,6 +92,17 @@ def test_families_weigh_the_same_whatever_their_number_of_cases():
     assert weights.sum() == pytest.approx(len(family))
 
 
-def test_levels_of_layered_plants_weigh_as_one_family():
-    weights = family_weights(np.array(["level_0", "level_1", "level_3", "ash"]))
-    np.testing.assert_allclose(weights, [2 / 3, 2 / 3, 2 / 3, 2.0])
+def test_layered_plants_calibrate_nothing():
+    """What networks say of layered plants does not move a decision on another family."""
+    rng = np.random.default_rng(3)
+    families = [*["alder"] * 40, *["birch"] * 40, *["level_0"] * 40]
+    cases = [JudgedCase(str(k), "healthy", name, 0, 0, {}, None, False, k) for k, name in enumerate(families)]
+    shares = rng.dirichlet(np.full(hypotheses.HYPOTHESES, 0.1), len(cases))
+    truth = np.tile([hypotheses.NOTHING, hypotheses.SINGLE], 60)
+    layered = ~calibrating(np.array(families))
+    assert layered.sum() == 40
+    before = left_out(cases, shares, truth)
+    shares[layered] = rng.dirichlet(np.full(hypotheses.HYPOTHESES, 0.1), 40)
+    after = left_out(cases, shares, truth)
+    independent = [(a.decision, b.decision) for a, b in zip(before, after, strict=True) if a.case.family != "level_0"]
+    assert len(independent) == 80 and all(a.null_p == b.null_p and a.declared == b.declared for a, b in independent)
