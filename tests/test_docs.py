@@ -106,6 +106,12 @@ def test_the_sample_logs_are_read():
         assert {"joint_angle", "pressure_a", "pressure_b", "pump_pressure"} <= set(found.channels)
 
 
+def test_the_sample_report_names_no_folder_of_the_machine_that_made_it():
+    for file in (ROOT / "docs/sample").rglob("*"):
+        if file.suffix in (".html", ".json", ".toml"):
+            assert not re.search(r"/(tmp|home|root|work|Users)/", file.read_text()), file
+
+
 def test_every_page_is_on_the_site():
     nav = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").partition("nav:")[2]
     listed = set(re.findall(r"[\w/]+\.md", nav))
