@@ -1,6 +1,6 @@
 """A recorded launch does what a launch does."""
 
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportArgumentType=false, reportIndexIssue=false
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportArgumentType=false, reportIndexIssue=false, reportOperatorIssue=false
 import numpy as np
 import pytest
 import warp as wp
