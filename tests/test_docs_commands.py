@@ -43,7 +43,9 @@ NOT_HERE = {
     "--driveline": "likewise",
     "export policy": "[onnx] is not installed by `make test`",
     "--diagnosis diagnosis --retrain": "needs a cause that was found; tests/agents/training/test_gap.py has the command",
+    "calibrate --published": "minutes; tests/calibration has the procedure",
     "diagnosis train": "minutes of a GPU",
+    "--lock-step": "waits for a client; tests/cosimulation has one",
     "--peer mujoco --startup": "fresh processes, minutes each; tests/benchmark runs both",
 }
 """Commands that are not executed, by a part of theirs, and why."""
