@@ -31,6 +31,7 @@ PURPOSES = {
     "terrain": "rasters, point clouds, coordinate systems",
     "bench": "the peers of 'aoro-gym bench'",
     "cosimulation": "GPS sentences and CAN of 'aoro-gym serve'",
+    "odometry": "odometry from a lidar by KISS-ICP",
     "view": "the machine in the browser",
     "video": "films as MP4",
     "test": "the tests",
