@@ -208,6 +208,9 @@ def calibrated(
             nothing is taken for something else, and every effect may be the cause.
         weights: Of the cases (N,), equal by default.
         statistics: Of the null test, and the share of false alarms of each.
+
+    Raises:
+        ValueError: something is wrong in every case.
     """
     weights = np.ones(len(truth)) if weights is None else weights
     logs = np.log(np.maximum(probabilities, 1e-30))
@@ -215,6 +218,8 @@ def calibrated(
     share = tempered(probabilities, temperature)
     nothing, outside = share[:, hypotheses.NOTHING], share[:, hypotheses.OUTSIDE]
     healthy = truth == hypotheses.NOTHING
+    if not healthy.any():
+        raise ValueError(f"nothing is wrong in none of {len(truth)} cases; calibrate on more machines")
     levels = np.linspace(0.0, 1.0, HEALTHY_QUANTILES)
     null = tuple(
         NullStatistic(

@@ -24,6 +24,8 @@ from aoro_gym.execution.files import with_nulls, write_json
 
 HELD_OUT = 0.1
 """Share of the machines that networks are calibrated with, and tried on: one half each."""
+FEWEST = 8
+"""Machines of either half, if there are as many as four times that: on one of them nothing should be wrong on some day."""
 ROUNDS = 8
 """Days of each of them."""
 SETS = {PAIRED: False, DAY_ONE: True}
@@ -112,8 +114,8 @@ def train(
 
 
 def _halves(data: Tables) -> tuple[torch.Tensor, torch.Tensor]:
-    """Numbers of machines that networks are calibrated with, and tried on."""
-    half = max(int(0.5 * HELD_OUT * data.machines), 1)
+    """Numbers of machines that networks are calibrated with, and tried on; of few machines a quarter each."""
+    half = max(int(0.5 * HELD_OUT * data.machines), min(FEWEST, data.machines // 4), 1)
     held_out = torch.arange(data.machines - 2 * half, data.machines, device=data.figures.device)
     return held_out[:half], held_out[half:]
 

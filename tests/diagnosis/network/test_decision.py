@@ -183,3 +183,9 @@ def test_networks_come_with_their_calibration():
         assert all(np.all(np.diff(part.healthy) >= 0.0) for part in one.null)
         assert 0.0 < one.outside < 1.0 and 0.0 < one.member < 0.5
         assert 1.0 <= one.widening < 2.0
+
+
+def test_cases_that_all_have_a_cause_calibrate_nothing():
+    share = np.full((3, hypotheses.HYPOTHESES), 1.0 / hypotheses.HYPOTHESES)
+    with pytest.raises(ValueError, match="none of 3 cases"):
+        calibrated(share, np.full(3, hypotheses.SINGLE))
