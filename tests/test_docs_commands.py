@@ -13,6 +13,8 @@ from aoro_gym.cli import app
 from tests.cli.terminal.running import in_pipe, in_terminal
 from tests.test_docs import PAGES, ROOT, blocks, commands, name_of
 
+pytestmark = pytest.mark.filterwarnings("default")  # what warns a user stops no command
+
 TUTORIALS = sorted((ROOT / "docs/tutorials").glob("*.md"))
 LEAVES = {
     "drive": ("turn.html", "slow.csv", "uphill.json"),
