@@ -410,10 +410,10 @@ def _causes_html(diagnosis: Diagnosis, effects: Mapping[str, Effect]) -> Markup:
     text = []
     if diagnosis.declared_set:
         names = listed([title([name]) for name in diagnosis.declared_set])
-        ruled_in = (
-            "A gap is not ruled out; should there be one, its cause is among" if diagnosis.verdict == "no_gap" else None
-        )
-        text.append(f"{ruled_in or 'The least set of effects that should hold the truth'}: {names}.")
+        if diagnosis.verdict == "no_gap":
+            text.append(f"A gap is not ruled out; should there be one, its cause is among: {names}.")
+        else:
+            text.append(f"The least set of effects that should hold the truth: {names}.")
     if diagnosis.alike:
         pairs = [f"{title([one])} and {title([other])}" for one, other in diagnosis.alike]
         text.append(f"The data cannot tell apart: {'; '.join(pairs)}.")

@@ -252,6 +252,14 @@ def test_a_cause_that_is_likelier_than_none_is_told_though_no_gap_is_said():
     assert "Hose compliance is likelier than no cause" in conclusions(doubtful).next
 
 
+def test_a_gap_that_is_not_ruled_out_has_its_set(tmp_path):
+    """Beside the verdict that there is none; where one is said, the set should hold the truth."""
+    doubtful = read(replace(DIAGNOSES["no_gap"], declared_set=("spool_lag",)), tmp_path).text["Causes"]
+    assert "A gap is not ruled out; should there be one, its cause is among: spool lag." in doubtful
+    sure = read(DIAGNOSES["cause"], tmp_path / "sure").text["Causes"]
+    assert "The least set of effects that should hold the truth: cylinder leakage." in sure and "ruled out" not in sure
+
+
 def test_causes(page, verdict):
     head, *rows = page.tables["Causes"][0]
     causes = DIAGNOSES[verdict].causes
