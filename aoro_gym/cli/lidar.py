@@ -164,12 +164,14 @@ def _write_bag(sweeps: Sequence[Points], period: float, out: Path) -> None:
 def _summary(points: Points) -> dict[str, float | int]:
     import numpy as np
 
+    from aoro_gym.sensors.lidar.device import PRECIPITATION, UNDERGROWTH
+
     return {
         "points": len(points),
         "objects": len(np.unique(points.instance[points.instance > 0])),
         "share_of_ground": float((points.instance == 0).mean()) if len(points) else 0.0,
-        "share_of_undergrowth": float((points.instance == -3).mean()) if len(points) else 0.0,
-        "share_of_precipitation": float((points.instance == -2).mean()) if len(points) else 0.0,
+        "share_of_undergrowth": float((points.instance == UNDERGROWTH).mean()) if len(points) else 0.0,
+        "share_of_precipitation": float((points.instance == PRECIPITATION).mean()) if len(points) else 0.0,
         "median_range_m": float(np.median(points.range)) if len(points) else 0.0,
     }
 
