@@ -34,7 +34,7 @@ def write_episode(result: Evaluation, policy: str, path: Path) -> list[Path]:
     Args:
         result: Of the evaluation.
         policy: Who drove.
-        path: Log to write: .csv, .parquet or .mcap.
+        path: Log to write, as :func:`~aoro_gym.simulation.log.write_log`.
     """
     about = {"sensors": IDEAL, "environment": result.env, "policy": policy, "seed": result.seed}
     about |= {"machine": {"name": result.machine.name}}

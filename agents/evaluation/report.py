@@ -32,7 +32,7 @@ def write_report(
         result: What to report on.
         folder: Made if it is not there.
         films: Whether to draw each policy's first episode, which takes most of the time.
-        logs: Suffix of a log of that episode, ``csv``, ``parquet`` or ``mcap``; by default none is written.
+        logs: Suffix of a log of that episode, ``csv``, ``parquet``, ``mcap`` or ``rosbag2``; by default none is written.
         lead: What the page says of the machine; its name by default.
         made_by: Put into the JSON under this name.
         progress: Called with what is drawn and the share of it that is done.

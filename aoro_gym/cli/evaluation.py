@@ -42,7 +42,7 @@ PerturbationOption = Annotated[
 ]
 LogsOption = Annotated[
     str | None,
-    option("--logs", "FORMAT", "Log each policy's first episode, too: csv, parquet or mcap."),
+    option("--logs", "FORMAT", "Log each policy's first episode, too: csv, parquet, mcap or rosbag2."),
 ]
 FilmsOption = Annotated[bool, option("--films/--no-films", None, "Draw each policy's first episode.")]
 

@@ -35,8 +35,10 @@ ReturnOption = Annotated[
 ]
 IdealOption = Annotated[bool, option("--ideal-sensors", None, "Without noise.")]
 TOPIC = "/lidar/points"
-"""Of an MCAP file."""
-PointsOption = Annotated[Path, option("--out -o", "FILE", "Points to write: .npz, .pcd, .laz, .las or .mcap.")]
+"""Of a bag."""
+PointsOption = Annotated[
+    Path, option("--out -o", "FILE", "Points to write: .npz, .pcd, .laz, .las, .mcap or .rosbag2 (a folder).")
+]
 
 
 def lidar(
@@ -58,8 +60,8 @@ def lidar(
     """Let a lidar look around, from a machine that stands or drives on.
 
     Without --terrain the machine is in a made forest, by --seed: trees, stumps, boulders, logs and branches, each with its
-    number and material. Writes FILE with ring, time, intensity, object and class of every point, and a picture (.png). An
-    MCAP file holds a PointCloud2 a sweep, on the topic /lidar/points.
+    number and material. Writes FILE with ring, time, intensity, object and class of every point, and a picture (.png). A
+    bag holds a PointCloud2 a sweep, on the topic /lidar/points.
 
     [bold]Examples[/]
 
@@ -72,13 +74,13 @@ def lidar(
     """
     with checking_input():
         from aoro_gym.checks import check_choice, check_integer
-        from aoro_gym.execution.files import check_writable
+        from aoro_gym.recording.bag_writing import WRITTEN, check_bag_path
         from aoro_gym.sensors.lidar import Lidar
         from aoro_gym.sensors.lidar.figures import draw_sweep
         from aoro_gym.sensors.lidar.points import SUFFIXES, joined
 
-        check_choice("suffix of --out", out.suffix.lower(), (*SUFFIXES, ".mcap"))
-        check_writable(out)
+        check_choice("suffix of --out", out.suffix.lower(), (*SUFFIXES, *WRITTEN))
+        check_bag_path(out)
         check_integer("--sweeps", sweeps, le=1000)
         check_range("--speed", speed, "m/s", ge=-10.0, le=10.0)
         check_range("--heading", heading, "deg", ge=-360.0, le=360.0)
@@ -94,7 +96,7 @@ def lidar(
         later = (sensor.sweep(motion, start=n / sensor.model.rate, number=n)[0] for n in range(1, sweeps))
         each = [first, *later]
         points = joined(each, 1.0 / sensor.model.rate)
-        if out.suffix.lower() == ".mcap":
+        if out.suffix.lower() in WRITTEN:
             _write_bag(each, 1.0 / sensor.model.rate, out)
         else:
             points.save(out)

@@ -16,7 +16,7 @@ app = Application(no_args_is_help=True, rich_markup_mode="rich", help="Logs: wha
 BagArgument = Annotated[Path, argument("BAG", "MCAP file, folder of rosbag2, .db3, or .bag of ROS 1.")]
 MapOption = Annotated[Path | None, option("--out -o", "FILE", "Mapping to write. Default: BAG.map.toml, beside it.")]
 LogArgument = Annotated[Path, argument("LOG", "Log of any format that can be read.")]
-IntoArgument = Annotated[Path, argument("INTO", "Log to write, .csv, .parquet or .mcap.")]
+IntoArgument = Annotated[Path, argument("INTO", "Log to write, .csv, .parquet, .mcap or .rosbag2 (a folder).")]
 
 
 @app.callback()
@@ -74,16 +74,18 @@ def propose(
 def convert(
     log: LogArgument, into: IntoArgument, json_to: options.JsonOption = None, quiet: options.QuietOption = False
 ) -> None:
-    """Write a LOG in another format: CSV, Parquet or MCAP.
+    """Write a LOG in another format: CSV, Parquet, MCAP or rosbag2.
 
-    Numbers keep all their digits in Parquet and MCAP, nine in CSV. The manifest beside LOG goes with it.
+    Numbers keep all their digits in Parquet and bags, nine in CSV. The manifest beside LOG goes with it.
 
     [bold]Examples[/]
 
       aoro-gym log convert turn.csv turn.mcap
       aoro-gym log convert turn.mcap turn.parquet
+      aoro-gym log convert turn.mcap turn.rosbag2
     """
     with checking_input():
+        from aoro_gym.recording.bag_writing import WRITTEN
         from aoro_gym.recording.manifest import read_manifest
         from aoro_gym.recording.tables import read_table
         from aoro_gym.simulation.log import check_log_path, write_log
@@ -97,7 +99,7 @@ def convert(
             columns = {
                 name: table.numbers(name) if name == "time_s" else table.numbers_or_blank(name) for name in table.names
             }
-        if into.suffix == ".mcap" and "time_s" not in columns:
+        if into.suffix in WRITTEN and "time_s" not in columns:
             raise ValueError(f"{log} has no column time_s, which gives messages their time")
         manifest = read_manifest(log)
     with running(), terminal.progress("writing the log"):

@@ -66,7 +66,8 @@ OutOption = Annotated[
     Path | None, option("--out -o", "FOLDER", "Write a log (.csv), events (.log) and results (.json) here.")
 ]
 LogOption = Annotated[
-    Path | None, option("--log", "FILE", "Log of all sensors and commands to write: .csv, .parquet or .mcap.")
+    Path | None,
+    option("--log", "FILE", "Log of all sensors and commands to write: .csv, .parquet, .mcap or .rosbag2 (a folder)."),
 ]
 
 

@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 ManoeuvreOption = Annotated[
     str, option("--manoeuvre -m", "left|right|drive|FILE.csv", "What the machine is told to do.")
 ]
-LogOption = Annotated[Path, option("--out -o", "LOG", "Log to write, .csv, .parquet or .mcap; plots go beside it.")]
+LogOption = Annotated[
+    Path, option("--out -o", "LOG", "Log to write, .csv, .parquet, .mcap or .rosbag2 (a folder); plots go beside it.")
+]
 SignalOption = Annotated[float | None, option("--signal", "PERCENT", "Share of the full signal; 100, or 50 to drive.")]
 DurationOption = Annotated[
     float | None,

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from aoro_gym.recording import logs
 from aoro_gym.recording.logs import REST, TICK
+from aoro_gym.simulation.log import SUFFIXES
 from aoro_gym.twin.records import Command
 
-__all__ = ["CHANNELS", "COMMANDS", "REST", "TICK", "Recording", "logs_in", "read_log", "read_recording"]
+__all__ = ["CHANNELS", "COMMANDS", "REST", "SUFFIXES", "TICK", "Recording", "logs_in", "read_log", "read_recording"]
 
 PURPOSE = "a diagnosis"
 
@@ -73,4 +74,4 @@ def read_log(path: Path) -> logs.Log:
 
 def logs_in(folder: Path) -> list[Path]:
     """All logs in a folder, by their names; none if there is no such folder."""
-    return sorted(path for ending in ("csv", "parquet", "mcap") for path in folder.glob(f"*.{ending}"))
+    return sorted(path for ending in SUFFIXES for path in folder.glob(f"*{ending}"))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from fnmatch import fnmatch
 from pathlib import Path
 
-from aoro_gym.diagnosis.recording import Recording, logs_in
+from aoro_gym.diagnosis.recording import SUFFIXES, Recording, logs_in
 from aoro_gym.diagnosis.tables import Row, selected
 from aoro_gym.recording.bags import is_bag
 
@@ -17,7 +17,7 @@ def log_files(paths: Sequence[Path] | None) -> list[Path]:
     for path in paths or []:
         logs = logs_in(path) if path.is_dir() and not is_bag(path) else [path]
         if not logs:
-            raise ValueError(f"--healthy {path} holds no .csv, .parquet or .mcap log")
+            raise ValueError(f"--healthy {path} holds no log: none that ends in {', '.join(SUFFIXES)}")
         found += logs
     return found
 

@@ -6,6 +6,7 @@ import json
 import math
 import os
 import re
+import shutil
 import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -49,6 +50,39 @@ def written_whole(path: Path) -> Iterator[Path]:
     except BaseException:  # Ctrl-C, too
         _remove(temporary)
         raise
+
+
+@contextmanager
+def folder_written_whole(path: Path) -> Iterator[Path]:
+    """Yield a path beside ``path`` at which to make a folder; it becomes ``path`` when the context ends well.
+
+    Files in it reach the disk first. A folder that was there before makes room: a crash in the moment between leaves both
+    beside it, under names of their own.
+
+    Raises:
+        OSError: names ``path`` if the disk is full or the folder cannot be written.
+    """
+    temporary, before = (
+        path.with_name(f".{path.stem}.{os.getpid()}{mark}{PARTIAL}{path.suffix}") for mark in ("", "-")
+    )
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield temporary
+        for inside in (*temporary.rglob("*"), temporary):
+            _flush_to_disk(inside)
+        if path.exists():
+            os.replace(path, before)
+        os.replace(temporary, path)
+        _flush_to_disk(path.parent)
+    except OSError as error:
+        if error.errno is None or error.filename not in (None, str(temporary)):
+            raise
+        raise OSError(error.errno, error.strerror, str(path)) from error
+    finally:
+        if before.exists() and not path.exists():
+            os.replace(before, path)
+        for left in (temporary, before):
+            shutil.rmtree(left, ignore_errors=True)
 
 
 def write_bytes(path: Path, content: bytes) -> None:
@@ -137,9 +171,12 @@ def remove_partial_files(folder: Path) -> None:
     """
     for place, names, files in os.walk(folder):
         names[:] = [name for name in names if not (Path(place) / name / LOCK).exists()]
-        for name in files:
-            if name.startswith(".") and PARTIAL in name:
-                _remove(Path(place) / name)
+        unfinished = [Path(place) / name for name in (*names, *files) if name.startswith(".") and PARTIAL in name]
+        for path in unfinished:
+            if path.is_dir():
+                shutil.rmtree(path, ignore_errors=True)
+            else:
+                _remove(path)
 
 
 def _shortened(text: str, most: int = 200) -> str:

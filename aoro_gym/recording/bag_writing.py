@@ -1,4 +1,4 @@
-"""Logs as bags: this project's own MCAP files, and which field of which topic holds which column.
+"""Logs as bags: this project's own MCAP files and folders of rosbag2, and which field of which topic holds which column.
 
 A log has one message a topic and sample:
 
@@ -14,17 +14,24 @@ A log has one message a topic and sample:
 from __future__ import annotations
 
 import re
+import sqlite3
 import tempfile
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from aoro_gym.execution.files import written_whole
+from aoro_gym.checks import check_choice
+from aoro_gym.execution.files import check_writable, folder_written_whole, written_whole
 from aoro_gym.recording.bags import NEEDED, SECOND, Floats, NoBagReader
 
+FOLDER = ".rosbag2"
+"""Suffix of a bag that is written as a folder of rosbag2."""
+WRITTEN = (".mcap", FOLDER)
+"""Suffixes of bags that can be written."""
 JOINT = "articulation"
 """Name of the articulated joint in ``/joint_states``."""
 IMU = {
@@ -94,17 +101,58 @@ def own_column(topic: str, field: str) -> str | None:
     return field
 
 
-def write_bag(path: Path, columns: Mapping[str, ArrayLike]) -> None:
-    """Write a log's columns, ``time_s`` among them, as an MCAP file.
+def check_bag_path(path: Path) -> None:
+    """``ValueError`` unless a bag can be written to ``path``; a folder that is there must be a bag, which is replaced."""
+    if path.suffix != FOLDER or not path.exists():
+        check_writable(path)
+        return
+    if not (path / "metadata.yaml").is_file():
+        raise ValueError(f"{path} exists and is no folder of rosbag2; remove it, or choose another name")
+    check_writable(path / "metadata.yaml")
+
+
+@contextmanager
+def new_bag(path: Path) -> Iterator[tuple[Any, Any]]:
+    """Yield the writer and the types (of Humble) of a bag that is there at the end, whole or not at all.
+
+    ``.mcap`` is one file; ``.rosbag2`` a folder with ``metadata.yaml`` and the storage that every ROS 2 has, SQLite's. Its
+    format is version 8, where a topic's quality of service is text: readers of older releases refuse the list of version 9.
 
     Raises:
-        ValueError: rosbags is not installed, or there is no column ``time_s``.
+        ValueError: another suffix, or rosbags is not installed.
     """
+    check_choice(f"suffix of {path.name}", path.suffix, WRITTEN)
     try:
         from rosbags.rosbag2 import StoragePlugin, Writer
-        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+        from rosbags.typesys import Stores, get_typestore
     except ImportError:
-        raise NoBagReader(f"log {path} needs rosbags: {NEEDED}") from None
+        raise NoBagReader(f"{path} needs rosbags: {NEEDED}") from None
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    if path.suffix == FOLDER:
+        with folder_written_whole(path) as temporary:
+            bag = temporary / path.stem  # the writer calls its file as the folder is called
+            try:
+                with Writer(bag, version=8, storage_plugin=StoragePlugin.SQLITE3) as writer:
+                    yield writer, store
+            except sqlite3.Error as error:  # a full disk, too
+                raise OSError(f"{path} cannot be written: {error}") from None
+            for file in bag.iterdir():
+                file.replace(temporary / file.name)
+            bag.rmdir()
+        return
+    with written_whole(path) as temporary, tempfile.TemporaryDirectory(dir=temporary.parent) as folder:
+        bag = Path(folder) / "bag"
+        with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+            yield writer, store
+        next(bag.glob("*.mcap")).replace(temporary)
+
+
+def write_bag(path: Path, columns: Mapping[str, ArrayLike]) -> None:
+    """Write a log's columns, ``time_s`` among them, as a bag; ``path`` as :func:`new_bag`.
+
+    Raises:
+        ValueError: another suffix, rosbags is not installed, or there is no column ``time_s``.
+    """
     if "time_s" not in columns:
         raise ValueError(f"log {path} has no column time_s")
     arrays = {name: np.asarray(values, dtype=np.float64) for name, values in columns.items()}
@@ -113,23 +161,25 @@ def write_bag(path: Path, columns: Mapping[str, ArrayLike]) -> None:
     for name, values in arrays.items():
         topic, field = own_place(name, standard)
         topics.setdefault(topic, {})[field] = values
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    for topic, fields in topics.items():
-        if topic not in STANDARD:
-            lines = "\n".join(["std_msgs/Header header", *(f"float64 {field}" for field in fields)])
-            store.register(get_types_from_msg(lines, _own_type(topic)))
-    with written_whole(path) as temporary, tempfile.TemporaryDirectory(dir=temporary.parent) as folder:
-        bag = Path(folder) / "bag"
-        with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-            for topic, fields in topics.items():
-                rows = np.column_stack(list(fields.values()))
-                told = _solutions(rows) if topic == "/gps/fix" else slice(None)
-                messages = _messages(store, topic, list(fields), rows[told], ticks[told].tolist())
-                _write_topic(writer, store, topic, messages)
-            pose = _pose(arrays)
-            if pose is not None:
-                _write_topic(writer, store, "/tf", _frames(store, pose, ticks.tolist()))
-        next(bag.glob("*.mcap")).replace(temporary)
+    with new_bag(path) as (writer, store):
+        for topic, fields in topics.items():
+            if topic not in STANDARD:
+                _register(store, topic, list(fields))
+            rows = np.column_stack(list(fields.values()))
+            told = _solutions(rows) if topic == "/gps/fix" else slice(None)
+            messages = _messages(store, topic, list(fields), rows[told], ticks[told].tolist())
+            _write_topic(writer, store, topic, messages)
+        pose = _pose(arrays)
+        if pose is not None:
+            _write_topic(writer, store, "/tf", _frames(store, pose, ticks.tolist()))
+
+
+def _register(store: Any, topic: str, fields: Sequence[str]) -> None:
+    """Make the type of one of :data:`OWN_TOPICS` known: a number a field."""
+    from rosbags.typesys import get_types_from_msg
+
+    lines = "\n".join(["std_msgs/Header header", *(f"float64 {field}" for field in fields)])
+    store.register(get_types_from_msg(lines, _own_type(topic)))
 
 
 def _standard(columns: Mapping[str, Floats]) -> set[str]:

@@ -1,4 +1,4 @@
-"""Point clouds and pictures as messages of ROS, in MCAP files, without ROS.
+"""Point clouds and pictures as messages of ROS, in MCAP files and folders of rosbag2, without ROS.
 
 Arrays in, arrays out, to the last digit: a cloud is sensor_msgs/PointCloud2 with a field an array, a picture
 sensor_msgs/Image, and its camera sensor_msgs/CameraInfo.
@@ -6,7 +6,6 @@ sensor_msgs/Image, and its camera sensor_msgs/CameraInfo.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.checks import check_choice
-from aoro_gym.execution.files import written_whole
-from aoro_gym.recording.bags import NEEDED, SECOND, NoBagReader, opened
+from aoro_gym.recording.bag_writing import new_bag
+from aoro_gym.recording.bags import SECOND, opened
 
 CLOUD, PICTURE, CAMERA = (f"sensor_msgs/msg/{name}" for name in ("PointCloud2", "Image", "CameraInfo"))
 KINDS: Mapping[str, int] = {
@@ -77,28 +76,18 @@ Message = Cloud | Picture | Camera
 
 
 def write_sensors(path: Path, topics: Mapping[str, Sequence[Message]]) -> None:
-    """Write messages by topic as an MCAP file, whole or not at all.
+    """Write messages by topic as a bag, whole or not at all; ``path`` as :func:`~aoro_gym.recording.bag_writing.new_bag`.
 
     Raises:
         ValueError: another suffix, rosbags is not installed, or an array is not what its message holds.
     """
-    check_choice(f"suffix of {path.name}", path.suffix, (".mcap",))
-    try:
-        from rosbags.rosbag2 import StoragePlugin, Writer
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError:
-        raise NoBagReader(f"{path} needs rosbags: {NEEDED}") from None
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    made = {topic: [_made(store, one) for one in messages] for topic, messages in topics.items()}
-    with written_whole(path) as temporary, tempfile.TemporaryDirectory(dir=temporary.parent) as folder:
-        bag = Path(folder) / "bag"
-        with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-            for topic, messages in made.items():
-                kind = messages[0].__msgtype__ if messages else CLOUD
-                connection = writer.add_connection(topic, kind, typestore=store)
-                for source, message in zip(topics[topic], messages, strict=True):
-                    writer.write(connection, _tick(source.time), store.serialize_cdr(message, kind))
-        next(bag.glob("*.mcap")).replace(temporary)
+    with new_bag(path) as (writer, store):
+        for topic, sources in topics.items():
+            messages = [_made(store, one) for one in sources]
+            kind = messages[0].__msgtype__ if messages else CLOUD
+            connection = writer.add_connection(topic, kind, typestore=store)
+            for source, message in zip(sources, messages, strict=True):
+                writer.write(connection, _tick(source.time), store.serialize_cdr(message, kind))
 
 
 def read_sensors(path: Path, topic: str) -> Iterator[Message]:

@@ -1,4 +1,4 @@
-"""Logs: what a twin did, or what the machine's logger wrote, as CSV, Parquet or MCAP.
+"""Logs: what a twin did, or what the machine's logger wrote, as CSV, Parquet, MCAP or rosbag2.
 
 Columns carry field units in their names. Measured columns come first, at 100 Hz as the machine logs them; columns named
 ``true_*`` are the simulator's own state, for plots only. A manifest of the same name in TOML says how the log was made,
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.execution.files import check_writable, write_text, written_whole
-from aoro_gym.recording.bag_writing import write_bag
+from aoro_gym.recording.bag_writing import WRITTEN, check_bag_path, write_bag
 from aoro_gym.recording.bags import NEEDED
 from aoro_gym.sensors.chain import SAMPLE_RATE, sample
 from aoro_gym.sensors.joint_angle import JointAngleSensor
@@ -29,7 +29,7 @@ from aoro_gym.units import BAR, DEGREE, LITRE_PER_MINUTE, RPM
 RATE = SAMPLE_RATE
 """Samples a second [Hz] of the machine's logger."""
 
-SUFFIXES = (".csv", ".parquet", ".mcap")
+SUFFIXES = (".csv", ".parquet", *WRITTEN)
 """Of logs that can be written."""
 
 _CORNER = "_(fl|fr|rl|rr)"
@@ -127,10 +127,10 @@ def _measured(
 
 
 def write_log(path: Path, columns: Mapping[str, ArrayLike], manifest: Mapping[str, Any] | None = None) -> list[Path]:
-    """Write ``columns`` to ``path`` (.csv, .parquet or .mcap) and ``manifest`` beside it (.toml); returns the files."""
+    """Write ``columns`` to ``path``, one of :data:`SUFFIXES`, and ``manifest`` beside it (.toml); returns the files."""
     check_log_path(path)
     arrays = {name: np.asarray(values, dtype=np.float64) for name, values in columns.items()}
-    if path.suffix == ".mcap":
+    if path.suffix in WRITTEN:
         write_bag(path, arrays)
         return [path, *_with_manifest(path, manifest)]
     with written_whole(path) as temporary:
@@ -157,10 +157,13 @@ def _with_manifest(path: Path, manifest: Mapping[str, Any] | None) -> list[Path]
 def check_log_path(path: Path) -> None:
     """``ValueError`` unless a log can be written to ``path``."""
     if path.suffix not in SUFFIXES:
-        raise ValueError(f"log {path} must end in .csv, .parquet or .mcap")
+        raise ValueError(f"log {path} must end in {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}")
+    if path.suffix in WRITTEN:
+        check_bag_path(path)
+        if find_spec("rosbags") is None:
+            raise ValueError(f"log {path} needs rosbags: {NEEDED}, or end it in .csv")
+        return
     check_writable(path)
-    if path.suffix == ".mcap" and find_spec("rosbags") is None:
-        raise ValueError(f"log {path} needs rosbags: {NEEDED}, or end it in .csv")
     if path.suffix == ".parquet":
         try:
             import pyarrow  # noqa: F401

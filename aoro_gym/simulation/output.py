@@ -61,7 +61,7 @@ def write(section: Section, twin: Twin, out: Path, spec: RunSpec, *, page: bool 
     Args:
         section: Trajectory and key figures.
         twin: Twin that was recorded, on a plane or in a world.
-        out: Log (.csv, .parquet or .mcap); the other files stand beside it.
+        out: Log, as :func:`~aoro_gym.simulation.log.write_log`; the other files stand beside it.
         spec: Machine, device and seed of the run.
         page: Whether to write an HTML page, too.
     """

@@ -32,13 +32,14 @@ def test_points_and_picture(ground, tmp_path):
     assert (tmp_path / "a.png").stat().st_size > 10_000
 
 
-def test_a_bag_has_a_cloud_a_sweep(ground, tmp_path):
+@pytest.mark.parametrize("name", ["a.mcap", "a.rosbag2"])
+def test_a_bag_has_a_cloud_a_sweep(ground, tmp_path, name):
     from aoro_gym.recording.sensor_bags import Cloud, read_sensors
 
     common = (*ground, "--speed", "2", "--sweeps", "2")
     assert call(*common, "--out", "a.npz").exit_code == 0
-    assert call(*common, "--out", "a.mcap").exit_code == 0
-    clouds = [one for one in read_sensors(tmp_path / "a.mcap", "/lidar/points") if isinstance(one, Cloud)]
+    assert call(*common, "--out", name).exit_code == 0
+    clouds = [one for one in read_sensors(tmp_path / name, "/lidar/points") if isinstance(one, Cloud)]
     assert [one.time for one in clouds] == [0.0, 0.1]  # ten sweeps a second
     with np.load(tmp_path / "a.npz") as points:
         for column, axis in enumerate("xyz"):

@@ -32,8 +32,9 @@ def test_it_serves_for_so_long_and_tells_how_late_it_was(tmp_path):
     assert (out / "events.log").exists()
 
 
-def test_a_log_of_the_sensors_is_written(tmp_path):
-    file = tmp_path / "session.mcap"
+@pytest.mark.parametrize("suffix", [".mcap", ".rosbag2"])
+def test_a_log_of_the_sensors_is_written(tmp_path, suffix):
+    file = tmp_path / f"session{suffix}"
     shown = call("serve", *PORTS, "--duration", "0.3", "--log", file)
     assert shown.exit_code == 0, shown.output
     assert f"wrote {file}" in shown.stdout.replace("\n", "") and file.with_suffix(".toml").exists()
@@ -62,7 +63,7 @@ def test_json_goes_to_the_standard_output_alone():
         ("serve --path a.gpx --start 0 0 0", "--path and --start both say where to start"),
         ("serve --ground grid", "ground is 'grid'; choose one of: raster, mesh"),
         ("serve --view 99999", "--view is 99999, but must be an integer in [0, 65535]"),
-        ("serve --log session.txt", "log session.txt must end in .csv, .parquet or .mcap"),
+        ("serve --log session.txt", "log session.txt must end in .csv, .parquet, .mcap or .rosbag2"),
         ("serve --fifo 0", "--fifo is 0, but must be an integer in [1, 99]"),
     ],
 )

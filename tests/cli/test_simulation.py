@@ -183,7 +183,7 @@ def test_seed_draws_the_noise(turn, tmp_path):
         ("simulate -m drive --signal 0.5", "did you mean 50?"),
         ("simulate -m right --signal -50", "--signal is -50 %, but must be in (0, 100] %"),
         ("simulate -m left --duration 0.2", "--duration is 0.2 s, but must be in [0.61, 3600] s"),
-        ("simulate -m left --out log.xlsx", "log log.xlsx must end in .csv, .parquet or .mcap"),
+        ("simulate -m left --out log.xlsx", "log log.xlsx must end in .csv, .parquet, .mcap or .rosbag2"),
         ("simulate -m left --device tpu", "--device 'tpu' is not available here; choose one of: cpu"),
         ("simulate -m drive --world nowhere", "nowhere: No such file"),
         ("simulate -m drive --start 0 nan 0", "--start[1] is nan, but must be finite"),

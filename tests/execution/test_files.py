@@ -10,7 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from aoro_gym.execution.files import read_json, read_toml, remove_partial_files, write_json, write_text, written_whole
+from aoro_gym.execution.files import (
+    folder_written_whole,
+    read_json,
+    read_toml,
+    remove_partial_files,
+    write_json,
+    write_text,
+    written_whole,
+)
 
 
 def test_new_content_replaces_the_old_at_once(tmp_path: Path):
@@ -80,6 +88,47 @@ def test_a_killed_writer_leaves_what_was_there(tmp_path: Path):
     assert len(list(tmp_path.iterdir())) == 2
     remove_partial_files(tmp_path)
     assert [file.name for file in tmp_path.iterdir()] == ["a.csv"]
+
+
+def test_a_folder_is_written_whole_or_not_at_all(tmp_path: Path):
+    path = tmp_path / "bag.x"
+    for text in ("old", "new"):
+        with folder_written_whole(path) as temporary:
+            (temporary / "inner").mkdir(parents=True)
+            (temporary / "inner/a.txt").write_text(text)
+        assert (path / "inner/a.txt").read_text() == text
+    with pytest.raises(KeyboardInterrupt), folder_written_whole(path) as temporary:
+        temporary.mkdir()
+        raise KeyboardInterrupt
+    with pytest.raises(OSError, match=r"bag\.x"), folder_written_whole(path) as temporary:
+        raise OSError(errno.ENOSPC, "no space", str(temporary))
+    assert [one.name for one in tmp_path.iterdir()] == ["bag.x"] and (path / "inner/a.txt").read_text() == "new"
+
+
+def test_a_folder_that_cannot_take_its_name_leaves_what_was_there(tmp_path: Path, monkeypatch):
+    path = tmp_path / "bag.x"
+    path.mkdir()
+    (path / "a.txt").write_text("old")
+    true = os.replace
+
+    def replace(source: Path, target: Path) -> None:
+        if target == path and (source / "b.txt").exists():
+            raise OSError(errno.EIO, "broken", str(target))
+        true(source, target)
+
+    monkeypatch.setattr(os, "replace", replace)
+    with pytest.raises(OSError, match="broken"), folder_written_whole(path) as temporary:
+        temporary.mkdir()
+        (temporary / "b.txt").write_text("new")
+    assert [one.name for one in tmp_path.iterdir()] == ["bag.x"] and (path / "a.txt").read_text() == "old"
+
+
+def test_a_killed_writer_of_a_folder_leaves_nothing_that_stays(tmp_path: Path):
+    (tmp_path / ".bag.1.partial.x").mkdir()
+    (tmp_path / ".bag.1.partial.x/a.txt").write_text("half")
+    (tmp_path / "kept").mkdir()
+    remove_partial_files(tmp_path)
+    assert [one.name for one in tmp_path.iterdir()] == ["kept"]
 
 
 def test_files_get_the_usual_permissions(tmp_path: Path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from aoro_gym.cli import app
+from aoro_gym.diagnosis.selection import log_files
 from aoro_gym.recording.bag_mapping import Mapped, columns_of, mapping_file, proposed, read_mapping
 from aoro_gym.recording.bag_writing import GPS, IMU, own_column, own_place, write_bag
 from aoro_gym.recording.bags import is_bag, number_in, numbers_of, topics_of
@@ -64,8 +66,17 @@ def bag(tmp_path_factory) -> tuple[Path, dict[str, np.ndarray]]:
 # ---- the project's own ----
 
 
-def test_a_log_comes_back_to_the_last_digit(bag):
-    path, written = bag
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> tuple[Path, dict[str, np.ndarray]]:
+    """The same log as a folder of rosbag2."""
+    path, written = tmp_path_factory.mktemp("bag") / "turn.rosbag2", columns(np.random.default_rng(3))
+    write_bag(path, written)
+    return path, written
+
+
+@pytest.mark.parametrize("form", ["bag", "folder"])
+def test_a_log_comes_back_to_the_last_digit(form, request):
+    path, written = request.getfixturevalue(form)
     found = columns_of(path)
     assert set(found) == set(written)
     np.testing.assert_allclose(found.pop("time_s"), written["time_s"], rtol=0.0, atol=1e-12)
@@ -106,6 +117,65 @@ def test_another_reader_finds_the_same(bag):
     assert (moved.header.frame_id, moved.child_frame_id) == ("world", "front_frame")
 
 
+def test_a_folder_is_what_rosbag2_asks_for(folder):
+    """By its tables and its metadata, without the package that wrote them; messages by the MCAP project's decoder."""
+    yaml, decoder = pytest.importorskip("ruamel.yaml"), pytest.importorskip("mcap_ros2._dynamic")
+    path, written = folder
+    assert sorted(file.name for file in path.iterdir()) == ["metadata.yaml", "turn.db3"]
+    assert [file.name for file in path.parent.iterdir()] == ["turn.rosbag2"]
+    about = yaml.YAML(typ="safe").load(path / "metadata.yaml")["rosbag2_bagfile_information"]
+    assert about["version"] == 8 and about["storage_identifier"] == "sqlite3"
+    assert about["relative_file_paths"] == ["turn.db3"]
+    assert all(
+        isinstance(one["topic_metadata"]["offered_qos_profiles"], str) for one in about["topics_with_message_count"]
+    )
+    assert about["duration"]["nanoseconds"] == round(1e9 * (written["time_s"][-1] - written["time_s"][0]))
+    with sqlite3.connect(path / "turn.db3") as tables:
+        counts = dict(
+            tables.execute("SELECT name, count(*) FROM topics JOIN messages ON topics.id = topic_id GROUP BY name")
+        )
+        definitions = dict(tables.execute("SELECT topic_type, encoded_message_definition FROM message_definitions"))
+        rows = tables.execute(
+            "SELECT type, timestamp, data FROM topics JOIN messages ON topics.id = topic_id WHERE name = '/pressures'"
+        ).fetchall()
+    tables.close()
+    assert counts == {one["topic_metadata"]["name"]: one["message_count"] for one in about["topics_with_message_count"]}
+    assert about["message_count"] == sum(counts.values())
+    kind = rows[0][0]
+    decode = decoder.generate_dynamic(kind, definitions[kind])[kind]
+    np.testing.assert_array_equal([tick for _, tick, _ in rows], np.rint(1e9 * written["time_s"]))
+    found = [decode(data).pressure_b_bar for _, _, data in rows]
+    np.testing.assert_array_equal(found, written["pressure_b_bar"])
+
+
+def test_a_folder_takes_the_place_of_a_bag_only(tmp_path):
+    path = tmp_path / "turn.rosbag2"
+    for seed in (1, 2):
+        written = columns(np.random.default_rng(seed))
+        write_log(path, written)
+        np.testing.assert_array_equal(columns_of(path)["pressure_a_bar"], written["pressure_a_bar"])
+    assert [file.name for file in tmp_path.iterdir()] == ["turn.rosbag2"]
+    with pytest.raises(ValueError, match="no column time_s"):
+        write_log(path, {"joint_angle_rad": np.zeros(3)})
+    np.testing.assert_array_equal(columns_of(path)["pressure_a_bar"], written["pressure_a_bar"])
+    (tmp_path / "mine.rosbag2").mkdir()
+    (tmp_path / "mine.rosbag2/diary.txt").write_text("mine")
+    with pytest.raises(ValueError, match=r"mine\.rosbag2 exists and is no folder of rosbag2; remove it"):
+        write_log(tmp_path / "mine.rosbag2", written)
+    assert (tmp_path / "mine.rosbag2/diary.txt").read_text() == "mine"
+
+
+def test_a_day_in_a_folder_may_be_of_bags(tmp_path):
+    written = columns(np.random.default_rng(6))
+    for name in ("left.rosbag2", "right.mcap", "other.csv"):
+        write_log(tmp_path / name, written)
+    assert [path.name for path in log_files([tmp_path])] == ["left.rosbag2", "other.csv", "right.mcap"]
+    assert log_files([tmp_path / "left.rosbag2"]) == [tmp_path / "left.rosbag2"]
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(ValueError, match=r"holds no log: none that ends in \.csv, \.parquet, \.mcap, \.rosbag2"):
+        log_files([tmp_path / "empty"])
+
+
 def test_every_column_has_a_place_of_its_own():
     names = list(columns(np.random.default_rng(0)))[1:]
     places = [own_place(name) for name in names]
@@ -131,8 +201,9 @@ def test_what_no_message_of_ros_holds_comes_back_as_well(tmp_path, name, wrong):
         np.testing.assert_allclose(found[column], values, rtol=0.0, atol=1e-12 if column == "time_s" else 0.0)
 
 
-def test_a_bag_is_read_as_a_log(bag, tmp_path):
-    path, written = bag
+@pytest.mark.parametrize("form", ["bag", "folder"])
+def test_a_bag_is_read_as_a_log(form, request, tmp_path):
+    path, written = request.getfixturevalue(form)
     write_log(tmp_path / "turn.parquet", written)
     one, other = read_log(path), read_log(tmp_path / "turn.parquet")
     assert one.name == other.name and one.rest == other.rest
@@ -144,7 +215,7 @@ def test_a_bag_is_read_as_a_log(bag, tmp_path):
 def test_logs_are_converted(tmp_path):
     rng = np.random.default_rng(4)
     write_log(tmp_path / "turn.parquet", columns(rng), {"oil_temperature_C": 41.5})
-    for source, into in (("turn.parquet", "other.mcap"), ("other.mcap", "again.parquet")):
+    for source, into in (("turn.parquet", "one.mcap"), ("one.mcap", "two.rosbag2"), ("two.rosbag2", "again.parquet")):
         result = CliRunner().invoke(app, ["log", "convert", str(tmp_path / source), str(tmp_path / into)])
         assert result.exit_code == 0, result.output
     one, other = (read_table(tmp_path / name) for name in ("turn.parquet", "again.parquet"))

@@ -23,9 +23,9 @@ PICTURES = {
 MATRIX = np.array([[600.5, 0.0, 2.5], [0.0, 601.25, 2.0], [0.0, 0.0, 1.0]])
 
 
-@pytest.fixture(scope="module")
-def bag(tmp_path_factory):
-    path = tmp_path_factory.mktemp("bag") / "sensors.mcap"
+@pytest.fixture(scope="module", params=[".mcap", ".rosbag2"])
+def bag(tmp_path_factory, request):
+    path = tmp_path_factory.mktemp("bag") / f"sensors{request.param}"
     clouds = [Cloud(0.1 * number, {name: values + number for name, values in COLUMNS.items()}) for number in range(3)]
     pictures = {f"/camera/{name.lower()}": [Picture(0.25, one, name)] for name, one in PICTURES.items()}
     camera = [Camera(0.25, (5, 4), MATRIX, np.array([0.1, -0.2, 0.001, 0.002, 0.05]))]
@@ -54,6 +54,7 @@ def test_pictures_come_back_to_the_last_digit(bag):
     np.testing.assert_array_equal(camera.distortion, [0.1, -0.2, 0.001, 0.002, 0.05])
 
 
+@pytest.mark.parametrize("bag", [".mcap"], indirect=True)
 def test_foxgloves_library_reads_them(bag):
     """With the checksums of all chunks, and the definitions of messages that lie in the file."""
     from mcap.reader import make_reader
@@ -84,8 +85,9 @@ def test_foxgloves_library_reads_them(bag):
     ],
 )
 def test_what_is_no_message_is_refused(message, what, tmp_path):
-    with pytest.raises(ValueError, match=what):
-        write_sensors(tmp_path / "a.mcap", {"/topic": [message]})
+    for name in ("a.mcap", "a.rosbag2"):
+        with pytest.raises(ValueError, match=what):
+            write_sensors(tmp_path / name, {"/topic": [message]})
     assert not list(tmp_path.iterdir())
 
 

@@ -394,7 +394,7 @@ def test_report_holds_everything(found, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(("fixture", "policy"), [("turned", "bang-bang"), ("found", "preview")])
-@pytest.mark.parametrize("suffix", ["mcap", "parquet"])
+@pytest.mark.parametrize("suffix", ["mcap", "rosbag2", "parquet"])
 def test_the_first_episode_is_logged_to_the_last_digit(fixture, policy, suffix, tmp_path, request):
     result = request.getfixturevalue(fixture)
     run, channels = result.runs[policy], list(result.task.channels)

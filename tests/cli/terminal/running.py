@@ -56,6 +56,9 @@ def in_terminal(
     def lead() -> None:
         os.setsid()
         fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+        signal.signal(
+            signal.SIGINT, signal.SIG_DFL
+        )  # tests that run in the background ignore it, and so would the command
 
     command = [sys.executable, "-m", "aoro_gym", *map(str, arguments)]
     environment = {**ENVIRONMENT, "TERM": "xterm", "NO_COLOR": "1"}

@@ -9,6 +9,7 @@ from aoro_gym.cosimulation.server.recorder import COMMANDED, SHOWN, Recorder, ma
 from aoro_gym.cosimulation.server.records import neutral
 from aoro_gym.cosimulation.server.session import Session
 from aoro_gym.machine.specification import MachineSpec, RunSpec
+from aoro_gym.recording.bag_writing import WRITTEN
 from aoro_gym.recording.bags import topics_of
 from aoro_gym.recording.logs import read_log
 from aoro_gym.recording.tables import read_table
@@ -92,7 +93,7 @@ def test_a_receiver_without_solution_keeps_its_place_and_says_so():
     recorder.close()
 
 
-@pytest.mark.parametrize(("suffix", "digits"), [(".mcap", 0.0), (".parquet", 0.0), (".csv", 0.5e-8)])
+@pytest.mark.parametrize(("suffix", "digits"), [(".mcap", 0.0), (".rosbag2", 0.0), (".parquet", 0.0), (".csv", 0.5e-8)])
 def test_a_log_comes_back(recorded, tmp_path, suffix, digits):
     """To the last digit, but for CSV, which has nine."""
     recorder, _told, _, twin = recorded
@@ -103,13 +104,13 @@ def test_a_log_comes_back(recorded, tmp_path, suffix, digits):
     table, columns = read_table(file), recorder.columns()
     assert set(table.names) == set(columns)
     for name, values in columns.items():
-        nanoseconds = 1e-9 if suffix == ".mcap" and name == "time_s" else 0.0
+        nanoseconds = 1e-9 if suffix in WRITTEN and name == "time_s" else 0.0
         np.testing.assert_allclose(table.numbers_or_blank(name), values, rtol=digits, atol=nanoseconds, err_msg=name)
     log = read_log(file)
     assert log.manifest.ground == {"slope_deg": 0.0, "direction_deg": 0.0, "friction": 1.0, "rolling_resistance": 1.0}
     # the hinge's sensor, on the grid of the log
     np.testing.assert_allclose(log.channels["joint_angle"], columns["joint_angle_rad"], atol=1e-6)
-    if suffix == ".mcap":
+    if suffix in WRITTEN:
         kinds = {topic: kind for topic, (kind, _) in topics_of(file).items()}
         assert kinds["/imu"] == "sensor_msgs/msg/Imu" and kinds["/gps/fix"] == "sensor_msgs/msg/NavSatFix"
         assert kinds["/tf"] == "tf2_msgs/msg/TFMessage"
