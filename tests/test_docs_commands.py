@@ -114,6 +114,7 @@ def place(tmp_path_factory) -> Path:
         ("simulate", "-m", "left", "--out", "healthy/left.csv"),
         ("simulate", "-m", "left", *slow, "--out", "later/left.csv"),
         ("terrain", "scan.ply", "--out", "ground.ply"),
+        ("world", "--seed", "3", "--size", "60", "60", "--out", "forest"),
         ("validate", "--uncalibrated", "none", "--ensemble", "none", "--out", "validation"),
         (*turning, "--out", "runs/turning"),
         *((*turning, "--seed", str(seed), "--out", f"runs/{seed}") for seed in range(3)),

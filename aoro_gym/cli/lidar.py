@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,21 +11,31 @@ from aoro_gym.checks import check_range
 from aoro_gym.cli import options
 from aoro_gym.cli.options import option
 from aoro_gym.cli.outcome import checking_input, conclude, running
-from aoro_gym.cli.place import load_terrain
+from aoro_gym.cli.place import WorldOption, check_one_ground, load_ground
 from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from aoro_gym.sensors.lidar import Motion, Points, Weather
+    from aoro_gym.sensors.lidar import Lidar, Motion, Points, Weather
     from aoro_gym.sensors.raytrace import Scene
 
 ModelOption = Annotated[str, option("--model", "NAME", "os1-64, os1-128, vlp-16 or mid-360.")]
 TerrainOption = Annotated[
     Path | None, option("--terrain", "FILE", "Ground of 'aoro-gym terrain'. Default: a made forest.")
 ]
-PlaceOption = Annotated[tuple[float, float], option("--at", "X Y", "Where the machine stands, in metres.")]
-HeadingOption = Annotated[float, option("--heading", "DEG", "Of the machine, from east to north.")]
+PlaceOption = Annotated[
+    tuple[float, float] | None,
+    option(
+        "--at",
+        "X Y",
+        "Where the machine stands, in metres. Default: 0 0, in a --world its middle's nearest free place.",
+    ),
+]
+HeadingOption = Annotated[
+    float | None,
+    option("--heading", "DEG", "Of the machine, from east to north. Default: 0, or that of the free place."),
+]
 SpeedOption = Annotated[float, option("--speed", "M/S", "At which it drives on, for motion in a sweep.")]
 SweepsOption = Annotated[int, option("--sweeps", "N", "One after the other.")]
 WeatherOption = Annotated[
@@ -34,6 +45,8 @@ ReturnOption = Annotated[
     list[str] | None, option("--return", "WHICH", "first, strongest or last echo. Repeatable. Default: strongest.")
 ]
 IdealOption = Annotated[bool, option("--ideal-sensors", None, "Without noise.")]
+ORIGIN = (0.0, 0.0, 0.0)
+"""Place and heading."""
 TOPIC = "/lidar/points"
 """Of a bag."""
 PointsOption = Annotated[
@@ -45,8 +58,9 @@ def lidar(
     out: PointsOption = Path("sweep.npz"),
     model: ModelOption = "os1-64",
     terrain: TerrainOption = None,
-    at: PlaceOption = (0.0, 0.0),
-    heading: HeadingOption = 0.0,
+    world: WorldOption = None,
+    at: PlaceOption = None,
+    heading: HeadingOption = None,
     speed: SpeedOption = 0.0,
     sweeps: SweepsOption = 1,
     weather: WeatherOption = None,
@@ -59,9 +73,9 @@ def lidar(
 ) -> None:
     """Let a lidar look around, from a machine that stands or drives on.
 
-    Without --terrain the machine is in a made forest, by --seed: trees, stumps, boulders, logs and branches, each with its
-    number and material. Writes FILE with ring, time, intensity, object and class of every point, and a picture (.png). A
-    bag holds a PointCloud2 a sweep, on the topic /lidar/points.
+    The machine is in a --world, on a --terrain, or else in a made forest, by --seed: trees, stumps, boulders, logs and
+    branches, each with its number and material. Writes FILE with ring, time, intensity, object and class of every point,
+    and a picture (.png). A bag holds a PointCloud2 a sweep, on the topic /lidar/points.
 
     [bold]Examples[/]
 
@@ -71,30 +85,33 @@ def lidar(
       aoro-gym lidar --weather fog=60 --out fog.npz
       aoro-gym lidar --speed 1 --sweeps 20 --out drive.mcap
       aoro-gym lidar --terrain ground.ply --at 10 4 --heading 90
+      aoro-gym lidar --world forest --out forest.npz
     """
     with checking_input():
         from aoro_gym.checks import check_choice, check_integer
         from aoro_gym.recording.bag_writing import WRITTEN, check_bag_path
-        from aoro_gym.sensors.lidar import Lidar
+        from aoro_gym.sensors.lidar import MODELS, Lidar
         from aoro_gym.sensors.lidar.figures import draw_sweep
         from aoro_gym.sensors.lidar.points import SUFFIXES, joined
 
         check_choice("suffix of --out", out.suffix.lower(), (*SUFFIXES, *WRITTEN))
         check_bag_path(out)
+        check_choice("lidar model", model, MODELS)
         check_integer("--sweeps", sweeps, le=1000)
         check_range("--speed", speed, "m/s", ge=-10.0, le=10.0)
-        check_range("--heading", heading, "deg", ge=-360.0, le=360.0)
+        check_range("--heading", 0.0 if heading is None else heading, "deg", ge=-360.0, le=360.0)
         options.check_seed(seed)
         options.check_device(device)
-        scene = _scene(terrain, seed, device)
-        sensor = Lidar(
-            scene, model, returns=returns or ["strongest"], weather=_weather(weather), ideal=ideal, seed=seed
-        )
-        motion = _motion(scene, at, heading, speed, sweeps / sensor.model.rate + 0.01)
+        air = _weather(weather)
+        check_one_ground(terrain, world)
+        scene, place = _surroundings(terrain, world, seed, device)
+        sensor = Lidar(scene, model, returns=returns or ["strongest"], weather=air, ideal=ideal, seed=seed)
+        at = place[:2] if at is None else at
+        turned = place[2] if heading is None else math.radians(heading)
+        motion = _motion(scene, at, turned, speed, sweeps / sensor.model.rate + 0.01)
         first = sensor.sweep(motion)[0]  # what is wrong with the place shows here
     with running():
-        later = (sensor.sweep(motion, start=n / sensor.model.rate, number=n)[0] for n in range(1, sweeps))
-        each = [first, *later]
+        each = [first, *_later(sensor, motion, sweeps)]
         points = joined(each, 1.0 / sensor.model.rate)
         if out.suffix.lower() in WRITTEN:
             _write_bag(each, 1.0 / sensor.model.rate, out)
@@ -107,14 +124,24 @@ def lidar(
     conclude(_summary(points), [_table(points)], written, json_to=json_to, highlight=False)
 
 
-def _scene(terrain: Path | None, seed: int, device: str) -> Scene:
+def _surroundings(
+    terrain: Path | None, folder: Path | None, seed: int, device: str
+) -> tuple[Scene, tuple[float, float, float]]:
+    """What rays meet, and where the machine stands if nothing is said: x, y [m] and heading [rad]."""
     from aoro_gym.sensors.raytrace import Scene
     from aoro_gym.terrains.generate.world import world
+    from aoro_gym.terrains.terrain import Terrain
+    from aoro_gym.terrains.world.places import free_place
+    from aoro_gym.terrains.world.world import World
 
-    if terrain is None:
+    if terrain is None and folder is None:
         with terminal.progress("making a forest"):
-            return Scene.of_world(world(seed), device=device)
-    return Scene.of_terrain(load_terrain(terrain), device=device)
+            return Scene.of_world(world(seed), device=device), ORIGIN
+    ground = load_ground(terrain, folder)
+    if isinstance(ground, World):
+        return Scene.of_world(ground, device=device), free_place(ground)
+    assert isinstance(ground, Terrain)
+    return Scene.of_terrain(ground, device=device), ORIGIN
 
 
 def _weather(text: str | None) -> Weather:
@@ -130,15 +157,14 @@ def _weather(text: str | None) -> Weather:
     return Weather.named(kind, number)
 
 
-def _motion(scene: Scene, at: tuple[float, float], heading: float, speed: float, duration: float) -> Motion:
-    """Straight on at a constant speed, upright, on the ground at every tenth of a second."""
+def _motion(scene: Scene, at: tuple[float, float], yaw: float, speed: float, duration: float) -> Motion:
+    """Straight on along ``yaw`` [rad] at a constant speed, upright, on the ground at every tenth of a second."""
     import numpy as np
 
     from aoro_gym.sensors.height_map import HeightMapSensor
     from aoro_gym.sensors.lidar import Motion
 
     top = float(scene.extent[1][2])
-    yaw = np.radians(heading)
     time: Any = np.arange(0.0, duration + 0.1, 0.1)
     way = np.asarray(at) + np.outer(speed * time, [np.cos(yaw), np.sin(yaw)])
     below = HeightMapSensor(scene, forward=(0.0, 0.0), left=(0.0, 0.0), above=1.0)
@@ -149,6 +175,18 @@ def _motion(scene: Scene, at: tuple[float, float], heading: float, speed: float,
             f"there is no ground at x = {x:.1f} m, y = {y:.1f} m; choose another --at, --heading or --speed"
         )
     return Motion(time, np.column_stack([way, ground]), 0 * time, 0 * time, 0 * time + yaw)
+
+
+def _later(sensor: Lidar, motion: Motion, sweeps: int) -> list[Points]:
+    """Sweeps after the first one, under a progress bar."""
+    if sweeps == 1:
+        return []
+    doing, later = "sweeping", []
+    with terminal.progress(doing) as tell:
+        for n in range(1, sweeps):
+            later.append(sensor.sweep(motion, start=n / sensor.model.rate, number=n)[0])
+            tell(doing, (n + 1) / sweeps)
+    return later
 
 
 def _write_bag(sweeps: Sequence[Points], period: float, out: Path) -> None:

@@ -13,10 +13,14 @@ if TYPE_CHECKING:
     from aoro_gym.machine import Machine
     from aoro_gym.terrains import Path as Line
     from aoro_gym.terrains import Plane, Terrain
+    from aoro_gym.terrains.world.world import World
     from aoro_gym.twin import Twin
 
 TerrainOption = Annotated[
     Path | None, option("--terrain", "FILE", "Ground, see 'aoro-gym terrain'. Default: level asphalt.")
+]
+WorldOption = Annotated[
+    Path | None, option("--world", "FOLDER", "World with its solid objects, see 'aoro-gym world', as ground.")
 ]
 GroundOption = Annotated[
     str, option("--ground", "raster|mesh", "How the twin feels a terrain; mesh: its very triangles.")
@@ -39,11 +43,32 @@ def load_terrain(file: Path) -> Terrain:
     return loaded.terrain
 
 
-def load_ground(file: Path | None) -> Terrain | Plane:
-    """The ground of a file, or level asphalt."""
-    from aoro_gym.terrains import Plane
+def load_ground(file: Path | None, world: Path | None = None) -> Terrain | Plane | World:
+    """The ground of a file, the ``world`` of a folder, or level asphalt.
 
-    return Plane() if file is None else load_terrain(file)
+    Raises ValueError if both are given.
+    """
+    from aoro_gym.terrains import Plane
+    from aoro_gym.terrains.world.files import load_world
+
+    if world is None:
+        return Plane() if file is None else load_terrain(file)
+    check_one_ground(file, world)
+    with terminal.progress(f"loading {world.name}"):
+        return load_world(world)
+
+
+def bare(ground: Terrain | Plane | World) -> Terrain | Plane:
+    """The ground without its objects."""
+    from aoro_gym.terrains.world.world import World
+
+    return ground.terrain if isinstance(ground, World) else ground
+
+
+def check_one_ground(file: Path | None, world: Path | None) -> None:
+    """ValueError if both are given."""
+    if file is not None and world is not None:
+        raise ValueError(f"--world {world} has its own ground, and --terrain {file} is another; drop one of them")
 
 
 def load_line(file: Path, track: str | None, terrain: Terrain | Plane) -> Line:
@@ -58,13 +83,18 @@ def load_line(file: Path, track: str | None, terrain: Terrain | Plane) -> Line:
 
 def put(twin: Twin, machine: Machine, line: Line | None, start: tuple[float, float, float] | None) -> None:
     """Put the twins at rest on the path, as ``machine`` fits on it; at ``start`` (x, y in m, heading in degrees); or where
-    a reset puts them."""
+    a reset puts them, in a world at the free place nearest to its middle."""
     from aoro_gym.cosimulation.server.starting import start_on_path
+    from aoro_gym.terrains.world.places import free_place
+    from aoro_gym.terrains.world.world import World
 
     if line is not None:
         start_on_path(twin, machine, line)
     elif start is not None:
         twin.reset(position=start[:2], heading=math.radians(start[2]))
+    elif isinstance(twin.terrain, World):
+        place = free_place(twin.terrain)
+        twin.reset(position=place[:2], heading=place.heading)
     else:
         twin.reset()
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from aoro_gym.cli import options
 from aoro_gym.cli.options import option
 from aoro_gym.cli.outcome import checking_input, conclude, running
-from aoro_gym.cli.place import StartOption
+from aoro_gym.cli.place import StartOption, WorldOption, load_ground
 from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
@@ -37,9 +37,6 @@ SlopeDirectionOption = Annotated[
 ]
 FrictionOption = Annotated[float, option("--terrain-friction", "FACTOR", "Tire friction against dry asphalt.")]
 RollingOption = Annotated[float, option("--terrain-rolling", "FACTOR", "Rolling resistance against asphalt.")]
-WorldOption = Annotated[
-    Path | None, option("--world", "FOLDER", "World to drive in, see 'aoro-gym world'; in place of a plane.")
-]
 IdealOption = Annotated[
     bool, option("--ideal-sensors", None, "Measured columns without noise, zero error and quantiser.")
 ]
@@ -140,7 +137,7 @@ def _ground(folder: Path | None, slope: float, direction: float, friction: float
         rolling: Of --terrain-rolling, likewise.
     """
     from aoro_gym.terrains import Plane
-    from aoro_gym.terrains.world.files import load_world
+    from aoro_gym.terrains.world.world import World
 
     plane = Plane(slope_deg=slope, direction_deg=direction, friction=friction, rolling_resistance=rolling)
     if folder is None:
@@ -149,7 +146,9 @@ def _ground(folder: Path | None, slope: float, direction: float, friction: float
         raise ValueError(
             f"--terrain-slope {slope:g} is that of a plane, but --world {folder} has its own ground; drop one"
         )
-    return load_world(folder)
+    ground = load_ground(None, folder)
+    assert isinstance(ground, World)
+    return ground
 
 
 def _place(ground: Plane | World, start: tuple[float, float, float] | None) -> tuple[float, float, float]:

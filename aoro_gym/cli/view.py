@@ -17,6 +17,9 @@ from aoro_gym.cli.place import (
     StartOption,
     TerrainOption,
     TrackOption,
+    WorldOption,
+    bare,
+    check_one_ground,
     check_start,
     load_ground,
     load_line,
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
     from aoro_gym.machine import Machine
     from aoro_gym.terrains import Path as Line
     from aoro_gym.terrains import Plane, Terrain
+    from aoro_gym.terrains.world.world import World
     from aoro_gym.view.live import LiveTwins
     from aoro_gym.view.replay import Replay
 
@@ -60,6 +64,7 @@ def view(
     logs: LogsArgument = None,
     machine: MachinesOption = None,
     terrain: TerrainOption = None,
+    world: WorldOption = None,
     ground: GroundOption = "raster",
     path: PathOption = None,
     track: TrackOption = None,
@@ -86,10 +91,14 @@ def view(
     With LOGs it shows these again, side by side on one clock with a slider. Logs of the simulator hold the pose; of others,
     the joint and the wheels move and the machine stays in its place.
 
-    With --policy it shows episodes of an environment that controllers or policies drive, from --seed on; --terrain and
-    --path say where.
+    In a --world trees, stumps, boulders and logs push back. It starts at --start, by default at the free place nearest to
+    the middle.
 
-    --lidar shows the points that a lidar on the first machine gets of the ground. There is no camera yet.
+    With --policy it shows episodes of an environment that controllers or policies drive, from --seed on; --terrain or
+    --world and --path say where.
+
+    --lidar shows the points that a lidar on the first machine gets of the ground, and of what stands there. There is no
+    camera yet.
 
     The page is for this computer alone (127.0.0.1). Ctrl-C ends it.
 
@@ -99,6 +108,7 @@ def view(
       aoro-gym view --terrain scan.ply --path lap.gpx --gamepad /dev/input/js0
       aoro-gym view before.csv after.csv
       aoro-gym view --terrain scan.ply --lidar vlp-16
+      aoro-gym view --world forest --lidar os1-64
       aoro-gym view --policy preview --policy stanley
       aoro-gym view --machine aoro --machine mine.toml
       aoro-gym view --set joint.compliance=1e-8 --no-browser --port 8090
@@ -107,21 +117,18 @@ def view(
         from aoro_gym.view.extras import viser
 
         viser()
-        _check_together(logs, machine, path, start, policy)
+        _check_together(logs, machine, path, start, policy, lidar)
+        check_one_ground(terrain, world)
         _check_gamepad(gamepad, logs, policy)
-        if lidar is not None and policy:
-            raise ValueError("--lidar looks around a live twin or the machine of a LOG; drop --policy")
         names = machine or [options.MACHINE]
         machines = [options.load(options.run_spec(name, set_, scale, "cpu", seed, laws=laws)) for name in names]
         if policy:
-            page, run = _driven_by(policy, env, machines[0], (terrain, path, track), seed, port)
+            page, run = _driven_by(policy, env, machines[0], (world or terrain, path, track), seed, port)
         else:
-            land = load_ground(terrain)
-            line = None if path is None else load_line(path, track, land)
-            if logs:
-                twins, names = _replay(logs, machines), [log.stem for log in logs]
-            else:
-                twins = _twins(machines, land, ground, line, start)
+            land = load_ground(terrain, world)
+            line = None if path is None else load_line(path, track, bare(land))
+            names = [log.stem for log in logs] if logs else names
+            twins = _replay(logs, machines) if logs else _twins(machines, land, ground, line, start)
             page, run = _driven_by_hand(twins, names, (land, line, terrain), gamepad, lidar, port)
     from aoro_gym.view.server import stop
 
@@ -139,9 +146,12 @@ def _check_together(
     path: Path | None,
     start: tuple[float, float, float] | None,
     policies: list[str] | None,
+    lidar: str | None,
 ) -> None:
-    """ValueError for options that contradict each other."""
+    """ValueError for options that contradict each other; named as the command names them."""
     check_start(path, start)
+    if policies and lidar is not None:
+        raise ValueError("--lidar looks around a live twin or the machine of a LOG; drop --policy")
     if policies and logs:
         raise ValueError("--policy drives a live twin, but a LOG is shown again; drop one of them")
     if policies and start is not None:
@@ -169,7 +179,7 @@ def _check_gamepad(gamepad: Path | None, logs: list[Path] | None, policies: list
 def _driven_by_hand(
     twins: LiveTwins | Replay,
     names: list[str],
-    place: tuple[Terrain | Plane, Line | None, Path | None],
+    place: tuple[Terrain | Plane | World, Line | None, Path | None],
     gamepad: Path | None,
     lidar: str | None,
     port: int,
@@ -184,7 +194,7 @@ def _driven_by_hand(
         lidar: Model of one, if any.
         port: Of the page.
     """
-    from aoro_gym.terrains import Plane
+    from aoro_gym.terrains import Terrain
     from aoro_gym.view.colours import scan_colours
     from aoro_gym.view.lidar_cloud import LidarCloud
     from aoro_gym.view.live_view import LiveView
@@ -193,7 +203,7 @@ def _driven_by_hand(
     land, line, file = place
     server = start(port)
     cloud = None if lidar is None else LidarCloud(server, land, lidar)
-    colours = None if file is None or isinstance(land, Plane) else scan_colours(file, land)
+    colours = None if file is None or not isinstance(land, Terrain) else scan_colours(file, land)
     twins.forces()  # says so where their kernel is compiled first
     shown = LiveView(server, twins, names, gamepad=gamepad, lidar=cloud)
     shown.page.surround(land, line, colours)
@@ -246,7 +256,7 @@ def _replay(logs: list[Path], machines: list[Machine]) -> Replay:
 
 def _twins(
     machines: list[Machine],
-    land: Terrain | Plane,
+    land: Terrain | Plane | World,
     ground: str,
     line: Line | None,
     start: tuple[float, float, float] | None,

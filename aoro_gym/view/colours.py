@@ -10,9 +10,12 @@ from numpy.typing import NDArray
 
 from aoro_gym.terrains import Terrain
 from aoro_gym.terrains.figures import HEIGHT_COLOURS
+from aoro_gym.terrains.world.world import Scene
 
 FARTHEST_COLOUR = 1.0
 """Distance [m] up to which a point of the ground takes the colour of the scan's nearest point."""
+BRIGHTER = 2.0
+"""By which a world's albedo is multiplied: forests are dark."""
 SCANS = (".ply", ".obj", ".glb", ".gltf", ".off", ".stl")
 """Meshes that may hold colours."""
 
@@ -26,6 +29,13 @@ def ground_colours(terrain: Terrain) -> NDArray[np.float64]:
     colours = np.stack([np.interp(share, places, stops[:, i]) for i in range(3)], axis=1)
     grip = np.broadcast_to(terrain.friction, len(z))
     return colours * (0.6 + 0.4 * np.clip(grip, 0.0, 1.0))[:, None]
+
+
+def world_colours(scene: Scene) -> NDArray[np.float64]:
+    """(V, 3) from 0 to 1: albedo of the material at each vertex of a world, linear as vertex colours are, brightened."""
+    albedo = np.zeros((len(scene.vertices), 3))
+    albedo[scene.faces] = scene.materials.albedo[scene.face_class][:, None]
+    return np.minimum(BRIGHTER * albedo, 1.0)
 
 
 def scan_colours(file: Path, terrain: Terrain) -> NDArray[np.float64] | None:

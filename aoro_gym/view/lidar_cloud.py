@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from aoro_gym.sensors.lidar import Lidar, Motion, Points
 from aoro_gym.sensors.raytrace import Scene
 from aoro_gym.terrains import Plane, Terrain
+from aoro_gym.terrains.world.world import World
 from aoro_gym.view.poses import Pose
 from aoro_gym.view.scene import WORLD
 
@@ -33,16 +34,19 @@ class LidarCloud:
 
     Args:
         server: From :func:`aoro_gym.view.server.start`.
-        ground: What it sees, and nothing else.
+        ground: What it sees, and nothing else; of a world its objects, too.
         model: Name among :data:`aoro_gym.sensors.lidar.MODELS`.
 
     Raises ValueError for an unknown model.
     """
 
-    def __init__(self, server: Any, ground: Terrain | Plane, model: str):
-        self._lidar = Lidar(Scene.of_terrain(_terrain(ground)), model, subrays=SUBRAYS)
+    def __init__(self, server: Any, ground: Terrain | Plane | World, model: str):
+        scene = Scene.of_world(ground) if isinstance(ground, World) else Scene.of_terrain(_terrain(ground))
+        self._lidar = Lidar(scene, model, subrays=SUBRAYS)
         with server.gui.add_folder("Sensors"):
-            self._wanted = server.gui.add_checkbox(f"lidar {model}", True, hint="on the cab's roof; sees the ground")
+            self._wanted = server.gui.add_checkbox(
+                f"lidar {model}", True, hint="on the cab's roof; does not see the machine"
+            )
         self._node = server.scene.add_point_cloud(
             f"{WORLD}/lidar", np.zeros((1, 3), np.float32), np.zeros((1, 3), np.uint8), point_size=POINT_SIZE
         )

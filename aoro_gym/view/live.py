@@ -10,7 +10,6 @@ import numpy as np
 from aoro_gym.machine import Machine
 from aoro_gym.recording.commands import COMMAND_BOUNDS
 from aoro_gym.twin import Twin
-from aoro_gym.twin.records import CHANNELS
 from aoro_gym.view.forces import TireForces
 from aoro_gym.view.poses import Floats, Pose, pose_of_state
 
@@ -103,4 +102,4 @@ class LiveTwins:
     def readings(self) -> list[dict[str, float]]:
         """Outputs of each twin, SI."""
         outputs = np.asarray(self.twin.outputs.numpy()[-1], dtype=np.float64)
-        return [dict(zip(CHANNELS, outputs[:, i].tolist(), strict=True)) for i in range(len(self.machines))]
+        return [dict(zip(self.twin.channels, outputs[:, i].tolist(), strict=True)) for i in range(len(self.machines))]

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 from aoro_gym.machine import Machine
 from aoro_gym.terrains import Path, Plane, Terrain
+from aoro_gym.terrains.world.world import World
 from aoro_gym.twin import Twin
 from aoro_gym.view.live import LiveTwins
 from aoro_gym.view.panel import Gauges
@@ -111,7 +112,7 @@ class TwinPage:
         """Where a browser finds it."""
         return f"http://{HOST}:{self.server.get_port()}"
 
-    def surround(self, terrain: Plane | Terrain, path: Path | None, colours: Floats | None = None) -> None:
+    def surround(self, terrain: Plane | Terrain | World, path: Path | None, colours: Floats | None = None) -> None:
         """Draw the ground, in ``colours`` (V, 3) of its points where there are any, and the path, if they are others than
         those that are drawn."""
         if self._drawn[0] is terrain and self._drawn[1] is path:

@@ -18,7 +18,8 @@ from aoro_gym.interchange.rigid_bodies import Strut, Tire
 from aoro_gym.machine import Machine
 from aoro_gym.recording.commands import WHEELS
 from aoro_gym.terrains import Path, Plane, Terrain
-from aoro_gym.view.colours import ground_colours
+from aoro_gym.terrains.world.world import World
+from aoro_gym.view.colours import ground_colours, world_colours
 from aoro_gym.view.poses import Floats, Kinematics, Pose
 from aoro_gym.view.solid import Solid
 from aoro_gym.view.solids import CHROME, IRON, front_frame, rear_frame, wheel
@@ -140,14 +141,17 @@ class Ground:
 
     Args:
         scene: Of a server of viser.
-        terrain: Drawn with its colours, or by height.
+        terrain: Drawn with its colours, or by height; a world with its objects, in the colours of their materials.
         colours: (V, 3) from 0 to 1 of a scan's points.
     """
 
-    def __init__(self, scene: Any, terrain: Plane | Terrain, colours: NDArray[np.floating] | None = None):
+    def __init__(self, scene: Any, terrain: Plane | Terrain | World, colours: NDArray[np.floating] | None = None):
         import trimesh
 
-        if isinstance(terrain, Plane):
+        if isinstance(terrain, World):
+            triangles = terrain.scene()
+            vertices, faces, shades = triangles.vertices, triangles.faces, world_colours(triangles)
+        elif isinstance(terrain, Plane):
             vertices, faces = _plane(terrain)
             shades = _chequered(len(vertices))
         else:
@@ -193,8 +197,10 @@ def tints(count: int) -> list[tuple[float, float, float] | None]:
     return [TINTS[i % len(TINTS)] for i in range(count)]
 
 
-def nearest_heights(terrain: Plane | Terrain, xy: Floats) -> Floats:
+def nearest_heights(terrain: Plane | Terrain | World, xy: Floats) -> Floats:
     """Height [m] (P,) of the ground at points (P, 2): of the plane, or of the terrain's nearest vertex."""
+    if isinstance(terrain, World):
+        terrain = terrain.terrain
     if isinstance(terrain, Plane):
         n = terrain.normal if terrain.normal.ndim == 1 else terrain.normal[0]
         return -(xy @ n[:2]) / n[2]

@@ -101,6 +101,9 @@ class World:
     def __deepcopy__(self, memo: dict[int, Any]) -> World:
         return self  # immutable
 
+    def __repr__(self) -> str:
+        return f"World({self.name!r}, {len(self.objects):,} objects)"
+
     @property
     def counts(self) -> dict[str, int]:
         """Number of objects of every kind, by its name."""

@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 from aoro_gym.terrains import Terrain
+from aoro_gym.terrains.world.files import save_world
+from aoro_gym.terrains.world.objects import Tree, upright
+from aoro_gym.terrains.world.world import World
 from tests.cli.calling import call
 
 
@@ -30,6 +33,24 @@ def test_points_and_picture(ground, tmp_path):
         assert 0.1 < points["time"].max() < 0.2
         np.testing.assert_allclose(points["world"][:, 2], 0.02 * points["world"][:, 0], atol=0.1)  # six deviations
     assert (tmp_path / "a.png").stat().st_size > 10_000
+
+
+def test_in_a_world_its_objects_are_seen_from_a_free_place(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    field = Terrain.from_heights(np.zeros((41, 41)), cell=1.0, corner=(-20.0, -20.0))
+    pine = Tree((0.0, 0.0, 0.0), upright(), "pine", 0.3, 16.0, 9.0, 1.5, 1)  # where a machine would stand
+    save_world(World(field, (pine,)), "clearing")
+    common = ("lidar", "--world", "clearing", "--model", "vlp-16", "--json", "-")
+    shown = call(*common, "--out", "a.npz")
+    assert shown.exit_code == 0, shown.output
+    assert json.loads(shown.stdout)["objects"] == 1
+    with np.load(tmp_path / "a.npz") as points:
+        stem = points["world"][points["instance"] == 1]
+        # mixed points of its edges lie up to a pulse's length behind it, which is less than 1 m
+        assert len(stem) > 10 and np.hypot(*stem[:, :2].T).max() < 1.5 + 1.0
+    assert call(*common, "--at", "8", "0", "--out", "b.npz", "--sweeps", "2").exit_code == 0
+    shown = call(*common, "--terrain", "ground.ply")
+    assert shown.exit_code == 2 and "drop one of them" in " ".join(shown.stderr.split())
 
 
 @pytest.mark.parametrize("name", ["a.mcap", "a.rosbag2"])

@@ -21,6 +21,8 @@ ROOT = Path(__file__).resolve().parents[2]
         ("view --path a.gpx --start 0 0 0", "--path and --start both say where to start"),
         ("view --ground grid", "ground is 'grid'; choose one of: raster, mesh"),
         ("view --set joint.nothing=1", "joint.nothing"),
+        ("view --world nowhere", "nowhere"),
+        ("view --world forest --terrain scan.ply", "--world forest has its own ground"),
         ("view --policy nobody", "'nobody' is no policy for AORO/PathTracking-v0"),
         ("view --policy preview --start 0 0 0", "drop --start"),
         ("view --policy preview --machine aoro --machine aoro", "policies drive one"),

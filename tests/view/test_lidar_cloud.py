@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from aoro_gym.terrains import Plane
+from aoro_gym.terrains import Plane, Terrain
+from aoro_gym.terrains.world.objects import Log, along
+from aoro_gym.terrains.world.world import World
 from aoro_gym.view.lidar_cloud import EVERY, LidarCloud, angles, colours
 from aoro_gym.view.poses import Pose
 from aoro_gym.view.server import start
@@ -37,6 +39,14 @@ def test_points_lie_on_the_ground_where_the_machine_is(server):
     assert node.points is before
     cloud.show(1.5 * EVERY, Pose(np.add(place, [1.0, 0.0, 0.1]), LEVEL))
     assert node.points is not before
+
+
+def test_it_sees_what_lies_in_a_world(server):
+    field = Terrain.from_heights(np.zeros((41, 41)), cell=1.0, corner=(-20.0, -20.0))
+    log = Log((13.0, -3.0, 0.4), along((0.0, 1.0, 0.0)), "pine", 6.0, 0.4, 0.4, 0.8, 0)
+    cloud = LidarCloud(server, World(field, (log,)), "vlp-16")
+    points = cloud.sweep(Pose(np.zeros(3), LEVEL))
+    assert points is not None and np.sum(points.instance == 1) > 20
 
 
 def test_a_box_leaves_it_out_and_a_sensor_in_the_ground_sees_nothing(server):

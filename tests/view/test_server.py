@@ -5,9 +5,13 @@ import socket
 import numpy as np
 import pytest
 
-from aoro_gym.terrains import Plane
+from aoro_gym.cli.place import put
+from aoro_gym.terrains import Plane, Terrain
+from aoro_gym.terrains.world.objects import Tree, upright
+from aoro_gym.terrains.world.world import World
 from aoro_gym.twin import Twin
 from aoro_gym.view import server as module
+from aoro_gym.view.colours import world_colours
 from aoro_gym.view.live import LiveTwins
 from aoro_gym.view.live_view import LiveView
 from aoro_gym.view.page import FRAME
@@ -51,6 +55,24 @@ def test_nodes_are_where_the_twin_is(server, view):
     turned = float(twin.state.numpy()[:, 0][module_row("WHEEL_FL")])
     arm = float(twin.output("arm_angle_fl")[0])
     assert wheel.wxyz[0] == pytest.approx(np.cos(0.5 * (turned - arm)), abs=1e-6)
+
+
+def test_a_world_is_drawn_with_its_objects_and_driven_in(server, monkeypatch):
+    field = Terrain.from_heights(np.zeros((41, 41)), cell=1.0, corner=(-20.0, -20.0))
+    pine = Tree((0.0, 0.0, 0.0), upright(), "pine", 0.3, 16.0, 9.0, 1.5, 1)
+    made = World(field, (pine,))
+    node = Ground(server.scene, made).node
+    assert node is server.scene.get_handle_by_name("/world/ground")
+    scene = made.scene()
+    foliage = scene.vertices[:, 2] > 10.0
+    shades = world_colours(scene)[foliage].mean(axis=0)
+    assert shades[1] == max(shades)  # green
+    twin = Twin(terrain=made, threads=1)
+    put(twin, twin.machine, None, None)  # not into the pine
+    shown = LiveTwins(twin, [twin.machine], begin=lambda: put(twin, twin.machine, None, None))
+    shown.settle()
+    reading = shown.readings()[0]
+    assert reading["touched_object_front"] == 0.0 and np.hypot(reading["position_x"], reading["position_y"]) > 1.0
 
 
 def module_row(name):
