@@ -105,6 +105,12 @@ def _figures(file: Path) -> dict[str, Any]:
     return {} if best is None else dict(best["figures"])
 
 
+def _interval(figure: Mapping[str, Any]) -> str:
+    """The 95 % interval of a figure; one episode has none."""
+    low, high = figure.get("low95"), figure.get("high95")
+    return "none" if low is None or high is None else f"{low:.4g} to {high:.4g}"
+
+
 def card(policy: LearnedPolicy, figures: Mapping[str, Any], place: str) -> str:
     """A model card: what the policy is for, what it observes, how it came about, how well it does.
 
@@ -117,7 +123,7 @@ def card(policy: LearnedPolicy, figures: Mapping[str, Any], place: str) -> str:
         "| | not known |"
     ]
     rows = [
-        f"| {name.replace('_', ' ')} | {one['mean']:.4g} | {one['low95']:.4g} to {one['high95']:.4g} | {one['episodes']} |"
+        f"| {name.replace('_', ' ')} | {one['mean']:.4g} | {_interval(one)} | {one['episodes']} |"
         for name, one in figures.items()
         if one.get("mean") is not None
     ]

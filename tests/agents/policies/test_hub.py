@@ -84,6 +84,13 @@ def test_without_an_evaluation_the_card_says_so(tmp_path):
     assert "None stood beside the policy" in (tmp_path / "shared" / "README.md").read_text()
 
 
+def test_figures_of_one_episode_have_no_interval(trained, tmp_path):
+    alone = {"return": {"mean": 12.5, "low95": None, "high95": None, "episodes": 1}}
+    (trained.parent / "evaluations.json").write_text(json.dumps({"evaluations": [{"steps": 1, "figures": alone}]}))
+    hub.push(trained, str(tmp_path / "shared"))
+    assert "| return | 12.5 | none | 1 |" in (tmp_path / "shared" / "README.md").read_text()
+
+
 def test_a_repository_gets_the_same(trained, tmp_path, client):
     assert hub.push(trained, "me/turning", private=True) == "https://hub/me/turning"
     assert client[0] == ("create", "me/turning", True, True)
