@@ -71,6 +71,14 @@ def titled(name: str) -> str:
     return f"{words} [{unit}], {'more' if name in MORE_IS_BETTER else 'less'} is better"
 
 
+def verdict(name: str, difference: Interval) -> str:
+    """ "better" or "worse" of a difference whose interval leaves out 0; else nothing."""
+    low, high = difference.low95, difference.high95
+    if not (low > 0.0 or high < 0.0):  # NaN, too
+        return ""
+    return "better" if (low > 0.0) == (name in MORE_IS_BETTER) else "worse"
+
+
 def shown(value: Interval, unit: str, *, finer: int = 0, total: int | None = None) -> str:
     """``mean [low, high]`` to three digits of the mean and ``finer`` ones; shares in per cent. After ``≥`` where it is a
     lower bound, before ``(n)`` where it is over n episodes of the ``total`` only."""

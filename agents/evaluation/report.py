@@ -8,11 +8,11 @@ from typing import Any
 
 from aoro_gym.agents.evaluation.films import film_caption, write_film
 from aoro_gym.agents.evaluation.logs import write_episode
-from aoro_gym.agents.evaluation.metrics import MARKS, describe, named, shown
+from aoro_gym.agents.evaluation.metrics import MARKS, describe, named, shown, verdict
 from aoro_gym.agents.evaluation.plots import write_errors, write_metrics, write_plans
 from aoro_gym.agents.evaluation.result import Evaluation
 from aoro_gym.execution.files import write_json
-from aoro_gym.reporting.page import Passage, write_page
+from aoro_gym.reporting.page import Passage, block, write_page
 from aoro_gym.reporting.terminal import Comparison
 
 
@@ -55,8 +55,8 @@ def write_report(
     if len(result.runs) > 1:
         text = (
             f"Each policy less {next(iter(result.runs))}, episode by episode, over those in which both have the metric and "
-            "neither is a lower bound: what the episodes share cancels, so these "
-            "intervals tell policies apart whose own overlap. Those that leave out 0 are beyond chance."
+            "neither is a lower bound: what the episodes share cancels, so these intervals tell policies apart whose own "
+            "overlap. Those that leave out 0 are beyond chance, and say whether the policy is better or worse."
         )
         passages.insert(1, Passage("Differences", text, table=difference_rows(result)))
     if plans:
@@ -103,13 +103,19 @@ def metric_rows(result: Evaluation) -> list[list[str]]:
 
 
 def difference_rows(result: Evaluation) -> list[list[str]]:
-    """Every metric of the other policies less that of the first one, a column for each; the first row is the head."""
+    """Every metric of the other policies less that of the first one, a column for each; the first row is the head. A
+    difference beyond chance is coloured, and says whether it is better or worse."""
     differences = result.differences
     total = result.episodes * result.repeats
     rows = [["mean difference [95 % interval]", "unit", *differences]]
     for name in next(iter(result.runs.values())).metrics:
         words, unit = named(name)
-        rows.append([words, unit, *(shown(found[name], unit, total=total) for found in differences.values())])
+        cells = []
+        for found in differences.values():
+            text, said = shown(found[name], unit, total=total), verdict(name, found[name])
+            kind = "yes" if said == "better" else "no"
+            cells.append(block("marked", text=f"{text} {said}", kind=kind) if said else text)
+        rows.append([words, unit, *cells])
     return rows
 
 

@@ -148,7 +148,7 @@ def printed(result: Validation) -> Iterator[Comparison | str]:
     for title, checks in ((SHAPE_TITLE, result.shape), ("Checks", result.checks)):
         table = Comparison(title, ("what", "value", "published", "bound", "unit", ""), [])
         for check in checks:
-            mark = Text("reached", style="green") if check["reached"] else Text("missed", style="red")
+            mark = Text(_word(check["reached"]), style="green" if check["reached"] else "red")
             table.add(*_check_cells(check), mark)
         yield table
     yield _verdict(result)
@@ -492,12 +492,17 @@ def _tiles(result: Validation) -> Markup:
     for check in result.checks:
         what, value, known, bound, unit = _check_cells(check)
         beside = bound if known == "-" else f"published {known}, {bound}"
-        figures.append((value, unit, f"{what} ({beside})", _mark(check["reached"])))
+        figures.append((value, unit, f"{what} ({beside}): {_word(check['reached'])}", _mark(check["reached"])))
     return block("tiles", figures=figures)
 
 
 def _mark(reached: bool) -> str:
     return "yes" if reached else "no"
+
+
+def _word(reached: bool) -> str:
+    """The same in words."""
+    return "reached" if reached else "missed"
 
 
 def _html_table(result: Validation, direction: str) -> Markup:
@@ -509,7 +514,7 @@ def _html_table(result: Validation, direction: str) -> Markup:
             cells = _cells(line)
             cells[4] = block("marked", text=cells[4], kind="twin")
             if line.mark is not None:
-                cells[6] = block("marked", text=cells[6], kind=_mark(line.mark))
+                cells[6] = block("marked", text=f"{cells[6]} {_word(line.mark)}", kind=_mark(line.mark))
             rows.append([cells[index] for index in shown])
     return block("table", head=[COLUMNS[index] for index in shown], rows=rows)
 
@@ -518,7 +523,7 @@ def _shape_table(result: Validation) -> Markup:
     rows = []
     for figure in result.shape:
         cells = _check_cells(figure)
-        cells[1] = block("marked", text=cells[1], kind=_mark(figure["reached"]))
+        cells[1] = block("marked", text=f"{cells[1]} {_word(figure['reached'])}", kind=_mark(figure["reached"]))
         rows.append(cells)
     return block("table", head=["figure", "twin", "published twin", "bound", "unit"], rows=rows)
 

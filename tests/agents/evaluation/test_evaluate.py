@@ -386,11 +386,11 @@ def test_report_holds_everything(found, tmp_path, monkeypatch):
     assert page.count("data:image/webp;base64,") == 3
     for row in (*evaluation_report.metric_rows(found), *evaluation_report.difference_rows(found)):
         for cell in row:
-            assert cell.replace("'", "&#x27;") in page
+            assert str(cell).replace("'", "&#x27;") in page
     assert "two lines" in page
     assert "3 episodes a policy from seed 5. Machine mine, as it is.<" in page
     rate = next(row for row in evaluation_report.difference_rows(found) if row[0] == "success rate")
-    assert rate == ["success rate", "%", "-100 [-100, -100]"]
+    assert rate == ["success rate", "%", '<span class="no">-100 [-100, -100] worse</span>']
 
 
 @pytest.mark.parametrize(("fixture", "policy"), [("turned", "bang-bang"), ("found", "preview")])
