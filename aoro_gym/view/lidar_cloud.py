@@ -16,7 +16,7 @@ from aoro_gym.view.poses import Pose
 from aoro_gym.view.scene import WORLD
 
 EVERY = 0.2
-"""Simulated time [s] between two sweeps: one takes some 50 ms of a core."""
+"""Simulated time [s] between two sweeps: one takes 10 to 70 ms of a core."""
 POINT_SIZE = 0.05
 """[m] of a drawn point."""
 SUBRAYS = 1
