@@ -47,6 +47,10 @@ FASTEST = 2.0
 """Joint rate [rad/s] that no machine of this kind reaches, by a factor of two: an angle that changes faster has jumped."""
 JUMP_NOISE = 8.0
 """Standard deviations of the differences at rest by which noise does not make an angle jump."""
+HELD = 0.1
+"""Time [s] for which a slow bus may hold a sample: an angle that is known so seldom moves in steps."""
+HELD_STEPS = 4
+"""Steps at an even pace that show it."""
 LARGEST_PRESSURE = 600 * BAR
 """Pressure [Pa] that bursts hoses of this kind: a higher one was logged in another unit."""
 LARGEST_ENGINE_SPEED = 6000 * RPM
@@ -58,6 +62,9 @@ HARDLY = np.radians(0.5)
 STUCK, STUCK_NOISE = 12, 10
 """Equal samples in a row that make a sensor look saturated, or stuck: so many, and so many times the most of them at rest,
 where a quantiser repeats itself, too. Which shows no noise at rest cannot be judged."""
+QUANTISED = 2.5
+"""Steps of its resolution within which a signal stays at rest where its quantiser hides the noise: it may repeat itself for
+any time when it stands between two of them, and cannot be judged either."""
 STUCK_TIME = 0.1
 """Least time [s] that they take."""
 NOISELESS = 1e-4
@@ -576,8 +583,9 @@ class _Reading:
         """What samples (F,) say by themselves, of which ``still`` are at rest; takes sensors out that cannot be used."""
         angle = channels["joint_angle"]
         steps, intervals = np.diff(angle), np.diff(time)
-        noise = JUMP_NOISE * np.std(steps[: still - 1]) if still > 1 else np.inf
+        noise = JUMP_NOISE * float(np.std(steps[: still - 1])) if still > 1 else np.inf
         jumps = np.flatnonzero(np.abs(steps) > FASTEST * intervals + noise)
+        jumps = jumps[~_held(time, steps, jumps, noise)]
         if jumps.size:
             row = int(jumps[0])
             raise ValueError(
@@ -590,6 +598,7 @@ class _Reading:
             length, first = _longest_run(values)
             duration = time[first + length - 1] - time[first]
             noisy = usual < STUCK and np.std(np.diff(values[:still])) > NOISELESS * np.ptp(values)
+            noisy = noisy and not _quantised(values[:still])
             if not noisy or length < max(STUCK, STUCK_NOISE * usual) or duration < STUCK_TIME:
                 continue
             column = self.columns[key]
@@ -632,6 +641,27 @@ def _first_turn(steering: Floats) -> tuple[float, slice]:
     first = int(commanded[0])
     last = first + int(np.argmax(np.append(signs[first:], 0.0) != signs[first]))
     return float(signs[first]), slice(first, last + 1)
+
+
+def _held(time: Floats, steps: Floats, jumps: NDArray[np.intp], noise: float) -> NDArray[np.bool_]:
+    """Which ``jumps`` (M,), numbers of ``steps``, are those of an angle that a slow bus holds: there are steps at an even
+    pace, and a jump is as large as a joint that is not too fast makes it, and no spike, which is soon undone."""
+    large = np.flatnonzero(np.abs(steps) > noise)
+    pace = np.diff(time[large])
+    alike = steps[large[1:]] * steps[large[:-1]] > 0.0
+    even = pace[(pace > 1.5 * np.median(np.diff(time))) & (pace <= HELD) & alike]
+    if len(even) < HELD_STEPS:
+        return np.zeros(len(jumps), dtype=bool)
+    period = float(np.median(even))
+    turned = np.where(alike, np.inf, pace)  # time until, and since, a step goes the other way
+    apart = np.minimum(np.append(turned, np.inf), np.append(np.inf, turned))[np.searchsorted(large, jumps)]
+    return (apart > 0.7 * period) & (np.abs(steps[jumps]) <= FASTEST * 1.5 * period + noise)
+
+
+def _quantised(values: Floats) -> bool:
+    """Whether what changes at rest is hardly more than the steps of the signal's resolution."""
+    levels = np.unique(values)
+    return len(levels) < 2 or float(np.ptp(levels)) <= QUANTISED * float(np.min(np.diff(levels)))
 
 
 def _longest_run(values: Floats) -> tuple[int, int]:

@@ -249,6 +249,33 @@ def test_a_quantiser_does_not_hang(tmp_path, step):
         assert read_recording(written(tmp_path, table)).limitations == ()
 
 
+@pytest.mark.parametrize("noise", [0.1, 0.2, 0.3])
+def test_a_coarse_angle_may_stand_still_for_any_time(tmp_path, noise):
+    """A 12-bit angle whose noise is a share of its step: it flickers near an edge, and stands in the middle."""
+    step = 2.0 * np.pi / 4096
+    rng = np.random.default_rng(3)
+    for start in np.linspace(-0.6, -0.6 + step, 7):
+        table = columns(duration=6.0, level=0.5)
+        angle = table["joint_angle_rad"] - table["joint_angle_rad"][0] + start
+        table["joint_angle_rad"] = step * np.round(angle / step + noise * rng.standard_normal(len(angle)))
+        assert read_recording(written(tmp_path, table)).limitations == ()
+
+
+@pytest.mark.parametrize("period", [3, 5, 8])
+@pytest.mark.parametrize("noise", [0.0, 3e-4])
+def test_an_angle_that_a_slow_bus_holds_moves_in_steps(tmp_path, period, noise):
+    """Held for 30 to 80 ms while the joint turns at 0.7 rad/s: steps of up to 3.2°, at 5.6 rad/s by the sample."""
+    table = columns(duration=2.5)
+    table["steering_signal"] = np.where(table["time_s"] < 2.0, np.sign(table["steering_signal"]), 0.0)
+    angle = -0.6 + 0.7 * np.cumsum(np.r_[0.0, table["steering_signal"][:-1]]) / 100.0
+    angle = np.clip(angle, None, 0.5)[(np.arange(len(angle)) // period) * period]
+    table["joint_angle_rad"] = angle + noise * np.random.default_rng(4).standard_normal(len(angle))
+    assert read_recording(written(tmp_path, table)).limitations == ()
+    table["joint_angle_rad"][100] += np.radians(3.0)  # a spike among the steps
+    with pytest.raises(ValueError, match="jumps by"):
+        read_recording(written(tmp_path, table))
+
+
 def test_a_log_of_a_drive_does_not_say_that_the_joint_stands(tmp_path):
     table = columns()
     table["drive_signal"] = table.pop("steering_signal")
