@@ -26,8 +26,9 @@ def machine_ranges(machine: Machine) -> dict[str, Any]:
 
 
 def grounds(courses: Sequence[Course] | None) -> list[Any]:
-    """Of each course the ground: its arrays, its coordinate system and where its origin lies in it."""
-    return [] if courses is None else [_unnamed(course.terrain) for course in courses]
+    """Of each course the ground: its arrays, its coordinate system and where its origin lies in it; of a world the objects,
+    too."""
+    return [] if courses is None else [_ground(course) for course in courses]
 
 
 def paths(courses: Sequence[Course] | None) -> list[Any]:
@@ -43,6 +44,12 @@ def policy_content(policy: Any) -> Any:
     content = {one.name: getattr(made_of, one.name) for one in fields(made_of) if one.name != "training"}
     normalisation = made_of.normalisation  # by its values: where its class stands does not count
     return [content | {"normalisation": None if normalisation is None else vars(normalisation)}]
+
+
+def _ground(course: Course) -> dict[str, Any]:
+    """What machines stand on, and what rays meet on it."""
+    bare = _unnamed(course.terrain)
+    return bare if course.world is None else _unnamed(course.world) | {"terrain": bare}
 
 
 def _unnamed(part: Any) -> dict[str, Any]:

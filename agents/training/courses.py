@@ -56,6 +56,6 @@ def held_out_courses(plan: TrainingPlan, courses: Sequence[Course]) -> Sequence[
     """Courses to evaluate on: other paths over the first ground of ``courses``, or ``courses`` if the path is given."""
     if plan.path is not None:
         return courses
-    ground = courses[0].terrain
+    ground = courses[0].ground
     others = generated_paths(ground, length=plan.path_length, first=HELD_OUT_PATHS)
-    return [Course(ground, others, name=courses[0].name)]
+    return [Course.over(ground, others, courses[0].name)]

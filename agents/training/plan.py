@@ -40,7 +40,9 @@ class TrainingPlan:
     trainer: str = option(
         "sb3", "|".join(TRAINERS), "Stable-Baselines3, or skrl's PPO with all arrays on the device, for GPUs."
     )
-    terrain: str | None = option(None, "FILE", "Ground: a mesh, raster or cloud. Default: generated forests.")
+    terrain: str | None = option(
+        None, "FILE|FOLDER", "Ground: a mesh, raster or cloud, or a world. Default: generated forests."
+    )
     path: str | None = option(None, "FILE", PATH_HELP)
     track: str | None = option(None, "NAME|N", TRACK_HELP)
     join_gaps: bool = option(False, None, JOIN_GAPS_HELP)

@@ -28,7 +28,8 @@ TrustPickleOption = Annotated[
     bool, option("--trust-pickle", None, "Load .zip files of Stable-Baselines3, which run code of their maker.")
 ]
 TerrainOption = Annotated[
-    Path | None, option("--terrain", "FILE", "Ground: a mesh, raster or cloud. Default: generated forests.")
+    Path | None,
+    option("--terrain", "FILE|FOLDER", "Ground: a mesh, raster or cloud, or a world. Default: generated forests."),
 ]
 PathOption = Annotated[Path | None, option("--path", "FILE", PATH_HELP)]
 TrackOption = Annotated[str | None, option("--track", "NAME|N", TRACK_HELP)]
@@ -81,8 +82,8 @@ def evaluate(
 
     Means over the episodes with 95 % intervals: success, cross-track error, speed, energy, tilt, return and how episodes
     ended; of turning, the joint's responses. Episode i has the seed --seed + i for every policy. A terrain file is loaded,
-    checked and repaired as 'aoro-gym terrain' does it. With --laws families each episode has a machine of other laws, drawn
-    by its seed; policies are made for the machine of the file.
+    checked and repaired as 'aoro-gym terrain' does it; solid objects of a world push back. With --laws families each episode
+    has a machine of other laws, drawn by its seed; policies are made for the machine of the file.
 
     FOLDER gets evaluation.json, plots, films (MP4 with the extra 'video', else AVIF) and index.html. Ctrl-C is safe: the
     same command goes on where it stopped.
@@ -92,6 +93,7 @@ def evaluate(
       aoro-gym evaluate
       aoro-gym evaluate --policy preview --policy stanley --episodes 64 --logs mcap
       aoro-gym evaluate --terrain forest.laz --path lap.gpx --policy preview
+      aoro-gym evaluate --terrain forest_world --policy preview
       aoro-gym evaluate --env AORO/Turning-v0 --scale steering.valve.spool_time_constant=5
       aoro-gym evaluate --env AORO/Turning-v0 --laws families --perturbation perturbed
       aoro-gym evaluate --env AORO/Turning-v0 --policy proportional-derivative --policy runs/turning/policy.json

@@ -15,6 +15,7 @@ from aoro_gym.machine import Machine
 from aoro_gym.reporting.display import has_display
 from aoro_gym.reporting.style import GRID, INK, SOFT
 from aoro_gym.terrains import Path, Plane, Terrain
+from aoro_gym.terrains.world.world import World
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -111,13 +112,13 @@ def opened_page(twin: Twin) -> TwinPage | None:
     return page
 
 
-def surroundings(task: Task, twin: Twin) -> tuple[Plane | Terrain, Path | None]:
+def surroundings(task: Task, twin: Twin) -> tuple[Plane | Terrain | World, Path | None]:
     """Ground and path of the first sub-environment, as the task's ``surroundings`` says, or the twins' ground."""
     told = getattr(task, "surroundings", None)
     if told is not None:
         return told()
-    ground: Any = twin.terrain
-    return (ground if isinstance(ground, Plane | Terrain) else ground[0]), None
+    ground = twin.terrain
+    return (ground if isinstance(ground, Plane | Terrain | World) else ground[0]), None
 
 
 class Window:

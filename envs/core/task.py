@@ -59,18 +59,21 @@ from aoro_gym.envs.core.terms import ObservationTerm, RewardTerm
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index
 from aoro_gym.machine import Machine
 from aoro_gym.terrains import Plane, Terrain
-from aoro_gym.twin.records import Output, State, row_of
+from aoro_gym.terrains.world.world import World
+from aoro_gym.twin.records import FIRST_OBJECT_OUTPUT, OBJECT_OUTPUT_UNITS, Output, State, row_of
 
-Terrains = Plane | tuple[Terrain, ...]
-"""What the twins stand on: one plane, or terrains to choose from."""
+Terrains = Plane | tuple[Terrain | World, ...]
+"""What the twins stand on: one plane, or terrains and worlds to choose from."""
+_OBJECT_ROWS = {name: FIRST_OBJECT_OUTPUT + i for i, name in enumerate(OBJECT_OUTPUT_UNITS)}
 
 
 @dataclass(frozen=True)
 class Outputs:
     """Sampled outputs of the twins over one control step.
 
-    ``values`` has shape (frames, channels, N), float32, SI units as in ``aoro_gym.twin.records.OUTPUT_UNITS``. They alias
-    the twins' memory, as all that the methods give: they hold until the next step or reset.
+    ``values`` has shape (frames, channels, N), float32, SI units as in ``aoro_gym.twin.records.OUTPUT_UNITS``; among solid
+    objects the channels of ``OBJECT_OUTPUT_UNITS`` follow. They alias the twins' memory, as all that the methods give: they
+    hold until the next step or reset.
     """
 
     values: Array
@@ -79,15 +82,15 @@ class Outputs:
 
     def last(self, channel: str) -> Array:
         """Channel at the end of the step, shape (N,)."""
-        return self.values[-1, channel_row(channel)]
+        return self.values[-1, self._row(channel)]
 
     def samples(self, channel: str) -> Array:
         """All samples of the channel over the step, oldest first, shape (frames, N)."""
-        return self.values[:, channel_row(channel)]
+        return self.values[:, self._row(channel)]
 
     def group(self, first: str, count: int) -> Array:
         """Samples of ``count`` channels from the channel ``first`` on, shape (frames, count, N)."""
-        row = channel_row(first)
+        row = self._row(first)
         return self.values[:, row : row + count]
 
     def states(self, first: str, count: int) -> Array:
@@ -97,10 +100,16 @@ class Outputs:
         row = int(State[first])
         return self.state[row : row + count]
 
+    def _row(self, channel: str) -> int:
+        row = channel_row(channel)
+        if row >= self.values.shape[1]:
+            raise ValueError(f"there is no output '{channel}' here: only twins in a world with solid objects have it")
+        return row
+
 
 def channel_row(channel: str) -> int:
     """Row of an output channel; ValueError that lists the channels if there is none of that name."""
-    return row_of(Output, channel, "output")
+    return _OBJECT_ROWS[channel] if channel in _OBJECT_ROWS else row_of(Output, channel, "output")
 
 
 def chosen(

@@ -95,12 +95,17 @@ class Frozen(Mapping[str, T], Generic[T]):
         return f"Frozen({self._items!r})"
 
 
-def changed_rewards(terms: Mapping[str, RewardTerm], changes: Mapping[str, Any] | None) -> Frozen[RewardTerm]:
+def changed_rewards(
+    terms: Mapping[str, RewardTerm],
+    changes: Mapping[str, Any] | None,
+    further: Mapping[str, Callable[[Any], Array]] | None = None,
+) -> Frozen[RewardTerm]:
     """``terms`` with ``changes`` by name: a term or (weight, function), a weight alone, a function alone (weight 1), or
-    None to leave the term out.
+    None to leave the term out. A weight alone also asks for one of the ``further`` functions by its name.
 
     Raises ValueError that names the term and the fix.
     """
+    further = {} if further is None else further
     result = dict(terms)
     for name, change in _named(changes, "reward_terms").items():
         if change is None:
@@ -109,8 +114,9 @@ def changed_rewards(terms: Mapping[str, RewardTerm], changes: Mapping[str, Any] 
         elif isinstance(change, RewardTerm):
             result[name] = change
         elif isinstance(change, int | float | np.number) and not isinstance(change, bool):
-            _known(name, result, "reward_terms", "weigh")
-            result[name] = _built(name, "reward_terms", RewardTerm, float(change), result[name].function)
+            known = {**further, **{each: term.function for each, term in result.items()}}
+            _known(name, known, "reward_terms", "weigh")
+            result[name] = _built(name, "reward_terms", RewardTerm, float(change), known[name])
         elif isinstance(change, tuple | list) and len(change) == 2:
             result[name] = _built(name, "reward_terms", RewardTerm, *change)
         elif callable(change):

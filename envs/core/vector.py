@@ -20,6 +20,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from aoro_gym.checks import check_choice, check_integer
+from aoro_gym.envs.core.contacts import contact_infos
 from aoro_gym.envs.core.copying import copied, pickled
 from aoro_gym.envs.core.kernel_step import KernelStep, kernel_step
 from aoro_gym.envs.core.next_episodes import NextEpisodes
@@ -31,6 +32,7 @@ from aoro_gym.machine import Machine
 from aoro_gym.machine.parameters import InvalidMachine, OutsideRangeWarning, shortened
 from aoro_gym.sensors.attitude import angles_of
 from aoro_gym.terrains import Plane, Terrain
+from aoro_gym.terrains.world.world import World
 from aoro_gym.twin import Twin
 from aoro_gym.twin.records import WHEELS, Command
 from aoro_gym.twin.twin import STATUS
@@ -103,7 +105,9 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         task: What to do.
         num_envs: Sub-environments, at least 1.
         machine: Bundled name, machine file or :class:`Machine`; one machine, or ``num_envs`` variants.
-        terrain: Ground: a plane (level asphalt by default), a terrain, or several that episodes choose from.
+        terrain: Ground: a plane (level asphalt by default), a terrain or a world, or several that episodes choose from. The
+            solid objects of a world push back; ``info`` then has ``chassis_contact`` and ``chassis_force`` [N], see
+            :mod:`aoro_gym.envs.core.contacts`.
         ground: How twins feel a terrain, ``"raster"`` or ``"mesh"``; see :class:`~aoro_gym.twin.Twin`.
         device: ``"cpu"`` or ``"cuda:N"``.
         output: ``"numpy"``, or ``"torch"`` for tensors on the device (needs ``aoro-gym[torch]``).
@@ -132,7 +136,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         num_envs: int = 1,
         *,
         machine: str | Path | Machine = "aoro",
-        terrain: Plane | Terrain | Sequence[Terrain] | None = None,
+        terrain: Plane | Terrain | World | Sequence[Terrain | World] | None = None,
         ground: str = "raster",
         device: str = "cpu",
         output: str = "numpy",
@@ -193,10 +197,10 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         self._commands = arrays.alias(self.twin.commands)
         self._steps = arrays.zeros(n, arrays.xp.int64)
 
-        ground_of: Any = self.twin.terrain  # environments stand on no worlds
-        if isinstance(ground_of, Terrain):
-            ground_of = (ground_of,)
-        self.task.allocate(n, ground_of if isinstance(ground_of, Plane) else tuple(ground_of), arrays)
+        ground = self.twin.terrain
+        if not isinstance(ground, Plane):
+            ground = (ground,) if isinstance(ground, Terrain | World) else tuple(ground)
+        self.task.allocate(n, ground, arrays)
         self.termination_reasons = [
             *self.task.termination_reasons,
             *(f"simulation diverged: {reason}" for reason in STATUS.values()),
@@ -277,7 +281,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             self._observe(chosen)
             if self.arrays.host(self._wrong_observation()):
                 self._complain_of_observation()
-            infos = self.task.info()
+            infos = self._logged(self.task.info())
             infos = _with_masks(_where(chosen, infos), dict.fromkeys(infos, chosen))
         if self.render_mode == "human":
             self.render()
@@ -471,7 +475,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         arrays, kernels = self.arrays, self._in_kernels()
         judged = self._judged(actions, resetting) if kernels is None else self._told(kernels, actions, resetting)
         infos = {f"reward/{name}": value for name, value in zip(self.task.reward_terms, judged.values, strict=True)}
-        infos |= judged.infos
+        infos |= self._logged(judged.infos)
         if self._renderer is not None:
             self._renderer.record(self.task.traces())
         masks = dict.fromkeys(infos, judged.running)
@@ -492,7 +496,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         if wrong_observation:
             self._complain_of_observation()
         if resetting.any():
-            infos, masks = _replaced(infos, masks, self.task.info(), ~judged.running)
+            infos, masks = _replaced(infos, masks, self._logged(self.task.info()), ~judged.running)
         if any_terminated:
             infos["termination"], masks["termination"] = self._reasons(judged.ending), judged.terminated
         self._done = np.array(arrays.host(judged.done)) if any_done else np.zeros(self.num_envs, dtype=bool)
@@ -620,7 +624,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         self._observe(done)
         if self.arrays.host(self._wrong_observation()):
             self._complain_of_observation()
-        infos, masks = _replaced(infos, masks, self.task.info(), done)
+        infos, masks = _replaced(infos, masks, self._logged(self.task.info()), done)
         return {
             **_with_masks(infos, masks),
             "final_obs": final,
@@ -678,6 +682,10 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         if not arrays.known_all_false(~mask):
             observation = xp.where(mask[:, None], observation, self._observation)
         self._observation = observation
+
+    def _logged(self, infos: Infos) -> Infos:
+        """``infos`` of the task, and what twins among solid objects touch."""
+        return infos | contact_infos(self._outputs) if self.twin.has_objects else infos
 
     def _wrong_observation(self) -> Array:
         """Whether any observation is not finite."""

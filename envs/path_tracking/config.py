@@ -89,6 +89,9 @@ class PathTrackingConfig:
     """A machine is stuck that gains less than this [m] …"""
     stuck_time: float = 20.0
     """… in this time [s]."""
+    chassis_force_limit: float = math.inf
+    """Force [N] of the objects of a world on a chassis beyond which it has hit an object, which ends the episode; 0: any
+    touch does, by default none. See :func:`aoro_gym.envs.core.contacts.chassis_force`."""
     gear: int | str = 1
     """1, 2, 3 or ``"automatic"``; see :class:`aoro_gym.envs.path_tracking.assistance.AutomaticGear`."""
     gear_shift: GearShift = field(default_factory=GearShift)
@@ -125,6 +128,7 @@ class PathTrackingConfig:
         for name in ("working_speed", "stuck_distance", "stuck_time", "path_limit", "end_tolerance"):
             check_range(name, getattr(self, name), gt=0.0, lt=math.inf)
         check_range("control_step", self.control_step, "s", gt=0.0, le=0.1)
+        check_range("chassis_force_limit", self.chassis_force_limit, "N", ge=0.0)
         check_range("time_margin", self.time_margin, ge=1.0)
         check_integer("action_memory", self.action_memory, ge=2)
         check_integer("rate_samples", self.rate_samples, ge=2)

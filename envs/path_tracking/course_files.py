@@ -9,6 +9,8 @@ from typing import Any
 
 from aoro_gym.envs.path_tracking.courses import Course, generated_paths
 from aoro_gym.terrains import Plane, Terrain, load, load_path
+from aoro_gym.terrains.world.files import load_world
+from aoro_gym.terrains.world.world import World
 
 TRACKING = "AORO/PathTracking-v0"
 """The environment that drives on courses."""
@@ -20,7 +22,7 @@ class CourseFiles:
 
     Args:
         env: Id of the environment.
-        terrain: File of the ground; None: level ground.
+        terrain: File of the ground, or folder of a world; None: level ground.
         path: File of the path; None: generated ones.
         path_length: Of generated paths [m].
         track: Line of the path's file, where it holds several.
@@ -50,30 +52,33 @@ class CourseFiles:
             given = "--terrain" if self.path is None else "--path"
             raise ValueError(f"{given} is for {TRACKING}; {self.env} turns on level ground")
 
-    def load_terrain(self, progress: Callable[[float], Any]) -> tuple[Terrain, list[str]]:
+    def load_terrain(self, progress: Callable[[float], Any]) -> tuple[Terrain | World, list[str]]:
         """The ground, and warnings; calls ``progress`` with the share that is done.
 
         Raises ValueError if the file holds no ground or cannot be driven on, OSError if it cannot be read.
         """
         assert self.terrain is not None
+        if self.terrain.is_dir():
+            return load_world(self.terrain), []
         ground, report = load(self.terrain, progress=progress)
         return ground, report.warnings
 
-    def course(self, ground: Terrain | None) -> tuple[Course, str, list[str]]:
+    def course(self, ground: Terrain | World | None) -> tuple[Course, str, list[str]]:
         """The course over ``ground``, or over level ground; a summary of the path's file, and warnings.
 
         Raises ValueError if the path cannot be driven there, OSError if its file cannot be read.
         """
         terrain, name = (Plane(), "level ground") if ground is None else (ground, ground.name)
         if self.path is None:
-            return Course(terrain, generated_paths(terrain, length=self.path_length), name=name), "", []
-        path, about = load_path(self.path, ground, track=self.track, join_gaps=self.join_gaps, crs=self.path_crs)
+            return Course.over(terrain, generated_paths(terrain, length=self.path_length), name), "", []
+        bare = ground.terrain if isinstance(ground, World) else ground
+        path, about = load_path(self.path, bare, track=self.track, join_gaps=self.join_gaps, crs=self.path_crs)
         warnings = list(about.warnings)
         if path.speed is not None:
             warnings.append(
                 f"{self.path} gives speeds, which {self.env} does not follow: it drives at its working speed"
             )
-        return Course(terrain, (path,), name=name), about.summary, warnings
+        return Course.over(terrain, (path,), name), about.summary, warnings
 
     def to_json(self) -> dict[str, Any]:
         """The files and how the path is read, as results record them."""

@@ -18,10 +18,11 @@ from aoro_gym.execution.cache import cached, computed_with
 from aoro_gym.execution.digest import digest
 from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.terrains.raster import CELL, surface
+from aoro_gym.terrains.world.places import circles, stems
+from aoro_gym.terrains.world.world import World
 
 if TYPE_CHECKING:
     from aoro_gym.envs.core.ray_scenes import Ground
-    from aoro_gym.terrains.world.world import World
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,12 +33,22 @@ class Course:
     paths: tuple[Path, ...]
     name: str = "course"
     trees: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 4)))
-    """(K, 4) x, y, radius and height [m] that pictures and rays show beside the ground; the machine does not feel them."""
+    """(K, 4) x, y, radius and height [m] that pictures and rays show beside the ground; the machine does not feel them. In a
+    world pictures show its trees."""
     world: World | None = None
-    """What rays meet instead of ``terrain`` and ``trees``: a world with its objects, on the same terrain."""
+    """The objects on ``terrain``, which is this world's: machines feel what is solid, rays meet all of it."""
+
+    @classmethod
+    def over(cls, ground: Terrain | Plane | World, paths: Sequence[Path], name: str = "course") -> Course:
+        """A course over a ``ground`` that may be a world."""
+        if isinstance(ground, World):
+            return cls(ground.terrain, tuple(paths), name, world=ground)
+        return cls(ground, tuple(paths), name)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "paths", tuple(self.paths))
+        if isinstance(self.terrain, World):
+            raise ValueError(f"course {self.name!r} has a world for its terrain; make it by Course.over(world, paths)")
         if not self.paths:
             raise ValueError(f"course {self.name!r} has no path; give at least one")
         for path in self.paths:
@@ -51,6 +62,13 @@ class Course:
                     raise ValueError(
                         f"course {self.name!r}: the plane's {entry.name} is an array, but must be a number"
                     )
+        if self.world is not None and not len(self.trees):
+            object.__setattr__(self, "trees", stems(self.world))
+
+    @property
+    def ground(self) -> Terrain | Plane | World:
+        """What the machine stands on."""
+        return self.terrain if self.world is None else self.world
 
     @property
     def surroundings(self) -> Ground:
@@ -123,7 +141,7 @@ class HeightMap:
 
 
 def as_courses(
-    courses: Sequence[Course] | None, terrain: Terrain | Plane | None, path: Path | None
+    courses: Sequence[Course] | None, terrain: Terrain | Plane | World | None, path: Path | None
 ) -> tuple[Course, ...]:
     """What an environment's arguments ask for: ``courses``, or one ``terrain`` with ``path`` or with generated ones.
 
@@ -137,7 +155,7 @@ def as_courses(
             raise ValueError("courses is empty; give at least one Course")
         for course in courses:
             if not isinstance(course, Course):
-                raise ValueError(f"courses holds {course!r}; give aoro_gym.envs.Course(terrain, paths)")
+                raise ValueError(f"courses holds {course!r}; give aoro_gym.envs.Course.over(ground, paths)")
         if len(courses) > 1 and any(isinstance(course.terrain, Plane) for course in courses):
             raise ValueError("courses holds a plane beside others; give one plane with all paths, or terrains")
         return courses
@@ -146,17 +164,21 @@ def as_courses(
             return library()
         terrain = Plane()
     paths = (path,) if path is not None else generated_paths(terrain)
-    return (Course(terrain, paths, name=getattr(terrain, "name", "plane")),)
+    return (Course.over(terrain, paths, name=getattr(terrain, "name", "plane")),)
 
 
 PATHS_KEPT = 16
 """Sets of generated paths that are remembered for one terrain."""
-_generated: WeakKeyDictionary[Terrain | Plane, dict[tuple[int, float, int], tuple[Path, ...]]] = WeakKeyDictionary()
+_generated: WeakKeyDictionary[Terrain | Plane | World, dict[tuple[int, float, int], tuple[Path, ...]]] = (
+    WeakKeyDictionary()
+)
 
 
-def generated_paths(terrain: Terrain | Plane, count: int = 4, length: float = 60.0, first: int = 0) -> tuple[Path, ...]:
+def generated_paths(
+    terrain: Terrain | Plane | World, count: int = 4, length: float = 60.0, first: int = 0
+) -> tuple[Path, ...]:
     """Drivable paths over ``terrain``, always the same, of the seeds from ``first`` on; kept on disk, and remembered while
-    the terrain lives.
+    the terrain lives. In a world they keep clear of all that is solid, that a machine could drive over, too.
 
     Raises ValueError if there is no room for them.
     """
@@ -167,10 +189,12 @@ def generated_paths(terrain: Terrain | Plane, count: int = 4, length: float = 60
         def make() -> tuple[Path, ...]:
             from aoro_gym.terrains.paths.planning import drivable_ground
 
-            ground = drivable_ground(terrain)
+            ground = drivable_ground(bare, obstacles=solid)
             return tuple(ground.path(seed, length=length) for seed in range(first, first + count))
 
-        shape = terrain if isinstance(terrain, Plane) else (terrain.vertices, terrain.faces)
+        bare, solid = (terrain.terrain, circles(terrain)) if isinstance(terrain, World) else (terrain, None)
+        shape = bare if isinstance(bare, Plane) else (bare.vertices, bare.faces)
+        shape = shape if solid is None else (shape, solid)
         known[key] = cached("paths", (shape, key, _code()), make, _packed_paths, _unpacked_paths)
         if len(known) > PATHS_KEPT:
             del known[next(iter(known))]

@@ -14,9 +14,11 @@ from aoro_gym.envs.path_tracking.assistance import ArmControl
 from aoro_gym.envs.path_tracking.config import PathTrackingConfig, PathTrackingRandomisation
 from aoro_gym.envs.path_tracking.courses import Course, as_courses
 from aoro_gym.envs.path_tracking.observations import GEAR_TERMS, HEIGHT_TERMS, INERTIAL_TERMS
+from aoro_gym.envs.path_tracking.rewards import FURTHER_REWARD_TERMS
 from aoro_gym.envs.path_tracking.task import PathTracking
 from aoro_gym.execution.array_api import Array
 from aoro_gym.terrains import Path, Plane, Terrain
+from aoro_gym.terrains.world.world import World
 
 
 class PathTrackingVectorEnv(TwinVectorEnv):
@@ -37,7 +39,7 @@ class PathTrackingVectorEnv(TwinVectorEnv):
         num_envs: Sub-environments.
         config: The task; see :class:`PathTrackingConfig`.
         courses: Terrains with their paths to draw from; by default a small library of generated forests.
-        terrain: Instead: one ground, with ``path`` or with paths that are generated.
+        terrain: Instead: one ground, a world with its solid objects, too, with ``path`` or with paths that are generated.
         path: The only path on it.
         reward_terms: Changes to the reward terms by name; see :mod:`aoro_gym.envs.core.terms`.
         observation_terms: Changes to the observation terms by name; ``"lidar": True`` and ``"height_map": True`` add what
@@ -51,6 +53,7 @@ class PathTrackingVectorEnv(TwinVectorEnv):
         act_gear: See there.
         observe_inertial: Add roll rate, pitch rate and specific force to the observation.
         scan_x: Places ahead [m] whose ground is scanned.
+        chassis_force_limit: Force [N] of objects on a chassis that ends an episode.
         arguments: See :class:`TwinVectorEnv`: machine, ground, device, output, own_machines, autoreset_mode,
             max_episode_steps, render_mode.
     """
@@ -63,7 +66,7 @@ class PathTrackingVectorEnv(TwinVectorEnv):
         *,
         config: PathTrackingConfig | None = None,
         courses: Sequence[Course] | None = None,
-        terrain: Terrain | Plane | None = None,
+        terrain: Terrain | Plane | World | None = None,
         path: Path | None = None,
         reward_terms: Mapping[str, RewardTerm | tuple[float, Callable[[Any], Array]] | float | None] | None = None,
         observation_terms: Mapping[str, ObservationTerm | Callable[[Any], Array] | bool | None] | None = None,
@@ -75,6 +78,7 @@ class PathTrackingVectorEnv(TwinVectorEnv):
         act_gear: bool | None = None,
         observe_inertial: bool | None = None,
         scan_x: tuple[float, ...] | None = None,
+        chassis_force_limit: float | None = None,
         **arguments: Any,
     ):
         check_keywords(type(self), arguments)
@@ -89,6 +93,7 @@ class PathTrackingVectorEnv(TwinVectorEnv):
             "act_gear": act_gear,
             "observe_inertial": observe_inertial,
             "scan_x": scan_x,
+            "chassis_force_limit": chassis_force_limit,
         }
         config = replace(config, **{name: value for name, value in changes.items() if value is not None})
         observed = {
@@ -99,12 +104,12 @@ class PathTrackingVectorEnv(TwinVectorEnv):
         }
         config = replace(
             config,
-            reward_terms=changed_rewards(config.reward_terms, reward_terms),
+            reward_terms=changed_rewards(config.reward_terms, reward_terms, FURTHER_REWARD_TERMS),
             observation_terms=changed_observations(observed, observation_terms, OFFERED),
         )
         library = as_courses(courses, terrain, path)
-        grounds = [course.terrain for course in library]
-        terrains = [ground for ground in grounds if isinstance(ground, Terrain)]
+        grounds = [course.ground for course in library]
+        terrains = [ground for ground in grounds if not isinstance(ground, Plane)]
         super().__init__(PathTracking(library, config), num_envs, terrain=terrains or grounds[0], **arguments)
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from aoro_gym.envs.core.contacts import chassis_contact
 from aoro_gym.envs.core.terms import Frozen, RewardTerm
 from aoro_gym.envs.path_tracking.view import PathTrackingView
 from aoro_gym.execution.array_api import Array
@@ -84,5 +85,5 @@ REWARD_TERMS = Frozen(
     }
 )
 """The reward: about 1 a step for following the path's middle at the working speed."""
-FURTHER_REWARD_TERMS = Frozen({"exact_progress": exact_progress})
+FURTHER_REWARD_TERMS = Frozen({"exact_progress": exact_progress, "chassis_contact": chassis_contact})
 """What it can be made of besides, by name."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,11 @@ from aoro_gym.envs.path_tracking.courses import HeightMap
 from aoro_gym.envs.path_tracking.path_table import PathTable
 from aoro_gym.machine import Machine
 from aoro_gym.sensors.attitude import wrapped
+from aoro_gym.terrains.world.places import stands_free
 
 Floats = NDArray[np.float64]
+STEP = 0.5
+"""Distance [m] along a path of the places where a start is looked for."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +48,12 @@ def starting_poses(
     where: NDArray[np.intp],
     num_envs: int,
     start_distance: float,
+    solid: Sequence[Floats | None] | None = None,
 ) -> StartingPose:
     """Poses of the sub-environments ``where`` (K,).
+
+    One that is drawn and would stand in an object stands at the nearest place along its path where it stands free, as much
+    off the path and turned as drawn, if there is such a place; nothing more is drawn for it.
 
     Args:
         table: All paths.
@@ -57,6 +64,8 @@ def starting_poses(
         where: Sub-environments.
         num_envs: Number of all of them.
         start_distance: Least distance [m] along an open path: a machine stands behind it.
+        solid: Of each of them the circles of what is solid on its course (:func:`aoro_gym.terrains.world.places.circles`),
+            None on bare ground.
 
     Raises:
         ValueError: an option is outside its range.
@@ -80,17 +89,71 @@ def starting_poses(
         )
     offset = asked("lateral_offset", draws.task["lateral_offset"], -np.inf, np.inf, "m")
     turned = asked("heading_offset", draws.task["heading_offset"], -np.pi, np.pi, "rad")
-    place, along, bend = table.at(path, s)
-    heading = wrapped(along + turned)
-    # the front axle's middle and, one machine behind, the rear one's
-    reference = place + offset[:, None] * np.stack([-np.sin(along), np.cos(along)], axis=1)
-    hinge = reference - front[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
     limit = np.broadcast_to(np.asarray(machine.joint.range, dtype=np.float64), len(where))
-    # a steady turn of curvature κ bends the joint by κ times the wheelbase, at small angles
-    angle = bend * (front + rear) + draws.joint_angle * limit
-    angle = asked("joint_angle", np.clip(angle, -limit, limit), -limit, limit, "rad")
-    behind = hinge - rear[:, None] * np.stack([np.cos(heading - angle), np.sin(heading - angle)], axis=1)
-    return StartingPose(s, heading, angle, np.stack([reference, behind]), hinge)
+    joint_angle = asked("joint_angle", np.full(len(where), np.nan), -limit, limit, "rad")
+    off = _OffPath(front, rear, offset, turned, draws.joint_angle * limit, limit, joint_angle)
+    if solid is not None and options.get("start") is None:
+        s = np.array([
+            s[k] if circles is None else _free(table, path[k], s[k], (first[k], last[k]), off.of(k), circles)
+            for k, circles in enumerate(solid)
+        ])  # fmt: skip
+    return off.poses(table, path, s)
+
+
+@dataclass(frozen=True)
+class _OffPath:
+    """How K vehicles stand beside their paths, each (K,)."""
+
+    front: Floats
+    """Hinge to front axle [m]."""
+    rear: Floats
+    """Hinge to rear axle [m]."""
+    offset: Floats
+    """Cross-track error [m]."""
+    turned: Floats
+    """Heading error [rad]."""
+    bent: Floats
+    """Joint angle [rad] beyond what the path's bend asks for."""
+    limit: Floats
+    """Largest joint angle [rad]."""
+    joint_angle: Floats
+    """Joint angle [rad] that is asked for instead; NaN: none."""
+
+    def of(self, k: int) -> _OffPath:
+        """The vehicle ``k``, (1,)."""
+        return _OffPath(*(getattr(self, each.name)[k : k + 1] for each in fields(self)))
+
+    def poses(self, table: PathTable, path: NDArray[np.intp], s: Floats) -> StartingPose:
+        """They at ``s`` [m] along the paths in the rows ``path`` of the table."""
+        place, along, bend = table.at(path, s)
+        heading = wrapped(along + self.turned)
+        # the front axle's middle and, one machine behind, the rear one's
+        reference = place + self.offset[:, None] * np.stack([-np.sin(along), np.cos(along)], axis=1)
+        hinge = reference - self.front[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
+        # a steady turn of curvature κ bends the joint by κ times the wheelbase, at small angles
+        angle = np.clip(bend * (self.front + self.rear) + self.bent, -self.limit, self.limit)
+        angle = np.where(np.isnan(self.joint_angle), angle, self.joint_angle)
+        behind = hinge - self.rear[:, None] * np.stack([np.cos(heading - angle), np.sin(heading - angle)], axis=1)
+        return StartingPose(s, heading, angle, np.stack([reference, behind]), hinge)
+
+
+def _free(table: PathTable, path: np.intp, s: float, ends: tuple[float, float], off: _OffPath, solid: Floats) -> float:
+    """Place along a path [m] nearest to ``s`` where a vehicle stands in no object; ``s`` where there is none.
+
+    Args:
+        table: All paths.
+        path: Row of the path.
+        s: Where it is to stand [m].
+        ends: Least and largest place [m].
+        off: How it stands beside the path.
+        solid: Circles (K, 3) of what is solid.
+    """
+    apart = STEP * np.arange(np.ceil((ends[1] - ends[0]) / STEP) + 1.0)
+    tried = s + np.stack([apart, -apart], axis=1).reshape(-1)[1:]  # s, s + 0.5 m, s - 0.5 m, ...
+    tried = tried[(tried >= ends[0]) & (tried <= ends[1])]
+    poses = off.poses(table, np.full(len(tried), path), tried)
+    free = stands_free(solid, poses.hinge, poses.heading, poses.joint_angle)
+    return float(tried[np.argmax(free)]) if free.any() else s
 
 
 def check_ground(poses: StartingPose, height_map: HeightMap, course: NDArray[np.intp], names: list[str]) -> None:

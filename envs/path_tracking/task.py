@@ -5,9 +5,9 @@ it is LEFT of the path; its heading is the front frame's, and the heading error 
 path. The action steers and drives; the observation is what the machine's own sensors give: GPS with two antennas, inertial
 unit, wheel speeds, joint angle, and the path, which is known. The true errors are seen by the reward only.
 
-An episode ends well at the path's end, badly when the machine rolls over, leaves the terrain, loses the path or is stuck
-(``info["termination"]`` says which), and is truncated when its time is up: ``time_margin`` times what the rest of the path
-takes at ``working_speed``.
+An episode ends well at the path's end, badly when the machine rolls over, leaves the terrain, loses the path, is stuck or,
+where the configuration limits it, hits an object (``info["termination"]`` says which), and is truncated when its time is up:
+``time_margin`` times what the rest of the path takes at ``working_speed``.
 
 Goals and judgement stand here; starts, sensors, the configuration and the terms stand beside, and a default is changed by
 name when the environment is made.
@@ -23,6 +23,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from aoro_gym.envs.core.contacts import chassis_force
 from aoro_gym.envs.core.randomisation import Draws
 from aoro_gym.envs.core.ray_sensing import RaySensing, looks_back
 from aoro_gym.envs.core.task import Outputs, Start, StepResult, Terrains, chosen, sensing
@@ -38,6 +39,8 @@ from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats
 from aoro_gym.machine import Machine
 from aoro_gym.sensors.attitude import in_world, wrapped
 from aoro_gym.terrains import Path, Plane, Terrain
+from aoro_gym.terrains.world.places import circles
+from aoro_gym.terrains.world.world import World
 from aoro_gym.twin.records import WHEELS, Output, State
 
 PROJECTION_REACH = 1.5
@@ -45,7 +48,7 @@ PROJECTION_REACH = 1.5
 STEERING, DRIVE, ARMS, TRACTION, GEAR = "steering_signal", "drive_signal", "arms", "traction", "gear"
 
 END_OF_PATH = "end of path reached"
-TERMINATION_REASONS = ("", END_OF_PATH, "rolled over", "left the terrain", "lost the path", "stuck")
+TERMINATION_REASONS = ("", END_OF_PATH, "rolled over", "left the terrain", "lost the path", "stuck", "hit an object")
 """Why an episode terminates, besides a simulation that diverged."""
 
 
@@ -132,6 +135,8 @@ class PathTracking:
         self._actions = arrays.zeros((config.action_memory, n, self.action_space.shape[0]), xp.float32)
         grounds = [course.surroundings for course in self.courses]
         self._rays = RaySensing(n, grounds, config.control_step, looks_back(self.observation_terms), arrays)
+        worlds = [course.world for course in self.courses]
+        self._solid = None if not any(worlds) else [None if each is None else circles(each) for each in worlds]
         self._view: PathTrackingView | None = None
         # controllers
         self._gear = AutomaticGear(n, config.gear_shift, arrays)
@@ -155,6 +160,7 @@ class PathTracking:
         poses = starting_poses(
             self.table, path, machine, draws, options,
             where=where, num_envs=n, start_distance=config.start_distance,
+            solid=None if self._solid is None else [self._solid[each] for each in course],
         )  # fmt: skip
         check_ground(poses, self.height_map, course, [self.table.paths[row].name for row in path])
 
@@ -298,6 +304,7 @@ class PathTracking:
             ("stuck", floats(self._step - self._mark_step) * config.control_step >= config.stuck_time),
             ("lost the path", xp.abs(self._cross_track) > config.path_limit),
             ("left the terrain", ~(on_ground[0] & on_ground[1])),
+            ("hit an object", chassis_force(self._outputs) > config.chassis_force_limit),
             ("rolled over", xp.cos(roll) * xp.cos(pitch) < math.cos(config.rollover)),
         ):
             ending = xp.where(holds, TERMINATION_REASONS.index(reason), ending)
@@ -423,10 +430,10 @@ class PathTracking:
             ]
         )  # fmt: skip
 
-    def surroundings(self) -> tuple[Plane | Terrain, Path]:
+    def surroundings(self) -> tuple[Plane | Terrain | World, Path]:
         """Ground and path of the first sub-environment."""
         course = self.courses[int(self._course[0])]
-        return course.terrain, course.paths[int(self._path_number[0])]
+        return course.ground, course.paths[int(self._path_number[0])]
 
     def scene(self, machine: Machine) -> Any:
         from aoro_gym.envs.path_tracking.rendering.scene import PathTrackingScene

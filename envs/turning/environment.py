@@ -13,6 +13,7 @@ from aoro_gym.envs.core.terms import ObservationTerm, RewardTerm, changed_observ
 from aoro_gym.envs.core.vector import TwinVectorEnv, check_keywords
 from aoro_gym.envs.turning.config import TurningConfig
 from aoro_gym.envs.turning.observations import PRESSURE_TERMS
+from aoro_gym.envs.turning.rewards import FURTHER_REWARD_TERMS
 from aoro_gym.envs.turning.task import Turning
 from aoro_gym.execution.array_api import Array
 
@@ -29,7 +30,7 @@ class TurningVectorEnv(TwinVectorEnv):
     ``reset(options=...)`` also takes ``joint_angle`` [rad], ``targets`` [rad] of shape (T,) or (num_envs, T), the last
     of which stays, and ``hold`` [s], the time each target but the last is held (the shortest hold if targets are given);
     ``position`` [m] of the hinge in the plan and ``heading`` [rad], by default the terrain's middle, or a plane's origin,
-    and 0.
+    and 0; in a world the place nearest to its middle where no object is in reach of the machine.
 
     Args:
         num_envs: Sub-environments.
@@ -63,7 +64,7 @@ class TurningVectorEnv(TwinVectorEnv):
         config = replace(
             config,
             observe_pressures=observe_pressures,
-            reward_terms=changed_rewards(config.reward_terms, reward_terms),
+            reward_terms=changed_rewards(config.reward_terms, reward_terms, FURTHER_REWARD_TERMS),
             observation_terms=changed_observations(observed, observation_terms, OFFERED),
             randomisation=config.randomisation if randomisation is None else randomisation,
         )

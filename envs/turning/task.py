@@ -29,6 +29,8 @@ from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats
 from aoro_gym.machine import Machine
 from aoro_gym.sensors import PressureSensor
 from aoro_gym.terrains import Plane
+from aoro_gym.terrains.world.places import open_place
+from aoro_gym.terrains.world.world import World
 from aoro_gym.twin.records import Output, State
 
 TARGETS_DRAWN = 32
@@ -61,6 +63,7 @@ class Turning:
         self._arrays, xp = arrays, arrays.xp
         n, config = num_envs, self.config
         self._terrains = terrains
+        self._middles: dict[int, NDArray[np.float64]] = {}
         frames = round(config.control_step / config.sample_step)
         self._outputs = Outputs(
             arrays.zeros((frames, len(Output), n), xp.float32), arrays.zeros((len(State), n), xp.float32)
@@ -188,7 +191,8 @@ class Turning:
         middle, terrain = np.zeros((len(where), 2)), None
         if not isinstance(self._terrains, Plane):
             terrain = chosen(options, "terrain", len(self._terrains), where, len(self._target), generators)
-            middle = np.array([0.5 * np.add(*one.extent)[:2] for one in self._terrains])[terrain]
+            if options.get("position") is None:
+                middle = np.array([self._middle(number) for number in terrain.tolist()])
         elif options.get("terrain") is not None:
             raise ValueError("options['terrain'] chooses a terrain, but the twins stand on a plane; give terrain=[...]")
         if options.get("position") is not None:
@@ -199,6 +203,14 @@ class Turning:
                 )
             middle = asked[where] if asked.ndim == 2 else np.tile(asked, (len(where), 1))
         return middle, terrain
+
+    def _middle(self, number: int) -> NDArray[np.float64]:
+        """Where to turn [m] (2,): the middle of a terrain, in a world the open place nearest to it."""
+        if number not in self._middles:
+            ground = self._terrains[number]  # pyright: ignore[reportIndexIssue]
+            found = open_place(ground) if isinstance(ground, World) else 0.5 * np.add(*ground.extent)[:2]
+            self._middles[number] = np.asarray(found)
+        return self._middles[number]
 
     def rest(self, where: Index, outputs: Outputs) -> None:
         self._outputs = outputs

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym.terrains.world.objects import Boulder, Log, is_solid, matrix
+from aoro_gym.terrains.world.objects import Boulder, Log, Tree, is_solid, matrix
 from aoro_gym.terrains.world.world import World
 
 HALF_LENGTH = 2.5
@@ -60,6 +60,63 @@ def free_place(world: World, near: tuple[float, float] | None = None, *, ahead: 
         f"{world.name} has no place of {2.0 * HALF_LENGTH:g} m x {2.0 * HALF_WIDTH:g} m without objects and {ahead:g} m"
         " ahead of it; take a sparser world, or less ahead"
     )
+
+
+def open_place(world: World) -> tuple[float, float]:
+    """x, y [m] nearest to the middle of the ground where no object is within reach of a machine that stands there, whatever
+    its heading and its joint angle.
+
+    Raises ValueError if there is no such place.
+    """
+    low, high = world.terrain.extent
+    reach = float(np.hypot(HALF_LENGTH, HALF_WIDTH))
+    axes = [np.arange(low[i] + reach, high[i] - reach + 1e-9, SPACING) for i in (0, 1)]
+    places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    solid = circles(world)
+    for place in places[np.argsort(np.linalg.norm(places - 0.5 * (low[:2] + high[:2]), axis=1), kind="stable")]:
+        if np.all(np.linalg.norm(solid[:, :2] - place, axis=1) > solid[:, 2] + reach + ROOM):
+            return float(place[0]), float(place[1])
+    raise ValueError(
+        f"{world.name} has no place with {reach + ROOM:.1f} m to the next solid object around it; take a sparser world, or"
+        " give a position"
+    )
+
+
+def circles(world: World) -> NDArray[np.float64]:
+    """(K, 3) x, y, radius [m] in plan of what stands for the solid objects."""
+    points, radii = _points(world)
+    return np.column_stack([points, radii])
+
+
+def stems(world: World) -> NDArray[np.float64]:
+    """(K, 4) x, y, radius at breast height and height [m] of the trees that a machine does not bend."""
+    trees = [one for one in world.objects if isinstance(one, Tree) and is_solid(one)]
+    return np.array([(*one.position[:2], 0.5 * one.diameter, one.height) for one in trees]).reshape(-1, 4)
+
+
+def stands_free(
+    solid: NDArray[np.float64],
+    hinge: NDArray[np.float64],
+    heading: NDArray[np.float64],
+    joint_angle: NDArray[np.float64],
+) -> NDArray[np.bool_]:
+    """Whether machines stand in none of the circles, (P,), nor nearer to one than :data:`ROOM`.
+
+    Args:
+        solid: Circles (K, 3), see :func:`circles`.
+        hinge: x, y [m] (P, 2).
+        heading: Of the front frame [rad] (P,).
+        joint_angle: [rad] (P,), positive left: the rear frame's heading is the front one's less this.
+    """
+    apart = solid[:, :2] - hinge[:, None]
+    free = np.ones(len(hinge), dtype=bool)
+    for direction in (heading, heading - joint_angle + np.pi):  # from the hinge along either frame
+        cosine, sine = np.cos(direction)[:, None], np.sin(direction)[:, None]
+        along, across = apart[..., 0] * cosine + apart[..., 1] * sine, apart[..., 1] * cosine - apart[..., 0] * sine
+        beyond = np.maximum(np.abs(along - 0.5 * HALF_LENGTH) - 0.5 * HALF_LENGTH, 0.0)
+        outside = np.hypot(beyond, np.maximum(np.abs(across) - HALF_WIDTH, 0.0))
+        free &= np.all(outside > solid[:, 2] + ROOM, axis=1)
+    return free
 
 
 def _headings() -> NDArray[np.float64]:

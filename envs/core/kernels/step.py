@@ -2,7 +2,8 @@
 
 import warp as wp
 
-from aoro_gym.twin.records import Output, State
+from aoro_gym.envs.core import contacts
+from aoro_gym.twin.records import FIRST_OBJECT_OUTPUT, Output, State
 
 UNMEANT, WRONG_REWARD, WRONG_OBSERVATION, ANY_TERMINATED, ANY_DONE = (wp.constant(number) for number in range(5))
 """Rows of the flags."""
@@ -10,6 +11,9 @@ TERMINATED, TRUNCATED, DONE, RUNNING = (wp.constant(number) for number in range(
 """Rows of what a step ended with."""
 OWN = wp.constant(-1)
 """Kind of a term that is a function of the user's own: it is left to the host."""
+BARE_ROWS = wp.constant(FIRST_OBJECT_OUTPUT)
+"""Channels of twins on bare ground."""
+FRONT_CHASSIS, REAR_CHASSIS = (wp.constant(row) for row in contacts.CHASSIS_ROWS)
 
 
 @wp.struct
@@ -99,6 +103,25 @@ def end_step(m: StepMemory, i: int, reward: float, terminal: wp.int64, time_limi
         m.flags[ANY_TERMINATED] = 1
     if terminated or truncated:
         m.flags[ANY_DONE] = 1
+
+
+@wp.func
+def force_at(m: StepMemory, frame: int, row: int, i: int):
+    """Length of the vector whose components stand in the outputs from ``row`` on."""
+    x = m.outputs[frame, row, i]
+    y = m.outputs[frame, row + 1, i]
+    z = m.outputs[frame, row + 2, i]
+    return wp.sqrt(x * x + y * y + z * z)
+
+
+@wp.func
+def chassis_force(m: StepMemory, i: int):
+    """Largest force [N] of objects on either chassis in the step; see :func:`aoro_gym.envs.core.contacts.chassis_force`."""
+    largest = float(0.0)
+    if m.outputs.shape[1] > BARE_ROWS:
+        for frame in range(m.outputs.shape[0]):
+            largest = wp.max(largest, wp.max(force_at(m, frame, FRONT_CHASSIS, i), force_at(m, frame, REAR_CHASSIS, i)))
+    return largest
 
 
 @wp.func

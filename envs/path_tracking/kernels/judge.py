@@ -2,7 +2,8 @@
 
 import warp as wp
 
-from aoro_gym.envs.core.kernels.step import OWN, StepMemory, counts, end_step
+from aoro_gym.envs.core.contacts import chassis_contact
+from aoro_gym.envs.core.kernels.step import OWN, StepMemory, chassis_force, counts, end_step
 from aoro_gym.envs.path_tracking import rewards
 from aoro_gym.envs.path_tracking.kernels.geometry import known_at
 from aoro_gym.envs.path_tracking.kernels.memory import Control, Courses, Driving, Rules, Sensing, Told
@@ -19,14 +20,16 @@ FULL_POWER = wp.constant(wp.float64(rewards.FULL_POWER))
 
 REWARDED = (
     rewards.progress, rewards.cross_track_cost, rewards.exact_progress, rewards.signal_change, rewards.tipping,
-    rewards.energy, rewards.elapsed, rewards.finish, rewards.failure,
+    rewards.energy, rewards.elapsed, rewards.finish, chassis_contact, rewards.failure,
 )  # fmt: skip
 """Functions of reward terms that :func:`reward_of` knows, by their kinds."""
 
-PROGRESS, CROSS_TRACK, EXACT_PROGRESS, SIGNAL_CHANGE, TIPPING, ENERGY, ELAPSED, FINISH, FAILURE = (
-    wp.constant(kind) for kind in range(len(REWARDED))
+(
+    PROGRESS, CROSS_TRACK, EXACT_PROGRESS, SIGNAL_CHANGE, TIPPING, ENERGY, ELAPSED, FINISH, CHASSIS_CONTACT, FAILURE,
+) = (wp.constant(kind) for kind in range(len(REWARDED)))  # fmt: skip
+END_OF_PATH, ROLLED_OVER, LEFT_TERRAIN, LOST_PATH, STUCK, HIT_OBJECT = (
+    wp.constant(wp.int64(reason)) for reason in range(1, 7)
 )
-END_OF_PATH, ROLLED_OVER, LEFT_TERRAIN, LOST_PATH, STUCK = (wp.constant(wp.int64(reason)) for reason in range(1, 6))
 """As in ``TERMINATION_REASONS``."""
 
 
@@ -41,7 +44,7 @@ def signal_change(d: Driving, i: int):
 
 
 @wp.func
-def reward_of(kind: int, d: Driving, pace: wp.float64, i: int):
+def reward_of(kind: int, m: StepMemory, d: Driving, pace: wp.float64, i: int):
     """A reward term before its weight; see :mod:`aoro_gym.envs.path_tracking.rewards`."""
     if kind == PROGRESS:
         return pace
@@ -62,6 +65,8 @@ def reward_of(kind: int, d: Driving, pace: wp.float64, i: int):
         return ONE
     if kind == FINISH:
         return wp.where(d.ending[i] == END_OF_PATH, ONE, ZERO)
+    if kind == CHASSIS_CONTACT:
+        return wp.where(chassis_force(m, i) > 0.0, ONE, ZERO)
     return wp.where(d.ending[i] > END_OF_PATH, ONE, ZERO)
 
 
@@ -113,6 +118,8 @@ def ending_of(m: StepMemory, c: Courses, d: Driving, r: Rules, i: int):
         ending = LOST_PATH
     if not (front and rear):
         ending = LEFT_TERRAIN
+    if chassis_force(m, i) > r.chassis_force_limit:
+        ending = HIT_OBJECT
     if wp.cos(m.outputs[frame, Output.ROLL, i]) * wp.cos(m.outputs[frame, Output.PITCH, i]) < r.upright:
         ending = ROLLED_OVER
     return ending
@@ -150,7 +157,7 @@ def judge(m: StepMemory, c: Courses, k: Control, s: Sensing, d: Driving, r: Rule
         if kind != OWN:
             value = float(0.0)
             if count:
-                value = float(m.weights[term] * reward_of(kind, d, pace, i))
+                value = float(m.weights[term] * reward_of(kind, m, d, pace, i))
             m.values[term, i] = value
             total += value
     end_step(m, i, total, d.ending[i], d.step[i] >= d.steps_allowed[i])

@@ -114,6 +114,7 @@ class Rules:
     end_tolerance: wp.float64  # [m]
     path_limit: wp.float64  # [m]
     upright: float  # cosine of the largest tilt
+    chassis_force_limit: float  # [N]
     stuck_distance: wp.float64  # [m]
     stuck_time: wp.float64  # [s]
     preview: wp.array(dtype=wp.float64)  # (K,) [m]

@@ -72,7 +72,7 @@ def path_tracking_kernels(task: Any, memory: StepMemory, arrays: Arrays, *, reac
 
 def _rules(task: Any, arrays: Arrays, half: int) -> Rules:
     out, config = Rules(), task.config
-    for name in ("working_speed", "end_tolerance", "path_limit", "stuck_distance", "stuck_time"):
+    for name in ("working_speed", "end_tolerance", "path_limit", "stuck_distance", "stuck_time", "chassis_force_limit"):
         setattr(out, name, getattr(config, name))
     out.reach, out.upright = half, math.cos(config.rollover)
     out.preview = constants(arrays, config.preview)

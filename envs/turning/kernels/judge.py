@@ -2,7 +2,8 @@
 
 import warp as wp
 
-from aoro_gym.envs.core.kernels.step import OWN, StepMemory, counts, end_step
+from aoro_gym.envs.core.contacts import chassis_contact
+from aoro_gym.envs.core.kernels.step import OWN, StepMemory, chassis_force, counts, end_step
 from aoro_gym.envs.turning import rewards
 from aoro_gym.envs.turning.kernels.memory import Goals, Rules, Told
 
@@ -11,17 +12,17 @@ TRACKING_SCALE = wp.constant(rewards.TRACKING_SCALE)
 
 REWARDED = (
     rewards.tracking, rewards.precision, rewards.overshoot, rewards.flow_oscillation, rewards.flow_excess,
-    rewards.signal_change,
+    chassis_contact, rewards.signal_change,
 )  # fmt: skip
 """Functions of reward terms that :func:`reward_of` knows, by their kinds."""
 
-TRACKING, PRECISION, OVERSHOOT, FLOW_OSCILLATION, FLOW_EXCESS, SIGNAL_CHANGE = (
+TRACKING, PRECISION, OVERSHOOT, FLOW_OSCILLATION, FLOW_EXCESS, CHASSIS_CONTACT, SIGNAL_CHANGE = (
     wp.constant(kind) for kind in range(len(REWARDED))
 )
 
 
 @wp.func
-def reward_of(kind: int, g: Goals, tolerance: float, error: float, overshoot: float, i: int):
+def reward_of(kind: int, m: StepMemory, g: Goals, tolerance: float, error: float, overshoot: float, i: int):
     """A reward term before its weight; see :mod:`aoro_gym.envs.turning.rewards`."""
     if kind == TRACKING:
         return wp.exp(-wp.abs(error) / TRACKING_SCALE)
@@ -34,6 +35,8 @@ def reward_of(kind: int, g: Goals, tolerance: float, error: float, overshoot: fl
         return wp.abs(g.flows[0, i] - 2.0 * g.flows[1, i] + g.flows[2, i]) / FULL_FLOW
     if kind == FLOW_EXCESS:
         return wp.max(wp.abs(g.flows[0, i]) / FULL_FLOW - 1.0, 0.0)
+    if kind == CHASSIS_CONTACT:
+        return wp.where(chassis_force(m, i) > 0.0, 1.0, 0.0)
     change = g.signals[0, i] - g.signals[1, i]
     return change * change
 
@@ -106,7 +109,7 @@ def judge(m: StepMemory, g: Goals, r: Rules, t: Told):
         if kind != OWN:
             value = float(0.0)
             if count:
-                value = float(m.weights[term] * wp.float64(reward_of(kind, g, r.tolerance, error, overshoot, i)))
+                value = float(m.weights[term] * wp.float64(reward_of(kind, m, g, r.tolerance, error, overshoot, i)))
             m.values[term, i] = value
             total += value
     end_step(m, i, total, wp.int64(0), False)
