@@ -32,7 +32,7 @@ def read_recipe(plan: TrainingPlan) -> Recipe:
     for text in plan.param or []:
         name, equals, value = (part.strip() for part in text.partition("="))
         if not (name and equals):
-            raise ValueError(f"param {text!r} is not NAME=VALUE, such as learning_rate=1e-4")
+            raise ValueError(f"param is {text!r}, but must be NAME=VALUE, such as learning_rate=1e-4")
         hyperparams[name] = _number(value)
     for name, value in (("n_timesteps", plan.steps), ("n_envs", plan.n_envs)):
         if value is not None:

@@ -96,7 +96,7 @@ def lidar(
 
         check_choice("suffix of --out", out.suffix.lower(), (*SUFFIXES, *WRITTEN))
         check_bag_path(out)
-        check_choice("lidar model", model, MODELS)
+        check_choice("--model", model, MODELS)
         check_integer("--sweeps", sweeps, le=1000)
         check_range("--speed", speed, "m/s", ge=-10.0, le=10.0)
         check_range("--heading", 0.0 if heading is None else heading, "deg", ge=-360.0, le=360.0)

@@ -31,6 +31,13 @@ DurationOption = Annotated[
     option("--duration", "S", "Simulated time. Default: 0.7 s past a turn's stop, 6 s of drive, a file's end."),
 ]
 StartAngleOption = Annotated[float | None, option("--start-angle", "DEG", "Joint angle at the start of a FILE; 0.")]
+OF_A_PLANE = {
+    "slope_deg": "--terrain-slope",
+    "direction_deg": "--terrain-direction",
+    "friction": "--terrain-friction",
+    "rolling_resistance": "--terrain-rolling",
+}
+"""Options by what a plane calls them."""
 SlopeOption = Annotated[float, option("--terrain-slope", "DEG", "Slope of the ground.")]
 SlopeDirectionOption = Annotated[
     float, option("--terrain-direction", "DEG", "Direction of ascent, counter-clockwise from ahead.")
@@ -139,7 +146,11 @@ def _ground(folder: Path | None, slope: float, direction: float, friction: float
     from aoro_gym.terrains import Plane
     from aoro_gym.terrains.world.world import World
 
-    plane = Plane(slope_deg=slope, direction_deg=direction, friction=friction, rolling_resistance=rolling)
+    try:
+        plane = Plane(slope_deg=slope, direction_deg=direction, friction=friction, rolling_resistance=rolling)
+    except ValueError as error:
+        name, _, rest = str(error).removeprefix("terrain ").partition(" ")
+        raise ValueError(f"{OF_A_PLANE.get(name, name)} {rest}") from None
     if folder is None:
         return plane
     if slope or direction:

@@ -150,6 +150,11 @@ def _check_together(
 ) -> None:
     """ValueError for options that contradict each other; named as the command names them."""
     check_start(path, start)
+    if lidar is not None:
+        from aoro_gym.checks import check_choice
+        from aoro_gym.sensors.lidar import MODELS
+
+        check_choice("--lidar", lidar, MODELS)
     if policies and lidar is not None:
         raise ValueError("--lidar looks around a live twin or the machine of a LOG; drop --policy")
     if policies and logs:

@@ -80,7 +80,7 @@ def test_a_table_and_its_files(ground):
     ("words", "message"),
     [
         (["--out", "a.xyz"], "suffix of --out is '.xyz'"),
-        (["--model", "os9"], "lidar model is 'os9'; choose one of"),
+        (["--model", "os9"], "--model is 'os9'; choose one of"),
         (["--weather", "rain"], "--weather is 'rain', but must be KIND=AMOUNT"),
         (["--weather", "hail=2"], "weather is 'hail'; choose one of"),
         (["--at", "500", "0"], "there is no ground at x = 500.0 m"),

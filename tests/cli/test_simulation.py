@@ -197,7 +197,11 @@ def test_seed_draws_the_noise(turn, tmp_path):
         ("simulate -m left --set joint.range=1 --set joint.range=2", "--set names joint.range twice"),
         ("simulate -m left --set joint.range=1 --scale joint.range=2", "given to both --set and --scale"),
         ("simulate -m left --machine aoro_datasheet --scale wheel.mass=-1", "wheel.mass = -220 kg"),
-        ("simulate -m left --terrain-slope 60", "terrain slope_deg is 60 deg, but must be in [-45, 45] deg"),
+        ("simulate -m left --terrain-slope 60", "--terrain-slope is 60 deg, but must be in [-45, 45] deg"),
+        (
+            "simulate -m left --terrain-rolling 60",
+            "--terrain-rolling is 60 x asphalt, but must be in [0, 50] x asphalt",
+        ),
     ],
 )
 def test_wrong_input_is_one_line_before_anything_runs(files, arguments, message):

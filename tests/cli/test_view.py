@@ -17,6 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
     ("arguments", "message"),
     [
         ("view --terrain nothing.ply", "nothing.ply"),
+        ("view --lidar os9", "--lidar is 'os9'; choose one of"),
         ("view --port 70000", "port is 70000, but must be"),
         ("view --path a.gpx --start 0 0 0", "--path and --start both say where to start"),
         ("view --ground grid", "ground is 'grid'; choose one of: raster, mesh"),

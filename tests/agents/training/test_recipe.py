@@ -17,7 +17,7 @@ TURNING, TRACKING = "AORO/Turning-v0", "AORO/PathTracking-v0"
     [
         ({"env": "AORO/Flying-v0"}, "env is 'AORO/Flying-v0'; choose one of: AORO/Turning-v0"),
         ({"perturbation": "odd"}, "perturbation is 'odd'; choose one of: as calibrated, perturbed, with an effect"),
-        ({"param": ["learning_rate"]}, "'learning_rate' is not NAME=VALUE"),
+        ({"param": ["learning_rate"]}, "param is 'learning_rate', but must be NAME=VALUE"),
         ({"param": ["learning_rate=fast_1"]}, "learning_rate is 'fast_1', but must be a number, or lin_NUMBER"),
         (
             {"param": ["policy_kwargs=dict(net_arch=[8])"]},
