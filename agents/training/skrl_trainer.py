@@ -16,6 +16,7 @@ import gymnasium
 import torch  # pyright: ignore[reportMissingImports]
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.logger import Logger  # pyright: ignore[reportMissingImports]
+from torch.distributions import Normal  # pyright: ignore[reportMissingImports]
 from torch.nn import Parameter  # pyright: ignore[reportMissingImports]
 
 from aoro_gym.agents.policies.networks import into_network, of_network
@@ -23,6 +24,7 @@ from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training.callbacks import ProgressCallback, StepCounter
 from aoro_gym.agents.training.checkpoints import random_states, restore_random_states
 from aoro_gym.agents.training.device_env import DeviceEnv
+from aoro_gym.agents.training.minibatches import Figures, Minibatches, Samples
 from aoro_gym.agents.training.perceptron import perceptron
 from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.agents.training.recipe import check_positive_integers
@@ -31,6 +33,7 @@ from aoro_gym.envs.core.vector import TwinVectorEnv
 
 try:
     from skrl.agents.torch.ppo import PPO, PPO_CFG  # pyright: ignore[reportMissingImports]
+    from skrl.agents.torch.ppo.ppo import compute_gae  # pyright: ignore[reportMissingImports]
     from skrl.memories.torch import RandomMemory  # pyright: ignore[reportMissingImports]
     from skrl.models.torch import DeterministicMixin, GaussianMixin, Model  # pyright: ignore[reportMissingImports]
 except ImportError as error:
@@ -263,15 +266,85 @@ def _agent(asked: Hyperparams, env: DeviceEnv) -> Any:
         experiment={"write_interval": 0, "checkpoint_interval": 0},  # pyright: ignore[reportArgumentType]
     )
     log_std = float(asked.policy_kwargs.get("log_std_init", 0.0))
-    agent = PPO(
+    agent = _PPO(
         models={"policy": _Actor(asked.hidden("pi"), log_std, spaces), "value": _Critic(asked.hidden("vf"), spaces)},
-        memory=_Memory(memory_size=int(asked.n_steps), num_envs=int(asked.n_envs), device=env.device),
+        memory=RandomMemory(memory_size=int(asked.n_steps), num_envs=int(asked.n_envs), device=env.device),
         cfg=configuration,
         **spaces,
     )
     agent.init()
     agent.enable_training_mode(True)
     return agent
+
+
+class _PPO(PPO):
+    """skrl's PPO, whose update waits for nothing: its losses, in minibatches that are shuffled where they lie."""
+
+    policy: Any
+    value: Any
+    memory: Any
+
+    def __init__(self, **arguments: Any):
+        super().__init__(**arguments)
+        parameters = [*self.policy.parameters(), *self.value.parameters()]
+        self.optimizer = torch.optim.Adam(parameters, fused=True)  # one launch a step, by the rate of the schedule
+        self.checkpoint_modules["optimizer"] = self.optimizer
+        self._minibatches = Minibatches(
+            self._evaluate,
+            parameters,
+            value_weight=self.cfg.value_loss_scale,
+            entropy_weight=self.cfg.entropy_loss_scale,
+            max_norm=self.cfg.grad_norm_clip,
+            normalised=False,  # a rollout's are
+        )
+
+    def update(self, *, timestep: int, timesteps: int) -> None:
+        self._estimate()
+        samples = self._samples()
+        self._minibatches.clip(self.cfg.ratio_clip, self.cfg.value_clip or None)
+        figures: list[torch.Tensor] = []
+        for _ in range(self.cfg.learning_epochs):
+            order = torch.randperm(len(samples.values), device=self.device)
+            for rows in torch.tensor_split(order, self.cfg.mini_batches):
+                figures.append(self._minibatches.gradients(samples, rows))
+                self.optimizer.step()
+        self._track(
+            Figures(*torch.stack(figures).numpy(force=True).mean(axis=0, dtype=float).tolist())
+        )  # waits for all of it
+
+    def _estimate(self) -> None:
+        """Returns and advantages of the rollout, into the memory."""
+        memory = self.memory
+        with torch.no_grad():
+            last, _ = self.value.act({"observations": self._current_next_observations}, role="value")
+            returns, advantages = compute_gae(
+                **{name: memory.get_tensor_by_name(name) for name in ("rewards", "terminated", "truncated", "values")},
+                last_values=last,
+                discount_factor=self.cfg.discount_factor,
+                lambda_coefficient=self.cfg.gae_lambda,
+                time_limit_bootstrap=self.cfg.time_limit_bootstrap,
+            )
+        memory.set_tensor_by_name("returns", returns)
+        memory.set_tensor_by_name("advantages", advantages)
+
+    def _samples(self) -> Samples:
+        names = ("values", "log_prob", "advantages", "returns")
+        views = self.memory.tensors_view
+        return Samples(views["observations"], views["actions"], *(views[name][:, 0] for name in names))
+
+    def _evaluate(
+        self, observations: torch.Tensor, actions: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        distribution = self.policy.of(observations)
+        values, _ = self.value.act({"observations": observations}, role="value")
+        return values[:, 0], distribution.log_prob(actions).sum(dim=-1), distribution.entropy().sum(dim=-1)
+
+    def _track(self, means: Figures) -> None:
+        self.track_data("Loss / Policy loss", means.policy_loss)
+        self.track_data("Loss / Value loss", self.cfg.value_loss_scale * means.value_loss)
+        if self.cfg.entropy_loss_scale:
+            self.track_data("Loss / Entropy loss", self.cfg.entropy_loss_scale * means.entropy_loss)
+        self.track_data("Policy / Standard deviation", self.policy.deviation().mean().item())
 
 
 class _Actor(GaussianMixin, Model):
@@ -286,6 +359,14 @@ class _Actor(GaussianMixin, Model):
     def compute(self, inputs: Mapping[str, Any], role: str = "") -> tuple[torch.Tensor, dict[str, Any]]:
         return self.net(inputs["observations"]), {"log_std": self.log_std}
 
+    def of(self, observations: torch.Tensor) -> Normal:
+        """What :meth:`act` draws from, of which this draws nothing."""
+        return Normal(self.net(observations), self.deviation())
+
+    def deviation(self) -> torch.Tensor:
+        """Of each action (A,)."""
+        return torch.clamp(self.log_std, self._g_min_log_std, self._g_max_log_std).exp()
+
 
 class _Critic(DeterministicMixin, Model):
     """The value of an observation."""
@@ -297,16 +378,3 @@ class _Critic(DeterministicMixin, Model):
 
     def compute(self, inputs: Mapping[str, Any], role: str = "") -> tuple[torch.Tensor, dict[str, Any]]:
         return self.net(inputs["observations"]), {}
-
-
-class _Memory(RandomMemory):
-    """skrl's rollout memory, shuffled where it lives: its own indices would be uploaded with every batch."""
-
-    def sample(
-        self, names: list[str], *, batch_size: int, mini_batches: int = 1, sequence_length: int = 1
-    ) -> list[list[Any]]:
-        order = torch.randperm(batch_size, device=self.device)
-        return [
-            [self.tensors_view[name][rows] if name in self.tensors else None for name in names]
-            for rows in torch.tensor_split(order, mini_batches)
-        ]

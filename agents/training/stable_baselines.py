@@ -23,6 +23,7 @@ from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training.callbacks import ProgressCallback, StepCounter
 from aoro_gym.agents.training.checkpoints import random_states, restore_random_states
 from aoro_gym.agents.training.plan import TrainingPlan
+from aoro_gym.agents.training.stable_ppo import StablePPO
 from aoro_gym.agents.training.vec_env import make_vec_env
 from aoro_gym.envs.core.vector import TwinVectorEnv
 
@@ -67,9 +68,10 @@ class StableBaselines:
         if isinstance(arguments.get("train_freq"), list):
             arguments["train_freq"] = tuple(arguments["train_freq"])
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "You are trying to run PPO on the GPU")
+            warnings.filterwarnings("ignore", "You are trying to run StablePPO on the GPU")
             try:
-                self._model: BaseAlgorithm = getattr(stable_baselines3, plan.algo.upper())(
+                made = StablePPO if plan.algo == "ppo" else getattr(stable_baselines3, plan.algo.upper())
+                self._model: BaseAlgorithm = made(
                     arguments.pop("policy", "MlpPolicy"), env, seed=plan.seed, device=plan.device, **arguments
                 )
             except TypeError as error:

@@ -3,6 +3,7 @@
 That trainings resume, start from a policy and log is tested for all trainers in ``test_training.py``.
 """
 
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from aoro_gym.agents.training.callbacks import ProgressCallback, StepCounter  # 
 from aoro_gym.agents.training.learner import versions  # noqa: E402
 from aoro_gym.agents.training.plan import TrainingPlan  # noqa: E402
 from aoro_gym.agents.training.skrl_trainer import Hyperparams, SkrlPPO  # noqa: E402
+from tests.agents.training.waits import Waits  # noqa: E402
 
 TURNING = "AORO/Turning-v0"
 SMALL = {"n_timesteps": 1000, "n_envs": 3, "n_steps": 8, "batch_size": 12, "n_epochs": 2, "normalize": True}
@@ -77,18 +79,71 @@ def test_time_limits_are_worth_what_follows_and_ends_nothing(monkeypatch):
     assert torch.equal(agent.memory.get_tensor_by_name("observations")[3], made[2][4])
 
 
-def test_batches_hold_every_sample_once():
+def test_batches_hold_every_sample_once(monkeypatch):
+    learner, seen = learner_of(), []
+    minibatches = learner._agent._minibatches
+    gradients = minibatches.gradients
+    monkeypatch.setattr(minibatches, "gradients", lambda samples, rows: seen.append(rows) or gradients(samples, rows))
+    learner.learn(24, callback(learner), seed=0)
+    assert [len(rows) for rows in seen] == [12, 12, 12, 12]
+    for epoch in (torch.cat(seen[:2]).tolist(), torch.cat(seen[2:]).tolist()):
+        assert sorted(epoch) == list(range(24)) != epoch
+
+
+@pytest.mark.parametrize("changes", [{}, {"clip_range_vf": 0.1}, {"ent_coef": 0.01}])
+def test_updates_as_skrl_does(changes, monkeypatch):
+    """From one memory, in the same batches: weights, and what is logged."""
+    from skrl.agents.torch.ppo import PPO  # pyright: ignore[reportMissingImports]
+
+    learner = learner_of(n_envs=16, batch_size=32, n_epochs=5, learning_rate=1e-3, **changes)
+    ours = learner._agent
+    monkeypatch.setattr(ours, "update", lambda **_: None)
+    learner.learn(8 * 16, callback(learner), seed=2)
+    monkeypatch.undo()
+    spaces = {"observation_space": ours.observation_space, "action_space": ours.action_space, "device": "cpu"}
+    models = {name: deepcopy(model) for name, model in ours.models.items()}
+    theirs = PPO(models=models, memory=deepcopy(ours.memory), cfg=ours.cfg, **spaces)
+    theirs.init()
+    theirs._current_next_observations = ours._current_next_observations
+    for group in theirs.optimizer.param_groups:
+        group["lr"] = 1e-3
+    orders = iter([torch.randperm(128, generator=torch.Generator().manual_seed(k)) for k in range(5)] * 2)
+    monkeypatch.setattr(torch, "randperm", lambda count, device: next(orders))
+    before = iter([one.detach().clone() for name in ("policy", "value") for one in ours.models[name].parameters()])
+    ours.tracking_data.clear()
+    ours.update(timestep=0, timesteps=1)
+
+    memory: Any = theirs.memory
+
+    def sample(names, *, batch_size, mini_batches):
+        batches = torch.tensor_split(next(orders), mini_batches)
+        views = memory.tensors_view
+        return [[views[name][rows] if name in views else None for name in names] for rows in batches]
+
+    monkeypatch.setattr(memory, "sample", sample)
+    theirs.update(timestep=0, timesteps=1)
+    for name in ("policy", "value"):
+        for one, other in zip(theirs.models[name].parameters(), ours.models[name].parameters(), strict=True):
+            # 20 updates round in the last place of weights below 2
+            torch.testing.assert_close(one, other, rtol=0.0, atol=20 * 2.0**-23)
+            assert not torch.equal(other, next(before))
+    assert ours.tracking_data.keys() == theirs.tracking_data.keys()
+    for name, (value,) in theirs.tracking_data.items():
+        # the deviation is logged after the last update here, before it there
+        bound = 1.1e-3 if "deviation" in name else 20 * 2.0**-23 * max(1.0, abs(value))
+        assert ours.tracking_data[name][0] == pytest.approx(value, rel=0.0, abs=bound), name
+
+
+def test_the_host_waits_at_the_end_of_an_update():
+    """However many minibatches there are: for what is logged, and for the deviation."""
     learner = learner_of()
-    memory = learner._agent.memory
-    memory.create_tensor(name="number", size=1, dtype=torch.float32)
-    for k in range(8):
-        memory.add_samples(number=torch.arange(3.0)[:, None] + 3.0 * k)
-    batches = memory.sample(["number", "none"], batch_size=len(memory), mini_batches=2)
-    assert [tuple(batch[0].shape) for batch in batches] == [(12, 1), (12, 1)]
-    assert batches[0][1] is None
-    numbers = torch.cat([batch[0] for batch in batches])[:, 0]
-    assert sorted(numbers.tolist()) == list(range(24))
-    assert numbers.tolist() != list(range(24))
+    learner.learn(24, callback(learner), seed=0)
+    found = []
+    for learner._agent.cfg.learning_epochs in (1, 7):
+        with Waits() as counted:
+            learner._agent.update(timestep=0, timesteps=1)
+        found.append(counted.count)
+    assert found == [1, 1]
 
 
 def test_schedules_follow_the_clock():
