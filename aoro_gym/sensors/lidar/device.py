@@ -3,6 +3,11 @@
 Powers are relative to a white Lambertian surface at right angles 1 m away in clear air: the range equation of an extended
 target (Jelalian 1992, Laser Radar Systems; Wagner et al. 2006, ISPRS J. 60) is then P = ρ cos θ / R² exp(-2 α R). A volume
 of backscatter β over a pulse's length L gives P = π β L / R² exp(-2 α R).
+
+Transmitter and receiver look side by side, so that near by the receiver sees but the share ξ(R) of the beam: 0 up to R1, 1
+from R2 on, linear in between (Rasshofer, Spies and Spies 2011, Adv. Radio Sci. 9: the crossover function; Hahner et al.
+2021, ICCV, take it for fog). What reaches the detector is ξ P: by this echoes are detected and compared. P is what is
+reported, as makers calibrate their intensities by range.
 """
 
 # Device code: its types are Warp's, not Python's.
@@ -31,6 +36,7 @@ class Sensor:
     mounting: wp.transform  # of the sensor's axes in the front frame's, errors included
     min_range: float  # [m]
     max_range: float
+    overlap: wp.vec2  # [m] ranges from which on the receiver sees some and all of the beam
     gate: float  # [m] length of a pulse
     resolution: float  # [m]
     noise_range: wp.vec4  # [m] ranges, and the standard deviations [m] there
@@ -60,6 +66,7 @@ class Echo:
     range: float  # [m] as reported; infinite: nothing
     true_range: float  # [m]
     power: float
+    level: float  # of the power what reaches the detector
     instance: int
     kind: int
 
@@ -98,15 +105,24 @@ def deviation(sensor: Sensor, distance: float):
 
 
 @wp.func
+def overlap(sensor: Sensor, distance: float):
+    """Share of the beam that the receiver sees at a distance [m]."""
+    if distance >= sensor.overlap[1]:
+        return 1.0
+    return wp.max((distance - sensor.overlap[0]) / (sensor.overlap[1] - sensor.overlap[0]), 0.0)
+
+
+@wp.func
 def received(sensor: Sensor, echoes: Echoes, echo: Echo, state: wp.uint32):
     """The echoes with one more, if it is detected; its range as reported."""
     out = echoes
     own = wp.rand_init(int(state), 1)  # a sequence apart from the caller's, whose state this is
-    level = echo.power + sensor.power_noise * wp.randn(own)
+    level = echo.level + sensor.power_noise * wp.randn(own)
     noise = wp.randn(own)
     if level >= sensor.threshold:
         told = Echo()
         told.power = echo.power
+        told.level = echo.level
         told.instance = echo.instance
         told.kind = echo.kind
         told.true_range = echo.range
@@ -117,7 +133,7 @@ def received(sensor: Sensor, echoes: Echoes, echo: Echo, state: wp.uint32):
             out.first = told
         if out.count == 1 or echo.range > out.last.true_range:
             out.last = told
-        if out.count == 1 or echo.power > out.strongest.power:
+        if out.count == 1 or echo.level > out.strongest.level:
             out.strongest = told
     return out
 
@@ -143,8 +159,10 @@ def echoes_of_air(sensor: Sensor, air: Air, ranges: LEVELS, count: int, echoes: 
         mean = air.drops * distance * distance
         found = float(wp.poisson(state, wp.min(mean, 1.0e6))) / wp.min(mean, 1.0e6)
         power = share * air.volume * found / (distance * distance) * wp.exp(-2.0 * air.extinction * distance)
-        if power >= 0.5 * sensor.threshold:
+        level = power * overlap(sensor, distance)
+        if level >= 0.5 * sensor.threshold:
             echo = Echo()
+            echo.level = level
             echo.range = distance + sensor.gate * (wp.randf(state) - 0.5)
             echo.power = power
             echo.instance = PRECIPITATION
@@ -178,6 +196,7 @@ def echoes_of_surfaces(
         echo.range = ranges[begin]
         if echo.power > 0.0:
             echo.range += moment / echo.power
+        echo.level = echo.power * overlap(sensor, echo.range)
         out = received(sensor, out, echo, wp.randu(state))
         begin = end
     return out

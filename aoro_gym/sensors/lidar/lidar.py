@@ -262,6 +262,7 @@ def device_sensor(model: LidarModel, mounting: Mounting, subrays: int, ideal: bo
     sensor: Any = device_code.Sensor()
     sensor.mounting = mounting.transform()
     sensor.min_range, sensor.max_range, sensor.gate = model.min_range, model.max_range, model.gate
+    sensor.overlap = wp.vec2(*map(float, model.overlap))
     sensor.resolution = 1e-6 if ideal else model.resolution
     pairs = [*model.noise, *[model.noise[-1]] * (4 - len(model.noise))]
     sensor.noise_range = wp.vec4(*(float(pair[0]) for pair in pairs))

@@ -54,6 +54,9 @@ class LidarModel:
     divergence_deg: tuple[float, float]
     """Full width at half maximum [deg] of the beam, horizontally and vertically."""
     wavelength_nm: float
+    overlap: tuple[float, float] = (0.0, 0.0)
+    """Ranges [m] from which on the receiver sees some and all of the beam: less reaches the detector from nearer, linearly
+    (:mod:`aoro_gym.sensors.lidar.device`). (0, 0): transmitter and receiver share an axis."""
     pulse: float = 5e-9
     """Duration [s] of a pulse: echoes closer than its length c t / 2 are one."""
     resolution: float = 0.001
@@ -70,6 +73,9 @@ class LidarModel:
             check_range(name, getattr(self, name), gt=0.0, lt=np.inf)
         check_range("elevation_deg", self.elevation_deg, "deg", ge=-90.0, le=90.0)
         check_range("noise", self.noise, "m", ge=0.0, lt=np.inf)
+        check_range("overlap", self.overlap, "m", ge=0.0, lt=np.inf)
+        if len(self.overlap) != 2 or self.overlap[0] > self.overlap[1]:
+            raise ValueError(f"overlap is {self.overlap} m, but must be two ranges, the nearer one first")
         check_range("columns", self.columns, ge=1, le=1_000_000)
         check_range("number of pairs in noise", len(self.noise), ge=1, le=4)
 
@@ -121,6 +127,11 @@ def _rosette(model: LidarModel, number: int) -> Firings:
     return Firings(time, azimuth, elevation, ring.astype(np.int32))
 
 
+FULL_OVERLAP = 5.0
+"""Range [m] from which on receivers are taken to see all of the beam. E: no maker publishes it; the code of Hahner et al.
+(2021) puts it below 10 m for most systems, and takes 1 m in its example. It is taken to begin at the least range."""
+
+
 def _os1(rings: int, reach: float, divergence: float) -> LidarModel:
     return LidarModel(
         name=f"os1-{rings}",
@@ -131,6 +142,7 @@ def _os1(rings: int, reach: float, divergence: float) -> LidarModel:
         max_range=120.0,
         min_range=0.8,
         noise=((0.0, 0.015), (40.0, 0.03), (120.0, 0.10)),
+        overlap=(0.8, FULL_OVERLAP),
         divergence_deg=(divergence, divergence),
         wavelength_nm=850.0,
         resolution=0.012,
@@ -153,6 +165,7 @@ MODELS: Mapping[str, LidarModel] = {
         max_range=100.0,
         min_range=0.5,
         noise=((0.0, 0.015), (100.0, 0.015)),
+        overlap=(0.5, FULL_OVERLAP),
         divergence_deg=(0.18, 0.07),
         wavelength_nm=903.0,
         pulse=6e-9,
@@ -171,6 +184,7 @@ MODELS: Mapping[str, LidarModel] = {
         max_range=70.0,
         min_range=0.1,
         noise=((0.0, 0.02), (70.0, 0.02)),
+        overlap=(0.1, FULL_OVERLAP),
         divergence_deg=(0.03, 0.28),
         wavelength_nm=905.0,
         pattern="rosette",

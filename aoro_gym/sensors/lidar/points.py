@@ -36,7 +36,8 @@ class Points:
     range: NDArray[np.float32]
     """(K,) [m] as reported."""
     intensity: NDArray[np.float32]
-    """(K,) received power over that of a white Lambertian surface at right angles 1 m away in clear air."""
+    """(K,) received power over that of a white Lambertian surface at right angles 1 m away in clear air, corrected for the
+    share of the beam that the receiver sees, as makers calibrate it by range."""
     instance: NDArray[np.int32]
     """(K,) what was hit: 0 ground, -2 rain, fog or snow, -3 undergrowth."""
     class_id: NDArray[np.uint8]

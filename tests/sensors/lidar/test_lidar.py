@@ -1,5 +1,8 @@
 """A lidar against the range equation, the kinematics of its motion, and the statistics of its noise."""
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -70,6 +73,20 @@ def test_intensity_follows_the_range_equation(nm, reflectance, weather):
     # the cosine rounds by FLOAT, which 1 / sin(4 degrees) = 14 magnifies
     np.testing.assert_allclose(points.intensity, expected, rtol=20 * 14 * FLOAT)
     np.testing.assert_allclose(points.world[:, 2], 0.0, atol=20 * FLOAT * 30)
+
+
+def test_near_surfaces_are_detected_by_the_share_of_the_beam_that_is_seen():
+    # white, straight ahead: 1/R² times the share; the threshold is passed where the share reaches threshold R²
+    model = one_way(overlap=(1.0, 5.0), range_10=4.0)
+    for distance, seen in ((0.9, 0.0), (1.02, 0.005), (1.5, 0.125), (3.0, 0.5), (6.0, 1.0)):
+        lidar = Lidar(
+            walls((distance, -30.0, 30.0), reflectance=(1.0, 1.0)), model, mounting=ORIGIN, subrays=1, ideal=True
+        )
+        [points] = lidar.sweep(STANDING)
+        detected = seen / distance**2 >= lidar.threshold
+        assert len(points) == 4000 * detected, distance
+        # what is reported is the range equation's, as makers calibrate it
+        np.testing.assert_allclose(points.intensity, 1.0 / distance**2, rtol=20 * FLOAT)
 
 
 def test_rings_are_the_makers():
@@ -213,6 +230,36 @@ def test_fog_dims_and_answers():
     assert (np.abs(points.range - middle) <= 0.5 * model.gate + 1e-5).all()
 
 
+@pytest.mark.parametrize("overlap", [(0.0, 0.0), (0.5, 5.0), (2.0, 12.0)])
+def test_the_strongest_echo_of_fog_is_where_the_receiver_sees_most_of_it(overlap):
+    fog = Weather.fog(60.0)
+    model = one_way(overlap=overlap)
+    lidar = Lidar(walls((150.0, -300.0, 300.0)), model, mounting=ORIGIN, subrays=1, ideal=True, weather=fog)
+    [points] = lidar.sweep(STANDING)
+    middle = model.min_range + model.gate * (np.arange(60) + 0.5)
+    power = np.pi * fog.backscatter * model.gate / middle**2 * np.exp(-2.0 * fog.extinction * middle)
+    share = np.clip((middle - overlap[0]) / max(overlap[1] - overlap[0], 1e-9), 0.0, 1.0)
+    # the number of droplets in a gate scatters by its root: gates within six of them of the strongest may be it
+    drops = fog.number * model.gate * np.pi / 4 * np.radians(0.2) ** 2 * middle**2
+    level = share * power
+    likely = level * (1.0 + 6.0 / np.sqrt(drops)) >= level.max()
+    gate = np.floor((points.range - model.min_range) / model.gate).astype(int)
+    assert len(points) == 4000 and likely[gate].all() and likely.sum() < 6
+    assert (gate == np.argmax(level)).mean() > 0.5
+    np.testing.assert_allclose(points.intensity, power[gate], rtol=6.0 / np.sqrt(drops[gate].min()))
+
+
+def test_walls_are_seen_through_fog_that_would_blind_a_shared_axis():
+    def strongest(distance: float, model: LidarModel) -> Any:
+        scene = walls((distance, -300.0, 300.0))
+        return Lidar(scene, model, mounting=ORIGIN, weather=Weather.fog(60.0), ideal=True).sweep(STANDING)[0]
+
+    makers = one_way(min_range=0.8, overlap=MODELS["os1-64"].overlap)
+    for model, within in ((makers, True), (replace(makers, overlap=(0.0, 0.0)), False)):
+        assert (strongest(8.0, model).instance >= 0).all() == within
+    assert (strongest(40.0, makers).instance == -2).all()
+
+
 def test_rain_answers_as_often_as_its_drops_do():
     rain = Weather(extinction=1e-3, backscatter=1e-3, number=3e4)
     model = one_way(max_range=30.0)
@@ -244,6 +291,8 @@ def test_rain_answers_as_often_as_its_drops_do():
         (lambda: Weather.fog(1.0), "visibility is 1 m"),
         (lambda: Weather.named("hail", 1.0), "choose one of: rain"),
         (lambda: one_way(range_10=0.0), "range_10 is 0"),
+        (lambda: one_way(overlap=(3.0, 1.0)), "two ranges, the nearer one first"),
+        (lambda: one_way(overlap=(-1.0, 1.0)), "overlap.* is -1 m"),
     ],
 )
 def test_wrong_input(call, message):
