@@ -1,6 +1,6 @@
 """The judged suite: drawn by the operating system's chance, simulated, judged, written and sealed.
 
-``python -m studies.seal FOLDER ANSWERS [--families sealed] [--suite NAME] [--device cuda:0] [--processes N] [--stock]``
+``python -m studies.seal FOLDER ANSWERS [--families component] [--suite NAME] [--device cuda:0] [--processes N] [--stock]``
 goes on where it was stopped: libraries and calibrated machines are kept in ``FOLDER``. Calibration takes 22 to 30 minutes a
 machine on two cores; with ``--stock`` only the suite with the stock machine file is made. Families are simulated beside one
 another in processes, which a GPU shares out best with its multi-process service.

@@ -5,19 +5,26 @@ They judge a diagnosis on data that it has no model of. A family's laws are devi
 Hz records what it sees.
 """
 
+from functools import partial
+
+from . import recording
 from .catalogue import EFFECTS, Effect
-from .effects import apply, magnitudes, measure
-from .families import FAMILIES, another_day, machine, nominal
-from .outside import OUTSIDE, Outside
-from .recording import Recorded, Run, record, trace
+from .families import FAMILIES, GROUP
+from .outside import FAMILIAR, OUTSIDE, Outside
+from .recording import Run
+
+machine, another_day, nominal = GROUP.machine, GROUP.another_day, GROUP.nominal
+apply, measure, magnitudes = GROUP.apply, GROUP.measure, GROUP.magnitudes
+record, trace = partial(recording.record, GROUP), partial(recording.trace, GROUP)
 
 __all__ = [
     "EFFECTS",
+    "FAMILIAR",
     "FAMILIES",
+    "GROUP",
     "OUTSIDE",
     "Effect",
     "Outside",
-    "Recorded",
     "Run",
     "another_day",
     "apply",

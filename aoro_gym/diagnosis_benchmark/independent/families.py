@@ -1,72 +1,71 @@
-"""The families by name, their kernels, and machines drawn from them."""
+"""The independent families: machines drawn from them, what effects change on them, their kernels and measuring."""
 
 import importlib
-from collections.abc import Mapping
-from functools import cache
+import math
+from collections.abc import Callable, Sequence
 from types import ModuleType
 from typing import Any
 
 import numpy as np
-import warp as wp
+from scipy.optimize import newton
 
-from . import constants
+from . import measuring
+from .catalogue import EFFECTS
+from .group import Group, Made, Sampled
+from .outside import OUTSIDE
 
 FAMILIES = ("alder", "birch", "cedar")
 
 
-def family_of(name: str) -> ModuleType:
-    """Module of a family."""
-    if name not in FAMILIES:
-        raise ValueError(f"family must be one of {', '.join(FAMILIES)}, not {name!r}")
-    return importlib.import_module(f"{__package__}.{name}")
+class Independent(Group):
+    """Families whose logger reads filtered signals, late by the delays of sensor and chain."""
+
+    families = FAMILIES
+    effects = EFFECTS
+    outside = OUTSIDE
+    settle = 0.15
+    period = 0.01
+    logged = (1, 2, 3, 4, 5, 6)
+    reach = 12.0
+
+    def family_of(self, name: str) -> ModuleType:
+        if name not in FAMILIES:
+            raise ValueError(f"family must be one of {', '.join(FAMILIES)}, not {name!r}")
+        return importlib.import_module(f"{__package__}.{name}")
+
+    def laws(self, family: str, kind: Any) -> Any:
+        return importlib.import_module(f"{__package__}.laws.{family}")
+
+    def turned(self, effect: str, family: str, machine: Made, knob: float) -> dict[str, float]:
+        """A machine with the constants of an effect scaled by powers of exp(knob), or shifted by weights of it."""
+        other, one = dict(machine), EFFECTS[effect]
+        for name, exponent in (self.family_of(family).KNOBS.get(effect) or one.scale).items():
+            other[name] = other[name] * math.exp(exponent * knob)
+        for name, weight in one.shift.items():
+            other[name] = other.get(name, 0.0) + weight * knob
+        return other
+
+    def known_knob(self, effect: str, size: float, off: Callable[[float], float]) -> float | None:
+        if not EFFECTS[effect].shift:
+            return None
+        knob: Any = newton(off, 0.0, x1=size, tol=1e-13, rtol=1e-12)  # linear in the knob, or nearly so
+        return float(knob)
+
+    def sampling(self, machine: Made, times: np.ndarray, length: float, period: float) -> tuple[np.ndarray, np.ndarray]:
+        others = times - machine["chain_delay"]
+        return others - machine["angle_delay"], others
+
+    def measured(
+        self,
+        family: str,
+        signals: np.ndarray,
+        runs: Sequence[Sampled],
+        rngs: Sequence[np.random.Generator],
+        noise: bool,
+    ) -> list[dict[str, np.ndarray]]:
+        each = zip(signals, runs, rngs, strict=True)
+        return [measuring.measured(one, run.other_times, run.machine, rng, noise) for one, run, rng in each]
 
 
-def nominal(family: str) -> dict[str, float]:
-    """Machine in the middle of every range of a family."""
-    return constants.nominal(family_of(family).TABLE)
-
-
-def machine(family: str, rng: np.random.Generator) -> dict[str, float]:
-    """Constants of a healthy machine of a family, drawn around the published vehicle."""
-    return constants.draw(family_of(family).TABLE, rng)
-
-
-def another_day(healthy: Mapping[str, float], rng: np.random.Generator) -> dict[str, float]:
-    """The same machine on another day: oil, seals, ground, air and zeros are a little different."""
-    names = set(healthy)
-    for family in FAMILIES:
-        table = family_of(family).TABLE
-        if set(table) <= names:
-            return constants.vary(table, healthy, rng)
-    raise ValueError("a machine must have all constants of a family")
-
-
-@cache
-def structure(family: str) -> Any:
-    """Warp struct of a family's constants."""
-    module = family_of(family)
-    fields = sorted(module.derived(nominal(family)))
-    body = {
-        "__annotations__": dict.fromkeys(fields, wp.float64),
-        "__module__": __name__,
-        "__qualname__": family.title(),
-    }
-    return wp.struct(type(family.title(), (), body))
-
-
-@cache
-def kernel(family: str) -> Any:
-    """Kernel of a family."""
-    from .laws.advance import build
-
-    return build(importlib.import_module(f"{__package__}.laws.{family}"), structure(family))
-
-
-def pack(family: str, machines: list[Mapping[str, float]]) -> np.ndarray:
-    """Structured array of machines for the kernel."""
-    made = [family_of(family).derived(one) for one in machines]
-    kind = structure(family)
-    packed: Any = np.zeros(len(made), dtype=kind.numpy_dtype())
-    for name in packed.dtype.names or ():
-        packed[name] = [one[name] for one in made]
-    return packed
+GROUP = Independent()
+"""All independent families."""

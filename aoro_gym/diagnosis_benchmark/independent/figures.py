@@ -7,10 +7,9 @@ import numpy as np
 
 from aoro_gym.units import BAR
 
-from .catalogue import EFFECTS
-from .families import FAMILIES, machine, nominal
-from .outside import OUTSIDE
-from .recording import STEP, Run, record, trace
+from . import EFFECTS, FAMILIES, GROUP, OUTSIDE, Run, machine, nominal, recording, trace
+from .group import Group
+from .recording import STEP
 from .turns import PUBLISHED, key_figures, turn_command
 
 DURATION = {100: 3.2, 75: 4.2, 50: 9.5}  # [s] of a turn by share of the signal [%]
@@ -64,15 +63,15 @@ def accuracy(count: int, seed: int = 2) -> list[str]:
     return rows
 
 
-def speed(count: int, device: str = "cpu") -> list[str]:
-    """Table rows of the time that logs of 4 s take."""
+def speed(count: int, device: str = "cpu", group: Group = GROUP) -> list[str]:
+    """Table rows of the time that logs of 4 s of a group's families take."""
     rows = ["| family | logs | wall clock [s] | processor time [s] | 10,000 logs on 2 free cores [min] |", RULE]
     command = np.r_[np.zeros(30), np.full(370, 0.7)]
-    for family in FAMILIES:
-        runs = [Run(family, nominal(family), command, joint_angle=-0.6, seed=seed) for seed in range(count)]
-        record(runs[:1], device)
+    for family in group.families:
+        runs = [Run(family, group.nominal(family), command, joint_angle=-0.6, seed=seed) for seed in range(count)]
+        recording.record(group, runs[:1], device)
         wall, processor = time.perf_counter(), time.process_time()
-        record(runs, device)
+        recording.record(group, runs, device)
         wall, processor = time.perf_counter() - wall, time.process_time() - processor
         minutes = processor / count * 1e4 / 2 / 60
         rows.append(f"| {family} | {count} | {wall:.1f} | {processor:.1f} | {minutes:.1f} |")

@@ -21,17 +21,19 @@ class Outside:
 
     Args:
         what: One line.
-        machine: Constants by size.
-        command: Command on a grid of 1 ms, as it reaches the valve.
+        machine: Constants by size, generator, and length of the log [s].
+        command: Command on a grid of 1 ms, as it leaves the controller.
         clock: Sampling times.
         columns: Logged columns.
+        familiar: Whether its like is what anybody may think of, and train on.
     """
 
     what: str
-    machine: Callable[[float, Rng], Mapping[str, float]] | None = None
+    machine: Callable[[float, Rng, float], Mapping[str, float]] | None = None
     command: Callable[[np.ndarray, float, Rng], np.ndarray] | None = None
     clock: Callable[[np.ndarray, float, Rng], np.ndarray] | None = None
     columns: Callable[[Columns, float, Rng], Columns] | None = None
+    familiar: bool = False
 
 
 def between(low: float, high: float, size: float) -> float:
@@ -117,17 +119,17 @@ def _stuck_bit(columns: Columns, size: float, rng: Rng) -> Columns:
 
 
 COMMAND = {
-    "supply_sag": Outside("the valve's supply voltage sags for a part of the log", command=_sag),
-    "coarse_command": Outside("the command is quantised coarsely on its way", command=_coarse),
-    "bus_jitter": Outside("frames of the command's bus come late by random times", command=_jitter),
-    "broken_contact": Outside("a contact of the solenoid opens for moments", command=_contact),
+    "supply_sag": Outside("the valve's supply voltage sags for a part of the log", command=_sag, familiar=True),
+    "coarse_command": Outside("the command is quantised coarsely on its way", command=_coarse, familiar=True),
+    "bus_jitter": Outside("frames of the command's bus come late by random times", command=_jitter, familiar=True),
+    "broken_contact": Outside("a contact of the solenoid opens for moments", command=_contact, familiar=True),
 }
 
 LOGGER = {
-    "clock_drift": Outside("the logger's clock runs fast or slow", clock=_drift),
-    "dropouts": Outside("the joint angle freezes for moments", columns=_dropout),
-    "spikes": Outside("spikes on joint angle and pressures", columns=_spikes),
-    "pressure_drift": Outside("a pressure sensor drifts during the log", columns=_pressure_drift),
+    "clock_drift": Outside("the logger's clock runs fast or slow", clock=_drift, familiar=True),
+    "dropouts": Outside("the joint angle freezes for moments", columns=_dropout, familiar=True),
+    "spikes": Outside("spikes on joint angle and pressures", columns=_spikes, familiar=True),
+    "pressure_drift": Outside("a pressure sensor drifts during the log", columns=_pressure_drift, familiar=True),
     "cross_talk": Outside("pressures leak into the joint angle's and each other's channels", columns=_cross_talk),
     "angle_slip": Outside("the joint sensor slips on its shaft once", columns=_slip),
     "stuck_bit": Outside("a bit of the joint angle's converter is stuck at nought", columns=_stuck_bit),
@@ -136,29 +138,30 @@ LOGGER = {
 MACHINE = {
     "pump_resonance": Outside(
         "the pump on its soft mount resonates: its flow swings",
-        lambda size, rng: {"ripple": between(0.08, 0.6, size), "ripple_frequency": rng.uniform(14.0, 28.0)},
+        lambda size, rng, length: {"ripple": between(0.08, 0.6, size), "ripple_frequency": rng.uniform(14.0, 28.0)},
     ),
     "stuck_shock_valve": Outside(
         "the shock valve of port A stays open from a moment on",
-        lambda size, rng: {
+        lambda size, rng, length: {
             "shock_leak": between(3.0, 40.0, size) * LITRE_PER_MINUTE / (50 * BAR) ** 0.5,
             "shock_start": rng.uniform(0.2, 0.9),
         },
+        familiar=True,
     ),
     "detached_cylinder": Outside(
         "a pin has fallen out: one cylinder stands still (no sizes)",
-        lambda size, rng: {str(rng.choice(["attached_left", "attached_right"])): 0.0},
+        lambda size, rng, length: {str(rng.choice(["attached_left", "attached_right"])): 0.0},
     ),
     "wandering_air": Outside(
         "a pocket of air wanders from one side to the other during the turn",
-        lambda size, rng: {
+        lambda size, rng, length: {
             "pocket_volume": between(10.0, 400.0, size) * MILLI * MILLI,
             "pocket_angle": rng.uniform(-0.25, 0.25),
         },
     ),
     "aeration_burst": Outside(
         "foam from the tank passes for half a second",
-        lambda size, rng: {
+        lambda size, rng, length: {
             "burst_air": between(0.02, 0.25, size),
             "burst_start": rng.uniform(0.2, 0.9),
             "burst_duration": 0.5,
@@ -166,29 +169,33 @@ MACHINE = {
     ),
     "bent_rod": Outside(
         "a bent rod rubs where it passes the gland",
-        lambda size, rng: {"bend_force": between(3e3, 4e4, size), "bend_angle": rng.uniform(-0.3, 0.3)},
+        lambda size, rng, length: {"bend_force": between(3e3, 4e4, size), "bend_angle": rng.uniform(-0.3, 0.3)},
     ),
     "sticking_sense_check": Outside(
         "the load-sensing line's check valve sticks: its pressure falls slowly",
-        lambda size, rng: {"sense_fall": between(8.0, 150.0, size)},
+        lambda size, rng, length: {"sense_fall": between(8.0, 150.0, size)},
+        familiar=True,
     ),
     "heating": Outside(
-        "hot oil arrives: viscosity falls during the log", lambda size, rng: {"heating": between(0.1, 0.8, size)}
+        "hot oil arrives: viscosity falls during the log",
+        lambda size, rng, length: {"heating": between(0.1, 0.8, size)},
     ),
     "hunting_governor": Outside(
         "the engine's governor hunts",
-        lambda size, rng: {"hunting": between(0.03, 0.2, size), "hunting_frequency": rng.uniform(0.7, 1.6)},
+        lambda size, rng, length: {"hunting": between(0.03, 0.2, size), "hunting_frequency": rng.uniform(0.7, 1.6)},
     ),
 }
 
 GROUND = {
     "blocked_wheel": Outside(
-        "a stone blocks a front wheel", lambda size, rng: {"stone_torque": between(3e3, 1.5e4, size)}
+        "a stone blocks a front wheel", lambda size, rng, length: {"stone_torque": between(3e3, 1.5e4, size)}
     ),
-    "ice": Outside("one front wheel stands on ice", lambda size, rng: {"grip": between(0.6, 0.04, size)}),
+    "ice": Outside(
+        "one front wheel stands on ice", lambda size, rng, length: {"grip": between(0.6, 0.04, size)}, familiar=True
+    ),
     "swinging_load": Outside(
         "a load swings under the crane",
-        lambda size, rng: {
+        lambda size, rng, length: {
             "swing_torque": between(600.0, 8e3, size),
             "swing_frequency": rng.uniform(0.4, 1.1),
             "swing_phase": rng.uniform(0.0, 6.28),
@@ -198,3 +205,5 @@ GROUND = {
 
 OUTSIDE: Mapping[str, Outside] = {**COMMAND, **LOGGER, **MACHINE, **GROUND}
 """All deviations outside of the catalogue by name."""
+FAMILIAR = frozenset(name for name, one in OUTSIDE.items() if one.familiar)
+"""Those whose like anybody may train on."""

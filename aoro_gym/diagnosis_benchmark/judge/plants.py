@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
-from aoro_gym.diagnosis_benchmark import cases, independent, sealed_families
+from aoro_gym.diagnosis_benchmark import cases, component_families, independent
 from aoro_gym.diagnosis_benchmark.cases import Excitation
 from aoro_gym.diagnosis_benchmark.judge.features import CHANNELS, Floats
 from aoro_gym.diagnosis_benchmark.plants import effects as layered
@@ -116,7 +116,7 @@ class IndependentPlants:
         return self.PACKAGE.machine(self.name, rng)
 
     def another_day(self, machine: Any, rng: np.random.Generator) -> Any:
-        return self.PACKAGE.another_day(machine, rng)
+        return self.PACKAGE.another_day(self.name, machine, rng)
 
     def magnitude(self, effect: str, machine: Any, size: tuple[float, ...]) -> dict[str, Any]:
         without = self.PACKAGE.measure(effect, self.name, machine)
@@ -146,13 +146,13 @@ class IndependentPlants:
 
 
 @dataclass(frozen=True)
-class SealedPlants(IndependentPlants):
-    """A family of :mod:`aoro_gym.diagnosis_benchmark.sealed_families`."""
+class ComponentPlants(IndependentPlants):
+    """A family of :mod:`aoro_gym.diagnosis_benchmark.component_families`."""
 
-    PACKAGE: ClassVar[Any] = sealed_families
+    PACKAGE: ClassVar[Any] = component_families
 
 
-JUDGED: Mapping[str, type[IndependentPlants]] = {"independent": IndependentPlants, "sealed": SealedPlants}
+JUDGED: Mapping[str, type[IndependentPlants]] = {"independent": IndependentPlants, "component": ComponentPlants}
 """Plants that a judged suite may be of."""
 
 

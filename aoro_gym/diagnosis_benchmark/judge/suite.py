@@ -14,19 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from aoro_gym.diagnosis_benchmark import sealed_families
+from aoro_gym.diagnosis_benchmark import component_families, independent
 from aoro_gym.diagnosis_benchmark.cases import Excitation, protocol
 from aoro_gym.diagnosis_benchmark.judge.plants import PlantRun, Plants
 
 KINDS = ("healthy", "single", "pair", "outside")
 
-FAMILIAR = frozenset(
-    {
-        "supply_sag", "coarse_command", "bus_jitter", "broken_contact", "clock_drift", "dropouts", "spikes",
-        "pressure_drift", "stuck_shock_valve", "sticking_sense_check", "ice", *sealed_families.FAMILIAR,
-    }
-)  # fmt: skip
-"""Deviations of independent and sealed plants whose like anybody may train on; the other half nobody may."""
+FAMILIAR = independent.FAMILIAR | component_families.FAMILIAR
+"""Deviations of independent and component plants whose like anybody may train on; the other half nobody may."""
 
 
 @dataclass(frozen=True)

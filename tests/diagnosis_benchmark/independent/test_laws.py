@@ -9,7 +9,7 @@ import warp as wp
 
 from aoro_gym.diagnosis_benchmark.independent import nominal
 from aoro_gym.diagnosis_benchmark.independent.common import viscosity
-from aoro_gym.diagnosis_benchmark.independent.families import family_of, pack, structure
+from aoro_gym.diagnosis_benchmark.independent.families import GROUP
 from aoro_gym.diagnosis_benchmark.independent.laws import cedar, friction, numbers, oil, tires
 
 vec4d = wp.types.vector(length=4, dtype=wp.float64)
@@ -42,7 +42,7 @@ GAUGE = np.array([0.0, 2e5, 1e6, 3e6, 1e7, 2e7])
 
 @pytest.mark.parametrize("family", ["alder", "birch", "cedar"])
 def test_bulk_modulus_is_as_measured_on_the_constants(family):
-    made = family_of(family).derived(nominal(family))
+    made = GROUP.family_of(family).derived(nominal(family))
     law, last = {
         "alder": (oil.nykanen, ()),
         "birch": (oil.yu, ("dissolving",)),
@@ -50,7 +50,7 @@ def test_bulk_modulus_is_as_measured_on_the_constants(family):
     }[family]
     liquid = made["liquid"] + made["liquid_slope"] * GAUGE
     got = over(law, GAUGE + 101325.0, liquid, made["air"], made["polytropic"], *(made[name] for name in last))
-    assert np.allclose(got, [family_of(family).bulk_modulus(made, p) for p in GAUGE], rtol=1e-9)
+    assert np.allclose(got, [GROUP.family_of(family).bulk_modulus(made, p) for p in GAUGE], rtol=1e-9)
     assert np.all(np.diff(got) > 0.0)
     assert got[-1] == pytest.approx(liquid[-1], rel=0.02)  # air hardly counts at 200 bar
     assert got[0] < 0.05 * liquid[0]
@@ -83,7 +83,7 @@ def test_round_holes_open_from_nought_to_one():
 
 def swivelled(family: str, angle: float) -> float:
     """Torque [N m] of a standing front tire that the device code has swivelled slowly by an angle [rad]."""
-    kind = structure(family)
+    kind = GROUP.structure(family)
 
     @wp.kernel(enable_backward=False, module="unique")
     def swivel(machines: wp.array(dtype=kind), steps: int, rate: F64, step: F64, out: wp.array(dtype=F64)):
@@ -108,7 +108,7 @@ def swivelled(family: str, angle: float) -> float:
                 out[0] = c[2]
 
     out = wp.zeros(1, dtype=F64, device="cpu")
-    machines = wp.array(pack(family, [nominal(family)]), dtype=kind, device="cpu")
+    machines = wp.array(GROUP.pack(family, [nominal(family)]), dtype=kind, device="cpu")
     steps, rate = 20000, 1e-3
     wp.launch(swivel, 1, [machines, steps, rate, angle / rate / steps, out], device="cpu")
     return -float(out.numpy()[0])
@@ -116,7 +116,7 @@ def swivelled(family: str, angle: float) -> float:
 
 @pytest.mark.parametrize("family", ["alder", "birch", "cedar"])
 def test_swivel_torque_is_as_measured_on_the_constants(family):
-    module = family_of(family)
+    module = GROUP.family_of(family)
     made = module.derived(nominal(family))
     for degrees in (2.0, 20.0):
         angle = math.radians(degrees)
@@ -134,6 +134,6 @@ def test_oil_of_grade_46():
 
 def test_every_constant_lies_in_its_range_and_names_its_source():
     for family in ("alder", "birch", "cedar"):
-        for name, one in family_of(family).TABLE.items():
+        for name, one in GROUP.family_of(family).TABLE.items():
             assert one.low <= one.nominal <= one.high, name
             assert one.source, name

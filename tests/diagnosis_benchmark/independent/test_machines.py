@@ -21,7 +21,7 @@ from aoro_gym.diagnosis_benchmark.independent import (
     record,
     trace,
 )
-from aoro_gym.diagnosis_benchmark.independent.families import family_of
+from aoro_gym.diagnosis_benchmark.independent.families import GROUP
 from aoro_gym.diagnosis_benchmark.independent.turns import PUBLISHED, PUBLISHED_RIGHT, key_figures
 from tests.diagnosis_benchmark.independent.plants import back_and_forth, turn
 from tests.effects.test_catalogue import IDS
@@ -99,7 +99,7 @@ def test_an_effect_leaves_the_other_effects_magnitudes_alone(family):
         moved = {name for name in EFFECTS if abs(after[name] - before[name]) > 1e-3 * abs(before[name]) + 1e-9}
         assert effect in moved
         if effect not in shared:
-            assert moved - {effect} <= family_of(family).TIED.get(effect, set()), effect
+            assert moved - {effect} <= GROUP.family_of(family).TIED.get(effect, set()), effect
 
 
 def strong_runs(family, ends):
@@ -116,7 +116,7 @@ def test_logs_are_finite_and_effects_show(family):
     silent = set()
     names = [effect for effect, one in EFFECTS.items() for _ in one.signs]
     for effect, log in zip(names, logs, strict=True):
-        assert all(np.all(np.isfinite(column)) for column in log.columns.values()), effect
+        assert all(np.all(np.isfinite(column)) for column in log.values()), effect
         scales = (("joint_angle", 1e-3), ("pressure_a", 1e5))
         if max(np.ptp(log[name] - healthy[name]) / scale for name, scale in scales) < 1.0:
             silent.add(effect)
@@ -132,7 +132,7 @@ def test_logs_are_finite_at_both_ends_of_drawn_machines(family):
         Run(family, machine(family, rng), run.steering, run.effects, joint_angle=rng.uniform(-0.6, 0.6))
         for run in strong_runs(family, ["weak", "strong"])
     ]
-    assert all(np.all(np.isfinite(column)) for log in record(runs) for column in log.columns.values())
+    assert all(np.all(np.isfinite(column)) for log in record(runs) for column in log.values())
 
 
 def mixed_run(family, rng, seed):
@@ -166,7 +166,7 @@ def test_deviations_outside_of_the_catalogue_show(family):
     runs = [back_and_forth(family, outside=name, outside_size=1.0, seed=4) for name in OUTSIDE]
     healthy, *logs = record([back_and_forth(family, seed=4), *runs], noise=False)
     for name, log in zip(OUTSIDE, logs, strict=True):
-        assert all(np.all(np.isfinite(column)) for column in log.columns.values()), name
+        assert all(np.all(np.isfinite(column)) for column in log.values()), name
         scales = (("joint_angle", 1e-3), ("pressure_a", 1e5), ("pressure_b", 1e5), ("engine_speed", 1.0))
         assert max(np.ptp(log[column] - healthy[column]) / scale for column, scale in scales) > 1.0, name
 
@@ -194,7 +194,7 @@ def test_noise_is_seeded_and_of_its_size():
 def test_another_day_is_nearly_the_same_machine(family):
     rng = np.random.default_rng(8)
     healthy = machine(family, rng)
-    other = another_day(healthy, rng)
+    other = another_day(family, healthy, rng)
     changed = {name for name in healthy if other[name] != healthy[name]}
     assert {"oil_temperature", "seal_friction", "air", "ground_friction", "angle_offset"} <= changed
     assert len(changed) < 0.5 * len(healthy)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from aoro_gym.diagnosis_benchmark.independent import FAMILIES, Run, machine, nominal, trace
-from aoro_gym.diagnosis_benchmark.independent.families import family_of
+from aoro_gym.diagnosis_benchmark.independent.families import GROUP
 from tests.diagnosis_benchmark.independent.plants import FRICTIONLESS, back_and_forth, turn
 
 
@@ -15,12 +15,12 @@ from tests.diagnosis_benchmark.independent.plants import FRICTIONLESS, back_and_
 def test_oil_of_each_side_is_conserved(family):
     run = back_and_forth(family)
     (log,) = trace([run], step=5e-5, period=2.5e-4)
-    made = family_of(family).derived(run.machine)
+    made = GROUP.family_of(family).derived(run.machine)
     for side in "ab":
         pressure, volume = log[f"exact_{side}"], log[f"volume_{side}"]
         gain = log[f"flow_{side}"] - log[f"volume_rate_{side}"]
         through = np.concatenate([[0.0], np.cumsum(0.5 * (gain[1:] + gain[:-1]) * 2.5e-4)])
-        capacity = family_of(family).capacity(made, volume, pressure)
+        capacity = GROUP.family_of(family).capacity(made, volume, pressure)
         stored = np.concatenate([[0.0], np.cumsum(0.5 * (capacity[1:] + capacity[:-1]) * np.diff(pressure))])
         assert np.max(np.abs(stored)) > 5e-6  # 5 mL are pressed in
         assert np.allclose(through, stored, rtol=0.0, atol=0.01 * np.max(np.abs(stored)))
@@ -30,7 +30,7 @@ def test_oil_of_each_side_is_conserved(family):
 def test_strokes_take_in_what_the_cylinders_hold(family):
     run = turn(family, 1.0, 2.8)
     (log,) = trace([run], period=0.01)
-    made = family_of(family).derived(run.machine)
+    made = GROUP.family_of(family).derived(run.machine)
     swept = np.ptp(log["volume_a"])
     assert swept == pytest.approx((made["bore_area"] + made["annulus_area"]) * made["stroke"], rel=0.02)
     assert np.ptp(log["volume_a"] + log["volume_b"]) < 0.35 * swept  # bores and annuli differ
@@ -61,7 +61,7 @@ def test_mirrored_machine_makes_the_mirrored_turn(family):
     for name in even:
         if "_left" in name:
             even[name.replace("_left", "_right")] = even[name]
-    even |= family_of(family).EVEN
+    even |= GROUP.family_of(family).EVEN
     left, right = trace([turn(family, 0.8, 1.2, machine=even), turn(family, -0.8, 1.2, machine=even)], period=0.01)
     assert np.allclose(left["angle"], -right["angle"], atol=2e-5)  # switches of friction differ in the last digit
     assert np.allclose(left["exact_a"], right["exact_b"], atol=1e4)
@@ -82,10 +82,10 @@ def test_command_delay_is_exact(family, late):
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_joint_on_its_oil_columns_has_the_linear_natural_frequency(family):
-    m = nominal(family) | FRICTIONLESS | {"rest_pressure": 60e5, "rest_difference": 5e5} | family_of(family).TIGHT
-    m |= {name: 1e-3**exponent for name, exponent in family_of(family).SOFT.items()} | {"carcass_damping": 0.0}
+    m = nominal(family) | FRICTIONLESS | {"rest_pressure": 60e5, "rest_difference": 5e5} | GROUP.family_of(family).TIGHT
+    m |= {name: 1e-3**exponent for name, exponent in GROUP.family_of(family).SOFT.items()} | {"carcass_damping": 0.0}
     (log,) = trace([Run(family, m, np.zeros(60))])
-    made = family_of(family).derived(m)
+    made = GROUP.family_of(family).derived(m)
     reduced = made["mass_front"] * made["mass_rear"] / (made["mass_front"] + made["mass_rear"])
     a = made["yaw_inertia_rear"] + reduced * made["centre_rear"] ** 2
     e = made["yaw_inertia_front"] + reduced * made["centre_front"] ** 2
@@ -95,7 +95,7 @@ def test_joint_on_its_oil_columns_has_the_linear_natural_frequency(family):
     length = math.sqrt(made["mount_squares"] - 2.0 * made["mount_across"])  # of a cylinder, joint straight
     lever = (made["bore_area"] + made["annulus_area"]) * made["mount_along"] / length
     for side in "ab":
-        stiffness += lever**2 / family_of(family).capacity_of_side(made, log[f"volume_{side}"][0], 60e5)
+        stiffness += lever**2 / GROUP.family_of(family).capacity_of_side(made, log[f"volume_{side}"][0], 60e5)
     stiffness = 1.0 / (1.0 / stiffness + 1.0 / made["joint_stiffness"])
     rate = log["rate"] - np.mean(log["rate"])
     crossings = np.flatnonzero((rate[:-1] < 0.0) & (rate[1:] >= 0.0))

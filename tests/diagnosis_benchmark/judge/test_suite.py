@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from aoro_gym.diagnosis_benchmark import sealed_families
-from aoro_gym.diagnosis_benchmark.judge.plants import IndependentPlants, SealedPlants
+from aoro_gym.diagnosis_benchmark import component_families
+from aoro_gym.diagnosis_benchmark.judge.plants import ComponentPlants, IndependentPlants
 from aoro_gym.diagnosis_benchmark.judge.suite import FAMILIAR, SUITES, Plan, plan
 from tests.diagnosis_benchmark.judge.families import Made
 
@@ -44,18 +44,18 @@ def test_the_seal_holds_what_is_asked() -> None:
 
 
 def test_names_of_the_familiar_kinds_are_there() -> None:
-    for plants in (IndependentPlants("alder"), SealedPlants("fir")):
+    for plants in (IndependentPlants("alder"), ComponentPlants("fir")):
         familiar = FAMILIAR & set(plants.outside)
         assert len(plants.outside) >= 2 * len(familiar) - 1 >= 15
-    assert {*IndependentPlants("alder").outside, *SealedPlants("fir").outside} >= FAMILIAR
+    assert {*IndependentPlants("alder").outside, *ComponentPlants("fir").outside} >= FAMILIAR
 
 
-def test_the_seal_can_be_planned_on_sealed_families() -> None:
-    families = [SealedPlants(name) for name in sealed_families.FAMILIES]
+def test_the_seal_can_be_planned_on_component_families() -> None:
+    families = [ComponentPlants(name) for name in component_families.FAMILIES]
     found = plan(SUITES["seal"], families, 1)
     assert len(found.cases) >= 1500
     kinds = {case.outside[0] for case in found.cases if case.outside is not None}
-    assert kinds == set(sealed_families.OUTSIDE)
+    assert kinds == set(component_families.OUTSIDE)
     for case in found.cases[::50]:
         plants = next(one for one in families if one.name == case.family)
         runs = found.runs(case, plants, found.machine(plants, case.machine))

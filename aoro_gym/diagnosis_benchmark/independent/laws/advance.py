@@ -147,6 +147,9 @@ def build(laws: Any, machine: Any) -> Any:
 
     ``laws``: module with ``State``, ``derivative``, ``limit``, ``start``, ``remembered`` and ``hydraulic_signals``;
     ``machine``: Warp struct of its constants.
+
+    The kernel writes the joint angle at ``angle_times``, and behind it the signals of the numbers ``columns`` at
+    ``other_times``.
     """
     step_on, start, remembered, hydraulics = stepper(laws, machine), laws.start, laws.remembered, laws.hydraulic_signals
 
@@ -158,6 +161,7 @@ def build(laws: Any, machine: Any) -> Any:
         angles: wp.array(dtype=wp.float64),
         angle_times: wp.array2d(dtype=wp.float64),
         other_times: wp.array2d(dtype=wp.float64),
+        columns: wp.array(dtype=int),
         step: wp.float64,
         settle: int,
         steps: int,
@@ -188,8 +192,9 @@ def build(laws: Any, machine: Any) -> Any:
                 last = vehicle_signals(x, m, hydraulics(x, m, inputs))
                 while due(other_times, run, other, time + step):
                     share = way(other_times, run, other, time, step)
-                    for c in range(1, at.N_SIGNALS):
-                        out[run, other, c] = (ONE - share) * first[c] + share * last[c]
+                    for k in range(columns.shape[0]):
+                        c = columns[k]
+                        out[run, other, 1 + k] = (ONE - share) * first[c] + share * last[c]
                     other += 1
 
     return advance

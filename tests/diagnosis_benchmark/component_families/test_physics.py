@@ -1,12 +1,11 @@
-"""Physics of the sealed families: oil is conserved, work is not made, steps are small enough, what stands stays."""
+"""Physics of the component families: oil is conserved, work is not made, steps are small enough, what stands stays."""
 
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
-from aoro_gym.diagnosis_benchmark import sealed_families as sealed
-from aoro_gym.diagnosis_benchmark.sealed_families.families import family_of
-from aoro_gym.diagnosis_benchmark.sealed_families.figures import PUBLISHED, key_figures, turn
+from aoro_gym.diagnosis_benchmark import component_families as component
+from aoro_gym.diagnosis_benchmark.component_families.figures import PUBLISHED, key_figures, turn
 from aoro_gym.units import ATMOSPHERIC_PRESSURE, BAR
 
 GRID = 1e-3
@@ -32,12 +31,12 @@ def compliances(family: str, made: dict[str, float], pressure: np.ndarray, volum
     return (volume + made["hose_volume"]) / beta + made["hose_volume"] / made["hose_modulus"]
 
 
-@pytest.mark.parametrize("family", sealed.FAMILIES)
+@pytest.mark.parametrize("family", component.FAMILIES)
 def test_oil_that_flows_in_moves_the_pistons_or_is_compressed(family: str) -> None:
-    machine = sealed.nominal(family)
+    machine = component.nominal(family)
     machine |= {"fir": {"pocket_volume": 1e-15}, "hazel": {"line_gas": 1e-15, "hose_creep": 1e-20}}.get(family, {})
-    log = sealed.trace([sealed.Run(family, machine, command((10, 0.0), (50, 0.9), (30, 0.6)))])[0]
-    made = family_of(family).derived(machine)
+    log = component.trace([component.Run(family, machine, command((10, 0.0), (50, 0.9), (30, 0.6)))])[0]
+    made = component.GROUP.family_of(family).derived(machine)
     stored = compliances(family, made, log["exact_a"], log["volume_a"])
     middle = 0.5 * (stored[1:] + stored[:-1])
     compressed = np.r_[0.0, np.cumsum(middle * np.diff(log["exact_a"]))]
@@ -48,9 +47,11 @@ def test_oil_that_flows_in_moves_the_pistons_or_is_compressed(family: str) -> No
     assert error < (2 * np.pi * 100.0 * GRID) ** 2 / 12 * np.ptp(compressed)  # trapezoids of 1 ms over waves of 100 Hz
 
 
-@pytest.mark.parametrize("family", sealed.FAMILIES)
+@pytest.mark.parametrize("family", component.FAMILIES)
 def test_motion_needs_the_work_of_the_oil_and_dies_without(family: str) -> None:
-    log = sealed.trace([sealed.Run(family, sealed.nominal(family), command((10, 0.0), (60, 1.0), (120, 0.0)))])[0]
+    log = component.trace(
+        [component.Run(family, component.nominal(family), command((10, 0.0), (60, 1.0), (120, 0.0)))]
+    )[0]
     power = log["exact_a"] * log["volume_rate_a"] + log["exact_b"] * log["volume_rate_b"]
     work = cumulative_trapezoid(power, dx=GRID, initial=0.0)
     assert log["kinetic_energy"].max() > 300.0
@@ -58,40 +59,40 @@ def test_motion_needs_the_work_of_the_oil_and_dies_without(family: str) -> None:
     assert log["kinetic_energy"][-200:].max() < 0.01 * log["kinetic_energy"].max()
 
 
-@pytest.mark.parametrize("family", sealed.FAMILIES)
+@pytest.mark.parametrize("family", component.FAMILIES)
 def test_halved_steps_agree(family: str) -> None:
     rng = np.random.default_rng(7)
     runs = [
-        sealed.Run(
+        component.Run(
             family,
-            sealed.machine(family, rng),
+            component.machine(family, rng),
             command((10, 0.0), (80, sign * 0.9), (30, 0.0)),
             joint_angle=-0.4 * sign,
         )
         for sign in (1.0, -1.0)
     ]
-    for whole, half in zip(sealed.trace(runs), sealed.trace(runs, step=5e-5), strict=True):
+    for whole, half in zip(component.trace(runs), component.trace(runs, step=5e-5), strict=True):
         assert np.sqrt(np.mean((whole["angle"] - half["angle"]) ** 2)) < 1e-5
         for name in ("exact_a", "exact_b", "exact_pump"):
             assert np.sqrt(np.mean((whole[name] - half[name]) ** 2)) < 0.05 * BAR
 
 
-@pytest.mark.parametrize("family", sealed.FAMILIES)
+@pytest.mark.parametrize("family", component.FAMILIES)
 def test_a_standing_machine_stands(family: str) -> None:
-    machine = sealed.nominal(family)
-    runs = [sealed.Run(family, machine, np.zeros(100), joint_angle=angle) for angle in (-0.4, 0.0, 0.3)]
-    runs.append(sealed.Run(family, machine, np.zeros(100), {"ground_slope": 0.05}))
-    for log in sealed.trace(runs, period=0.01):
+    machine = component.nominal(family)
+    runs = [component.Run(family, machine, np.zeros(100), joint_angle=angle) for angle in (-0.4, 0.0, 0.3)]
+    runs.append(component.Run(family, machine, np.zeros(100), {"ground_slope": 0.05}))
+    for log in component.trace(runs, period=0.01):
         assert np.ptp(log["angle"]) < 2e-3
         assert log["exact_pump"][-1] == pytest.approx(machine["margin"], rel=0.2)
         assert log["kinetic_energy"][-1] < 0.5
 
 
-@pytest.mark.parametrize("family", sealed.FAMILIES)
+@pytest.mark.parametrize("family", component.FAMILIES)
 def test_turns_are_near_the_published_ones(family: str) -> None:
-    machine = sealed.nominal(family)
+    machine = component.nominal(family)
     for percent, log in zip(
-        (100, 75), sealed.trace([turn(family, machine, p) for p in (100, 75)], period=0.01), strict=True
+        (100, 75), component.trace([turn(family, machine, p) for p in (100, 75)], period=0.01), strict=True
     ):
         got = key_figures(log["angle"], machine)
         assert got[:4] == pytest.approx(PUBLISHED[percent][:4], rel=0.22)
@@ -100,8 +101,8 @@ def test_turns_are_near_the_published_ones(family: str) -> None:
 
 def test_days_differ_most_on_hazel() -> None:
     spread = {}
-    for family in sealed.FAMILIES:
-        rng, machine = np.random.default_rng(3), sealed.nominal(family)
-        days = [sealed.another_day(machine, rng)["seal_force"] / machine["seal_force"] for _ in range(200)]
+    for family in component.FAMILIES:
+        rng, machine = np.random.default_rng(3), component.nominal(family)
+        days = [component.another_day(family, machine, rng)["seal_force"] / machine["seal_force"] for _ in range(200)]
         spread[family] = np.std(days)
     assert spread["hazel"] > 2.0 * spread["elm"]

@@ -1,4 +1,4 @@
-"""Where the states of a sealed family stand behind those of the vehicle, and numbers of device code."""
+"""Where the states of a component family stand behind those of the vehicle, and numbers of device code."""
 
 import warp as wp
 

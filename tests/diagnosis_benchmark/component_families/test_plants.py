@@ -1,19 +1,19 @@
-"""Sealed families behind the judge's protocol."""
+"""Component families behind the judge's protocol."""
 
 import numpy as np
 import pytest
 
-from aoro_gym.diagnosis_benchmark import sealed_families as sealed
+from aoro_gym.diagnosis_benchmark import component_families as component
 from aoro_gym.diagnosis_benchmark.cases import Excitation
 from aoro_gym.diagnosis_benchmark.judge.features import CHANNELS
-from aoro_gym.diagnosis_benchmark.judge.plants import PlantRun, Plants, SealedPlants
+from aoro_gym.diagnosis_benchmark.judge.plants import ComponentPlants, PlantRun, Plants
 
 STEERING = np.r_[np.zeros(10), np.full(30, 0.8)]
 
 
-@pytest.mark.parametrize("family", sealed.FAMILIES)
+@pytest.mark.parametrize("family", component.FAMILIES)
 def test_a_family_records_what_the_judge_asks(family: str) -> None:
-    plants: Plants = SealedPlants(family)
+    plants: Plants = ComponentPlants(family)
     machine = plants.machine(np.random.default_rng(1))
     left = Excitation("left", -0.5, STEERING, None)
     path = plants.effects["back_pressure"][0]
@@ -32,4 +32,4 @@ def test_a_family_records_what_the_judge_asks(family: str) -> None:
     assert np.diff(exact[0]["joint_angle"])[-1] > 0.0  # to the left
     answer = plants.magnitude("back_pressure", machine, path.size(1.0))
     assert answer["magnitude"] == pytest.approx(path.size(1.0), rel=1e-6)
-    assert answer["unit"] == sealed.EFFECTS["back_pressure"].unit
+    assert answer["unit"] == component.EFFECTS["back_pressure"].unit

@@ -1,11 +1,10 @@
-"""The sealed families' measuring: lags of ramps by closed form, and steps that stay steps."""
+"""The component families' measuring: lags of ramps by closed form, and steps that stay steps."""
 
 import numpy as np
 import pytest
 
-from aoro_gym.diagnosis_benchmark import sealed_families as sealed
-from aoro_gym.diagnosis_benchmark.sealed_families import measuring
-from aoro_gym.diagnosis_benchmark.sealed_families.families import family_of
+from aoro_gym.diagnosis_benchmark import component_families as component
+from aoro_gym.diagnosis_benchmark.component_families import measuring
 
 RAMP = np.arange(2000) * measuring.GRID
 
@@ -39,17 +38,17 @@ def test_what_stands_still_passes(law) -> None:
     assert law(np.full(300, 3.7), 0.02) == pytest.approx(3.7, rel=1e-12)
 
 
-@pytest.mark.parametrize("family", sealed.FAMILIES)
+@pytest.mark.parametrize("family", component.FAMILIES)
 def test_a_logged_ramp_is_late_by_the_lags_of_sensor_and_chain(family: str) -> None:
-    machine = sealed.nominal(family)
-    machine = sealed.apply("measuring_chain", family, machine, 0.02)
-    machine = sealed.apply("sensor_filter", family, machine, 0.015)
+    machine = component.nominal(family)
+    machine = component.apply("measuring_chain", family, machine, 0.02)
+    machine = component.apply("sensor_filter", family, machine, 0.015)
     fine = np.outer(0.05 * RAMP, np.ones(7))
     times = np.arange(200) * 0.01
-    made = family_of(family).derived(machine)
+    made = component.GROUP.family_of(family).derived(machine)
     log = measuring.measured(family, fine, times, made, np.random.default_rng(0), False)
-    chain = sealed.measure("measuring_chain", family, machine)
-    sensor = sealed.measure("sensor_filter", family, machine) + sealed.measure("sensor_delay", family, machine)
+    chain = component.measure("measuring_chain", family, machine)
+    sensor = component.measure("sensor_filter", family, machine) + component.measure("sensor_delay", family, machine)
     assert np.mean(0.05 * times[100:] - log["pressure_a"][100:]) == pytest.approx(0.05 * chain, rel=1e-6)
     late = np.mean(0.05 * times[100:] - log["joint_angle"][100:])
     assert late == pytest.approx(0.05 * (chain + sensor), abs=0.05 * 1.5e-3)  # a hold ends on the grid of 1 ms
@@ -57,7 +56,7 @@ def test_a_logged_ramp_is_late_by_the_lags_of_sensor_and_chain(family: str) -> N
 
 @pytest.mark.parametrize("family", ["fir", "hazel"])
 def test_a_command_is_late_by_bus_or_driver(family: str) -> None:
-    machine = sealed.apply("command_delay", family, sealed.nominal(family), 0.02)
-    made = family_of(family).derived(machine)
+    machine = component.apply("command_delay", family, component.nominal(family), 0.02)
+    made = component.GROUP.family_of(family).derived(machine)
     late = np.mean(RAMP[1000:] - measuring.command(family, RAMP, made)[1000:]) + made["command_delay"]
-    assert late == pytest.approx(sealed.measure("command_delay", family, machine), abs=1.5e-3)
+    assert late == pytest.approx(component.measure("command_delay", family, machine), abs=1.5e-3)

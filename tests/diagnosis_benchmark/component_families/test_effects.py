@@ -1,10 +1,9 @@
-"""Effects of the sealed families: each moves its magnitude by what is asked, and its logs; so do deviations."""
+"""Effects of the component families: each moves its magnitude by what is asked, and its logs; so do deviations."""
 
 import numpy as np
 import pytest
 
-from aoro_gym.diagnosis_benchmark import sealed_families as sealed
-from aoro_gym.diagnosis_benchmark.sealed_families.effects import apply_all
+from aoro_gym.diagnosis_benchmark import component_families as component
 from aoro_gym.units import BAR
 
 NOISE = {
@@ -14,42 +13,42 @@ NOISE = {
 """About what the families' loggers add to each channel (rms)."""
 
 
-@pytest.mark.parametrize("family", sealed.FAMILIES)
+@pytest.mark.parametrize("family", component.FAMILIES)
 def test_each_effect_moves_its_magnitude_by_what_is_asked(family: str) -> None:
     rng = np.random.default_rng(4)
     for _ in range(3):
-        machine = sealed.machine(family, rng)
-        for name, one in sealed.EFFECTS.items():
+        machine = component.machine(family, rng)
+        for name, one in component.EFFECTS.items():
             for size in [sign * size for sign in one.signs for size in (one.weak, one.strong)]:
-                healthy = sealed.measure(name, family, machine)
-                changed = sealed.measure(name, family, sealed.apply(name, family, machine, size))
+                healthy = component.measure(name, family, machine)
+                changed = component.measure(name, family, component.apply(name, family, machine, size))
                 got = changed / healthy - 1.0 if one.relative else changed - healthy
                 assert got == pytest.approx(size, rel=1e-6), name
 
 
 def test_there_are_all_effects_with_sizes_and_realisations() -> None:
-    assert len(sealed.EFFECTS) == 33
-    for family in sealed.FAMILIES:
-        assert set(sealed.magnitudes(family, sealed.nominal(family))) == set(sealed.EFFECTS)
-    assert all(0.0 < one.weak < one.strong for one in sealed.EFFECTS.values())
+    assert len(component.EFFECTS) == 33
+    for family in component.FAMILIES:
+        assert set(component.magnitudes(family, component.nominal(family))) == set(component.EFFECTS)
+    assert all(0.0 < one.weak < one.strong for one in component.EFFECTS.values())
 
 
 def test_what_no_machine_can_be_is_an_error() -> None:
-    machine = sealed.nominal("elm")
+    machine = component.nominal("elm")
     with pytest.raises(ValueError, match="compensator_opening of 3"):
-        sealed.apply("compensator_opening", "elm", machine, 3.0)
+        component.apply("compensator_opening", "elm", machine, 3.0)
     with pytest.raises(ValueError, match="no effect 'rust'"):
-        apply_all("elm", machine, {"rust": 1.0})
+        component.GROUP.apply_all("elm", machine, {"rust": 1.0})
     with pytest.raises(ValueError, match="family must be one of"):
-        sealed.nominal("oak")
+        component.nominal("oak")
 
 
-def excited(family: str, angle: float = 0.35, **more: object) -> sealed.Run:
+def excited(family: str, angle: float = 0.35, **more: object) -> component.Run:
     """A start, a held turn into the stop, with a slow drive."""
     command = np.full(80, 0.85)
     command[:8] = 0.0
     drive = np.where(np.arange(80) > 30, 0.25, 0.0)
-    return sealed.Run(family, sealed.nominal(family), command, drive=drive, joint_angle=angle, **more)  # type: ignore[arg-type]
+    return component.Run(family, component.nominal(family), command, drive=drive, joint_angle=angle, **more)  # type: ignore[arg-type]
 
 
 def departure(log: dict[str, np.ndarray], healthy: dict[str, np.ndarray]) -> float:
@@ -57,24 +56,25 @@ def departure(log: dict[str, np.ndarray], healthy: dict[str, np.ndarray]) -> flo
     return max(float(np.sqrt(np.mean((log[name] - healthy[name]) ** 2))) / NOISE[name] for name in NOISE)
 
 
-@pytest.mark.parametrize("family", sealed.FAMILIES)
+@pytest.mark.parametrize("family", component.FAMILIES)
 def test_strong_effects_show_in_the_logs(family: str) -> None:
-    names = list(sealed.EFFECTS)
+    names = list(component.EFFECTS)
     changed = [
-        excited(family, effects={name: sealed.EFFECTS[name].signs[-1] * sealed.EFFECTS[name].strong}) for name in names
+        excited(family, effects={name: component.EFFECTS[name].signs[-1] * component.EFFECTS[name].strong})
+        for name in names
     ]
-    healthy, *logs = sealed.record([excited(family), *changed], noise=False)
+    healthy, *logs = component.record([excited(family), *changed], noise=False)
     departures = {name: departure(log, healthy) for name, log in zip(names, logs, strict=True)}
     assert all(np.isfinite(list(departures.values())))
     assert not {name: value for name, value in departures.items() if value < 1.0}
 
 
 def test_strong_deviations_show_in_the_logs() -> None:
-    names = list(sealed.OUTSIDE)
+    names = list(component.OUTSIDE)
     assert len(names) >= 16
-    assert 2 * len(sealed.FAMILIAR) <= len(names)
+    assert 2 * len(component.FAMILIAR) <= len(names)
     runs = [excited("hazel", -0.1, outside=name, outside_size=1.0, seed=3) for name in names]
-    healthy, *logs = sealed.record([excited("hazel", -0.1, seed=3), *runs], noise=False)
+    healthy, *logs = component.record([excited("hazel", -0.1, seed=3), *runs], noise=False)
     departures = {name: departure(log, healthy) for name, log in zip(names, logs, strict=True)}
     assert all(np.isfinite(list(departures.values())))
     assert not {name: value for name, value in departures.items() if value < 1.0}

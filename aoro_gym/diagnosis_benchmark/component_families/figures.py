@@ -1,20 +1,16 @@
-"""Figures of the sealed families: healthy turns beside the published ones, and speed. ``python -m`` prints them."""
+"""Figures of the component families: healthy turns beside the published ones, and speed. ``python -m`` prints them."""
 
 import math
 import sys
-import time
 from collections.abc import Mapping
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
+from aoro_gym.diagnosis_benchmark.independent.figures import speed
 from aoro_gym.units import BAR, DEGREE, LITRE_PER_MINUTE
 
-from . import vehicle
-from .catalogue import EFFECTS
-from .families import FAMILIES, machine, nominal
-from .outside import OUTSIDE
-from .recording import Run, record, trace
+from . import EFFECTS, FAMILIES, GROUP, OUTSIDE, Run, machine, nominal, trace, vehicle
 
 PUBLISHED = {
     100: (1.98, 70.6, 69.0, 104.4, 0.15, 46.8, 88.7),
@@ -83,20 +79,6 @@ def healthy_turns(count: int, seed: int = 11) -> list[str]:
     return rows
 
 
-def speed(count: int, device: str = "cpu") -> list[str]:
-    """Table rows of the time that logs of 4 s take."""
-    rows = ["| family | logs | processor time [s] | logs a second |", "|---|---|---|---|"]
-    command = np.r_[np.zeros(30), np.full(370, 0.7)]
-    for family in FAMILIES:
-        runs = [Run(family, nominal(family), command, joint_angle=-0.6, seed=seed) for seed in range(count)]
-        record(runs[:1], device)
-        wall, spent = time.perf_counter(), time.process_time()
-        record(runs, device)
-        wall, spent = time.perf_counter() - wall, time.process_time() - spent
-        rows.append(f"| {family} | {count} | {spent:.1f} | {count / wall:.1f} |")
-    return rows
-
-
 def tables() -> list[str]:
     """Table rows of all effects and deviations."""
     rows = ["| effect | magnitude | unit | signs | weak | strong |", "|---" * 6 + "|"]
@@ -111,7 +93,7 @@ def main() -> None:
     """Print all tables; the first argument is the number of machines and logs, the second the device for speed."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 16
     device = sys.argv[2] if len(sys.argv) > 2 else "cpu"
-    print(*healthy_turns(count), "", *speed(count, device), "", *tables(), sep="\n")
+    print(*healthy_turns(count), "", *speed(count, device, GROUP), "", *tables(), sep="\n")
 
 
 if __name__ == "__main__":

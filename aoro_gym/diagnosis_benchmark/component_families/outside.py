@@ -3,44 +3,15 @@
 Each takes a size from 0 (weak) to 1 (strong) and a random generator for when and where it happens.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 import numpy as np
 from scipy.signal import lfilter
 
+from aoro_gym.diagnosis_benchmark.independent.outside import Columns, Outside, Rng, between
 from aoro_gym.units import BAR, LITRE_PER_MINUTE
 
 from .measuring import GRID
-
-Columns = dict[str, np.ndarray]
-Rng = np.random.Generator
-
-
-@dataclass(frozen=True)
-class Outside:
-    """A deviation outside of the catalogue: which of a run's parts it changes.
-
-    Args:
-        what: One line.
-        familiar: Whether its like is what anybody may think of, and train on.
-        machine: Constants by size, generator, and length of the log [s].
-        command: Command on a grid of 1 ms, as it leaves the controller.
-        clock: Sampling times.
-        columns: Logged columns.
-    """
-
-    what: str
-    familiar: bool = False
-    machine: Callable[[float, Rng, float], Mapping[str, float]] | None = None
-    command: Callable[[np.ndarray, float, Rng], np.ndarray] | None = None
-    clock: Callable[[np.ndarray, float, Rng], np.ndarray] | None = None
-    columns: Callable[[Columns, float, Rng], Columns] | None = None
-
-
-def between(low: float, high: float, size: float) -> float:
-    """Geometric way from ``low`` (size 0) to ``high`` (size 1)."""
-    return low * (high / low) ** size
 
 
 def _frozen(command: np.ndarray, size: float, rng: Rng) -> np.ndarray:
@@ -133,17 +104,17 @@ def _window(rng: Rng, length: float, name: str, least: float, most: float) -> di
 
 
 COMMANDS = {
-    "kind_01": Outside("the command stands still for a while after every change", True, command=_frozen),
-    "kind_02": Outside("the driver of the valve rings", True, command=_ringing),
+    "kind_01": Outside("the command stands still for a while after every change", familiar=True, command=_frozen),
+    "kind_02": Outside("the driver of the valve rings", familiar=True, command=_ringing),
     "kind_03": Outside("a capacitor lies in the command's line: the command fades", command=_fading),
-    "kind_04": Outside("a tremor of a few hertz on the command while it acts", True, command=_trembling),
+    "kind_04": Outside("a tremor of a few hertz on the command while it acts", familiar=True, command=_trembling),
 }
 LOGGERS = {
-    "kind_05": Outside("the logger repeats its samples: it is slower than it says", True, columns=_repeated),
+    "kind_05": Outside("the logger repeats its samples: it is slower than it says", familiar=True, columns=_repeated),
     "kind_06": Outside("the channels of both ports mix from a moment on", columns=_exchanged),
-    "kind_07": Outside("the joint sensor's coupling has play", True, columns=_loose),
-    "kind_08": Outside("the bore to a pressure sensor is clogged", True, columns=_clogged),
-    "kind_09": Outside("samples are older than their times by random spans", True, clock=_stumbling),
+    "kind_07": Outside("the joint sensor's coupling has play", familiar=True, columns=_loose),
+    "kind_08": Outside("the bore to a pressure sensor is clogged", familiar=True, columns=_clogged),
+    "kind_09": Outside("samples are older than their times by random spans", familiar=True, clock=_stumbling),
     "kind_10": Outside("the joint sensor's amplifier saturates softly", columns=_saturated),
     "kind_11": Outside("a ground loop: the pump's load shifts angle and a pressure", columns=_coupled),
 }
@@ -162,7 +133,7 @@ MACHINES = {
         },
     ),
     "kind_14": Outside(
-        "something pushes the frames from aside for a moment", True,
+        "something pushes the frames from aside for a moment", familiar=True,
         machine=lambda size, rng, length: {
             "push_torque": float(rng.choice((-1, 1))) * between(2e3, 2e4, size),
             **_window(rng, length, "push", 0.1, 0.5),
@@ -176,7 +147,7 @@ MACHINES = {
         },
     ),
     "kind_16": Outside(
-        "another consumer draws on the pump for a while", True,
+        "another consumer draws on the pump for a while", familiar=True,
         machine=lambda size, rng, length: {
             "other_conductance": between(60, 300, size) * LITRE_PER_MINUTE / np.sqrt(80 * BAR),
             **_window(rng, length, "other", 0.3, 1.2),
@@ -195,7 +166,7 @@ MACHINES = {
         },
     ),
     "kind_19": Outside(
-        "a piston of the pump is dead: one dent a revolution", True,
+        "a piston of the pump is dead: one dent a revolution", familiar=True,
         machine=lambda size, rng, length: {"dead_piston": between(0.25, 1.0, size)},
     ),
     "kind_20": Outside(

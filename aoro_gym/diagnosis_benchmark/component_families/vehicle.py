@@ -1,4 +1,4 @@
-"""The vehicle that all sealed families drive around: its constants, and what follows from them. SI units."""
+"""The vehicle that all component families drive around: its constants, and what follows from them. SI units."""
 
 import math
 from collections.abc import Mapping
