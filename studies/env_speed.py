@@ -3,7 +3,8 @@
 Machines, starts and sensors are randomised (``MILD``), actions are random and change every step, episodes end and begin
 anew. The shares come from a second run in which the device is waited for around every part: with ``--output torch`` their
 sum is more than a step, in which host and device work at the same time. One H200:
-``python -m studies.env_speed --device cuda:0 --output torch --envs 4096,32768``.
+``python -m studies.env_speed --device cuda:0 --output torch --envs 4096,32768``. With ``--world`` path tracking drives on
+the same paths in a world with its solid objects, on that ground without them, and so on by turns.
 """
 
 import argparse
@@ -12,8 +13,8 @@ import statistics
 import time
 import warnings
 from collections import defaultdict
-from collections.abc import Callable
-from itertools import count
+from collections.abc import Callable, Sequence
+from itertools import count, product
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,9 @@ import warp as wp
 
 from aoro_gym.envs import register_envs
 from aoro_gym.envs.path_tracking import config as path_tracking
+from aoro_gym.envs.path_tracking.courses import Course, generated_paths
 from aoro_gym.envs.turning import config as turning
+from aoro_gym.terrains.world.files import load_world
 
 ENVIRONMENTS = {"AORO/PathTracking-v0": path_tracking.MILD, "AORO/Turning-v0": turning.MILD}
 """By id, with what varies from episode to episode."""
@@ -108,9 +111,11 @@ def launches(env: Any, step: Callable[[], Any]) -> dict[str, Any]:
     return {"operators": operators.count}
 
 
-def measure(asked: argparse.Namespace, num_envs: int) -> dict[str, Any]:
-    """One row: steps a second of all sub-environments, median of ``runs`` that last ``seconds`` in all."""
+def measure(asked: argparse.Namespace, num_envs: int, ground: Course | None = None) -> dict[str, Any]:
+    """One row: steps a second of all sub-environments on a ``ground``, by default the environment's own, median of ``runs``
+    that last ``seconds`` in all."""
     name, device, output, runs = asked.env, asked.device, asked.output, asked.runs
+    given: dict[str, Any] = {} if ground is None else {"courses": [ground]}
     began = time.perf_counter()
     made: Any = gymnasium.make_vec(
         name,
@@ -118,6 +123,7 @@ def measure(asked: argparse.Namespace, num_envs: int) -> dict[str, Any]:
         device=device,
         output=output,
         randomisation=ENVIRONMENTS[name],
+        **given,
         observation_terms=dict.fromkeys(asked.terms, True),
     )
     built = time.perf_counter()
@@ -158,6 +164,7 @@ def measure(asked: argparse.Namespace, num_envs: int) -> dict[str, Any]:
         "device": env.twin.device.name,
         "output": output,
         "terms": asked.terms,
+        "objects": ground is not None and ground.world is not None,
         "columns": env.single_observation_space.shape[0],
         "envs": num_envs,
         "steps_per_s": statistics.median(rates),
@@ -174,6 +181,15 @@ def measure(asked: argparse.Namespace, num_envs: int) -> dict[str, Any]:
     return row | Shares(env).of(step, steps)
 
 
+def grounds(asked: argparse.Namespace) -> Sequence[Course | None]:
+    """What to drive on, one after the other."""
+    if asked.world is None:
+        return [None]
+    made = load_world(asked.world)
+    paths = generated_paths(made)
+    return asked.turns * [Course.over(made, paths), Course(made.terrain, paths)]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--env", choices=list(ENVIRONMENTS), default="AORO/PathTracking-v0")
@@ -183,13 +199,15 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=3.0, help="measured for each number, at least")
     parser.add_argument("--runs", type=int, default=5)
     parser.add_argument("--terms", nargs="*", default=[], help="terms that cast rays: lidar, height_map")
+    parser.add_argument("--world", type=Path, help="folder of 'aoro-gym world'")
+    parser.add_argument("--turns", type=int, default=3, help="with --world, of each ground")
     parser.add_argument("--json", type=Path, help="file for the rows")
     asked = parser.parse_args()
     wp.config.log_level = wp.LOG_ERROR
     register_envs()
     rows = []
-    for num_envs in map(int, asked.envs.split(",")):
-        rows.append(measure(asked, num_envs))
+    for num_envs, ground in product(map(int, asked.envs.split(",")), grounds(asked)):
+        rows.append(measure(asked, num_envs, ground))
         print(
             json.dumps({k: float(f"{v:.4g}") if isinstance(v, float) else v for k, v in rows[-1].items()}), flush=True
         )

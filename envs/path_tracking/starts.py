@@ -20,6 +20,8 @@ from aoro_gym.terrains.world.places import stands_free
 Floats = NDArray[np.float64]
 STEP = 0.5
 """Distance [m] along a path of the places where a start is looked for."""
+AT_ONCE = 8
+"""Such places that are looked at together."""
 
 
 @dataclass(frozen=True)
@@ -151,9 +153,13 @@ def _free(table: PathTable, path: np.intp, s: float, ends: tuple[float, float], 
     apart = STEP * np.arange(np.ceil((ends[1] - ends[0]) / STEP) + 1.0)
     tried = s + np.stack([apart, -apart], axis=1).reshape(-1)[1:]  # s, s + 0.5 m, s - 0.5 m, ...
     tried = tried[(tried >= ends[0]) & (tried <= ends[1])]
-    poses = off.poses(table, np.full(len(tried), path), tried)
-    free = stands_free(solid, poses.hinge, poses.heading, poses.joint_angle)
-    return float(tried[np.argmax(free)]) if free.any() else s
+    # most stand free where they are
+    for some in (tried[:1], *np.split(tried[1:], range(AT_ONCE, len(tried) - 1, AT_ONCE))):
+        poses = off.poses(table, np.full(len(some), path), some)
+        free = stands_free(solid, poses.hinge, poses.heading, poses.joint_angle)
+        if free.any():
+            return float(some[np.argmax(free)])
+    return s
 
 
 def check_ground(poses: StartingPose, height_map: HeightMap, course: NDArray[np.intp], names: list[str]) -> None:

@@ -207,6 +207,7 @@ def test_drawn_starts_are_free(forest):
 
 def test_a_start_in_an_object_is_moved_along_the_path():
     beside = replace(PINE, position=(-2.0, 0.5, 0.0))
+    solid = circles(World(FIELD, (beside,)))
     env, bare = (
         made(ground, randomisation=replace(MILD, start=(0.2, 0.2))) for ground in (World(FIELD, (beside,)), FIELD)
     )
@@ -216,6 +217,13 @@ def test_a_start_in_an_object_is_moved_along_the_path():
         assert abs(moved) > 1.0 and 2.0 * moved == pytest.approx(round(2.0 * moved), abs=1e-3)
         for name in ("cross_track", "heading_error"):
             np.testing.assert_allclose(infos[name], free[name], atol=1e-5)
+        # nowhere nearer does it stand free
+        drawn, apart = STRAIGHT.length - free["remaining"][0], round(2.0 * abs(moved))
+        for step in (*range(-apart + 1, apart), round(2.0 * moved)):
+            bare.reset(seed=seed, options={"start": drawn + 0.5 * step})
+            yaw, joint = (np.array([float(bare.output(name)[0])]) for name in ("yaw", "joint_angle"))
+            stands = stands_free(solid, bare.twin.state.numpy()[:2].T.astype(float), yaw, joint)[0]
+            assert stands == (step == round(2.0 * moved))
     with pytest.raises(ValueError, match="would stand in an object"):
         env.reset(seed=0, options={"start": 8.0})
     env.reset(seed=0)
