@@ -52,7 +52,16 @@ def learned(
     return model, logger.rows
 
 
-@pytest.mark.parametrize("changes", [{}, {"clip_range_vf": 0.1}, {"target_kl": 1e-4}, {"normalize_advantage": False}])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"clip_range_vf": 0.1},
+        {"target_kl": 1e-4},
+        {"normalize_advantage": False},
+        {"use_sde": True, "policy_kwargs": {"squash_output": True}},  # whose entropy has no closed form
+    ],
+)
 def test_learns_what_stable_baselines3_learns(changes):
     theirs, their_rows = learned(PPO, **changes)
     ours, our_rows = learned(StablePPO, **changes)
