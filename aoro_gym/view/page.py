@@ -7,6 +7,8 @@ import time
 from collections.abc import Sequence
 from typing import Any, Protocol
 
+import numpy as np
+
 from aoro_gym.machine import Machine
 from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.terrains.world.world import World
@@ -101,6 +103,7 @@ class TwinPage:
         self._twins = twins
         self._scene = MachineScene(server, machines, names)
         self._gauges = Gauges(server.gui, names)
+        self._axles = [float(np.max(machine.frame.front.axle_distance)) for machine in machines]
         self._drawn: tuple[Any, Any] = (None, None)
         self._nodes: list[Any] = []
         self.frames = 0
@@ -131,9 +134,19 @@ class TwinPage:
             self._scene.show(self._twins.poses(), forces)
         due = self.frames % GAUGES_EVERY == 0
         if due:
-            self._gauges.show(self._twins.time, self._twins.readings())
+            self._gauges.show(self._twins.time, self._readings())
         self.frames += 1
         return due
+
+    def _readings(self) -> list[dict[str, float]]:
+        """Outputs of each machine, and how far it is off the path, if there is one."""
+        readings, path = self._twins.readings(), self._drawn[1]
+        if path is None:
+            return readings
+        return [
+            one | {"cross_track": cross_track(path, pose, axle)}
+            for one, pose, axle in zip(readings, self._twins.poses(), self._axles, strict=True)
+        ]
 
     def show(self, period: float) -> None:
         """Send what is now, if anybody looks, and wait until ``period`` [s] has passed since the last time."""
@@ -146,6 +159,14 @@ class TwinPage:
     def close(self) -> None:
         """Close the page."""
         stop(self.server)
+
+
+def cross_track(path: Path, pose: Pose, axle: float) -> float:
+    """Distance [m] of the middle of the front axle, ``axle`` [m] before the hinge, from the path's nearest point; positive
+    to the left of the path."""
+    w, x, y, z = pose.wxyz
+    ahead = np.array([1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z)])
+    return float(path.project(pose.position[:2] + axle * ahead)[1])
 
 
 def page_of(twin: Twin, names: Sequence[str] = ("",), port: int = 0) -> TwinPage:

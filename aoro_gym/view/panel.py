@@ -32,6 +32,7 @@ GAUGES: tuple[tuple[str, str, float, str, float, float], ...] = (
     *((f"load {wheel}", f"wheel_load_{wheel}", 1e3, "kN", 0.0, 60.0) for wheel in WHEELS),
     ("engine", "engine_speed", RPM, "rpm", 0.0, 2500.0),
     ("speed", "speed", 1.0, "m/s", -3.0, 3.0),
+    ("left of path", "cross_track", 0.01, "cm", -50.0, 50.0),
     ("roll", "roll", DEGREE, "°", -30.0, 30.0),
     ("pitch", "pitch", DEGREE, "°", -30.0, 30.0),
 )

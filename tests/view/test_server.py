@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aoro_gym.cli.place import put
-from aoro_gym.terrains import Plane, Terrain
+from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.terrains.world.objects import Tree, upright
 from aoro_gym.terrains.world.world import World
 from aoro_gym.twin import Twin
@@ -14,8 +14,9 @@ from aoro_gym.view import server as module
 from aoro_gym.view.colours import world_colours
 from aoro_gym.view.live import LiveTwins
 from aoro_gym.view.live_view import LiveView
-from aoro_gym.view.page import FRAME
+from aoro_gym.view.page import FRAME, cross_track
 from aoro_gym.view.panel import gauges
+from aoro_gym.view.poses import Pose
 from aoro_gym.view.scene import FORCE_SCALE, Ground, arrows
 from aoro_gym.view.server import start
 
@@ -139,6 +140,17 @@ def test_gauges_show_what_there_is():
     assert "125 bar" in text and "width:50.0%" in text  # half of 250 bar
     assert "-20.0 °" in text and "margin-left:25.0%;width:25.0%" in text
     assert "a&lt;b" in text and "pump" not in text
+
+
+def test_a_path_is_drawn_and_the_error_shown(server, view):
+    axle = float(view.twins.twin.machine.frame.front.axle_distance)
+    path = Path(np.array([[-20.0, -0.25], [20.0, -0.25]]))
+    view.page.surround(Plane(), path)
+    view.page.frames = 0  # gauges are looked at
+    view.frame()
+    assert "left of path" in view.page._gauges._bars[0].content and "25.0 cm" in view.page._gauges._bars[0].content
+    turned = Pose(np.array([3.0, 1.0, 0.0]), np.array([np.sqrt(0.5), 0.0, 0.0, -np.sqrt(0.5)]))  # to the right
+    assert cross_track(path, turned, axle) == pytest.approx(1.25 - axle)
 
 
 @pytest.mark.slow  # compiles a kernel
