@@ -33,12 +33,12 @@ def bench(
     twins: TwinsOption = "1,64,4096",
     what: WhatOption = "twin",
     env: EnvOption = options.TRACKING,
-    trainer: TrainerOption = "sb3",
+    trainers: TrainerOption = "sb3",
     ground: GroundOption = "plane",
     randomise: RandomiseOption = False,
     output: OutputOption = "numpy",
     threads: ThreadsOption = None,
-    peer: PeerOption = None,
+    peers: PeerOption = None,
     worlds: WorldsOption = None,
     startup: StartupOption = False,
     seconds: SecondsOption = 5.0,
@@ -87,8 +87,8 @@ def bench(
 
         counts |= {"threads": _counts("--threads", threads), "worlds": _counts("--worlds", worlds)}
         plan = Plan(
-            **counts, what=_parts(what), env=env, trainers=_parts(trainer), ground=ground, randomise=randomise,
-            output=output, device=device, peers=tuple(peer or ()), startup=startup, seconds=seconds, seed=seed,
+            **counts, what=_parts(what), env=env, trainers=_parts(trainers), ground=ground, randomise=randomise,
+            output=output, device=device, peers=tuple(peers or ()), startup=startup, seconds=seconds, seed=seed,
         )  # fmt: skip
 
     def save(so_far: dict[str, Any]) -> None:
