@@ -360,7 +360,7 @@ class _Actor(GaussianMixin, Model):
         return self.net(inputs["observations"]), {"log_std": self.log_std}
 
     def of(self, observations: torch.Tensor) -> Normal:
-        """What :meth:`act` draws from, of which this draws nothing."""
+        """What ``act`` draws from, of which this draws nothing."""
         return Normal(self.net(observations), self.deviation())
 
     def deviation(self) -> torch.Tensor:
