@@ -92,7 +92,7 @@ def simulate(
       aoro-gym simulate --manoeuvre drive --signal 40 --duration 8 --terrain-slope 5 --out hill.csv
       aoro-gym simulate --manoeuvre left --scale steering.valve.spool_time_constant=5 --out slow_spool.csv
       aoro-gym simulate --manoeuvre left --laws library --out library.csv
-      aoro-gym simulate --manoeuvre drive --world forest --start 3 5 90 --duration 20 --out through.csv
+      aoro-gym simulate --manoeuvre drive --world forest --start -10 14 225 --duration 20 --out stopped.csv
       aoro-gym simulate --manoeuvre my_commands.csv --start-angle 10 --out mine.csv
     """
     with checking_input():

@@ -9,6 +9,7 @@ import pytest
 
 from aoro_gym.machine import Machine
 from aoro_gym.recording.tables import read_table
+from aoro_gym.terrains.generate.world import world
 from aoro_gym.terrains.terrain import Terrain
 from aoro_gym.terrains.world.files import save_world
 from aoro_gym.terrains.world.objects import Log, Tree, along, upright
@@ -129,6 +130,21 @@ def test_simulate_in_a_world_logs_and_tells_what_it_touches(clearing, tmp_path):
     contacts = json.loads(out.with_suffix(".json").read_text())["contacts"]
     assert [(row["part"], row["object"], row["kind"]) for row in contacts] == [("front chassis", 1, "tree")]
     assert contacts[0]["largest_force_kN"] > 20.0 and contacts[0]["duration_s"] > 0.5
+
+
+def test_the_example_of_the_page_on_worlds_is_stopped_by_a_tree(tmp_path):
+    save_world(world(3), tmp_path / "forest")
+    out = tmp_path / "stopped.csv"
+    options = ("--start", "-10", "14", "225", "--signal", "50", "--duration", "20", "--out", out)
+    assert call("simulate", "-m", "drive", "--world", tmp_path / "forest", *options).exit_code == 0
+    contacts = {
+        (row["part"], row["object"]): row for row in json.loads(out.with_suffix(".json").read_text())["contacts"]
+    }
+    over, against = contacts["front right wheel", 741], contacts["front chassis", 256]
+    assert (over["kind"], against["kind"]) == ("stump", "tree")
+    # as the page says; a contact takes what a compiler rounds otherwise some per cent up or down (E)
+    assert over["largest_force_kN"] == pytest.approx(36.0, abs=3.0)
+    assert against["largest_force_kN"] == pytest.approx(79.0, abs=5.0)
 
 
 def test_simulate_in_a_world_starts_where_it_is_free(clearing, tmp_path):
