@@ -6,7 +6,7 @@ from aoro_gym.diagnosis_benchmark.independent.constants import Constant
 from aoro_gym.units import BAR
 
 from . import vehicle
-from .vehicle import STILL, VEHICLE, Made, around
+from .vehicle import VEHICLE, Made, around
 
 TABLE: dict[str, Constant] = {
     **VEHICLE,
@@ -95,23 +95,37 @@ BASE_STEEPNESS, BASE_LEVEL = 3.904, 9.966
 """Walther's constants of a VG46 oil (46 mm²/s at 40 °C, 12 at 75 °C)."""
 
 
-def derived(m: Made) -> dict[str, float]:
-    """All constants of the kernel."""
-    made = {**STILL, **m, **vehicle.geometry(m), **vehicle.loaded(m, "front", 1.9), **vehicle.slope(m, 0.0, 1.0)}
-    made |= vehicle.valve(m)
+def _vehicle(m: Made) -> dict[str, float]:
+    """Payload on the front frame, a slope across."""
+    return vehicle.loaded(m, "front", 1.9) | vehicle.slope(m, 0.0, 1.0)
+
+
+def _hydraulics(m: Made) -> dict[str, float]:
+    """Oil at its temperature, valve and return."""
     power = 10 ** (BASE_LEVEL - BASE_STEEPNESS * math.log10(vehicle.kelvin(m["temperature"])))
     density = 880.0 * (1.0 - 6.5e-4 * (m["temperature"] - 15.0))
-    made["viscosity"] = density * 1e-6 * (10**power - 0.7)
-    made["bulk_modulus"] = m["bulk_at_20"] * (1.0 - 0.005 * (m["temperature"] - 20.0))
-    made["tank_conductance"] = m["flow_left"] / math.sqrt(m["tank_drop"])
-    sinkage = (1.5 * made["load_mean"] / (0.53 * m["soil_modulus"] * math.sqrt(2 * m["tire_radius"]))) ** (2 / 3)
-    made["rolling"] = 0.01 + 0.5 * 0.53 * m["soil_modulus"] * sinkage**2 / made["load_mean"]
-    made["grip_sliding"] = 0.9 * m["ground_friction"]
-    made["grip_sticking"] = 1.1 * m["ground_friction"]
-    made["scrub_moment"] = (1 + sinkage / 0.08) * 2 / 3 * m["ground_friction"] * made["load_mean"] * m["patch_radius"]
-    made["stiffness_along"] = 4e5 * m["shear"]
-    made["stiffness_across"] = 2.2e5 * m["shear"]
-    return made
+    return vehicle.valve(m) | {
+        "viscosity": density * 1e-6 * (10**power - 0.7),
+        "bulk_modulus": m["bulk_at_20"] * (1.0 - 0.005 * (m["temperature"] - 20.0)),
+        "tank_conductance": m["flow_left"] / math.sqrt(m["tank_drop"]),
+    }
+
+
+def _tires(m: Made) -> dict[str, float]:
+    """Tires on ground that they sink into."""
+    sinkage = (1.5 * m["load_mean"] / (0.53 * m["soil_modulus"] * math.sqrt(2 * m["tire_radius"]))) ** (2 / 3)
+    return {
+        "rolling": 0.01 + 0.5 * 0.53 * m["soil_modulus"] * sinkage**2 / m["load_mean"],
+        "grip_sliding": 0.9 * m["ground_friction"],
+        "grip_sticking": 1.1 * m["ground_friction"],
+        "scrub_moment": (1 + sinkage / 0.08) * 2 / 3 * m["ground_friction"] * m["load_mean"] * m["patch_radius"],
+        "stiffness_along": 4e5 * m["shear"],
+        "stiffness_across": 2.2e5 * m["shear"],
+    }
+
+
+DERIVED = {"vehicle": _vehicle, "hydraulics": _hydraulics, "tires": _tires}
+"""What follows from the constants, by part."""
 
 
 def angle_delay(m: Made) -> float:

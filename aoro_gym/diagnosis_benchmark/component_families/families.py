@@ -1,9 +1,7 @@
 """The component families: machines drawn from them, what effects change on them, their kernels and measuring."""
 
-import importlib
 import math
 from collections.abc import Callable, Mapping, Sequence
-from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,8 +11,8 @@ from aoro_gym.diagnosis_benchmark.independent.group import Group, Made, Sampled
 from . import measuring
 from .catalogue import EFFECTS
 from .outside import OUTSIDE
+from .parts import FAMILIES, Family, family_of, laws_of
 
-FAMILIES = ("elm", "fir", "hazel")
 SHIFTED = {"oil_temperature": "temperature", "payload": "payload", "ground_slope": "slope_angle"}
 """Constants that an effect shifts by its size."""
 BENT = {"fir": "loading", "hazel": "eccentricity"}
@@ -32,33 +30,21 @@ class Component(Group):
     logged = (7, 9, 10, 11, 4, 5, 6)
     reach = 40.0
 
-    def family_of(self, name: str) -> ModuleType:
-        if name not in FAMILIES:
-            raise ValueError(f"family must be one of {', '.join(FAMILIES)}, not {name!r}")
-        return importlib.import_module(f"{__package__}.{name}")
+    def family_of(self, name: str) -> Family:
+        return family_of(name)
 
     def laws(self, family: str, kind: Any) -> Any:
-        from .laws import assembly, places
-
-        laws = importlib.import_module(f"{__package__}.laws.{family}")
-        return SimpleNamespace(
-            State=places.State,
-            derivative=assembly.assemble(laws, kind),
-            limit=laws.limit,
-            start=laws.start,
-            remembered=assembly.nothing_remembered,
-            hydraulic_signals=laws.hydraulic_signals,
-        )
+        return laws_of(family, kind)
 
     def turned(self, effect: str, family: str, machine: Made, knob: float) -> dict[str, float]:
         """A machine with the constants of an effect scaled by powers of exp(knob), or shifted by the knob."""
-        other = dict(machine)
+        other, parts = dict(machine), family_of(family).parts
         if effect in SHIFTED:
             other[SHIFTED[effect]] += knob
-        elif effect == "sensor_gain" and family in BENT:
-            other[BENT[family]] += knob
+        elif effect == "sensor_gain" and parts["angle"] in BENT:
+            other[BENT[parts["angle"]]] += knob
         else:
-            for name, power in self.family_of(family).REALISED[effect].items():
+            for name, power in family_of(family).REALISED[effect].items():
                 other[name] *= math.exp(power * knob)
         return other
 
@@ -70,7 +56,7 @@ class Component(Group):
         return fine, fine
 
     def command(self, family: str, values: np.ndarray, machine: Mapping[str, float]) -> np.ndarray:
-        return measuring.command(family, values, machine)
+        return measuring.command(family_of(family).parts["command"], values, machine)
 
     def measured(
         self,
@@ -80,8 +66,9 @@ class Component(Group):
         rngs: Sequence[np.random.Generator],
         noise: bool,
     ) -> list[dict[str, np.ndarray]]:
+        parts = family_of(family).parts
         each = zip(signals, runs, rngs, strict=True)
-        return [measuring.measured(family, one[:, 1:], run.times, run.machine, rng, noise) for one, run, rng in each]
+        return [measuring.measured(parts, one[:, 1:], run.times, run.machine, rng, noise) for one, run, rng in each]
 
 
 GROUP = Component()

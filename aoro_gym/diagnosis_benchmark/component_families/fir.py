@@ -6,7 +6,7 @@ from aoro_gym.diagnosis_benchmark.independent.constants import Constant
 from aoro_gym.units import BAR, LITRE_PER_MINUTE
 
 from . import vehicle
-from .vehicle import STILL, VEHICLE, Made, around
+from .vehicle import VEHICLE, Made, around
 
 TABLE: dict[str, Constant] = {
     **VEHICLE,
@@ -106,22 +106,40 @@ REALISED = {
 """Constants that an effect scales, and by which power; the sensor's gain, temperature, payload and slope are shifted."""
 
 
-def derived(m: Made) -> dict[str, float]:
-    """All constants of the kernel."""
-    made = {**STILL, **m, **vehicle.geometry(m), **vehicle.loaded(m, "rear", 1.1), **vehicle.slope(m, 1.0, 0.0)}
-    made |= vehicle.valve(m)
-    # Vogel: ln μ = a + b/(T − c), through VG46 at 40 and 75 °C
-    made["viscosity"] = 5.251e-5 * math.exp(891.45 / (vehicle.kelvin(m["temperature"]) - 178.7))
-    made["bulk_modulus"] = m["bulk_at_20"] * math.exp(-0.0055 * (m["temperature"] - 20.0))
-    made["command_delay"] = m["bus_delay"]
+def _vehicle(m: Made) -> dict[str, float]:
+    """Payload on the rear frame, a slope along."""
+    return vehicle.loaded(m, "rear", 1.1) | vehicle.slope(m, 1.0, 0.0)
+
+
+def _hydraulics(m: Made) -> dict[str, float]:
+    """Oil at its temperature and valve. Vogel: ln μ = a + b/(T − c), through VG46 at 40 and 75 °C."""
+    return vehicle.valve(m) | {
+        "viscosity": 5.251e-5 * math.exp(891.45 / (vehicle.kelvin(m["temperature"]) - 178.7)),
+        "bulk_modulus": m["bulk_at_20"] * math.exp(-0.0055 * (m["temperature"] - 20.0)),
+    }
+
+
+def _command(m: Made) -> dict[str, float]:
+    """Pure delay of the command; the bus holds it besides."""
+    return {"command_delay": m["bus_delay"]}
+
+
+def _tires(m: Made) -> dict[str, float]:
+    """Tires by their inflation, on ground by its cone number."""
     soil = 1.2 / m["cone_number"]
-    made["rolling"] = 0.012 + soil
-    made["rut_drag"] = 0.5 * soil
-    made["grip_sliding"] = m["ground_friction"]
-    made["scrub_moment"] = 2 / 3 * 0.175 / math.sqrt(m["inflation"])
     stiff = m["shear"] * m["inflation"] ** 0.6
-    made["stiffness_along"], made["stiffness_across"] = 3.7e5 * stiff, 1.9e5 * stiff
-    return made
+    return {
+        "rolling": 0.012 + soil,
+        "rut_drag": 0.5 * soil,
+        "grip_sliding": m["ground_friction"],
+        "scrub_moment": 2 / 3 * 0.175 / math.sqrt(m["inflation"]),
+        "stiffness_along": 3.7e5 * stiff,
+        "stiffness_across": 1.9e5 * stiff,
+    }
+
+
+DERIVED = {"vehicle": _vehicle, "hydraulics": _hydraulics, "command": _command, "tires": _tires}
+"""What follows from the constants, by part."""
 
 
 def angle_delay(m: Made) -> float:

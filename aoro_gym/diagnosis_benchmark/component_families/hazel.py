@@ -8,7 +8,7 @@ from aoro_gym.diagnosis_benchmark.independent.constants import Constant
 from aoro_gym.units import BAR
 
 from . import vehicle
-from .vehicle import STILL, VEHICLE, Made, around
+from .vehicle import VEHICLE, Made, around
 
 TABLE: dict[str, Constant] = {
     **VEHICLE,
@@ -107,22 +107,40 @@ REALISED = {
 """Constants that an effect scales, and by which power; the sensor's gain, temperature, payload and slope are shifted."""
 
 
-def derived(m: Made) -> dict[str, float]:
-    """All constants of the kernel."""
-    made = {**STILL, **m, **vehicle.geometry(m), **vehicle.loaded(m, "front", 2.6, 0.4)}
-    made |= vehicle.slope(m, math.sqrt(0.5), math.sqrt(0.5)) | vehicle.valve(m)
-    made["viscosity"] = 0.0398 * math.exp(-0.034 * (m["temperature"] - 40.0))  # Reynolds 1886
-    made["bulk_modulus"] = m["bulk_at_20"] * (1.0 - 0.006 * (m["temperature"] - 20.0))
-    made["command_delay"] = m["driver_delay"]
+def _vehicle(m: Made) -> dict[str, float]:
+    """Payload at the crane's tip, a slope along a diagonal."""
+    return vehicle.loaded(m, "front", 2.6, 0.4) | vehicle.slope(m, math.sqrt(0.5), math.sqrt(0.5))
+
+
+def _hydraulics(m: Made) -> dict[str, float]:
+    """Oil at its temperature (Reynolds 1886) and valve."""
+    return vehicle.valve(m) | {
+        "viscosity": 0.0398 * math.exp(-0.034 * (m["temperature"] - 40.0)),
+        "bulk_modulus": m["bulk_at_20"] * (1.0 - 0.006 * (m["temperature"] - 20.0)),
+    }
+
+
+def _command(m: Made) -> dict[str, float]:
+    """Pure delay of the command; its driver averages it besides."""
+    return {"command_delay": m["driver_delay"]}
+
+
+def _tires(m: Made) -> dict[str, float]:
+    """Tires in series with ground that shears, with plastic slip sinkage (Wong 2008)."""
     limit = m["ground_friction"] * math.exp(-3.0 * m["shear_displacement"])
-    made["grip_sliding"] = limit
-    made["rolling"] = 0.013 + 1.2 * m["shear_displacement"]  # plastic slip sinkage (Wong 2008)
-    soil = m["shear_displacement"] / (limit * made["load_mean"])
-    made["stiffness_along"] = 1.0 / (1.0 / (4.2e5 * m["shear"]) + soil)
-    made["stiffness_across"] = 1.0 / (1.0 / (2.4e5 * m["shear"]) + soil)
-    made["scrub_moment"] = 2 / 3 * limit * made["load_mean"] * 0.165 * m["scrub_limit"]
-    made["twist_stiffness"] = 1.0 / (1.0 / m["twist_base"] + 0.25 * soil / 0.18**2)
-    return made
+    soil = m["shear_displacement"] / (limit * m["load_mean"])
+    return {
+        "grip_sliding": limit,
+        "rolling": 0.013 + 1.2 * m["shear_displacement"],
+        "stiffness_along": 1.0 / (1.0 / (4.2e5 * m["shear"]) + soil),
+        "stiffness_across": 1.0 / (1.0 / (2.4e5 * m["shear"]) + soil),
+        "scrub_moment": 2 / 3 * limit * m["load_mean"] * 0.165 * m["scrub_limit"],
+        "twist_stiffness": 1.0 / (1.0 / m["twist_base"] + 0.25 * soil / 0.18**2),
+    }
+
+
+DERIVED = {"vehicle": _vehicle, "hydraulics": _hydraulics, "command": _command, "tires": _tires}
+"""What follows from the constants, by part."""
 
 
 def angle_delay(m: Made) -> float:

@@ -19,11 +19,11 @@ ORDERS = {
     "fir": ((0.5, 0.7), (2.0, 1.0), (4.32, 0.6)),
     "hazel": ((1.0, 0.5), (3.985, 1.0), (6.0, 0.4)),
 }
-"""Engine orders on the joint angle and their share of :data:`WAVE`."""
+"""Engine orders on the joint angle by the family of its sensor, and their share of :data:`WAVE`."""
 WAVE = 3e-4
 """Amplitude of an engine order on the joint angle [rad] (E)."""
 SPEED_STEP = {"elm": 0.013, "fir": 0.026, "hazel": 0.052}
-"""Resolution of the engine's speed [rad/s]."""
+"""Resolution of the engine's speed [rad/s] by the family of the chain."""
 
 
 def delayed(values: Floats, delay: float) -> Floats:
@@ -84,7 +84,7 @@ def command(family: str, values: Floats, m: Made) -> Floats:
 
 
 def _angle(family: str, angle: Floats, m: Made) -> Floats:
-    """Joint angle (K,) as its own sensor gives it."""
+    """Joint angle (K,) as the sensor of a family gives it."""
     if family == "elm":
         return m["angle_gain"] * lagged(delayed(angle, m["angle_delay"]), m["angle_lag"])
     if family == "fir":
@@ -95,7 +95,7 @@ def _angle(family: str, angle: Floats, m: Made) -> Floats:
 
 
 def _chain(family: str, values: Floats, m: Made) -> Floats:
-    """A channel (K,) through the logger's chain."""
+    """A channel (K,) through the logger's chain of a family."""
     if family == "elm":
         return averaged(values, m["chain_window"])
     if family == "fir":
@@ -104,12 +104,12 @@ def _chain(family: str, values: Floats, m: Made) -> Floats:
 
 
 def measured(
-    family: str, fine: Floats, times: Floats, m: Made, rng: np.random.Generator, noise: bool
+    parts: Mapping[str, str], fine: Floats, times: Floats, m: Made, rng: np.random.Generator, noise: bool
 ) -> dict[str, Floats]:
     """Columns of a log.
 
     Args:
-        family: Of the machine.
+        parts: Families of the machine's ``angle`` sensor and ``chain``.
         fine: Joint angle [rad], pressures a, b, pump, drive forward and return [Pa], engine speed [rad/s], (K, 7) on the
             fine grid.
         times: Of the samples [s].
@@ -118,18 +118,19 @@ def measured(
         noise: False leaves out engine orders, noise and quantisation.
     """
     grid = np.arange(len(fine)) * GRID
-    angle = _angle(family, fine[:, 0], m) + m["angle_offset"]
-    channels = [_chain(family, one, m) for one in (angle, *fine[:, 1:].T)]
+    angle = _angle(parts["angle"], fine[:, 0], m) + m["angle_offset"]
+    channels = [_chain(parts["chain"], one, m) for one in (angle, *fine[:, 1:].T)]
     angle, *others = (np.interp(times, grid, one) for one in channels)
     for place, port in enumerate(("a", "b", "pump")):
         others[place] = others[place] + m[f"pressure_offset_{port}"]
     if noise:
-        for order, share in ORDERS[family]:
+        for order, share in ORDERS[parts["angle"]]:
             angle = angle + WAVE * share * np.sin(order * m["engine_speed"] * times + rng.uniform(0.0, 2 * math.pi))
         angle = angle + m["angle_noise"] * rng.standard_normal(len(times))
         angle = np.round(angle / m["angle_step"]) * m["angle_step"]
         for place in range(5):
             others[place] = others[place] + m["pressure_noise"] * rng.standard_normal(len(times))
-        others[5] = np.round(others[5] / SPEED_STEP[family]) * SPEED_STEP[family]
+        step = SPEED_STEP[parts["chain"]]
+        others[5] = np.round(others[5] / step) * step
     names = ("pressure_a", "pressure_b", "pump_pressure", "drive_forward", "drive_return", "engine_speed")
     return {"joint_angle": angle, **dict(zip(names, others, strict=True))}

@@ -147,7 +147,7 @@ class IndependentPlants:
 
 @dataclass(frozen=True)
 class ComponentPlants(IndependentPlants):
-    """A family of :mod:`aoro_gym.diagnosis_benchmark.component_families`."""
+    """A family of :mod:`aoro_gym.diagnosis_benchmark.component_families`, or a mixture of some by its name."""
 
     PACKAGE: ClassVar[Any] = component_families
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from aoro_gym.diagnosis_benchmark import component_families as component
+from aoro_gym.diagnosis_benchmark.component_families.parts import FAMILIES, mixture
 from aoro_gym.units import BAR
 
 NOISE = {
@@ -13,7 +14,7 @@ NOISE = {
 """About what the families' loggers add to each channel (rms)."""
 
 
-@pytest.mark.parametrize("family", component.FAMILIES)
+@pytest.mark.parametrize("family", [*component.FAMILIES, *(mixture(FAMILIES, number) for number in range(6))])
 def test_each_effect_moves_its_magnitude_by_what_is_asked(family: str) -> None:
     rng = np.random.default_rng(4)
     for _ in range(3):

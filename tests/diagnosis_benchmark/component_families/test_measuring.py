@@ -6,6 +6,8 @@ import pytest
 from aoro_gym.diagnosis_benchmark import component_families as component
 from aoro_gym.diagnosis_benchmark.component_families import measuring
 
+MIXTURES = [f"mixed_elm_fir_hazel_{number:04d}" for number in (1, 2, 7)]
+"""Machines whose command, angle sensor and chain are not all of one family."""
 RAMP = np.arange(2000) * measuring.GRID
 
 
@@ -38,7 +40,7 @@ def test_what_stands_still_passes(law) -> None:
     assert law(np.full(300, 3.7), 0.02) == pytest.approx(3.7, rel=1e-12)
 
 
-@pytest.mark.parametrize("family", component.FAMILIES)
+@pytest.mark.parametrize("family", [*component.FAMILIES, *MIXTURES])
 def test_a_logged_ramp_is_late_by_the_lags_of_sensor_and_chain(family: str) -> None:
     machine = component.nominal(family)
     machine = component.apply("measuring_chain", family, machine, 0.02)
@@ -46,7 +48,9 @@ def test_a_logged_ramp_is_late_by_the_lags_of_sensor_and_chain(family: str) -> N
     fine = np.outer(0.05 * RAMP, np.ones(7))
     times = np.arange(200) * 0.01
     made = component.GROUP.family_of(family).derived(machine)
-    log = measuring.measured(family, fine, times, made, np.random.default_rng(0), False)
+    log = measuring.measured(
+        component.GROUP.family_of(family).parts, fine, times, made, np.random.default_rng(0), False
+    )
     chain = component.measure("measuring_chain", family, machine)
     sensor = component.measure("sensor_filter", family, machine) + component.measure("sensor_delay", family, machine)
     assert np.mean(0.05 * times[100:] - log["pressure_a"][100:]) == pytest.approx(0.05 * chain, rel=1e-6)
@@ -54,9 +58,9 @@ def test_a_logged_ramp_is_late_by_the_lags_of_sensor_and_chain(family: str) -> N
     assert late == pytest.approx(0.05 * (chain + sensor), abs=0.05 * 1.5e-3)  # a hold ends on the grid of 1 ms
 
 
-@pytest.mark.parametrize("family", ["fir", "hazel"])
+@pytest.mark.parametrize("family", ["fir", "hazel", *MIXTURES[:2]])
 def test_a_command_is_late_by_bus_or_driver(family: str) -> None:
     machine = component.apply("command_delay", family, component.nominal(family), 0.02)
     made = component.GROUP.family_of(family).derived(machine)
-    late = np.mean(RAMP[1000:] - measuring.command(family, RAMP, made)[1000:]) + made["command_delay"]
+    late = np.mean(RAMP[1000:] - component.GROUP.command(family, RAMP, made)[1000:]) + made["command_delay"]
     assert late == pytest.approx(component.measure("command_delay", family, machine), abs=1.5e-3)

@@ -1,4 +1,4 @@
-"""Physics of the component families: oil is conserved, work is not made, steps are small enough, what stands stays."""
+"""Physics of the component families and mixtures: oil is conserved, work is not made, steps are small, what stands stays."""
 
 import numpy as np
 import pytest
@@ -9,6 +9,8 @@ from aoro_gym.diagnosis_benchmark.component_families.figures import PUBLISHED, k
 from aoro_gym.units import ATMOSPHERIC_PRESSURE, BAR
 
 GRID = 1e-3
+KINDS = (*component.FAMILIES, *(f"mixed_elm_fir_hazel_{number:04d}" for number in (1, 2, 7)))
+"""Families, and mixtures with the hydraulics of each on tires, hinge, seals and rods of others."""
 
 
 def command(*parts: tuple[int, float]) -> np.ndarray:
@@ -16,28 +18,28 @@ def command(*parts: tuple[int, float]) -> np.ndarray:
     return np.concatenate([np.full(count, value) for count, value in parts])
 
 
-def compliances(family: str, made: dict[str, float], pressure: np.ndarray, volume: np.ndarray) -> np.ndarray:
+def compliances(hydraulics: str, made: dict[str, float], pressure: np.ndarray, volume: np.ndarray) -> np.ndarray:
     """Compliance [m³/Pa] of side A by the textbooks' formulas, written a second time; without gas on fir and hazel."""
-    if family == "elm":
+    if hydraulics == "elm":
         absolute, share, beta = pressure + ATMOSPHERIC_PRESSURE, made["air_share"], made["bulk_modulus"]
         gas = share * (ATMOSPHERIC_PRESSURE / absolute) ** 0.8
         liquid = (1 - share) * np.exp((ATMOSPHERIC_PRESSURE - absolute) / beta)
         mixture = (gas / (1.25 * absolute) + liquid / beta) / (gas + liquid)
         return (volume + made["hose_volume"]) * mixture + made["hose_volume"] / made["hose_modulus"]
-    if family == "fir":
+    if hydraulics == "fir":
         return volume / (made["bulk_modulus"] + 10.0 * np.maximum(pressure, 0.0))
     above, scale = np.maximum(pressure, 0.0), 0.0894 * made["bulk_modulus"]
     beta = (scale + above) * (1 - 0.0894 * np.log(1 + above / scale)) / 0.0894
     return (volume + made["hose_volume"]) / beta + made["hose_volume"] / made["hose_modulus"]
 
 
-@pytest.mark.parametrize("family", component.FAMILIES)
+@pytest.mark.parametrize("family", KINDS)
 def test_oil_that_flows_in_moves_the_pistons_or_is_compressed(family: str) -> None:
-    machine = component.nominal(family)
-    machine |= {"fir": {"pocket_volume": 1e-15}, "hazel": {"line_gas": 1e-15, "hose_creep": 1e-20}}.get(family, {})
+    machine, hydraulics = component.nominal(family), component.GROUP.family_of(family).parts["hydraulics"]
+    machine |= {"fir": {"pocket_volume": 1e-15}, "hazel": {"line_gas": 1e-15, "hose_creep": 1e-20}}.get(hydraulics, {})
     log = component.trace([component.Run(family, machine, command((10, 0.0), (50, 0.9), (30, 0.6)))])[0]
     made = component.GROUP.family_of(family).derived(machine)
-    stored = compliances(family, made, log["exact_a"], log["volume_a"])
+    stored = compliances(hydraulics, made, log["exact_a"], log["volume_a"])
     middle = 0.5 * (stored[1:] + stored[:-1])
     compressed = np.r_[0.0, np.cumsum(middle * np.diff(log["exact_a"]))]
     flown = cumulative_trapezoid(log["flow_a"], dx=GRID, initial=0.0)
@@ -47,7 +49,7 @@ def test_oil_that_flows_in_moves_the_pistons_or_is_compressed(family: str) -> No
     assert error < (2 * np.pi * 100.0 * GRID) ** 2 / 12 * np.ptp(compressed)  # trapezoids of 1 ms over waves of 100 Hz
 
 
-@pytest.mark.parametrize("family", component.FAMILIES)
+@pytest.mark.parametrize("family", KINDS)
 def test_motion_needs_the_work_of_the_oil_and_dies_without(family: str) -> None:
     log = component.trace(
         [component.Run(family, component.nominal(family), command((10, 0.0), (60, 1.0), (120, 0.0)))]
@@ -59,7 +61,7 @@ def test_motion_needs_the_work_of_the_oil_and_dies_without(family: str) -> None:
     assert log["kinetic_energy"][-200:].max() < 0.01 * log["kinetic_energy"].max()
 
 
-@pytest.mark.parametrize("family", component.FAMILIES)
+@pytest.mark.parametrize("family", KINDS)
 def test_halved_steps_agree(family: str) -> None:
     rng = np.random.default_rng(7)
     runs = [
@@ -72,12 +74,12 @@ def test_halved_steps_agree(family: str) -> None:
         for sign in (1.0, -1.0)
     ]
     for whole, half in zip(component.trace(runs), component.trace(runs, step=5e-5), strict=True):
-        assert np.sqrt(np.mean((whole["angle"] - half["angle"]) ** 2)) < 1e-5
+        assert np.sqrt(np.mean((whole["angle"] - half["angle"]) ** 2)) < 0.1 * 2.4e-4  # of the quietest sensor's noise
         for name in ("exact_a", "exact_b", "exact_pump"):
             assert np.sqrt(np.mean((whole[name] - half[name]) ** 2)) < 0.05 * BAR
 
 
-@pytest.mark.parametrize("family", component.FAMILIES)
+@pytest.mark.parametrize("family", KINDS)
 def test_a_standing_machine_stands(family: str) -> None:
     machine = component.nominal(family)
     runs = [component.Run(family, machine, np.zeros(100), joint_angle=angle) for angle in (-0.4, 0.0, 0.3)]
