@@ -198,8 +198,11 @@ def test_generated_paths_keep_clear_of_what_is_solid(forest):
 
 def test_drawn_starts_are_free(forest):
     env = made(forest, 32, path=None, randomisation=MILD)
+    solid = circles(forest)
     for seed in range(8):
         env.reset(seed=100 * seed)
+        hinge = env.twin.state.numpy()[:2].T.astype(np.float64)
+        assert stands_free(solid, hinge, env.output("yaw"), env.output("joint_angle")).all()
         _, depths, _ = env.twin._grounds.objects.overlaps(env.twin.machines, env.twin.state)  # pyright: ignore
         assert depths.max() <= DEEP
         assert not env.reset(seed=100 * seed)[1]["chassis_contact"].any()
