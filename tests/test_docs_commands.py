@@ -29,6 +29,7 @@ TRAINING = ("--steps", "500", "--n-envs", "2", "--checkpoint-every", "250", "--e
 SHORTER = {
     "bench": ("--twins", "1", "--seconds", "0.02"),
     "calibrate": ("--starts", "1", "--population", "2", "--force"),
+    "camera": ("--width", "48", "--samples", "1", "--frames", "1"),
     "curves": (),
     "evaluate": ("--episodes", "1", "--no-films"),
     "leaderboard": ("--episodes", "1", "--policy", "bang-bang"),

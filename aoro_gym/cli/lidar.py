@@ -5,48 +5,39 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from aoro_gym.checks import check_range
 from aoro_gym.cli import options
 from aoro_gym.cli.options import option
 from aoro_gym.cli.outcome import checking_input, conclude, running
-from aoro_gym.cli.place import WorldOption, check_one_ground, load_ground
+from aoro_gym.cli.place import WorldOption
+from aoro_gym.cli.sensing import (
+    HeadingOption,
+    IdealOption,
+    PlaceOption,
+    SpeedOption,
+    TerrainOption,
+    WeatherOption,
+    straight_on,
+    surroundings,
+    weather_of,
+)
 from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from aoro_gym.sensors.lidar import Lidar, Motion, Points, Weather
+    from aoro_gym.sensors.lidar import Lidar, Motion, Points
     from aoro_gym.sensors.raytrace import Scene
+    from aoro_gym.terrains.terrain import Terrain
+    from aoro_gym.terrains.world.world import World
 
 ModelOption = Annotated[str, option("--model", "NAME", "os1-64, os1-128, vlp-16 or mid-360.")]
-TerrainOption = Annotated[
-    Path | None, option("--terrain", "FILE", "Ground of 'aoro-gym terrain'. Default: a made forest.")
-]
-PlaceOption = Annotated[
-    tuple[float, float] | None,
-    option(
-        "--at",
-        "X Y",
-        "Where the machine stands, in metres. Default: 0 0, in a --world its middle's nearest free place.",
-    ),
-]
-HeadingOption = Annotated[
-    float | None,
-    option("--heading", "DEG", "Of the machine, from east to north. Default: 0, or that of the free place."),
-]
-SpeedOption = Annotated[float, option("--speed", "M/S", "At which it drives on, for motion in a sweep.")]
 SweepsOption = Annotated[int, option("--sweeps", "N", "One after the other.")]
-WeatherOption = Annotated[
-    str | None, option("--weather", "KIND=AMOUNT", "rain=MM/H, fog=METRES of visibility, or snow=MM/H.")
-]
 ReturnOption = Annotated[
     list[str] | None, option("--return", "WHICH", "first, strongest or last echo. Repeatable. Default: strongest.")
 ]
-IdealOption = Annotated[bool, option("--ideal-sensors", None, "Without noise.")]
-ORIGIN = (0.0, 0.0, 0.0)
-"""Place and heading."""
 TOPIC = "/lidar/points"
 """Of a bag."""
 PointsOption = Annotated[
@@ -102,13 +93,13 @@ def lidar(
         check_range("--heading", 0.0 if heading is None else heading, "deg", ge=-360.0, le=360.0)
         options.check_seed(seed)
         options.check_device(device)
-        air = _weather(weather)
-        check_one_ground(terrain, world)
-        scene, place = _surroundings(terrain, world, seed, device)
+        air = weather_of(weather)
+        ground, place = surroundings(terrain, world, seed)
+        scene = _scene(ground, device)
         sensor = Lidar(scene, model, returns=returns or ["strongest"], weather=air, ideal=ideal, seed=seed)
         at = place[:2] if at is None else at
         turned = place[2] if heading is None else math.radians(heading)
-        motion = _motion(scene, at, turned, speed, sweeps / sensor.model.rate + 0.01)
+        motion = straight_on(scene, at, turned, speed, sweeps / sensor.model.rate + 0.01)
         first = sensor.sweep(motion)[0]  # what is wrong with the place shows here
     with running():
         each = [first, *_later(sensor, motion, sweeps)]
@@ -124,57 +115,13 @@ def lidar(
     conclude(_summary(points), [_table(points)], written, json_to=json_to, highlight=False)
 
 
-def _surroundings(
-    terrain: Path | None, folder: Path | None, seed: int, device: str
-) -> tuple[Scene, tuple[float, float, float]]:
-    """What rays meet, and where the machine stands if nothing is said: x, y [m] and heading [rad]."""
+def _scene(ground: Terrain | World, device: str) -> Scene:
     from aoro_gym.sensors.raytrace import Scene
-    from aoro_gym.terrains.generate.world import world
-    from aoro_gym.terrains.terrain import Terrain
-    from aoro_gym.terrains.world.places import free_place
     from aoro_gym.terrains.world.world import World
 
-    if terrain is None and folder is None:
-        with terminal.progress("making a forest"):
-            return Scene.of_world(world(seed), device=device), ORIGIN
-    ground = load_ground(terrain, folder)
     if isinstance(ground, World):
-        return Scene.of_world(ground, device=device), free_place(ground)
-    assert isinstance(ground, Terrain)
-    return Scene.of_terrain(ground, device=device), ORIGIN
-
-
-def _weather(text: str | None) -> Weather:
-    from aoro_gym.sensors.lidar import CLEAR, Weather
-
-    if text is None:
-        return CLEAR
-    kind, _, amount = text.partition("=")
-    try:
-        number = float(amount)
-    except ValueError:
-        raise ValueError(f"--weather is {text!r}, but must be KIND=AMOUNT, such as rain=10 or fog=60") from None
-    return Weather.named(kind, number)
-
-
-def _motion(scene: Scene, at: tuple[float, float], yaw: float, speed: float, duration: float) -> Motion:
-    """Straight on along ``yaw`` [rad] at a constant speed, upright, on the ground at every tenth of a second."""
-    import numpy as np
-
-    from aoro_gym.sensors.height_map import HeightMapSensor
-    from aoro_gym.sensors.lidar import Motion
-
-    top = float(scene.extent[1][2])
-    time: Any = np.arange(0.0, duration + 0.1, 0.1)
-    way = np.asarray(at) + np.outer(speed * time, [np.cos(yaw), np.sin(yaw)])
-    below = HeightMapSensor(scene, forward=(0.0, 0.0), left=(0.0, 0.0), above=1.0)
-    ground: Any = top + below.measure(np.column_stack([way, np.full(len(time), top)]), np.zeros(len(time)))[:, 0, 0]
-    if np.isnan(ground).any():
-        x, y = way[np.argmax(np.isnan(ground))]
-        raise ValueError(
-            f"there is no ground at x = {x:.1f} m, y = {y:.1f} m; choose another --at, --heading or --speed"
-        )
-    return Motion(time, np.column_stack([way, ground]), 0 * time, 0 * time, 0 * time + yaw)
+        return Scene.of_world(ground, device=device)
+    return Scene.of_terrain(ground, device=device)
 
 
 def _later(sensor: Lidar, motion: Motion, sweeps: int) -> list[Points]:

@@ -51,11 +51,16 @@ class Mesh(NamedTuple):
     """(F,) :class:`~aoro_gym.terrains.world.materials.Surface`."""
 
 
-def mesh(thing: Object, *, leaves: bool = True) -> Mesh:
-    """Triangles of an object; a birch without ``leaves`` is bare."""
+def mesh(thing: Object, *, leaves: bool = True, needles: bool = True) -> Mesh:
+    """Triangles of an object; a birch without ``leaves`` is bare, a tree without ``needles`` its stem alone."""
     own = _MAKERS[thing.kind](thing)
-    if isinstance(thing, Tree) and (leaves or thing.species != "birch"):
+    if isinstance(thing, Tree) and needles and (leaves or thing.species != "birch"):
         own = joined([own, foliage(thing)])
+    return placed(own, thing)
+
+
+def placed(own: Mesh, thing: Object) -> Mesh:
+    """A mesh in an object's own axes, where the object is."""
     return own._replace(vertices=own.vertices @ matrix(thing.rotation).T + np.asarray(thing.position))
 
 

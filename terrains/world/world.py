@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.terrains.terrain import Terrain
+from aoro_gym.terrains.world.crowns import fine_mesh
 from aoro_gym.terrains.world.materials import MaterialTable, Surface, material_table
 from aoro_gym.terrains.world.meshes import mesh
 from aoro_gym.terrains.world.objects import CLEARANCE, Kind, Object, Tree
@@ -131,9 +132,12 @@ class World:
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         return np.abs(normal[:, 2]) >= np.cos(np.radians(steepest_deg)) * np.linalg.norm(normal, axis=1)
 
-    def scene(self) -> Scene:
-        """Triangles of the ground and of all objects, the same for the same world to the bit."""
-        parts = [mesh(one, leaves=self.leaves) for one in self.objects]
+    def scene(self, *, fine: bool = False) -> Scene:
+        """Triangles of the ground and of all objects, the same for the same world to the bit.
+
+        ``fine`` crowns have branches and twigs, for cameras: about ten times as many triangles.
+        """
+        parts = [(fine_mesh if fine else mesh)(one, leaves=self.leaves) for one in self.objects]
         ground = self.ground if self.ground is not None else np.zeros(len(self.terrain.faces), dtype=np.uint8)
         counts = [len(self.terrain.vertices), *(len(part.vertices) for part in parts)]
         starts = np.cumsum([0, *counts])

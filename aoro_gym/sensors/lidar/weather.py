@@ -84,10 +84,14 @@ class Weather:
         return cls(extinction, extinction / SNOW_RATIO, SNOW_NUMBER)
 
     @classmethod
-    def named(cls, kind: str, amount: float) -> Weather:
+    def named(cls, kind: str, amount: float, *, wavelength_nm: float = 905.0) -> Weather:
         """``rain`` [mm/h], ``fog`` [m of visibility] or ``snow`` [mm/h]."""
         check_choice("weather", kind, ("rain", "fog", "snow"))
-        return {"rain": cls.rain, "fog": cls.fog, "snow": cls.snow}[kind](amount)
+        if kind == "rain":
+            return cls.rain(amount)
+        if kind == "fog":
+            return cls.fog(amount, wavelength_nm)
+        return cls.snow(amount, wavelength_nm=wavelength_nm)
 
 
 CLEAR = Weather()

@@ -97,6 +97,8 @@ class Scene:
             raise ValueError(f"num_worlds is {num_worlds}, but the bodies are those of {bodies.num_worlds} worlds")
         find(device)
         self.device = device
+        self.fine = False
+        """Whether foliage has gaps within its triangles, see :meth:`of_world`."""
         self.bodies = bodies
         self.num_worlds = num_worlds if bodies is None else bodies.num_worlds
         self.num_classes = len(materials)
@@ -113,9 +115,12 @@ class Scene:
         return cls(terrain.vertices, terrain.faces, **options)
 
     @classmethod
-    def of_world(cls, world: World, **options: Any) -> Scene:
-        """A world with all that stands, lies and grows on it; classes are its surfaces, with their reflectances."""
-        parts = world.scene()
+    def of_world(cls, world: World, *, fine: bool = False, **options: Any) -> Scene:
+        """A world with all that stands, lies and grows on it; classes are its surfaces, with their reflectances.
+
+        ``fine`` crowns have branches, and twigs between whose needles and leaves cameras see: lidars take them as whole.
+        """
+        parts = world.scene(fine=fine)
         materials = parts.materials
         given: dict[str, Any] = {
             "reflectance": np.column_stack([materials.reflectance_905nm, materials.reflectance_1550nm]),
@@ -123,7 +128,11 @@ class Scene:
             "undergrowth_class": int(Surface.DWARF_SHRUBS),
             **options,
         }
-        return cls(parts.vertices, parts.faces, face_instance=parts.face_instance, face_class=parts.face_class, **given)
+        scene = cls(
+            parts.vertices, parts.faces, face_instance=parts.face_instance, face_class=parts.face_class, **given
+        )
+        scene.fine = fine
+        return scene
 
     @cached_property
     def ground(self) -> wp.Mesh:

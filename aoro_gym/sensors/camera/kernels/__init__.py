@@ -1,0 +1,1 @@
+"""Device code of cameras: one Warp source for the CPU and CUDA."""
