@@ -198,7 +198,7 @@ def main() -> None:
     parser.add_argument("--output", choices=["numpy", "torch"], default="numpy")
     parser.add_argument("--seconds", type=float, default=3.0, help="measured for each number, at least")
     parser.add_argument("--runs", type=int, default=5)
-    parser.add_argument("--terms", nargs="*", default=[], help="terms that cast rays: lidar, height_map")
+    parser.add_argument("--terms", nargs="*", default=[], help="terms that cast rays: lidar, height_map, depth, camera")
     parser.add_argument("--world", type=Path, help="folder of 'aoro-gym world'")
     parser.add_argument("--turns", type=int, default=3, help="with --world, of each ground")
     parser.add_argument("--json", type=Path, help="file for the rows")

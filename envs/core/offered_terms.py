@@ -19,5 +19,22 @@ def _height_map() -> ObservationTerm:
     return height_map()
 
 
-OFFERED: dict[str, Callable[[], ObservationTerm]] = {"lidar": _lidar, "height_map": _height_map}
-"""By name, with their defaults; see :mod:`aoro_gym.envs.core.ray_terms`."""
+def _depth() -> ObservationTerm:
+    from aoro_gym.envs.core.camera_terms import depth
+
+    return depth()
+
+
+def _camera() -> ObservationTerm:
+    from aoro_gym.envs.core.camera_terms import camera
+
+    return camera()
+
+
+OFFERED: dict[str, Callable[[], ObservationTerm]] = {
+    "lidar": _lidar,
+    "height_map": _height_map,
+    "depth": _depth,
+    "camera": _camera,
+}
+"""By name, with their defaults; see :mod:`aoro_gym.envs.core.ray_terms` and :mod:`aoro_gym.envs.core.camera_terms`."""
