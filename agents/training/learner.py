@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training.plan import TrainingPlan
+from aoro_gym.execution.device_names import on_cpu
 
 if TYPE_CHECKING:
     from aoro_gym.agents.training.callbacks import ProgressCallback, StepCounter
@@ -85,7 +86,7 @@ def learner_of(
     """
     import torch  # pyright: ignore[reportMissingImports]
 
-    if plan.device == "cpu":
+    if on_cpu(plan.device):
         torch.set_num_threads(1)  # layers this small lose more by being shared out than they gain
     if plan.algo == "dagger":
         from aoro_gym.agents.training.dagger import Dagger as Trainer

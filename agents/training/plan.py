@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from aoro_gym.checks import check_choice, check_integer
+from aoro_gym.execution.device_names import on_cpu
 
 HYPERPARAMS = Path(__file__).parents[1] / "hyperparams"
 """Hyper-parameters by algorithm, in the RL Zoo's format, and curricula."""
@@ -62,7 +63,7 @@ class TrainingPlan:
         "NAME",
         "Learn on machines drawn as the leaderboard draws them: perturbed, or 'with an effect'. Default: the machine alone.",
     )
-    device: str = option("cpu", "cpu|cuda:N", "Where twins run and networks learn.")
+    device: str = option("cpu", "cpu|cpu:simd|cuda:N", "Where twins run and networks learn.")
     seed: int = option(0, "N", "Seed of all that is random.")
     steps: int | None = option(None, "N", "Environment steps. Default: the hyper-parameters' n_timesteps.")
     n_envs: int | None = option(None, "N", "Sub-environments. Default: the hyper-parameters'.")
@@ -128,7 +129,7 @@ class TrainingPlan:
         if self.hyperparams is not None:
             return Path(self.hyperparams)
         cuda = HYPERPARAMS / f"{self.algo}_cuda.yml"
-        return cuda if self.device != "cpu" and cuda.exists() else HYPERPARAMS / f"{self.algo}.yml"
+        return cuda if not on_cpu(self.device) and cuda.exists() else HYPERPARAMS / f"{self.algo}.yml"
 
     @property
     def curriculum_file(self) -> Path:

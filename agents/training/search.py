@@ -26,6 +26,7 @@ from aoro_gym.agents.training.train import inputs_of, train
 from aoro_gym.checks import check_range
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.execution.cluster import RETRIES, connected
+from aoro_gym.execution.device_names import on_cpu
 from aoro_gym.execution.files import read_json, write_json, write_text
 from aoro_gym.execution.locking import locked
 from aoro_gym.execution.provenance import PROVENANCE, check_provenance
@@ -179,7 +180,7 @@ def search(
             "plan": plan, "space": tuple(space), "folder": folder.absolute(), "machine": machine, "courses": courses,
             "held_out": held_out, "accept_code_change": accept_code_change,
         }  # fmt: skip
-        resources: dict[str, float] = {"cpu": 1, "gpu": 0 if plan.device == "cpu" else 1}
+        resources: dict[str, float] = {"cpu": 1, "gpu": 0 if on_cpu(plan.device) else 1}
         work = tune.with_resources(tune.with_parameters(_trial, **known), resources)
         tuner = _tuner(work, plan, space, folder.absolute() / TUNE, trials=trials, total=int(total))
         with _watched(folder, trials * total, progress), warnings.catch_warnings():

@@ -26,6 +26,7 @@ from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.agents.training.stable_ppo import StablePPO
 from aoro_gym.agents.training.vec_env import make_vec_env
 from aoro_gym.envs.core.vector import TwinVectorEnv
+from aoro_gym.execution.device_names import base
 
 SCHEDULED = ("learning_rate", "clip_range", "clip_range_vf")
 """Hyper-parameters that may fall linearly to 0: ``lin_3e-4``."""
@@ -72,7 +73,7 @@ class StableBaselines:
             try:
                 made = StablePPO if plan.algo == "ppo" else getattr(stable_baselines3, plan.algo.upper())
                 self._model: BaseAlgorithm = made(
-                    arguments.pop("policy", "MlpPolicy"), env, seed=plan.seed, device=plan.device, **arguments
+                    arguments.pop("policy", "MlpPolicy"), env, seed=plan.seed, device=base(plan.device), **arguments
                 )
             except TypeError as error:
                 raise ValueError(

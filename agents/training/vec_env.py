@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from aoro_gym.envs import register_envs
 from aoro_gym.envs.core.vector import TwinVectorEnv, contributions
 from aoro_gym.execution.array_api import Array
+from aoro_gym.execution.device_names import on_cpu
 
 try:
     from stable_baselines3.common.vec_env import VecEnv, VecMonitor  # pyright: ignore[reportMissingImports]
@@ -46,7 +47,8 @@ def make_vec_env(
         env_id: Such as ``"AORO/Turning-v0"``.
         n_envs: Sub-environments.
         seed: Sub-environment i gets ``seed`` + i.
-        device: Of the twins, ``"cpu"`` or ``"cuda:N"``; on a GPU observations and rewards are calculated there, too.
+        device: Of the twins, ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``; on a GPU observations and rewards are calculated
+            there, too.
         env_kwargs: Arguments of the environment: ``machine``, ``terrain``, ``path``, ``randomisation``, ``reward_terms``, …
         monitor_dir: File to write the episodes' returns to; none by default.
         monitor_kwargs: Of ``VecMonitor``.
@@ -56,7 +58,7 @@ def make_vec_env(
     register_envs()
     arguments = {
         "device": device,
-        "output": "numpy" if device == "cpu" else "torch",
+        "output": "numpy" if on_cpu(device) else "torch",
         "autoreset_mode": AutoresetMode.SAME_STEP,
         **(env_kwargs or {}),
     }

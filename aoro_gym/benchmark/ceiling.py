@@ -13,9 +13,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import warp as wp
-
 from aoro_gym.benchmark.probes import WIDTH, bandwidth, factors, full, multiply_add, probe_time
+from aoro_gym.execution import devices
 
 OPERATIONS = Path(__file__).with_name("operations.json")
 
@@ -40,7 +39,7 @@ class Ceiling:
 def measure_ceiling(device: str) -> Ceiling:
     """Ceiling of ``device`` by chains of multiplications and additions, and by a stream; takes below a second, compilation
     excluded."""
-    here = wp.get_device(device)
+    here = devices.find(device)
     threads = full(here)
     pairs = threads * WIDTH / probe_time(multiply_add, factors(here), WIDTH, threads)
     return Ceiling(operations_per_s=(1.0 if here.is_cuda else 2.0) * pairs, bytes_per_s=bandwidth(here))

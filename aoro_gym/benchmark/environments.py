@@ -12,6 +12,7 @@ import aoro_gym  # noqa: F401 (registers the environments)
 from aoro_gym.benchmark.scene import CHANGES
 from aoro_gym.benchmark.timing import Subject
 from aoro_gym.benchmark.twins import randomised
+from aoro_gym.execution.device_names import base, on_cpu
 from aoro_gym.machine import Machine
 from aoro_gym.terrains import Plane
 
@@ -78,7 +79,7 @@ def environments(
     def advance(steps: int) -> None:
         for index in range(steps):
             env.step(schedule[index % CHANGES])
-        wp.synchronize_device(device)
+        wp.synchronize_device(base(device))
 
     return Subject(
         description={
@@ -86,7 +87,7 @@ def environments(
             "environment": environment,
             "device": device,
             "twins": count,
-            "threads": min(vector.twin.threads, count) if device == "cpu" else None,
+            "threads": min(vector.twin.threads, count) if on_cpu(device) else None,
             "ground": ground,
             "randomised": randomise,
             "output": output,

@@ -14,6 +14,7 @@ import warp as wp
 from packaging.requirements import Requirement
 
 from aoro_gym.execution import devices
+from aoro_gym.execution.lanes import cpp_compiler
 from aoro_gym.reporting.terminal import Comparison
 from aoro_gym.twin import Twin
 from aoro_gym.version import VERSION
@@ -129,12 +130,21 @@ def _speed(device: str) -> Speed:
     return Speed(device, name, 1e6 * statistics.median(times) * twin.main_step / SIMULATED)
 
 
+def _cpp_compiler() -> str | None:
+    """What ``--device cpu:simd`` compiles with."""
+    try:
+        return " ".join(cpp_compiler())
+    except ValueError:
+        return None
+
+
 def to_json(installed: list[Part], measured: list[Speed]) -> dict[str, Any]:
     """All of it."""
     return {
         "versions": versions(),
         "python": sys.executable,
         "kernel_cache": str(wp.config.kernel_cache_dir),
+        "cpp_compiler": _cpp_compiler(),
         "parts": [{"part": one.name, "for": one.purpose, "missing": list(one.missing)} for one in installed],
         "devices": [
             {"device": one.device, "name": one.name, "step_us": one.step_us, "times_real_time": one.real_time}
@@ -159,5 +169,7 @@ def tables(installed: list[Part], measured: list[Speed]) -> list[Comparison]:
             ["device", "name", "step of 1 ms [µs]", "times real time"],
             [[one.device, one.name, f"{one.step_us:.1f}", f"{one.real_time:.0f}"] for one in measured],
             lead=2,
+            note="--device cpu:simd, for many twins on a CPU, compiles with "
+            + (_cpp_compiler() or "a C++ compiler, and there is none"),
         ),
     ]

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from aoro_gym.benchmark.peers import valid_runs
+from aoro_gym.execution.device_names import on_cpu
 
 SATURATED = 0.9
 """Share of the best rate from which on a device counts as full."""
@@ -27,7 +28,7 @@ def ratios(cases: Rows, peers: Rows) -> dict[str, float]:
     own = [case for case in cases if case["what"] == "twin"]
     for peer, rate in (("mujoco", "steps_per_core_s"), ("mujoco_warp", "steps_per_s")):
         theirs = [row[rate] for row in valid_runs(peers) if row["what"] == peer]
-        ours = [case[rate] for case in own if (case["device"] == "cpu") == (peer == "mujoco")]
+        ours = [case[rate] for case in own if on_cpu(case["device"]) == (peer == "mujoco")]
         if ours and theirs:
             found[f"twin_over_{peer}" + "_per_core_second" * (peer == "mujoco")] = max(ours) / max(theirs)
     for what in ("twin", "env"):

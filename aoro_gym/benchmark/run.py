@@ -18,6 +18,7 @@ from aoro_gym.benchmark.trainings import trainings
 from aoro_gym.benchmark.twins import twins
 from aoro_gym.checks import check_choice, check_integer, check_range
 from aoro_gym.envs.registration import ENVIRONMENTS
+from aoro_gym.execution.device_names import SIMD, on_cpu
 from aoro_gym.machine import Machine
 from aoro_gym.twin.recorded import cores
 
@@ -58,7 +59,7 @@ class Plan:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        on_cpu = self.device == "cpu"
+        cpu = on_cpu(self.device)
         for name, known in (("what", WHAT), ("trainers", tuple(TRAINERS)), ("peers", tuple(peers.WORLDS))):
             for value in getattr(self, name):
                 check_choice(name, value, known)
@@ -67,7 +68,7 @@ class Plan:
         for name, most in (("twins", MOST_TWINS), ("worlds", MOST_TWINS), ("threads", cores())):
             for count in getattr(self, name):
                 check_integer(name, count, le=most)
-        if self.threads and not on_cpu:
+        if self.threads and not cpu:
             raise ValueError(f"threads is {self.threads}, but {self.device} needs none; drop it, or take device cpu")
         check_range("seconds", self.seconds, "s", gt=0.0, le=600.0)
         if not self.twins or not self.what:
@@ -82,13 +83,13 @@ class Plan:
         for peer in self.peers:
             for package in dict.fromkeys(("mujoco", peer)):
                 peers.package(package)
-        if on_cpu and "mujoco_warp" in self.peers:
+        if cpu and "mujoco_warp" in self.peers:
             raise ValueError("peer mujoco_warp is timed on a GPU, but the device is cpu; take cuda:0")
 
     @property
     def thread_counts(self) -> tuple[int | None, ...]:
         """Numbers of threads to sweep; a GPU has None."""
-        if self.device != "cpu":
+        if not on_cpu(self.device):
             return (None,)
         return self.threads or tuple(dict.fromkeys((1, cores())))
 
@@ -123,7 +124,8 @@ def run(
         subjects.append(make(**options, machine=machine, ground=plan.ground, seed=plan.seed))
     on = computer(plan.device)
     ceiling = None
-    if "twin" in plan.what and plan.ground in counted() and machine.laws.default:  # other laws are not counted
+    is_counted = plan.ground in counted() and machine.laws.default and plan.device != SIMD
+    if "twin" in plan.what and is_counted:
         if progress is not None:
             progress("measuring the computer's ceiling", 1.0)
         ceiling = measure_ceiling(plan.device)

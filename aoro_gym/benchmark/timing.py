@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from aoro_gym.benchmark.scene import EPISODE
+from aoro_gym.execution import devices
+from aoro_gym.execution.device_names import on_cpu
 from aoro_gym.twin.recorded import cores
 
 RUNS = 5
@@ -99,7 +101,7 @@ def _row(subject: Subject, steps: int, wall: list[float], processor: list[float]
         "runs": len(wall),
         "steps_per_run": steps,
     }
-    if row["device"] == "cpu":
+    if on_cpu(row["device"]):
         row["steps_per_core_s"] = statistics.median(processor)
     return row
 
@@ -131,9 +133,9 @@ def computer(device: str) -> dict[str, Any]:
 
     from aoro_gym.version import VERSION
 
-    name = warp.get_device(device).name
+    name = devices.find(device).name
     return {
-        "device": _cpu_name() if device == "cpu" else name,
+        "device": _cpu_name() if on_cpu(device) else name,
         "cpu": _cpu_name(),
         "cores": cores(),
         "system": f"{platform.system()} {platform.machine()}",

@@ -10,6 +10,7 @@ from aoro_gym.agents.training.curriculum import curriculum
 from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.benchmark.environments import ENVIRONMENT, placed
 from aoro_gym.benchmark.timing import Subject
+from aoro_gym.execution.device_names import base, on_cpu
 from aoro_gym.machine import Machine
 
 
@@ -60,7 +61,7 @@ def trainings(
 
     def advance(rollouts: int, first_seed: int | None = None) -> None:
         learner.learn(rollouts * rollout * count, callback, seed=first_seed)
-        wp.synchronize_device(device)
+        wp.synchronize_device(base(device))
 
     advance(1, seed)
     return Subject(
@@ -70,7 +71,7 @@ def trainings(
             "environment": environment,
             "device": device,
             "twins": count,
-            "threads": min(learner.envs.twin.threads, count) if device == "cpu" else None,
+            "threads": min(learner.envs.twin.threads, count) if on_cpu(device) else None,
             "ground": ground,
             "randomised": stage.randomisation.varies_machine,
             "control_step_s": float(task.control_step),

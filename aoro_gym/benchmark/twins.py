@@ -9,6 +9,8 @@ import warp as wp
 
 from aoro_gym.benchmark.scene import CHANGES, CONTROL_STEP, signals, starts, terrain
 from aoro_gym.benchmark.timing import Subject
+from aoro_gym.execution import devices
+from aoro_gym.execution.device_names import on_cpu
 from aoro_gym.machine import Machine
 from aoro_gym.simulation.manoeuvres import SimulationDiverged
 from aoro_gym.terrains import Plane
@@ -55,7 +57,7 @@ def twins(
         options["terrain"] = Plane()
     else:
         options |= {"terrain": terrain(), "ground": ground}
-    if wp.get_device(device).is_cuda:
+    if devices.find(device).is_cuda:
         Twin(1, machine=machine, **options).step()  # what the first twin takes is the kernel's, not the twins'
     before = _free(device)
     twin = Twin(count, machine=randomised(machine, count, seed) if randomise else machine, **options)
@@ -67,7 +69,7 @@ def twins(
     def advance(steps: int) -> None:
         for index in range(steps):
             twin.step(schedule[index % CHANGES], duration=CONTROL_STEP)
-        wp.synchronize_device(device)
+        wp.synchronize_device(twin.device)
 
     def check() -> dict[str, Any]:
         if twin.diverged:
@@ -81,7 +83,7 @@ def twins(
             "what": "twin",
             "device": device,
             "twins": count,
-            "threads": min(twin.threads, count) if device == "cpu" else None,
+            "threads": min(twin.threads, count) if on_cpu(device) else None,
             "ground": ground,
             "randomised": randomise,
             "main_step_s": twin.main_step,
@@ -118,6 +120,6 @@ def count_memory(twin: Twin) -> dict[str, int]:
 
 def _free(device: str) -> int | None:
     """Free memory [bytes] of a GPU."""
-    wp.synchronize_device(device)
-    here = wp.get_device(device)
+    here = devices.find(device)
+    wp.synchronize_device(here)
     return here.free_memory if here.is_cuda else None

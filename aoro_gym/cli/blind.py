@@ -136,7 +136,7 @@ def run(
         given = logged_sensors(folder) if sensors is None else sensors
         target = diagnoses_folder(folder, given) if out is None else out
         check_writable(target / "run.json")
-        options.check_device(device)
+        options.check_device(device, simd=False)
         processes = options.check_workers(workers)
         with running(), resumable(), terminal.progress("diagnosing") as tell:
             failures = run_cases(
@@ -196,7 +196,7 @@ def score(
         found = diagnoses_folder(folder, logged_sensors(folder)) if diagnoses is None else diagnoses
         target = found if out is None else out
         options.check_folder(target, "score.json")
-        options.check_device(device)
+        options.check_device(device, simd=False)
         file = answers_file(folder, answers)
         processes = options.check_workers(workers)
         with running(), resumable(), terminal.progress("opening the seal") as tell:

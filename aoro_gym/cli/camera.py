@@ -96,7 +96,7 @@ def camera(
         check_range("--speed", speed, "m/s", ge=-10.0, le=10.0)
         check_range("--heading", 0.0 if heading is None else heading, "deg", ge=-360.0, le=360.0)
         options.check_seed(seed)
-        options.check_device(device)
+        options.check_device(device, simd=False)
         chosen = _model(model, width)
         air = weather_of(weather, wavelength_nm=VISIBLE_NM)
         light = daylight(season, hour=hour, cloud=float(weather is not None) if cloud is None else cloud)

@@ -106,7 +106,7 @@ def diagnose(
         if fit and holdout:
             raise ValueError("give --fit or --holdout, not both: what is not fitted is held out")
         check_writable(out / "diagnosis.json")
-        chosen = options.load(options.run_spec(machine, set_, scale, device))
+        chosen = options.load(options.run_spec(machine, set_, scale, device), simd=False)
         if metrics:
             if healthy:
                 raise ValueError("--healthy takes logs; with --metrics give --healthy-source NAME")

@@ -92,7 +92,7 @@ def lidar(
         check_range("--speed", speed, "m/s", ge=-10.0, le=10.0)
         check_range("--heading", 0.0 if heading is None else heading, "deg", ge=-360.0, le=360.0)
         options.check_seed(seed)
-        options.check_device(device)
+        options.check_device(device, simd=False)
         air = weather_of(weather)
         ground, place = surroundings(terrain, world, seed)
         scene = _scene(ground, device)

@@ -9,6 +9,7 @@ import typer
 
 from aoro_gym.checks import check_integer
 from aoro_gym.cli.outcome import check_json_to
+from aoro_gym.execution.device_names import SIMD
 from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
@@ -44,7 +45,9 @@ LawsOption = Annotated[
         "Family of laws, see 'aoro-gym laws'; A,B, families or any: drawn by --seed. Default: the file's.",
     ),
 ]
-DeviceOption = Annotated[str, option("--device", "cpu|cuda:N", "Where the twin runs.")]
+DeviceOption = Annotated[
+    str, option("--device", "cpu|cpu:simd|cuda:N", "Where twins run; cpu:simd: several at once on a core.")
+]
 SeedOption = Annotated[int, option("--seed", "N", "Seed of all that is random: noise and searches.")]
 RepeatsOption = Annotated[
     int, option("--repeats", "N", "Times that each episode is driven, with other noise and machines drawn.")
@@ -120,14 +123,15 @@ def load_machine(spec: MachineSpec | str) -> Machine:
     return machine
 
 
-def load(run: RunSpec, *, draw: bool = True) -> Machine:
-    """The machine of a run, whose seed and device are checked; warns as :func:`load_machine`.
+def load(run: RunSpec, *, draw: bool = True, simd: bool = True) -> Machine:
+    """The machine of a run, whose seed and device are checked, where ``simd`` may be asked for or not; warns as
+    :func:`load_machine`.
 
     Laws that are to be drawn are drawn once, by the seed; without ``draw`` they are the file's yet.
     """
     machine = load_machine(run.machine)
     check_seed(run.seed)
-    check_device(run.device)
+    check_device(run.device, simd=simd)
     drawn = draw and run.machine.draws_laws
     return machine.sample(1, laws=run.machine.laws, seed=run.seed).variant(0) if drawn else machine
 
@@ -136,9 +140,11 @@ def check_seed(seed: int) -> None:
     check_integer("--seed", seed, ge=0)
 
 
-def check_device(device: str) -> None:
+def check_device(device: str, *, simd: bool = True) -> None:
     from aoro_gym.execution import devices
 
+    if device == SIMD and not simd:
+        raise ValueError(f"--device {SIMD} is for twins alone, and this command runs other kernels, too; take cpu")
     devices.set_quiet(terminal.is_quiet())
     try:
         devices.find(device)

@@ -15,6 +15,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
+from aoro_gym.execution.device_names import on_cpu
+
 LOCAL = "local"
 """Instead of an address: a cluster of this computer alone, for as long as it is needed."""
 REACHABLE = 10.0
@@ -86,7 +88,7 @@ def on_ray(
     import ray  # pyright: ignore[reportMissingImports]
     from ray.exceptions import RayError  # pyright: ignore[reportMissingImports]
 
-    remote = ray.remote(num_cpus=cores, num_gpus=0 if device == "cpu" else 1, max_retries=RETRIES)(_done)
+    remote = ray.remote(num_cpus=cores, num_gpus=0 if on_cpu(device) else 1, max_retries=RETRIES)(_done)
     shared = ray.put(work)
     names = {remote.remote(shared, *arguments): name for name, arguments in jobs.items()}
     try:

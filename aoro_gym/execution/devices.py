@@ -21,6 +21,8 @@ from typing import Any
 import warp as wp
 from warp import config
 
+from aoro_gym.execution.device_names import SIMD, base
+
 NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 """Of the line that Warp writes to the standard error, file descriptor 2, where there is none."""
 NO_GPU = "the NVIDIA driver (libcuda) was not found"
@@ -35,7 +37,8 @@ def set_quiet(quiet: bool) -> None:
     _quiet = quiet
 
 
-def _say(text: str) -> None:
+def say(text: str) -> None:
+    """Say what keeps a user waiting, unless nothing is to be said."""
     if not _quiet:
         print(text, file=sys.stderr, flush=True)
 
@@ -56,9 +59,10 @@ def find(name: str) -> Any:
     """The Warp device ``name``; ValueError that lists those that there are, and says what a GPU lacks."""
     start()
     try:
-        return wp.get_device(name)
+        return wp.get_device(base(name))
     except Exception as error:
-        known = ", ".join(one.alias for one in wp.get_devices())
+        cpu, *others = (one.alias for one in wp.get_devices())
+        known = ", ".join([cpu, SIMD, *others])
         why = f" ({NO_GPU})" if str(name).startswith("cuda") and not _driver() else ""
         raise ValueError(f"device {name!r} is not available here; choose one of: {known}{why}") from error
 
@@ -69,10 +73,10 @@ def compiling(kernel: Any, device: Any, block_dim: int) -> Iterator[None]:
     if _compiled(kernel.module, device, 1 if device.is_cpu else block_dim):
         yield
         return
-    _say(f"compiling the twin for {device.alias}, once on a computer: about half a minute ...")
+    say(f"compiling the twin for {device.alias}, once on a computer: about half a minute ...")
     began = time.perf_counter()
     yield
-    _say(f"compiled in {time.perf_counter() - began:.0f} s")
+    say(f"compiled in {time.perf_counter() - began:.0f} s")
 
 
 def _compiled(module: Any, device: Any, block_dim: int) -> bool:

@@ -25,15 +25,20 @@ class RecordedLaunch:
         inputs: Arguments of the kernel.
         device: Where.
         block_dim: Threads a block.
+        function: What is called on the CPU instead of the function that Warp has compiled, with the same arguments.
     """
 
-    def __init__(self, kernel: Any, dim: int, inputs: Sequence[Any], *, device: Any, block_dim: int):
+    def __init__(
+        self, kernel: Any, dim: int, inputs: Sequence[Any], *, device: Any, block_dim: int, function: Any = None
+    ):
+        self._function = function
         self._recorded: Any = wp.launch(kernel, dim, inputs, device=device, block_dim=block_dim, record_cmd=True)
         self.launch: Callable[[], Any] = self._called()
         """Launches it."""
 
-    def set(self, dim: int, index: int, value: Any) -> None:
-        """Launch ``dim`` threads from now on, with another argument of that ``index``."""
+    def set(self, dim: int, index: int, value: Any, function: Any = None) -> None:
+        """Launch ``dim`` threads from now on, with another argument of that ``index``, and another ``function``."""
+        self._function = function
         self._recorded.set_dim(dim)
         self._recorded.set_param_at_index(index, value)
         self.launch = self._called()
@@ -44,7 +49,8 @@ class RecordedLaunch:
             return recorded.launch
         bounds, *parameters = recorded.params
         kind = _structure(tuple((a.label, type(p)) for a, p in zip(recorded.kernel.adj.args, parameters, strict=True)))
-        return partial(recorded.hooks.forward, ctypes.byref(bounds), ctypes.byref(kind(*parameters)))
+        function = self._function or recorded.hooks.forward
+        return partial(function, ctypes.byref(bounds), ctypes.byref(kind(*parameters)))
 
 
 @cache

@@ -17,6 +17,8 @@ FIRST = 9
 """Of the arguments of the kernel that advances: the number of the first twin."""
 WORTH_THREADS = 200
 """Twin-steps of a launch (about 4 µs each on a core) from which several CPU threads pay."""
+LANES, FEWEST = 16, 4
+"""Twins that lanes advance together at most, and from how many on they are faster than one after the other."""
 
 
 class RecordedAdvance:
@@ -27,10 +29,11 @@ class RecordedAdvance:
         inputs: Its arguments.
         steps: Main steps, for how many threads pay.
         device: Of the twins.
+        lanes: The kernel on several lanes of a core, or none.
     """
 
-    def __init__(self, kernel: Any, inputs: Sequence[Any], *, steps: int, device: Any):
-        self._steps, self._on_cpu = steps, device.is_cpu
+    def __init__(self, kernel: Any, inputs: Sequence[Any], *, steps: int, device: Any, lanes: Any = None):
+        self._steps, self._on_cpu, self._lanes = steps, device.is_cpu, lanes
         self._record = lambda: RecordedLaunch(kernel, 1, inputs, device=device, block_dim=BLOCK_DIM)
         self._launches = [self._record()]
         self._told = (0, 0, 0)
@@ -57,9 +60,11 @@ class RecordedAdvance:
         shares = min(threads, twins) if self._on_cpu and twins * self._steps >= WORTH_THREADS else 1
         while len(self._launches) < shares:
             self._launches.append(self._record())
+        together = LANES if self._lanes is not None and twins >= LANES * shares else 1
+        groups = -(-twins // together)
         for number, launch in enumerate(self._launches[:shares]):
-            begin, end = (first + each * twins // shares for each in (number, number + 1))
-            launch.set(end - begin, FIRST, begin)
+            begin, end = (first + min(each * groups // shares * together, twins) for each in (number, number + 1))
+            launch.set(end - begin, FIRST, begin, self._lanes if end - begin >= FEWEST else None)
         self._own, *self._others = (launch.launch for launch in self._launches[:shares])
 
 

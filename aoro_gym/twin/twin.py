@@ -13,6 +13,7 @@ import warp as wp
 
 from aoro_gym.checks import check_finite, check_integer, check_range
 from aoro_gym.execution import devices
+from aoro_gym.execution.device_names import SIMD
 from aoro_gym.machine.parameters import Machine
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.terrains.raster import CELL
@@ -110,7 +111,8 @@ class Twin:
             change them one by one.
         choose_laws: Whether machines may obey other laws than the default ones (:mod:`aoro_gym.machine.laws`), which takes
             another, slower kernel; by default whether the ``machine`` does.
-        device: ``"cpu"`` or ``"cuda:N"``.
+        device: ``"cpu"``, ``"cpu:simd"`` (several twins at once on a core, equal to rounding; needs a C++ compiler) or
+            ``"cuda:N"``.
         threads: CPU threads that share the twins, at most :func:`cores`, which is the default; a GPU needs none.
         main_step: Time step of the bodies [s].
         substeps: Hydraulic substeps a main step.
@@ -153,6 +155,8 @@ class Twin:
         self.main_step = float(main_step)
         self.substeps = int(substeps)
         self.device = devices.find(device)
+        self.simd = device == SIMD
+        """Whether lanes of a CPU core advance several twins at once."""
         _check_count("the machine", self.machine.num_variants, self.num_twins)
         self._check_step = check_step
         self._made = {"ground": ground, "cell": cell, "own_machines": own_machines, "choose_laws": choose_laws}
@@ -198,6 +202,7 @@ class Twin:
         self._numbers = wp.zeros(n, dtype=int, device=self.device)
         with devices.compiling(self._reset_kernel, self.device, BLOCK_DIM):
             self.reset()
+        self._lanes = self._on_lanes() if self.simd else None
         self._checks_start = True
 
     _checks_start = False
@@ -212,7 +217,7 @@ class Twin:
             "num_twins": self.num_twins,
             "machine": self.machine,
             "terrain": self.terrain,
-            "device": self.device.alias,
+            "device": SIMD if self.simd else self.device.alias,
             "main_step": self.main_step,
             "substeps": self.substeps,
         }
@@ -486,7 +491,14 @@ class Twin:
             self._machines, self._laws, self._felt, commands, self.state, self._history, self._clock, self._status,
             self._outputs, 0, frames, every, self.substeps, self.main_step,
         ]  # fmt: skip
-        return RecordedAdvance(self._advance_kernel, inputs, steps=frames * every, device=self.device)
+        return RecordedAdvance(
+            self._advance_kernel, inputs, steps=frames * every, device=self.device, lanes=self._lanes
+        )
+
+    def _on_lanes(self) -> Any:
+        from aoro_gym.execution.lanes import compiled  # few ask for it
+
+        return compiled(self._advance_kernel, self.device, BLOCK_DIM, devices.say)
 
     def _whole(self, seconds: float, name: str) -> int:
         steps = round(seconds / self.main_step) if np.isfinite(seconds) else 0

@@ -28,7 +28,7 @@ def test_an_environment_is_made_without_a_word():
 @needs_no_gpu
 def test_a_missing_gpu_is_said_where_one_is_asked_for():
     with pytest.raises(
-        ValueError, match=r"device 'cuda:0' is not available here; choose one of: cpu \(the NVIDIA driver"
+        ValueError, match=r"device 'cuda:0' is not available here; choose one of: cpu, cpu:simd \(the NVIDIA driver"
     ):
         devices.find("cuda:0")
     with pytest.raises(ValueError, match=r"device 'tpu' is not available here; choose one of: cpu"):
@@ -50,7 +50,7 @@ def test_only_the_line_itself_is_left_out(capfd):
 
 def test_compilations_are_announced_when_they_come(monkeypatch):
     said: list[str] = []
-    monkeypatch.setattr(devices, "_say", said.append)
+    monkeypatch.setattr(devices, "say", said.append)
     aoro_gym.Twin()
     kernel = aoro_gym.Twin()._reset_kernel
     with devices.compiling(kernel, devices.find("cpu"), 32):
@@ -73,7 +73,7 @@ def test_compilations_are_announced_when_they_come(monkeypatch):
 
 def test_who_wants_quiet_hears_nothing_of_compilations(capsys, monkeypatch):
     monkeypatch.setattr(devices, "_quiet", False)
-    devices._say("compiling")
+    devices.say("compiling")
     devices.set_quiet(True)
-    devices._say("compiling")
+    devices.say("compiling")
     assert capsys.readouterr().err == "compiling\n"
