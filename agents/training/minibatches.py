@@ -141,10 +141,12 @@ class Minibatches:
         return _Recording(graph, rows, figures, [one.grad for one in self._parameters], samples)
 
     def _gradients(self, samples: Samples, rows: torch.Tensor) -> torch.Tensor:
-        for parameter in self._parameters:
-            parameter.grad = None
         figures = self._figures(Samples(*(one[rows] for one in samples)))
-        figures.loss.backward()
+        learning = [one for one in self._parameters if one.requires_grad]
+        # not backward(): what it adds to gradients is bound to the stream that first saw a parameter, and graphs have theirs
+        found = dict(zip(learning, torch.autograd.grad(figures.loss, learning, allow_unused=True), strict=True))
+        for parameter in self._parameters:
+            parameter.grad = found.get(parameter)
         clip_grad_norm_(self._parameters, self._max_norm)
         return torch.stack([one.detach() for one in figures])
 
