@@ -74,24 +74,26 @@ def terrain_crs(terrain: Terrain) -> Any:
     if terrain.crs is None:
         raise ValueError(
             f"terrain {terrain.name!r} has no coordinate reference system, so nobody knows where on Earth it lies;"
-            " load it with crs='EPSG:...'"
+            " load it with crs='EPSG:...' (--crs of 'aoro-gym terrain')"
         )
     return horizontal(terrain.crs)
 
 
 @lru_cache(maxsize=64)
-def horizontal(crs: str) -> Any:
-    """``crs`` as a ``pyproj.CRS`` without its vertical part; ``ValueError`` if it says nothing of places on Earth."""
+def horizontal(crs: str, name: str = "crs") -> Any:
+    """``crs`` as a ``pyproj.CRS`` without its vertical part; ``ValueError``, by its ``name``, if it says nothing of places
+    on Earth."""
     pyproj = import_extra("pyproj", f"the coordinate reference system {crs!r}")
     try:
         system = pyproj.CRS.from_user_input(crs)
     except pyproj.exceptions.CRSError:
-        raise ValueError(f"crs {_short(crs)} is unknown; give a code such as 'EPSG:32633'") from None
+        raise ValueError(f"{name} is {_short(crs)}, which is unknown; give a code such as 'EPSG:32633'") from None
     flat = system.sub_crs_list[0] if system.is_compound else system
     flat = flat.to_2d()
     if not (flat.is_projected or flat.is_geographic):
         raise ValueError(
-            f"crs {_short(crs)} ({flat.name}) is neither projected nor geographic; give a code such as 'EPSG:32633'"
+            f"{name} is {_short(crs)} ({flat.name}), which is neither projected nor geographic; give a code such as"
+            " 'EPSG:32633'"
         )
     return flat
 

@@ -99,6 +99,12 @@ def put(twin: Twin, machine: Machine, line: Line | None, start: tuple[float, flo
         twin.reset()
 
 
+def check_track(path: Path | None, track: str | None) -> None:
+    """ValueError for a track of no path."""
+    if track is not None and path is None:
+        raise ValueError(f"--track {track} is one of a path's tracks; give its file with --path, or drop --track")
+
+
 def check_start(path: Path | None, start: tuple[float, float, float] | None) -> None:
     """ValueError if both are given."""
     if path is not None and start is not None:

@@ -18,7 +18,9 @@ from aoro_gym.cli.place import (
     StartOption,
     TerrainOption,
     TrackOption,
+    bare,
     check_start,
+    check_track,
     load_ground,
     load_line,
     put,
@@ -125,6 +127,7 @@ def serve(
             from aoro_gym.twin import Twin
 
             check_start(path, start)
+            check_track(path, track)
             _check_written(out, log)
             _check_fifo(fifo)
             run = options.run_spec(machine, set_, scale, "cpu", seed, laws=laws, ideal=ideal)
@@ -136,7 +139,7 @@ def serve(
             )  # fmt: skip
             land = load_ground(terrain)
             twin = Twin(machine=chosen, terrain=land, ground=ground, threads=1)
-            line = None if path is None else load_line(path, track, land)
+            line = None if path is None else load_line(path, track, bare(land))
             put(twin, chosen, line, start)
             page = None if view is None else held.enter_context(closing(_page(twin, ground, line, view)))
             _permit(fifo)  # after the page, which keeps an ordinary priority

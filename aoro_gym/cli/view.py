@@ -21,6 +21,7 @@ from aoro_gym.cli.place import (
     bare,
     check_one_ground,
     check_start,
+    check_track,
     load_ground,
     load_line,
     put,
@@ -53,7 +54,9 @@ PolicyOption = Annotated[
     list[str] | None,
     option("--policy", "NAME|FILE", "Let a controller or a policy drive episodes. Repeatable: side by side."),
 ]
-EnvOption = Annotated[str, option("--env", "ID", "Environment whose episodes they drive.")]
+EnvOption = Annotated[
+    str | None, option("--env", "ID", f"Environment whose episodes they drive. Default: {options.TRACKING}.")
+]
 MachinesOption = Annotated[
     list[str] | None,
     option("--machine", "NAME|FILE", "Bundled machine, or a machine file. Repeatable: side by side. Default: aoro."),
@@ -70,7 +73,7 @@ def view(
     track: TrackOption = None,
     start: StartOption = None,
     policy: PolicyOption = None,
-    env: EnvOption = options.TRACKING,
+    env: EnvOption = None,
     gamepad: GamepadOption = None,
     lidar: LidarOption = None,
     port: PortOption = PORT,
@@ -117,13 +120,17 @@ def view(
         from aoro_gym.view.extras import viser
 
         viser()
+        check_track(path, track)
         _check_together(logs, machine, path, start, policy, lidar)
+        _check_used(policy, env, logs, start)
         check_one_ground(terrain, world)
         _check_gamepad(gamepad, logs, policy)
         names = machine or [options.MACHINE]
         machines = [options.load(options.run_spec(name, set_, scale, "cpu", seed, laws=laws)) for name in names]
         if policy:
-            page, run = _driven_by(policy, env, machines[0], (world or terrain, path, track), seed, port)
+            page, run = _driven_by(
+                policy, env or options.TRACKING, machines[0], (world or terrain, path, track), seed, port
+            )
         else:
             land = load_ground(terrain, world)
             line = None if path is None else load_line(path, track, bare(land))
@@ -163,6 +170,16 @@ def _check_together(
         raise ValueError("--policy drives episodes, which have their own start; drop --start")
     if policies and len(machines or []) > 1:
         raise ValueError("--machine is given several times, but policies drive one; give it once")
+
+
+def _check_used(
+    policies: list[str] | None, env: str | None, logs: list[Path] | None, start: tuple[float, float, float] | None
+) -> None:
+    """ValueError for options that would do nothing."""
+    if env is not None and not policies:
+        raise ValueError(f"--env {env} has episodes that policies drive; name one with --policy, or drop --env")
+    if logs and start is not None:
+        raise ValueError("--start is a live twin's, but a LOG is shown again; drop one of them")
 
 
 def _check_gamepad(gamepad: Path | None, logs: list[Path] | None, policies: list[str] | None) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 from aoro_gym.envs.path_tracking.courses import Course, generated_paths
 from aoro_gym.terrains import Plane, Terrain, load, load_path
+from aoro_gym.terrains.georeference import horizontal
 from aoro_gym.terrains.world.files import load_world
 from aoro_gym.terrains.world.world import World
 
@@ -48,6 +49,8 @@ class CourseFiles:
         ):
             if given and self.path is None:
                 raise ValueError(f"{option} is for a path; give its file with --path")
+        if self.path_crs is not None:
+            horizontal(self.path_crs, "--path-crs")
         if (self.terrain or self.path) and self.env != TRACKING:
             given = "--terrain" if self.path is None else "--path"
             raise ValueError(f"{given} is for {TRACKING}; {self.env} turns on level ground")

@@ -220,6 +220,7 @@ def _find_plan(
         raise TerrainError(
             f"{report.source}: coordinates from {low[:2].tolist()} to {high[:2].tolist()} look like degrees, but its crs"
             f" ({system.name}) counts in {system.axis_info[0].unit_name}; give the right one, such as crs='EPSG:4326'"
+            " (--crs)"
         )
     if request.units is not None:
         scale, text = UNITS[request.units], f"{request.units} (as asked)"
@@ -245,7 +246,7 @@ def _on_the_ground(request: LoadOptions, report: Report, plan: _PlanTransform, s
     if factors is None:
         report.warnings.append(
             f"({middle[0]:.6g}, {middle[1]:.6g}) is no place in {plan.system.name}: are the coordinates local ones, or"
-            " is it another crs (crs=...)?"
+            " is it another crs (crs=..., --crs)?"
         )
         return plan
     worst = max(factors, key=lambda factor: abs(np.log(factor)))
@@ -354,7 +355,7 @@ def _into_utm(request: LoadOptions, report: Report, system: Any, low: Array, hig
     if np.abs([low[0], high[0]]).max() * degree > 360.0 or np.abs([low[1], high[1]]).max() * degree > 90.0:
         raise TerrainError(
             f"{report.source}: coordinates from {low[:2].tolist()} to {high[:2].tolist()} are no degrees, but its crs"
-            f" ({system.name}) says so; give the right crs=..."
+            f" ({system.name}) says so; give the right crs=... (--crs)"
         )
     plan = _PlanTransform(1.0, "degrees", low[:2], high[:2], system, window=request.window)
     inside = plan
@@ -378,7 +379,7 @@ def _guess_scale(report: Report, size: Array, spacing: float) -> tuple[float, st
     if report.kind == "raster" and extent < 1.0:
         raise TerrainError(
             f"{report.source}: it is {extent:.3g} units wide, as if in degrees, and nothing is said of its coordinate"
-            " system; give crs='EPSG:4326', or units=..."
+            " system; give crs='EPSG:4326' (--crs), or units=... (--units)"
         )
     for scale, unit in ((1.0, "m"), (1e-3, "mm"), (1e3, "km")):
         fine = spacing * scale <= COARSEST[report.kind] or extent * scale <= ANY_SPACING
@@ -389,7 +390,7 @@ def _guess_scale(report: Report, size: Array, spacing: float) -> tuple[float, st
         if unit == "km" and size[2] > 10.0 * extent:
             raise TerrainError(
                 f"{report.source}: it is {extent:.3g} units wide but {size[2]:.3g} high, as if in degrees and metres;"
-                " give crs='EPSG:4326', or the right units=... and z_units=..."
+                " give crs='EPSG:4326' (--crs), or the right units=... (--units) and z_units=... (--z-units)"
             )
         size_text = f"{extent:.4g} units wide with {spacing:.3g} between points"
         report.change("units", 1, f"read as {unit}: {size_text}, which a vehicle can drive on as {unit} only")

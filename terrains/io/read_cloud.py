@@ -152,8 +152,8 @@ def _check_degrees(found: Survey, plan: Array, report: Report) -> None:
     if earthly and plan.max() < DEGREES and plan.max() < 0.01 * (found.high[2] - found.low[2]):
         raise TerrainError(
             f"{report.source}: x from {low[0]:.10g} to {high[0]:.10g} and y from {low[1]:.10g} to {high[1]:.10g} are as if"
-            " in degrees, and nothing is said of their coordinate system; give crs='EPSG:4326' if x is the longitude and y"
-            " the latitude, or units=..."
+            " in degrees, and nothing is said of their coordinate system; give crs='EPSG:4326' (--crs) if x is the"
+            " longitude and y the latitude, or units=... (--units)"
         )
 
 

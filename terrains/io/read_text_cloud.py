@@ -117,7 +117,8 @@ def _geographic(path: Path, request: LoadOptions, report: Report) -> str | None:
     """The system of latitude and longitude; None if the caller said it."""
     if request.crs is None:
         text = (
-            f"latitude and longitude taken as WGS 84 ({GEOGRAPHIC}), as nothing is said of them; crs=... says otherwise"
+            f"latitude and longitude taken as WGS 84 ({GEOGRAPHIC}), as nothing is said of them; crs=... (--crs) says"
+            " otherwise"
         )
         report.change("crs", 1, text)
         return GEOGRAPHIC

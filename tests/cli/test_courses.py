@@ -24,4 +24,5 @@ def test_a_track_of_several_is_asked_for(tmp_path, command):
     assert "path 'two' is 2.23 m long" in " ".join(shown.stderr.split())
     without = [command, "--env", "AORO/PathTracking-v0", "--out", tmp_path / "out"]
     assert "--join-gaps is for a path; give its file with --path" in call(*without, "--join-gaps").stderr
-    assert "crs 'EPSG:nine' is unknown" in call(*asked, "--track", "yard", "--path-crs", "EPSG:nine").stderr
+    unknown = call(*asked, "--track", "yard", "--path-crs", "EPSG:nine")
+    assert "error: --path-crs is 'EPSG:nine', which is unknown" in unknown.stderr

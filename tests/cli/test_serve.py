@@ -60,6 +60,7 @@ def test_json_goes_to_the_standard_output_alone():
         ("serve --duration -1", "duration is -1 s, but must be above 0"),
         ("serve --udp-port 70000", "--udp-port is 70000, but must be in [0, 65535]"),
         ("serve --terrain nothing.ply", "nothing.ply"),
+        ("serve --track 2", "--track 2 is one of a path's tracks; give its file with --path"),
         ("serve --path a.gpx --start 0 0 0", "--path and --start both say where to start"),
         ("serve --ground grid", "ground is 'grid'; choose one of: raster, mesh"),
         ("serve --view 99999", "--view is 99999, but must be an integer in [0, 65535]"),

@@ -119,7 +119,9 @@ def test_bands(run, tmp_path):
         ("terrain good.csv", "good.csv: its columns are named time_s, steering_signal, which are not x, y and z"),
         ("terrain bad.toml", "bad.toml: terrains end in one of"),
         ("terrain good.csv --out fine.stl", "--out fine.stl must end in .ply"),
-        ("terrain good.csv --units yards", "units is 'yards'; choose one of:"),
+        ("terrain good.csv --units yards", "error: --units is 'yards'; choose one of:"),
+        ("terrain good.csv --crs nonsense", "error: --crs is 'nonsense', which is unknown; give a code such as"),
+        ("terrain good.csv --crs EPSG:5773", "error: --crs is 'EPSG:5773' (EGM96 height), which is neither"),
     ],
 )
 def test_wrong_input_is_one_line_before_anything_runs(files, arguments, message):

@@ -28,6 +28,13 @@ ROOT = Path(__file__).resolve().parents[2]
         ("view --policy preview --start 0 0 0", "drop --start"),
         ("view --policy preview --machine aoro --machine aoro", "policies drive one"),
         ("view --policy preview a.csv", "drop one of them"),
+        (
+            "view --env AORO/Turning-v0",
+            "--env AORO/Turning-v0 has episodes that policies drive; name one with --policy",
+        ),
+        ("view --track 2", "--track 2 is one of a path's tracks; give its file with --path"),
+        ("view --policy preview --track 2", "--track 2 is one of a path's tracks; give its file with --path"),
+        ("view a.csv --start 0 0 0", "--start is a live twin's, but a LOG is shown again"),
         ("view --gamepad nothing", "--gamepad nothing does not exist; there are: "),
         ("view --gamepad nothing --policy preview", "--gamepad drives a live twin, but episodes are shown"),
     ],

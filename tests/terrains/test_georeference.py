@@ -64,7 +64,7 @@ def test_shapes_broadcast():
     ("crs", "latitude", "longitude", "message"),
     [
         (None, 46.0, 6.8, "terrain 'terrain' has no coordinate reference system"),
-        ("EPSG:99999", 46.0, 6.8, "crs 'EPSG:99999' is unknown"),
+        ("EPSG:99999", 46.0, 6.8, "crs is 'EPSG:99999', which is unknown"),
         ("EPSG:4326", 46.0, 6.8, "counts in degrees"),
         ("EPSG:5773", 46.0, 6.8, "neither projected nor geographic"),
         ("EPSG:32632", 91.0, 6.8, r"latitude is 91 deg, but must be in \[-90, 90\] deg"),

@@ -442,7 +442,7 @@ def test_a_broken_or_local_system_of_the_file(tmp_path):
     terrain, report = load(path, crs="EPSG:32635")
     assert terrain.crs == "EPSG:32635"
     assert report.warnings == []
-    with pytest.raises(TerrainError, match="crs 'EPSG:0' is unknown"):
+    with pytest.raises(TerrainError, match="crs is 'EPSG:0', which is unknown"):
         load(path, crs="EPSG:0")
 
 

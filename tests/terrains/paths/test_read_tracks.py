@@ -118,7 +118,7 @@ def test_geojson_in_a_projected_system(tmp_path):
     is_along(loaded(tmp_path, "a.geojson", collection(line), crs="EPSG:3067").path, ROAD)
     assert "say crs='EPSG:...'" in refusal(tmp_path, "a.geojson", collection(line))
     unknown = {"type": "name", "properties": {"name": "[/EPSG:0]"}}
-    assert "'[/EPSG:0]' is unknown" in refusal(tmp_path, "a.geojson", collection(line, crs=unknown))
+    assert "crs is '[/EPSG:0]', which is unknown" in refusal(tmp_path, "a.geojson", collection(line, crs=unknown))
     assert "its crs member names no" in refusal(tmp_path, "a.geojson", collection(line, crs={"type": "link"}))
 
 
