@@ -31,6 +31,7 @@ SHORTER = {
     "calibrate": ("--starts", "1", "--population", "2", "--force"),
     "camera": ("--width", "48", "--samples", "1", "--frames", "1"),
     "curves": (),
+    "dataset": ("--frames", "3", "--worlds", "3", "--width", "48", "--samples", "1"),
     "evaluate": ("--episodes", "1", "--no-films"),
     "leaderboard": ("--episodes", "1", "--policy", "bang-bang"),
     "serve": ("--duration", "0.3", "--udp-port", "0", "--tcp-port", "0"),

@@ -240,11 +240,15 @@ class Scene:
     def check_outside(self, name: str, points: ArrayLike) -> None:
         """ValueError where a sensor called ``name`` at one of ``points`` (K, 3) [m] lies below ground or in a still object.
 
-        A point is inside what it sees the inner side of straight above it.
+        A point is below ground if it sees its inner side straight above, and inside an object if it sees that one's to all
+        four sides, too: leaves are single triangles, whose inner side may be below.
         """
         places = np.atleast_2d(np.asarray(points, dtype=np.float64))
         up = self.cast(places, np.tile([0.0, 0.0, 1.0], (len(places), 1)), max_range=DEEP)
         inside = ~up.front
+        for side in ([1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]):
+            seen = self.cast(places, np.tile(side, (len(places), 1)), max_range=DEEP)
+            inside &= (up.instance == 0) | (~seen.front & (seen.instance == up.instance))
         if not inside.any():
             return
         index = int(np.argmax(inside))

@@ -8,6 +8,7 @@ from aoro_gym.sensors.raytrace import NO_CLASS, Bodies, Body, Scene
 from aoro_gym.terrains import Terrain
 from aoro_gym.terrains.generate.world import world
 from aoro_gym.terrains.world.materials import MATERIALS, Surface
+from aoro_gym.terrains.world.objects import Tree
 
 FLOAT = 2.0**-23
 """Distance of float32 numbers near 1."""
@@ -211,3 +212,17 @@ def test_a_world_is_seen_with_its_objects_and_materials():
     snow = MATERIALS[Surface.SNOW]
     row = scene.data.reflectance.numpy()[Surface.SNOW]
     np.testing.assert_allclose(row, [snow.reflectance_905nm, snow.reflectance_1550nm], rtol=1e-6)
+
+
+def test_a_sensor_below_leaves_is_not_inside_of_a_tree():
+    """Triangles of foliage show their inner sides to half of the places below; in the stem is inside."""
+    made = world(3, size=(40.0, 40.0))
+    scene = Scene.of_world(made)
+    tree = max((one for one in made.objects if isinstance(one, Tree)), key=lambda one: one.crown_radius)
+    around = np.linspace(0.0, 2.0 * np.pi, 40)
+    below = np.asarray(tree.position) + np.column_stack([0.7 * np.cos(around), 0.7 * np.sin(around), 0 * around + 1.5])
+    seen = scene.cast(below, np.tile([0.0, 0.0, 1.0], (40, 1)))
+    assert (~seen.front).any()
+    scene.check_outside("the sensor", below)
+    with pytest.raises(ValueError, match="lies inside object"):
+        scene.check_outside("the sensor", np.add(tree.position, [0.0, 0.0, 1.0]))

@@ -1,0 +1,44 @@
+"""What a data set is of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from aoro_gym.checks import check_choice, check_integer, check_range
+from aoro_gym.sensors.camera import MODELS, CameraModel
+from aoro_gym.sensors.dataset.formats import FORMATS
+
+
+@dataclass(frozen=True)
+class DatasetSettings:
+    """What a data set is of. Raises ``ValueError`` naming the field."""
+
+    frames: int = 30
+    worlds: int = 5
+    """Forests, of seeds one after the other; a split has forests of its own."""
+    size: float = 60.0
+    """Side of a forest [m]."""
+    seed: int = 0
+    """Of the first forest, and of all that is drawn."""
+    model: str = "stereo"
+    width: int = 320
+    samples: int = 4
+    formats: tuple[str, ...] = ("coco",)
+    fixed: bool = False
+    """Whether light, season, weather, stand and the camera's pose stay the same."""
+
+    def __post_init__(self) -> None:
+        check_integer("frames", self.frames, le=1_000_000)
+        check_integer("worlds", self.worlds, ge=3, le=100_000, note=": train, val and test have forests of their own")
+        check_range("size", self.size, "m", ge=30.0, le=1000.0)
+        check_integer("seed", self.seed, ge=0)
+        check_choice("model", self.model, MODELS)
+        check_integer("width", self.width, ge=32, le=8192)
+        check_integer("samples", self.samples, le=4096)
+        for one in self.formats:
+            check_choice("format", one, FORMATS)
+
+    @property
+    def camera(self) -> CameraModel:
+        """The camera's model, so wide."""
+        return MODELS[self.model].resized(self.width)
