@@ -106,7 +106,7 @@ def evaluate(
         machine: Bundled name, machine file or Machine: the one that policies are made for.
         drawn: Gives the machines that are driven, one a seed, such as :mod:`aoro_gym.agents.evaluation.perturbations`
             does; by default the same.
-        device: ``"cpu"`` or ``"cuda:N"``.
+        device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``.
         reward_terms: Changes by name to what the return is made of; see :mod:`aoro_gym.envs.core.terms`.
         ray: Address of the Ray cluster to drive on, see :func:`aoro_gym.execution.cluster.connected`; here by default.
             The episodes are the same.

@@ -47,7 +47,7 @@ def environments(
         environment: Its id.
         ground: ``plane``, ``raster`` or ``mesh``.
         randomise: Whether every twin has parameters of its own.
-        device: ``"cpu"`` or ``"cuda:N"``.
+        device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``.
         threads: CPU threads; all cores if None.
         output: ``numpy`` or ``torch``.
         seed: Of ground, parameters and actions.

@@ -92,7 +92,7 @@ def mujoco_warp(
         worlds: Number of vehicles.
         machine: The machine that is modelled.
         ground: ``plane`` or ``raster``.
-        device: ``"cpu"`` or ``"cuda:N"``.
+        device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``.
         seed: Of ground, poses and commands.
     """
     mj, mjw = package("mujoco"), package("mujoco_warp")

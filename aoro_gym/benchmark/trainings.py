@@ -35,7 +35,7 @@ def trainings(
         trainer: Who learns.
         environment: Its id.
         ground: ``plane``, ``raster`` or ``mesh``.
-        device: ``"cpu"`` or ``"cuda:N"``.
+        device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``.
         threads: CPU threads; all cores if None.
         seed: Of everything that is drawn.
 

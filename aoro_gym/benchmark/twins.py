@@ -48,7 +48,7 @@ def twins(
         machine: Machine of all of them.
         ground: What they drive on.
         randomise: Whether every twin has parameters of its own.
-        device: ``"cpu"`` or ``"cuda:N"``.
+        device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``.
         threads: CPU threads; all cores if None.
         seed: Of ground, parameters and commands.
     """

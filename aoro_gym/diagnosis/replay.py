@@ -171,7 +171,7 @@ class Simulator:
     """Repeats recordings on a device.
 
     Args:
-        device: ``"cpu"`` or ``"cuda:N"``.
+        device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``.
     """
 
     def __init__(self, device: str = "cpu"):

@@ -238,7 +238,7 @@ def validate(
             and all of them make the ensemble.
         uncalibrated: A second machine to compare with, in rows ``twin_uncalibrated``.
         ensemble: Machines that are thought to fit equally well, or one with a variant each; their spread is reported.
-        device: ``"cpu"`` or ``"cuda:N"``.
+        device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``.
         seed: Of the sensor's noise.
         noise: What the joint-angle sensor adds; the published kind by default.
         noise_runs: How many noisy recordings of each turn show the spread; 0 for none.

@@ -108,7 +108,7 @@ def run_turns(
     Args:
         machine: One machine, or V variants.
         turns: What to run.
-        device: ``"cpu"`` or ``"cuda:N"``.
+        device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``.
         main_step: Time step of the bodies [s]; the recording keeps every one.
         substeps: Hydraulic substeps a main step.
         progress: Called with the simulated time [s] so far.
@@ -171,7 +171,7 @@ def motor_pressure_at(
         speed: Speed [m/s], positive.
         machine: One machine, or V variants.
         brake: With its disc brake, or without.
-        device: ``"cpu"`` or ``"cuda:N"``.
+        device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``.
         substeps: Hydraulic substeps a main step.
     """
     if not brake:
@@ -191,7 +191,7 @@ def rim_speed(machine: Machine, *, device: str = "cpu", substeps: int = 30) -> N
 
     Args:
         machine: One machine, or V variants.
-        device: ``"cpu"`` or ``"cuda:N"``.
+        device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``.
         substeps: Hydraulic substeps a main step.
     """
     twin = Twin(machine.num_variants, machine=machine, device=device, substeps=substeps, check_step=False)

@@ -109,7 +109,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             solid objects of a world push back; ``info`` then has ``chassis_contact`` and ``chassis_force`` [N], see
             :mod:`aoro_gym.envs.core.contacts`.
         ground: How twins feel a terrain, ``"raster"`` or ``"mesh"``; see :class:`~aoro_gym.twin.Twin`.
-        device: ``"cpu"`` or ``"cuda:N"``.
+        device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``.
         output: ``"numpy"``, or ``"torch"`` for tensors on the device (needs ``aoro-gym[torch]``).
         own_machines: Give every twin its own machine record, as randomised machines need it.
         autoreset_mode: See above; an :class:`AutoresetMode` or its value.

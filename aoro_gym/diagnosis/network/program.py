@@ -58,7 +58,7 @@ def run(program: Program, device: str, out: Path, progress: Progress = lambda se
 
     Args:
         program: What is trained.
-        device: ``"cpu"`` or ``"cuda:N"``.
+        device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``.
         out: Folder for ``network_N.safetensors``, made where there is none.
         progress: Told what is done.
 

@@ -43,7 +43,7 @@ def run(program: Program, device: str, out: Path, progress: Progress = lambda se
 
     Args:
         program: What is trained; its manoeuvres are full turns.
-        device: ``"cpu"`` or ``"cuda:N"``.
+        device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``.
         out: Folder for :data:`~aoro_gym.diagnosis.network.tables_forward.NETWORKS` and what belongs to them, made where
             there is none.
         progress: Told what is done.
