@@ -128,23 +128,14 @@ def view(
         names = machine or [options.MACHINE]
         machines = [options.load(options.run_spec(name, set_, scale, "cpu", seed, laws=laws)) for name in names]
         if policy:
-            page, run = _driven_by(
-                policy, env or options.TRACKING, machines[0], (world or terrain, path, track), seed, port
-            )
+            page, run = _driven_by(policy, env, machines[0], (world or terrain, path, track), seed, port)
         else:
             land = load_ground(terrain, world)
             line = None if path is None else load_line(path, track, bare(land))
             names = [log.stem for log in logs] if logs else names
             twins = _replay(logs, machines) if logs else _twins(machines, land, ground, line, start)
             page, run = _driven_by_hand(twins, names, (land, line, terrain), gamepad, lidar, port)
-    from aoro_gym.view.server import stop
-
-    try:
-        _say_where(page, no_browser, json_to)
-        run()
-    except KeyboardInterrupt:
-        stop(page)
-        interrupted("the page is closed; the same command begins anew")
+    _serve(page, run, no_browser, json_to)
 
 
 def _check_together(
@@ -234,7 +225,7 @@ def _driven_by_hand(
 
 def _driven_by(
     policies: list[str],
-    env: str,
+    env: str | None,
     machine: Machine,
     place: tuple[Path | None, Path | None, str | None],
     seed: int,
@@ -248,6 +239,7 @@ def _driven_by(
     from aoro_gym.envs.path_tracking.course_files import CourseFiles
     from aoro_gym.view.page import page_of
 
+    env = env or options.TRACKING
     makers = named_policies(env, policies)
     terrain, path, track = place
     courses = load_courses(CourseFiles(env, terrain, path, track=track))
@@ -300,6 +292,18 @@ def _twins(
 
     begin()
     return LiveTwins(twin, machines, begin=begin)
+
+
+def _serve(page: Any, run: Callable[[], None], no_browser: bool, json_to: Path | None) -> None:
+    """Tell where the page is and keep it up to date until Ctrl-C."""
+    from aoro_gym.view.server import stop
+
+    try:
+        _say_where(page, no_browser, json_to)
+        run()
+    except KeyboardInterrupt:
+        stop(page)
+        interrupted("the page is closed; the same command begins anew")
 
 
 def _say_where(server: Any, no_browser: bool, json_to: Path | None) -> None:
