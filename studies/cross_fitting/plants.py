@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,20 +17,21 @@ from aoro_gym.diagnosis.network.features import features
 from aoro_gym.diagnosis.network.sensing import Draw, with_law_error
 from aoro_gym.diagnosis.network.training import Batch, Course, what_there_may_be
 from aoro_gym.diagnosis.simulation.logs import UNITS
-from aoro_gym.diagnosis.simulation.manoeuvres import CHANNELS
+from aoro_gym.diagnosis.simulation.manoeuvres import CHANNELS, SAMPLES
 from aoro_gym.diagnosis.simulation.prior import SensorPrior
+from aoro_gym.diagnosis_benchmark.cases import Excitation
 from aoro_gym.diagnosis_benchmark.judge.plants import Plants
 from aoro_gym.diagnosis_benchmark.judge.suite import Suite, plan
 from aoro_gym.effects.catalogue import IDS
 from aoro_gym.execution.files import written_whole
-from studies.development.cases import cases_of
+from studies.development.cases import DEVICE_TOGETHER, cases_of
 
 SUITE = Suite("teaching", 800, 1320, 1200, 900, machines=200, protocols=60, logs=4, draws=8)
 """Cases of one family: healthy, single, pair, outside; half of the last, of kinds that nothing may learn from, are left."""
+MIXED_SUITE = replace(SUITE, name="teaching mixtures", healthy=200, singles=330, pairs=300, outside=225, machines=60)
+"""Cases of one mixture: there are many, and each has few laws that are its own alone."""
 SEED = 9100
 """Of the teaching cases of the first family, one more of the next; those that are scored are drawn with other seeds."""
-TOGETHER = 4000
-"""Cases that are simulated in one go: a GPU takes as long for many as for few."""
 ADDED = SensorPrior(
     angle_zero=3e-4, pressure_zero=2e4, law_error=(0.001, 0.01), change_error=(0.005, 0.1), law_error_time=0.1
 )
@@ -56,16 +57,26 @@ class Recorded:
     family: Tensor
 
 
-def simulated(folder: Path, plants: Plants, suite: Suite = SUITE, seed: int = SEED) -> Path:
+def cut(told: Excitation) -> Excitation:
+    """A manoeuvre as far as a network is shown it: a launch takes as long as its longest log."""
+    moves = np.abs(told.steering) > 1e-3
+    if told.drive is not None:
+        moves = moves | (np.abs(told.drive) > 1e-3)
+    shown = int(np.flatnonzero(moves)[0]) + SAMPLES
+    return replace(told, steering=told.steering[:shown], drive=None if told.drive is None else told.drive[:shown])
+
+
+def simulated(folder: Path, plants: Plants, suite: Suite, seed: int) -> Path:
     """File of a family's cases in ``folder``, simulated where there is none."""
     began = time.monotonic()
     made = plan(suite, [plants], seed)
-    made = replace(made, cases=tuple(case for case in made.cases if not case.novel))
+    cases = tuple(case for case in made.cases if not case.novel)
+    made = replace(made, cases=cases, excitations={name: cut(one) for name, one in made.excitations.items()})
     path = folder / f"teaching_{made.digest[:8]}_{plants.name}.npz"
     if path.exists():
         return path
     samples, commands, effects, outside = [], [], [], []
-    for one in cases_of(made, plants, together=TOGETHER):
+    for one in cases_of(made, plants, together=DEVICE_TOGETHER):
         pairs = [
             (aligned(pair.healthy), aligned(pair.later))
             for pair in paired(one.later, one.healthy)
@@ -98,12 +109,13 @@ def load(paths: Sequence[Path], device: str) -> Recorded:
     return Recorded(*(torch.as_tensor(array, device=device) for array in arrays))
 
 
-def draw_cases(recorded: Recorded, families: Sequence[int], count: int, course: Course, draw: Draw) -> Batch:
-    """``count`` cases of some ``families``, each as often as another, as a user may have them."""
-    rows = [torch.nonzero(recorded.family == family)[:, 0] for family in families]
+def draw_cases(recorded: Recorded, shares: Mapping[int, float], count: int, course: Course, draw: Draw) -> Batch:
+    """``count`` cases as a user may have them, of families as often as their ``shares`` of all are."""
+    rows = [torch.nonzero(recorded.family == family)[:, 0] for family in shares]
     table = torch.nn.utils.rnn.pad_sequence(rows, batch_first=True)
     sizes = torch.tensor([len(one) for one in rows], device=table.device)
-    which = draw.one_of(len(rows), count)
+    ends = torch.cumsum(torch.tensor(list(shares.values()), device=table.device), dim=0)
+    which = torch.searchsorted(ends, draw.even(0.0, float(ends[-1]), count), right=True).clamp(max=len(rows) - 1)
     cases = table[which, (draw.even(0.0, 1.0, count) * sizes[which]).long()]
     unit = torch.tensor(UNITS, device=table.device)[:, None]
     signals = recorded.samples[cases].float() * unit  # (B, J, 2, channels, T)

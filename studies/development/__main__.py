@@ -1,17 +1,20 @@
 """Calibrates the networks on development plants, and tries that on families of plants left out.
 
-``python -m studies.development FOLDER [--seed S] [--write]`` simulates 2,324 cases of layered plants, whose laws are of four
-kinds, and the 1,515 of the independent ones, of three families (an hour of two cores), asks of the networks that come with
-the package those that never saw the family (``studies.cross_fitting``), and writes ``development.json`` and
-``development.md`` into the folder: each family decided with what the other independent ones taught, for every set of
-sensors. With ``--write`` what the independent ones teach goes to the package as ``calibration.json``.
+``python -m studies.development FOLDER [--networks NETWORKS] [--device cuda:0] [--seed S] [--write]`` simulates 2,324 cases
+of layered plants, whose laws are of four kinds, and 1,515 each of the independent and of the component ones, of three
+families each, asks of some networks, those that come with the package by default, such as never saw the family
+(``studies.cross_fitting``), and writes ``development.json`` and ``development.md`` into the folder: each family decided with
+what the other hand-written ones taught, for every set of sensors. With ``--write`` what the hand-written ones teach goes
+beside the networks as ``calibration.json``. ``--cases 60`` tries all that out on the first 60 cases of each plan.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, replace
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -24,9 +27,22 @@ from aoro_gym.diagnosis_benchmark.judge.plants import Plants
 from aoro_gym.diagnosis_benchmark.judge.suite import JudgedCase, Plan
 from aoro_gym.effects.catalogue import EFFECTS, IDS
 from aoro_gym.execution.digest import Contents, digest
-from aoro_gym.execution.files import read_json, write_json, write_text, written_whole
-from studies.development.cases import INDEPENDENT, LAYERED, SIZE_UNITS, kept, magnitudes, opened, planned
+from aoro_gym.execution.files import write_json, write_text, written_whole
+from studies.development.cases import (
+    COMPONENT,
+    DEVICE_TOGETHER,
+    INDEPENDENT,
+    LAYERED,
+    SIZE_UNITS,
+    TOGETHER,
+    kept,
+    magnitudes,
+    opened,
+    planned,
+    simulated,
+)
 from studies.development.rates import ROWS, Decided, Rate, rates
+from studies.development.teachers import unbiased
 
 BATCH = 16
 """Cases that networks are asked about together."""
@@ -39,16 +55,19 @@ def truth_of(case: JudgedCase) -> int:
     return int(hypotheses.number_of(effects, np.array(case.kind == "outside")))
 
 
-def unbiased(family: str) -> list[Path]:
-    """Files of the shipped networks that learnt nothing from a family."""
-    networks = read_json(TRAINED / "training.json")["networks"]
-    return [TRAINED / one["file"] for one in networks if family in one["left_out"]]
-
-
-def said(folder: Path, made: Plan, plants: Plants, sensors: str) -> tuple[np.ndarray, np.ndarray]:
+def said(
+    folder: Path, files: Sequence[Path], made: Plan, plants: Plants, sensors: str
+) -> tuple[np.ndarray, np.ndarray]:
     """Probabilities of the hypotheses (N, hypotheses) and quantiles of sizes [SI] (N, effects, quantiles) for a family's
-    cases, in the plan's order; where the folder has none, cases are simulated and the networks asked."""
-    files = unbiased(plants.name)
+    cases, in the plan's order; where the folder has none, cases are simulated and the networks asked.
+
+    Args:
+        folder: Keeps cases and answers.
+        files: Of the networks, whose mean is said.
+        made: The plan.
+        plants: The family.
+        sensors: Name of the set of channels that networks are shown.
+    """
     networks, weights = digest(*map(Contents, files)), [Weights.load(file) for file in files]
     path = folder / f"said_{made.digest[:8]}_{networks[:8]}_{plants.name}_{sensors}.npz"
     if not path.exists():
@@ -101,9 +120,9 @@ def widened(
 
 
 def calibrating(family: np.ndarray) -> np.ndarray:
-    """Which cases (N,) networks are calibrated on: those of the independent families. Layered plants share the twin's
+    """Which cases (N,) networks are calibrated on: those of the hand-written families. Layered plants share the twin's
     circuit, and networks are surer of them than of a machine that nobody has modelled."""
-    return np.isin(family, [plants.name for plants in INDEPENDENT])
+    return np.isin(family, [plants.name for plants in (*INDEPENDENT, *COMPONENT)])
 
 
 def family_weights(family: np.ndarray) -> np.ndarray:
@@ -155,23 +174,46 @@ def main() -> None:
     parser.add_argument(
         "--seed", type=int, default=7002, help="of the layered plants; those of the shipped calibration by default"
     )
-    parser.add_argument("--write", action="store_true", help="calibrate the networks of the package")
+    parser.add_argument(
+        "--networks", type=Path, default=TRAINED, help="folder of networks; those of the package by default"
+    )
+    parser.add_argument("--device", default="cpu", help="that simulates plants")
+    parser.add_argument("--workers", type=int, default=1, help="that simulate a family each")
+    parser.add_argument("--cases", type=int, help="of each plan, to try the study out; all by default")
+    parser.add_argument("--write", action="store_true", help="calibrate the networks")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
-    plans = ((planned(options.seed), LAYERED), (opened(), INDEPENDENT))
+    plans = [
+        (replace(made, cases=made.cases[: options.cases]), [replace(one, device=options.device) for one in several])
+        for made, several in ((planned(options.seed), LAYERED), *opened())
+    ]
+    together = TOGETHER if options.device == "cpu" else DEVICE_TOGETHER
+    with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:
+        asked = [
+            pool.submit(simulated, options.folder, made, plants, together)
+            for made, several in plans
+            for plants in several
+        ]
+        for number, one in enumerate(asked):
+            print(f"{one.result().name}: {number + 1} of {len(asked)} families", flush=True)
     cases = [case for made, several in plans for plants in several for case in made.cases if case.family == plants.name]
     truth, family = np.array([truth_of(one) for one in cases]), np.array([one.family for one in cases])
     sizes = [size for made, several in plans for plants in several for size in true_sizes(made, plants)]
     groups = [[plants.name for plants in several] for _, several in plans]
+    tables = [*groups, [name for group in groups[1:] for name in group]]
     found: dict[str, Calibration] = {}
     by_set: dict[str, dict[str, dict[str, Rate]]] = {}
     for name in SENSOR_SETS:
-        parts = [said(options.folder, made, plants, name) for made, several in plans for plants in several]
+        parts = [
+            said(options.folder, unbiased(options.networks, plants.name), made, plants, name)
+            for made, several in plans
+            for plants in several
+        ]
         probabilities, quantiles = (np.concatenate(part) for part in zip(*parts, strict=True))
         decided = left_out(cases, probabilities, truth)
         by_set[name] = {
             " ".join(names): rates([one for one in decided if one.case.family in names])
-            for names in [*groups, *([one] for group in groups for one in group)]
+            for names in [*tables, *([one] for group in groups for one in group)]
         }
         own = np.flatnonzero(calibrating(family))
         weights = family_weights(family[own])
@@ -188,12 +230,12 @@ def main() -> None:
         options.folder / "development.json",
         {"seed": options.seed, "plans": digests, "cases": len(cases), "sets": shares},
     )
-    told = "\n".join(f"{' '.join(names)}\n\n{table(by_set, names)}" for names in groups)
+    told = "\n".join(f"{' '.join(names)}\n\n{table(by_set, names)}" for names in tables)
     write_text(options.folder / "development.md", told)
     print(told)
     if options.write:
-        about = {"cases": "independent plants, every family alike", "seed": options.seed, "plans": digests}
-        write_json(TRAINED / "calibration.json", about | {"sets": as_dict(found)})
+        about = {"cases": "hand-written families of plants, each alike", "seed": options.seed, "plans": digests}
+        write_json(options.networks / "calibration.json", about | {"sets": as_dict(found)})
 
 
 if __name__ == "__main__":

@@ -10,20 +10,32 @@ from typing import Any
 import numpy as np
 
 from aoro_gym.diagnosis.recording import Recording
-from aoro_gym.diagnosis_benchmark import independent
+from aoro_gym.diagnosis_benchmark import component_families, independent
 from aoro_gym.diagnosis_benchmark.cases import Excitation
 from aoro_gym.diagnosis_benchmark.judge.features import CHANNELS
-from aoro_gym.diagnosis_benchmark.judge.plants import IndependentPlants, LayeredPlants, Log, PlantRun, Plants
+from aoro_gym.diagnosis_benchmark.judge.plants import (
+    ComponentPlants,
+    IndependentPlants,
+    LayeredPlants,
+    Log,
+    PlantRun,
+    Plants,
+)
 from aoro_gym.diagnosis_benchmark.judge.suite import SUITES, JudgedCase, Plan, Suite, plan
 from aoro_gym.execution.files import written_whole
 from aoro_gym.units import BAR, LITRE_PER_MINUTE
 
-LAYERED: tuple[Plants, ...] = tuple(LayeredPlants(level) for level in (0, 1, 2, 3))
+LAYERED: tuple[LayeredPlants, ...] = tuple(LayeredPlants(level) for level in (0, 1, 2, 3))
 """Plants around the calibrated ensemble, whose laws the twin does not share."""
-INDEPENDENT: tuple[Plants, ...] = tuple(IndependentPlants(name) for name in independent.FAMILIES)
+INDEPENDENT: tuple[IndependentPlants, ...] = tuple(IndependentPlants(name) for name in independent.FAMILIES)
 """Plants that share nothing with the twin."""
-OPENED = 112849172439076219896902514827477302792
-"""Seed of the judged suite of :data:`INDEPENDENT`, which was scored once and has been open since: it judges no more."""
+COMPONENT: tuple[IndependentPlants, ...] = tuple(ComponentPlants(name) for name in component_families.FAMILIES)
+"""Plants that share nothing with the twin either, and but the integrator with :data:`INDEPENDENT`."""
+OPENED: tuple[tuple[int, tuple[IndependentPlants, ...]], ...] = (
+    (112849172439076219896902514827477302792, INDEPENDENT),
+    (193628089705577519851568687749887461767, COMPONENT),
+)
+"""Seeds of judged suites, and their plants: each was scored once and has been open since: they judge no more."""
 SUITE = Suite("development", 600, 231, 400, 400, machines=24, protocols=40, logs=4, draws=4)
 """2,324 cases: healthy ones, singles of each level, pairs, and what the catalogue lacks."""
 SIZE_UNITS: Mapping[tuple[str, str], float] = {
@@ -33,8 +45,8 @@ SIZE_UNITS: Mapping[tuple[str, str], float] = {
     **{(unit, unit): 1.0 for unit in ["s", "1", "K", "N", "kg", "Pa", "m^3/s", "rad", "N*m", "1/s", "N/m", "m^3/Pa"]},
 }  # fmt: skip
 """Of plants' magnitudes and of the twin's: those of other pairs are not the same quantity, and not compared."""
-TOGETHER = 60
-"""Cases that are simulated in one go."""
+TOGETHER, DEVICE_TOGETHER = 60, 4000
+"""Cases that are simulated in one go by a processor and by a GPU, which takes as long for many as for few."""
 
 
 @dataclass(frozen=True)
@@ -60,9 +72,9 @@ def planned(seed: int, suite: Suite = SUITE) -> Plan:
     return plan(suite, LAYERED, seed)
 
 
-def opened() -> Plan:
-    """The plan of :data:`INDEPENDENT`: 1,515 cases."""
-    return plan(SUITES["seal"], INDEPENDENT, OPENED)
+def opened() -> list[tuple[Plan, tuple[IndependentPlants, ...]]]:
+    """The plans of :data:`OPENED`, 1,515 cases each, and their plants."""
+    return [(plan(SUITES["seal"], plants, seed), plants) for seed, plants in OPENED]
 
 
 def cases_of(
@@ -99,12 +111,17 @@ def recording(told: Excitation, log: Log) -> Recording:
     return Recording(told.name, commands, channels, rest, float(np.mean(channels["joint_angle"][:rest])))
 
 
-def kept(folder: Path, made: Plan, plants: Plants) -> list[DevelopmentCase]:
-    """Cases of a family, simulated where the folder has none of this plan."""
+def simulated(folder: Path, made: Plan, plants: Plants, together: int = TOGETHER) -> Path:
+    """File of a family's cases, simulated where the folder has none of this plan."""
     path = folder / f"cases_{made.digest[:8]}_{plants.name}.npz"
     if not path.exists():
-        _write(path, list(cases_of(made, plants)))
-    return _read(path, made)
+        _write(path, list(cases_of(made, plants, together=together)))
+    return path
+
+
+def kept(folder: Path, made: Plan, plants: Plants) -> list[DevelopmentCase]:
+    """Cases of a family, simulated where the folder has none of this plan."""
+    return _read(simulated(folder, made, plants), made)
 
 
 def _write(path: Path, cases: Sequence[DevelopmentCase]) -> None:

@@ -14,7 +14,7 @@ from aoro_gym.diagnosis_benchmark.judge.features import CHANNELS
 from aoro_gym.diagnosis_benchmark.judge.suite import JudgedCase
 from aoro_gym.effects.catalogue import IDS
 from studies.development.__main__ import calibrating, family_weights, left_out, truth_of
-from studies.development.cases import SUITE, DevelopmentCase, _read, _write, planned, recording
+from studies.development.cases import SUITE, DevelopmentCase, _read, _write, opened, planned, recording
 from studies.development.rates import Decided, rates
 
 SMALL = replace(SUITE, healthy=4, singles=4, pairs=4, outside=4, machines=2, protocols=2)
@@ -47,6 +47,15 @@ def test_cases_come_back_from_their_files(tmp_path):
                 np.testing.assert_allclose(a.channels["pressure_a"], b.channels["pressure_a"], rtol=1e-6)
     few = cases[0].with_channels(CHANNELS[:1], 2)
     assert len(few.later) == 2 and list(few.later[0].channels) == ["joint_angle"]
+
+
+def test_opened_suites_are_those_that_were_scored():
+    """By the first digits of their plans, as they stand in the pages of what was found."""
+    assert [made.digest[:8] for made, _ in opened()] == ["a9dee96a", "7c041c02"]
+    assert [[one.name for one in plants] for _, plants in opened()] == [
+        ["alder", "birch", "cedar"],
+        ["elm", "fir", "hazel"],
+    ]
 
 
 def decided(kind: str, effects: tuple[str, ...], verdict: str, *said: tuple[tuple[str, ...], float]) -> Decided:
@@ -95,7 +104,7 @@ def test_families_weigh_the_same_whatever_their_number_of_cases():
 def test_layered_plants_calibrate_nothing():
     """What networks say of layered plants does not move a decision on another family."""
     rng = np.random.default_rng(3)
-    families = [*["alder"] * 40, *["birch"] * 40, *["level_0"] * 40]
+    families = [*["alder"] * 40, *["elm"] * 40, *["level_0"] * 40]
     cases = [JudgedCase(str(k), "healthy", name, 0, 0, {}, None, False, k) for k, name in enumerate(families)]
     shares = rng.dirichlet(np.full(hypotheses.HYPOTHESES, 0.1), len(cases))
     truth = np.tile([hypotheses.NOTHING, hypotheses.SINGLE], 60)

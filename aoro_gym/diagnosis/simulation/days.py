@@ -118,15 +118,26 @@ def _with_days(prior: Prior, machine: Machine, later: int, rng: np.random.Genera
     count, days = machine.num_variants, HEALTHY + later
     every = np.repeat(np.arange(count), days)
     factor = np.repeat(np.exp(rng.uniform(*np.log(prior.day_factor), size=count)), days)
-    drifted = another_day(prior, machine.variants(every), factor, rng)
+    own = np.exp(rng.uniform(*np.log(prior.share_factor), size=(len(prior.day_shares), count)))
+    drifted = another_day(prior, machine.variants(every), factor, rng, np.repeat(own, days, axis=1))
     slope = factor[:, None] * prior.slope * rng.standard_normal((count * days, 2))
     kind = rng.choice(len(KINDS), p=prior.weights, size=count * days).astype(np.int8)
     kind.reshape(count, days)[:, :HEALTHY] = 0
     return _affected(prior, drifted, slope, kind, rng)
 
 
-def another_day(prior: Prior, machine: Machine, factor: Floats, rng: np.random.Generator) -> Machine:
-    """Each variant as it is on some day: small changes of all that is uncertain, of the oil's temperature and the load."""
+def another_day(
+    prior: Prior, machine: Machine, factor: Floats, rng: np.random.Generator, own: Floats | float = 1.0
+) -> Machine:
+    """Each variant as it is on some day: small changes of all that is uncertain, of the oil's temperature and the load.
+
+    Args:
+        prior: Says by how much.
+        machine: N variants.
+        factor: On all changes (N,).
+        rng: Random numbers.
+        own: Factor on each of ``prior.day_shares`` besides (shares, N).
+    """
     entries = [one for one in machine.entries.values() if one.role in ("nuisance", "both")]
     values = np.array([np.broadcast_to(one.value, machine.num_variants) for one in entries])
     half = np.array(
@@ -145,7 +156,7 @@ def another_day(prior: Prior, machine: Machine, factor: Floats, rng: np.random.G
         return machine.set({one.key: drawn[i] for i, one in enumerate(entries)}, check_ranges=False)
 
     machine = _as_far_as_it_goes(moved, machine)
-    normal = np.clip(rng.standard_normal((len(prior.day_shares), machine.num_variants)), -2.5, 2.5)
+    normal = own * np.clip(rng.standard_normal((len(prior.day_shares), machine.num_variants)), -2.5, 2.5)
     grown = {
         key: factor * size * draw
         for (keys, size), draw in zip(prior.day_shares.items(), normal, strict=True)

@@ -33,6 +33,9 @@ class Prior:
             are kept in a hall, others stand outside.
         day_shares: Standard deviation of the logarithm from day to day, by keys that move together: friction, air and
             inflation change by shares of what they are, not of their ranges.
+        share_factor: Ends of a factor on each of :attr:`day_shares`, one a machine, logarithmically even: one machine's
+            seals change more from day to day, and another's ground or air (E: the best kept part changes by half of what is
+            usual, the worst by two and a half times).
         temperature: Standard deviation [K] of the oil's temperature from day to day.
         slope: The same of the ground's slope [rad], of either component.
         load: The same of what lies on the front frame [kg]; no less than nothing.
@@ -67,6 +70,7 @@ class Prior:
             "steering.valve.hysteresis": 0.05,
         }
     )  # fmt: skip
+    share_factor: tuple[float, float] = (0.5, 2.5)
     temperature: float = 2.0
     slope: float = 0.003
     load: float = 30.0

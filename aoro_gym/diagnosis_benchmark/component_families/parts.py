@@ -142,6 +142,11 @@ def mixture(families: Sequence[str], number: int) -> str:
     return "_".join((MIXED, *(one for one in FAMILIES if one in families), f"{number:04d}"))
 
 
+def mixed_of(name: str) -> list[str]:
+    """Families that the parts of a mixture may be of, by its name."""
+    return name.split("_")[1:-1]
+
+
 @lru_cache(maxsize=512)
 def family_of(name: str) -> Family:
     """A family, or a mixture, by its name.
@@ -151,7 +156,7 @@ def family_of(name: str) -> Family:
     """
     if name in FAMILIES:
         return Family(name, dict.fromkeys(PARTS, name))
-    families, number = name.split("_")[1:-1], name.rpartition("_")[2]
+    families, number = mixed_of(name), name.rpartition("_")[2]
     if not families or not number.isdecimal() or mixture(families, int(number)) != name:
         known = ", ".join(FAMILIES)
         raise ValueError(f"family must be one of {known}, or a mixture such as mixed_elm_fir_0012, not {name!r}")

@@ -12,6 +12,7 @@ from aoro_gym.diagnosis.simulation.days import (
     CHAIN,
     HEALTHY,
     Days,
+    another_day,
     bases,
     deviating,
     draw_days,
@@ -69,6 +70,43 @@ def test_days_of_a_machine_differ_by_little_while_nothing_is_wrong() -> None:
     as_numbers = records.view(np.float32).reshape(8, each, -1)
     np.testing.assert_allclose(as_numbers[:, 1:], as_numbers[:, :1].repeat(each - 1, axis=1), rtol=1e-6)
     assert not np.allclose(as_numbers[0], as_numbers[1], rtol=1e-3)
+
+
+def test_parts_of_a_machine_change_from_day_to_day_by_scales_of_their_own() -> None:
+    """One key of each machine moves on all days by that machine's own scale."""
+    key = "joint.friction_torque"
+    alone = replace(
+        PRIOR, day=0.0, day_shares={key: 0.02}, temperature=0.0, slope=0.0, load=0.0, weights=(1.0, 0.0, 0.0, 0.0),
+        day_factor=(1.0, 1.0 + 1e-12),
+    )  # fmt: skip
+    machine, days = bases()[0].variants(np.zeros(40, dtype=int)), 200
+    scales = np.exp(np.random.default_rng(1).uniform(*np.log(alone.share_factor), size=40))
+    each = np.repeat(np.arange(40), days)
+    some = another_day(
+        alone,
+        machine.variants(each),
+        np.ones(40 * days),
+        np.random.default_rng(2),
+        np.repeat(scales[None], days, axis=1),
+    )
+    moved = np.log(some.entries[key].value / float(machine.entries[key].value)).reshape(40, days)
+    # a standard deviation of 200 days is known within 5 %, and the cut at 2.5 takes 2 % off it
+    np.testing.assert_allclose(moved.std(axis=1), 0.02 * 0.98 * scales, rtol=0.2)
+
+
+def test_days_are_drawn_by_scales_of_their_own() -> None:
+    """Air moves by its share alone: five times the factor, five times the change on every day."""
+    alone = replace(
+        PRIOR, day_shares={"oil.gas_fraction": 0.02}, temperature=0.0, load=0.0, weights=(1.0, 0.0, 0.0, 0.0)
+    )
+    changes = []
+    for least in (0.5, 2.5):
+        days = draw_days(replace(alone, share_factor=(least, least * (1.0 + 1e-12))), 30, 4, seed=3)
+        air = days.records["oil"]["gas_fraction"].reshape(30, -1)
+        air = np.log(air[air[:, 0] > 0.0])  # some laws know no air
+        changes.append(air[:, 1:] - air[:, :1])
+    assert np.ptp(changes[0]) > 0.01
+    np.testing.assert_allclose(changes[1], 5.0 * changes[0], rtol=1e-3, atol=1e-5)  # records are of single precision
 
 
 def test_an_effect_that_a_law_knows_nothing_of_is_no_cause() -> None:
