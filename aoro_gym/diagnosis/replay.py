@@ -171,7 +171,7 @@ class Simulator:
     """Repeats recordings on a device.
 
     Args:
-        device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``.
+        device: ``"cpu"`` or ``"cuda:N"``.
     """
 
     def __init__(self, device: str = "cpu"):

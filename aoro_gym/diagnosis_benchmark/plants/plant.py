@@ -473,7 +473,7 @@ def simulate(
         hold: Main steps for which a command is held.
         keep_every: Main steps between two frames.
         channels: Names of the outputs.
-        device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``.
+        device: ``"cpu"`` or ``"cuda:N"``.
         threads: CPU threads that share the runs; as many as there are cores by default.
         progress: Called with the number of main steps done.
 

@@ -88,7 +88,7 @@ def launch(kernel: Any, runs: int, inputs: list[Any], *, device: Any, threads: i
         kernel: Of one run a thread.
         runs: Their number.
         inputs: What the kernel gets after the number of its first run.
-        device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``.
+        device: ``"cpu"`` or ``"cuda:N"``.
         threads: CPU threads; as many as :func:`cores` by default.
     """
     cpu = wp.get_device(device).is_cpu

@@ -86,7 +86,7 @@ def record(
     Args:
         runs: What to do.
         chunk: Runs stepped together, which bounds memory; :data:`CHUNK` or :data:`DEVICE_CHUNK` by default.
-        device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``.
+        device: ``"cpu"`` or ``"cuda:N"``.
         threads: CPU threads that share the stepping; as many as there are cores by default.
         progress: Called with the number of ticks of runs that have been done since the last call.
     """
