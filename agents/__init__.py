@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import lazy_loader
 
 if TYPE_CHECKING:
+    from aoro_gym.agents.controllers.levelling import Assistance, ModalPid, ModalRegulator, PreviewPid, Stance
     from aoro_gym.agents.controllers.path_tracking import (
         FullSpeedSteering,
         PreviewRegulator,
@@ -34,15 +35,20 @@ if TYPE_CHECKING:
 
 __all__ = [
     "REFERENCE_POLICIES",
+    "Assistance",
     "BangBang",
     "Evaluation",
     "FullSpeedSteering",
     "LearnedPolicy",
+    "ModalPid",
+    "ModalRegulator",
     "Policy",
+    "PreviewPid",
     "PreviewRegulator",
     "ProportionalDerivative",
     "PurePursuit",
     "Rollout",
+    "Stance",
     "Stanley",
     "TwinVecEnv",
     "Vehicle",
@@ -58,6 +64,7 @@ __all__ = [
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "controllers.levelling": ("Assistance", "ModalPid", "ModalRegulator", "PreviewPid", "Stance"),
         "controllers.turning": ("BangBang", "ProportionalDerivative"),
         "evaluation.evaluate": ("Evaluation", "evaluate"),
         "policies.files": ("load_policy", "shipped_policies"),

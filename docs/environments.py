@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from aoro_gym.envs import PathTrackingEnv, TurningEnv
+from aoro_gym.envs import LevellingEnv, PathTrackingEnv, TurningEnv
 from aoro_gym.envs.core.terms import ObservationTerm, RewardTerm
+from aoro_gym.envs.levelling import rewards as levelling_rewards
 from aoro_gym.envs.path_tracking import rewards as path_rewards
 from aoro_gym.envs.turning import rewards as turning_rewards
 from aoro_gym.terrains import Path as Line
@@ -20,6 +21,10 @@ FOLDER = Path(__file__).parent / "environments"
 ACTIONS = {
     "steering_signal": "signal of the steering valve, positive to the left",
     "drive_signal": "signal of pump 1, positive forward",
+    **{
+        f"arm_{corner}": f"signal of the arm valve {where}; positive lets the wheel down and the frame up"
+        for corner, where in (("fl", "front left"), ("fr", "front right"), ("rl", "rear left"), ("rr", "rear right"))
+    },
 }
 
 
@@ -79,10 +84,12 @@ def parts() -> dict[str, dict[str, str]]:
     turning = TurningEnv()
     line = Line(np.array([[0.0, 0.0], [30.0, 0.0]]))
     path_tracking = PathTrackingEnv(terrain=Plane(), path=line)
+    levelling = LevellingEnv(terrain=Plane(), path=line)
     made = {}
     for page, env, action_layout, module in (
         ("turning.md", turning, {"steering_signal": slice(0, 1)}, turning_rewards),
         ("path_tracking.md", path_tracking, path_tracking.action_layout, path_rewards),
+        ("levelling.md", levelling, levelling.action_layout, levelling_rewards),
     ):
         task = env.vector.task
         made[page] = {

@@ -21,6 +21,10 @@ from aoro_gym.envs.registration import ENVIRONMENTS, register_envs
 if TYPE_CHECKING:
     from aoro_gym.envs.core.randomisation import Randomisation
     from aoro_gym.envs.core.terms import ObservationTerm, RewardTerm
+    from aoro_gym.envs.levelling.config import LevellingConfig, LevellingRandomisation
+    from aoro_gym.envs.levelling.environment import LevellingEnv, LevellingVectorEnv
+    from aoro_gym.envs.levelling.task import Levelling
+    from aoro_gym.envs.levelling.view import LevellingView
     from aoro_gym.envs.path_tracking.assistance import ArmControl
     from aoro_gym.envs.path_tracking.config import PathTrackingConfig, PathTrackingRandomisation
     from aoro_gym.envs.path_tracking.courses import Course, forest_course
@@ -36,6 +40,12 @@ __all__ = [
     "ENVIRONMENTS",
     "ArmControl",
     "Course",
+    "Levelling",
+    "LevellingConfig",
+    "LevellingEnv",
+    "LevellingRandomisation",
+    "LevellingVectorEnv",
+    "LevellingView",
     "ObservationTerm",
     "PathTracking",
     "PathTrackingConfig",
@@ -63,6 +73,10 @@ __getattr__, _, _ = lazy_loader.attach(
         "path_tracking.environment": ("PathTrackingEnv", "PathTrackingVectorEnv"),
         "path_tracking.task": ("PathTracking",),
         "path_tracking.view": ("PathTrackingView",),
+        "levelling.config": ("LevellingConfig", "LevellingRandomisation"),
+        "levelling.environment": ("LevellingEnv", "LevellingVectorEnv"),
+        "levelling.task": ("Levelling",),
+        "levelling.view": ("LevellingView",),
         "core.randomisation": ("Randomisation",),
         "core.terms": ("ObservationTerm", "RewardTerm"),
         "turning.config": ("TurningConfig",),

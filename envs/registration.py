@@ -26,6 +26,11 @@ ENVIRONMENTS = {
         vector_entry_point="aoro_gym.envs.path_tracking.environment:PathTrackingVectorEnv",
         max_episode_steps=None,
     ),
+    "AORO/Levelling-v0": Registration(
+        entry_point="aoro_gym.envs.levelling.environment:LevellingEnv",
+        vector_entry_point="aoro_gym.envs.levelling.environment:LevellingVectorEnv",
+        max_episode_steps=None,
+    ),
 }
 """Every environment by id."""
 

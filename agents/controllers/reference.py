@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
+from aoro_gym.agents.controllers.levelling import Assistance, ModalPid, ModalRegulator, PreviewPid, Stance
 from aoro_gym.agents.controllers.path_tracking import FullSpeedSteering, PreviewRegulator, PurePursuit, Stanley, Vehicle
 from aoro_gym.agents.controllers.turning import BangBang, ProportionalDerivative
 from aoro_gym.agents.policies.policy import Policy
@@ -32,6 +33,10 @@ def _steering(controller: Callable[[Vehicle], Policy], env: Any) -> Policy:
     return controller(Vehicle.of(env))
 
 
+def _levelling(controller: Callable[[Stance], Policy], env: Any) -> Policy:
+    return controller(Stance.of(env))
+
+
 REFERENCE_POLICIES: Mapping[str, Mapping[str, Factory]] = {
     "AORO/Turning-v0": {
         "bang-bang": partial(_observing, BangBang),
@@ -42,6 +47,12 @@ REFERENCE_POLICIES: Mapping[str, Mapping[str, Factory]] = {
         "stanley": partial(_steering, Stanley),
         "preview": partial(_steering, PreviewRegulator),
         "bang-bang": partial(_steering, FullSpeedSteering),
+    },
+    "AORO/Levelling-v0": {
+        "assistance": partial(_levelling, Assistance),
+        "modal-pid": partial(_levelling, ModalPid),
+        "preview-pid": partial(_levelling, PreviewPid),
+        "modal-lqr": partial(_levelling, ModalRegulator),
     },
 }
 """By the environment's id, then by the controller's name."""

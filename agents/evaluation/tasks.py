@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from aoro_gym.agents.evaluation.episodes import Episodes
+from aoro_gym.agents.evaluation.levelling import level_lanes, make_levelling
 from aoro_gym.agents.evaluation.path_tracking import STATION, drive_paths, make_tracking
 from aoro_gym.agents.evaluation.turning import make_turning, turn_joints
 from aoro_gym.agents.policies.policy import Policy
+from aoro_gym.envs.levelling.task import Levelling
 from aoro_gym.envs.path_tracking.task import PathTracking
 from aoro_gym.envs.turning.task import Turning
 
@@ -52,6 +54,15 @@ TASKS: Mapping[str, EvaluationTask] = {
         "cross-track error [m]",
         ("cross_track_rms_m", "speed_m_per_s"),
         PathTracking.render_channels,
+    ),
+    "AORO/Levelling-v0": EvaluationTask(
+        make_levelling,
+        level_lanes,
+        STATION,
+        "distance driven along the path [m]",
+        "tilt [°]",
+        ("tilt_rms_deg", "unevenness_rms", "pump_kJ_per_m"),
+        Levelling.render_channels,
     ),
 }
 """What can be evaluated, by the environment's id."""

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from aoro_gym.agents.training.plan import TrainingPlan
+from aoro_gym.envs.levelling.courses import learned_courses, validation_courses
 from aoro_gym.envs.path_tracking.course_files import CourseFiles
 from aoro_gym.envs.path_tracking.courses import Course, forest_course, generated_paths
 from aoro_gym.terrains.paths.planning import NoDrivablePath
@@ -44,6 +45,12 @@ def training_forests(
         progress((count + len(held_out)) / total)
         held_out.append(forest_course(seed))
     return learned, held_out
+
+
+def training_lanes(count: int) -> tuple[Sequence[Course], Sequence[Course]]:
+    """``count`` grounds with obstacles to level on, from easy to difficult, and others to evaluate on meanwhile: neither is
+    one that ``aoro-gym evaluate`` drives on."""
+    return learned_courses(count), validation_courses()
 
 
 def course_files(plan: TrainingPlan) -> CourseFiles:

@@ -23,6 +23,7 @@ import numpy as np
 import torch  # pyright: ignore[reportMissingImports]
 from numpy.typing import NDArray
 
+from aoro_gym.agents.controllers.levelling import ModalController
 from aoro_gym.agents.controllers.reference import reference_policy
 from aoro_gym.agents.policies.networks import into_network, of_network
 from aoro_gym.agents.policies.policy import LearnedPolicy, Normalisation, Policy
@@ -34,6 +35,7 @@ from aoro_gym.agents.training.recipe import check_positive_integers
 from aoro_gym.agents.training.vec_env import make_vec_env
 from aoro_gym.checks import check_range
 from aoro_gym.envs.core.vector import TwinVectorEnv
+from aoro_gym.envs.levelling import observations as levelling
 from aoro_gym.envs.path_tracking import observations as path_tracking
 from aoro_gym.envs.turning import observations as turning
 from aoro_gym.execution.array_api import Array
@@ -41,6 +43,7 @@ from aoro_gym.execution.array_api import Array
 EXACT: Mapping[str, Mapping[str, Callable[[Any], Array]]] = {
     "AORO/Turning-v0": turning.EXACT_TERMS,
     "AORO/PathTracking-v0": path_tracking.EXACT_TERMS,
+    "AORO/Levelling-v0": levelling.EXACT_TERMS,
 }
 """True values of measured observation terms, by the environment's id, then by the term's name."""
 EPSILON, CLIP = 1e-8, 10.0
@@ -253,6 +256,8 @@ class Dagger:
 def _teacher(env: str, asked: Hyperparams, envs: TwinVectorEnv) -> Policy:
     """The reference controller of this name, with the gains that were asked for."""
     teacher: Any = reference_policy(env, asked.teacher, envs)
+    if isinstance(teacher, ModalController):
+        return teacher.with_gains(**asked.teacher_kwargs)
     try:
         return replace(teacher, **asked.teacher_kwargs)
     except TypeError as error:

@@ -36,7 +36,7 @@ def option(default: Any, metavar: str | None, text: str) -> Any:
 class TrainingPlan:
     """Raises ValueError naming the field, its value and its bound."""
 
-    env: str = option("AORO/Turning-v0", "ID", "AORO/Turning-v0 or AORO/PathTracking-v0.")
+    env: str = option("AORO/Turning-v0", "ID", "AORO/Turning-v0, AORO/PathTracking-v0 or AORO/Levelling-v0.")
     algo: str = option("ppo", "|".join(ALGORITHMS), "Algorithm; dagger imitates a controller that knows the truth.")
     trainer: str = option(
         "sb3", "|".join(TRAINERS), "Stable-Baselines3, or skrl's PPO with all arrays on the device, for GPUs."
@@ -49,7 +49,7 @@ class TrainingPlan:
     join_gaps: bool = option(False, None, JOIN_GAPS_HELP)
     path_crs: str | None = option(None, "CRS", PATH_CRS_HELP)
     path_length: float = option(60.0, "M", "Of the paths that are generated on --terrain.")
-    forests: int = option(12, "N", "Generated forests to learn on, where there is no --terrain.")
+    forests: int = option(12, "N", "Generated grounds to learn on, where there is no --terrain.")
     machine: str = option("aoro", "NAME|FILE", "Bundled machine, or a machine file (.toml).")
     set: list[str] | None = option(None, "KEY=VALUE", "Set a parameter, in the unit of the machine file. Repeatable.")
     scale: list[str] | None = option(None, "KEY=FACTOR", "Multiply a parameter. Repeatable.")

@@ -9,6 +9,7 @@ batch of twins. Gains are reported on other episodes than they were tuned on:
 ``AORO/Turning-v0``: the mean return of 8 episodes with the default reward and sensor noise; 17 generations of 24 candidates.
 ``AORO/PathTracking-v0``: see :func:`tracking_cost`; 6 pieces of paths, 20 s each, from anywhere on the default forests'
 paths; 7 generations of 10 candidates, of which one was chosen by hand.
+``AORO/Levelling-v0``: what the mean reward of 8 pieces of lanes, 15 s each, lacks to 1; 7 generations of 16 candidates.
 
 On two cores this takes some minutes an environment. The result is the default of each controller.
 """
@@ -27,10 +28,14 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from scipy.optimize import differential_evolution
 
+from aoro_gym.agents.controllers.levelling import Assistance, ModalPid, ModalRegulator, PreviewPid, Stance
 from aoro_gym.agents.controllers.path_tracking import FullSpeedSteering, PreviewRegulator, PurePursuit, Stanley, Vehicle
 from aoro_gym.agents.controllers.turning import BangBang, ProportionalDerivative
+from aoro_gym.agents.evaluation.levelling import level_lanes
 from aoro_gym.agents.evaluation.responses import responses, rollout
 from aoro_gym.agents.policies.policy import Policy
+from aoro_gym.envs.levelling import config as levelling
+from aoro_gym.envs.levelling.environment import LevellingVectorEnv
 from aoro_gym.envs.path_tracking.config import FIXED, MILD, PathTrackingRandomisation
 from aoro_gym.envs.path_tracking.environment import PathTrackingVectorEnv
 from aoro_gym.envs.turning.config import TurningConfig
@@ -266,9 +271,65 @@ def tracking_report(make: Callable[[Any], Policy], device: str = "cpu") -> dict[
     }
 
 
+# ---- AORO/Levelling-v0 -----------------------------------------------------------------------------------------------
+
+ANY_LANE = replace(levelling.MILD, lateral_offset=FIXED.lateral_offset, heading_offset=FIXED.heading_offset)
+"""Lanes to tune on, likewise."""
+
+
+def _levelling_env(
+    num_envs: int, device: str, randomisation: levelling.LevellingRandomisation = levelling.FIXED
+) -> LevellingVectorEnv:
+    return LevellingVectorEnv(num_envs, randomisation=randomisation, device=device, autoreset_mode="SameStep")
+
+
+def levelling_cost(env: LevellingVectorEnv, policy: Policy, seeds: list[int], steps: int) -> NDArray[np.float64]:
+    """What the mean reward a step lacks to 1 (N,)."""
+    policy.reset()
+    observations, _ = env.reset(seed=seeds)
+    running, total, count = np.ones(env.num_envs, dtype=bool), np.zeros(env.num_envs), np.zeros(env.num_envs)
+    for _ in range(steps):
+        observations, rewards, terminated, truncated, _ = env.step(policy(observations))
+        total += running * rewards
+        count += running
+        running &= ~(terminated | truncated)
+    return 1.0 - total / count
+
+
+def levelling_report(make: Callable[[Any], Policy], device: str = "cpu") -> dict[str, float]:
+    """Mean metrics of a policy over 40 whole lanes; ``make`` makes it from the environment."""
+    env = LevellingVectorEnv(40, device=device, autoreset_mode="Disabled")
+    run = level_lanes(env, make(env), list(range(TEST_SEED, TEST_SEED + 40)))
+    return {name: float(values.mean()) for name, values in run.metrics.items()}
+
+
 def _for_path(kind: Callable[..., Policy]) -> Callable[..., Policy]:
     return lambda env, **gains: kind(Vehicle.of(env), **gains)
 
+
+def _for_arms(kind: Callable[..., Policy]) -> Callable[..., Policy]:
+    return lambda env, **gains: kind(Stance.of(env), **gains)
+
+
+_PID_BOUNDS = {
+    "level_gain": (0.5, 50.0),
+    "level_time": (-0.1, 0.3),
+    "level_integral": (0.01, 10.0),
+    "share_gain": (0.2, 10.0),
+    "share_integral": (0.01, 5.0),
+    "height_gain": (0.05, 3.0),
+    "rest": (0.005, 0.2),
+}
+_PID_START = {
+    "level_gain": 5.0,
+    "level_time": 0.05,
+    "level_integral": 0.5,
+    "share_gain": 1.5,
+    "share_integral": 0.5,
+    "height_gain": 1.0,
+    "rest": 0.05,
+}
+_PID_LOGARITHMIC = ("level_gain", "level_integral", "share_gain", "share_integral", "height_gain", "rest")
 
 STUDIES = {
     "AORO/Turning-v0": Study(
@@ -347,6 +408,60 @@ STUDIES = {
         steps=400,
         population=20,  # 768,000 control steps in all, as many as the packaged policy learns from
         generations=7,
+    ),
+    "AORO/Levelling-v0": Study(
+        {
+            "assistance": Tunable(
+                _for_arms(Assistance),
+                {
+                    "share_gain": (0.2, 10.0),
+                    "share_band": (0.005, 0.3),
+                    "share_time": (0.0, 0.3),
+                    "level_gain": (0.5, 30.0),
+                    "level_band": (0.002, 0.06),
+                    "height_gain": (0.05, 3.0),
+                },
+                logarithmic=("share_gain", "share_band", "level_gain", "level_band", "height_gain"),
+                start={
+                    "share_gain": 1.667,
+                    "share_band": 0.06,
+                    "share_time": 0.1,
+                    "level_gain": 3.0,
+                    "level_band": 0.03,
+                    "height_gain": 1.0,
+                },
+            ),
+            "modal-pid": Tunable(
+                _for_arms(ModalPid),
+                _PID_BOUNDS,
+                logarithmic=_PID_LOGARITHMIC,
+                start=_PID_START,
+            ),
+            "preview-pid": Tunable(
+                _for_arms(PreviewPid),
+                {**_PID_BOUNDS, "ahead_gain": (0.0, 1.5), "ahead": (-0.3, 0.6)},
+                logarithmic=_PID_LOGARITHMIC,
+                start={**_PID_START, "ahead_gain": 0.7, "ahead": 0.1},
+            ),
+            "modal-lqr": Tunable(
+                _for_arms(ModalRegulator),
+                {
+                    "level_weight": (0.5, 2000.0),
+                    "share_weight": (0.02, 100.0),
+                    "height_weight": (0.005, 10.0),
+                    "rest": (0.005, 0.2),
+                },
+                logarithmic=("level_weight", "share_weight", "height_weight", "rest"),
+                start={"level_weight": 30.0, "share_weight": 3.0, "height_weight": 1.0, "rest": 0.05},
+            ),
+        },
+        make=lambda num_envs, device: _levelling_env(num_envs, device, ANY_LANE),
+        cost=levelling_cost,
+        report=levelling_report,
+        episodes=8,
+        steps=300,
+        population=16,  # 269,000 control steps a controller in all
+        generations=6,
     ),
 }
 """How the controllers are tuned, by environment."""

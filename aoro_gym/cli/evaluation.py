@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from aoro_gym.machine import Machine
 
 EvaluatedEnvOption = Annotated[
-    str, option("--env", "ID", "AORO/PathTracking-v0 by default, or AORO/Turning-v0.", show_default=False)
+    str,
+    option("--env", "ID", "AORO/PathTracking-v0 by default, AORO/Turning-v0 or AORO/Levelling-v0.", show_default=False),
 ]
 TrustPickleOption = Annotated[
     bool, option("--trust-pickle", None, "Load .zip files of Stable-Baselines3, which run code of their maker.")

@@ -13,8 +13,8 @@ from aoro_gym.terrains.georeference import horizontal
 from aoro_gym.terrains.world.files import load_world
 from aoro_gym.terrains.world.world import World
 
-TRACKING = "AORO/PathTracking-v0"
-"""The environment that drives on courses."""
+TRACKING, LEVELLING = "AORO/PathTracking-v0", "AORO/Levelling-v0"
+"""The environments that drive on courses."""
 
 
 @dataclass(frozen=True)
@@ -51,9 +51,9 @@ class CourseFiles:
                 raise ValueError(f"{option} is for a path; give its file with --path")
         if self.path_crs is not None:
             horizontal(self.path_crs, "--path-crs")
-        if (self.terrain or self.path) and self.env != TRACKING:
+        if (self.terrain or self.path) and self.env not in (TRACKING, LEVELLING):
             given = "--terrain" if self.path is None else "--path"
-            raise ValueError(f"{given} is for {TRACKING}; {self.env} turns on level ground")
+            raise ValueError(f"{given} is for {TRACKING} and {LEVELLING}; {self.env} turns on level ground")
 
     def load_terrain(self, progress: Callable[[float], Any]) -> tuple[Terrain | World, list[str]]:
         """The ground, and warnings; calls ``progress`` with the share that is done.

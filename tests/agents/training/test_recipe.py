@@ -8,6 +8,7 @@ from aoro_gym import Machine
 from aoro_gym.agents.training.plan import HYPERPARAMS, TrainingPlan
 from aoro_gym.agents.training.recipe import read_recipe
 from aoro_gym.agents.training.run_folder import begin
+from aoro_gym.envs import ENVIRONMENTS
 
 TURNING, TRACKING = "AORO/Turning-v0", "AORO/PathTracking-v0"
 
@@ -56,7 +57,7 @@ def test_packaged_hyperparams_are_of_the_zoos_format(training):
 
     for file in set(HYPERPARAMS.glob("*.yml")) - {HYPERPARAMS / "spaces.yml"}:
         content = yaml.safe_load(file.read_text(encoding="utf-8"))
-        assert set(content) == {TURNING, TRACKING}
+        assert set(content) == set(ENVIRONMENTS)
         if file.stem in ("curricula", "perturbed"):
             continue
         own = {"teacher"} if file.stem == "dagger" else {"policy", "normalize"}

@@ -1,0 +1,96 @@
+"""Environments of levelling, one vehicle or many."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from aoro_gym.envs.core.offered_terms import OFFERED
+from aoro_gym.envs.core.single import TwinEnv
+from aoro_gym.envs.core.terms import ObservationTerm, RewardTerm, changed_observations, changed_rewards
+from aoro_gym.envs.core.vector import TwinVectorEnv, check_keywords
+from aoro_gym.envs.levelling.config import LevellingConfig, LevellingRandomisation
+from aoro_gym.envs.levelling.courses import learned_courses
+from aoro_gym.envs.levelling.rewards import FURTHER_REWARD_TERMS
+from aoro_gym.envs.levelling.task import Levelling
+from aoro_gym.envs.path_tracking.courses import Course, as_courses
+from aoro_gym.execution.array_api import Array
+from aoro_gym.terrains import Path, Plane, Terrain
+from aoro_gym.terrains.world.world import World
+
+
+class LevellingVectorEnv(TwinVectorEnv):
+    """``gymnasium.make_vec("AORO/Levelling-v0", num_envs=N)``: N vehicles on their lanes, the twins of one launch.
+
+    **Action**: signals of the four arm valves, front left, front right, rear left, rear right; positive extends the
+    cylinder: the wheel goes down, the frame up. **Observation**: the terms of ``OBSERVATION_TERMS`` in their order;
+    ``observation_layout`` gives the columns. **Reward**: the weighted terms of ``REWARD_TERMS``.
+
+    **Episode**: see :mod:`aoro_gym.envs.levelling.task`. ``info["is_success"]`` tells that the end of the path was reached
+    with small tilt and even loads, and ``info["termination"]`` why an episode terminated.
+
+    ``reset(options=...)`` also takes ``path``, ``start``, ``lateral_offset``, ``heading_offset`` and ``joint_angle``, as
+    :class:`~aoro_gym.envs.path_tracking.environment.PathTrackingVectorEnv` does.
+
+    Args:
+        num_envs: Sub-environments.
+        config: The task; see :class:`LevellingConfig`.
+        courses: Grounds with their paths to draw from; by default those of
+            :func:`~aoro_gym.envs.levelling.courses.learned_courses`.
+        terrain: Instead: one ground, a world with its solid objects, too, with ``path`` or with paths that are generated.
+        path: The only path on it.
+        reward_terms: Changes to the reward terms by name; see :mod:`aoro_gym.envs.core.terms`.
+        observation_terms: Changes to the observation terms by name; ``"lidar": True`` and ``"height_map": True`` add what
+            rays show, see :mod:`aoro_gym.envs.core.ray_terms`.
+        randomisation: Instead of the configuration's: ``FIXED``, ``MILD`` or an own one.
+        arguments: See :class:`TwinVectorEnv`: machine, ground, device, output, own_machines, autoreset_mode,
+            max_episode_steps, render_mode.
+    """
+
+    task: Levelling
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        config: LevellingConfig | None = None,
+        courses: Sequence[Course] | None = None,
+        terrain: Terrain | Plane | World | None = None,
+        path: Path | None = None,
+        reward_terms: Mapping[str, RewardTerm | tuple[float, Callable[[Any], Array]] | float | None] | None = None,
+        observation_terms: Mapping[str, ObservationTerm | Callable[[Any], Array] | bool | None] | None = None,
+        randomisation: LevellingRandomisation | None = None,
+        **arguments: Any,
+    ):
+        check_keywords(type(self), arguments)
+        config = LevellingConfig() if config is None else config
+        config = replace(
+            config,
+            reward_terms=changed_rewards(config.reward_terms, reward_terms, FURTHER_REWARD_TERMS),
+            observation_terms=changed_observations(config.observation_terms, observation_terms, OFFERED),
+            randomisation=config.randomisation if randomisation is None else randomisation,
+        )
+        if courses is None and terrain is None and path is None:
+            courses = learned_courses()
+        library = as_courses(courses, terrain, path)
+        grounds = [course.ground for course in library]
+        terrains = [ground for ground in grounds if not isinstance(ground, Plane)]
+        super().__init__(Levelling(library, config), num_envs, terrain=terrains or grounds[0], **arguments)
+
+    @property
+    def action_layout(self) -> dict[str, slice]:
+        """Where each signal stands in the action."""
+        return self.task.action_layout
+
+
+class LevellingEnv(TwinEnv):
+    """``gymnasium.make("AORO/Levelling-v0")``: one vehicle on its lane; see :class:`LevellingVectorEnv`."""
+
+    vector_type = LevellingVectorEnv
+    vector: LevellingVectorEnv
+
+    @property
+    def action_layout(self) -> dict[str, slice]:
+        """Where each signal stands in the action."""
+        return self.vector.action_layout
