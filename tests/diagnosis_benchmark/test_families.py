@@ -51,20 +51,20 @@ def test_logs_are_the_same_however_many_are_computed_at_once(group, monkeypatch:
     whole = group.record(asked)
     monkeypatch.setattr(recording, "CHUNK", 1)
     monkeypatch.setattr(recording, "TOGETHER", 1)
-    prepared = [recording.prepare(group.GROUP, run) for run in asked]
-    assert len(recording.chunked(group.GROUP, asked, prepared, "cpu", 6)) == len(asked)  # a run at a time
+    assert len(recording.chunked(group.GROUP, asked, "cpu", None, 6)) == len(asked)  # a run at a time
     for one, other in zip(whole, group.record(asked), strict=True):
         assert all(np.array_equal(values, other[name]) for name, values in one.items())
 
 
 def test_a_chunk_holds_what_memory_allows() -> None:
     asked = runs(independent, "alder") * 5
-    prepared = [recording.prepare(independent.GROUP, run) for run in asked]
-    waves = recording.chunked(independent.GROUP, asked, prepared, "cpu", 6)
+    waves = recording.chunked(independent.GROUP, asked, "cpu", None, 6)
     assert sorted(i for wave in waves for _, members in wave for i in members) == list(range(len(asked)))
+    lengths = [len(asked[members[0]].steering) for wave in waves for _, members in wave]
+    assert lengths == sorted(lengths) and len(set(lengths)) == 2
     for family, members in waves[0]:
         assert {asked[i].family for i in members} == {family}
-        assert len({len(prepared[i].command) for i in members}) == 1
+        assert len({len(asked[i].steering) for i in members}) == 1
 
 
 if __name__ == "__main__":

@@ -138,27 +138,27 @@ def launch(
     return out, inputs
 
 
-def chunked(
-    group: Group, runs: Sequence[Run], prepared: Sequence[Prepared], device: str, columns: int
-) -> list[list[Chunk]]:
-    """Launches of runs, those of one family and length together, by what a device computes at once.
+def chunked(group: Group, runs: Sequence[Run], device: str, period: float | None, columns: int) -> list[list[Chunk]]:
+    """Launches of runs, those of one family and length together, by what a device computes at once: short ones first, as
+    launches side by side take as long as the longest.
 
     Args:
         group: Of all families.
         runs: What is simulated.
-        prepared: The same as the kernel takes it.
         device: Warp's name of the device.
+        period: Between samples [s]; as measuring reads them by default.
         columns: Signals behind the joint angle.
     """
     groups: dict[tuple[str, int], list[int]] = {}
     for i, run in enumerate(runs):
-        groups.setdefault((run.family, len(prepared[i].command)), []).append(i)
+        groups.setdefault((run.family, np.size(run.steering)), []).append(i)
     workers, cpu = _workers(device), device == "cpu"
     waves: list[list[Chunk]] = [[]]
     held = 0
-    for (family, _), members in groups.items():
+    for (family, _), members in sorted(groups.items(), key=lambda one: one[0][1]):
+        samples = len(prepare(group, runs[members[0]], period).other_times)
         wp.load_module(group.kernel(family).module, device=device)  # once, before threads ask for it
-        each = 8 * (1 + columns) * len(prepared[members[0]].other_times)
+        each = 8 * (1 + columns) * samples
         most = (CHUNK if cpu else DEVICE_CHUNK) // each
         size = max(1, min(most, math.ceil(len(members) / workers)))
         for first in range(0, len(members), size):
@@ -188,16 +188,20 @@ def simulate(
         columns: Signals behind the joint angle, by number.
         step: Of integration [s].
     """
-    prepared = [prepare(group, run, period) for run in runs]
 
-    def begin(chunk: Chunk) -> tuple[wp.array, list[Any]]:
+    def begin(chunk: Chunk) -> tuple[list[Prepared], wp.array, list[Any]]:
         family, members = chunk
-        return launch(group, family, [prepared[i] for i in members], device, columns, step)
+        prepared = [prepare(group, runs[i], period) for i in members]
+        return prepared, *launch(group, family, prepared, device, columns, step)
 
-    for wave in chunked(group, runs, prepared, device, len(columns)):
+    def end(chunk: Chunk) -> tuple[list[Prepared], np.ndarray]:
+        prepared, out, _ = begin(chunk)
+        return prepared, out.numpy()
+
+    for wave in chunked(group, runs, device, period, len(columns)):
         if device == "cpu":
             with ThreadPoolExecutor(_workers(device)) as pool:
-                found: Iterator[np.ndarray] = pool.map(lambda chunk: begin(chunk)[0].numpy(), wave)
+                found: Iterator[tuple[list[Prepared], np.ndarray]] = pool.map(end, wave)
         else:
             begun = []
             for chunk in wave:
@@ -205,9 +209,9 @@ def simulate(
                 with wp.ScopedStream(stream):
                     begun.append((*begin(chunk), stream))
             wp.synchronize_device(device)
-            found = (out.numpy() for out, *_ in begun)
-        for chunk, signals in zip(wave, found, strict=True):
-            yield chunk, [prepared[i] for i in chunk[1]], signals
+            found = ((prepared, out.numpy()) for prepared, out, *_ in begun)
+        for chunk, (prepared, signals) in zip(wave, found, strict=True):
+            yield chunk, prepared, signals
 
 
 def record(group: Group, runs: Sequence[Run], device: str = "cpu", noise: bool = True) -> list[dict[str, np.ndarray]]:
