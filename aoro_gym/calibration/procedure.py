@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,18 +85,18 @@ def solve(machine: Machine, key: str, target: float, measure: Callable[[Machine]
     return machine.set({key: float(value)}, source=f"C: {target:.4g} reached by iteration")
 
 
-def turn_time(direction: str) -> Callable[[Machine], NDArray[np.float64]]:
+def turn_time(direction: str, device: str = "cpu") -> Callable[[Machine], NDArray[np.float64]]:
     """Measure of :func:`solve`: time [s] of a full turn at full signal."""
 
     def measure(machine: Machine) -> NDArray[np.float64]:
-        return population_figures(machine, [Turn(direction, 100.0)])[0, FIGURES.index("turn_time_s")]
+        return population_figures(machine, [Turn(direction, 100.0)], device=device)[0, FIGURES.index("turn_time_s")]
 
     return measure
 
 
-def motor_pressure(machine: Machine) -> NDArray[np.float64]:
+def motor_pressure(machine: Machine, device: str = "cpu") -> NDArray[np.float64]:
     """Measure of :func:`solve`: pressure difference [bar] over the motors at the published speed on level ground."""
-    return motor_pressure_at(published("drive_speed"), machine) / BAR
+    return motor_pressure_at(published("drive_speed"), machine, device=device) / BAR
 
 
 def rolling_pressure(machine: Machine, *, brake: bool = True) -> NDArray[np.float64]:
@@ -111,22 +112,28 @@ def rolling_pressure(machine: Machine, *, brake: bool = True) -> NDArray[np.floa
 
 
 def meet_times_and_pressure(
-    machine: Machine, sides: tuple[str, ...] = SIDES, progress: Callable[[str, float], None] = lambda s, x: None
+    machine: Machine,
+    sides: tuple[str, ...] = SIDES,
+    progress: Callable[[str, float], None] = lambda s, x: None,
+    device: str = "cpu",
 ) -> Machine:
     """Steps 3 and 4: ``machine`` with the edges of ``sides`` and the disc brake set so that the measured times of full
     turns and the measured driving pressure are met."""
     for i, side in enumerate(sides):
         progress(f"pressure drop of the {side} edge", i / (len(sides) + 1))
         key = f"steering.valve.nominal_drop_in_{side}"
-        machine = solve(machine, key, published_turn_time(side), turn_time(side))
+        machine = solve(machine, key, published_turn_time(side), turn_time(side, device))
     progress("disc brake", len(sides) / (len(sides) + 1))
-    return solve(machine, "driveline.brake.disc_torque", published("motor_pressure"), motor_pressure)
+    pressure = partial(motor_pressure, device=device)
+    return solve(machine, "driveline.brake.disc_torque", published("motor_pressure"), pressure)
 
 
-def published_procedure(machine: Machine, progress: Callable[[str, float], None] = lambda s, x: None) -> Machine:
+def published_procedure(
+    machine: Machine, progress: Callable[[str, float], None] = lambda s, x: None, device: str = "cpu"
+) -> Machine:
     """``machine`` after all four steps; its other parameters stay."""
     progress("valve curve from the measured flows", 0.0)
-    return meet_times_and_pressure(measured_curve(machine), progress=progress)
+    return meet_times_and_pressure(measured_curve(machine), progress=progress, device=device)
 
 
 def published_turn_time(side: str) -> float:

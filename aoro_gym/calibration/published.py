@@ -102,6 +102,7 @@ def calibrate_published(
     folder: Path | None = None,
     restart: bool = False,
     accept_code_change: bool = False,
+    hold_published: bool = False,
     progress: Progress = lambda sentence, share: None,
 ) -> Calibration:
     """Calibrate ``datasheet`` against the published figures.
@@ -120,6 +121,7 @@ def calibrate_published(
         folder: Where finished parts are kept, to resume from; it is locked.
         restart: Begin anew, whatever the folder holds.
         accept_code_change: Resume though the code has changed since, and record that.
+        hold_published: Parameters that the publication gives a value of keep it; only the others are searched.
         progress: Called with a sentence and the share done.
 
     Raises:
@@ -128,14 +130,15 @@ def calibrate_published(
     """
     inputs = {
         "machine": datasheet.identity, "published": True, "ensemble": ensemble, "starts": starts,
-        "population": population, "seed": seed, "device": device,
+        "population": population, "seed": seed, "device": device, **({"hold_published": True} if hold_published else {}),
     }  # fmt: skip
     with resumable(folder, inputs, restart=restart, accept_code_change=accept_code_change) as accepted:
-        uncertain = [p.key for p in datasheet.parameters() if p.role in ("nuisance", "both")]
+        held = _published_values(datasheet) if hold_published else {}
+        uncertain = [p.key for p in datasheet.parameters() if p.role in ("nuisance", "both") and p.key not in held]
         work = Work(progress, _phases(len(uncertain), starts, population, ensemble))
         comparison = _Comparison(*published_targets(), device=device, work=work)
         work.begin("procedure", "the published procedure")
-        start = published_procedure(datasheet, comparison.told("procedure", PROCEDURE))
+        start = published_procedure(datasheet.set(held), comparison.told("procedure", PROCEDURE), device)
         identifiable = comparison.identifiable(Space(start, uncertain), seed)
         space = Space(start, list(compress(uncertain, identifiable)))
         work.expect(_phases(len(space.keys), starts, population, ensemble))
@@ -147,6 +150,7 @@ def calibrate_published(
             "method": "published procedure, then bounded least squares on the published twin's key figures of left turns",
             "starts": [{"cost": fit.cost, "evaluations": fit.evaluations} for fit in fits],
             "searched": list(space.keys),
+            "held": list(held),
             "not_felt": list(compress(uncertain, ~identifiable)),
             "leaning_on_a_bound": [{"key": key, "end": end} for key, end in space.at_bounds(chosen.point)],
             "pull_to_the_data_sheet": weight,
@@ -159,6 +163,13 @@ def calibrate_published(
         }
         work.end()
         return Calibration(machines[0], tuple(machines[1:]), report)
+
+
+def _published_values(machine: Machine) -> dict[str, float]:
+    """What the publication gives of uncertain parameters, by key, in the file's units."""
+    return {
+        p.key: p.published for p in machine.parameters() if p.published is not None and p.role in ("nuisance", "both")
+    }
 
 
 def _phases(free: int, starts: int, population: int, ensemble: int) -> dict[str, float]:
@@ -306,7 +317,7 @@ def _machines(comparison: _Comparison, space: Space, points: NDArray[np.float64]
     machines, dropped = [], []
     for i, point in enumerate(points):
         try:
-            machines.append(_finished(space, point))
+            machines.append(_finished(space, point, comparison.device))
         except ValueError as error:
             if i == 0:
                 raise
@@ -327,7 +338,7 @@ def published_targets() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return target, tolerance
 
 
-def _finished(space: Space, point: NDArray[np.float64]) -> Machine:
+def _finished(space: Space, point: NDArray[np.float64], device: str) -> Machine:
     """The machine of a fitted point, with the right edge and the disc brake set by the procedure.
 
     The figures of left turns do not see the right port's return edge; it is taken to be made like the left one's.
@@ -343,4 +354,4 @@ def _finished(space: Space, point: NDArray[np.float64]) -> Machine:
         source="C: taken to be made like the left edge",
         check_ranges=False,
     )
-    return meet_times_and_pressure(machine, ("left", "right"))
+    return meet_times_and_pressure(machine, ("left", "right"), device=device)

@@ -36,6 +36,8 @@ def tables(report: dict[str, Any]) -> Iterator[Comparison | str]:
     yield labelled("leaning on a bound of its range", leaning)
     if report.get("ensemble_dropped"):
         yield labelled("ensemble members that were dropped", report["ensemble_dropped"])
+    if report.get("held"):
+        yield labelled("held at what is published", report["held"])
     yield labelled("not identifiable, so left as they were", report.get("not_felt", []))
 
 

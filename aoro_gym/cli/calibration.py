@@ -148,6 +148,10 @@ StartsOption = Annotated[int | None, option("--starts", "N", "Searches that are 
 PopulationOption = Annotated[
     int | None, option("--population", "N", "Machines tried at first. Default: 512, or 64 on logs.")
 ]
+HoldPublishedOption = Annotated[
+    bool,
+    option("--hold-published", None, "With --published: what the publication gives of a parameter stays as it is."),
+]
 MachineFileOption = Annotated[Path, option("--out -o", "FILE", "Machine file to write, .toml.")]
 ForceOption = Annotated[bool, option("--force", None, "Write FILE even if the machine that was found does not fit.")]
 
@@ -159,6 +163,7 @@ def calibrate(
     ensemble: MembersOption = 0,
     starts: StartsOption = None,
     population: PopulationOption = None,
+    hold_published: HoldPublishedOption = False,
     out: MachineFileOption = Path("machine.toml"),
     machine: options.MachineOption = options.DATASHEET,
     set_: options.SetOption = None,
@@ -189,7 +194,8 @@ def calibrate(
     [bold]Examples[/]
 
       aoro-gym calibrate --published --out machine.toml
-      aoro-gym calibrate --published --ensemble 8 --out machine.toml
+      aoro-gym calibrate --published --ensemble 8 --out machine.toml --device cpu:simd
+      aoro-gym calibrate --published --hold-published --out held.toml
       aoro-gym calibrate --logs turn_left.csv turn_right.csv ramp.csv --out mine.toml
       aoro-gym calibrate --published --laws library --out library.toml
       aoro-gym validate --machine mine.toml
@@ -201,6 +207,8 @@ def calibrate(
         from aoro_gym.calibration.recordings import read_filtered_log
 
         _check_source(published, use_logs, logs)
+        if hold_published and not published:
+            raise ValueError("--hold-published needs --published; drop it to calibrate on logs")
         for option, value, least in (("ensemble", ensemble, 0), ("starts", starts, 1), ("population", population, 2)):
             if value is not None:
                 check_integer(f"--{option}", value, ge=least)
@@ -210,7 +218,9 @@ def calibrate(
             read_filtered_log(path)
 
     def fit(**settings: Any) -> Any:
-        return calibrate_published(chosen, **settings) if published else calibrate_logs(chosen, logs or [], **settings)
+        if published:
+            return calibrate_published(chosen, hold_published=hold_published, **settings)
+        return calibrate_logs(chosen, logs or [], **settings)
 
     sizes = {name: n for name, n in (("starts", starts), ("population", population)) if n is not None}
     report, written = _calibrate(

@@ -45,6 +45,7 @@ _HEADER = """\
 #           both      uncertain, and moved by effects too: within 2 % once the machine is commissioned
 #           law       used where the table [laws] chooses the law that it belongs to, and nowhere else
 #   note    optional remark
+#   published  optional: what the publication gives, in `unit`; kept beside whatever a calibration makes of the value
 #
 # S5  Danfoss, Series 90 electric displacement control MCV111B, manual
 # S7  field notes on closed-loop hydrostatics, unreviewed (low weight)
@@ -91,6 +92,13 @@ class Parameter:
     source: str
     role: str
     note: str = ""
+    published: float | None = None
+    """What Lehto et al. give, in ``unit``; None where they give nothing."""
+
+    @property
+    def deviation(self) -> Quantity | None:
+        """Relative deviation of the value from the published one [-]; None where nothing is published."""
+        return None if self.published is None else self.value / self.published - 1.0
 
     @cached_property
     def si(self) -> Quantity:
@@ -216,6 +224,7 @@ def _fields(entry: Parameter) -> dict[str, str]:
         "source": json.dumps(entry.source, ensure_ascii=False),
         "role": json.dumps(entry.role, ensure_ascii=False),
         "note": json.dumps(entry.note, ensure_ascii=False),
+        **({} if entry.published is None else {"published": _toml_number(entry.published)}),
     }
 
 
@@ -238,14 +247,19 @@ def _parameter(key: str, table: Mapping[str, Any]) -> Parameter:
     missing = [name for name in _FIELDS if name not in table]
     if missing:
         raise ValueError(f"{shown}: lacks {', '.join(missing)}")
-    surplus = [_short(name) for name in table if name not in (*_FIELDS, "note")]
+    surplus = [_short(name) for name in table if name not in (*_FIELDS, "note", "published")]
     if surplus:
-        raise ValueError(f"{shown}: unknown field {', '.join(surplus[:5])}; a table has {', '.join(_FIELDS)} and note")
+        raise ValueError(
+            f"{shown}: unknown field {', '.join(surplus[:5])}; a table has {', '.join(_FIELDS)}, note and published"
+        )
     value, limits = table["value"], table["range"]
     if not _is_number(value):
         raise ValueError(f"{shown} = {_echo(value)}: must be a finite number")
     if not (isinstance(limits, list) and len(limits) == 2 and all(map(_is_number, limits)) and limits[0] <= limits[1]):
         raise ValueError(f"{shown}: range = {_echo(limits)}: must be [low, high] with finite low ≤ high")
+    published = table.get("published")
+    if published is not None and not (_is_number(published) and published != 0.0):
+        raise ValueError(f"{shown}: published = {_echo(published)}: must be a finite number other than 0")
     for name in ("unit", "source", "role", "note"):
         if not isinstance(table.get(name, ""), str):
             raise ValueError(f"{shown}: {name} = {_echo(table[name])}: must be text")
@@ -261,6 +275,7 @@ def _parameter(key: str, table: Mapping[str, Any]) -> Parameter:
         source=table["source"],
         role=table["role"],
         note=table.get("note", ""),
+        published=None if published is None else float(published),
     )
 
 

@@ -24,26 +24,37 @@ def parameter_entries(parameters: Sequence[Parameter]) -> list[dict[str, Any]]:
     return [
         {"key": p.key, "value": p.value, "unit": p.unit, "range": list(p.range), "role": p.role, "source": p.source}
         | ({"note": p.note} if p.note else {})
+        | ({} if p.published is None else {"published": p.published, "deviation": p.deviation})
         for p in parameters
     ]
 
 
 def parameter_table(parameters: Sequence[Parameter], width: int) -> Iterator[RenderableType]:
-    """A table for a console of ``width`` characters; where that is narrow, two lines a parameter."""
+    """A table for a console of ``width`` characters; where that is narrow, a few lines a parameter.
+
+    What is published stands beside the value, with the value's deviation from it.
+    """
     table = Table(box=None, pad_edge=False, header_style="bold")
     table.add_column("key", style="cyan", overflow="fold")
     for name in ("value", "unit", "range", "role"):
         table.add_column(name, justify="right" if name == "value" else "left", no_wrap=True)
+    some = any(p.published is not None for p in parameters)
+    if some:
+        table.add_column("published", no_wrap=True)
     table.add_column("source", style="dim", overflow="fold")
     for p in parameters:
+        beside = "" if p.published is None else f"{p.published:.6g} ({100.0 * (p.deviation or 0.0):+.1f} %)"
         limits = f"{p.range[0]:.6g} - {p.range[1]:.6g}"
         source = f"{p.source} ({p.note})" if p.note else p.source
         unit = "" if p.unit == "1" else p.unit
         if width < LEAST_WIDTH:
             yield Text.assemble((p.key, "cyan"), " = ", f"{p.value:.6g} {unit}".rstrip(), f"  ({limits}, {p.role})")
+            if beside:
+                yield Padding(Text(f"published: {beside}"), (0, 0, 0, 4))
             yield Padding(Text(source, "dim"), (0, 0, 0, 4))
         else:
-            table.add_row(escape(p.key), f"{p.value:.6g}", escape(unit), limits, p.role, escape(source))
+            column = [beside] if some else []
+            table.add_row(escape(p.key), f"{p.value:.6g}", escape(unit), limits, p.role, *column, escape(source))
     if width >= LEAST_WIDTH:
         yield table
 

@@ -44,6 +44,8 @@ RIM_SPEED_TARGET = 0.02
 """How near, relative, the rims' largest speed in the full left turn is to be to the machine's, given in two digits."""
 MASS_TARGET = 0.05
 """How near, relative, the mass is to be to the machine's, given in one digit."""
+RIGHT_FLOW_TARGET = 0.02
+"""How near, relative, the mean flows of right turns below full signal are to be to the machine's."""
 HALF_STEP_TARGET = 0.005
 """Largest relative change of any key figure that halving the hydraulic step may make."""
 
@@ -393,17 +395,21 @@ def _checks(
     device: str,
     substeps: int,
 ) -> list[dict[str, Any]]:
-    def figure(source: str, direction: str) -> float | None:
+    def figure(name: str, source: str, direction: str, level: float = 100.0) -> float | None:
         for row in rows:
-            if (row["source"], row["direction"], row["signal_percent"]) == (source, direction, 100.0):
-                value = row["turn_time_s"]
+            if (row["source"], row["direction"], row["signal_percent"]) == (source, direction, level):
+                value = row[name]
                 return value if isinstance(value, float) else None
         return None
 
     checks = []
     for direction in ("left", "right"):
-        value, known = figure("twin_raw", direction), figure("physical", direction)
+        value, known = (figure("turn_time_s", source, direction) for source in ("twin_raw", "physical"))
         checks.append(_check(f"full turn to the {direction}, full signal", "s", value, known, TURN_TIME_TARGET))
+    for level in (75.0, 50.0):
+        value, known = (figure("mean_flow_L_per_min", source, "right", level) for source in ("twin", "physical"))
+        bound = RIGHT_FLOW_TARGET * (known or 0.0)
+        checks.append(_check(f"mean flow of the right turn, {level:g} % signal", "L/min", value, known, bound))
     speed = published("drive_speed")
     for brake, name, share in (
         (True, "motor_pressure", MOTOR_PRESSURE_TARGET),

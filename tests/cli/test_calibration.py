@@ -130,7 +130,7 @@ def test_calibrate_against_the_published_figures(tmp_path, quick):
     for members in (3, 2):
         shown = call("calibrate", "--published", "--ensemble", members, "--starts", 1, "--out", out)
         assert shown.exit_code == 0, shown.output
-    options = {"ensemble": 2, "starts": 1, "seed": 0, "device": "cpu"}
+    options = {"ensemble": 2, "starts": 1, "seed": 0, "device": "cpu", "hold_published": False}
     assert quick.calibrated[-1] == ("published", "aoro_datasheet", options)
     assert Machine.load(out).entries["oil.gas_fraction"].value == 0.01
     members = sorted((out.parent / "mine_ensemble").iterdir())
@@ -208,6 +208,7 @@ def test_a_calibration_does_not_replace_the_manifest_of_its_log(turn, quick):
         ("calibrate --published --logs good.csv", "give one of --published and --logs LOG..."),
         ("calibrate --published good.csv", "--published takes no logs, but got good.csv"),
         ("calibrate --logs", "--logs needs the logs behind it"),
+        ("calibrate --hold-published --logs good.csv", "--hold-published needs --published"),
         ("calibrate --logs none.csv", "file none.csv does not exist"),
         ("calibrate --logs good.csv", "good.csv has no column joint_angle_rad or joint_angle_deg, only"),
         ("calibrate --published --out machine.json", "--out machine.json must end in .toml"),

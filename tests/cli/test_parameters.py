@@ -37,6 +37,16 @@ def test_parameters_json_follows_set_and_scale():
     assert set(plain["oil.bulk_modulus"]) >= {"key", "value", "unit", "range", "role", "source"}
 
 
+def test_published_values_stand_beside_fitted_ones():
+    key = "steering.valve.nominal_flow_left"
+    (row,) = json.loads(call("parameters", key, "--json", "--set", f"{key}=69.894").stdout)
+    assert (row["value"], row["published"]) == (69.894, 70.6)
+    assert row["deviation"] == pytest.approx(-0.01)
+    assert "70.6 (-1.0 %)" in call("parameters", key, "--set", f"{key}=69.894").stdout
+    assert "published" not in json.loads(call("parameters", "oil.gas_fraction", "--json").stdout)[0]
+    assert "published" not in call("parameters", "oil.gas_fraction").stdout
+
+
 def test_implausible_values_are_named_once_on_the_terminal():
     result = call("parameters", "spool_time_constant", "--set", "steering.valve.spool_time_constant=5", "--json")
     assert result.exit_code == 0

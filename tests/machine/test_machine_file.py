@@ -150,6 +150,10 @@ def test_an_overlay_is_its_base_with_what_differs(tmp_path: Path) -> None:
         ('base = "absent.toml"\n', r"no machine file .*absent\.toml"),
         ('base = "odd.toml"\n', "more than 8 files stand on each other, or in a circle"),
         ('base = "aoro"\n[frame.weight]\nvalue = 1\n', "frame.weight: lacks unit, range, source, role"),
+        (
+            'base = "aoro"\n[wheel.mass]\npublished = 0\n',
+            r"wheel\.mass: published = 0: must be a finite number other than 0",
+        ),
         ('base = "aoro"\n[wheel.mass]\nvalue = -1\n', r"wheel\.mass = -1 kg: must be finite and"),
     ],
 )
@@ -158,3 +162,16 @@ def test_each_fault_of_an_overlay_is_named(tmp_path: Path, text: str, says: str)
     with pytest.raises(ValueError, match=says) as caught:
         Machine.load(tmp_path / "odd.toml")
     assert str(tmp_path / "odd.toml") in str(caught.value)
+
+
+def test_what_is_published_goes_through_overlays_changes_and_saving(tmp_path: Path) -> None:
+    key = "steering.valve.nominal_flow_left"
+    machine = Machine.load("aoro")
+    assert machine.entries[key].published == 70.6 != machine.entries[key].value
+    changed = machine.set({key: 70.0}, source="a test")
+    assert changed.entries[key].deviation == pytest.approx(70.0 / 70.6 - 1.0)
+    for base in (None, "aoro"):
+        changed.save(tmp_path / "copy.toml", base)
+        entry = Machine.load(tmp_path / "copy.toml").entries[key]
+        assert (entry.value, entry.published) == (70.0, 70.6)
+    assert machine.entries["wheel.mass"].published is machine.entries["wheel.mass"].deviation is None

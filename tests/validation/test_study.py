@@ -104,11 +104,14 @@ def test_ensemble_spans_its_members(result):
 
 
 def test_checks(result):
-    left, right, braked, bare, rim, mass, halved = result.checks
+    left, right, three_quarters, half, braked, bare, rim, mass, halved = result.checks
     assert (left["published"], right["published"]) == (1.98, 2.14)
     assert (braked["published"], bare["published"]) == (12.8, 4.6)
     assert (rim["published"], mass["published"]) == (0.74, 10_000)
-    for check in (left, right, braked, bare, rim, mass):
+    for check, turn in ((three_quarters, Turn("right", 75.0)), (half, Turn("right", 50.0))):
+        known, own = (result.row(source, turn)["mean_flow_L_per_min"] for source in ("physical", "twin"))
+        assert (check["published"], check["value"], check["bound"]) == (known, own, 0.02 * known)
+    for check in (left, right, three_quarters, half, braked, bare, rim, mass):
         assert check["reached"] is (abs(check["value"] - check["published"]) <= check["bound"])
     assert bare["reached"]
     assert halved["reached"]  # the substeps are fine enough for every flow figure
