@@ -7,7 +7,10 @@ of other families still. Half of every batch are twins, half plants: a share of 
 the network may see, of the others every family as often as another.
 
 On a GPU the plants come first: ``--plants-only`` simulates them and stops; families whose file is there are not simulated
-again, so that it goes on where it was stopped. Twins and training come with the same command without it.
+again, so that it goes on where it was stopped. Twins and training come with the same command without it. Expected of an H200
+with 16 cores, not measured yet: 4 to 8 minutes for 71,000 cases of 10 families and 36 mixtures (12 workers of 6 GiB of the
+GPU and 5 GB of memory each, 3.5 GB of files), then 10 minutes for 40,960 twins and three times 145 s of training (10 GB and
+the network's).
 ``--cases 0.01 --machines 24 --held-out 8 --mixtures 1 --batch 16 --seconds 5 --device cpu`` tries all that out.
 """
 

@@ -79,3 +79,23 @@ def test_strong_deviations_show_in_the_logs() -> None:
     departures = {name: departure(log, healthy) for name, log in zip(names, logs, strict=True)}
     assert all(np.isfinite(list(departures.values())))
     assert not {name: value for name, value in departures.items() if value < 1.0}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", ["mixed_elm_fir_0000", "mixed_elm_hazel_0001", "mixed_fir_hazel_0002", "mixed_fir_hazel_0005"]
+)
+def test_effects_and_deviations_on_drawn_mixtures_leave_finite_logs(name: str) -> None:
+    rng, command = np.random.default_rng(5), np.zeros(110)
+    command[10:50], command[60:90] = 0.9, -0.6
+    asked: list[dict[str, object]] = [
+        {"effects": {effect: sign * one.strong}} for effect, one in component.EFFECTS.items() for sign in one.signs
+    ]
+    asked += [{"outside": deviation, "outside_size": 1.0} for deviation in component.OUTSIDE]
+    runs = [
+        component.Run(name, component.machine(name, rng), command, joint_angle=rng.uniform(-0.5, 0.5), **more)  # type: ignore[arg-type]
+        for more in asked
+    ]
+    for log in component.record(runs):
+        assert all(np.all(np.isfinite(column)) for column in log.values())
+        assert np.max(np.abs(log["joint_angle"])) < 0.8 and np.max(log["pump_pressure"]) < 450 * BAR
