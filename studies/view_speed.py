@@ -1,10 +1,10 @@
-"""Pictures a second that the view sends of one machine on a scanned ground, with and without a lidar.
+"""Pictures a second that the view sends of one machine on a scanned ground, with and without a lidar and a camera.
 
-    python -m studies.view_speed [--seconds N] [--lidar MODEL ...] [--browser]
+    python -m studies.view_speed [--seconds N] [--lidar MODEL ...] [--camera MODEL ...] [--world] [--browser]
 
-The machine drives over a forest of 204,800 triangles. A client in a process of its own takes what a page would get, and
-draws nothing: what is measured is the program, not a browser's graphics. With ``--browser`` the client is Chromium, which
-draws by WebGL in software on the same cores.
+The machine drives over a forest of 204,800 triangles, with ``--world`` among the trees of a made one. A client in a process
+of its own takes what a page would get, and draws nothing: what is measured is the program, not a browser's graphics. With
+``--browser`` the client is Chromium, which draws by WebGL in software on the same cores.
 """
 
 from __future__ import annotations
@@ -23,9 +23,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.cli.place import put
 from aoro_gym.terrains import Terrain
 from aoro_gym.terrains.generate.forest import ForestSettings, forest
+from aoro_gym.terrains.generate.world import world
+from aoro_gym.terrains.world.world import World
 from aoro_gym.twin import Twin
+from aoro_gym.view.camera_picture import CameraPicture
 from aoro_gym.view.lidar_cloud import LidarCloud
 from aoro_gym.view.live import LiveTwins
 from aoro_gym.view.live_view import LiveView
@@ -34,6 +38,8 @@ from tests.view.browser import Browser, frames_drawn
 
 GROUND = ForestSettings(size=(80.0, 80.0))
 """Two triangles a square of 0.25 m."""
+SEED = 3
+"""Of the made forest."""
 DRIVE = 0.3
 """Drive signal."""
 WARM_UP = 60
@@ -71,12 +77,15 @@ class Speed:
     """Which the program, without its client, took."""
     driven: float
     """Way of the machine [m]."""
+    seen: float = 0.0
+    """Pictures a second of the camera."""
     drawn: float | None = None
     """Pictures a second that the browser drew."""
 
     def __str__(self) -> str:
         late, longest = 1e3 * np.quantile(self.gaps, 0.95), 1e3 * self.gaps.max()
         drawn = "" if self.drawn is None else f", {self.drawn:.1f} drawn"
+        drawn += f", {self.seen:.1f} of the camera" if self.seen else ""
         return (
             f"{self.rate:.1f} pictures/s{drawn}, 95 % within {late:.0f} ms, longest {longest:.0f} ms; "
             f"{self.share:.2f} of real time, {self.cores:.2f} cores"
@@ -87,22 +96,39 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Pictures a second of the view")
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--lidar", nargs="*", default=["vlp-16", "mid-360", "os1-64", "os1-128"])
+    parser.add_argument("--camera", nargs="*", default=["stereo"])
+    parser.add_argument("--world", action="store_true")
     parser.add_argument("--browser", action="store_true")
     asked = parser.parse_args()
-    ground = forest(1, GROUND).terrain
-    print(f"{len(ground.faces):,} triangles, load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
-    for model in (None, *asked.lidar):
-        print(f"{model or 'no lidar':9s} {measure(ground, model, asked.seconds, in_browser=asked.browser)}", flush=True)
+    ground = world(SEED) if asked.world else forest(1, GROUND).terrain
+    faces = ground.scene().faces if isinstance(ground, World) else ground.faces
+    print(f"{len(faces):,} triangles, load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
+    sensors = [(None, None), *((model, None) for model in asked.lidar), *((None, model) for model in asked.camera)]
+    for lidar, camera in sensors:
+        found = measure(ground, lidar, asked.seconds, camera=camera, in_browser=asked.browser)
+        print(f"{lidar or camera or 'none':9s} {found}", flush=True)
 
 
-def measure(ground: Terrain, model: str | None, seconds: float, *, in_browser: bool = False) -> Speed:
-    """Speed of a view of one machine that drives over ``ground`` with a lidar, or with none.
+def measure(
+    ground: Terrain | World, lidar: str | None, seconds: float, *, camera: str | None = None, in_browser: bool = False
+) -> Speed:
+    """Speed of a view of one machine that drives.
+
+    Args:
+        ground: Where.
+        lidar: Model of one, or none.
+        seconds: To look for.
+        camera: Model of one, or none.
+        in_browser: Whether Chromium shows it.
 
     Raises TimeoutError where no page connects.
     """
     twin = Twin(terrain=ground, threads=1)
+    put(twin, twin.machine, None, None)
     twins, server = LiveTwins(twin, [twin.machine]), start(0)
-    view = LiveView(server, twins, ["aoro"], lidar=None if model is None else LidarCloud(server, ground, model))
+    cloud = None if lidar is None else LidarCloud(server, ground, lidar)
+    picture = None if camera is None else CameraPicture(server, ground, camera)
+    view = LiveView(server, twins, ["aoro"], lidar=cloud, camera=picture)
     view.page.surround(ground, None)
     sent, ended = _told(view), threading.Event()
     thread = threading.Thread(target=view.run, args=(ended.is_set,))
@@ -112,18 +138,16 @@ def measure(ground: Terrain, model: str | None, seconds: float, *, in_browser: b
             _wait_for(sent)
             assert view.driving is not None
             view.driving.put("drive_signal", DRIVE)
-            count, first, place, used, begun = (
-                len(sent),
-                twins.time,
-                _place(twins),
-                time.process_time(),
-                time.monotonic(),
-            )
+            count, first, place = len(sent), twins.time, _place(twins)
+            taken = 0 if picture is None else picture.pictures
+            used, begun = time.process_time(), time.monotonic()
             drawn = None if browser is None else frames_drawn(browser, seconds)
             time.sleep(max(0.0, begun + seconds - time.monotonic()))
             took, used, times = time.monotonic() - begun, time.process_time() - used, np.array(sent[count:])
             driven = float(np.linalg.norm(_place(twins) - place))
-            return Speed(len(times) / took, np.diff(times), (twins.time - first) / took, used / took, driven, drawn)
+            seen = 0.0 if picture is None else (picture.pictures - taken) / took
+            share = (twins.time - first) / took
+            return Speed(len(times) / took, np.diff(times), share, used / took, driven, seen, drawn)
     finally:
         ended.set()
         thread.join()

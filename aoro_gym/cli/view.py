@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import webbrowser
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -46,6 +47,12 @@ GamepadOption = Annotated[
 LidarOption = Annotated[
     str | None, option("--lidar", "MODEL", "Show what a lidar sees: vlp-16, os1-64, os1-128 or mid-360. Default: none.")
 ]
+CameraOption = Annotated[
+    str | None,
+    option(
+        "--camera", "MODEL", "Show what a camera sees: stereo, stereo-wide, stereo-rolling or stereo-hd. Default: none."
+    ),
+]
 NoBrowserOption = Annotated[bool, option("--no-browser", None, "Open no browser; the address is told.")]
 LogsArgument = Annotated[
     list[Path] | None, options.argument("[LOG]...", "Logs to show again, one machine each, instead of a live twin.")
@@ -76,6 +83,7 @@ def view(
     env: EnvOption = None,
     gamepad: GamepadOption = None,
     lidar: LidarOption = None,
+    camera: CameraOption = None,
     port: PortOption = PORT,
     no_browser: NoBrowserOption = False,
     set_: options.SetOption = None,
@@ -100,8 +108,8 @@ def view(
     With --policy it shows episodes of an environment that controllers or policies drive, from --seed on; --terrain or
     --world and --path say where.
 
-    --lidar shows the points that a lidar on the first machine gets of the ground, and of what stands there. There is no
-    camera yet.
+    --lidar shows the points that a lidar on the first machine gets of the ground, and of what stands there; --camera what
+    the left one of its stereo cameras sees, and how far away that is, up to four times a second.
 
     The page is for this computer alone (127.0.0.1). Ctrl-C ends it.
 
@@ -111,7 +119,7 @@ def view(
       aoro-gym view --terrain scan.ply --path lap.gpx --gamepad /dev/input/js0
       aoro-gym view before.csv after.csv
       aoro-gym view --terrain scan.ply --lidar vlp-16
-      aoro-gym view --world forest --lidar os1-64
+      aoro-gym view --world forest --lidar os1-64 --camera stereo
       aoro-gym view --policy preview --policy stanley
       aoro-gym view --machine aoro --machine mine.toml
       aoro-gym view --set joint.compliance=1e-8 --no-browser --port 8090
@@ -121,7 +129,8 @@ def view(
 
         viser()
         check_track(path, track)
-        _check_together(logs, machine, path, start, policy, lidar)
+        _check_together(logs, machine, path, start, policy)
+        _check_sensors({"--lidar": lidar, "--camera": camera}, policy)
         _check_used(policy, env, logs, start)
         check_one_ground(terrain, world)
         _check_gamepad(gamepad, logs, policy)
@@ -134,7 +143,7 @@ def view(
             line = None if path is None else load_line(path, track, bare(land))
             names = [log.stem for log in logs] if logs else names
             twins = _replay(logs, machines) if logs else _twins(machines, land, ground, line, start)
-            page, run = _driven_by_hand(twins, names, (land, line, terrain), gamepad, lidar, port)
+            page, run = _driven_by_hand(twins, names, (land, line, terrain), gamepad, (lidar, camera), port)
     _serve(page, run, no_browser, json_to)
 
 
@@ -144,23 +153,29 @@ def _check_together(
     path: Path | None,
     start: tuple[float, float, float] | None,
     policies: list[str] | None,
-    lidar: str | None,
 ) -> None:
     """ValueError for options that contradict each other; named as the command names them."""
     check_start(path, start)
-    if lidar is not None:
-        from aoro_gym.checks import check_choice
-        from aoro_gym.sensors.lidar import MODELS
-
-        check_choice("--lidar", lidar, MODELS)
-    if policies and lidar is not None:
-        raise ValueError("--lidar looks around a live twin or the machine of a LOG; drop --policy")
     if policies and logs:
         raise ValueError("--policy drives a live twin, but a LOG is shown again; drop one of them")
     if policies and start is not None:
         raise ValueError("--policy drives episodes, which have their own start; drop --start")
     if policies and len(machines or []) > 1:
         raise ValueError("--machine is given several times, but policies drive one; give it once")
+
+
+def _check_sensors(sensors: dict[str, str | None], policies: list[str] | None) -> None:
+    """ValueError for models, by their options, that there are not, or that nobody carries."""
+    from importlib import import_module
+
+    from aoro_gym.checks import check_choice
+
+    for name, model in sensors.items():
+        if model is None:
+            continue
+        check_choice(name, model, import_module(f"aoro_gym.sensors.{name.lstrip('-')}").MODELS)
+        if policies:
+            raise ValueError(f"{name} is on a live twin or on the machine of a LOG; drop --policy")
 
 
 def _check_used(
@@ -194,7 +209,7 @@ def _driven_by_hand(
     names: list[str],
     place: tuple[Terrain | Plane | World, Line | None, Path | None],
     gamepad: Path | None,
-    lidar: str | None,
+    sensors: tuple[str | None, str | None],
     port: int,
 ) -> tuple[Any, Callable[[], None]]:
     """A server whose page has the place, and what keeps it up to date.
@@ -204,21 +219,24 @@ def _driven_by_hand(
         names: Of the machines.
         place: Ground and path, and the ground's file.
         gamepad: File of one, if any.
-        lidar: Model of one, if any.
+        sensors: Models of a lidar and of a camera, if any.
         port: Of the page.
     """
     from aoro_gym.terrains import Terrain
+    from aoro_gym.view.camera_picture import CameraPicture
     from aoro_gym.view.colours import scan_colours
     from aoro_gym.view.lidar_cloud import LidarCloud
     from aoro_gym.view.live_view import LiveView
     from aoro_gym.view.server import start
 
-    land, line, file = place
+    (land, line, file), (lidar, camera) = place, sensors
     server = start(port)
     cloud = None if lidar is None else LidarCloud(server, land, lidar)
+    with terminal.progress("a camera's first picture") if camera else nullcontext():
+        picture = None if camera is None else CameraPicture(server, land, camera)
     colours = None if file is None or not isinstance(land, Terrain) else scan_colours(file, land)
     twins.forces()  # says so where their kernel is compiled first
-    shown = LiveView(server, twins, names, gamepad=gamepad, lidar=cloud)
+    shown = LiveView(server, twins, names, gamepad=gamepad, lidar=cloud, camera=picture)
     shown.page.surround(land, line, colours)
     return server, shown.run
 

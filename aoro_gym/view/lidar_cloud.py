@@ -41,12 +41,10 @@ class LidarCloud:
     """
 
     def __init__(self, server: Any, ground: Terrain | Plane | World, model: str):
-        scene = Scene.of_world(ground) if isinstance(ground, World) else Scene.of_terrain(_terrain(ground))
+        scene = Scene.of_world(ground) if isinstance(ground, World) else Scene.of_terrain(meshed(ground))
         self._lidar = Lidar(scene, model, subrays=SUBRAYS)
-        with server.gui.add_folder("Sensors"):
-            self._wanted = server.gui.add_checkbox(
-                f"lidar {model}", True, hint="on the cab's roof; does not see the machine"
-            )
+        with server.gui.add_folder("Lidar"):
+            self._wanted = server.gui.add_checkbox(model, True, hint="on the cab's roof; does not see the machine")
         self._node = server.scene.add_point_cloud(
             f"{WORLD}/lidar", np.zeros((1, 3), np.float32), np.zeros((1, 3), np.uint8), point_size=POINT_SIZE
         )
@@ -93,12 +91,12 @@ def angles(pose: Pose) -> tuple[float, float, float]:
 
 
 def colours(ranges: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Colours (K, 3) of points by their ranges (K,) [m]."""
-    share = np.clip(np.asarray(ranges, dtype=np.float64) / COLOUR_RANGE, 0.0, 1.0)[:, None]
+    """Colours (..., 3) by ranges (...) [m]."""
+    share = np.clip(np.asarray(ranges, dtype=np.float64) / COLOUR_RANGE, 0.0, 1.0)[..., None]
     return np.round(NEAR + share * (FAR - NEAR)).astype(np.uint8)
 
 
-def _terrain(ground: Terrain | Plane) -> Terrain:
+def meshed(ground: Terrain | Plane) -> Terrain:
     """Triangles of the ground; of a plane, of a square piece of it."""
     if isinstance(ground, Terrain):
         return ground

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from aoro_gym.view.camera_picture import CameraPicture
 from aoro_gym.view.changes import Changes
 from aoro_gym.view.gamepad import BRAKE, FASTER_GEAR, PAUSE, RESTART, SLOWER_GEAR, Gamepad
 from aoro_gym.view.lidar_cloud import LidarCloud
@@ -26,6 +27,7 @@ class LiveView:
         driver: What the twins' driver is called.
         gamepad: File of a gamepad that drives, too, see :mod:`aoro_gym.view.gamepad`; not for a replay.
         lidar: On the first machine.
+        camera: Likewise.
 
     Raises OSError if the gamepad's file cannot be opened.
     """
@@ -39,8 +41,9 @@ class LiveView:
         *,
         gamepad: Path | None = None,
         lidar: LidarCloud | None = None,
+        camera: CameraPicture | None = None,
     ):
-        self.server, self.twins, self.lidar = server, twins, lidar
+        self.server, self.twins, self.lidar, self.camera = server, twins, lidar, camera
         self._restart = False
         self.clock = TimeControls(server.gui, self._ask_restart)
         replay = isinstance(twins, Replay)
@@ -116,8 +119,9 @@ class LiveView:
 
     def draw(self, *, with_forces: bool = True) -> None:
         """Send what is now."""
-        if self.lidar is not None:
-            self.lidar.show(self.twins.time, self.twins.poses()[0])
+        for sensor in (self.lidar, self.camera):
+            if sensor is not None:
+                sensor.show(self.twins.time, self.twins.poses()[0])
         if not self.page.draw(with_forces=with_forces):
             return
         now = time.monotonic()

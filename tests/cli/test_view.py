@@ -18,6 +18,12 @@ ROOT = Path(__file__).resolve().parents[2]
     [
         ("view --terrain nothing.ply", "nothing.ply"),
         ("view --lidar os9", "--lidar is 'os9'; choose one of"),
+        ("view --camera mono", "--camera is 'mono'; choose one of: stereo, stereo-"),
+        (
+            "view --camera stereo --policy preview",
+            "--camera is on a live twin or on the machine of a LOG; drop --policy",
+        ),
+        ("view --lidar vlp-16 --policy preview", "--lidar is on a live twin or on the machine of a LOG; drop --policy"),
         ("view --port 70000", "port is 70000, but must be"),
         ("view --path a.gpx --start 0 0 0", "--path and --start both say where to start"),
         ("view --ground grid", "ground is 'grid'; choose one of: raster, mesh"),

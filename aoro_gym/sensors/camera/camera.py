@@ -109,6 +109,28 @@ class StereoCamera:
 
         Raises ``ValueError`` where a camera lies inside the ground or an object, or the motion ends before the next picture.
         """
+        eyes = (0.0, self.model.baseline)
+        return [Stereo(*pair) for pair in zip(*self._taken(motion, start, number, eyes, progress), strict=True)]
+
+    def take_left(self, motion: Motion, *, start: float | None = None, number: int = 0) -> list[Picture]:
+        """Pictures of the left cameras alone, in half the time: those of :meth:`take`.
+
+        Args:
+            motion: Of the front frames.
+            start: Time [s] of the motion at which the first row's exposure begins; by default its first.
+            number: Of the picture, for its noise.
+        """
+        return self._taken(motion, start, number, (0.0,), None)[0]
+
+    def _taken(
+        self,
+        motion: Motion,
+        start: float | None,
+        number: int,
+        eyes: tuple[float, ...],
+        progress: Callable[[float], None] | None,
+    ) -> list[list[Picture]]:
+        """Pictures of each world, for each of the ``eyes``, which are so far [m] to the right of the left camera."""
         check_integer("number", number, ge=0)
         worlds = motion.position.shape[1]
         if worlds > self.scene.num_worlds:
@@ -125,17 +147,17 @@ class StereoCamera:
         exposure = self.exposure
         if exposure is None:
             exposure = metered(self.model.sensor, self._metered(times, poses, worlds), self.model.exposures)
-        pairs = []
-        for eye, offset in enumerate((0.0, self.model.baseline)):
-            tell = None if progress is None else (lambda share, eye=eye: progress(0.5 * (eye + share)))
+        taken = []
+        for eye, offset in enumerate(eyes):
+            tell = None if progress is None else (lambda share, eye=eye: progress((eye + share) / len(eyes)))
             salt = int(np.random.SeedSequence([self.seed, number, eye]).generate_state(1)[0] >> 2)
             radiance = self._rendered(times, poses, worlds, offset, exposure, salt, tell)
             numbers = self._exposed(radiance, exposure, salt)
             truth = self._annotated(times, poses, worlds, offset, exposure)
-            pairs.append(
+            taken.append(
                 [self._picture(numbers[w], [part[w] for part in truth], exposure, begin) for w in range(worlds)]
             )
-        return [Stereo(*pair) for pair in zip(*pairs, strict=True)]
+        return taken
 
     def radiance(self, motion: Motion, *, number: int = 0) -> NDArray[np.float32]:
         """(N, H, W, 3) [W/(m² sr)] in red, green and blue that the left cameras of N worlds see as the motion begins."""

@@ -62,6 +62,19 @@ def test_an_ideal_camera_has_no_noise_and_seeds_differ_otherwise():
     assert (noisy[0] != noisy[2]).mean() > 0.5
 
 
+def test_the_left_picture_alone_is_that_of_the_pair():
+    scene = Scene([[-99, -99, 0], [99, -99, 0], [99, 99, 0], [-99, 99, 0]], [[0, 1, 2], [0, 2, 3]])
+    model = CameraModel("small", Intrinsics.of_view(32, 24, 60.0))
+    camera = StereoCamera(scene, Appearance.plain([0.2]), NOON, model, samples=1, seed=5)
+    motion = Motion.still([0.0, 0.0, 0.0])
+    [[left, right]] = camera.take(motion, number=2)
+    [alone] = camera.take_left(motion, number=2)
+    assert np.array_equal(alone.rgb, left.rgb) and np.array_equal(alone.depth, left.depth)
+    assert alone.exposure == left.exposure and not np.array_equal(alone.rgb, right.rgb)
+    with pytest.raises(ValueError, match="the left camera"):
+        camera.take_left(Motion.still([0.0, 0.0, -9.0]))
+
+
 def test_white_is_white_and_grey_is_118():
     """sRGB's curve takes 18 % of white to 118 of 255 (IEC 61966-2-1)."""
     sensor = SensorModel()
