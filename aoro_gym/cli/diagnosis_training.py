@@ -70,12 +70,11 @@ def train(
       aoro-gym diagnosis train --tables --machines 40000 --networks 1 --minutes 2 --processes 16
     """
     with checking_input():
-        from aoro_gym.execution import devices
         from aoro_gym.execution.files import check_writable
 
         if tables and start is not None:
             raise ValueError(f"--start {start} holds networks of logs; leave it out with --tables")
-        devices.find(device)
+        options.check_device(device)
         check_writable(out / "training.json")
         from aoro_gym.diagnosis.network import program, tables_program
         from aoro_gym.diagnosis.network.dataset import Amount

@@ -11,7 +11,7 @@ pytest.importorskip("torch")
     ("arguments", "message"),
     [
         ("diagnosis train --device cpu --out good.csv", "good.csv"),
-        ("diagnosis train --device abacus", "abacus"),
+        ("diagnosis train --device abacus", "error: --device 'abacus' is not available here; choose one of: cpu"),
         ("diagnosis train --device cpu --start .", "no network_*.safetensors"),
         ("diagnosis train --device cpu --tables --start .", "leave it out with --tables"),
     ],
