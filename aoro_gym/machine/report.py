@@ -43,7 +43,9 @@ def parameter_table(parameters: Sequence[Parameter], width: int) -> Iterator[Ren
         table.add_column("published", no_wrap=True)
     table.add_column("source", style="dim", overflow="fold")
     for p in parameters:
-        beside = "" if p.published is None else f"{p.published:.6g} ({100.0 * (p.deviation or 0.0):+.1f} %)"
+        beside = (
+            "" if p.published is None else f"{p.published:.6g} ({round(100.0 * (p.deviation or 0.0), 1) + 0.0:+.1f} %)"
+        )
         limits = f"{p.range[0]:.6g} - {p.range[1]:.6g}"
         source = f"{p.source} ({p.note})" if p.note else p.source
         unit = "" if p.unit == "1" else p.unit

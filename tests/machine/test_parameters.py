@@ -174,7 +174,12 @@ def test_every_parameter_is_documented(machine: Machine) -> None:
 
 @pytest.mark.parametrize(
     ("name", "base"),
-    [("aoro_datasheet", None), ("aoro", "aoro_datasheet"), *((f"ensemble/0{i}", "aoro") for i in range(1, 9))],
+    [
+        ("aoro_datasheet", None),
+        ("aoro", "aoro_datasheet"),
+        ("aoro_published_inputs", "aoro_datasheet"),
+        *((f"ensemble/0{i}", "aoro") for i in range(1, 9)),
+    ],
 )
 def test_bundled_files_are_in_the_form_that_save_writes(name: str, base: str | None, tmp_path: Path) -> None:
     file = Path(str(files("aoro_gym").joinpath("machines", f"{name}.toml")))
