@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from rich.console import RenderableType
 from rich.markup import escape
 from rich.padding import Padding
@@ -43,9 +44,7 @@ def parameter_table(parameters: Sequence[Parameter], width: int) -> Iterator[Ren
         table.add_column("published", no_wrap=True)
     table.add_column("source", style="dim", overflow="fold")
     for p in parameters:
-        beside = (
-            "" if p.published is None else f"{p.published:.6g} ({round(100.0 * (p.deviation or 0.0), 1) + 0.0:+.1f} %)"
-        )
+        beside = _beside_published(p)
         limits = f"{p.range[0]:.6g} - {p.range[1]:.6g}"
         source = f"{p.source} ({p.note})" if p.note else p.source
         unit = "" if p.unit == "1" else p.unit
@@ -59,6 +58,14 @@ def parameter_table(parameters: Sequence[Parameter], width: int) -> Iterator[Ren
             table.add_row(escape(p.key), f"{p.value:.6g}", escape(unit), limits, p.role, *column, escape(source))
     if width >= LEAST_WIDTH:
         yield table
+
+
+def _beside_published(parameter: Parameter) -> str:
+    """What is published of a parameter and the value's deviation, rounded to 0.1 %; empty where nothing is published."""
+    if parameter.published is None:
+        return ""
+    percent = float(np.round(100.0 * np.asarray(parameter.deviation), 1)) + 0.0  # no "-0.0"
+    return f"{parameter.published:.6g} ({percent:+.1f} %)"
 
 
 def law_entries(machine: Machine, pattern: str | None = None) -> list[dict[str, Any]]:
