@@ -23,12 +23,17 @@ import numpy as np
 import warp as wp
 
 from aoro_gym.envs import register_envs
+from aoro_gym.envs.levelling import config as levelling
 from aoro_gym.envs.path_tracking import config as path_tracking
 from aoro_gym.envs.path_tracking.courses import Course, generated_paths
 from aoro_gym.envs.turning import config as turning
 from aoro_gym.terrains.world.files import load_world
 
-ENVIRONMENTS = {"AORO/PathTracking-v0": path_tracking.MILD, "AORO/Turning-v0": turning.MILD}
+ENVIRONMENTS = {
+    "AORO/PathTracking-v0": path_tracking.MILD,
+    "AORO/Turning-v0": turning.MILD,
+    "AORO/Levelling-v0": levelling.MILD,
+}
 """By id, with what varies from episode to episode."""
 
 

@@ -39,6 +39,7 @@ from aoro_gym.envs.levelling import observations as levelling
 from aoro_gym.envs.path_tracking import observations as path_tracking
 from aoro_gym.envs.turning import observations as turning
 from aoro_gym.execution.array_api import Array
+from aoro_gym.execution.device_names import on_cpu
 
 EXACT: Mapping[str, Mapping[str, Callable[[Any], Array]]] = {
     "AORO/Turning-v0": turning.EXACT_TERMS,
@@ -107,7 +108,7 @@ class Dagger:
             raise ValueError(f"hyper-parameters of {plan.env} that dagger does not take: {error}") from error
         self._env: Any = make_vec_env(plan.env, int(asked.n_envs), plan.seed, device=plan.device, env_kwargs=env_kwargs)
         self.envs: TwinVectorEnv = self._env.unwrapped.envs
-        self._device = torch.device(plan.device)
+        self._device = torch.device("cpu" if on_cpu(plan.device) else plan.device)
         self._learning_rate = clock.schedule("learning_rate", asked.learning_rate)
         self._exact = EXACT[plan.env]
         self._teacher = _teacher(plan.env, asked, self.envs)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from aoro_gym import Machine
+from aoro_gym.agents.controllers.levelling import PreviewPid
 from aoro_gym.agents.controllers.path_tracking import PreviewRegulator
 from aoro_gym.agents.training.callbacks import ProgressCallback, StepCounter
 from aoro_gym.agents.training.plan import TrainingPlan
@@ -18,18 +19,21 @@ pytest.importorskip("yaml")
 from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training.dagger import Dagger
 
-TURNING, TRACKING = "AORO/Turning-v0", "AORO/PathTracking-v0"
+TURNING, TRACKING, LEVELLING = "AORO/Turning-v0", "AORO/PathTracking-v0", "AORO/Levelling-v0"
 SMALL = {"n_timesteps": 400, "n_envs": 4, "n_steps": 25, "buffer_size": 400, "batch_size": 50, "net_arch": [16]}
 
 
-def dagger(env: str = TURNING, **changes) -> Dagger:
-    teacher = "preview" if env == TRACKING else "proportional-derivative"
+def dagger(env: str = TURNING, device: str = "cpu", **changes) -> Dagger:
+    teacher = {TURNING: "proportional-derivative", TRACKING: "preview", LEVELLING: "preview-pid"}[env]
     arguments: dict[str, Any] = {"machine": Machine.load("aoro")}
-    if env == TRACKING:
+    if env != TURNING:
         line = Line(np.array([[0.0, 0.0], [30.0, 0.0]]), name="ahead")
         arguments["courses"] = [Course(Plane(), (line,), name="plane")]
     return Dagger(
-        TrainingPlan(env=env, algo="dagger"), SMALL | {"teacher": teacher, **changes}, StepCounter(400), arguments
+        TrainingPlan(env=env, algo="dagger", device=device),
+        SMALL | {"teacher": teacher, **changes},
+        StepCounter(400),
+        arguments,
     )
 
 
@@ -164,4 +168,18 @@ def test_gains_of_the_teacher_are_those_asked_for():
     learner = dagger(TRACKING, teacher_kwargs={"rate_weight": 0.004})
     assert isinstance(learner._teacher, PreviewRegulator)
     assert learner._teacher.rate_weight == 0.004
+    learner.close()
+    learner = dagger(LEVELLING, teacher_kwargs={"share_integral": 0.0})
+    assert isinstance(learner._teacher, PreviewPid)
+    assert learner._teacher.gains["share_integral"] == 0.0
+    assert learner._teacher.gains["level_gain"] == PreviewPid.GAINS["level_gain"]
+    learner.close()
+    with pytest.raises(ValueError, match="PreviewPid has no gain 'gian'"):
+        dagger(LEVELLING, teacher_kwargs={"gian": 1.0})
+
+
+def test_networks_learn_on_the_cpu_whose_lanes_the_twins_run_on():
+    learner = dagger(LEVELLING, device="cpu:simd")
+    learn(learner, 200)
+    assert learner._device.type == "cpu" and learner.steps == 200
     learner.close()
