@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aoro_gym.agents.controllers.reference import reference_policy
-from aoro_gym.agents.evaluation.evaluate import evaluate
+from aoro_gym.agents.evaluation.evaluate import evaluate, policy_factory
 from aoro_gym.agents.evaluation.levelling import lanes, level_lanes, make_levelling
 from aoro_gym.agents.evaluation.logs import write_episode
 from aoro_gym.agents.evaluation.metrics import named
@@ -90,3 +90,10 @@ def test_environments_that_reset_themselves_are_refused():
     env = make_levelling(1, [SLOPE])
     with pytest.raises(ValueError, match="autoreset_mode is 'NextStep', but an evaluation needs 'Disabled'"):
         level_lanes(env, Still(env), [0])
+
+
+def test_the_shipped_policy_levels():
+    policies = {"levelling-dagger": policy_factory(ENV, "levelling-dagger")}
+    run = evaluate(ENV, policies, episodes=2, seed=4, courses=[SLOPE]).runs["levelling-dagger"]
+    assert run.endings == ["end of path reached"] * 2
+    assert np.all(run.metrics["tilt_rms_deg"] < 0.6 * 4.0)
