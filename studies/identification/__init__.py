@@ -1,0 +1,1 @@
+"""Which family of laws predicts turns that it was not fitted to."""
