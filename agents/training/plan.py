@@ -63,7 +63,11 @@ class TrainingPlan:
         "NAME",
         "Learn on machines drawn as the leaderboard draws them: perturbed, or 'with an effect'. Default: the machine alone.",
     )
-    device: str = option("cpu", "cpu|cpu:simd|cuda:N", "Where twins run and networks learn.")
+    device: str = option(
+        "cpu",
+        "DEVICE",
+        "Where twins run and networks learn: cpu, cpu:simd (several twins at once on a core) or cuda:N.",
+    )
     seed: int = option(0, "N", "Seed of all that is random.")
     steps: int | None = option(None, "N", "Environment steps. Default: the hyper-parameters' n_timesteps.")
     n_envs: int | None = option(None, "N", "Sub-environments. Default: the hyper-parameters'.")

@@ -46,7 +46,7 @@ LawsOption = Annotated[
     ),
 ]
 DeviceOption = Annotated[
-    str, option("--device", "cpu|cpu:simd|cuda:N", "Where twins run; cpu:simd: several at once on a core.")
+    str, option("--device", "DEVICE", "Where twins run: cpu, cpu:simd (several at once on a core) or cuda:N.")
 ]
 SeedOption = Annotated[int, option("--seed", "N", "Seed of all that is random: noise and searches.")]
 RepeatsOption = Annotated[

@@ -153,7 +153,7 @@ def test_reads_back_what_it_wrote(tmp_path, suffix):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("log.txt", "must end in .csv, .parquet or .mcap"),
+        ("log.txt", "must end in .csv, .parquet, .mcap or .rosbag2"),
         ("folder.csv", "is a folder"),
         ("file/log.csv", "is a file, not a folder"),
     ],

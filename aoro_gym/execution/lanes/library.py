@@ -23,7 +23,7 @@ from warp import config
 from aoro_gym.execution.files import write_text, written_whole
 from aoro_gym.execution.lanes.translate import Untranslatable, translated
 
-HEADER = Path(__file__).with_name("lanes.h")
+HEADER, TRANSLATOR = (Path(__file__).with_name(name) for name in ("lanes.h", "translate.py"))
 COMPILERS = ("g++", "c++", "clang++")
 FLAGS = ("-std=c++17", "-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC", "-w")
 """No flag lets the compiler assume that numbers are finite: a twin that diverges has to be seen."""
@@ -51,11 +51,10 @@ def compiled(kernel: Any, device: Any, block_dim: int, say: Callable[[str], None
     identifier = kernel.module.get_module_identifier(1)
     source = Path(str(config.kernel_cache_dir)) / identifier / f"{identifier}.cpp"
     try:
-        text = translated(source.read_text(encoding="utf-8"), kernel.get_mangled_name())
-        _check_known(text)
+        path = _library(source.read_text(encoding="utf-8"), kernel.get_mangled_name(), say)
     except Untranslatable as error:
         raise ValueError(f"device 'cpu:simd' cannot run {kernel.key}: {error}; take device='cpu'") from None
-    return _loaded(_library(text, say)).advance
+    return _loaded(path).advance
 
 
 def _check_known(text: str) -> None:
@@ -66,16 +65,20 @@ def _check_known(text: str) -> None:
         raise Untranslatable(f"lanes have no {', '.join(unknown)}")
 
 
-def _library(text: str, say: Callable[[str], None]) -> Path:
-    """Shared library of a translation, compiled where there is none yet."""
+def _library(source: str, kernel: str, say: Callable[[str], None]) -> Path:
+    """Shared library of a kernel's translation, compiled where there is none yet."""
     compiler, version = cpp_compiler()
     flags = (*FLAGS, *(INLINED if "clang" not in version else ()))
-    parts = (text, HEADER.read_text(encoding="utf-8"), version, " ".join(flags), _processor())
-    digest = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
-    folder = Path(str(config.kernel_cache_dir)) / f"lanes_{digest}"
+    ours = (file.read_text(encoding="utf-8") for file in (HEADER, TRANSLATOR))
+    parts = (source, kernel, *ours, version, " ".join(flags), _processor())
+    folder = (
+        Path(str(config.kernel_cache_dir)) / f"lanes_{hashlib.sha256(chr(0).join(parts).encode()).hexdigest()[:16]}"
+    )
     path = folder / "lanes.so"
     if path.exists():
         return path
+    text = translated(source, kernel)
+    _check_known(text)
     folder.mkdir(parents=True, exist_ok=True)
     with FileLock(folder / "lock"):
         if path.exists():  # another process has made it meanwhile
