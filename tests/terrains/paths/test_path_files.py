@@ -226,7 +226,7 @@ def test_refuses(tmp_path, name, text, message):
 
 def test_refuses_what_it_cannot_do(tmp_path, terrain):
     (tmp_path / "a.csv").write_text("x,y\n0,0\n1,0\n2,0\n")
-    with pytest.raises(ValueError, match="a.csv: crs is 'EPSG:no', which is unknown; give a code such as"):
+    with pytest.raises(ValueError, match=r"a\.csv: crs is 'EPSG:no', which is unknown; give a code such as"):
         load_path(tmp_path / "a.csv", crs="EPSG:no")
     with pytest.raises(ValueError, match="smoothing is -1 m"):
         load_path(tmp_path / "a.csv", smoothing=-1.0)
