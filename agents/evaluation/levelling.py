@@ -7,11 +7,10 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from gymnasium.vector import AutoresetMode
 
-from aoro_gym.agents.evaluation.episodes import TIME_IS_UP, Episodes, reset_arguments
+from aoro_gym.agents.evaluation.drives import drive_to_ends
+from aoro_gym.agents.evaluation.episodes import Episodes, reset_arguments
 from aoro_gym.agents.evaluation.metrics import SUCCESS
-from aoro_gym.agents.evaluation.path_tracking import STATION
 from aoro_gym.agents.policies.policy import Policy
 from aoro_gym.envs.levelling.courses import held_out_courses
 from aoro_gym.envs.levelling.environment import LevellingVectorEnv
@@ -60,41 +59,11 @@ def level_lanes(
 
     Raises ValueError if the environment resets by itself.
     """
-    if env.autoreset_mode is not AutoresetMode.DISABLED:
-        raise ValueError(f"autoreset_mode is {env.autoreset_mode.value!r}, but an evaluation needs 'Disabled'")
-    n = env.num_envs
-    rows = [env.task.render_channels.index(name) for name in CHANNELS]
     arguments = reset_arguments(seeds, asked)
     arguments["options"] = arguments.get("options", {}) | lanes(env.task.courses, seeds if asked is None else asked)
-    policy.reset()
-    observations, infos = env.reset(**arguments)
-    course, whole = np.stack([infos["terrain"], infos["path"]], axis=1), infos["remaining"]
-    running, returns, steps = np.ones(n, dtype=bool), np.zeros(n), np.zeros(n, dtype=np.intp)
-    endings, last = [""] * n, {name: np.zeros(n) for name in LAST}
-    first = np.array(env.task.traces(), dtype=np.float32)
-    kept, film = [first[rows]], [first[:, 0]]
-    while running.any():
-        observations, rewards, terminated, truncated, infos = env.step(policy(observations))
-        returns += running * rewards
-        steps += running
-        traces = np.asarray(env.task.traces(), dtype=np.float32)
-        kept.append(traces[rows])
-        if running[0]:
-            film.append(traces[:, 0].copy())
-        ended = np.asarray(terminated | truncated)
-        for i in np.flatnonzero(ended & running):
-            endings[i] = infos["termination"][i] if terminated[i] else TIME_IS_UP
-            for name, values in last.items():
-                values[i] = infos[name][i]
-        running &= ~ended
-        tell(float(np.where(running, 1.0 - infos["remaining"] / whole, 1.0).mean()))
-        if ended.any() and running.any():  # who is done drives on, unseen
-            observations, _ = env.reset(options={"reset_mask": ended})
-            policy.reset(ended)
-    data = dict(zip(CHANNELS, np.array(kept, dtype=np.float64).transpose(1, 2, 0), strict=True))  # (N, 1 + T) each
-    tilt = np.degrees(np.arccos(np.clip(np.cos(data["roll"]) * np.cos(data["pitch"]), -1.0, 1.0)))
-    parts = [slice(1, 1 + count) for count in steps]
-    driven = whole - last["remaining"]
+    drives = drive_to_ends(env, policy, arguments, tell, channels=CHANNELS, last=LAST)
+    last, data, tilt, parts = drives.last, drives.data, drives.tilt, drives.parts
+    driven = drives.whole - last["remaining"]
     metrics = {
         SUCCESS: last["is_success"],
         "tilt_rms_deg": np.degrees(last["tilt_rms"]),
@@ -106,16 +75,7 @@ def level_lanes(
         "pump_kJ_per_m": last["pump_work"] / 1e3 / np.maximum(driven, 0.1),
         "arm_way_m_per_m": last["arm_way"] / np.maximum(driven, 0.1),
         "driven_m": driven,
-        "return": returns,
+        "return": drives.returns,
     }
-    stations = STATION * np.arange(1 + math.ceil(float(whole.max()) / STATION))
-    errors, places = np.full((n, len(stations)), np.nan), np.full((n, len(stations), 2), np.nan)
-    for i, part in enumerate(parts):
-        # a vehicle may slide back: the first time that it came so far counts
-        ahead = np.maximum.accumulate(data["s"][i, part]) - data["s"][i, 0]
-        there = stations <= ahead[-1]
-        when = np.searchsorted(ahead, stations[there])
-        errors[i, there] = tilt[i, part][when]
-        for axis, name in enumerate(("reference_x", "reference_y")):
-            places[i, there, axis] = data[name][i, part][when]
-    return Episodes(metrics, endings, course, errors, places, np.array(film))
+    errors, places = drives.at_stations([tilt[i, part] for i, part in enumerate(parts)])
+    return Episodes(metrics, drives.endings, drives.course, errors, places, drives.film)

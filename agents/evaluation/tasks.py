@@ -6,9 +6,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from aoro_gym.agents.evaluation.drives import STATION
 from aoro_gym.agents.evaluation.episodes import Episodes
 from aoro_gym.agents.evaluation.levelling import level_lanes, make_levelling
-from aoro_gym.agents.evaluation.path_tracking import STATION, drive_paths, make_tracking
+from aoro_gym.agents.evaluation.path_tracking import drive_paths, make_tracking
 from aoro_gym.agents.evaluation.turning import make_turning, turn_joints
 from aoro_gym.agents.policies.policy import Policy
 from aoro_gym.envs.levelling.task import Levelling

@@ -10,10 +10,11 @@ from scipy.stats import beta, norm, trim_mean
 from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES
 from aoro_gym.agents.evaluation import batches, films
 from aoro_gym.agents.evaluation import report as evaluation_report
+from aoro_gym.agents.evaluation.drives import STATION
 from aoro_gym.agents.evaluation.episodes import TIME_IS_UP
 from aoro_gym.agents.evaluation.evaluate import evaluate, policy_factory
 from aoro_gym.agents.evaluation.logs import write_episode
-from aoro_gym.agents.evaluation.path_tracking import STATION, drive_paths
+from aoro_gym.agents.evaluation.path_tracking import drive_paths
 from aoro_gym.agents.evaluation.responses import responses, rollout
 from aoro_gym.agents.evaluation.statistics import interquartile_mean, interval, stratified_interval
 from aoro_gym.envs.path_tracking.config import FIXED
