@@ -56,7 +56,7 @@ def dataset(
         from aoro_gym.sensors.dataset import DatasetSettings, make
 
         options.check_seed(seed)
-        options.check_device(device)
+        options.check_device(device, simd=False)
         options.check_folder(out, "settings.json")
         settings = DatasetSettings(
             frames=frames,

@@ -95,3 +95,14 @@ def test_an_interruption_before_any_command_is_one_line(monkeypatch, capsys):
         main()
     assert ended.value.code == 130
     assert capsys.readouterr().err == "interrupted: the same command begins anew\n"
+
+
+@pytest.mark.parametrize("command", ["camera", "dataset", "lidar", "diagnose later.csv"])
+def test_commands_of_other_kernels_refuse_lanes(command, tmp_path, monkeypatch):
+    """Nothing but twins runs on lanes; Warp knows no device of that name."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "later.csv").write_text("time_s\n0\n")
+    refused = call(*command.split(), "--device", "cpu:simd")
+    assert refused.exit_code == 2
+    assert "--device cpu:simd is for twins alone" in refused.stderr
+    assert [file.name for file in tmp_path.iterdir()] == ["later.csv"]
