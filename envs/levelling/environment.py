@@ -14,7 +14,7 @@ from aoro_gym.envs.levelling.config import LevellingConfig, LevellingRandomisati
 from aoro_gym.envs.levelling.courses import learned_courses
 from aoro_gym.envs.levelling.rewards import FURTHER_REWARD_TERMS
 from aoro_gym.envs.levelling.task import Levelling
-from aoro_gym.envs.path_tracking.courses import Course, as_courses
+from aoro_gym.envs.path_tracking.courses import Course, as_courses, ground_of
 from aoro_gym.execution.array_api import Array
 from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.terrains.world.world import World
@@ -74,9 +74,7 @@ class LevellingVectorEnv(TwinVectorEnv):
         if courses is None and terrain is None and path is None:
             courses = learned_courses()
         library = as_courses(courses, terrain, path)
-        grounds = [course.ground for course in library]
-        terrains = [ground for ground in grounds if not isinstance(ground, Plane)]
-        super().__init__(Levelling(library, config), num_envs, terrain=terrains or grounds[0], **arguments)
+        super().__init__(Levelling(library, config), num_envs, terrain=ground_of(library), **arguments)
 
     @property
     def action_layout(self) -> dict[str, slice]:

@@ -167,6 +167,16 @@ def as_courses(
     return (Course.over(terrain, paths, name=getattr(terrain, "name", "plane")),)
 
 
+def ground_of(courses: Sequence[Course]) -> Plane | list[Terrain | World]:
+    """What a twin stands on to drive on ``courses``: the terrains and worlds of all of them, or their plane."""
+    grounds = [course.ground for course in courses]
+    terrains = [ground for ground in grounds if not isinstance(ground, Plane)]
+    if terrains:
+        return terrains
+    assert isinstance(grounds[0], Plane)
+    return grounds[0]
+
+
 PATHS_KEPT = 16
 """Sets of generated paths that are remembered for one terrain."""
 _generated: WeakKeyDictionary[Terrain | Plane | World, dict[tuple[int, float, int], tuple[Path, ...]]] = (

@@ -12,7 +12,7 @@ from aoro_gym.envs.core.terms import ObservationTerm, RewardTerm, changed_observ
 from aoro_gym.envs.core.vector import TwinVectorEnv, check_keywords
 from aoro_gym.envs.path_tracking.assistance import ArmControl
 from aoro_gym.envs.path_tracking.config import PathTrackingConfig, PathTrackingRandomisation
-from aoro_gym.envs.path_tracking.courses import Course, as_courses
+from aoro_gym.envs.path_tracking.courses import Course, as_courses, ground_of
 from aoro_gym.envs.path_tracking.observations import GEAR_TERMS, HEIGHT_TERMS, INERTIAL_TERMS
 from aoro_gym.envs.path_tracking.rewards import FURTHER_REWARD_TERMS
 from aoro_gym.envs.path_tracking.task import PathTracking
@@ -108,9 +108,7 @@ class PathTrackingVectorEnv(TwinVectorEnv):
             observation_terms=changed_observations(observed, observation_terms, OFFERED),
         )
         library = as_courses(courses, terrain, path)
-        grounds = [course.ground for course in library]
-        terrains = [ground for ground in grounds if not isinstance(ground, Plane)]
-        super().__init__(PathTracking(library, config), num_envs, terrain=terrains or grounds[0], **arguments)
+        super().__init__(PathTracking(library, config), num_envs, terrain=ground_of(library), **arguments)
 
     @property
     def action_layout(self) -> dict[str, slice]:
