@@ -21,9 +21,10 @@ from aoro_gym.sensors.camera.light import WAVELENGTH, Light
 
 PLANCK_LIGHT = 6.62607015e-34 * 299792458.0
 """h c [J m]."""
-GREY, BRIGHT = 0.15, 0.75
-"""Shares of the scale that automatic exposure brings a picture to: its geometric mean, unless a quarter of its pixels were
-brighter than the second. (E)"""
+GREY = 0.15
+"""Share of the scale that automatic exposure brings the geometric mean of a picture to. (E)"""
+BRIGHT = 0.75
+"""Share of the scale that a quarter of a picture's pixels may exceed, however dark the rest is. (E)"""
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,10 @@ class SensorModel:
 
 
 def metered(sensor: SensorModel, radiance: NDArray[Any], bounds: tuple[float, float]) -> float:
-    """Exposure [s] within ``bounds`` by automatic exposure for ``radiance`` (..., 3) [W/(m² sr)]; see :data:`GREY`."""
+    """Exposure [s] within ``bounds`` by automatic exposure for ``radiance`` (..., 3) [W/(m² sr)].
+
+    The picture's geometric mean becomes :data:`GREY`, unless a quarter of its pixels would then exceed :data:`BRIGHT`.
+    """
     electrons = (radiance * sensor.electrons(1.0)).max(axis=-1) / sensor.full_well  # a second
     seen = electrons[electrons > 0.0]
     if not seen.size:
