@@ -12,10 +12,11 @@ import numpy as np
 from aoro_gym.execution.files import write_json, write_text
 from aoro_gym.interchange.limitations import FORMATS, Limitation, limitations
 from aoro_gym.interchange.mjcf import mjcf, scrub_lever
-from aoro_gym.interchange.rigid_bodies import composite, inverse_weights, machine_bodies, rest_angles, sensor_places
+from aoro_gym.interchange.sensor_places import sensor_places
 from aoro_gym.interchange.servos import GEARS, arm_displacement, servos, steering_displacement, wheel_motors
 from aoro_gym.interchange.urdf import WORLD, check_root, urdf
 from aoro_gym.machine import Machine
+from aoro_gym.machine.rigid_bodies import composite, inverse_weights, machine_bodies, rest_angles
 from aoro_gym.recording.commands import WHEELS
 from aoro_gym.version import VERSION
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aoro_gym.interchange.rigid_bodies import check_one
 from aoro_gym.interchange.servos import arm_displacement, steering_displacement
 from aoro_gym.machine import Machine
 from aoro_gym.machine.quantities import Quantity
+from aoro_gym.machine.rigid_bodies import check_one
 
 FORMATS = ("mjcf", "urdf")
 """MuJoCo's model format; the Unified Robot Description Format of ROS and many readers."""

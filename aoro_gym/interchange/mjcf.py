@@ -11,7 +11,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from aoro_gym.interchange.limitations import Limitation
-from aoro_gym.interchange.rigid_bodies import (
+from aoro_gym.interchange.sensor_places import sensor_places
+from aoro_gym.interchange.servos import GEARS, Servo, WheelMotor, servos, wheel_motors
+from aoro_gym.interchange.xml_text import Element, add, comment, numbers, text_of
+from aoro_gym.machine import Machine
+from aoro_gym.machine.laws import OPTIONS
+from aoro_gym.machine.rigid_bodies import (
     BASE,
     JOINT,
     Body,
@@ -22,12 +27,7 @@ from aoro_gym.interchange.rigid_bodies import (
     inverse_weights,
     machine_bodies,
     rest_angles,
-    sensor_places,
 )
-from aoro_gym.interchange.servos import GEARS, Servo, WheelMotor, servos, wheel_motors
-from aoro_gym.interchange.xml_text import Element, add, comment, numbers, text_of
-from aoro_gym.machine import Machine
-from aoro_gym.machine.laws import OPTIONS
 from aoro_gym.recording.commands import WHEELS
 from aoro_gym.units import GRAVITY
 

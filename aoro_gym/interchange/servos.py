@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aoro_gym.interchange.rigid_bodies import JOINT, rest_angles
 from aoro_gym.machine import Machine
+from aoro_gym.machine.rigid_bodies import JOINT, rest_angles
 from aoro_gym.machine.sections import Cylinder
 from aoro_gym.recording.commands import WHEELS
 from aoro_gym.units import GRAVITY

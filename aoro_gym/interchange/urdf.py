@@ -11,7 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from aoro_gym.interchange.limitations import Limitation
-from aoro_gym.interchange.rigid_bodies import (
+from aoro_gym.interchange.sensor_places import sensor_places
+from aoro_gym.interchange.servos import Servo, WheelMotor, servos, wheel_motors
+from aoro_gym.interchange.xml_text import Element, add, comment, numbers, text_of
+from aoro_gym.machine import Machine
+from aoro_gym.machine.rigid_bodies import (
     BASE,
     Body,
     Box,
@@ -20,11 +24,7 @@ from aoro_gym.interchange.rigid_bodies import (
     Vector,
     check_one,
     machine_bodies,
-    sensor_places,
 )
-from aoro_gym.interchange.servos import Servo, WheelMotor, servos, wheel_motors
-from aoro_gym.interchange.xml_text import Element, add, comment, numbers, text_of
-from aoro_gym.machine import Machine
 
 WORLD = "world"
 """The empty link that the base floats against, for readers that would nail a root to the ground."""

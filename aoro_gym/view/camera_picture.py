@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from aoro_gym.checks import check_choice
 from aoro_gym.execution import devices
+from aoro_gym.machine.kinematics import Pose
 from aoro_gym.sensors.camera import MODELS, Appearance, StereoCamera, daylight
 from aoro_gym.sensors.camera.camera import BLOCK_DIM
 from aoro_gym.sensors.camera.kernels.render import render
@@ -24,7 +25,6 @@ from aoro_gym.terrains import Plane, Terrain
 from aoro_gym.terrains.world.materials import Surface
 from aoro_gym.terrains.world.world import World
 from aoro_gym.view.lidar_cloud import angles, colours, meshed
-from aoro_gym.view.poses import Pose
 
 EVERY = 0.25
 """Time [s] between two pictures at least."""

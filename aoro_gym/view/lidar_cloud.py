@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.machine.kinematics import Pose
 from aoro_gym.sensors.lidar import Lidar, Motion, Points
 from aoro_gym.sensors.raytrace import Scene
 from aoro_gym.terrains import Plane, Terrain
 from aoro_gym.terrains.world.world import World
-from aoro_gym.view.poses import Pose
 from aoro_gym.view.scene import WORLD
 
 EVERY = 0.2

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from aoro_gym.machine import Machine
+from aoro_gym.machine.kinematics import Floats, Pose
 from aoro_gym.recording.commands import COMMAND_BOUNDS
 from aoro_gym.twin import Twin
+from aoro_gym.twin.poses import pose_of_state
 from aoro_gym.view.forces import TireForces
-from aoro_gym.view.poses import Floats, Pose, pose_of_state
 
 CONTROL_STEP = 0.05
 """Longest simulated time [s] between two looks at the commands, and of the reference controllers."""

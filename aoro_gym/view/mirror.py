@@ -16,12 +16,13 @@ from typing import Any
 import numpy as np
 
 from aoro_gym.machine import Machine
+from aoro_gym.machine.kinematics import Floats, Pose
 from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.twin import Twin
+from aoro_gym.twin.poses import pose_of_state
 from aoro_gym.twin.records import CHANNELS, State
 from aoro_gym.view.forces import TireForces
 from aoro_gym.view.page import FRAME, TwinPage
-from aoro_gym.view.poses import Floats, Pose, pose_of_state
 from aoro_gym.view.server import free_port, start
 
 ENDED = -1

@@ -10,12 +10,12 @@ from typing import Any, Protocol
 import numpy as np
 
 from aoro_gym.machine import Machine
+from aoro_gym.machine.kinematics import Floats, Pose
 from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.terrains.world.world import World
 from aoro_gym.twin import Twin
 from aoro_gym.view.live import LiveTwins
 from aoro_gym.view.panel import Gauges
-from aoro_gym.view.poses import Floats, Pose
 from aoro_gym.view.scene import WORLD, Ground, MachineNodes, draw_path, nearest_heights, tints
 from aoro_gym.view.server import HOST, start, stop
 

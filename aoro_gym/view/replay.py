@@ -10,13 +10,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from aoro_gym.machine import Machine
+from aoro_gym.machine.kinematics import Floats, Kinematics, Pose
 from aoro_gym.recording.commands import WHEELS
 from aoro_gym.recording.logs import TICK, read_log
 from aoro_gym.recording.tables import read_table
 from aoro_gym.sensors.attitude import quaternion_of
 from aoro_gym.simulation.log import field_unit
 from aoro_gym.twin.records import CHANNELS
-from aoro_gym.view.poses import Floats, Kinematics, Pose
 
 
 def log_channels(path: Path) -> tuple[Floats, dict[str, Floats]]:

@@ -6,33 +6,25 @@ turn it as ever.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from aoro_gym.interchange.rigid_bodies import Strut, Tire
 from aoro_gym.machine import Machine
-from aoro_gym.recording.commands import WHEELS
+from aoro_gym.machine.kinematics import Floats, Kinematics, Pose
+from aoro_gym.machine.solid import Solid
+from aoro_gym.machine.solids import machine_solids
 from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.terrains.world.world import World
 from aoro_gym.view.colours import ground_colours, world_colours
-from aoro_gym.view.poses import Floats, Kinematics, Pose
-from aoro_gym.view.solid import Solid
-from aoro_gym.view.solids import CHROME, IRON, front_frame, rear_frame, wheel
 
 WORLD = "/world"
 FORCE_SCALE = 8e-5
 """Length of an arrow [m] a force [N]: 1 m for 12.5 kN, so that a wheel's load at rest reaches over the wheel."""
 LEAST_FORCE = 200.0
 """[N] below which no arrow is drawn."""
-ROD_SHARE, BARREL_SHARE = 0.9, 0.8
-"""Lengths of a cylinder's rod and barrel, as shares of its length when closed (E)."""
-BEAM_RADIUS = 0.13
-"""[m] of an arm's beam (E)."""
 PATH_ABOVE = 0.06
 """[m] of the path above the ground, so that it shows."""
 PLANE_SIZE, PLANE_CELL = 200.0, 2.0
@@ -90,42 +82,15 @@ def arrows(feet: Floats, forces: Floats) -> NDArray[np.float32]:
     return points.astype(np.float32)
 
 
-def machine_solids(machine: Machine) -> dict[str, Solid]:
-    """Every part of a machine in its own axes, by the names of :class:`~aoro_gym.view.poses.Kinematics`."""
-    kinematics = Kinematics(machine)
-    solids = {"front_frame": front_frame(machine), "rear_frame": rear_frame(machine)}
-    half_width = float(machine.tire.disc_offset_outer)
-    for name, body in kinematics.bodies.items():
-        if isinstance(body.shape, Strut):
-            solids[name] = beam = Solid()
-            inside = np.array([0.0, math.copysign(half_width, body.shape.end[1]), 0.0])
-            beam.bar(np.zeros(3), body.shape.end - inside, BEAM_RADIUS, IRON)
-        elif isinstance(body.shape, Tire):
-            solids[name] = wheel(body.shape.radius, body.shape.width)
-    sizes = {f"arm_{name}": machine.arm.cylinder for name in WHEELS}
-    sizes |= dict.fromkeys(("steering_left", "steering_right"), machine.steering.cylinder)
-    for name, cylinder in sizes.items():
-        closed = float(cylinder.dead_length)
-        solids[f"barrel_{name}"], solids[f"rod_{name}"] = barrel, rod = Solid(), Solid()
-        barrel.bar(np.zeros(3), (BARREL_SHARE * closed, 0.0, 0.0), 0.6 * float(cylinder.bore), IRON, sides=12)
-        rod.bar((-ROD_SHARE * closed, 0.0, 0.0), np.zeros(3), 0.5 * float(cylinder.rod), CHROME, sides=12)
-    return solids
-
-
 def _mesh(solid: Solid, tint: tuple[float, float, float] | None) -> Any:
-    """A mesh with a colour a face: convex faces as fans, whose points are not shared, so that edges are sharp."""
+    """A mesh with a colour a face."""
     import trimesh
 
-    points, starts, colours = solid.packed()
-    faces, shades = [], np.empty((len(points), 4))
-    for face, (first, last) in enumerate(pairwise(starts)):
-        faces += [(first, first + i, first + i + 1) for i in range(1, last - first - 1)]
-        colour = np.asarray(colours[face])
-        if tint is not None:
-            colour = (1.0 - TINT_SHARE) * colour + TINT_SHARE * np.asarray(tint)
-        shades[first:last] = [*colour, 1.0]
-    mesh = trimesh.Trimesh(points, np.array(faces), process=False)
-    return _coloured(mesh, shades)
+    points, faces, colours = solid.triangles()
+    if tint is not None:
+        colours = (1.0 - TINT_SHARE) * colours + TINT_SHARE * np.asarray(tint)
+    mesh = trimesh.Trimesh(points, faces, process=False)
+    return _coloured(mesh, np.column_stack([colours, np.ones(len(colours))]))
 
 
 def _coloured(mesh: Any, shades: Floats) -> Any:

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.envs.core.rendering import Canvas, Traces
 from aoro_gym.machine import Machine
+from aoro_gym.machine.solids import first_value
 from aoro_gym.reporting.style import AMBER, BLUE, GREEN, GRID, INK, RED, SOFT
 from aoro_gym.units import LITRE_PER_MINUTE
-from aoro_gym.view.solids import first_value
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

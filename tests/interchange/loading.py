@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from aoro_gym.interchange import description, urdf
-from aoro_gym.interchange.rigid_bodies import BASE, JOINT, REAR
+from aoro_gym.machine.rigid_bodies import BASE, JOINT, REAR
 from tests.oracles.mujoco_model import WHEELS, MujocoMachine
 
 HINGES = (JOINT, *(f"arm_{name}" for name in WHEELS), *(f"wheel_{name}" for name in WHEELS))

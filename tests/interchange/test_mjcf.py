@@ -12,8 +12,8 @@ import warp as wp
 from aoro_gym import Twin
 from aoro_gym.interchange import mjcf
 from aoro_gym.interchange.mjcf import FRICTION_IMPEDANCE_RATIO, IMPEDANCE, scrub_lever
-from aoro_gym.interchange.rigid_bodies import BASE, JOINT, REAR, inverse_weights, machine_bodies
 from aoro_gym.interchange.servos import servos, wheel_motors
+from aoro_gym.machine.rigid_bodies import BASE, JOINT, REAR, inverse_weights, machine_bodies
 from aoro_gym.twin.physics.bodies import hinge_rotation, wheel_centre
 from aoro_gym.twin.records import MachineRecord, pack
 from aoro_gym.units import GRAVITY

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import warp as wp
 
-from aoro_gym.interchange.rigid_bodies import rest_angles
 from aoro_gym.interchange.servos import arm_displacement, servos, steering_displacement, wheel_motors
+from aoro_gym.machine.rigid_bodies import rest_angles
 from aoro_gym.twin.physics.arms import ArmState, arm_displace, arm_geometry, arm_oil_torque, arm_seal_capacity
 from aoro_gym.twin.physics.joint import cylinder_drag, joint_capacity
 from aoro_gym.twin.physics.steering import steering_displace, steering_geometry, steering_torque

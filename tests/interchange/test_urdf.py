@@ -11,8 +11,9 @@ import pytest
 
 from aoro_gym import Twin
 from aoro_gym.interchange import mjcf, urdf
-from aoro_gym.interchange.rigid_bodies import BASE, JOINT, REAR, machine_bodies, sensor_places
+from aoro_gym.interchange.sensor_places import sensor_places
 from aoro_gym.interchange.servos import servos, wheel_motors
+from aoro_gym.machine.rigid_bodies import BASE, JOINT, REAR, machine_bodies
 from aoro_gym.units import GRAVITY
 from tests.interchange.loading import HINGES, LoadedMachine, step, urdf_on_ground, wheel_forces
 from tests.oracles.bodies import BodyModel

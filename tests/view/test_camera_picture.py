@@ -5,6 +5,7 @@ import time
 import numpy as np
 import pytest
 
+from aoro_gym.machine.kinematics import Pose
 from aoro_gym.sensors.camera import MODELS
 from aoro_gym.sensors.camera.camera import CAMERA_MOUNTING
 from aoro_gym.terrains import Plane, Terrain
@@ -12,7 +13,6 @@ from aoro_gym.terrains.world.objects import Log, along
 from aoro_gym.terrains.world.world import World
 from aoro_gym.view.camera_picture import EVERY, SKY, WIDTH, CameraPicture
 from aoro_gym.view.lidar_cloud import colours
-from aoro_gym.view.poses import Pose
 from aoro_gym.view.server import start
 
 pytest.importorskip("viser", reason="[view] is not installed")

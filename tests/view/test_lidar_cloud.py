@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from aoro_gym.machine.kinematics import Pose
 from aoro_gym.terrains import Plane, Terrain
 from aoro_gym.terrains.world.objects import Log, along
 from aoro_gym.terrains.world.world import World
 from aoro_gym.view.lidar_cloud import EVERY, LidarCloud, angles, colours
-from aoro_gym.view.poses import Pose
 from aoro_gym.view.server import start
 
 pytest.importorskip("viser", reason="[view] is not installed")

@@ -5,7 +5,7 @@ import pytest
 
 from aoro_gym.simulation.log import log_columns, write_log
 from aoro_gym.twin import Twin
-from aoro_gym.view.poses import pose_of_state
+from aoro_gym.twin.poses import pose_of_state
 from aoro_gym.view.replay import Recording, Replay, log_channels
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from aoro_gym.cli.place import put
+from aoro_gym.machine.kinematics import Pose
 from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.terrains.world.objects import Tree, upright
 from aoro_gym.terrains.world.world import World
@@ -16,7 +17,6 @@ from aoro_gym.view.live import LiveTwins
 from aoro_gym.view.live_view import LiveView
 from aoro_gym.view.page import FRAME, cross_track
 from aoro_gym.view.panel import gauges
-from aoro_gym.view.poses import Pose
 from aoro_gym.view.scene import FORCE_SCALE, Ground, arrows
 from aoro_gym.view.server import start
 

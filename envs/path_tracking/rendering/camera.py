@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from aoro_gym.view.solid import Points
+from aoro_gym.machine.solid import Points
 
 BEHIND, ASIDE, ABOVE, AIM = 8.6, 4.4, 4.6, (2.0, 0.8)
 """The camera [m]: behind the hinge, right of it, above the ground there; the point that it looks at, ahead and above."""

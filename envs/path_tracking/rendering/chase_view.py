@@ -14,9 +14,9 @@ from aoro_gym.envs.path_tracking.rendering.history import History, Tracked
 from aoro_gym.envs.path_tracking.rendering.machine import SolidMachine
 from aoro_gym.envs.path_tracking.rendering.trees import tree_shapes
 from aoro_gym.machine import Machine
+from aoro_gym.machine.solid import Points
 from aoro_gym.reporting.style import AMBER, BLUE, INK, RED
 from aoro_gym.twin.records import WHEELS
-from aoro_gym.view.solid import Points
 
 SKY_TOP = np.array([0.42, 0.60, 0.78])
 

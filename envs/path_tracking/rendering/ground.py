@@ -9,7 +9,7 @@ import numpy as np
 
 from aoro_gym.envs.path_tracking.courses import HeightMap
 from aoro_gym.envs.path_tracking.rendering.camera import FAR, FOCAL, SUN, Camera, hazed
-from aoro_gym.view.solid import Points
+from aoro_gym.machine.solid import Points
 
 LEVELS = ((0.25, 13.0), (0.6, 28.0), (1.5, 60.0), (4.0, FAR))
 """Cells of the ground [m], each up to a distance [m]."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from aoro_gym.envs.path_tracking.courses import Course, HeightMap
 from aoro_gym.envs.path_tracking.path_table import PathTable
-from aoro_gym.view.solid import Points
+from aoro_gym.machine.solid import Points
 
 
 class Tracked(Protocol):

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.machine import Machine
+from aoro_gym.machine.solid import Points, Solid
+from aoro_gym.machine.solids import CHROME, IRON, first_value, front_frame, rear_frame, wheel
 from aoro_gym.sensors.attitude import in_world
-from aoro_gym.view.solid import Points, Solid
-from aoro_gym.view.solids import CHROME, IRON, first_value, front_frame, rear_frame, wheel
 
 
 class SolidMachine:

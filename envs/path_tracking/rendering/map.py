@@ -10,8 +10,8 @@ import numpy as np
 from aoro_gym.envs.core.rendering import PAPER, Canvas
 from aoro_gym.envs.path_tracking.rendering.ground import ground_colour
 from aoro_gym.envs.path_tracking.rendering.history import History, Tracked
+from aoro_gym.machine.solid import Points
 from aoro_gym.reporting.style import AMBER, BLUE, INK
-from aoro_gym.view.solid import Points
 
 COLUMNS = 400
 """Of the hillshade's picture."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from aoro_gym.envs.path_tracking.rendering.camera import SUN, Camera, hazed
 from aoro_gym.envs.path_tracking.rendering.ground import smooth_noise
-from aoro_gym.view.solid import Points
+from aoro_gym.machine.solid import Points
 
 TRUNK, SHADE, LIT = np.array([0.27, 0.20, 0.15]), np.array([0.11, 0.21, 0.12]), np.array([0.17, 0.30, 0.15])
 TIERS = ((0.12, 0.56, 1.0), (0.36, 0.78, 0.74), (0.58, 1.0, 0.48))

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from aoro_gym.interchange.rigid_bodies import (
+from aoro_gym.interchange.sensor_places import sensor_places
+from aoro_gym.machine import Machine
+from aoro_gym.machine.rigid_bodies import (
     BASE,
     JOINT,
     REAR,
@@ -11,12 +13,22 @@ from aoro_gym.interchange.rigid_bodies import (
     machine_bodies,
     poses,
     rest_angles,
-    sensor_places,
     turned,
 )
 from aoro_gym.sensors import Antennas
 from tests.interchange.loading import HINGES
-from tests.oracles.bodies import BodyModel
+from tests.oracles.bodies import BodyModel, uneven_machines
+
+
+@pytest.fixture(scope="module")
+def calibrated():
+    return Machine.load("aoro")
+
+
+@pytest.fixture(scope="module")
+def machines(calibrated):
+    uneven = uneven_machines(calibrated, np.random.default_rng(4), 3)
+    return [uneven.variant(i) for i in range(3)]
 
 
 def test_mass_centre_and_inertia_are_the_oracles(machines):

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from aoro_gym.interchange.rigid_bodies import JOINT, machine_bodies, poses
 from aoro_gym.machine import Machine
+from aoro_gym.machine.kinematics import Kinematics, Pose
+from aoro_gym.machine.rigid_bodies import JOINT, machine_bodies, poses
+from aoro_gym.machine.solids import machine_solids
 from aoro_gym.recording.commands import WHEELS
 from aoro_gym.sensors.attitude import in_world, quaternion_of
 from aoro_gym.twin import Twin
-from aoro_gym.view.poses import Kinematics, Pose, pose_of_state
-from aoro_gym.view.scene import machine_solids
+from aoro_gym.twin.poses import pose_of_state
 
 JOINT_ANGLE, ARMS, TURNED = 0.4, (0.1, -0.2, 0.15, -0.05), (0.3, 2.0, -1.0, 4.0)
 

@@ -70,3 +70,15 @@ class Solid:
         """All points (V, 3), where each face begins (F + 1), and the faces' colours (F, 3)."""
         sizes = [len(points) for points in self._points]
         return np.concatenate(self._points), np.concatenate([[0], np.cumsum(sizes)]), np.array(self._colours)
+
+    def triangles(self) -> tuple[Points, NDArray[np.int64], Points]:
+        """Points (V, 3), triangles (F, 3), convex faces as fans, and the points' colours (V, 3) from 0 to 1; faces share no
+        points, so that edges are sharp."""
+        points, starts, colours = self.packed()
+        sizes = np.diff(starts)
+        fans = [
+            (first, first + i, first + i + 1)
+            for first, size in zip(starts, sizes, strict=False)
+            for i in range(1, size - 1)
+        ]
+        return points, np.array(fans, dtype=np.int64), np.repeat(colours, sizes, axis=0)

@@ -15,10 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym.machine import Machine
+from aoro_gym.machine.parameters import Machine
 from aoro_gym.machine.sections import HalfFrame
 from aoro_gym.recording.commands import WHEELS
-from aoro_gym.sensors.gps import Antennas
 
 Vector = NDArray[np.float64]
 """Three numbers, or three by three."""
@@ -85,16 +84,6 @@ def check_one(machine: Machine) -> None:
     """ValueError that names the fix if ``machine`` has several variants."""
     if machine.num_variants != 1:
         raise ValueError(f"the machine has {machine.num_variants} variants, but a model is one; give variant(i)")
-
-
-def sensor_places() -> dict[str, Vector]:
-    """Places [m] of the twin's sensors on the front frame, by name."""
-    antennas = Antennas()
-    return {
-        "gps_main": np.array(antennas.main),
-        "gps_auxiliary": np.array(antennas.auxiliary),
-        "imu": np.zeros(3),  # where the environments read it, the origin of the twin's position
-    }
 
 
 def rest_angles(machine: Machine) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Where the parts of a machine are: by the state of a twin, or by the columns of a log."""
+"""Where the parts of a machine are: frames, arms, wheels and cylinders."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from aoro_gym.interchange.rigid_bodies import BASE, REAR, Body, machine_bodies
-from aoro_gym.machine import Machine
+from aoro_gym.machine.parameters import Machine
+from aoro_gym.machine.rigid_bodies import BASE, REAR, Body, machine_bodies
 from aoro_gym.recording.commands import WHEELS
-from aoro_gym.twin.records import State
 
 Floats = NDArray[np.float64]
 Point = tuple[float, float, float]
@@ -43,14 +42,6 @@ class Pose:
         """Of the front frame [rad], from x to the left."""
         w, x, y, z = self.wxyz
         return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-
-
-def pose_of_state(state: ArrayLike) -> Pose:
-    """Pose of one twin by its column of :attr:`aoro_gym.twin.Twin.state`."""
-    s = np.asarray(state, dtype=np.float64)
-    q = s[[State["QW"], State["QX"], State["QY"], State["QZ"]]]
-    arms, wheels = (tuple(s[State[f"{name}_FL"] : State[f"{name}_FL"] + 4].tolist()) for name in ("ARM", "WHEEL"))
-    return Pose(s[State["X"] : State["X"] + 3], q / np.linalg.norm(q), float(s[State["JOINT"]]), arms, wheels)
 
 
 Placement = tuple[tuple[float, float, float], tuple[float, float, float, float]]

@@ -1,4 +1,4 @@
-"""The machine's parts as solids: frames with their equipment, and wheels."""
+"""The machine's parts as solids: frames with their equipment, arms, wheels, cylinders."""
 
 from __future__ import annotations
 
@@ -8,8 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from aoro_gym.machine import Machine
-from aoro_gym.view.solid import Points, Solid
+from aoro_gym.machine.kinematics import Kinematics
+from aoro_gym.machine.parameters import Machine
+from aoro_gym.machine.rigid_bodies import Strut, Tire
+from aoro_gym.machine.solid import Points, Solid
+from aoro_gym.recording.commands import WHEELS
 
 PAINT, PAINT_DARK, IRON, CHROME = (0.95, 0.66, 0.13), (0.78, 0.50, 0.08), (0.30, 0.34, 0.38), (0.72, 0.76, 0.79)
 TIRE, LUG, RIM, GLASS, WHITE = (
@@ -19,6 +22,12 @@ TIRE, LUG, RIM, GLASS, WHITE = (
     (0.16, 0.20, 0.24),
     (0.93, 0.94, 0.94),
 )
+
+
+ROD_SHARE, BARREL_SHARE = 0.9, 0.8
+"""Lengths of a cylinder's rod and barrel, as shares of its length when closed (E)."""
+BEAM_RADIUS = 0.13
+"""[m] of an arm's beam (E)."""
 
 
 def first_value(parameter: Any) -> float:
@@ -125,3 +134,25 @@ def wheel(radius: float, width: float) -> Solid:
             out.face(corners if side < 0.0 else corners[::-1], LUG)
     out.hulls.append(np.concatenate([rows[1], rows[2]]))
     return out
+
+
+def machine_solids(machine: Machine) -> dict[str, Solid]:
+    """Every part of a machine in its own axes, by the names of :class:`~aoro_gym.machine.kinematics.Kinematics`."""
+    kinematics = Kinematics(machine)
+    solids = {"front_frame": front_frame(machine), "rear_frame": rear_frame(machine)}
+    half_width = float(machine.tire.disc_offset_outer)
+    for name, body in kinematics.bodies.items():
+        if isinstance(body.shape, Strut):
+            solids[name] = beam = Solid()
+            inside = np.array([0.0, math.copysign(half_width, body.shape.end[1]), 0.0])
+            beam.bar(np.zeros(3), body.shape.end - inside, BEAM_RADIUS, IRON)
+        elif isinstance(body.shape, Tire):
+            solids[name] = wheel(body.shape.radius, body.shape.width)
+    sizes = {f"arm_{name}": machine.arm.cylinder for name in WHEELS}
+    sizes |= dict.fromkeys(("steering_left", "steering_right"), machine.steering.cylinder)
+    for name, cylinder in sizes.items():
+        closed = float(cylinder.dead_length)
+        solids[f"barrel_{name}"], solids[f"rod_{name}"] = barrel, rod = Solid(), Solid()
+        barrel.bar(np.zeros(3), (BARREL_SHARE * closed, 0.0, 0.0), 0.6 * float(cylinder.bore), IRON, sides=12)
+        rod.bar((-ROD_SHARE * closed, 0.0, 0.0), np.zeros(3), 0.5 * float(cylinder.rod), CHROME, sides=12)
+    return solids
