@@ -29,16 +29,17 @@ class ChaseView:
         size: Width and height [px].
         machine: What is drawn.
         task: Where it drives.
+        title: What it does there.
     """
 
-    def __init__(self, canvas: Canvas, size: tuple[int, int], machine: Machine, task: Tracked):
+    def __init__(self, canvas: Canvas, size: tuple[int, int], machine: Machine, task: Tracked, title: str):
         self._task = task
         self._solid = SolidMachine(machine)
         view = canvas.axes(0, 0, *size)
         view.set_axis_off()
         self._aspect = size[1] / size[0]
         self._make_shapes(canvas, view)
-        self._make_title(canvas, view)
+        self._make_title(canvas, view, title)
 
     def _make_shapes(self, canvas: Canvas, view: Any) -> None:
         from matplotlib.collections import PolyCollection
@@ -73,7 +74,7 @@ class ChaseView:
         self._trees_before = polygons(edgecolors="none")
         self._flags = polygons(facecolors=RED, edgecolors="none")
 
-    def _make_title(self, canvas: Canvas, view: Any) -> None:
+    def _make_title(self, canvas: Canvas, view: Any, title: str) -> None:
         from matplotlib.patheffects import withStroke
 
         top = self._aspect - 0.062
@@ -83,7 +84,7 @@ class ChaseView:
             "path_effects": [withStroke(linewidth=3, foreground="#ffffffb0")],
         }
         canvas.moving(view.text(-0.965, top, "AORO", fontsize=15, fontweight="bold", **style))
-        canvas.moving(view.text(-0.765, top, "Path tracking", fontsize=15, **style))
+        canvas.moving(view.text(-0.765, top, title, fontsize=15, **style))
         self._clock = canvas.moving(view.text(0.965, top, "", fontsize=13, ha="right", **style))
 
     def draw(self, history: History) -> None:

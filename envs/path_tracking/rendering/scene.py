@@ -34,7 +34,7 @@ class PathTrackingScene:
         self._task = task
         self._canvas = Canvas(SIZE)
         self._parts = (
-            ChaseView(self._canvas, (VIEW, SIZE[1]), machine, task),
+            ChaseView(self._canvas, (VIEW, SIZE[1]), machine, task, title="Path tracking"),
             Map(self._canvas, (VIEW, SIZE[1] - MAP_HEIGHT, PANEL, MAP_HEIGHT), task),
             Readings(self._canvas, task),
             Strips(self._canvas),
