@@ -19,8 +19,17 @@ FormatOption = Annotated[
 ModelOption = Annotated[str, option("--model", "NAME", "stereo, stereo-wide, stereo-rolling or stereo-hd.")]
 WidthOption = Annotated[int, option("--width", "PIXELS", "Of a picture.")]
 SamplesOption = Annotated[int, option("--samples", "N", "Rays a pixel.")]
+LeftOnlyOption = Annotated[bool, option("--left-only", None, "No right pictures: little more than half the time.")]
 FixedOption = Annotated[
-    bool, option("--fixed", None, "One light, season, weather, stand and pose of the camera for all.")
+    bool,
+    option("--fixed", None, "Nothing is drawn but forest and place: one light, season, weather and so on for all."),
+]
+FixOption = Annotated[
+    list[str] | None,
+    option("--fix", "NAME", "light, weather, season, stand, clutter, texture or pose stays the same. Repeatable."),
+]
+NearOption = Annotated[
+    str | None, option("--near", "NAME", "Put every camera before a log, stump or boulder; they are rare elsewhere.")
 ]
 
 
@@ -32,7 +41,10 @@ def dataset(
     model: ModelOption = "stereo",
     width: WidthOption = 320,
     samples: SamplesOption = 4,
+    left_only: LeftOnlyOption = False,
     fixed: FixedOption = False,
+    fix: FixOption = None,
+    near: NearOption = None,
     seed: options.SeedOption = 0,
     device: options.DeviceOption = "cpu",
     json_to: options.JsonOption = None,
@@ -41,7 +53,8 @@ def dataset(
     """Make pictures of forests with boxes, masks, depth and poses, to train detectors on.
 
     Forests are made by seeds from --seed on, a fifth of them to validate, a fifth to test, the rest to train. A camera
-    stands at free places in them; light, season, weather, stand, clutter and its pose are drawn anew, but with --fixed.
+    stands at free places in them, or --near objects; light, weather, season, stand, clutter, texture and its pose are drawn
+    anew, but what --fix names.
 
     Writes into FOLDER pictures (images, right), depth and instances, what was drawn and labelled of each (frames), the files
     of the formats, a sheet to look at (sheet.png), a card (README.md) and hashes (manifest.json).
@@ -50,14 +63,18 @@ def dataset(
 
       aoro-gym dataset --frames 20
       aoro-gym dataset --frames 500 --worlds 50 --format coco --format yolo --out logs
+      aoro-gym dataset --frames 200 --worlds 40 --near log --fix weather --out no_rain
       aoro-gym dataset --format kitti --width 640 --device cuda:0 --out kitti
     """
     with checking_input():
-        from aoro_gym.sensors.dataset import DatasetSettings, make
+        from aoro_gym.checks import check_choice
+        from aoro_gym.sensors.dataset import FACTORS, DatasetSettings, make
 
         options.check_seed(seed)
         options.check_device(device, simd=False)
         options.check_folder(out, "settings.json")
+        for name in fix or ():
+            check_choice("--fix", name, FACTORS)
         settings = DatasetSettings(
             frames=frames,
             worlds=worlds,
@@ -66,7 +83,9 @@ def dataset(
             width=width,
             samples=samples,
             formats=tuple(dict.fromkeys(formats or ["coco"])),
-            fixed=fixed,
+            left_only=left_only,
+            fixed=FACTORS if fixed else tuple(name for name in FACTORS if name in (fix or ())),
+            near=near,
         )
         with running(), resumable():
             doing = "rendering"

@@ -83,9 +83,47 @@ def test_depth_and_hashes(made):
 
 def test_splits_have_forests_of_their_own(made):
     folder, _ = made
-    frames = [json.loads(path.read_text()) for path in (folder / "frames").glob("*.json")]
+    frames = frames_of(folder)
     seeds = {split: {f["world_seed"] for f in frames if f["split"] == split} for split in ("train", "val", "test")}
     assert sum(map(len, seeds.values())) == len(set().union(*seeds.values())) == 3
+
+
+def frames_of(folder):
+    return [json.loads(path.read_text()) for path in sorted((folder / "frames").glob("*.json"))]
+
+
+def test_what_is_fixed_stays_and_the_rest_is_drawn_as_before(made, tmp_path):
+    words = (
+        *WORDS[:-3],
+        "--samples",
+        "1",
+        "--quiet",
+        "--width",
+        "32",
+        "--seed",
+        "4",
+        "--fix",
+        "light",
+        "--fix",
+        "season",
+    )
+    assert call(*words, "--out", str(tmp_path)).exit_code == 0
+    for free, held in zip(frames_of(made[0]), frames_of(tmp_path), strict=True):
+        assert held["season"] == "summer" and held["drawn"]["hour"] == 10.0
+        assert held["stand"] == free["stand"]
+        for name in ("weather", "angles_deg", "position", "albedo_seed"):
+            assert held["drawn"][name] == free["drawn"][name]
+    assert len({frame["drawn"]["albedo_seed"] for frame in frames_of(tmp_path)}) == 3
+    assert "The same in all pictures: light, season." in (tmp_path / "README.md").read_text()
+
+
+def test_cameras_near_logs_see_logs(tmp_path):
+    """Elsewhere one of four pictures has a log."""
+    words = ("dataset", "--frames", "6", "--worlds", "3", "--width", "64", "--samples", "1", "--quiet")
+    assert call(*words, "--near", "log", "--left-only", "--out", str(tmp_path)).exit_code == 0
+    shown = [any(label["category"] == "log" for label in frame["labels"]) for frame in frames_of(tmp_path)]
+    assert sum(shown) >= 4
+    assert (tmp_path / "images").exists() and not (tmp_path / "right").exists()
 
 
 def test_what_was_interrupted_goes_on_to_the_same(made):
@@ -108,6 +146,8 @@ def test_what_was_interrupted_goes_on_to_the_same(made):
             "has a distortion, which KITTI's files cannot",
         ),
         (["--model", "x"], "is 'x'; choose one of: stereo"),
+        (["--fix", "x"], "--fix is 'x'; choose one of: light"),
+        (["--near", "x"], "--near is 'x'; choose one of: log"),
     ],
 )
 def test_wrong_input(made, monkeypatch, tmp_path, words, message):

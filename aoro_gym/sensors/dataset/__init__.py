@@ -2,6 +2,6 @@
 
 from aoro_gym.sensors.dataset.labels import CATEGORIES, Label, Shapes, labels
 from aoro_gym.sensors.dataset.making import make
-from aoro_gym.sensors.dataset.settings import DatasetSettings
+from aoro_gym.sensors.dataset.settings import FACTORS, NEAR, DatasetSettings
 
-__all__ = ["CATEGORIES", "DatasetSettings", "Label", "Shapes", "labels", "make"]
+__all__ = ["CATEGORIES", "FACTORS", "NEAR", "DatasetSettings", "Label", "Shapes", "labels", "make"]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from aoro_gym.sensors.dataset.formats import Frame
 from aoro_gym.sensors.dataset.labels import CATEGORIES
-from aoro_gym.sensors.dataset.settings import DatasetSettings
+from aoro_gym.sensors.dataset.settings import FACTORS, DatasetSettings
 from aoro_gym.version import VERSION
 
 
@@ -21,10 +21,19 @@ def card(settings: DatasetSettings, frames: Sequence[Frame]) -> str:
     pictures = Counter(frame["split"] for frame in frames)
     seeds = {split: sorted({f["world_seed"] for f in frames if f["split"] == split}) for split in splits}
     rows = [f"| {name} | " + " | ".join(str(counts[split][name]) for split in splits) + " |" for name in CATEGORIES]
-    drawn = "stay the same" if settings.fixed else "are drawn anew"
+    drawn = [name for name in FACTORS if name not in settings.fixed]
+    anew = f"Drawn anew from picture to picture, or from forest to forest: {', '.join(drawn)}." if drawn else ""
+    before = f"Every camera was put before a {settings.near}." if settings.near else ""
+    still = f"The same in all pictures: {', '.join(settings.fixed)}." if settings.fixed else ""
+    left = "pictures", "`images/`: pictures."
+    both = (
+        "pairs of pictures",
+        "`images/`, `right/`: pictures of the left and the right camera. Labels are the left one's.",
+    )
+    things, folders = left if settings.left_only else both
     return f"""# Pictures of made forests that annotate themselves
 
-Made by aoro-gym {VERSION}: {len(frames)} pairs of pictures, {settings.width} pixels wide, camera `{settings.model}`,
+Made by aoro-gym {VERSION}: {len(frames)} {things}, {settings.width} pixels wide, camera `{settings.model}`,
 seed {settings.seed}. No photograph is in it, and nothing in it was labelled by hand.
 
 | | {" | ".join(splits)} |
@@ -33,10 +42,10 @@ seed {settings.seed}. No photograph is in it, and nothing in it was labelled by 
 | seeds of forests | {" | ".join(", ".join(map(str, seeds[split])) for split in splits)} |
 {chr(10).join(rows)}
 
-Light, weather, season, species, clutter and the camera's pose {drawn} from picture to picture and from forest to forest; no
-forest is in two splits.
+{chr(10).join(filter(None, [anew, still, before]))}
+No forest is in two splits.
 
-- `images/`, `right/`: pictures of the left and the right camera. Labels are the left one's.
+- {folders}
 - `depth/`: metres times 256 along the camera's axis, 16 bits, 0 where it is not known. `instances/`: numbers of objects.
 - `frames/`: of each picture what was drawn, the camera's pose, and labels with masks, boxes of what is seen and of all,
   boxes in space, truncation and occlusion.

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,7 @@ from aoro_gym.sensors.lidar import CLEAR, Motion, Mounting, Weather
 from aoro_gym.sensors.raytrace import Scene
 from aoro_gym.terrains.generate.stand import STANDS
 from aoro_gym.terrains.generate.world import world
+from aoro_gym.terrains.world.objects import Object, matrix
 from aoro_gym.terrains.world.places import free_place
 from aoro_gym.terrains.world.world import World
 
@@ -36,6 +37,10 @@ HELD_OUT = 0.2
 """Share of the forests for ``val`` and for ``test`` each, one at least; the rest is ``train``."""
 DEPTH_STEPS = 256.0
 """Steps a metre of a depth in its PNG, 0 where it is not known: KITTI's."""
+AWAY = (4.5, 11.0)
+"""Distances [m] from a machine's hinge to the object that its camera is put before."""
+BRIGHTNESS, TINT = 0.25, 0.06
+"""Standard deviations of the logarithms of a class's albedo, and of its red, green and blue, between pictures. (E)"""
 ATTEMPTS = 20
 """Places that are drawn for a picture whose camera would be in a stem."""
 SHEET = 12
@@ -56,7 +61,7 @@ def make(
     Raises:
         ValueError: the folder holds a data set of other settings, or the format cannot hold the camera's lens.
     """
-    told = {**asdict(settings), "formats": list(settings.formats)}
+    told = {**asdict(settings), "formats": list(settings.formats), "fixed": list(settings.fixed)}
     file = folder / "settings.json"
     if file.exists() and read_json(file) != told:
         raise ValueError(f"{folder} holds a data set of other settings, see {file}; name another folder")
@@ -87,18 +92,34 @@ class _Forest:
         left = settings.worlds - 1 - index
         self.split = "test" if left < held_out else "val" if left < 2 * held_out else "train"
         rng = np.random.default_rng([settings.seed, index, 1])
-        self.season, self.stand = "summer", "mixed"
-        changes: dict[str, Any] = {}
-        if not settings.fixed:
-            self.season = str(rng.choice(["spring", "summer", "autumn", "winter"]))
-            self.stand = str(rng.choice(sorted(STANDS)))
-            changes = {"piles": float(rng.uniform(6.0, 25.0)), "stumps": float(rng.uniform(150.0, 600.0))}
+        season, stand = str(rng.choice(["spring", "summer", "autumn", "winter"])), str(rng.choice(sorted(STANDS)))
+        clutter = {"piles": float(rng.uniform(6.0, 25.0)), "stumps": float(rng.uniform(150.0, 600.0))}
+        self.season = "summer" if "season" in settings.fixed else season
+        self.stand = "mixed" if "stand" in settings.fixed else stand
+        changes: dict[str, Any] = {} if "clutter" in settings.fixed else clutter
         size = (settings.size, settings.size)
         self.world: World = world(
             settings.seed + index, stand=self.stand, size=size, snow=self.season == "winter", **changes
         )
         self.scene = Scene.of_world(self.world, fine=True, device=device)
         self.shapes = Shapes(self.world)
+
+    def appearance(self, drawn: dict[str, Any]) -> Appearance:
+        """Its textures, of other albedos in each picture."""
+        wet = 1.0 if drawn["weather"][0] == "rain" else 0.0
+        made = Appearance.of_world(self.world, self.season, wetness=wet)
+        if drawn["albedo_seed"] is None:
+            return made
+        rng = np.random.default_rng(drawn["albedo_seed"])
+        brighter, tinted = rng.normal(0.0, BRIGHTNESS, (len(made.albedo), 1)), rng.normal(0.0, TINT, made.albedo.shape)
+        return replace(made, albedo=np.clip(made.albedo * np.exp(brighter + tinted), 0.0, 1.0))
+
+    def objects(self, near: str) -> list[Object]:
+        """Those of a kind; ``ValueError`` where there is none."""
+        found = [one for one in self.world.objects if one.kind.name.lower() == near]
+        if not found:
+            raise ValueError(f"{self.world.name} has no {near}; take larger forests, or no --near {near}")
+        return found
 
 
 def _taken(folder: Path, settings: DatasetSettings, forest: _Forest, number: int) -> Frame:
@@ -112,7 +133,8 @@ def _taken(folder: Path, settings: DatasetSettings, forest: _Forest, number: int
         except ValueError:  # in a stem
             if attempt == ATTEMPTS - 1:
                 raise
-    [[left, right]] = camera.take(motion)
+    pictures: Sequence[Picture] = camera.take_left(motion) if settings.left_only else camera.take(motion)[0]
+    left = pictures[0]
     pose = pose_of(camera, motion)
     found = labels(left, forest.shapes, settings.camera.intrinsics, pose)
     frame: Frame = {
@@ -127,7 +149,7 @@ def _taken(folder: Path, settings: DatasetSettings, forest: _Forest, number: int
         "camera_to_world": pose.tolist(),
         "labels": [described(label) for label in found],
     }
-    _write_images(folder, frame, left, right)
+    _write_images(folder, frame, pictures)
     return frame
 
 
@@ -136,7 +158,7 @@ def _put(settings: DatasetSettings, forest: _Forest, number: int, drawn: dict[st
     kind, amount = drawn["weather"]
     camera = StereoCamera(
         forest.scene,
-        Appearance.of_world(forest.world, forest.season, wetness=1.0 if kind == "rain" else 0.0),
+        forest.appearance(drawn),
         daylight(forest.season, hour=drawn["hour"], cloud=drawn["cloud"]),
         settings.camera,
         mounting=Mounting(position=drawn["position"], angles_deg=drawn["angles_deg"]),
@@ -150,24 +172,39 @@ def _put(settings: DatasetSettings, forest: _Forest, number: int, drawn: dict[st
 def _draw(settings: DatasetSettings, forest: _Forest, number: int, attempt: int) -> dict[str, Any]:
     """Place, light and pose of a picture."""
     rng = np.random.default_rng([settings.seed, number, 2, attempt])
-    low, high = (bound[:2] for bound in forest.world.terrain.extent)
-    place = free_place(forest.world, tuple(rng.uniform(low + 6.0, high - 6.0)), ahead=2.0)
-    out: dict[str, Any] = {"at": [place.x, place.y], "heading": place.heading + float(rng.uniform(-0.5, 0.5))}
-    out |= {"hour": 10.0, "cloud": 0.0, "weather": ["clear", 0.0]}
-    out |= {"position": list(CAMERA_MOUNTING.position), "angles_deg": list(CAMERA_MOUNTING.angles_deg)}
-    if not settings.fixed:
-        out["hour"] = float(rng.uniform(9.0, 15.5))
-        out["cloud"] = float(rng.choice([0.0, 0.3, 1.0]))
-        kind = str(rng.choice(["clear", "fog", "rain"], p=[0.7, 0.15, 0.15]))
-        out["weather"] = [kind, {"clear": 0.0, "fog": float(rng.uniform(40.0, 300.0)), "rain": 10.0}[kind]]
-        out["cloud"] = out["cloud"] if kind == "clear" else 1.0
-        out["position"] = [float(x) for x in np.add(CAMERA_MOUNTING.position, rng.uniform(-0.2, 0.2, 3))]
-        out["angles_deg"] = [
-            float(rng.uniform(-2.0, 2.0)),
-            float(rng.uniform(2.0, 18.0)),
-            float(rng.uniform(-5.0, 5.0)),
-        ]
+    out = _place(settings, forest, rng)
+    hour, cloud = float(rng.uniform(9.0, 15.5)), float(rng.choice([0.0, 0.3, 1.0]))
+    kind = str(rng.choice(["clear", "fog", "rain"], p=[0.7, 0.15, 0.15]))
+    weather = [kind, {"clear": 0.0, "fog": float(rng.uniform(40.0, 300.0)), "rain": 10.0}[kind]]
+    position = [float(x) for x in np.add(CAMERA_MOUNTING.position, rng.uniform(-0.2, 0.2, 3))]
+    angles = [float(rng.uniform(-2.0, 2.0)), float(rng.uniform(2.0, 18.0)), float(rng.uniform(-5.0, 5.0))]
+    albedo_seed = int(rng.integers(2**31))
+    fixed = settings.fixed
+    out |= {"hour": 10.0, "cloud": 0.0} if "light" in fixed else {"hour": hour, "cloud": cloud}
+    out["weather"] = ["clear", 0.0] if "weather" in fixed else weather
+    if out["weather"][0] != "clear":
+        out["cloud"] = 1.0
+    mounting = list(CAMERA_MOUNTING.position), list(CAMERA_MOUNTING.angles_deg)
+    out["position"], out["angles_deg"] = mounting if "pose" in fixed else (position, angles)
+    out["albedo_seed"] = None if "texture" in fixed else albedo_seed
     return out
+
+
+def _place(settings: DatasetSettings, forest: _Forest, rng: np.random.Generator) -> dict[str, Any]:
+    """Where the machine stands, and where it heads for: anywhere and free ahead, or before an object."""
+    low, high = (bound[:2] for bound in forest.world.terrain.extent)
+    if settings.near is None:
+        place = free_place(forest.world, tuple(rng.uniform(low + 6.0, high - 6.0)), ahead=2.0)
+        return {"at": [place.x, place.y], "heading": place.heading + float(rng.uniform(-0.5, 0.5))}
+    found = forest.objects(settings.near)
+    one = found[int(rng.integers(len(found)))]
+    middle = np.add(one.position, 0.5 * getattr(one, "length", 0.0) * matrix(one.rotation)[:, 2])[:2]
+    towards = float(rng.uniform(-np.pi, np.pi))
+    wanted = middle - float(rng.uniform(*AWAY)) * np.array([np.cos(towards), np.sin(towards)])
+    place = free_place(forest.world, tuple(np.clip(wanted, low + 4.0, high - 4.0)))
+    ahead = middle - [place.x, place.y]
+    heading = float(np.arctan2(ahead[1], ahead[0]) + rng.uniform(-0.4, 0.4))
+    return {"at": [place.x, place.y], "heading": heading}
 
 
 def _standing(forest: _Forest, at: Sequence[float], heading: float) -> Motion:
@@ -187,15 +224,15 @@ def pose_of(camera: StereoCamera, motion: Motion) -> NDArray[np.float64]:
     return out
 
 
-def _write_images(folder: Path, frame: Frame, left: Picture, right: Picture) -> None:
-    """Both pictures, depth and instances, the latter two as PNG of 16 bits."""
+def _write_images(folder: Path, frame: Frame, pictures: Sequence[Picture]) -> None:
+    """The picture, or both, depth and instances, the latter two as PNG of 16 bits."""
     from PIL import Image
 
+    left = pictures[0]
     known = np.isfinite(left.depth) & (left.depth * DEPTH_STEPS < 65535.0)
     depth = np.where(known, np.rint(np.where(known, left.depth, 0.0) * DEPTH_STEPS), 0.0).astype(np.uint16)
     images = {
-        "images": left.rgb,
-        "right": right.rgb,
+        **{name: picture.rgb for name, picture in zip(("images", "right"), pictures, strict=False)},
         "depth": depth,
         "instances": np.where(left.instance < 0, 0, left.instance).astype(np.uint16),
     }

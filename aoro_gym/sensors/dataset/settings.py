@@ -8,6 +8,12 @@ from aoro_gym.checks import check_choice, check_integer, check_range
 from aoro_gym.sensors.camera import MODELS, CameraModel
 from aoro_gym.sensors.dataset.formats import FORMATS
 
+FACTORS = ("light", "weather", "season", "stand", "clutter", "texture", "pose")
+"""What is drawn anew: hour and clouds; fog and rain; season with its snow; species and their stand; piles and stumps;
+albedos; height and angles of the camera."""
+NEAR = ("log", "stump", "boulder")
+"""Kinds of objects that cameras can be put before."""
+
 
 @dataclass(frozen=True)
 class DatasetSettings:
@@ -24,8 +30,12 @@ class DatasetSettings:
     width: int = 320
     samples: int = 4
     formats: tuple[str, ...] = ("coco",)
-    fixed: bool = False
-    """Whether light, season, weather, stand and the camera's pose stay the same."""
+    left_only: bool = False
+    """Without the right picture: in little more than half the time."""
+    fixed: tuple[str, ...] = ()
+    """Which of :data:`FACTORS` stay the same."""
+    near: str | None = None
+    """One of :data:`NEAR` that every camera stands before; None: cameras stand anywhere."""
 
     def __post_init__(self) -> None:
         check_integer("frames", self.frames, le=1_000_000)
@@ -37,6 +47,10 @@ class DatasetSettings:
         check_integer("samples", self.samples, le=4096)
         for one in self.formats:
             check_choice("format", one, FORMATS)
+        for one in self.fixed:
+            check_choice("fixed", one, FACTORS)
+        if self.near is not None:
+            check_choice("near", self.near, NEAR)
 
     @property
     def camera(self) -> CameraModel:
