@@ -34,6 +34,7 @@ SHORTER = {
     "dataset": ("--frames", "3", "--worlds", "3", "--width", "48", "--samples", "1"),
     "evaluate": ("--episodes", "1", "--no-films"),
     "leaderboard": ("--episodes", "1", "--policy", "bang-bang"),
+    "robustness": ("--episodes", "1", "--policy", "bang-bang"),
     "serve": ("--duration", "0.3", "--udp-port", "0", "--tcp-port", "0"),
     "train": (*TRAINING, "--restart"),
     "view": ("--no-browser", "--port", "0"),

@@ -74,6 +74,7 @@ for command in (
     dataset.dataset,
     evaluation.evaluate,
     evaluation.leaderboard,
+    evaluation.robustness,
     evaluation.curves,
     evaluation.gap,
     training.train,

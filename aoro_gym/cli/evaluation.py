@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from aoro_gym.agents.training.plan import JOIN_GAPS_HELP, PATH_CRS_HELP, PATH_HELP, TRACK_HELP
-from aoro_gym.checks import check_integer
+from aoro_gym.checks import check_integer, check_range
 from aoro_gym.cli import options
 from aoro_gym.cli.courses import load_courses, training_courses
 from aoro_gym.cli.options import argument, option
@@ -234,6 +234,68 @@ def leaderboard(
             result = board.compare(env, policies, **asked, ray=ray, kept=kept, progress=tell)
         written = board.write(result, out, readme=readme, made_by=run.to_json() | accepted(kept))
     conclude(out / "leaderboard.json", [board.table(result)], written, json_to=json_to)
+
+
+SizeOption = Annotated[
+    float, option("--size", "SHARE", "Of the effects, as a share of their range: 0.5 is medium, 1 its end.")
+]
+RobustnessEpisodesOption = Annotated[int, option("--episodes", "N", "Episodes a policy, on each machine.")]
+
+
+def robustness(
+    env: options.EnvOption = options.TRACKING,
+    policy: options.PoliciesOption = None,
+    size: SizeOption = 0.5,
+    episodes: RobustnessEpisodesOption = 32,
+    out: options.FolderOption = Path("robustness"),
+    restart: options.RestartOption = False,
+    accept_code_change: options.AcceptCodeChangeOption = False,
+    machine: options.MachineOption = options.MACHINE,
+    set_: options.SetOption = None,
+    scale: options.ScaleOption = None,
+    laws: options.LawsOption = None,
+    device: options.DeviceOption = "cpu",
+    seed: LeaderboardSeedOption = None,
+    json_to: options.JsonOption = None,
+    quiet: options.QuietOption = False,
+) -> None:
+    """Say which gap between twin and machine hurts which policy, as a heat map.
+
+    Policies are made for the machine of the file, and drive the same episodes on machines that differ from it in one way
+    each: every effect of the catalogue that acts on the machine, to either side; every family of laws; all uncertain
+    parameters drawn within their ranges. What is told is the change of success and of the metrics that policies are compared
+    by, episode by episode, with 95 % intervals; the worst first, for the policy that is best on the machine of the file.
+
+    Ctrl-C is safe: the same command goes on where it stopped. FOLDER gets robustness.json and robustness.png. What
+    retraining wins back of what an effect costs, 'aoro-gym gap' says.
+
+    [bold]Examples[/]
+
+      aoro-gym robustness --env AORO/Turning-v0
+      aoro-gym robustness --policy preview --policy runs/mine/best.json --device cpu:simd
+      aoro-gym robustness --env AORO/Turning-v0 --size 1 --episodes 100
+    """
+    with checking_input():
+        from aoro_gym.agents.evaluation import robustness as study
+        from aoro_gym.agents.evaluation.cached_episodes import accepted
+        from aoro_gym.agents.evaluation.evaluate import asked_of
+        from aoro_gym.agents.evaluation.inputs import machine_ranges
+        from aoro_gym.agents.evaluation.leaderboard import SEED
+        from aoro_gym.agents.evaluation.selection import check_episodes, named_policies
+
+        options.check_folder(out, "robustness.json")
+        policies = named_policies(env, policy)
+        check_episodes(episodes)
+        check_range("--size", size, "", gt=0.0, le=1.0)
+        run = options.run_spec(machine, set_, scale, device, SEED if seed is None else seed, laws=laws)
+        chosen = options.load(run)
+    asked: dict[str, Any] = {"episodes": episodes, "seed": run.seed, "machine": chosen, "device": device}
+    inputs = asked_of(env, policies, **asked) | {"size": size, "machine ranges": machine_ranges(chosen)}
+    with _keeping(out, inputs, restart, accept_code_change) as kept, terminal.progress(env) as tell:
+        with checking_input():
+            result = study.measure(env, policies, share=size, **asked, kept=kept, progress=tell)
+        written = study.write(result, out, made_by=run.to_json() | accepted(kept))
+    conclude(out / "robustness.json", study.tables(result), written, json_to=json_to)
 
 
 TrainingsArgument = Annotated[list[Path], argument("FOLDER...", "Of 'aoro-gym train', done or on the way.")]

@@ -28,7 +28,7 @@ def test_version_and_help():
     verbs = (
         "parameters simulate validate calibrate demo terrain world evaluate leaderboard curves gap train serve bench"
     )
-    for verb in [*verbs.split(), "view", "export policy", "export twin", "laboratory"]:
+    for verb in [*verbs.split(), "robustness", "view", "export policy", "export twin", "laboratory"]:
         shown = call(*verb.split(), "--help")
         assert shown.exit_code == 0
         assert "Examples" in shown.stdout

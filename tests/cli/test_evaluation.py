@@ -1,4 +1,4 @@
-"""The commands ``evaluate``, ``leaderboard`` and ``gap``; an evaluated policy is exported, too."""
+"""The commands ``evaluate``, ``leaderboard``, ``robustness`` and ``gap``; an evaluated policy is exported, too."""
 
 import json
 import math
@@ -133,6 +133,9 @@ def test_policies_in_files_are_evaluated(tmp_path, still, short_episodes):
         ("leaderboard --env X", "--env is 'X'; choose one of"),
         ("leaderboard --episodes 0", "--episodes is 0, but must be an integer in [1, 10000]"),
         ("leaderboard --readme good.csv", "good.csv lacks the lines <!-- leaderboard AORO/PathTracking-v0 -->"),
+        ("robustness --episodes 0", "--episodes is 0, but must be an integer in [1, 10000]"),
+        ("robustness --size 0", "--size is 0"),
+        ("robustness --size 1.2", "--size is 1.2"),
         ("gap --policy preview", "give one of --diagnosis and --improved"),
         ("gap --policy preview --improved aoro", "the plant is the baseline; give --plant or --effect"),
         ("gap --policy preview --diagnosis empty", "empty/diagnosis.json: No such file"),

@@ -66,6 +66,7 @@ def test_results_are_json_alone(place, monkeypatch, command, key):
         ("lidar", "--model", "vlp-16"),
         ("evaluate", *TURNING, "--policy", "bang-bang", "--episodes", 1, "--no-films"),
         ("leaderboard", *TURNING, "--policy", "bang-bang", "--episodes", 1),
+        ("robustness", *TURNING, "--policy", "bang-bang", "--episodes", 1),
         ("train", *TURNING, *TINY, "--out", "run"),
         ("curves", "run"),
         ("gap", *TURNING, "--policy", "bang-bang", "--effect", "spool_lag=0.05", "--improved", "aoro", "--episodes", 1),

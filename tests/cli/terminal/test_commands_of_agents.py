@@ -36,6 +36,7 @@ COMMANDS: list[tuple[str, tuple[object, ...]]] = [
         ("evaluate", "--terrain", "ground.ply", "--policy", "stanley", "--policy", "preview", "--episodes", 1),
     ),
     ("leaderboard", ("leaderboard", *TURNING, "--episodes", 2)),
+    ("robustness", ("robustness", *TURNING, "--policy", "bang-bang", "--episodes", 1)),
     ("curves", ("curves", "run")),
     (
         "gap",
