@@ -1,4 +1,5 @@
-"""Grounds on the device: planes, or terrains as rasters or triangles, with or without solid objects on them."""
+"""Grounds on the device: planes, or terrains as rasters or triangles, hard or of soil, with or without solid objects on
+them."""
 
 from __future__ import annotations
 
@@ -12,15 +13,18 @@ import warp as wp
 from aoro_gym.checks import check_choice, check_range
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.terrains.raster import CELL, surface, triangles
+from aoro_gym.terrains.soil import Soil
 from aoro_gym.terrains.terrain import Terrain
 from aoro_gym.twin.kernels.overwrite import multiply
 from aoro_gym.twin.physics.ground import Ground, Meshes, Planes, Rasters, Site
+from aoro_gym.twin.records import OBJECT_OUTPUT_UNITS, SOIL_OUTPUT_UNITS
 from aoro_gym.units import GRAVITY
 
 if TYPE_CHECKING:
     from aoro_gym.terrains.world.objects import Object
     from aoro_gym.terrains.world.world import World
     from aoro_gym.twin.objects import WorldObjects
+    from aoro_gym.twin.soil_ruts import SoilRuts
 
 KINDS = {"raster": Rasters, "mesh": Meshes}
 """How twins feel a terrain, by name."""
@@ -34,6 +38,7 @@ class Grounds:
         num_twins: Twins that stand on it; on the first terrain, to begin with.
         kind: ``"raster"`` or ``"mesh"``; planes need neither.
         cell: Distance of the rasters' nodes [m].
+        soil: What the ground is made of; None: it is hard.
         gravity: [m/s²].
         device: Warp device.
 
@@ -48,30 +53,55 @@ class Grounds:
         num_twins: int,
         kind: str = "raster",
         cell: float = CELL,
+        soil: Soil | None = None,
         gravity: float = GRAVITY,
         device: Any = "cpu",
     ):
         check_choice("ground", kind, KINDS)
         self.objects: WorldObjects | None = None
         """Solid objects, if there are any."""
+        self.ruts: SoilRuts | None = None
+        """What twins remember of soft ground, if it is soft."""
         self.count = 0
         """Terrains to choose from; 0 for planes."""
         if isinstance(terrain, Plane):
             self.device_struct: Any = _planes(terrain, num_twins, gravity, device)
             """What kernels take as their ``terrain`` (see :mod:`aoro_gym.twin.physics.ground`)."""
+            self._soften(soil, num_twins, gravity, device)
             return
         terrains, objects = _with_objects(list(terrain) if isinstance(terrain, Iterable) else [terrain])
         self.count = len(terrains)
         self.device_struct, self._meshes = _terrains(terrains, num_twins, KINDS[kind], cell, gravity, device)
         if any(objects):
+            if soil is not None:
+                raise ValueError(
+                    "the ground has soil and solid objects, but twins feel only one of them yet; take a ground without"
+                    " objects (world.terrain), or drop soil"
+                )
             from aoro_gym.twin.objects import WorldObjects
 
             self.objects = WorldObjects(objects, num_twins, gravity=gravity, device=device)
+        self._soften(soil, num_twins, gravity, device)
+
+    def _soften(self, soil: Soil | None, num_twins: int, gravity: float, device: Any) -> None:
+        if soil is not None:
+            from aoro_gym.twin.soil_ruts import SoilRuts  # few twins need them
+
+            self.ruts = SoilRuts(soil, self.device_struct, num_twins, gravity=gravity, device=device)
 
     @property
     def advancing(self) -> Any:
-        """What ``advance`` takes as its ``terrain``: :attr:`device_struct`, with objects if there are any."""
+        """What ``advance`` takes as its ``terrain``: :attr:`device_struct`, with objects or of soil if there are any."""
+        if self.ruts is not None:
+            return self.ruts.device_struct
         return self.device_struct if self.objects is None else self.objects.on(self.device_struct)
+
+    @property
+    def further_outputs(self) -> tuple[str, ...]:
+        """Names of the outputs that twins have on this ground alone, after the others."""
+        if self.ruts is not None:
+            return tuple(SOIL_OUTPUT_UNITS)
+        return () if self.objects is None else tuple(OBJECT_OUTPUT_UNITS)
 
     def standing(self) -> dict[str, npt.NDArray[Any]]:
         """What each twin stands on, with its multipliers, for :meth:`stand`."""
@@ -81,6 +111,8 @@ class Grounds:
             out["number"] = np.argmax(out["twins"]["first"][:, None] == sites["first"], axis=1)
         if self.objects is not None:
             out |= self.objects.standing()
+        if self.ruts is not None:
+            out |= self.ruts.standing()
         return out
 
     def stand(self, standing: Mapping[str, npt.NDArray[Any]]) -> None:
@@ -89,8 +121,11 @@ class Grounds:
         if self.count:
             rows["mesh"] = self.device_struct.terrains.numpy()["mesh"][standing["number"]]  # an address
         wp.copy(twins, wp.array(rows, dtype=twins.dtype, device=twins.device))
+        others = {name: standing[name] for name in standing if name not in ("twins", "number")}
         if self.objects is not None:
-            self.objects.stand({name: standing[name] for name in standing if name not in ("twins", "number")})
+            self.objects.stand(others)
+        if self.ruts is not None:
+            self.ruts.stand(others)
 
     def set_multipliers(
         self, chosen: npt.NDArray[np.int32], friction: npt.ArrayLike | None, rolling_resistance: npt.ArrayLike | None

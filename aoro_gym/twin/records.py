@@ -179,6 +179,17 @@ the world's axes, and the number of the object that presses most (0: none), ``Wo
 FIRST_OBJECT_OUTPUT = len(OUTPUT_UNITS)
 """Row of the first of them."""
 
+SOIL_OUTPUT_UNITS = {
+    name: unit
+    for kind, unit in (("sinkage", "m"), ("rut_depth", "m"), ("soil_resistance", "N"))
+    for name in _each(kind)
+}
+"""Unit of each output that only twins on soil have, after the others: the depth of a tire's base under the undisturbed
+ground, that of the rut which stays below it, and the force of the soil against rolling."""
+
+FIRST_SOIL_OUTPUT = len(OUTPUT_UNITS)
+"""Row of the first of them: no twin has these and those of objects."""
+
 
 def row_of(rows: type[IntEnum], name: Any, what: str) -> int:
     """Row of ``name``, ``what`` it is called; ValueError that lists the names if there is none such."""

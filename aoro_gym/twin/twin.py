@@ -17,6 +17,7 @@ from aoro_gym.execution.device_names import SIMD
 from aoro_gym.machine.parameters import Machine
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.terrains.raster import CELL
+from aoro_gym.terrains.soil import Soil
 from aoro_gym.terrains.terrain import Terrain
 from aoro_gym.twin.grounds import Grounds
 from aoro_gym.twin.hydraulic_step import check_hydraulic_step, warn_of_fine_step
@@ -28,7 +29,6 @@ from aoro_gym.twin.records import (
     CHANNELS,
     COMMAND_BOUNDS,
     NON_FINITE,
-    OBJECT_OUTPUT_UNITS,
     Command,
     MachineRecord,
     Output,
@@ -40,6 +40,7 @@ from aoro_gym.units import GRAVITY
 
 if TYPE_CHECKING:
     from aoro_gym.terrains.world.world import World
+    from aoro_gym.twin.soil_ruts import Ruts
 
 LONGEST_COMMAND_DELAY = 0.1
 """Upper bound [s] of ``steering.valve.command_delay``; that much of the steering command is kept."""
@@ -65,8 +66,8 @@ class UnknownChannel(KeyError):
 class Trace(Mapping[str, npt.NDArray[np.float32]]):
     """Sampled outputs of one :meth:`Twin.step`: a mapping of channel names to arrays (frames, num_twins).
 
-    SI units as in ``OUTPUT_UNITS`` and ``OBJECT_OUTPUT_UNITS``; a name that is not there raises a KeyError that lists the
-    channels.
+    SI units as in ``OUTPUT_UNITS``, ``OBJECT_OUTPUT_UNITS`` and ``SOIL_OUTPUT_UNITS``; a name that is not there raises
+    a KeyError that lists the channels.
     """
 
     time: npt.NDArray[np.float64]
@@ -107,6 +108,9 @@ class Twin:
             :class:`~aoro_gym.terrains.world.world.World` push back.
         ground: How twins feel a terrain: ``"raster"`` (fastest) or ``"mesh"`` (its very triangles, below overhangs).
         cell: Distance of the raster's nodes [m].
+        soil: What the ground is made of, where it is soft: a preset's name (:data:`~aoro_gym.terrains.soil.PRESETS`) or a
+            :class:`~aoro_gym.terrains.soil.Soil`; hard by default. Everywhere alike, on roads, too, and without solid
+            objects.
         own_machines: Keep a machine record for every twin even if all start alike, so that :meth:`set_machines` can
             change them one by one.
         choose_laws: Whether machines may obey other laws than the default ones (:mod:`aoro_gym.machine.laws`), which takes
@@ -133,6 +137,7 @@ class Twin:
         terrain: Plane | Terrain | World | Sequence[Terrain | World] | None = None,
         ground: str = "raster",
         cell: float = CELL,
+        soil: str | Soil | None = None,
         own_machines: bool = False,
         choose_laws: bool | None = None,
         device: str = "cpu",
@@ -159,8 +164,10 @@ class Twin:
         """Whether lanes of a CPU core advance several twins at once."""
         _check_count("the machine", self.machine.num_variants, self.num_twins)
         self._check_step = check_step
+        self.soil = _checked_soil(soil, self.simd)
+        """What the ground is made of; None where it is hard."""
         self._made = {"ground": ground, "cell": cell, "own_machines": own_machines, "choose_laws": choose_laws}
-        self._made["gravity"] = gravity
+        self._made |= {"soil": self.soil, "gravity": gravity}
         if check_step:
             check_hydraulic_step(self.machine, self.main_step, self.substeps)
             warn_of_fine_step(self.main_step, self.substeps, stacklevel=3)
@@ -169,8 +176,9 @@ class Twin:
             records = _repeated(records, self.num_twins)
         self._machines = wp.array(records, dtype=MachineRecord, device=self.device)
         self._grounds = Grounds(
-            self.terrain, num_twins=self.num_twins, kind=ground, cell=cell, gravity=gravity, device=self.device
-        )
+            self.terrain, num_twins=self.num_twins, kind=ground, cell=cell, soil=self.soil, gravity=gravity,
+            device=self.device,
+        )  # fmt: skip
         self._chooses_laws = not self.machine.laws.default if choose_laws is None else choose_laws
         self._laws = ChosenLaws() if self._chooses_laws else DefaultLaws()
         self._reset_kernel, self._advance_kernel = build(
@@ -178,11 +186,21 @@ class Twin:
             type(self._laws)._cls,
             measured_hubs=self._measured_hubs,
             objects=self._grounds.objects is not None,
+            soil=self._grounds.ruts is not None,
         )
         self._felt = self._grounds.advancing
-        self.channels = CHANNELS if self._grounds.objects is None else (*CHANNELS, *OBJECT_OUTPUT_UNITS)
+        self.channels = (*CHANNELS, *self._grounds.further_outputs)
         """Names of the outputs, in the order of their rows."""
 
+        self._allocate()
+        self._make_room(1)
+        with devices.compiling(self._reset_kernel, self.device, BLOCK_DIM):
+            self.reset()
+        self._lanes = self._on_lanes() if self.simd else None
+        self._checks_start = True
+
+    def _allocate(self) -> None:
+        """Make the arrays that no launch changes the length of."""
         n = self.num_twins
         self.state = wp.zeros((len(State), n), dtype=float, device=self.device)
         """State rows (see :class:`State`) × twins, float32, on the device."""
@@ -196,14 +214,9 @@ class Twin:
         self._status = wp.zeros(n, dtype=int, device=self.device)
         seen = {"_clock": self._clock, "_status": self._status} if self.device.is_cpu else {}
         self._seen = {name: array.numpy() for name, array in seen.items()}  # the same memory, to be had at once
-        self._make_room(1)
         self._mask = wp.ones(n, dtype=bool, device=self.device)
         self._pose = wp.zeros((4, n), dtype=float, device=self.device)
         self._numbers = wp.zeros(n, dtype=int, device=self.device)
-        with devices.compiling(self._reset_kernel, self.device, BLOCK_DIM):
-            self.reset()
-        self._lanes = self._on_lanes() if self.simd else None
-        self._checks_start = True
 
     _checks_start = False
     """Whether a reset refuses places in objects: not that of the constructor, which nobody chose."""
@@ -346,6 +359,8 @@ class Twin:
         )  # fmt: skip
         if self._grounds.objects is not None:
             self._grounds.objects.clear(self._mask, self._numbers)
+        if self._grounds.ruts is not None:
+            self._grounds.ruts.start(self._machines, self._mask, self.state)
 
     @property
     def has_objects(self) -> bool:
@@ -606,7 +621,15 @@ class Twin:
     def diverged(self) -> list[tuple[int, str]]:
         """Index and reason of every frozen twin; a reset revives it."""
         status = self.status
-        return [(int(i), STATUS[int(status[i])]) for i in np.flatnonzero(status)]
+        full = {} if self._grounds.ruts is None else self._grounds.ruts.full()
+        return [(int(i), full.get(int(i), STATUS[int(status[i])])) for i in np.flatnonzero(status)]
+
+    def rut_raster(self, twin: int = 0) -> Ruts:
+        """The ruts of one twin since its last reset; ValueError if its ground is hard."""
+        if self._grounds.ruts is None:
+            raise ValueError("the ground of these twins is hard; construct them with soil= to have ruts")
+        check_integer("twin", twin, ge=0, le=self.num_twins - 1)
+        return self._grounds.ruts.raster(self._machines, int(twin))
 
 
 def _restored(
@@ -626,6 +649,13 @@ def _restored(
         wp.copy(array, wp.array(values, dtype=array.dtype, device=twin.device))
     twin._grounds.stand(standing)
     return twin
+
+
+def _checked_soil(soil: str | Soil | None, simd: bool) -> Soil | None:
+    """The soil of a twin, from its name; ValueError on lanes of a core."""
+    if simd and soil is not None:
+        raise ValueError(f"device is {SIMD!r}, but lanes cannot run twins on soil; take device='cpu'")
+    return Soil.preset(soil) if isinstance(soil, str) else soil
 
 
 def _channel_row(channels: tuple[str, ...], name: Any) -> int:

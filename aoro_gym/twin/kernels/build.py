@@ -16,25 +16,33 @@ from aoro_gym.twin.kernels.reset import reset
 
 
 def build(
-    kind: Any, laws: Any, *, portable: bool = False, measured_hubs: bool = False, objects: bool = False
+    kind: Any,
+    laws: Any,
+    *,
+    portable: bool = False,
+    measured_hubs: bool = False,
+    objects: bool = False,
+    soil: bool = False,
 ) -> tuple[Any, Any]:
     """The kernels ``reset`` and ``advance`` for one kind of ground (``Planes``, ``Rasters`` or ``Meshes``) and of laws
     (``DefaultLaws`` or ``ChosenLaws``); ``portable``: for every CPU of this architecture, not for this one;
     ``measured_hubs``: without the driveline (:mod:`aoro_gym.twin.kernels.hubs`); ``objects``: with the solid objects of
-    worlds (:mod:`aoro_gym.twin.kernels.solids`), where ``advance`` takes the kind of ``OBJECT_GROUNDS``.
+    worlds (:mod:`aoro_gym.twin.kernels.solids`), where ``advance`` takes the kind of ``OBJECT_GROUNDS``; ``soil``: on soft
+    ground (:mod:`aoro_gym.twin.kernels.soil`), where it takes that of ``SOIL_GROUNDS``.
 
     Each pair is a module of its own, compiled when first asked for. On CUDA with approximate division, roots and
     exponentials (``fast_math``; the CPU's compiler ignores it): about twice the speed, and a turn that differs by 1e-4 of a
     channel's range at most.
     """
-    return _build(kind, laws, portable, measured_hubs, objects)
+    return _build(kind, laws, portable, measured_hubs, objects, soil)
 
 
 @cache
-def _build(kind: Any, laws: Any, portable: bool, measured_hubs: bool, objects: bool) -> tuple[Any, Any]:
+def _build(kind: Any, laws: Any, portable: bool, measured_hubs: bool, objects: bool, soil: bool) -> tuple[Any, Any]:
     module = f"{__package__}.{kind.key.lower()}" + ("_laws" if laws is ChosenLaws else "")
     module += "_hubs" if measured_hubs else ""
     module += "_objects" if objects else ""
+    module += "_soil" if soil else ""
     options = {"fast_math": True, "default_grid_stride": False}
     if portable:
         module += "_portable"
@@ -49,6 +57,8 @@ def _build(kind: Any, laws: Any, portable: bool, measured_hubs: bool, objects: b
     felt = kind
     if objects:
         advancing, felt = among_objects(advancing, kind)
+    elif soil:
+        advancing, felt = on_soil(advancing, kind)
     return kernel(reset, terrain=kind), kernel(advancing, terrain=felt, laws=laws)
 
 
@@ -66,6 +76,21 @@ def among_objects(function: Any, kind: Any) -> tuple[Any, Any]:
     outputs = wp.func(with_others(record_object_outputs.func, recorded), module=function.__module__)
     parts = {"corner_contact": object_corner_contact, "hull_loads": object_hull_loads, "record_outputs": outputs}
     return with_others(function, parts), OBJECT_GROUNDS[kind]
+
+
+def on_soil(function: Any, kind: Any) -> tuple[Any, Any]:
+    """An ``advance`` as it is for machines on soft ground, and the kind of ground of soil that it takes."""
+    from aoro_gym.twin.kernels.soil import (  # few twins need them
+        SOIL_GROUNDS,
+        record_soil_outputs,
+        soil_corner_contact,
+        soil_hull_loads,
+    )
+
+    recorded = {"record_outputs": function.__globals__["record_outputs"]}
+    outputs = wp.func(with_others(record_soil_outputs.func, recorded), module=function.__module__)
+    parts = {"corner_contact": soil_corner_contact, "hull_loads": soil_hull_loads, "record_outputs": outputs}
+    return with_others(function, parts), SOIL_GROUNDS[kind]
 
 
 @cache

@@ -1,0 +1,252 @@
+"""Twins on soft ground: sinkage, resistance, traction, ruts, energy, and what is refused."""
+
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import quad, trapezoid
+
+from aoro_gym.machine import Machine
+from aoro_gym.terrains.generate.world import world
+from aoro_gym.terrains.plane import Plane
+from aoro_gym.terrains.soil import BOUNDS, PRESETS, Soil
+from aoro_gym.terrains.terrain import Terrain
+from aoro_gym.twin import Twin
+from aoro_gym.twin.physics.soil import EDGE
+from aoro_gym.twin.records import CHANNELS, SOIL_OUTPUT_UNITS, WHEELS
+from aoro_gym.units import GRAVITY
+from tests.oracles.bodies import BodyModel
+
+SLOPES = (0.0, 4.0, 8.0, 12.0)
+LOAM = Soil.preset("sandy_loam")
+ROCK = Soil(k_c=0.0, k_phi=1e12, exponent=1.0, cohesion=1e9, friction_angle_deg=60.0, shear_modulus=1e-6)
+"""As hard as a soil can be: 1 μm under a tire."""
+
+
+def wheels(trace, channel):
+    """(frames, 4, twins) of a channel of every wheel."""
+    return np.stack([trace[f"{channel}_{wheel}"] for wheel in WHEELS], axis=1).astype(float)
+
+
+class Integrals:
+    """Forces of a soil on one tire of ``machine`` by quadrature in float64."""
+
+    def __init__(self, soil, machine):
+        self.soil, self.radius = soil, float(machine.tire.radius)
+        self.width = 2.0 * (float(machine.tire.disc_offset_outer) + float(EDGE))
+        self.modulus = soil.k_c / self.width + soil.k_phi
+
+    def pressure(self, z):
+        return self.modulus * z**self.soil.exponent
+
+    def resistance(self, z):
+        return self.width * quad(self.pressure, 0.0, z)[0]
+
+    def chord(self, rise):
+        return np.sqrt(rise * (2.0 * self.radius - rise))
+
+    def traction(self, z, bent, slip):
+        """Janosi's integral over a tire that is ``bent`` by its load and rolls at a ``slip``, no pressure behind its
+        base."""
+        flat, end, depth = self.chord(bent), self.chord(bent + z), bent + z
+
+        def stress(x):
+            at = min(z, max(depth - self.radius + np.sqrt(self.radius**2 - x**2), 0.0))
+            strength = self.soil.cohesion + self.pressure(at) * self.soil.tan_phi
+            return strength * (1.0 - np.exp(-slip * (end - x) / self.soil.shear_modulus))
+
+        return self.width * quad(stress, -flat, end, points=[flat])[0]
+
+    def work(self, z):
+        """Work [J/m²] that stays in soil pressed to ``z``: that of pressing it but for what comes back."""
+        p = self.pressure(z)
+        unloading = max(self.soil.k_0 + self.soil.a_u * z, 2.0 * p / z)
+        return quad(self.pressure, 0.0, z)[0] - 0.5 * p * p / unloading
+
+
+@pytest.fixture(scope="module")
+def bundled():
+    return Machine.load("aoro")
+
+
+@pytest.fixture(scope="module")
+def uphill(bundled):
+    """Four machines that climb slopes of sandy loam: the twin, and the last 8 s of 18 s."""
+    twin = Twin(len(SLOPES), machine=bundled, terrain=Plane(slope_deg=np.array(SLOPES)), soil=LOAM)
+    twin.reset()
+    twin.step({"drive_signal": 0.4}, 10.0)  # rear wheels are in the ruts of the front ones by then
+    return twin, twin.step({}, 8.0, sample_every=0.02)
+
+
+def test_a_machine_stands_sunk_from_the_start(bundled):
+    """A reset leaves it on springs as bent as on hard ground: it sinks by no more than a twentieth of its rut yet, its
+    wheels bear its weight, and what moves at the start (the plane fits four sinkages with three numbers) is slow."""
+    names = [name for name in PRESETS if name != "clay"]  # which bears it at once
+    soils = [Soil.preset(name) for name in names]
+    values: dict[str, Any] = {key: np.array([getattr(soil, key) for soil in soils]) for key in BOUNDS}
+    mixed = Soil(**values)
+    twin = Twin(len(names), machine=bundled, soil=mixed)
+    twin.reset()
+    trace = twin.step({"parking_brake": 1.0}, 3.0, sample_every=0.05)
+    assert trace is not None
+    sinkage = wheels(trace, "sinkage")
+    assert (sinkage[0] > 0.005).all()
+    assert (np.ptp(sinkage, axis=0) < 0.05 * sinkage[-1]).all()
+    assert np.abs(trace["speed"]).max() < 0.02
+    weight = GRAVITY * sum(one.mass for one in BodyModel(bundled).bodies)
+    np.testing.assert_allclose(wheels(trace, "wheel_load")[-1].sum(axis=0), weight, rtol=2e-3)
+    assert twin.channels == (*CHANNELS, *SOIL_OUTPUT_UNITS)
+
+
+def test_resistance_is_the_work_of_pressing_a_rut(uphill, bundled):
+    """Front wheels on virgin soil: ∫ b p dz up to their sinkage, but for b p²/2 k_u that the soil gives back behind
+    the axle. Of that, which acts over some mm of the arc, the quadrature knows half; of the rest it lacks 1 %. Rear
+    wheels roll in those ruts and meet a third of it at most on level ground; uphill they bear more than the front
+    ones, and deepen them."""
+    _, trace = uphill
+    sinkage, resistance = wheels(trace, "sinkage"), wheels(trace, "soil_resistance")
+    law = Integrals(LOAM, bundled)
+    for twin in range(len(SLOPES)):
+        for wheel in (0, 1):
+            z = sinkage[:, wheel, twin].mean()
+            whole, kept = law.resistance(z), law.width * law.work(z)
+            allowed = 0.01 * whole + 0.5 * (whole - kept)
+            assert resistance[:, wheel, twin].mean() == pytest.approx(kept, abs=allowed)
+    assert (resistance[:, 2:, 0].mean(axis=0) < resistance[:, :2, 0].mean(axis=0) / 3.0).all()
+    assert (sinkage[:, 2:].mean(axis=0) > sinkage[:, :2].mean(axis=0)).all()
+
+
+def test_pull_against_slip_is_janosis_integral(uphill, bundled):
+    """On a slope the wheels pull the weight's part along it and what the soil resists. At the slips that they have, Janosi's
+    integral over their contacts gives as much: within 4 %, of quadrature and of what soil shears behind the base, and
+    slips good to 1e-4, as the radius of a wheel is that rolls on hard ground."""
+    _, trace = uphill
+    law, tire = Integrals(LOAM, bundled), bundled.tire
+    mass = sum(one.mass for one in BodyModel(bundled).bodies)
+    mean = {
+        name: wheels(trace, name).mean(axis=0) for name in ("sinkage", "soil_resistance", "wheel_load", "wheel_rate")
+    }
+    speed = trace["speed"].astype(float).mean(axis=0)
+    slips = []
+    for twin, slope in enumerate(SLOPES):
+        pulled = mass * GRAVITY * np.sin(np.radians(slope)) + mean["soil_resistance"][:, twin].sum()
+        slip = 1.0 - speed[twin] / (mean["wheel_rate"][:, twin] * tire.radius)
+        bent = mean["wheel_load"][:, twin] / tire.stiffness
+        borne = sum(map(law.traction, mean["sinkage"][:, twin], bent, slip))
+        assert borne == pytest.approx(pulled, rel=0.04 + 1e-4 / slip.mean())
+        slips.append(slip.mean())
+    assert np.all(np.diff(slips) > 0.0) and slips[-1] > 0.02
+
+
+def test_traction_pays_for_the_ruts(uphill, bundled):
+    """The work of the soil's resistance over a drive is what its new ruts have taken, node by node: no free energy.
+    Nodes 0.1 m apart count 0.5 m of a tire of 0.53 m. What four points of an arc know of soil that reloads and comes
+    up within some mm is half too much at most: that of four axles is a fifth of all."""
+    twin, trace = uphill
+    law = Integrals(LOAM, bundled)
+    before = pickle.loads(pickle.dumps(twin))
+    last = before.step({}, 8.0, sample_every=0.02)
+    for number in (0, 3):
+        old, new = twin.rut_raster(number), before.rut_raster(number)
+        pressed = [sum(law.work(z) for z in ruts.deepest[ruts.deepest > 1e-4]) * ruts.cell**2 for ruts in (old, new)]
+        taken = (pressed[1] - pressed[0]) * law.width / 0.5
+        force = wheels(last, "soil_resistance")[:, :, number].sum(axis=1)
+        spent = trapezoid(force * last["speed"][:, number], dx=0.02)
+        assert taken < spent < 1.2 * taken
+    assert trace["motor_pressure_fl"].min() > 0.0
+
+
+def test_each_pass_sinks_less_than_the_one_before(bundled):
+    """Out and back three times in the same ruts: the last two times add less than half of what the first did."""
+    twin = Twin(machine=bundled, soil=LOAM)
+    twin.reset()
+    deepest = []
+    for direction in (1.0, -1.0) * 3:
+        twin.step({"drive_signal": 0.4 * direction}, 7.0)
+        twin.step({"drive_signal": 0.0}, 2.0)
+        ruts = twin.rut_raster()
+        inside = ruts.deepest[:, ruts.deepest.shape[1] // 2]  # a row of nodes across the ruts
+        deepest.append(float(inside.max()))
+    gains = np.diff(deepest)
+    assert (gains >= 0.0).all() and gains[2:].max() < 0.5 * gains[:2].max() and gains[:2].max() < 0.1 * deepest[0]
+
+
+def test_the_hardest_soil_is_hard_ground(bundled):
+    """It gives way by some μm, against 7 cm of the tires: tracks agree to 1e-3 of their length."""
+    twins = [Twin(machine=bundled, soil=ROCK), Twin(machine=bundled)]
+    ends = []
+    for twin in twins:
+        twin.reset(joint_angle=0.2)
+        twin.step({"drive_signal": 0.5}, 6.0)
+        ends.append([float(twin.output(name)[0]) for name in ("position_x", "position_y", "yaw", "joint_angle")])
+    assert twins[0].output("sinkage_fl")[0] < 1e-5 and np.hypot(*ends[1][:2]) > 2.0
+    np.testing.assert_allclose(ends[0], ends[1], atol=1e-3 * np.hypot(*ends[1][:2]))
+
+
+def test_left_and_right_are_mirrored(bundled):
+    """Nodes lie on the line of symmetry; what differs is rounding, to 1e-3 m after 4 m."""
+    twin = Twin(2, machine=bundled, soil=Soil.preset("peat"))
+    twin.reset(joint_angle=np.array([0.3, -0.3]))
+    trace = twin.step({"drive_signal": 0.5}, 8.0, sample_every=0.1)
+    assert trace is not None
+    np.testing.assert_allclose(trace["position_x"][:, 0], trace["position_x"][:, 1], atol=2e-3)
+    np.testing.assert_allclose(trace["position_y"][:, 0], -trace["position_y"][:, 1], atol=2e-3)
+    np.testing.assert_allclose(trace["sinkage_rl"][:, 0], trace["sinkage_rr"][:, 1], atol=2e-3)
+
+
+def test_each_twin_has_ruts_of_its_own_and_a_reset_forgets_them(bundled):
+    twin = Twin(3, machine=bundled, soil=LOAM)
+    twin.reset()
+    twin.step({"drive_signal": np.array([0.0, 0.5, 0.5])}, 4.0)
+    areas = [int((twin.rut_raster(number).deepest > 0.0).sum()) for number in range(3)]
+    assert areas[0] < areas[1] == areas[2]
+    twin.reset(np.array([False, True, False]))
+    assert twin.rut_raster(1).deepest.size == 0 and int((twin.rut_raster(2).deepest > 0.0).sum()) == areas[2]
+    copied = pickle.loads(pickle.dumps(twin))
+    for one in (twin, copied):
+        one.step({"drive_signal": 0.5}, 1.0)
+    np.testing.assert_array_equal(twin.outputs.numpy(), copied.outputs.numpy())
+    assert twin.rut_raster(2).volume == copied.rut_raster(2).volume > 0.0
+
+
+def test_a_twin_without_room_for_its_ruts_is_frozen_and_says_why(bundled):
+    twin = Twin(2, machine=bundled, soil=Soil.preset("sandy_loam", tiles=64))
+    twin.reset()
+    twin.step({"drive_signal": np.array([0.0, 1.0])}, 16.0)
+    ((number, reason),) = twin.diverged
+    assert number == 1
+    assert "memory of ruts is full: 48 tiles of 0.8 m x 0.8 m, about 9 m" in reason and "more tiles than 64" in reason
+    twin.reset()
+    twin.step({}, 0.1)
+    assert not twin.diverged
+
+
+def test_what_soil_does_not_go_with_is_refused(bundled):
+    forest = world(seed=0, size=(30.0, 30.0))
+    cases: list[tuple[dict[str, Any], str]] = [
+        ({"soil": "mud"}, "soil"),
+        ({"soil": LOAM, "terrain": forest}, "solid objects"),
+        ({"soil": LOAM, "device": "cpu:simd"}, "lanes cannot run twins on soil"),
+        ({"soil": Soil.preset("sand", cohesion=[1.0, 2.0])}, "2 variants"),
+    ]
+    for arguments, message in cases:
+        with pytest.raises(ValueError, match=message):
+            Twin(machine=bundled, **arguments)
+    with pytest.raises(ValueError, match="hard"):
+        Twin(machine=bundled).rut_raster()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ground", ["raster", "mesh"])
+def test_terrains_are_soft_too(bundled, ground):
+    """A slope as a terrain of soil is the same as a plane: rasters and triangles reproduce planes."""
+    x = np.linspace(-20.0, 20.0, 81)
+    slope = Terrain.from_heights(np.tile(np.tan(np.radians(5.0)) * x, (81, 1)), cell=0.5, corner=(-20.0, -20.0))
+    ends = []
+    for terrain in (slope, Plane(slope_deg=5.0)):
+        twin = Twin(machine=bundled, terrain=terrain, ground=ground, soil="peat")
+        twin.reset(position=(-8.0, 1.0))
+        twin.step({"drive_signal": 0.4}, 6.0)
+        ends.append([float(twin.output(name)[0]) for name in ("position_x", "position_z", "sinkage_fl", "sinkage_rr")])
+    np.testing.assert_allclose(*ends, atol=5e-3)
