@@ -22,8 +22,11 @@ TIRE, LUG, RIM, GLASS, WHITE = (
     (0.16, 0.20, 0.24),
     (0.93, 0.94, 0.94),
 )
-
-
+COLOURS = {
+    "paint": PAINT, "dark_paint": PAINT_DARK, "iron": IRON, "chrome": CHROME, "tire": TIRE, "lug": LUG, "rim": RIM,
+    "glass": GLASS, "white": WHITE,
+}  # fmt: skip
+"""Of all faces, as a screen shows them (E)."""
 ROD_SHARE, BARREL_SHARE = 0.9, 0.8
 """Lengths of a cylinder's rod and barrel, as shares of its length when closed (E)."""
 BEAM_RADIUS = 0.13

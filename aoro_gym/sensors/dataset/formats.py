@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,11 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym.execution.files import write_bytes, write_json, write_text
+from aoro_gym.execution.files import write_bytes, write_text
 from aoro_gym.sensors.camera import CameraModel
 from aoro_gym.sensors.dataset.labels import CATEGORIES, Label
+from aoro_gym.sensors.dataset.polygons import polygons
 
 FORMATS = ("coco", "yolo", "kitti")
+COPIES = (("image_2", "images", ".png"), ("image_3", "right", ".png"), ("velodyne", "velodyne", ".bin"))
+"""What KITTI's folders have of others, where there is such a thing: folder, where from, suffix."""
 Frame = dict[str, Any]
 """What a picture's own JSON file holds: ``number``, ``split``, ``width``, ``height``, ``drawn``, ``labels``."""
 
@@ -31,6 +35,12 @@ def run_lengths(mask: NDArray[np.bool_]) -> list[int]:
     return np.diff(bounds).tolist()
 
 
+def mask_of(runs: Sequence[int], height: int, width: int) -> NDArray[np.bool_]:
+    """(H, W) mask of what :func:`run_lengths` made of it."""
+    flat = np.repeat(np.arange(len(runs)) % 2 == 1, runs)
+    return flat.reshape(width, height).T
+
+
 def described(label: Label) -> dict[str, Any]:
     """A label as JSON."""
     return {
@@ -43,6 +53,8 @@ def described(label: Label) -> dict[str, Any]:
         "size_m": label.size,
         "location_m": label.location,
         "rotation_y": label.turn,
+        "camera_size_m": label.camera_size,
+        "camera_location_m": label.camera_location,
         "area": int(label.mask.sum()),
         "runs": run_lengths(label.mask),
     }
@@ -54,36 +66,55 @@ def name_of(frame: Frame) -> str:
 
 
 def write_coco(folder: Path, frames: Sequence[Frame]) -> list[Path]:
-    """``annotations/instances_SPLIT.json``; boxes are of what is seen, the full ones are a field more."""
+    """``annotations/instances_SPLIT.json`` with run lengths, and ``polygons_SPLIT.json``, the same with polygons; boxes are
+    of what is seen, the full ones are a field more."""
     written = []
     for split in sorted({frame["split"] for frame in frames}):
         chosen = [frame for frame in frames if frame["split"] == split]
-        images, annotations = [], []
-        for frame in chosen:
-            size = [frame["height"], frame["width"]]
-            file = f"{split}/{name_of(frame)}.png"
-            images.append({"id": frame["number"], "file_name": file, "height": size[0], "width": size[1]})
-            for label in frame["labels"]:
-                (x0, y0, x1, y1), (u0, v0, u1, v1) = label["box"], label["full_box"]
-                annotations.append(
-                    {
-                        "id": len(annotations) + 1,
-                        "image_id": frame["number"],
-                        "category_id": CATEGORIES.index(label["category"]) + 1,
-                        "bbox": [x0, y0, x1 - x0, y1 - y0],
-                        "full_bbox": [u0, v0, u1 - u0, v1 - v0],
-                        "area": label["area"],
-                        "iscrowd": 0,
-                        "segmentation": {"size": size, "counts": label["runs"]},
-                        "truncation": label["truncation"],
-                        "occlusion": label["occlusion"],
-                        "instance": label["instance"],
-                    }
-                )
-        categories = [{"id": number, "name": name} for number, name in enumerate(CATEGORIES, start=1)]
+        images = [
+            {
+                "id": frame["number"],
+                "file_name": f"{split}/{name_of(frame)}.png",
+                "height": frame["height"],
+                "width": frame["width"],
+            }
+            for frame in chosen
+        ]
+        labels = [(frame, label) for frame in chosen for label in frame["labels"]]
+        annotations = [_annotation(number, *one) for number, one in enumerate(labels, start=1)]
+        content = {"images": images, "annotations": annotations}
+        content["categories"] = [{"id": number, "name": name} for number, name in enumerate(CATEGORIES, start=1)]
         written.append(folder / "annotations" / f"instances_{split}.json")
-        write_json(written[-1], {"images": images, "annotations": annotations, "categories": categories})
+        _write_compact(written[-1], content)
+        for annotation in annotations:
+            rle = annotation["segmentation"]
+            annotation["segmentation"] = polygons(mask_of(rle["counts"], *rle["size"]))
+        written.append(folder / "annotations" / f"polygons_{split}.json")
+        _write_compact(written[-1], content)
     return written
+
+
+def _annotation(number: int, frame: Frame, label: dict[str, Any]) -> dict[str, Any]:
+    """A label in COCO's words."""
+    (x0, y0, x1, y1), (u0, v0, u1, v1) = label["box"], label["full_box"]
+    return {
+        "id": number,
+        "image_id": frame["number"],
+        "category_id": CATEGORIES.index(label["category"]) + 1,
+        "bbox": [x0, y0, x1 - x0, y1 - y0],
+        "full_bbox": [u0, v0, u1 - u0, v1 - v0],
+        "area": label["area"],
+        "iscrowd": 0,
+        "segmentation": {"size": [frame["height"], frame["width"]], "counts": label["runs"]},
+        "truncation": label["truncation"],
+        "occlusion": label["occlusion"],
+        "instance": label["instance"],
+    }
+
+
+def _write_compact(file: Path, content: dict[str, Any]) -> None:
+    """JSON without spaces: most of it are lists of numbers."""
+    write_text(file, json.dumps(content, separators=(",", ":"), allow_nan=False) + "\n")
 
 
 def write_yolo(folder: Path, frames: Sequence[Frame]) -> list[Path]:
@@ -110,7 +141,8 @@ def write_yolo(folder: Path, frames: Sequence[Frame]) -> list[Path]:
 
 
 def write_kitti(folder: Path, frames: Sequence[Frame], model: CameraModel) -> list[Path]:
-    """``kitti/SPLIT/label_2``, ``calib`` and ``image_2``, as the object benchmark has them; lenses without distortion."""
+    """``kitti/SPLIT`` with ``label_2``, ``calib``, ``image_2`` and ``image_3``, as the object benchmark has them, with
+    ``velodyne`` where there is a lidar, and ``poses.txt`` as the odometry benchmark; lenses without distortion."""
     if any(model.intrinsics.distortion):
         raise ValueError(
             f"camera model {model.name} has a distortion, which KITTI's files cannot hold; take another one"
@@ -120,23 +152,55 @@ def write_kitti(folder: Path, frames: Sequence[Frame], model: CameraModel) -> li
     right[0, 3] = -model.intrinsics.focal[0] * model.baseline
     written = []
     for frame in frames:
-        base = folder / "kitti" / frame["split"]
-        lines = [_kitti_line(label) for label in frame["labels"]]
-        written += [base / kind / f"{name_of(frame)}.txt" for kind in ("label_2", "calib")]
+        base, name = folder / "kitti" / frame["split"], name_of(frame)
+        lines = [kitti_line(label) for label in frame["labels"]]
+        written += [base / kind / f"{name}.txt" for kind in ("label_2", "calib")]
         write_text(written[-2], "".join(line + "\n" for line in lines))
-        numbers = {"P0": camera, "P1": right, "P2": camera, "P3": right, "R0_rect": np.eye(3)}
-        numbers |= {"Tr_velo_to_cam": np.eye(3, 4), "Tr_imu_to_velo": np.eye(3, 4)}
-        text = "".join(f"{name}: {' '.join(f'{x:.12e}' for x in np.ravel(each))}\n" for name, each in numbers.items())
+        numbers = {"P0": camera, "P1": right, "P2": camera, "P3": right, "R0_rect": np.eye(3)} | _transforms(frame)
+        text = "".join(f"{key}: {_numbers(each)}\n" for key, each in numbers.items())
         write_text(written[-1], text)
-        written.append(base / "image_2" / f"{name_of(frame)}.png")
-        write_bytes(written[-1], (folder / "images" / frame["split"] / f"{name_of(frame)}.png").read_bytes())
+        for kind, source, suffix in COPIES:
+            file = folder / source / frame["split"] / f"{name}{suffix}"
+            if file.exists():
+                written.append(base / kind / file.name)
+                write_bytes(written[-1], file.read_bytes())
+    for split in sorted({frame["split"] for frame in frames}):
+        written += _write_poses(folder / "kitti" / split, [frame for frame in frames if frame["split"] == split])
     return written
 
 
-def _kitti_line(label: dict[str, Any]) -> str:
+def _transforms(frame: Frame) -> dict[str, NDArray[np.float64]]:
+    """From the lidar's axes to the camera's, and from the front frame's to the lidar's; the same axes without a lidar."""
+    if "points" not in frame:
+        return {"Tr_velo_to_cam": np.eye(3, 4), "Tr_imu_to_velo": np.eye(3, 4)}
+    camera, lidar = np.array(frame["camera_to_machine"]), np.array(frame["lidar_to_machine"])
+    return {"Tr_velo_to_cam": (np.linalg.inv(camera) @ lidar)[:3], "Tr_imu_to_velo": np.linalg.inv(lidar)[:3]}
+
+
+def _write_poses(base: Path, frames: Sequence[Frame]) -> list[Path]:
+    """Poses (3, 4) of the left camera, a row a picture, in the axes of its world's first picture; instants of drives."""
+    first: dict[int, NDArray[np.float64]] = {}
+    rows = []
+    for frame in frames:
+        pose = np.array(frame["camera_to_world"])
+        begin = first.setdefault(frame["world_seed"], np.linalg.inv(pose))
+        rows.append(_numbers((begin @ pose)[:3]))
+    written = [base / "poses.txt"]
+    write_text(written[0], "".join(row + "\n" for row in rows))
+    if all("time_s" in frame for frame in frames):
+        written.append(base / "times.txt")
+        write_text(written[1], "".join(f"{frame['time_s']:.6e}\n" for frame in frames))
+    return written
+
+
+def _numbers(array: NDArray[np.float64]) -> str:
+    return " ".join(f"{x:.12e}" for x in np.ravel(array))
+
+
+def kitti_line(label: dict[str, Any]) -> str:
     """Type, truncation, occlusion in classes, alpha, box, height, width, length, location, rotation_y."""
-    x, y, z = label["location_m"]
-    length, width, height = label["size_m"]
+    x, y, z = label["camera_location_m"]
+    length, width, height = label["camera_size_m"]
     turn = label["rotation_y"]
     alpha = math.remainder(turn - math.atan2(x, z), 2.0 * math.pi)
     hidden = 0 if label["occlusion"] < 0.1 else 1 if label["occlusion"] < 0.5 else 2

@@ -7,6 +7,7 @@ objects' triangles, drawn over an empty picture; a crown's are those of
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.sensors.camera import Intrinsics, Picture
+from aoro_gym.sensors.dataset.machines import StandingMachine
 from aoro_gym.terrains.world.materials import Surface
 from aoro_gym.terrains.world.meshes import FOLIAGE, mesh
 from aoro_gym.terrains.world.objects import Boulder, Branch, Log, Object, Stump, Tree, matrix
@@ -21,7 +23,7 @@ from aoro_gym.terrains.world.world import World
 
 Array = NDArray[np.float64]
 
-CATEGORIES = ("trunk", "crown", "log", "log_end", "stump", "boulder")
+CATEGORIES = ("trunk", "crown", "log", "log_end", "stump", "boulder", "machine")
 """In the order of their numbers, from 1 in COCO and from 0 in YOLO."""
 NEAR_STEM = (1.2, 0.03)
 """Factor and margin [m] of the stem's radius within which wood of a tree is its trunk; the rest is its crown's. (E)"""
@@ -47,25 +49,41 @@ class Label:
     occlusion: float
     """Share of its silhouette in the picture that something hides."""
     size: tuple[float, float, float]
-    """Length, width and height [m] of an upright box around it, the length along logs, east otherwise."""
+    """Length, width and height [m] of an upright box around it, the length along logs and machines, east otherwise."""
     location: tuple[float, float, float]
     """Middle of that box's floor [m] in the camera's axes."""
     turn: float
     """Angle [rad] of its length about the camera's y axis: 0 to the right, as KITTI's rotation_y."""
+    camera_size: tuple[float, float, float]
+    """Length, width and height [m] of the box around it with the same turn whose height is along the camera's y axis, as
+    KITTI's readers have it."""
+    camera_location: tuple[float, float, float]
+    """Middle of that box's lower side [m] in the camera's axes."""
 
 
 class Shapes:
-    """Triangles of a world's objects by their parts, made once."""
+    """Triangles of a world's objects by their parts, made once.
 
-    def __init__(self, world: World):
-        self.world = world
+    Args:
+        world: Its objects are instances 1 to N.
+        machines: Instances N + 1 and on.
+    """
+
+    def __init__(self, world: World, machines: Sequence[StandingMachine] = ()):
+        self.world, self.machines = world, tuple(machines)
         self._known: dict[tuple[int, str], tuple[Array, NDArray[np.int64]]] = {}
+
+    def of(self, instance: int) -> Object | StandingMachine:
+        """The object, or the machine, of an instance from 1 on."""
+        objects = self.world.objects
+        return objects[instance - 1] if instance <= len(objects) else self.machines[instance - 1 - len(objects)]
 
     def part(self, instance: int, category: str) -> tuple[Array, NDArray[np.int64]]:
         """Vertices (V, 3) [m] and faces (F, 3) of a part in the world's axes."""
-        key = (instance, category)
+        one, key = self.of(instance), (instance, category)
+        if isinstance(one, StandingMachine):
+            return one.vertices, one.faces
         if key not in self._known:
-            one = self.world.objects[instance - 1]
             made = mesh(one, leaves=self.world.leaves)
             chosen = np.ones(len(made.faces), dtype=bool)
             if category in ("trunk", "crown"):
@@ -102,7 +120,7 @@ def labels(picture: Picture, shapes: Shapes, lens: Intrinsics, pose: Array, *, l
         pose: (4, 4) from the camera's axes to the world's, in the middle of the picture's exposure.
         least: Pixels.
     """
-    category = categories(picture, shapes.world, lens, pose)
+    category = categories(picture, shapes, lens, pose)
     found = []
     for instance in np.unique(picture.instance[category >= 0]):
         of_it = picture.instance == instance
@@ -113,26 +131,45 @@ def labels(picture: Picture, shapes: Shapes, lens: Intrinsics, pose: Array, *, l
     return found
 
 
-def categories(picture: Picture, world: World, lens: Intrinsics, pose: Array) -> NDArray[np.int64]:
+def categories(picture: Picture, shapes: Shapes, lens: Intrinsics, pose: Array) -> NDArray[np.int64]:
     """(H, W) number of each pixel's category, -1: none."""
     out = np.full(picture.instance.shape, -1)
-    for instance in np.unique(picture.instance[picture.instance > 0]):
-        one = world.objects[instance - 1]
-        of_it = picture.instance == instance
+    rows, columns = np.nonzero(picture.instance > 0)
+    ahead = lens.unproject(np.column_stack([columns, rows])) * picture.depth[rows, columns, None]
+    places = ahead @ pose[:3, :3].T + pose[:3, 3]
+    out[rows, columns] = part_categories(
+        picture.instance[rows, columns], picture.class_id[rows, columns], places, shapes
+    )
+    return out
+
+
+def part_categories(
+    instances: NDArray[np.integer], classes: NDArray[np.integer], places: Array, shapes: Shapes
+) -> NDArray[np.int64]:
+    """(K,) number of the category of what rays met, -1: none.
+
+    Args:
+        instances: (K,)
+        classes: (K,) surfaces.
+        places: (K, 3) [m] in the world's axes.
+        shapes: Of the world.
+    """
+    out = np.full(len(instances), -1)
+    for instance in np.unique(instances[instances > 0]):
+        one = shapes.of(int(instance))
+        of_it = instances == instance
         if isinstance(one, Branch):
             continue
         if isinstance(one, Tree):
             out[of_it] = CATEGORIES.index("crown")
-            wood = of_it & ~np.isin(picture.class_id, LEAF_SURFACES)
-            rows, columns = np.nonzero(wood)
-            ahead = lens.unproject(np.column_stack([columns, rows])) * picture.depth[rows, columns, None]
-            on_stem = _on_stem(one, ahead @ pose[:3, :3].T + pose[:3, 3])
-            out[rows[on_stem], columns[on_stem]] = CATEGORIES.index("trunk")
+            wood = np.flatnonzero(of_it & ~np.isin(classes, LEAF_SURFACES))
+            out[wood[_on_stem(one, places[wood])]] = CATEGORIES.index("trunk")
         elif isinstance(one, Log):
             out[of_it] = CATEGORIES.index("log")
-            out[of_it & (picture.class_id == Surface.END_GRAIN)] = CATEGORIES.index("log_end")
+            out[of_it & (classes == Surface.END_GRAIN)] = CATEGORIES.index("log_end")
         else:
-            out[of_it] = CATEGORIES.index({Stump: "stump", Boulder: "boulder"}[type(one)])
+            names = {Stump: "stump", Boulder: "boulder", StandingMachine: "machine"}
+            out[of_it] = CATEGORIES.index(names[type(one)])
     return out
 
 
@@ -161,9 +198,23 @@ def _label(
         occlusion = 1.0 - float(mask.sum() / silhouette.sum())
     area = (full[2] - full[0]) * (full[3] - full[1])
     inside = (min(full[2], lens.width) - max(full[0], 0.0)) * (min(full[3], lens.height) - max(full[1], 0.0))
-    size, location, turn = _box(shapes.world.objects[instance - 1], vertices, pose)
+    size, location, turn = _box(shapes.of(instance), vertices, pose)
+    camera_size, camera_location = _camera_box(own, turn)
     edges: Any = tuple(float(edge) for edge in full)
-    return Label(instance, category, mask, box, edges, 1.0 - inside / area, occlusion, size, location, turn)
+    return Label(
+        instance,
+        category,
+        mask,
+        box,
+        edges,
+        truncation=1.0 - inside / area,
+        occlusion=occlusion,
+        size=size,
+        location=location,
+        turn=turn,
+        camera_size=camera_size,
+        camera_location=camera_location,
+    )
 
 
 def _drawn(pixels: Array, faces: NDArray[np.int64], lens: Intrinsics) -> NDArray[np.bool_]:
@@ -178,9 +229,13 @@ def _drawn(pixels: Array, faces: NDArray[np.int64], lens: Intrinsics) -> NDArray
     return np.array(image)
 
 
-def _box(one: Object, vertices: Array, pose: Array) -> tuple[Any, Any, float]:
+def _box(one: Object | StandingMachine, vertices: Array, pose: Array) -> tuple[Any, Any, float]:
     """Size, location and turn of an upright box around vertices, see :class:`Label`."""
-    along = matrix(one.rotation)[:2, 2] if isinstance(one, Log) else np.array([1.0, 0.0])
+    along = np.array([1.0, 0.0])
+    if isinstance(one, Log):
+        along = matrix(one.rotation)[:2, 2]
+    elif isinstance(one, StandingMachine):
+        along = np.array([np.cos(one.heading), np.sin(one.heading)])
     along = along / max(float(np.linalg.norm(along)), 1e-9)
     across = np.array([-along[1], along[0]])
     frame = np.column_stack([vertices[:, :2] @ along, vertices[:, :2] @ across, vertices[:, 2]])
@@ -191,3 +246,13 @@ def _box(one: Object, vertices: Array, pose: Array) -> tuple[Any, Any, float]:
     heading = np.array([*along, 0.0]) @ pose[:3, :3]
     size = tuple(float(edge) for edge in high - low)
     return size, tuple(float(x) for x in location), float(-np.arctan2(heading[2], heading[0]))
+
+
+def _camera_box(own: Array, turn: float) -> tuple[Any, Any]:
+    """Size and location in the camera's axes of a box around vertices (V, 3) of these axes, see :class:`Label`."""
+    along, across = np.array([np.cos(turn), 0.0, -np.sin(turn)]), np.array([np.sin(turn), 0.0, np.cos(turn)])
+    frame = np.column_stack([own @ along, own @ across, own[:, 1]])
+    low, high = frame.min(axis=0), frame.max(axis=0)
+    middle = 0.5 * (low + high)
+    location = middle[0] * along + middle[1] * across + np.array([0.0, high[2], 0.0])
+    return tuple(float(edge) for edge in high - low), tuple(float(x) for x in location)

@@ -7,12 +7,15 @@ from dataclasses import dataclass
 from aoro_gym.checks import check_choice, check_integer, check_range
 from aoro_gym.sensors.camera import MODELS, CameraModel
 from aoro_gym.sensors.dataset.formats import FORMATS
+from aoro_gym.sensors.lidar import MODELS as LIDARS
 
+SENSORS = ("stereo", "lidar")
 FACTORS = ("light", "weather", "season", "stand", "clutter", "texture", "pose")
 """What is drawn anew: hour and clouds; fog and rain; season with its snow; species and their stand; piles and stumps;
 albedos; height and angles of the camera."""
-NEAR = ("log", "stump", "boulder")
+NEAR = ("log", "stump", "boulder", "machine")
 """Kinds of objects that cameras can be put before."""
+SPLITS = ("train", "val", "test")
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,13 @@ class DatasetSettings:
     """Which of :data:`FACTORS` stay the same."""
     near: str | None = None
     """One of :data:`NEAR` that every camera stands before; None: cameras stand anywhere."""
+    sensors: tuple[str, ...] = ("stereo",)
+    """``stereo``, and ``lidar`` beside it."""
+    lidar: str = "os1-64"
+    machines: int = 0
+    """Others that stand in every world."""
+    split: str = "train"
+    """Of all pictures where the world is given; made forests share them out."""
 
     def __post_init__(self) -> None:
         check_integer("frames", self.frames, le=1_000_000)
@@ -51,6 +61,17 @@ class DatasetSettings:
             check_choice("fixed", one, FACTORS)
         if self.near is not None:
             check_choice("near", self.near, NEAR)
+        for one in self.sensors:
+            check_choice("sensor", one, SENSORS)
+        if "stereo" not in self.sensors:
+            raise ValueError(
+                "sensor is lidar alone, but labels are a picture's; give stereo, too: --sensor stereo,lidar"
+            )
+        check_choice("lidar", self.lidar, LIDARS)
+        check_integer("machines", self.machines, ge=0, le=100)
+        if self.near == "machine" and not self.machines:
+            raise ValueError("near is machine, but machines is 0; let some stand there: --machines 2")
+        check_choice("split", self.split, SPLITS)
 
     @property
     def camera(self) -> CameraModel:

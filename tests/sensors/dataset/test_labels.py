@@ -6,24 +6,21 @@ import numpy as np
 import pytest
 from pycocotools import mask as coco_mask
 
-from aoro_gym.sensors.camera import MODELS, Appearance, CameraModel, Intrinsics, Picture, StereoCamera, daylight
+from aoro_gym.sensors.camera import MODELS, Appearance, CameraModel, Picture, StereoCamera, daylight
 from aoro_gym.sensors.dataset import CATEGORIES, Label, Shapes, labels
-from aoro_gym.sensors.dataset.formats import run_lengths
+from aoro_gym.sensors.dataset.formats import described, kitti_line, run_lengths
 from aoro_gym.sensors.dataset.labels import categories
-from aoro_gym.sensors.dataset.making import pose_of
+from aoro_gym.sensors.dataset.taking import pose_of
 from aoro_gym.sensors.lidar import Motion, Mounting
 from aoro_gym.sensors.raytrace import Scene
-from aoro_gym.terrains import Terrain
 from aoro_gym.terrains.generate.world import world
-from aoro_gym.terrains.world.objects import Boulder, Log, Stump, along, upright
+from aoro_gym.terrains.world.objects import Boulder, Stump, upright
 from aoro_gym.terrains.world.world import World
+from tests.sensors.dataset.scenes import FLAT, LENS, lying
 
 pytestmark = pytest.mark.filterwarnings(
     "ignore:__array__ implementation:DeprecationWarning"
 )  # pycocotools with numpy 2
-
-LENS = Intrinsics.of_view(240, 180, 75.0)
-FLAT = Terrain.from_heights(np.zeros((61, 61)), cell=1.0, corner=(-30.0, -30.0))
 
 
 def seen(
@@ -71,7 +68,7 @@ def forest() -> tuple[World, Picture, Any, list[Label]]:
 
 def test_masks_are_the_visible_pixels_of_their_objects(forest):
     made, picture, pose, found = forest
-    category = categories(picture, made, LENS, pose)
+    category = categories(picture, Shapes(made), LENS, pose)
     taken = np.zeros(picture.instance.shape, dtype=int)
     for label in found:
         taken += label.mask
@@ -94,13 +91,6 @@ def test_full_boxes_hold_the_visible_ones(forest):
         assert 0.0 <= label.truncation < 1.0 and 0.0 <= label.occlusion < 1.0
         if label.truncation == 0.0:
             assert u0 >= 0.0 and v0 >= 0.0 and u1 <= LENS.width and v1 <= LENS.height
-
-
-def lying() -> World:
-    stump = Stump((6.0, 1.5, 0.0), upright(), "pine", 0.3, 0.5)
-    boulder = Boulder((7.0, -1.5, 0.3), upright(), (0.7, 0.6, 0.5), 0.8, 3)
-    log = Log((9.0, -1.0, 0.2), along((0.6, 0.8, 0.0)), "spruce", 4.0, 0.2, 0.18, 0.4, 1)
-    return World(FLAT, (stump, boulder, log))
 
 
 def test_what_stands_free_is_whole_and_its_box_in_space_is_drawn_around_it():
@@ -130,6 +120,41 @@ def test_what_stands_free_is_whole_and_its_box_in_space_is_drawn_around_it():
         assert (drawn.min(axis=0) <= np.array([x0, y0]) + 1.5).all()
         assert (drawn.max(axis=0) >= np.array([x1, y1]) - 1.5).all()
     assert by_kind["log"].size[0] == pytest.approx(4.0, abs=0.05)
+
+
+def kitti_corners(line: str) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (8, 3) [m] of the 3-D box of a line of label_2, in the camera's axes, as the benchmark's own tools make them;
+    and the box in the picture (4,)."""
+    words = line.split()
+    height, width, length, *place, turn = map(float, words[8:15])
+    x = 0.5 * length * np.array([1, 1, -1, -1, 1, 1, -1, -1])
+    y = -height * np.array([0, 0, 0, 0, 1, 1, 1, 1])
+    z = 0.5 * width * np.array([1, -1, -1, 1, 1, -1, -1, 1])
+    c, s = np.cos(turn), np.sin(turn)
+    return np.column_stack([c * x + s * z, y, -s * x + c * z]) + place, np.array(words[4:8], dtype=float)
+
+
+def test_kittis_boxes_in_space_project_around_the_full_ones(forest):
+    """Every side of a box touches what it is around, so that the full box of the picture ends between the box's edge and
+    that of the side which reaches least far: up to half a pixel, as masks are whole pixels, and to the file's two digits.
+    Masks of trees hold fine twigs that their triangles lack."""
+    sides = [(0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 4, 5), (2, 3, 6, 7), (0, 3, 4, 7), (1, 2, 5, 6)]
+    compared = 0
+    for label in [*forest[3], *seen(lying(), (0.0, 0.0))[2], *seen(lying(), (0.0, 3.0), yaw=-0.3, pitch=15.0)[2]]:
+        corners, box = kitti_corners(kitti_line(described(label)))
+        np.testing.assert_allclose(box, label.box, atol=0.01)
+        if corners[:, 2].min() < 1.0 or label.category in ("trunk", "crown"):
+            continue
+        compared += 1
+        pixels = LENS.project(corners) + 0.5
+        reach = np.abs(corners[:, :2]).max() / corners[:, 2].min()
+        off = 0.02 * LENS.focal[0] * (1.0 + reach) / corners[:, 2].min() + 0.5
+        for axis in (0, 1):
+            edges = np.array([pixels[list(side), axis] for side in sides])
+            low, high = label.full_box[axis], label.full_box[axis + 2]
+            assert pixels[:, axis].min() - off <= low <= edges.max(axis=1).min() + off
+            assert edges.min(axis=1).max() - off <= high <= pixels[:, axis].max() + off
+    assert compared > 4
 
 
 def test_what_another_hides_is_hidden():

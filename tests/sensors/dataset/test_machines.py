@@ -1,0 +1,77 @@
+"""Machines that stand in a world: as the twin rests there, seen as they are, and labelled."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aoro_gym.machine import Machine
+from aoro_gym.machine.solids import machine_solids
+from aoro_gym.sensors.camera import Picture
+from aoro_gym.sensors.dataset import CATEGORIES, Shapes, labels
+from aoro_gym.sensors.dataset.labels import categories
+from aoro_gym.sensors.dataset.machines import BESIDE_PATH, StandingMachine, standing
+from aoro_gym.sensors.dataset.taking import pose_of
+from aoro_gym.sensors.lidar import Motion
+from aoro_gym.terrains.world.places import stands_free
+from aoro_gym.terrains.world.world import World
+from tests.sensors.dataset.scenes import FLAT, LENS, camera_in, lying, standing_at
+
+
+def pictured(world: World, machines: tuple[StandingMachine, ...]) -> tuple[Picture, Any]:
+    camera, motion = camera_in(world, machines), Motion.still([0.0, 0.0, 0.0])
+    truth = {name: part[0] for name, part in camera.truth(motion).items()}
+    rgb = np.zeros((*truth["depth"].shape, 3), dtype=np.uint8)
+    picture = Picture(rgb=rgb, numbers=rgb.astype(np.uint16), exposure=0.0, time=0.0, **truth)
+    return picture, pose_of(camera, motion)
+
+
+def test_it_stands_on_its_wheels():
+    """Its lowest points are the lugs, the tires' deflection below the ground, as the twin at rest has it."""
+    machine, one = Machine.load("aoro"), standing_at(3.0, -2.0, 0.7, 0.3)
+    sunk = max(float(machine.rest.deflection_front), float(machine.rest.deflection_rear))
+    assert -sunk - 0.02 < one.vertices[:, 2].min() <= 0.0
+    assert one.heading == pytest.approx(0.7, abs=1e-5)
+    np.testing.assert_allclose(one.position[:2], [3.0, -2.0], atol=1e-5)
+    count = sum(len(solid.triangles()[1]) for solid in machine_solids(machine).values())
+    assert len(one.faces) == len(one.colours) == count
+
+
+def test_its_mask_is_its_visible_pixels_and_its_boxes_hold_it():
+    world, one = lying(), standing_at(12.0, 3.0, 2.2, 0.2)
+    picture, pose = pictured(world, (one,))
+    shapes = Shapes(world, (one,))
+    found = labels(picture, shapes, LENS, pose)
+    [label] = [each for each in found if each.category == "machine"]
+    assert label.instance == 4
+    np.testing.assert_array_equal(label.mask, picture.instance == 4)
+    category = categories(picture, shapes, LENS, pose)
+    np.testing.assert_array_equal(label.mask, category == CATEGORIES.index("machine"))
+    assert label.mask.sum() > 500 and label.truncation == 0.0
+    # as long, wide and high as the machine is, which is bent: 4.4 m to 5 m, 2.5 m to 3.5 m, 2 m to 3.5 m
+    length, width, height = label.size
+    assert 4.0 < length < 5.5 and 2.4 < width < 3.6 and 2.0 < height < 3.5
+    # the pixels lie in space within the box around its triangles, up to the rounding of single precision
+    rows, columns = np.nonzero(label.mask)
+    places = LENS.unproject(np.column_stack([columns, rows])) * picture.depth[rows, columns, None]
+    in_world = places @ pose[:3, :3].T + pose[:3, 3]
+    assert (in_world >= one.vertices.min(axis=0) - 1e-3).all() and (in_world <= one.vertices.max(axis=0) + 1e-3).all()
+
+
+def test_without_machines_the_picture_is_that_of_the_world():
+    world = lying()
+    bare, _ = pictured(world, ())
+    seen, _ = pictured(world, (standing_at(12.0, 3.0, 2.2),))
+    np.testing.assert_array_equal(bare.depth[seen.instance != 4], seen.depth[seen.instance != 4])
+
+
+def test_places_are_free_and_off_the_way():
+    way = np.column_stack([np.linspace(-20.0, 20.0, 81), np.zeros(81)])
+    found = standing(World(FLAT), 3, np.random.default_rng(5), way=way)
+    assert len(found) == 3
+    for number, one in enumerate(found):
+        assert np.linalg.norm(way - one.position[:2], axis=1).min() >= BESIDE_PATH
+        others = np.array([[*other.position[:2], 2.5] for k, other in enumerate(found) if k != number])
+        assert stands_free(others, one.position[None, :2], np.array([one.heading]), np.zeros(1)).all()
+    again = standing(World(FLAT), 3, np.random.default_rng(5), way=way)
+    np.testing.assert_array_equal(again[2].vertices, found[2].vertices)
