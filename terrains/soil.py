@@ -50,7 +50,7 @@ _NAMES = {"n": "exponent", "friction_angle": "friction_angle_deg"}
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Soil:
-    """A soil by Bekker's, Wong's and Janosi's parameters; every field but the last two is a scalar, or an (N,) array
+    """A soil by Bekker's, Wong's and Janosi's parameters; every field but the last three is a scalar, or an (N,) array
     with one value a twin.
 
     The laws stand in ``aoro_gym/twin/physics/soil.py``. Raises ``ValueError`` naming the field, its value and its bound.
@@ -80,6 +80,8 @@ class Soil:
     """γ [N/m³], for the push on a tire's flank."""
     cell: float = 0.1
     """Distance [m] of the nodes that remember the ruts, in [0.05, 0.2]."""
+    name: str = "soil"
+    """What tables and pictures call it."""
     tiles: int = 1024
     """Places for tiles of 8 × 8 nodes that each twin has, a power of two in [64, 65536]; three quarters of them can be
     taken. Each costs 260 bytes, and 5 of them last for a metre of fresh track of both sides."""
@@ -140,10 +142,28 @@ class Soil:
             check_choice("field of a soil", field, known)
         states = _file()[name]["states"]
         values = states[0] if moisture is None else _between(name, states, moisture)
-        si: dict[str, Any] = {
+        si: dict[str, Any] = {"name": name} | {
             _NAMES.get(key, key): value * _UNITS.get(key, 1e3) for key, value in values.items() if key != "moisture"
         }
         return cls(**(si | others))
+
+    @classmethod
+    def named(cls, text: str) -> Soil:
+        """The preset that a ``text`` names, as ``"clay"`` or with its moisture as ``"clay:0.3"``.
+
+        Raises ValueError if there is none.
+        """
+        name, _, water = text.partition(":")
+        try:
+            moisture = float(water) if water else None
+        except ValueError:
+            raise ValueError(f"soil is {text!r}, but its moisture {water!r} must be a number, as in clay:0.3") from None
+        return cls.preset(name, moisture)
+
+    def to_json(self) -> dict[str, Any]:
+        """Its fields, arrays as lists."""
+        values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()}
 
     @property
     def tan_phi(self) -> NDArray[np.float64] | float:
@@ -163,8 +183,8 @@ def preset_table() -> list[dict[str, Any]]:
 def _between(name: str, states: Sequence[Mapping[str, float]], moisture: float) -> dict[str, float]:
     """Values of a preset at a ``moisture`` between two that were measured."""
     if len(states) < 2:
-        raise ValueError(f"moisture is {moisture:g}, but {name} was measured at one only; drop it")
-    check_range("moisture", moisture, ge=states[0]["moisture"], le=states[-1]["moisture"], note=f" for {name}")
+        raise ValueError(f"soil moisture is {moisture:g}, but {name} was measured at one only; drop it")
+    check_range("soil moisture", moisture, ge=states[0]["moisture"], le=states[-1]["moisture"], note=f" for {name}")
     at = [state["moisture"] for state in states]
     out = {}
     for key in states[0]:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from aoro_gym.simulation.manoeuvres import Manoeuvre
     from aoro_gym.simulation.plots import Section
     from aoro_gym.terrains import Plane
+    from aoro_gym.terrains.soil import Soil
     from aoro_gym.terrains.world.world import World
     from aoro_gym.twin import Twin
 
@@ -44,6 +45,12 @@ SlopeDirectionOption = Annotated[
 ]
 FrictionOption = Annotated[float, option("--terrain-friction", "FACTOR", "Tire friction against dry asphalt.")]
 RollingOption = Annotated[float, option("--terrain-rolling", "FACTOR", "Rolling resistance against asphalt.")]
+SoilOption = Annotated[
+    str | None,
+    option(
+        "--soil", "NAME[:WATER]", "Soft ground: peat, moraine, snow, sand, sandy_loam, clay or loam. Default: hard."
+    ),
+]
 IdealOption = Annotated[
     bool, option("--ideal-sensors", None, "Measured columns without noise, zero error and quantiser.")
 ]
@@ -59,6 +66,7 @@ def simulate(
     slope_direction: SlopeDirectionOption = 0.0,
     friction: FrictionOption = 1.0,
     rolling: RollingOption = 1.0,
+    soil: SoilOption = None,
     world: WorldOption = None,
     start: StartOption = None,
     ideal: IdealOption = False,
@@ -85,6 +93,9 @@ def simulate(
     and numbers of the objects, a table tells what was touched. It starts at --start, by default at the free place
     nearest to the middle.
 
+    On --soil wheels sink in, and the next ones in their ruts sink less. clay:0.3 has 30 % of water by dry mass. The log gets
+    sinkages, rut depths and the soil's resistance, a table the ruts, LOG_ruts.png shows them.
+
     [bold]Examples[/]
 
       aoro-gym simulate --manoeuvre left --out turn.csv
@@ -93,23 +104,24 @@ def simulate(
       aoro-gym simulate --manoeuvre left --scale steering.valve.spool_time_constant=5 --out slow_spool.csv
       aoro-gym simulate --manoeuvre left --laws library --out library.csv
       aoro-gym simulate --manoeuvre drive --world forest --start -10 14 225 --duration 20 --out stopped.csv
+      aoro-gym simulate --manoeuvre drive --soil peat --duration 12 --out mire.csv
       aoro-gym simulate --manoeuvre my_commands.csv --start-angle 10 --out mine.csv
     """
     with checking_input():
         from aoro_gym.simulation import output
-        from aoro_gym.simulation.contacts import contact_table
         from aoro_gym.simulation.named import named_manoeuvre
         from aoro_gym.twin import Twin
 
         output.check_output(out, manoeuvre)
         run = options.run_spec(machine, set_, scale, device, seed, laws=laws, ideal=ideal)
         chosen = options.load(run)
+        made_of = _soil(soil, world, device)
         terrain = _ground(world, slope, slope_direction, friction, rolling)
         place = _place(terrain, start)
         plan = named_manoeuvre(
             manoeuvre, chosen, signal=signal, duration=duration, start_angle=start_angle, warn=terminal.warn
         )
-        twin = Twin(machine=chosen, terrain=terrain, device=device)
+        twin = Twin(machine=chosen, terrain=terrain, soil=made_of, device=device)
         if world is not None:
             twin.set_ground([0], friction=friction, rolling_resistance=rolling)
         twin.reset(position=place[:2], heading=place[2], joint_angle=plan.start_angle)
@@ -117,12 +129,24 @@ def simulate(
     section = simulated(twin, plan, place)
     with running():
         written = output.write(section, twin, out, run)
+    conclude(out.with_suffix(".json"), _tables(section, twin), written, json_to=json_to)
+
+
+def _tables(section: Section, twin: Twin) -> list[Any]:
+    """What is shown of a recording: key figures, and what the machine touched or pressed."""
+    from aoro_gym.simulation import output
+    from aoro_gym.simulation.contacts import contact_table
+    from aoro_gym.simulation.ruts import rut_figures, rut_table
+    from aoro_gym.terrains.world.world import World
+
     shown: list[Any] = [output.figure_table(section)]
-    if plan.turn and section.figures["turn_time_s"] is None:
+    if section.recording.manoeuvre.turn and section.figures["turn_time_s"] is None:
         shown.append("The turn did not reach its stop, so it has no key figures; a longer --duration may help.")
-    if world is not None:
+    if isinstance(twin.terrain, World):
         shown.append(contact_table(output.touched(section.recording, twin)))
-    conclude(out.with_suffix(".json"), shown, written, json_to=json_to)
+    if twin.soil is not None:
+        shown.append(rut_table(rut_figures(twin.rut_raster())))
+    return shown
 
 
 def simulated(twin: Twin, manoeuvre: Manoeuvre, place: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Section:
@@ -160,6 +184,25 @@ def _ground(folder: Path | None, slope: float, direction: float, friction: float
     ground = load_ground(None, folder)
     assert isinstance(ground, World)
     return ground
+
+
+def _soil(name: str | None, world: Path | None, device: str) -> Soil | None:
+    """What the ground is made of by the value of --soil, in a --world and on a --device that may not go with it."""
+    from aoro_gym.execution.device_names import SIMD
+    from aoro_gym.terrains.soil import Soil
+
+    if name is None:
+        return None
+    if world is not None:
+        raise ValueError(
+            f"--soil {name} is for planes, and --world {world} has solid objects and its own ground; drop one"
+        )
+    if device == SIMD:
+        raise ValueError(f"--device {SIMD} cannot run twins on --soil {name}; take cpu")
+    try:
+        return Soil.named(name)
+    except ValueError as error:
+        raise ValueError(f"--{error}") from None
 
 
 def _place(ground: Plane | World, start: tuple[float, float, float] | None) -> tuple[float, float, float]:

@@ -42,9 +42,9 @@ _UNITS: list[tuple[str, str, float]] = [
     (r"wheel_rate" + _CORNER, "rad_per_s", 1.0),
     (r"(joint|yaw|pitch|roll)_rate", "deg_per_s", DEGREE),
     (r"joint_angle|arm_angle" + _CORNER + "|roll|pitch|yaw", "deg", DEGREE),
-    (r"position_[xyz]", "m", 1.0),
+    (r"position_[xyz]|(sinkage|rut_depth)" + _CORNER, "m", 1.0),
     (r"speed", "m_per_s", 1.0),
-    (r"wheel_load" + _CORNER + "|hull_force|object_force_[xyz]_.*", "kN", 1e3),
+    (r"wheel_load" + _CORNER + "|hull_force|object_force_[xyz]_.*|soil_resistance" + _CORNER, "kN", 1e3),
 ]
 
 _MEASURED: list[tuple[str, str, float]] = [

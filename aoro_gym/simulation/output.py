@@ -18,6 +18,7 @@ from aoro_gym.simulation.key_figures import recording_figures
 from aoro_gym.simulation.log import IDEAL, NOISY, check_log_path, log_columns, write_log
 from aoro_gym.simulation.manoeuvres import Manoeuvre, Trajectory, run
 from aoro_gym.simulation.plots import Section, write_html, write_png
+from aoro_gym.simulation.ruts import rut_figures, write_ruts
 from aoro_gym.terrains import Plane
 from aoro_gym.terrains.world.world import World
 from aoro_gym.twin import Twin
@@ -71,6 +72,11 @@ def write(section: Section, twin: Twin, out: Path, spec: RunSpec, *, page: bool 
     results: dict[str, Any] = {**about, "figures": dict(section.figures)}
     if isinstance(twin.terrain, World):
         results["contacts"] = touched(section.recording, twin)
+    if twin.soil is not None:
+        ruts = twin.rut_raster()
+        results["ruts"] = rut_figures(ruts)
+        written.append(out.with_name(f"{out.stem}_ruts.png"))
+        write_ruts(written[-1], ruts, section.recording, twin.soil.name.replace("_", " "))
     write_json(out.with_suffix(".json"), with_nulls(results))
     write_png(out.with_suffix(".png"), section)
     written += [out.with_suffix(".json"), out.with_suffix(".png")]
@@ -94,6 +100,7 @@ def manifest(recording: Trajectory, twin: Twin, spec: RunSpec) -> dict[str, Any]
         # not ``units.RPM``: pi / 30 rounded first gives other last bits
         "engine_speed_rpm": float(twin.machine.engine.set_speed) * 30.0 / math.pi,
         **_ground(twin.terrain, recording),
+        **({} if twin.soil is None else {"soil": twin.soil.to_json()}),
         "machine": spec.machine.to_json(),
         "simulation": {
             "aoro_gym": VERSION,

@@ -139,6 +139,11 @@ def panels(recording: Trajectory) -> list[Panel]:
             Panel("Pendulum arms", "°, wheel up positive", _corners("arm_angle", DEGREE)),
             Panel("Wheel loads", "kN", _corners("wheel_load", 1e3), from_zero=True),
         ]
+    if "sinkage_fl" in recording:
+        drawn += [
+            Panel("Sinkage", "cm", _corners("sinkage", 0.01), from_zero=True),
+            Panel("Resistance of the soil", "kN", _corners("soil_resistance", 1e3), from_zero=True),
+        ]
     return drawn
 
 

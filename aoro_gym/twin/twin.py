@@ -108,7 +108,7 @@ class Twin:
             :class:`~aoro_gym.terrains.world.world.World` push back.
         ground: How twins feel a terrain: ``"raster"`` (fastest) or ``"mesh"`` (its very triangles, below overhangs).
         cell: Distance of the raster's nodes [m].
-        soil: What the ground is made of, where it is soft: a preset's name (:data:`~aoro_gym.terrains.soil.PRESETS`) or a
+        soil: What the ground is made of, where it is soft: a preset's name (:meth:`~aoro_gym.terrains.soil.Soil.named`) or a
             :class:`~aoro_gym.terrains.soil.Soil`; hard by default. Everywhere alike, on roads, too, and without solid
             objects.
         own_machines: Keep a machine record for every twin even if all start alike, so that :meth:`set_machines` can
@@ -655,7 +655,7 @@ def _checked_soil(soil: str | Soil | None, simd: bool) -> Soil | None:
     """The soil of a twin, from its name; ValueError on lanes of a core."""
     if simd and soil is not None:
         raise ValueError(f"device is {SIMD!r}, but lanes cannot run twins on soil; take device='cpu'")
-    return Soil.preset(soil) if isinstance(soil, str) else soil
+    return Soil.named(soil) if isinstance(soil, str) else soil
 
 
 def _channel_row(channels: tuple[str, ...], name: Any) -> int:

@@ -167,6 +167,36 @@ def test_simulate_in_a_world_refuses(clearing, options, message, tmp_path):
     check_refused(f"simulate -m drive --world {clearing} {options} --out {tmp_path / 'log.csv'}", message)
 
 
+def test_simulate_on_soil_logs_and_draws_the_ruts(tmp_path):
+    out = tmp_path / "mire.csv"
+    shown = call("simulate", "-m", "drive", "--soil", "peat", "--duration", "2", "--out", out)
+    assert shown.exit_code == 0 and "Ruts" in shown.stdout
+    table = read_table(out)
+    assert 0.1 < table["true_sinkage_fl_m"].max() < 0.3
+    assert table["true_rut_depth_fl_m"][-1] < table["true_sinkage_fl_m"][-1]
+    assert table["true_soil_resistance_fl_kN"][-1] > 0.5
+    ruts = json.loads(out.with_suffix(".json").read_text())["ruts"]
+    assert 0.1 < ruts["rut_depth_mean_m"] < ruts["rut_depth_max_m"] < 0.3
+    assert ruts["rut_volume_m3"] == pytest.approx(ruts["rut_depth_mean_m"] * ruts["rut_area_m2"], rel=0.02)
+    assert tomllib.loads(out.with_suffix(".toml").read_text())["soil"]["name"] == "peat"
+    assert (tmp_path / "mire_ruts.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ("--soil mud", "--soil is 'mud'; choose one of: peat"),
+        ("--soil clay:0.5", "--soil moisture is 0.5, but must be in [0.25, 0.4] for clay"),
+        ("--soil peat:0.5", "--soil moisture is 0.5, but peat was measured at one only"),
+        ("--soil clay:wet", "its moisture 'wet' must be a number, as in clay:0.3"),
+        ("--soil peat --world forest", "--soil peat is for planes, and --world forest"),
+        ("--soil peat --device cpu:simd", "--device cpu:simd cannot run twins on --soil peat; take cpu"),
+    ],
+)
+def test_simulate_on_soil_refuses(options, message, tmp_path):
+    check_refused(f"simulate -m drive {options} --out {tmp_path / 'log.csv'}", message)
+
+
 def test_seed_draws_the_noise(turn, tmp_path):
     slow = "steering.valve.spool_time_constant=2"
     other = tmp_path / "other.csv"
