@@ -300,7 +300,14 @@ def _twins(
     count = len(machines)
     chooses = any(not one.laws.default for one in machines)
     twin = Twin(
-        count, machine=machines[0], terrain=land, ground=ground, own_machines=True, choose_laws=chooses, threads=1
+        count,
+        machine=machines[0],
+        terrain=land,
+        ground=ground,
+        own_machines=True,
+        carry_load=any(one.loaded for one in machines),
+        choose_laws=chooses,
+        threads=1,
     )
     for i, one in enumerate(machines):
         twin.set_machines([i], one)

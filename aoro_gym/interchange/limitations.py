@@ -134,6 +134,8 @@ def _of_machine(machine: Machine) -> Sequence[Limitation]:
     found = []
     if float(machine.joint.backlash) > 0.0:
         found.append(Limitation("joint", "free play between cylinders and frames", "no play"))
+    if machine.loaded:
+        found.append(Limitation("load", "logs that slide in their bunk", "a load fixed to the rear frame"))
     if not machine.laws.default:
         found.append(
             Limitation(

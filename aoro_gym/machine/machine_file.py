@@ -39,7 +39,7 @@ _HEADER = """\
 #             R   recalled from catalogues or textbooks, not verified
 #             E   engineering estimate
 #             C   calibrated: found by fitting the twin
-#   role    fixed     known hardware
+#   role    fixed     known hardware, or what lies in the bunk
 #           nuisance  uncertain: a calibration may move it
 #           effect    moved by an effect of the catalogue only
 #           both      uncertain, and moved by effects too: within 2 % once the machine is commissioned
@@ -57,6 +57,7 @@ _HEADER = """\
 # S26 Johnston, Drew & Longmore, dynamic modulus of hoses, J. Vib. Acoust. 132, 2010, 021011
 # S27 Hydraulic fluids, lecture text
 # S29 Precision Mining, rolling-resistance appendix
+# S39 Repola, Heikkinen & Lindblad, green density of pulpwood, Silva Fennica 55(4), 2021, 10539 (abstract)
 """
 
 _OVERLAY_HEADER = """\
@@ -70,6 +71,9 @@ have fixed it, and from day to day it wanders by no more. What leaves it is an e
 
 DATA_SHEET = "aoro_datasheet"
 """The bundled machine whose file is complete."""
+
+PAYLOAD = "payload."
+"""Beginning of the keys of what lies in the bunk."""
 
 LONGEST_CHAIN = 8
 """Files that may stand on each other as bases."""
@@ -126,7 +130,8 @@ def bundled_machines() -> list[str]:
 def read_machine(name_or_path: str | PathLike[str]) -> tuple[str, dict[str, Parameter], Laws]:
     """Name, parameters by dotted key, and laws, as written: neither units, bounds nor completeness are checked here.
 
-    A file that says nothing of the parameters of some law (role ``law``) has those of the bundled data sheet.
+    A file that says nothing of the parameters of some law (role ``law``), or of the load, has those of the bundled data
+    sheet.
 
     Raises FileNotFoundError, or ValueError that names the file if it is not TOML or a table lacks a field.
     """
@@ -145,7 +150,7 @@ def _merged(path: Path, overlays: int = 0) -> tuple[dict[str, Mapping[str, Any]]
     if not isinstance(laws, Mapping):
         raise ValueError(f"laws = {_echo(laws)}: must be a table [laws] with a family, or an option by law")
     if base is None:
-        return {**_law_parameters(), **dict(_tables(document))}, dict(laws)
+        return {**_usual_parameters(), **dict(_tables(document))}, dict(laws)
     if not isinstance(base, str):
         raise ValueError(f"base = {_echo(base)}: must be the name of a machine or a file that ends in .toml, as text")
     if overlays >= LONGEST_CHAIN:
@@ -161,9 +166,10 @@ def _merged(path: Path, overlays: int = 0) -> tuple[dict[str, Mapping[str, Any]]
 
 
 @cache
-def _law_parameters() -> dict[str, Mapping[str, Any]]:
-    """Tables of the data sheet's parameters of the role ``law``."""
-    return {key: table for key, table in _tables(read_toml(_file_of(DATA_SHEET))) if table["role"] == "law"}
+def _usual_parameters() -> dict[str, Mapping[str, Any]]:
+    """Tables of the data sheet's parameters of the role ``law``, and of its load: an empty bunk."""
+    tables = _tables(read_toml(_file_of(DATA_SHEET)))
+    return {key: table for key, table in tables if table["role"] == "law" or key.startswith(PAYLOAD)}
 
 
 def _beside(path: Path, base: str) -> str | Path:

@@ -21,7 +21,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.checks import check_integer, check_range
 from aoro_gym.machine.laws import Laws, drawn_laws, family
-from aoro_gym.machine.machine_file import Parameter, naming, read_machine, write_machine
+from aoro_gym.machine.machine_file import PAYLOAD, Parameter, naming, read_machine, write_machine
+from aoro_gym.machine.pile import MOST_LOGS
 from aoro_gym.machine.quantities import UNITS, Declaration, Quantity, as_quantity, with_unit
 from aoro_gym.machine.rest import Corner, RestPose, composite_corner, rest_pose
 from aoro_gym.machine.sections import (
@@ -33,6 +34,7 @@ from aoro_gym.machine.sections import (
     Hull,
     Joint,
     Oil,
+    Payload,
     Steering,
     Tire,
     Wheel,
@@ -104,6 +106,7 @@ class Machine:
     steering: Steering
     driveline: Driveline
     engine: Engine
+    payload: Payload
     laws: Laws = field(default_factory=Laws)
     """Which law each component obeys."""
 
@@ -334,13 +337,15 @@ class Machine:
 
     @property
     def identity(self) -> dict[str, dict[str, Any]]:
-        """All that results follow from, by key: values and ranges in SI, and roles; neither name nor notes."""
-        size = {key: UNITS[entry.unit][1] for key, entry in self.entries.items()}
+        """All that results follow from, by key: values and ranges in SI, and roles; neither name nor notes, nor the bunk of
+        a machine without a load."""
+        entries = {key: one for key, one in self.entries.items() if self.loaded or not key.startswith(PAYLOAD)}
+        size = {key: UNITS[entry.unit][1] for key, entry in entries.items()}
         known = {} if self.laws.default else {"laws": self.laws.names}
         return known | {
-            "value": {key: entry.si for key, entry in self.entries.items()},
-            "range": {key: [limit * size[key] for limit in entry.range] for key, entry in self.entries.items()},
-            "role": {key: entry.role for key, entry in self.entries.items()},
+            "value": {key: entry.si for key, entry in entries.items()},
+            "range": {key: [limit * size[key] for limit in entry.range] for key, entry in entries.items()},
+            "role": {key: entry.role for key, entry in entries.items()},
         }
 
     @cached_property
@@ -350,8 +355,13 @@ class Machine:
 
     @property
     def mass(self) -> Quantity:
-        """Whole machine [kg]."""
-        return self.frame.front.mass + self.frame.rear.mass + 4.0 * self.corner.mass
+        """Whole machine with its load [kg]."""
+        return self.frame.front.mass + self.frame.rear.mass + 4.0 * self.corner.mass + self.payload.mass
+
+    @property
+    def loaded(self) -> bool:
+        """Whether there are logs in the bunk of any variant."""
+        return bool(np.any(np.greater(self.payload.count, 0.0)))
 
     @cached_property
     def corner(self) -> Corner:
@@ -361,7 +371,7 @@ class Machine:
     @cached_property
     def rest(self) -> RestPose:
         """Static pose on level ground."""
-        return rest_pose(self.frame, self.arm, self.tire, self.corner)
+        return rest_pose(self.frame, self.arm, self.tire, self.corner, self.payload)
 
     def _entry(self, key: str) -> Parameter:
         try:
@@ -505,6 +515,7 @@ Rule = tuple[Any, list[str], str]
 def rules(machine: Machine) -> Iterator[Rule]:
     """What must hold between parameters; a rule may need all those before it."""
     yield from _component_rules(machine)
+    yield from _payload_rules(machine)
     yield from _closure_rules(machine)
 
 
@@ -568,6 +579,21 @@ def _component_rules(machine: Machine) -> Iterator[Rule]:
         )
 
 
+def _payload_rules(machine: Machine) -> Iterator[Rule]:
+    """What must hold of the logs in the bunk."""
+    load = machine.payload
+    yield (
+        np.less_equal(load.count, MOST_LOGS),
+        [f"{PAYLOAD}count"],
+        f"a bunk holds at most {MOST_LOGS} logs; lower {PAYLOAD}count",
+    )
+    yield (
+        np.greater_equal(load.bunk_width, 2.0 * np.asarray(load.diameter)),
+        [f"{PAYLOAD}bunk_width", f"{PAYLOAD}diameter"],
+        f"two logs lie side by side in the bunk; lower {PAYLOAD}diameter",
+    )
+
+
 def _closure_rules(machine: Machine) -> Iterator[Rule]:
     """What must hold between components: linkages close, wheels keep clear and stand on the ground."""
     frame, arm, tire = machine.frame, machine.arm, machine.tire
@@ -597,25 +623,27 @@ def _closure_rules(machine: Machine) -> Iterator[Rule]:
             f"the wheels would meet at full articulation; lengthen frame.{half}.axle_distance",
         )
     rest = machine.rest
+    or_lighten = f", or lighten the load ({PAYLOAD}count)" if machine.loaded else ""
     yield (
         np.isfinite(rest.arm_angle_rear),
         ["arm.rest_angle", "arm.length", "tire.radius", "tire.stiffness"],
-        "the rear wheels cannot reach the ground at rest; move arm.rest_angle toward level or raise tire.stiffness",
+        "the rear wheels cannot reach the ground at rest; move arm.rest_angle toward level or raise tire.stiffness"
+        + or_lighten,
     )
     yield (
         np.greater(rest.wheel_load_front, 0.0) & np.greater(rest.wheel_load_rear, 0.0),
         [f"frame.{half}.{name}" for half in ("front", "rear") for name in ("cog_offset", "axle_distance")],
-        "the centre of gravity lies between the axles; move it with a cog_offset",
+        "the centre of gravity lies between the axles; move it with a cog_offset" + or_lighten,
     )
     yield (
         np.less(rest.deflection_front, tire.radius) & np.less(rest.deflection_rear, tire.radius),
         ["tire.stiffness", "tire.radius"],
-        "the load would crush the tires; raise tire.stiffness",
+        "the load would crush the tires; raise tire.stiffness" + or_lighten,
     )
     yield (
         np.less(np.abs(rest.arm_angle_front), arm.swing) & np.less(np.abs(rest.arm_angle_rear), arm.swing),
         ["arm.rest_angle", "arm.swing"],
-        "the wheels stand on the ground within the arms' swing; move arm.rest_angle toward level",
+        "the wheels stand on the ground within the arms' swing; move arm.rest_angle toward level" + or_lighten,
     )
     yield (
         np.greater_equal(rest.bore_pressure_front, 0.0) & np.greater_equal(rest.bore_pressure_rear, 0.0),

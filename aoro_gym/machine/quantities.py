@@ -22,6 +22,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "1": ("1", 1.0),
     "kg": ("kg", 1.0),
     "kg*m^2": ("kg*m^2", 1.0),
+    "kg/m^3": ("kg/m^3", 1.0),
     "m": ("m", 1.0),
     "mm": ("m", 1e-3),
     "rad": ("rad", 1.0),

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aoro_gym.machine.quantities import Quantity, as_quantity
-from aoro_gym.machine.sections import Arm, Frame, Tire, Wheel
+from aoro_gym.machine.sections import Arm, Frame, Payload, Tire, Wheel
 from aoro_gym.units import GRAVITY
 
 _CONVERGED = 1e-14  # [rad] change of the rear arm angle in one iteration
@@ -71,25 +71,33 @@ def composite_corner(arm: Arm, wheel: Wheel, track: Quantity) -> Corner:
     )
 
 
-def rest_pose(frame: Frame, arm: Arm, tire: Tire, corner: Corner) -> RestPose:
-    """Rest pose of a machine of two frames and four corners.
+def rest_pose(frame: Frame, arm: Arm, tire: Tire, corner: Corner, payload: Payload) -> RestPose:
+    """Rest pose of a machine of two frames and four corners with a load on the rear frame.
 
     The front arms' angle is given and sets the frames' height; the rear arms' angle follows from it and from the
     difference of tire deflections. Loads depend on that angle through the wheels' position, weakly (below 0.01 rad per
     rad), so iterating converges in a few rounds.
 
     Where the rear wheels cannot reach the ground, or the iteration finds no pose, the rear arms' angle is NaN.
+
+    Args:
+        frame: Both frames.
+        arm: Each of the four.
+        tire: Likewise.
+        corner: Likewise.
+        payload: In the middle of its bunk.
     """
     front, rear = arm.rest_angle, arm.rest_angle
     pivot_front = frame.front.axle_distance - arm.length
     pivot_rear = frame.rear.axle_distance - arm.length
-    weight = GRAVITY * (frame.front.mass + frame.rear.mass + 4.0 * corner.mass)
+    weight = GRAVITY * (frame.front.mass + frame.rear.mass + 4.0 * corner.mass + payload.mass)
     for _ in range(_MAX_ITERATIONS):
         wheel_front = pivot_front + arm.length * np.cos(front)
         wheel_rear = pivot_rear + arm.length * np.cos(rear)
         moment = GRAVITY * (
             frame.front.mass * frame.front.cog_x
             + frame.rear.mass * frame.rear.cog_x
+            + payload.mass * payload.cog_x
             + 2.0 * corner.mass * (pivot_front + corner.rho * np.cos(front) - pivot_rear - corner.rho * np.cos(rear))
         )
         load_front = 0.5 * (moment + weight * wheel_rear) / (wheel_front + wheel_rear)

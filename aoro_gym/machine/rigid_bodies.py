@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.machine.parameters import Machine
-from aoro_gym.machine.sections import HalfFrame
+from aoro_gym.machine.sections import HalfFrame, Payload
 from aoro_gym.recording.commands import WHEELS
 
 Vector = NDArray[np.float64]
@@ -96,6 +96,9 @@ def rest_angles(machine: Machine) -> dict[str, float]:
 
 def _frame(machine: Machine, name: str, section: HalfFrame) -> Body:
     clearance, base = float(machine.frame.ground_clearance), name == BASE
+    mass, centre, inertia = float(section.mass), _cog(section), _principal(section)
+    if not base and machine.loaded:
+        mass, centre, inertia = _joined((mass, centre, inertia), machine.payload)
     size = np.array([section.hull_length, section.hull_width, section.hull_height], dtype=np.float64)
     return Body(
         name=name,
@@ -104,11 +107,30 @@ def _frame(machine: Machine, name: str, section: HalfFrame) -> Body:
         place=np.zeros(3),
         axis=np.array([0.0, 0.0, -1.0]),
         limit=math.inf if base else float(machine.joint.range),
-        mass=float(section.mass),
-        centre=np.array([section.cog_x, 0.0, section.cog_height], dtype=np.float64),
-        inertia=np.diag([float(section.inertia_xx), float(section.inertia_yy), float(section.inertia_zz)]),
+        mass=mass,
+        centre=centre,
+        inertia=inertia,
         shape=Box(np.array([float(section.cog_x), 0.0, clearance + 0.5 * size[2]]), size),
     )
+
+
+def _cog(part: HalfFrame | Payload) -> Vector:
+    """CoG [m] of a frame or of the load, in the frame's axes."""
+    return np.array([part.cog_x, 0.0, part.cog_height], dtype=np.float64)
+
+
+def _principal(part: HalfFrame | Payload) -> Vector:
+    """Inertia (3, 3) [kg m²] about the CoG."""
+    return np.diag([float(part.inertia_xx), float(part.inertia_yy), float(part.inertia_zz)])
+
+
+def _joined(frame: tuple[float, Vector, Vector], load: Payload) -> tuple[float, Vector, Vector]:
+    """Mass, CoG and inertia of a frame with the load in the middle of its bunk (parallel axes)."""
+    mass, centre, inertia = frame
+    carried = float(load.mass)
+    apart, reduced = _cog(load) - centre, mass * carried / (mass + carried)
+    inertia = inertia + _principal(load) + reduced * (apart @ apart * np.eye(3) - np.outer(apart, apart))
+    return mass + carried, centre + carried / (mass + carried) * apart, inertia
 
 
 def _corner(machine: Machine, name: str, section: HalfFrame) -> tuple[Body, Body]:

@@ -11,6 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from aoro_gym.machine.linkage import Linkage, close_linkage
+from aoro_gym.machine.pile import Pile, pile_of
 from aoro_gym.machine.quantities import (
     Quantity,
     efficiency,
@@ -612,3 +613,60 @@ class Engine:
     torque_time_constant: Quantity = positive("s")
     smoke_rate: Quantity = positive("N*m/s")
     torque: TorqueCurve
+
+
+# --- load ---
+
+
+@section
+class Payload:
+    """Logs in a bunk on the rear frame, alike and lengthwise; none by default."""
+
+    count: Quantity = non_negative("1")  # of logs; 0: the bunk is empty
+    length: Quantity = positive("m")
+    diameter: Quantity = positive("m")
+    density: Quantity = positive("kg/m^3")  # green, with bark
+    distance: Quantity = finite("m")  # of the logs' middle behind the hinge
+    bunk_height: Quantity = positive("m")  # of its floor over the design ground plane
+    bunk_width: Quantity = positive("m")  # between the stakes
+    friction: Quantity = non_negative("1")  # of the logs in the bunk
+    presliding_distance: Quantity = positive("m")  # way after which friction is all there, at a load's own weight
+    presliding_damping: Quantity = non_negative("1")  # ratio of that spring's damping to the critical one
+    slide_range: Quantity = non_negative("m")  # to headboard and gate from the middle; 0: the load is fixed
+    stop_stiffness: Quantity = positive("N/m")  # of headboard and gate
+    stop_damping: Quantity = non_negative("N*s/m")
+
+    @cached_property
+    def pile(self) -> Pile:
+        """Mass, height and inertia of the pile."""
+        return pile_of(self.count, self.length, self.diameter, self.density, self.bunk_width)
+
+    @property
+    def mass(self) -> Quantity:
+        """All logs [kg]."""
+        return self.pile.mass
+
+    @property
+    def cog_x(self) -> Quantity:
+        """CoG from the hinge [m], forward positive."""
+        return -self.distance
+
+    @property
+    def cog_height(self) -> Quantity:
+        """CoG over the design ground plane [m]."""
+        return self.bunk_height + self.pile.cog_height
+
+    @property
+    def inertia_xx(self) -> Quantity:
+        """About the CoG [kg m²]."""
+        return self.pile.inertia_xx
+
+    @property
+    def inertia_yy(self) -> Quantity:
+        """About the CoG [kg m²]."""
+        return self.pile.inertia_yy
+
+    @property
+    def inertia_zz(self) -> Quantity:
+        """About the CoG [kg m²]."""
+        return self.pile.inertia_zz

@@ -10,11 +10,13 @@ import numpy as np
 
 from aoro_gym.machine.kinematics import Kinematics
 from aoro_gym.machine.parameters import Machine
+from aoro_gym.machine.pile import rows as pile_rows
 from aoro_gym.machine.rigid_bodies import Strut, Tire
 from aoro_gym.machine.solid import Points, Solid
 from aoro_gym.recording.commands import WHEELS
 
 PAINT, PAINT_DARK, IRON, CHROME = (0.95, 0.66, 0.13), (0.78, 0.50, 0.08), (0.30, 0.34, 0.38), (0.72, 0.76, 0.79)
+WOOD = (0.55, 0.40, 0.26)
 TIRE, LUG, RIM, GLASS, WHITE = (
     (0.13, 0.14, 0.15),
     (0.21, 0.22, 0.23),
@@ -69,9 +71,11 @@ def front_frame(machine: Machine) -> Solid:
 
 
 def rear_frame(machine: Machine) -> Solid:
-    """Rear frame: chassis, the engine's hood with its grilles, the exhaust."""
+    """Rear frame: chassis, the engine's hood with its grilles, the exhaust; or the bunk with its logs."""
     out, half = Solid(), machine.frame.rear
     inner, outer, width, floor, top = _hull(machine, half, -1.0)
+    if first_value(machine.payload.count) > 0.0:
+        return _bunk(machine, (inner, outer, width, floor))
     w = 0.5 * width
     out.prism([(inner, floor - 0.06), (0.0, floor), (0.0, floor + 0.36), (inner, floor + 0.42)], (-0.17, 0.17), IRON)
     out.prism(
@@ -93,6 +97,36 @@ def rear_frame(machine: Machine) -> Solid:
             out.box((place, place + 0.16), (low, high), (floor + 0.6, top - 0.4), GLASS)
     out.bar((inner - 0.55, 0.36, top - 0.02), (inner - 0.55, 0.36, top + 0.42), 0.06, IRON)
     out.bar((outer + 0.5, -0.3, top - 0.02), (outer + 0.5, -0.3, top + 0.12), 0.1, GLASS)
+    return out
+
+
+def _bunk(machine: Machine, hull: tuple[float, float, float, float]) -> Solid:
+    """Rear frame under a load: the hood is as high as the bunk's floor, on which stakes and a headboard hold the logs."""
+    (inner, outer, width, floor), load = hull, machine.payload
+    out, w = Solid(), 0.5 * width
+    base = first_value(load.bunk_height)
+    length, radius = first_value(load.length), 0.5 * first_value(load.diameter)
+    middle, half_bunk = -first_value(load.distance), 0.5 * first_value(load.bunk_width)
+    out.prism([(inner, floor - 0.06), (0.0, floor), (0.0, floor + 0.36), (inner, floor + 0.42)], (-0.17, 0.17), IRON)
+    out.box((outer, inner), (-w, w), (floor, floor + 0.4), IRON)
+    out.box((outer, inner - 0.05), (-w + 0.04, w - 0.04), (floor + 0.4, max(base - 0.15, floor + 0.45)), PAINT)
+    lying = list(pile_rows(first_value(load.count), 2.0 * radius, 2.0 * half_bunk))
+    high = base + float(lying[-1][2][0]) + radius + 0.15
+    reach = 0.5 * length + first_value(load.slide_range)
+    out.box((middle - reach, middle + reach), (-0.12, 0.12), (base - 0.15, base - 0.02), IRON)
+    for x in (middle - 0.3 * length, middle + 0.3 * length):
+        out.box((x - 0.06, x + 0.06), (-half_bunk - 0.08, half_bunk + 0.08), (base - 0.1, base - 0.005), IRON)
+        for low, upper in ((-half_bunk - 0.08, -half_bunk), (half_bunk, half_bunk + 0.08)):
+            out.box((x - 0.05, x + 0.05), (low, upper), (base - 0.1, high), PAINT_DARK)
+    headboard = (middle + reach, middle + reach + 0.05)
+    for level in np.arange(base + 0.1, high, 0.25):
+        out.box(headboard, (-half_bunk, half_bunk), (level, level + 0.07), IRON)
+    for place in (-half_bunk, -0.03, half_bunk - 0.06):
+        out.box(headboard, (place, place + 0.06), (base - 0.1, high), IRON)
+    for laid, places, height in lying:
+        for i in range(round(float(laid[0]))):
+            y, z = 2.0 * radius * (i - 0.5 * (float(places[0]) - 1.0)), base + float(height[0])
+            out.bar((middle - 0.5 * length, y, z), (middle + 0.5 * length, y, z), radius, WOOD, sides=10)
     return out
 
 

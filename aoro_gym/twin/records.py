@@ -23,6 +23,7 @@ from aoro_gym.twin.physics.driveline import Driveline
 from aoro_gym.twin.physics.engine import Engine
 from aoro_gym.twin.physics.fluid import Oil
 from aoro_gym.twin.physics.joint import Joint
+from aoro_gym.twin.physics.load import Payload
 from aoro_gym.twin.physics.steering_circuit import Steering
 from aoro_gym.twin.physics.tires import Hull, Tire
 
@@ -53,6 +54,7 @@ class MachineRecord:
     steering: Steering
     driveline: Driveline
     engine: Engine
+    payload: Payload
     rest: Rest
     frame_ground_clearance: float  # [m]
     varies_laws: int  # whether any law may differ from the default one
@@ -75,8 +77,8 @@ def _each(name: str) -> list[str]:
     return [f"{name}_{wheel}" for wheel in WHEELS]
 
 
-def _rows(name: str, quantities: Iterable[str]) -> Any:
-    return IntEnum(name, [quantity.upper() for quantity in quantities], start=0)
+def _rows(name: str, quantities: Iterable[str], start: int = 0) -> Any:
+    return IntEnum(name, [quantity.upper() for quantity in quantities], start=start)
 
 
 State = _rows(
@@ -107,6 +109,12 @@ State = _rows(
         *("hose_a", "hose_b", "hose_flow_a", "hose_flow_b"),
     ],
 )
+
+LoadRow = _rows(
+    "LoadRow", ["load_slide", "load_rate", "load_friction", "load_acceleration", "load_pressing"], start=len(State)
+)
+"""Rows of the state that only twins that carry a load have, after the others:
+:class:`aoro_gym.twin.physics.load.LoadState`."""
 
 Command = _rows("Command", COMMAND_BOUNDS)
 

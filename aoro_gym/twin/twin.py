@@ -30,6 +30,7 @@ from aoro_gym.twin.records import (
     COMMAND_BOUNDS,
     NON_FINITE,
     Command,
+    LoadRow,
     MachineRecord,
     Output,
     State,
@@ -113,6 +114,8 @@ class Twin:
             objects.
         own_machines: Keep a machine record for every twin even if all start alike, so that :meth:`set_machines` can
             change them one by one.
+        carry_load: Whether machines may have logs in their bunk, which takes another, slower kernel; by default whether the
+            ``machine`` has.
         choose_laws: Whether machines may obey other laws than the default ones (:mod:`aoro_gym.machine.laws`), which takes
             another, slower kernel; by default whether the ``machine`` does.
         device: ``"cpu"``, ``"cpu:simd"`` (several twins at once on a core, equal to rounding; needs a C++ compiler) or
@@ -139,6 +142,7 @@ class Twin:
         cell: float = CELL,
         soil: str | Soil | None = None,
         own_machines: bool = False,
+        carry_load: bool | None = None,
         choose_laws: bool | None = None,
         device: str = "cpu",
         threads: int | None = None,
@@ -167,7 +171,7 @@ class Twin:
         self.soil = _checked_soil(soil, self.simd)
         """What the ground is made of; None where it is hard."""
         self._made = {"ground": ground, "cell": cell, "own_machines": own_machines, "choose_laws": choose_laws}
-        self._made |= {"soil": self.soil, "gravity": gravity}
+        self._made |= {"soil": self.soil, "gravity": gravity, "carry_load": carry_load}
         if check_step:
             check_hydraulic_step(self.machine, self.main_step, self.substeps)
             warn_of_fine_step(self.main_step, self.substeps, stacklevel=3)
@@ -180,6 +184,8 @@ class Twin:
             device=self.device,
         )  # fmt: skip
         self._chooses_laws = not self.machine.laws.default if choose_laws is None else choose_laws
+        self.carries_load = self.machine.loaded if carry_load is None else carry_load
+        """Whether machines may have logs in their bunk."""
         self._laws = ChosenLaws() if self._chooses_laws else DefaultLaws()
         self._reset_kernel, self._advance_kernel = build(
             type(self.ground)._cls,
@@ -187,6 +193,7 @@ class Twin:
             measured_hubs=self._measured_hubs,
             objects=self._grounds.objects is not None,
             soil=self._grounds.ruts is not None,
+            load=self.carries_load,
         )
         self._felt = self._grounds.advancing
         self.channels = (*CHANNELS, *self._grounds.further_outputs)
@@ -202,10 +209,9 @@ class Twin:
     def _allocate(self) -> None:
         """Make the arrays that no launch changes the length of."""
         n = self.num_twins
-        self.state = wp.zeros((len(State), n), dtype=float, device=self.device)
-        """State rows (see :class:`State`) × twins, float32, on the device."""
+        rows = len(State) + self.carries_load * len(LoadRow)
+        self.state = wp.zeros((rows, n), dtype=float, device=self.device)
         self.commands = wp.zeros((len(Command), n), dtype=float, device=self.device)
-        """Command rows (see :class:`Command`) × twins, float32, on the device."""
         self._host_commands = self.commands.numpy() if self.device.is_cpu else None  # the same memory
         self._held = self.commands.reshape((1, *self.commands.shape))
         kept = int(np.ceil(LONGEST_COMMAND_DELAY / self.main_step)) + 2
@@ -218,6 +224,10 @@ class Twin:
         self._pose = wp.zeros((4, n), dtype=float, device=self.device)
         self._numbers = wp.zeros(n, dtype=int, device=self.device)
 
+    state: wp.array
+    """State rows (see :class:`State`; :class:`LoadRow` if :attr:`carries_load`) × twins, float32, on the device."""
+    commands: wp.array
+    """Command rows (see :class:`Command`) × twins, float32, on the device."""
     _checks_start = False
     """Whether a reset refuses places in objects: not that of the constructor, which nobody chose."""
     _measured_hubs = False
@@ -361,6 +371,14 @@ class Twin:
             self._grounds.objects.clear(self._mask, self._numbers)
         if self._grounds.ruts is not None:
             self._grounds.ruts.start(self._machines, self._mask, self.state)
+
+    @property
+    def load_slide(self) -> npt.NDArray[np.float32]:
+        """How far the logs have slid from the middle of their bunk [m], forward positive, shape (num_twins,)."""
+        if not self.carries_load:
+            return np.zeros(self.num_twins, dtype=np.float32)
+        slide, rate = (self.state[int(row)].numpy() for row in (LoadRow.LOAD_SLIDE, LoadRow.LOAD_RATE))
+        return slide + np.float32(0.5 * self.main_step) * rate  # it belongs to the middle of the last step
 
     @property
     def has_objects(self) -> bool:
@@ -563,8 +581,8 @@ class Twin:
             machine: One machine for all of them, or K variants.
 
         Raises:
-            ValueError: this twin shares one machine between all copies, the numbers disagree, or the circuits of a machine
-                are unstable at the twin's hydraulic step.
+            ValueError: this twin shares one machine between all copies, the numbers disagree, a machine has a load that
+                these twins cannot carry, or its circuits are unstable at the twin's hydraulic step.
         """
         if self._machines.shape[0] != self.num_twins:
             raise ValueError(
@@ -580,6 +598,10 @@ class Twin:
     def checked_records(self, chosen: npt.NDArray[np.int32], machine: Machine) -> npt.NDArray[Any]:
         """Records (K,) of ``machine`` for the twins ``chosen`` (K,), for :meth:`set_records`; raises as
         :meth:`set_machines` does."""
+        if machine.loaded and not self.carries_load:
+            raise ValueError(
+                "these twins carry no load; construct them with a machine that has logs in its bunk, or with carry_load=True"
+            )
         _check_count("the machine", machine.num_variants, max(len(chosen), 1))
         if self._check_step:
             check_hydraulic_step(machine, self.main_step, self.substeps, numbers=chosen)

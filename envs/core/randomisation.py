@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from aoro_gym.envs.core.terms import Frozen
 from aoro_gym.machine import Machine
+from aoro_gym.machine.machine_file import PAYLOAD
 from aoro_gym.machine.parameters import DECLARATIONS
 
 Range = tuple[float, float]
@@ -82,6 +83,11 @@ class Randomisation:
     def varies_machine(self) -> bool:
         """Whether any episode's machine differs from the given one."""
         return bool(self.machine) or bool(self.machine_scale) or self.ground_friction != (1.0, 1.0)
+
+    @property
+    def varies_load(self) -> bool:
+        """Whether any episode may have another load than the given machine."""
+        return any(key.startswith(PAYLOAD) for key in (*self.machine, *self.machine_scale))
 
     @property
     def num_draws(self) -> int:

@@ -175,6 +175,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             ground=ground,
             device=device,
             own_machines=own_machines,
+            carry_load=True if task.randomisation.varies_load else None,
         )
         # gives the outputs the size that they keep
         self.twin.step(duration=task.control_step, sample_every=task.sample_step)

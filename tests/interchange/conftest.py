@@ -1,4 +1,4 @@
-"""Machines that are exported: the calibrated one, and uneven ones whose values no two are alike."""
+"""Machines that are exported: the calibrated one, and uneven ones whose values no two are alike, one of them with logs."""
 
 import numpy as np
 import pytest
@@ -15,4 +15,5 @@ def calibrated():
 @pytest.fixture(scope="package")
 def machines(calibrated):
     uneven = uneven_machines(calibrated, np.random.default_rng(4), 3)
-    return [uneven.variant(i) for i in range(3)]
+    variants = [uneven.variant(i) for i in range(3)]
+    return [*variants[:2], variants[2].set({"payload.count": 25.0})]

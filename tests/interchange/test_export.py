@@ -57,6 +57,7 @@ def test_only_some_machines_lack_more(calibrated):
     def parts(machine):
         return {one.part for one in limitations(machine, "mjcf")}
 
+    assert parts(calibrated.set({"payload.count": 9.0})) - parts(calibrated) == {"load"}
     assert parts(calibrated.set({"joint.backlash": 0.004})) - parts(calibrated) == {"joint"}
     assert parts(calibrated.with_laws(hose="viscoelastic")) - parts(calibrated) == {"laws"}
 

@@ -100,6 +100,15 @@ def test_wheels_stand_on_the_ground():
         assert height == pytest.approx(float(machine.tire.radius - deflection), abs=2e-4)
 
 
+def test_logs_are_drawn_where_they_lie(machine):
+    load = machine.set({"payload.count": 12.0}).payload
+    points = machine_solids(machine.set({"payload.count": 12.0}))["rear_frame"].packed()[0]
+    ends = points[np.isclose(points[:, 0], -load.distance - 0.5 * load.length)]
+    assert len(ends) >= 12 * 10  # a ring of ten points a log
+    assert ends[:, 2].min() == pytest.approx(load.bunk_height, abs=0.01)
+    assert np.abs(ends[:, 1]).max() == pytest.approx(0.5 * load.bunk_width, abs=0.01)
+
+
 def test_every_part_has_a_solid_of_the_machine_s_size(machine, placed):
     solids = machine_solids(machine)
     assert set(solids) == set(placed)

@@ -99,7 +99,11 @@ def machine_bodies(machine) -> list[Body]:
     for name, section, s, parent in (("front", frame.front, 1.0, -1), ("rear", frame.rear, -1.0, 0)):
         cog = np.array([s * (section.axle_distance - section.cog_offset), 0.0, section.cog_height])
         inertia = np.diag([section.inertia_xx, section.inertia_yy, section.inertia_zz])
-        bodies.append(Body(name, parent, -z, zero, section.mass, cog, inertia))
+        own, load = (section.mass, cog, inertia), machine.payload
+        if s < 0.0 and machine.loaded:  # fixed in the middle of its bunk
+            moments = np.diag([load.inertia_xx, load.inertia_yy, load.inertia_zz])
+            own = _joined(own, (load.mass, np.array([-load.distance, 0.0, load.cog_height]), moments))
+        bodies.append(Body(name, parent, -z, zero, *own))
 
     # an arm's own axes coincide with the frame's at φ = 0: x is +e (front) or -e (rear)
     for i, name in enumerate(("fl", "fr", "rl", "rr")):

@@ -61,6 +61,16 @@ def mjcf(machine, gravity: float = 9.81) -> str:
         cog = (s * (section.axle_distance - section.cog_offset), 0.0, section.cog_height)
         return inertial(section.mass, cog, section.inertia_xx, section.inertia_yy, section.inertia_zz)
 
+    def load():
+        """Logs that slide along the rear frame, or lie fast on it."""
+        one = machine.payload
+        if not machine.loaded:
+            return ""
+        place = vector(-one.distance, 0.0, one.cog_height)
+        slide = '<joint name="load" type="slide" axis="1 0 0"/>' if one.slide_range > 0.0 else ""
+        own = inertial(one.mass, (0, 0, 0), one.inertia_xx, one.inertia_yy, one.inertia_zz)
+        return f'<body name="load" pos="{place}">{slide}{own}</body>'
+
     front, rear = machine.frame.front, machine.frame.rear
     return f"""
 <mujoco model="machine">
@@ -75,6 +85,7 @@ def mjcf(machine, gravity: float = 9.81) -> str:
       <body name="rear">
         <joint name="joint" type="hinge" axis="0 0 -1"/>
         {frame(rear, -1.0)}
+        {load()}
         {corner("rl", rear, -1.0, 1.0)}
         {corner("rr", rear, -1.0, -1.0)}
       </body>
@@ -89,6 +100,10 @@ def mjcf(machine, gravity: float = 9.81) -> str:
 class MujocoMachine:
     """``machine`` compiled by MuJoCo, one pose at a time, in the coordinates of ``tests/oracles/bodies.py``."""
 
+    _slides = False
+    slide = (0.0, 0.0, 0.0)
+    """Of a load that slides: place [m], rate [m/s], and force [N] along the rear frame."""
+
     def __init__(self, machine, gravity: float = 9.81):
         self.model = mujoco.MjModel.from_xml_string(mjcf(machine, gravity))
         self.data = mujoco.MjData(self.model)
@@ -96,16 +111,20 @@ class MujocoMachine:
         joints = [self.model.joint(name) for name in names]
         self._pose = np.array([*range(7), *(int(j.qposadr[0]) for j in joints)])
         self._freedom = np.array([*range(6), *(int(j.dofadr[0]) for j in joints)])
+        self._slides = machine.loaded and machine.payload.slide_range > 0.0
         self._frames = [self.model.body(name).id for name in ("front", "rear")]
         self._wheels = [self.model.body(f"wheel_{w}").id for w in WHEELS]
 
     def to_mujoco(self, q, v):
         """(qpos, qvel) of pose ``q`` (16,) and velocity ``v`` (15,)."""
-        qpos, qvel = np.empty(self.model.nq), np.empty(self.model.nv)
+        qpos, qvel = np.zeros(self.model.nq), np.zeros(self.model.nv)
         qpos[self._pose] = q
         qpos[3:7] /= np.linalg.norm(qpos[3:7])
         qvel[self._freedom] = v
         qvel[:3] = _matrix(qpos[3:7]) @ v[:3]
+        if self._slides:
+            joint = self.model.joint("load")
+            qpos[joint.qposadr[0]], qvel[joint.dofadr[0]] = self.slide[:2]
         return qpos, qvel
 
     def from_mujoco(self, qpos, qvel):
@@ -151,6 +170,8 @@ class MujocoMachine:
         torque = np.zeros(15)
         torque[6], torque[7:11], torque[11:15] = tau_theta, tau_phi, tau_wheel
         self.data.qfrc_applied[self._freedom] = torque
+        if self._slides:
+            self.data.qfrc_applied[self.model.joint("load").dofadr[0]] = self.slide[2]
         for bodies, force, moment in (
             (self._wheels, wheel_force, wheel_moment),
             (self._frames, frame_force, frame_moment),

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from aoro_gym.machine.laws import LAWS
+from aoro_gym.machine.machine_file import PAYLOAD
 from aoro_gym.machine.parameters import Machine
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.twin.records import WHEELS, State
@@ -168,7 +169,8 @@ def declared(machine: Machine) -> set[str]:
 
 
 def test_every_parameter_shows_or_says_why_not(machine):
-    keys = [entry.key for entry in machine.parameters() if entry.role != "law"]  # those: in the tests of laws below
+    # those: in the tests of laws and of the load below
+    keys = [e.key for e in machine.parameters() if e.role != "law" and not e.key.startswith(PAYLOAD)]
     best = strength(machine, keys, (*CALM, fall))
     silent = {key for key, value in best.items() if value <= SEEN}
     assert silent == declared(machine)
@@ -183,6 +185,23 @@ def test_declared_parameters_show_where_they_matter(machine, key):
 
 def test_every_declared_parameter_has_its_own_setting(machine):
     assert declared(machine) == set(SPECIAL)
+
+
+def haul(machine: Machine, **options) -> Log:
+    """Ten logs that slide: parked on a slope steeper than their friction, then the other way into the stop."""
+    slope = Plane(slope_deg=20.0)
+    twin = Twin(machine.num_variants, machine=machine, terrain=slope, **options)
+    first = drive(twin, (1.5, {"parking_brake": 1.0}), sample_every=FRAME)
+    twin.reset(heading=np.pi)
+    second = drive(twin, (1.5, {"parking_brake": 1.0, "steering_signal": 0.5}), sample_every=FRAME)
+    return first.then(second)
+
+
+def test_every_parameter_of_a_load_shows(machine):
+    laden = machine.set({"payload.count": 10.0, "payload.friction": 0.25})
+    keys = [entry.key for entry in machine.parameters() if entry.key.startswith(PAYLOAD)]
+    best = strength(laden, keys, (haul,))
+    assert all(value > SEEN for value in best.values()), best
 
 
 def soft(machine: Machine, **options) -> Log:

@@ -20,6 +20,7 @@ from aoro_gym.cosimulation.export.kernels import CompiledKernels, compiled_kerne
 from aoro_gym.cosimulation.export.source import MAIN_STEP, SUBSTEPS, header, model
 from aoro_gym.cosimulation.export.variables import Variable, variables
 from aoro_gym.execution.files import check_writable, write_bytes, written_whole
+from aoro_gym.machine.machine_file import PAYLOAD
 from aoro_gym.machine.parameters import Machine
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.terrains.raster import CELL, Raster, surface
@@ -71,6 +72,10 @@ def export_twin(
     check_output(format, out)
     if machine.num_variants > 1:
         raise ValueError(f"the machine has {machine.num_variants} variants; export one of them: machine.variant(i)")
+    if machine.loaded:
+        raise ValueError(
+            f"the machine carries a load, which exported twins know nothing of; empty its bunk: --set {PAYLOAD}count=0"
+        )
     check_hydraulic_step(machine, MAIN_STEP, SUBSTEPS)
     if sys.platform != "linux":
         raise ValueError(f"twins are exported on Linux, but this is {sys.platform}; export there, for its architecture")

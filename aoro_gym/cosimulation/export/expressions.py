@@ -80,14 +80,15 @@ def c_name(key: str) -> str:
 
 
 def symbolic(machine: Machine) -> Machine:
-    """``machine`` with names in place of values: of each parameter in SI, of its linkages, corner and rest pose."""
+    """``machine`` with names in place of values: of each parameter in SI, of its linkages, corner and rest pose. Its bunk is
+    empty."""
     parts = {
         field.name: _section(getattr(machine, field.name), f"{field.name}.")
         for field in fields(machine)
-        if is_dataclass(getattr(machine, field.name)) and field.name != "laws"
+        if is_dataclass(getattr(machine, field.name)) and field.name not in ("laws", "payload")
     }
     entries: Any = {key: SimpleNamespace(si=Expression(c_name(key))) for key in DECLARATIONS}
-    out = Machine(name=machine.name, entries=entries, laws=machine.laws, **parts)
+    out = Machine(name=machine.name, entries=entries, laws=machine.laws, payload=machine.payload, **parts)
     vars(out)["corner"] = Corner(**_members(Corner, "corner_"))
     vars(out)["rest"] = RestPose(**_members(RestPose, "rest."))
     return out

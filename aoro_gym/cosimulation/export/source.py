@@ -13,6 +13,7 @@ import numpy as np
 from aoro_gym.cosimulation.export.expressions import Expression, c_name, c_text, symbolic
 from aoro_gym.cosimulation.export.kernels import CompiledKernels, structure_of
 from aoro_gym.cosimulation.export.variables import INPUT, OUTPUT, PARAMETER, Variable, bounds_text, of_kind
+from aoro_gym.machine.machine_file import PAYLOAD
 from aoro_gym.machine.parameters import DECLARATIONS, Machine, rules
 from aoro_gym.machine.rest import Corner, composite_corner
 from aoro_gym.terrains.raster import Raster
@@ -187,7 +188,7 @@ def _derivation(machine: Machine, listed: Sequence[Variable]) -> str:
     values = [
         f"    const double {c_name(key)} = si(parameters, {numbers[key]});"
         for key in DECLARATIONS
-        if c_name(key) in used
+        if c_name(key) in used and key in numbers
     ]
     start = "static const char *derive(const double *parameters, struct machine_record *record)\n{"
     return "\n".join([start, *values, *body, "}"])
@@ -227,6 +228,8 @@ def _rest() -> Iterator[str]:
 
 def _rules(machine: Machine) -> Iterator[str]:
     for holds, keys, sentence in rules(machine):
+        if keys[0].startswith(PAYLOAD):
+            continue
         yield f'    if (!{c_text(holds)}) return "{", ".join(keys)}: {sentence}";'
 
 

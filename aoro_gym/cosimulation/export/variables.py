@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from aoro_gym.machine.machine_file import PAYLOAD
 from aoro_gym.machine.parameters import DECLARATIONS, Machine
 from aoro_gym.machine.quantities import UNITS, Declaration, with_unit
 from aoro_gym.recording.commands import COMMAND_BOUNDS
@@ -115,6 +116,8 @@ def _parameters(machine: Machine, plane: Plane | None) -> Iterator[Variable]:
         bounds = Declaration(UNITS[unit][0], low * factor, high * factor)
         yield Variable(name, PARAMETER, unit, text, start, (low, high), bounds)
     for key, declaration in DECLARATIONS.items():
+        if key.startswith(PAYLOAD):  # an exported twin carries none
+            continue
         entry = machine.entries[key]
         value = float(entry.value)
         low, high = (float(limit) for limit in entry.range)

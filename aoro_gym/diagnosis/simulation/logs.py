@@ -183,7 +183,8 @@ def follow(
     """
     count, ticks = len(records), schedule.shape[1]
     twin = Twin(
-        count, machine=any_machine(), terrain=plane, own_machines=True, choose_laws=True, device=device,
+        count, machine=any_machine(), terrain=plane, own_machines=True, choose_laws=True,
+        carry_load=bool(np.any(records["payload"]["mass"])), device=device,
         main_step=MAIN_STEP, substeps=SUBSTEPS, check_step=False,
     )  # fmt: skip
     twin.machines.assign(wp.array(records, dtype=MachineRecord, device=device))

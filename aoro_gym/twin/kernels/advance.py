@@ -35,7 +35,8 @@ from aoro_gym.twin.kernels.laws import with_laws
 from aoro_gym.twin.kernels.motion import drift, kick, rear_rate, rear_rate_change, turn, wheel_rates
 from aoro_gym.twin.kernels.outputs import GroundContact, record_outputs
 from aoro_gym.twin.kernels.state import load_state, rest, store_state, watched
-from aoro_gym.twin.physics.bodies import accelerate, hinge_rotation
+from aoro_gym.twin.kernels.tree import tree
+from aoro_gym.twin.physics.bodies import hinge_rotation
 from aoro_gym.twin.physics.engine import engine_step
 from aoro_gym.twin.physics.fluid import without_gas
 from aoro_gym.twin.physics.joint import least_inertia, rigid_joint_torque
@@ -165,10 +166,9 @@ def advance(
 
             # accelerations of the tree
             weight = wp.transpose(rotation) * wp.vec3(0.0, 0.0, -ground.gravity)
-            change = accelerate(
-                m.frame_front, m.frame_rear, m.corner, weight, to_rear, middle.linear, middle.angular, middle.joint,
-                joint_torque, fl.load, fr.load, rl.load, rr.load, front_hull.force, front_hull.moment, rear_hull.force,
-                rear_hull.moment,
+            change = tree(
+                m, state, t, weight, to_rear, middle, joint_torque, fl.load, fr.load, rl.load, rr.load, front_hull,
+                rear_hull, h,
             )
 
             # kick, and half a drift to the end of the step

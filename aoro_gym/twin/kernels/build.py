@@ -13,6 +13,7 @@ from aoro_gym.twin.kernels.hydraulics import displace, hydraulics
 from aoro_gym.twin.kernels.laws import ChosenLaws
 from aoro_gym.twin.kernels.outputs import record_outputs
 from aoro_gym.twin.kernels.reset import reset
+from aoro_gym.twin.kernels.tree import tree_with_load
 
 
 def build(
@@ -23,26 +24,31 @@ def build(
     measured_hubs: bool = False,
     objects: bool = False,
     soil: bool = False,
+    load: bool = False,
 ) -> tuple[Any, Any]:
     """The kernels ``reset`` and ``advance`` for one kind of ground (``Planes``, ``Rasters`` or ``Meshes``) and of laws
     (``DefaultLaws`` or ``ChosenLaws``); ``portable``: for every CPU of this architecture, not for this one;
     ``measured_hubs``: without the driveline (:mod:`aoro_gym.twin.kernels.hubs`); ``objects``: with the solid objects of
     worlds (:mod:`aoro_gym.twin.kernels.solids`), where ``advance`` takes the kind of ``OBJECT_GROUNDS``; ``soil``: on soft
-    ground (:mod:`aoro_gym.twin.kernels.soil`), where it takes that of ``SOIL_GROUNDS``.
+    ground (:mod:`aoro_gym.twin.kernels.soil`), where it takes that of ``SOIL_GROUNDS``; ``load``: of machines that carry one
+    (:mod:`aoro_gym.twin.kernels.tree`).
 
     Each pair is a module of its own, compiled when first asked for. On CUDA with approximate division, roots and
     exponentials (``fast_math``; the CPU's compiler ignores it): about twice the speed, and a turn that differs by 1e-4 of a
     channel's range at most.
     """
-    return _build(kind, laws, portable, measured_hubs, objects, soil)
+    return _build(kind, laws, portable, measured_hubs, objects, soil, load)
 
 
 @cache
-def _build(kind: Any, laws: Any, portable: bool, measured_hubs: bool, objects: bool, soil: bool) -> tuple[Any, Any]:
+def _build(
+    kind: Any, laws: Any, portable: bool, measured_hubs: bool, objects: bool, soil: bool, load: bool
+) -> tuple[Any, Any]:
     module = f"{__package__}.{kind.key.lower()}" + ("_laws" if laws is ChosenLaws else "")
     module += "_hubs" if measured_hubs else ""
     module += "_objects" if objects else ""
     module += "_soil" if soil else ""
+    module += "_load" if load else ""
     options = {"fast_math": True, "default_grid_stride": False}
     if portable:
         module += "_portable"
@@ -59,6 +65,8 @@ def _build(kind: Any, laws: Any, portable: bool, measured_hubs: bool, objects: b
         advancing, felt = among_objects(advancing, kind)
     elif soil:
         advancing, felt = on_soil(advancing, kind)
+    if load:
+        advancing = with_others(advancing, {"tree": tree_with_load})
     return kernel(reset, terrain=kind), kernel(advancing, terrain=felt, laws=laws)
 
 

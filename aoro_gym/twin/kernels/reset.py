@@ -5,20 +5,22 @@ from typing import Any
 
 import warp as wp
 
-from aoro_gym.twin.kernels.stance import stance
+from aoro_gym.twin.kernels.stance import UP, stance
 from aoro_gym.twin.kernels.state import Actuators, Circuits, Deflections, Pose, Velocity, store_state
+from aoro_gym.twin.kernels.tree import store_load_state
 from aoro_gym.twin.physics.arms import ArmState
-from aoro_gym.twin.physics.bodies import Accelerations
+from aoro_gym.twin.physics.bodies import Accelerations, hinge_rotation
 from aoro_gym.twin.physics.driveline import Driveline, DrivelineState
 from aoro_gym.twin.physics.engine import EngineState, full_load_torque, governed_speed
 from aoro_gym.twin.physics.fluid import Oil
 from aoro_gym.twin.physics.ground import place
 from aoro_gym.twin.physics.hoses import HOSE_VISCOELASTIC
 from aoro_gym.twin.physics.joint import LUGRE, joint_capacity, mount_hardening
+from aoro_gym.twin.physics.load import resting_load
 from aoro_gym.twin.physics.mount import MountState, mount_bend
 from aoro_gym.twin.physics.steering import RETURN_ORIFICE, steering_geometry, steering_torque
 from aoro_gym.twin.physics.steering_circuit import Steering, SteeringState
-from aoro_gym.twin.records import OK, Command, MachineRecord
+from aoro_gym.twin.records import OK, Command, LoadRow, MachineRecord
 
 
 @wp.func
@@ -145,3 +147,6 @@ def reset(
     actuators = Actuators(0.0, zero, 0.0, 1.0, 1.0, ones)
     engine = idle_engine(m, circuits.driveline.charge, steering.swash)
     store_state(state, t, place_at, Velocity(), Accelerations(), bent, actuators, circuits, engine, 1)
+    if state.shape[0] > int(LoadRow.LOAD_SLIDE):
+        up = hinge_rotation(pose[3, t]) * wp.quat_rotate_inv(stand.rotation, UP)
+        store_load_state(state, t, resting_load(m.payload, up, ground.gravity))

@@ -110,6 +110,7 @@ def first_moments(m: MachineRecord, arm: wp.vec4):
     """First moments [kg m] of front and rear half about the hinge's origin, each in its own axes."""
     front = m.frame_front.mass * wp.vec3(m.frame_front.cog_x, 0.0, m.frame_front.cog_height)
     rear = m.frame_rear.mass * wp.vec3(m.frame_rear.cog_x, 0.0, m.frame_rear.cog_height)
+    rear += m.payload.mass * wp.vec3(m.payload.cog_x, 0.0, m.payload.cog_height)
     for wheel in range(4):
         side = 1.0 - 2.0 * float(wheel & 1)
         lengthwise = m.corner.rho * wp.cos(arm[wheel])
@@ -248,7 +249,7 @@ def stance(m: MachineRecord, terrain: Any, ground: Any, x: float, y: float, head
     to_rear = hinge_rotation(joint)
     to_front = wp.transpose(to_rear)
     arm = level_arms(m)
-    mass = m.frame_front.mass + m.frame_rear.mass + 4.0 * m.corner.mass
+    mass = m.frame_front.mass + m.frame_rear.mass + 4.0 * m.corner.mass + m.payload.mass
     front_moment, rear_moment = first_moments(m, arm)
     cog = (front_moment + to_front * rear_moment) / mass
 

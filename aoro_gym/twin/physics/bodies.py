@@ -276,12 +276,53 @@ class Accelerations:
     spins: wp.vec4  # [rad/s²] absolute wheel spins
 
 
+@wp.struct
+class Halves:
+    """Both halves about the hinge's origin, each in its own axes, with their arms eliminated."""
+
+    front: Articulated
+    rear: Articulated
+    fl: CornerSolution
+    fr: CornerSolution
+    rl: CornerSolution
+    rr: CornerSolution
+
+
 @wp.func
-def accelerate(
+def halves(
     # parameters
     frame_front: FrameBody,
     frame_rear: FrameBody,
     corner: Corner,
+    # motion
+    omega: wp.vec3,
+    omega_rear: wp.vec3,
+    # loads
+    fl: CornerLoad,
+    fr: CornerLoad,
+    rl: CornerLoad,
+    rr: CornerLoad,
+    front_force: wp.vec3,
+    front_moment: wp.vec3,
+    rear_force: wp.vec3,
+    rear_moment: wp.vec3,
+):
+    """The halves under torques, contact forces at the wheels, and wrenches on the frames (about the hinge origin, in the
+    axes of each frame)."""
+    half_fl, arm_fl = corner_inertia(corner, frame_front.pivot_x, 1.0, 1.0, omega, fl)
+    half_fr, arm_fr = corner_inertia(corner, frame_front.pivot_x, 1.0, -1.0, omega, fr)
+    half_rl, arm_rl = corner_inertia(corner, frame_rear.pivot_x, -1.0, 1.0, omega_rear, rl)
+    half_rr, arm_rr = corner_inertia(corner, frame_rear.pivot_x, -1.0, -1.0, omega_rear, rr)
+    front = add(frame_inertia(frame_front, omega, front_force, front_moment), add(half_fl, half_fr))
+    rear = add(frame_inertia(frame_rear, omega_rear, rear_force, rear_moment), add(half_rl, half_rr))
+    return Halves(front, rear, arm_fl, arm_fr, arm_rl, arm_rr)
+
+
+@wp.func
+def accelerate(
+    # parameters
+    corner: Corner,
+    both: Halves,
     # pose and motion: weight of a unit mass in front axes, hinge rotation, hinge origin's velocity, angular velocity
     weight: wp.vec3,
     to_rear: wp.mat33,
@@ -294,30 +335,20 @@ def accelerate(
     fr: CornerLoad,
     rl: CornerLoad,
     rr: CornerLoad,
-    front_force: wp.vec3,
-    front_moment: wp.vec3,
-    rear_force: wp.vec3,
-    rear_moment: wp.vec3,
 ):
-    """Forward dynamics of the tree under torques, contact forces at the wheels, and wrenches on the frames (about the
-    hinge origin, in the axes of each frame)."""
-    omega_rear = to_rear * omega - wp.vec3(0.0, 0.0, joint_rate)
-    half_fl, arm_fl = corner_inertia(corner, frame_front.pivot_x, 1.0, 1.0, omega, fl)
-    half_fr, arm_fr = corner_inertia(corner, frame_front.pivot_x, 1.0, -1.0, omega, fr)
-    half_rl, arm_rl = corner_inertia(corner, frame_rear.pivot_x, -1.0, 1.0, omega_rear, rl)
-    half_rr, arm_rr = corner_inertia(corner, frame_rear.pivot_x, -1.0, -1.0, omega_rear, rr)
-    front = add(frame_inertia(frame_front, omega, front_force, front_moment), add(half_fl, half_fr))
-    rear = add(frame_inertia(frame_rear, omega_rear, rear_force, rear_moment), add(half_rl, half_rr))
-    angular, linear, joint, angular_rear, linear_rear = join(front, rear, to_rear, omega, joint_rate, joint_torque)
+    """Forward dynamics of the tree: returns (Accelerations, ω̇ rear, â rear), the last two in the rear frame's axes."""
+    angular, linear, joint, angular_rear, linear_rear = join(
+        both.front, both.rear, to_rear, omega, joint_rate, joint_torque
+    )
     out = Accelerations()
     out.linear = linear - wp.cross(omega, velocity) + weight
     out.angular = angular
     out.joint = joint
     out.arms = wp.vec4(
-        arm_acceleration(arm_fl, angular, linear),
-        arm_acceleration(arm_fr, angular, linear),
-        arm_acceleration(arm_rl, angular_rear, linear_rear),
-        arm_acceleration(arm_rr, angular_rear, linear_rear),
+        arm_acceleration(both.fl, angular, linear),
+        arm_acceleration(both.fr, angular, linear),
+        arm_acceleration(both.rl, angular_rear, linear_rear),
+        arm_acceleration(both.rr, angular_rear, linear_rear),
     )
     out.spins = (
         wp.vec4(
@@ -328,4 +359,4 @@ def accelerate(
         )
         / corner.spin_inertia
     )
-    return out
+    return out, angular_rear, linear_rear

@@ -53,27 +53,34 @@ class Half:
 def half_of(machine: Machine) -> Half:
     """The mean half of ``machine`` at rest."""
     corner, arm, tire, rest = machine.corner, machine.arm, machine.tire, machine.rest
-    halves = []
-    for frame, angle, load in (
-        (machine.frame.front, rest.arm_angle_front, rest.wheel_load_front),
-        (machine.frame.rear, rest.arm_angle_rear, rest.wheel_load_rear),
+    halves, cargo = [], machine.payload
+    for frame, angle, load, carried in (
+        (machine.frame.front, rest.arm_angle_front, rest.wheel_load_front, 0.0),
+        (machine.frame.rear, rest.arm_angle_rear, rest.wheel_load_rear, cargo.mass),
     ):
         cosine, sine = np.cos(angle), np.sin(angle)
         pivot = frame.axle_distance - arm.length
         ahead, centre = pivot + corner.rho * cosine, frame.axle_distance - frame.cog_offset
         frame_height, wheel_height = frame.cog_height + rest.height, tire.radius - load / tire.stiffness
         tall = frame.mass * frame_height**2 + 2.0 * corner.mass * (wheel_height**2 + corner.lateral**2)
+        carried_height = cargo.cog_height + rest.height
         own = frame.inertia_zz + 2.0 * (corner.inertia_ee * sine**2 + corner.inertia_nn * cosine**2)
         far = frame.mass * centre**2 + 2.0 * corner.mass * (ahead**2 + corner.lateral**2)
+        if np.any(np.greater(carried, 0.0)):
+            own = own + cargo.inertia_zz
+            far = far + carried * cargo.distance**2
+            tall = tall + carried * carried_height**2 + cargo.inertia_xx
         halves.append(
             (
-                frame.mass + 2.0 * corner.mass,
-                frame.mass * centre + 2.0 * corner.mass * ahead,
+                frame.mass + carried + 2.0 * corner.mass,
+                frame.mass * centre + carried * cargo.distance + 2.0 * corner.mass * ahead,
                 own + far,
                 pivot + arm.length * cosine,
                 2.0 * load,
-                frame.mass * frame_height + 2.0 * corner.mass * wheel_height,
-                frame.mass * frame_height * centre + 2.0 * corner.mass * wheel_height * ahead,
+                frame.mass * frame_height + carried * carried_height + 2.0 * corner.mass * wheel_height,
+                frame.mass * frame_height * centre
+                + carried * carried_height * cargo.distance
+                + 2.0 * corner.mass * wheel_height * ahead,
                 frame.inertia_xx + 2.0 * corner.inertia_ee + tall,
             )
         )

@@ -7,8 +7,9 @@ import pytest
 import warp as wp
 
 from aoro_gym.machine.parameters import Machine
-from aoro_gym.twin.physics.bodies import CornerLoad, hinge_rotation, hull_corner
+from aoro_gym.twin.physics.bodies import CornerLoad, add, halves, hinge_rotation, hull_corner
 from aoro_gym.twin.physics.bodies import accelerate as tree_accelerations
+from aoro_gym.twin.physics.load import LoadSolution, LoadState, load_inertia, moved_load
 from aoro_gym.twin.records import WHEELS, MachineRecord, pack
 from tests.oracles.bodies import (
     DIRECTION_OF_WHEEL,
@@ -52,17 +53,29 @@ def accelerate(
     frame_force: wp.array2d(dtype=wp.vec3),
     frame_moment: wp.array2d(dtype=wp.vec3),
     joint_torque: wp.array(dtype=float),
-    # accelerations out: base velocity, base angular velocity, joint, arms, absolute wheel spins
+    lying: wp.array(dtype=LoadState),
+    # accelerations out: base velocity, base angular velocity, joint, arms, absolute wheel spins, load
     out: wp.array2d(dtype=float),
 ):
     t = wp.tid()
     m = machines[t % machines.shape[0]]
     weight = wp.quat_rotate_inv(attitude[t], wp.vec3(0.0, 0.0, -gravity))
-    change = tree_accelerations(
-        m.frame_front, m.frame_rear, m.corner, weight, hinge_rotation(joint_angle[t]), velocity[t], omega[t],
-        joint_rate[t], joint_torque[t], corners[0, t], corners[1, t], corners[2, t], corners[3, t],
-        frame_force[0, t], frame_moment[0, t], frame_force[1, t], frame_moment[1, t],
+    to_rear = hinge_rotation(joint_angle[t])
+    omega_rear = to_rear * omega[t] - wp.vec3(0.0, 0.0, joint_rate[t])
+    both = halves(
+        m.frame_front, m.frame_rear, m.corner, omega[t], omega_rear, corners[0, t], corners[1, t], corners[2, t],
+        corners[3, t], frame_force[0, t], frame_moment[0, t], frame_force[1, t], frame_moment[1, t],
     )  # fmt: skip
+    solution = LoadSolution()
+    if m.payload.mass > 0.0:
+        body, solution = load_inertia(m.payload, lying[t], omega_rear, 0.0)
+        both.rear = add(both.rear, body)
+    change, angular, linear = tree_accelerations(
+        m.corner, both, weight, to_rear, velocity[t], omega[t], joint_rate[t], joint_torque[t], corners[0, t],
+        corners[1, t], corners[2, t], corners[3, t],
+    )  # fmt: skip
+    if m.payload.mass > 0.0:
+        out[15, t] = moved_load(m.payload, lying[t], solution, angular, linear, 0.0).acceleration
     for i in range(3):
         out[i, t] = change.linear[i]
         out[3 + i, t] = change.angular[i]
@@ -72,8 +85,9 @@ def accelerate(
         out[11 + i, t] = change.spins[i]
 
 
-def _law(machines, sample, kin):
-    """The law's accelerations (15, N) in N states of the ``machines`` in turn; wheels: relative to their arms."""
+def _law(machines, sample, kin, lying=None):
+    """The law's accelerations (16, N) in N states of the ``machines`` in turn; wheels: relative to their arms; the last is
+    that of a load that lies as ``lying`` (N,) says."""
     frames, count = np.array([0, 1]), sample.q.shape[1]
     corners = np.zeros((4, count), dtype=CornerLoad.numpy_dtype())
     corners["angle"], corners["rate"], corners["spin"] = sample.q[8:12], sample.v[7:11], kin.spin
@@ -87,7 +101,8 @@ def _law(machines, sample, kin):
     def scalars(x):
         return wp.array(x.astype(np.float32), dtype=float, device="cpu")
 
-    out = wp.zeros((15, count), dtype=float, device="cpu")
+    lying = np.zeros(count, dtype=LoadState.numpy_dtype()) if lying is None else lying
+    out = wp.zeros((16, count), dtype=float, device="cpu")
     wp.launch(
         accelerate,
         dim=count,
@@ -103,6 +118,7 @@ def _law(machines, sample, kin):
             vectors(kin.to_half(sample.frame_force, frames)),
             vectors(kin.to_half(sample.frame_moment, frames)),
             scalars(sample.tau_theta),
+            wp.array(lying, dtype=LoadState, device="cpu"),
         ],
         outputs=[out],
         device="cpu",
@@ -134,7 +150,7 @@ def test_accelerations_equal_mujoco(machines):
     sample = random_sample(rng, which.size)
     # rotations and spins, all that is used of it, are the same for all machines
     kin = BodyModel(machines.variant(0)).kinematics(sample.q, sample.v)
-    found = _law(machines, sample, kin)
+    found = _law(machines, sample, kin)[:15]
 
     expected, error = np.empty_like(found), np.empty(which.size)
     for i in range(NUM_MACHINES):
@@ -154,6 +170,36 @@ def test_accelerations_equal_mujoco(machines):
         f"{np.sum(error > ROUNDING)} of {error.size} states are off; the worst is state {k} of machine {which[k]}, by "
         f"{error[k]:.2e} in the mass norm:\n{table}"
     )
+
+
+@pytest.mark.parametrize("slide_range", [0.3, 0.0], ids=["sliding", "fixed"])
+def test_accelerations_with_a_load_equal_mujoco(machines, slide_range):
+    """Logs that slide without friction against the spring of a stop, or lie fast; their mass is up to that of the rear
+    frame, so that the condition number stays what :data:`ROUNDING` takes it to be within a factor of two."""
+    laden = machines.set({"payload.count": np.linspace(5.0, 45.0, NUM_MACHINES), "payload.slide_range": slide_range})
+    laden = laden.set({"payload.friction": 0.0, "payload.stop_damping": 0.0}, check_ranges=False)
+    rng = np.random.default_rng(16)
+    which = np.arange(NUM_MACHINES * NUM_STATES) % NUM_MACHINES
+    sample = random_sample(rng, which.size)
+    kin = BodyModel(machines.variant(0)).kinematics(sample.q, sample.v)
+    lying = np.zeros(which.size, dtype=LoadState.numpy_dtype())
+    if slide_range:
+        lying["slide"], lying["rate"] = rng.uniform(-0.32, 0.32, which.size), rng.normal(0.0, 1.0, which.size)
+    found = _law(laden, sample, kin, lying)
+    others = [MujocoMachine(laden.variant(i)) for i in range(NUM_MACHINES)]
+    error, slides = np.empty(which.size), np.empty(which.size)
+    for k, i in enumerate(which):
+        other, s, slide = others[i], sample.one(k), float(lying["slide"][k])
+        beyond = np.sign(slide) * max(abs(slide) - slide_range, 0.0)
+        other.slide = (slide, float(lying["rate"][k]), -float(laden.payload.stop_stiffness) * beyond)
+        expected = other.accelerations(s.q, s.v, *s.loads)
+        matrix = BodyModel(machines.variant(int(i))).mass_matrix(s.q)
+        error[k] = relative_error(matrix, found[:15, k], expected)
+        if slide_range:
+            freedom = other.model.joint("load").dofadr[0]
+            slides[k] = abs(found[15, k] - other.data.qacc[freedom]) / np.abs(other.data.qacc).max()
+    assert error.max() <= 2.0 * ROUNDING
+    assert not slide_range or slides.max() <= 2.0 * ROUNDING
 
 
 @wp.kernel(enable_backward=False)

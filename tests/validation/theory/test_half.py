@@ -27,3 +27,15 @@ def test_inertia_of_two_free_rods(machine):
     free, held = joint_inertia(rod, 0.0)
     assert free == pytest.approx(0.5 * mass * length**2 / 12.0)
     assert held == pytest.approx(free)  # an axle at the centre holds what stands still anyhow
+
+
+def test_a_load_adds_its_moments_about_the_hinge(machine):
+    laden = machine.set({"payload.count": 20.0})
+    empty, full, load = half_of(machine), half_of(laden), laden.payload
+    assert full.mass - empty.mass == pytest.approx(0.5 * load.mass)
+    # the rear arms swing by 0.02 rad as the tires give, which moves their own masses by 0.1 % of the load's moment
+    assert full.moment - empty.moment == pytest.approx(0.5 * load.mass * load.distance, rel=2e-3)
+    assert full.inertia - empty.inertia == pytest.approx(
+        0.5 * (load.inertia_zz + load.mass * load.distance**2), rel=2e-3
+    )
+    assert full.load == pytest.approx(0.5 * laden.mass * GRAVITY, rel=1e-9)
