@@ -2,7 +2,8 @@
 
 Parts are measured in turns, each several times, so that a busy computer slows all alike: on the CPU in processor time of one
 thread, on CUDA from one wait for the device to the next. ``python -m studies.step_profile`` writes the table of
-docs/evidence/profile.md; ``--device cuda:0 --output torch --envs 4096,65536`` that of a GPU.
+docs/evidence/profile.md; ``--device cuda:0 --output torch --envs 4096,65536`` that of a GPU. ``--device cpu:simd`` profiles
+twins on lanes of a core.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ import json
 import statistics
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -23,21 +26,24 @@ from aoro_gym.envs import register_envs
 from aoro_gym.terrains import Terrain
 from aoro_gym.twin import Twin
 
-ENVIRONMENTS = ("AORO/PathTracking-v0", "AORO/Turning-v0")
+ENVIRONMENTS = ("AORO/PathTracking-v0", "AORO/Turning-v0", "AORO/Levelling-v0")
 ROUNDS = 9
 """Turns of each part, whose median counts."""
 
 
 def timed(parts: Mapping[str, Callable[[], Any]], device: str, seconds: float) -> dict[str, float]:
     """Median time [µs] of a call of each part; about ``seconds`` in all."""
-    clock = time.perf_counter if device.startswith("cuda") else time.process_time
+    on_gpu = device.startswith("cuda")
+    clock = time.perf_counter if on_gpu else time.process_time
 
     def spent(call: Callable[[], Any], times: int) -> float:
-        wp.synchronize_device(device)
+        if on_gpu:
+            wp.synchronize_device(device)
         began = clock()
         for _ in range(times):
             call()
-        wp.synchronize_device(device)
+        if on_gpu:
+            wp.synchronize_device(device)
         return 1e6 * (clock() - began) / times
 
     for call in parts.values():
@@ -71,29 +77,29 @@ def one_twin(device: str, seconds: float) -> dict[str, float]:
 
 
 def environment(name: str, count: int, device: str, output: str, seconds: float) -> dict[str, float]:
-    """Of a control step of ``count`` sub-environments under random actions, whose episodes end by themselves."""
-    env: Any = gymnasium.make_vec(
-        name, num_envs=count, device=device, output=output, autoreset_mode="SameStep"
-    ).unwrapped
-    env.twin.threads = 1
-    env.reset(seed=0)
-    space, rng = env.single_action_space, np.random.default_rng(0)
-    given = [rng.uniform(space.low, space.high, (count, *space.shape)).astype(np.float32) for _ in range(16)]
-    actions = [env.arrays.asarray(each, env.arrays.xp.float32) for each in given]
-    turn = iter(range(10**9))
-    env.step(actions[0])
-    kernels = env._kernel_step
-    parts: dict[str, Callable[[], Any]] = {
-        "twins": lambda: env.twin.advance(env.task.control_step, sample_every=env.task.sample_step),
-        "step": lambda: env.step(actions[next(turn) % 16]),
-    }
-    if kernels is not None:
-        parts["twins and kernels"] = lambda: kernels.run(actions[0])
+    """Of a control step of ``count`` sub-environments under random actions, whose episodes end by themselves: in kernels,
+    and by array operations."""
+    rng, parts = np.random.default_rng(0), {}
+    for kernels, kind in ((True, "step"), (False, "step by array operations")):
+        env: Any = gymnasium.make_vec(
+            name, num_envs=count, device=device, output=output, autoreset_mode="SameStep", kernels=kernels
+        ).unwrapped
+        env.twin.threads = 1
+        env.reset(seed=0)
+        space = env.single_action_space
+        given = [rng.uniform(space.low, space.high, (count, *space.shape)).astype(np.float32) for _ in range(16)]
+        actions = cycle([env.arrays.asarray(each, env.arrays.xp.float32) for each in given])
+        env.step(next(actions))
+        parts[kind] = lambda env=env, actions=actions: env.step(next(actions))
+        if env._kernel_step is not None:
+            parts["twins"] = partial(env.twin.advance, env.task.control_step, sample_every=env.task.sample_step)
+            parts["twins and kernels"] = partial(env._kernel_step.run, next(actions))
     return timed(parts, device, seconds)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--env", choices=ENVIRONMENTS, help="this one alone; by default all, and one twin")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--output", choices=["numpy", "torch"], default="numpy")
     parser.add_argument("--envs", default="1,64", help="numbers of sub-environments, by commas")
@@ -102,8 +108,10 @@ def main() -> None:
     asked = parser.parse_args()
     wp.config.log_level = wp.LOG_ERROR
     register_envs()
-    rows: list[dict[str, Any]] = [{"what": "one twin", **one_twin(asked.device, asked.seconds)}]
-    for name in ENVIRONMENTS:
+    rows: list[dict[str, Any]] = []
+    if asked.env is None:
+        rows.append({"what": "one twin", **one_twin(asked.device, asked.seconds)})
+    for name in [asked.env] if asked.env else ENVIRONMENTS:
         for count in map(int, asked.envs.split(",")):
             found = environment(name, count, asked.device, asked.output, asked.seconds)
             rows.append({"what": f"{count} x {name}", **found})

@@ -69,10 +69,16 @@ def write(tensors: Sequence[Any], indices: Sequence[Any], values: Sequence[Any],
 
 
 def by_row(
-    tensors: Sequence[Any], indices: Sequence[Any], values: Sequence[Any]
+    tensors: Sequence[Any], indices: Sequence[Any], values: Sequence[Any], count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The same writes by rows, for :func:`scatter_rows`: places (3, M), and bits (K, M) of each of K rows. Every index holds
-    the rows as an array; see :func:`write`."""
+    """The same writes by rows, for :func:`scatter_rows`: places (3, M), and bits (K, M) of each of K rows.
+
+    Args:
+        tensors: See :func:`write`.
+        indices: Likewise; each holds the rows as an array, or c K of them, c of each row that lie side by side.
+        values: See :func:`write`.
+        count: Number K of rows.
+    """
     addresses, steps, sizes, bits = [], [], [], []
     known: dict[Any, NDArray[np.int64]] = {}  # many tensors are of one shape
     for tensor, index, value in zip(tensors, indices, values, strict=True):
@@ -81,17 +87,18 @@ def by_row(
         if index[0] is Ellipsis:
             index = (slice(None),) * (len(shape) + 1 - len(index)) + index[1:]
         axis = next(number for number, part in enumerate(index) if isinstance(part, np.ndarray))
-        first = tuple(np.zeros(1, dtype=np.int64) if number == axis else part for number, part in enumerate(index))
-        key = shape, strides, size, *(part.__reduce__()[1] if isinstance(part, slice) else axis for part in index)
-        if key not in known:
-            known[key] = size * _offsets(shape, strides, first)
-        offsets = known[key]
         rows = len(index[axis])
-        whole = (*offsets.shape[:axis], rows, *offsets.shape[axis + 1 :])
+        each = rows // count
+        key = shape, strides, size, each, *(part.__reduce__()[1] if isinstance(part, slice) else axis for part in index)
+        if key not in known:
+            first = tuple(np.arange(each) if number == axis else part for number, part in enumerate(index))
+            known[key] = size * np.moveaxis(_offsets(shape, strides, first), axis, 0)
+        offsets = known[key]
+        whole = (*offsets.shape[1 : axis + 1], rows, *offsets.shape[axis + 1 :])
         parts = np.broadcast_to(np.asarray(value, _KINDS[tensor.dtype]).view(_BITS[size]), whole)
-        bits.append(np.moveaxis(parts, axis, 0).reshape(rows, -1))
+        bits.append(np.moveaxis(parts, axis, 0).reshape(count, -1))
         addresses.append(offsets.ravel() + tensor.data_ptr())
-        steps.append(np.full(offsets.size, size * strides[axis]))
+        steps.append(np.full(offsets.size, size * strides[axis] * each))
         sizes.append(np.full(offsets.size, size))
     places = np.stack([np.concatenate(each) for each in (addresses, steps, sizes)])
     return places, np.concatenate(bits, axis=1, dtype=np.int64)

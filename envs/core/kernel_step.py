@@ -233,6 +233,26 @@ def shared(out: Any, source: Any, names: Any, arrays: Arrays, prefix: str = "") 
     return out
 
 
+def told_memory(
+    told: Any, names: Sequence[Sequence[str]], count: int, arrays: Arrays, number: Any = None
+) -> tuple[Any, list[tuple[Sequence[str], Array]]]:
+    """``told``, and what is logged through it, as :class:`TaskKernels` takes it.
+
+    Args:
+        told: A struct with the arrays ``floats`` (rows, N), ``integers`` (rows, N) and ``success`` (N,).
+        names: Of the rows of each; ``success`` has one.
+        count: Number N of sub-environments.
+        arrays: Where they live.
+        number: Type of the ``floats``, by default float64.
+    """
+    xp = arrays.xp
+    kinds = (number, xp.int64, xp.bool)
+    logged = [arrays.zeros((len(rows), count), kind) for rows, kind in zip(names, kinds, strict=True)]
+    floats, integers, success = logged
+    told.floats, told.integers, told.success = (arrays.shared(each) for each in (floats, integers, success[0]))
+    return told, list(zip(names, logged, strict=True))
+
+
 def kernel_step(env: Any) -> KernelStep | None:
     """The step of ``env`` in kernels; None for a task that has none, and where arrays and twins live apart."""
     kernels = getattr(env.task, "kernels", None)

@@ -33,7 +33,7 @@ class NextEpisodes:
         """Whose next episode is drawn (N,)."""
         self.failed: Exception | None = None
         """Why none is drawn any more; it is told when such an episode begins."""
-        self._before: list[Any] = [None] * num_envs  # generators, with the states that they had
+        self._before: list[Any] = [None] * num_envs  # see _state_of
         self._drawn_of: tuple[Any, ...] = ()
         self._places = np.zeros((3, 0), dtype=np.int64)
         self._device_places: Any = None
@@ -56,7 +56,7 @@ class NextEpisodes:
         if self._marks is None:
             self._marks = [env.arrays.alias(each) for each in env.twin.start_memory]
         rows = waiting[:batch]
-        before = [(env.generators[i], env.generators[i].bit_generator.state) for i in rows]
+        before = [_state_of(env.generators[i]) for i in rows]
         try:
             places, bits, known, records = _drawn(env, rows, self._marks)
         except Exception as error:  # whatever it is: it is raised again where the episode begins
@@ -142,9 +142,24 @@ def _drawn(
         ):
             arrays.put(array, place, values)
     known = np.stack(np.broadcast_arrays(*env._known_at_rest(start, machine), np.zeros(len(rows)))[:-1])
-    return *by_row(*zip(*writes, strict=True)), known.astype(np.float32), records
+    tensors, indices, values = zip(*writes, strict=True)
+    return *by_row(tensors, indices, values, len(rows)), known.astype(np.float32), records
 
 
-def _restore(before: list[tuple[np.random.Generator, Any]]) -> None:
-    for generator, state in before:
-        generator.bit_generator.state = state
+def _state_of(generator: np.random.Generator) -> tuple[np.random.Generator, Any, int]:
+    """A generator with its state, and how many it has spawned, which is no part of that."""
+    bits = generator.bit_generator
+    return generator, bits.state, getattr(bits.seed_seq, "n_children_spawned", 0)
+
+
+def _restore(before: list[tuple[np.random.Generator, Any, int]]) -> None:
+    for generator, state, spawned in before:
+        bits: Any = generator.bit_generator
+        seeds = bits.seed_seq
+        if getattr(seeds, "n_children_spawned", 0) == spawned:
+            bits.state = state
+        else:  # what it spawns next is what it has spawned since
+            again = np.random.SeedSequence(
+                seeds.entropy, spawn_key=seeds.spawn_key, pool_size=seeds.pool_size, n_children_spawned=spawned
+            )
+            bits.__setstate__((state, again))

@@ -15,6 +15,10 @@ from aoro_gym.envs.levelling.observations import OBSERVATION_TERMS
 from aoro_gym.envs.levelling.rewards import REWARD_TERMS
 from aoro_gym.envs.path_tracking.config import PathTrackingConfig, PathTrackingRandomisation
 from aoro_gym.sensors import GpsNoise, ImuNoise, JointAngleNoise, PressureNoise, WheelSpeedNoise
+from aoro_gym.twin.records import WHEELS
+
+ARM_SIGNALS = tuple(f"arm_{wheel}" for wheel in WHEELS)
+"""Names of the actions."""
 
 
 @dataclass(frozen=True)

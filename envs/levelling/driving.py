@@ -68,7 +68,8 @@ class PathDriver:
         wanted = xp.clip(bend - self.heading_gain * (view.measured_heading_error + closing), -limit, limit)
         left = wanted - view.measured_angle - self.lead_time * view.measured_rate
         demand = xp.clip(self.gain * left, -1.0, 1.0)
-        skipped = xp.where(demand > 0.0, self.dead_band_left, self.dead_band_right)
+        # torch makes float32 of two numbers
+        skipped = xp.where(demand > 0.0, xp.full_like(demand, self.dead_band_left), self.dead_band_right)
         steering = xp.sign(demand) * (skipped + (1.0 - skipped) * xp.abs(demand))
         steering = xp.where(xp.abs(left) > self.rest_error, steering, 0.0)
         return xp.astype(xp.stack([steering, xp.full_like(steering, self.drive_signal)], axis=1), xp.float32)

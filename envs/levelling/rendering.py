@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.envs.core.rendering import Canvas, Traces
-from aoro_gym.envs.levelling.task import ARM_SIGNALS, Levelling
+from aoro_gym.envs.levelling.config import ARM_SIGNALS
 from aoro_gym.envs.path_tracking.rendering.chase_view import ChaseView
 from aoro_gym.envs.path_tracking.rendering.history import History, Tracked
 from aoro_gym.envs.path_tracking.rendering.map import Map
@@ -27,12 +28,13 @@ class LevellingScene:
     Args:
         machine: That is drawn.
         driving: The task of its path.
+        channels: Names of what is drawn, those of ``Levelling.render_channels``.
     """
 
     size = SIZE
 
-    def __init__(self, machine: Machine, driving: Tracked):
-        self._canvas = Canvas(SIZE)
+    def __init__(self, machine: Machine, driving: Tracked, channels: Sequence[str]):
+        self._canvas, self._channels = Canvas(SIZE), channels
         self._parts = (
             ChaseView(self._canvas, (VIEW, SIZE[1]), machine, driving, title="Levelling"),
             Map(self._canvas, (VIEW, SIZE[1] - MAP_HEIGHT, PANEL, MAP_HEIGHT), driving),
@@ -41,8 +43,8 @@ class LevellingScene:
         )
 
     def draw(self, history: NDArray[np.float32]) -> NDArray[np.uint8]:
-        """Picture (height, width, 3) of the channels of ``Levelling.render_channels``, (frames, channels)."""
-        so_far = History(Levelling.render_channels, history)
+        """Picture (height, width, 3) of the channels (frames, channels)."""
+        so_far = History(self._channels, history)
         for part in self._parts:
             part.draw(so_far)
         return self._canvas.picture()

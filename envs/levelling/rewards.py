@@ -16,6 +16,8 @@ RATE_SCALE = 10.0 * DEGREE
 """Tilt rate [rad/s] that costs 1."""
 SUNK_SCALE = 0.1
 """Height [m] off the one at rest that costs 1."""
+LIFTED = 0.1
+"""Share [-] of its load at rest below which a wheel counts as lifted."""
 TIPPING_RESERVE = 0.5
 """Tipping margin [-] below which it costs."""
 FULL_POWER = 2e4

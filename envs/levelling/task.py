@@ -20,21 +20,18 @@ from numpy.typing import NDArray
 
 from aoro_gym.envs.core.randomisation import Draws
 from aoro_gym.envs.core.task import Outputs, Start, StepResult, Terrains, sensing
-from aoro_gym.envs.levelling.config import LevellingConfig
+from aoro_gym.envs.levelling.config import ARM_SIGNALS, LevellingConfig
+from aoro_gym.envs.levelling.driving import PathDriver
+from aoro_gym.envs.levelling.rewards import LIFTED
 from aoro_gym.envs.levelling.sensing import CORNERS, ArmSensors, GroundMap
 from aoro_gym.envs.levelling.view import LevellingView
 from aoro_gym.envs.path_tracking.courses import Course
-from aoro_gym.envs.path_tracking.task import TERMINATION_REASONS, PathTracking
-from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats
+from aoro_gym.envs.path_tracking.task import PROJECTION_REACH, TERMINATION_REASONS, PathTracking
+from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats, namespace
 from aoro_gym.machine import Machine
 from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.terrains.world.world import World
 from aoro_gym.twin.records import WHEELS
-
-ARM_SIGNALS = tuple(f"arm_{wheel}" for wheel in WHEELS)
-"""Names of the actions."""
-LIFTED = 0.1
-"""Share [-] of its load at rest below which a wheel counts as lifted."""
 
 
 class Levelling:
@@ -101,16 +98,17 @@ class Levelling:
         front, rear = np.broadcast_arrays(rest.arm_angle_front, rest.arm_angle_rear)
         load_front, load_rear = np.broadcast_arrays(rest.wheel_load_front, rest.wheel_load_rear)
         loads = np.stack([load_front, load_front, load_rear, load_rear]).reshape(CORNERS, -1)
+        weight = loads[0] + loads[1] + loads[2] + loads[3]  # in an order that does not depend on how many begin
         for state, value in (
             (self._arm_length, machine.arm.length), (self._largest_angle, machine.joint.range),
-            (self._weight, loads.sum(axis=0)), (self._unevenness, 0.0), (self._tilt, 0.0), (self._work, 0.0),
+            (self._weight, weight), (self._unevenness, 0.0), (self._tilt, 0.0), (self._work, 0.0),
             (self._power, 0.0), (self._travel, 0.0), (self._lifted, 0.0), (self._tilt_squares, 0.0),
             (self._load_squares, 0.0),
         ):  # fmt: skip
             arrays.put(state, rows, value)
         corners = (slice(None), rows)
         arrays.put(self._rest_angles, corners, np.stack([front, front, rear, rear]).reshape(CORNERS, -1))
-        arrays.put(self._rest_share, corners, loads / loads.sum(axis=0))
+        arrays.put(self._rest_share, corners, loads / weight)
         arrays.put(self._loads, corners, loads)
         arrays.put(self._signals, corners, 0.0)
         own = [generator.spawn(1)[0] for generator in sensing(options, where, n, generators)]
@@ -145,8 +143,7 @@ class Levelling:
         total = xp.clip(fl + fr + rl + rr, 1.0, None)
         off = (self._loads - total * self._rest_share) ** 2
         self._unevenness = 2.0 * xp.sqrt(off[0] + off[1] + off[2] + off[3]) / total
-        up = xp.cos(outputs.last("roll")) * xp.cos(outputs.last("pitch"))
-        self._tilt = floats(xp.acos(xp.clip(floats(up), -1.0, 1.0)))
+        self._tilt = _tilt(outputs)
         self._power = _mean(outputs.samples("pump_pressure") * outputs.samples("pump_flow"))
         self._work = self._work + self._power * step
         self._travel = self._travel + self._arm_way()
@@ -169,6 +166,29 @@ class Levelling:
         """Share [-] of the wheels that are lifted (N,)."""
         fl, fr, rl, rr = floats(self._loads < LIFTED * self._weight * self._rest_share)
         return 0.25 * (fl + fr + rl + rr)
+
+    # ---- step in kernels
+
+    @property
+    def has_kernels(self) -> bool:
+        """Whether kernels do the same as this class and its driver: not as ones that are derived from them."""
+        return type(self) is Levelling and type(self.config.driver) is PathDriver and self.driving.has_kernels
+
+    def kernels(self, memory: Any) -> Any:
+        """What :meth:`commands` and :meth:`advance` do, and the terms, as kernels
+        (:class:`aoro_gym.envs.core.kernel_step.TaskKernels`) with the ``memory`` of the step."""
+        from aoro_gym.envs.levelling.kernels.step import levelling_kernels
+
+        return levelling_kernels(self, memory, self._arrays, reach=PROJECTION_REACH)
+
+    def took(self, outputs: Outputs) -> None:
+        """The kernels have taken in ``outputs`` of a control step."""
+        self._outputs, self._view = outputs, None
+        self.driving.took(outputs)
+
+    def judged_view(self) -> LevellingView:
+        """What reward terms see of the step that the kernels took."""
+        return self.view()
 
     # ---- what others see
 
@@ -208,6 +228,7 @@ class Levelling:
             measured_speed=driving.measured_speed,
             measured_ground=self._ground.heights,
             signals=xp.permute_dims(self._signals, (1, 0, 2)),
+            step=driving.step,
             driving=driving,
             rays=driving.rays,
             outputs=self._outputs,
@@ -247,7 +268,16 @@ class Levelling:
     def scene(self, machine: Machine) -> Any:
         from aoro_gym.envs.levelling.rendering import LevellingScene
 
-        return LevellingScene(machine, self.driving)
+        return LevellingScene(machine, self.driving, self.render_channels)
+
+
+def _tilt(outputs: Outputs) -> Array:
+    """Angle [rad] of the front frame's vertical axis off the world's (N,): cos = cos(roll) cos(pitch), by the tangent, as a
+    cosine near 1 tells nothing of small angles."""
+    roll, pitch = floats(outputs.last("roll")), floats(outputs.last("pitch"))
+    xp = namespace(roll)
+    across, along = xp.sin(roll), xp.cos(roll) * xp.sin(pitch)
+    return xp.atan2(xp.sqrt(across**2 + along**2), xp.cos(roll) * xp.cos(pitch))
 
 
 def _mean(samples: Array) -> Array:

@@ -73,6 +73,8 @@ class LevellingView:
     """Heights [m] of the ground in the left track, then in the right one, over their mean (N, 2 K)."""
     signals: Array
     """The last signals of the arm valves, newest first (N, M, 4)."""
+    step: Array
+    """Control steps since the episode began, int64."""
     driving: PathTrackingView
     """What the path controller sees."""
     rays: RaySensing

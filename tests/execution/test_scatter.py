@@ -21,6 +21,11 @@ def writes(arrays):
         "single": (arrays.zeros((5, 2), xp.float32), rows, np.array([[0.1, 0.2], [0.3, np.nan]])),
         "flag": (arrays.zeros(5, xp.bool), rows, True),
         "places": (arrays.zeros((2, 5, 3)), (slice(None), rows), 0.25),
+        "pairs": (
+            arrays.zeros((3, 10)),
+            (slice(None), arrays.index(np.array([6, 7, 2, 3]))),
+            np.arange(12.0).reshape(3, 4),
+        ),
         "last": (arrays.zeros((3, 5), xp.int64), (..., rows), np.arange(6).reshape(3, 2) - 2**62),
     }
     for array, index, value in made.values():
@@ -64,16 +69,15 @@ def test_by_rows_is_one_by_one():
     with arrays.kept() as kept:
         waiting = writes(arrays)
     assert not any(array.any() for array in waiting.values())
-    places, bits = by_row(*zip(*kept, strict=True))
+    places, bits = by_row(*(list(each) for each in zip(*kept, strict=True)), count=2)
     assert bits.shape == (2, places.shape[1]) and len(kept) == len(plain)
     for rows in ([3, 1], [0, 4]):
         given = [wp.array(each, dtype=wp.int64, device="cpu") for each in (places, rows, bits)]
         wp.launch(scatter_rows, dim=bits.shape, inputs=given, device="cpu")
         for name, array in waiting.items():
             axis = 0 if name in ("whole", "single", "flag") else 1
-            np.testing.assert_array_equal(
-                np.take(array.numpy(), rows, axis), np.take(plain[name], [3, 1], axis), err_msg=name
-            )
+            now, then = (each.reshape(3, 5, 2) if name == "pairs" else each for each in (array.numpy(), plain[name]))
+            np.testing.assert_array_equal(np.take(now, rows, axis), np.take(then, [3, 1], axis), err_msg=name)
 
 
 def test_order_and_the_device_are_not_kept():

@@ -113,15 +113,18 @@ def open_valves(m: StepMemory, k: Control, s: Sensing, i: int):
         m.commands[Command.TRACTION_FL + wheel, i] = float(opening)
 
 
-@wp.kernel(enable_backward=False, module="aoro_gym.envs.path_tracking.kernels")
-def act(m: StepMemory, k: Control, s: Sensing, v: Vehicle, d: Driving):
-    """Command the twins, and remember the action."""
-    i = wp.tid()
+@wp.func
+def make_room(d: Driving, i: int):
+    """Let the actions there are become older by a step."""
     memory = d.actions.shape[0]
     for column in range(d.actions.shape[2]):
         for age in range(memory - 1):
             d.actions[memory - 1 - age, i, column] = d.actions[memory - 2 - age, i, column]
-        d.actions[0, i, column] = taken_action(m, i, column)
+
+
+@wp.func
+def command(m: StepMemory, k: Control, s: Sensing, v: Vehicle, d: Driving, i: int):
+    """Command the twin by the newest action."""
     drive = d.actions[0, i, 1]
     m.commands[Command.STEERING_SIGNAL, i] = d.actions[0, i, 0]
     m.commands[Command.DRIVE_SIGNAL, i] = drive
@@ -149,3 +152,13 @@ def act(m: StepMemory, k: Control, s: Sensing, v: Vehicle, d: Driving):
             m.commands[Command.TRACTION_FL + wheel, i] = opening
     elif k.controls_traction != 0:
         open_valves(m, k, s, i)
+
+
+@wp.kernel(enable_backward=False, module="aoro_gym.envs.path_tracking.kernels")
+def act(m: StepMemory, k: Control, s: Sensing, v: Vehicle, d: Driving):
+    """Command the twins, and remember the action."""
+    i = wp.tid()
+    make_room(d, i)
+    for column in range(d.actions.shape[2]):
+        d.actions[0, i, column] = taken_action(m, i, column)
+    command(m, k, s, v, d, i)

@@ -119,11 +119,9 @@ def follow(m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rul
     d.measured_heading_error[i] = wrapped(s.localisation.heading[i] - wp.atan2(place.sine, place.cosine))
 
 
-@wp.kernel(enable_backward=False, module="aoro_gym.envs.path_tracking.kernels")
-def sense(m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rules):
-    """Read all sensors at the end of the step, and find the vehicle on its path."""
-    i = wp.tid()
-    time = begin_step(m, i)
+@wp.func
+def sense_vehicle(m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rules, i: int, time: wp.float64):
+    """Read all sensors at the end of a step, and find the vehicle on its path."""
     d.step[i] = d.step[i] + wp.int64(1)
     sense_joint(m, s.joint, i, time)
     fix = sense_all(m, v, s, i, time)
@@ -132,10 +130,9 @@ def sense(m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rule
     follow(m, c, v, s, d, r, i)
 
 
-@wp.kernel(enable_backward=False, module="aoro_gym.envs.path_tracking.kernels")
-def rest(rows: wp.array(dtype=wp.int64), m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rules):
-    """First measurements of the vehicles ``rows`` (K,), at rest."""
-    i = int(rows[wp.tid()])
+@wp.func
+def rest_vehicle(m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rules, i: int):
+    """First measurements of a vehicle at rest."""
     rest_joint(s.joint, i, last(m, Output.JOINT_ANGLE, i))
     fix = sense_all(m, v, s, i, ZERO)
     begin_at(s.localisation, i, fix, s.roll[i], s.pitch[i], wp.vec3d(v.front[i], ZERO, ZERO))
@@ -143,3 +140,16 @@ def rest(rows: wp.array(dtype=wp.int64), m: StepMemory, c: Courses, v: Vehicle, 
     d.progress[i] = ZERO
     d.start_s[i] = d.s[i]
     d.mark_s[i] = d.s[i]
+
+
+@wp.kernel(enable_backward=False, module="aoro_gym.envs.path_tracking.kernels")
+def sense(m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rules):
+    """Read all sensors at the end of the step, and find the vehicles on their paths."""
+    i = wp.tid()
+    sense_vehicle(m, c, v, s, d, r, i, begin_step(m, i))
+
+
+@wp.kernel(enable_backward=False, module="aoro_gym.envs.path_tracking.kernels")
+def rest(rows: wp.array(dtype=wp.int64), m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rules):
+    """First measurements of the vehicles ``rows`` (K,), at rest."""
+    rest_vehicle(m, c, v, s, d, r, int(rows[wp.tid()]))

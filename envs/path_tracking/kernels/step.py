@@ -1,11 +1,11 @@
 """The kernels of a task, and their memory, put together."""
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import warp as wp
 
-from aoro_gym.envs.core.kernel_step import TaskKernels, shared
+from aoro_gym.envs.core.kernel_step import TaskKernels, shared, told_memory
 from aoro_gym.envs.core.kernels.step import StepMemory
 from aoro_gym.envs.path_tracking.assistance import GEAR_DISPLACEMENT
 from aoro_gym.envs.path_tracking.kernels.act import act
@@ -13,9 +13,12 @@ from aoro_gym.envs.path_tracking.kernels.judge import REWARDED, judge
 from aoro_gym.envs.path_tracking.kernels.memory import (
     DRIVING,
     Control,
+    Courses,
     Driving,
     Rules,
+    Sensing,
     Told,
+    Vehicle,
     courses_memory,
     sensing_memory,
     vehicle_memory,
@@ -42,31 +45,42 @@ def path_tracking_kernels(task: Any, memory: StepMemory, arrays: Arrays, *, reac
         arrays: Where the task's arrays live.
         reach: How far [m] around the last projection the next one is looked for.
     """
-    xp, count = arrays.xp, len(task._s)
-    courses = courses_memory(task.table, task.height_map, arrays)
-    vehicle, sensing = vehicle_memory(task._measures, arrays), sensing_memory(task._sensors, arrays)
-    driving, control = shared(Driving(), task, DRIVING, arrays, "_"), _control(task, arrays)
-    rules = _rules(task, arrays, math.ceil(reach / task.table.spacing))
-    floats, integers, success = (
-        arrays.zeros((len(LOGGED[0]), count)),
-        arrays.zeros((len(LOGGED[1]), count), xp.int64),
-        arrays.zeros((1, count), xp.bool),
-    )
-    told = Told()
-    told.floats, told.integers, told.success = (
-        arrays.shared(floats), arrays.shared(integers), arrays.shared(success[0]),
-    )  # fmt: skip
+    courses, control, measures, sensing, driving, rules = vehicles(task, arrays, reach)
+    told, logged = told_memory(Told(), LOGGED, len(task._s), arrays)
     return TaskKernels(
-        before=[(act, [memory, control, sensing, vehicle, driving])],
+        before=[(act, [memory, control, sensing, measures, driving])],
         after=[
-            (sense, [memory, courses, vehicle, sensing, driving, rules]),
+            (sense, [memory, courses, measures, sensing, driving, rules]),
             (judge, [memory, courses, control, sensing, driving, rules, told]),
         ],
-        rest=(rest, [memory, courses, vehicle, sensing, driving, rules]),
+        rest=(rest, [memory, courses, measures, sensing, driving, rules]),
         observe=(observe, [memory, courses, control, sensing, driving, rules]),
         rewarded=REWARDED,
         observed=OBSERVED,
-        logged=list(zip(LOGGED, (floats, integers, success), strict=True)),
+        logged=logged,
+    )
+
+
+class Vehicles(NamedTuple):
+    """The memory of a task, shared."""
+
+    courses: Courses
+    control: Control
+    measures: Vehicle
+    sensing: Sensing
+    driving: Driving
+    rules: Rules
+
+
+def vehicles(task: Any, arrays: Arrays, reach: float) -> Vehicles:
+    """Of ``task``; see :func:`path_tracking_kernels`."""
+    return Vehicles(
+        courses_memory(task.table, task.height_map, arrays),
+        _control(task, arrays),
+        vehicle_memory(task._measures, arrays),
+        sensing_memory(task._sensors, arrays),
+        shared(Driving(), task, DRIVING, arrays, "_"),
+        _rules(task, arrays, math.ceil(reach / task.table.spacing)),
     )
 
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from aoro_gym.envs.core.kernel_step import TaskKernels, shared
+from aoro_gym.envs.core.kernel_step import TaskKernels, shared, told_memory
 from aoro_gym.envs.core.kernels.joint import joint_memory
 from aoro_gym.envs.core.kernels.step import StepMemory
 from aoro_gym.envs.turning.kernels.judge import REWARDED, judge
@@ -23,17 +23,11 @@ LOGGED = (
 def turning_kernels(task: Any, memory: StepMemory, arrays: Arrays) -> TaskKernels:
     """A control step of ``task``, an allocated :class:`aoro_gym.envs.turning.task.Turning` whose arrays are ``arrays``, with
     the ``memory`` of the step."""
-    xp, count = arrays.xp, len(task._target)
     goals = shared(Goals(), task, GOALS, arrays, "_")
     measured = _measured(task, arrays)
     rules = Rules()
     rules.tolerance, rules.dwell, rules.hold = task.config.tolerance, task.dwell_steps, task.config.hold[0]
-    floats, integers, success = (
-        arrays.zeros((len(names), count), kind)
-        for names, kind in zip(LOGGED, (xp.float32, xp.int64, xp.bool), strict=True)
-    )
-    told = Told()
-    told.floats, told.integers, told.success = (arrays.shared(each) for each in (floats, integers, success[0]))
+    told, logged = told_memory(Told(), LOGGED, len(task._target), arrays, arrays.xp.float32)
     return TaskKernels(
         before=[(act, [memory, goals])],
         after=[(sense, [memory, goals, measured]), (judge, [memory, goals, rules, told])],
@@ -41,7 +35,7 @@ def turning_kernels(task: Any, memory: StepMemory, arrays: Arrays) -> TaskKernel
         observe=(observe, [memory, goals, measured]),
         rewarded=REWARDED,
         observed=OBSERVED,
-        logged=list(zip(LOGGED, (floats, integers, success), strict=True)),
+        logged=logged,
     )
 
 

@@ -11,6 +11,13 @@ import pytest
 from aoro_gym.envs import register_envs
 from aoro_gym.envs.core.kernel_step import KernelStep
 from aoro_gym.envs.core.terms import ObservationTerm, RewardTerm
+from aoro_gym.envs.levelling import config as levelling
+from aoro_gym.envs.levelling.courses import obstacle_course
+from aoro_gym.envs.levelling.driving import PathDriver
+from aoro_gym.envs.levelling.environment import LevellingVectorEnv
+from aoro_gym.envs.levelling.observations import EXACT_TERMS as LEVELLING_EXACT
+from aoro_gym.envs.levelling.rewards import FURTHER_REWARD_TERMS as LEVELLING_REWARDS
+from aoro_gym.envs.levelling.task import Levelling
 from aoro_gym.envs.path_tracking.config import MILD, PathTrackingConfig
 from aoro_gym.envs.path_tracking.courses import as_courses
 from aoro_gym.envs.path_tracking.environment import PathTrackingVectorEnv
@@ -25,7 +32,7 @@ from aoro_gym.twin.records import State
 from tests.envs.path_tracking.paths import LEVEL
 
 register_envs()
-PATH_TRACKING, TURNING = "AORO/PathTracking-v0", "AORO/Turning-v0"
+PATH_TRACKING, TURNING, LEVELLING = "AORO/PathTracking-v0", "AORO/Turning-v0", "AORO/Levelling-v0"
 
 ROUNDING = 2.0**-23
 """Unit in the last place of a float32: what of a step is float64 differs by far less before it is rounded."""
@@ -44,6 +51,16 @@ def stays(view):
 def leans(view):
     """Likewise of the reward."""
     return view.xp.abs(view.measured_roll)
+
+
+def goes(view):
+    """A reward term of levelling of one's own, by all that its view calculates and path tracking's."""
+    return view.arm_travel + view.lifted + view.sunk + view.tilt_rate + view.driving.measured_cross_track
+
+
+def bears(view):
+    """An observation term of levelling of one's own, of four columns."""
+    return view.loads + view.measured_supports / 1e4
 
 
 def late(view):
@@ -68,6 +85,46 @@ TURNING_CASES: dict[str, dict[str, Any]] = {
         "observation_terms": {"late": ObservationTerm(late, -0.5, 0.5), "target": None},
     },
 }
+OBSTACLES = (obstacle_course(1, 0.8), obstacle_course(2, 0.5))
+
+LEVELLING_CASES: dict[str, dict[str, Any]] = {
+    "levelling": {},
+    "levelling, other frames and memories": {
+        "randomisation": levelling.MILD,
+        "config": levelling.LevellingConfig(
+            sample_step=0.025,
+            signal_memory=3,
+            ground_ahead=(-1.0, 0.5, 2.0),
+            arm_angle_noise=JointAngleNoise.published(),
+            driver=PathDriver(drive_signal=0.9, look_ahead=3.0, rest_error=0.0),
+        ),
+    },
+    "levelling, exact sensors over a plane": {
+        "courses": (LEVEL,),
+        "config": levelling.LevellingConfig(
+            control_step=0.04,
+            ground_noise=0.0,
+            ground_offset=0.0,
+            arm_angle_noise=JointAngleNoise(),
+            pressure_noise=PressureNoise(),
+            imu_noise=ImuNoise(),
+            joint_angle_noise=JointAngleNoise(),
+            wheel_speed_noise=WheelSpeedNoise(),
+            gps_noise=GpsNoise(),
+            driver=PathDriver(gain=0.0),
+            tilt_limit=1e-3,
+        ),
+    },
+    "levelling, other terms": {
+        "reward_terms": {**{name: (0.5, term) for name, term in LEVELLING_REWARDS.items()}, "even": None},
+        "observation_terms": {**LEVELLING_EXACT, "ground": None},
+    },
+    "levelling, own terms": {
+        "reward_terms": {"leans": (-1.0, leans), "way": (-1.0, goes)},
+        "observation_terms": {"loads": ObservationTerm(bears, -5e4, 5e4), "supply": None},
+    },
+}
+"""Of which only the last needs a view."""
 CASES: dict[str, dict[str, Any]] = {
     "default": {},
     "all that is measured": {
@@ -105,6 +162,8 @@ CASES: dict[str, dict[str, Any]] = {
 
 def pair(count: int = 3, name: str = PATH_TRACKING, **arguments: Any) -> tuple[Any, Any]:
     """The same environment by array operations, and in kernels."""
+    if name == LEVELLING:
+        arguments = {"courses": OBSTACLES, **arguments}
     plain, kernels = (
         gymnasium.make_vec(name, num_envs=count, kernels=each, **arguments).unwrapped for each in (False, True)
     )
@@ -153,18 +212,21 @@ def steps_agree(plain: Any, kernels: Any, count: int, seed: int = 3, reasons: se
 @pytest.mark.parametrize(
     ("case", "output"),
     [
-        *((case, "numpy") for case in (*CASES, *TURNING_CASES)),
+        *((case, "numpy") for case in (*CASES, *TURNING_CASES, *LEVELLING_CASES)),
         ("default", "torch"),
         ("own terms", "torch"),
         ("turning, own terms", "torch"),
+        ("levelling", "torch"),
+        ("levelling, own terms", "torch"),
     ],
 )
 def test_kernels_do_what_array_operations_do(case, output):
     """Over three episodes each, with their resets."""
     if output == "torch":
         pytest.importorskip("array_api_compat")
-    name = TURNING if case in TURNING_CASES else PATH_TRACKING
-    plain, kernels = pair(name=name, max_episode_steps=16, output=output, **(CASES | TURNING_CASES)[case])
+    name = TURNING if case in TURNING_CASES else LEVELLING if case in LEVELLING_CASES else PATH_TRACKING
+    options = (CASES | TURNING_CASES | LEVELLING_CASES)[case]
+    plain, kernels = pair(name=name, max_episode_steps=16, output=output, **options)
     one, other = plain.reset(seed=7), kernels.reset(seed=7)
     agree("observations", one[0], other[0])
     infos_agree(one[1], other[1])
@@ -174,7 +236,7 @@ def test_kernels_do_what_array_operations_do(case, output):
         assert plain.task._cursor.min() > 0 and told["targets_settled"].any() and told["targets_missed"].any()
 
 
-@pytest.mark.parametrize("name", [PATH_TRACKING, TURNING])
+@pytest.mark.parametrize("name", [PATH_TRACKING, TURNING, LEVELLING])
 def test_same_step_autoreset_agrees(name):
     plain, kernels = pair(name=name, max_episode_steps=5, autoreset_mode="SameStep")
     for env in (plain, kernels):
@@ -182,8 +244,9 @@ def test_same_step_autoreset_agrees(name):
     assert steps_agree(plain, kernels, 12) == 6
 
 
-def test_a_part_that_is_reset_leaves_the_others():
-    plain, kernels = pair(autoreset_mode="Disabled")
+@pytest.mark.parametrize("name", [PATH_TRACKING, LEVELLING])
+def test_a_part_that_is_reset_leaves_the_others(name):
+    plain, kernels = pair(name=name, autoreset_mode="Disabled")
     for env in (plain, kernels):
         env.reset(seed=1)
     steps_agree(plain, kernels, 3)
@@ -228,7 +291,7 @@ def test_episodes_end_for_the_same_reason(limits, reason):
     assert reasons - {None} == {reason}
 
 
-@pytest.mark.parametrize("name", [PATH_TRACKING, TURNING])
+@pytest.mark.parametrize("name", [PATH_TRACKING, TURNING, LEVELLING])
 def test_a_lost_twin_is_told_alike(name):
     arguments: dict[str, Any] = {"courses": (LEVEL,)} if name == PATH_TRACKING else {}
     plain, kernels = pair(name=name, **arguments)
@@ -259,12 +322,35 @@ class Derived(PathTracking):
     """A task that does something else."""
 
 
+class DerivedLevelling(Levelling):
+    """Likewise."""
+
+
+class DerivedDriver(PathDriver):
+    """A law of one's own."""
+
+    def signals(self, view, first, front, rear, limit):
+        return 0.0 * super().signals(view, first, front, rear, limit)
+
+
 def test_a_derived_task_is_asked_itself():
     env = PathTrackingVectorEnv(1, courses=(LEVEL,))
     env.task = Derived((LEVEL,), env.task.config)
     env._allocate()
     env.reset(seed=0)
     env.step(np.zeros((1, 2), dtype=np.float32))
+    assert env._kernel_step is None
+
+
+@pytest.mark.parametrize(
+    ("task", "driver"), [(DerivedLevelling, PathDriver()), (Levelling, DerivedDriver())], ids=["task", "driver"]
+)
+def test_a_derived_task_of_levelling_and_a_derived_driver_are_asked_themselves(task, driver):
+    env = LevellingVectorEnv(1, courses=(LEVEL,))
+    env.task = task((LEVEL,), levelling.LevellingConfig(driver=driver))
+    env._allocate()
+    env.reset(seed=0)
+    env.step(np.zeros((1, 4), dtype=np.float32))
     assert env._kernel_step is None
 
 

@@ -10,19 +10,23 @@ import numpy as np
 import pytest
 
 from aoro_gym.envs import register_envs
+from aoro_gym.envs.levelling import config as levelling
+from aoro_gym.envs.levelling.courses import obstacle_course
 from aoro_gym.envs.path_tracking.config import MILD
 from aoro_gym.envs.turning import config as turning
 
 pytest.importorskip("torch")
 pytest.importorskip("array_api_compat")
 register_envs()
-PATH_TRACKING, TURNING = "AORO/PathTracking-v0", "AORO/Turning-v0"
+PATH_TRACKING, TURNING, LEVELLING = "AORO/PathTracking-v0", "AORO/Turning-v0", "AORO/Levelling-v0"
 NUMBER = 10
 
 
 def made(name: str = TURNING, *, output: str = "torch", **options: Any) -> Any:
     """On the host nothing is drawn ahead."""
     options = {"num_envs": NUMBER, "max_episode_steps": 4, "autoreset_mode": "SameStep", **options}
+    if name == LEVELLING:
+        options["courses"] = [obstacle_course(1, 0.8), obstacle_course(2, 0.5)]
     return gymnasium.make_vec(name, output=output, **options).unwrapped
 
 
@@ -62,6 +66,7 @@ def begun(monkeypatch):
         (TURNING, {"autoreset_mode": "NextStep", "randomisation": turning.MILD}),
         (PATH_TRACKING, {"randomisation": MILD, "gear": "automatic"}),
         (PATH_TRACKING, {"autoreset_mode": "NextStep"}),
+        (LEVELLING, {"randomisation": levelling.MILD}),
     ],
 )
 def test_drawn_ahead_is_drawn_then(name, options, begun):
@@ -71,9 +76,10 @@ def test_drawn_ahead_is_drawn_then(name, options, begun):
     assert len(begun) >= NUMBER
 
 
-def test_a_reset_begins_what_would_have_begun_without(begun):
-    """All of it is given back: with a mask, with options, with seeds."""
-    ahead, plain = pair()
+@pytest.mark.parametrize("name", [TURNING, LEVELLING])
+def test_a_reset_begins_what_would_have_begun_without(name, begun):
+    """All of it is given back: with a mask, with options, with seeds; generators that were spawned, too."""
+    ahead, plain = pair(name)
     masks = {"reset_mask": np.arange(NUMBER) % 3 == 0}
     options = masks, {"joint_angle": 0.1}, {"machine": {"oil.gas_fraction": 0.005}}
     for each in ({"seed": 9}, *({"options": one} for one in options)):

@@ -12,6 +12,7 @@ from aoro_gym import Plane
 from aoro_gym.envs.core.ray_scenes import FARTHEST, scene_of
 from aoro_gym.envs.core.ray_terms import HEIGHT_BOUND, HeightView, LidarView, height_map, lidar
 from aoro_gym.envs.core.terms import ObservationTerm
+from aoro_gym.envs.levelling.environment import LevellingVectorEnv
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.envs.path_tracking.environment import PathTrackingEnv, PathTrackingVectorEnv
 from aoro_gym.envs.turning.environment import TurningVectorEnv
@@ -211,6 +212,19 @@ def test_turning_knows_them_too():
     heights = shown(env, "height_map", observation)
     assert np.isfinite(heights).all() and np.ptp(heights) > 0.1
     env.step(np.zeros((2, 1), dtype=np.float32))
+
+
+def test_levelling_knows_them_too():
+    """With what is late, by either way to make a step."""
+    terms = {"height_map": height_map(cell=1.0, latency=0.04), "lidar": True}
+    envs = [LevellingVectorEnv(2, courses=COURSES, observation_terms=terms, kernels=way) for way in (True, False)]
+    for env in envs:
+        env.reset(seed=0)
+    actions = np.full((2, 4), 0.5, dtype=np.float32)
+    for _ in range(3):
+        one, other = (env.step(actions)[0] for env in envs)
+        assert np.isfinite(one).all() and np.ptp(shown(envs[0], "height_map", one)) > 0.1
+        np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-6 * np.abs(other).max())  # roundings of float32
 
 
 def test_the_objects_of_a_world_are_seen():

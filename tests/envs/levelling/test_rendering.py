@@ -4,9 +4,10 @@ from typing import Any
 
 import numpy as np
 
+from aoro_gym.envs.levelling.config import ARM_SIGNALS
 from aoro_gym.envs.levelling.environment import LevellingVectorEnv
 from aoro_gym.envs.levelling.rendering import LevellingScene
-from aoro_gym.envs.levelling.task import ARM_SIGNALS, Levelling
+from aoro_gym.envs.levelling.task import Levelling
 from aoro_gym.envs.path_tracking.rendering.scene import MAP_HEIGHT, SIZE, VIEW
 
 BARS = slice(MAP_HEIGHT + 90, MAP_HEIGHT + 150), slice(VIEW, None)
@@ -19,7 +20,7 @@ def test_arms_and_unevenness_are_drawn():
     env.step(np.zeros((1, 4), dtype=np.float32))
     (picture,) = env.render()
     assert picture.shape == (SIZE[1], SIZE[0], 3)
-    scene = LevellingScene(env.twin.machine, env.task.driving)
+    scene = LevellingScene(env.twin.machine, env.task.driving, Levelling.render_channels)
     columns = {name: i for i, name in enumerate(Levelling.render_channels)}
     row = np.zeros((1, len(columns)), dtype=np.float32)
     still = scene.draw(row)
