@@ -1,4 +1,4 @@
-"""Commands that export: a policy, a twin or a machine, each for a reader that has no Python."""
+"""Commands that export: a policy, a twin, a machine or a scene, each for a reader that has no Python."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from typer.core import TyperGroup
 
-from aoro_gym.cli import export_machine, options
+from aoro_gym.cli import export_machine, export_scene, options
 from aoro_gym.cli.application import Application
 from aoro_gym.cli.options import argument, option
 from aoro_gym.cli.outcome import checking_input, conclude
@@ -35,7 +35,7 @@ app = Application(
     cls=_Exports,
     no_args_is_help=True,
     rich_markup_mode="rich",
-    help="A policy, a twin or a machine for other programs.",
+    help="A policy, a twin, a machine or a scene for other programs.",
 )
 
 PolicyArgument = Annotated[Path, argument("FILE", "Policy (.json with its .safetensors).")]
@@ -47,7 +47,7 @@ TrustPickleOption = Annotated[
 
 @app.callback()
 def _exports() -> None:
-    """A policy, a twin or a machine for other programs."""
+    """A policy, a twin, a machine or a scene for other programs."""
 
 
 @app.command()
@@ -143,3 +143,4 @@ def twin(
 
 
 app.command()(export_machine.machine)
+app.command()(export_scene.scene)

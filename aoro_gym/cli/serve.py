@@ -64,6 +64,10 @@ IdealOption = Annotated[bool, option("--ideal-sensors", None, "Sensors without e
 ViewOption = Annotated[
     int | None, option("--view", "PORT", "Show it in the browser, see 'aoro-gym view'; 0: any free port. Default: no.")
 ]
+PosesOption = Annotated[
+    str | None,
+    option("--poses", "HOST:PORT", "Send the poses of the machine's parts there, for a renderer. Default: nowhere."),
+]
 OutOption = Annotated[
     Path | None, option("--out -o", "FOLDER", "Write a log (.csv), events (.log) and results (.json) here.")
 ]
@@ -92,6 +96,7 @@ def serve(
     gps_loss: LossOption = None,
     ideal: IdealOption = False,
     view: ViewOption = None,
+    poses: PosesOption = None,
     out: OutOption = None,
     log: LogOption = None,
     json_to: options.JsonOption = None,
@@ -135,7 +140,7 @@ def serve(
             settings = Settings(
                 host=host, udp_port=udp_port, tcp_port=tcp_port, token=token, lock_step=lock_step, spin=spin,
                 duration=math.inf if duration is None else duration, telemetry_rate=telemetry_rate,
-                origin=_origin(origin), sensing=_sensing(ideal, gps_loss), seed=seed,
+                origin=_origin(origin), sensing=_sensing(ideal, gps_loss), seed=seed, poses=_address(poses),
             )  # fmt: skip
             land = load_ground(terrain)
             twin = Twin(machine=chosen, terrain=land, ground=ground, threads=1)
@@ -152,6 +157,16 @@ def serve(
         _run(server)
     _report(server, out, json_to, _write_log(server, log, run, terrain))
     _exit(server)
+
+
+def _address(text: str | None) -> tuple[str, int] | None:
+    """Host and port of --poses."""
+    if text is None:
+        return None
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdecimal() or not 1 <= int(port) <= 65_535:
+        raise ValueError(f"--poses is {text!r}, but must be HOST:PORT, such as 127.0.0.1:47900")
+    return host.strip("[]"), int(port)
 
 
 def _page(twin: Twin, ground: str, line: Line | None, port: int) -> MirrorPage:

@@ -223,8 +223,8 @@ def _driven_by_hand(
         port: Of the page.
     """
     from aoro_gym.terrains import Terrain
+    from aoro_gym.terrains.colours import scan_colours
     from aoro_gym.view.camera_picture import CameraPicture
-    from aoro_gym.view.colours import scan_colours
     from aoro_gym.view.lidar_cloud import LidarCloud
     from aoro_gym.view.live_view import LiveView
     from aoro_gym.view.server import start

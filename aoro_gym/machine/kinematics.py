@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from aoro_gym.machine.parameters import Machine
 from aoro_gym.machine.rigid_bodies import BASE, REAR, Body, machine_bodies
@@ -20,6 +21,18 @@ STEERING_PIN_HEIGHT = 0.78
 """[m] of the steering cylinders over the frames' design ground plane (E)."""
 ARM_CYLINDER_ASIDE = 0.1
 """[m] by which an arm's cylinder stands inside of its arm (E)."""
+
+
+NODES = (
+    "front_frame", "rear_frame",
+    *(f"{part}_{wheel}" for part in ("arm", "wheel") for wheel in ("fl", "fr", "rl", "rr")),
+    *(
+        f"{part}_{cylinder}"
+        for cylinder in ("steering_left", "steering_right", "arm_fl", "arm_fr", "arm_rl", "arm_rr")
+        for part in ("barrel", "rod")
+    ),
+)  # fmt: skip
+"""Names of a machine's parts, in the order of a stream of poses."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +113,21 @@ class Kinematics:
             )
             found[f"arm_{name}"] = frame_pin, arm_pin
         return found
+
+
+def node_poses(kinematics: Kinematics, pose: Pose) -> dict[str, tuple[Floats, Floats]]:
+    """Translation (3,) [m] and unit quaternion w, x, y, z (4,) of every node of :data:`NODES` in the world's axes.
+
+    Args:
+        kinematics: Of the machine.
+        pose: Where it is.
+    """
+    placed = kinematics.placed(pose.joint, pose.arms, pose.wheels)
+    turned = Rotation.from_quat(pose.wxyz, scalar_first=True)
+    origins = turned.apply([placed[name][0] for name in NODES]) + pose.position
+    rotations = turned * Rotation.from_quat([placed[name][1] for name in NODES], scalar_first=True)
+    quaternions = rotations.as_quat(scalar_first=True)
+    return {name: (origins[k], quaternions[k]) for k, name in enumerate(NODES)}
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ from aoro_gym.machine.kinematics import Floats, Kinematics, Pose
 from aoro_gym.machine.solid import Solid
 from aoro_gym.machine.solids import machine_solids
 from aoro_gym.terrains import Path, Plane, Terrain
+from aoro_gym.terrains.colours import ground_colours, world_colours
 from aoro_gym.terrains.world.world import World
-from aoro_gym.view.colours import ground_colours, world_colours
 
 WORLD = "/world"
 FORCE_SCALE = 8e-5

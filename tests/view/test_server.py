@@ -8,11 +8,11 @@ import pytest
 from aoro_gym.cli.place import put
 from aoro_gym.machine.kinematics import Pose
 from aoro_gym.terrains import Path, Plane, Terrain
+from aoro_gym.terrains.colours import world_colours
 from aoro_gym.terrains.world.objects import Tree, upright
 from aoro_gym.terrains.world.world import World
 from aoro_gym.twin import Twin
 from aoro_gym.view import server as module
-from aoro_gym.view.colours import world_colours
 from aoro_gym.view.live import LiveTwins
 from aoro_gym.view.live_view import LiveView
 from aoro_gym.view.page import FRAME, cross_track

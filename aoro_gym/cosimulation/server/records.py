@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 
 from aoro_gym.cosimulation.protocol import LATEST, Field, Record
+from aoro_gym.machine.kinematics import NODES
 from aoro_gym.recording.commands import COMMAND_BOUNDS, WHEELS
 from aoro_gym.units import BAR
 
@@ -96,6 +97,20 @@ TELEMETRY = Record(
     ),
     "What the machine's sensors show, a hundred times a second; x ahead, y left, z up. What is exact has no model of a"
     " sensor. A value beyond its bounds is sent as the bound.",
+)
+POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
+"""Of a node in the world's axes: translation [m], and unit quaternion."""
+FARTHEST = 1e6
+"""[m]"""
+POSES = Record(
+    "poses",
+    6,
+    tuple(
+        Field(f"{node}_{name}", "f32", *(("m", -FARTHEST, FARTHEST) if name in "xyz" else ("1", -1.001, 1.001)), node)
+        for node in NODES
+        for name in POSE
+    ),
+    "Where the machine's parts are, for a renderer: sent with each record of telemetry to the address of --poses alone.",
 )
 RECORDS = (HELLO, STATE, COMMAND, TELEMETRY, GRANT)
 """All records of the server and its clients."""

@@ -15,6 +15,7 @@ from aoro_gym.cosimulation.realtime import Schedule, resident_memory, settle
 from aoro_gym.cosimulation.server.geodesy import Geodesy, Origin
 from aoro_gym.cosimulation.server.judging import PathJudge
 from aoro_gym.cosimulation.server.link import MOST_AT_ONCE, Link
+from aoro_gym.cosimulation.server.pose_stream import PoseStream
 from aoro_gym.cosimulation.server.publisher import SentencePublisher
 from aoro_gym.cosimulation.server.recorder import Recorder
 from aoro_gym.cosimulation.server.records import COMMAND, commands_of, neutral
@@ -65,10 +66,14 @@ class Settings:
     sensing: Sensing = field(default_factory=Sensing)
     seed: int = 0
     """Of the sensors' noise."""
+    poses: tuple[str, int] | None = None
+    """Host and port that get the poses of the machine's parts, for a renderer; None: nobody."""
 
     def __post_init__(self) -> None:
         for name in ("udp_port", "tcp_port"):
             check_range(name, getattr(self, name), ge=0, le=65_535)
+        if self.poses is not None:
+            check_range("port of poses", self.poses[1], ge=1, le=65_535)
         check_range("duration", self.duration, "s", gt=0.0)
         if self.token is not None and len(self.token) < SHORTEST_TOKEN:
             raise ValueError(f"token has {len(self.token)} characters, but must have at least {SHORTEST_TOKEN}")
@@ -147,6 +152,10 @@ class Server:
         except OSError as error:
             self.link.close()
             raise _unbound("tcp_port", settings.tcp_port, settings.host, error) from error
+        self.poses = None
+        """Stream of poses, if asked for."""
+        if settings.poses is not None:
+            self.poses = PoseStream(*settings.poses, twin.machine, self.link.session, token)
         self.schedule = Schedule(twin.main_step, spin=settings.spin)
         self.ended = ""
         """Why it ended."""
@@ -179,6 +188,8 @@ class Server:
             self._log(self._finished)
             self.publisher.close()
             self.link.close()
+            if self.poses is not None:
+                self.poses.close()
         self.ended = self._stopped or ("diverged" if self.session.diverged else "duration over")
 
     @property
@@ -244,6 +255,8 @@ class Server:
 
     def _publish(self, values: Mapping[str, float], instant: float) -> None:
         self.link.publish(values, instant, time.monotonic())
+        if self.poses is not None:
+            self.poses.send(self.session.pose, instant)
         if self.recorder is not None:
             self.recorder.take(values, instant, *self.session.measured)
 

@@ -14,6 +14,7 @@ from aoro_gym.cosimulation.server.geodesy import Geodesy
 from aoro_gym.cosimulation.server.judging import PathJudge
 from aoro_gym.cosimulation.server.nmea import Sentences, Solution, second_of_day, utc_of
 from aoro_gym.cosimulation.server.records import MEASURED_PRESSURES, TELEMETRY, neutral, within_bounds
+from aoro_gym.machine.kinematics import Pose
 from aoro_gym.recording.commands import WHEELS
 from aoro_gym.sensors import (
     Antennas,
@@ -31,6 +32,7 @@ from aoro_gym.sensors import (
 from aoro_gym.sensors.gps import NONE, RATE
 from aoro_gym.sensors.imu import specific_force
 from aoro_gym.twin import Twin
+from aoro_gym.twin.poses import pose_of_state
 from aoro_gym.twin.records import Output, State
 
 TELEMETRY_RATES = (100, 50, 20)
@@ -181,6 +183,11 @@ class Session:
     def measured(self) -> tuple[Any, Mapping[str, float]]:
         """What telemetry was measured of last: all outputs of the twin, and the commands up to that instant."""
         return self._outputs, self._commanded
+
+    @property
+    def pose(self) -> Pose:
+        """Where the machine was at the instant that telemetry was measured of last."""
+        return pose_of_state(self._state)
 
     def _launch(self, steps: int) -> Callable[[int, int], None]:
         if steps not in self._launches:

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from aoro_gym.terrains import load
-from aoro_gym.view.colours import ground_colours, scan_colours
+from aoro_gym.terrains.colours import ground_colours, scan_colours
 
 CELL = 0.5
 """Distance [m] of the scan's points."""
