@@ -17,6 +17,7 @@ import lazy_loader
 
 if TYPE_CHECKING:
     from aoro_gym.agents.controllers.levelling import Assistance, ModalPid, ModalRegulator, PreviewPid, Stance
+    from aoro_gym.agents.controllers.mppi import Mppi, PathIntegral
     from aoro_gym.agents.controllers.path_tracking import (
         FullSpeedSteering,
         PreviewRegulator,
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
         Stanley,
         Vehicle,
     )
+    from aoro_gym.agents.controllers.privileged import PRIVILEGED_POLICIES
     from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES, reference_policy
     from aoro_gym.agents.controllers.turning import BangBang, ProportionalDerivative
     from aoro_gym.agents.evaluation.evaluate import evaluate
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
     from aoro_gym.agents.training.vec_env import TwinVecEnv, make_vec_env
 
 __all__ = [
+    "PRIVILEGED_POLICIES",
     "REFERENCE_POLICIES",
     "Assistance",
     "BangBang",
@@ -42,6 +45,8 @@ __all__ = [
     "LearnedPolicy",
     "ModalPid",
     "ModalRegulator",
+    "Mppi",
+    "PathIntegral",
     "Policy",
     "PreviewPid",
     "PreviewRegulator",
@@ -65,6 +70,8 @@ __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "controllers.levelling": ("Assistance", "ModalPid", "ModalRegulator", "PreviewPid", "Stance"),
+        "controllers.mppi": ("Mppi", "PathIntegral"),
+        "controllers.privileged": ("PRIVILEGED_POLICIES",),
         "controllers.turning": ("BangBang", "ProportionalDerivative"),
         "evaluation.evaluate": ("Evaluation", "evaluate"),
         "policies.files": ("load_policy", "shipped_policies"),

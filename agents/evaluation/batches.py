@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.agents.controllers.privileged import made_to_drive
 from aoro_gym.agents.controllers.reference import Factory
 from aoro_gym.agents.evaluation.cached_episodes import EpisodeCache
 from aoro_gym.agents.evaluation.episodes import Episodes
@@ -43,7 +44,7 @@ class Driver:
         plant = self.drawn(self.machine, seeds)
         if plant is not self.machine:
             vector = self.make(len(seeds), machine=plant)
-        return self.drive(vector, policy(known), seeds)
+        return self.drive(vector, made_to_drive(policy, known, vector), seeds)
 
 
 def drive_repeats(
@@ -105,7 +106,7 @@ def drive_locally(
 
             run = before[name]
             if run is None:
-                run = driver.drive(vector, policy(known), batch, tell)
+                run = driver.drive(vector, made_to_drive(policy, known, vector), batch, tell)
                 cache.write(files[name], run)
             runs[name] = runs[name].joined(run) if name in runs else run
             done += len(batch)

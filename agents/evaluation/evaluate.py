@@ -26,6 +26,7 @@ from typing import Any
 
 import numpy as np
 
+from aoro_gym.agents.controllers.privileged import PRIVILEGED_POLICIES
 from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES, Factory
 from aoro_gym.agents.evaluation import inputs
 from aoro_gym.agents.evaluation.batches import Driver, drive_locally, drive_on_cluster, drive_repeats
@@ -58,14 +59,15 @@ def asked_of(
 
 
 def policy_factory(env: str, name: str, *, trust_pickle: bool = False) -> Factory:
-    """What makes the policy that is called ``name`` for an environment: a reference controller, a policy that comes with
-    the package, or that of a file; see :mod:`aoro_gym.agents.policies.files`.
+    """What makes the policy that is called ``name`` for an environment: a reference controller, one that is told more than
+    the observation (:mod:`aoro_gym.agents.controllers.privileged`), a policy that comes with the package, or that of a
+    file; see :mod:`aoro_gym.agents.policies.files`.
 
     Raises ValueError if there is none of this name, naming those that there are, or if the file does not hold a policy for
     this environment; OSError if there is no such file.
     """
     check_choice("env", env, TASKS)
-    controllers = REFERENCE_POLICIES[env]
+    controllers = {**REFERENCE_POLICIES[env], **PRIVILEGED_POLICIES[env]}
     if name in controllers:
         return controllers[name]
     shipped = shipped_policies(env)

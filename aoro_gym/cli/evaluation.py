@@ -79,7 +79,7 @@ def evaluate(
 ) -> None:
     """Drive the same episodes under several policies, and compare them.
 
-    A policy is a reference controller, one that comes with the package, or a file that 'aoro-gym train' wrote.
+    A policy is a reference controller, one of the package, a file of 'aoro-gym train', or mppi, which plans by the twin.
 
     Means over the episodes with 95 % intervals: success, cross-track error, speed, energy, tilt, return and how episodes
     ended; of turning, the joint's responses. Episode i has the seed --seed + i for every policy. A terrain file is loaded,
@@ -94,7 +94,7 @@ def evaluate(
       aoro-gym evaluate
       aoro-gym evaluate --policy preview --policy stanley --episodes 64 --logs mcap
       aoro-gym evaluate --terrain forest.laz --path lap.gpx --policy preview
-      aoro-gym evaluate --terrain forest_world --policy preview
+      aoro-gym evaluate --terrain forest_world --policy preview --policy mppi --episodes 2 --device cpu:simd
       aoro-gym evaluate --env AORO/Turning-v0 --scale steering.valve.spool_time_constant=5
       aoro-gym evaluate --env AORO/Turning-v0 --laws families --perturbation perturbed
       aoro-gym evaluate --env AORO/Turning-v0 --policy proportional-derivative --policy runs/turning/policy.json

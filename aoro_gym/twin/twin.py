@@ -541,6 +541,22 @@ class Twin:
             )
         return steps
 
+    def take_up(self, other: Twin, indices: npt.NDArray[np.intp]) -> None:
+        """Go on from where twins of ``other`` are, with the machines that these twins have: each may take up the same one.
+
+        Args:
+            other: Twins on the same grounds, on any device.
+            indices: Which of them each twin takes up, integers (num_twins,).
+        """
+        frames = other._outputs.shape[0]
+        if self._outputs.shape[0] != frames:
+            self._make_room(frames)
+        for name in STATE_ARRAYS:
+            if name != "_machines":
+                getattr(self, name).assign(np.take(getattr(other, name).numpy(), indices, axis=-1))
+        standing = other._grounds.standing()
+        self._grounds.stand({name: np.take(values, indices, axis=-1) for name, values in standing.items()})
+
     @property
     def outputs(self) -> wp.array:
         """Sampled outputs of the last step on the device: frames × :attr:`channels` × twins, float32.

@@ -1,0 +1,23 @@
+"""Policies that are told what no observation has, by name: how much of a task can be done at all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+from aoro_gym.agents.controllers.mppi import SETTINGS, Mppi
+from aoro_gym.agents.controllers.reference import Factory
+from aoro_gym.agents.policies.policy import Policy
+
+PRIVILEGED_POLICIES: Mapping[str, Mapping[str, Factory]] = {
+    environment: {"mppi": partial(Mppi, settings=settings)} for environment, settings in SETTINGS.items()
+}
+"""By the environment's id, then by name. They drive only where they are asked for: planning takes time."""
+
+
+def made_to_drive(policy: Factory, known: Any, env: Any) -> Policy:
+    """The policy that is made for the environment ``known``, to drive in ``env``, whose machines may be others. One that
+    looks at the environment itself has a method ``watching``, by which it is told which one."""
+    made: Any = policy(known)
+    return made.watching(env) if hasattr(made, "watching") else made

@@ -1,0 +1,179 @@
+"""What running episodes would come to: copies of them, on which actions are tried.
+
+>>> import gymnasium
+>>> import numpy as np
+>>> from aoro_gym.envs import register_envs
+>>> from aoro_gym.envs.core.rollouts import Rollouts
+>>> register_envs()
+>>> envs = gymnasium.make_vec("AORO/Turning-v0", num_envs=2)
+>>> _ = envs.reset(seed=1)
+>>> tried = Rollouts(envs.unwrapped, copies=3)
+>>> tried.load(envs.unwrapped)
+>>> left = np.full((6, 1), 0.5, dtype=np.float32)  # three copies of the first episode, then three of the second
+>>> rewards, ended = tried.step(left)
+>>> rewards.shape
+(6,)
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aoro_gym.checks import check_integer
+from aoro_gym.envs.core.ray_sensing import RaySensing
+from aoro_gym.envs.core.task import Outputs
+from aoro_gym.envs.core.terms import Frozen
+from aoro_gym.envs.core.vector import TwinVectorEnv
+from aoro_gym.execution.array_api import Arrays
+from aoro_gym.execution.device_names import SIMD
+
+DIVERGED = -1e6
+"""Reward of a step in which a twin diverges: worse than anything that an episode may come to."""
+Place = tuple[Any, Any, Any, int]
+"""An object, the one that copies it, the name of an array in both, and the axis along which sub-environments lie."""
+
+
+class Rollouts:
+    """``copies`` of every episode of a vector environment, which go on by themselves: same task, same kernels, one launch a
+    control step for all. A copy has the twin's state, the task's, and its sensors' errors, those to come included, so that
+    equal actions come to the same.
+
+    Args:
+        env: Whose episodes are copied; its machine is that of the copies. What it observes by rays is not copied.
+        copies: Of each, at least 2.
+
+    Raises ValueError naming ``copies``.
+    """
+
+    def __init__(self, env: TwinVectorEnv, copies: int):
+        check_integer("copies", copies, ge=2)
+        self.copies = copies
+        self._rows = np.repeat(np.arange(env.num_envs), copies)
+        twin = env.twin
+        self._env = TwinVectorEnv(
+            _without_state(env.task),
+            len(self._rows),
+            machine=twin.machine.variants(self._rows),
+            terrain=twin.terrain,
+            ground=twin._made["ground"],
+            device=SIMD if twin.simd else twin.device.alias,
+            output="numpy" if env.arrays.on_host and twin.device.is_cpu else "torch",
+            own_machines=False,
+            autoreset_mode="Disabled",
+            kernels=env._kernels,
+        )
+        self._source: TwinVectorEnv | None = None
+        self._places: list[Place] = []
+
+    def load(self, env: TwinVectorEnv) -> None:
+        """Copy the episodes of ``env`` as they are now: of the environment that this was made for, or of one like it with
+        other machines."""
+        mine = self._env
+        if self._source is not env:
+            self._source = env
+            self._places = list(_places(env.task, mine.task, (env.num_envs, mine.num_envs)))
+        with mine.arrays.ordered():
+            mine.twin.take_up(env.twin, self._rows)
+            mine._read_outputs()
+            for source, target, name, axis in [*self._places, (env, mine, "_steps", 0)]:
+                values = env.arrays.host(_part(source, name))
+                mine.arrays.put(_part(target, name), ..., _repeated(values, axis, env.num_envs, self._rows))
+            outputs = Outputs(mine.arrays.alias(mine.twin.outputs), mine.arrays.alias(mine.twin.state))
+            _forget_views(mine.task, outputs)
+
+    def step(self, actions: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """Advance all copies by a control step.
+
+        Args:
+            actions: (num_envs x copies, A), all copies of an episode after each other.
+
+        Returns:
+            Rewards, those of twins that diverge :data:`DIVERGED`, and whether the episode terminates in this step, each
+            (num_envs x copies,). The copies go on all the same.
+        """
+        mine = self._env
+        mine._done[:] = False
+        _, rewards, terminated, _, _ = mine.step(actions)
+        diverged = mine.arrays.host(mine._status) != 0
+        rewards = np.where(diverged, np.float32(DIVERGED), mine.arrays.host(rewards))
+        return rewards, np.array(mine.arrays.host(terminated))
+
+
+def _without_state(task: Any) -> Any:
+    """A task like ``task``, to be allocated; of what it observes one term is left, as nobody looks at it."""
+    bare = copy.copy(task)
+    for name, part in vars(task).items():
+        if hasattr(part, "allocate"):
+            setattr(bare, name, _without_state(part))
+    name, term = next(
+        (name, term) for name, term in task.observation_terms.items() if not hasattr(term.function, "oldest")
+    )
+    bare.observation_terms = Frozen({name: term})
+    return bare
+
+
+def _places(source: Any, target: Any, counts: tuple[int, int], seen: set[int] | None = None) -> Iterator[Place]:
+    """Where ``source`` holds arrays of its sub-environments, as ``target`` does of its own; ``counts`` are how many."""
+    seen = set() if seen is None else seen
+    for name, mine, other in _parts(source, target):
+        if isinstance(mine, Outputs | RaySensing | Arrays) or name == "_view" or id(mine) in seen:
+            continue
+        if hasattr(mine, "shape") and hasattr(mine, "dtype"):
+            axis = _axis(tuple(mine.shape), tuple(other.shape), counts)
+            if axis is not None:
+                yield source, target, name, axis
+        elif isinstance(mine, dict | list | tuple) or type(mine).__module__.startswith("aoro_gym."):
+            seen.add(id(mine))
+            yield from _places(mine, other, counts, seen)
+
+
+def _parts(source: Any, target: Any) -> Iterator[tuple[Any, Any, Any]]:
+    """Names of what both hold, and what they hold."""
+    if isinstance(source, dict):
+        yield from ((name, source[name], target[name]) for name in source if name in target)
+    elif isinstance(source, list | tuple):
+        yield from ((k, mine, other) for k, (mine, other) in enumerate(zip(source, target, strict=False)))
+    else:
+        theirs = getattr(target, "__dict__", {})
+        yield from (
+            (name, mine, theirs[name])
+            for name, mine in getattr(source, "__dict__", {}).items()
+            if isinstance(theirs.get(name), type(mine)) and theirs[name] is not mine
+        )
+
+
+def _axis(mine: tuple[int, ...], other: tuple[int, ...], counts: tuple[int, int]) -> int | None:
+    """Along which sub-environments lie in arrays of these shapes; None where they are of something else."""
+    differ = [k for k, (few, many) in enumerate(zip(mine, other, strict=True)) if few != many]
+    if not differ:
+        return None
+    few, many = mine[differ[0]], other[differ[0]]
+    if len(differ) > 1 or few * counts[1] != many * counts[0]:
+        raise ValueError(f"arrays of shapes {mine} and {other} are not of {counts[0]} and {counts[1]} sub-environments")
+    return differ[0]
+
+
+def _part(owner: Any, name: Any) -> Any:
+    return owner[name] if isinstance(owner, dict | list | tuple) else getattr(owner, name)
+
+
+def _repeated(values: NDArray[Any], axis: int, count: int, rows: NDArray[np.intp]) -> NDArray[Any]:
+    """``values`` of ``count`` sub-environments, one or several side by side of each, as those of ``rows``."""
+    before, each, after = values.shape[:axis], values.shape[axis] // count, values.shape[axis + 1 :]
+    apart = values.reshape(*before, count, each, *after)
+    return apart.take(rows, axis=axis).reshape(*before, len(rows) * each, *after)
+
+
+def _forget_views(task: Any, outputs: Outputs) -> None:
+    """Let a task, and what it is made of, see these outputs."""
+    task._outputs = outputs
+    if hasattr(task, "_view"):
+        task._view = None
+    for part in vars(task).values():
+        if hasattr(part, "allocate"):
+            _forget_views(part, outputs)
