@@ -16,6 +16,10 @@ CHASSIS_ROWS = tuple(
 """Rows of the outputs from which the force of all objects on a chassis stands, x, y, z [N] in the world's axes."""
 
 
+OBJECT_ROWS = FIRST_OBJECT_OUTPUT + len(OBJECT_OUTPUT_UNITS)
+"""Channels of twins among objects."""
+
+
 def chassis_force(outputs: Outputs) -> Array:
     """Largest force [N] of the objects of a world on either chassis among the samples of a step (N,); 0 on bare ground.
 
@@ -23,7 +27,7 @@ def chassis_force(outputs: Outputs) -> Array:
     """
     values = outputs.values
     xp = namespace(values)
-    if values.shape[1] <= FIRST_OBJECT_OUTPUT:
+    if values.shape[1] != OBJECT_ROWS:
         return xp.zeros_like(values[-1, 0])
     squares = [values[:, row] ** 2 + values[:, row + 1] ** 2 + values[:, row + 2] ** 2 for row in CHASSIS_ROWS]
     return xp.sqrt(xp.max(xp.maximum(*squares), axis=0))

@@ -60,11 +60,20 @@ from aoro_gym.execution.array_api import HOST, Array, Arrays, Index
 from aoro_gym.machine import Machine
 from aoro_gym.terrains import Plane, Terrain
 from aoro_gym.terrains.world.world import World
-from aoro_gym.twin.records import FIRST_OBJECT_OUTPUT, OBJECT_OUTPUT_UNITS, Output, State, row_of
+from aoro_gym.twin.records import (
+    FIRST_OBJECT_OUTPUT,
+    FIRST_SOIL_OUTPUT,
+    OBJECT_OUTPUT_UNITS,
+    SOIL_OUTPUT_UNITS,
+    Output,
+    State,
+    row_of,
+)
 
 Terrains = Plane | tuple[Terrain | World, ...]
 """What the twins stand on: one plane, or terrains and worlds to choose from."""
 _OBJECT_ROWS = {name: FIRST_OBJECT_OUTPUT + i for i, name in enumerate(OBJECT_OUTPUT_UNITS)}
+_SOIL_ROWS = {name: FIRST_SOIL_OUTPUT + i for i, name in enumerate(SOIL_OUTPUT_UNITS)}
 
 
 @dataclass(frozen=True)
@@ -72,8 +81,8 @@ class Outputs:
     """Sampled outputs of the twins over one control step.
 
     ``values`` has shape (frames, channels, N), float32, SI units as in ``aoro_gym.twin.records.OUTPUT_UNITS``; among solid
-    objects the channels of ``OBJECT_OUTPUT_UNITS`` follow. They alias the twins' memory, as all that the methods give: they
-    hold until the next step or reset.
+    objects the channels of ``OBJECT_OUTPUT_UNITS`` follow, on soil those of ``SOIL_OUTPUT_UNITS``. They alias the
+    twins' memory, as all that the methods give: they hold until the next step or reset.
     """
 
     values: Array
@@ -101,15 +110,16 @@ class Outputs:
         return self.state[row : row + count]
 
     def _row(self, channel: str) -> int:
-        row = channel_row(channel)
-        if row >= self.values.shape[1]:
-            raise ValueError(f"there is no output '{channel}' here: only twins in a world with solid objects have it")
-        return row
+        for rows, where in ((_OBJECT_ROWS, "in a world with solid objects"), (_SOIL_ROWS, "on soil")):
+            if channel in rows and self.values.shape[1] != max(rows.values()) + 1:
+                raise ValueError(f"there is no output '{channel}' here: only twins {where} have it")
+        return channel_row(channel)
 
 
 def channel_row(channel: str) -> int:
     """Row of an output channel; ValueError that lists the channels if there is none of that name."""
-    return _OBJECT_ROWS[channel] if channel in _OBJECT_ROWS else row_of(Output, channel, "output")
+    further = _OBJECT_ROWS | _SOIL_ROWS
+    return further[channel] if channel in further else row_of(Output, channel, "output")
 
 
 def chosen(

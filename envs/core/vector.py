@@ -25,6 +25,7 @@ from aoro_gym.envs.core.copying import copied, pickled
 from aoro_gym.envs.core.kernel_step import KernelStep, kernel_step
 from aoro_gym.envs.core.next_episodes import NextEpisodes
 from aoro_gym.envs.core.rendering import RENDER_MODES, Renderer
+from aoro_gym.envs.core.ruts import rut_infos
 from aoro_gym.envs.core.task import Outputs, Start, Task, channel_row
 from aoro_gym.envs.core.terms import observations_of, rewards_of
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats, namespace
@@ -32,6 +33,7 @@ from aoro_gym.machine import Machine
 from aoro_gym.machine.parameters import InvalidMachine, OutsideRangeWarning, shortened
 from aoro_gym.sensors.attitude import angles_of
 from aoro_gym.terrains import Plane, Terrain
+from aoro_gym.terrains.soil import Soil
 from aoro_gym.terrains.world.world import World
 from aoro_gym.twin import Twin
 from aoro_gym.twin.records import WHEELS, Command
@@ -109,6 +111,9 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             solid objects of a world push back; ``info`` then has ``chassis_contact`` and ``chassis_force`` [N], see
             :mod:`aoro_gym.envs.core.contacts`.
         ground: How twins feel a terrain, ``"raster"`` or ``"mesh"``; see :class:`~aoro_gym.twin.Twin`.
+        soil: What the ground is made of, where it is soft, see :class:`~aoro_gym.twin.Twin`; ``info`` then has
+            ``rut_depth`` [m],
+            the mean of the ruts below the wheels, see :mod:`aoro_gym.envs.core.ruts`.
         device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``.
         output: ``"numpy"``, or ``"torch"`` for tensors on the device (needs ``aoro-gym[torch]``).
         own_machines: Give every twin its own machine record, as randomised machines need it.
@@ -138,6 +143,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         machine: str | Path | Machine = "aoro",
         terrain: Plane | Terrain | World | Sequence[Terrain | World] | None = None,
         ground: str = "raster",
+        soil: str | Soil | None = None,
         device: str = "cpu",
         output: str = "numpy",
         own_machines: bool = True,
@@ -173,6 +179,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             machine=machine,
             terrain=terrain,
             ground=ground,
+            soil=soil,
             device=device,
             own_machines=own_machines,
             carry_load=True if task.randomisation.varies_load else None,
@@ -685,7 +692,9 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         self._observation = observation
 
     def _logged(self, infos: Infos) -> Infos:
-        """``infos`` of the task, and what twins among solid objects touch."""
+        """``infos`` of the task, what twins among solid objects touch, and the ruts of those on soil."""
+        if self.twin.soil is not None:
+            return infos | rut_infos(self._outputs)
         return infos | contact_infos(self._outputs) if self.twin.has_objects else infos
 
     def _wrong_observation(self) -> Array:

@@ -44,7 +44,7 @@ class LevellingVectorEnv(TwinVectorEnv):
         observation_terms: Changes to the observation terms by name; ``"lidar": True`` and ``"height_map": True`` add what
             rays show, see :mod:`aoro_gym.envs.core.ray_terms`.
         randomisation: Instead of the configuration's: ``FIXED``, ``MILD`` or an own one.
-        arguments: See :class:`TwinVectorEnv`: machine, ground, device, output, own_machines, autoreset_mode,
+        arguments: See :class:`TwinVectorEnv`: machine, ground, soil, device, output, own_machines, autoreset_mode,
             max_episode_steps, render_mode.
     """
 

@@ -54,7 +54,7 @@ class PathTrackingVectorEnv(TwinVectorEnv):
         observe_inertial: Add roll rate, pitch rate and specific force to the observation.
         scan_x: Places ahead [m] whose ground is scanned.
         chassis_force_limit: Force [N] of objects on a chassis that ends an episode.
-        arguments: See :class:`TwinVectorEnv`: machine, ground, device, output, own_machines, autoreset_mode,
+        arguments: See :class:`TwinVectorEnv`: machine, ground, soil, device, output, own_machines, autoreset_mode,
             max_episode_steps, render_mode.
     """
 

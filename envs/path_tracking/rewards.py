@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from aoro_gym.envs.core.contacts import chassis_contact
+from aoro_gym.envs.core.ruts import rut_depth
 from aoro_gym.envs.core.terms import Frozen, RewardTerm
 from aoro_gym.envs.path_tracking.view import PathTrackingView
 from aoro_gym.execution.array_api import Array
@@ -85,5 +86,7 @@ REWARD_TERMS = Frozen(
     }
 )
 """The reward: about 1 a step for following the path's middle at the working speed."""
-FURTHER_REWARD_TERMS = Frozen({"exact_progress": exact_progress, "chassis_contact": chassis_contact})
+FURTHER_REWARD_TERMS = Frozen(
+    {"exact_progress": exact_progress, "chassis_contact": chassis_contact, "rut_depth": rut_depth}
+)
 """What it can be made of besides, by name."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from aoro_gym.envs.core.contacts import chassis_contact
+from aoro_gym.envs.core.ruts import rut_depth
 from aoro_gym.envs.core.terms import Frozen, RewardTerm
 from aoro_gym.envs.turning.view import TurningView
 from aoro_gym.execution.array_api import Array
@@ -54,5 +55,5 @@ REWARD_TERMS = Frozen(
     }
 )
 """The reward: at most 1 a step, so 500 an episode."""
-FURTHER_REWARD_TERMS = Frozen({"flow_excess": flow_excess, "chassis_contact": chassis_contact})
+FURTHER_REWARD_TERMS = Frozen({"flow_excess": flow_excess, "chassis_contact": chassis_contact, "rut_depth": rut_depth})
 """What it can be made of besides, by name."""

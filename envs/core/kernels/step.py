@@ -3,7 +3,7 @@
 import warp as wp
 
 from aoro_gym.envs.core import contacts
-from aoro_gym.twin.records import FIRST_OBJECT_OUTPUT, Output, State
+from aoro_gym.twin.records import Output, State
 
 UNMEANT, WRONG_REWARD, WRONG_OBSERVATION, ANY_TERMINATED, ANY_DONE = (wp.constant(number) for number in range(5))
 """Rows of the flags."""
@@ -11,8 +11,8 @@ TERMINATED, TRUNCATED, DONE, RUNNING = (wp.constant(number) for number in range(
 """Rows of what a step ended with."""
 OWN = wp.constant(-1)
 """Kind of a term that is a function of the user's own: it is left to the host."""
-BARE_ROWS = wp.constant(FIRST_OBJECT_OUTPUT)
-"""Channels of twins on bare ground."""
+OBJECT_ROWS = wp.constant(contacts.OBJECT_ROWS)
+"""Channels of twins among objects."""
 FRONT_CHASSIS, REAR_CHASSIS = (wp.constant(row) for row in contacts.CHASSIS_ROWS)
 
 
@@ -118,7 +118,7 @@ def force_at(m: StepMemory, frame: int, row: int, i: int):
 def chassis_force(m: StepMemory, i: int):
     """Largest force [N] of objects on either chassis in the step; see :func:`aoro_gym.envs.core.contacts.chassis_force`."""
     largest = float(0.0)
-    if m.outputs.shape[1] > BARE_ROWS:
+    if m.outputs.shape[1] == OBJECT_ROWS:
         for frame in range(m.outputs.shape[0]):
             largest = wp.max(largest, wp.max(force_at(m, frame, FRONT_CHASSIS, i), force_at(m, frame, REAR_CHASSIS, i)))
     return largest
