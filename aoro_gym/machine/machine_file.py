@@ -142,6 +142,12 @@ def read_machine(name_or_path: str | PathLike[str]) -> tuple[str, dict[str, Para
         return name, {key: _parameter(key, table) for key, table in tables.items()}, laws_from(laws)
 
 
+def read_parameters(path: Path) -> dict[str, Parameter]:
+    """Parameters by dotted key of a file of such tables that stands on no other; ValueError as :func:`read_machine`."""
+    with naming(path):
+        return {key: _parameter(key, table) for key, table in _tables(read_toml(path))}
+
+
 def _merged(path: Path, overlays: int = 0) -> tuple[dict[str, Mapping[str, Any]], dict[str, Any]]:
     """Tables of a file by dotted key, and its laws, those of its base among them."""
     document = read_toml(path)

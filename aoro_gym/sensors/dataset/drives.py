@@ -17,9 +17,10 @@ from aoro_gym.terrains import Path
 from aoro_gym.terrains.world.world import World
 
 Array = NDArray[np.float64]
-BEFORE, AFTER = 0.1, 0.3
-"""Time [s] that a drive must have gone on before a picture is taken, and must go on after it: a lidar's sweep, and the next
-picture that flow is counted to."""
+BEFORE = 0.1
+"""Time [s] that a drive must have gone on before a picture is taken: a lidar's sweep."""
+AFTER = 0.3
+"""Time [s] that it must go on after it: the next picture that flow is counted to."""
 
 
 @dataclass(frozen=True, eq=False)
