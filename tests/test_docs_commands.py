@@ -31,7 +31,7 @@ SHORTER = {
     "calibrate": ("--starts", "1", "--population", "2", "--force"),
     "camera": ("--width", "48", "--samples", "1", "--frames", "1"),
     "curves": (),
-    "dataset": ("--frames", "3", "--worlds", "3", "--width", "48", "--samples", "1"),
+    "dataset": ("--frames", "3", "--width", "48", "--samples", "1"),
     "evaluate": ("--episodes", "1", "--no-films"),
     "leaderboard": ("--episodes", "1", "--policy", "bang-bang"),
     "robustness": ("--episodes", "1", "--policy", "bang-bang"),
@@ -102,8 +102,10 @@ def wanted(page: Path) -> list[str]:
 def place(tmp_path_factory) -> Path:
     """A folder with all that the pages take as given: ground, paths, logs of two days, machines, tables, trainings."""
     pytest.importorskip("stable_baselines3")
+    from aoro_gym.agents.evaluation.pictured_drives import planned
     from aoro_gym.terrains.generate.forest import forest
     from aoro_gym.terrains.generate.scan import scan
+    from aoro_gym.terrains.world.files import load_world
 
     folder = tmp_path_factory.mktemp("place")
     scanned = scan(forest(seed=1), seed=1)
@@ -128,6 +130,8 @@ def place(tmp_path_factory) -> Path:
     ):
         made = in_pipe(*words, "--quiet", folder=folder)
         assert made.returncode == 0, f"{words}: {made.stderr}"
+    way = planned(load_world(folder / "forest"), 0).points
+    np.savetxt(folder / "track.csv", way, delimiter=",", header="x,y", comments="")
     for copy in ("before", "healthy"):
         shutil.copy(folder / "healthy/left.csv", folder / f"{copy}.csv")
     for copy in ("after", "later"):
