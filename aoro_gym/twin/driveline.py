@@ -63,7 +63,7 @@ class Driveline:
         self._clock = wp.zeros(n, dtype=int, device=self._device)
         self._outputs = wp.zeros((len(DrivelineOutput), n), dtype=float, device=self._device)
         idle = Twin(n, machine=self.machine, main_step=main_step, substeps=substeps)
-        self._idle = idle.state.numpy().copy()
+        self._idle = idle.state.numpy()[: len(State)].copy()
         self.reset()
 
     def reset(self, torque: npt.ArrayLike = 0.0) -> None:

@@ -54,8 +54,8 @@ class SharedTwin:
         record, twin = self._record, self._twin
         record["count"] += 1
         record["time"] = twin.time[0]
-        record["state"] = twin.state.numpy()[:, 0]
-        record["outputs"] = twin.outputs.numpy()[-1][:, 0]
+        record["state"] = twin.state.numpy()[: len(State), 0]  # what is further is not drawn
+        record["outputs"] = twin.outputs.numpy()[-1][: len(CHANNELS), 0]
         record["count"] += 1
 
     def close(self) -> None:
@@ -101,7 +101,9 @@ class MirroredTwin:
 
     def forces(self) -> tuple[Floats, Floats]:
         """Contact points [m] and forces [N] of its tires, (1, 4, 3)."""
-        self._twin.state.assign(self._record["state"][:, None])
+        state = self._twin.state.numpy()
+        state[: len(State), 0] = self._record["state"]
+        self._twin.state.assign(state)
         return self._forces.evaluate()
 
     def readings(self) -> list[dict[str, float]]:

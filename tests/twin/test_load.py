@@ -9,6 +9,8 @@ from scipy.linalg import eigh
 from aoro_gym import Machine, Twin
 from aoro_gym.envs.core.randomisation import Randomisation
 from aoro_gym.terrains import Plane
+from aoro_gym.twin.driveline import Driveline
+from aoro_gym.twin.hub_driven import HubDrivenTwin
 from aoro_gym.twin.records import CHANNELS, WHEELS, LoadRow, State
 from tests.oracles.bodies import BodyModel
 from tests.twin.rig import states
@@ -216,6 +218,22 @@ def test_a_copy_goes_on_to_the_bit_while_logs_slide(bundled):
     assert states(twin).tobytes() == states(copy).tobytes()
     twin.reset([True, False])
     assert twin.load_slide[0] == 0.0 and twin.load_slide[1] < -0.05
+
+
+def test_a_driveline_apart_turns_the_wheels_of_a_laden_machine(bundled):
+    """Half a second ahead, hub by hub, as the whole twin goes; that parting them changes nothing is tested elsewhere."""
+    laden = bundled.set(LOADED)
+    whole, bodies, loop = Twin(machine=laden), HubDrivenTwin(machine=laden), Driveline(machine=laden)
+    for twin in (whole, bodies):
+        twin.reset()
+    loop.set_commands({"drive_signal": 0.3})
+    whole.step({"drive_signal": 0.3}, 0.5)
+    for _ in range(500):
+        torques, speed = loop.step(bodies.wheel_rates, bodies.pump_torque)
+        bodies.set_hubs(torques, speed)
+        bodies.step({}, 1e-3)
+    moved = [twin.output("position_x")[0] for twin in (whole, bodies)]
+    assert moved[1] == pytest.approx(moved[0], rel=0.05) and moved[0] > 0.01
 
 
 def test_twins_that_carry_no_load_refuse_one(bundled):

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from aoro_gym.machine import Machine
 from aoro_gym.twin import Twin
 from aoro_gym.view.live import LiveTwins
 from aoro_gym.view.mirror import MirroredTwin, MirrorPage, SharedTwin
@@ -19,9 +20,13 @@ def driven():
     return twin
 
 
-def test_the_mirror_shows_what_the_twin_does(driven):
+@pytest.mark.parametrize("logs", [0.0, 20.0])
+def test_the_mirror_shows_what_the_twin_does(logs):
+    machine = Machine.load().set({"payload.count": logs})
+    driven = Twin(machine=machine)
+    driven.step({"drive_signal": 0.5, "steering_signal": 0.4}, 0.8)
     shared = SharedTwin(driven)
-    mirrored, live = MirroredTwin(shared.memory, Twin()), LiveTwins(driven, [driven.machine])
+    mirrored, live = MirroredTwin(shared.memory, Twin(machine=machine)), LiveTwins(driven, [machine])
     for _ in range(2):
         assert mirrored.look()
         assert mirrored.time == live.time
