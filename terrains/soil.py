@@ -117,6 +117,12 @@ class Soil:
         """Twins that it has values for; 1 if they are the same for all."""
         return max(np.size(getattr(self, name)) for name in BOUNDS)
 
+    def variants(self, indices: NDArray[np.intp]) -> Soil:
+        """The soils of some twins (K,), a soil each; this one if it is the same for all."""
+        values: dict[str, Any] = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        values |= {name: value[indices] for name, value in values.items() if isinstance(value, np.ndarray)}
+        return Soil(**values)
+
     @property
     def bytes_per_twin(self) -> int:
         """Memory [bytes] that each twin takes for its ruts."""

@@ -117,17 +117,18 @@ class SoilRuts:
         return Ruts((float(west * TILE * cell), float(south * TILE * cell)), cell, deepest, depth)
 
     def standing(self) -> dict[str, npt.NDArray[Any]]:
-        """What twins have to do with their soil, for :meth:`stand`."""
-        return {
-            f"ruts_{name}": getattr(self._ruts, name).numpy().copy()
-            for name in ("keys", "depths", "count", "full", "wheels")
+        """What twins have to do with their soil, for :meth:`stand`; twins lie along the last axis."""
+        return {f"ruts_{name}": getattr(self._ruts, name).numpy().copy().T for name in ("keys", "depths")} | {
+            f"ruts_{name}": getattr(self._ruts, name).numpy().copy() for name in ("count", "full", "wheels")
         }
 
     def stand(self, standing: Mapping[str, npt.NDArray[Any]]) -> None:
         """Inverse of :meth:`standing`."""
-        for name, values in standing.items():
-            array = getattr(self._ruts, name.removeprefix("ruts_"))
-            wp.copy(array, wp.array(values, dtype=array.dtype, device=array.device))
+        for key, values in standing.items():
+            name = key.removeprefix("ruts_")
+            array = getattr(self._ruts, name)
+            rows = np.ascontiguousarray(values.T if name in ("keys", "depths") else values)
+            wp.copy(array, wp.array(rows, dtype=array.dtype, device=array.device))
 
 
 def device_records(soil: SoilParameters) -> npt.NDArray[Any]:

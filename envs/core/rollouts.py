@@ -61,6 +61,7 @@ class Rollouts:
             machine=twin.machine.variants(self._rows),
             terrain=twin.terrain,
             ground=twin._made["ground"],
+            soil=None if twin.soil is None else twin.soil.variants(self._rows),
             device=SIMD if twin.simd else twin.device.alias,
             output="numpy" if env.arrays.on_host and twin.device.is_cpu else "torch",
             own_machines=False,

@@ -6,7 +6,9 @@ import gymnasium
 import numpy as np
 import pytest
 
+from aoro_gym.envs.core.rollouts import Rollouts
 from aoro_gym.envs.core.ruts import DEEP_RUT, RUT_ROWS
+from aoro_gym.terrains.soil import Soil
 from aoro_gym.twin.records import WHEELS
 
 
@@ -48,3 +50,20 @@ def test_channels_of_soil_are_those_of_twins_on_soil(steps):
         hard.output("sinkage_fl")
     with pytest.raises(ValueError, match="only twins in a world with solid objects have it"):
         soft.output("touched_object_fl")
+
+
+def test_copies_of_episodes_have_their_ruts():
+    """What is tried on copies comes to what the episodes then come to, to the bit: they stand in the same ruts of
+    their own soil."""
+    soil = Soil.preset("peat", cohesion=[2e3, 9e3])
+    env: Any = gymnasium.make_vec("AORO/Turning-v0", num_envs=2, soil=soil, reward_terms={"rut_depth": -1.0}).unwrapped
+    env.reset(seed=1)
+    left = np.full((2, 1), 0.7, dtype=np.float32)
+    for _ in range(5):
+        env.step(left)
+    tried = Rollouts(env, copies=2)
+    tried.load(env)
+    for _ in range(3):
+        rewards, _ = tried.step(np.repeat(left, 2, axis=0))
+        _, expected, *_ = env.step(left)
+        np.testing.assert_array_equal(rewards, np.repeat(expected, 2))
