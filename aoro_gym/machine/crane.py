@@ -2,8 +2,8 @@
 
 Four joints in a row: ``slew`` q₁ turns the pillar about the upright of its foot, left positive; ``lift`` q₂ raises the main
 boom; ``fold`` q₃ raises the stick against the boom, in line at zero; ``telescope`` q₄ pushes the extension out of the stick.
-The grapple hangs from the tip as a point mass. Axes at the foot: x forward, y left, z up. No cylinders yet: joints are
-driven by torques, and by a force. Units: m, kg, s, rad, N.
+The grapple hangs from the tip as a point mass. Axes at the foot: x forward, y left, z up. Of the
+cylinders there are the linkages: which pressures hold a pose. Units: m, kg, s, rad, N, Pa.
 """
 
 from dataclasses import fields, is_dataclass, replace
@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from aoro_gym.checks import check_finite
 from aoro_gym.machine.machine_file import Parameter, read_parameters
 from aoro_gym.machine.quantities import Quantity, finite, non_negative, positive, section, within
+from aoro_gym.units import GRAVITY
 
 JOINTS = ("slew", "lift", "fold", "telescope")
 """Names of the joints, in the order of their coordinates."""
@@ -24,10 +25,101 @@ _STRAIGHT = np.pi
 
 
 @section
+class Piston:
+    """Bore and rod of a cylinder."""
+
+    bore: Quantity = positive("m")
+    rod: Quantity = positive("m")
+
+    @property
+    def bore_area(self) -> Quantity:
+        """Piston area [m²]."""
+        return np.pi / 4.0 * self.bore**2
+
+    @property
+    def annulus_area(self) -> Quantity:
+        """Piston area on the rod's side [m²]."""
+        return np.pi / 4.0 * (self.bore**2 - self.rod**2)
+
+    def pressures(self, force: Quantity, back: Quantity) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Pressures [Pa] in bore and annulus that push with ``force`` [N]; the other side is at ``back`` [Pa]."""
+        pushing = (force + back * self.annulus_area) / self.bore_area
+        pulling = (back * self.bore_area - force) / self.annulus_area
+        return np.maximum(pushing, back), np.maximum(pulling, back)
+
+
+@section
+class LiftCylinder(Piston):
+    """Cylinder between pillar and main boom."""
+
+    pillar_pin: Quantity = positive("m")  # from the lift's pin
+    boom_pin: Quantity = positive("m")  # likewise
+    level_angle: Quantity = positive("rad")  # between both ways, boom level
+
+    def extension(self, lift: Quantity) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Length pin to pin [m] at the angle ``lift`` [rad], and its slope [m/rad] (law of cosines)."""
+        between = self.level_angle + np.asarray(lift)
+        product = self.pillar_pin * self.boom_pin
+        length = np.sqrt(self.pillar_pin**2 + self.boom_pin**2 - 2.0 * product * np.cos(between))
+        return length, product * np.sin(between) / length
+
+
+@section
+class FoldCylinder(Piston):
+    """Cylinder of the stick, which turns it over four bars: boom, lever, coupler, and lug of the stick."""
+
+    pin_back: Quantity = positive("m")  # of the cylinder on the boom, behind the fold's pin
+    pin_over: Quantity = finite("m")
+    pivot_back: Quantity = positive("m")  # of the lever on the boom
+    pivot_over: Quantity = finite("m")
+    lever: Quantity = positive("m")
+    coupler: Quantity = positive("m")
+    lug: Quantity = positive("m")  # from the fold's pin
+    lug_angle: Quantity = finite("rad")  # against the stick
+
+    def pins(self, fold: Quantity) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Lug of the stick, and pin that lever, coupler and cylinder share, at the angle ``fold`` [rad]: along the boom and
+        over it from the fold's pin [m], as complex numbers."""
+        lug = self.lug * np.exp(1j * (self.lug_angle + np.asarray(fold, dtype=np.float64))).astype(np.complex128)
+        pivot = -self.pivot_back + 1j * np.asarray(self.pivot_over)
+        way = lug - pivot
+        cosine = (np.abs(way) ** 2 + self.lever**2 - self.coupler**2) / (2.0 * np.abs(way) * self.lever)
+        return lug, (pivot + self.lever * way / np.abs(way) * np.exp(-1j * np.arccos(cosine))).astype(np.complex128)
+
+    def extension(self, fold: Quantity) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Length pin to pin [m] at the angle ``fold`` [rad], and its slope [m/rad].
+
+        The lug moves at right angles to its arm; the shared pin to the lever, as fast along the coupler as the lug.
+        """
+        lug, shared = self.pins(fold)
+        pivot, pin = (
+            -self.pivot_back + 1j * np.asarray(self.pivot_over),
+            -self.pin_back + 1j * np.asarray(self.pin_over),
+        )
+        along, lever = shared - lug, shared - pivot
+        turn = _dot(1j * lug, along) / _dot(1j * lever, along)
+        length = np.abs(shared - pin)
+        return length, turn * _dot(1j * lever, shared - pin) / length
+
+
+@section
+class TelescopeCylinder(Piston):
+    """Cylinder of the extension."""
+
+    ratio: Quantity = positive("1")  # way of the extension over that of the piston
+
+
+def _dot(a: NDArray[np.complex128], b: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Scalar product of two vectors of the plane."""
+    return np.real(a * np.conj(b))
+
+
+@section
 class Slew:
     """Bearing of the pillar."""
 
     range: Quantity = positive("rad")  # to either side
+    displacement: Quantity = positive("m^3/rad")  # of its racks
 
 
 @section
@@ -49,6 +141,7 @@ class Lift:
     height: Quantity = positive("m")  # over the foot
     low: Quantity = within("rad", -_STRAIGHT, _STRAIGHT)
     high: Quantity = within("rad", -_STRAIGHT, _STRAIGHT)
+    cylinder: LiftCylinder
 
 
 @section
@@ -69,6 +162,7 @@ class Fold:
 
     low: Quantity = within("rad", -_STRAIGHT, _STRAIGHT)
     high: Quantity = within("rad", -_STRAIGHT, _STRAIGHT)
+    cylinder: FoldCylinder
 
 
 @section
@@ -87,6 +181,7 @@ class Telescope:
     """Slide of the extension."""
 
     stroke: Quantity = positive("m")
+    cylinder: TelescopeCylinder
 
 
 @section
@@ -137,6 +232,60 @@ class Crane:
             raise ValueError(f"mass is {np.min(mass):g} kg, but must be at least 0")
         held = np.asarray(mass, dtype=np.float64)
         return replace(self, grapple=Grapple(mass=held if held.ndim else float(held)))
+
+    def holding(self, joints: ArrayLike) -> NDArray[np.float64]:
+        """Torques [N m] (4, ...), the last a force [N], that hold the joints (4, ...) of an upright crane at rest."""
+        _, lift, fold, out = np.asarray(joints, dtype=np.float64)
+        boom, stick, inner = self.boom, self.stick, self.extension
+        raised, length = lift + fold, stick.length + out
+        beyond = stick.mass + inner.mass + self.grapple.mass
+        # first moments of what hangs on either pin
+        on_fold = stick.mass * stick.cog_along + inner.mass * (length + inner.cog_along) + self.grapple.mass * length
+        on_fold = on_fold * np.cos(raised)
+        on_lift = boom.mass * (boom.cog_along * np.cos(lift) - boom.cog_over * np.sin(lift))
+        on_lift = on_lift + beyond * boom.length * np.cos(lift) + on_fold
+        slid = (inner.mass + self.grapple.mass) * np.sin(raised)
+        return GRAVITY * np.stack(np.broadcast_arrays(0.0 * raised, on_lift, on_fold, slid))
+
+    def pressures(
+        self, joints: ArrayLike, torques: ArrayLike, back: float = 5e5
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Pressures [Pa] in the bores and the annuli (4, ...) with which the cylinders give ``torques`` (4, ...), without
+        friction. The slew's racks push one way by their bore, the other way by their annulus.
+
+        Args:
+            joints: (4, ...).
+            torques: [N m], the last a force [N].
+            back: Pressure [Pa] of the side that does not bear.
+        """
+        _, lift, fold, _ = np.asarray(joints, dtype=np.float64)
+        slewing, raising, folding, pushing = np.asarray(torques, dtype=np.float64)
+        racks = back + np.maximum(slewing, 0.0) / self.slew.displacement
+        racks_back = back + np.maximum(-slewing, 0.0) / self.slew.displacement
+        slide = self.telescope.cylinder
+        pairs = [
+            (racks, racks_back),
+            self.lift.cylinder.pressures(raising / self.lift.cylinder.extension(lift)[1], back),
+            self.fold.cylinder.pressures(folding / self.fold.cylinder.extension(fold)[1], back),
+            slide.pressures(slide.ratio * pushing, back),
+        ]
+        bores, annuli = zip(*pairs, strict=True)
+        return np.stack(np.broadcast_arrays(*bores)), np.stack(np.broadcast_arrays(*annuli))
+
+    def capacity(self, joints: ArrayLike, pressure: float) -> NDArray[np.float64]:
+        """Mass [kg] (...) beyond the grapple's that lift and fold hold at ``joints`` (4, ...) with ``pressure`` [Pa] in
+        their bores, without back pressure; negative where they cannot hold the crane itself."""
+        _, lift, fold, out = np.asarray(joints, dtype=np.float64)
+        held, length = self.holding(joints), self.stick.length + out
+        on_fold = length * np.cos(lift + fold)
+        levers = (self.boom.length * np.cos(lift) + on_fold, on_fold)
+        most = []
+        for cylinder, angle, own, lever in (
+            (self.lift.cylinder, lift, held[1], levers[0]), (self.fold.cylinder, fold, held[2], levers[1]),
+        ):  # fmt: skip
+            spare = pressure * cylinder.bore_area * cylinder.extension(angle)[1] - own
+            most.append(np.where(lever > 0.0, spare / (GRAVITY * np.where(lever > 0.0, lever, 1.0)), np.inf))
+        return np.minimum(*most)
 
     def tip(self, joints: ArrayLike) -> NDArray[np.float64]:
         """Place (3, ...) of the tip [m] at ``joints`` (4, ...): q₁, q₂, q₃ [rad] and q₄ [m]."""

@@ -1,6 +1,6 @@
 """Cranes apart from the vehicle, on a foot that stands still: their joints driven by torques, what holds and bears them.
 
-A step towards a crane on the twin: kinematics and rigid-body dynamics are there, cylinders, valves and friction are not. Its
+A step towards a crane on the twin: kinematics and rigid-body dynamics are there, oil, valves and friction are not. Its
 parameters, which nothing has validated: :mod:`aoro_gym.machine.crane`; the law: :mod:`aoro_gym.twin.physics.crane`.
 """
 

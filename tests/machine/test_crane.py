@@ -7,6 +7,7 @@ import pytest
 
 from aoro_gym.machine.crane import Crane, crane_parameters, forwarder_crane
 from aoro_gym.machine.sections import Frame
+from aoro_gym.twin.cranes import Cranes
 
 JOINTS = np.array([[0.4, 0.3, -0.7, 0.5], [-2.0, 1.2, -2.2, 0.0], [0.0, -0.3, -0.1, 1.6]]).T
 
@@ -68,3 +69,67 @@ def test_what_it_holds_is_a_mass(crane):
     assert crane.with_grapple(800.0).mass == pytest.approx(crane.mass + 500.0)
     with pytest.raises(ValueError, match=r"mass is -1 kg, but must be at least 0"):
         crane.with_grapple(np.array([300.0, -1.0]))
+
+
+# cylinders
+
+
+@pytest.mark.parametrize("name", ["lift", "fold"])
+def test_a_cylinder_s_lever_is_the_slope_of_its_length(crane, name):
+    """Virtual work, F dL = τ dq: slopes of the mechanism against central differences, which round lengths of a metre by
+    1e-16 and err by 1e-10; it lengthens over the whole range, and closed it is longer than its stroke."""
+    joint = getattr(crane, name)
+    angles, step = np.linspace(joint.low, joint.high, 101), 1e-6
+    length, lever = joint.cylinder.extension(angles)
+    ahead, behind = (joint.cylinder.extension(angles + d)[0] for d in (step, -step))
+    np.testing.assert_allclose(lever, (ahead - behind) / (2.0 * step), atol=1e-8)
+    assert lever.min() > 0.1
+    assert np.ptp(length) < length.min() - 0.2  # piston, glands and pins
+
+
+def test_the_bars_of_the_fold_keep_their_lengths(crane):
+    cylinder = crane.fold.cylinder
+    lug, shared = cylinder.pins(np.linspace(crane.fold.low, crane.fold.high, 51))
+    np.testing.assert_allclose(np.abs(lug), cylinder.lug, atol=1e-12)
+    np.testing.assert_allclose(np.abs(shared - lug), cylinder.coupler, atol=1e-12)
+    pivot = -cylinder.pivot_back + 1j * cylinder.pivot_over
+    np.testing.assert_allclose(np.abs(shared - pivot), cylinder.lever, atol=1e-12)
+
+
+def test_what_holds_it_in_closed_form_is_what_its_dynamics_say(crane):
+    """First moments about the pins, in float64, against the kernel's U_lᵀ g in float32: 1e-5 of the largest torque."""
+    rng = np.random.default_rng(4)
+    joints = rng.uniform((-3.0, -0.5, -2.6, 0.0), (3.0, 1.39, 0.0, 1.65), (50, 4)).T
+    cranes = Cranes(50, crane=crane)
+    cranes.place(joints)
+    held = crane.holding(joints)
+    assert np.abs(cranes.state().holding - held).max() < 1e-5 * np.abs(held).max()
+
+
+def test_pressures_give_the_torques_and_neither_side_falls_below_the_return_line(crane):
+    rng = np.random.default_rng(9)
+    joints = rng.uniform((-3.0, -0.5, -2.6, 0.0), (3.0, 1.39, 0.0, 1.65), (50, 4)).T
+    torques = rng.normal(0.0, 1.0, (4, 50)) * np.array([2e4, 6e4, 3e4, 1e4])[:, None]
+    bore, annulus = crane.pressures(joints, torques, back=4e5)
+    assert min(bore.min(), annulus.min()) == pytest.approx(4e5)
+    assert np.all(np.isclose(bore, 4e5) | np.isclose(annulus, 4e5))
+    forces = [
+        bore[i] * one.bore_area - annulus[i] * one.annulus_area
+        for i, one in ((1, crane.lift.cylinder), (2, crane.fold.cylinder), (3, crane.telescope.cylinder))
+    ]
+    levers = [crane.lift.cylinder.extension(joints[1])[1], crane.fold.cylinder.extension(joints[2])[1], 0.5]
+    for force, lever, torque in zip(forces, levers, torques[1:], strict=True):
+        np.testing.assert_allclose(force * lever, torque, rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose((bore[0] - annulus[0]) * crane.slew.displacement, torques[0], rtol=1e-9, atol=1e-6)
+
+
+def test_a_full_load_asks_for_the_whole_pressure(crane):
+    """With the greatest mass in the grapple one of lift and fold is at the limit, the other below it."""
+    joints = np.stack(
+        [crane.joints_at([reach, 0.0, 0.5], out) for reach, out in ((4.0, 0.0), (5.5, 0.6), (7.0, 1.65))], axis=1
+    )
+    most = crane.capacity(joints, 250e5)
+    assert np.all(np.diff(most) < 0.0) and 500.0 < most[2] < 1500.0  # the class lifts about a tonne at full reach (R)
+    full = crane.with_grapple(crane.grapple.mass + most)
+    bore, _ = full.pressures(joints, full.holding(joints), back=0.0)
+    assert np.max(bore[1:3], axis=0) == pytest.approx(250e5, rel=1e-9)
