@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from aoro_gym.cli.options import option
+from aoro_gym.execution.device_names import SIMD
 from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
     from aoro_gym.machine import Machine
     from aoro_gym.terrains import Path as Line
     from aoro_gym.terrains import Plane, Terrain
+    from aoro_gym.terrains.soil import Soil
     from aoro_gym.terrains.world.world import World
     from aoro_gym.twin import Twin
 
@@ -24,6 +26,12 @@ WorldOption = Annotated[
 ]
 GroundOption = Annotated[
     str, option("--ground", "raster|mesh", "How the twin feels a terrain; mesh: its very triangles.")
+]
+SoilOption = Annotated[
+    str | None,
+    option(
+        "--soil", "NAME[:WATER]", "Soft ground: peat, moraine, snow, sand, sandy_loam, clay or loam. Default: hard."
+    ),
 ]
 TrackOption = Annotated[str | None, option("--track", "N|NAME", "Which of the file's tracks.")]
 StartOption = Annotated[
@@ -56,6 +64,22 @@ def load_ground(file: Path | None, world: Path | None = None) -> Terrain | Plane
     check_one_ground(file, world)
     with terminal.progress(f"loading {world.name}"):
         return load_world(world)
+
+
+def load_soil(name: str | None, world: Path | None, device: str = "cpu") -> Soil | None:
+    """What the ground is made of by the value of --soil, in a --world and on a --device that may not go with it."""
+    from aoro_gym.terrains.soil import Soil
+
+    if name is None:
+        return None
+    if world is not None:
+        raise ValueError(f"--soil {name} is without solid objects, but --world {world} has some; drop one of them")
+    if device == SIMD:
+        raise ValueError(f"--device {SIMD} cannot run twins on --soil {name}; take cpu")
+    try:
+        return Soil.named(name)
+    except ValueError as error:
+        raise ValueError(f"--{error}") from None
 
 
 def bare(ground: Terrain | Plane | World) -> Terrain | Plane:

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 from aoro_gym.cli import options
 from aoro_gym.cli.options import option
 from aoro_gym.cli.outcome import checking_input, conclude, running
-from aoro_gym.cli.place import StartOption, WorldOption, load_ground
+from aoro_gym.cli.place import SoilOption, StartOption, WorldOption, load_ground, load_soil
 from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
     from aoro_gym.simulation.manoeuvres import Manoeuvre
     from aoro_gym.simulation.plots import Section
     from aoro_gym.terrains import Plane
-    from aoro_gym.terrains.soil import Soil
     from aoro_gym.terrains.world.world import World
     from aoro_gym.twin import Twin
 
@@ -45,12 +44,6 @@ SlopeDirectionOption = Annotated[
 ]
 FrictionOption = Annotated[float, option("--terrain-friction", "FACTOR", "Tire friction against dry asphalt.")]
 RollingOption = Annotated[float, option("--terrain-rolling", "FACTOR", "Rolling resistance against asphalt.")]
-SoilOption = Annotated[
-    str | None,
-    option(
-        "--soil", "NAME[:WATER]", "Soft ground: peat, moraine, snow, sand, sandy_loam, clay or loam. Default: hard."
-    ),
-]
 IdealOption = Annotated[
     bool, option("--ideal-sensors", None, "Measured columns without noise, zero error and quantiser.")
 ]
@@ -115,7 +108,7 @@ def simulate(
         output.check_output(out, manoeuvre)
         run = options.run_spec(machine, set_, scale, device, seed, laws=laws, ideal=ideal)
         chosen = options.load(run)
-        made_of = _soil(soil, world, device)
+        made_of = load_soil(soil, world, device)
         terrain = _ground(world, slope, slope_direction, friction, rolling)
         place = _place(terrain, start)
         plan = named_manoeuvre(
@@ -184,25 +177,6 @@ def _ground(folder: Path | None, slope: float, direction: float, friction: float
     ground = load_ground(None, folder)
     assert isinstance(ground, World)
     return ground
-
-
-def _soil(name: str | None, world: Path | None, device: str) -> Soil | None:
-    """What the ground is made of by the value of --soil, in a --world and on a --device that may not go with it."""
-    from aoro_gym.execution.device_names import SIMD
-    from aoro_gym.terrains.soil import Soil
-
-    if name is None:
-        return None
-    if world is not None:
-        raise ValueError(
-            f"--soil {name} is for planes, and --world {world} has solid objects and its own ground; drop one"
-        )
-    if device == SIMD:
-        raise ValueError(f"--device {SIMD} cannot run twins on --soil {name}; take cpu")
-    try:
-        return Soil.named(name)
-    except ValueError as error:
-        raise ValueError(f"--{error}") from None
 
 
 def _place(ground: Plane | World, start: tuple[float, float, float] | None) -> tuple[float, float, float]:

@@ -15,6 +15,7 @@ from aoro_gym.cli.options import option
 from aoro_gym.cli.outcome import checking_input, conclude, interrupted
 from aoro_gym.cli.place import (
     GroundOption,
+    SoilOption,
     StartOption,
     TerrainOption,
     TrackOption,
@@ -25,6 +26,7 @@ from aoro_gym.cli.place import (
     check_track,
     load_ground,
     load_line,
+    load_soil,
     put,
 )
 from aoro_gym.reporting import terminal
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
     from aoro_gym.machine import Machine
     from aoro_gym.terrains import Path as Line
     from aoro_gym.terrains import Plane, Terrain
+    from aoro_gym.terrains.soil import Soil
     from aoro_gym.terrains.world.world import World
     from aoro_gym.view.live import LiveTwins
     from aoro_gym.view.replay import Replay
@@ -76,6 +79,7 @@ def view(
     terrain: TerrainOption = None,
     world: WorldOption = None,
     ground: GroundOption = "raster",
+    soil: SoilOption = None,
     path: PathOption = None,
     track: TrackOption = None,
     start: StartOption = None,
@@ -102,6 +106,8 @@ def view(
     With LOGs it shows these again, side by side on one clock with a slider. Logs of the simulator hold the pose; of others,
     the joint and the wheels move and the machine stays in its place.
 
+    On --soil the wheels sink in, and their ruts are drawn.
+
     In a --world trees, stumps, boulders and logs push back. It starts at --start, by default at the free place nearest to
     the middle.
 
@@ -120,6 +126,7 @@ def view(
       aoro-gym view before.csv after.csv
       aoro-gym view --terrain scan.ply --lidar vlp-16
       aoro-gym view --world forest --lidar os1-64 --camera stereo
+      aoro-gym view --soil peat
       aoro-gym view --policy preview --policy stanley
       aoro-gym view --machine aoro --machine mine.toml
       aoro-gym view --set joint.compliance=1e-8 --no-browser --port 8090
@@ -131,7 +138,7 @@ def view(
         check_track(path, track)
         _check_together(logs, machine, path, start, policy)
         _check_sensors({"--lidar": lidar, "--camera": camera}, policy)
-        _check_used(policy, env, logs, start)
+        _check_used(policy, env, logs, start, soil)
         check_one_ground(terrain, world)
         _check_gamepad(gamepad, logs, policy)
         names = machine or [options.MACHINE]
@@ -142,7 +149,8 @@ def view(
             land = load_ground(terrain, world)
             line = None if path is None else load_line(path, track, bare(land))
             names = [log.stem for log in logs] if logs else names
-            twins = _replay(logs, machines) if logs else _twins(machines, land, ground, line, start)
+            made_of = load_soil(soil, world)
+            twins = _replay(logs, machines) if logs else _twins(machines, land, (ground, made_of), line, start)
             page, run = _driven_by_hand(twins, names, (land, line, terrain), gamepad, (lidar, camera), port)
     _serve(page, run, no_browser, json_to)
 
@@ -179,9 +187,15 @@ def _check_sensors(sensors: dict[str, str | None], policies: list[str] | None) -
 
 
 def _check_used(
-    policies: list[str] | None, env: str | None, logs: list[Path] | None, start: tuple[float, float, float] | None
+    policies: list[str] | None,
+    env: str | None,
+    logs: list[Path] | None,
+    start: tuple[float, float, float] | None,
+    soil: str | None,
 ) -> None:
     """ValueError for options that would do nothing."""
+    if soil is not None and (logs or policies):
+        raise ValueError(f"--soil {soil} is that of a live twin, but a LOG or episodes are shown; drop one of them")
     if env is not None and not policies:
         raise ValueError(f"--env {env} has episodes that policies drive; name one with --policy, or drop --env")
     if logs and start is not None:
@@ -289,11 +303,11 @@ def _replay(logs: list[Path], machines: list[Machine]) -> Replay:
 def _twins(
     machines: list[Machine],
     land: Terrain | Plane | World,
-    ground: str,
+    felt: tuple[str, Soil | None],
     line: Line | None,
     start: tuple[float, float, float] | None,
 ) -> LiveTwins:
-    """Twins of all machines at their start."""
+    """Twins of all machines at their start; ``felt``: how they feel the ``land``, and what it is made of."""
     from aoro_gym.twin import Twin
     from aoro_gym.view.live import LiveTwins
 
@@ -303,7 +317,8 @@ def _twins(
         count,
         machine=machines[0],
         terrain=land,
-        ground=ground,
+        ground=felt[0],
+        soil=felt[1],
         own_machines=True,
         carry_load=any(one.loaded for one in machines),
         choose_laws=chooses,

@@ -10,8 +10,11 @@ import numpy as np
 from aoro_gym.machine import Machine
 from aoro_gym.machine.kinematics import Floats, Pose
 from aoro_gym.recording.commands import COMMAND_BOUNDS
+from aoro_gym.terrains import Plane, Terrain
+from aoro_gym.terrains.world.world import World
 from aoro_gym.twin import Twin
 from aoro_gym.twin.poses import pose_of_state
+from aoro_gym.twin.soil_ruts import Ruts
 from aoro_gym.view.forces import TireForces
 
 CONTROL_STEP = 0.05
@@ -50,6 +53,12 @@ class LiveTwins:
     def time(self) -> float:
         """Simulated time [s]."""
         return float(self.twin.time[: len(self.machines)].max())
+
+    @property
+    def ground(self) -> Plane | Terrain | World:
+        """The first ground that the twins may stand on."""
+        terrain = self.twin.terrain
+        return terrain if isinstance(terrain, Plane | Terrain | World) else terrain[0]
 
     @property
     def diverged(self) -> bool:
@@ -95,10 +104,18 @@ class LiveTwins:
         return [pose_of_state(state[:, i]) for i in range(len(self.machines))]
 
     def forces(self) -> tuple[Floats, Floats]:
-        """Contact points [m] and forces [N] of all tires, (num_twins, 4, 3), of all twins."""
+        """Contact points [m] and forces [N] of all tires, (num_twins, 4, 3), of all twins; none on soil, where they are not
+        known from the state alone."""
+        if self.twin.soil is not None:
+            none = np.zeros((self.twin.num_twins, 4, 3))
+            return none, none
         if self._forces is None:
             self._forces = TireForces(self.twin)
         return self._forces.evaluate()
+
+    def ruts(self) -> list[Ruts]:
+        """The ruts of each machine; none on hard ground."""
+        return [self.twin.rut_raster(i) for i in range(len(self.machines))] if self.twin.soil is not None else []
 
     def readings(self) -> list[dict[str, float]]:
         """Outputs of each twin, SI."""

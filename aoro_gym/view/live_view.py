@@ -15,6 +15,10 @@ from aoro_gym.view.live import LiveTwins
 from aoro_gym.view.page import FRAME, TwinPage
 from aoro_gym.view.panel import Driving, TimeControls, Timeline
 from aoro_gym.view.replay import Replay
+from aoro_gym.view.ruts import RutMarks
+
+RUTS_EVERY = 0.5
+"""Time [s] between two pictures of the ruts."""
 
 
 class LiveView:
@@ -52,6 +56,10 @@ class LiveView:
         self.changes = None if replay else Changes(server.gui, twins.machines, names)
         self.timeline = Timeline(server.gui, twins.duration, twins.seek) if replay else None
         self.page = TwinPage(server, twins, twins.machines, names)
+        self.ruts = (
+            None if isinstance(twins, Replay) or twins.twin.soil is None else RutMarks(server.scene, twins.ground)
+        )
+        self._ruts_due = 0.0
         self._simulated, self._since = 0.0, time.monotonic()
         self._reached = 0.0
         twins.settle()
@@ -125,6 +133,9 @@ class LiveView:
         if not self.page.draw(with_forces=with_forces):
             return
         now = time.monotonic()
+        if self.ruts is not None and not isinstance(self.twins, Replay) and now >= self._ruts_due:
+            self.ruts.show(self.twins.ruts())
+            self._ruts_due = now + RUTS_EVERY
         if now - self._since > 0.9:
             self._reached, self._simulated, self._since = self._simulated / (now - self._since), 0.0, now
         note = "; **the simulation has diverged**: restart" if self.twins.diverged else ""

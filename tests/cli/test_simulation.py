@@ -189,7 +189,7 @@ def test_simulate_on_soil_logs_and_draws_the_ruts(tmp_path):
         ("--soil clay:0.5", "--soil moisture is 0.5, but must be in [0.25, 0.4] for clay"),
         ("--soil peat:0.5", "--soil moisture is 0.5, but peat was measured at one only"),
         ("--soil clay:wet", "its moisture 'wet' must be a number, as in clay:0.3"),
-        ("--soil peat --world forest", "--soil peat is for planes, and --world forest"),
+        ("--soil peat --world forest", "--soil peat is without solid objects, but --world forest has some"),
         ("--soil peat --device cpu:simd", "--device cpu:simd cannot run twins on --soil peat; take cpu"),
     ],
 )
