@@ -225,6 +225,16 @@ class Crane:
         """Farthest place of the tip from the slewing axis, at the lift's height [m]."""
         return self.lift.offset + self.boom.length + self.stick.length + self.telescope.stroke
 
+    @property
+    def limits(self) -> tuple[tuple[Quantity, Quantity], ...]:
+        """Lowest and highest value of each joint [rad], of the telescope [m]."""
+        return (
+            (-self.slew.range, self.slew.range),
+            (self.lift.low, self.lift.high),
+            (self.fold.low, self.fold.high),
+            (0.0 * self.telescope.stroke, self.telescope.stroke),
+        )
+
     def with_grapple(self, mass: ArrayLike) -> "Crane":
         """The crane with another ``mass`` [kg] at its tip: of the grapple and of the logs in it."""
         check_finite("mass", mass, "kg")
@@ -295,6 +305,69 @@ class Crane:
         height = self.lift.height + self.boom.length * np.sin(lift) + length * np.sin(lift + fold)
         return np.stack(np.broadcast_arrays(radius * np.cos(slew), radius * np.sin(slew), height))
 
+    def jacobian(self, joints: ArrayLike) -> NDArray[np.float64]:
+        """Slopes (3, 4, ...) of the tip's place with the joints (4, ...)."""
+        slew, lift, fold, out = np.broadcast_arrays(*np.asarray(joints, dtype=np.float64))
+        length = self.stick.length + out
+        raised = lift + fold
+        radius = self.lift.offset + self.boom.length * np.cos(lift) + length * np.cos(raised)
+        # radial and upward slopes of the plane of the booms
+        stick = np.stack([-length * np.sin(raised), length * np.cos(raised)])
+        boom = np.stack([-self.boom.length * np.sin(lift), self.boom.length * np.cos(lift)])
+        plane = np.stack([boom + stick, stick, np.stack([np.cos(raised), np.sin(raised)])], axis=1)
+        cosine, sine, still = np.cos(slew), np.sin(slew), np.zeros_like(slew)
+        turning = np.stack([-radius * sine, radius * cosine, still])[:, None]
+        return np.concatenate([turning, np.stack([plane[0] * cosine, plane[0] * sine, plane[1]])], axis=1)
+
+    def displacements(self, joints: ArrayLike) -> NDArray[np.float64]:
+        """Volumes (4, ...) that the pushing sides take up a unit of each joint [m³/rad], the last [m³/m] = [m²]."""
+        _, lift, fold, _ = np.broadcast_arrays(*np.asarray(joints, dtype=np.float64))
+        slide = self.telescope.cylinder
+        volumes = (
+            self.slew.displacement + 0.0 * lift,
+            self.lift.cylinder.bore_area * self.lift.cylinder.extension(lift)[1],
+            self.fold.cylinder.bore_area * self.fold.cylinder.extension(fold)[1],
+            slide.bore_area / slide.ratio + 0.0 * lift,
+        )
+        return np.stack(volumes)
+
+    def flows(self, joints: ArrayLike, rates: ArrayLike) -> NDArray[np.float64]:
+        """Flows (4, ...) [m³/s] that the pump gives for the joints' ``rates`` (4, ...): into the bores of what lengthens,
+        into the annuli of what shortens."""
+        pushed = self.displacements(joints) * np.asarray(rates, dtype=np.float64)
+        pistons = self.lift.cylinder, self.fold.cylinder, self.telescope.cylinder
+        shares = [1.0, *(one.annulus_area / one.bore_area for one in pistons)]
+        pulled = np.stack([np.asarray(share) * -flow for share, flow in zip(shares, pushed, strict=True)])
+        return np.maximum(pushed, pulled)
+
+    def tip_rates(
+        self, joints: ArrayLike, velocity: ArrayLike, available: float = np.inf, damping: float = 1e-9
+    ) -> NDArray[np.float64]:
+        """Rates (4, ...) of the joints that move the tip at ``velocity`` (3, ...) [m/s]; tip control.
+
+        Of all that do, those with the least sum of squared volumes, q̇ = W Jᵀ (J W Jᵀ)⁻¹ v with W = D⁻² of the
+        displacements; a joint at its end does not move beyond it. If their flows are more than the pump has, all slow down
+        alike, as valves that share the flow let them: the tip keeps its direction.
+
+        Args:
+            joints: (4, ...).
+            velocity: (3, ...).
+            available: Flow of the pump [m³/s].
+            damping: Share of the mean of J W Jᵀ by which it is kept from being singular, where the booms are in line.
+        """
+        places, wanted = np.asarray(joints, dtype=np.float64), np.asarray(velocity, dtype=np.float64)
+        jacobian, weights = self.jacobian(joints), self.displacements(joints) ** -2.0
+        low, high = (np.stack(np.broadcast_arrays(*ends, places[0])[:4]) for ends in zip(*self.limits, strict=True))
+        rates = _least(jacobian, weights, wanted, damping)
+        for _ in range(len(JOINTS)):
+            stopped = ((places <= low) & (rates < 0.0)) | ((places >= high) & (rates > 0.0))
+            if not np.any(stopped & (weights > 0.0)):
+                break
+            weights = np.where(stopped, 0.0, weights)
+            rates = _least(jacobian, weights, wanted, damping)
+        asked = self.flows(joints, rates).sum(axis=0)
+        return rates * np.minimum(1.0, available / np.maximum(asked, 1e-12))
+
     def joints_at(self, place: ArrayLike, out: ArrayLike = 0.0) -> NDArray[np.float64]:
         """Joints (4, ...) that bring the tip to ``place`` (3, ...) [m] with the extension ``out`` [m].
 
@@ -322,14 +395,10 @@ class Crane:
 
     def check_joints(self, joints: ArrayLike) -> None:
         """ValueError that names joint, value and range if ``joints`` (4, ...) leave their ranges."""
-        limits = (
-            (-self.slew.range, self.slew.range), (self.lift.low, self.lift.high), (self.fold.low, self.fold.high),
-            (0.0 * np.asarray(self.telescope.stroke), self.telescope.stroke),
-        )  # fmt: skip
         values = np.asarray(joints, dtype=np.float64)
         if values.shape[:1] != (4,):
             raise ValueError(f"joints have shape {values.shape}, but must be (4, ...): {', '.join(JOINTS)}")
-        for name, value, (low, high) in zip(JOINTS, values, limits, strict=True):
+        for name, value, (low, high) in zip(JOINTS, values, self.limits, strict=True):
             outside = ~((value >= low - 1e-9) & (value <= high + 1e-9))
             if np.any(outside):
                 worst = np.ravel(value)[int(np.argmax(outside))]
@@ -338,6 +407,17 @@ class Crane:
                     f"{name} is {size * worst:.4g} {unit}, but must be in [{size * np.min(low):.4g}, "
                     f"{size * np.max(high):.4g}] {unit}"
                 )
+
+
+def _least(
+    jacobian: NDArray[np.float64], weights: NDArray[np.float64], velocity: NDArray[np.float64], damping: float
+) -> NDArray[np.float64]:
+    """Rates W Jᵀ (J W Jᵀ + λ 1)⁻¹ v (4, ...), λ the ``damping`` as a share of the mean of the diagonal."""
+    weighted = weights * jacobian
+    square = np.einsum("ik...,jk...->...ij", weighted, jacobian)
+    square = square + damping * np.trace(square, axis1=-2, axis2=-1)[..., None, None] / 3.0 * np.eye(3)
+    wanted = np.moveaxis(np.broadcast_to(velocity, (3, *square.shape[:-2])), 0, -1)[..., None]
+    return np.einsum("ik...,...i->k...", weighted, np.linalg.solve(square, wanted)[..., 0])
 
 
 def crane_parameters() -> dict[str, Parameter]:

@@ -133,3 +133,71 @@ def test_a_full_load_asks_for_the_whole_pressure(crane):
     full = crane.with_grapple(crane.grapple.mass + most)
     bore, _ = full.pressures(joints, full.holding(joints), back=0.0)
     assert np.max(bore[1:3], axis=0) == pytest.approx(250e5, rel=1e-9)
+
+
+# tip control
+
+
+def test_the_jacobian_is_the_slope_of_the_tip(crane):
+    step = 1e-6
+    found = crane.jacobian(JOINTS)
+    for i in range(4):
+        way = np.zeros((4, 1))
+        way[i] = step
+        slope = (crane.tip(JOINTS + way) - crane.tip(JOINTS - way)) / (2.0 * step)
+        np.testing.assert_allclose(found[:, i], slope, atol=1e-8)
+    np.testing.assert_array_equal(found[..., 1], crane.jacobian(JOINTS[:, 1]))
+
+
+def test_flows_are_what_the_cylinders_take_up(crane):
+    """Change of length times the area of the side that the oil goes into, over a step short enough to be linear in."""
+    step, rates = 1e-6, np.array([0.3, -0.4, 0.5, -0.2])
+    for joints in JOINTS.T:
+        for way in (rates, -rates):
+            before, after = joints, joints + step * way
+            grown = [
+                (one.extension(after[i])[0] - one.extension(before[i])[0]) / step
+                for i, one in ((1, crane.lift.cylinder), (2, crane.fold.cylinder))
+            ]
+            grown.append(way[3] / crane.telescope.cylinder.ratio)
+            pistons = crane.lift.cylinder, crane.fold.cylinder, crane.telescope.cylinder
+            expected = [abs(way[0]) * crane.slew.displacement]
+            expected += [
+                rate * one.bore_area if rate > 0.0 else -rate * one.annulus_area
+                for rate, one in zip(grown, pistons, strict=True)
+            ]
+            np.testing.assert_allclose(crane.flows(joints, way), expected, rtol=1e-4)
+
+
+def test_the_tip_goes_straight_and_slows_down_where_flow_is_short(crane):
+    """From log to bunk in straight lines at 1 m/s, by Heun's method of 10 ms, which bends a line of 3 m by less than 0.1 mm;
+    with two thirds of the flow it takes longer and goes the same way, with equal volumes."""
+    start, end = np.array([5.0, -2.0, 0.2]), np.array([3.0, 1.0, 1.5])
+    way = end - start
+    length = np.linalg.norm(way)
+    most = 0.0
+    for available in (np.inf, 1e-3):
+        joints, travelled = crane.joints_at(start, 0.6), 0.0
+        while travelled < length - 0.02:
+            velocity = way / length
+            first = crane.tip_rates(joints, velocity, available)
+            second = crane.tip_rates(joints + 0.01 * first, velocity, available)
+            joints = joints + 0.005 * (first + second)
+            most = max(most, crane.flows(joints, first).sum()) if np.isinf(available) else most
+            assert available > 1.0 or crane.flows(joints, first).sum() < 1.02 * available
+            tip = crane.tip(joints) - start
+            travelled = tip @ velocity
+            assert np.linalg.norm(tip - travelled * velocity) < 1e-4
+        assert np.all(
+            [low - 0.02 < joint < high + 0.02 for joint, (low, high) in zip(joints, crane.limits, strict=True)]
+        )
+    assert most > 1.5e-3, "the short flow is short"
+
+
+def test_no_other_joint_rates_take_less_volume_squared(crane):
+    joints, velocity = JOINTS[:, 0], np.array([0.4, -0.3, 0.5])
+    rates = crane.tip_rates(joints, velocity)
+    np.testing.assert_allclose(crane.jacobian(joints) @ rates, velocity, atol=1e-6)
+    null = np.linalg.svd(crane.jacobian(joints))[2][-1]
+    volumes = [np.sum((crane.displacements(joints) * (rates + a * null)) ** 2) for a in (-1e-3, 0.0, 1e-3)]
+    assert volumes[1] < min(volumes[0], volumes[2])
