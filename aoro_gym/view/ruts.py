@@ -20,8 +20,8 @@ LEAST = 5e-3
 """Depth [m] from which a node is drawn."""
 DARKEST = 0.25
 """Depth [m] of a rut that is drawn in the darkest colour."""
-SHALLOW, DEEP = np.array([205.0, 170.0, 120.0]), np.array([60.0, 35.0, 20.0])
-"""Colours, red, green and blue, of the shallowest ruts and the deepest."""
+SHALLOW, DEEP = np.array([155.0, 105.0, 50.0]), np.array([10.0, 4.0, 2.0])
+"""Colours, red, green and blue, of the shallowest ruts and the deepest, linear as vertex colours are."""
 
 
 class RutMarks:
