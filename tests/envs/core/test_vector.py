@@ -250,7 +250,7 @@ def test_same_step_is_refused_by_those_wrappers_and_by_name():
         ),
         (
             {"terain": 1, "own_machines": True},
-            "has no argument 'terain': did you mean 'terrain'\\? It takes .*ground, device",
+            "has no argument 'terain': did you mean 'terrain'\\? It takes .*ground, soil, device",
         ),
         ({"reward_term": {}}, "did you mean 'reward_terms'"),
         ({"Device": "cpu"}, "did you mean 'device'"),
