@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from aoro_gym.agents.controllers.mppi import Mppi, PathIntegral
     from aoro_gym.agents.controllers.path_tracking import (
         FullSpeedSteering,
+        PreviewDriver,
         PreviewRegulator,
         PurePursuit,
         Stanley,
@@ -48,6 +49,7 @@ __all__ = [
     "Mppi",
     "PathIntegral",
     "Policy",
+    "PreviewDriver",
     "PreviewPid",
     "PreviewRegulator",
     "ProportionalDerivative",
@@ -76,7 +78,14 @@ __getattr__, _, _ = lazy_loader.attach(
         "evaluation.evaluate": ("Evaluation", "evaluate"),
         "policies.files": ("load_policy", "shipped_policies"),
         "policies.policy": ("LearnedPolicy", "Policy"),
-        "controllers.path_tracking": ("FullSpeedSteering", "PreviewRegulator", "PurePursuit", "Stanley", "Vehicle"),
+        "controllers.path_tracking": (
+            "FullSpeedSteering",
+            "PreviewDriver",
+            "PreviewRegulator",
+            "PurePursuit",
+            "Stanley",
+            "Vehicle",
+        ),
         "controllers.reference": ("REFERENCE_POLICIES", "reference_policy"),
         "evaluation.responses": ("Rollout", "responses", "rollout"),
         "training.vec_env": ("TwinVecEnv", "make_vec_env"),

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from aoro_gym.envs import LevellingEnv, PathTrackingEnv, TurningEnv
+from aoro_gym.envs import LevellingEnv, LimitTrackingEnv, PathTrackingEnv, TurningEnv
 from aoro_gym.envs.core.terms import ObservationTerm, RewardTerm
 from aoro_gym.envs.levelling import rewards as levelling_rewards
 from aoro_gym.envs.path_tracking import rewards as path_rewards
@@ -84,11 +84,13 @@ def parts() -> dict[str, dict[str, str]]:
     turning = TurningEnv()
     line = Line(np.array([[0.0, 0.0], [30.0, 0.0]]))
     path_tracking = PathTrackingEnv(terrain=Plane(), path=line)
+    limits = LimitTrackingEnv(terrain=Plane(), path=line)
     levelling = LevellingEnv(terrain=Plane(), path=line)
     made = {}
     for page, env, action_layout, module in (
         ("turning.md", turning, {"steering_signal": slice(0, 1)}, turning_rewards),
         ("path_tracking.md", path_tracking, path_tracking.action_layout, path_rewards),
+        ("path_tracking_limits.md", limits, limits.action_layout, path_rewards),
         ("levelling.md", levelling, levelling.action_layout, levelling_rewards),
     ):
         task = env.vector.task

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from aoro_gym.envs.levelling.environment import LevellingEnv, LevellingVectorEnv
     from aoro_gym.envs.levelling.task import Levelling
     from aoro_gym.envs.levelling.view import LevellingView
+    from aoro_gym.envs.limit_tracking.config import LimitRandomisation, limit_config
+    from aoro_gym.envs.limit_tracking.environment import LimitTrackingEnv, LimitTrackingVectorEnv
+    from aoro_gym.envs.limit_tracking.task import LimitTracking
     from aoro_gym.envs.path_tracking.assistance import ArmControl
     from aoro_gym.envs.path_tracking.config import PathTrackingConfig, PathTrackingRandomisation
     from aoro_gym.envs.path_tracking.courses import Course, forest_course
@@ -46,6 +49,10 @@ __all__ = [
     "LevellingRandomisation",
     "LevellingVectorEnv",
     "LevellingView",
+    "LimitRandomisation",
+    "LimitTracking",
+    "LimitTrackingEnv",
+    "LimitTrackingVectorEnv",
     "ObservationTerm",
     "PathTracking",
     "PathTrackingConfig",
@@ -61,6 +68,7 @@ __all__ = [
     "TurningVectorEnv",
     "TurningView",
     "forest_course",
+    "limit_config",
     "register_envs",
 ]
 
@@ -77,6 +85,9 @@ __getattr__, _, _ = lazy_loader.attach(
         "levelling.environment": ("LevellingEnv", "LevellingVectorEnv"),
         "levelling.task": ("Levelling",),
         "levelling.view": ("LevellingView",),
+        "limit_tracking.config": ("LimitRandomisation", "limit_config"),
+        "limit_tracking.environment": ("LimitTrackingEnv", "LimitTrackingVectorEnv"),
+        "limit_tracking.task": ("LimitTracking",),
         "core.randomisation": ("Randomisation",),
         "core.terms": ("ObservationTerm", "RewardTerm"),
         "turning.config": ("TurningConfig",),

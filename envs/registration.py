@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 
@@ -26,6 +27,11 @@ ENVIRONMENTS = {
         vector_entry_point="aoro_gym.envs.path_tracking.environment:PathTrackingVectorEnv",
         max_episode_steps=None,
     ),
+    "AORO/PathTracking-v1": Registration(
+        entry_point="aoro_gym.envs.limit_tracking.environment:LimitTrackingEnv",
+        vector_entry_point="aoro_gym.envs.limit_tracking.environment:LimitTrackingVectorEnv",
+        max_episode_steps=None,
+    ),
     "AORO/Levelling-v0": Registration(
         entry_point="aoro_gym.envs.levelling.environment:LevellingEnv",
         vector_entry_point="aoro_gym.envs.levelling.environment:LevellingVectorEnv",
@@ -35,10 +41,15 @@ ENVIRONMENTS = {
 """Every environment by id."""
 
 
+NOT_SUPERSEDED = r".*AORO/PathTracking-v0 is out of date"
+"""What Gymnasium says of every environment of which there is a higher version: here that is another, harder task."""
+
+
 def register_envs() -> None:
     """Register every environment with Gymnasium; those that are registered already are left alone."""
     import gymnasium
 
+    warnings.filterwarnings("ignore", message=NOT_SUPERSEDED, category=DeprecationWarning)
     for name, environment in ENVIRONMENTS.items():
         if name not in gymnasium.registry:
             gymnasium.register(

@@ -24,6 +24,7 @@ import warp as wp
 
 from aoro_gym.envs import register_envs
 from aoro_gym.envs.levelling import config as levelling
+from aoro_gym.envs.limit_tracking import config as limit_tracking
 from aoro_gym.envs.path_tracking import config as path_tracking
 from aoro_gym.envs.path_tracking.courses import Course, generated_paths
 from aoro_gym.envs.turning import config as turning
@@ -31,6 +32,7 @@ from aoro_gym.terrains.world.files import load_world
 
 ENVIRONMENTS = {
     "AORO/PathTracking-v0": path_tracking.MILD,
+    "AORO/PathTracking-v1": limit_tracking.MILD,
     "AORO/Turning-v0": turning.MILD,
     "AORO/Levelling-v0": levelling.MILD,
 }

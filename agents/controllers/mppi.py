@@ -113,6 +113,7 @@ class PathIntegral:
 SETTINGS: Mapping[str, PathIntegral] = {
     "AORO/Turning-v0": PathIntegral((0.5,), horizon=50, temperature=0.05, correlation=10.0),
     "AORO/PathTracking-v0": PathIntegral((0.4, 0.2), horizon=20, temperature=0.1, correlation=6.0),
+    "AORO/PathTracking-v1": PathIntegral((0.4, 0.2), horizon=20, temperature=0.1, correlation=6.0),
     "AORO/Levelling-v0": PathIntegral((0.2, 0.2, 0.2, 0.2), horizon=15, temperature=0.2, correlation=3.0),
 }
 """By the environment's id."""

@@ -1,4 +1,4 @@
-"""Reference controllers for ``AORO/PathTracking-v0``: four ways to steer an articulated machine along a path.
+"""Reference controllers for ``AORO/PathTracking-v0`` and ``-v1``: ways to steer an articulated machine along a path.
 
 The reference point F is the middle of the front axle. With the hinge ``front`` = f [m] behind it, the rear axle
 ``rear`` = r [m] behind the hinge, no sideslip of either axle, the joint angle θ (positive left) and the speed v of F, the
@@ -16,7 +16,9 @@ The defaults of PurePursuit, Stanley, PreviewRegulator and FullSpeedSteering are
 aoro_gym.agents.training.tuning --env AORO/PathTracking-v0`` finds for the calibrated machine ``aoro`` (seed 0, 160
 candidates each), to three digits; but FullSpeedSteering keeps gains of an earlier search, with which it strays less
 over whole paths (0.037 m against 0.053 m). The drive signal and the dead bands are the machine's own values. The drive
-signal is constant: on these paths at this speed, no slowing down was needed.
+signal is constant: on these paths at this speed, no slowing down was needed. For ``-v1`` gains are those of
+:data:`aoro_gym.agents.controllers.reference.LIMIT_GAINS`; PreviewDriver, which slows down, has defaults for who knows the
+true errors.
 """
 
 from __future__ import annotations
@@ -34,6 +36,8 @@ from scipy.linalg import expm, solve_discrete_are
 
 from aoro_gym.agents.controllers.turning import dead_band_compensated, require_terms
 from aoro_gym.agents.policies.policy import Actions, Observations
+from aoro_gym.envs.path_tracking.assistance import GEAR_DISPLACEMENT
+from aoro_gym.machine import Machine
 
 Floats = NDArray[np.float64]
 
@@ -81,6 +85,8 @@ class Vehicle:
     """Distances [m] at which the path is previewed."""
     control_step: float = 0.05
     """[s]"""
+    top_speed: float = 1.17
+    """At full drive signal [m/s], in the gear that is held, the first one where it changes."""
 
     def __post_init__(self) -> None:
         require_terms(self.layout, *NEEDED)
@@ -99,6 +105,7 @@ class Vehicle:
                 "only; leave out act_arms, act_traction and act_gear"
             )
         frame, config = env.twin.machine.frame, env.task.config
+        gear = config.gear if isinstance(config.gear, int) else 1
         return cls(
             env.observation_layout,
             front=float(np.mean(frame.front.axle_distance)),
@@ -106,12 +113,20 @@ class Vehicle:
             largest_angle=float(np.mean(env.twin.machine.joint.range)),
             preview=config.preview,
             control_step=config.control_step,
+            top_speed=_top_speed(env.twin.machine) / GEAR_DISPLACEMENT[gear - 1],
         )
 
     def see(self, observations: Observations) -> VehicleState:
         """The observation by name."""
         rows = np.asarray(observations, dtype=np.float64)
-        return VehicleState(self, {name: rows[:, self.layout[name]] for name in NEEDED})
+        return VehicleState(self, {name: rows[:, columns] for name, columns in self.layout.items()})
+
+
+def _top_speed(machine: Machine) -> float:
+    """Of the pump's full flow through the motors' full displacement [m/s]; where machines differ, their mean."""
+    driveline = machine.driveline
+    flow = driveline.pump.displacement * machine.engine.set_speed
+    return float(np.mean(np.asarray(flow / (4.0 * driveline.motor.displacement) * machine.tire.radius)))
 
 
 @dataclass(frozen=True)
@@ -280,6 +295,8 @@ VALVE_SIGNAL = (0.5, 0.75, 1.0)
 """Steering signals [-] of the published full turns: 1.0, 1.5 and 2.0 V; below them the dead band."""
 VALVE_RATE_LEFT, VALVE_RATE_RIGHT = (0.2036, 0.5519, 0.7052), (0.1248, 0.4310, 0.6525)
 """Mean joint rates [rad/s] of those turns: 80° in 6.86, 2.53 and 1.98 s to the left, 11.19, 3.24 and 2.14 s to the right."""
+REACTION = 0.3
+"""Way [m] before braking shows."""
 DESIGN_SPEEDS = (SLOWEST, 0.5, 0.75, 1.0, 1.5, 2.0)
 """[m/s] at which the regulator's gains are found; between them they are interpolated."""
 
@@ -343,6 +360,54 @@ class PreviewRegulator(PathController):
             opened = np.where(size < rates[0], low, np.interp(size, rates, VALVE_SIGNAL))
             signal = np.where(side * rate > np.asarray(self.rest_rate), side * opened, signal)
         return signal
+
+
+@dataclass(frozen=True)
+class PreviewDriver(PreviewRegulator):
+    """A preview regulator that chooses its speed by what lies ahead, too: the least of
+
+    - √(v_i² + 2 ``braking`` s_i) for every place of the preview, s_i ahead less what braking takes to show, where
+      v_i = ``largest_rate`` / ((f + r) |κ′|) is the speed at which the joint follows the path's change of curvature κ′ from
+      there to the next place;
+    - ``climbing`` / |sin pitch|, by the power of the engine uphill and what brakes downhill;
+    - ``speeding`` above the present speed, and ``fastest``.
+
+    ``drive_signal`` does not count. Raises ValueError if the pitch is not observed.
+    """
+
+    largest_rate: ArrayLike = field(default=0.9, kw_only=True)
+    """[rad/s]"""
+    braking: ArrayLike = field(default=0.8, kw_only=True)
+    """[m/s²]"""
+    climbing: ArrayLike = field(default=0.34, kw_only=True)
+    """Up or down [m/s]."""
+    speeding: ArrayLike = field(default=0.5, kw_only=True)
+    """[m/s]"""
+    fastest: ArrayLike = field(default=2.2, kw_only=True)
+    """[m/s]"""
+
+    def __post_init__(self) -> None:
+        require_terms(self.vehicle.layout, "pitch")
+
+    def speed(self, seen: VehicleState) -> Floats:
+        """To drive at (N,) [m/s]."""
+        nodes = np.array((0.0, *self.vehicle.preview))
+        change = np.abs(np.diff(seen.terms["curvature"], axis=1) / np.diff(nodes))
+        joint = (self.vehicle.front + self.vehicle.rear) * change
+        followed = np.asarray(self.largest_rate)[..., None] / np.maximum(joint, 1e-3)
+        at_once = 2.0 * np.asarray(self.braking)[..., None] * np.maximum(nodes[:-1] - REACTION, 0.0)
+        limits = (
+            np.sqrt(np.minimum(followed, 10.0) ** 2 + at_once).min(axis=1),
+            np.asarray(self.climbing) / np.maximum(np.abs(np.sin(seen["pitch"])), 1e-3),
+            np.maximum(seen["speed"], 0.0) + np.asarray(self.speeding),
+            np.asarray(self.fastest),
+        )
+        return np.maximum(np.minimum.reduce(np.broadcast_arrays(*limits)), SLOWEST)
+
+    def __call__(self, observations: Observations) -> Actions:
+        seen = self.vehicle.see(observations)
+        drive = np.clip(self.speed(seen) / self.vehicle.top_speed, 0.0, 1.0)
+        return np.stack([self.steer(seen), drive], axis=1).astype(np.float32)
 
 
 def preview_model(vehicle: Vehicle, speed: float, lag: float) -> tuple[Floats, Floats, Floats]:

@@ -17,7 +17,14 @@ from functools import partial
 from typing import Any
 
 from aoro_gym.agents.controllers.levelling import Assistance, ModalPid, ModalRegulator, PreviewPid, Stance
-from aoro_gym.agents.controllers.path_tracking import FullSpeedSteering, PreviewRegulator, PurePursuit, Stanley, Vehicle
+from aoro_gym.agents.controllers.path_tracking import (
+    FullSpeedSteering,
+    PreviewDriver,
+    PreviewRegulator,
+    PurePursuit,
+    Stanley,
+    Vehicle,
+)
 from aoro_gym.agents.controllers.turning import BangBang, ProportionalDerivative
 from aoro_gym.agents.policies.policy import Policy
 
@@ -37,6 +44,34 @@ def _levelling(controller: Callable[[Stance], Policy], env: Any) -> Policy:
     return controller(Stance.of(env))
 
 
+LIMIT_GAINS: Mapping[str, tuple[Callable[..., Policy], Mapping[str, float]]] = {
+    "pure-pursuit": (
+        PurePursuit,
+        {"drive_signal": 0.813, "look_ahead": 1.1, "gain": 2.14, "lead_time": 0.0446},
+    ),
+    "stanley": (
+        Stanley,
+        {"drive_signal": 0.711, "heading_gain": 8.32, "cross_track_gain": 1.08, "look_ahead": 0.155, "gain": 1.31},
+    ),
+    "preview": (
+        PreviewRegulator,
+        {"drive_signal": 0.7, "heading_weight": 0.0145, "rate_weight": 0.0276, "lag": 0.036},
+    ),
+    "preview-speed": (
+        PreviewDriver,
+        {
+            "heading_weight": 0.0537,
+            "rate_weight": 0.389,
+            "lag": 0.0825,
+            "largest_rate": 1.07,
+            "braking": 0.421,
+            "climbing": 0.312,
+            "fastest": 1.76,
+        },
+    ),
+}
+"""Controllers of ``AORO/PathTracking-v1``, with the gains that their tuning found, to three digits."""
+
 REFERENCE_POLICIES: Mapping[str, Mapping[str, Factory]] = {
     "AORO/Turning-v0": {
         "bang-bang": partial(_observing, BangBang),
@@ -47,6 +82,9 @@ REFERENCE_POLICIES: Mapping[str, Mapping[str, Factory]] = {
         "stanley": partial(_steering, Stanley),
         "preview": partial(_steering, PreviewRegulator),
         "bang-bang": partial(_steering, FullSpeedSteering),
+    },
+    "AORO/PathTracking-v1": {
+        name: partial(_steering, partial(kind, **gains)) for name, (kind, gains) in LIMIT_GAINS.items()
     },
     "AORO/Levelling-v0": {
         "assistance": partial(_levelling, Assistance),

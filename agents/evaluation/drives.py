@@ -15,6 +15,7 @@ from aoro_gym.agents.evaluation.episodes import TIME_IS_UP
 from aoro_gym.agents.evaluation.statistics import Floats
 from aoro_gym.agents.policies.policy import Policy
 from aoro_gym.envs.core.vector import TwinVectorEnv
+from aoro_gym.envs.path_tracking.courses import Course
 
 STATION = 0.25
 """Distance [m] at which the error of a drive is kept."""
@@ -73,6 +74,18 @@ class Drives:
             for axis, name in enumerate(("reference_x", "reference_y")):
                 places[i, there, axis] = self.data[name][i, part][when]
         return found, places
+
+
+def every_path(courses: Sequence[Course], seeds: Sequence[int]) -> dict[str, Any]:
+    """Options of a reset that give each seed (N,) a path: as many seeds in a row as there are paths drive each once."""
+    ground = np.array([number for number, course in enumerate(courses) for _ in course.paths])
+    path = np.array([number for course in courses for number in range(len(course.paths))])
+    # neighbours are far apart, so that few seeds, too, see easy and difficult grounds
+    stride = next(
+        k for k in range(round(0.382 * len(ground)) or 1, 2 * len(ground) + 2) if math.gcd(k, len(ground)) == 1
+    )
+    chosen = np.asarray(seeds) * stride % len(ground)
+    return {"terrain": ground[chosen], "path": path[chosen]}
 
 
 def drive_to_ends(

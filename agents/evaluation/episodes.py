@@ -78,8 +78,12 @@ class Episodes:
         return cls(metrics, arrays["endings"].tolist(), *rest)
 
 
-def reset_arguments(seeds: list[int], asked: list[int] | None) -> dict[str, Any]:
-    """Arguments of a reset by ``seeds``, or of what ``asked`` (seeds, too) ask for with the sensors' errors of ``seeds``."""
-    if asked is None:
-        return {"seed": seeds}
-    return {"seed": asked, "options": {"sensor_seed": np.array(seeds)}}
+def reset_arguments(
+    seeds: list[int], asked: list[int] | None, options: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """Arguments of a reset by ``seeds`` and further ``options``, or of what ``asked`` (seeds, too) ask for with the sensors'
+    errors of ``seeds``."""
+    options = {} if options is None else dict(options)
+    if asked is not None:
+        options["sensor_seed"] = np.array(seeds)
+    return {"seed": seeds if asked is None else asked, "options": options}

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from aoro_gym.agents.evaluation.drives import drive_to_ends
+from aoro_gym.agents.evaluation.drives import drive_to_ends, every_path
 from aoro_gym.agents.evaluation.episodes import Episodes, reset_arguments
 from aoro_gym.agents.evaluation.metrics import SUCCESS
 from aoro_gym.agents.policies.policy import Policy
@@ -26,18 +25,6 @@ LAST = (
 
 def make_levelling(num_envs: int, courses: Sequence[Course] | None, **arguments: Any) -> LevellingVectorEnv:
     return LevellingVectorEnv(num_envs, courses=held_out_courses() if courses is None else courses, **arguments)
-
-
-def lanes(courses: Sequence[Course], seeds: Sequence[int]) -> dict[str, Any]:
-    """Options of a reset that give each seed (N,) a lane: as many seeds in a row as there are lanes drive each once."""
-    ground = np.array([number for number, course in enumerate(courses) for _ in course.paths])
-    path = np.array([number for course in courses for number in range(len(course.paths))])
-    # neighbours are far apart, so that few seeds, too, see easy and difficult grounds
-    stride = next(
-        k for k in range(round(0.382 * len(ground)) or 1, 2 * len(ground) + 2) if math.gcd(k, len(ground)) == 1
-    )
-    chosen = np.asarray(seeds) * stride % len(ground)
-    return {"terrain": ground[chosen], "path": path[chosen]}
 
 
 def level_lanes(
@@ -59,8 +46,7 @@ def level_lanes(
 
     Raises ValueError if the environment resets by itself.
     """
-    arguments = reset_arguments(seeds, asked)
-    arguments["options"] = arguments.get("options", {}) | lanes(env.task.courses, seeds if asked is None else asked)
+    arguments = reset_arguments(seeds, asked, every_path(env.task.courses, asked or seeds))
     drives = drive_to_ends(env, policy, arguments, tell, channels=CHANNELS, last=LAST)
     last, data, tilt, parts = drives.last, drives.data, drives.tilt, drives.parts
     driven = drives.whole - last["remaining"]

@@ -1,16 +1,18 @@
-"""Episodes of ``AORO/PathTracking-v0`` and their metrics."""
+"""Episodes of ``AORO/PathTracking-v0`` and ``-v1`` and their metrics."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from aoro_gym.agents.evaluation.drives import drive_to_ends
+from aoro_gym.agents.evaluation.drives import drive_to_ends, every_path
 from aoro_gym.agents.evaluation.episodes import Episodes, reset_arguments
 from aoro_gym.agents.evaluation.metrics import OVER, SUCCESS
 from aoro_gym.agents.policies.policy import Policy
+from aoro_gym.envs.limit_tracking.courses import held_out_courses
+from aoro_gym.envs.limit_tracking.environment import LimitTrackingVectorEnv
 from aoro_gym.envs.path_tracking.courses import Course, library
 from aoro_gym.envs.path_tracking.environment import PathTrackingVectorEnv
 
@@ -24,6 +26,30 @@ def make_tracking(num_envs: int, courses: Sequence[Course] | None, **arguments: 
     return PathTrackingVectorEnv(num_envs, courses=library() if courses is None else courses, **arguments)
 
 
+def make_limit_tracking(num_envs: int, courses: Sequence[Course] | None, **arguments: Any) -> LimitTrackingVectorEnv:
+    return LimitTrackingVectorEnv(num_envs, courses=held_out_courses() if courses is None else courses, **arguments)
+
+
+def drive_limits(
+    env: LimitTrackingVectorEnv,
+    policy: Policy,
+    seeds: list[int],
+    tell: Callable[[float], Any] = lambda share: None,
+    *,
+    asked: list[int] | None = None,
+) -> Episodes:
+    """What :func:`drive_paths` does, each seed on the path that is its own.
+
+    Args:
+        env: See there, as for ``policy``, ``seeds``, ``tell`` and ``asked``.
+        policy: See there.
+        seeds: See there.
+        tell: See there.
+        asked: See there.
+    """
+    return drive_paths(env, policy, seeds, tell, asked=asked, options=every_path(env.task.courses, asked or seeds))
+
+
 def drive_paths(
     env: PathTrackingVectorEnv,
     policy: Policy,
@@ -31,6 +57,7 @@ def drive_paths(
     tell: Callable[[float], Any] = lambda share: None,
     *,
     asked: list[int] | None = None,
+    options: Mapping[str, Any] | None = None,
 ) -> Episodes:
     """Drive every sub-environment through one episode.
 
@@ -40,10 +67,12 @@ def drive_paths(
         seeds: One each.
         tell: Called with the share that is done.
         asked: Seeds of what is asked for, where ``seeds`` draw the sensors' errors alone.
+        options: Of the reset.
 
     Raises ValueError if the environment resets by itself.
     """
-    drives = drive_to_ends(env, policy, reset_arguments(seeds, asked), tell, channels=CHANNELS, last=LAST)
+    reset = reset_arguments(seeds, asked, options)
+    drives = drive_to_ends(env, policy, reset, tell, channels=CHANNELS, last=LAST)
     last, data, tilt, parts = drives.last, drives.data, drives.tilt, drives.parts
     error = [np.abs(data["cross_track"][i, part]) for i, part in enumerate(parts)]
     arrived = last["is_success"].astype(bool)

@@ -9,7 +9,7 @@ from typing import Any
 from aoro_gym.agents.evaluation.drives import STATION
 from aoro_gym.agents.evaluation.episodes import Episodes
 from aoro_gym.agents.evaluation.levelling import level_lanes, make_levelling
-from aoro_gym.agents.evaluation.path_tracking import drive_paths, make_tracking
+from aoro_gym.agents.evaluation.path_tracking import drive_limits, drive_paths, make_limit_tracking, make_tracking
 from aoro_gym.agents.evaluation.turning import make_turning, turn_joints
 from aoro_gym.agents.policies.policy import Policy
 from aoro_gym.envs.levelling.task import Levelling
@@ -54,6 +54,15 @@ TASKS: Mapping[str, EvaluationTask] = {
         "distance driven along the path [m]",
         "cross-track error [m]",
         ("cross_track_rms_m", "speed_m_per_s"),
+        PathTracking.render_channels,
+    ),
+    "AORO/PathTracking-v1": EvaluationTask(
+        make_limit_tracking,
+        drive_limits,
+        STATION,
+        "distance driven along the path [m]",
+        "cross-track error [m]",
+        ("speed_m_per_s", "cross_track_rms_m"),
         PathTracking.render_channels,
     ),
     "AORO/Levelling-v0": EvaluationTask(

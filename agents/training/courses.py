@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from aoro_gym.agents.training.plan import TrainingPlan
-from aoro_gym.envs.levelling.courses import learned_courses, validation_courses
-from aoro_gym.envs.path_tracking.course_files import CourseFiles
+from aoro_gym.envs.levelling import courses as levelling
+from aoro_gym.envs.limit_tracking import courses as limit_tracking
+from aoro_gym.envs.path_tracking.course_files import LEVELLING, LIMITS, CourseFiles
 from aoro_gym.envs.path_tracking.courses import Course, forest_course, generated_paths
 from aoro_gym.terrains.paths.planning import NoDrivablePath
 
@@ -47,10 +48,11 @@ def training_forests(
     return learned, held_out
 
 
-def training_lanes(count: int) -> tuple[Sequence[Course], Sequence[Course]]:
-    """``count`` grounds with obstacles to level on, from easy to difficult, and others to evaluate on meanwhile: neither is
-    one that ``aoro-gym evaluate`` drives on."""
-    return learned_courses(count), validation_courses()
+def made_courses(env: str, count: int) -> tuple[Sequence[Course], Sequence[Course]]:
+    """``count`` courses of an environment that has its own, from easy to difficult, and others to evaluate on meanwhile:
+    neither is one that ``aoro-gym evaluate`` drives on."""
+    made = {LEVELLING: levelling, LIMITS: limit_tracking}[env]
+    return made.learned_courses(count), made.validation_courses()
 
 
 def course_files(plan: TrainingPlan) -> CourseFiles:

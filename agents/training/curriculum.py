@@ -26,6 +26,7 @@ from aoro_gym.envs.core.task import Task
 from aoro_gym.envs.core.terms import RewardTerm, changed_rewards
 from aoro_gym.envs.levelling import config as levelling
 from aoro_gym.envs.levelling import rewards as levelling_rewards
+from aoro_gym.envs.limit_tracking import config as limit_tracking
 from aoro_gym.envs.path_tracking import config as path_tracking
 from aoro_gym.envs.path_tracking import rewards as path_tracking_rewards
 from aoro_gym.envs.turning import config as turning
@@ -35,18 +36,21 @@ from aoro_gym.execution.array_api import Array
 SPREADS: Mapping[str, Mapping[str, Randomisation]] = {
     "AORO/Turning-v0": {"fixed": turning.FIXED, "mild": turning.MILD},
     "AORO/PathTracking-v0": {"fixed": path_tracking.FIXED, "mild": path_tracking.MILD},
+    "AORO/PathTracking-v1": {"fixed": limit_tracking.FIXED, "mild": limit_tracking.MILD},
     "AORO/Levelling-v0": {"fixed": levelling.FIXED, "mild": levelling.MILD},
 }
 """By the environment's id, then by name."""
 TERMS: Mapping[str, Mapping[str, RewardTerm]] = {
     "AORO/Turning-v0": turning_rewards.REWARD_TERMS,
     "AORO/PathTracking-v0": path_tracking_rewards.REWARD_TERMS,
+    "AORO/PathTracking-v1": path_tracking_rewards.REWARD_TERMS,
     "AORO/Levelling-v0": levelling_rewards.REWARD_TERMS,
 }
 """The tasks' own reward terms, likewise."""
 FURTHER_TERMS: Mapping[str, Mapping[str, Callable[[Any], Array]]] = {
     "AORO/Turning-v0": turning_rewards.FURTHER_REWARD_TERMS,
     "AORO/PathTracking-v0": path_tracking_rewards.FURTHER_REWARD_TERMS,
+    "AORO/PathTracking-v1": path_tracking_rewards.FURTHER_REWARD_TERMS,
     "AORO/Levelling-v0": levelling_rewards.FURTHER_REWARD_TERMS,
 }
 """Reward terms that a task can do without, by the environment's id, then by name."""

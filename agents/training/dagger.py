@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -23,6 +23,7 @@ import numpy as np
 import torch  # pyright: ignore[reportMissingImports]
 from numpy.typing import NDArray
 
+from aoro_gym.agents.controllers.exact import EXACT, exact_observations
 from aoro_gym.agents.controllers.levelling import ModalController
 from aoro_gym.agents.controllers.reference import reference_policy
 from aoro_gym.agents.policies.networks import into_network, of_network
@@ -35,18 +36,8 @@ from aoro_gym.agents.training.recipe import check_positive_integers
 from aoro_gym.agents.training.vec_env import make_vec_env
 from aoro_gym.checks import check_range
 from aoro_gym.envs.core.vector import TwinVectorEnv
-from aoro_gym.envs.levelling import observations as levelling
-from aoro_gym.envs.path_tracking import observations as path_tracking
-from aoro_gym.envs.turning import observations as turning
-from aoro_gym.execution.array_api import Array
 from aoro_gym.execution.device_names import on_cpu
 
-EXACT: Mapping[str, Mapping[str, Callable[[Any], Array]]] = {
-    "AORO/Turning-v0": turning.EXACT_TERMS,
-    "AORO/PathTracking-v0": path_tracking.EXACT_TERMS,
-    "AORO/Levelling-v0": levelling.EXACT_TERMS,
-}
-"""True values of measured observation terms, by the environment's id, then by the term's name."""
 EPSILON, CLIP = 1e-8, 10.0
 """Of the normalisation, as ``VecNormalize`` has them."""
 EPISODES = 100
@@ -149,7 +140,7 @@ class Dagger:
         observations = self._last_observations
         assert observations is not None
         for _ in range(rollout):
-            wanted = self._teacher(self._truth(observations)).astype(np.float32)
+            wanted = self._teacher(exact_observations(self.envs, observations, self._exact)).astype(np.float32)
             seen.append(observations.copy())
             done.append(wanted)
             actions = wanted if policy is None else policy(observations)
@@ -167,14 +158,6 @@ class Dagger:
         if self._mean is None:
             self._mean = self._observations.mean(axis=0, dtype=np.float64)
             self._variance = self._observations.var(axis=0, dtype=np.float64)
-
-    def _truth(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The observations with true values in the place of measured ones, where there are any."""
-        view, told = self.envs.task.view(), observations.copy()
-        for name, exact in self._exact.items():
-            if name in self.envs.observation_layout:
-                told[:, self.envs.observation_layout[name]] = self.envs.arrays.host(exact(view))[:, None]
-        return told
 
     def _fit(self, learning_rate: float) -> None:
         """Least absolute deviations from the teacher's actions, by Adam."""

@@ -9,6 +9,7 @@ batch of twins. Gains are reported on other episodes than they were tuned on:
 ``AORO/Turning-v0``: the mean return of 8 episodes with the default reward and sensor noise; 17 generations of 24 candidates.
 ``AORO/PathTracking-v0``: see :func:`tracking_cost`; 6 pieces of paths, 20 s each, from anywhere on the default forests'
 paths; 7 generations of 10 candidates, of which one was chosen by hand.
+``AORO/PathTracking-v1``: see :func:`limit_cost`; 8 whole paths, 28 s each; 7 generations of 16 candidates.
 ``AORO/Levelling-v0``: what the mean reward of 8 pieces of lanes, 15 s each, lacks to 1; 7 generations of 16 candidates.
 
 On two cores this takes some minutes an environment. The result is the default of each controller.
@@ -29,13 +30,23 @@ from numpy.typing import NDArray
 from scipy.optimize import differential_evolution
 
 from aoro_gym.agents.controllers.levelling import Assistance, ModalPid, ModalRegulator, PreviewPid, Stance
-from aoro_gym.agents.controllers.path_tracking import FullSpeedSteering, PreviewRegulator, PurePursuit, Stanley, Vehicle
+from aoro_gym.agents.controllers.path_tracking import (
+    FullSpeedSteering,
+    PreviewDriver,
+    PreviewRegulator,
+    PurePursuit,
+    Stanley,
+    Vehicle,
+)
 from aoro_gym.agents.controllers.turning import BangBang, ProportionalDerivative
 from aoro_gym.agents.evaluation.levelling import level_lanes
+from aoro_gym.agents.evaluation.path_tracking import drive_limits
 from aoro_gym.agents.evaluation.responses import responses, rollout
 from aoro_gym.agents.policies.policy import Policy
 from aoro_gym.envs.levelling import config as levelling
 from aoro_gym.envs.levelling.environment import LevellingVectorEnv
+from aoro_gym.envs.limit_tracking import config as limits
+from aoro_gym.envs.limit_tracking.environment import LimitTrackingVectorEnv
 from aoro_gym.envs.path_tracking.config import FIXED, MILD, PathTrackingRandomisation
 from aoro_gym.envs.path_tracking.environment import PathTrackingVectorEnv
 from aoro_gym.envs.turning.config import TurningConfig
@@ -271,6 +282,45 @@ def tracking_report(make: Callable[[Any], Policy], device: str = "cpu") -> dict[
     }
 
 
+# ---- AORO/PathTracking-v1 --------------------------------------------------------------------------------------------
+
+ANY_MACHINE = replace(
+    limits.MILD, start=(0.0, 0.0), lateral_offset=limits.FIXED.lateral_offset, heading_offset=(0.0, 0.0)
+)
+"""Whole paths to tune on, each with another machine of the commissioned spread."""
+
+
+def _limit_env(
+    num_envs: int, device: str, randomisation: limits.LimitRandomisation = limits.FIXED
+) -> LimitTrackingVectorEnv:
+    return LimitTrackingVectorEnv(num_envs, randomisation=randomisation, device=device, autoreset_mode="SameStep")
+
+
+def limit_cost(env: LimitTrackingVectorEnv, policy: Policy, seeds: list[int], steps: int) -> NDArray[np.float64]:
+    """1 without success, and the share of the path that was not driven (N,)."""
+    policy.reset()
+    observations, infos = env.reset(seed=seeds)
+    whole, left = infos["remaining"], infos["remaining"].copy()
+    running, success = np.ones(env.num_envs, dtype=bool), np.zeros(env.num_envs, dtype=bool)
+    for _ in range(steps):
+        observations, _, terminated, truncated, infos = env.step(policy(observations))
+        ended = running & (terminated | truncated)
+        if ended.any():
+            left = np.where(ended, infos["final_info"]["remaining"], left)
+            success |= ended & infos["final_info"]["is_success"]
+        running &= ~ended
+        if not running.any():
+            break
+    return 1.0 - success + left / whole
+
+
+def limit_report(make: Callable[[Any], Policy], device: str = "cpu") -> dict[str, float]:
+    """Mean metrics of a policy over the 40 paths that it was tuned on; ``make`` makes it from the environment."""
+    env = LimitTrackingVectorEnv(40, device=device, autoreset_mode="Disabled")
+    run = drive_limits(env, make(env), list(range(TEST_SEED, TEST_SEED + 40)))
+    return {name: float(np.nanmean(values)) for name, values in run.metrics.items()}
+
+
 # ---- AORO/Levelling-v0 -----------------------------------------------------------------------------------------------
 
 ANY_LANE = replace(levelling.MILD, lateral_offset=FIXED.lateral_offset, heading_offset=FIXED.heading_offset)
@@ -330,6 +380,10 @@ _PID_START = {
     "rest": 0.05,
 }
 _PID_LOGARITHMIC = ("level_gain", "level_integral", "share_gain", "share_integral", "height_gain", "rest")
+
+_PREVIEW_BOUNDS = {"heading_weight": (0.01, 5.0), "rate_weight": (0.005, 1.0), "lag": (0.03, 0.3)}
+_PREVIEW_START = {"heading_weight": 0.0207, "rate_weight": 0.0617, "lag": 0.0323}
+_PREVIEW_LOGARITHMIC = ("heading_weight", "rate_weight", "lag")
 
 STUDIES = {
     "AORO/Turning-v0": Study(
@@ -408,6 +462,59 @@ STUDIES = {
         steps=400,
         population=20,  # 768,000 control steps in all, as many as the packaged policy learns from
         generations=7,
+    ),
+    "AORO/PathTracking-v1": Study(
+        {
+            "pure-pursuit": Tunable(
+                _for_path(PurePursuit),
+                {"drive_signal": (0.5, 1.0), "look_ahead": (0.8, 4.0), "gain": (1.0, 10.0), "lead_time": (0.0, 0.3)},
+                logarithmic=("look_ahead", "gain"),
+                start={"drive_signal": 0.7, "look_ahead": 0.891, "gain": 1.04, "lead_time": 0.0212},
+            ),
+            "stanley": Tunable(
+                _for_path(Stanley),
+                {
+                    "drive_signal": (0.5, 1.0),
+                    "heading_gain": (0.5, 10.0),
+                    "cross_track_gain": (0.1, 4.0),
+                    "look_ahead": (0.0, 2.0),
+                    "gain": (1.0, 10.0),
+                },
+                logarithmic=("heading_gain", "cross_track_gain", "gain"),
+                start={
+                    "drive_signal": 0.7,
+                    "heading_gain": 7.98,
+                    "cross_track_gain": 1.09,
+                    "look_ahead": 0.404,
+                    "gain": 1.04,
+                },
+            ),
+            "preview": Tunable(
+                _for_path(PreviewRegulator),
+                {"drive_signal": (0.5, 1.0), **_PREVIEW_BOUNDS},
+                logarithmic=_PREVIEW_LOGARITHMIC,
+                start={"drive_signal": 0.7, **_PREVIEW_START},
+            ),
+            "preview-speed": Tunable(
+                _for_path(PreviewDriver),
+                {
+                    **_PREVIEW_BOUNDS,
+                    "largest_rate": (0.3, 1.5),
+                    "braking": (0.3, 2.0),
+                    "climbing": (0.2, 0.6),
+                    "fastest": (1.5, 2.3),
+                },
+                logarithmic=(*_PREVIEW_LOGARITHMIC, "largest_rate", "braking", "climbing"),
+                start={**_PREVIEW_START, "largest_rate": 0.7, "braking": 0.8, "climbing": 0.34, "fastest": 2.2},
+            ),
+        },
+        make=lambda num_envs, device: _limit_env(num_envs, device, ANY_MACHINE),
+        cost=limit_cost,
+        report=limit_report,
+        episodes=8,
+        steps=560,
+        population=16,  # at most 502,000 control steps a controller in all
+        generations=6,
     ),
     "AORO/Levelling-v0": Study(
         {

@@ -37,16 +37,16 @@ def load_courses(files: CourseFiles) -> list[Course] | None:
 
 def training_courses(plan: TrainingPlan) -> tuple[Sequence[Course] | None, Sequence[Course] | None]:
     """Courses to learn on and to evaluate on; None where the environment has none."""
-    from aoro_gym.agents.training.courses import course_files, held_out_courses, training_forests, training_lanes
-    from aoro_gym.envs.path_tracking.course_files import LEVELLING, TRACKING
+    from aoro_gym.agents.training.courses import course_files, held_out_courses, made_courses, training_forests
+    from aoro_gym.envs.path_tracking.course_files import ON_COURSES, TRACKING
 
     courses = load_courses(course_files(plan))
-    if plan.env not in (TRACKING, LEVELLING):
+    if plan.env not in ON_COURSES:
         return None, None
     if courses is not None:
         return courses, held_out_courses(plan, courses)
-    if plan.env == LEVELLING:
-        return training_lanes(plan.forests)
+    if plan.env != TRACKING:
+        return made_courses(plan.env, plan.forests)
     doing = "growing forests"
     with terminal.progress(doing) as tell:
         return training_forests(plan.forests, partial(tell, doing))

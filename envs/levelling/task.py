@@ -25,7 +25,7 @@ from aoro_gym.envs.levelling.driving import PathDriver
 from aoro_gym.envs.levelling.rewards import LIFTED
 from aoro_gym.envs.levelling.sensing import CORNERS, ArmSensors, GroundMap
 from aoro_gym.envs.levelling.view import LevellingView
-from aoro_gym.envs.path_tracking.courses import Course
+from aoro_gym.envs.path_tracking.courses import Course, drawn_by_difficulty
 from aoro_gym.envs.path_tracking.task import PROJECTION_REACH, TERMINATION_REASONS, PathTracking
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats, namespace
 from aoro_gym.machine import Machine
@@ -88,11 +88,7 @@ class Levelling:
         options: Mapping[str, Any],
     ) -> Start:
         arrays, n = self._arrays, len(self._tilt)
-        if options.get("terrain") is None:
-            count = len(self.courses)
-            chosen = np.zeros(n, dtype=np.intp)
-            chosen[where] = np.minimum((draws.task["difficulty"] * count).astype(np.intp), count - 1)
-            options = {**options, "terrain": chosen}
+        options = drawn_by_difficulty(options, draws, where, n, len(self.courses))
         start = self.driving.start(where, generators, draws, machine, options)
         rows, rest = arrays.index(where), machine.rest
         front, rear = np.broadcast_arrays(rest.arm_angle_front, rest.arm_angle_rear)

@@ -13,7 +13,8 @@ from aoro_gym.terrains.georeference import horizontal
 from aoro_gym.terrains.world.files import load_world
 from aoro_gym.terrains.world.world import World
 
-TRACKING, LEVELLING = "AORO/PathTracking-v0", "AORO/Levelling-v0"
+TRACKING, LIMITS, LEVELLING = "AORO/PathTracking-v0", "AORO/PathTracking-v1", "AORO/Levelling-v0"
+ON_COURSES = (TRACKING, LIMITS, LEVELLING)
 """The environments that drive on courses."""
 
 
@@ -51,9 +52,9 @@ class CourseFiles:
                 raise ValueError(f"{option} is for a path; give its file with --path")
         if self.path_crs is not None:
             horizontal(self.path_crs, "--path-crs")
-        if (self.terrain or self.path) and self.env not in (TRACKING, LEVELLING):
+        if (self.terrain or self.path) and self.env not in ON_COURSES:
             given = "--terrain" if self.path is None else "--path"
-            raise ValueError(f"{given} is for {TRACKING} and {LEVELLING}; {self.env} turns on level ground")
+            raise ValueError(f"{given} is for {TRACKING}, {LIMITS} and {LEVELLING}; {self.env} turns on level ground")
 
     def load_terrain(self, progress: Callable[[float], Any]) -> tuple[Terrain | World, list[str]]:
         """The ground, and warnings; calls ``progress`` with the share that is done.

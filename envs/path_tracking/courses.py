@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym import terrains
+from aoro_gym.envs.core.randomisation import Draws
 from aoro_gym.execution.array_api import HOST, Array, Arrays, namespace
 from aoro_gym.execution.cache import cached, computed_with
 from aoro_gym.execution.digest import digest
@@ -175,6 +176,26 @@ def ground_of(courses: Sequence[Course]) -> Plane | list[Terrain | World]:
         return terrains
     assert isinstance(grounds[0], Plane)
     return grounds[0]
+
+
+def drawn_by_difficulty(
+    options: Mapping[str, Any], draws: Draws, where: NDArray[np.intp], num_envs: int, count: int
+) -> Mapping[str, Any]:
+    """``options`` of a reset, with a terrain for the sub-environments ``where`` by the difficulty that they drew, unless one
+    is asked for.
+
+    Args:
+        options: Of the reset.
+        draws: Of a randomisation with a ``difficulty``, the share [-] of the courses that are easier.
+        where: Sub-environments (K,).
+        num_envs: Number of all of them.
+        count: Courses, from easy to difficult.
+    """
+    if options.get("terrain") is not None:
+        return options
+    chosen = np.zeros(num_envs, dtype=np.intp)
+    chosen[where] = np.minimum((draws.task["difficulty"] * count).astype(np.intp), count - 1)
+    return {**options, "terrain": chosen}
 
 
 PATHS_KEPT = 16

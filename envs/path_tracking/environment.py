@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, ClassVar
 
 from aoro_gym.envs.core.offered_terms import OFFERED
 from aoro_gym.envs.core.single import TwinEnv
@@ -59,6 +59,8 @@ class PathTrackingVectorEnv(TwinVectorEnv):
     """
 
     task: PathTracking
+    task_type: ClassVar[type[PathTracking]] = PathTracking
+    """Of what it makes."""
 
     def __init__(
         self,
@@ -108,7 +110,7 @@ class PathTrackingVectorEnv(TwinVectorEnv):
             observation_terms=changed_observations(observed, observation_terms, OFFERED),
         )
         library = as_courses(courses, terrain, path)
-        super().__init__(PathTracking(library, config), num_envs, terrain=ground_of(library), **arguments)
+        super().__init__(self.task_type(library, config), num_envs, terrain=ground_of(library), **arguments)
 
     @property
     def action_layout(self) -> dict[str, slice]:

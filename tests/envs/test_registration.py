@@ -77,7 +77,7 @@ def test_registration_imports_nothing_of_the_twin():
     assert done.stdout.strip() == "False"
 
 
-@pytest.mark.parametrize("name", ["AORO/PathTracking-v0", "AORO/Turning-v0", "AORO/Levelling-v0"])
+@pytest.mark.parametrize("name", list(ENVIRONMENTS))
 def test_the_first_step_imports_nothing_that_it_does_not_need(name):
     """What takes long to import stays out of a process that only steps; courses come from the disk."""
     gymnasium.make(name).close()  # so that they are there

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from aoro_gym.agents.controllers.reference import reference_policy
+from aoro_gym.agents.evaluation.drives import every_path
 from aoro_gym.agents.evaluation.evaluate import evaluate, policy_factory
-from aoro_gym.agents.evaluation.levelling import lanes, level_lanes, make_levelling
+from aoro_gym.agents.evaluation.levelling import level_lanes, make_levelling
 from aoro_gym.agents.evaluation.logs import write_episode
 from aoro_gym.agents.evaluation.metrics import named
 from aoro_gym.envs.levelling.courses import held_out_courses
@@ -40,9 +41,9 @@ def found():
 def test_two_hundred_seeds_in_a_row_drive_every_held_out_lane_once():
     courses = held_out_courses()
     for first in (0, 60_000):
-        chosen = lanes(courses, range(first, first + 200))
+        chosen = every_path(courses, range(first, first + 200))
         assert len(set(zip(chosen["terrain"].tolist(), chosen["path"].tolist(), strict=True))) == 200
-    few = lanes(courses, range(16))["terrain"]  # of 40 grounds from easy to difficult
+    few = every_path(courses, range(16))["terrain"]  # of 40 grounds from easy to difficult
     assert few.min() < 8 and few.max() > 32
 
 

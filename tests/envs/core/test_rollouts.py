@@ -36,6 +36,7 @@ def test_example():
         ("AORO/Turning-v0", {"kernels": False}),
         ("AORO/PathTracking-v0", {}),
         ("AORO/PathTracking-v0", {"kernels": False, "gear": "automatic"}),
+        ("AORO/PathTracking-v1", {}),
         ("AORO/Levelling-v0", {}),
     ],
 )
