@@ -9,6 +9,7 @@ import pytest
 from aoro_gym.agents.controllers.exact import EXACT, Informed
 from aoro_gym.agents.controllers.path_tracking import PreviewDriver, Vehicle
 from aoro_gym.agents.controllers.reference import reference_policy
+from aoro_gym.agents.evaluation.evaluate import policy_factory
 from aoro_gym.envs import LimitTrackingVectorEnv, limit_config
 from aoro_gym.envs.limit_tracking.config import FIXED
 from aoro_gym.envs.path_tracking.courses import Course
@@ -124,3 +125,13 @@ def test_a_controller_needs_what_it_was_made_for():
     flat = Course(Plane(), (Path(np.array([[0.0, 0.0], [30.0, 0.0]])),))
     with pytest.raises(ValueError, match="acts on steering_signal, drive_signal, arms"):
         reference_policy(ENV, "preview-speed", made(courses=[flat], act_arms=True))
+
+
+def test_the_policy_of_the_package_drives():
+    env = made()
+    policy = policy_factory(ENV, "limits-dagger")(env)
+    observations, _ = env.reset(seed=3, options={"path": 0})
+    for _ in range(80):
+        observations, _, terminated, _, _ = env.step(policy(observations))
+        assert not terminated.any()
+    assert np.all(env.output("speed") > 1.5)
