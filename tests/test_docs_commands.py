@@ -22,8 +22,11 @@ LEAVES = {
     "scan": ("ground.ply", "evaluation/preview.mcap"),
     "calibrate": ("mine.toml", "validation/index.html", "again.csv"),
     "diagnose": ("diagnosis/report.html",),
+    "detect_logs": ("logs.safetensors", "score.json", "found.png"),
 }
 """What each tutorial ends with."""
+DETECTION = "python -m studies.log_detection "
+"""How the command of a study begins that a tutorial shows, beside those of aoro-gym."""
 TRACKING = ("--env", "AORO/PathTracking-v0")
 TRAINING = ("--steps", "500", "--n-envs", "2", "--checkpoint-every", "250", "--eval-episodes", "1")
 SHORTER = {
@@ -58,6 +61,11 @@ NOT_HERE = {
 
 def run(line: str) -> None:
     """Run a command of a page in the current folder, as the shell would; a live view is closed once it is there."""
+    if line.startswith(DETECTION):
+        from studies.log_detection.__main__ import main
+
+        assert main(shlex.split(line.removeprefix(DETECTION))) == 0, line
+        return
     words = [
         found
         for word in shlex.split(line, comments=True)[1:]
@@ -75,7 +83,7 @@ def run(line: str) -> None:
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
 def test_a_tutorial_can_be_done_as_written(page, monkeypatch, tmp_path):
     """All of its blocks, in their order, in an empty folder."""
-    if page.stem == "train":
+    if page.stem in ("train", "detect_logs"):
         pytest.importorskip("stable_baselines3")
     monkeypatch.chdir(tmp_path)
     text = page.read_text(encoding="utf-8")
@@ -86,7 +94,7 @@ def test_a_tutorial_can_be_done_as_written(page, monkeypatch, tmp_path):
             exec(compile(block, page.name, "exec"), {})
             continue
         for line in block.splitlines():
-            assert line.startswith("aoro-gym "), line
+            assert line.startswith(("aoro-gym ", DETECTION)), line
             run(f"{line} --no-browser --port 0" if line.startswith("aoro-gym view") else line)
     for name in LEAVES[page.stem]:
         assert (tmp_path / name).exists(), name

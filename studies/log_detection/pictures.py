@@ -1,0 +1,146 @@
+"""Pictures with boxes from files of COCO, all on one canvas."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+CANVAS = (144, 192)
+"""Height and width [pixels] that pictures are shrunk into: a camera's 3 to 4."""
+GREY = 114
+"""What fills the canvas beside a picture of another shape."""
+CLASSES = ("trunk", "log", "log_end", "stump")
+"""What the study's detectors look for; crowns and boulders are background."""
+LEAST_AREA, MOST_HIDDEN = 30.0, 0.8
+"""An object that is seen in fewer pixels of the canvas, or of which a larger share is hidden (where the file says so), is
+learnt, but counts neither way in a score: who labels by hand leaves such out."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pictures:
+    """Pictures of one COCO file."""
+
+    pixels: NDArray[np.uint8]
+    """(N, H, W, 3) on the canvas."""
+    boxes: list[NDArray[np.float32]]
+    """Of each (K, 4) left, upper, right and lower edges [pixels of the canvas]."""
+    labels: list[NDArray[np.int64]]
+    """Of each (K,) places of the classes in ``classes``."""
+    scales: NDArray[np.float64]
+    """(N,) pixels of the canvas over those of the file."""
+    ids: list[int]
+    """Of the pictures in the file."""
+    truth: dict[str, Any]
+    """What the file holds, but only of these classes and pictures, numbered as in ``classes`` from 1; what does not count is
+    ``iscrowd``, as COCO has it."""
+    classes: tuple[str, ...] = CLASSES
+
+    def __len__(self) -> int:
+        return len(self.pixels)
+
+    def first(self, count: int) -> Pictures:
+        """The first of them."""
+        kept = set(self.ids[:count])
+        truth = dict(self.truth)
+        truth["images"] = [one for one in truth["images"] if one["id"] in kept]
+        truth["annotations"] = [one for one in truth["annotations"] if one["image_id"] in kept]
+        return Pictures(
+            self.pixels[:count],
+            self.boxes[:count],
+            self.labels[:count],
+            self.scales[:count],
+            self.ids[:count],
+            truth,
+            self.classes,
+        )
+
+
+def load(
+    annotations: Path,
+    images: Path,
+    classes: Sequence[str] = CLASSES,
+    *,
+    renamed: Mapping[str, str] | None = None,
+) -> Pictures:
+    """Pictures of a COCO file in the order of their numbers.
+
+    Args:
+        annotations: The file, .json.
+        images: Folder that its ``file_name`` are in.
+        classes: To look for, by name; other ones are left out.
+        renamed: Name in the file by name of a class, where they differ.
+
+    Raises:
+        ValueError: The file lacks a class, a picture is not there, or the file holds no COCO.
+    """
+    told = json.loads(annotations.read_text(encoding="utf-8"))
+    if not all(isinstance(told, dict) and name in told for name in ("images", "annotations", "categories")):
+        raise ValueError(f"{annotations} has no images, annotations and categories: it is no file of COCO")
+    numbers = {one["name"]: one["id"] for one in told["categories"]}
+    wanted = {name: (renamed or {}).get(name, name) for name in classes}
+    found = {numbers[theirs]: place for place, theirs in enumerate(wanted.values()) if theirs in numbers}
+    if not found:
+        raise ValueError(
+            f"{annotations} has none of the classes {', '.join(wanted.values())}, but {', '.join(numbers)};"
+            " give --name log=NAME for the names that differ"
+        )
+    listed = sorted(told["images"], key=lambda one: one["id"])
+    of_image: dict[int, list[dict[str, Any]]] = {one["id"]: [] for one in listed}
+    for one in told["annotations"]:
+        if one["category_id"] in found and one["image_id"] in of_image:
+            of_image[one["image_id"]].append({**one, "category_id": found[one["category_id"]] + 1})
+    pixels, scales = zip(*(_read(images / one["file_name"]) for one in listed), strict=True)
+    boxes, labels = [], []
+    for one, scale in zip(listed, scales, strict=True):
+        solid = [each for each in of_image[one["id"]] if not each.get("iscrowd")]
+        for each in solid:
+            area = each.get("area", each["bbox"][2] * each["bbox"][3]) * scale**2
+            each["iscrowd"] = int(area < LEAST_AREA or each.get("occlusion", 0.0) > MOST_HIDDEN)
+        corners = np.array([each["bbox"] for each in solid], dtype=np.float32).reshape(-1, 4) * scale
+        corners[:, 2:] += corners[:, :2]
+        boxes.append(corners)
+        labels.append(np.array([each["category_id"] - 1 for each in solid], dtype=np.int64))
+    truth = {
+        "images": listed,
+        "annotations": [each for one in listed for each in of_image[one["id"]]],
+        "categories": [
+            {"id": place + 1, "name": name} for place, name in enumerate(classes) if place in found.values()
+        ],
+    }
+    ids = [one["id"] for one in listed]
+    return Pictures(np.stack(pixels), boxes, labels, np.array(scales), ids, truth, tuple(classes))
+
+
+def _read(path: Path) -> tuple[NDArray[np.uint8], float]:
+    """A picture on the canvas, and its scale."""
+    from PIL import Image
+
+    if not path.exists():
+        raise ValueError(f"there is no picture {path}; give the folder of the pictures as --images")
+    height, width = CANVAS
+    with Image.open(path) as opened:
+        picture = opened.convert("RGB")
+    scale = min(width / picture.width, height / picture.height)
+    size = max(round(picture.width * scale), 1), max(round(picture.height * scale), 1)
+    out = np.full((height, width, 3), GREY, dtype=np.uint8)
+    out[: size[1], : size[0]] = np.asarray(picture if scale == 1.0 else picture.resize(size, Image.Resampling.BOX))
+    return out, scale
+
+
+def joined(parts: Sequence[Pictures]) -> Pictures:
+    """Pictures of several files to train on; their truth is the first one's alone."""
+    return Pictures(
+        np.concatenate([part.pixels for part in parts]),
+        [box for part in parts for box in part.boxes],
+        [label for part in parts for label in part.labels],
+        np.concatenate([part.scales for part in parts]),
+        [number for part in parts for number in part.ids],
+        parts[0].truth,
+        parts[0].classes,
+    )
