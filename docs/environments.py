@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from aoro_gym.envs import LevellingEnv, LimitTrackingEnv, PathTrackingEnv, TurningEnv
+from aoro_gym.envs import Course, ForestRunEnv, LevellingEnv, LimitTrackingEnv, PathTrackingEnv, TurningEnv
 from aoro_gym.envs.core.terms import ObservationTerm, RewardTerm
+from aoro_gym.envs.forest_run import rewards as forest_run_rewards
 from aoro_gym.envs.levelling import rewards as levelling_rewards
 from aoro_gym.envs.path_tracking import rewards as path_rewards
 from aoro_gym.envs.turning import rewards as turning_rewards
@@ -86,12 +87,14 @@ def parts() -> dict[str, dict[str, str]]:
     path_tracking = PathTrackingEnv(terrain=Plane(), path=line)
     limits = LimitTrackingEnv(terrain=Plane(), path=line)
     levelling = LevellingEnv(terrain=Plane(), path=line)
+    forest_run = ForestRunEnv(courses=[Course.over(Plane(), [line])])
     made = {}
     for page, env, action_layout, module in (
         ("turning.md", turning, {"steering_signal": slice(0, 1)}, turning_rewards),
         ("path_tracking.md", path_tracking, path_tracking.action_layout, path_rewards),
         ("path_tracking_limits.md", limits, limits.action_layout, path_rewards),
         ("levelling.md", levelling, levelling.action_layout, levelling_rewards),
+        ("forest_run.md", forest_run, forest_run.action_layout, forest_run_rewards),
     ):
         task = env.vector.task
         made[page] = {

@@ -21,6 +21,10 @@ from aoro_gym.envs.registration import ENVIRONMENTS, register_envs
 if TYPE_CHECKING:
     from aoro_gym.envs.core.randomisation import Randomisation
     from aoro_gym.envs.core.terms import ObservationTerm, RewardTerm
+    from aoro_gym.envs.forest_run.config import ForestRunConfig, ForestRunRandomisation
+    from aoro_gym.envs.forest_run.environment import ForestRunEnv, ForestRunVectorEnv
+    from aoro_gym.envs.forest_run.task import ForestRun
+    from aoro_gym.envs.forest_run.view import ForestRunView
     from aoro_gym.envs.levelling.config import LevellingConfig, LevellingRandomisation
     from aoro_gym.envs.levelling.environment import LevellingEnv, LevellingVectorEnv
     from aoro_gym.envs.levelling.task import Levelling
@@ -43,6 +47,12 @@ __all__ = [
     "ENVIRONMENTS",
     "ArmControl",
     "Course",
+    "ForestRun",
+    "ForestRunConfig",
+    "ForestRunEnv",
+    "ForestRunRandomisation",
+    "ForestRunVectorEnv",
+    "ForestRunView",
     "Levelling",
     "LevellingConfig",
     "LevellingEnv",
@@ -81,6 +91,10 @@ __getattr__, _, _ = lazy_loader.attach(
         "path_tracking.environment": ("PathTrackingEnv", "PathTrackingVectorEnv"),
         "path_tracking.task": ("PathTracking",),
         "path_tracking.view": ("PathTrackingView",),
+        "forest_run.config": ("ForestRunConfig", "ForestRunRandomisation"),
+        "forest_run.environment": ("ForestRunEnv", "ForestRunVectorEnv"),
+        "forest_run.task": ("ForestRun",),
+        "forest_run.view": ("ForestRunView",),
         "levelling.config": ("LevellingConfig", "LevellingRandomisation"),
         "levelling.environment": ("LevellingEnv", "LevellingVectorEnv"),
         "levelling.task": ("Levelling",),

@@ -37,6 +37,11 @@ ENVIRONMENTS = {
         vector_entry_point="aoro_gym.envs.levelling.environment:LevellingVectorEnv",
         max_episode_steps=None,
     ),
+    "AORO/ForestRun-v0": Registration(
+        entry_point="aoro_gym.envs.forest_run.environment:ForestRunEnv",
+        vector_entry_point="aoro_gym.envs.forest_run.environment:ForestRunVectorEnv",
+        max_episode_steps=None,
+    ),
 }
 """Every environment by id."""
 

@@ -23,6 +23,7 @@ import numpy as np
 import warp as wp
 
 from aoro_gym.envs import register_envs
+from aoro_gym.envs.forest_run import config as forest_run
 from aoro_gym.envs.levelling import config as levelling
 from aoro_gym.envs.limit_tracking import config as limit_tracking
 from aoro_gym.envs.path_tracking import config as path_tracking
@@ -35,6 +36,7 @@ ENVIRONMENTS = {
     "AORO/PathTracking-v1": limit_tracking.MILD,
     "AORO/Turning-v0": turning.MILD,
     "AORO/Levelling-v0": levelling.MILD,
+    "AORO/ForestRun-v0": forest_run.MILD,
 }
 """By id, with what varies from episode to episode."""
 

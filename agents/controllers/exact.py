@@ -20,6 +20,7 @@ EXACT: Mapping[str, Mapping[str, Callable[[Any], Array]]] = {
     "AORO/PathTracking-v0": path_tracking.EXACT_TERMS,
     "AORO/PathTracking-v1": path_tracking.EXACT_TERMS,
     "AORO/Levelling-v0": levelling.EXACT_TERMS,
+    "AORO/ForestRun-v0": {},
 }
 """True values of measured observation terms, by the environment's id, then by the term's name."""
 

@@ -115,6 +115,7 @@ SETTINGS: Mapping[str, PathIntegral] = {
     "AORO/PathTracking-v0": PathIntegral((0.4, 0.2), horizon=20, temperature=0.1, correlation=6.0),
     "AORO/PathTracking-v1": PathIntegral((0.4, 0.2), horizon=20, temperature=0.1, correlation=6.0),
     "AORO/Levelling-v0": PathIntegral((0.2, 0.2, 0.2, 0.2), horizon=15, temperature=0.2, correlation=3.0),
+    "AORO/ForestRun-v0": PathIntegral((0.4, 0.2), horizon=20, temperature=0.1, correlation=6.0),
 }
 """By the environment's id."""
 

@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any
 
 from aoro_gym.agents.controllers.exact import EXACT, Informed
+from aoro_gym.agents.controllers.forest_run import ForestDriver, MapPlanner
 from aoro_gym.agents.controllers.mppi import SETTINGS, Mppi
 from aoro_gym.agents.controllers.path_tracking import PreviewDriver, Vehicle
 from aoro_gym.agents.controllers.reference import Factory
@@ -20,11 +21,16 @@ def _expert(env: Any) -> Policy:
     return Informed(PreviewDriver(Vehicle.of(env)), env, EXACT[LIMITS])
 
 
+def _map_planner(env: Any) -> Policy:
+    return MapPlanner(ForestDriver.of(env), env)
+
+
+_OF_A_TASK: Mapping[str, Mapping[str, Factory]] = {
+    LIMITS: {"expert": _expert},
+    "AORO/ForestRun-v0": {"map-planner": _map_planner},
+}
 PRIVILEGED_POLICIES: Mapping[str, Mapping[str, Factory]] = {
-    environment: {
-        **({"expert": _expert} if environment == LIMITS else {}),
-        "mppi": partial(Mppi, settings=settings),
-    }
+    environment: {**_OF_A_TASK.get(environment, {}), "mppi": partial(Mppi, settings=settings)}
     for environment, settings in SETTINGS.items()
 }
 """By the environment's id, then by name. They drive only where they are asked for: planning takes time."""

@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
+from aoro_gym.agents.controllers.forest_run import ForestDriver, LidarPlanner, StraightAhead
 from aoro_gym.agents.controllers.levelling import Assistance, ModalPid, ModalRegulator, PreviewPid, Stance
 from aoro_gym.agents.controllers.path_tracking import (
     FullSpeedSteering,
@@ -42,6 +43,10 @@ def _steering(controller: Callable[[Vehicle], Policy], env: Any) -> Policy:
 
 def _levelling(controller: Callable[[Stance], Policy], env: Any) -> Policy:
     return controller(Stance.of(env))
+
+
+def _through_forest(controller: Callable[[ForestDriver], Policy], env: Any) -> Policy:
+    return controller(ForestDriver.of(env))
 
 
 LIMIT_GAINS: Mapping[str, tuple[Callable[..., Policy], Mapping[str, float]]] = {
@@ -91,6 +96,10 @@ REFERENCE_POLICIES: Mapping[str, Mapping[str, Factory]] = {
         "modal-pid": partial(_levelling, ModalPid),
         "preview-pid": partial(_levelling, PreviewPid),
         "modal-lqr": partial(_levelling, ModalRegulator),
+    },
+    "AORO/ForestRun-v0": {
+        "straight": partial(_through_forest, StraightAhead),
+        "lidar-planner": partial(_through_forest, LidarPlanner),
     },
 }
 """By the environment's id, then by the controller's name."""

@@ -56,18 +56,20 @@ class Drives:
         upright = np.cos(self.data["roll"]) * np.cos(self.data["pitch"])
         return np.degrees(np.arccos(np.clip(upright, -1.0, 1.0)))
 
-    def at_stations(self, errors: Sequence[Floats]) -> tuple[Floats, Floats]:
+    def at_stations(self, errors: Sequence[Floats], along: str = "s") -> tuple[Floats, Floats]:
         """Errors (N, K) and places (N, K, 2) [m] at every :data:`STATION`, NaN beyond the end.
 
         Args:
             errors: Of the steps of each episode (N,), as long as its part.
+            along: Channel [m] that says how far each has come.
         """
-        stations = STATION * np.arange(1 + math.ceil(float(self.whole.max()) / STATION))
+        farthest = max(float(np.ptp(self.data[along][i, : part.stop])) for i, part in enumerate(self.parts))
+        stations = STATION * np.arange(1 + math.ceil(max(float(self.whole.max()), farthest) / STATION))
         n = len(self.steps)
         found, places = np.full((n, len(stations)), np.nan), np.full((n, len(stations), 2), np.nan)
         for i, part in enumerate(self.parts):
             # a vehicle may slide back: the first time that it came so far counts
-            ahead = np.maximum.accumulate(self.data["s"][i, part]) - self.data["s"][i, 0]
+            ahead = np.maximum.accumulate(self.data[along][i, part]) - self.data[along][i, 0]
             there = stations <= ahead[-1]
             when = np.searchsorted(ahead, stations[there])
             found[i, there] = errors[i][when]

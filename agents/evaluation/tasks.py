@@ -8,10 +8,12 @@ from typing import Any
 
 from aoro_gym.agents.evaluation.drives import STATION
 from aoro_gym.agents.evaluation.episodes import Episodes
+from aoro_gym.agents.evaluation.forest_run import make_forest_run, run_forests
 from aoro_gym.agents.evaluation.levelling import level_lanes, make_levelling
 from aoro_gym.agents.evaluation.path_tracking import drive_limits, drive_paths, make_limit_tracking, make_tracking
 from aoro_gym.agents.evaluation.turning import make_turning, turn_joints
 from aoro_gym.agents.policies.policy import Policy
+from aoro_gym.envs.forest_run.task import ForestRun
 from aoro_gym.envs.levelling.task import Levelling
 from aoro_gym.envs.path_tracking.task import PathTracking
 from aoro_gym.envs.turning.task import Turning
@@ -73,6 +75,15 @@ TASKS: Mapping[str, EvaluationTask] = {
         "tilt [°]",
         ("tilt_rms_deg", "unevenness_rms", "pump_kJ_per_m"),
         Levelling.render_channels,
+    ),
+    "AORO/ForestRun-v0": EvaluationTask(
+        make_forest_run,
+        run_forests,
+        STATION,
+        "way driven [m]",
+        "distance to the goal [m]",
+        ("damage_kNs", "duration_s", "energy_kJ"),
+        ForestRun.render_channels,
     ),
 }
 """What can be evaluated, by the environment's id."""

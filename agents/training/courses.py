@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from aoro_gym.agents.training.plan import TrainingPlan
+from aoro_gym.envs.forest_run import courses as forest_run
 from aoro_gym.envs.levelling import courses as levelling
 from aoro_gym.envs.limit_tracking import courses as limit_tracking
-from aoro_gym.envs.path_tracking.course_files import LEVELLING, LIMITS, CourseFiles
+from aoro_gym.envs.path_tracking.course_files import FOREST_RUN, LEVELLING, LIMITS, CourseFiles
 from aoro_gym.envs.path_tracking.courses import Course, forest_course, generated_paths
 from aoro_gym.terrains.paths.planning import NoDrivablePath
 
@@ -51,7 +52,7 @@ def training_forests(
 def made_courses(env: str, count: int) -> tuple[Sequence[Course], Sequence[Course]]:
     """``count`` courses of an environment that has its own, from easy to difficult, and others to evaluate on meanwhile:
     neither is one that ``aoro-gym evaluate`` drives on."""
-    made = {LEVELLING: levelling, LIMITS: limit_tracking}[env]
+    made = {LEVELLING: levelling, LIMITS: limit_tracking, FOREST_RUN: forest_run}[env]
     return made.learned_courses(count), made.validation_courses()
 
 

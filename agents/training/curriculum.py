@@ -24,6 +24,8 @@ from aoro_gym.checks import check_choice
 from aoro_gym.envs.core.randomisation import Randomisation
 from aoro_gym.envs.core.task import Task
 from aoro_gym.envs.core.terms import RewardTerm, changed_rewards
+from aoro_gym.envs.forest_run import config as forest_run
+from aoro_gym.envs.forest_run import rewards as forest_run_rewards
 from aoro_gym.envs.levelling import config as levelling
 from aoro_gym.envs.levelling import rewards as levelling_rewards
 from aoro_gym.envs.limit_tracking import config as limit_tracking
@@ -38,6 +40,7 @@ SPREADS: Mapping[str, Mapping[str, Randomisation]] = {
     "AORO/PathTracking-v0": {"fixed": path_tracking.FIXED, "mild": path_tracking.MILD},
     "AORO/PathTracking-v1": {"fixed": limit_tracking.FIXED, "mild": limit_tracking.MILD},
     "AORO/Levelling-v0": {"fixed": levelling.FIXED, "mild": levelling.MILD},
+    "AORO/ForestRun-v0": {"fixed": forest_run.FIXED, "mild": forest_run.MILD},
 }
 """By the environment's id, then by name."""
 TERMS: Mapping[str, Mapping[str, RewardTerm]] = {
@@ -45,6 +48,7 @@ TERMS: Mapping[str, Mapping[str, RewardTerm]] = {
     "AORO/PathTracking-v0": path_tracking_rewards.REWARD_TERMS,
     "AORO/PathTracking-v1": path_tracking_rewards.REWARD_TERMS,
     "AORO/Levelling-v0": levelling_rewards.REWARD_TERMS,
+    "AORO/ForestRun-v0": forest_run_rewards.REWARD_TERMS,
 }
 """The tasks' own reward terms, likewise."""
 FURTHER_TERMS: Mapping[str, Mapping[str, Callable[[Any], Array]]] = {
@@ -52,6 +56,7 @@ FURTHER_TERMS: Mapping[str, Mapping[str, Callable[[Any], Array]]] = {
     "AORO/PathTracking-v0": path_tracking_rewards.FURTHER_REWARD_TERMS,
     "AORO/PathTracking-v1": path_tracking_rewards.FURTHER_REWARD_TERMS,
     "AORO/Levelling-v0": levelling_rewards.FURTHER_REWARD_TERMS,
+    "AORO/ForestRun-v0": forest_run_rewards.FURTHER_REWARD_TERMS,
 }
 """Reward terms that a task can do without, by the environment's id, then by name."""
 

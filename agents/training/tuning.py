@@ -11,6 +11,7 @@ batch of twins. Gains are reported on other episodes than they were tuned on:
 paths; 7 generations of 10 candidates, of which one was chosen by hand.
 ``AORO/PathTracking-v1``: see :func:`limit_cost`; 8 whole paths, 28 s each; 7 generations of 16 candidates.
 ``AORO/Levelling-v0``: what the mean reward of 8 pieces of lanes, 15 s each, lacks to 1; 7 generations of 16 candidates.
+``AORO/ForestRun-v0``: the mean return of the first 30 s of 8 runs, negative, in units of 100; 4 generations of 8 candidates.
 
 On two cores this takes some minutes an environment. The result is the default of each controller.
 """
@@ -29,6 +30,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from scipy.optimize import differential_evolution
 
+from aoro_gym.agents.controllers.forest_run import ForestDriver, LidarPlanner, StraightAhead
 from aoro_gym.agents.controllers.levelling import Assistance, ModalPid, ModalRegulator, PreviewPid, Stance
 from aoro_gym.agents.controllers.path_tracking import (
     FullSpeedSteering,
@@ -39,10 +41,13 @@ from aoro_gym.agents.controllers.path_tracking import (
     Vehicle,
 )
 from aoro_gym.agents.controllers.turning import BangBang, ProportionalDerivative
+from aoro_gym.agents.evaluation.forest_run import run_forests
 from aoro_gym.agents.evaluation.levelling import level_lanes
 from aoro_gym.agents.evaluation.path_tracking import drive_limits
 from aoro_gym.agents.evaluation.responses import responses, rollout
 from aoro_gym.agents.policies.policy import Policy
+from aoro_gym.envs.forest_run import config as forest_run
+from aoro_gym.envs.forest_run.environment import ForestRunVectorEnv
 from aoro_gym.envs.levelling import config as levelling
 from aoro_gym.envs.levelling.environment import LevellingVectorEnv
 from aoro_gym.envs.limit_tracking import config as limits
@@ -335,6 +340,14 @@ def _levelling_env(
 
 def levelling_cost(env: LevellingVectorEnv, policy: Policy, seeds: list[int], steps: int) -> NDArray[np.float64]:
     """What the mean reward a step lacks to 1 (N,)."""
+    total, count = _rewarded(env, policy, seeds, steps)
+    return 1.0 - total / count
+
+
+def _rewarded(
+    env: Any, policy: Policy, seeds: list[int], steps: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Sum of the rewards of each first episode, or of its first ``steps`` control steps, and how many steps it had (N,)."""
     policy.reset()
     observations, _ = env.reset(seed=seeds)
     running, total, count = np.ones(env.num_envs, dtype=bool), np.zeros(env.num_envs), np.zeros(env.num_envs)
@@ -342,8 +355,9 @@ def levelling_cost(env: LevellingVectorEnv, policy: Policy, seeds: list[int], st
         observations, rewards, terminated, truncated, _ = env.step(policy(observations))
         total += running * rewards
         count += running
+        policy.reset(terminated | truncated)
         running &= ~(terminated | truncated)
-    return 1.0 - total / count
+    return total, count
 
 
 def levelling_report(make: Callable[[Any], Policy], device: str = "cpu") -> dict[str, float]:
@@ -351,6 +365,33 @@ def levelling_report(make: Callable[[Any], Policy], device: str = "cpu") -> dict
     env = LevellingVectorEnv(40, device=device, autoreset_mode="Disabled")
     run = level_lanes(env, make(env), list(range(TEST_SEED, TEST_SEED + 40)))
     return {name: float(values.mean()) for name, values in run.metrics.items()}
+
+
+# ---- AORO/ForestRun-v0 -----------------------------------------------------------------------------------------------
+
+
+def _forest_env(num_envs: int, device: str) -> ForestRunVectorEnv:
+    return ForestRunVectorEnv(num_envs, randomisation=forest_run.MILD, device=device, autoreset_mode="SameStep")
+
+
+def forest_cost(env: ForestRunVectorEnv, policy: Policy, seeds: list[int], steps: int) -> NDArray[np.float64]:
+    """The return, negative, in units of 100 (N,)."""
+    return -_rewarded(env, policy, seeds, steps)[0] / 100.0
+
+
+def forest_report(make: Callable[[Any], Policy], device: str = "cpu") -> dict[str, float]:
+    """Mean metrics of a policy over 40 whole runs, those of the worlds to learn in."""
+    env = ForestRunVectorEnv(40, device=device, autoreset_mode="Disabled")
+    run = run_forests(env, make(env), list(range(TEST_SEED, TEST_SEED + 40)))
+    return {name: float(np.nanmean(values)) for name, values in run.metrics.items()}
+
+
+def _for_forest(kind: Callable[..., Policy]) -> Callable[..., Policy]:
+    return lambda env, **gains: kind(ForestDriver.of(env), **gains)
+
+
+_PURSUIT_BOUNDS = {"look_ahead": (1.0, 4.0), "gain": (1.0, 6.0), "drive_signal": (0.5, 1.0)}
+_PURSUIT_START = {"look_ahead": 2.0, "gain": 2.0, "drive_signal": 0.66}
 
 
 def _for_path(kind: Callable[..., Policy]) -> Callable[..., Policy]:
@@ -569,6 +610,26 @@ STUDIES = {
         steps=300,
         population=16,  # 269,000 control steps a controller in all
         generations=6,
+    ),
+    "AORO/ForestRun-v0": Study(
+        {
+            "straight": Tunable(
+                _for_forest(StraightAhead), _PURSUIT_BOUNDS, logarithmic=("look_ahead", "gain"), start=_PURSUIT_START
+            ),
+            "lidar-planner": Tunable(
+                _for_forest(LidarPlanner),
+                {**_PURSUIT_BOUNDS, "inflation": (1.3, 2.2), "hits": (1.0, 5.0)},
+                logarithmic=("look_ahead", "gain"),
+                start={**_PURSUIT_START, "inflation": 1.6, "hits": 2.0},
+            ),
+        },
+        make=_forest_env,
+        cost=forest_cost,
+        report=forest_report,
+        episodes=8,
+        steps=300,
+        population=8,  # 77,000 control steps a controller in all
+        generations=3,
     ),
 }
 """How the controllers are tuned, by environment."""

@@ -23,9 +23,7 @@ if TYPE_CHECKING:
 
 EvaluatedEnvOption = Annotated[
     str,
-    option(
-        "--env", "ID", "AORO/PathTracking-v0 by default, -v1, AORO/Turning-v0 or AORO/Levelling-v0.", show_default=False
-    ),
+    option("--env", "ID", "AORO/PathTracking-v0 by default, or another one.", show_default=False),
 ]
 TrustPickleOption = Annotated[
     bool, option("--trust-pickle", None, "Load .zip files of Stable-Baselines3, which run code of their maker.")

@@ -79,7 +79,9 @@ AcceptCodeChangeOption = Annotated[
     bool, option("--accept-code-change", None, "Go on with results of another version of the code, and record that.")
 ]
 FolderOption = Annotated[Path, option("--out -o", "FOLDER", "Folder to write to.")]
-EnvOption = Annotated[str, option("--env", "ID", "AORO/PathTracking-v0, -v1, AORO/Turning-v0 or AORO/Levelling-v0.")]
+EnvOption = Annotated[
+    str, option("--env", "ID", "AORO/PathTracking-v0, or -v1, Turning-v0, Levelling-v0, ForestRun-v0.")
+]
 PoliciesOption = Annotated[
     list[str] | None,
     option("--policy", "NAME|FILE", "Who drives. Repeatable. Default: all controllers and shipped policies."),

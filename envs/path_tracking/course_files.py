@@ -14,7 +14,8 @@ from aoro_gym.terrains.world.files import load_world
 from aoro_gym.terrains.world.world import World
 
 TRACKING, LIMITS, LEVELLING = "AORO/PathTracking-v0", "AORO/PathTracking-v1", "AORO/Levelling-v0"
-ON_COURSES = (TRACKING, LIMITS, LEVELLING)
+FOREST_RUN = "AORO/ForestRun-v0"
+ON_COURSES = (TRACKING, LIMITS, LEVELLING, FOREST_RUN)
 """The environments that drive on courses."""
 
 
@@ -54,7 +55,7 @@ class CourseFiles:
             horizontal(self.path_crs, "--path-crs")
         if (self.terrain or self.path) and self.env not in ON_COURSES:
             given = "--terrain" if self.path is None else "--path"
-            raise ValueError(f"{given} is for {TRACKING}, {LIMITS} and {LEVELLING}; {self.env} turns on level ground")
+            raise ValueError(f"{given} is for {', '.join(ON_COURSES)}; {self.env} turns on level ground")
 
     def load_terrain(self, progress: Callable[[float], Any]) -> tuple[Terrain | World, list[str]]:
         """The ground, and warnings; calls ``progress`` with the share that is done.

@@ -57,7 +57,7 @@ def save_world(world: World, folder: str | os.PathLike[str]) -> list[Path]:
         "name": world.name,
         "leaves": world.leaves,
         "terrain": {"name": terrain.name, "origin_m": terrain.origin, "crs": terrain.crs},
-        "objects": [_entry(one) for one in world.objects],
+        "objects": [object_entry(one) for one in world.objects],
     }
     write_json(written[-1], content)
     return written
@@ -89,7 +89,7 @@ def load_world(folder: str | os.PathLike[str]) -> World:
         check_count(len(entries), str(path))
     except ValueError as error:
         raise TerrainError(str(error)) from None
-    objects = tuple(_object(path, number, entry) for number, entry in enumerate(entries))
+    objects = tuple(object_of(f"{path}: objects[{number}]", entry) for number, entry in enumerate(entries))
     ground = path.with_name("ground.npz")
     arrays = _arrays(ground)
     try:
@@ -117,13 +117,13 @@ def load_world(folder: str | os.PathLike[str]) -> World:
         raise TerrainError(f"{ground}: {error}") from None
 
 
-def _entry(one: Object) -> dict[str, Any]:
+def object_entry(one: Object) -> dict[str, Any]:
+    """Kind and fields of an object, as JSON has them."""
     return {"kind": one.kind.name.lower()} | {name: getattr(one, name) for name in dimensions(type(one))}
 
 
-def _object(path: Path, number: int, entry: Any) -> Object:
-    """The object of an entry; ``TerrainError`` naming file, entry and value."""
-    where = f"{path}: objects[{number}]"
+def object_of(where: str, entry: Any) -> Object:
+    """The object of an entry, which stands ``where``; ``TerrainError`` naming that and the value."""
     if not isinstance(entry, dict) or entry.get("kind") not in CLASSES:
         kind = entry.get("kind") if isinstance(entry, dict) else entry
         raise TerrainError(f"{where} has kind {f'{kind!r}'[:60]}; choose one of: {', '.join(CLASSES)}")
