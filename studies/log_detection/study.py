@@ -1,7 +1,7 @@
 """All trainings of the study and their scores, one JSON file each; what is there is not trained again.
 
-Every training sees the same number of batches and the same seed of first weights as those that it is compared with. Loss and
-network were changed twice after scores on the test pictures had been seen, before the first of these trainings, nothing since.
+Every training sees the same number of batches and the same seed of first weights as those that it is compared with. Loss
+and network were changed twice after scores on the test pictures had been seen, before the first of these trainings.
 """
 
 from __future__ import annotations
