@@ -201,7 +201,8 @@ def test_in_real_time_it_keeps_the_pace_and_measures_the_watchdog_by_the_wall():
     assert result["watchdog"]["trips"] >= 1
     # the stop comes with the next step: a step after the patience, and what that step was late
     late = 1e-6 * result["deadlines"]["start_lateness"]["worst_us"]
-    assert PATIENCE <= result["watchdog"]["slowest_s"] <= PATIENCE + 2e-3 + 2.0 * late + 0.05
+    # it may be early by the microsecond that time stamps are rounded by, and half of one is rounded in the report
+    assert PATIENCE - 1.5e-6 <= result["watchdog"]["slowest_s"] <= PATIENCE + 2e-3 + 2.0 * late + 0.05
     assert 100 <= len(client.telemetry) <= 151
 
 
