@@ -89,16 +89,16 @@ def parts() -> dict[str, dict[str, str]]:
     levelling = LevellingEnv(terrain=Plane(), path=line)
     forest_run = ForestRunEnv(courses=[Course.over(Plane(), [line])])
     made = {}
-    for page, env, action_layout, module in (
-        ("turning.md", turning, {"steering_signal": slice(0, 1)}, turning_rewards),
-        ("path_tracking.md", path_tracking, path_tracking.action_layout, path_rewards),
-        ("path_tracking_limits.md", limits, limits.action_layout, path_rewards),
-        ("levelling.md", levelling, levelling.action_layout, levelling_rewards),
-        ("forest_run.md", forest_run, forest_run.action_layout, forest_run_rewards),
+    for page, env, module in (
+        ("turning.md", turning, turning_rewards),
+        ("path_tracking.md", path_tracking, path_rewards),
+        ("path_tracking_limits.md", limits, path_rewards),
+        ("levelling.md", levelling, levelling_rewards),
+        ("forest_run.md", forest_run, forest_run_rewards),
     ):
         task = env.vector.task
         made[page] = {
-            "actions": actions(action_layout),
+            "actions": actions(env.action_layout),
             "observations": observations(env.observation_layout, task.observation_terms),
             "rewards": rewards(task.reward_terms, module.FURTHER_REWARD_TERMS),
         }

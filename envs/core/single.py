@@ -43,6 +43,11 @@ class TwinEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.action_space = self.vector.single_action_space
 
     @property
+    def action_layout(self) -> dict[str, slice]:
+        """Where each signal stands in the action, of tasks that name their signals."""
+        return self.vector.action_layout
+
+    @property
     def observation_layout(self) -> dict[str, slice]:
         """Where each observation term stands in the observation."""
         return self.vector.observation_layout

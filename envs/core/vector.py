@@ -227,6 +227,12 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             for bound in (space.low, space.high)
         )
 
+    @property
+    def action_layout(self) -> dict[str, slice]:
+        """Where each signal stands in the action, of tasks that name their signals."""
+        task: Any = self.task
+        return task.action_layout
+
     def _observation_space(self) -> spaces.Box:
         parts = observations_of(self.task.observation_terms, self.task.view(), self.num_envs)
         low, high, end = [], [], 0

@@ -78,19 +78,9 @@ class ForestRunVectorEnv(TwinVectorEnv):
         library = as_courses(courses, terrain, path)
         super().__init__(ForestRun(library, config), num_envs, terrain=ground_of(library), **arguments)
 
-    @property
-    def action_layout(self) -> dict[str, slice]:
-        """Where each signal stands in the action."""
-        return self.task.action_layout
-
 
 class ForestRunEnv(TwinEnv):
     """``gymnasium.make("AORO/ForestRun-v0")``: one vehicle in its forest; see :class:`ForestRunVectorEnv`."""
 
     vector_type = ForestRunVectorEnv
     vector: ForestRunVectorEnv
-
-    @property
-    def action_layout(self) -> dict[str, slice]:
-        """Where each signal stands in the action."""
-        return self.vector.action_layout

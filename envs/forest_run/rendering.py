@@ -21,7 +21,7 @@ class ForestRunScene:
     size = SIZE
 
     def __init__(self, machine: Machine, driving: PathTracking):
-        self._scene = PathTrackingScene(machine, driving)
+        self._scene = PathTrackingScene(machine, driving, title="Forest run")
 
     def draw(self, history: NDArray[np.float32]) -> NDArray[np.uint8]:
         """Picture (height, width, 3) of the channels of ``ForestRun.render_channels``, (frames, channels)."""

@@ -6,12 +6,11 @@ from aoro_gym.envs.core.contacts import chassis_contact
 from aoro_gym.envs.core.terms import Frozen, RewardTerm
 from aoro_gym.envs.forest_run.view import ForestRunView
 from aoro_gym.envs.path_tracking import rewards as path_tracking
+from aoro_gym.envs.path_tracking.rewards import energy, failure, tipping
 from aoro_gym.execution.array_api import Array
 
 DAMAGE_SCALE = 1e4
 """Force [N] on a chassis that costs 1 a step: a tenth of the machine's weight."""
-TIPPING_RESERVE, FULL_POWER = path_tracking.TIPPING_RESERVE, path_tracking.FULL_POWER
-"""Tipping margin [-] below which it costs; engine power [W] that stands for 1."""
 
 
 def progress(view: ForestRunView) -> Array:
@@ -22,16 +21,6 @@ def progress(view: ForestRunView) -> Array:
 def damage(view: ForestRunView) -> Array:
     """Force of objects on a chassis in units of 10 kN: its sum is their impulse."""
     return view.chassis_force / DAMAGE_SCALE
-
-
-def tipping(view: ForestRunView) -> Array:
-    """Square of what the tipping margin lacks to a half, 1 when two wheels lift."""
-    return view.xp.clip((TIPPING_RESERVE - view.tipping_margin) / TIPPING_RESERVE, 0.0, 1.0) ** 2
-
-
-def energy(view: ForestRunView) -> Array:
-    """Mean engine power in units of 100 kW: its sum is the engine's work."""
-    return view.engine_power / FULL_POWER
 
 
 def signal_change(view: ForestRunView) -> Array:
@@ -47,11 +36,6 @@ def elapsed(view: ForestRunView) -> Array:
 def finish(view: ForestRunView) -> Array:
     """1 in the step that reaches the goal."""
     return view.finished * 1.0
-
-
-def failure(view: ForestRunView) -> Array:
-    """1 in the step in which the episode ends badly."""
-    return view.failed * 1.0
 
 
 REWARD_TERMS = Frozen(

@@ -76,19 +76,9 @@ class LevellingVectorEnv(TwinVectorEnv):
         library = as_courses(courses, terrain, path)
         super().__init__(Levelling(library, config), num_envs, terrain=ground_of(library), **arguments)
 
-    @property
-    def action_layout(self) -> dict[str, slice]:
-        """Where each signal stands in the action."""
-        return self.task.action_layout
-
 
 class LevellingEnv(TwinEnv):
     """``gymnasium.make("AORO/Levelling-v0")``: one vehicle on its lane; see :class:`LevellingVectorEnv`."""
 
     vector_type = LevellingVectorEnv
     vector: LevellingVectorEnv
-
-    @property
-    def action_layout(self) -> dict[str, slice]:
-        """Where each signal stands in the action."""
-        return self.vector.action_layout

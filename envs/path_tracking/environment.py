@@ -112,22 +112,12 @@ class PathTrackingVectorEnv(TwinVectorEnv):
         library = as_courses(courses, terrain, path)
         super().__init__(self.task_type(library, config), num_envs, terrain=ground_of(library), **arguments)
 
-    @property
-    def action_layout(self) -> dict[str, slice]:
-        """Where each signal stands in the action."""
-        return self.task.action_layout
-
 
 class PathTrackingEnv(TwinEnv):
     """``gymnasium.make("AORO/PathTracking-v0")``: one vehicle on its path; see :class:`PathTrackingVectorEnv`."""
 
     vector_type = PathTrackingVectorEnv
     vector: PathTrackingVectorEnv
-
-    @property
-    def action_layout(self) -> dict[str, slice]:
-        """Where each signal stands in the action."""
-        return self.vector.action_layout
 
 
 def _arm_control(arms: ArmControl | str) -> ArmControl | None:

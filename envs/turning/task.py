@@ -57,6 +57,8 @@ class Turning:
         self.reward_terms = self.config.reward_terms
         self.observation_terms = self.config.observation_terms
         self.randomisation = self.config.randomisation
+        self.action_layout = {"steering_signal": slice(0, 1)}
+        """Columns of the action by name."""
         self.action_space: spaces.Box[Any] = spaces.Box(-1.0, 1.0, (1,), np.float32)
 
     def allocate(self, num_envs: int, terrains: Terrains, arrays: Arrays = HOST) -> None:

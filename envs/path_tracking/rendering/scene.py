@@ -26,15 +26,21 @@ STRIP_SPAN = 30.0
 
 
 class PathTrackingScene:
-    """View from behind, map, readings and two strips."""
+    """View from behind, map, readings and two strips.
+
+    Args:
+        machine: That is drawn.
+        task: Where it drives.
+        title: What it does there.
+    """
 
     size = SIZE
 
-    def __init__(self, machine: Machine, task: Tracked):
+    def __init__(self, machine: Machine, task: Tracked, title: str = "Path tracking"):
         self._task = task
         self._canvas = Canvas(SIZE)
         self._parts = (
-            ChaseView(self._canvas, (VIEW, SIZE[1]), machine, task, title="Path tracking"),
+            ChaseView(self._canvas, (VIEW, SIZE[1]), machine, task, title),
             Map(self._canvas, (VIEW, SIZE[1] - MAP_HEIGHT, PANEL, MAP_HEIGHT), task),
             Readings(self._canvas, task),
             Strips(self._canvas),
