@@ -141,7 +141,8 @@ def measure(asked: argparse.Namespace, num_envs: int, ground: Course | None = No
     started = time.perf_counter()
     rng = np.random.default_rng(0)
     schedule = [
-        env.arrays.asarray(rng.uniform(-1.0, 1.0, env.action_space.shape), env.arrays.xp.float32) for _ in range(16)
+        env.handed_out.asarray(rng.uniform(-1.0, 1.0, env.action_space.shape), env.handed_out.xp.float32)
+        for _ in range(16)
     ]
     turn, ended = count(), 0
 

@@ -12,7 +12,7 @@ import argparse
 import json
 import statistics
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from itertools import cycle
 from pathlib import Path
@@ -27,6 +27,8 @@ from aoro_gym.terrains import Terrain
 from aoro_gym.twin import Twin
 
 ENVIRONMENTS = ("AORO/PathTracking-v0", "AORO/Turning-v0", "AORO/Levelling-v0")
+KINDS = {"step": True, "step by array operations": False}
+"""Of steps, and whether they are in kernels."""
 ROUNDS = 9
 """Turns of each part, whose median counts."""
 
@@ -76,11 +78,22 @@ def one_twin(device: str, seconds: float) -> dict[str, float]:
     return found
 
 
-def environment(name: str, count: int, device: str, output: str, seconds: float) -> dict[str, float]:
-    """Of a control step of ``count`` sub-environments under random actions, whose episodes end by themselves: in kernels,
-    and by array operations."""
+def environment(
+    name: str, count: int, device: str, output: str, seconds: float, kinds: Iterable[str] = KINDS
+) -> dict[str, float]:
+    """Of a control step of ``count`` sub-environments under random actions, whose episodes end by themselves.
+
+    Args:
+        name: Of the environment.
+        count: Of sub-environments.
+        device: Of the twins.
+        output: ``"numpy"`` or ``"torch"``.
+        seconds: Measured, about.
+        kinds: Of steps, some of :data:`KINDS`.
+    """
     rng, parts = np.random.default_rng(0), {}
-    for kernels, kind in ((True, "step"), (False, "step by array operations")):
+    for kind in kinds:
+        kernels = KINDS[kind]
         env: Any = gymnasium.make_vec(
             name, num_envs=count, device=device, output=output, autoreset_mode="SameStep", kernels=kernels
         ).unwrapped
@@ -88,12 +101,14 @@ def environment(name: str, count: int, device: str, output: str, seconds: float)
         env.reset(seed=0)
         space = env.single_action_space
         given = [rng.uniform(space.low, space.high, (count, *space.shape)).astype(np.float32) for _ in range(16)]
-        actions = cycle([env.arrays.asarray(each, env.arrays.xp.float32) for each in given])
+        actions = cycle([env.handed_out.asarray(each, env.handed_out.xp.float32) for each in given])
         env.step(next(actions))
         parts[kind] = lambda env=env, actions=actions: env.step(next(actions))
         if env._kernel_step is not None:
             parts["twins"] = partial(env.twin.advance, env.task.control_step, sample_every=env.task.sample_step)
-            parts["twins and kernels"] = partial(env._kernel_step.run, next(actions))
+            parts["twins and kernels"] = partial(
+                env._kernel_step.run, env.arrays.asarray(next(actions), env.arrays.xp.float32)
+            )
     return timed(parts, device, seconds)
 
 
@@ -103,25 +118,27 @@ def main() -> None:
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--output", choices=["numpy", "torch"], default="numpy")
     parser.add_argument("--envs", default="1,64", help="numbers of sub-environments, by commas")
+    parser.add_argument("--kernels-only", action="store_true", help="no steps by array operations beside")
     parser.add_argument("--seconds", type=float, default=3.0, help="measured for each case, about")
     parser.add_argument("--json", type=Path, help="file for the rows")
     asked = parser.parse_args()
     wp.config.log_level = wp.LOG_ERROR
     register_envs()
     rows: list[dict[str, Any]] = []
+
+    def found(what: str, parts: Mapping[str, float]) -> None:
+        rows.append({"what": what, **parts})
+        print("\n".join([what, *(f"  {value:12.1f} µs  {part}" for part, value in parts.items())]), flush=True)
+        if asked.json is not None:
+            asked.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+
     if asked.env is None:
-        rows.append({"what": "one twin", **one_twin(asked.device, asked.seconds)})
+        found("one twin", one_twin(asked.device, asked.seconds))
+    kinds = ["step"] if asked.kernels_only else KINDS
     for name in [asked.env] if asked.env else ENVIRONMENTS:
         for count in map(int, asked.envs.split(",")):
-            found = environment(name, count, asked.device, asked.output, asked.seconds)
-            rows.append({"what": f"{count} x {name}", **found})
-    for row in rows:
-        print(row["what"])
-        for part, value in row.items():
-            if part != "what":
-                print(f"  {value:12.1f} µs  {part}")
-    if asked.json is not None:
-        asked.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+            parts = environment(name, count, asked.device, asked.output, asked.seconds, kinds)
+            found(f"{count} x {name}", parts)
 
 
 if __name__ == "__main__":

@@ -120,13 +120,13 @@ def drive_to_ends(
     course, whole = np.stack([infos["terrain"], infos["path"]], axis=1), infos["remaining"]
     running, returns, steps = np.ones(n, dtype=bool), np.zeros(n), np.zeros(n, dtype=np.intp)
     endings, ends = [""] * n, {name: np.zeros(n) for name in last}
-    first = np.array(env.task.traces(), dtype=np.float32)
+    first = np.array(env.traces(), dtype=np.float32)
     kept, film = [first[rows]], [first[:, 0]]
     while running.any():
         observations, rewards, terminated, truncated, infos = env.step(policy(observations))
         returns += running * rewards
         steps += running
-        traces = np.asarray(env.task.traces(), dtype=np.float32)
+        traces = np.asarray(env.traces(), dtype=np.float32)
         kept.append(traces[rows])
         if running[0]:
             film.append(traces[:, 0].copy())

@@ -92,7 +92,7 @@ def rollout(
             index = int(np.argmax(terminated))
             raise SimulationDiverged(f"sub-environment {index} ended early: {infos['termination'][index]}")
         rows["angle"].append(infos["joint_angle"])
-        rows["sampled"].append(np.array(env.task.view().samples("joint_angle"), dtype=np.float32))
+        rows["sampled"].append(np.array(env.arrays.host(env.task.view().samples("joint_angle")), dtype=np.float32))
         rows["signal"].append(actions[:, 0])
         rows["reward"].append(rewards)
         if callback is not None:

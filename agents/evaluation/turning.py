@@ -47,7 +47,7 @@ def turn_joints(
     film: list[NDArray[np.float32]] = []
 
     def callback() -> None:
-        film.append(np.array(env.task.traces()[:, 0], dtype=np.float32))
+        film.append(np.array(env.traces()[:, 0], dtype=np.float32))
         tell((len(film) - 1) / EPISODE_STEPS)
 
     run = rollout(env, policy, **reset_arguments(seeds, asked), steps=EPISODE_STEPS, callback=callback)

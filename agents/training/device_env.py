@@ -95,7 +95,7 @@ class DeviceEnv:
         gamma: float = 0.99,
         epsilon: float = 1e-8,
     ):
-        if envs.arrays.on_host:
+        if envs.handed_out.on_host:
             raise ValueError("output is 'numpy', but learning on the device needs 'torch'")
         if envs.autoreset_mode is not AutoresetMode.SAME_STEP:
             raise ValueError(f"autoreset_mode is {envs.autoreset_mode.value!r}, but learning needs 'SameStep'")

@@ -134,15 +134,15 @@ class TwinVecEnv(VecEnv):
         for name, value in contributions(infos).items():
             self._returns[name] = self._returns[name] + value if name in self._returns else value
         described: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        shown, earned, ended, cut = self.envs.arrays.hosts(observations, rewards, terminated | truncated, truncated)
+        shown, earned, ended, cut = self.envs.handed_out.hosts(observations, rewards, terminated | truncated, truncated)
         dones = np.array(ended)
         if final:
             rows = np.flatnonzero(dones)
-            index = self.envs.arrays.index(rows)
-            last, *returns = self.envs.arrays.hosts(
+            index = self.envs.handed_out.index(rows)
+            last, *returns = self.envs.handed_out.hosts(
                 infos["final_obs"][index], *(value[index] for value in self._returns.values())
             )
-            last = np.stack(list(last)) if self.envs.arrays.on_host else last
+            last = np.stack(list(last)) if self.envs.handed_out.on_host else last
             sums = {f"return{name.removeprefix('reward')}": r for name, r in zip(self._returns, returns, strict=True)}
             begun = self._of_rows({k: v for k, v in infos.items() if "final_" not in k}, rows)
             for k, (i, info) in enumerate(zip(rows.tolist(), self._of_rows(final, rows), strict=True)):
@@ -157,17 +157,17 @@ class TwinVecEnv(VecEnv):
 
     def _of_rows(self, infos: Mapping[str, Any], rows: NDArray[np.intp]) -> list[dict[str, Any]]:
         """Gymnasium's vector infos as one dictionary for each of the sub-environments ``rows``."""
-        index = self.envs.arrays.index(rows)
+        index = self.envs.handed_out.index(rows)
         names = [name for name in infos if not name.startswith("_")]
         masks = {id(mask): mask for mask in (infos[f"_{name}"] for name in names)}  # many are one array
-        taken = self.envs.arrays.hosts(
+        taken = self.envs.handed_out.hosts(
             *(infos[name][index] for name in names), *(mask[index] for mask in masks.values())
         )
         held = dict(zip(masks, (mask.tolist() for mask in taken[len(names) :]), strict=True))
         found: list[dict[str, Any]] = [{} for _ in rows]
         for name, values in zip(names, taken, strict=False):
             chosen: list[Any] = values.tolist()
-            if name == "termination" and not self.envs.arrays.on_host:
+            if name == "termination" and not self.envs.handed_out.on_host:
                 chosen = [self.envs.termination_reasons[number] for number in chosen]
             for info, value, holds in zip(found, chosen, held[id(infos[f"_{name}"])], strict=True):
                 if holds:
@@ -175,7 +175,7 @@ class TwinVecEnv(VecEnv):
         return found
 
     def _host(self, values: Array) -> NDArray[Any]:
-        return self.envs.arrays.host(values)
+        return self.envs.handed_out.host(values)
 
     def close(self) -> None:
         self.envs.close()

@@ -63,10 +63,10 @@ class Rollouts:
             ground=twin._made["ground"],
             soil=None if twin.soil is None else twin.soil.variants(self._rows),
             device=SIMD if twin.simd else twin.device.alias,
-            output="numpy" if env.arrays.on_host and twin.device.is_cpu else "torch",
+            output="numpy" if env.arrays.on_host else "torch",
             own_machines=False,
             autoreset_mode="Disabled",
-            kernels=env._kernels,
+            kernels=env._kernels and (not env.arrays.on_host or twin.device.is_cpu),  # arrays where those of env are
         )
         self._source: TwinVectorEnv | None = None
         self._places: list[Place] = []
@@ -82,8 +82,12 @@ class Rollouts:
             mine.twin.take_up(env.twin, self._rows)
             mine._read_outputs()
             for source, target, name, axis in [*self._places, (env, mine, "_steps", 0)]:
-                values = env.arrays.host(_part(source, name))
-                mine.arrays.put(_part(target, name), ..., _repeated(values, axis, env.num_envs, self._rows))
+                values, copied = _part(source, name), _part(target, name)
+                if isinstance(values, np.ndarray):  # of the host wherever the others live
+                    copied[...] = _repeated(values, axis, env.num_envs, self._rows)
+                    continue
+                values = _repeated(env.arrays.host(values), axis, env.num_envs, self._rows)
+                mine.arrays.put(copied, ..., values)
             outputs = Outputs(mine.arrays.alias(mine.twin.outputs), mine.arrays.alias(mine.twin.state))
             _forget_views(mine.task, outputs)
 

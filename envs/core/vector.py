@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from aoro_gym.checks import check_choice, check_integer
 from aoro_gym.envs.core.contacts import contact_infos
 from aoro_gym.envs.core.copying import copied, pickled
+from aoro_gym.envs.core.handing_out import calculates_there, on_host
 from aoro_gym.envs.core.kernel_step import KernelStep, kernel_step
 from aoro_gym.envs.core.next_episodes import NextEpisodes
 from aoro_gym.envs.core.rendering import RENDER_MODES, Renderer
@@ -85,6 +86,10 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
     - ``terrain``: which of the terrains, a whole number or (num_envs,) of them; drawn by default;
     - ``sensor_seed``: whole numbers (num_envs,) that draw the sensors' errors, by which an episode is repeated with others;
       by default the episode's own seed draws them, too.
+
+    With NumPy's arrays of twins on a GPU a step in kernels has its arrays there all the same, and brings what it hands out
+    to the host in one copy at its end (:mod:`aoro_gym.envs.core.handing_out`); with terms of your own, or without torch, it
+    calculates with NumPy, which takes longer. Terms that replace others later are given tensors then.
 
     With ``output="torch"`` all that :meth:`reset` and :meth:`step` hand out are tensors on the twins' device, and actions
     may be such tensors; nothing of it comes to the host, which reads a few flags a step, and what ended if something did.
@@ -186,8 +191,11 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         )
         # gives the outputs the size that they keep
         self.twin.step(duration=task.control_step, sample_every=task.sample_step)
-        self.arrays = HOST if output == "numpy" else Arrays.torch(str(self.twin.device))
+        there = kernels and render_mode is None and calculates_there(task, self.twin)
+        self.arrays = HOST if output == "numpy" and not there else Arrays.torch(str(self.twin.device))
         """Where the arrays live that the task calculates with."""
+        self.handed_out = HOST if output == "numpy" else self.arrays
+        """Where those live that :meth:`reset` and :meth:`step` give."""
         self._own_machines = own_machines
         self._kernels = kernels
         self._kernel_step: KernelStep | None = None  # made when it is first asked for, as it shares memory
@@ -299,6 +307,9 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             infos = _with_masks(_where(chosen, infos), dict.fromkeys(infos, chosen))
         if self.render_mode == "human":
             self.render()
+        if self._brings_home:
+            (observation,), infos = on_host([self._observation], infos, self.arrays, self.termination_reasons)
+            return observation, infos
         return self._handed_out(self._observation), infos
 
     def _seed(self, seed: int | Sequence[int | None] | None, mask: NDArray[np.bool_]) -> None:
@@ -364,7 +375,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             self._done[where] = False
             self._rest(rows, start, machine)
         if self._renderer is not None:
-            self._renderer.restart(where, self.task.traces())
+            self._renderer.restart(where, self.traces())
 
     def _known_at_rest(self, start: Start, machine: Machine) -> tuple[Any, ...]:
         """What :meth:`KernelStep.rest` takes as ``known``."""
@@ -480,6 +491,10 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         actions = self._checked_actions(actions)
         with self.arrays.ordered():
             result = self._advance(actions, resetting)
+            if self._brings_home:
+                *told, infos = result
+                told, infos = on_host(told, infos, self.arrays, self.termination_reasons)
+                result = told[0], told[1], told[2], told[3], infos
         if self.render_mode == "human":
             self.render()
         return result
@@ -491,7 +506,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         infos = {f"reward/{name}": value for name, value in zip(self.task.reward_terms, judged.values, strict=True)}
         infos |= self._logged(judged.infos)
         if self._renderer is not None:
-            self._renderer.record(self.task.traces())
+            self._renderer.record(self.traces())
         masks = dict.fromkeys(infos, judged.running)
 
         if resetting.any():
@@ -743,12 +758,22 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         """The twins' exact output channel at the end of the last control step, SI, float32 (num_envs,); a tensor aliases the
         twins' memory."""
         last = self._outputs.last(channel)
-        return last.copy() if self.arrays.on_host else last
+        return np.array(self.arrays.host(last)) if self.handed_out.on_host else last
+
+    def traces(self) -> NDArray[Any]:
+        """The task's ``render_channels`` at the end of the last control step (channels, num_envs), on the host."""
+        return self.arrays.host(self.task.traces())
 
     @property
     def time(self) -> Array:
         """Time since the start of the episode [s], shape (num_envs,)."""
-        return floats(self._steps) * self.task.control_step
+        time = floats(self._steps) * self.task.control_step
+        return self.arrays.host(time) if self.handed_out.on_host else time
+
+    @property
+    def _brings_home(self) -> bool:
+        """Whether what is handed out has to be brought to the host."""
+        return self.handed_out is not self.arrays
 
 
 def contributions(infos: Infos) -> dict[str, Array]:

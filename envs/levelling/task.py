@@ -11,7 +11,7 @@ which this task holds. An episode succeeds that reaches the path's end with smal
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -169,6 +169,14 @@ class Levelling:
     def has_kernels(self) -> bool:
         """Whether kernels do the same as this class and its driver: not as ones that are derived from them."""
         return type(self) is Levelling and type(self.config.driver) is PathDriver and self.driving.has_kernels
+
+    @property
+    def kernel_terms(self) -> Collection[Callable[[Any], Array]]:
+        """Functions of reward and observation terms that the kernels know."""
+        from aoro_gym.envs.levelling.kernels.judge import REWARDED
+        from aoro_gym.envs.levelling.kernels.observe import OBSERVED
+
+        return (*REWARDED, *OBSERVED)
 
     def kernels(self, memory: Any) -> Any:
         """What :meth:`commands` and :meth:`advance` do, and the terms, as kernels

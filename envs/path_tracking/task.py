@@ -16,7 +16,7 @@ name when the environment is made.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -274,6 +274,14 @@ class PathTracking:
     def has_kernels(self) -> bool:
         """Whether kernels do the same as this class: not as one that is derived from it."""
         return type(self) is PathTracking
+
+    @property
+    def kernel_terms(self) -> Collection[Callable[[Any], Array]]:
+        """Functions of reward and observation terms that the kernels know."""
+        from aoro_gym.envs.path_tracking.kernels.judge import REWARDED
+        from aoro_gym.envs.path_tracking.kernels.observe import OBSERVED
+
+        return (*REWARDED, *OBSERVED)
 
     def kernels(self, memory: Any) -> Any:
         """What :meth:`commands` and :meth:`advance` do, and the terms, as kernels

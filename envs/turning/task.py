@@ -11,7 +11,7 @@ when the environment is made.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -251,6 +251,14 @@ class Turning:
     def has_kernels(self) -> bool:
         """Whether kernels do the same as this class: not as one that is derived from it."""
         return type(self) is Turning
+
+    @property
+    def kernel_terms(self) -> Collection[Callable[[Any], Array]]:
+        """Functions of reward and observation terms that the kernels know."""
+        from aoro_gym.envs.turning.kernels.judge import REWARDED
+        from aoro_gym.envs.turning.kernels.observe import OBSERVED
+
+        return (*REWARDED, *OBSERVED)
 
     def kernels(self, memory: Any) -> Any:
         """What :meth:`commands` and :meth:`advance` do, and the terms, as kernels
