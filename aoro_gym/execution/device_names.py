@@ -3,6 +3,9 @@
 SIMD = "cpu:simd"
 """The CPU, on which twins go by several lanes of a core at once (:mod:`aoro_gym.execution.lanes`)."""
 
+ALL_GPUS = "cuda:all"
+"""Every GPU of this computer."""
+
 
 def base(name: str) -> str:
     """``name`` as Warp and torch know it: ``"cpu"`` for :data:`SIMD`."""

@@ -21,7 +21,7 @@ from typing import Any
 import warp as wp
 from warp import config
 
-from aoro_gym.execution.device_names import SIMD, base
+from aoro_gym.execution.device_names import ALL_GPUS, SIMD, base
 
 NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 """Of the line that Warp writes to the standard error, file descriptor 2, where there is none."""
@@ -64,7 +64,27 @@ def find(name: str) -> Any:
         cpu, *others = (one.alias for one in wp.get_devices())
         known = ", ".join([cpu, SIMD, *others])
         why = f" ({NO_GPU})" if str(name).startswith("cuda") and not _driver() else ""
-        raise ValueError(f"device {name!r} is not available here; choose one of: {known}{why}") from error
+        fault = "is several devices, of which one is wanted" if others and _names_several(name) else "is not available"
+        raise ValueError(f"device {name!r} {fault} here; choose one of: {known}{why}") from error
+
+
+def several(names: str) -> tuple[str, ...]:
+    """The devices of a list with commas, each of which there is. ``"cuda:all"`` stands for all GPUs; one that is named twice
+    takes two shares of the work.
+
+    Raises ValueError as :func:`find` does.
+    """
+    found: list[str] = []
+    for name in (part.strip() for part in names.split(",")):
+        start()
+        gpus = [device.alias for device in wp.get_cuda_devices()] if name == ALL_GPUS else []
+        found += gpus or [name]
+        find(found[-1])
+    return tuple(found)
+
+
+def _names_several(name: Any) -> bool:
+    return name == ALL_GPUS or "," in str(name)
 
 
 @contextmanager
