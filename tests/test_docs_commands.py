@@ -44,7 +44,7 @@ SHORTER = {
 }
 """What makes a command end soon: of an option that is given twice the last counts."""
 NOT_HERE = {
-    "--device cuda:0": "needs a GPU",
+    "cuda:": "needs a GPU",
     "--gamepad": "needs a gamepad",
     "--fifo": "needs the right to real-time priority",
     "--connect": "the other end of the command before; tests/cosimulation/laboratory runs both",

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,7 @@ from aoro_gym.agents.evaluation.cached_episodes import EpisodeCache
 from aoro_gym.agents.evaluation.episodes import Episodes
 from aoro_gym.agents.policies.policy import Policy
 from aoro_gym.execution.cluster import ClusterError, Failed, connected, on_ray
+from aoro_gym.execution.sharing import shared_out
 from aoro_gym.machine import Machine
 
 AT_ONCE = 64
@@ -70,47 +73,97 @@ def drive_repeats(
     return drive(env, policy, seeds, tell, asked=[first + (seed - first) % episodes for seed in seeds])
 
 
+class _Place:
+    """A device, with the environments that were made there last: those of one size are made once.
+
+    Args:
+        driver: Drives there.
+        making: Held while anything is made, which several devices must not do at once; None: there is one.
+    """
+
+    def __init__(self, driver: Driver, making: AbstractContextManager[Any] | None):
+        self._driver, self._making = driver, making or nullcontext()
+        self._warms = making is not None
+        self._known: Any = None
+        self._vector: Any = None
+
+    def drive(
+        self,
+        policies: Mapping[str, Factory],
+        cache: EpisodeCache,
+        batch: list[int],
+        tell: Callable[[str, float], Any],
+    ) -> dict[str, Episodes]:
+        """Episodes of the seeds ``batch`` by policy.
+
+        Args:
+            policies: What makes each policy, by name.
+            cache: To read episodes from and to write them to.
+            batch: Seeds.
+            tell: Called with a policy's name and the share of all of it that is done.
+        """
+        driver, runs = self._driver, {}
+        plant = driver.drawn(driver.machine, batch)
+        files = {name: cache.file(policy, batch, plant) for name, policy in policies.items()}
+        before = {name: cache.read(file) for name, file in files.items()}
+        if None in before.values():
+            with self._making:
+                self._make(len(batch), plant)
+        for done, (name, policy) in enumerate(policies.items()):
+            run = before[name]
+            if run is None:
+                with self._making:
+                    made = made_to_drive(policy, self._known, self._vector)
+                run = driver.drive(self._vector, made, batch, partial(_told, tell, name, done, len(policies)))
+                cache.write(files[name], run)
+            runs[name] = run
+            tell(name, (done + 1) / len(policies))
+        return runs
+
+    def _make(self, count: int, plant: Machine) -> None:
+        driver = self._driver
+        if self._known is None or self._known.num_envs != count:
+            self._known = self._vector = self._warmed(driver.make(count, machine=driver.machine))
+        if plant is not driver.machine:
+            self._vector = self._warmed(driver.make(count, machine=plant))
+
+    def _warmed(self, vector: Any) -> Any:
+        """``vector``, whose kernels are loaded."""
+        if self._warms:
+            vector.reset(seed=0)
+            vector.step(np.zeros(vector.action_space.shape, dtype=np.float32))
+        return vector
+
+
+def _told(tell: Callable[[str, float], Any], name: str, done: int, policies: int, share: float) -> None:
+    tell(name, (done + share) / policies)
+
+
 def drive_locally(
-    driver: Driver,
+    drivers: Sequence[Driver],
     policies: Mapping[str, Factory],
     seeds: NDArray[np.int_],
     cache: EpisodeCache,
     progress: Callable[[str, float], Any],
 ) -> dict[str, Episodes]:
-    """Episodes by policy, batch by batch; environments of one size are made once.
+    """Episodes by policy, batch by batch; several devices share the batches, each of which is smaller then, if need be.
 
     Args:
-        driver: Drives them.
+        drivers: One a device.
         policies: What makes each policy, by name.
         seeds: Of the episodes (N,).
         cache: To read episodes from and to write them to.
         progress: Called with a policy's name and the share of everything that is done.
     """
-    runs: dict[str, Episodes] = {}
-    known: Any = None
-    vector: Any = None
-    done = 0
-    for batch in batches_of(seeds, AT_ONCE):
-        plant = driver.drawn(driver.machine, batch)
-        files = {name: cache.file(policy, batch, plant) for name, policy in policies.items()}
-        before = {name: cache.read(file) for name, file in files.items()}
-        if None in before.values():
-            if known is None or known.num_envs != len(batch):
-                known = vector = driver.make(len(batch), machine=driver.machine)
-            if plant is not driver.machine:
-                vector = driver.make(len(batch), machine=plant)
-        for name, policy in policies.items():
-
-            def tell(share: float, name: str = name, done: int = done, size: int = len(batch)) -> None:
-                progress(name, (done + share * size) / (len(seeds) * len(policies)))
-
-            run = before[name]
-            if run is None:
-                run = driver.drive(vector, made_to_drive(policy, known, vector), batch, tell)
-                cache.write(files[name], run)
-            runs[name] = runs[name].joined(run) if name in runs else run
-            done += len(batch)
-    return runs
+    making = Lock() if len(drivers) > 1 else None
+    batches = batches_of(seeds, min(AT_ONCE, math.ceil(len(seeds) / len(drivers))))
+    found = shared_out(
+        lambda place, batch, tell: place.drive(policies, cache, batch, tell),
+        [_Place(driver, making) for driver in drivers],
+        batches,
+        progress,
+    )
+    return {name: reduce(Episodes.joined, (runs[name] for runs in found)) for name in policies}
 
 
 def drive_on_cluster(
@@ -126,8 +179,8 @@ def drive_on_cluster(
     """Episodes by policy; what each policy does in each batch is a job on a cluster.
 
     Args:
-        driver: See :func:`drive_locally`, as for ``policies``, ``seeds``, ``cache`` and ``progress``.
-        policies: See there.
+        driver: Drives a batch.
+        policies: See :func:`drive_locally`, as for ``seeds``, ``cache`` and ``progress``.
         seeds: See there.
         cache: See there.
         progress: See there.

@@ -36,6 +36,7 @@ from aoro_gym.agents.evaluation.tasks import TASKS
 from aoro_gym.agents.policies.files import load_policy, shipped_policies
 from aoro_gym.checks import check_choice, check_integer
 from aoro_gym.envs.path_tracking.courses import Course
+from aoro_gym.execution.devices import several
 from aoro_gym.machine import Machine
 
 
@@ -108,7 +109,8 @@ def evaluate(
         machine: Bundled name, machine file or Machine: the one that policies are made for.
         drawn: Gives the machines that are driven, one a seed, such as :mod:`aoro_gym.agents.evaluation.perturbations`
             does; by default the same.
-        device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``.
+        device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``; several with commas between them, or ``"cuda:all"``, share the
+            episodes, see :func:`aoro_gym.execution.devices.several`. On a cluster each job has one of the first one's kind.
         reward_terms: Changes by name to what the return is made of; see :mod:`aoro_gym.envs.core.terms`.
         ray: Address of the Ray cluster to drive on, see :func:`aoro_gym.execution.cluster.connected`; here by default.
             The episodes are the same.
@@ -124,20 +126,26 @@ def evaluate(
     _check(env, policies, episodes, repeats)
     machine = machine if isinstance(machine, Machine) else Machine.load(machine)
     task = TASKS[env]
-    make = partial(task.make, courses=courses, device=device, autoreset_mode="Disabled", reward_terms=reward_terms)
+    names = several(device)
+    make = partial(task.make, courses=courses, autoreset_mode="Disabled", reward_terms=reward_terms)
     drive = task.drive if repeats == 1 else partial(drive_repeats, task.drive, seed, episodes)
     cache = EpisodeCache(
         kept,
         env,
         None if courses is None else (inputs.grounds(courses), inputs.paths(courses)),
         inputs.machine_values(machine),
-        device,
+        names[0]
+        if len({name.partition(":")[0] if name.startswith("cuda") else name for name in names}) == 1
+        else device,
         None if reward_terms is None else list(reward_terms.items()),  # their sum depends on their order
         None if repeats == 1 else (seed, episodes),
     )
-    todo = (Driver(make, drive, machine, drawn), policies, seed + np.arange(episodes * repeats), cache, progress)
-    runs = drive_locally(*todo) if ray is None else drive_on_cluster(*todo, ray=ray, device=device)
-    made = make(1, machine=machine).task
+    drivers = [Driver(partial(make, device=name), drive, machine, drawn) for name in names]
+    todo = (policies, seed + np.arange(episodes * repeats), cache, progress)
+    runs = (
+        drive_locally(drivers, *todo) if ray is None else drive_on_cluster(drivers[0], *todo, ray=ray, device=names[0])
+    )
+    made = drivers[0].make(1, machine=machine).task
     return Evaluation(
         env, episodes, seed, tuple(getattr(made, "courses", ())), runs, machine, made.control_step,
         lambda: made.scene(machine), repeats,

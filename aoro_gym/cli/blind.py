@@ -107,7 +107,7 @@ def run(
     out: DiagnosesFolderOption = None,
     workers: options.WorkersOption = None,
     ray: options.RayOption = None,
-    device: options.DeviceOption = "cpu",
+    device: options.DevicesOption = "cpu",
     restart: options.RestartOption = False,
     accept_code_change: options.AcceptCodeChangeOption = False,
     json_to: options.JsonOption = None,
@@ -128,6 +128,7 @@ def run(
       aoro-gym blind run blind_quick
       aoro-gym blind run blind_quick --sensors angle
       aoro-gym blind run blind_standard --workers 8
+      aoro-gym blind run blind_standard --device cuda:all --workers 8
     """
     with checking_input():
         from aoro_gym.diagnosis_benchmark.running import diagnoses_folder, logged_sensors, run_cases
@@ -136,7 +137,7 @@ def run(
         given = logged_sensors(folder) if sensors is None else sensors
         target = diagnoses_folder(folder, given) if out is None else out
         check_writable(target / "run.json")
-        options.check_device(device, simd=False)
+        options.check_device(device, simd=False, several=True)
         processes = options.check_workers(workers)
         with running(), resumable(), terminal.progress("diagnosing") as tell:
             failures = run_cases(

@@ -56,7 +56,15 @@ NearOption = Annotated[
     str | None,
     option("--near", "NAME", "Put every camera before a log, stump, boulder or machine; they are rare elsewhere."),
 ]
-ProcessesOption = Annotated[int, option("--processes", "N", "That take pictures at once; the result is the same.")]
+ProcessesOption = Annotated[
+    int | None,
+    option(
+        "--processes",
+        "N",
+        "That take pictures at once; the result is the same. Default: one a device.",
+        show_default=False,
+    ),
+]
 
 
 def dataset(
@@ -81,8 +89,8 @@ def dataset(
     fix: FixOption = None,
     near: NearOption = None,
     seed: options.SeedOption = 0,
-    processes: ProcessesOption = 1,
-    device: options.DeviceOption = "cpu",
+    processes: ProcessesOption = None,
+    device: options.DevicesOption = "cpu",
     json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
 ) -> None:
@@ -104,12 +112,13 @@ def dataset(
       aoro-gym dataset --frames 200 --worlds 40 --near log --fix weather --out no_rain
       aoro-gym dataset --drive --sensor stereo,lidar --format kitti --machines 2 --out drive
       aoro-gym dataset --world forest --path track.csv --format kitti --width 640 --device cuda:0 --out kitti
+      aoro-gym dataset --frames 5000 --worlds 100 --device cuda:all --processes 8 --out many
     """
     with checking_input():
         from aoro_gym.sensors.dataset import DatasetSettings
 
         options.check_seed(seed)
-        options.check_device(device, simd=False)
+        options.check_device(device, simd=False, several=True)
         options.check_folder(out, "settings.json")
         _check_place(terrain, world, path, track, worlds)
         settings = DatasetSettings(
@@ -132,7 +141,7 @@ def _make(
     *,
     drives: bool,
     device: str,
-    processes: int,
+    processes: int | None,
 ) -> list[Path]:
     """Make it under a progress bar."""
     from aoro_gym.agents.evaluation.pictured_drives import drive_along

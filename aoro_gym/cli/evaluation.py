@@ -72,7 +72,7 @@ def evaluate(
     scale: options.ScaleOption = None,
     laws: options.LawsOption = None,
     perturbation: PerturbationOption = None,
-    device: options.DeviceOption = "cpu",
+    device: options.DevicesOption = "cpu",
     seed: options.SeedOption = 0,
     json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
@@ -96,7 +96,7 @@ def evaluate(
       aoro-gym evaluate --terrain forest.laz --path lap.gpx --policy preview
       aoro-gym evaluate --terrain forest_world --policy preview --policy mppi --episodes 2 --device cpu:simd
       aoro-gym evaluate --env AORO/Turning-v0 --scale steering.valve.spool_time_constant=5
-      aoro-gym evaluate --env AORO/Turning-v0 --laws families --perturbation perturbed
+      aoro-gym evaluate --env AORO/Turning-v0 --laws families --perturbation perturbed --device cuda:all
       aoro-gym evaluate --env AORO/Turning-v0 --policy proportional-derivative --policy runs/turning/policy.json
     """
     with checking_input():
@@ -110,7 +110,7 @@ def evaluate(
         policies = named_policies(env, policy, trust_pickle=trust_pickle)
         check_episodes(episodes, repeats)
         run = options.run_spec(machine, set_, scale, device, seed, laws=laws)
-        chosen = options.load(run, draw=False)
+        chosen = options.load(run, draw=False, several=True)
         drawn, drawn_by = _drawn_machines(laws, perturbation, chosen)
         files = CourseFiles(env, terrain, path, path_length, track, join_gaps, path_crs)
         asked: dict[str, Any] = {"episodes": episodes, "repeats": repeats, "seed": seed, "machine": chosen}
@@ -187,7 +187,7 @@ def leaderboard(
     set_: options.SetOption = None,
     scale: options.ScaleOption = None,
     laws: options.LawsOption = None,
-    device: options.DeviceOption = "cpu",
+    device: options.DevicesOption = "cpu",
     seed: LeaderboardSeedOption = None,
     json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
@@ -224,7 +224,7 @@ def leaderboard(
         if readme is not None:
             board.around_table(readme, env)
         run = options.run_spec(machine, set_, scale, device, board.SEED if seed is None else seed, laws=laws)
-        chosen = options.load(run)
+        chosen = options.load(run, several=True)
     asked: dict[str, Any] = {
         "episodes": episodes, "repeats": repeats, "seed": run.seed, "machine": chosen, "device": device,
     }  # fmt: skip
@@ -254,7 +254,7 @@ def robustness(
     set_: options.SetOption = None,
     scale: options.ScaleOption = None,
     laws: options.LawsOption = None,
-    device: options.DeviceOption = "cpu",
+    device: options.DevicesOption = "cpu",
     seed: LeaderboardSeedOption = None,
     json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
@@ -288,7 +288,7 @@ def robustness(
         check_episodes(episodes)
         check_range("--size", size, "", gt=0.0, le=1.0)
         run = options.run_spec(machine, set_, scale, device, SEED if seed is None else seed, laws=laws)
-        chosen = options.load(run)
+        chosen = options.load(run, several=True)
     asked: dict[str, Any] = {"episodes": episodes, "seed": run.seed, "machine": chosen, "device": device}
     inputs = asked_of(env, policies, **asked) | {"size": size, "machine ranges": machine_ranges(chosen)}
     with _keeping(out, inputs, restart, accept_code_change) as kept, terminal.progress(env) as tell:

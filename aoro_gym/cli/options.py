@@ -48,6 +48,14 @@ LawsOption = Annotated[
 DeviceOption = Annotated[
     str, option("--device", "DEVICE", "Where twins run: cpu, cpu:simd (several at once on a core) or cuda:N.")
 ]
+DevicesOption = Annotated[
+    str,
+    option(
+        "--device",
+        "DEVICE[,...]",
+        "Where twins run: cpu, cpu:simd, cuda:N; several share the work, cuda:all has all GPUs.",
+    ),
+]
 SeedOption = Annotated[int, option("--seed", "N", "Seed of all that is random: noise and searches.")]
 RepeatsOption = Annotated[
     int, option("--repeats", "N", "Times that each episode is driven, with other noise and machines drawn.")
@@ -125,15 +133,15 @@ def load_machine(spec: MachineSpec | str) -> Machine:
     return machine
 
 
-def load(run: RunSpec, *, draw: bool = True, simd: bool = True) -> Machine:
-    """The machine of a run, whose seed and device are checked, where ``simd`` may be asked for or not; warns as
-    :func:`load_machine`.
+def load(run: RunSpec, *, draw: bool = True, simd: bool = True, several: bool = False) -> Machine:
+    """The machine of a run, whose seed and device are checked, where ``simd`` or ``several`` devices may be asked for or
+    not; warns as :func:`load_machine`.
 
     Laws that are to be drawn are drawn once, by the seed; without ``draw`` they are the file's yet.
     """
     machine = load_machine(run.machine)
     check_seed(run.seed)
-    check_device(run.device, simd=simd)
+    check_device(run.device, simd=simd, several=several)
     drawn = draw and run.machine.draws_laws
     return machine.sample(1, laws=run.machine.laws, seed=run.seed).variant(0) if drawn else machine
 
@@ -142,14 +150,14 @@ def check_seed(seed: int) -> None:
     check_integer("--seed", seed, ge=0)
 
 
-def check_device(device: str, *, simd: bool = True) -> None:
+def check_device(device: str, *, simd: bool = True, several: bool = False) -> None:
     from aoro_gym.execution import devices
 
-    if device == SIMD and not simd:
+    if SIMD in device.split(",") and not simd:
         raise ValueError(f"--device {SIMD} is for twins alone, and this command runs other kernels, too; take cpu")
     devices.set_quiet(terminal.is_quiet())
     try:
-        devices.find(device)
+        devices.several(device) if several else devices.find(device)
     except ValueError as error:
         raise ValueError(f"--{error}") from error
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import Any
 from aoro_gym.checks import check_choice
 from aoro_gym.diagnosis.recording import SENSORS
 from aoro_gym.execution.cluster import Failed, connected, on_ray
+from aoro_gym.execution.devices import several
 from aoro_gym.execution.digest import Contents
 from aoro_gym.execution.files import read_json, write_json, write_text
 from aoro_gym.execution.locking import locked
@@ -55,7 +56,7 @@ def run_cases(
         folder: With ``cases`` and ``seal.json``.
         out: Gets ``NNN/diagnosis.json`` a case, or ``NNN/error.txt``.
         sensors: ``angle`` or ``full``: what the diagnosis may read.
-        device: Where twins run; several, with commas between them, take cases in turn.
+        device: Where twins run; several, with commas between them, or ``"cuda:all"``, take cases in turn.
         workers: Processes at once.
         ray: Address of a Ray cluster whose nodes share ``folder`` and ``out``, to diagnose there instead; see
             :func:`aoro_gym.execution.cluster.connected`.
@@ -81,10 +82,10 @@ def run_cases(
         stack.enter_context(locked(out))
         if restart:
             _remove_diagnoses(out)
-        _check_earlier_diagnoses(folder, out, cases, about, device, accept_code_change)
+        devices = several(device)
+        _check_earlier_diagnoses(folder, out, cases, about, devices, accept_code_change)
         waiting = [name for name in cases if not (out / name / RESULT).exists()]
         failures = {}
-        devices = device.split(",")
         jobs = {
             name: (diagnose or _diagnose, folder / "cases" / name, out / name, sensors, devices[k % len(devices)])
             for k, name in enumerate(waiting)
@@ -93,7 +94,7 @@ def run_cases(
             ended = spread(_run, jobs, workers=workers)
         else:
             stack.enter_context(connected(ray))
-            ended = _on_cluster(jobs, device)
+            ended = _on_cluster(jobs, devices[0])
         for done, (name, failure) in enumerate(ended, start=len(cases) - len(jobs) + 1):
             error = out / name / FAILED
             error.unlink(missing_ok=True)
@@ -105,7 +106,7 @@ def run_cases(
 
 
 def _check_earlier_diagnoses(
-    folder: Path, out: Path, cases: list[str], about: dict[str, Any], device: str, accept_code_change: bool
+    folder: Path, out: Path, cases: list[str], about: dict[str, Any], devices: Sequence[str], accept_code_change: bool
 ) -> None:
     """Record what the diagnoses in ``out`` follow from; refuse those of other cases, sensors, devices or code."""
     kept = out / "run.json"
@@ -113,7 +114,8 @@ def _check_earlier_diagnoses(
         raise ValueError(f"{out} holds diagnoses of other cases, or with other sensors; name another folder")
     inputs = {
         "sensors": about["sensors"],
-        "device": device.partition(":")[0],  # twins on another card of its kind are the same
+        # twins on another card of its kind are the same
+        "device": ",".join(dict.fromkeys(device.partition(":")[0] for device in devices)),
         "case": {name: Contents(folder / "cases" / name) for name in cases},
     }
     begun = any((out / name / RESULT).exists() for name in cases)
@@ -174,7 +176,7 @@ def _on_cluster(jobs: Mapping[str, tuple[Any, ...]], device: str) -> Iterator[tu
         name: (diagnose, place.absolute(), out.absolute(), *rest)
         for name, (diagnose, place, out, *rest) in jobs.items()
     }
-    for name, result in on_ray(partial(_run, _silent), jobs, device=device.split(",")[0]):
+    for name, result in on_ray(partial(_run, _silent), jobs, device=device):
         yield name, Failure(result.reason, result.trace) if isinstance(result, Failed) else None
 
 

@@ -64,7 +64,8 @@ def find(name: str) -> Any:
         cpu, *others = (one.alias for one in wp.get_devices())
         known = ", ".join([cpu, SIMD, *others])
         why = f" ({NO_GPU})" if str(name).startswith("cuda") and not _driver() else ""
-        fault = "is several devices, of which one is wanted" if others and _names_several(name) else "is not available"
+        several_named = "," in str(name) or (name == ALL_GPUS and others)
+        fault = "is several devices, of which one is wanted" if several_named else "is not available"
         raise ValueError(f"device {name!r} {fault} here; choose one of: {known}{why}") from error
 
 
@@ -81,10 +82,6 @@ def several(names: str) -> tuple[str, ...]:
         found += gpus or [name]
         find(found[-1])
     return tuple(found)
-
-
-def _names_several(name: Any) -> bool:
-    return name == ALL_GPUS or "," in str(name)
 
 
 @contextmanager

@@ -227,8 +227,8 @@ def test_the_other_machine_is_seen_and_the_card_tells(driven):
     assert "A machine drove" in card and "other machines" in card and "velodyne" in card
 
 
-def test_several_processes_make_the_same_to_the_bit(driven, world, tmp_path):
-    assert call(*DRIVE, *world, "--out", tmp_path / "set", "--processes", "2").exit_code == 0
+def test_several_processes_and_devices_make_the_same_to_the_bit(driven, world, tmp_path):
+    assert call(*DRIVE, *world, "--out", tmp_path / "set", "--device", "cpu,cpu").exit_code == 0  # two processes
     assert (tmp_path / "set/manifest.json").read_text() == (driven / "manifest.json").read_text()
 
 

@@ -231,6 +231,12 @@ def test_seed_draws_the_noise(turn, tmp_path):
         ("simulate -m left --duration 0.2", "--duration is 0.2 s, but must be in [0.61, 3600] s"),
         ("simulate -m left --out log.xlsx", "log log.xlsx must end in .csv, .parquet, .mcap or .rosbag2"),
         ("simulate -m left --device tpu", "--device 'tpu' is not available here; choose one of: cpu"),
+        ("simulate -m left --device cpu,cpu", "--device 'cpu,cpu' is several devices, of which one is wanted here"),
+        ("evaluate --device cpu,tpu", "--device 'tpu' is not available here; choose one of: cpu"),
+        (
+            "dataset --device cpu,cpu --processes 1",
+            "processes is 1, but must be an integer of at least 2, one for each device",
+        ),
         ("simulate -m drive --world nowhere", "nowhere: No such file"),
         ("simulate -m drive --start 0 nan 0", "--start[1] is nan, but must be finite"),
         ("simulate -m left --seed -1", "--seed is -1, but must be an integer of at least 0"),

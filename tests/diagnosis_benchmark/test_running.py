@@ -43,7 +43,7 @@ def test_failures_are_named_and_tried_again(suite):
 
     kept = (out / "001" / "diagnosis.json").stat().st_mtime_ns
     (suite / "mended").touch()
-    assert run_cases(suite, out, sensors="angle", workers=1, diagnose=stand_in) == {}
+    assert run_cases(suite, out, sensors="angle", device="cpu,cpu", workers=1, diagnose=stand_in) == {}
     assert (out / "001" / "diagnosis.json").stat().st_mtime_ns == kept, "a finished case was diagnosed again"
     assert not list(out.rglob("error.txt"))
     assert set(read_diagnoses(suite, out)[1]["004"]) == {"verdict", "sensors", "device"}

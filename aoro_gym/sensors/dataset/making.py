@@ -10,11 +10,12 @@ import hashlib
 import json
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from aoro_gym.checks import check_integer
+from aoro_gym.execution.devices import several
 from aoro_gym.execution.digest import digest
 from aoro_gym.execution.files import read_json, write_json, write_text, written_whole
 from aoro_gym.execution.locking import locked
@@ -88,7 +89,7 @@ def make(
     path: Line | None = None,
     driver: Driver | None = None,
     device: str = "cpu",
-    processes: int = 1,
+    processes: int | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> list[Path]:
     """Make a data set, or go on with one; returns the files that tell of all of it.
@@ -99,8 +100,8 @@ def make(
         ground: The only world; None: forests are made.
         path: That the machine drives along; None: ``driver`` plans one in each world.
         driver: Drives through a world; None: the camera stands at free places. With several processes a module's function.
-        device: Where rays are cast.
-        processes: That take pictures at once; the result is the same.
+        device: Where rays are cast; several with commas between them, or ``"cuda:all"``, take pictures in turn.
+        processes: That take pictures at once, one a device at least, which is the default; the result is the same.
         progress: Told the share that is done.
 
     Raises:
@@ -108,7 +109,9 @@ def make(
             room for a picture or a path.
         FolderInUse: another process makes it.
     """
-    check_integer("processes", processes)
+    names = several(device)
+    processes = len(names) if processes is None else processes
+    check_integer("processes", processes, ge=len(names), note=", one for each device" if len(names) > 1 else "")
     if path is not None and (ground is None or driver is None):
         raise ValueError("path is given without a ground and a driver; give both, or drop it")
     if driver is not None and settings.near is not None:
@@ -118,7 +121,7 @@ def make(
     plan = Plan(folder, settings, ground, path, driver, device)
     with locked(folder):
         _check_same(plan)
-        _take_all(plan, processes, progress)
+        _take_all(plan, names, processes, progress)
         frames = [json.loads(plan.frame_file(number).read_text(encoding="utf-8")) for number in range(settings.frames)]
         return _assembled(plan, frames)
 
@@ -130,7 +133,7 @@ def _check_same(plan: Plan) -> None:
     write_json(file, told)
 
 
-def _take_all(plan: Plan, processes: int, progress: Callable[[float], None] | None) -> None:
+def _take_all(plan: Plan, names: Sequence[str], processes: int, progress: Callable[[float], None] | None) -> None:
     """Drive through all forests and take all pictures that are not there yet."""
     waiting: dict[int, list[int]] = defaultdict(list)
     for index in range(plan.forests):
@@ -150,7 +153,9 @@ def _take_all(plan: Plan, processes: int, progress: Callable[[float], None] | No
 
     tell(0)
     _spread(_drive, [(plan, index) for index in drives], processes, tell)
-    _spread(_take, [(plan, index, part) for index, part in jobs], processes, tell)
+    plans = [replace(plan, device=name) for name in names]
+    taken = [(plans[number % len(names)], index, part) for number, (index, part) in enumerate(jobs)]
+    _spread(_take, taken, processes, tell)
 
 
 def _parted(numbers: list[int], processes: int, forests: int) -> list[list[int]]:

@@ -62,6 +62,27 @@ def turned():
     return evaluate(TURNING, {"bang-bang": policy_factory(TURNING, "bang-bang")}, episodes=2, seed=3)
 
 
+def test_devices_share_the_episodes(found):
+    """Two shards of the CPU give what one gives, to the bit, in the order of the seeds."""
+    told: list[float] = []
+    policies = {"preview": policy_factory(TRACKING, "preview"), "asleep": Asleep}
+    shared = evaluate(
+        TRACKING,
+        policies,
+        episodes=3,
+        seed=5,
+        courses=[SHORT],
+        device="cpu,cpu",
+        progress=lambda _, share: told.append(share),
+    )
+    for name, run in found.runs.items():
+        for metric, values in run.metrics.items():
+            np.testing.assert_array_equal(shared.runs[name].metrics[metric], values, err_msg=metric)
+        assert shared.runs[name].endings == run.endings
+        np.testing.assert_array_equal(shared.runs[name].film, run.film)
+    assert np.diff(told).min() > -1e-12 and told[-1] == pytest.approx(1.0)  # a sum of shares
+
+
 def test_who_arrives_succeeds_and_who_sleeps_is_out_of_time(found):
     assert found.runs["preview"].endings == [END_OF_PATH] * 3
     # 8 m and less at 0.75 m/s, twice: the time is up before 20 s without motion make it stuck, or not
