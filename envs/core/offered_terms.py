@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, TypeVar
 
-from aoro_gym.envs.core.terms import ObservationTerm
+from aoro_gym.envs.core.terms import ObservationTerm, changed_observations, changed_rewards
+from aoro_gym.execution.array_api import Array
+
+Config = TypeVar("Config")
 
 
 def _lidar() -> ObservationTerm:
@@ -38,3 +43,30 @@ OFFERED: dict[str, Callable[[], ObservationTerm]] = {
     "camera": _camera,
 }
 """By name, with their defaults; see :mod:`aoro_gym.envs.core.ray_terms` and :mod:`aoro_gym.envs.core.camera_terms`."""
+
+
+def changed_config(
+    config: Config,
+    reward_terms: Mapping[str, Any] | None,
+    observation_terms: Mapping[str, Any] | None,
+    randomisation: Any,
+    further: Mapping[str, Callable[[Any], Array]],
+) -> Config:
+    """A task's configuration with what its environment is asked for besides.
+
+    Args:
+        config: A dataclass with the fields ``reward_terms``, ``observation_terms`` and ``randomisation``.
+        reward_terms: Changes by name; see :mod:`aoro_gym.envs.core.terms`.
+        observation_terms: Likewise.
+        randomisation: Instead of the configuration's; None keeps it.
+        further: Reward terms that can be asked for by name.
+
+    Raises ValueError that names the term and the fix.
+    """
+    known: Any = config
+    return replace(
+        known,
+        reward_terms=changed_rewards(known.reward_terms, reward_terms, further),
+        observation_terms=changed_observations(known.observation_terms, observation_terms, OFFERED),
+        randomisation=known.randomisation if randomisation is None else randomisation,
+    )

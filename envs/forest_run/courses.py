@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from aoro_gym import terrains
 from aoro_gym.checks import check_integer, check_range
+from aoro_gym.envs.core.splits import Splits
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.execution.cache import cached, computed_with
 from aoro_gym.execution.digest import digest
@@ -124,41 +125,11 @@ def _stands(start: Floats, heading: float, cost: CostMap, solid: Floats) -> bool
     return bool(inside and np.isfinite(cost.cost[rear]) and free)
 
 
-LEARNED, VALIDATED, HELD_OUT = 8, 8, 40
-"""Worlds to learn in, with five routes each, those that trainings are evaluated in, and those that are held out: 200
-routes."""
-VALIDATION_SEED, HELD_OUT_SEED = 5_000, 10_000
-"""Seeds of the first worlds of the last two; those that are learned in have the seeds from 0 on."""
-LEAST_DIFFICULTY = 0.1
-"""Of the first world; that of the last one is 1."""
-
-
-@cache
-def learned_courses(count: int = LEARNED) -> tuple[Course, ...]:
-    """Worlds to learn and to tune in, from easy to difficult.
-
-    Raises ValueError if the count is not in [1, 500].
-    """
-    check_range("number of worlds to learn in", count, ge=1, le=500)
-    return _courses(0, count)
-
-
-@cache
-def validation_courses() -> tuple[Course, ...]:
-    """Worlds that the evaluations of a training drive in, which choose its best policy."""
-    return _courses(VALIDATION_SEED, VALIDATED)
-
-
-@cache
-def held_out_courses(count: int = HELD_OUT) -> tuple[Course, ...]:
-    """Worlds that nobody learns or is tuned in, from easy to difficult."""
-    return _courses(HELD_OUT_SEED, count)
-
-
-def _courses(first: int, count: int) -> tuple[Course, ...]:
-    """As many worlds, of seeds from ``first`` on."""
-    shares = np.round(np.linspace(LEAST_DIFFICULTY, 1.0, count), 3).tolist()
-    return tuple(forest_run_course(first + number, share) for number, share in enumerate(shares))
+SPLITS = Splits(forest_run_course, least_difficulty=0.1, validation_seed=5_000, held_out_seed=10_000)
+"""Worlds to learn in, to evaluate trainings in, and held out: the last ones have 200 routes."""
+learned_courses = SPLITS.learned
+validation_courses = SPLITS.validation
+held_out_courses = SPLITS.held_out
 
 
 # ---- on disk ---------------------------------------------------------------------------------------------------------

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
-from aoro_gym.envs.core.offered_terms import OFFERED
+from aoro_gym.envs.core.offered_terms import changed_config
 from aoro_gym.envs.core.single import TwinEnv
-from aoro_gym.envs.core.terms import ObservationTerm, RewardTerm, changed_observations, changed_rewards
+from aoro_gym.envs.core.terms import ObservationTerm, RewardTerm
 from aoro_gym.envs.core.vector import TwinVectorEnv, check_keywords
 from aoro_gym.envs.forest_run.config import ForestRunConfig, ForestRunRandomisation
 from aoro_gym.envs.forest_run.courses import learned_courses
@@ -38,7 +37,7 @@ class ForestRunVectorEnv(TwinVectorEnv):
         num_envs: Sub-environments.
         config: The task; see :class:`ForestRunConfig`.
         courses: Worlds with their runs to draw from; by default those of
-            :func:`~aoro_gym.envs.forest_run.courses.learned_courses`.
+            :data:`~aoro_gym.envs.forest_run.courses.SPLITS` to learn on.
         terrain: Instead: one world, with ``path`` or with paths that are generated, each a run to its end.
         path: The only path in it.
         reward_terms: Changes to the reward terms by name; see :mod:`aoro_gym.envs.core.terms`.
@@ -67,12 +66,7 @@ class ForestRunVectorEnv(TwinVectorEnv):
     ):
         check_keywords(type(self), arguments)
         config = ForestRunConfig() if config is None else config
-        config = replace(
-            config,
-            reward_terms=changed_rewards(config.reward_terms, reward_terms, FURTHER_REWARD_TERMS),
-            observation_terms=changed_observations(config.observation_terms, observation_terms, OFFERED),
-            randomisation=config.randomisation if randomisation is None else randomisation,
-        )
+        config = changed_config(config, reward_terms, observation_terms, randomisation, FURTHER_REWARD_TERMS)
         if courses is None and terrain is None and path is None:
             courses = learned_courses()
         library = as_courses(courses, terrain, path)

@@ -27,7 +27,7 @@ from aoro_gym.envs.core.randomisation import Draws
 from aoro_gym.envs.core.task import Outputs, Start, StepResult, Terrains
 from aoro_gym.envs.forest_run.config import ForestRunConfig
 from aoro_gym.envs.forest_run.view import ForestRunView
-from aoro_gym.envs.path_tracking.courses import Course
+from aoro_gym.envs.path_tracking.courses import Course, drawn_by_difficulty
 from aoro_gym.envs.path_tracking.task import TERMINATION_REASONS as DRIVING_REASONS
 from aoro_gym.envs.path_tracking.task import PathTracking
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats
@@ -85,12 +85,8 @@ class ForestRun:
         machine: Machine,
         options: Mapping[str, Any],
     ) -> Start:
-        arrays, n = self._arrays, len(self._remaining)
-        if options.get("terrain") is None:
-            count = len(self.courses)
-            chosen = np.zeros(n, dtype=np.intp)
-            chosen[where] = np.minimum((draws.task["difficulty"] * count).astype(np.intp), count - 1)
-            options = {**options, "terrain": chosen}
+        arrays = self._arrays
+        options = drawn_by_difficulty(options, draws, where, len(self._remaining), len(self.courses))
         start = self.driving.start(where, generators, draws, machine, options)
         rows = arrays.index(where)
         for state, value in (

@@ -8,13 +8,13 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.checks import check_integer, check_range
+from aoro_gym.envs.core.splits import Splits
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.terrains import Path, Terrain
 from aoro_gym.terrains.generate.random_field import RandomField
@@ -131,34 +131,8 @@ def _path(rng: np.random.Generator, middle: float, name: str) -> Path:
     return Path(np.column_stack([x, middle + sway]), name=name)
 
 
-LEARNED, VALIDATED, HELD_OUT = 8, 8, 40
-"""Grounds to learn on, with five lanes each, those that trainings are evaluated on, and those that are held out: 200
-lanes."""
-VALIDATION_SEED, HELD_OUT_SEED = 500, 1000
-"""Seeds of the first grounds of the last two; those that are learned on have the seeds from 0 on, so at most 500."""
-
-
-@cache
-def learned_courses(count: int = LEARNED) -> tuple[Course, ...]:
-    """Grounds to learn and to tune on, from easy to difficult.
-
-    Raises ValueError if the count is not in [1, 500].
-    """
-    check_range("number of grounds to learn on", count, ge=1, le=VALIDATION_SEED)
-    return tuple(obstacle_course(seed, share) for seed, share in enumerate(_difficulties(count)))
-
-
-@cache
-def validation_courses() -> tuple[Course, ...]:
-    """Grounds that the evaluations of a training drive on, which choose its best policy."""
-    return tuple(obstacle_course(VALIDATION_SEED + k, share) for k, share in enumerate(_difficulties(VALIDATED)))
-
-
-@cache
-def held_out_courses(count: int = HELD_OUT) -> tuple[Course, ...]:
-    """Grounds that nobody learns or is tuned on, from easy to difficult."""
-    return tuple(obstacle_course(HELD_OUT_SEED + k, share) for k, share in enumerate(_difficulties(count)))
-
-
-def _difficulties(count: int) -> list[float]:
-    return np.round(np.linspace(0.3, 1.0, count), 3).tolist()
+SPLITS = Splits(obstacle_course, least_difficulty=0.3)
+"""Grounds to learn on, to evaluate trainings on, and held out: the last ones have 200 lanes."""
+learned_courses = SPLITS.learned
+validation_courses = SPLITS.validation
+held_out_courses = SPLITS.held_out

@@ -21,12 +21,12 @@ What makes a course difficult is how much of the machine's limits it asks for:
 from __future__ import annotations
 
 import math
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.checks import check_integer, check_range
+from aoro_gym.envs.core.splits import Splits
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.terrains import Path, Terrain
 from aoro_gym.terrains.generate.random_field import RandomField
@@ -111,34 +111,8 @@ def _through_the_middle(curvature: Floats, direction: float, name: str) -> Path:
     return Path(points, name=name)
 
 
-LEARNED, VALIDATED, HELD_OUT = 8, 8, 40
-"""Courses to learn on, with five paths each, those that trainings are evaluated on, and those that are held out: 200
-paths."""
-VALIDATION_SEED, HELD_OUT_SEED = 500, 1000
-"""Seeds of the first courses of the last two; those that are learned on have the seeds from 0 on, so at most 500."""
-
-
-@cache
-def learned_courses(count: int = LEARNED) -> tuple[Course, ...]:
-    """Courses to learn and to tune on, from easy to difficult.
-
-    Raises ValueError if the count is not in [1, 500].
-    """
-    check_range("number of courses to learn on", count, ge=1, le=VALIDATION_SEED)
-    return tuple(hilly_course(seed, share) for seed, share in enumerate(_difficulties(count)))
-
-
-@cache
-def validation_courses() -> tuple[Course, ...]:
-    """Courses that the evaluations of a training drive on, which choose its best policy."""
-    return tuple(hilly_course(VALIDATION_SEED + k, share) for k, share in enumerate(_difficulties(VALIDATED)))
-
-
-@cache
-def held_out_courses(count: int = HELD_OUT) -> tuple[Course, ...]:
-    """Courses that nobody learns or is tuned on, from easy to difficult."""
-    return tuple(hilly_course(HELD_OUT_SEED + k, share) for k, share in enumerate(_difficulties(count)))
-
-
-def _difficulties(count: int) -> list[float]:
-    return np.round(np.linspace(0.5, 1.0, count), 3).tolist()
+SPLITS = Splits(hilly_course, least_difficulty=0.5)
+"""Courses to learn on, to evaluate trainings on, and held out: the last ones have 200 paths."""
+learned_courses = SPLITS.learned
+validation_courses = SPLITS.validation
+held_out_courses = SPLITS.held_out

@@ -25,7 +25,7 @@ class LimitTrackingVectorEnv(PathTrackingVectorEnv):
         num_envs: Sub-environments.
         config: The task; by default :func:`~aoro_gym.envs.limit_tracking.config.limit_config`.
         courses: Grounds with their paths to draw from, from easy to difficult; by default those of
-            :func:`~aoro_gym.envs.limit_tracking.courses.learned_courses`.
+            :data:`~aoro_gym.envs.limit_tracking.courses.SPLITS` to learn on.
         terrain: Instead: one ground, with ``path`` or with paths that are generated.
         path: The only path on it.
         arguments: See :class:`~aoro_gym.envs.path_tracking.environment.PathTrackingVectorEnv`.

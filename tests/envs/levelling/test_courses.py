@@ -89,5 +89,5 @@ def test_difficulties_and_seeds_are_checked():
         obstacle_course(1, 1.2)
     with pytest.raises(ValueError, match="seed is -1"):
         obstacle_course(-1)
-    with pytest.raises(ValueError, match=r"grounds to learn on is 501, but must be in \[1, 500\]"):
+    with pytest.raises(ValueError, match=r"courses to learn on is 501, but must be in \[1, 500\]"):
         learned_courses(501)
