@@ -427,16 +427,16 @@ def crane_parameters() -> dict[str, Parameter]:
 
 def forwarder_crane() -> Crane:
     """The crane that comes with the package, of the class of the vehicle's own; not validated."""
-    return _filled(Crane, "", crane_parameters())
+    return filled_section(Crane, "", crane_parameters())
 
 
-def _filled(kind: Any, prefix: str, entries: dict[str, Parameter]) -> Any:
+def filled_section(kind: Any, prefix: str, entries: dict[str, Parameter]) -> Any:
     """Instance of a section from the entries whose keys begin with ``prefix``."""
     members = {}
     for one in fields(kind):
         key = f"{prefix}{one.name}"
         if is_dataclass(one.type):
-            members[one.name] = _filled(one.type, f"{key}.", entries)
+            members[one.name] = filled_section(one.type, f"{key}.", entries)
             continue
         entry, declaration = entries[key], one.metadata["declaration"]
         if not np.all(declaration.admits(entry.si)):

@@ -1,7 +1,7 @@
 """Cranes apart from the vehicle, on a foot that stands still: their joints driven by torques, what holds and bears them.
 
-A step towards a crane on the twin: kinematics and rigid-body dynamics are there, oil, valves and friction are not. Its
-parameters, which nothing has validated: :mod:`aoro_gym.machine.crane`; the law: :mod:`aoro_gym.twin.physics.crane`.
+Kinematics and rigid-body dynamics alone: oil, valves and friction have cranes on twins (:mod:`aoro_gym.twin.frame_cranes`).
+Its parameters, which nothing has validated: :mod:`aoro_gym.machine.crane`; the law: :mod:`aoro_gym.twin.physics.crane`.
 """
 
 from __future__ import annotations
@@ -21,6 +21,9 @@ from aoro_gym.twin.kernels import crane as kernels
 from aoro_gym.twin.physics.crane import CraneRecord
 from aoro_gym.twin.recorded import BLOCK_DIM
 from aoro_gym.units import GRAVITY
+
+HELD = ("held_drop", "held_mass", "held_yaw", "held_inertia_axial", "held_inertia_transverse")
+"""Fields of the device's record that say which log is held: none, apart from the vehicle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,11 +46,11 @@ class CraneState:
 
 def pack(crane: Crane) -> NDArray[Any]:
     """Device records of a ``crane``, one, or one a variant."""
-    values: dict[str, Quantity] = {"foot": 0.0}
+    values: dict[str, Quantity] = {"foot": 0.0, **dict.fromkeys(HELD, 0.0)}
     fields_of: Any = CraneRecord.numpy_dtype()
     layout = np.dtype(fields_of)
     for name in layout.names or ():
-        if name != "foot":
+        if name not in values:
             part, _, rest = name.partition("_")
             values[name] = getattr(getattr(crane, part), rest)
     count = max(np.size(value) for value in values.values())

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from aoro_gym.machine.crane import JOINTS
 from aoro_gym.machine.laws import OPTIONS
 from aoro_gym.machine.parameters import Machine
 from aoro_gym.machine.quantities import Quantity
@@ -116,7 +117,34 @@ LoadRow = _rows(
 """Rows of the state that only twins that carry a load have, after the others:
 :class:`aoro_gym.twin.physics.load.LoadState`."""
 
+
+def _joints(name: str) -> list[str]:
+    return [f"{name}_{joint}" for joint in JOINTS]
+
+
+CraneRow = _rows(
+    "CraneRow",
+    [
+        # joints, rates, accelerations over the last main step, deflections of dry friction, spools
+        *(*_joints("joint"), *_joints("rate"), *_joints("acceleration"), *_joints("friction"), *_joints("spool")),
+        # contents of the chambers, mean torques of the oil and mean flows from the pump over the last main step
+        *(*_joints("bore"), *_joints("annulus"), *_joints("oil_torque"), *_joints("flow")),
+        # torques from outside, and the force of grapple and log on the tip
+        *(*_joints("torque"), "tip_load"),
+        # the log that is held: mass, angle to the pillar, moments of inertia
+        *("held_mass", "held_yaw", "held_axial", "held_transverse"),
+    ],
+    start=len(State) + len(LoadRow),
+)
+"""Rows of the state that only twins with a crane have, after those of a load, which they have, too."""
+
 Command = _rows("Command", COMMAND_BOUNDS)
+
+CRANE_COMMAND_BOUNDS: dict[str, tuple[float, float, float]] = dict.fromkeys(_joints("crane"), (-1.0, 1.0, 0.0))
+"""Bounds of the commands that only twins with a crane have, after the others: signals of its valve sections."""
+
+CraneCommand = _rows("CraneCommand", CRANE_COMMAND_BOUNDS, start=len(COMMAND_BOUNDS))
+"""Rows of these commands."""
 
 Demand = _rows("Demand", [*_each("rate"), "pump_torque"])
 """What the bodies demand of a driveline that is held apart from them: wheel rates against the arms [rad/s], and torque of
@@ -197,6 +225,17 @@ ground, that of the rut which stays below it, and the force of the soil against 
 
 FIRST_SOIL_OUTPUT = len(OUTPUT_UNITS)
 """Row of the first of them: no twin has these and those of objects."""
+
+CRANE_OUTPUT_UNITS = {
+    **dict(zip(_joints("crane"), ("rad", "rad", "rad", "m"), strict=True)),
+    **dict(zip(_joints("crane_rate"), ("rad/s", "rad/s", "rad/s", "m/s"), strict=True)),
+    **dict.fromkeys(_joints("crane_pressure_bore"), "Pa"),
+    **dict.fromkeys(_joints("crane_pressure_annulus"), "Pa"),
+    **dict.fromkeys(_joints("crane_flow"), "m^3/s"),
+    "crane_tip_load": "N",
+}
+"""Unit of each output that only twins with a crane have, after all others: joints and their rates, pressures of the
+chambers, flows from the pump into the sections, and the force on the tip that a load cell there feels."""
 
 
 def row_of(rows: type[IntEnum], name: Any, what: str) -> int:

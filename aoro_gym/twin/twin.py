@@ -28,8 +28,12 @@ from aoro_gym.twin.recorded import BLOCK_DIM, RecordedAdvance, cores
 from aoro_gym.twin.records import (
     CHANNELS,
     COMMAND_BOUNDS,
+    CRANE_COMMAND_BOUNDS,
+    CRANE_OUTPUT_UNITS,
     NON_FINITE,
     Command,
+    CraneCommand,
+    CraneRow,
     LoadRow,
     MachineRecord,
     Output,
@@ -40,7 +44,9 @@ from aoro_gym.twin.records import (
 from aoro_gym.units import GRAVITY
 
 if TYPE_CHECKING:
+    from aoro_gym.machine.vehicle_crane import VehicleCrane
     from aoro_gym.terrains.world.world import World
+    from aoro_gym.twin.frame_cranes import FrameCranes
     from aoro_gym.twin.soil_ruts import Ruts
 
 LONGEST_COMMAND_DELAY = 0.1
@@ -67,8 +73,8 @@ class UnknownChannel(KeyError):
 class Trace(Mapping[str, npt.NDArray[np.float32]]):
     """Sampled outputs of one :meth:`Twin.step`: a mapping of channel names to arrays (frames, num_twins).
 
-    SI units as in ``OUTPUT_UNITS``, ``OBJECT_OUTPUT_UNITS`` and ``SOIL_OUTPUT_UNITS``; a name that is not there raises
-    a KeyError that lists the channels.
+    SI units as in ``OUTPUT_UNITS``, ``OBJECT_OUTPUT_UNITS``, ``SOIL_OUTPUT_UNITS`` and ``CRANE_OUTPUT_UNITS``; a name that
+    is not there raises a KeyError that lists the channels.
     """
 
     time: npt.NDArray[np.float64]
@@ -118,6 +124,9 @@ class Twin:
             ``machine`` has.
         choose_laws: Whether machines may obey other laws than the default ones (:mod:`aoro_gym.machine.laws`), which takes
             another, slower kernel; by default whether the ``machine`` does.
+        crane: Whether the front frame carries a crane whose joints move, or which and how
+            (:class:`~aoro_gym.machine.vehicle_crane.VehicleCrane`): :attr:`crane`. Takes another, slower kernel. Without,
+            the crane is a mass that is fast on the front frame, as in the published twin.
         device: ``"cpu"``, ``"cpu:simd"`` (several twins at once on a core, equal to rounding; needs a C++ compiler) or
             ``"cuda:N"``.
         threads: CPU threads that share the twins, at most :func:`cores`, which is the default; a GPU needs none.
@@ -144,6 +153,7 @@ class Twin:
         own_machines: bool = False,
         carry_load: bool | None = None,
         choose_laws: bool | None = None,
+        crane: VehicleCrane | bool = False,
         device: str = "cpu",
         threads: int | None = None,
         main_step: float = 1e-3,
@@ -172,6 +182,7 @@ class Twin:
         """What the ground is made of; None where it is hard."""
         self._made = {"ground": ground, "cell": cell, "own_machines": own_machines, "choose_laws": choose_laws}
         self._made |= {"soil": self.soil, "gravity": gravity, "carry_load": carry_load}
+        self._vehicle_crane = self._checked_crane(crane)
         if check_step:
             check_hydraulic_step(self.machine, self.main_step, self.substeps)
             warn_of_fine_step(self.main_step, self.substeps, stacklevel=3)
@@ -186,20 +197,23 @@ class Twin:
         self._chooses_laws = not self.machine.laws.default if choose_laws is None else choose_laws
         self.carries_load = self.machine.loaded if carry_load is None else carry_load
         """Whether machines may have logs in their bunk."""
-        self._laws = ChosenLaws() if self._chooses_laws else DefaultLaws()
+        laws = ChosenLaws() if self._chooses_laws else DefaultLaws()
         self._reset_kernel, self._advance_kernel = build(
             type(self.ground)._cls,
-            type(self._laws)._cls,
+            type(laws)._cls,
             measured_hubs=self._measured_hubs,
             objects=self._grounds.objects is not None,
             soil=self._grounds.ruts is not None,
             load=self.carries_load,
+            crane=self.has_crane,
         )
         self._felt = self._grounds.advancing
-        self.channels = (*CHANNELS, *self._grounds.further_outputs)
+        of_crane = CRANE_OUTPUT_UNITS if self.has_crane else ()
+        self.channels = (*CHANNELS, *self._grounds.further_outputs, *of_crane)
         """Names of the outputs, in the order of their rows."""
 
         self._allocate()
+        self._laws = self.crane.with_laws(laws) if self.has_crane else laws
         self._make_room(1)
         with devices.compiling(self._reset_kernel, self.device, BLOCK_DIM):
             self.reset()
@@ -210,8 +224,15 @@ class Twin:
         """Make the arrays that no launch changes the length of."""
         n = self.num_twins
         rows = len(State) + self.carries_load * len(LoadRow)
+        told = len(Command)
+        if self.has_crane:
+            rows, told = len(State) + len(LoadRow) + len(CraneRow), told + len(CraneCommand)
         self.state = wp.zeros((rows, n), dtype=float, device=self.device)
-        self.commands = wp.zeros((len(Command), n), dtype=float, device=self.device)
+        self.commands = wp.zeros((told, n), dtype=float, device=self.device)
+        if self._vehicle_crane is not None:
+            from aoro_gym.twin.frame_cranes import FrameCranes  # few twins have one
+
+            self._crane = FrameCranes(self._vehicle_crane, self.state, gravity=self._made["gravity"])
         self._host_commands = self.commands.numpy() if self.device.is_cpu else None  # the same memory
         self._held = self.commands.reshape((1, *self.commands.shape))
         kept = int(np.ceil(LONGEST_COMMAND_DELAY / self.main_step)) + 2
@@ -224,12 +245,39 @@ class Twin:
         self._pose = wp.zeros((4, n), dtype=float, device=self.device)
         self._numbers = wp.zeros(n, dtype=int, device=self.device)
 
+    def _checked_crane(self, crane: VehicleCrane | bool) -> VehicleCrane | None:
+        """The crane that is asked for; ValueError if these twins can have none, or not this one."""
+        self._made["crane"] = crane
+        if crane is False:
+            return None
+        if self.simd or self._measured_hubs:
+            what = f"device is {SIMD!r}" if self.simd else "its wheels are turned from outside"
+            raise ValueError(f"crane is given, but {what}, where twins have none yet; leave crane out")
+        from aoro_gym.machine.vehicle_crane import VehicleCrane
+
+        one = VehicleCrane() if crane is True else crane
+        one.check_fits(self.machine)
+        return one
+
+    @property
+    def has_crane(self) -> bool:
+        """Whether the front frame carries a crane whose joints move."""
+        return self._vehicle_crane is not None
+
+    @property
+    def crane(self) -> FrameCranes:
+        """Its cranes; ValueError if it has none."""
+        if self._crane is None:
+            raise ValueError("these twins have no crane; construct them with crane=True")
+        return self._crane
+
     state: wp.array
     """State rows (see :class:`State`; :class:`LoadRow` if :attr:`carries_load`) × twins, float32, on the device."""
     commands: wp.array
     """Command rows (see :class:`Command`) × twins, float32, on the device."""
     _checks_start = False
     """Whether a reset refuses places in objects: not that of the constructor, which nobody chose."""
+    _crane: FrameCranes | None = None
     _measured_hubs = False
     """Whether a driveline outside turns the wheels."""
 
@@ -367,6 +415,8 @@ class Twin:
             device=self.device,
             block_dim=BLOCK_DIM,
         )  # fmt: skip
+        if self._crane is not None:
+            self._crane.start(self._mask)
         if self._grounds.objects is not None:
             self._grounds.objects.clear(self._mask, self._numbers)
         if self._grounds.ruts is not None:
@@ -397,8 +447,9 @@ class Twin:
             return
         rows: dict[int, npt.NDArray[np.float32]] = {}
         for name, value in commands.items():
-            row = row_of(Command, name, "command")
-            low, high, _ = COMMAND_BOUNDS[name]
+            of_crane = self.has_crane and name in CRANE_COMMAND_BOUNDS
+            row = row_of(CraneCommand if of_crane else Command, name, "command")
+            low, high, _ = (CRANE_COMMAND_BOUNDS if of_crane else COMMAND_BOUNDS)[name]
             array = np.asarray(value, dtype=np.float32)
             if array.shape not in ((), (self.num_twins,)):
                 raise ValueError(f"{name} has shape {array.shape}, but must be a scalar or ({self.num_twins},)")

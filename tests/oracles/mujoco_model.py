@@ -13,15 +13,61 @@ chapter "Computation" (free joints).
 # pyright: reportAttributeAccessIssue=false
 from __future__ import annotations
 
+from typing import Any
+
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
 WHEELS = ("fl", "fr", "rl", "rr")
+CRANE_JOINTS = ("slew", "lift", "fold", "telescope")
 
 
-def mjcf(machine, gravity: float = 9.81) -> str:
-    """MJCF of ``machine`` (one machine, float parameters) under ``gravity`` [m/s²].
+def crane_bodies(crane, place) -> str:
+    """MJCF of a ``crane`` whose foot is at ``place`` (3,) [m] of the body that it stands on."""
+
+    def inertial(mass, place, *moments):
+        x = " ".join(f"{v:.12g}" for v in moments)
+        return f'<inertial mass="{mass}" pos="{place[0]} {place[1]} {place[2]}" diaginertia="{x}"/>'
+
+    pillar, lift, boom, stick, out = crane.pillar, crane.lift, crane.boom, crane.stick, crane.extension
+    return f"""
+ <body pos="{" ".join(map(str, place))}"><joint name="slew" axis="0 0 1"/>
+  {inertial(pillar.mass, (pillar.cog_forward, 0, pillar.cog_height), pillar.inertia_transverse,
+            pillar.inertia_transverse, pillar.inertia_axial)}
+  <body pos="{lift.offset} 0 {lift.height}"><joint name="lift" axis="0 -1 0"/>
+   {inertial(boom.mass, (boom.cog_along, 0, boom.cog_over), boom.inertia_axial, boom.inertia_transverse,
+             boom.inertia_transverse)}
+   <body pos="{boom.length} 0 0"><joint name="fold" axis="0 -1 0"/>
+    {inertial(stick.mass, (stick.cog_along, 0, 0), stick.inertia_axial, stick.inertia_transverse,
+              stick.inertia_transverse)}
+    <body pos="{stick.length} 0 0"><joint name="telescope" type="slide" axis="1 0 0"/>
+     {inertial(out.mass, (out.cog_along, 0, 0), out.inertia_axial, out.inertia_transverse, out.inertia_transverse)}
+     <body name="tip"><inertial mass="{crane.grapple.mass}" pos="0 0 0" diaginertia="0 0 0"/></body>
+    </body></body></body></body>"""  # fmt: skip
+
+
+def without_folded(section, x, vehicle) -> str:
+    """Inertial element of the front frame (``section``, its centre ``x`` [m] ahead of the hinge) without the crane of
+    ``vehicle`` in its transport pose: mass, centre and full tensor of what is left, by Steiner's theorem."""
+    mass, moment, tensor = (one[0] for one in vehicle.folded())
+    centre = np.array([x, 0.0, section.cog_height])
+
+    def steiner(place):
+        return place @ place * np.eye(3) - np.outer(place, place)
+
+    left = section.mass - mass
+    place = (section.mass * centre - moment) / left
+    moments = np.diag([section.inertia_xx, section.inertia_yy, section.inertia_zz])
+    rest = moments + section.mass * steiner(centre) - tensor - left * steiner(place)
+    full = [rest[0, 0], rest[1, 1], rest[2, 2], rest[0, 1], rest[0, 2], rest[1, 2]]
+    text = [" ".join(f"{v:.17g}" for v in one) for one in ([left], place, full)]
+    return f'<inertial mass="{text[0]}" pos="{text[1]}" fullinertia="{text[2]}"/>'
+
+
+def mjcf(machine, gravity: float = 9.81, crane=None, held: float = 0.0) -> str:
+    """MJCF of ``machine`` (one machine, float parameters) under ``gravity`` [m/s²], with a ``crane`` (a VehicleCrane) that
+    has ``held`` [kg] more at its tip, or none.
 
     Degrees of freedom in order: free joint of the front frame at the hinge origin (6), joint, and then the four arms,
     each followed by its wheel, in MuJoCo's depth-first order; find them by the names joint, arm_fl, wheel_fl, ...
@@ -72,6 +118,11 @@ def mjcf(machine, gravity: float = 9.81) -> str:
         return f'<body name="load" pos="{place}">{slide}{own}</body>'
 
     front, rear = machine.frame.front, machine.frame.rear
+    own, chain = frame(front, 1.0), ""
+    if crane is not None:
+        own = without_folded(front, front.axle_distance - front.cog_offset, crane)
+        one = crane.crane.with_grapple(crane.crane.grapple.mass + held)
+        chain = crane_bodies(one, (crane.mount.foot.distance, 0.0, crane.mount.foot.height))
     return f"""
 <mujoco model="machine">
   <compiler angle="radian" autolimits="false"/>
@@ -81,7 +132,8 @@ def mjcf(machine, gravity: float = 9.81) -> str:
   <worldbody>
     <body name="front">
       <freejoint name="base"/>
-      {frame(front, 1.0)}
+      {own}
+      {chain}
       <body name="rear">
         <joint name="joint" type="hinge" axis="0 0 -1"/>
         {frame(rear, -1.0)}
@@ -104,8 +156,11 @@ class MujocoMachine:
     slide = (0.0, 0.0, 0.0)
     """Of a load that slides: place [m], rate [m/s], and force [N] along the rear frame."""
 
-    def __init__(self, machine, gravity: float = 9.81):
-        self.model = mujoco.MjModel.from_xml_string(mjcf(machine, gravity))
+    crane: Any = None
+    """Joints, rates and torques of its crane, each (4,), if it has one."""
+
+    def __init__(self, machine, gravity: float = 9.81, crane=None, held: float = 0.0):
+        self.model = mujoco.MjModel.from_xml_string(mjcf(machine, gravity, crane, held))
         self.data = mujoco.MjData(self.model)
         names = ["joint", *(f"arm_{w}" for w in WHEELS), *(f"wheel_{w}" for w in WHEELS)]
         joints = [self.model.joint(name) for name in names]
@@ -122,6 +177,10 @@ class MujocoMachine:
         qpos[3:7] /= np.linalg.norm(qpos[3:7])
         qvel[self._freedom] = v
         qvel[:3] = _matrix(qpos[3:7]) @ v[:3]
+        if self.crane is not None:
+            for name, angle, rate in zip(CRANE_JOINTS, *self.crane[:2], strict=True):
+                joint = self.model.joint(name)
+                qpos[joint.qposadr[0]], qvel[joint.dofadr[0]] = angle, rate
         if self._slides:
             joint = self.model.joint("load")
             qpos[joint.qposadr[0]], qvel[joint.dofadr[0]] = self.slide[:2]
@@ -172,6 +231,9 @@ class MujocoMachine:
         self.data.qfrc_applied[self._freedom] = torque
         if self._slides:
             self.data.qfrc_applied[self.model.joint("load").dofadr[0]] = self.slide[2]
+        if self.crane is not None:
+            for name, torque in zip(CRANE_JOINTS, self.crane[2], strict=True):
+                self.data.qfrc_applied[self.model.joint(name).dofadr[0]] = torque
         for bodies, force, moment in (
             (self._wheels, wheel_force, wheel_moment),
             (self._frames, frame_force, frame_moment),
@@ -185,6 +247,10 @@ class MujocoMachine:
                 self.data.xfrc_applied[body, 3:] = moment[:, i] + np.cross(lever, force[:, i])
         mujoco.mj_forward(self.model, self.data)
         return self.acceleration_from_mujoco(self.data.qpos, self.data.qvel, self.data.qacc)
+
+    def crane_accelerations(self) -> np.ndarray:
+        """Those of the crane's joints (4,) that belong to the last :meth:`accelerations`."""
+        return np.array([self.data.qacc[self.model.joint(name).dofadr[0]] for name in CRANE_JOINTS])
 
     def acceleration_from_mujoco(self, qpos, qvel, qacc):
         """dv/dt (15,) of MuJoCo's ``qacc``: d/dt(Rᵀ v) = Rᵀ v' − ω × Rᵀ v."""

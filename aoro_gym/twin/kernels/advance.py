@@ -33,7 +33,7 @@ from aoro_gym.twin.kernels.hydraulics import (
 )
 from aoro_gym.twin.kernels.laws import with_laws
 from aoro_gym.twin.kernels.motion import drift, kick, rear_rate, rear_rate_change, turn, wheel_rates
-from aoro_gym.twin.kernels.outputs import GroundContact, record_outputs
+from aoro_gym.twin.kernels.outputs import GroundContact, record_further_outputs, record_outputs
 from aoro_gym.twin.kernels.state import load_state, rest, store_state, watched
 from aoro_gym.twin.kernels.tree import tree
 from aoro_gym.twin.physics.bodies import hinge_rotation
@@ -107,13 +107,13 @@ def advance(
             chambers = chambers_at(m, pose, old, actuators)
             if m.oil.gas_fraction > 0.0 or m.joint.mount_stiffness > 0.0:
                 circuits, oil = hydraulics(
-                    m, m.oil, m.joint.mount_stiffness, chambers, control, spool_demand, pose.joint, velocity.joint,
-                    velocity.arms, wheel_rate, circuits, h, num_substeps,
+                    m, laws, m.oil, m.joint.mount_stiffness, chambers, control, spool_demand, pose.joint, velocity.joint,
+                    velocity.arms, wheel_rate, circuits, state, t, signals, h, num_substeps,
                 )
             else:  # compiled without gas and mount
                 circuits, oil = hydraulics(
-                    m, without_gas(m.oil), 0.0, chambers, control, spool_demand, pose.joint, velocity.joint,
-                    velocity.arms, wheel_rate, circuits, h, num_substeps,
+                    m, laws, without_gas(m.oil), 0.0, chambers, control, spool_demand, pose.joint, velocity.joint,
+                    velocity.arms, wheel_rate, circuits, state, t, signals, h, num_substeps,
                 )
 
             # motion in the middle of the step, extrapolated
@@ -167,7 +167,7 @@ def advance(
             # accelerations of the tree
             weight = wp.transpose(rotation) * wp.vec3(0.0, 0.0, -ground.gravity)
             change = tree(
-                m, state, t, weight, to_rear, middle, joint_torque, fl.load, fr.load, rl.load, rr.load, front_hull,
+                m, laws, state, t, weight, to_rear, middle, joint_torque, fl.load, fr.load, rl.load, rr.load, front_hull,
                 rear_hull, h,
             )
 
@@ -198,6 +198,7 @@ def advance(
                 return
 
         record_outputs(outputs, frame, t, m, signals, pose, velocity, actuators, circuits, engine, contact, terrain)
+        record_further_outputs(laws, outputs, frame, state, t)
 
     if not wp.isfinite(rest(pose, change, bent, actuators, circuits, engine)):
         status[t] = NON_FINITE

@@ -10,7 +10,7 @@ import warp as wp
 from aoro_gym.twin.kernels import hubs
 from aoro_gym.twin.kernels.advance import advance
 from aoro_gym.twin.kernels.hydraulics import displace, hydraulics
-from aoro_gym.twin.kernels.laws import ChosenLaws
+from aoro_gym.twin.kernels.laws import ChosenLaws, DefaultLaws
 from aoro_gym.twin.kernels.outputs import record_outputs
 from aoro_gym.twin.kernels.reset import reset
 from aoro_gym.twin.kernels.tree import tree_with_load
@@ -25,30 +25,33 @@ def build(
     objects: bool = False,
     soil: bool = False,
     load: bool = False,
+    crane: bool = False,
 ) -> tuple[Any, Any]:
     """The kernels ``reset`` and ``advance`` for one kind of ground (``Planes``, ``Rasters`` or ``Meshes``) and of laws
     (``DefaultLaws`` or ``ChosenLaws``); ``portable``: for every CPU of this architecture, not for this one;
     ``measured_hubs``: without the driveline (:mod:`aoro_gym.twin.kernels.hubs`); ``objects``: with the solid objects of
     worlds (:mod:`aoro_gym.twin.kernels.solids`), where ``advance`` takes the kind of ``OBJECT_GROUNDS``; ``soil``: on soft
     ground (:mod:`aoro_gym.twin.kernels.soil`), where it takes that of ``SOIL_GROUNDS``; ``load``: of machines that carry one
-    (:mod:`aoro_gym.twin.kernels.tree`).
+    (:mod:`aoro_gym.twin.kernels.tree`); ``crane``: of machines with a crane (:mod:`aoro_gym.twin.kernels.crane_on_frame`),
+    which carry a load, too, if they have one.
 
     Each pair is a module of its own, compiled when first asked for. On CUDA with approximate division, roots and
     exponentials (``fast_math``; the CPU's compiler ignores it): about twice the speed, and a turn that differs by 1e-4 of a
     channel's range at most.
     """
-    return _build(kind, laws, portable, measured_hubs, objects, soil, load)
+    return _build(kind, laws, portable, measured_hubs, objects, soil, load and not crane, crane)
 
 
 @cache
 def _build(
-    kind: Any, laws: Any, portable: bool, measured_hubs: bool, objects: bool, soil: bool, load: bool
+    kind: Any, laws: Any, portable: bool, measured_hubs: bool, objects: bool, soil: bool, load: bool, crane: bool
 ) -> tuple[Any, Any]:
     module = f"{__package__}.{kind.key.lower()}" + ("_laws" if laws is ChosenLaws else "")
     module += "_hubs" if measured_hubs else ""
     module += "_objects" if objects else ""
     module += "_soil" if soil else ""
     module += "_load" if load else ""
+    module += "_crane" if crane else ""
     options = {"fast_math": True, "default_grid_stride": False}
     if portable:
         module += "_portable"
@@ -67,6 +70,8 @@ def _build(
         advancing, felt = on_soil(advancing, kind)
     if load:
         advancing = with_others(advancing, {"tree": tree_with_load})
+    elif crane:
+        advancing, laws = with_crane(advancing, laws)
     return kernel(reset, terrain=kind), kernel(advancing, terrain=felt, laws=laws)
 
 
@@ -99,6 +104,27 @@ def on_soil(function: Any, kind: Any) -> tuple[Any, Any]:
     outputs = wp.func(with_others(record_soil_outputs.func, recorded), module=function.__module__)
     parts = {"corner_contact": soil_corner_contact, "hull_loads": soil_hull_loads, "record_outputs": outputs}
     return with_others(function, parts), SOIL_GROUNDS[kind]
+
+
+def with_crane(function: Any, laws: Any) -> tuple[Any, Any]:
+    """An ``advance`` as it is for machines with a crane, and the kind of ``laws`` with cranes that it takes."""
+    from aoro_gym.twin.kernels import crane_on_frame as crane  # few twins have one
+
+    sections = {
+        "further_sections": crane.crane_sections,
+        "further_step": crane.crane_step,
+        "keep_further": crane.keep_sections,
+    }
+    oil = wp.func(with_others(hydraulics.func, sections), module=function.__module__)
+    parts = {
+        "hydraulics": oil,
+        "tree": crane.tree_with_crane,
+        "with_laws": crane.with_laws_of_crane,
+        "load_signals": crane.load_signals_with_crane,
+        "record_further_outputs": crane.record_crane_outputs,
+    }
+    kinds = {DefaultLaws: crane.DefaultLawsWithCrane, ChosenLaws: crane.ChosenLawsWithCrane}
+    return with_others(function, parts), kinds[laws]
 
 
 @cache

@@ -1,6 +1,8 @@
 """All hydraulic circuits over one main step: slow actuators once, pump, valves and cylinders in substeps."""
 
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
+from typing import Any
+
 import warp as wp
 
 from aoro_gym.twin.kernels.state import Actuators, Circuits, OilLoads, Pose, load4
@@ -33,7 +35,7 @@ from aoro_gym.twin.physics.steering import (
     steering_step,
     steering_torque,
 )
-from aoro_gym.twin.physics.steering_circuit import Exchange, SteeringGeometry
+from aoro_gym.twin.physics.steering_circuit import Exchange, SteeringGeometry, SteeringState
 from aoro_gym.twin.physics.steering_valve import play
 from aoro_gym.twin.records import Command, MachineRecord
 
@@ -50,6 +52,7 @@ class Signals:
     traction: wp.vec4  # [-] 0 … 1
     gear: float  # 1, 2 or 3
     parking_brake: float  # [-] 0 … 1
+    crane: wp.vec4  # [-] −1 … 1, of machines that have one
 
 
 @wp.func
@@ -148,9 +151,31 @@ def arm_torques(oil: Oil, g: Chambers, fl: ArmState, fr: ArmState, rl: ArmState,
 
 
 @wp.func
+def further_sections(laws: Any, state: wp.array2d(dtype=float), t: int, signals: Signals, oil: Oil, h: float):
+    """What twin ``t`` has on pump 2 beside steering and arms, at the start of a main step of ``h`` [s]: nothing. A crane
+    takes the place of this and the next two (:mod:`aoro_gym.twin.kernels.crane_on_frame`)."""
+    return float(0.0)
+
+
+@wp.func
+def further_step(
+    laws: Any, t: int, m: MachineRecord, oil: Oil, steering: SteeringState, exchange: Exchange, sections: Any, dt: float
+):
+    """``exchange`` and ``sections`` after a substep of ``dt`` [s]."""
+    return exchange, sections
+
+
+@wp.func
+def keep_further(laws: Any, state: wp.array2d(dtype=float), t: int, oil: Oil, sections: Any, share: float):
+    """Keep what the substeps came to; ``share`` is one over their number."""
+    return
+
+
+@wp.func
 def hydraulics(
     # parameters
     m: MachineRecord,
+    laws: Any,
     oil: Oil,
     mount_stiffness: float,
     # at this main step: chambers, controls, rates
@@ -163,6 +188,9 @@ def hydraulics(
     wheel_rate: wp.vec4,
     # state
     circuits: Circuits,
+    state: wp.array2d(dtype=float),
+    t: int,
+    signals: Signals,
     h: float,
     num_substeps: int,
 ):
@@ -200,6 +228,7 @@ def hydraulics(
     motor_sum = 0.5 * motor_pressures(oil, driveline)
     flow_in = float(0.0)
     flow_out = float(0.0)
+    sections = further_sections(laws, state, t, signals, oil, h)
     for substep in range(num_substeps):
         supply = pressure(oil, steering.supply)
         tank = pressure(oil, steering.tank_line)
@@ -215,6 +244,7 @@ def hydraulics(
         exchange.supply_flow = flows_fl.drawn + flows_fr.drawn + flows_rl.drawn + flows_rr.drawn
         exchange.tank_flow = flows_fl.returned + flows_fr.returned + flows_rl.returned + flows_rr.returned
         exchange.load_pressure = wp.max(wp.max(flows_fl.load, flows_fr.load), wp.max(flows_rl.load, flows_rr.load))
+        exchange, sections = further_step(laws, t, m, oil, steering, exchange, sections, dt)
         steering = steering_step(
             m.steering, oil, gas, g.steering, spool_demand, control.engine_speed, cylinder_rate, exchange, steering, dt
         )
@@ -239,6 +269,7 @@ def hydraulics(
     mean.motors = share * (motor_sum - 0.5 * motor_pressures(oil, driveline))
     steering.flow_in = share * flow_in
     steering.flow_out = share * flow_out
+    keep_further(laws, state, t, oil, sections, share)
     return Circuits(steering, mount, fl, fr, rl, rr, driveline), mean
 
 

@@ -5,6 +5,8 @@ Machines that carry a load are advanced by kernels of their own, in which :func:
 """
 
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
+from typing import Any
+
 import warp as wp
 
 from aoro_gym.twin.kernels.corners import HullLoads
@@ -16,9 +18,9 @@ from aoro_gym.twin.records import LoadRow, MachineRecord
 
 @wp.func
 def tree(
-    m: MachineRecord, state: wp.array2d(dtype=float), t: int, weight: wp.vec3, to_rear: wp.mat33, middle: Velocity,
-    joint_torque: float, fl: CornerLoad, fr: CornerLoad, rl: CornerLoad, rr: CornerLoad, front_hull: HullLoads,
-    rear_hull: HullLoads, h: float,
+    m: MachineRecord, laws: Any, state: wp.array2d(dtype=float), t: int, weight: wp.vec3, to_rear: wp.mat33,
+    middle: Velocity, joint_torque: float, fl: CornerLoad, fr: CornerLoad, rl: CornerLoad, rr: CornerLoad,
+    front_hull: HullLoads, rear_hull: HullLoads, h: float,
 ):  # fmt: skip
     """Accelerations of twin ``t`` without a load; ``middle``: its motion in the middle of the step of ``h`` [s]."""
     omega_rear = to_rear * middle.angular - wp.vec3(0.0, 0.0, middle.joint)
@@ -53,9 +55,9 @@ def store_load_state(state: wp.array2d(dtype=float), t: int, value: LoadState):
 
 @wp.func
 def tree_with_load(
-    m: MachineRecord, state: wp.array2d(dtype=float), t: int, weight: wp.vec3, to_rear: wp.mat33, middle: Velocity,
-    joint_torque: float, fl: CornerLoad, fr: CornerLoad, rl: CornerLoad, rr: CornerLoad, front_hull: HullLoads,
-    rear_hull: HullLoads, h: float,
+    m: MachineRecord, laws: Any, state: wp.array2d(dtype=float), t: int, weight: wp.vec3, to_rear: wp.mat33,
+    middle: Velocity, joint_torque: float, fl: CornerLoad, fr: CornerLoad, rl: CornerLoad, rr: CornerLoad,
+    front_hull: HullLoads, rear_hull: HullLoads, h: float,
 ):  # fmt: skip
     """As :func:`tree`, with the load on the rear frame, which a step of ``h`` [s] moves; its state is kept between steps."""
     omega_rear = to_rear * middle.angular - wp.vec3(0.0, 0.0, middle.joint)

@@ -12,7 +12,8 @@ with a₀, α₀ what is left where ω̇, â and q̈ are zero (centripetal and C
 
 and with q̈ eliminated the frame feels an articulated inertia (Featherstone, *Rigid Body Dynamics Algorithms*, 2008, ch. 7).
 Gravity is in â = v̇ − g. Bodies: pillar, main boom, stick, extension, and the grapple as a point at the tip, which neither
-swings nor turns. Valid for rigid booms without friction. Units: m, kg, s, rad, N.
+swings nor turns; a log that it holds hangs below, turns with the pillar and keeps its angle to it. Valid for rigid booms
+without friction. Units: m, kg, s, rad, N.
 """
 
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
@@ -54,6 +55,11 @@ class CraneRecord:
     extension_inertia_axial: float
     extension_inertia_transverse: float
     grapple_mass: float
+    held_drop: float  # [m] of a log that is held, below the tip
+    held_mass: float  # [kg]; 0: none
+    held_yaw: float  # [rad] of the log against the pillar
+    held_inertia_axial: float  # [kg m²]
+    held_inertia_transverse: float
 
 
 @wp.struct
@@ -66,6 +72,8 @@ class CraneMotion:
     u_linear: mat34
     bias: wp.vec4
     tip: wp.vec3  # [m]
+    tip_slopes: mat34  # its place with the joints
+    tip_bias: wp.vec3  # [m/s²] its acceleration without ω̇, â and q̈
     kinetic: float  # [J] where the frame rests
     moment: wp.vec3  # [kg m] first moment of the mass about the frame's origin
 
@@ -191,6 +199,14 @@ def crane_motion(m: CraneRecord, q: wp.vec4, rates: wp.vec4, omega: wp.vec3):
     jv = stick_columns(m.foot, lift.origin, fold.origin, to, raising, stick)
     sums = with_body(sums, out_link, to, m.grapple_mass, wp.mat33(), jv, jw, rates)
     sums.tip = fold.origin + to
+    sums.tip_slopes = jv
+    sums.tip_bias = further(out_link, to)
+    if m.held_mass > 0.0:  # a body that slews alone
+        hangs = Joined(sums.tip, pillar.rate, pillar.turning, sums.tip_bias, zero)
+        along = wp.cos(m.held_yaw) * radial + wp.sin(m.held_yaw) * aside
+        inertia = along_inertia(along, m.held_inertia_axial, m.held_inertia_transverse)
+        jw = columns(UPRIGHT, zero, zero, zero)
+        sums = with_body(sums, hangs, -m.held_drop * UPRIGHT, m.held_mass, inertia, jv, jw, rates)
     return sums
 
 
@@ -222,3 +238,9 @@ def joint_acceleration(at: CraneMotion, torque: wp.vec4, angular: wp.vec3, linea
     """q̈ from the frame's angular and (gravity-free) linear acceleration at its origin."""
     u = torque - at.bias - wp.transpose(at.u_angular) * angular - wp.transpose(at.u_linear) * linear
     return wp.inverse(at.h) * u
+
+
+@wp.func
+def tip_specific_force(at: CraneMotion, joints: wp.vec4, angular: wp.vec3, linear: wp.vec3):
+    """Specific force [m/s²] of what hangs at the tip, from the accelerations of joints and frame."""
+    return linear + wp.cross(angular, at.tip) + at.tip_slopes * joints + at.tip_bias

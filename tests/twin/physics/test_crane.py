@@ -10,6 +10,7 @@ from aoro_gym.machine.crane import JOINTS, Crane, forwarder_crane
 from aoro_gym.twin.cranes import pack
 from aoro_gym.twin.physics.bodies import add, rigid_body
 from aoro_gym.twin.physics.crane import CraneRecord, carried_by_frame, crane_motion, joint_acceleration
+from tests.oracles.mujoco_model import crane_bodies
 
 STATES = 200
 FOOT = (0.9, 0.1, 1.1)
@@ -44,29 +45,11 @@ def solve(
 
 def model(crane: Crane) -> mujoco.MjModel:
     """The crane on a frame that floats."""
-
-    def inertial(mass, place, *moments):
-        x = " ".join(f"{v:.12g}" for v in moments)
-        return f'<inertial mass="{mass}" pos="{place[0]} {place[1]} {place[2]}" diaginertia="{x}"/>'
-
-    pillar, lift, boom, stick, out = crane.pillar, crane.lift, crane.boom, crane.stick, crane.extension
-    place = " ".join(map(str, FOOT))
+    moments = " ".join(map(str, FRAME[2]))
+    frame = f'<inertial mass="{FRAME[0]}" pos="{" ".join(map(str, FRAME[1]))}" diaginertia="{moments}"/>'
     text = f"""
 <mujoco><compiler angle="radian" autolimits="false" boundmass="0"/><option gravity="0 0 -9.81"/>
-<worldbody><body name="frame"><freejoint/>{inertial(FRAME[0], FRAME[1], *FRAME[2])}
- <body pos="{place}"><joint name="slew" axis="0 0 1"/>
-  {inertial(pillar.mass, (pillar.cog_forward, 0, pillar.cog_height), pillar.inertia_transverse,
-            pillar.inertia_transverse, pillar.inertia_axial)}
-  <body pos="{lift.offset} 0 {lift.height}"><joint name="lift" axis="0 -1 0"/>
-   {inertial(boom.mass, (boom.cog_along, 0, boom.cog_over), boom.inertia_axial, boom.inertia_transverse,
-             boom.inertia_transverse)}
-   <body pos="{boom.length} 0 0"><joint name="fold" axis="0 -1 0"/>
-    {inertial(stick.mass, (stick.cog_along, 0, 0), stick.inertia_axial, stick.inertia_transverse,
-              stick.inertia_transverse)}
-    <body pos="{stick.length} 0 0"><joint name="telescope" type="slide" axis="1 0 0"/>
-     {inertial(out.mass, (out.cog_along, 0, 0), out.inertia_axial, out.inertia_transverse, out.inertia_transverse)}
-     <body name="tip"><inertial mass="{crane.grapple.mass}" pos="0 0 0" diaginertia="0 0 0"/></body>
-    </body></body></body></body></body></worldbody></mujoco>"""  # fmt: skip
+<worldbody><body name="frame"><freejoint/>{frame}{crane_bodies(crane, FOOT)}</body></worldbody></mujoco>"""
     return mujoco.MjModel.from_xml_string(text)
 
 
