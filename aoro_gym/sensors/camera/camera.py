@@ -30,7 +30,7 @@ OPTICAL = (0.5, -0.5, 0.5, -0.5)
 METERED = 48
 """Columns of the picture that automatic exposure looks at."""
 BAND = 24
-"""Rows of a launch: between two of them progress is told, and a core is shared out."""
+"""Rows of a launch on the CPU: between two of them progress is told, and a core is shared out. A GPU takes all at once."""
 BLOCK_DIM = 256
 """Threads a block on CUDA, Warp's own number: another one would compile the kernels again."""
 CAMERA_MOUNTING = Mounting(position=(1.7, 0.06, 2.4), angles_deg=(0.0, 8.0, 0.0))
@@ -112,15 +112,23 @@ class StereoCamera:
         eyes = (0.0, self.model.baseline)
         return [Stereo(*pair) for pair in zip(*self._taken(motion, start, number, eyes, progress), strict=True)]
 
-    def take_left(self, motion: Motion, *, start: float | None = None, number: int = 0) -> list[Picture]:
+    def take_left(
+        self,
+        motion: Motion,
+        *,
+        start: float | None = None,
+        number: int = 0,
+        progress: Callable[[float], None] | None = None,
+    ) -> list[Picture]:
         """Pictures of the left cameras alone, in half the time: those of :meth:`take`.
 
         Args:
             motion: Of the front frames.
             start: Time [s] of the motion at which the first row's exposure begins; by default its first.
             number: Of the picture, for its noise.
+            progress: Told the share that is done.
         """
-        return self._taken(motion, start, number, (0.0,), None)[0]
+        return self._taken(motion, start, number, (0.0,), progress)[0]
 
     def _taken(
         self,
@@ -226,11 +234,12 @@ class StereoCamera:
         lens = self.model.intrinsics
         layers = self._layers((worlds, lens.height, lens.width))
         shutter = self._shutter(exposure, self.samples, self.sky_rays)
+        band = BAND if self.scene.device == "cpu" else lens.height
         launches = [
             self._launch(
-                times, poses, shutter, self.pose(offset), salt, (first, min(BAND, lens.height - first)), 1, layers
+                times, poses, shutter, self.pose(offset), salt, (first, min(band, lens.height - first)), 1, layers
             )
-            for first in range(0, lens.height, BAND)
+            for first in range(0, lens.height, band)
         ]
         pool = ThreadPoolExecutor(cores() if self.scene.device == "cpu" else 1)  # a launch on the CPU takes one core
         try:

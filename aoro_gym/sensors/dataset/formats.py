@@ -70,28 +70,33 @@ def write_coco(folder: Path, frames: Sequence[Frame]) -> list[Path]:
     of what is seen, the full ones are a field more."""
     written = []
     for split in sorted({frame["split"] for frame in frames}):
-        chosen = [frame for frame in frames if frame["split"] == split]
-        images = [
-            {
-                "id": frame["number"],
-                "file_name": f"{split}/{name_of(frame)}.png",
-                "height": frame["height"],
-                "width": frame["width"],
-            }
-            for frame in chosen
-        ]
-        labels = [(frame, label) for frame in chosen for label in frame["labels"]]
-        annotations = [_annotation(number, *one) for number, one in enumerate(labels, start=1)]
-        content = {"images": images, "annotations": annotations}
-        content["categories"] = [{"id": number, "name": name} for number, name in enumerate(CATEGORIES, start=1)]
+        content = coco([frame for frame in frames if frame["split"] == split])
         written.append(folder / "annotations" / f"instances_{split}.json")
         _write_compact(written[-1], content)
-        for annotation in annotations:
+        for annotation in content["annotations"]:
             rle = annotation["segmentation"]
             annotation["segmentation"] = polygons(mask_of(rle["counts"], *rle["size"]))
         written.append(folder / "annotations" / f"polygons_{split}.json")
         _write_compact(written[-1], content)
     return written
+
+
+def coco(frames: Sequence[Frame]) -> dict[str, Any]:
+    """Content of a COCO file of pictures, their masks as run lengths; ``world_seed`` says which are of one forest."""
+    images = [
+        {
+            "id": frame["number"],
+            "file_name": f"{frame['split']}/{name_of(frame)}.png",
+            "height": frame["height"],
+            "width": frame["width"],
+            "world_seed": frame["world_seed"],
+        }
+        for frame in frames
+    ]
+    labels = [(frame, label) for frame in frames for label in frame["labels"]]
+    annotations = [_annotation(number, *one) for number, one in enumerate(labels, start=1)]
+    categories = [{"id": number, "name": name} for number, name in enumerate(CATEGORIES, start=1)]
+    return {"images": images, "annotations": annotations, "categories": categories}
 
 
 def _annotation(number: int, frame: Frame, label: dict[str, Any]) -> dict[str, Any]:

@@ -33,10 +33,15 @@ from aoro_gym.terrains.world.world import World
 
 SHEET = 12
 """Pictures of the sheet."""
-UNIT = 1000
-"""Parts of a picture's work that progress counts."""
-SETTING_UP, DRIVING = 1000, 3000
-"""Parts that a forest's triangles take, and a drive through it. (E)"""
+SETTING_UP, DRIVING = 1500, 6000
+"""Work that a forest's triangles are, and a drive through it; a core does about a thousand a second. (E)"""
+ANYWHERE, A_PIXEL, A_RAY = 250, 0.007, 0.012
+"""Work of a picture that any device leaves to the core (labels, files); and that of each pixel's truth and of each of its
+samples, on a CPU. (E: by pictures of 192 and 384 pixels of width on two cores)"""
+OUTLINES = 90
+"""Work of a picture's polygons, which come last. (E)"""
+JOBS, LEAST_JOB = 3, 4
+"""Jobs of a process, so that none is alone at work for long at the end; and the fewest pictures of one."""
 
 Tell = Callable[[int], Any]
 """Takes an amount of work that was done."""
@@ -71,6 +76,14 @@ class Plan:
         ground = None if self.ground is None else digest(self.ground)
         path = None if self.path is None else digest(self.path)
         return {**lists, "drive": self.driver is not None, "ground": ground, "path": path}
+
+    @property
+    def picture(self) -> int:
+        """Work of a picture."""
+        if self.device != "cpu":
+            return ANYWHERE
+        lens, eyes = self.settings.camera.intrinsics, 1 if self.settings.left_only else 2
+        return int(ANYWHERE + eyes * lens.width * lens.height * (A_PIXEL + A_RAY * self.settings.samples))
 
     def frame_file(self, number: int) -> Path:
         """Of a picture, written when all of it is."""
@@ -142,8 +155,9 @@ def _take_all(plan: Plan, names: Sequence[str], processes: int, progress: Callab
                 waiting[index].append(number)
     drives = [index for index in waiting if plan.driver is not None and not plan.drive_file(index).exists()]
     jobs = [(index, part) for index, numbers in waiting.items() for part in _parted(numbers, processes, len(waiting))]
-    done = UNIT * (plan.settings.frames - sum(map(len, waiting.values())))
-    total = UNIT * plan.settings.frames + SETTING_UP * len(jobs) + DRIVING * len(drives)
+    done = plan.picture * (plan.settings.frames - sum(map(len, waiting.values())))
+    total = plan.picture * plan.settings.frames + SETTING_UP * len(jobs) + DRIVING * len(drives)
+    total += OUTLINES * plan.settings.frames if "coco" in plan.settings.formats else 0
 
     def tell(amount: int) -> None:
         nonlocal done
@@ -159,8 +173,9 @@ def _take_all(plan: Plan, names: Sequence[str], processes: int, progress: Callab
 
 
 def _parted(numbers: list[int], processes: int, forests: int) -> list[list[int]]:
-    """Numbers of a forest in as many parts as keep all processes at work."""
-    parts = min(-(-processes // forests), len(numbers))
+    """Numbers of a forest in as many parts as keep all processes at work; one where there is one process."""
+    wanted = 1 if processes == 1 else -(-JOBS * processes // forests)
+    parts = max(min(wanted, len(numbers) // LEAST_JOB), min(-(-processes // forests), len(numbers)))
     return [numbers[len(numbers) * k // parts : len(numbers) * (k + 1) // parts] for k in range(parts)]
 
 
@@ -193,7 +208,7 @@ def _take(tell: Tell, plan: Plan, index: int, numbers: list[int]) -> None:
     every = plan.numbers(index)
     instants = None if drive is None else drive.instants(len(every))
     for number in numbers:
-        counted = _Counted(tell, UNIT)
+        counted = _Counted(tell, plan.picture)
         due = None if instants is None else float(instants[every.index(number)])
         write_json(plan.frame_file(number), take(plan.folder, site, number, due, counted.share))
         counted.share(1.0)

@@ -66,7 +66,7 @@ def take(
                 raise
     tell = partial(_within, progress)
     pictures: Sequence[Picture] = (
-        camera.take_left(motion, start=start)
+        camera.take_left(motion, start=start, progress=tell)
         if settings.left_only
         else camera.take(motion, start=start, progress=tell)[0]
     )

@@ -1,18 +1,23 @@
 """Machines that stand in a world: as the twin rests there, seen as they are, and labelled."""
 
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pytest
+import warp as wp
+from scipy.spatial.transform import Rotation
 
 from aoro_gym.machine import Machine
+from aoro_gym.machine.kinematics import Kinematics
 from aoro_gym.machine.solids import machine_solids
-from aoro_gym.sensors.camera import Picture
+from aoro_gym.sensors.camera import CAMERA_MOUNTING, MODELS, Picture
+from aoro_gym.sensors.camera.camera import OPTICAL
 from aoro_gym.sensors.dataset import CATEGORIES, Shapes, labels
 from aoro_gym.sensors.dataset.labels import categories
 from aoro_gym.sensors.dataset.machines import BESIDE_PATH, StandingMachine, standing
-from aoro_gym.sensors.dataset.taking import pose_of
-from aoro_gym.sensors.lidar import Motion
+from aoro_gym.sensors.dataset.taking import matrix_of, pose_of
+from aoro_gym.sensors.lidar import Motion, Mounting
 from aoro_gym.terrains.world.places import stands_free
 from aoro_gym.terrains.world.world import World
 from tests.sensors.dataset.scenes import FLAT, LENS, camera_in, lying, standing_at
@@ -75,3 +80,24 @@ def test_places_are_free_and_off_the_way():
         assert stands_free(others, one.position[None, :2], np.array([one.heading]), np.zeros(1)).all()
     again = standing(World(FLAT), 3, np.random.default_rng(5), way=way)
     np.testing.assert_array_equal(again[2].vertices, found[2].vertices)
+
+
+@pytest.mark.parametrize("name", sorted(MODELS))
+def test_nothing_of_the_own_machine_is_in_view(name):
+    """At the camera's place, whatever the arms do, each corner of the machine's parts lies below the picture, at all angles
+    that are drawn (the wide one at its own): leaving the machine out of its pictures leaves out its shadow alone."""
+    machine, lens = Machine.load("aoro"), MODELS[name].intrinsics
+    solids, kinematics = machine_solids(machine), Kinematics(machine)
+    _, y, z = lens.unproject(np.column_stack([np.arange(lens.width), np.full(lens.width, lens.height)])).T
+    steepest, drawn = (y / z).max(), list(product((-2.0, 2.0), (2.0, 8.0, 18.0), (-5.0, 5.0)))
+    for arms in np.linspace(-1.0, 1.0, 3) * float(machine.arm.swing):
+        placed = kinematics.placed(0.0, [arms] * 4, [0.0] * 4)
+        parts = [
+            Rotation.from_quat(wxyz, scalar_first=True).apply(solids[part].triangles()[0]) + origin
+            for part, (origin, wxyz) in placed.items()
+        ]
+        for angles in [CAMERA_MOUNTING.angles_deg] if name == "stereo-wide" else drawn:
+            mounted = Mounting(position=CAMERA_MOUNTING.position, angles_deg=angles)
+            pose = matrix_of(mounted.transform() * wp.transform(wp.vec3(0.0, 0.0, 0.0), wp.quat(*OPTICAL)))
+            _, down, ahead = ((np.concatenate(parts) - pose[:3, 3]) @ pose[:3, :3]).T
+            assert (down > steepest * ahead).all()
