@@ -41,9 +41,10 @@ def policy_content(policy: Any) -> Any:
     made_of = getattr(policy, "__self__", policy)
     if not isinstance(made_of, LearnedPolicy):
         return policy
-    content = {one.name: getattr(made_of, one.name) for one in fields(made_of) if one.name != "training"}
-    normalisation = made_of.normalisation  # by its values: where its class stands does not count
-    return [content | {"normalisation": None if normalisation is None else vars(normalisation)}]
+    content = {one.name: getattr(made_of, one.name) for one in fields(made_of) if one.init and one.name != "training"}
+    parts = {name: content.pop(name) for name in ("normalisation", "memory")}  # by their values, not by their class
+    normalisation, memory = ({name: None if one is None else vars(one)} for name, one in parts.items())
+    return [content | normalisation | ({} if made_of.memory is None else memory)]
 
 
 def _ground(course: Course) -> dict[str, Any]:

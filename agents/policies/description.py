@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from aoro_gym.checks import check_finite
 
-FORMAT, FORMATS = 2, (1, 2)
-"""Of the files that are written, and those that are read; those of 1 do not say which numbers they are of."""
+FORMAT, FORMAT_WITH_MEMORY, FORMATS = 2, 3, (1, 2, 3)
+"""Of the files that are written, of policies without and with a memory, and those that are read; those of 1 do not say which
+numbers they are of."""
 
 
 def shortened(value: Any) -> str:
@@ -31,9 +32,11 @@ class NoNumbers(ValueError):
     """A file holds no arrays."""
 
 
-def read_description(content: Mapping[str, Any]) -> tuple[dict[str, Any], list[int], dict[str, float] | None]:
-    """Fields of a :class:`LearnedPolicy`, its sizes and the numbers of its normalisation, from a policy's
-    JSON.
+def read_description(
+    content: Mapping[str, Any],
+) -> tuple[dict[str, Any], list[int], dict[str, float] | None, list[int] | None]:
+    """Fields of a :class:`LearnedPolicy`, its sizes, the numbers of its normalisation and the sizes of its memory, from a
+    policy's JSON.
 
     Raises ValueError that names what is missing or wrong.
     """
@@ -41,15 +44,15 @@ def read_description(content: Mapping[str, Any]) -> tuple[dict[str, Any], list[i
         known = ", ".join(map(str, FORMATS))
         raise ValueError(f"format is {shortened(content['format'])}, but this version reads {known}")
     network = _entry(content, "network", dict)
-    sizes = _entry(network, "sizes", list)
-    if len(sizes) < 2 or not all(isinstance(one, int) and not isinstance(one, bool) and one > 0 for one in sizes):
-        raise ValueError(f"sizes is {shortened(sizes)}, but must be two whole numbers or more, each above 0")
+    sizes = _sizes(network, "sizes", "two whole numbers or more", 2)
+    memory = _sizes(network, "memory", "three whole numbers", 3, 3) if "memory" in network else None
+    observed = sizes[0] if memory is None else memory[0]
     layout = {}
     for name, span in _entry(content, "observation", dict).items():
         whole = isinstance(span, list) and len(span) == 2 and all(type(end) is int for end in span)
-        if not whole or not 0 <= span[0] < span[1] <= sizes[0]:
+        if not whole or not 0 <= span[0] < span[1] <= observed:
             raise ValueError(
-                f"observation {shortened(name)} is {shortened(span)}, but must be [first, end] in [0, {sizes[0]}]"
+                f"observation {shortened(name)} is {shortened(span)}, but must be [first, end] in [0, {observed}]"
             )
         layout[name] = slice(*span)
     normalised = None
@@ -65,7 +68,16 @@ def read_description(content: Mapping[str, Any]) -> tuple[dict[str, Any], list[i
         "layout": layout,
         "training": _entry(content, "training", dict),
     }
-    return fields, sizes, normalised
+    return fields, sizes, normalised, memory
+
+
+def _sizes(network: Mapping[str, Any], name: str, kind: str, least: int, most: int = 1000) -> list[int]:
+    """So many whole numbers, each above 0; ValueError if they are others."""
+    sizes = _entry(network, name, list)
+    whole = all(isinstance(one, int) and not isinstance(one, bool) and one > 0 for one in sizes)
+    if not least <= len(sizes) <= most or not whole:
+        raise ValueError(f"{name} is {shortened(sizes)}, but must be {kind}, each above 0")
+    return sizes
 
 
 def _entry(content: Mapping[str, Any], name: str, kind: type) -> Any:

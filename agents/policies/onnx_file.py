@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.agents.policies.memory import GatedMemory
 from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.execution.files import write_bytes
 
@@ -18,7 +19,8 @@ ONNX_OPSET, ONNX_IR = 17, 9
 
 def write_onnx(policy: LearnedPolicy, path: Path) -> None:
     """Write the policy for a vehicle's computer: one input ``observations`` (N, O), one output ``actions`` (N, A), both
-    float32, normalisation and bounds included.
+    float32, normalisation and bounds included. One with a memory of U units also takes its ``state`` (N, U), zeros where an
+    episode begins, and gives ``next_state``.
 
     Raises ValueError if onnx is missing.
     """
@@ -45,6 +47,11 @@ def write_onnx(policy: LearnedPolicy, path: Path) -> None:
         add("Div", "deviation")
         add("Clip", "least", "most")
         add("Cast", to=TensorProto.FLOAT)
+    states: list[Any] = []
+    if policy.memory is not None:
+        states = [("state", policy.memory.sizes[2]), ("next_state", policy.memory.sizes[2])]
+        constants |= _add_memory(policy.memory, value, nodes)
+        value = "remembered"
     for k, (weight, bias) in enumerate(zip(policy.weights, policy.biases, strict=True)):
         constants |= {f"weight{k}": weight, f"bias{k}": bias}
         add("Gemm", f"weight{k}", f"bias{k}", transB=1)
@@ -59,12 +66,16 @@ def write_onnx(policy: LearnedPolicy, path: Path) -> None:
     add("Max", "low")
     add("Min", "high")
     nodes[-1].output[0] = "actions"
-    sizes = policy.sizes
+    named = [("observations", policy.observed), *states[:1]], [("actions", policy.sizes[-1]), *states[1:]]
+    inputs, outputs = (
+        [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["N", size]) for name, size in values]
+        for values in named
+    )
     graph = helper.make_graph(
         nodes,
         "policy",
-        [helper.make_tensor_value_info("observations", TensorProto.FLOAT, ["N", sizes[0]])],
-        [helper.make_tensor_value_info("actions", TensorProto.FLOAT, ["N", sizes[-1]])],
+        inputs,
+        outputs,
         [numpy_helper.from_array(np.ascontiguousarray(array), name) for name, array in constants.items()],
     )
     model = helper.make_model(
@@ -74,3 +85,32 @@ def write_onnx(policy: LearnedPolicy, path: Path) -> None:
     helper.set_model_props(model, {"environment": policy.environment, "observation": json.dumps(terms)})
     onnx.checker.check_model(model, full_check=True)
     write_bytes(path, model.SerializeToString())
+
+
+def _add_memory(memory: GatedMemory, observations: str, nodes: list[Any]) -> dict[str, NDArray[Any]]:
+    """Add to ``nodes`` what makes ``remembered`` and ``next_state`` of ``observations``, normalised, and of ``state``; gives
+    their constants."""
+    from onnx import helper  # pyright: ignore[reportMissingImports]
+
+    units = memory.sizes[2]
+    for operator, inputs, outputs, attributes in (
+        ("Gemm", [observations, "memory.encoder_weight", "memory.encoder_bias"], ["encoded_sum"], {"transB": 1}),
+        ("Tanh", ["encoded_sum"], ["encoded"], {}),
+        ("Gemm", ["encoded", "memory.input_weight", "memory.input_bias"], ["taken"], {"transB": 1}),
+        ("Gemm", ["state", "memory.state_weight", "memory.state_bias"], ["kept"], {"transB": 1}),
+        ("Split", ["taken", "memory.parts"], ["taken_r", "taken_z", "taken_n"], {"axis": 1}),
+        ("Split", ["kept", "memory.parts"], ["kept_r", "kept_z", "kept_n"], {"axis": 1}),
+        ("Add", ["taken_r", "kept_r"], ["sum_r"], {}),
+        ("Sigmoid", ["sum_r"], ["r"], {}),
+        ("Add", ["taken_z", "kept_z"], ["sum_z"], {}),
+        ("Sigmoid", ["sum_z"], ["z"], {}),
+        ("Mul", ["r", "kept_n"], ["let_in"], {}),
+        ("Add", ["taken_n", "let_in"], ["sum_n"], {}),
+        ("Tanh", ["sum_n"], ["n"], {}),
+        ("Sub", ["state", "n"], ["older"], {}),  # (1 - z) n + z h = n + z (h - n)
+        ("Mul", ["z", "older"], ["change"], {}),
+        ("Add", ["n", "change"], ["next_state"], {}),
+        ("Concat", ["encoded", "next_state"], ["remembered"], {"axis": 1}),
+    ):
+        nodes.append(helper.make_node(operator, inputs, outputs, **attributes))
+    return {**memory.arrays(), "memory.parts": np.array([units] * 3, dtype=np.int64)}

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from aoro_gym.agents.policies.description import (
     FORMAT,
+    FORMAT_WITH_MEMORY,
     NoNumbers,
     fingerprint,
     read_array,
@@ -32,6 +33,7 @@ from aoro_gym.agents.policies.description import (
     read_numbers,
     shortened,
 )
+from aoro_gym.agents.policies.memory import GatedMemory
 from aoro_gym.checks import check_choice, check_finite, check_range
 from aoro_gym.execution.files import read_json, written_whole
 
@@ -69,7 +71,11 @@ class Normalisation:
 
 @dataclass(frozen=True)
 class LearnedPolicy:
-    """A multilayer perceptron that maps observations to actions; the same protocol as the reference controllers.
+    """A multilayer perceptron that maps observations to actions, with a memory before it or without; the same protocol as
+    the reference controllers.
+
+    One with a memory is for one environment at a time: it remembers what each of its sub-environments was asked since
+    :meth:`reset`; :meth:`made_for` gives one that remembers nothing yet.
 
     Raises ValueError if its parts do not fit each other.
     """
@@ -93,6 +99,10 @@ class LearnedPolicy:
     """Columns of the observation by term; empty if they are not known."""
     training: Mapping[str, Any] = field(default_factory=dict)
     """How the policy came about: command, seed, steps, revision, …"""
+    memory: GatedMemory | None = None
+    """Before the layers, which then take what it gives; None: they take the observation."""
+    _state: NDArray[np.float32] | None = field(default=None, init=False, repr=False, compare=False)
+    """Of the memory (N, U), once it was asked."""
 
     def __post_init__(self) -> None:
         check_choice("activation", self.activation, ACTIVATIONS)
@@ -108,21 +118,30 @@ class LearnedPolicy:
             raise ValueError(f"the network gives {sizes[-1]} actions, but {self.low.shape[0]} have bounds")
         for k in np.flatnonzero(~(self.low <= self.high)):
             raise ValueError(f"action.low[{k}] is {self.low[k]}, but must be at most action.high[{k}], {self.high[k]}")
+        if self.memory is not None and sum(self.memory.sizes[1:]) != sizes[0]:
+            raise ValueError(f"the memory gives {sum(self.memory.sizes[1:])} numbers, but layer 0 takes {sizes[0]}")
         if self.normalisation is not None:
             for moment in (self.normalisation.mean, self.normalisation.variance):
-                if moment.shape != (sizes[0],):
-                    raise ValueError(f"the network takes {sizes[0]} numbers, but {len(moment)} are normalised")
+                if moment.shape != (self.observed,):
+                    raise ValueError(f"the network takes {self.observed} numbers, but {len(moment)} are normalised")
             check_range("observation.variance", self.normalisation.variance, ge=0.0)
 
     @property
     def sizes(self) -> list[int]:
-        """Numbers before and after each layer."""
+        """Numbers before and after each layer, behind a memory."""
         return [self.weights[0].shape[1], *(len(weight) for weight in self.weights)]
+
+    @property
+    def observed(self) -> int:
+        """Numbers of an observation."""
+        return self.weights[0].shape[1] if self.memory is None else self.memory.sizes[0]
 
     def __call__(self, observations: Observations) -> Actions:
         values = np.asarray(observations, dtype=np.float32)
         if self.normalisation is not None:
             values = self.normalisation(values)
+        if self.memory is not None:
+            values = self._remembered(self.memory, values)
         last = len(self.weights) - 1
         for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             values = values @ weight.T + bias
@@ -132,8 +151,20 @@ class LearnedPolicy:
             values = self.low + np.float32(0.5) * (np.tanh(values) + np.float32(1.0)) * (self.high - self.low)
         return np.clip(values, self.low, self.high)
 
+    def _remembered(self, memory: GatedMemory, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """What the memory gives, which takes in the ``values`` (N, O); of another number N it begins anew."""
+        state = self._state
+        if state is None or len(state) != len(values):
+            state = np.zeros((len(values), memory.sizes[2]), dtype=np.float32)
+        values, state = memory(values, state)
+        object.__setattr__(self, "_state", state)
+        return values
+
     def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
-        """Nothing to forget."""
+        """Forget the past, if there is a memory: of the sub-environments where ``mask`` (N,) holds, or of all."""
+        if self._state is not None:
+            state = None if mask is None else np.where(mask[:, None], np.float32(0.0), self._state)
+            object.__setattr__(self, "_state", state)
 
     def made_for(self, env: Any) -> LearnedPolicy:
         """This policy, for the environment ``env``, wrapped or not.
@@ -147,12 +178,12 @@ class LearnedPolicy:
                 f"the policy has learned from {_listed(self.layout)}, but the environment observes {_listed(layout)}"
             )
         for what, mine, space in (
-            ("observes", self.sizes[0], env.single_observation_space),
+            ("observes", self.observed, env.single_observation_space),
             ("takes", self.sizes[-1], env.single_action_space),
         ):
             if space.shape != (mine,):
                 raise ValueError(f"the environment {what} {space.shape[0]} numbers, but the policy was made for {mine}")
-        return self
+        return self if self.memory is None else replace(self)
 
     def save(self, path: Path) -> list[Path]:
         """Write ``path`` with the suffixes .safetensors and .json, each whole or not at all.
@@ -176,17 +207,20 @@ class LearnedPolicy:
             found |= {f"layer{k}.weight": weight, f"layer{k}.bias": bias}
         if self.normalisation is not None:
             found |= {"observation.mean": self.normalisation.mean, "observation.variance": self.normalisation.variance}
-        return found
+        return found if self.memory is None else found | self.memory.arrays()
 
     def description(self) -> dict[str, Any]:
         """What the numbers mean, for JSON."""
         one = self.normalisation
+        network: dict[str, Any] = {"sizes": self.sizes, "activation": self.activation, "squashed": self.squashed}
+        if self.memory is not None:
+            network["memory"] = list(self.memory.sizes)
         return {
-            "format": FORMAT,
+            "format": FORMAT if self.memory is None else FORMAT_WITH_MEMORY,
             "environment": self.environment,
             "observation": {name: [span.start, span.stop] for name, span in self.layout.items()},
             "normalisation": None if one is None else {"epsilon": one.epsilon, "clip": one.clip},
-            "network": {"sizes": self.sizes, "activation": self.activation, "squashed": self.squashed},
+            "network": network,
             "training": dict(self.training),
         }
 
@@ -196,7 +230,7 @@ class LearnedPolicy:
 
         Raises ValueError naming what is missing or wrong.
         """
-        fields, sizes, normalised = read_description(description)
+        fields, sizes, normalised, remembers = read_description(description)
         normalisation = None
         if normalised is not None:
             mean, variance = (read_array(arrays, f"observation.{name}", 1, np.float64) for name in ("mean", "variance"))
@@ -207,10 +241,13 @@ class LearnedPolicy:
             low=read_array(arrays, "action.low", 1),
             high=read_array(arrays, "action.high", 1),
             normalisation=normalisation,
+            memory=GatedMemory.of(arrays, read_array) if remembers else None,
             **fields,
         )
         if found.sizes != sizes:
             raise ValueError(f"its layers have the sizes {found.sizes}, not {shortened(sizes)}")
+        if found.memory is not None and list(found.memory.sizes) != remembers:
+            raise ValueError(f"its memory has the sizes {list(found.memory.sizes)}, not {shortened(remembers)}")
         return found
 
     @classmethod
@@ -230,7 +267,7 @@ class LearnedPolicy:
         content = numbers.read_bytes()
         try:
             found = cls.of(description, read_numbers(numbers, content))
-            if description["format"] == FORMAT and description.get("numbers") != fingerprint(content):
+            if description["format"] >= FORMAT and description.get("numbers") != fingerprint(content):
                 raise ValueError("its numbers are others; resume the training, which writes both, or restore them")
             return found
         except NoNumbers:

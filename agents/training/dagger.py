@@ -34,7 +34,7 @@ from aoro_gym.agents.training.perceptron import perceptron
 from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.agents.training.recipe import check_positive_integers
 from aoro_gym.agents.training.vec_env import make_vec_env
-from aoro_gym.checks import check_range
+from aoro_gym.checks import check_integer, check_range
 from aoro_gym.envs.core.vector import TwinVectorEnv
 from aoro_gym.execution.device_names import on_cpu
 
@@ -67,15 +67,29 @@ class Hyperparams:
     learning_rate: float | str = "lin_2e-3"
     """At which a fit begins, to fall to 0 in its course; ``lin_NUMBER`` also falls from fit to fit."""
     net_arch: tuple[int, ...] = (64, 64)
+    memory: int = 0
+    """Gated recurrent units before these layers, see :mod:`aoro_gym.agents.training.recurrent_dagger`; 0: none."""
+    error_weight: float = 0.2
+    """With a memory: of telling the errors of what is measured, beside the teacher's actions."""
 
     def __post_init__(self) -> None:
         check_positive_integers(self, "n_envs", "n_steps", "buffer_size", "n_epochs", "batch_size")
+        check_integer("memory", self.memory, ge=0)
+        check_range("error_weight", self.error_weight, ge=0.0, lt=math.inf)
         if self.buffer_size < self.n_envs * self.n_steps:
             raise ValueError(
                 f"buffer_size is {self.buffer_size}, but must hold a rollout, n_envs * n_steps = "
                 f"{self.n_envs * self.n_steps}"
             )
         check_range("action_noise", self.action_noise, ge=0.0, lt=math.inf)
+
+    @classmethod
+    def of(cls, plan: TrainingPlan, values: Mapping[str, Any]) -> Hyperparams:
+        """Those of a recipe; raises ValueError naming one that there is not, too."""
+        try:
+            return cls(**values)
+        except TypeError as error:
+            raise ValueError(f"hyper-parameters of {plan.env} that dagger does not take: {error}") from error
 
 
 class Dagger:
@@ -93,16 +107,13 @@ class Dagger:
     def __init__(
         self, plan: TrainingPlan, hyperparams: Mapping[str, Any], clock: StepCounter, env_kwargs: Mapping[str, Any]
     ):
-        try:
-            self._asked = asked = Hyperparams(**hyperparams)
-        except TypeError as error:
-            raise ValueError(f"hyper-parameters of {plan.env} that dagger does not take: {error}") from error
+        self._asked = asked = Hyperparams.of(plan, hyperparams)
         self._env: Any = make_vec_env(plan.env, int(asked.n_envs), plan.seed, device=plan.device, env_kwargs=env_kwargs)
         self.envs: TwinVectorEnv = self._env.unwrapped.envs
         self._device = torch.device("cpu" if on_cpu(plan.device) else plan.device)
         self._learning_rate = clock.schedule("learning_rate", asked.learning_rate)
         self._exact = EXACT[plan.env]
-        self._teacher = _teacher(plan.env, asked, self.envs)
+        self._teacher = teacher_of(plan.env, asked, self.envs)
         torch.manual_seed(plan.seed)
         seen, acts = self.envs.single_observation_space.shape[0], self.envs.single_action_space.shape[0]
         self._net = perceptron([seen, *asked.net_arch, acts]).to(self._device)
@@ -237,7 +248,7 @@ class Dagger:
         self._env.close()
 
 
-def _teacher(env: str, asked: Hyperparams, envs: TwinVectorEnv) -> Policy:
+def teacher_of(env: str, asked: Hyperparams, envs: TwinVectorEnv) -> Policy:
     """The reference controller of this name, with the gains that were asked for."""
     teacher: Any = reference_policy(env, asked.teacher, envs)
     if isinstance(teacher, ModalController):

@@ -90,6 +90,12 @@ def learner_of(
         torch.set_num_threads(1)  # layers this small lose more by being shared out than they gain
     if plan.algo == "dagger":
         from aoro_gym.agents.training.dagger import Dagger as Trainer
+        from aoro_gym.agents.training.dagger import Hyperparams
+
+        if hyperparams.get("memory"):
+            from aoro_gym.agents.training.recurrent_dagger import RecurrentDagger
+
+            return RecurrentDagger(plan, Hyperparams.of(plan, hyperparams), clock, env_kwargs)
     elif plan.trainer == "resident":
         from aoro_gym.agents.training.skrl_trainer import SkrlPPO as Trainer
     else:

@@ -106,7 +106,7 @@ DIGITS = "9" * 400
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda about: about.update(format=3), "format is 3, but this version reads 1, 2"),
+        (lambda about: about.update(format=4), "format is 4, but this version reads 1, 2, 3"),
         (lambda about: about["network"].update(activation="swish"), "activation is 'swish'; choose one of: tanh, relu"),
         (lambda about: about["network"].update(sizes=[8, 16, 12, 4, 1]), r"layer3\.weight is missing"),
         (lambda about: about["network"].update(sizes=[8, 16, 13, 1]), r"has the sizes|have the sizes \[8, 16, 12, 1\]"),
