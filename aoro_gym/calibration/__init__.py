@@ -3,6 +3,7 @@
 ``space``      which parameters are free, mapped onto the unit cube
 ``turns``      full turns of a whole population in one launch
 ``procedure``  the published procedure: valve curve, dead band, pressure drops, disc brake
+``change``     what a change of parameters does, with the turn time restored
 ``fit``        bounded least squares whose Jacobian is one population, resumable
 ``ensemble``   parameter sets that fit as well and differ as far as the data allow
 """

@@ -73,6 +73,11 @@ def solve(machine: Machine, key: str, target: float, measure: Callable[[Machine]
         values = np.linspace(low, high, GRID)
         found = measure(machine.set({key: values}))
         bracket = crossing(values, found, target)
+        if bracket is None and not np.isfinite(found).any():
+            raise ValueError(
+                f"no {key} within its range [{low:.4g}, {high:.4g}] {machine.entries[key].unit} reaches {target:.4g}: with "
+                "none of those tried was there anything to measure, such as a turn that ends in time"
+            )
         if bracket is None:
             nearest = int(np.nanargmin(np.abs(found - target)))
             raise ValueError(

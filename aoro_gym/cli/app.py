@@ -65,6 +65,7 @@ for command in (
     simulation.simulate,
     demo.demo,
     calibration.validate,
+    calibration.study,
     calibration.calibrate,
     diagnosis.diagnose,
     terrain.terrain,

@@ -140,6 +140,55 @@ def validated(machine: Machine, uncalibrated: Machine | None, ensemble: list[Mac
         )
 
 
+RestoreOption = Annotated[
+    bool,
+    option("--recalibrate", None, "Find the valve's edges anew, so that turns at full signal take the time they took."),
+]
+
+
+def study(
+    out: options.FolderOption = Path("study"),
+    recalibrate: RestoreOption = False,
+    machine: options.MachineOption = options.MACHINE,
+    set_: options.SetOption = None,
+    scale: options.ScaleOption = None,
+    device: options.DeviceOption = "cpu",
+    json_to: options.JsonOption = None,
+    quiet: options.QuietOption = False,
+) -> None:
+    """What a change of parameters does to full turns and to a straight drive.
+
+    Left and right turns at 100, 75 and 50 % signal of the machine as it is and with --set and --scale: seven key figures
+    with their changes, flow curves over each other, and the motors' pressure at 0.75 m/s. With --recalibrate the pressure
+    drop of the valve's edges restores the turn times first, as the publication does, so that what differs is what the
+    parameter does beside the time.
+
+    FOLDER gets study.json, the curves (PNG) and index.html.
+
+    [bold]Examples[/]
+
+      aoro-gym study --scale steering.hose_bulk_modulus=0.5
+      aoro-gym study --scale steering.hose_bulk_modulus=0.5 --recalibrate --out softer
+      aoro-gym study --set oil.gas_fraction=0.02 --set joint.friction_torque=0 --recalibrate
+    """
+    with checking_input():
+        from aoro_gym.calibration.change import study_change
+        from aoro_gym.calibration.change_report import sentence, tables, write_change
+
+        options.check_folder(out, "index.html")
+        if not (set_ or scale):
+            raise ValueError("nothing is changed; give --set KEY=VALUE or --scale KEY=FACTOR")
+        before = options.load(options.run_spec(machine, None, None, device))
+        run = options.run_spec(machine, set_, scale, device)
+        after = options.load(run)
+    with terminal.progress("study") as tell, running(), checking_input():
+        found = study_change(before, after, recalibrate=recalibrate, device=device, progress=tell)
+    with running():
+        written = write_change(found, out, run.to_json())
+    shown = [sentence(found), *tables(found)]
+    conclude(out / "study.json", shown, written, json_to=json_to, highlight=False)
+
+
 LogsArgument = Annotated[list[Path] | None, argument("[LOG]...", "Logs (.csv, .parquet or a bag), after --logs.")]
 PublishedOption = Annotated[bool, option("--published", None, "Calibrate against the published figures.")]
 UseLogsOption = Annotated[bool, option("--logs", None, "Calibrate against the LOGs that follow.")]

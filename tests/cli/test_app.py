@@ -26,9 +26,9 @@ def _commands(group):
 def test_version_and_help():
     assert call("--version").stdout == f"aoro-gym {__version__}\n"
     verbs = (
-        "parameters simulate validate calibrate demo terrain world evaluate leaderboard curves gap train serve bench"
+        "parameters simulate validate study calibrate demo terrain world evaluate leaderboard curves gap train bench"
     )
-    for verb in [*verbs.split(), "robustness", "view", "export policy", "export twin", "laboratory"]:
+    for verb in [*verbs.split(), "serve", "robustness", "view", "export policy", "export twin", "laboratory"]:
         shown = call(*verb.split(), "--help")
         assert shown.exit_code == 0
         assert "Examples" in shown.stdout

@@ -9,6 +9,7 @@ import pytest
 from aoro_gym import Machine, validation
 from aoro_gym.calibration.published import Calibration
 from aoro_gym.machine.laws import family
+from aoro_gym.validation.turns import TURNS
 from tests.cli.calling import call, check_refused
 
 
@@ -218,3 +219,21 @@ def test_a_calibration_does_not_replace_the_manifest_of_its_log(turn, quick):
 )
 def test_wrong_input_is_one_line_before_anything_runs(files, arguments, message):
     check_refused(arguments, message)
+
+
+def test_a_study_of_nothing_or_of_what_is_not_there_is_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    check_refused("study", "nothing is changed; give --set KEY=VALUE or --scale KEY=FACTOR")
+    check_refused("study --scale no.such=2", "no.such")
+
+
+def test_a_study_writes_its_files_and_says_what_was_changed(tmp_path, monkeypatch):
+    monkeypatch.setattr("aoro_gym.calibration.change.TURNS", TURNS[:1])
+    monkeypatch.setattr("aoro_gym.calibration.change_report.SIDES", ("left",))
+    monkeypatch.setattr("aoro_gym.calibration.change.motor_pressure", lambda machine, device: [12.8])
+    shown = call("study", "--scale", "steering.hose_bulk_modulus=0.5", "--out", tmp_path)
+    assert shown.exit_code == 0, shown.output
+    assert "steering.hose_bulk_modulus" in shown.stdout and "motor pressure at 0.75 m/s" in shown.stdout
+    content = json.loads((tmp_path / "study.json").read_text())
+    assert content["turns"][0]["percent"]["first_peak_L_per_min"] > 0.5, "softer hoses let the joint swing farther"
+    assert (tmp_path / "index.html").exists()

@@ -10,6 +10,7 @@ COMMANDS: list[tuple[str, tuple[object, ...]]] = [
     ("drive", ("simulate", "-m", "drive", "--duration", 1, "--out", "[/x] $a$.csv")),
     ("demo", ("demo",)),
     ("validate", ("validate", "--ensemble", "none")),
+    ("study", ("study", "--scale", "steering.hose_bulk_modulus=0.9")),
     ("calibrate", ("calibrate", "--logs", "log.csv", "--starts", 1, "--population", 2, "--force")),
     ("terrain", ("terrain", "ground.npy", "--cell", 1)),
     ("export twin", ("export", "twin", "--format", "fmi2", "--out", "twin.fmu")),
