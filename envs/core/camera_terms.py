@@ -119,7 +119,7 @@ class ColourView(EyeTerm):
         struct: Any = Look
         looks = [
             look_of(ground, self.season).on_device(scene, undergrowth=True)
-            for ground, scene in zip(rays.grounds, rays.scenes(), strict=True)
+            for ground, scene in zip(rays.grounds, map(rays.scene, range(len(rays.grounds))), strict=True)
         ]
         shutter: Any = Shutter()
         shutter.samples, shutter.sky_rays = 1, self.sky_rays

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from aoro_gym.checks import check_range
 from aoro_gym.envs.core.task import Outputs
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 MOST_KEPT = 100
 """Poses of a sub-environment: 5 s of steps of 50 ms."""
+_OF_SCENES = ("rays", "meshes", "meshes of the ground")  # keys of what is made anew where a scene is added
 
 
 class RaySensing:
@@ -52,23 +54,29 @@ class RaySensing:
         self._ground, self._seeds = arrays.zeros(n, xp.int64), arrays.zeros(n, xp.int64)
         self._noise = arrays.ones(n)
         self._poses = arrays.zeros((kept, n, 7), xp.float32)
+        self._met = {0}  # grounds that any machine has stood on
         self._made: dict[Any, Any] = {}
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_made": {}}  # made anew on its device
 
-    def reset(self, rows: Index, ground: Array, noise: Array, generators: Sequence[np.random.Generator]) -> None:
+    def reset(self, rows: Index, ground: NDArray[Any], noise: Array, generators: Sequence[np.random.Generator]) -> None:
         """Episodes of the sub-environments ``rows`` (K,) begin.
 
         Args:
             rows: Sub-environments.
-            ground: Which of the grounds they stand on (K,).
+            ground: Which of the grounds they stand on (K,), on the host.
             noise: Multiples of noise and errors (K,).
             generators: One each, to draw with; where no term casts rays, nothing is drawn.
         """
         if self.oldest is not None:
             for array, values in ((self._ground, ground), (self._noise, noise), (self._seeds, draw_seeds(generators))):
                 self.arrays.put(array, rows, values)
+            new = set(np.unique(ground).astype(int).tolist()) - self._met
+            if new:
+                self._met |= new
+                for key in _OF_SCENES:
+                    self._made.pop(key, None)
 
     @property
     def device(self) -> str:
@@ -81,27 +89,37 @@ class RaySensing:
             self._made[key] = make()
         return self._made[key]
 
-    def scenes(self) -> list[Scene]:
-        """What rays meet on each of the grounds."""
+    def scene(self, number: int) -> Scene:
+        """What rays meet on a ground."""
         from aoro_gym.envs.core.ray_scenes import scene_of
 
-        return self.made("scenes", lambda: [scene_of(ground, self.device) for ground in self.grounds])
+        return self.made(("scene", number), lambda: scene_of(self.grounds[number], self.device))
 
     def rays(self) -> wp.array:
-        """The scenes as device code has them."""
+        """The scenes as device code has them, empty where no machine has stood so far: a scene takes 0.1 s to make."""
         from aoro_gym.sensors.raytrace.device import Rays
 
         struct: Any = Rays
-        return self.made("rays", lambda: wp.array([s.data for s in self.scenes()], dtype=struct, device=self.device))
+        nothing = struct()
+        return self.made(
+            _OF_SCENES[0],
+            lambda: wp.array(
+                [self.scene(k).data if k in self._met else nothing for k in range(len(self.grounds))],
+                dtype=struct,
+                device=self.device,
+            ),
+        )
 
     def meshes(self, *, ground_only: bool) -> wp.array:
-        """Identifiers of the scenes' triangles, or of their grounds' alone."""
+        """Identifiers of the scenes' triangles, or of their grounds' alone; 0 where no machine has stood so far."""
+
+        def number(k: int) -> int:
+            return (self.scene(k).ground if ground_only else self.scene(k).mesh).id if k in self._met else 0
+
         return self.made(
-            ("meshes", ground_only),
+            _OF_SCENES[1 + ground_only],
             lambda: wp.array(
-                [(scene.ground if ground_only else scene.mesh).id for scene in self.scenes()],
-                dtype=cast(Any, wp.uint64),
-                device=self.device,
+                [number(k) for k in range(len(self.grounds))], dtype=cast(Any, wp.uint64), device=self.device
             ),
         )
 

@@ -6,9 +6,7 @@ there.
 >>> len(course.paths), len(course.world.objects) > 100
 (5, True)
 
-A route is a cheapest way over the world's truth, by A* over poses (:mod:`aoro_gym.terrains.paths.pose_search`): it bends no
-tighter than the machine can, and keeps :data:`ROOM` from all that stops one, its footprint inflated. So every course can be
-driven. Whoever drives does not see it.
+How worlds are grown and routes are found: :mod:`aoro_gym.envs.forest_run.growing`.
 """
 
 from __future__ import annotations
@@ -30,34 +28,10 @@ from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.execution.cache import cached, computed_with
 from aoro_gym.execution.digest import digest
 from aoro_gym.terrains import Path, Terrain
-from aoro_gym.terrains.generate.forest import ForestSettings
-from aoro_gym.terrains.generate.world import world
-from aoro_gym.terrains.paths.pose_search import SPACING, TIGHTEST, CostMap, steerable_way
-from aoro_gym.terrains.world.files import object_entry, object_of
-from aoro_gym.terrains.world.places import circles, stands_free
-from aoro_gym.terrains.world.traversability import HALF_WIDTH, traversability
+from aoro_gym.terrains.world.entries import object_entry, object_of
 from aoro_gym.terrains.world.world import Undergrowth, World
 
 Floats = NDArray[np.float64]
-
-SIZE = (64.0, 64.0)
-"""Of a world [m]."""
-RUNS = 5
-"""Routes through a world."""
-GROUND = ForestSettings(size=SIZE, cell=0.5, road_width=0.0, trail=False, meadow=False, wet_share=0.1)
-"""Forest everywhere, a tenth of it wet."""
-AXLE = 1.7
-"""Hinge to either axle [m]."""
-ROOM = HALF_WIDTH + float(np.hypot(TIGHTEST, AXLE) - TIGHTEST) + 0.2
-"""Least distance [m] of a route to what stops a machine: half of its width, what it sweeps besides in the tightest bend, and
-0.2 m."""
-STAND = 4.0
-"""Length [m] of a route behind its start, on which the machine stands."""
-
-_TRIES = 3000
-_MOST = 3000  # poses of a search: those that take more lead far around
-_DETOUR = 1.4  # length of a route over its distance, at most
-_ASIDE = 0.8  # [rad] off the goal's direction at the start, at most
 
 
 def forest_run_course(seed: int, difficulty: float = 1.0) -> Course:
@@ -74,55 +48,13 @@ def forest_run_course(seed: int, difficulty: float = 1.0) -> Course:
     check_range("difficulty", difficulty, ge=0.0, le=1.0)
 
     def make() -> Course:
+        # generators take a second to import, and most courses come from the disk
+        from aoro_gym.envs.forest_run.growing import grown_world, routes
+
         grown = grown_world(seed, difficulty)
         return Course.over(grown, routes(grown, seed, difficulty), name=f"forest run {seed}, difficulty {difficulty:g}")
 
     return cached("forest_runs", (seed, difficulty, _code()), make, _packed, _unpacked)
-
-
-def grown_world(seed: int, difficulty: float) -> World:
-    """The world of :func:`forest_run_course`: a thinned pine heath, whose crowns hang higher than the machine."""
-    return world(
-        seed, ground=GROUND, size=SIZE, stand="pine", stems=100.0 + 200.0 * difficulty, stumps=100.0 + 150.0 * difficulty,
-        boulders=20.0 + 60.0 * difficulty, fallen=10.0 + 20.0 * difficulty, piles=2.0 * difficulty, branches=100.0,
-        strip_roads=0.0, undergrowth=0.0,
-    )  # fmt: skip
-
-
-def routes(grown: World, seed: int, difficulty: float) -> tuple[Path, ...]:
-    """:data:`RUNS` routes through a world.
-
-    Raises ValueError if there are fewer.
-    """
-    rng = np.random.default_rng([seed, 1])
-    ground, solid = traversability(grown), circles(grown)
-    cost = CostMap(ground.cost(ROOM), ground.corner, ground.cell)
-    open_nodes = np.argwhere(np.isfinite(cost.cost))
-    nearest, farthest = 15.0 + 10.0 * difficulty, 22.0 + 13.0 * difficulty
-    found: list[Path] = []
-    for _ in range(_TRIES if len(open_nodes) else 0):
-        start, goal = ground.places(open_nodes[rng.integers(len(open_nodes), size=2)])
-        towards = float(np.arctan2(*(goal - start)[::-1])) + rng.uniform(-_ASIDE, _ASIDE)
-        if nearest <= float(np.hypot(*(goal - start))) <= farthest and _stands(start, towards, cost, solid):
-            way = steerable_way(cost, (*start, towards), tuple(goal), most=_MOST)
-            if way is not None and SPACING * len(way) <= _DETOUR * np.hypot(*(goal - start)):
-                behind = start - STAND * np.array([np.cos(towards), np.sin(towards)])
-                found.append(Path(np.concatenate([behind[None], way]), name=f"run {len(found)}"))
-        if len(found) == RUNS:
-            return tuple(found)
-    raise ValueError(
-        f"world {seed} of difficulty {difficulty:g} has {len(found)} routes, but {RUNS} are asked for; take another seed"
-    )
-
-
-def _stands(start: Floats, heading: float, cost: CostMap, solid: Floats) -> bool:
-    """Whether a machine can stand straight with its front axle at ``start`` [m], with ground and room behind it."""
-    direction = np.array([np.cos(heading), np.sin(heading)])
-    rear = cost.node(*(start - 2.0 * AXLE * direction))
-    inside = all(0 <= place < size for place, size in zip(rear, cost.cost.shape, strict=True))
-    hinge = (start - AXLE * direction)[None]
-    free = stands_free(solid, hinge, np.array([heading]), np.zeros(1))[0]
-    return bool(inside and np.isfinite(cost.cost[rear]) and free)
 
 
 SPLITS = Splits(forest_run_course, least_difficulty=0.1, validation_seed=5_000, held_out_seed=10_000)
@@ -138,7 +70,8 @@ held_out_courses = SPLITS.held_out
 @cache
 def _code() -> str:
     """Digest of what a course depends on beside its arguments."""
-    return digest(*computed_with(Folder(__file__).resolve(), Folder(terrains.__file__).parent))
+    here = Folder(__file__).resolve()
+    return digest(*computed_with(here, here.with_name("growing.py"), Folder(terrains.__file__).parent))
 
 
 def _packed(course: Course) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from aoro_gym.execution.files import check_writable, read_json, write_json, writ
 from aoro_gym.terrains.io.check import Report, TerrainError
 from aoro_gym.terrains.io.loading import Loaded, save
 from aoro_gym.terrains.terrain import Terrain
-from aoro_gym.terrains.world.objects import CLASSES, Object, dimensions
+from aoro_gym.terrains.world.entries import object_entry, object_of
 from aoro_gym.terrains.world.world import Undergrowth, World, check_count
 
 FORMAT, VERSION = "aoro-gym world", 1
@@ -87,9 +87,9 @@ def load_world(folder: str | os.PathLike[str]) -> World:
         raise TerrainError(f"{path}: it lacks its terrain or the list of its objects; write it anew")
     try:
         check_count(len(entries), str(path))
+        objects = tuple(object_of(f"{path}: objects[{number}]", entry) for number, entry in enumerate(entries))
     except ValueError as error:
         raise TerrainError(str(error)) from None
-    objects = tuple(object_of(f"{path}: objects[{number}]", entry) for number, entry in enumerate(entries))
     ground = path.with_name("ground.npz")
     arrays = _arrays(ground)
     try:
@@ -115,36 +115,6 @@ def load_world(folder: str | os.PathLike[str]) -> World:
         raise TerrainError(f"{place}: {error.args[0]} is missing; write it anew") from None
     except (TypeError, ValueError, IndexError) as error:
         raise TerrainError(f"{ground}: {error}") from None
-
-
-def object_entry(one: Object) -> dict[str, Any]:
-    """Kind and fields of an object, as JSON has them."""
-    return {"kind": one.kind.name.lower()} | {name: getattr(one, name) for name in dimensions(type(one))}
-
-
-def object_of(where: str, entry: Any) -> Object:
-    """The object of an entry, which stands ``where``; ``TerrainError`` naming that and the value."""
-    if not isinstance(entry, dict) or entry.get("kind") not in CLASSES:
-        kind = entry.get("kind") if isinstance(entry, dict) else entry
-        raise TerrainError(f"{where} has kind {f'{kind!r}'[:60]}; choose one of: {', '.join(CLASSES)}")
-    made = CLASSES[entry["kind"]]
-    given, wanted = set(entry) - {"kind"}, set(dimensions(made))
-    if given != wanted:
-        lacking, foreign = ", ".join(sorted(wanted - given)), ", ".join(sorted(given - wanted))
-        raise TerrainError(
-            f"{where} ({entry['kind']}) "
-            + (f"lacks {lacking}" if lacking else f"has {foreign}, which is no field of it")
-        )
-    values = {name: tuple(v) if isinstance(v, list) else v for name, v in entry.items() if name != "kind"}
-    for name, value in values.items():
-        parts = value if isinstance(value, tuple) else (value,)
-        numbers = all(isinstance(part, int | float) and not isinstance(part, bool) for part in parts)
-        if name != "species" and not numbers:
-            raise TerrainError(f"{where}: {name} is {f'{entry[name]!r}'[:60]}, but must be a number, or a list of them")
-    try:
-        return made(**values)
-    except (TypeError, ValueError) as error:
-        raise TerrainError(f"{where}: {error}") from None
 
 
 def _arrays(path: Path) -> dict[str, np.ndarray]:

@@ -188,6 +188,16 @@ def test_one_environment_shows_what_it_shows_among_others():
         np.testing.assert_array_equal(a[one.observation_layout["lidar"].start :], b[2])
 
 
+def test_a_ground_is_seen_once_a_machine_stands_on_it():
+    """A scene is made where a machine first stands: what is seen there does not depend on where it stood before."""
+    second, both = made(1), made(1)
+    expected = second.reset(seed=5, options={"terrain": 1})[0]
+    both.reset(seed=4, options={"terrain": 0})
+    assert both.task._rays._met == {0}
+    np.testing.assert_array_equal(both.reset(seed=5, options={"terrain": 1})[0], expected)
+    assert not np.array_equal(both.reset(seed=5, options={"terrain": 0})[0], expected)
+
+
 @pytest.mark.parametrize("way", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
 def test_copies_go_on_alike(way):
     env = made(2)

@@ -5,8 +5,9 @@ import doctest
 import numpy as np
 import pytest
 
-from aoro_gym.envs.forest_run import courses
-from aoro_gym.envs.forest_run.courses import ROOM, RUNS, STAND, forest_run_course, held_out_courses, routes
+from aoro_gym.envs.forest_run import courses, growing
+from aoro_gym.envs.forest_run.courses import forest_run_course, held_out_courses
+from aoro_gym.envs.forest_run.growing import ROOM, RUNS, STAND, routes
 from aoro_gym.terrains.paths.pose_search import TIGHTEST
 from aoro_gym.terrains.world.objects import is_solid
 from aoro_gym.terrains.world.places import circles, stands_free
@@ -64,13 +65,13 @@ def test_the_same_seed_makes_the_same_course(monkeypatch):
 
 
 def test_difficult_worlds_are_denser_and_goals_farther():
-    counts = [courses.grown_world(3, share).counts["tree"] for share in (0.0, 1.0)]
+    counts = [growing.grown_world(3, share).counts["tree"] for share in (0.0, 1.0)]
     # 0.41 ha, of which a tree's place may be taken
     assert 0.8 * 41 <= counts[0] <= 42 and 0.8 * 123 <= counts[1] <= 124
 
 
 def test_worlds_without_room_are_named():
-    crowded = courses.world(1, ground=courses.GROUND, size=courses.SIZE, stand="pine", stems=2500.0, strip_roads=0.0)
+    crowded = growing.world(1, ground=growing.GROUND, size=growing.SIZE, stand="pine", stems=2500.0, strip_roads=0.0)
     with pytest.raises(
         ValueError, match="world 1 of difficulty 1 has 0 routes, but 5 are asked for; take another seed"
     ):
