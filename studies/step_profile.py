@@ -12,7 +12,7 @@ import argparse
 import json
 import statistics
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from itertools import cycle
 from pathlib import Path
@@ -103,6 +103,7 @@ def environment(
         given = [rng.uniform(space.low, space.high, (count, *space.shape)).astype(np.float32) for _ in range(16)]
         actions = cycle([env.handed_out.asarray(each, env.handed_out.xp.float32) for each in given])
         env.step(next(actions))
+        _settle(env, actions)
         parts[kind] = lambda env=env, actions=actions: env.step(next(actions))
         if env._kernel_step is not None:
             parts["twins"] = partial(env.twin.advance, env.task.control_step, sample_every=env.task.sample_step)
@@ -110,6 +111,14 @@ def environment(
                 env._kernel_step.run, env.arrays.asarray(next(actions), env.arrays.xp.float32)
             )
     return timed(parts, device, seconds)
+
+
+def _settle(env: Any, actions: Iterator[Any]) -> None:
+    """Step until as many episodes are drawn ahead as will be; the first steps draw many."""
+    before, following = -1, env._next
+    while following is not None and following.ready.sum() > before and not following.ready.all():
+        before = following.ready.sum()
+        env.step(next(actions))
 
 
 def main() -> None:

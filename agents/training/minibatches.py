@@ -7,6 +7,7 @@ launch them; recorded as a CUDA graph they are launched as one.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -131,13 +132,16 @@ class Minibatches:
         with torch.cuda.device(rows.device):
             aside, here = torch.cuda.Stream(), torch.cuda.current_stream()
             aside.wait_stream(here)
-            with torch.cuda.stream(aside):
-                for _ in range(WARM_UPS):
-                    self._gradients(samples, rows)
-            here.wait_stream(aside)
-            graph = torch.cuda.CUDAGraph()
-            with torch.cuda.graph(graph):
-                figures = self._gradients(samples, rows)
+            with warnings.catch_warnings():
+                # torch looks at where gradients would be accumulated, which they are not
+                warnings.filterwarnings("ignore", "The AccumulateGrad node's stream does not match")
+                with torch.cuda.stream(aside):
+                    for _ in range(WARM_UPS):
+                        self._gradients(samples, rows)
+                here.wait_stream(aside)
+                graph = torch.cuda.CUDAGraph()
+                with torch.cuda.graph(graph):
+                    figures = self._gradients(samples, rows)
         return _Recording(graph, rows, figures, [one.grad for one in self._parameters], samples)
 
     def _gradients(self, samples: Samples, rows: torch.Tensor) -> torch.Tensor:

@@ -36,6 +36,7 @@ def environments(
     device: str = "cpu",
     threads: int | None = None,
     output: str = "numpy",
+    kernels: bool = True,
     seed: int = 0,
 ) -> Subject:
     """``count`` sub-environments of ``environment`` with its default courses (``plane``: paths over level asphalt),
@@ -50,6 +51,7 @@ def environments(
         device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``.
         threads: CPU threads; all cores if None.
         output: ``numpy`` or ``torch``.
+        kernels: Whether steps are in kernels, where the task has some.
         seed: Of ground, parameters and actions.
     """
     options = placed(ground)
@@ -61,6 +63,7 @@ def environments(
         machine=randomised(machine, count, seed) if randomise else machine,
         device=device,
         autoreset_mode="SameStep",
+        kernels=kernels,
         **options,
     )
     vector: Any = env.unwrapped

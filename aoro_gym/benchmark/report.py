@@ -60,6 +60,15 @@ def tables(result: dict[str, Any]) -> list[Comparison]:
     return shown
 
 
+def guard_table(result: dict[str, Any]) -> Comparison:
+    """What :func:`aoro_gym.benchmark.guards.check` found."""
+    on = result["machine"]
+    table = _table(f"{on['device']}, {on['cores']} cores", ("rate over rate", "ratio", "at least", ""))
+    for row in result["guards"]:
+        table.add(row["name"], f"{row['ratio']:.3g}", f"{row['least']:.3g}", "passes" if row["passes"] else "fails")
+    return table
+
+
 _SHARES = ("share of ceiling", "x real time, each", "x real time, all")
 _RATES = ("steps/s (median)", "slowest", "fastest", "a core second")
 

@@ -18,7 +18,8 @@ from aoro_gym.benchmark.trainings import trainings
 from aoro_gym.benchmark.twins import twins
 from aoro_gym.checks import check_choice, check_integer, check_range
 from aoro_gym.envs.registration import ENVIRONMENTS
-from aoro_gym.execution.device_names import SIMD, on_cpu
+from aoro_gym.execution.device_names import ALL_GPUS, SIMD, on_cpu
+from aoro_gym.execution.devices import several
 from aoro_gym.machine import Machine
 from aoro_gym.twin.recorded import cores
 
@@ -46,6 +47,7 @@ class Plan:
     output: str = "numpy"
     """Where environments take actions and give observations, one of :data:`OUTPUTS`."""
     device: str = "cpu"
+    """Several, with commas between them, or ``"cuda:all"``, share the twins."""
     threads: tuple[int, ...] = ()
     """Numbers of CPU threads; one, and all cores, by default."""
     peers: tuple[str, ...] = ()
@@ -70,6 +72,8 @@ class Plan:
                 check_integer(name, count, le=most)
         if self.threads and not cpu:
             raise ValueError(f"threads is {self.threads}, but {self.device} needs none; drop it, or take device cpu")
+        if self.shared and (self.what != ("twin",) or self.peers or self.startup):
+            raise ValueError(f"device is {self.device}, but twins alone are timed on several devices; name one")
         check_range("seconds", self.seconds, "s", gt=0.0, le=600.0)
         if not self.twins or not self.what:
             raise ValueError("there is nothing to time; give twins and what")
@@ -85,6 +89,11 @@ class Plan:
                 peers.package(package)
         if cpu and "mujoco_warp" in self.peers:
             raise ValueError("peer mujoco_warp is timed on a GPU, but the device is cpu; take cuda:0")
+
+    @property
+    def shared(self) -> bool:
+        """Whether several devices share the twins."""
+        return ("," in self.device or self.device == ALL_GPUS) and len(several(self.device)) > 1
 
     @property
     def thread_counts(self) -> tuple[int | None, ...]:
@@ -125,6 +134,7 @@ def run(
     on = computer(plan.device)
     ceiling = None
     is_counted = plan.ground in counted() and machine.laws.default and plan.device != SIMD
+    is_counted = is_counted and not plan.shared
     if "twin" in plan.what and is_counted:
         if progress is not None:
             progress("measuring the computer's ceiling", 1.0)

@@ -133,9 +133,10 @@ def computer(device: str) -> dict[str, Any]:
 
     from aoro_gym.version import VERSION
 
-    name = devices.find(device).name
+    names = devices.several(device)
+    found = [_cpu_name() if on_cpu(name) else devices.find(name).name for name in names]
     return {
-        "device": _cpu_name() if on_cpu(device) else name,
+        "device": ", ".join(found),
         "cpu": _cpu_name(),
         "cores": cores(),
         "system": f"{platform.system()} {platform.machine()}",

@@ -15,6 +15,7 @@ from aoro_gym.machine import Machine
 from aoro_gym.simulation.manoeuvres import SimulationDiverged
 from aoro_gym.terrains import Plane
 from aoro_gym.twin import Twin
+from aoro_gym.twin.sharded import ShardedTwins
 
 SPREAD = 0.05
 """Uncertain parameters are drawn within this share of their value to either side."""
@@ -48,28 +49,34 @@ def twins(
         machine: Machine of all of them.
         ground: What they drive on.
         randomise: Whether every twin has parameters of its own.
-        device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``.
+        device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``; several share the twins, see
+            :func:`aoro_gym.execution.devices.several`.
         threads: CPU threads; all cores if None.
         seed: Of ground, parameters and commands.
     """
-    options: dict[str, Any] = {"device": device, "threads": threads}
+    names = devices.several(device)
+    options: dict[str, Any] = {"threads": threads}
     if ground == "plane":
         options["terrain"] = Plane()
     else:
         options |= {"terrain": terrain(), "ground": ground}
-    if devices.find(device).is_cuda:
-        Twin(1, machine=machine, **options).step()  # what the first twin takes is the kernel's, not the twins'
-    before = _free(device)
-    twin = Twin(count, machine=randomised(machine, count, seed) if randomise else machine, **options)
+    if devices.find(names[0]).is_cuda:
+        Twin(1, machine=machine, device=names[0], **options).step()  # that takes the kernel's memory, not the twins'
+    before = _free(names[0])
+    options["machine"] = randomised(machine, count, seed) if randomise else machine
+    twin = Twin(count, device=device, **options) if len(names) == 1 else ShardedTwins(count, device=device, **options)
+    shards = (twin,) if isinstance(twin, Twin) else twin.shards
+    first = shards[0]
     twin.step()
-    memory = count_memory(twin) | ({} if before is None else {"device_bytes": before - (_free(device) or 0)})
+    memory = count_memory(first) | ({} if before is None else {"device_bytes": before - (_free(names[0]) or 0)})
     position, heading = starts(count, seed)
     schedule = [{"steering_signal": steering, "drive_signal": drive} for steering, drive in signals(count, seed)]
 
     def advance(steps: int) -> None:
         for index in range(steps):
             twin.step(schedule[index % CHANGES], duration=CONTROL_STEP)
-        wp.synchronize_device(twin.device)
+        for shard in shards:
+            wp.synchronize_device(shard.device)
 
     def check() -> dict[str, Any]:
         if twin.diverged:
@@ -83,17 +90,17 @@ def twins(
             "what": "twin",
             "device": device,
             "twins": count,
-            "threads": min(twin.threads, count) if on_cpu(device) else None,
+            "threads": min(first.threads, count) if on_cpu(device) else None,
             "ground": ground,
             "randomised": randomise,
-            "main_step_s": twin.main_step,
-            "substeps": twin.substeps,
+            "main_step_s": first.main_step,
+            "substeps": first.substeps,
             "control_step_s": CONTROL_STEP,
             "memory": memory,
         },
         copies=count,
-        steps=round(CONTROL_STEP / twin.main_step),
-        step_time=twin.main_step,
+        steps=round(CONTROL_STEP / first.main_step),
+        step_time=first.main_step,
         restart=lambda: twin.reset(position=position, heading=heading),
         advance=advance,
         check=check,

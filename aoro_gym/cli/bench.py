@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from aoro_gym.cli import options
 from aoro_gym.cli.options import option
 from aoro_gym.cli.outcome import checking_input, conclude, is_output, running
 from aoro_gym.reporting import terminal
+
+if TYPE_CHECKING:
+    from aoro_gym.machine import Machine
 
 TwinsOption = Annotated[str, option("--twins", "N[,N...]", "Numbers of twins, or of environments, stepped together.")]
 WhatOption = Annotated[str, option("--what", "twin|env|train[,...]", "Twins, environments, PPO learning in them.")]
@@ -26,6 +32,9 @@ WorldsOption = Annotated[str | None, option("--worlds", "N[,N...]", "Batches of 
 StartupOption = Annotated[
     bool, option("--startup", None, "Time fresh processes, too, with compiled kernels and without.")
 ]
+CheckOption = Annotated[
+    bool, option("--check", None, "Instead: ratios of faster and slower ways, each with the least that it may be.")
+]
 SecondsOption = Annotated[float, option("--seconds", "S", "Time to measure for, each case.")]
 
 
@@ -41,13 +50,14 @@ def bench(
     peers: PeerOption = None,
     worlds: WorldsOption = None,
     startup: StartupOption = False,
+    check: CheckOption = False,
     seconds: SecondsOption = 5.0,
     json_to: options.JsonOption = None,
     machine: options.MachineOption = options.MACHINE,
     set_: options.SetOption = None,
     scale: options.ScaleOption = None,
     laws: options.LawsOption = None,
-    device: options.DeviceOption = "cpu",
+    device: options.DevicesOption = "cpu",
     seed: options.SeedOption = 0,
     quiet: options.QuietOption = False,
 ) -> None:
@@ -68,9 +78,14 @@ def bench(
     as a height field of 256 x 256, steps of 1 ms) in MuJoCo on the CPU or in MuJoCo Warp on a GPU; each counts at its
     best batch. Peers need pip install 'aoro-gym\\[bench]'.
 
+    Several --device share the twins. --check times two ways to do the same in turns, such as lanes over one twin after the
+    other, and ends with exit code 1 if a ratio is less than it may be; of the other options it takes --device, --machine
+    and --seconds.
+
     [bold]Examples[/]
 
       aoro-gym bench
+      aoro-gym bench --check
       aoro-gym bench --ground raster --randomise --twins 1,64 --peer mujoco --startup
       aoro-gym bench --what twin,env --ground raster --device cuda:0 --twins 4096,65536 --peer mujoco_warp --json b.json
       aoro-gym bench --laws materials --twins 64
@@ -81,7 +96,10 @@ def bench(
 
         counts = {"twins": _counts("--twins", twins)}
         asked = options.run_spec(machine, set_, scale, device, seed, laws=laws)
-        chosen = options.load(asked)
+        chosen = options.load(asked, several=not check)
+        if check:
+            _check(chosen, device, seconds, json_to)
+            return
         from aoro_gym.benchmark.report import tables
         from aoro_gym.benchmark.run import Plan, run
 
@@ -98,6 +116,20 @@ def bench(
     with terminal.progress("bench") as tell, running():
         result = run(plan, chosen, tell, save)
     conclude(result | {"made_by": asked.to_json()}, tables(result), json_to=json_to)
+
+
+def _check(machine: Machine, device: str, seconds: float, json_to: Path | None) -> None:
+    """Measure all guards; exit code 1 if one fails."""
+    from aoro_gym.benchmark.guards import check
+    from aoro_gym.benchmark.report import guard_table
+    from aoro_gym.checks import check_range
+
+    check_range("seconds", seconds, "s", gt=0.0, le=600.0)
+    with terminal.progress("bench --check") as tell, running():
+        result = check(device, machine, seconds=seconds, progress=tell)
+    conclude(result, [guard_table(result)], json_to=json_to)
+    if not all(row["passes"] for row in result["guards"]):
+        raise typer.Exit(1)
 
 
 def _parts(text: str) -> tuple[str, ...]:

@@ -78,7 +78,10 @@ class KernelStep:
         self._observe = self._recorded(kernels.observe)
         self._graph: Any = None
         self._runs = 0
-        self._ran = wp.Event(twin.device) if twin.device.is_cuda else None
+        on_gpu = twin.device.is_cuda
+        self._events = [wp.Event(twin.device, enable_timing=True) for _ in range(2)] if on_gpu else []
+        self.seconds = 0.0
+        """Time [s] that a GPU took for the step before the last one."""
 
     def fits(self, env: Any) -> bool:
         """Whether the launches are still of what ``env`` has: memory of the outputs, limit of steps, and reward terms."""
@@ -123,6 +126,10 @@ class KernelStep:
 
     def run(self, actions: Array) -> None:
         """One control step under ``actions`` (N, A), observation included."""
+        if self._events:
+            if self._runs:  # its flags were waited for
+                self.seconds = 1e-3 * wp.get_event_elapsed_time(self._events[0], self._events[1])
+            self._twin.device.stream.record_event(self._events[0])
         self.given[...] = actions
         self._runs += 1
         if self._graph is not None:
@@ -131,13 +138,13 @@ class KernelStep:
             self._launch()
         if self._runs == 1 and self._twin.device.is_cuda:  # what the launches need is loaded now
             self._graph = self._captured()
-        if self._ran is not None:
-            self._twin.device.stream.record_event(self._ran)
+        if self._events:
+            self._twin.device.stream.record_event(self._events[1])
 
     @property
     def computing(self) -> bool:
         """Whether the device is still at the last step, for which nothing waits."""
-        return self._ran is not None and not self._ran.is_complete
+        return bool(self._events) and self._runs > 0 and not self._events[1].is_complete
 
     def _launch(self) -> None:
         if self._twin.device.is_cuda:

@@ -7,6 +7,7 @@ generators are as if it had not been.
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import numpy as np
@@ -76,6 +77,20 @@ class NextEpisodes:
         for i, each in zip(rows, before, strict=True):
             self._before[i] = each
         return True
+
+    def draw_during(self, env: Any, step: Any) -> None:
+        """Draw a batch while the device is at a step, and more as long as each is likely to be there before the step is.
+
+        Args:
+            env: See :meth:`draw`.
+            step: Its :class:`~aoro_gym.envs.core.kernel_step.KernelStep`.
+        """
+        began, count = time.perf_counter(), 0
+        while self.draw(env):
+            count += 1
+            spent = time.perf_counter() - began
+            if not step.computing or spent * (count + 1) / count > step.seconds:
+                return
 
     def begin(self, env: Any, where: NDArray[np.intp]) -> NDArray[np.intp]:
         """Begin those episodes of the sub-environments ``where`` (K,) that are drawn; gives the others.

@@ -610,8 +610,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         if anew:
             kernels.resetting[...] = False
         if self._next is not None:
-            while self._next.draw(self) and kernels.computing:
-                pass
+            self._next.draw_during(self, kernels)
         self._outputs, self._status = kernels.outputs, kernels.status
         kernels.told()
         ending, terminated, truncated, done, running = kernels.ended()

@@ -3,6 +3,7 @@
 import copy
 import pickle
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import gymnasium
@@ -144,3 +145,14 @@ def test_nothing_is_drawn_ahead_without_a_device():
         env.reset(seed=1)
         env.step(np.zeros(env.action_space.shape, np.float32))
         assert env._next is None
+
+
+@pytest.mark.parametrize(("seconds", "computing", "batches"), [(0.0, True, 1), (1e9, False, 1), (1e9, True, NUMBER)])
+def test_batches_are_drawn_while_they_fit_into_the_step(seconds, computing, batches):
+    """One at least; each is one episode of ten."""
+    env = made()
+    env.reset(seed=5)
+    env.step(env.arrays.zeros(env.action_space.shape, env.arrays.xp.float32))
+    env._next.forget(env)
+    env._next.draw_during(env, SimpleNamespace(computing=computing, seconds=seconds))
+    assert env._next.ready.sum() == batches
