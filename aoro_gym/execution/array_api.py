@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from functools import cache
 from types import ModuleType
 from typing import Any
 
@@ -202,9 +203,15 @@ def unpacked(values: NDArray[np.uint8], tensors: Sequence[Array]) -> tuple[NDArr
     for number in _by_size(tensors):
         tensor = tensors[number]
         end = begin + tensor.element_size() * tensor.numel()
-        dtype = np.dtype(str(tensor.dtype).removeprefix("torch."))
+        dtype = _numpy_type(tensor.dtype)
         out[number], begin = values[begin:end].view(dtype).reshape(tuple(tensor.shape)), end
     return tuple(out[number] for number in range(len(tensors)))
+
+
+@cache
+def _numpy_type(dtype: Any) -> np.dtype[Any]:
+    """NumPy's type of torch's."""
+    return np.dtype(str(dtype).removeprefix("torch."))
 
 
 def _by_size(tensors: Sequence[Array]) -> list[int]:

@@ -1,8 +1,8 @@
 """NumPy's arrays of environments whose own arrays are on a device.
 
 The step of a task in kernels is one graph on a GPU (:mod:`aoro_gym.envs.core.kernel_step`) and leaves tensors there. Where
-NumPy's arrays are asked for, these are brought to the host in one copy at the end of a step, and are what the environment
-would have handed out if it had calculated with NumPy.
+NumPy's arrays are asked for, these are brought to the host in one copy at the end of a step, and in a second one where
+episodes begin in it. What is handed out is made of them on the host, as if all had been calculated there.
 """
 
 from __future__ import annotations
@@ -11,12 +11,10 @@ from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.execution.array_api import Array, Arrays
 
-Infos = dict[str, Any]
 NEEDED = ("torch", "array_api_compat")
 """Packages that calculate on a device."""
 
@@ -30,45 +28,16 @@ def calculates_there(task: Any, twin: Any) -> bool:
     return all(term.function in task.kernel_terms for term in terms)
 
 
-def on_host(
-    results: Sequence[Array], infos: Mapping[str, Any], arrays: Arrays, reasons: Sequence[str]
-) -> tuple[list[NDArray[Any]], Infos]:
-    """What a reset or a step gives, on the host, as parts of one block of memory.
+def brought(
+    arrays: Arrays, results: Sequence[Array], infos: Mapping[str, Array]
+) -> tuple[list[NDArray[Any]], dict[str, NDArray[Any]]]:
+    """``results`` and ``infos`` on the host, as parts of one block of memory, in one copy from a GPU.
 
     Args:
-        results: Tensors.
-        infos: Tensors by name, some in a dictionary of their own.
         arrays: Where they live.
-        reasons: Why episodes terminate, in words, by the numbers in ``infos["termination"]``.
+        results: Tensors.
+        infos: Tensors by name.
     """
-    inner = infos.get("final_info", {})
-    tensors = {id(each): each for each in (*results, *infos.values(), *inner.values()) if not isinstance(each, Mapping)}
+    tensors = {id(each): each for each in (*results, *infos.values())}
     found = dict(zip(tensors, arrays.hosts(*tensors.values()), strict=True))
-
-    def told(given: Mapping[str, Any]) -> Infos:
-        out: Infos = {}
-        for name, value in given.items():
-            here: Any = told(value) if isinstance(value, Mapping) else found[id(value)]
-            out[name] = _words(here, reasons) if name == "termination" else here
-        return out
-
-    out = told(infos)
-    if "final_obs" in out:
-        out["final_obs"] = _rows(out["final_obs"], out["_final_obs"])
-    return [found[id(each)] for each in results], out
-
-
-def _words(numbers: NDArray[np.integer], reasons: Sequence[str]) -> NDArray[np.object_]:
-    """Reasons (N,), None for 0."""
-    out = np.full(len(numbers), None, dtype=object)
-    for i in np.flatnonzero(numbers):
-        out[i] = reasons[numbers[i]]
-    return out
-
-
-def _rows(observations: NDArray[np.float32], ended: NDArray[np.bool_]) -> NDArray[np.object_]:
-    """Observations of those that ``ended`` (N,), None for the others."""
-    out = np.full(len(ended), None, dtype=object)
-    for i in np.flatnonzero(ended):
-        out[i] = observations[i].copy()
-    return out
+    return [found[id(each)] for each in results], {name: found[id(each)] for name, each in infos.items()}

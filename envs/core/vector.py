@@ -7,7 +7,7 @@ import inspect
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from aoro_gym.checks import check_choice, check_integer
 from aoro_gym.envs.core.contacts import contact_infos
 from aoro_gym.envs.core.copying import copied, pickled
-from aoro_gym.envs.core.handing_out import calculates_there, on_host
+from aoro_gym.envs.core.handing_out import brought, calculates_there
 from aoro_gym.envs.core.kernel_step import KernelStep, kernel_step
 from aoro_gym.envs.core.next_episodes import NextEpisodes
 from aoro_gym.envs.core.rendering import RENDER_MODES, Renderer
@@ -88,7 +88,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
       by default the episode's own seed draws them, too.
 
     With NumPy's arrays of twins on a GPU a step in kernels has its arrays there all the same, and brings what it hands out
-    to the host in one copy at its end (:mod:`aoro_gym.envs.core.handing_out`); with terms of your own, or without torch, it
+    to the host at its end (:mod:`aoro_gym.envs.core.handing_out`); with terms of your own, or without torch, it
     calculates with NumPy, which takes longer. Terms that replace others later are given tensors then.
 
     With ``output="torch"`` all that :meth:`reset` and :meth:`step` hand out are tensors on the twins' device, and actions
@@ -308,7 +308,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         if self.render_mode == "human":
             self.render()
         if self._brings_home:
-            (observation,), infos = on_host([self._observation], infos, self.arrays, self.termination_reasons)
+            (observation,), infos = brought(self.arrays, [self._observation], infos)
             return observation, infos
         return self._handed_out(self._observation), infos
 
@@ -491,10 +491,6 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         actions = self._checked_actions(actions)
         with self.arrays.ordered():
             result = self._advance(actions, resetting)
-            if self._brings_home:
-                *told, infos = result
-                told, infos = on_host(told, infos, self.arrays, self.termination_reasons)
-                result = told[0], told[1], told[2], told[3], infos
         if self.render_mode == "human":
             self.render()
         return result
@@ -524,16 +520,36 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             self._complain_of_reward(judged.values)
         if wrong_observation:
             self._complain_of_observation()
+        observation = self._observation
+        if self._brings_home:
+            judged, infos, observation = self._brought(judged, infos)
+            masks = dict.fromkeys(infos, judged.running)
         if resetting.any():
-            infos, masks = _replaced(infos, masks, self._logged(self.task.info()), ~judged.running)
+            infos, masks = _replaced(infos, masks, self._begun()[0], ~judged.running)
         if any_terminated:
             infos["termination"], masks["termination"] = self._reasons(judged.ending), judged.terminated
-        self._done = np.array(arrays.host(judged.done)) if any_done else np.zeros(self.num_envs, dtype=bool)
+        self._done = np.array(self.handed_out.host(judged.done)) if any_done else np.zeros(self.num_envs, dtype=bool)
         if any_done and self.autoreset_mode is AutoresetMode.SAME_STEP:
-            infos = self._same_step(infos, masks, judged.done)
+            observation, infos = self._same_step(observation, infos, masks, judged.done)
         else:
             infos = _with_masks(infos, masks)
-        return self._handed_out(self._observation), judged.rewards, judged.terminated, judged.truncated, infos
+        observation = observation if self._brings_home else self._handed_out(self._observation)
+        return observation, judged.rewards, judged.terminated, judged.truncated, infos
+
+    def _brought(self, judged: Judged, infos: Infos) -> tuple[Judged, Infos, Array]:
+        """What a step came to, its infos and the observation, on the host."""
+        names = ("rewards", "ending", "terminated", "truncated", "done", "running")
+        told = [getattr(judged, name) for name in names]
+        (observation, *told), infos = brought(self.arrays, [self._observation, *told], infos)
+        return replace(judged, **dict(zip(names, told, strict=True))), infos, observation
+
+    def _begun(self) -> tuple[Infos, Array]:
+        """Infos of the task after episodes have begun, and the observation, where they are handed out."""
+        infos = self._logged(self.task.info())
+        if not self._brings_home:
+            return infos, self._observation
+        (observation,), infos = brought(self.arrays, [self._observation], infos)
+        return infos, observation
 
     def _judged(self, actions: Array, resetting: NDArray[np.bool_]) -> Judged:
         """A control step by array operations, up to the observation."""
@@ -640,20 +656,32 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
                 value = xp.where(kernels.keeps[:, None], self._observation[:, columns], value)
             self._observation[:, columns] = value
 
-    def _same_step(self, infos: Infos, masks: dict[str, Array], done: Array) -> Infos:
-        """Reset the sub-environments whose episode just ended, and put the end of the old one into the infos."""
-        final = self._handed_out(self._observation)  # a new one follows
-        if self.arrays.on_host:
+    def _same_step(self, observation: Array, infos: Infos, masks: dict[str, Array], done: Array) -> tuple[Array, Infos]:
+        """Reset the sub-environments whose episode just ended, and put the end of the old one into the infos.
+
+        Args:
+            observation: At its end, where it is handed out.
+            infos: Likewise, and what follows.
+            masks: Of the infos.
+            done: Whose episode has ended (N,).
+
+        Returns:
+            The observation and infos that follow.
+        """
+        if self.handed_out.on_host:
             final = np.full(self.num_envs, None, dtype=object)
             for i in np.flatnonzero(done):
-                final[i] = self._observation[i].copy()
+                final[i] = observation[i].copy()
+        else:
+            final = self._handed_out(observation)  # a new one follows
         final_info = _with_masks(_where(done, infos), _each(masks, lambda mask: mask & done))
         self._start(np.flatnonzero(self._done), {})
-        self._observe(done)
+        self._observe(self.arrays.asarray(done, self.arrays.xp.bool))
         if self.arrays.host(self._wrong_observation()):
             self._complain_of_observation()
-        infos, masks = _replaced(infos, masks, self._logged(self.task.info()), done)
-        return {
+        begun, observation = self._begun()
+        infos, masks = _replaced(infos, masks, begun, done)
+        return observation, {
             **_with_masks(infos, masks),
             "final_obs": final,
             "_final_obs": done,
@@ -727,7 +755,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
 
     def _reasons(self, ending: Array) -> Array:
         """Why episodes terminate (N,): words, or None for those that go on; indices on a device."""
-        if not self.arrays.on_host:
+        if not self.handed_out.on_host:
             return ending
         reasons = np.full(self.num_envs, None, dtype=object)
         for i in np.flatnonzero(ending):
