@@ -167,11 +167,6 @@ class Mppi:
     def costs(self, controls: Floats) -> Floats:
         """What controls (N, K, H, A) cost from now on (N, K): the rewards until their episode ends, negative."""
         count, samples, horizon, acts = controls.shape
-        flat = controls.reshape(count * samples, horizon, acts).astype(np.float32)
         self._rollouts.load(self.env)
-        running, total = np.ones(len(flat), dtype=bool), np.zeros(len(flat))
-        for step in range(horizon):
-            rewards, ended = self._rollouts.step(flat[:, step])
-            total -= np.where(running, rewards, 0.0)
-            running &= ~ended
-        return total.reshape(count, samples)
+        tried = controls.reshape(count * samples, horizon, acts).astype(np.float32)
+        return -self._rollouts.returns(tried).reshape(count, samples)

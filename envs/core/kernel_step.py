@@ -81,7 +81,7 @@ class KernelStep:
         on_gpu = twin.device.is_cuda
         self._events = [wp.Event(twin.device, enable_timing=True) for _ in range(2)] if on_gpu else []
         self.seconds = 0.0
-        """Time [s] that a GPU took for the step before the last one."""
+        """Time [s] that a GPU took for the last step that it had done before another began."""
 
     def fits(self, env: Any) -> bool:
         """Whether the launches are still of what ``env`` has: memory of the outputs, limit of steps, and reward terms."""
@@ -127,7 +127,7 @@ class KernelStep:
     def run(self, actions: Array) -> None:
         """One control step under ``actions`` (N, A), observation included."""
         if self._events:
-            if self._runs:  # its flags were waited for
+            if self._runs and not self.computing:
                 self.seconds = 1e-3 * wp.get_event_elapsed_time(self._events[0], self._events[1])
             self._twin.device.stream.record_event(self._events[0])
         self.given[...] = actions
@@ -201,6 +201,10 @@ class KernelStep:
     def flags(self) -> Array:
         """See :mod:`aoro_gym.envs.core.kernels.step` (5,)."""
         return self._flags
+
+    def judged(self) -> tuple[Array, Array]:
+        """Rewards (N,) by the terms that the kernels know, and which episodes terminate: until the next step."""
+        return self._rewards, self._ended[int(TERMINATED)]
 
     def values(self) -> Array:
         """Contribution of each reward term (T, N), to be kept; 0 for those of own functions."""

@@ -29,7 +29,7 @@ from aoro_gym.envs.core.ray_sensing import RaySensing
 from aoro_gym.envs.core.task import Outputs
 from aoro_gym.envs.core.terms import Frozen
 from aoro_gym.envs.core.vector import TwinVectorEnv
-from aoro_gym.execution.array_api import Arrays
+from aoro_gym.execution.array_api import Array, Arrays, Index, namespace
 from aoro_gym.execution.device_names import SIMD
 
 DIVERGED = -1e6
@@ -81,13 +81,11 @@ class Rollouts:
         with mine.arrays.ordered():
             mine.twin.take_up(env.twin, self._rows)
             mine._read_outputs()
+            on_device = env.arrays.index(self._rows)
             for source, target, name, axis in [*self._places, (env, mine, "_steps", 0)]:
-                values, copied = _part(source, name), _part(target, name)
-                if isinstance(values, np.ndarray):  # of the host wherever the others live
-                    copied[...] = _repeated(values, axis, env.num_envs, self._rows)
-                    continue
-                values = _repeated(env.arrays.host(values), axis, env.num_envs, self._rows)
-                mine.arrays.put(copied, ..., values)
+                values = _part(source, name)
+                rows = self._rows if isinstance(values, np.ndarray) else on_device  # some are of the host anyway
+                _part(target, name)[...] = _repeated(values, axis, env.num_envs, rows)
             outputs = Outputs(mine.arrays.alias(mine.twin.outputs), mine.arrays.alias(mine.twin.state))
             _forget_views(mine.task, outputs)
 
@@ -107,6 +105,37 @@ class Rollouts:
         diverged = mine.arrays.host(mine._status) != 0
         rewards = np.where(diverged, np.float32(DIVERGED), mine.arrays.host(rewards))
         return rewards, np.array(mine.arrays.host(terminated))
+
+    def returns(self, actions: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Sum of the rewards of each copy (num_envs x copies,) until its episode terminates, a step at a time as
+        :meth:`step`; the host waits for the last one alone, where the kernels know all of the task's terms.
+
+        Args:
+            actions: Of H control steps (num_envs x copies, H, A).
+        """
+        in_turn = np.ascontiguousarray(np.moveaxis(actions, 1, 0))
+        mine, kernels = self._env, self._env._in_kernels()
+        if kernels is None or kernels.has_own:
+            return self._returns_of_steps(in_turn)
+        arrays, xp = mine.arrays, mine.arrays.xp
+        total, running = arrays.zeros(len(actions)), arrays.ones(len(actions), xp.bool)
+        with arrays.ordered():
+            for given in arrays.asarray(in_turn, xp.float32):
+                kernels.run(given)
+                rewards, terminated = kernels.judged()
+                rewards = xp.where(kernels.status != 0, DIVERGED, rewards)
+                total += xp.where(running, rewards, 0.0)
+                running &= ~terminated
+            kernels.told()
+            return np.array(arrays.host(total))
+
+    def _returns_of_steps(self, in_turn: NDArray[np.float32]) -> NDArray[np.float64]:
+        total, running = np.zeros(in_turn.shape[1]), np.ones(in_turn.shape[1], dtype=bool)
+        for given in in_turn:
+            rewards, ended = self.step(given)
+            total += np.where(running, rewards, 0.0)
+            running &= ~ended
+        return total
 
 
 def _without_state(task: Any) -> Any:
@@ -167,11 +196,11 @@ def _part(owner: Any, name: Any) -> Any:
     return owner[name] if isinstance(owner, dict | list | tuple) else getattr(owner, name)
 
 
-def _repeated(values: NDArray[Any], axis: int, count: int, rows: NDArray[np.intp]) -> NDArray[Any]:
+def _repeated(values: Array, axis: int, count: int, rows: Index) -> Array:
     """``values`` of ``count`` sub-environments, one or several side by side of each, as those of ``rows``."""
     before, each, after = values.shape[:axis], values.shape[axis] // count, values.shape[axis + 1 :]
     apart = values.reshape(*before, count, each, *after)
-    return apart.take(rows, axis=axis).reshape(*before, len(rows) * each, *after)
+    return namespace(values).take(apart, rows, axis=axis).reshape(*before, len(rows) * each, *after)
 
 
 def _forget_views(task: Any, outputs: Outputs) -> None:

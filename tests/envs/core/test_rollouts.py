@@ -90,3 +90,23 @@ def test_copies_go_on_beyond_the_end_and_divergence_costs_most():
     assert np.all(np.delete(rewards, 1) > DIVERGED)
     with pytest.raises(ValueError, match="copies is 1"):
         Rollouts(env, 1)
+
+
+@pytest.mark.parametrize("output", ["numpy", "torch"])
+def test_returns_are_sums_of_rewards_until_the_end(output):
+    """To the bit, whether an episode ends meanwhile, a twin diverges, or neither."""
+    env = made("AORO/PathTracking-v0", output=output)
+    env.reset(seed=3, options={"start": LEVEL.paths[0].length - 2.0, "path": 0})
+    tried = Rollouts(env, 2)
+    actions = np.tile(np.array([0.0, 0.9], dtype=np.float32), (4, 80, 1))
+    actions[2] = 0.0  # stands
+    tried.load(env)
+    ended = np.any([tried.step(each)[1] for each in np.moveaxis(actions, 1, 0)], axis=0)
+    assert ended.tolist() == [True, True, False, True]
+    found = []
+    for whole in (True, False):
+        tried.load(env)
+        tried._env.twin.state.numpy()[0, 1] = np.nan
+        found.append(tried.returns(actions) if whole else tried._returns_of_steps(np.moveaxis(actions, 1, 0)))
+    np.testing.assert_array_equal(*found)
+    assert found[0][1] == DIVERGED
