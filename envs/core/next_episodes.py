@@ -34,6 +34,8 @@ class NextEpisodes:
         """Whose next episode is drawn (N,)."""
         self.failed: Exception | None = None
         """Why none is drawn any more; it is told when such an episode begins."""
+        self._batch = min(AT_ONCE, max(1, num_envs // SHARE))
+        self._missed = 0  # episodes that began undrawn
         self._before: list[Any] = [None] * num_envs  # see _state_of
         self._drawn_of: tuple[Any, ...] = ()
         self._places = np.zeros((3, 0), dtype=np.int64)
@@ -49,8 +51,7 @@ class NextEpisodes:
         Args:
             env: The :class:`~aoro_gym.envs.core.vector.TwinVectorEnv`.
         """
-        waiting = np.flatnonzero(~self.ready)
-        batch = min(AT_ONCE, max(1, len(self.ready) // SHARE))
+        waiting, batch = np.flatnonzero(~self.ready), self._batch
         if self.failed is not None or len(waiting) < batch:
             return False
         self._forget_others(env)
@@ -79,17 +80,20 @@ class NextEpisodes:
         return True
 
     def draw_during(self, env: Any, step: Any) -> None:
-        """Draw a batch while the device is at a step, and more as long as each is likely to be there before the step is.
+        """Draw a batch while the device is at a step, and more: as many episodes as began undrawn since the last one, and
+        those that are likely to be there before the step is.
 
         Args:
             env: See :meth:`draw`.
             step: Its :class:`~aoro_gym.envs.core.kernel_step.KernelStep`.
         """
-        began, count = time.perf_counter(), 0
+        began, count, missed = time.perf_counter(), 0, self._missed
+        self._missed = 0
         while self.draw(env):
             count += 1
             spent = time.perf_counter() - began
-            if not step.computing or spent * (count + 1) / count > step.seconds:
+            fits = step.computing and spent * (count + 1) / count <= step.seconds
+            if not fits and count * self._batch >= missed:
                 return
 
     def begin(self, env: Any, where: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -104,6 +108,7 @@ class NextEpisodes:
         if not env.task.randomisation.varies_machine:
             usable &= ~env._machine_changed[where]  # these get the machine of all back
         rows, others = where[usable], where[~usable]
+        self._missed += len(others)
         self.forget(env, others)
         if len(rows):
             self._begin(env, rows)

@@ -147,12 +147,16 @@ def test_nothing_is_drawn_ahead_without_a_device():
         assert env._next is None
 
 
-@pytest.mark.parametrize(("seconds", "computing", "batches"), [(0.0, True, 1), (1e9, False, 1), (1e9, True, NUMBER)])
-def test_batches_are_drawn_while_they_fit_into_the_step(seconds, computing, batches):
-    """One at least; each is one episode of ten."""
+@pytest.mark.parametrize(
+    ("seconds", "computing", "missed", "batches"),
+    [(0.0, True, 0, 1), (1e9, False, 0, 1), (1e9, True, 0, NUMBER), (0.0, True, 3, 3)],
+)
+def test_batches_are_drawn_while_they_fit_into_the_step(seconds, computing, missed, batches):
+    """One at least, and as many as were missed; each is one episode of ten."""
     env = made()
     env.reset(seed=5)
     env.step(env.arrays.zeros(env.action_space.shape, env.arrays.xp.float32))
     env._next.forget(env)
+    env._next._missed = missed
     env._next.draw_during(env, SimpleNamespace(computing=computing, seconds=seconds))
-    assert env._next.ready.sum() == batches
+    assert env._next.ready.sum() == batches and env._next._missed == 0
