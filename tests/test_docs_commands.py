@@ -52,6 +52,7 @@ NOT_HERE = {
     "export policy": "[onnx] is not installed by `make test`",
     "--diagnosis diagnosis --retrain": "needs a cause that was found; tests/agents/training/test_gap.py has the command",
     "calibrate --published": "minutes; tests/calibration has the procedure",
+    "calibrate --procedure": "logs of turns at six levels; tests/calibration/test_measured.py makes them",
     "diagnosis train": "minutes of a GPU",
     "--lock-step": "waits for a client; tests/cosimulation has one",
     "--peer mujoco --startup": "fresh processes, minutes each; tests/benchmark runs both",

@@ -2,7 +2,8 @@
 
 ``space``      which parameters are free, mapped onto the unit cube
 ``turns``      full turns of a whole population in one launch
-``procedure``  the published procedure: valve curve, dead band, pressure drops, disc brake
+``procedure``  the published procedure: valve curve, pressure drops, disc brake
+``measured``   what it reads of a machine's own logs; ``procedure_logs`` takes its steps on them
 ``change``     what a change of parameters does, with the turn time restored
 ``fit``        bounded least squares whose Jacobian is one population, resumable
 ``ensemble``   parameter sets that fit as well and differ as far as the data allow

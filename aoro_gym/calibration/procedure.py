@@ -1,7 +1,8 @@
 """The published procedure, step by step (Lehto et al., Machines 2026, 14, 128).
 
 1. Mean flows of full turns at several levels are the nominal flow and the opening curve of each port.
-2. The dead band lies between the largest signal that moves nothing and the smallest that moves the joint.
+2. The dead band lies between the largest signal that moves nothing and the smallest that moves the joint: here the data
+   sheet's, from a machine's own ramps :mod:`.procedure_logs` reads it.
 3. The pressure drop of each port's edge is found by iteration: until a full turn at full signal takes the measured time.
 4. The disc brake is found by iteration: until driving at 0.75 m/s needs the measured pressure over the motors.
 """

@@ -23,6 +23,7 @@ def tables(report: dict[str, Any]) -> Iterator[Comparison | str]:
     if report.get("accepted_code_changes"):
         yield labelled("changes of the code that were accepted", report["accepted_code_changes"])
     yield from _misses(report)
+    yield from _procedure(report)
     if report.get("parameters"):
         yield _parameters(report["parameters"])
     for key, text in (
@@ -32,13 +33,17 @@ def tables(report: dict[str, Any]) -> Iterator[Comparison | str]:
     ):
         if report.get(key) is not None:
             yield text.format(report[key])
-    leaning = [f"{item['key']} ({item['end']} end)" for item in report.get("leaning_on_a_bound", [])]
-    yield labelled("leaning on a bound of its range", leaning)
+    if "leaning_on_a_bound" in report:
+        leaning = [f"{item['key']} ({item['end']} end)" for item in report["leaning_on_a_bound"]]
+        yield labelled("leaning on a bound of its range", leaning)
     if report.get("ensemble_dropped"):
         yield labelled("ensemble members that were dropped", report["ensemble_dropped"])
     if report.get("held"):
         yield labelled("held at what is published", report["held"])
-    yield labelled("not identifiable, so left as they were", report.get("not_felt", []))
+    if "not_felt" in report:
+        yield labelled("not identifiable, so left as they were", report["not_felt"])
+    if "left_as_they_were" in report:
+        yield labelled("not in the logs, so left as they were", report["left_as_they_were"])
 
 
 def _warnings(texts: Sequence[str]) -> Iterator[str]:
@@ -59,6 +64,31 @@ def _misses(report: dict[str, Any]) -> Iterator[Comparison]:
     if single:
         rows = [[name.replace("_", " "), _miss(miss)] for name, miss in single.items()]
         yield Comparison("Misses of single figures, in tolerances", ("figure", "miss"), rows)
+
+
+def _procedure(report: dict[str, Any]) -> Iterator[Comparison]:
+    """What the steps of the published procedure found, and the turns beside it."""
+    rows = [
+        [
+            one["key"],
+            one["measured"],
+            f"{one['before']:.4g}",
+            f"{one['after']:.4g}",
+            "" if one["unit"] == "1" else one["unit"],
+        ]
+        for one in report.get("procedure", [])
+    ]
+    if rows:
+        yield Comparison("What the procedure found", ("parameter", "measured", "before", "after", "unit"), rows)
+    turns = [
+        [one["direction"], f"{one['signal_percent']:g} %", f"{one['measured_s']:.3f}",
+         "-" if one["twin_s"] is None else f"{one['twin_s']:.3f}",
+         "-" if one["relative"] is None else f"{100.0 * one['relative']:+.1f} %", one["log"]]
+        for one in report.get("turns", [])
+    ]  # fmt: skip
+    if turns:
+        head = ("turn", "signal", "measured, s", "machine, s", "error", "log")
+        yield Comparison("Times of full turns", head, turns, lead=2)
 
 
 def _parameters(parameters: Sequence[dict[str, Any]]) -> Comparison:

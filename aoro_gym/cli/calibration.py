@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -192,6 +193,12 @@ def study(
 LogsArgument = Annotated[list[Path] | None, argument("[LOG]...", "Logs (.csv, .parquet or a bag), after --logs.")]
 PublishedOption = Annotated[bool, option("--published", None, "Calibrate against the published figures.")]
 UseLogsOption = Annotated[bool, option("--logs", None, "Calibrate against the LOGs that follow.")]
+ProcedureOption = Annotated[
+    bool, option("--procedure", None, "Take the published procedure's steps on the LOGs that follow.")
+]
+DriveSpeedOption = Annotated[
+    float | None, option("--drive-speed", "M/S", "With --procedure: speed that the straight drives held.")
+]
 MembersOption = Annotated[int, option("--ensemble", "N", "Further machines that fit as well, as different as can be.")]
 StartsOption = Annotated[int | None, option("--starts", "N", "Searches that are refined. Default: 2.")]
 PopulationOption = Annotated[
@@ -209,6 +216,8 @@ def calibrate(
     logs: LogsArgument = None,
     published: PublishedOption = False,
     use_logs: UseLogsOption = False,
+    procedure: ProcedureOption = False,
+    drive_speed: DriveSpeedOption = None,
     ensemble: MembersOption = 0,
     starts: StartsOption = None,
     population: PopulationOption = None,
@@ -228,11 +237,15 @@ def calibrate(
 ) -> None:
     """Fit the machine's uncertain parameters within their ranges, to published figures or to your logs.
 
-    --published: the published procedure (valve curve, dead band, turn times, driving pressure), then all uncertain
-    parameters against the key figures of the published twin. --logs: the twin repeats all commands of each LOG (steering,
-    drive, arms, traction, gear, parking brake) on the ground and under the conditions of the manifest beside it, and its
-    joint angle, pressures and engine speed are compared sample by sample. A LOG needs time_s, a command such as
-    steering_signal, joint_angle_rad (or _deg) and a rest at its begin; pressures help. Full turns and slow ramps say most.
+    --published: the published procedure (valve curve, turn times, driving pressure), then all uncertain parameters against
+    the key figures of the published twin. --logs: the twin repeats all commands of each LOG (steering, drive, arms,
+    traction, gear, parking brake) on the ground and under the conditions of the manifest beside it, and its joint angle,
+    pressures and engine speed are compared sample by sample. A LOG needs time_s, a command such as steering_signal,
+    joint_angle_rad (or _deg) and a rest at its begin; pressures help. Full turns and slow ramps say most.
+
+    --procedure: the published procedure on LOGs, by what their commands are. Slow ramps to one side give its dead band, full
+    turns at three levels or more its nominal flow, openings and pressure drop, straight drives at --drive-speed with both
+    drive pressures the disc brake. What the LOGs do not hold stays as it is.
 
     First comes the verdict: whether the machine that was found does what it was calibrated to. If not, the exit code is 1
     and FILE is not written, unless by --force.
@@ -246,6 +259,7 @@ def calibrate(
       aoro-gym calibrate --published --ensemble 8 --out machine.toml --device cpu:simd
       aoro-gym calibrate --published --hold-published --out held.toml
       aoro-gym calibrate --logs turn_left.csv turn_right.csv ramp.csv --out mine.toml
+      aoro-gym calibrate --procedure turns/*.csv ramps/*.csv drive.csv --drive-speed 0.75 --out mine.toml
       aoro-gym calibrate --published --laws library --out library.toml
       aoro-gym validate --machine mine.toml
     """
@@ -255,47 +269,72 @@ def calibrate(
         from aoro_gym.calibration.published import calibrate_published
         from aoro_gym.calibration.recordings import read_filtered_log
 
-        _check_source(published, use_logs, logs)
-        if hold_published and not published:
-            raise ValueError("--hold-published needs --published; drop it to calibrate on logs")
+        _check_source(published, use_logs, procedure, hold_published, logs)
+        _check_procedure(procedure, drive_speed, bool(ensemble or starts or population))
         for option, value, least in (("ensemble", ensemble, 0), ("starts", starts, 1), ("population", population, 2)):
             if value is not None:
                 check_integer(f"--{option}", value, ge=least)
         check_output(out, logs or [])
         chosen = options.load(options.run_spec(machine, set_, scale, device, seed, laws=laws))
-        for path in logs or []:
+        for path in (logs or []) if use_logs else []:
             read_filtered_log(path)
-
-    def fit(**settings: Any) -> Any:
         if published:
-            return calibrate_published(chosen, hold_published=hold_published, **settings)
-        return calibrate_logs(chosen, logs or [], **settings)
+            fit = partial(calibrate_published, chosen, hold_published=hold_published)
+        elif procedure:
+            fit = partial(_take_procedure, chosen, logs or [], drive_speed)
+        else:
+            fit = partial(calibrate_logs, chosen, logs or [])
 
     sizes = {name: n for name, n in (("starts", starts), ("population", population)) if n is not None}
     report, written = _calibrate(
         fit, out, force=force, ensemble=ensemble, seed=seed, device=device, restart=restart,
-        accept_code_change=accept_code_change, **sizes,
+        accept_code_change=accept_code_change, goes_on="the same command begins anew" if procedure else GOES_ON, **sizes,
     )  # fmt: skip
     _conclude_calibration(report, written, out, force=force, json_to=json_to)
 
 
-def _check_source(published: bool, use_logs: bool, logs: list[Path] | None) -> None:
+def _check_source(
+    published: bool, use_logs: bool, procedure: bool, hold_published: bool, logs: list[Path] | None
+) -> None:
     """ValueError unless the options name one thing to calibrate against."""
-    if published == use_logs:
-        raise ValueError("give one of --published and --logs LOG...")
+    if published + use_logs + procedure != 1:
+        raise ValueError("give one of --published, --logs LOG... and --procedure LOG...")
+    if hold_published and not published:
+        raise ValueError("--hold-published needs --published; drop it to calibrate on logs")
     if published and logs:
         raise ValueError(f"--published takes no logs, but got {logs[0]}; give --logs instead to calibrate on logs")
-    if use_logs and not logs:
-        raise ValueError("--logs needs the logs behind it, such as --logs turn_left.csv turn_right.csv")
+    if not published and not logs:
+        option = "--logs" if use_logs else "--procedure"
+        raise ValueError(f"{option} needs the logs behind it, such as {option} turn_left.csv turn_right.csv")
+
+
+def _take_procedure(
+    machine: Machine, logs: list[Path], drive_speed: float | None, *, device: str, progress: Any, **_: Any
+) -> Calibration:
+    """The published procedure on logs; what belongs to searches has no meaning there."""
+    from aoro_gym.calibration.procedure_logs import calibrate_procedure
+
+    return calibrate_procedure(machine, logs, drive_speed=drive_speed, device=device, progress=progress)
+
+
+def _check_procedure(procedure: bool, drive_speed: float | None, searches: bool) -> None:
+    """ValueError for options that do not go with --procedure, or need it."""
+    if drive_speed is not None and not (procedure and drive_speed > 0.0):
+        raise ValueError(f"--drive-speed {drive_speed:g} needs --procedure, and must be positive")
+    if procedure and searches:
+        raise ValueError("--procedure searches nothing; drop --ensemble, --starts and --population")
+
+
+GOES_ON = "the same command goes on from where it stopped"
 
 
 def _calibrate(
-    fit: Callable[..., Any], out: Path, *, force: bool = False, **settings: Any
+    fit: Callable[..., Any], out: Path, *, force: bool = False, goes_on: str = GOES_ON, **settings: Any
 ) -> tuple[Calibration, list[Path]]:
     """Calibrate, and write machine, ensemble and report; gives what was found, and the paths."""
     from aoro_gym.calibration.output import calibrate_to
 
-    with checking_input(), resumable(), terminal.progress("calibration") as tell:
+    with checking_input(), resumable(lambda: goes_on), terminal.progress("calibration") as tell:
         return calibrate_to(out, lambda folder: fit(folder=folder, progress=tell, **settings), force=force)
 
 

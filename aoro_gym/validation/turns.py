@@ -176,14 +176,36 @@ def motor_pressure_at(
     """
     if not brake:
         machine = machine.set({"driveline.brake.disc_torque": 0.0}, check_ranges=False)
+    return _driven(speed, machine, device, substeps)[0]
+
+
+def drive_pressure_at(
+    speed: float, machine: Machine, *, device: str = "cpu", substeps: int = 30
+) -> NDArray[np.float64]:
+    """Mean pressure difference between the drive's two lines [Pa] (V,) of a machine that drives straight on at ``speed``:
+    what :func:`motor_pressure_at` has over the motors, and what the traction valves take.
+
+    Args:
+        speed: Speed [m/s], positive.
+        machine: One machine, or V variants.
+        device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``.
+        substeps: Hydraulic substeps a main step.
+    """
+    return _driven(speed, machine, device, substeps)[1]
+
+
+def _driven(
+    speed: float, machine: Machine, device: str, substeps: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Pressure over the motors and between the lines [Pa] (V,) at a speed [m/s]; NaN where it is not reached."""
     variants = machine.num_variants
     tried = np.array([0.2, 0.4, 0.6, 0.8, 1.0])
     batch = repeated(machine, len(tried))
-    speeds, _ = _drive(np.repeat(tried, variants), batch, device, substeps)
-    speeds = speeds.reshape(len(tried), variants)
+    speeds = _drive(np.repeat(tried, variants), batch, device, substeps)[0].reshape(len(tried), variants)
     signal = np.array([np.interp(speed, speeds[:, v], tried, right=np.nan) for v in range(variants)])
-    _, pressure = _drive(np.nan_to_num(signal), machine, device, substeps)
-    return np.where(np.isfinite(signal), pressure, np.nan)
+    _, motors, lines = _drive(np.nan_to_num(signal), machine, device, substeps)
+    reached = np.isfinite(signal)
+    return np.where(reached, motors, np.nan), np.where(reached, lines, np.nan)
 
 
 def rim_speed(machine: Machine, *, device: str = "cpu", substeps: int = 30) -> NDArray[np.float64]:
@@ -203,12 +225,15 @@ def rim_speed(machine: Machine, *, device: str = "cpu", substeps: int = 30) -> N
     return np.where(twin.status == 0, machine.tire.radius * fastest, np.nan)
 
 
-def _drive(signal: NDArray[np.float64], machine: Machine, device: str, substeps: int) -> tuple[NDArray, NDArray]:
-    """Steady speed [m/s] and pressure drop over the motors [Pa] by drive signal."""
+def _drive(
+    signal: NDArray[np.float64], machine: Machine, device: str, substeps: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Steady speed [m/s], pressure drop over the motors [Pa] and between the drive's lines [Pa] by drive signal."""
     twin = Twin(len(signal), machine=machine, device=device, substeps=substeps, check_step=False)
     twin.step({"drive_signal": 0.0}, REST_BEFORE)
     twin.step({"drive_signal": signal}, DRIVE_SETTLE)
     trace = twin.step(duration=DRIVE_MEAN, sample_every=0.01)
     assert trace is not None
-    pressure = np.mean([trace[f"motor_pressure_{wheel}"] for wheel in WHEELS], axis=(0, 1))
-    return trace["speed"].mean(axis=0).astype(np.float64), pressure.astype(np.float64)
+    motors = np.mean([trace[f"motor_pressure_{wheel}"] for wheel in WHEELS], axis=(0, 1)).astype(np.float64)
+    lines = np.mean(trace["drive_pressure_forward"] - trace["drive_pressure_return"], axis=0).astype(np.float64)
+    return trace["speed"].mean(axis=0).astype(np.float64), motors, lines
