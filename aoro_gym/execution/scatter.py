@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -79,29 +80,45 @@ def by_row(
         values: See :func:`write`.
         count: Number K of rows.
     """
-    addresses, steps, sizes, bits = [], [], [], []
-    known: dict[Any, NDArray[np.int64]] = {}  # many tensors are of one shape
+    addresses, strides, sizes, lengths, bits = [], [], [], [], []
     for tensor, index, value in zip(tensors, indices, values, strict=True):
-        shape, strides, size = tuple(tensor.shape), tensor.stride(), tensor.element_size()
         index = index if isinstance(index, tuple) else (index,)
         if index[0] is Ellipsis:
-            index = (slice(None),) * (len(shape) + 1 - len(index)) + index[1:]
+            index = (slice(None),) * (tensor.ndim + 1 - len(index)) + index[1:]
         axis = next(number for number, part in enumerate(index) if isinstance(part, np.ndarray))
         rows = len(index[axis])
-        each = rows // count
-        key = shape, strides, size, each, *(part.__reduce__()[1] if isinstance(part, slice) else axis for part in index)
-        if key not in known:
-            first = tuple(np.arange(each) if number == axis else part for number, part in enumerate(index))
-            known[key] = size * np.moveaxis(_offsets(shape, strides, first), axis, 0)
-        offsets = known[key]
-        whole = (*offsets.shape[1 : axis + 1], rows, *offsets.shape[axis + 1 :])
-        parts = np.broadcast_to(np.asarray(value, _KINDS[tensor.dtype]).view(_BITS[size]), whole)
-        bits.append(np.moveaxis(parts, axis, 0).reshape(count, -1))
-        addresses.append(offsets.ravel() + tensor.data_ptr())
-        steps.append(np.full(offsets.size, size * strides[axis] * each))
-        sizes.append(np.full(offsets.size, size))
-    places = np.stack([np.concatenate(each) for each in (addresses, steps, sizes)])
+        slices = tuple(None if number == axis else part.__reduce__()[1] for number, part in enumerate(index))
+        offsets, before, after = _row_offsets(tuple(tensor.shape), tensor.stride(), rows // count, slices)
+        size = tensor.element_size()
+        addresses.append(size * offsets + tensor.data_ptr())
+        strides.append(size * tensor.stride(axis) * (rows // count))
+        sizes.append(size)
+        lengths.append(len(offsets))
+        part = np.asarray(value, _KINDS[tensor.dtype]).view(_BITS[size])
+        if part.shape != (*before, rows, *after):
+            part = np.broadcast_to(part, (*before, rows, *after))
+        bits.append((np.moveaxis(part, axis, 0) if axis else part).reshape(count, -1))
+    places = np.stack([np.concatenate(addresses), np.repeat(strides, lengths), np.repeat(sizes, lengths)])
     return places, np.concatenate(bits, axis=1, dtype=np.int64)
+
+
+@lru_cache(maxsize=1024)
+def _row_offsets(
+    shape: tuple[int, ...], strides: tuple[int, ...], each: int, slices: tuple[Any, ...]
+) -> tuple[NDArray[np.int64], tuple[int, ...], tuple[int, ...]]:
+    """Elements (M,) from the beginning of an array to the first of its rows that is written, and its shape before and after
+    the axis of rows.
+
+    Args:
+        shape: Of the array.
+        strides: Likewise [elements].
+        each: Rows that lie side by side.
+        slices: Of the other axes, as arguments of ``slice``; None for that of rows.
+    """
+    axis = slices.index(None)
+    first = tuple(np.arange(each) if part is None else slice(*part) for part in slices)
+    offsets = _offsets(shape, strides, first)
+    return np.moveaxis(offsets, axis, 0).ravel(), offsets.shape[:axis], offsets.shape[axis + 1 :]
 
 
 _BITS = {8: np.int64, 4: np.int32, 1: np.uint8}
