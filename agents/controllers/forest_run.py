@@ -1,10 +1,8 @@
-"""Reference controllers for ``AORO/ForestRun-v0``: straight ahead, and along planned ways, with what a lidar shows or with
-the truth.
+"""Reference controllers for ``AORO/ForestRun-v0``: straight ahead, and along ways that are planned with what a lidar shows.
 
-All of them steer by pure pursuit (:mod:`aoro_gym.agents.controllers.path_tracking`): the joint turns to where a steady turn
-would lead through a place ``look_ahead`` in front. They back out where they are stopped. They see nothing but the
-observation; only :class:`MapPlanner` knows the world, too, which no machine does: what it does is what planning can come
-to.
+Both steer by pure pursuit (:mod:`aoro_gym.agents.controllers.path_tracking`): the joint turns to where a steady turn would
+lead through a place ``look_ahead`` in front. They back out where they are stopped. They see nothing but the observation. Who
+knows the world, too, as no machine does, is :class:`aoro_gym.agents.controllers.forest_arcs.ArcPlanner`.
 
 Ways are cheapest ones over a map of costs, by A* over poses (:mod:`aoro_gym.terrains.paths.pose_search`). Places are those
 of a frame with the goal at its origin, and the axes of the world: the goal in the machine's axes and the heading say where
@@ -18,7 +16,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -29,7 +27,7 @@ from aoro_gym.agents.controllers.path_tracking import turn_angle
 from aoro_gym.agents.controllers.turning import dead_band_compensated, require_terms
 from aoro_gym.agents.policies.policy import Actions, Observations
 from aoro_gym.terrains.paths.pose_search import SPACING, CostMap, steerable_way
-from aoro_gym.terrains.world.traversability import CELL, Traversability, nearness, traversability
+from aoro_gym.terrains.world.traversability import CELL, nearness
 
 Floats = NDArray[np.float64]
 
@@ -71,7 +69,7 @@ class ForestDriver:
     @classmethod
     def of(cls, env: Any) -> ForestDriver:
         """That of an environment, wrapped or not, single or vector; where its machines differ, their mean."""
-        env = _vector(env)
+        env = environment_of(env)
         frame, task = env.twin.machine.frame, env.task
         front = float(np.mean(frame.front.axle_distance))
         known: dict[str, Any] = {}
@@ -97,7 +95,7 @@ class ForestDriver:
         return Seen({name: rows[:, where] for name, where in self.layout.items()})
 
 
-def _vector(env: Any) -> Any:
+def environment_of(env: Any) -> Any:
     env = env.unwrapped
     return getattr(env, "vector", env)
 
@@ -193,81 +191,7 @@ class StraightAhead(Pursuit):
         return away * (np.minimum(self.look_ahead, distance) / distance)[:, None]
 
 
-@dataclass
-class Planner(Pursuit):
-    """Along ways that :meth:`plan` gives, each sub-environment's own."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._ways: dict[int, Floats] = {}
-
-    @abstractmethod
-    def plan(self, number: int, place: Floats, heading: float) -> Floats | None:
-        """Way (P, 2) [m] of the sub-environment ``number`` from a pose, in the frame of its goal; None: none is found."""
-
-    def is_due(self, number: int, place: Floats) -> bool:
-        """Whether a new way is to be planned for a machine that is at ``place`` [m] and has one."""
-        return bool(np.hypot(*(self._ways[number] - place).T).min() > STRAYED)
-
-    def target(self, seen: Seen) -> Floats:
-        here, headings = seen.place, seen.heading
-        ahead = np.broadcast_to(self.look_ahead, len(here))
-        found = np.zeros((len(here), 2))
-        for number, (place, heading) in enumerate(zip(here, headings, strict=True)):
-            if number not in self._ways or self.is_due(number, place):
-                way = self.plan(number, place, float(heading))
-                self._ways[number] = np.zeros((1, 2)) if way is None else way
-            way = self._ways[number]
-            nearest = int(np.argmin(np.hypot(*(way - place).T)))
-            # beyond its end a way goes on to the goal
-            beyond = nearest + round(float(ahead[number]) / SPACING)
-            found[number] = way[beyond] if beyond < len(way) else 0.0
-        away = found - here
-        c, s = np.cos(headings), np.sin(headings)
-        return np.stack([c * away[:, 0] + s * away[:, 1], c * away[:, 1] - s * away[:, 0]], axis=1)
-
-    def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
-        super().reset(mask)
-        for number in list(self._ways):
-            if mask is None or mask[number]:
-                del self._ways[number]
-
-
-@dataclass
-class MapPlanner(Planner):
-    """Along the cheapest way over the world's truth, planned at the start and where the machine has strayed: it knows every
-    object, and wet and steep ground. It learns from the environment in which world each machine is."""
-
-    env: Any
-    """Which is driven in, wrapped or not, single or vector."""
-    inflation: ArrayLike = field(default=1.6, kw_only=True)
-    """Least distance [m] to what stops a machine."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._grounds: dict[int, Traversability] = {}
-
-    def watching(self, env: Any) -> MapPlanner:
-        """The same in the worlds of another environment."""
-        return replace(self, env=env)
-
-    def plan(self, number: int, place: Floats, heading: float) -> Floats | None:
-        task = _vector(self.env).task
-        courses, goals = task.runs()
-        course, goal = int(courses[number]), goals[number]
-        if course not in self._grounds:
-            world = task.courses[course].world
-            if world is None:
-                raise ValueError(f"course {course} is no world: there is no map to plan on; take another controller")
-            self._grounds[course] = traversability(world)
-        ground, least = self._grounds[course], _own(self.inflation, number)
-        # never infinite: who has come too near to something needs a way out
-        cost = ground.price + nearness(ground.room - least) + BLOCKED * (ground.room < least)
-        corner = (ground.corner[0] - goal[0], ground.corner[1] - goal[1])
-        return steerable_way(CostMap(cost, corner, ground.cell), (*place, heading), (0.0, 0.0), partial=True)
-
-
-def _own(gain: ArrayLike, number: int) -> float:
+def own_gain(gain: ArrayLike, number: int) -> float:
     """The gain of a sub-environment."""
     values = np.asarray(gain, dtype=np.float64)
     return float(values[number] if values.ndim else values)
@@ -284,8 +208,9 @@ LOOKED_AT = 3
 
 
 @dataclass
-class LidarPlanner(Planner):
-    """Along the cheapest way over a map of what the lidar has shown so far, planned anew where that stands in the way."""
+class LidarPlanner(Pursuit):
+    """Along the cheapest way over a map of what the lidar has shown so far, planned anew where something stands in it and
+    where the machine has strayed."""
 
     inflation: ArrayLike = field(default=1.6, kw_only=True)
     """Least distance [m] to what stands up."""
@@ -295,6 +220,7 @@ class LidarPlanner(Planner):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_terms(self.driver.layout, "obstacles")
+        self._ways: dict[int, Floats] = {}
         self._maps: dict[int, LidarMap] = {}
         self._step = 0
 
@@ -312,23 +238,40 @@ class LidarPlanner(Planner):
                 self._maps[number] = LidarMap(place)
             self._maps[number].add(points[number][shown[number]])
         self._step += 1
-        return super().target(seen)
+        return self._towards(places, headings)
 
-    def is_due(self, number: int, place: Floats) -> bool:
+    def _towards(self, places: Floats, headings: Floats) -> Floats:
+        """Places (N, 2) [m] on the ways, as far ahead as the machines look, in their axes."""
+        ahead = np.broadcast_to(self.look_ahead, len(places))
+        found = np.zeros((len(places), 2))
+        for number, (place, heading) in enumerate(zip(places, headings, strict=True)):
+            if number not in self._ways or self._is_due(number, place):
+                way = self._planned(number, place, float(heading))
+                self._ways[number] = np.zeros((1, 2)) if way is None else way
+            way = self._ways[number]
+            # beyond its end a way goes on to the goal
+            beyond = int(np.argmin(np.hypot(*(way - place).T))) + round(float(ahead[number]) / SPACING)
+            found[number] = way[beyond] if beyond < len(way) else 0.0
+        away = found - places
+        c, s = np.cos(headings), np.sin(headings)
+        return np.stack([c * away[:, 0] + s * away[:, 1], c * away[:, 1] - s * away[:, 0]], axis=1)
+
+    def _is_due(self, number: int, place: Floats) -> bool:
+        """Whether a new way is to be planned for a machine that is at ``place`` [m] and has one."""
         if (self._step + number) % LOOKED_AT:
             return False
         way = self._ways[number]
-        nearest = int(np.argmin(np.hypot(*(way - place).T)))
-        ahead = way[nearest : nearest + round(MAPPED / SPACING)]
-        room = self._room(number)
-        blocked = room.min_along(ahead) < _own(self.inflation, number) - 0.5 * CELL
-        return blocked or super().is_due(number, place)
+        apart = np.hypot(*(way - place).T)
+        nearest = int(np.argmin(apart))
+        room = self._room(number).min_along(way[nearest : nearest + round(MAPPED / SPACING)])
+        return bool(room < own_gain(self.inflation, number) - 0.5 * CELL or apart[nearest] > STRAYED)
 
     def _room(self, number: int) -> LidarMap:
-        return self._maps[number].measured(_own(self.hits, number))
+        return self._maps[number].measured(own_gain(self.hits, number))
 
-    def plan(self, number: int, place: Floats, heading: float) -> Floats | None:
-        known, least = self._room(number), _own(self.inflation, number)
+    def _planned(self, number: int, place: Floats, heading: float) -> Floats | None:
+        """Way (P, 2) [m] of the sub-environment ``number`` from a pose, in the frame of its goal; None: none is found."""
+        known, least = self._room(number), own_gain(self.inflation, number)
         cost = 1.0 + nearness(known.room - least) + BLOCKED * (known.room < least)
         ground = CostMap(cost, known.corner, CELL)
         return steerable_way(ground, (*place, heading), (0.0, 0.0), partial=True, most=MOST_POSES)
@@ -338,6 +281,7 @@ class LidarPlanner(Planner):
         for number in list(self._maps):
             if mask is None or mask[number]:
                 del self._maps[number]
+                self._ways.pop(number, None)
 
 
 MOST_POSES = 3000

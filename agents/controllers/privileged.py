@@ -7,7 +7,8 @@ from functools import partial
 from typing import Any
 
 from aoro_gym.agents.controllers.exact import EXACT, Informed
-from aoro_gym.agents.controllers.forest_run import ForestDriver, MapPlanner
+from aoro_gym.agents.controllers.forest_arcs import ArcPlanner
+from aoro_gym.agents.controllers.forest_run import ForestDriver
 from aoro_gym.agents.controllers.mppi import SETTINGS, Mppi
 from aoro_gym.agents.controllers.path_tracking import PreviewDriver, Vehicle
 from aoro_gym.agents.controllers.reference import Factory
@@ -22,7 +23,7 @@ def _expert(env: Any) -> Policy:
 
 
 def _map_planner(env: Any) -> Policy:
-    return MapPlanner(ForestDriver.of(env), env)
+    return ArcPlanner(ForestDriver.of(env), env)
 
 
 _OF_A_TASK: Mapping[str, Mapping[str, Factory]] = {

@@ -133,6 +133,9 @@ class RecurrentDagger:
                 actions = actions + noise * torch.randn_like(actions)
             made = self._env.step(torch.clip(actions, *self._bounds()))
             observations, begins = made.observations, (made.terminated | made.truncated)[:, 0]
+            ended = begins.numpy(force=True)
+            if ended.any():
+                self._teacher.reset(ended)
             self.steps += self.envs.num_envs
             callback.on_step(self.steps)
         self._now = observations, begins, state

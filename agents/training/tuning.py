@@ -11,7 +11,7 @@ batch of twins. Gains are reported on other episodes than they were tuned on:
 paths; 7 generations of 10 candidates, of which one was chosen by hand.
 ``AORO/PathTracking-v1``: see :func:`limit_cost`; 8 whole paths, 28 s each; 7 generations of 16 candidates.
 ``AORO/Levelling-v0``: what the mean reward of 8 pieces of lanes, 15 s each, lacks to 1; 7 generations of 16 candidates.
-``AORO/ForestRun-v0``: the mean return of the first 30 s of 8 runs, negative, in units of 100; 4 generations of 8 candidates.
+``AORO/ForestRun-v0``: see :func:`forest_cost`; the first 40 s of 8 runs; 7 generations of 16 candidates.
 
 On two cores this takes some minutes an environment. The result is the default of each controller.
 """
@@ -627,9 +627,9 @@ STUDIES = {
         cost=forest_cost,
         report=forest_report,
         episodes=8,
-        steps=300,
-        population=8,  # 77,000 control steps a controller in all
-        generations=3,
+        steps=400,
+        population=16,  # at most 358,000 control steps a controller in all
+        generations=6,
     ),
 }
 """How the controllers are tuned, by environment."""

@@ -5,13 +5,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from aoro_gym.agents.controllers.forest_arcs import ArcPlanner
 from aoro_gym.agents.controllers.forest_run import (
     BACKING_TIME,
     STOPPED_TIME,
     ForestDriver,
     LidarMap,
     LidarPlanner,
-    MapPlanner,
     StraightAhead,
 )
 from aoro_gym.envs.forest_run.environment import ForestRunVectorEnv
@@ -121,13 +121,7 @@ def test_planners_go_round_the_stem_that_stops_who_does_not_look(env):
     assert AHEAD < 21.0  # it stands between start and goal
     assert endings(env, StraightAhead(known)) == ["hit an object", "goal reached", "hit an object"]
     assert endings(env, LidarPlanner(known)) == ["goal reached"] * 3
-    assert endings(env, MapPlanner(known, env)) == ["goal reached"] * 3
-
-
-def test_whose_map_is_planned_on_can_be_changed(env):
-    policy = MapPlanner(ForestDriver.of(env), None).watching(env)
-    observations, _ = env.reset(seed=3, options={"path": 0})
-    assert policy(observations).shape == (3, 2)
+    assert endings(env, ArcPlanner(known, env)) == ["goal reached"] * 3
 
 
 def test_terms_that_are_missing_are_named():

@@ -183,3 +183,19 @@ def test_networks_learn_on_the_cpu_whose_lanes_the_twins_run_on():
     learn(learner, 200)
     assert learner._device.type == "cpu" and learner.steps == 200
     learner.close()
+
+
+def test_a_teacher_forgets_where_an_episode_has_ended():
+    learner, told = dagger(), []
+
+    class Teacher:
+        def __call__(self, observations):
+            return np.zeros((len(observations), 1), dtype=np.float32)
+
+        def reset(self, mask=None):
+            told.append(np.array(mask))
+
+    learner._teacher = Teacher()
+    learner.envs.max_episode_steps = 20
+    learn(learner, 4 * 25)
+    np.testing.assert_array_equal(told, [np.ones(4, dtype=bool)])
