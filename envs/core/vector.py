@@ -854,10 +854,24 @@ def _sum(values: Array) -> Array:
 def _where(mask: Array, values: Mapping[str, Array]) -> dict[str, Array]:
     """``values`` where ``mask`` holds, else zero, or None for objects."""
     xp = namespace(mask)
-    return {
-        name: xp.where(mask, value, None if value.dtype == object else xp.zeros_like(value))
-        for name, value in values.items()
-    }
+    if xp is np:
+        return {
+            name: np.where(mask, value, None if value.dtype == object else np.zeros_like(value))
+            for name, value in values.items()
+        }
+    return _together(lambda value: xp.where(mask, value, xp.zeros_like(value)), values)
+
+
+def _together(change: Callable[..., Array], *tensors: Mapping[str, Array]) -> dict[str, Array]:
+    """``change`` of the tensors (N,) of each name, of those of one type in few launches."""
+    names: dict[Any, list[str]] = {}
+    for name, value in tensors[0].items():
+        names.setdefault(value.dtype, []).append(name)
+    changed: dict[str, Array] = {}
+    for alike in names.values():
+        xp = namespace(tensors[0][alike[0]])
+        changed |= zip(alike, change(*(xp.stack([each[name] for name in alike]) for each in tensors)), strict=True)
+    return {name: changed[name] for name in tensors[0]}
 
 
 def _each(masks: Mapping[str, Array], change: Callable[[Array], Array]) -> dict[str, Array]:
@@ -877,7 +891,13 @@ def _replaced(
     """Infos of a step, with those of a reset ``begun`` in its place where ``where`` holds."""
     xp = namespace(where)
     kept = {name: value for name, value in values.items() if name not in begun}
-    renewed = {name: xp.where(where, begun[name], values[name]) for name in values if name in begun}
+    before = {name: value for name, value in values.items() if name in begun}
+    if xp is np:
+        renewed = {name: np.where(where, begun[name], value) for name, value in before.items()}
+    else:
+        renewed = _together(
+            lambda value, new: xp.where(where, new, value), before, {name: begun[name] for name in before}
+        )
     return {**_where(~where, kept), **renewed}, {
         **_each({name: masks[name] for name in kept}, lambda mask: mask & ~where),
         **_each({name: masks[name] for name in renewed}, lambda mask: mask | where),
