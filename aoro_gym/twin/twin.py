@@ -602,9 +602,15 @@ class Twin:
         frames = other._outputs.shape[0]
         if self._outputs.shape[0] != frames:
             self._make_room(frames)
+        numbers = wp.array(indices, dtype=int, device=self.device)
         for name in STATE_ARRAYS:
             if name != "_machines":
-                getattr(self, name).assign(np.take(getattr(other, name).numpy(), indices, axis=-1))
+                source, mine = getattr(other, name), getattr(self, name)
+                if other.device == self.device:  # nothing comes to the host
+                    taken: Any = wp.indexedarray(source, [None] * (source.ndim - 1) + [numbers])
+                    wp.copy(mine, taken)
+                else:
+                    mine.assign(np.take(source.numpy(), indices, axis=-1))
         standing = other._grounds.standing()
         self._grounds.stand({name: np.take(values, indices, axis=-1) for name, values in standing.items()})
 
