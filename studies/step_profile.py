@@ -9,6 +9,7 @@ twins on lanes of a core.
 from __future__ import annotations
 
 import argparse
+import copy
 import json
 import statistics
 import time
@@ -105,11 +106,11 @@ def environment(
         env.step(next(actions))
         _settle(env, actions)
         parts[kind] = lambda env=env, actions=actions: env.step(next(actions))
-        if env._kernel_step is not None:
-            parts["twins"] = partial(env.twin.advance, env.task.control_step, sample_every=env.task.sample_step)
-            parts["twins and kernels"] = partial(
-                env._kernel_step.run, env.arrays.asarray(next(actions), env.arrays.xp.float32)
-            )
+        if env._kernel_step is not None:  # a copy: episodes of the environment would end where nobody sees it
+            other = copy.deepcopy(env)
+            advanced, act = other._in_kernels(), next(actions)
+            parts["twins"] = partial(other.twin.advance, other.task.control_step, sample_every=other.task.sample_step)
+            parts["twins and kernels"] = partial(advanced.run, other.arrays.asarray(act, other.arrays.xp.float32))
     return timed(parts, device, seconds)
 
 
