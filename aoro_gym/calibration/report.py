@@ -11,6 +11,9 @@ from rich.text import Text
 from aoro_gym.reporting.page import describe
 from aoro_gym.reporting.terminal import Comparison, labelled
 
+NAMED = 5
+"""Parameters on a bound that a terminal shows; the report has all."""
+
 
 def tables(report: dict[str, Any]) -> Iterator[Comparison | str]:
     """The verdict, the errors of figures or intervals of parameters, then what the calibration leaves open."""
@@ -24,6 +27,9 @@ def tables(report: dict[str, Any]) -> Iterator[Comparison | str]:
         yield labelled("changes of the code that were accepted", report["accepted_code_changes"])
     yield from _misses(report)
     yield from _procedure(report)
+    if verdict.get("channels"):
+        yield _channels(verdict["channels"])
+        yield escape(verdict["serves"])
     if report.get("parameters"):
         yield _parameters(report["parameters"])
     for key, text in (
@@ -34,8 +40,7 @@ def tables(report: dict[str, Any]) -> Iterator[Comparison | str]:
         if report.get(key) is not None:
             yield text.format(report[key])
     if "leaning_on_a_bound" in report:
-        leaning = [f"{item['key']} ({item['end']} end)" for item in report["leaning_on_a_bound"]]
-        yield labelled("leaning on a bound of its range", leaning)
+        yield _leaning(report)
     if report.get("ensemble_dropped"):
         yield labelled("ensemble members that were dropped", report["ensemble_dropped"])
     if report.get("held"):
@@ -64,6 +69,26 @@ def _misses(report: dict[str, Any]) -> Iterator[Comparison]:
     if single:
         rows = [[name.replace("_", " "), _miss(miss)] for name, miss in single.items()]
         yield Comparison("Misses of single figures, in tolerances", ("figure", "miss"), rows)
+
+
+def _channels(channels: dict[str, Any]) -> Comparison:
+    """What is left of every measured signal, against its noise and against its movement."""
+    rows = []
+    for name, match in channels.items():
+        mark = Text("met", "green") if match["fits"] else Text("missed", "red")
+        shares = (f"{100.0 * match[key]:.2g} %" for key in ("unexplained_share", "largest_share"))
+        rows.append([name.replace("_", " "), f"{match['residual_std']:.2f}", *shares, mark])
+    head = ("signal", "left, standard deviations of noise", "of its movement", "may be", "")
+    return Comparison("What is left of each signal", head, rows)
+
+
+def _leaning(report: dict[str, Any]) -> str:
+    """Parameters on a bound in one line: those that the data identify first, no more than :data:`NAMED`."""
+    identified = {one["key"] for one in report.get("parameters", []) if one["identified"]}
+    ends = sorted(report["leaning_on_a_bound"], key=lambda item: item["key"] not in identified)
+    named = [f"{item['key']} ({item['end']} end)" for item in ends[:NAMED]]
+    more = [f"and {len(ends) - NAMED} more, in the report"] if len(ends) > NAMED else []
+    return labelled("leaning on a bound of its range", named + more)
 
 
 def _procedure(report: dict[str, Any]) -> Iterator[Comparison]:

@@ -30,6 +30,11 @@ LEAST_PRESSURE = 10e5
 """Movement [SI], root mean square, that counts at least: shares of less say nothing of the machine."""
 
 
+CONTROL_SHARE = 0.01
+"""Share of the joint's movement that may be left of its angle for a twin that a controller of the joint is tuned on: of 80°
+less than the 1° within which a target of turning counts as reached (E)."""
+
+
 @dataclass(frozen=True)
 class Match:
     """How well one channel is met, over all logs."""
@@ -54,6 +59,10 @@ class Verdict:
     channels: dict[str, Match]
     on_a_bound: int
     parameters: int
+    fit_for: dict[str, bool]
+    """Whether the twin may serve ``control``, ``training`` and ``diagnosis``."""
+    serves: str
+    """The same in a sentence, with what stands against it."""
 
 
 def judge(
@@ -79,9 +88,36 @@ def judge(
     matches = {name: _match(name, *map(np.concatenate, zip(*each, strict=True))) for name, each in parts.items()}
     total = _rms(np.concatenate([residual for each in parts.values() for residual, _, _ in each]))
     fits = all(match.fits for match in matches.values())
+    against = _against(matches)
+    serves = "; ".join(f"{use}: {'no, ' + why if why else 'yes'}" for use, why in against.items())
     return Verdict(
-        fits, _sentence(fits, total, matches, on_a_bound, parameters), total, matches, on_a_bound, parameters
-    )
+        fits, _sentence(fits, total, matches, on_a_bound, parameters), total, matches, on_a_bound, parameters,
+        {use: not why for use, why in against.items()}, f"fit for {serves}",
+    )  # fmt: skip
+
+
+def _against(matches: Mapping[str, Match]) -> dict[str, str]:
+    """What stands against each use; nothing where it may be.
+
+    Control of the joint needs its angle. A policy meets all that is measured, so training needs every channel within its
+    bound. A diagnosis takes whatever is left for a fault, so it needs noise alone, in both ports' pressures, too.
+    """
+    angle = matches["joint_angle"].unexplained_share
+    missed = [name for name, match in matches.items() if not match.fits]
+    loud = [f"{_words(n)} by {m.residual_std:.2g}" for n, m in matches.items() if m.residual_std > LARGEST_STD]
+    ports = [_words(name) for name in ("pressure_a", "pressure_b") if name not in matches]
+    noisy = f"beyond {LARGEST_STD:g} standard deviations of noise: {', '.join(loud)}" if loud else ""
+    return {
+        "control": f"{100 * angle:.2g} % of the joint's movement are left, where {100 * CONTROL_SHARE:g} % may be"
+        if angle > CONTROL_SHARE
+        else "",
+        "training": f"beyond their bounds: {', '.join(map(_words, missed))}" if missed else "",
+        "diagnosis": f"no log of {' and '.join(ports)}" if ports else noisy,
+    }
+
+
+def _words(channel: str) -> str:
+    return channel.replace("_", " ")
 
 
 def _match(name: str, residual: NDArray[np.float64], miss: NDArray[np.float64], travel: NDArray[np.float64]) -> Match:
@@ -92,8 +128,7 @@ def _match(name: str, residual: NDArray[np.float64], miss: NDArray[np.float64], 
 
 def _sentence(fits: bool, total: float, matches: Mapping[str, Match], on_a_bound: int, parameters: int) -> str:
     shares = ", ".join(
-        f"{name.replace('_', ' ')} {match.unexplained_share:.2g}"
-        + ("" if match.fits else f" > {match.largest_share:g}")
+        f"{_words(name)} {match.unexplained_share:.2g}" + ("" if match.fits else f" > {match.largest_share:g}")
         for name, match in matches.items()
     )
     sentence = (

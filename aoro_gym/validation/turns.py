@@ -83,7 +83,9 @@ def stacked(machines: Sequence[Machine]) -> Machine:
         joined = np.concatenate(si)
         if np.any(joined != joined[0]):
             values[key] = joined
-    if not values:  # all alike: any array makes variants of them
+        elif np.ndim(first.entries[key].value):  # an array of equal values has the first machine's number of variants
+            values[key] = joined[0]
+    if not any(map(np.ndim, values.values())):  # all alike: any array makes variants of them
         key = next(iter(first.entries))
         values[key] = np.full(sum(counts), first.entries[key].si)
     return first.with_laws("default").set(values, si=True, check_ranges=False).with_laws(**laws.names)

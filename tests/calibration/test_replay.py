@@ -9,7 +9,7 @@ import pytest
 from aoro_gym.calibration.logs import calibrate_logs
 from aoro_gym.calibration.recordings import CHANNELS, FilteredLog, read_filtered_log, whitened
 from aoro_gym.calibration.replay import repeat, under_conditions
-from aoro_gym.calibration.verdict import Verdict, judge
+from aoro_gym.calibration.verdict import Match, Verdict, _against, judge
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.machine import Machine
 from aoro_gym.recording.manifest import Manifest
@@ -187,3 +187,38 @@ def test_a_log_of_another_machine_gets_a_verdict(tmp_path):
     assert verdict["residual_std"] > 100.0  # not cut off where the search's are
     assert verdict["channels"]["joint_angle"]["unexplained_share"] > 0.5
     assert "does not fit" in found.machine.entries[keys[0]].source
+
+
+def match(std: float, share: float, *, fits: bool) -> Match:
+    return Match(std, share, 0.03, fits)
+
+
+@pytest.mark.parametrize(
+    ("channels", "fit_for", "said"),
+    [
+        (
+            {"joint_angle": (1.0, 0.004), "pressure_a": (1.2, 0.02), "pressure_b": (0.9, 0.02)},
+            "control training diagnosis", "diagnosis: yes",
+        ),
+        ({"joint_angle": (1.0, 0.004)}, "control training", "diagnosis: no, no log of pressure a and pressure b"),
+        (
+            {"joint_angle": (2.0, 0.004), "pressure_a": (12.0, 0.2), "pressure_b": (0.9, 0.02)}, "control training",
+            "diagnosis: no, beyond 3 standard deviations of noise: pressure a by 12",
+        ),
+        (
+            {"joint_angle": (9.0, 0.02), "pressure_a": (40.0, 0.9), "pressure_b": (0.9, 0.02)}, "",
+            "no, 2 % of the joint's movement are left, where 1 % may be; training: no, beyond their bounds: pressure a",
+        ),
+    ],
+)  # fmt: skip
+def test_what_a_twin_is_fit_for(channels, fit_for, said):
+    matches = {name: match(std, share, fits=share < 0.5) for name, (std, share) in channels.items()}
+    against = _against(matches)
+    assert [use for use, why in against.items() if not why] == fit_for.split()
+    assert said in "; ".join(f"{use}: {'no, ' + why if why else 'yes'}" for use, why in against.items())
+
+
+def test_a_judged_recording_says_what_it_is_fit_for(logs):
+    verdict = verdict_of(Machine.load("aoro"), logs["steered"])
+    assert verdict.fit_for["training"]
+    assert verdict.serves.startswith("fit for control: ")

@@ -8,7 +8,9 @@ import pytest
 
 from aoro_gym import Machine, validation
 from aoro_gym.calibration.published import Calibration
+from aoro_gym.calibration.report import tables
 from aoro_gym.machine.laws import family
+from aoro_gym.reporting.terminal import Comparison
 from aoro_gym.validation.turns import TURNS
 from tests.cli.calling import call, check_refused
 
@@ -240,3 +242,19 @@ def test_a_study_writes_its_files_and_says_what_was_changed(tmp_path, monkeypatc
     content = json.loads((tmp_path / "study.json").read_text())
     assert content["turns"][0]["percent"]["first_peak_L_per_min"] > 0.5, "softer hoses let the joint swing farther"
     assert (tmp_path / "index.html").exists()
+
+
+def test_bounds_are_a_short_list_with_identified_parameters_first():
+    ends = [{"key": f"part.{i}", "end": "low"} for i in range(9)]
+    known = [{"key": "part.7", "unit": "1", "value": 1.0, "low95": 0.0, "high95": 2.0, "identified": True}]
+    verdict = {
+        "sentence": "fits: all", "fits": True, "serves": "fit for control: yes",
+        "channels": {"pressure_a": {"residual_std": 2.5, "unexplained_share": 0.1, "largest_share": 0.5, "fits": True}},
+    }  # fmt: skip
+    shown = list(tables({"verdict": verdict, "leaning_on_a_bound": ends, "parameters": known}))
+    line = shown[-1]
+    assert isinstance(line, str) and line.startswith("leaning on a bound of its range: part.7 (low end), part.0")
+    assert line.endswith("and 4 more, in the report")
+    assert "fit for control: yes" in shown
+    assert isinstance(shown[1], Comparison)
+    assert list(shown[1].rows[0][:4]) == ["pressure a", "2.50", "10 %", "50 %"]

@@ -21,6 +21,9 @@ def test_stacked_machines_are_the_single_ones(machine):
         np.testing.assert_allclose(np.broadcast_to(all_of_them.value(key), 4), expected, rtol=1e-15)
     assert stacked([machine]) is machine
     assert stacked([machine, machine]).num_variants == 2
+    alike = machine.set({"oil.gas_fraction": [0.01, 0.01]})
+    assert stacked([alike, slow]).num_variants == 2 + slow.num_variants
+    assert stacked([alike]).num_variants == 2
     assert repeated(machine, 3).num_variants == 1
     np.testing.assert_allclose(repeated(pair, 2).value(KEY), np.tile(pair.value(KEY), 2), rtol=1e-15)
 
