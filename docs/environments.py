@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from aoro_gym.envs import Course, ForestRunEnv, LevellingEnv, LimitTrackingEnv, PathTrackingEnv, TurningEnv
+from aoro_gym.envs import Course, ForestRunEnv, LevellingEnv, LimitTrackingEnv, LoadingEnv, PathTrackingEnv, TurningEnv
 from aoro_gym.envs.core.terms import ObservationTerm, RewardTerm
 from aoro_gym.envs.forest_run import rewards as forest_run_rewards
 from aoro_gym.envs.levelling import rewards as levelling_rewards
+from aoro_gym.envs.loading import rewards as loading_rewards
 from aoro_gym.envs.path_tracking import rewards as path_rewards
 from aoro_gym.envs.turning import rewards as turning_rewards
 from aoro_gym.terrains import Path as Line
@@ -26,6 +27,12 @@ ACTIONS = {
         f"arm_{corner}": f"signal of the arm valve {where}; positive lets the wheel down and the frame up"
         for corner, where in (("fl", "front left"), ("fr", "front right"), ("rl", "rear left"), ("rr", "rear right"))
     },
+    "crane_slew": "signal of the slew's valve, positive to the left",
+    "crane_lift": "signal of the main boom's valve, positive up",
+    "crane_fold": "signal of the stick's valve, positive up and out",
+    "crane_telescope": "signal of the telescope's valve, positive out",
+    "rotator": "rate of the grapple against the pillar, 0.6 rad/s at 1, positive to the left",
+    "grapple": "closed above 0, else open",
 }
 
 
@@ -95,6 +102,7 @@ def parts() -> dict[str, dict[str, str]]:
         ("path_tracking_limits.md", limits, path_rewards),
         ("levelling.md", levelling, levelling_rewards),
         ("forest_run.md", forest_run, forest_run_rewards),
+        ("loading.md", LoadingEnv(), loading_rewards),
     ):
         task = env.vector.task
         made[page] = {

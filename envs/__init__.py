@@ -32,6 +32,10 @@ if TYPE_CHECKING:
     from aoro_gym.envs.limit_tracking.config import LimitRandomisation, limit_config
     from aoro_gym.envs.limit_tracking.environment import LimitTrackingEnv, LimitTrackingVectorEnv
     from aoro_gym.envs.limit_tracking.task import LimitTracking
+    from aoro_gym.envs.loading.config import LoadingConfig, LoadingRandomisation
+    from aoro_gym.envs.loading.environment import LoadingEnv, LoadingVectorEnv
+    from aoro_gym.envs.loading.task import Loading
+    from aoro_gym.envs.loading.view import LoadingView
     from aoro_gym.envs.path_tracking.assistance import ArmControl
     from aoro_gym.envs.path_tracking.config import PathTrackingConfig, PathTrackingRandomisation
     from aoro_gym.envs.path_tracking.courses import Course, forest_course
@@ -63,6 +67,12 @@ __all__ = [
     "LimitTracking",
     "LimitTrackingEnv",
     "LimitTrackingVectorEnv",
+    "Loading",
+    "LoadingConfig",
+    "LoadingEnv",
+    "LoadingRandomisation",
+    "LoadingVectorEnv",
+    "LoadingView",
     "ObservationTerm",
     "PathTracking",
     "PathTrackingConfig",
@@ -102,6 +112,10 @@ __getattr__, _, _ = lazy_loader.attach(
         "limit_tracking.config": ("LimitRandomisation", "limit_config"),
         "limit_tracking.environment": ("LimitTrackingEnv", "LimitTrackingVectorEnv"),
         "limit_tracking.task": ("LimitTracking",),
+        "loading.config": ("LoadingConfig", "LoadingRandomisation"),
+        "loading.environment": ("LoadingEnv", "LoadingVectorEnv"),
+        "loading.task": ("Loading",),
+        "loading.view": ("LoadingView",),
         "core.randomisation": ("Randomisation",),
         "core.terms": ("ObservationTerm", "RewardTerm"),
         "turning.config": ("TurningConfig",),

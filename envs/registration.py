@@ -42,6 +42,11 @@ ENVIRONMENTS = {
         vector_entry_point="aoro_gym.envs.forest_run.environment:ForestRunVectorEnv",
         max_episode_steps=None,
     ),
+    "AORO/Loading-v0": Registration(
+        entry_point="aoro_gym.envs.loading.environment:LoadingEnv",
+        vector_entry_point="aoro_gym.envs.loading.environment:LoadingVectorEnv",
+        max_episode_steps=None,
+    ),
 }
 """Every environment by id."""
 

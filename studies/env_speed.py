@@ -26,6 +26,7 @@ from aoro_gym.envs import register_envs
 from aoro_gym.envs.forest_run import config as forest_run
 from aoro_gym.envs.levelling import config as levelling
 from aoro_gym.envs.limit_tracking import config as limit_tracking
+from aoro_gym.envs.loading import config as loading
 from aoro_gym.envs.path_tracking import config as path_tracking
 from aoro_gym.envs.path_tracking.courses import Course, generated_paths
 from aoro_gym.envs.turning import config as turning
@@ -37,6 +38,7 @@ ENVIRONMENTS = {
     "AORO/Turning-v0": turning.MILD,
     "AORO/Levelling-v0": levelling.MILD,
     "AORO/ForestRun-v0": forest_run.MILD,
+    "AORO/Loading-v0": loading.MILD,
 }
 """By id, with what varies from episode to episode."""
 

@@ -21,6 +21,7 @@ EXACT: Mapping[str, Mapping[str, Callable[[Any], Array]]] = {
     "AORO/PathTracking-v1": path_tracking.EXACT_TERMS,
     "AORO/Levelling-v0": levelling.EXACT_TERMS,
     "AORO/ForestRun-v0": {},
+    "AORO/Loading-v0": {},
 }
 """True values of measured observation terms, by the environment's id, then by the term's name."""
 

@@ -116,6 +116,7 @@ SETTINGS: Mapping[str, PathIntegral] = {
     "AORO/PathTracking-v1": PathIntegral((0.4, 0.2), horizon=20, temperature=0.1, correlation=6.0),
     "AORO/Levelling-v0": PathIntegral((0.2, 0.2, 0.2, 0.2), horizon=15, temperature=0.2, correlation=3.0),
     "AORO/ForestRun-v0": PathIntegral((0.4, 0.2), horizon=20, temperature=0.1, correlation=6.0),
+    "AORO/Loading-v0": PathIntegral((0.4, 0.4, 0.4, 0.4, 0.4, 0.4), horizon=15, temperature=0.1, correlation=4.0),
 }
 """By the environment's id."""
 

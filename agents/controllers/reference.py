@@ -18,6 +18,7 @@ from typing import Any
 
 from aoro_gym.agents.controllers.forest_run import ForestDriver, LidarPlanner, StraightAhead
 from aoro_gym.agents.controllers.levelling import Assistance, ModalPid, ModalRegulator, PreviewPid, Stance
+from aoro_gym.agents.controllers.loading import Loader, WaypointLoader
 from aoro_gym.agents.controllers.path_tracking import (
     FullSpeedSteering,
     PreviewDriver,
@@ -47,6 +48,10 @@ def _levelling(controller: Callable[[Stance], Policy], env: Any) -> Policy:
 
 def _through_forest(controller: Callable[[ForestDriver], Policy], env: Any) -> Policy:
     return controller(ForestDriver.of(env))
+
+
+def _loading(controller: Callable[[Loader], Policy], env: Any) -> Policy:
+    return controller(Loader.of(env))
 
 
 LIMIT_GAINS: Mapping[str, tuple[Callable[..., Policy], Mapping[str, float]]] = {
@@ -100,6 +105,10 @@ REFERENCE_POLICIES: Mapping[str, Mapping[str, Factory]] = {
     "AORO/ForestRun-v0": {
         "straight": partial(_through_forest, StraightAhead),
         "lidar-planner": partial(_through_forest, LidarPlanner),
+    },
+    "AORO/Loading-v0": {
+        "waypoints": partial(_loading, WaypointLoader),
+        "fast-waypoints": partial(_loading, partial(WaypointLoader, gain=1.2, damping=0.25, ramp=0.0, slow=0.45)),
     },
 }
 """By the environment's id, then by the controller's name."""

@@ -33,7 +33,7 @@ def grounds(courses: Sequence[Course] | None) -> list[Any]:
 
 def paths(courses: Sequence[Course] | None) -> list[Any]:
     """Of each course its paths."""
-    return [] if courses is None else [[_unnamed(path) for path in course.paths] for course in courses]
+    return [] if courses is None else [[_unnamed(path) for path in getattr(course, "paths", ())] for course in courses]
 
 
 def policy_content(policy: Any) -> Any:
@@ -47,8 +47,10 @@ def policy_content(policy: Any) -> Any:
     return [content | normalisation | ({} if made_of.memory is None else memory)]
 
 
-def _ground(course: Course) -> dict[str, Any]:
-    """What machines stand on, and what rays meet on it."""
+def _ground(course: Any) -> dict[str, Any]:
+    """What machines stand on, and what rays meet on it; of what is no drive, whatever it is."""
+    if not isinstance(course, Course):
+        return _unnamed(course)
     bare = _unnamed(course.terrain)
     return bare if course.world is None else _unnamed(course.world) | {"terrain": bare}
 

@@ -23,7 +23,15 @@ OVER: Mapping[str, str] = {
 BOUNDED: Mapping[str, str] = {"settling_time_s": "settled_share", "worst_tilt_deg": SUCCESS}
 """Metrics that are lower bounds in an episode whose share, of the other name, is below 1: of a target that was not settled
 the time that it stood counts, and of a path that was not driven to its end the part that was."""
-MORE_IS_BETTER = (SUCCESS, "speed_m_per_s", "return", "settled_share", "driven_m", "success_by_length_share")
+MORE_IS_BETTER = (
+    SUCCESS,
+    "speed_m_per_s",
+    "return",
+    "settled_share",
+    "driven_m",
+    "success_by_length_share",
+    "placed_share",
+)
 UNITS = {
     "m_per_s": "m/s", "kJ_per_m": "kJ/m", "m_per_m": "m/m", "kJ": "kJ", "kNs": "kN s", "kN": "kN", "deg": "°", "m": "m",
     "s": "s", "rate": "%",

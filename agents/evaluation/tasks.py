@@ -10,11 +10,13 @@ from aoro_gym.agents.evaluation.drives import STATION
 from aoro_gym.agents.evaluation.episodes import Episodes
 from aoro_gym.agents.evaluation.forest_run import make_forest_run, run_forests
 from aoro_gym.agents.evaluation.levelling import level_lanes, make_levelling
+from aoro_gym.agents.evaluation.loading import EVERY, load_logs, make_loading
 from aoro_gym.agents.evaluation.path_tracking import drive_limits, drive_paths, make_limit_tracking, make_tracking
 from aoro_gym.agents.evaluation.turning import make_turning, turn_joints
 from aoro_gym.agents.policies.policy import Policy
 from aoro_gym.envs.forest_run.task import ForestRun
 from aoro_gym.envs.levelling.task import Levelling
+from aoro_gym.envs.loading.task import Loading
 from aoro_gym.envs.path_tracking.task import PathTracking
 from aoro_gym.envs.turning.task import Turning
 
@@ -84,6 +86,15 @@ TASKS: Mapping[str, EvaluationTask] = {
         "distance to the goal [m]",
         ("damage_kNs", "duration_s", "energy_kJ"),
         ForestRun.render_channels,
+    ),
+    "AORO/Loading-v0": EvaluationTask(
+        make_loading,
+        load_logs,
+        EVERY,
+        "time [s]",
+        "way that is left [m]",
+        ("sway_rms_deg", "energy_kJ", "duration_s"),
+        Loading.render_channels,
     ),
 }
 """What can be evaluated, by the environment's id."""

@@ -11,10 +11,12 @@ from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.envs.forest_run import courses as forest_run
 from aoro_gym.envs.levelling import courses as levelling
 from aoro_gym.envs.limit_tracking import courses as limit_tracking
+from aoro_gym.envs.loading import logs as loading
 from aoro_gym.envs.path_tracking.course_files import FOREST_RUN, LEVELLING, LIMITS, CourseFiles
 from aoro_gym.envs.path_tracking.courses import Course, forest_course, generated_paths
 from aoro_gym.terrains.paths.planning import NoDrivablePath
 
+LOADING = "AORO/Loading-v0"
 HELD_OUT_FORESTS = (101, 102, 103)
 """Seeds of the forests that evaluations drive in; those that are learned in have lower ones."""
 HELD_OUT_PATHS = 100
@@ -49,9 +51,11 @@ def training_forests(
     return learned, held_out
 
 
-def made_courses(env: str, count: int) -> tuple[Sequence[Course], Sequence[Course]]:
+def made_courses(env: str, count: int) -> tuple[Sequence[Any], Sequence[Any]]:
     """``count`` courses of an environment that has its own, from easy to difficult, and others to evaluate on meanwhile:
     neither is one that ``aoro-gym evaluate`` drives on."""
+    if env == LOADING:
+        return loading.learned_sites(min(count, loading.SPLITS.validation_seed)), loading.validation_sites()
     made = {LEVELLING: levelling, LIMITS: limit_tracking, FOREST_RUN: forest_run}[env]
     return made.learned_courses(count), made.validation_courses()
 

@@ -29,6 +29,8 @@ from aoro_gym.envs.forest_run import rewards as forest_run_rewards
 from aoro_gym.envs.levelling import config as levelling
 from aoro_gym.envs.levelling import rewards as levelling_rewards
 from aoro_gym.envs.limit_tracking import config as limit_tracking
+from aoro_gym.envs.loading import config as loading
+from aoro_gym.envs.loading import rewards as loading_rewards
 from aoro_gym.envs.path_tracking import config as path_tracking
 from aoro_gym.envs.path_tracking import rewards as path_tracking_rewards
 from aoro_gym.envs.turning import config as turning
@@ -41,6 +43,7 @@ SPREADS: Mapping[str, Mapping[str, Randomisation]] = {
     "AORO/PathTracking-v1": {"fixed": limit_tracking.FIXED, "mild": limit_tracking.MILD},
     "AORO/Levelling-v0": {"fixed": levelling.FIXED, "mild": levelling.MILD},
     "AORO/ForestRun-v0": {"fixed": forest_run.FIXED, "mild": forest_run.MILD},
+    "AORO/Loading-v0": {"fixed": loading.FIXED, "mild": loading.MILD},
 }
 """By the environment's id, then by name."""
 TERMS: Mapping[str, Mapping[str, RewardTerm]] = {
@@ -49,6 +52,7 @@ TERMS: Mapping[str, Mapping[str, RewardTerm]] = {
     "AORO/PathTracking-v1": path_tracking_rewards.REWARD_TERMS,
     "AORO/Levelling-v0": levelling_rewards.REWARD_TERMS,
     "AORO/ForestRun-v0": forest_run_rewards.REWARD_TERMS,
+    "AORO/Loading-v0": loading_rewards.REWARD_TERMS,
 }
 """The tasks' own reward terms, likewise."""
 FURTHER_TERMS: Mapping[str, Mapping[str, Callable[[Any], Array]]] = {
@@ -57,6 +61,7 @@ FURTHER_TERMS: Mapping[str, Mapping[str, Callable[[Any], Array]]] = {
     "AORO/PathTracking-v1": path_tracking_rewards.FURTHER_REWARD_TERMS,
     "AORO/Levelling-v0": levelling_rewards.FURTHER_REWARD_TERMS,
     "AORO/ForestRun-v0": forest_run_rewards.FURTHER_REWARD_TERMS,
+    "AORO/Loading-v0": loading_rewards.FURTHER_REWARD_TERMS,
 }
 """Reward terms that a task can do without, by the environment's id, then by name."""
 

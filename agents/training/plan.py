@@ -36,7 +36,9 @@ def option(default: Any, metavar: str | None, text: str) -> Any:
 class TrainingPlan:
     """Raises ValueError naming the field, its value and its bound."""
 
-    env: str = option("AORO/Turning-v0", "ID", "AORO/Turning-v0, or PathTracking-v0, -v1, Levelling-v0, ForestRun-v0.")
+    env: str = option(
+        "AORO/Turning-v0", "ID", "AORO/Turning-v0, or PathTracking-v0, -v1, Levelling-v0, ForestRun-v0, Loading-v0."
+    )
     algo: str = option("ppo", "|".join(ALGORITHMS), "Algorithm; dagger imitates a controller that knows the truth.")
     trainer: str = option(
         "sb3", "|".join(TRAINERS), "Stable-Baselines3, or skrl's PPO with all arrays on the device, for GPUs."

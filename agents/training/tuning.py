@@ -11,7 +11,8 @@ batch of twins. Gains are reported on other episodes than they were tuned on:
 paths; 7 generations of 10 candidates, of which one was chosen by hand.
 ``AORO/PathTracking-v1``: see :func:`limit_cost`; 8 whole paths, 28 s each; 7 generations of 16 candidates.
 ``AORO/Levelling-v0``: what the mean reward of 8 pieces of lanes, 15 s each, lacks to 1; 7 generations of 16 candidates.
-``AORO/ForestRun-v0``: see :func:`forest_cost`; the first 40 s of 8 runs; 7 generations of 16 candidates.
+``AORO/ForestRun-v0``: see :func:`return_cost`; the first 40 s of 8 runs; 7 generations of 16 candidates.
+``AORO/Loading-v0``: see :func:`return_cost`; 8 logs, 40 s each; 4 generations of 8 candidates.
 
 On two cores this takes some minutes an environment. The result is the default of each controller.
 """
@@ -32,6 +33,7 @@ from scipy.optimize import differential_evolution
 
 from aoro_gym.agents.controllers.forest_run import ForestDriver, LidarPlanner, StraightAhead
 from aoro_gym.agents.controllers.levelling import Assistance, ModalPid, ModalRegulator, PreviewPid, Stance
+from aoro_gym.agents.controllers.loading import Loader, WaypointLoader
 from aoro_gym.agents.controllers.path_tracking import (
     FullSpeedSteering,
     PreviewDriver,
@@ -43,15 +45,19 @@ from aoro_gym.agents.controllers.path_tracking import (
 from aoro_gym.agents.controllers.turning import BangBang, ProportionalDerivative
 from aoro_gym.agents.evaluation.forest_run import run_forests
 from aoro_gym.agents.evaluation.levelling import level_lanes
+from aoro_gym.agents.evaluation.loading import load_logs
 from aoro_gym.agents.evaluation.path_tracking import drive_limits
 from aoro_gym.agents.evaluation.responses import responses, rollout
 from aoro_gym.agents.policies.policy import Policy
+from aoro_gym.envs.core.vector import TwinVectorEnv
 from aoro_gym.envs.forest_run import config as forest_run
 from aoro_gym.envs.forest_run.environment import ForestRunVectorEnv
 from aoro_gym.envs.levelling import config as levelling
 from aoro_gym.envs.levelling.environment import LevellingVectorEnv
 from aoro_gym.envs.limit_tracking import config as limits
 from aoro_gym.envs.limit_tracking.environment import LimitTrackingVectorEnv
+from aoro_gym.envs.loading import config as loading
+from aoro_gym.envs.loading.environment import LoadingVectorEnv
 from aoro_gym.envs.path_tracking.config import FIXED, MILD, PathTrackingRandomisation
 from aoro_gym.envs.path_tracking.environment import PathTrackingVectorEnv
 from aoro_gym.envs.turning.config import TurningConfig
@@ -374,7 +380,7 @@ def _forest_env(num_envs: int, device: str) -> ForestRunVectorEnv:
     return ForestRunVectorEnv(num_envs, randomisation=forest_run.MILD, device=device, autoreset_mode="SameStep")
 
 
-def forest_cost(env: ForestRunVectorEnv, policy: Policy, seeds: list[int], steps: int) -> NDArray[np.float64]:
+def return_cost(env: TwinVectorEnv, policy: Policy, seeds: list[int], steps: int) -> NDArray[np.float64]:
     """The return, negative, in units of 100 (N,)."""
     return -_rewarded(env, policy, seeds, steps)[0] / 100.0
 
@@ -392,6 +398,32 @@ def _for_forest(kind: Callable[..., Policy]) -> Callable[..., Policy]:
 
 _PURSUIT_BOUNDS = {"look_ahead": (1.0, 4.0), "gain": (1.0, 6.0), "drive_signal": (0.5, 1.0)}
 _PURSUIT_START = {"look_ahead": 2.0, "gain": 2.0, "drive_signal": 0.66}
+
+
+# ---- AORO/Loading-v0 -------------------------------------------------------------------------------------------------
+
+
+def _loading_env(num_envs: int, device: str) -> LoadingVectorEnv:
+    return LoadingVectorEnv(num_envs, randomisation=loading.MILD, device=device, autoreset_mode="SameStep")
+
+
+def loading_report(make: Callable[[Any], Policy], device: str = "cpu") -> dict[str, float]:
+    """Mean metrics of a policy over 40 logs, those to learn on."""
+    env = LoadingVectorEnv(40, device=device, autoreset_mode="Disabled")
+    run = load_logs(env, make(env), list(range(TEST_SEED, TEST_SEED + 40)))
+    return {name: float(np.nanmean(values)) for name, values in run.metrics.items()}
+
+
+def _for_crane(env: Any, **gains: Any) -> Policy:
+    return WaypointLoader(Loader.of(env), **gains)
+
+
+_WAYPOINTS = Tunable(
+    _for_crane,
+    {"gain": (0.2, 2.0), "damping": (0.0, 0.8), "ramp": (0.0, 3.0), "slow": (0.2, 0.8)},
+    logarithmic=("gain", "slow"),
+    start={"gain": 0.5, "damping": 0.3, "ramp": 2.1, "slow": 0.4},
+)
 
 
 def _for_path(kind: Callable[..., Policy]) -> Callable[..., Policy]:
@@ -624,12 +656,22 @@ STUDIES = {
             ),
         },
         make=_forest_env,
-        cost=forest_cost,
+        cost=return_cost,
         report=forest_report,
         episodes=8,
         steps=400,
         population=16,  # at most 358,000 control steps a controller in all
         generations=6,
+    ),
+    "AORO/Loading-v0": Study(
+        {"waypoints": _WAYPOINTS, "fast-waypoints": _WAYPOINTS},
+        make=_loading_env,
+        cost=return_cost,
+        report=loading_report,
+        episodes=8,
+        steps=400,
+        population=8,  # 102,000 control steps a controller in all
+        generations=3,
     ),
 }
 """How the controllers are tuned, by environment."""

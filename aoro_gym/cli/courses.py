@@ -37,10 +37,18 @@ def load_courses(files: CourseFiles) -> list[Course] | None:
 
 def training_courses(plan: TrainingPlan) -> tuple[Sequence[Course] | None, Sequence[Course] | None]:
     """Courses to learn on and to evaluate on; None where the environment has none."""
-    from aoro_gym.agents.training.courses import course_files, held_out_courses, made_courses, training_forests
+    from aoro_gym.agents.training.courses import (
+        LOADING,
+        course_files,
+        held_out_courses,
+        made_courses,
+        training_forests,
+    )
     from aoro_gym.envs.path_tracking.course_files import ON_COURSES, TRACKING
 
     courses = load_courses(course_files(plan))
+    if plan.env == LOADING:
+        return made_courses(plan.env, plan.forests)
     if plan.env not in ON_COURSES:
         return None, None
     if courses is not None:

@@ -88,7 +88,7 @@ AcceptCodeChangeOption = Annotated[
 ]
 FolderOption = Annotated[Path, option("--out -o", "FOLDER", "Folder to write to.")]
 EnvOption = Annotated[
-    str, option("--env", "ID", "AORO/PathTracking-v0, or -v1, Turning-v0, Levelling-v0, ForestRun-v0.")
+    str, option("--env", "ID", "AORO/PathTracking-v0, or -v1, Turning-v0, Levelling-v0, ForestRun-v0, Loading-v0.")
 ]
 PoliciesOption = Annotated[
     list[str] | None,

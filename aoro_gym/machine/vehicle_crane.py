@@ -133,11 +133,19 @@ class VehicleCrane:
     mount: CraneMount = field(default_factory=crane_mount)
     drive: str = "cylinders"
     """What moves the joints: ``"cylinders"``, by oil and valves, or ``"torques"``, without oil, friction and stops."""
+    start: tuple[float, float, float, float] | None = None
+    """Joints after a reset; those of the transport pose by default."""
 
     def __post_init__(self) -> None:
         if self.drive not in ("cylinders", "torques"):
             raise ValueError(f"drive is {self.drive!r}, but must be one of: cylinders, torques")
         self.crane.check_joints(self.mount.transport.joints)
+        self.crane.check_joints(self.start_joints)
+
+    @property
+    def start_joints(self) -> Floats:
+        """Joints (4, ...) after a reset."""
+        return self.mount.transport.joints if self.start is None else np.asarray(self.start, dtype=np.float64)
 
     def tip(self, joints: ArrayLike) -> Floats:
         """Place (3, ...) of the tip [m] in the front frame: x ahead of the hinge, y left, z over the design ground plane."""

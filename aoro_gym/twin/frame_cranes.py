@@ -18,12 +18,19 @@ from aoro_gym.machine.vehicle_crane import VehicleCrane
 from aoro_gym.twin.cranes import pack
 from aoro_gym.twin.kernels import crane_on_frame as kernels
 from aoro_gym.twin.kernels.laws import ChosenLaws
-from aoro_gym.twin.records import CraneRow
+from aoro_gym.twin.records import CraneCommand, CraneRow
 
 REST_PRESSURE = 5e5
 """Pressure [Pa] in chambers that bear nothing, at the start."""
 GRAPPLE_DROP = 1.1
 """Distance [m] from the tip down to the middle of a log that is held. (E: rotator and grapple of the class)"""
+
+
+def moments_of_log(mass: ArrayLike, length: ArrayLike, diameter: ArrayLike) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Moments of inertia [kg m²] of logs, cylinders, about their axis and across it."""
+    square = 0.25 * np.asarray(diameter, dtype=np.float64) ** 2
+    weight = np.asarray(mass, dtype=np.float64)
+    return 0.5 * weight * square, weight * (0.25 * square + np.asarray(length, dtype=np.float64) ** 2 / 12.0)
 
 
 def _columns(*values: Quantity) -> NDArray[Any]:
@@ -96,16 +103,17 @@ class FrameCranes:
     Args:
         vehicle: Crane and mount.
         state: Rows of the twins' state (R, N) on their device, :class:`~aoro_gym.twin.records.CraneRow` among them.
+        commands: Rows of their commands, likewise.
         gravity: [m/s²].
 
     Raises:
         ValueError: neither one crane nor one a twin.
     """
 
-    def __init__(self, vehicle: VehicleCrane, state: wp.array, *, gravity: float):
+    def __init__(self, vehicle: VehicleCrane, state: wp.array, commands: wp.array, *, gravity: float):
         self.vehicle = vehicle
         self.crane = vehicle.crane
-        self._state, self._gravity = state, gravity
+        self._state, self._commands, self._gravity = state, commands, gravity
         n, device = state.shape[1], state.device
         self.num_twins = int(n)
         rows = pack_on_frame(vehicle)
@@ -113,7 +121,7 @@ class FrameCranes:
             raise ValueError(f"the crane has {len(rows)} variants, but must have 1 or num_twins = {n}")
         self._records = wp.array(rows, dtype=kernels.FrameCrane, device=device)
         self._start = wp.array(
-            np.broadcast_to(vehicle.mount.transport.joints.reshape(4, -1), (4, n)).astype(np.float32), device=device
+            np.broadcast_to(vehicle.start_joints.reshape(4, -1), (4, n)).astype(np.float32), device=device
         )
 
     def with_laws(self, laws: Any) -> Any:
@@ -124,7 +132,7 @@ class FrameCranes:
         return out
 
     def start(self, mask: wp.array) -> None:
-        """Twins of the ``mask`` (N,) begin anew with folded cranes and empty grapples."""
+        """Twins of the ``mask`` (N,) begin anew with cranes as at the start and empty grapples."""
         self._hold(mask.numpy(), 0.0, 0.0, 0.0, 0.0)
         self._settle(mask, self._start)
 
@@ -207,20 +215,19 @@ class FrameCranes:
             check_finite(name, value)
             if name != "yaw" and np.any(np.asarray(value) < 0.0):
                 raise ValueError(f"{name} is {np.min(value):g}, but must be at least 0")
-        square = 0.25 * np.asarray(diameter, dtype=np.float64) ** 2
-        axial = 0.5 * np.asarray(mass) * square
-        across = np.asarray(mass) * (0.25 * square + np.asarray(length, dtype=np.float64) ** 2 / 12.0)
+        axial, across = moments_of_log(mass, length, diameter)
         self._hold(np.ones(self.num_twins, dtype=bool) if mask is None else mask, mass, yaw, axial, across)
 
     def _hold(self, mask: Any, mass: ArrayLike, yaw: ArrayLike, axial: ArrayLike, across: ArrayLike) -> None:
         chosen = np.asarray(mask, dtype=bool)
         if not chosen.any():
             return
-        first = int(CraneRow.HELD_MASS)
-        rows = self._state[first : first + 4].numpy().copy()
-        for row, value in zip(rows, (mass, yaw, axial, across), strict=True):
-            row[chosen] = np.broadcast_to(value, chosen.shape)[chosen]
-        self._state[first : first + 4].assign(rows)
+        for array, first in ((self._state, CraneRow.HELD_MASS), (self._commands, CraneCommand.CRANE_HELD_MASS)):
+            held = array[int(first) : int(first) + 4]
+            rows = held.numpy().copy()
+            for row, value in zip(rows, (mass, yaw, axial, across), strict=True):
+                row[chosen] = np.broadcast_to(value, chosen.shape)[chosen]
+            held.assign(rows)
 
     def _checked(self, name: str, values: ArrayLike) -> NDArray[np.float32]:
         array = np.asarray(values, dtype=np.float32)

@@ -131,7 +131,7 @@ CraneRow = _rows(
         *(*_joints("bore"), *_joints("annulus"), *_joints("oil_torque"), *_joints("flow")),
         # torques from outside, and the force of grapple and log on the tip
         *(*_joints("torque"), "tip_load"),
-        # the log that is held: mass, angle to the pillar, moments of inertia
+        # the log that is held over this step, as commanded: mass, angle to the pillar, moments of inertia
         *("held_mass", "held_yaw", "held_axial", "held_transverse"),
     ],
     start=len(State) + len(LoadRow),
@@ -140,8 +140,15 @@ CraneRow = _rows(
 
 Command = _rows("Command", COMMAND_BOUNDS)
 
-CRANE_COMMAND_BOUNDS: dict[str, tuple[float, float, float]] = dict.fromkeys(_joints("crane"), (-1.0, 1.0, 0.0))
-"""Bounds of the commands that only twins with a crane have, after the others: signals of its valve sections."""
+CRANE_COMMAND_BOUNDS: dict[str, tuple[float, float, float]] = {
+    **dict.fromkeys(_joints("crane"), (-1.0, 1.0, 0.0)),
+    "crane_held_mass": (0.0, 1e4, 0.0),
+    "crane_held_yaw": (-100.0, 100.0, 0.0),
+    "crane_held_axial": (0.0, 5e4, 0.0),
+    "crane_held_transverse": (0.0, 5e4, 0.0),
+}
+"""Bounds of the commands that only twins with a crane have, after the others: signals of its valve sections, and the log
+that its grapple holds: mass [kg] (0: none), angle to the pillar [rad], moments of inertia along and across [kg m²]."""
 
 CraneCommand = _rows("CraneCommand", CRANE_COMMAND_BOUNDS, start=len(COMMAND_BOUNDS))
 """Rows of these commands."""
@@ -236,6 +243,11 @@ CRANE_OUTPUT_UNITS = {
 }
 """Unit of each output that only twins with a crane have, after all others: joints and their rates, pressures of the
 chambers, flows from the pump into the sections, and the force on the tip that a load cell there feels."""
+
+
+def command_row(name: str) -> int:
+    """Row of a command; ValueError that lists the names if there is none such."""
+    return row_of(CraneCommand if name in CRANE_COMMAND_BOUNDS else Command, name, "command")
 
 
 def row_of(rows: type[IntEnum], name: Any, what: str) -> int:

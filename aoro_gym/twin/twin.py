@@ -38,6 +38,7 @@ from aoro_gym.twin.records import (
     MachineRecord,
     Output,
     State,
+    command_row,
     pack,
     row_of,
 )
@@ -195,8 +196,8 @@ class Twin:
             device=self.device,
         )  # fmt: skip
         self._chooses_laws = not self.machine.laws.default if choose_laws is None else choose_laws
-        self.carries_load = self.machine.loaded if carry_load is None else carry_load
-        """Whether machines may have logs in their bunk."""
+        self.carries_load = self.has_crane or (self.machine.loaded if carry_load is None else carry_load)
+        """Whether machines may have logs in their bunk; with a crane they may."""
         laws = ChosenLaws() if self._chooses_laws else DefaultLaws()
         self._reset_kernel, self._advance_kernel = build(
             type(self.ground)._cls,
@@ -232,7 +233,7 @@ class Twin:
         if self._vehicle_crane is not None:
             from aoro_gym.twin.frame_cranes import FrameCranes  # few twins have one
 
-            self._crane = FrameCranes(self._vehicle_crane, self.state, gravity=self._made["gravity"])
+            self._crane = FrameCranes(self._vehicle_crane, self.state, self.commands, gravity=self._made["gravity"])
         self._host_commands = self.commands.numpy() if self.device.is_cpu else None  # the same memory
         self._held = self.commands.reshape((1, *self.commands.shape))
         kept = int(np.ceil(LONGEST_COMMAND_DELAY / self.main_step)) + 2
@@ -447,9 +448,8 @@ class Twin:
             return
         rows: dict[int, npt.NDArray[np.float32]] = {}
         for name, value in commands.items():
-            of_crane = self.has_crane and name in CRANE_COMMAND_BOUNDS
-            row = row_of(CraneCommand if of_crane else Command, name, "command")
-            low, high, _ = (CRANE_COMMAND_BOUNDS if of_crane else COMMAND_BOUNDS)[name]
+            row = command_row(name) if self.has_crane else row_of(Command, name, "command")
+            low, high, _ = {**COMMAND_BOUNDS, **CRANE_COMMAND_BOUNDS}[name]
             array = np.asarray(value, dtype=np.float32)
             if array.shape not in ((), (self.num_twins,)):
                 raise ValueError(f"{name} has shape {array.shape}, but must be a scalar or ({self.num_twins},)")

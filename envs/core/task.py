@@ -61,6 +61,7 @@ from aoro_gym.machine import Machine
 from aoro_gym.terrains import Plane, Terrain
 from aoro_gym.terrains.world.world import World
 from aoro_gym.twin.records import (
+    CRANE_OUTPUT_UNITS,
     FIRST_OBJECT_OUTPUT,
     FIRST_SOIL_OUTPUT,
     OBJECT_OUTPUT_UNITS,
@@ -74,6 +75,7 @@ Terrains = Plane | tuple[Terrain | World, ...]
 """What the twins stand on: one plane, or terrains and worlds to choose from."""
 _OBJECT_ROWS = {name: FIRST_OBJECT_OUTPUT + i for i, name in enumerate(OBJECT_OUTPUT_UNITS)}
 _SOIL_ROWS = {name: FIRST_SOIL_OUTPUT + i for i, name in enumerate(SOIL_OUTPUT_UNITS)}
+_CRANE_ROWS = {name: len(Output) + i for i, name in enumerate(CRANE_OUTPUT_UNITS)}
 
 
 @dataclass(frozen=True)
@@ -81,8 +83,9 @@ class Outputs:
     """Sampled outputs of the twins over one control step.
 
     ``values`` has shape (frames, channels, N), float32, SI units as in ``aoro_gym.twin.records.OUTPUT_UNITS``; among solid
-    objects the channels of ``OBJECT_OUTPUT_UNITS`` follow, on soil those of ``SOIL_OUTPUT_UNITS``. They alias the
-    twins' memory, as all that the methods give: they hold until the next step or reset.
+    objects the channels of ``OBJECT_OUTPUT_UNITS`` follow, on soil those of ``SOIL_OUTPUT_UNITS``, and with a crane those of
+    ``CRANE_OUTPUT_UNITS``. They alias the twins' memory, as all that the methods give: they hold until the next step or
+    reset.
     """
 
     values: Array
@@ -110,7 +113,11 @@ class Outputs:
         return self.state[row : row + count]
 
     def _row(self, channel: str) -> int:
-        for rows, where in ((_OBJECT_ROWS, "in a world with solid objects"), (_SOIL_ROWS, "on soil")):
+        for rows, where in (
+            (_OBJECT_ROWS, "in a world with solid objects"),
+            (_SOIL_ROWS, "on soil"),
+            (_CRANE_ROWS, "with a crane on hard, bare ground"),
+        ):
             if channel in rows and self.values.shape[1] != max(rows.values()) + 1:
                 raise ValueError(f"there is no output '{channel}' here: only twins {where} have it")
         return channel_row(channel)
@@ -118,7 +125,7 @@ class Outputs:
 
 def channel_row(channel: str) -> int:
     """Row of an output channel; ValueError that lists the channels if there is none of that name."""
-    further = _OBJECT_ROWS | _SOIL_ROWS
+    further = _OBJECT_ROWS | _SOIL_ROWS | _CRANE_ROWS
     return further[channel] if channel in further else row_of(Output, channel, "output")
 
 
@@ -275,6 +282,7 @@ class Task(Protocol):
     """[s] between two output samples."""
     action_space: spaces.Box[Any]
     """Of one sub-environment."""
+    # ``crane``, which a task may have: the VehicleCrane of its twins
     reward_terms: Mapping[str, RewardTerm]
     observation_terms: Mapping[str, ObservationTerm]
 

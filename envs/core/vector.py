@@ -37,7 +37,7 @@ from aoro_gym.terrains import Plane, Terrain
 from aoro_gym.terrains.soil import Soil
 from aoro_gym.terrains.world.world import World
 from aoro_gym.twin import Twin
-from aoro_gym.twin.records import WHEELS, Command
+from aoro_gym.twin.records import WHEELS, command_row
 from aoro_gym.twin.twin import STATUS
 
 Infos = dict[str, Any]
@@ -188,6 +188,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             device=device,
             own_machines=own_machines,
             carry_load=True if task.randomisation.varies_load else None,
+            crane=getattr(task, "crane", False),
         )
         # gives the outputs the size that they keep
         self.twin.step(duration=task.control_step, sample_every=task.sample_step)
@@ -557,7 +558,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         finite = xp.isfinite(actions)
         actions = xp.clip(xp.where(finite, actions, 0.0), self._least_action, self._largest_action)
         for name, command in self.task.commands(actions).items():
-            self._commands[int(Command[name.upper()])] = command
+            self._commands[command_row(name)] = command
         if arrays.on_host and self.twin.device.is_cuda:
             self.twin.commands.assign(self._commands)
         self.twin.advance(self.task.control_step, sample_every=self.task.sample_step)

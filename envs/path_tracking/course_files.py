@@ -55,7 +55,7 @@ class CourseFiles:
             horizontal(self.path_crs, "--path-crs")
         if (self.terrain or self.path) and self.env not in ON_COURSES:
             given = "--terrain" if self.path is None else "--path"
-            raise ValueError(f"{given} is for {', '.join(ON_COURSES)}; {self.env} turns on level ground")
+            raise ValueError(f"{given} is for {', '.join(ON_COURSES)}; {self.env} stands on level ground")
 
     def load_terrain(self, progress: Callable[[float], Any]) -> tuple[Terrain | World, list[str]]:
         """The ground, and warnings; calls ``progress`` with the share that is done.

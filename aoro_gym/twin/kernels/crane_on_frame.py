@@ -86,6 +86,7 @@ def with_laws_of_crane(laws: Any, m: MachineRecord):
 def load_signals_with_crane(commands: wp.array2d(dtype=float), t: int):
     signals = load_signals(commands, t)
     signals.crane = load4(commands, int(CraneCommand.CRANE_SLEW), t)
+    signals.held = load4(commands, int(CraneCommand.CRANE_HELD_MASS), t)
     return signals
 
 
@@ -108,8 +109,9 @@ def middle_joints(state: wp.array2d(dtype=float), t: int, h: float):
 
 @wp.func
 def crane_sections(laws: Any, state: wp.array2d(dtype=float), t: int, signals: Signals, oil: Oil, h: float):
-    """Oil of twin ``t``'s crane at the start of a main step, its spools half-way on."""
+    """Oil of twin ``t``'s crane at the start of a main step, its spools half-way on; and what its grapple holds."""
     out = CraneSections()
+    store4(state, int(CraneRow.HELD_MASS), t, signals.held)
     number = t % laws.cranes.shape[0]
     if laws.cranes[number].has_oil == 0:
         return out

@@ -53,6 +53,7 @@ class Signals:
     gear: float  # 1, 2 or 3
     parking_brake: float  # [-] 0 … 1
     crane: wp.vec4  # [-] −1 … 1, of machines that have one
+    held: wp.vec4  # of the log in its grapple: [kg], [rad], [kg m²] twice
 
 
 @wp.func
