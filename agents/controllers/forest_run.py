@@ -1,8 +1,10 @@
-"""Reference controllers for ``AORO/ForestRun-v0``: straight ahead, and along ways that are planned with what a lidar shows.
+"""Reference controllers for ``AORO/ForestRun-v0``: straight ahead, and along planned ways, with what a lidar shows or with
+the truth.
 
-Both steer by pure pursuit (:mod:`aoro_gym.agents.controllers.path_tracking`): the joint turns to where a steady turn would
-lead through a place ``look_ahead`` in front. They back out where they are stopped. They see nothing but the observation. Who
-knows the world, too, as no machine does, is :class:`aoro_gym.agents.controllers.forest_arcs.ArcPlanner`.
+All of them steer by pure pursuit (:mod:`aoro_gym.agents.controllers.path_tracking`): the joint turns to where a steady turn
+would lead through a place ``look_ahead`` in front. They back out where they are stopped. They see nothing but the
+observation; only :class:`MapPlanner` knows the world, too, which no machine does: what it does is what planning can come
+to.
 
 Ways are cheapest ones over a map of costs, by A* over poses (:mod:`aoro_gym.terrains.paths.pose_search`). Places are those
 of a frame with the goal at its origin, and the axes of the world: the goal in the machine's axes and the heading say where
@@ -16,7 +18,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -27,7 +29,7 @@ from aoro_gym.agents.controllers.path_tracking import turn_angle
 from aoro_gym.agents.controllers.turning import dead_band_compensated, require_terms
 from aoro_gym.agents.policies.policy import Actions, Observations
 from aoro_gym.terrains.paths.pose_search import SPACING, CostMap, steerable_way
-from aoro_gym.terrains.world.traversability import CELL, nearness
+from aoro_gym.terrains.world.traversability import CELL, Traversability, nearness, traversability
 
 Floats = NDArray[np.float64]
 
@@ -191,6 +193,80 @@ class StraightAhead(Pursuit):
         return away * (np.minimum(self.look_ahead, distance) / distance)[:, None]
 
 
+@dataclass
+class Planner(Pursuit):
+    """Along ways that :meth:`plan` gives, each sub-environment's own."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._ways: dict[int, Floats] = {}
+
+    @abstractmethod
+    def plan(self, number: int, place: Floats, heading: float) -> Floats | None:
+        """Way (P, 2) [m] of the sub-environment ``number`` from a pose, in the frame of its goal; None: none is found."""
+
+    def is_due(self, number: int, place: Floats) -> bool:
+        """Whether a new way is to be planned for a machine that is at ``place`` [m] and has one."""
+        return bool(np.hypot(*(self._ways[number] - place).T).min() > STRAYED)
+
+    def target(self, seen: Seen) -> Floats:
+        here, headings = seen.place, seen.heading
+        ahead = np.broadcast_to(self.look_ahead, len(here))
+        found = np.zeros((len(here), 2))
+        for number, (place, heading) in enumerate(zip(here, headings, strict=True)):
+            if number not in self._ways or self.is_due(number, place):
+                way = self.plan(number, place, float(heading))
+                self._ways[number] = np.zeros((1, 2)) if way is None else way
+            way = self._ways[number]
+            nearest = int(np.argmin(np.hypot(*(way - place).T)))
+            # beyond its end a way goes on to the goal
+            beyond = nearest + round(float(ahead[number]) / SPACING)
+            found[number] = way[beyond] if beyond < len(way) else 0.0
+        away = found - here
+        c, s = np.cos(headings), np.sin(headings)
+        return np.stack([c * away[:, 0] + s * away[:, 1], c * away[:, 1] - s * away[:, 0]], axis=1)
+
+    def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
+        super().reset(mask)
+        for number in list(self._ways):
+            if mask is None or mask[number]:
+                del self._ways[number]
+
+
+@dataclass
+class MapPlanner(Planner):
+    """Along the cheapest way over the world's truth, planned at the start and where the machine has strayed: it knows every
+    object, and wet and steep ground. It learns from the environment in which world each machine is."""
+
+    env: Any
+    """Which is driven in, wrapped or not, single or vector."""
+    inflation: ArrayLike = field(default=1.6, kw_only=True)
+    """Least distance [m] to what stops a machine."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._grounds: dict[int, Traversability] = {}
+
+    def watching(self, env: Any) -> MapPlanner:
+        """The same in the worlds of another environment."""
+        return replace(self, env=env)
+
+    def plan(self, number: int, place: Floats, heading: float) -> Floats | None:
+        task = environment_of(self.env).task
+        courses, goals = task.runs()
+        course, goal = int(courses[number]), goals[number]
+        if course not in self._grounds:
+            world = task.courses[course].world
+            if world is None:
+                raise ValueError(f"course {course} is no world: there is no map to plan on; take another controller")
+            self._grounds[course] = traversability(world)
+        ground, least = self._grounds[course], own_gain(self.inflation, number)
+        # never infinite: who has come too near to something needs a way out
+        cost = ground.price + nearness(ground.room - least) + BLOCKED * (ground.room < least)
+        corner = (ground.corner[0] - goal[0], ground.corner[1] - goal[1])
+        return steerable_way(CostMap(cost, corner, ground.cell), (*place, heading), (0.0, 0.0), partial=True)
+
+
 def own_gain(gain: ArrayLike, number: int) -> float:
     """The gain of a sub-environment."""
     values = np.asarray(gain, dtype=np.float64)
@@ -208,9 +284,8 @@ LOOKED_AT = 3
 
 
 @dataclass
-class LidarPlanner(Pursuit):
-    """Along the cheapest way over a map of what the lidar has shown so far, planned anew where something stands in it and
-    where the machine has strayed."""
+class LidarPlanner(Planner):
+    """Along the cheapest way over a map of what the lidar has shown so far, planned anew where that stands in the way."""
 
     inflation: ArrayLike = field(default=1.6, kw_only=True)
     """Least distance [m] to what stands up."""
@@ -220,7 +295,6 @@ class LidarPlanner(Pursuit):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_terms(self.driver.layout, "obstacles")
-        self._ways: dict[int, Floats] = {}
         self._maps: dict[int, LidarMap] = {}
         self._step = 0
 
@@ -238,39 +312,22 @@ class LidarPlanner(Pursuit):
                 self._maps[number] = LidarMap(place)
             self._maps[number].add(points[number][shown[number]])
         self._step += 1
-        return self._towards(places, headings)
+        return super().target(seen)
 
-    def _towards(self, places: Floats, headings: Floats) -> Floats:
-        """Places (N, 2) [m] on the ways, as far ahead as the machines look, in their axes."""
-        ahead = np.broadcast_to(self.look_ahead, len(places))
-        found = np.zeros((len(places), 2))
-        for number, (place, heading) in enumerate(zip(places, headings, strict=True)):
-            if number not in self._ways or self._is_due(number, place):
-                way = self._planned(number, place, float(heading))
-                self._ways[number] = np.zeros((1, 2)) if way is None else way
-            way = self._ways[number]
-            # beyond its end a way goes on to the goal
-            beyond = int(np.argmin(np.hypot(*(way - place).T))) + round(float(ahead[number]) / SPACING)
-            found[number] = way[beyond] if beyond < len(way) else 0.0
-        away = found - places
-        c, s = np.cos(headings), np.sin(headings)
-        return np.stack([c * away[:, 0] + s * away[:, 1], c * away[:, 1] - s * away[:, 0]], axis=1)
-
-    def _is_due(self, number: int, place: Floats) -> bool:
-        """Whether a new way is to be planned for a machine that is at ``place`` [m] and has one."""
+    def is_due(self, number: int, place: Floats) -> bool:
         if (self._step + number) % LOOKED_AT:
             return False
         way = self._ways[number]
-        apart = np.hypot(*(way - place).T)
-        nearest = int(np.argmin(apart))
-        room = self._room(number).min_along(way[nearest : nearest + round(MAPPED / SPACING)])
-        return bool(room < own_gain(self.inflation, number) - 0.5 * CELL or apart[nearest] > STRAYED)
+        nearest = int(np.argmin(np.hypot(*(way - place).T)))
+        ahead = way[nearest : nearest + round(MAPPED / SPACING)]
+        room = self._room(number)
+        blocked = room.min_along(ahead) < own_gain(self.inflation, number) - 0.5 * CELL
+        return blocked or super().is_due(number, place)
 
     def _room(self, number: int) -> LidarMap:
         return self._maps[number].measured(own_gain(self.hits, number))
 
-    def _planned(self, number: int, place: Floats, heading: float) -> Floats | None:
-        """Way (P, 2) [m] of the sub-environment ``number`` from a pose, in the frame of its goal; None: none is found."""
+    def plan(self, number: int, place: Floats, heading: float) -> Floats | None:
         known, least = self._room(number), own_gain(self.inflation, number)
         cost = 1.0 + nearness(known.room - least) + BLOCKED * (known.room < least)
         ground = CostMap(cost, known.corner, CELL)
@@ -281,7 +338,6 @@ class LidarPlanner(Pursuit):
         for number in list(self._maps):
             if mask is None or mask[number]:
                 del self._maps[number]
-                self._ways.pop(number, None)
 
 
 MOST_POSES = 3000

@@ -8,7 +8,7 @@ from typing import Any
 
 from aoro_gym.agents.controllers.exact import EXACT, Informed
 from aoro_gym.agents.controllers.forest_arcs import ArcPlanner
-from aoro_gym.agents.controllers.forest_run import ForestDriver
+from aoro_gym.agents.controllers.forest_run import ForestDriver, MapPlanner
 from aoro_gym.agents.controllers.mppi import SETTINGS, Mppi
 from aoro_gym.agents.controllers.path_tracking import PreviewDriver, Vehicle
 from aoro_gym.agents.controllers.reference import Factory
@@ -23,12 +23,16 @@ def _expert(env: Any) -> Policy:
 
 
 def _map_planner(env: Any) -> Policy:
+    return MapPlanner(ForestDriver.of(env), env)
+
+
+def _map_arcs(env: Any) -> Policy:
     return ArcPlanner(ForestDriver.of(env), env)
 
 
 _OF_A_TASK: Mapping[str, Mapping[str, Factory]] = {
     LIMITS: {"expert": _expert},
-    "AORO/ForestRun-v0": {"map-planner": _map_planner},
+    "AORO/ForestRun-v0": {"map-planner": _map_planner, "map-arcs": _map_arcs},
 }
 PRIVILEGED_POLICIES: Mapping[str, Mapping[str, Factory]] = {
     environment: {**_OF_A_TASK.get(environment, {}), "mppi": partial(Mppi, settings=settings)}

@@ -12,6 +12,7 @@ from aoro_gym.agents.controllers.forest_run import (
     ForestDriver,
     LidarMap,
     LidarPlanner,
+    MapPlanner,
     StraightAhead,
 )
 from aoro_gym.envs.forest_run.environment import ForestRunVectorEnv
@@ -121,7 +122,14 @@ def test_planners_go_round_the_stem_that_stops_who_does_not_look(env):
     assert AHEAD < 21.0  # it stands between start and goal
     assert endings(env, StraightAhead(known)) == ["hit an object", "goal reached", "hit an object"]
     assert endings(env, LidarPlanner(known)) == ["goal reached"] * 3
+    assert endings(env, MapPlanner(known, env)) == ["goal reached"] * 3
     assert endings(env, ArcPlanner(known, env)) == ["goal reached"] * 3
+
+
+def test_whose_map_is_planned_on_can_be_changed(env):
+    policy = MapPlanner(ForestDriver.of(env), None).watching(env)
+    observations, _ = env.reset(seed=3, options={"path": 0})
+    assert policy(observations).shape == (3, 2)
 
 
 def test_terms_that_are_missing_are_named():
