@@ -20,19 +20,25 @@ from typing import Any
 
 from aoro_gym.execution.files import write_json, written_whole
 from aoro_gym.reporting import terminal
-from studies.log_detection.detector import Detector, detect, train
-from studies.log_detection.pictures import CLASSES, joined, load
+from studies.log_detection.detector import BATCH, Detector, detect, train
+from studies.log_detection.pictures import CANVAS, CLASSES, joined, load
+from studies.log_detection.scale import SCALES
 from studies.log_detection.scoring import score, told
 
-DATA, RESULTS = Path("log_detection"), Path(__file__).parents[1] / "log_detection_results"
+RESULTS = Path(__file__).parents[1] / "log_detection_results"
 
 
 def _train(asked: argparse.Namespace) -> None:
-    if asked.steps < 2:
-        raise ValueError(f"--steps is {asked.steps}, but must be at least 2")
+    for name, least in (("steps", 2), ("batch", 1), ("wide", 1)):
+        if getattr(asked, name) < least:
+            raise ValueError(f"--{name} is {getattr(asked, name)}, but must be at least {least}")
+    if asked.width < 32 or asked.width % 16:
+        raise ValueError(f"--width is {asked.width}, but must be a multiple of 16, at least 32")
     start = None if asked.start is None else Detector.load(asked.start)
     classes = CLASSES if start is None else start.classes
-    pictures = joined([load(file, asked.images, classes, renamed=_names(asked.name)) for file in asked.annotations])
+    canvas = (3 * asked.width // 4, asked.width) if start is None else start.canvas
+    names = _names(asked.name)
+    pictures = joined([load(file, asked.images, classes, renamed=names, canvas=canvas) for file in asked.annotations])
     if asked.pictures is not None:
         pictures = pictures.first(asked.pictures)
     with terminal.progress("training") as tell:
@@ -40,7 +46,10 @@ def _train(asked: argparse.Namespace) -> None:
         def progress(share: float, detail: str) -> None:
             tell("training", share, detail)
 
-        made = train(pictures, steps=asked.steps, seed=asked.seed, start=start, device=asked.device, progress=progress)
+        made = train(
+            pictures, steps=asked.steps, batch=asked.batch, wide=asked.wide, seed=asked.seed, start=start,
+            device=asked.device, progress=progress,
+        )  # fmt: skip
     made.save(asked.out, {"pictures": len(pictures), "steps": asked.steps, "seed": asked.seed})
     print(f"wrote {asked.out}: it learnt from {len(pictures)} pictures")
 
@@ -49,9 +58,11 @@ def _score(asked: argparse.Namespace) -> None:
     from studies.log_detection.drawing import sheet
 
     detector = Detector.load(asked.detector)
-    pictures = load(asked.annotations, asked.images, detector.classes, renamed=_names(asked.name))
+    pictures = load(
+        asked.annotations, asked.images, detector.classes, renamed=_names(asked.name), canvas=detector.canvas
+    )
     result = score(detector, pictures)
-    print(f"{result['pictures']} pictures; AP50 with its interval of 95 % over pictures")
+    print(f"{result['pictures']} pictures; AP50 with its interval of 95 % over forests")
     for name, value in result["ap50"].items():
         boxes = f", {result['boxes'][name]} boxes" if name in result["boxes"] else ""
         print(
@@ -75,22 +86,32 @@ def _names(given: Sequence[str]) -> dict[str, str]:
     return dict(one.split("=", 1) for one in given)
 
 
+def _data(asked: argparse.Namespace) -> Path:
+    """Folder of the pictures, by default one a scale."""
+    return asked.data or Path("log_detection" if asked.scale == "cpu" else f"log_detection_{asked.scale}")
+
+
+def _results(asked: argparse.Namespace) -> Path:
+    """Folder of the scores, by default one a scale."""
+    return asked.results or (RESULTS if asked.scale == "cpu" else RESULTS / asked.scale)
+
+
 def _pictures(asked: argparse.Namespace) -> None:
     from studies.log_detection.making import make_all
 
-    make_all(asked.data, device=asked.device, processes=asked.processes)
+    make_all(_data(asked), SCALES[asked.scale], device=asked.device, processes=asked.processes)
 
 
 def _study(asked: argparse.Namespace) -> None:
     from studies.log_detection.study import run
 
-    run(asked.data, asked.results, seeds=asked.seeds, device=asked.device)
+    run(_data(asked), _results(asked), SCALES[asked.scale], seeds=asked.seeds, device=asked.device)
 
 
 def _figures(asked: argparse.Namespace) -> None:
     from studies.log_detection.figures import draw
 
-    draw(asked.data, asked.results, asked.out)
+    draw(_data(asked), _results(asked), asked.out, SCALES[asked.scale])
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -112,7 +133,15 @@ def _parser() -> argparse.ArgumentParser:
     )
     training.add_argument("annotations", type=Path, nargs="+", metavar="FILE.json", help="COCO files")
     training.add_argument("--out", type=Path, required=True, metavar="FILE", help="detector to write, .safetensors")
-    training.add_argument("--steps", type=int, default=1000, help="batches of 16 pictures; default: 1000")
+    training.add_argument("--steps", type=int, default=1000, help="batches; default: 1000")
+    training.add_argument("--batch", type=int, default=BATCH, metavar="N", help=f"pictures of one; default: {BATCH}")
+    training.add_argument(
+        "--width", type=int, default=CANVAS[1], metavar="PIXELS",
+        help=f"that pictures are shrunk to, with 3 to 4 of height; without --start; default: {CANVAS[1]}",
+    )  # fmt: skip
+    training.add_argument(
+        "--wide", type=int, default=1, metavar="N", help="times as many channels; without --start; default: 1"
+    )
     training.add_argument("--pictures", type=int, metavar="N", help="only the first N pictures")
     training.add_argument(
         "--start", type=Path, metavar="FILE", help="a detector to go on from, to tune it to other pictures"
@@ -145,9 +174,15 @@ def _parser() -> argparse.ArgumentParser:
     for made in (making, study, training):
         made.add_argument("--device", default="cpu", help="cpu or cuda:0; default: cpu")
     for made in (making, study, figures):
-        made.add_argument("--data", type=Path, default=DATA, metavar="FOLDER", help=f"of the pictures; default: {DATA}")
+        made.add_argument("--data", type=Path, metavar="FOLDER", help="of the pictures; default: log_detection")
+        made.add_argument(
+            "--scale",
+            choices=sorted(SCALES),
+            default="cpu",
+            help="how large the study is; default: cpu, hours of two cores",
+        )
     for made in (study, figures):
-        made.add_argument("--results", type=Path, default=RESULTS, metavar="FOLDER", help="of the scores")
+        made.add_argument("--results", type=Path, metavar="FOLDER", help="of the scores; default: in studies")
     return parser
 
 

@@ -1,9 +1,9 @@
 """A small detector without anchors: each cell of a map says what stands in its middle and how far away its edges are.
 
-A network of 0.44 million weights makes a map of a quarter of the picture's size. Its scores learn bell curves round the
-middles of boxes, as in Zhou, Wang and Krähenbühl, *Objects as Points*, arXiv:1904.07850; its distances to the four edges
-learn by the generalised intersection over union (Rezatofighi and others, arXiv:1902.09630), as in Tian and others, *FCOS*,
-arXiv:1904.01355. It starts from random numbers: nothing is downloaded.
+A network of 0.44 million weights, or of more, makes a map of a quarter of the picture's size. Its scores learn bell curves
+round the middles of boxes, as in Zhou, Wang and Krähenbühl, *Objects as Points*, arXiv:1904.07850; its distances to the four
+edges learn by the generalised intersection over union (Rezatofighi and others, arXiv:1902.09630), as in Tian and others,
+*FCOS*, arXiv:1904.01355. It starts from random numbers: nothing is downloaded.
 """
 
 from __future__ import annotations
@@ -32,6 +32,8 @@ CHANNELS = (16, 24, 48, 96, 96)
 HEAD = 32
 LEARNING_RATE, DECAY = 2e-3, 1e-2
 BATCH = 16
+TOLD = 20
+"""Batches from one report of progress to the next on a GPU: reading the loss waits for it."""
 POSITIVE = 0.5
 """Height of a bell curve from which a cell learns the box's edges."""
 LEAST_SCORE, MOST, OVERLAP = 0.02, 100, 0.6
@@ -44,12 +46,19 @@ def _layer(inputs: int, outputs: int, stride: int = 1) -> nn.Sequential:
 
 
 class Detector(nn.Module):
-    """The network, for the ``classes`` that it names."""
+    """The network, for the ``classes`` that it names.
 
-    def __init__(self, classes: Sequence[str] = CLASSES):
+    Args:
+        classes: By name.
+        canvas: Height and width [pixels] that it sees pictures in.
+        wide: Channels by those of the smallest one: weights by the square of it.
+    """
+
+    def __init__(self, classes: Sequence[str] = CLASSES, canvas: tuple[int, int] = CANVAS, wide: int = 1):
         super().__init__()
-        self.classes = tuple(classes)
-        half, quarter, eighth, sixteenth, last = CHANNELS
+        self.classes, self.canvas, self.wide = tuple(classes), (int(canvas[0]), int(canvas[1])), wide
+        channels, head = [wide * count for count in CHANNELS], wide * HEAD
+        half, quarter, eighth, sixteenth, last = channels
         self.quarter = nn.Sequential(_layer(3, half, 2), _layer(half, quarter, 2), _layer(quarter, quarter))
         self.coarser = nn.ModuleList(
             [
@@ -58,9 +67,9 @@ class Detector(nn.Module):
                 nn.Sequential(_layer(sixteenth, last, 2), _layer(last, last), _layer(last, last)),
             ]
         )
-        self.sides = nn.ModuleList(nn.Conv2d(count, HEAD, 1) for count in CHANNELS[1:])
-        self.scores = nn.Sequential(_layer(HEAD, HEAD), nn.Conv2d(HEAD, len(self.classes), 1))
-        self.edges = nn.Sequential(_layer(HEAD, HEAD), nn.Conv2d(HEAD, 4, 1))
+        self.sides = nn.ModuleList(nn.Conv2d(count, head, 1) for count in channels[1:])
+        self.scores = nn.Sequential(_layer(head, head), nn.Conv2d(head, len(self.classes), 1))
+        self.edges = nn.Sequential(_layer(head, head), nn.Conv2d(head, 4, 1))
         nn.init.constant_(self.scores[-1].bias, -4.0)  # type: ignore[arg-type]  # few cells have something in them
         nn.init.constant_(self.edges[-1].bias, math.log(3.0))  # type: ignore[arg-type]
 
@@ -76,8 +85,9 @@ class Detector(nn.Module):
         return self.scores(out), STRIDE * torch.exp(self.edges(out).float().clamp(-3.0, 5.0))
 
     def save(self, path: Path, told: dict[str, Any] | None = None) -> None:
-        """As safetensors, with the names of the classes and what else is told of it."""
-        description = {"classes": json.dumps(self.classes), "told": json.dumps(told or {})}
+        """As safetensors, with classes, canvas and width, and what else is told of it."""
+        made = {"classes": self.classes, "canvas": self.canvas, "wide": self.wide, "told": told or {}}
+        description = {name: json.dumps(value) for name, value in made.items()}
         with written_whole(path) as temporary:
             save_file({name: value.contiguous() for name, value in self.state_dict().items()}, temporary, description)
 
@@ -86,52 +96,69 @@ class Detector(nn.Module):
         """Raises ``ValueError`` where the file holds no detector."""
         try:
             with safe_open(path, framework="pt") as opened:
-                made = cls(json.loads(opened.metadata()["classes"]))
+                described = {name: json.loads(opened.metadata()[name]) for name in ("classes", "canvas", "wide")}
+                made = cls(**described)
                 made.load_state_dict({name: opened.get_tensor(name) for name in opened.keys()})  # noqa: SIM118
         except Exception as error:
             raise ValueError(f"{path} holds no detector of `python -m studies.log_detection train`: {error}") from error
         return made.eval()
 
 
-def normalised(pixels: NDArray[np.uint8]) -> Tensor:
-    """(N, 3, H, W) from -1 to 1."""
-    return (torch.from_numpy(pixels).permute(0, 3, 1, 2).float() / 127.5 - 1.0).contiguous(
-        memory_format=torch.channels_last
-    )
+def normalised(pixels: Tensor) -> Tensor:
+    """(N, 3, H, W) from -1 to 1, of (N, H, W, 3) from 0 to 255."""
+    return (pixels.permute(0, 3, 1, 2).float() / 127.5 - 1.0).contiguous(memory_format=torch.channels_last)
 
 
-def targets(boxes: Sequence[Tensor], labels: Sequence[Tensor], count: int) -> tuple[Tensor, Tensor, Tensor]:
+def padded(
+    boxes: Sequence[NDArray[np.float32]], labels: Sequence[NDArray[np.int64]], device: str = "cpu"
+) -> tuple[Tensor, Tensor]:
+    """Boxes (N, K, 4) and labels (N, K) of pictures, K that of the picture with the most; labels of no box are -1."""
+    most = max([1, *map(len, boxes)])
+    whole, kinds = np.zeros((len(boxes), most, 4), np.float32), np.full((len(boxes), most), -1, np.int64)
+    for number, (own, label) in enumerate(zip(boxes, labels, strict=True)):
+        whole[number, : len(own)], kinds[number, : len(own)] = own, label
+    return torch.from_numpy(whole).to(device), torch.from_numpy(kinds).to(device)
+
+
+def targets(boxes: Tensor, labels: Tensor, count: int, canvas: tuple[int, int]) -> tuple[Tensor, Tensor, Tensor]:
     """What cells learn: scores (N, C, H/4, W/4), edges (N, 4, H/4, W/4) of the box that counts in a cell, [pixels], and the
-    weights (N, H/4, W/4) of these, 1 in sum for each box. Of several boxes the nearest middle counts."""
-    device = boxes[0].device
-    at = cells(device)
+    weights (N, H/4, W/4) of these, 1 in sum for each box. Of several boxes the nearest middle counts.
+
+    Args:
+        boxes: (N, K, 4) [pixels].
+        labels: (N, K) places of classes; -1: no box.
+        count: Of classes.
+        canvas: Height and width [pixels].
+    """
+    at = cells(canvas, boxes.device)
     columns, rows = at[0, 0], at[1, :, 0]
-    heat = torch.zeros(len(boxes), count, *at.shape[1:], device=device)
-    edges, weights = torch.zeros(len(boxes), 4, *at.shape[1:], device=device), torch.zeros_like(heat[:, 0])
-    for number, (own, kinds) in enumerate(zip(boxes, labels, strict=True)):
-        if not len(own):
-            continue
-        middle, size = 0.5 * (own[:, :2] + own[:, 2:]), own[:, 2:] - own[:, :2]
-        spread = (size / 6.0).clamp(min=0.6 * STRIDE)
-        across = torch.exp(-0.5 * ((columns - middle[:, :1]) / spread[:, :1]) ** 2)
-        down = torch.exp(-0.5 * ((rows - middle[:, 1:]) / spread[:, 1:]) ** 2)
-        bells = down[:, :, None] * across[:, None, :]
-        bells = bells / bells.amax(dim=(1, 2), keepdim=True).clamp(min=1e-6)  # the nearest cell has 1
-        for kind in kinds.unique():
-            heat[number, kind] = bells[kinds == kind].amax(dim=0)
-        most, owner = bells.max(dim=0)
-        edges[number] = own[owner].permute(2, 0, 1)
-        counts = torch.where(most >= POSITIVE, most, 0.0)
-        shares = torch.zeros(len(own), device=device).index_add(0, owner.flatten(), counts.flatten())
-        weights[number] = counts / shares.clamp(min=1e-6)[owner]  # large boxes have many cells, but one vote
-    return heat, edges, weights
+    middle, size = 0.5 * (boxes[..., :2] + boxes[..., 2:]), boxes[..., 2:] - boxes[..., :2]
+    spread = (size / 6.0).clamp(min=0.6 * STRIDE)
+    across = torch.exp(-0.5 * ((columns - middle[..., :1]) / spread[..., :1]) ** 2)
+    down = torch.exp(-0.5 * ((rows - middle[..., 1:]) / spread[..., 1:]) ** 2)
+    across = across / across.amax(dim=-1, keepdim=True).clamp(min=1e-6)  # the nearest cell has 1
+    down = down / down.amax(dim=-1, keepdim=True).clamp(min=1e-6)
+    bells = (down * (labels >= 0)[..., None])[..., None] * across[..., None, :]
+    none = bells.new_zeros(())
+    heat = torch.stack(
+        [torch.where((labels == kind)[..., None, None], bells, none).amax(dim=1) for kind in range(count)], dim=1
+    )
+    most, owner = bells.max(dim=1)
+    places = owner.flatten(1)
+    edges = boxes.gather(1, places[..., None].expand(-1, -1, 4)).permute(0, 2, 1).reshape(len(boxes), 4, *at.shape[1:])
+    counts = torch.where(most >= POSITIVE, most, 0.0).flatten(1)
+    shares = torch.zeros_like(labels, dtype=counts.dtype).scatter_add(1, places, counts)
+    weights = counts / shares.clamp(min=1e-6).gather(1, places)  # large boxes have many cells, but one vote
+    return heat, edges, weights.view_as(most)
 
 
-def cells(device: torch.device | str = "cpu") -> Tensor:
+def cells(canvas: tuple[int, int], device: torch.device | str = "cpu") -> Tensor:
     """(2, H/4, W/4) x and y [pixels] of the cells' middles."""
-    height, width = (edge // STRIDE for edge in CANVAS)
-    rows, columns = torch.meshgrid(torch.arange(height), torch.arange(width), indexing="ij")
-    return (torch.stack([columns, rows]) * STRIDE + 0.5 * STRIDE).to(device)
+    height, width = (edge // STRIDE for edge in canvas)
+    rows, columns = torch.meshgrid(
+        torch.arange(height, device=device), torch.arange(width, device=device), indexing="ij"
+    )
+    return torch.stack([columns, rows]) * STRIDE + 0.5 * STRIDE
 
 
 def loss(scores: Tensor, distances: Tensor, wanted: tuple[Tensor, Tensor, Tensor]) -> Tensor:
@@ -144,7 +171,7 @@ def loss(scores: Tensor, distances: Tensor, wanted: tuple[Tensor, Tensor, Tensor
     bad = functional.logsigmoid(-scores) * chance**2 * (1.0 - heat) ** 4
     around = (0, 2, 3)
     focal = -(torch.where(hit, good, bad).sum(dim=around) / hit.sum(dim=around).clamp(min=1)).mean()
-    at = cells(distances.device)
+    at = cells((STRIDE * distances.shape[2], STRIDE * distances.shape[3]), distances.device)
     low, high = at - distances[:, :2], at + distances[:, 2:]
     own_low, own_high = edges[:, :2], edges[:, 2:]
     both = (torch.minimum(high, own_high) - torch.maximum(low, own_low)).clamp(min=0).prod(dim=1)
@@ -154,36 +181,44 @@ def loss(scores: Tensor, distances: Tensor, wanted: tuple[Tensor, Tensor, Tensor
     return focal + (weights * apart).sum() / weights.sum().clamp(min=1.0)
 
 
-def varied(pixels: Tensor, boxes: list[Tensor], draw: torch.Generator) -> tuple[Tensor, list[Tensor], list[Tensor]]:
+def varied(pixels: Tensor, boxes: Tensor, labels: Tensor, draw: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
     """Pictures mirrored, shifted, scaled by 0.8 to 1.25 and of other brightness and colour; their boxes, cut off at the
-    edges, and which boxes are left: those of which a third or more is on the canvas."""
-    count, (height, width), device = len(pixels), CANVAS, pixels.device
-    scale = torch.exp(torch.empty(count).uniform_(math.log(0.8), math.log(1.25), generator=draw)).to(device)
-    shift = torch.empty(count, 2).uniform_(-0.12, 0.12, generator=draw).to(device)
-    mirror = torch.where(torch.rand(count, generator=draw) < 0.5, -1.0, 1.0).to(device)
+    edges; and their labels, -1 where less than a third of a box is left on the canvas.
+
+    Args:
+        pixels: (N, 3, H, W) from -1 to 1.
+        boxes: (N, K, 4) [pixels].
+        labels: (N, K); -1: no box.
+        draw: On the CPU, so that all devices draw the same.
+    """
+    count, (height, width), device = len(pixels), pixels.shape[2:], pixels.device
+    scale = torch.exp(torch.empty(count).uniform_(math.log(0.8), math.log(1.25), generator=draw))
+    shift = torch.empty(count, 2).uniform_(-0.12, 0.12, generator=draw)
+    mirror = torch.where(torch.rand(count, generator=draw) < 0.5, -1.0, 1.0)
+    gain = torch.exp(torch.empty(count, 3).uniform_(-0.1, 0.1, generator=draw))
+    bright = torch.exp(torch.empty(count, 1).uniform_(-0.35, 0.35, generator=draw))
+    drawn = torch.cat([scale[:, None], shift, mirror[:, None], gain * bright], dim=1).to(device)
+    scale, shift, mirror, gain = drawn[:, 0], drawn[:, 1:3], drawn[:, 3], drawn[:, 4:]
     affine = torch.zeros(count, 2, 3, device=device)
     affine[:, 0, 0], affine[:, 1, 1], affine[:, :, 2] = mirror / scale, 1.0 / scale, shift
     grid = functional.affine_grid(affine, [count, 3, height, width], align_corners=False)
     moved = functional.grid_sample(pixels, grid, align_corners=False)
-    gain = torch.exp(torch.empty(count, 3, 1, 1).uniform_(-0.1, 0.1, generator=draw)).to(device)
-    bright = torch.empty(count, 1, 1, 1).uniform_(-0.35, 0.35, generator=draw).to(device)
-    moved = ((moved + 1.0) * gain * torch.exp(bright) - 1.0).clamp(-1.0, 1.0)
-    half, out, kept = torch.tensor([width / 2.0, height / 2.0], device=device), [], []
-    for number, own in enumerate(boxes):
-        stretch = torch.stack([mirror[number] * scale[number], scale[number]])
-        corners = ((own.view(-1, 2, 2) / half - 1.0 - shift[number]) * stretch + 1.0) * half
-        low, high = corners.amin(dim=1), corners.amax(dim=1)
-        within_low, within_high = low.clamp(min=0.0), torch.minimum(high, 2.0 * half)
-        share = (within_high - within_low).clamp(min=0.0).prod(dim=1) / (high - low).prod(dim=1).clamp(min=1e-3)
-        kept.append(share > 1.0 / 3.0)
-        out.append(torch.cat([within_low, within_high], dim=1)[kept[-1]])
-    return moved, out, kept
+    moved = ((moved + 1.0) * gain[..., None, None] - 1.0).clamp(-1.0, 1.0)
+    half = torch.tensor([width / 2.0, height / 2.0], device=device)
+    stretch = torch.stack([mirror * scale, scale], dim=1)[:, None, None]
+    corners = ((boxes.unflatten(-1, (2, 2)) / half - 1.0 - shift[:, None, None]) * stretch + 1.0) * half
+    low, high = corners.amin(dim=2), corners.amax(dim=2)
+    within_low, within_high = low.clamp(min=0.0), torch.minimum(high, 2.0 * half)
+    share = (within_high - within_low).clamp(min=0.0).prod(dim=-1) / (high - low).prod(dim=-1).clamp(min=1e-3)
+    return moved, torch.cat([within_low, within_high], dim=-1), torch.where(share > 1.0 / 3.0, labels, -1)
 
 
 def train(
     pictures: Pictures,
     *,
     steps: int = 800,
+    batch: int = BATCH,
+    wide: int = 1,
     seed: int = 0,
     start: Detector | None = None,
     device: str = "cpu",
@@ -193,35 +228,40 @@ def train(
 
     Args:
         pictures: With their boxes.
-        steps: Batches of 16 pictures.
+        steps: Batches.
+        batch: Pictures of a batch.
+        wide: Of the network, where it starts from random weights.
         seed: Of first weights, batches and variations.
-        start: A detector to go on from, with the same classes; None: random weights.
+        start: A detector to go on from, with the same classes and canvas; None: random weights.
         device: Of the training; the detector comes back to the CPU.
         progress: Told the share that is done, and the loss.
 
     Raises:
-        ValueError: There is no picture, or the first detector has other classes.
+        ValueError: There is no picture, or the first detector has other classes or another canvas.
     """
     if not len(pictures):
         raise ValueError("there is no picture to learn from")
-    if start is not None and start.classes != pictures.classes:
-        raise ValueError(f"the detector to start from knows {start.classes}, the pictures {pictures.classes}")
+    if start is not None and (start.classes, start.canvas) != (pictures.classes, pictures.canvas):
+        told = [f"{one.classes} on a canvas of {one.canvas}" for one in (start, pictures)]
+        raise ValueError(f"the detector to start from knows {told[0]}, the pictures {told[1]}")
     torch.manual_seed(seed)
     draw = torch.Generator().manual_seed(seed)
-    made = Detector(pictures.classes)
+    made = Detector(pictures.classes, pictures.canvas, wide if start is None else start.wide)
     if start is not None:
         made.load_state_dict(start.state_dict())
     made = made.to(device, memory_format=torch.channels_last).train()  # type: ignore[call-overload]
-    learning = torch.optim.AdamW(made.parameters(), lr=LEARNING_RATE, weight_decay=DECAY)
+    on_gpu = torch.device(device).type == "cuda"
+    if on_gpu:
+        torch.backends.cudnn.benchmark = True  # all batches have one shape
+    learning = torch.optim.AdamW(made.parameters(), lr=LEARNING_RATE, weight_decay=DECAY, fused=on_gpu)
     schedule = torch.optim.lr_scheduler.OneCycleLR(learning, LEARNING_RATE, total_steps=steps, pct_start=0.1)
-    boxes = [torch.from_numpy(one).to(device) for one in pictures.boxes]
-    labels = [torch.from_numpy(one).to(device) for one in pictures.labels]
-    recent = 0.0
+    pixels = torch.from_numpy(pictures.pixels).to(device)
+    boxes, labels = padded(pictures.boxes, pictures.labels, device)
+    recent = torch.zeros((), device=device)
     for step in range(steps):
-        chosen = torch.randint(len(pictures), (BATCH,), generator=draw).tolist()
-        moved, own, kept = varied(normalised(pictures.pixels[chosen]).to(device), [boxes[i] for i in chosen], draw)
-        kinds = [labels[i][keep] for i, keep in zip(chosen, kept, strict=True)]
-        wanted = targets(own, kinds, len(pictures.classes))
+        chosen = torch.randint(len(pictures), (batch,), generator=draw).to(device)
+        moved, own, kinds = varied(normalised(pixels[chosen]), boxes[chosen], labels[chosen], draw)
+        wanted = targets(own, kinds, len(pictures.classes), pictures.canvas)
         with torch.autocast(torch.device(device).type, dtype=torch.bfloat16):
             scores, distances = made(moved)
         value = loss(scores, distances, wanted)
@@ -230,26 +270,29 @@ def train(
         nn.utils.clip_grad_norm_(made.parameters(), 10.0)
         learning.step()
         schedule.step()
-        recent = value.item() if step == 0 else 0.95 * recent + 0.05 * value.item()
-        if progress is not None:
-            progress((step + 1) / steps, f"loss {recent:.2f}")
+        recent = value.detach() if step == 0 else 0.95 * recent + 0.05 * value.detach()
+        if progress is not None and (not on_gpu or step % TOLD == 0 or step == steps - 1):
+            progress((step + 1) / steps, f"loss {recent.item():.2f}")
     return made.cpu().eval()
 
 
-def detect(detector: Detector, pixels: NDArray[np.uint8]) -> list[NDArray[np.float32]]:
+def detect(detector: Detector, pixels: NDArray[np.uint8], device: str = "cpu") -> list[NDArray[np.float32]]:
     """Of pictures (N, H, W, 3) on the canvas, each (K, 6): left, upper, right, lower [pixels], score, class."""
-    out = []
+    out, there = [], detector.to(device)
     for first in range(0, len(pixels), 32):
         with torch.no_grad():
-            scores, distances = detector(normalised(pixels[first : first + 32]))
-        out += [_told(one, own) for one, own in zip(torch.sigmoid(scores), distances, strict=True)]
+            scores, distances = there(normalised(torch.from_numpy(pixels[first : first + 32]).to(device)))
+        scores, distances = torch.sigmoid(scores).cpu(), distances.cpu()
+        out += [_told(one, own) for one, own in zip(scores, distances, strict=True)]
+    detector.cpu()
     return out
 
 
 def _told(scores: Tensor, distances: Tensor) -> NDArray[np.float32]:
     """The best of one picture's cells that no neighbour beats, without those that lie over better ones."""
     peaks = functional.max_pool2d(scores[None], 3, 1, 1)[0]
-    at, (height, width) = cells(), CANVAS
+    height, width = STRIDE * scores.shape[1], STRIDE * scores.shape[2]
+    at = cells((height, width))
     corners = torch.cat([at - distances[:2], at + distances[2:]]).clamp(min=0.0)
     corners = torch.minimum(corners, torch.tensor([width, height, width, height])[:, None, None])
     kinds, rows, columns = torch.nonzero((scores == peaks) & (scores >= LEAST_SCORE), as_tuple=True)

@@ -9,14 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.reporting.style import AMBER, BLUE, GREEN, RED
-from studies.log_detection.pictures import CANVAS, Pictures
+from studies.log_detection.pictures import Pictures
 
 COLOURS = (AMBER, RED, "#ffee00", BLUE, GREEN)
 """Of the classes, in their order."""
 SHOWN = 0.3
 """Least score of a box that is drawn."""
-ENLARGED = 2
-"""Pixels of a sheet for one of the canvas."""
+DRAWN = 384
+"""Width [pixels] of a picture of a sheet, or twice that of a canvas that is half as wide."""
+
+
+def enlarged(canvas: tuple[int, int]) -> int:
+    """Pixels of a sheet for one of a canvas."""
+    return max(DRAWN // canvas[1], 1)
 
 
 def drawn(
@@ -25,11 +30,11 @@ def drawn(
     """A PIL image of a picture (H, W, 3) with boxes (K, 4) of classes (K,), with their scores (K,) if there are any."""
     from PIL import Image, ImageDraw
 
-    height, width = CANVAS
-    out = Image.fromarray(pixels).resize((ENLARGED * width, ENLARGED * height), Image.Resampling.NEAREST)
+    times = enlarged(pixels.shape[:2])
+    out = Image.fromarray(pixels).resize((times * pixels.shape[1], times * pixels.shape[0]), Image.Resampling.NEAREST)
     draw = ImageDraw.Draw(out)
     for number, (box, label) in enumerate(zip(boxes.tolist(), labels.tolist(), strict=True)):
-        x0, y0, x1, y1 = (ENLARGED * edge for edge in box)
+        x0, y0, x1, y1 = (times * edge for edge in box)
         colour = COLOURS[int(label) % len(COLOURS)]
         draw.rectangle((x0, y0, max(x1 - 1.0, x0), max(y1 - 1.0, y0)), outline=colour)
         if scores is not None:
@@ -41,7 +46,7 @@ def sheet(pictures: Pictures, found: Sequence[NDArray[np.float32]], chosen: Sequ
     """A PIL image: of each chosen picture, above what is there, below what a detector told (:func:`.detector.detect`)."""
     from PIL import Image
 
-    height, width = (ENLARGED * edge for edge in CANVAS)
+    height, width = (enlarged(pictures.canvas) * edge for edge in pictures.canvas)
     rows = -(-len(chosen) // columns)
     out = Image.new("RGB", (columns * width, rows * (2 * height + 8)), "white")
     for place, number in enumerate(chosen):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,10 @@ from numpy.typing import NDArray
 from aoro_gym.execution.files import read_json, written_whole
 from aoro_gym.reporting.style import AMBER, BLUE, GREEN, INK, PLOT_STYLE, PURPLE, RED, SOFT
 from studies.log_detection.detector import Detector, detect
-from studies.log_detection.drawing import ENLARGED, drawn, sheet
-from studies.log_detection.pictures import CANVAS, CLASSES, Pictures
-from studies.log_detection.study import ABLATED, ABLATIONS, SHOTS, SIZES, forests
+from studies.log_detection.drawing import drawn, enlarged, sheet
+from studies.log_detection.pictures import CLASSES, Pictures
+from studies.log_detection.scale import Scale
+from studies.log_detection.study import ABLATIONS, forests
 
 LINES = {"mean": INK, "trunk": AMBER, "log": RED, "log_end": PURPLE, "stump": BLUE}
 TITLES = {
@@ -49,6 +51,25 @@ def middle(rows: Sequence[Score], name: str) -> NDArray[np.float64]:
     return np.mean([row[name] for row in rows], axis=0)
 
 
+def differences(results: Path, tested: str, name: str) -> dict[str, list[float]]:
+    """AP50 of a class, or the mean, that sets in which something is fixed lose beside the one in which all is drawn anew:
+    value and interval of 95 % over forests, of the mean over the seeds that both have."""
+    drawn: dict[str, dict[int, NDArray[np.float64]]] = {}
+    for data in TITLES:
+        for file in results.glob(f"ablation_{data}_*.json"):
+            one = read_json(file)
+            of_set = one["scores"][tested]
+            values = [of_set["ap50"][name][0], *map(float, of_set["resampled"][name].split())]
+            drawn.setdefault(data, {})[one["seed"]] = np.array(values)
+    found = {}
+    for data, seeds in drawn.items():
+        both = sorted(seeds.keys() & drawn.get("train", {}).keys())
+        if data != "train" and both:
+            apart = np.mean([drawn["train"][seed] - seeds[seed] for seed in both], axis=0)
+            found[data] = [float(apart[0]), *map(float, np.quantile(apart[1:], [0.025, 0.975]))]
+    return found
+
+
 def _line(
     axes: Any, found: Mapping[int, Sequence[Score]], name: str, at: Sequence[float], colour: str, text: str
 ) -> None:
@@ -57,7 +78,7 @@ def _line(
     axes.fill_between(at, values[:, 1], values[:, 2], color=colour, alpha=0.12, linewidth=0)
 
 
-def curves(results: Path) -> Any:
+def curves(results: Path, scale: Scale) -> Any:
     """By number of pictures, by what is not drawn anew, and by pictures of the other renderer."""
     import matplotlib
     from matplotlib.figure import Figure
@@ -71,10 +92,10 @@ def curves(results: Path) -> Any:
         sizes.set(
             xscale="log", xlabel="pictures of made forests", ylabel="AP50, other forests", title="Number of pictures"
         )
-        sizes.set_xticks(SIZES, [str(count) for count in SIZES])
+        sizes.set_xticks(scale.sizes, [str(count) for count in scale.sizes])
         sizes.minorticks_off()
         for number, name in enumerate(("train", *ABLATIONS)):
-            rows = scores(results, "ablation", name, "test")[ABLATED]
+            rows = scores(results, "ablation", name, "test")[scale.ablated]
             for offset, part, colour in ((-0.15, "mean", INK), (0.15, "log", RED)):
                 value, low, high = middle(rows, part)
                 ablations.errorbar(
@@ -83,12 +104,12 @@ def curves(results: Path) -> Any:
                 )  # fmt: skip
         ablations.set_yticks(range(len(TITLES)), [TITLES[name] for name in ("train", *ABLATIONS)])
         ablations.invert_yaxis()
-        ablations.set(xlabel="AP50, all drawn anew", title=f"What is not drawn anew, {ABLATED} pictures")
-        places = {count: number for number, count in enumerate(SHOTS)}
+        ablations.set(xlabel="AP50, all drawn anew", title=f"What is not drawn anew, {scale.ablated} pictures")
+        places = {count: number for number, count in enumerate(scale.shots)}
         for kind, colour, text in (("tuned", GREEN, "after made forests"), ("scratch", SOFT, "from scratch")):
             found = scores(results, kind, "other", "other_test")
             _line(transfer, found, "mean", [places[count] for count in found], colour, f"mean, {text}")
-        transfer.set_xticks(range(len(SHOTS)), [str(count) for count in SHOTS])
+        transfer.set_xticks(range(len(scale.shots)), [str(count) for count in scale.shots])
         transfer.set(xlabel="pictures of the other renderer", ylabel="AP50, other woods", title="Another renderer")
         for axes in (sizes, ablations, transfer):
             axes.grid(True)
@@ -141,7 +162,8 @@ def failures(pictures: Pictures, found: Sequence[NDArray[np.float32]]) -> tuple[
     """A PIL image of five failures, left what is there, right what is told, the failure in white; and what each is."""
     from PIL import Image, ImageDraw
 
-    height, width = (ENLARGED * edge for edge in CANVAS)
+    times = enlarged(pictures.canvas)
+    height, width = (times * edge for edge in pictures.canvas)
     out, texts, seen = Image.new("RGB", (2 * width + 8, len(FAILURES) * (height + 8) - 8), "white"), [], set()
     for row, (name, missed) in enumerate(FAILURES):
         worst = failure(pictures, found, CLASSES.index(name), missed, seen)
@@ -153,19 +175,22 @@ def failures(pictures: Pictures, found: Sequence[NDArray[np.float32]]) -> tuple[
         true = drawn(pictures.pixels[number], pictures.boxes[number], pictures.labels[number])
         right = drawn(pictures.pixels[number], told[:, :4], told[:, 5], told[:, 4])
         for place, picture in enumerate((true, right)):
-            x0, y0, x1, y1 = (ENLARGED * float(edge) for edge in box)
+            x0, y0, x1, y1 = (times * float(edge) for edge in box)
             ImageDraw.Draw(picture).rectangle((x0 - 2, y0 - 2, x1 + 1, y1 + 1), outline="white", width=2)
             out.paste(picture, (place * (width + 8), row * (height + 8)))
         texts.append(f"picture {pictures.ids[number]}: {'missed' if missed else 'false'} {name}")
     return out, texts
 
 
-def draw(data: Path, results: Path, out: Path) -> None:
-    """All three, into a folder."""
+def draw(data: Path, results: Path, out: Path, scale: Scale) -> None:
+    """All three, into a folder; prints what is lost where something is fixed, and what the failures are."""
+    for tested, name in product(("test", "other_test"), ("log", "mean")):
+        for data_set, values in differences(results, tested, name).items():
+            print(f"{tested}, {name}, {TITLES[data_set]}: " + "{:.3f} [{:.3f}, {:.3f}] below all".format(*values))
     with written_whole(out / "log_detection.png") as temporary:
-        curves(results).savefig(temporary, format="png", dpi=110)
-    pictures = forests(data / "test")
-    best = Detector.load(data / "detectors" / f"long_train_{max(SIZES)}_0.safetensors")
+        curves(results, scale).savefig(temporary, format="png", dpi=110)
+    pictures = forests(data / "test", scale.canvas)
+    best = Detector.load(data / "detectors" / f"long_train_{max(scale.sizes)}_0.safetensors")
     found = detect(best, pictures.pixels)
     shown = sheet(pictures, found, range(7, len(pictures), 17)[:6])
     image, texts = failures(pictures, found)

@@ -101,7 +101,7 @@ class _Wood:
         self.add("ellipsoid", None, "leaf" if leafy else "plain", colour, pos=[x, y, 0.4 * size[2]], size=size)
 
 
-def _xml(wood: _Wood) -> str:
+def _xml(wood: _Wood, size: tuple[int, int]) -> str:
     rng = wood.rng
     ground = rng.uniform([0.12, 0.14, 0.06], [0.5, 0.42, 0.3]) if rng.random() < 0.8 else rng.uniform(0.75, 0.95, 3)
     sky, glow = rng.uniform([0.4, 0.5, 0.6], [0.9, 0.95, 1.0]), rng.uniform(0.6, 1.0, 3)
@@ -113,7 +113,7 @@ def _xml(wood: _Wood) -> str:
 
     marks = f'markrgb="{triple(0.6 * ground)}" random="{rng.uniform(0.05, 0.4):.2f}"'
     speckled = 'type="2d" builtin="flat" mark="random" width="128" height="128"'
-    return f"""<mujoco><visual><global offwidth="{CANVAS[1]}" offheight="{CANVAS[0]}" fovy="{rng.uniform(45.0, 65.0):.1f}"/>
+    return f"""<mujoco><visual><global offwidth="{size[1]}" offheight="{size[0]}" fovy="{rng.uniform(45.0, 65.0):.1f}"/>
 <headlight ambient="{triple(ambient)}" diffuse="0.1 0.1 0.1" specular="0 0 0"/><quality shadowsize="2048"/>
 <map fogstart="1" fogend="{rng.uniform(2.0, 6.0):.2f}" znear="0.005" zfar="4"/><rgba fog="{triple(sky)} 1"/></visual>
 <statistic extent="20" center="0 0 0"/>
@@ -127,8 +127,8 @@ def _xml(wood: _Wood) -> str:
 <geom type="plane" size="{2 * REACH} {2 * REACH} 1" material="soil"/>{"".join(wood.geoms)}</worldbody></mujoco>"""
 
 
-def wood(seed: int) -> tuple[Any, dict[str, tuple[int, str]], list[NDArray[Any]]]:
-    """A model of MuJoCo, object and part of its geoms by name, and where logs lie (x, y)."""
+def wood(seed: int, size: tuple[int, int]) -> tuple[Any, dict[str, tuple[int, str]], list[NDArray[Any]]]:
+    """A model of MuJoCo for pictures of a size, object and part of its geoms by name, and where logs lie (x, y)."""
     rng = np.random.default_rng([seed, 77])
     made = _Wood(rng)
     lying = [rng.uniform(-0.6 * REACH, 0.6 * REACH, 2) for _ in range(int(rng.integers(8, 16)))]
@@ -143,7 +143,7 @@ def wood(seed: int) -> tuple[Any, dict[str, tuple[int, str]], list[NDArray[Any]]
         made.clutter(x, y)
     import mujoco
 
-    return mujoco.MjModel.from_xml_string(_xml(made)), made.parts, lying
+    return mujoco.MjModel.from_xml_string(_xml(made, size)), made.parts, lying
 
 
 def _labels(geoms: NDArray[np.int32], parts: dict[int, tuple[int, str]]) -> list[tuple[str, NDArray[np.bool_]]]:
@@ -174,8 +174,23 @@ def _looking(model: Any, rng: np.random.Generator, lying: list[NDArray[Any]]) ->
     return camera
 
 
-def make(folder: Path, count: int, seed: int = 0, progress: Callable[[float], None] | None = None) -> Path:
-    """``count`` pictures and their COCO file, which is returned; woods of seeds from ``seed`` on."""
+def make(
+    folder: Path,
+    count: int,
+    seed: int = 0,
+    *,
+    size: tuple[int, int] = CANVAS,
+    progress: Callable[[float], None] | None = None,
+) -> Path:
+    """Make pictures and their COCO file, which is returned.
+
+    Args:
+        folder: Where to.
+        count: Of pictures.
+        seed: Of the first wood.
+        size: Height and width [pixels].
+        progress: Told the share that is done.
+    """
     import mujoco
     from PIL import Image
 
@@ -186,13 +201,13 @@ def make(folder: Path, count: int, seed: int = 0, progress: Callable[[float], No
     annotations: list[dict[str, Any]] = []
     for number in range(count):
         if number % VIEWS == 0:
-            model, names, lying = wood(seed + number // VIEWS)
+            model, names, lying = wood(seed + number // VIEWS, size)
             data = mujoco.MjData(model)
             mujoco.mj_forward(model, data)
             parts = {model.geom(name).id: part for name, part in names.items()}
             rng = np.random.default_rng([seed + number // VIEWS, 78])
             foggy = rng.random() < 0.3
-            renderer = mujoco.Renderer(model, *CANVAS)
+            renderer = mujoco.Renderer(model, *size)
         camera = _looking(model, rng, lying)
         renderer.update_scene(data, camera)
         renderer.scene.flags[mujoco.mjtRndFlag.mjRND_FOG] = foggy
@@ -204,7 +219,8 @@ def make(folder: Path, count: int, seed: int = 0, progress: Callable[[float], No
         name = f"{number:06d}.png"
         with written_whole(folder / "images" / name) as temporary:
             Image.fromarray(pixels).save(temporary)
-        images.append({"id": number, "file_name": name, "height": CANVAS[0], "width": CANVAS[1]})
+        one = {"id": number, "file_name": name, "height": size[0], "width": size[1]}
+        images.append({**one, "world_seed": seed + number // VIEWS})
         for category, mask in _labels(geoms, parts):
             rows, columns = np.nonzero(mask)
             x, y = int(columns.min()), int(rows.min())
@@ -216,7 +232,7 @@ def make(folder: Path, count: int, seed: int = 0, progress: Callable[[float], No
                     "bbox": [x, y, int(columns.max()) + 1 - x, int(rows.max()) + 1 - y],
                     "area": int(mask.sum()),
                     "iscrowd": 0,
-                    "segmentation": {"size": list(CANVAS), "counts": run_lengths(mask)},
+                    "segmentation": {"size": list(size), "counts": run_lengths(mask)},
                 }
             )
         if number % VIEWS == VIEWS - 1 or number == count - 1:

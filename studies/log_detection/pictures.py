@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 CANVAS = (144, 192)
-"""Height and width [pixels] that pictures are shrunk into: a camera's 3 to 4."""
+"""Height and width [pixels] that pictures are shrunk into where nothing else is said: a camera's 3 to 4."""
 GREY = 114
 """What fills the canvas beside a picture of another shape."""
 CLASSES = ("trunk", "log", "log_end", "stump")
 """What the study's detectors look for; crowns and boulders are background."""
-LEAST_AREA, MOST_HIDDEN = 30.0, 0.8
-"""An object that is seen in fewer pixels of the canvas, or of which a larger share is hidden (where the file says so), is
+LEAST_AREA, MOST_HIDDEN = 30.0 / (144 * 192), 0.8
+"""An object that is seen in a smaller share of the canvas, or of which a larger share is hidden (where the file says so), is
 learnt, but counts neither way in a score: who labels by hand leaves such out."""
 
 
@@ -44,6 +45,11 @@ class Pictures:
     def __len__(self) -> int:
         return len(self.pixels)
 
+    @property
+    def canvas(self) -> tuple[int, int]:
+        """Height and width [pixels]."""
+        return self.pixels.shape[1], self.pixels.shape[2]
+
     def first(self, count: int) -> Pictures:
         """The first of them."""
         kept = set(self.ids[:count])
@@ -67,6 +73,7 @@ def load(
     classes: Sequence[str] = CLASSES,
     *,
     renamed: Mapping[str, str] | None = None,
+    canvas: tuple[int, int] = CANVAS,
 ) -> Pictures:
     """Pictures of a COCO file in the order of their numbers.
 
@@ -75,6 +82,7 @@ def load(
         images: Folder that its ``file_name`` are in.
         classes: To look for, by name; other ones are left out.
         renamed: Name in the file by name of a class, where they differ.
+        canvas: Height and width [pixels].
 
     Raises:
         ValueError: The file lacks a class, a picture is not there, or the file holds no COCO.
@@ -90,18 +98,40 @@ def load(
             f"{annotations} has none of the classes {', '.join(wanted.values())}, but {', '.join(numbers)};"
             " give --name log=NAME for the names that differ"
         )
+    return of_coco(told, images, found, classes, canvas)
+
+
+def of_coco(
+    told: Mapping[str, Any],
+    images: Path,
+    found: Mapping[int, int],
+    classes: Sequence[str] = CLASSES,
+    canvas: tuple[int, int] = CANVAS,
+) -> Pictures:
+    """Pictures of the content of a COCO file.
+
+    Args:
+        told: The content.
+        images: Folder that its ``file_name`` are in.
+        found: Places of classes by their number in the file.
+        classes: By name.
+        canvas: Height and width [pixels].
+    """
     listed = sorted(told["images"], key=lambda one: one["id"])
     of_image: dict[int, list[dict[str, Any]]] = {one["id"]: [] for one in listed}
     for one in told["annotations"]:
         if one["category_id"] in found and one["image_id"] in of_image:
             of_image[one["image_id"]].append({**one, "category_id": found[one["category_id"]] + 1})
-    pixels, scales = zip(*(_read(images / one["file_name"]) for one in listed), strict=True)
+    with ThreadPoolExecutor(4) as pool:
+        read = list(pool.map(lambda one: _read(images / one["file_name"], canvas), listed))
+    pixels, scales = zip(*read, strict=True)
+    least = LEAST_AREA * canvas[0] * canvas[1]
     boxes, labels = [], []
     for one, scale in zip(listed, scales, strict=True):
         solid = [each for each in of_image[one["id"]] if not each.get("iscrowd")]
         for each in solid:
             area = each.get("area", each["bbox"][2] * each["bbox"][3]) * scale**2
-            each["iscrowd"] = int(area < LEAST_AREA or each.get("occlusion", 0.0) > MOST_HIDDEN)
+            each["iscrowd"] = int(area < least or each.get("occlusion", 0.0) > MOST_HIDDEN)
         corners = np.array([each["bbox"] for each in solid], dtype=np.float32).reshape(-1, 4) * scale
         corners[:, 2:] += corners[:, :2]
         boxes.append(corners)
@@ -117,13 +147,13 @@ def load(
     return Pictures(np.stack(pixels), boxes, labels, np.array(scales), ids, truth, tuple(classes))
 
 
-def _read(path: Path) -> tuple[NDArray[np.uint8], float]:
+def _read(path: Path, canvas: tuple[int, int]) -> tuple[NDArray[np.uint8], float]:
     """A picture on the canvas, and its scale."""
     from PIL import Image
 
     if not path.exists():
         raise ValueError(f"there is no picture {path}; give the folder of the pictures as --images")
-    height, width = CANVAS
+    height, width = canvas
     with Image.open(path) as opened:
         picture = opened.convert("RGB")
     scale = min(width / picture.width, height / picture.height)
@@ -134,13 +164,19 @@ def _read(path: Path) -> tuple[NDArray[np.uint8], float]:
 
 
 def joined(parts: Sequence[Pictures]) -> Pictures:
-    """Pictures of several files to train on; their truth is the first one's alone."""
+    """Pictures of several files, numbered anew from 0 on, in their order."""
+    images: list[dict[str, Any]] = []
+    annotations: list[dict[str, Any]] = []
+    for part in parts:
+        numbers = {number: len(images) + at for at, number in enumerate(part.ids)}
+        images += [{**one, "id": numbers[one["id"]]} for one in part.truth["images"]]
+        annotations += [{**one, "image_id": numbers[one["image_id"]]} for one in part.truth["annotations"]]
     return Pictures(
         np.concatenate([part.pixels for part in parts]),
         [box for part in parts for box in part.boxes],
         [label for part in parts for label in part.labels],
         np.concatenate([part.scales for part in parts]),
-        [number for part in parts for number in part.ids],
-        parts[0].truth,
+        list(range(len(images))),
+        {**parts[0].truth, "images": images, "annotations": annotations},
         parts[0].classes,
     )

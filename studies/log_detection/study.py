@@ -6,6 +6,7 @@ and network were changed twice after scores on the test pictures had been seen, 
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,25 +18,14 @@ from filelock import FileLock, Timeout
 
 from aoro_gym.execution.files import read_json, write_json
 from aoro_gym.reporting import terminal
+from aoro_gym.sensors.dataset.formats import coco
 from studies.log_detection.detector import Detector, train
-from studies.log_detection.pictures import Pictures, joined, load
+from studies.log_detection.pictures import CLASSES, Pictures, load, of_coco
+from studies.log_detection.scale import Scale
 from studies.log_detection.scoring import score
 
-SIZES = (20, 40, 80, 160, 320)
-"""Pictures of made forests that detectors learn from."""
-TESTED = 100
-"""Pictures of forests of other seeds that detectors are scored on."""
-ABLATED = 100
-"""Pictures of each set in which something is not drawn anew."""
 ABLATIONS = ("light", "weather", "texture", "season", "fixed")
 """Sets by what stays the same; ``fixed`` is all of it."""
-SHOTS = (0, 5, 10, 20, 40, 80)
-"""Pictures of the other renderer that detectors learn from, after made forests or from scratch."""
-OTHERS = (120, 100)
-"""Of the other renderer: to learn from, and to score on, of woods of their own."""
-LONG_STEPS, STEPS, FINE_STEPS = 2400, 800, 250
-"""Batches of the training that others go on from, of the others on made forests, and of those on the other renderer's
-pictures, whether from scratch or not."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +38,8 @@ class Training:
     """Folder that it learns from."""
     pictures: int
     seed: int
+    steps: int
+    """Batches."""
     start: str | None = None
     """Name of the training that it goes on from."""
 
@@ -56,73 +48,93 @@ class Training:
         """Of its files."""
         return f"{self.kind}_{self.data}_{self.pictures}_{self.seed}"
 
-    @property
-    def steps(self) -> int:
-        """Batches."""
-        return {"long": LONG_STEPS, "scratch": FINE_STEPS, "tuned": FINE_STEPS}.get(self.kind, STEPS)
 
-
-def trainings(seeds: int) -> Iterator[Training]:
+def trainings(seeds: int, scale: Scale) -> Iterator[Training]:
     """All of them, those first that others go on from."""
+    most = max(scale.sizes)
     for seed in range(seeds):
-        yield Training("long", "train", max(SIZES), seed)
-        for count in sorted(SIZES, reverse=True):
-            yield Training("size", "train", count, seed)
+        yield Training("long", "train", most, seed, scale.long_steps)
+        for count in sorted(scale.sizes, reverse=True):
+            yield Training("size", "train", count, seed, scale.steps)
         for data in ("train", *ABLATIONS):
-            yield Training("ablation", data, ABLATED, seed)
-        for count in SHOTS:
-            yield Training("tuned", "other", count, seed, f"long_train_{max(SIZES)}_{seed}")
+            yield Training("ablation", data, scale.ablated, seed, scale.steps)
+        for count in scale.shots:
+            yield Training("tuned", "other", count, seed, scale.fine_steps, f"long_train_{most}_{seed}")
             if count:
-                yield Training("scratch", "other", count, seed)
+                yield Training("scratch", "other", count, seed, scale.fine_steps)
 
 
-def forests(folder: Path) -> Pictures:
-    """All pictures of a data set of ``aoro-gym dataset``, in their order: splits are of no effect."""
-    parts = [load(file, folder / "images") for file in sorted((folder / "annotations").glob("instances_*.json"))]
-    if not parts:
-        raise ValueError(f"{folder} has no annotations: make them with `python -m studies.log_detection pictures`")
-    whole = joined(parts)
-    order = sorted(range(len(whole)), key=lambda at: whole.ids[at])
-    truth = dict(whole.truth)
-    for name in ("images", "annotations"):
-        truth[name] = [one for part in parts for one in part.truth[name]]
-    return Pictures(
-        whole.pixels[order],
-        [whole.boxes[at] for at in order],
-        [whole.labels[at] for at in order],
-        whole.scales[order],
-        [whole.ids[at] for at in order],
-        truth,
-        whole.classes,
-    )
+def forests(folder: Path, canvas: tuple[int, int]) -> Pictures:
+    """All pictures of a data set of ``aoro-gym dataset`` on a canvas, in order and without masks; splits are of no effect.
+
+    Raises ``ValueError`` where there are none.
+    """
+    frames = []
+    for file in sorted((folder / "frames").glob("*.json")):
+        frame = json.loads(file.read_text(encoding="utf-8"))
+        frames.append({**frame, "labels": [{**label, "runs": []} for label in frame["labels"]]})
+    if not frames:
+        raise ValueError(f"{folder} has no pictures: make them with `python -m studies.log_detection pictures`")
+    told = coco(frames)
+    numbers = {one["name"]: one["id"] for one in told["categories"]}
+    found = {numbers[name]: place for place, name in enumerate(CLASSES)}
+    return of_coco(told, folder / "images", found, CLASSES, canvas)
 
 
-def run(data: Path, results: Path, *, seeds: int = 1, device: str = "cpu") -> None:
+def run(data: Path, results: Path, scale: Scale, *, seeds: int = 1, device: str = "cpu") -> None:
     """Train and score what is not there yet; several processes with the same folders share the trainings.
 
     Args:
         data: Folder of the pictures; detectors are written into it, too.
         results: Folder of the scores.
+        scale: Of the study.
         seeds: Trainings of each kind.
         device: Of the trainings.
     """
     torch.set_num_threads(1)
-    whole = list(trainings(seeds))
-    sets: dict[str, Pictures] = {}
+    left = list(trainings(seeds, scale))
+    work = _Work(left, results)
+    sets = _Sets(data, scale.canvas)
     with terminal.progress("training") as tell:
-        left = whole
         while left := [one for one in left if not _is_there(one, results)]:
-            done = len(whole) - len(left)
             for one in left:
-                tell("training", done / len(whole), one.name)
+                if one.start is not None and not _weights(data, one.start).exists():
+                    continue
                 try:
                     with FileLock(data / "detectors" / f"{one.name}.lock", timeout=0):
-                        if not _is_there(one, results) and (one.start is None or _weights(data, one.start).exists()):
-                            _trained(one, data, results, sets, device)
-                            done += 1
+                        if not _is_there(one, results):
+                            _trained(one, results, sets, scale.batch, device, work, tell)
+                            break  # from the first on: what waited may be possible now
                 except Timeout:  # another process trains it
                     continue
-            time.sleep(1.0)
+            else:
+                tell("training", work.share(), "waiting for other processes")
+                time.sleep(1.0)
+
+
+class _Work:
+    """Share of all batches that are done, by all processes.
+
+    Args:
+        whole: All trainings.
+        results: Folder of the scores.
+    """
+
+    EVERY = 2.0
+    """Time [s] after which files of other processes are looked for again."""
+
+    def __init__(self, whole: list[Training], results: Path):
+        self._left, self._results = list(whole), results
+        self._total, self._done, self._looked = sum(one.steps for one in whole), 0, -self.EVERY
+
+    def share(self, own: float = 0.0) -> float:
+        """Of the whole, where this process has done ``own`` batches of a training that has no file yet."""
+        if time.monotonic() - self._looked >= self.EVERY:
+            there = [one for one in self._left if _is_there(one, self._results)]
+            self._left = [one for one in self._left if one not in there]
+            self._done += sum(one.steps for one in there)
+            self._looked = time.monotonic()
+        return (self._done + own) / self._total
 
 
 def _weights(data: Path, name: str) -> Path:
@@ -134,28 +146,70 @@ def _is_there(one: Training, results: Path) -> bool:
     return file.exists() and read_json(file)["steps"] == one.steps
 
 
-def _pictures(name: str, data: Path, sets: dict[str, Pictures]) -> Pictures:
-    """A set, read once."""
-    if name not in sets:
-        folder = data / name
-        other = name.startswith("other")
-        sets[name] = load(folder / "annotations.json", folder / "images") if other else forests(folder)
-    return sets[name]
+class _Sets:
+    """Sets of pictures, each read once.
+
+    Args:
+        data: Folder of all of them.
+        canvas: Height and width [pixels].
+    """
+
+    def __init__(self, data: Path, canvas: tuple[int, int]):
+        self.data, self._canvas = data, canvas
+        self._known: dict[str, Pictures] = {}
+
+    def __getitem__(self, name: str) -> Pictures:
+        if name not in self._known:
+            folder = self.data / name
+            if name.startswith("other"):
+                made = load(folder / "annotations.json", folder / "images", canvas=self._canvas)
+            else:
+                made = forests(folder, self._canvas)
+            self._known[name] = made
+        return self._known[name]
 
 
-def _trained(one: Training, data: Path, results: Path, sets: dict[str, Pictures], device: str) -> None:
-    """Train and score one."""
-    start = None if one.start is None else Detector.load(_weights(data, one.start))
+def _trained(
+    one: Training,
+    results: Path,
+    sets: _Sets,
+    batch: int,
+    device: str,
+    work: _Work,
+    tell: terminal.Tell,
+) -> None:
+    """Train and score one.
+
+    Args:
+        one: The training.
+        results: Folder of the scores.
+        sets: Of the pictures.
+        batch: Pictures of one.
+        device: Of the training.
+        work: Of all trainings.
+        tell: Told the share of it that is done.
+    """
+    tell("training", work.share(), one.name)
+    start = None if one.start is None else Detector.load(_weights(sets.data, one.start))
     began = time.process_time()
+
+    def progress(share: float, text: str) -> None:
+        tell("training", work.share(share * one.steps), f"{one.name}, {text}")
+
     if start is not None and one.pictures == 0:
         made = start
     else:
-        learnt = _pictures(one.data, data, sets).first(one.pictures)
-        made = train(learnt, steps=one.steps, seed=one.seed, start=start, device=device)
+        made = train(
+            sets[one.data].first(one.pictures), steps=one.steps, batch=batch, seed=one.seed, start=start, device=device,
+            progress=progress,
+        )  # fmt: skip
     taken = time.process_time() - began
-    made.save(_weights(data, one.name), {"training": one.name})
+    made.save(_weights(sets.data, one.name), {"training": one.name})
     tested = ("other_test",) if one.data == "other" else ("test", "other_test")
-    scores: dict[str, Any] = {name: score(made, _pictures(name, data, sets)) for name in tested}
+    scores: dict[str, Any] = {name: score(made, sets[name], device=device) for name in tested}
+    if one.kind != "ablation":  # these alone are compared in pairs
+        for each in scores.values():
+            del each["resampled"]
     told = {"kind": one.kind, "data": one.data, "pictures": one.pictures, "seed": one.seed, "steps": one.steps}
     told["device"] = device
     write_json(results / f"{one.name}.json", {**told, "cpu_s": round(taken, 1), "scores": scores})

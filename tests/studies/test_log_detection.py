@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,11 +14,14 @@ from pycocotools.cocoeval import COCOeval
 
 torch = pytest.importorskip("torch")
 
-from studies.log_detection import scoring  # noqa: E402
+from aoro_gym.sensors.dataset import FACTORS  # noqa: E402
+from studies.log_detection import scoring, study  # noqa: E402
 from studies.log_detection.__main__ import main  # noqa: E402
-from studies.log_detection.detector import Detector, _told, cells, loss, targets, train, varied  # noqa: E402
-from studies.log_detection.figures import failure  # noqa: E402
+from studies.log_detection.detector import Detector, _told, cells, loss, padded, targets, train, varied  # noqa: E402
+from studies.log_detection.figures import differences, failure  # noqa: E402
+from studies.log_detection.making import forest_sets  # noqa: E402
 from studies.log_detection.pictures import CANVAS, CLASSES, Pictures, load  # noqa: E402
+from studies.log_detection.scale import SCALES  # noqa: E402
 from studies.log_detection.scoring import score, told  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings(
@@ -80,10 +84,11 @@ def test_pictures_of_other_shapes_keep_their_boxes(tmp_path) -> None:
 
 def test_cells_that_learnt_their_targets_tell_the_truth(rectangles) -> None:
     """What the cells are to learn, told by a network that has learnt it, is every box to the pixel."""
-    boxes = [torch.from_numpy(one) for one in rectangles.boxes]
-    heat, edges, weights = targets(boxes, [torch.from_numpy(one) for one in rectangles.labels], len(CLASSES))
-    at = cells()
-    assert weights.sum(dim=(1, 2)) == pytest.approx([len(one) for one in boxes], abs=1e-4)
+    boxes, labels = padded(rectangles.boxes, rectangles.labels)
+    boxes, labels = torch.nn.functional.pad(boxes, (0, 0, 0, 2)), torch.nn.functional.pad(labels, (0, 2), value=-1)
+    heat, edges, weights = targets(boxes, labels, len(CLASSES), CANVAS)
+    at = cells(CANVAS)
+    assert weights.sum(dim=(1, 2)) == pytest.approx([len(one) for one in rectangles.boxes], abs=1e-4)
     distances = torch.cat([at - edges[:, :2], edges[:, 2:] - at], dim=1)
     for number, own in enumerate(rectangles.boxes):
         found = _told(heat[number], torch.where(weights[number] > 0, distances[number], 1.0))
@@ -102,10 +107,14 @@ def test_boxes_move_with_their_pictures() -> None:
     """A bright rectangle, mirrored, shifted and scaled, lies where its box does, to a pixel of interpolation."""
     pixels = torch.zeros(32, 3, *CANVAS)  # what fills the canvas beside moved pictures, too
     pixels[:, :, 50:90, 20:70] = 1.0
-    moved, boxes, kept = varied(
-        pixels, [torch.tensor([[20.0, 50.0, 70.0, 90.0]])] * 32, torch.Generator().manual_seed(3)
-    )
-    assert all(one.all() for one in kept)
+    given = torch.tensor([[20.0, 50.0, 70.0, 90.0], [-40.0, 0.0, 10.0, 9.0]]).expand(32, 2, 4)
+    labels = torch.tensor([2, 1]).expand(32, 2)
+    moved, boxes, kept = varied(pixels, given, labels, torch.Generator().manual_seed(3))
+    assert bool((kept[:, 0] == 2).all()) and set(kept[:, 1].tolist()) == {
+        -1,
+        1,
+    }  # a fifth of the other is in the picture
+    boxes = boxes[:, :1]
     for picture, (own,) in zip(moved[:, 1], boxes, strict=True):
         rows, columns = torch.nonzero(picture > 0.5 * (picture.min() + picture.max()), as_tuple=True)
         seen = torch.stack([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1])
@@ -137,6 +146,20 @@ def test_truth_scores_one_and_pycocotools_says_the_same(rectangles, monkeypatch,
     assert found[0] == pytest.approx(run.stats[1], abs=1e-9)  # AP50
     assert 0.0 < found[1] < found[0] < found[2] <= 1.0
     capsys.readouterr()
+
+
+def test_intervals_are_those_of_forests(rectangles, monkeypatch) -> None:
+    """Twelve pictures of two forests, all found in one and none in the other, may be twice one or the other; each of its own
+    forest, they are never all alike."""
+    half = [one if at < 6 else one[:0] for at, one in enumerate(as_told(rectangles))]
+    monkeypatch.setattr(scoring, "detect", lambda *_: half)
+    widths = []
+    for of_forest in (6, 1):
+        images = [{**one, "world_seed": at // of_forest} for at, one in enumerate(rectangles.truth["images"])]
+        grouped = replace(rectangles, truth={**rectangles.truth, "images": images})
+        _, low, high = score(Detector().eval(), grouped, resamples=100)["ap50"]["mean"]
+        widths.append((low, high))
+    assert widths[0] == (0.0, pytest.approx(1.0)) and widths[1][0] > 0.0 and widths[1][1] < 1.0
 
 
 def test_what_is_hardly_seen_counts_neither_way(tmp_path, monkeypatch) -> None:
@@ -175,6 +198,11 @@ def test_commands_train_score_and_tune(tmp_path, capsys) -> None:
     words = ["--images", str(file.parent / "images"), "--quiet"]
     for name, more in (("a", []), ("b", []), ("c", ["--start", str(tmp_path / "a")]), ("d", ["--seed", "1"])):
         assert main(["train", str(file), *words, "--out", str(tmp_path / name), "--steps", "3", *more]) == 0
+    assert (
+        main(["train", str(file), *words, "--out", str(tmp_path / "e"), "--steps", "2", "--width", "64", "--wide", "2"])
+        == 0
+    )
+    assert (Detector.load(tmp_path / "e").canvas, Detector.load(tmp_path / "e").wide) == ((48, 64), 2)
     weights = {name: Detector.load(tmp_path / name).state_dict()["scores.1.weight"] for name in "abcd"}
     assert torch.equal(weights["a"], weights["b"])
     assert not torch.equal(weights["a"], weights["c"]) and not torch.equal(weights["a"], weights["d"])
@@ -195,6 +223,10 @@ def test_commands_train_score_and_tune(tmp_path, capsys) -> None:
         (["train", "{set}", "--images", "nowhere", "--out", "x"], "there is no picture nowhere/0.png"),
         (["train", "{set}", "--images", ".", "--out", "x", "--steps", "0"], "--steps is 0, but must be at least 2"),
         (
+            ["train", "{set}", "--images", ".", "--out", "x", "--width", "70"],
+            "--width is 70, but must be a multiple of 16",
+        ),
+        (
             ["train", "{set}", "--images", ".", "--out", "x", "--name", "tree=Tree"],
             "--name is 'tree=Tree', but must be",
         ),
@@ -212,6 +244,43 @@ def test_wrong_input(tmp_path, monkeypatch, capsys, words, message) -> None:
     files["list"].write_text("[]")
     assert main([word.format(**files) for word in words]) == 2
     assert message in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_no_forest_is_learnt_and_scored_and_sets_differ_in_what_is_fixed_alone(scale) -> None:
+    made = forest_sets(SCALES[scale])
+    seeds = {name: set(range(one.seed, one.seed + one.worlds)) for name, one in made.items()}
+    assert not seeds["test"] & seeds["train"] and made["test"].frames == SCALES[scale].tested
+    of_forest = {name: one.frames / one.worlds for name, one in made.items()}
+    for name in study.ABLATIONS:
+        assert replace(made[name], fixed=(), frames=1, worlds=3) == replace(made["train"], frames=1, worlds=3)
+        assert set(made[name].fixed) == (set(FACTORS) if name == "fixed" else {name})
+        assert of_forest[name] == of_forest["train"] == SCALES[scale].of_forest
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_what_is_gone_on_from_is_trained_before_and_progress_counts_batches_of_all_processes(tmp_path, scale) -> None:
+    whole = list(study.trainings(3, SCALES[scale]))
+    names = [one.name for one in whole]
+    assert len(set(names)) == len(names)
+    assert all(one.start is None or names.index(one.start) < number for number, one in enumerate(whole))
+    work = study._Work(whole, tmp_path)
+    assert work.share() == 0.0
+    total = sum(one.steps for one in whole)
+    (tmp_path / f"{names[1]}.json").write_text(json.dumps({"steps": whole[1].steps}))  # of another process
+    (tmp_path / f"{names[2]}.json").write_text(json.dumps({"steps": 1}))  # of an earlier study
+    work._looked = -1e9
+    assert work.share(100.0) == pytest.approx((whole[1].steps + 100) / total)
+
+
+def test_differences_are_of_the_same_forests(tmp_path) -> None:
+    """A set that is 0.1 worse in every drawing of forests is so within no interval at all, however much forests differ."""
+    for data, apart in (("train", 0.0), ("light", 0.1)):
+        drawn = [0.5 - apart, *(np.linspace(0.2, 0.8, 50) - apart)]
+        score = {"ap50": {"log": [drawn[0], 0.0, 1.0]}, "resampled": {"log": " ".join(f"{x:.4f}" for x in drawn[1:])}}
+        one = {"pictures": 100, "seed": 0, "scores": {"test": score}}
+        (tmp_path / f"ablation_{data}_100_0.json").write_text(json.dumps(one))
+    assert differences(tmp_path, "test", "log") == {"light": [pytest.approx(0.1, abs=1e-4)] * 3}
 
 
 @pytest.mark.slow
