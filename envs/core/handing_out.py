@@ -25,7 +25,7 @@ def calculates_there(task: Any, twin: Any) -> bool:
     if not twin.device.is_cuda or not getattr(task, "has_kernels", False) or not all(map(find_spec, NEEDED)):
         return False
     terms = [*task.reward_terms.values(), *task.observation_terms.values()]
-    return all(term.function in task.kernel_terms for term in terms)
+    return all(term.function in getattr(task, "kernel_terms", ()) for term in terms)
 
 
 def brought(
