@@ -511,7 +511,7 @@ class Tally:
                 return self.apply("root", "inverse root", 1.0 / math.sqrt(plain(x)), x)
             return 1.0 / self.apply("root", "sqrt", math.sqrt(plain(x)), x)
 
-        known = {"inverse_root": inverse_root, "on_cuda": lambda: self.gpu}
+        known = {"inverse_root": inverse_root, "on_cuda": lambda: self.gpu, "seldom": lambda x: x}
         if name not in known:
             raise TypeError(f"{name} is C++ and not counted yet; say in Tally._native what it computes and costs")
         return known[name]

@@ -58,7 +58,11 @@ def _of_cpu() -> list[Guard]:
 
 def _of_gpu(device: str) -> list[Guard]:
     many = partial(twins, 32_768, ground="raster", device=device)
-    found = [Guard("32,768 twins over 64", many, partial(twins, 64, ground="raster", device=device), 60.0)]
+    some = partial(twins, 4096, ground="raster", device=device)
+    found = [
+        Guard("32,768 twins over 64", many, partial(twins, 64, ground="raster", device=device), 50.0),
+        Guard("4096 twins by roles over one thread each", partial(some, roles=True), partial(some, roles=False), 1.3),
+    ]
     if find_spec("torch") is not None:
         step = partial(environments, 4096, device=device, output="torch")
         home = partial(environments, 4096, device=device)

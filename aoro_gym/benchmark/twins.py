@@ -36,6 +36,7 @@ def twins(
     randomise: bool = False,
     device: str = "cpu",
     threads: int | None = None,
+    roles: bool | None = None,
     seed: int = 0,
 ) -> Subject:
     """``count`` twins that steer and drive at random over ``ground``, one of :data:`~aoro_gym.benchmark.scene.GROUNDS`.
@@ -52,10 +53,11 @@ def twins(
         device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``; several share the twins, see
             :func:`aoro_gym.execution.devices.several`.
         threads: CPU threads; all cores if None.
+        roles: Whether warps of a GPU share twins, see :class:`~aoro_gym.twin.twin.Twin`.
         seed: Of ground, parameters and commands.
     """
     names = devices.several(device)
-    options: dict[str, Any] = {"threads": threads}
+    options: dict[str, Any] = {"threads": threads, "roles": roles}
     if ground == "plane":
         options["terrain"] = Plane()
     else:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial
 from typing import Any
 
@@ -36,11 +36,12 @@ class RecordedLaunch:
         self.launch: Callable[[], Any] = self._called()
         """Launches it."""
 
-    def set(self, dim: int, index: int, value: Any, function: Any = None) -> None:
-        """Launch ``dim`` threads from now on, with another argument of that ``index``, and another ``function``."""
+    def set(self, dim: int, arguments: Mapping[int, Any], function: Any = None) -> None:
+        """Launch ``dim`` threads from now on, with other ``arguments`` by their index, and another ``function``."""
         self._function = function
         self._recorded.set_dim(dim)
-        self._recorded.set_param_at_index(index, value)
+        for index, value in arguments.items():
+            self._recorded.set_param_at_index(index, value)
         self.launch = self._called()
 
     def _called(self) -> Callable[[], Any]:

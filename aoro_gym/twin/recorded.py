@@ -9,6 +9,7 @@ from functools import cache
 from typing import Any
 
 from aoro_gym.execution.launches import RecordedLaunch
+from aoro_gym.twin.kernels import roles
 
 BLOCK_DIM = 32
 """Threads a block: one warp, so that a few thousand twins already reach every multiprocessor. Every other number would
@@ -17,6 +18,8 @@ FIRST = 9
 """Of the arguments of the kernel that advances: the number of the first twin."""
 WORTH_THREADS = 200
 """Twin-steps of a launch (about 4 µs each on a core) from which several CPU threads pay."""
+LAST = 14
+"""Of those of the kernel by roles: the twin after the last one."""
 LANES, FEWEST = 16, 4
 """Twins that lanes advance together at most, and from how many on they are faster than one after the other."""
 
@@ -30,11 +33,16 @@ class RecordedAdvance:
         steps: Main steps, for how many threads pay.
         device: Of the twins.
         lanes: The kernel on several lanes of a core, or none.
+        by_roles: Whether it is the kernel ``advance_by_roles``.
     """
 
-    def __init__(self, kernel: Any, inputs: Sequence[Any], *, steps: int, device: Any, lanes: Any = None):
-        self._steps, self._on_cpu, self._lanes = steps, device.is_cpu, lanes
-        self._record = lambda: RecordedLaunch(kernel, 1, inputs, device=device, block_dim=BLOCK_DIM)
+    def __init__(
+        self, kernel: Any, inputs: Sequence[Any], *, steps: int, device: Any, lanes: Any = None, by_roles: bool = False
+    ):
+        self._steps, self._on_cpu, self._lanes, self._by_roles = steps, device.is_cpu, lanes, by_roles
+        told = [*inputs, 1] if by_roles else inputs
+        block_dim = roles.BLOCK_DIM if by_roles else BLOCK_DIM
+        self._record = lambda: RecordedLaunch(kernel, 1, told, device=device, block_dim=block_dim)
         self._launches = [self._record()]
         self._told = (0, 0, 0)
         self._own: Callable[[], Any] = lambda: None
@@ -57,6 +65,10 @@ class RecordedAdvance:
 
     def _share(self, first: int, last: int, threads: int) -> None:
         twins = last - first
+        if self._by_roles:
+            self._launches[0].set(-(-twins // roles.TWINS) * roles.BLOCK_DIM, {FIRST: first, LAST: last})
+            self._own = self._launches[0].launch
+            return
         shares = min(threads, twins) if self._on_cpu and twins * self._steps >= WORTH_THREADS else 1
         while len(self._launches) < shares:
             self._launches.append(self._record())
@@ -64,7 +76,7 @@ class RecordedAdvance:
         groups = -(-twins // together)
         for number, launch in enumerate(self._launches[:shares]):
             begin, end = (first + min(each * groups // shares * together, twins) for each in (number, number + 1))
-            launch.set(end - begin, FIRST, begin, self._lanes if end - begin >= FEWEST else None)
+            launch.set(end - begin, {FIRST: begin}, self._lanes if end - begin >= FEWEST else None)
         self._own, *self._others = (launch.launch for launch in self._launches[:shares])
 
 

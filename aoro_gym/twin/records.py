@@ -52,13 +52,14 @@ class MachineRecord:
     arm: Arm
     tire: Tire
     joint: Joint
-    steering: Steering
     driveline: Driveline
     engine: Engine
-    payload: Payload
-    rest: Rest
     frame_ground_clearance: float  # [m]
     varies_laws: int  # whether any law may differ from the default one
+    # last what a main step by the default laws does not need: laws of the steering at its end, load, rest pose
+    steering: Steering
+    payload: Payload
+    rest: Rest
 
 
 LAW_FIELDS: Mapping[str, str] = {

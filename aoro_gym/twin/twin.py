@@ -19,11 +19,14 @@ from aoro_gym.terrains.plane import Plane
 from aoro_gym.terrains.raster import CELL
 from aoro_gym.terrains.soil import Soil
 from aoro_gym.terrains.terrain import Terrain
+from aoro_gym.twin.forms import choose_roles
 from aoro_gym.twin.grounds import Grounds
 from aoro_gym.twin.hydraulic_step import check_hydraulic_step, warn_of_fine_step
 from aoro_gym.twin.kernels import overwrite
 from aoro_gym.twin.kernels.build import build
 from aoro_gym.twin.kernels.laws import ChosenLaws, DefaultLaws
+from aoro_gym.twin.kernels.roles import BLOCK_DIM as ROLES_BLOCK_DIM
+from aoro_gym.twin.physics.ground import Meshes
 from aoro_gym.twin.recorded import BLOCK_DIM, RecordedAdvance, cores
 from aoro_gym.twin.records import (
     CHANNELS,
@@ -131,6 +134,9 @@ class Twin:
         device: ``"cpu"``, ``"cpu:simd"`` (several twins at once on a core, equal to rounding; needs a C++ compiler) or
             ``"cuda:N"``.
         threads: CPU threads that share the twins, at most :func:`cores`, which is the default; a GPU needs none.
+        roles: Whether four warps of a GPU share 32 twins, a part of the machine each, instead of one thread a twin; by
+            default where that was measured to be faster (:mod:`aoro_gym.twin.forms`): on planes and rasters, by the default
+            laws. Not among solid objects, on soil, with a load that may be carried, a crane, or a driveline outside.
         main_step: Time step of the bodies [s].
         substeps: Hydraulic substeps a main step.
         gravity: [m/s²].
@@ -157,6 +163,7 @@ class Twin:
         crane: VehicleCrane | bool = False,
         device: str = "cpu",
         threads: int | None = None,
+        roles: bool | None = None,
         main_step: float = 1e-3,
         substeps: int = 30,
         gravity: float = GRAVITY,
@@ -182,7 +189,7 @@ class Twin:
         self.soil = _checked_soil(soil, self.simd)
         """What the ground is made of; None where it is hard."""
         self._made = {"ground": ground, "cell": cell, "own_machines": own_machines, "choose_laws": choose_laws}
-        self._made |= {"soil": self.soil, "gravity": gravity, "carry_load": carry_load}
+        self._made |= {"soil": self.soil, "gravity": gravity, "carry_load": carry_load, "roles": roles}
         self._vehicle_crane = self._checked_crane(crane)
         if check_step:
             check_hydraulic_step(self.machine, self.main_step, self.substeps)
@@ -199,15 +206,7 @@ class Twin:
         self.carries_load = self.has_crane or (self.machine.loaded if carry_load is None else carry_load)
         """Whether machines may have logs in their bunk; with a crane they may."""
         laws = ChosenLaws() if self._chooses_laws else DefaultLaws()
-        self._reset_kernel, self._advance_kernel = build(
-            type(self.ground)._cls,
-            type(laws)._cls,
-            measured_hubs=self._measured_hubs,
-            objects=self._grounds.objects is not None,
-            soil=self._grounds.ruts is not None,
-            load=self.carries_load,
-            crane=self.has_crane,
-        )
+        self._build(laws, roles)
         self._felt = self._grounds.advancing
         of_crane = CRANE_OUTPUT_UNITS if self.has_crane else ()
         self.channels = (*CHANNELS, *self._grounds.further_outputs, *of_crane)
@@ -220,6 +219,37 @@ class Twin:
             self.reset()
         self._lanes = self._on_lanes() if self.simd else None
         self._checks_start = True
+
+    def _build(self, laws: Any, roles: bool | None) -> None:
+        """Choose the kernels, by roles if these are asked for, and compile what the first reset does not."""
+        objects, soil = self._grounds.objects is not None, self._grounds.ruts is not None
+        obstacles = {
+            "have their wheels turned by a driveline outside": self._measured_hubs,
+            "stand among solid objects": objects,
+            "are on soil": soil,
+            "may carry a load": self.carries_load,
+            "carry a crane": self.has_crane,
+        }
+        obstacle = next((what for what, is_so in obstacles.items() if is_so), None)
+        kind = type(self.ground)._cls
+        as_measured = not self._chooses_laws and kind is not Meshes
+        self.by_roles = choose_roles(
+            roles, self.num_twins, on_cuda=self.device.is_cuda, obstacle=obstacle, as_measured=as_measured
+        )
+        """Whether four warps of a GPU share 32 twins."""
+        self._reset_kernel, self._advance_kernel = build(
+            kind,
+            type(laws)._cls,
+            measured_hubs=self._measured_hubs,
+            objects=objects,
+            soil=soil,
+            load=self.carries_load,
+            crane=self.has_crane,
+            by_roles=self.by_roles,
+        )
+        if self.by_roles:
+            with devices.compiling(self._advance_kernel, self.device, ROLES_BLOCK_DIM):
+                wp.load_module(self._advance_kernel.module, device=self.device, block_dim=ROLES_BLOCK_DIM)
 
     def _allocate(self) -> None:
         """Make the arrays that no launch changes the length of."""
@@ -576,8 +606,9 @@ class Twin:
             self._outputs, 0, frames, every, self.substeps, self.main_step,
         ]  # fmt: skip
         return RecordedAdvance(
-            self._advance_kernel, inputs, steps=frames * every, device=self.device, lanes=self._lanes
-        )
+            self._advance_kernel, inputs, steps=frames * every, device=self.device, lanes=self._lanes,
+            by_roles=self.by_roles,
+        )  # fmt: skip
 
     def _on_lanes(self) -> Any:
         from aoro_gym.execution.lanes import compiled  # few ask for it

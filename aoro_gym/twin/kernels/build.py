@@ -13,7 +13,11 @@ from aoro_gym.twin.kernels.hydraulics import displace, hydraulics
 from aoro_gym.twin.kernels.laws import ChosenLaws, DefaultLaws
 from aoro_gym.twin.kernels.outputs import record_outputs
 from aoro_gym.twin.kernels.reset import reset
+from aoro_gym.twin.kernels.roles import BLOCK_DIM
 from aoro_gym.twin.kernels.tree import tree_with_load
+
+BLOCKS = 3
+"""Blocks of roles that a multiprocessor is to hold, which limits the registers of a thread."""
 
 
 def build(
@@ -26,6 +30,7 @@ def build(
     soil: bool = False,
     load: bool = False,
     crane: bool = False,
+    by_roles: bool = False,
 ) -> tuple[Any, Any]:
     """The kernels ``reset`` and ``advance`` for one kind of ground (``Planes``, ``Rasters`` or ``Meshes``) and of laws
     (``DefaultLaws`` or ``ChosenLaws``); ``portable``: for every CPU of this architecture, not for this one;
@@ -33,18 +38,27 @@ def build(
     worlds (:mod:`aoro_gym.twin.kernels.solids`), where ``advance`` takes the kind of ``OBJECT_GROUNDS``; ``soil``: on soft
     ground (:mod:`aoro_gym.twin.kernels.soil`), where it takes that of ``SOIL_GROUNDS``; ``load``: of machines that carry one
     (:mod:`aoro_gym.twin.kernels.tree`); ``crane``: of machines with a crane (:mod:`aoro_gym.twin.kernels.crane_on_frame`),
-    which carry a load, too, if they have one.
+    which carry a load, too, if they have one; ``by_roles``: with ``advance_by_roles``
+    (:mod:`aoro_gym.twin.kernels.roles.advance`) in place of ``advance``, on CUDA and without any of these others.
 
     Each pair is a module of its own, compiled when first asked for. On CUDA with approximate division, roots and
     exponentials (``fast_math``; the CPU's compiler ignores it): about twice the speed, and a turn that differs by 1e-4 of a
     channel's range at most.
     """
-    return _build(kind, laws, portable, measured_hubs, objects, soil, load and not crane, crane)
+    return _build(kind, laws, portable, measured_hubs, objects, soil, load and not crane, crane, by_roles)
 
 
 @cache
 def _build(
-    kind: Any, laws: Any, portable: bool, measured_hubs: bool, objects: bool, soil: bool, load: bool, crane: bool
+    kind: Any,
+    laws: Any,
+    portable: bool,
+    measured_hubs: bool,
+    objects: bool,
+    soil: bool,
+    load: bool,
+    crane: bool,
+    by_roles: bool,
 ) -> tuple[Any, Any]:
     module = f"{__package__}.{kind.key.lower()}" + ("_laws" if laws is ChosenLaws else "")
     module += "_hubs" if measured_hubs else ""
@@ -56,12 +70,16 @@ def _build(
     if portable:
         module += "_portable"
         options |= {"cpu_compiler_flags": "", "block_dim": 1}
-    wp.set_module_options(options, module=module)
 
-    def kernel(function: Callable[..., None], **kinds: Any) -> Any:
-        generic = wp.kernel(function, enable_backward=False, module=module)
+    def kernel(function: Callable[..., None], module: str = module, limits: Any = None, **kinds: Any) -> Any:
+        wp.set_module_options(options, module=module)
+        generic = wp.kernel(function, enable_backward=False, module=module, launch_bounds=limits)
         return wp.overload(generic, kinds)
 
+    if by_roles:  # apart: whoever moves by roles has no need of the other form
+        resetting = kernel(reset, f"{module}_reset", terrain=kind)
+        options["block_dim"] = BLOCK_DIM
+        return resetting, kernel(_by_roles(laws), f"{module}_roles", (BLOCK_DIM, BLOCKS), terrain=kind, laws=laws)
     advancing = advance_with_measured_hubs() if measured_hubs else advance
     felt = kind
     if objects:
@@ -73,6 +91,18 @@ def _build(
     elif crane:
         advancing, laws = with_crane(advancing, laws)
     return kernel(reset, terrain=kind), kernel(advancing, terrain=felt, laws=laws)
+
+
+def _by_roles(laws: Any) -> Any:
+    """The function ``advance_by_roles`` with room in shared memory for what the laws need."""
+    from aoro_gym.twin.kernels.roles.advance import advance_by_roles  # few twins need it
+    from aoro_gym.twin.kernels.roles.board import record_words, shared_words
+
+    default = laws is not ChosenLaws
+    return with_others(
+        advance_by_roles,
+        {"WORDS": wp.constant(record_words(default)), "ROOM": wp.constant(shared_words(default))},
+    )
 
 
 def among_objects(function: Any, kind: Any) -> tuple[Any, Any]:

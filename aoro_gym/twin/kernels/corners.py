@@ -28,6 +28,26 @@ class Half:
 
 
 @wp.struct
+class CornerStart:
+    """What one corner begins a main step with."""
+
+    angle: float  # [rad] of the arm, in the middle of the step
+    start_arm_rate: float  # [rad/s] at the start
+    arm_rate: float  # [rad/s] in the middle
+    spin: float  # [rad/s] absolute, in the middle
+    spin_change: float  # [rad/s²] in the last step
+    start_wheel_rate: float  # [rad/s] against the arm, at the start
+    wheel_rate: float  # [rad/s] in the middle
+    oil_torque: float  # [N m] on the arm
+    motor_pressure: float  # [Pa] over the motor
+    bristle_x: float  # [m]
+    bristle_y: float
+    arm_deflection: float  # [rad]
+    wheel_deflection: float
+    twist: float
+
+
+@wp.struct
 class CornerContact:
     """One corner after a main step: its load, and its friction elements."""
 
@@ -60,6 +80,70 @@ def implicitly_damped(
 
 
 @wp.func
+def corner_step(
+    m: MachineRecord,
+    terrain: Any,
+    ground: Any,
+    half: Half,
+    side: float,
+    # circuits
+    g: ArmGeometry,
+    cylinder: ArmState,
+    x: CornerStart,
+    parking_brake: float,
+    h: float,
+):
+    """Torques and contact force of a half's corner on one ``side`` (+1 left, −1 right) over a main step of ``h`` [s]."""
+    d = m.driveline
+    out = CornerContact()
+
+    capacity = arm_seal_capacity(m.arm, m.oil, g, cylinder, x.arm_rate)
+    out.arm_deflection = presliding(x.arm_deflection, x.start_arm_rate, h, capacity, m.arm.presliding_stiffness)
+
+    # brakes and the motor's own friction hold between arm and wheel
+    torque = half.displacement * x.motor_pressure
+    brake = (
+        d.brake_disc_torque
+        + parking_brake * d.brake_parking_torque
+        + (1.0 - d.motor_mechanical_efficiency) * wp.abs(torque)
+    )
+    out.wheel_deflection = presliding(x.wheel_deflection, x.start_wheel_rate, h, brake, d.brake_presliding_stiffness)
+
+    centre = wheel_centre(m.corner, half.pivot_x, half.direction, side, x.angle)
+    hub_velocity = (
+        half.velocity
+        + wp.cross(half.omega, centre)
+        + x.arm_rate * arm_tangent(half.direction, x.angle, m.corner.arm_length)
+    )
+    under = footing(terrain, ground, half.origin + half.rotation * centre)
+    contact = tire_contact(
+        m.tire, under, half.rotation, half.origin, centre, hub_velocity, half.omega, x.spin, x.bristle_x, x.bristle_y,
+        x.twist, h,
+    )
+    out.bristle_x = contact.bristle_x
+    out.bristle_y = contact.bristle_y
+    out.twist = contact.twist
+    out.normal = contact.load
+    out.known = under.known
+
+    load = CornerLoad()
+    load.angle = x.angle
+    load.rate = x.arm_rate
+    load.spin = x.spin
+    load.arm_torque = arm_torque(m.arm, g, x.angle, x.arm_rate, out.arm_deflection, capacity, x.oil_torque)
+    stiffness = d.brake_presliding_stiffness
+    damping = d.brake_presliding_damping
+    load.wheel_torque = torque + dry_friction(out.wheel_deflection, x.wheel_rate, brake, stiffness, damping)
+    load.force = contact.force
+    load.moment = contact.moment
+
+    if wp.abs(stiffness * out.wheel_deflection + damping * x.wheel_rate) >= brake:
+        damping = 0.0
+    out.load = implicitly_damped(load, contact, damping, x.spin_change, m.corner.spin_inertia, h)
+    return out
+
+
+@wp.func
 def corner_contact(
     m: MachineRecord,
     terrain: Any,
@@ -83,58 +167,12 @@ def corner_contact(
     h: float,
 ):
     """Torques and contact force of corner ``i`` (fl, fr, rl, rr) over a main step of ``h`` [s]."""
-    d = m.driveline
-    side = 1.0 - 2.0 * float(i & 1)
-    angle = arm_angles[i]
-    rate = middle.arms[i]
-    spin = middle.spins[i]
-    wheel_rate = wheel_rates[i]
-    out = CornerContact()
-
-    capacity = arm_seal_capacity(m.arm, m.oil, g, cylinder, rate)
-    out.arm_deflection = presliding(bent.arms[i], start.arms[i], h, capacity, m.arm.presliding_stiffness)
-
-    # brakes and the motor's own friction hold between arm and wheel
-    torque = half.displacement * oil.motors[i]
-    brake = (
-        d.brake_disc_torque
-        + parking_brake * d.brake_parking_torque
-        + (1.0 - d.motor_mechanical_efficiency) * wp.abs(torque)
+    x = CornerStart(
+        arm_angles[i], start.arms[i], middle.arms[i], middle.spins[i], change.spins[i], start_wheel_rates[i],
+        wheel_rates[i], oil.arms[i], oil.motors[i], bent.bristle_x[i], bent.bristle_y[i], bent.arms[i], bent.wheels[i],
+        bent.twist[i],
     )
-    out.wheel_deflection = presliding(bent.wheels[i], start_wheel_rates[i], h, brake, d.brake_presliding_stiffness)
-
-    centre = wheel_centre(m.corner, half.pivot_x, half.direction, side, angle)
-    hub_velocity = (
-        half.velocity
-        + wp.cross(half.omega, centre)
-        + rate * arm_tangent(half.direction, angle, m.corner.arm_length)
-    )
-    under = footing(terrain, ground, half.origin + half.rotation * centre)
-    contact = tire_contact(
-        m.tire, under, half.rotation, half.origin, centre, hub_velocity, half.omega, spin, bent.bristle_x[i],
-        bent.bristle_y[i], bent.twist[i], h,
-    )
-    out.bristle_x = contact.bristle_x
-    out.bristle_y = contact.bristle_y
-    out.twist = contact.twist
-    out.normal = contact.load
-    out.known = under.known
-
-    load = CornerLoad()
-    load.angle = angle
-    load.rate = rate
-    load.spin = spin
-    load.arm_torque = arm_torque(m.arm, g, angle, rate, out.arm_deflection, capacity, oil.arms[i])
-    stiffness = d.brake_presliding_stiffness
-    damping = d.brake_presliding_damping
-    load.wheel_torque = torque + dry_friction(out.wheel_deflection, wheel_rate, brake, stiffness, damping)
-    load.force = contact.force
-    load.moment = contact.moment
-
-    if wp.abs(stiffness * out.wheel_deflection + damping * wheel_rate) >= brake:
-        damping = 0.0
-    out.load = implicitly_damped(load, contact, damping, change.spins[i], m.corner.spin_inertia, h)
-    return out
+    return corner_step(m, terrain, ground, half, 1.0 - 2.0 * float(i & 1), g, cylinder, x, parking_brake, h)
 
 
 @wp.func
@@ -159,16 +197,26 @@ class HullLoads:
 
 
 @wp.func
+def hull_corner_loads(
+    loads: HullLoads, m: Hull, frame: FrameBody, clearance: float, terrain: Any, ground: Any, half: Half, i: int
+):
+    """``loads`` with those of the ground on corner ``i`` (0 … 7) of a frame."""
+    out = loads
+    point = hull_corner(frame, clearance, i)
+    world = half.origin + half.rotation * point
+    if world[2] < ceiling(terrain, ground, world[0], world[1]):
+        under = footing(terrain, ground, world)
+        one = hull_contact(m, under, half.rotation, half.origin, point, half.velocity, half.omega)
+        out.force += one
+        out.moment += wp.cross(point, one)
+        out.touch += wp.length(one)
+    return out
+
+
+@wp.func
 def hull_loads(m: Hull, frame: FrameBody, clearance: float, terrain: Any, ground: Any, half: Half):
     """Loads of the ground on a frame's eight corners."""
     out = HullLoads()
     for i in range(8):
-        point = hull_corner(frame, clearance, i)
-        world = half.origin + half.rotation * point
-        if world[2] < ceiling(terrain, ground, world[0], world[1]):
-            under = footing(terrain, ground, world)
-            one = hull_contact(m, under, half.rotation, half.origin, point, half.velocity, half.omega)
-            out.force += one
-            out.moment += wp.cross(point, one)
-            out.touch += wp.length(one)
+        out = hull_corner_loads(out, m, frame, clearance, terrain, ground, half, i)
     return out

@@ -130,8 +130,7 @@ def store_law_state(state: wp.array2d(dtype=float), t: int, law: SteeringLawStat
 
 
 @wp.func
-def load_state(state: wp.array2d(dtype=float), t: int, varies_laws: int):
-    """State of twin ``t`` by part of the machine; that of laws other than the default ones only if they ``varies_laws``."""
+def load_pose(state: wp.array2d(dtype=float), t: int):
     pose = Pose()
     pose.position = load3(state, int(State.X), t)
     pose.remainder = load3(state, int(State.REST_X), t)
@@ -139,24 +138,62 @@ def load_state(state: wp.array2d(dtype=float), t: int, varies_laws: int):
     pose.joint = state[State.JOINT, t]
     pose.arms = load4(state, int(State.ARM_FL), t)
     pose.wheels = load4(state, int(State.WHEEL_FL), t)
+    return pose
+
+
+@wp.func
+def store_pose(state: wp.array2d(dtype=float), t: int, pose: Pose):
+    store3(state, int(State.X), t, pose.position)
+    store3(state, int(State.REST_X), t, pose.remainder)
+    for i in range(4):
+        state[int(State.QX) + i, t] = pose.orientation[i]
+    state[State.JOINT, t] = pose.joint
+    store4(state, int(State.ARM_FL), t, pose.arms)
+    store4(state, int(State.WHEEL_FL), t, pose.wheels)
+
+
+@wp.func
+def load_velocity(state: wp.array2d(dtype=float), t: int):
     velocity = Velocity()
     velocity.linear = load3(state, int(State.VX), t)
     velocity.angular = load3(state, int(State.WX), t)
     velocity.joint = state[State.JOINT_RATE, t]
     velocity.arms = load4(state, int(State.ARM_RATE_FL), t)
     velocity.spins = load4(state, int(State.SPIN_FL), t)
+    return velocity
+
+
+@wp.func
+def store_velocity(state: wp.array2d(dtype=float), t: int, velocity: Velocity):
+    store3(state, int(State.VX), t, velocity.linear)
+    store3(state, int(State.WX), t, velocity.angular)
+    state[State.JOINT_RATE, t] = velocity.joint
+    store4(state, int(State.ARM_RATE_FL), t, velocity.arms)
+    store4(state, int(State.SPIN_FL), t, velocity.spins)
+
+
+@wp.func
+def load_change(state: wp.array2d(dtype=float), t: int):
     change = Accelerations()
     change.linear = load3(state, int(State.AVX), t)
     change.angular = load3(state, int(State.AWX), t)
     change.joint = state[State.JOINT_ACCELERATION, t]
     change.arms = load4(state, int(State.ARM_ACCELERATION_FL), t)
     change.spins = load4(state, int(State.SPIN_ACCELERATION_FL), t)
-    bent = Deflections()
-    bent.bristle_x = load4(state, int(State.BRISTLE_X_FL), t)
-    bent.bristle_y = load4(state, int(State.BRISTLE_Y_FL), t)
-    bent.arms = load4(state, int(State.ARM_FRICTION_FL), t)
-    bent.wheels = load4(state, int(State.WHEEL_FRICTION_FL), t)
-    bent.twist = load4(state, int(State.TWIST_FL), t)
+    return change
+
+
+@wp.func
+def store_change(state: wp.array2d(dtype=float), t: int, change: Accelerations):
+    store3(state, int(State.AVX), t, change.linear)
+    store3(state, int(State.AWX), t, change.angular)
+    state[State.JOINT_ACCELERATION, t] = change.joint
+    store4(state, int(State.ARM_ACCELERATION_FL), t, change.arms)
+    store4(state, int(State.SPIN_ACCELERATION_FL), t, change.spins)
+
+
+@wp.func
+def load_actuators(state: wp.array2d(dtype=float), t: int):
     actuators = Actuators()
     actuators.play = state[State.PLAY, t]
     actuators.arm_spools = load4(state, int(State.ARM_SPOOL_FL), t)
@@ -164,6 +201,12 @@ def load_state(state: wp.array2d(dtype=float), t: int, varies_laws: int):
     actuators.shift_front = state[State.SHIFT_FRONT, t]
     actuators.shift_rear = state[State.SHIFT_REAR, t]
     actuators.traction = load4(state, int(State.TRACTION_FL), t)
+    return actuators
+
+
+@wp.func
+def load_steering(state: wp.array2d(dtype=float), t: int, varies_laws: int):
+    """The steering circuit of twin ``t``; states of laws other than the default ones only if they ``varies_laws``."""
     steering = SteeringState()
     steering.supply = state[State.SUPPLY, t]
     steering.port_a = state[State.PORT_A, t]
@@ -177,19 +220,109 @@ def load_state(state: wp.array2d(dtype=float), t: int, varies_laws: int):
     steering.flow_out = state[State.FLOW_OUT, t]
     if varies_laws > 0:
         steering.law = load_law_state(state, t)
-    circuits = Circuits()
-    circuits.steering = steering
-    circuits.mount = MountState(state[State.MOUNT, t], state[State.MOUNT_RATE, t], state[State.JOINT_FRICTION, t])
-    circuits.fl = ArmState(state[State.ARM_BORE_FL, t], state[State.ARM_ROD_FL, t])
-    circuits.fr = ArmState(state[State.ARM_BORE_FR, t], state[State.ARM_ROD_FR, t])
-    circuits.rl = ArmState(state[State.ARM_BORE_RL, t], state[State.ARM_ROD_RL, t])
-    circuits.rr = ArmState(state[State.ARM_BORE_RR, t], state[State.ARM_ROD_RR, t])
-    circuits.driveline = DrivelineState(
+    return steering
+
+
+@wp.func
+def store_steering(state: wp.array2d(dtype=float), t: int, s: SteeringState, varies_laws: int):
+    state[State.SUPPLY, t] = s.supply
+    state[State.PORT_A, t] = s.port_a
+    state[State.PORT_B, t] = s.port_b
+    state[State.TANK_LINE, t] = s.tank_line
+    state[State.LS_PRESSURE, t] = s.ls_pressure
+    state[State.SPOOL, t] = s.spool
+    state[State.COMPENSATOR, t] = s.compensator
+    state[State.SWASH, t] = s.swash
+    state[State.FLOW_IN, t] = s.flow_in
+    state[State.FLOW_OUT, t] = s.flow_out
+    if varies_laws > 0:
+        store_law_state(state, t, s.law)
+
+
+@wp.func
+def load_mount(state: wp.array2d(dtype=float), t: int):
+    return MountState(state[State.MOUNT, t], state[State.MOUNT_RATE, t], state[State.JOINT_FRICTION, t])
+
+
+@wp.func
+def store_mount(state: wp.array2d(dtype=float), t: int, mount: MountState):
+    state[State.MOUNT, t] = mount.deflection
+    state[State.MOUNT_RATE, t] = mount.rate
+    state[State.JOINT_FRICTION, t] = mount.friction
+
+
+@wp.func
+def load_arm(state: wp.array2d(dtype=float), i: int, t: int):
+    """Oil of arm ``i`` (fl, fr, rl, rr)."""
+    return ArmState(state[int(State.ARM_BORE_FL) + i, t], state[int(State.ARM_ROD_FL) + i, t])
+
+
+@wp.func
+def store_arm(state: wp.array2d(dtype=float), i: int, t: int, arm: ArmState):
+    state[int(State.ARM_BORE_FL) + i, t] = arm.bore
+    state[int(State.ARM_ROD_FL) + i, t] = arm.rod
+
+
+@wp.func
+def load_loop(state: wp.array2d(dtype=float), t: int):
+    return DrivelineState(
         state[State.FORWARD, t], state[State.BACK, t], state[State.HOSE_FL, t], state[State.HOSE_FR, t],
         state[State.HOSE_RL, t], state[State.HOSE_RR, t], state[State.CHARGE, t],
     )
-    engine = EngineState(state[State.ENGINE_SPEED, t], state[State.GOVERNOR, t], state[State.ENGINE_TORQUE, t])
-    return pose, velocity, change, bent, actuators, circuits, engine
+
+
+@wp.func
+def store_loop(state: wp.array2d(dtype=float), t: int, loop: DrivelineState):
+    state[State.FORWARD, t] = loop.forward
+    state[State.BACK, t] = loop.back
+    store4(state, int(State.HOSE_FL), t, wp.vec4(loop.wheel_fl, loop.wheel_fr, loop.wheel_rl, loop.wheel_rr))
+    state[State.CHARGE, t] = loop.charge
+
+
+@wp.func
+def load_engine(state: wp.array2d(dtype=float), t: int):
+    return EngineState(state[State.ENGINE_SPEED, t], state[State.GOVERNOR, t], state[State.ENGINE_TORQUE, t])
+
+
+@wp.func
+def store_engine(state: wp.array2d(dtype=float), t: int, engine: EngineState):
+    state[State.ENGINE_SPEED, t] = engine.speed
+    state[State.GOVERNOR, t] = engine.integral
+    state[State.ENGINE_TORQUE, t] = engine.torque
+
+
+@wp.func
+def load_circuits(state: wp.array2d(dtype=float), t: int, varies_laws: int):
+    """Oil in all circuits of twin ``t``, and the mount."""
+    circuits = Circuits()
+    circuits.steering = load_steering(state, t, varies_laws)
+    circuits.mount = load_mount(state, t)
+    circuits.fl = load_arm(state, 0, t)
+    circuits.fr = load_arm(state, 1, t)
+    circuits.rl = load_arm(state, 2, t)
+    circuits.rr = load_arm(state, 3, t)
+    circuits.driveline = load_loop(state, t)
+    return circuits
+
+
+@wp.func
+def load_state(state: wp.array2d(dtype=float), t: int, varies_laws: int):
+    """State of twin ``t`` by part of the machine; that of laws other than the default ones only if they ``varies_laws``."""
+    bent = Deflections()
+    bent.bristle_x = load4(state, int(State.BRISTLE_X_FL), t)
+    bent.bristle_y = load4(state, int(State.BRISTLE_Y_FL), t)
+    bent.arms = load4(state, int(State.ARM_FRICTION_FL), t)
+    bent.wheels = load4(state, int(State.WHEEL_FRICTION_FL), t)
+    bent.twist = load4(state, int(State.TWIST_FL), t)
+    return (
+        load_pose(state, t),
+        load_velocity(state, t),
+        load_change(state, t),
+        bent,
+        load_actuators(state, t),
+        load_circuits(state, t, varies_laws),
+        load_engine(state, t),
+    )
 
 
 @wp.func
@@ -206,23 +339,9 @@ def store_state(
     varies_laws: int,
 ):
     """Inverse of :func:`load_state`."""
-    store3(state, int(State.X), t, pose.position)
-    store3(state, int(State.REST_X), t, pose.remainder)
-    for i in range(4):
-        state[int(State.QX) + i, t] = pose.orientation[i]
-    state[State.JOINT, t] = pose.joint
-    store4(state, int(State.ARM_FL), t, pose.arms)
-    store4(state, int(State.WHEEL_FL), t, pose.wheels)
-    store3(state, int(State.VX), t, velocity.linear)
-    store3(state, int(State.WX), t, velocity.angular)
-    state[State.JOINT_RATE, t] = velocity.joint
-    store4(state, int(State.ARM_RATE_FL), t, velocity.arms)
-    store4(state, int(State.SPIN_FL), t, velocity.spins)
-    store3(state, int(State.AVX), t, change.linear)
-    store3(state, int(State.AWX), t, change.angular)
-    state[State.JOINT_ACCELERATION, t] = change.joint
-    store4(state, int(State.ARM_ACCELERATION_FL), t, change.arms)
-    store4(state, int(State.SPIN_ACCELERATION_FL), t, change.spins)
+    store_pose(state, t, pose)
+    store_velocity(state, t, velocity)
+    store_change(state, t, change)
     store4(state, int(State.BRISTLE_X_FL), t, bent.bristle_x)
     store4(state, int(State.BRISTLE_Y_FL), t, bent.bristle_y)
     store4(state, int(State.ARM_FRICTION_FL), t, bent.arms)
@@ -234,32 +353,14 @@ def store_state(
     state[State.SHIFT_FRONT, t] = actuators.shift_front
     state[State.SHIFT_REAR, t] = actuators.shift_rear
     store4(state, int(State.TRACTION_FL), t, actuators.traction)
-    s = circuits.steering
-    state[State.SUPPLY, t] = s.supply
-    state[State.PORT_A, t] = s.port_a
-    state[State.PORT_B, t] = s.port_b
-    state[State.TANK_LINE, t] = s.tank_line
-    state[State.LS_PRESSURE, t] = s.ls_pressure
-    state[State.SPOOL, t] = s.spool
-    state[State.COMPENSATOR, t] = s.compensator
-    state[State.SWASH, t] = s.swash
-    state[State.FLOW_IN, t] = s.flow_in
-    state[State.FLOW_OUT, t] = s.flow_out
-    if varies_laws > 0:
-        store_law_state(state, t, s.law)
-    state[State.MOUNT, t] = circuits.mount.deflection
-    state[State.MOUNT_RATE, t] = circuits.mount.rate
-    state[State.JOINT_FRICTION, t] = circuits.mount.friction
-    store4(state, int(State.ARM_BORE_FL), t, wp.vec4(circuits.fl.bore, circuits.fr.bore, circuits.rl.bore, circuits.rr.bore))
-    store4(state, int(State.ARM_ROD_FL), t, wp.vec4(circuits.fl.rod, circuits.fr.rod, circuits.rl.rod, circuits.rr.rod))
-    loop = circuits.driveline
-    state[State.FORWARD, t] = loop.forward
-    state[State.BACK, t] = loop.back
-    store4(state, int(State.HOSE_FL), t, wp.vec4(loop.wheel_fl, loop.wheel_fr, loop.wheel_rl, loop.wheel_rr))
-    state[State.CHARGE, t] = loop.charge
-    state[State.ENGINE_SPEED, t] = engine.speed
-    state[State.GOVERNOR, t] = engine.integral
-    state[State.ENGINE_TORQUE, t] = engine.torque
+    store_steering(state, t, circuits.steering, varies_laws)
+    store_mount(state, t, circuits.mount)
+    store_arm(state, 0, t, circuits.fl)
+    store_arm(state, 1, t, circuits.fr)
+    store_arm(state, 2, t, circuits.rl)
+    store_arm(state, 3, t, circuits.rr)
+    store_loop(state, t, circuits.driveline)
+    store_engine(state, t, engine)
 
 
 @wp.func

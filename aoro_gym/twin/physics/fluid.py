@@ -38,6 +38,16 @@ def on_cuda() -> bool:
     """Whether the code is compiled for CUDA."""
 
 
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    asm volatile("" : "+f"(x));
+#endif
+    return x;
+""")
+def seldom(x: float) -> float:
+    """``x``; what follows of it CUDA's compiler leaves in its branch, and does not compute in any case."""
+
+
 @wp.struct
 class Oil:
     """The fluid of all circuits (machine section ``oil``)."""
@@ -228,4 +238,6 @@ def fill_chamber(
     over = end - oil.void_pressure
     if full == (over >= 0.0):
         return end
-    return oil.void_pressure + over * wp.where(full, void_stiffness / stiffness, stiffness / void_stiffness)
+    there = wp.where(full, void_stiffness, stiffness)
+    here = wp.where(full, stiffness, void_stiffness)
+    return oil.void_pressure + over * (seldom(there) / here)

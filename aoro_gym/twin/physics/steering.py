@@ -244,6 +244,106 @@ def valve_and_pump_step(
     return out
 
 
+@wp.struct
+class SteeringFlows:
+    """Flows of the steering circuit over a substep, as far as the arms have no say in them."""
+
+    p_s: float  # [Pa] of the supply
+    p_a: float  # [Pa] of the ports, on the valve's end
+    p_b: float
+    p_t: float  # [Pa] of the return line
+    edges: Metering
+    leakage: float  # [m³/s] from A to B in the cylinders
+    across: float  # [m³/s] from A to B in valve and cylinders
+    to_tank_a: float  # [m³/s] past the metering edges
+    to_tank_b: float
+    metered_a: float  # [m³/s] into the hoses
+    metered_b: float
+
+
+@wp.func
+def steering_flows(m: Steering, oil: Oil, spool_demand: float, s: SteeringState, dt: float):
+    """Flows over one substep from the pressures at its start; and the state ``s`` with all that they alone move after
+    ``dt`` [s]: valve, pump, and oil between two segments of a hose, whose flow is of the step's end."""
+    lam = oil.laminar_pressure
+    q = SteeringFlows()
+    q.p_s = pressure(oil, s.supply)
+    q.p_a = pressure(oil, s.port_a)
+    q.p_b = pressure(oil, s.port_b)
+    q.p_t = pressure(oil, s.tank_line)
+    out = s
+    # flows into the hoses [m³/s] on the valve's end, and from there to the cylinders
+    q.leakage = 2.0 * m.cylinder_leakage * (q.p_a - q.p_b)
+    if m.hose_law == HOSE_TWO_SEGMENTS:
+        out.law.hose_flow_a = hose_flow_step(m, s.law.hose_flow_a, pressure(oil, s.law.hose_a) - q.p_a, dt)
+        out.law.hose_flow_b = hose_flow_step(m, s.law.hose_flow_b, pressure(oil, s.law.hose_b) - q.p_b, dt)
+        q.p_a = pressure(oil, s.law.hose_a)
+        q.p_b = pressure(oil, s.law.hose_b)
+
+    q.edges = metering(m, lam, s, q.p_s, q.p_a, q.p_b, q.p_t)
+    q.to_tank_a = port_to_tank(m, lam, q.p_a, q.p_t, s.law.shock_a)
+    q.to_tank_b = port_to_tank(m, lam, q.p_b, q.p_t, s.law.shock_b)
+    q.across = q.leakage + orifice(m.valve_cv_cross_port, q.p_a - q.p_b, lam)
+    q.metered_a = wp.where(q.edges.left, q.edges.flow_in, -q.edges.flow_out) - q.to_tank_a
+    q.metered_b = wp.where(q.edges.left, -q.edges.flow_out, q.edges.flow_in) - q.to_tank_b
+    out = valve_and_pump_step(m, q.edges, spool_demand, q.p_s, q.p_a, q.p_b, q.p_t, s, out, dt)
+    return q, out
+
+
+@wp.func
+def steering_fill(
+    # parameters
+    m: Steering,
+    oil: Oil,
+    # at this main step
+    gas: SteeringGas,
+    g: SteeringGeometry,
+    engine_speed: float,
+    # at this substep: what the cylinders see as the joint rate, what the arms draw
+    cylinder_rate: float,
+    arms: Exchange,
+    q: SteeringFlows,
+    s: SteeringState,
+    begun: SteeringState,
+    dt: float,
+):
+    """``begun`` with all oil and the load-sensing line after ``dt`` [s] of the flows ``q`` and those of the arms."""
+    lam = oil.laminar_pressure
+    out = begun
+    metered_a = q.metered_a
+    metered_b = q.metered_b
+    sensed = load_sensing(m, oil, lam, q.edges.load_pressure, arms.load_pressure, s.ls_pressure, dt)
+    out.ls_pressure = sensed.pressure
+    if m.load_sensing_line_law == LOAD_SENSING_VOLUME:
+        metered_a -= wp.where(q.edges.left, sensed.drawn, 0.0)
+        metered_b -= wp.where(q.edges.left, 0.0, sensed.drawn)
+
+    out = ports_step(
+        m, oil, gas, g, metered_a, metered_b, q.across, q.leakage, q.p_a, q.p_b, cylinder_rate, s, out, dt
+    )
+    q_supply = (
+        s.swash * m.pump_displacement * engine_speed
+        - m.pump_leakage * q.p_s
+        - sensed.bleed
+        - relief_valve(q.p_s, m.pump_relief_pressure, m.pump_relief_ramp, m.pump_relief_flow)
+        - q.edges.flow_in
+        - arms.supply_flow
+    )
+    q_tank = (
+        q.edges.flow_out
+        + q.to_tank_a
+        + q.to_tank_b
+        + arms.tank_flow
+        + sensed.drained
+        - return_flow(m, lam, q.p_t)
+        + check_valve(m.tank_line_cv_suction, -q.p_t, 0.0, lam)
+    )
+
+    out.supply = fill(oil, gas.supply, s.supply, q_supply, dt, m.pump_line_volume, m.pump_line_compliance)
+    out.tank_line = fill(oil, gas.tank_line, s.tank_line, q_tank, dt, m.tank_line_volume, m.tank_line_compliance)
+    return out
+
+
 @wp.func
 def steering_step(
     # parameters
@@ -262,57 +362,5 @@ def steering_step(
 ):
     """The whole steering circuit over one hydraulic substep (all flows from the pressures at its start, but that between
     two segments of a hose, which is of its end)."""
-    lam = oil.laminar_pressure
-    p_s = pressure(oil, s.supply)
-    p_a = pressure(oil, s.port_a)
-    p_b = pressure(oil, s.port_b)
-    p_t = pressure(oil, s.tank_line)
-    out = s
-    # flows into the hoses [m³/s] on the valve's end, and from there to the cylinders
-    leakage = 2.0 * m.cylinder_leakage * (p_a - p_b)
-    if m.hose_law == HOSE_TWO_SEGMENTS:
-        out.law.hose_flow_a = hose_flow_step(m, s.law.hose_flow_a, pressure(oil, s.law.hose_a) - p_a, dt)
-        out.law.hose_flow_b = hose_flow_step(m, s.law.hose_flow_b, pressure(oil, s.law.hose_b) - p_b, dt)
-        p_a = pressure(oil, s.law.hose_a)
-        p_b = pressure(oil, s.law.hose_b)
-
-    edges = metering(m, lam, s, p_s, p_a, p_b, p_t)
-    left = edges.left
-    to_tank_a = port_to_tank(m, lam, p_a, p_t, s.law.shock_a)
-    to_tank_b = port_to_tank(m, lam, p_b, p_t, s.law.shock_b)
-    across = leakage + orifice(m.valve_cv_cross_port, p_a - p_b, lam)
-    metered_a = wp.where(left, edges.flow_in, -edges.flow_out) - to_tank_a
-    metered_b = wp.where(left, -edges.flow_out, edges.flow_in) - to_tank_b
-
-    sensed = load_sensing(m, oil, lam, edges.load_pressure, arms.load_pressure, s.ls_pressure, dt)
-    out.ls_pressure = sensed.pressure
-    if m.load_sensing_line_law == LOAD_SENSING_VOLUME:
-        metered_a -= wp.where(left, sensed.drawn, 0.0)
-        metered_b -= wp.where(left, 0.0, sensed.drawn)
-
-    out = ports_step(
-        m, oil, gas, g, metered_a, metered_b, across, leakage, p_a, p_b, cylinder_rate, s, out, dt
-    )
-    q_supply = (
-        s.swash * m.pump_displacement * engine_speed
-        - m.pump_leakage * p_s
-        - sensed.bleed
-        - relief_valve(p_s, m.pump_relief_pressure, m.pump_relief_ramp, m.pump_relief_flow)
-        - edges.flow_in
-        - arms.supply_flow
-    )
-    q_tank = (
-        edges.flow_out
-        + to_tank_a
-        + to_tank_b
-        + arms.tank_flow
-        + sensed.drained
-        - return_flow(m, lam, p_t)
-        + check_valve(m.tank_line_cv_suction, -p_t, 0.0, lam)
-    )
-
-    out.supply = fill(oil, gas.supply, s.supply, q_supply, dt, m.pump_line_volume, m.pump_line_compliance)
-    out.tank_line = fill(oil, gas.tank_line, s.tank_line, q_tank, dt, m.tank_line_volume, m.tank_line_compliance)
-
-    out = valve_and_pump_step(m, edges, spool_demand, p_s, p_a, p_b, p_t, s, out, dt)
-    return out
+    q, begun = steering_flows(m, oil, spool_demand, s, dt)
+    return steering_fill(m, oil, gas, g, engine_speed, cylinder_rate, arms, q, s, begun, dt)
