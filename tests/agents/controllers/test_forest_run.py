@@ -15,6 +15,8 @@ from aoro_gym.agents.controllers.forest_run import (
     MapPlanner,
     StraightAhead,
 )
+from aoro_gym.agents.policies.files import shipped_policies
+from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.envs.forest_run.environment import ForestRunVectorEnv
 from aoro_gym.terrains.world.traversability import CELL
 from tests.envs.forest_run.worlds import AHEAD, course
@@ -124,6 +126,8 @@ def test_planners_go_round_the_stem_that_stops_who_does_not_look(env):
     assert endings(env, LidarPlanner(known)) == ["goal reached"] * 3
     assert endings(env, MapPlanner(known, env)) == ["goal reached"] * 3
     assert endings(env, ArcPlanner(known, env)) == ["goal reached"] * 3
+    learned = LearnedPolicy.load(shipped_policies("AORO/ForestRun-v0")["forest-dagger"]).made_for(env)
+    assert endings(env, learned) == ["goal reached"] * 3
 
 
 def test_whose_map_is_planned_on_can_be_changed(env):
