@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 NONE = "none"
 """What leaves an optional machine out."""
+STRUCTURES = "structures"
+"""What stands for the bundled machines of other laws."""
 
 UncalibratedOption = Annotated[str, option("--uncalibrated", "NAME|FILE", "Second machine to compare with, or none.")]
 EnsembleOption = Annotated[
@@ -30,7 +32,8 @@ EnsembleOption = Annotated[
     option(
         "--ensemble",
         "FILE|FOLDER",
-        "Machines that fit as well: their spread is shown. Repeatable, or none. Default: the bundled ones.",
+        "Machines that fit as well: their spread is shown. Repeatable; structures: the bundled ones of other laws; or none. "
+        "Default: the bundled ones of these laws.",
     ),
 ]
 RecalibrateOption = Annotated[
@@ -69,6 +72,7 @@ def validate(
       aoro-gym validate --machine mine.toml --ensemble mine_ensemble --out mine
       aoro-gym validate --scale steering.valve.spool_time_constant=5 --uncalibrated none
       aoro-gym validate --laws library --out library
+      aoro-gym validate --ensemble structures --out structures
       aoro-gym validate --recalibrate --out again
     """
     with checking_input():
@@ -116,7 +120,7 @@ def comparison_machine(spec: MachineSpec, name: str) -> Machine | None:
 
 def ensemble_machines(spec: MachineSpec, named: list[str] | None, *, bundled: bool = True) -> list[Machine]:
     """Machines of the files and folders ``named``; without names the bundled ensemble, where ``spec`` is its machine."""
-    from aoro_gym.machine.ensemble import bundled_ensemble, read_ensemble
+    from aoro_gym.machine.ensemble import bundled_ensemble, bundled_structures, read_ensemble
 
     if named is None:
         return bundled_ensemble() if bundled and spec.file == options.MACHINE and not spec.changed else []
@@ -124,7 +128,7 @@ def ensemble_machines(spec: MachineSpec, named: list[str] | None, *, bundled: bo
         return []
     machines = []
     for name in named:
-        found = read_ensemble(Path(name))
+        found = bundled_structures() if name == STRUCTURES else read_ensemble(Path(name))
         if not found:
             raise ValueError(f"--ensemble {name} holds no machine file (.toml)")
         machines += found

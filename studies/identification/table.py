@@ -1,7 +1,8 @@
-"""Tables of leave-one-level-out fits."""
+"""Tables of fits and of what they predict."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,9 @@ TRANSIENT = FIGURES[3:]
 LEVELS = (100.0, 75.0, 50.0)
 """Signal [%] of the left turns."""
 NAMES = {"mevea": "published twin", "physical": "real machine"}
+MEMBERS = "members.json"
+"""What machine files of structures meet."""
+KINDS = ("steady", "first_peak", "undershoot", "second_peak", "shape")
 
 
 def published_twin_errors() -> dict[float, float]:
@@ -31,45 +35,95 @@ def published_twin_errors() -> dict[float, float]:
 
 
 def results(folder: Path) -> list[dict[str, Any]]:
-    """Results of the families in a folder, in the order of their names; fits may be missing."""
-    return [read_json(path) for path in sorted(folder.glob("*.json")) if not path.name.startswith(".")]
+    """Results of the structures in a folder, in the order of their names; fits may be missing."""
+    paths = [path for path in sorted(folder.glob("*.json")) if not path.name.startswith(".") and path.name != MEMBERS]
+    return [read_json(path) for path in paths]
 
 
 def markdown(folder: Path) -> str:
-    """A table a reference: what each family predicts of the level left out, and how well it fits the others."""
-    own = published_twin_errors()
+    """Tables a reference: what each structure predicts of the level left out, then of figures of one kind left out."""
     found = results(folder)
     parts = []
     for reference, name in NAMES.items():
-        rows = []
-        for result in found:
-            splits = [result["splits"].get(f"{reference}-{level:g}") for level in LEVELS]
-            scores = [split["score"] for split in splits if split is not None and split["score"] is not None]
-            unfitted = result.get("not_fitted", {}).get(reference, {})
-            whole = len(scores) == len(LEVELS)
-            rows.append(
-                [
-                    result["family"],
-                    *(_percent(split and split["score"]) for split in splits),
-                    _percent(float(np.mean(scores)) if whole else None),
-                    _joined(splits, lambda split: f"{split['rms_miss_tolerances']:.2f}"),
-                    _joined(splits, lambda split: str(len(split["at_bounds"]))),
-                    str(len(result.get("searched", []))),
-                    ", ".join(_percent(level["transient_error"]) for level in unfitted.values()) or "-",
-                ]
-            )
-        if reference == "physical":
-            half = [0.5 * own[level] for level in LEVELS]
-            bounds = [*map(_percent, half), _percent(float(np.mean(half)))]
-            rows.append(["half of the published twin's own error", *bounds, "", "", "", ""])
-        head = ["family", *(f"{level:g} % left out" for level in LEVELS), "mean"]
-        head += ["fit, tolerances", "at a bound", "searched", "not fitted"]
-        lines = [head, ["---"] * len(head), *rows]
-        parts.append(f"Figures of the {name}:\n\n" + "\n".join(f"| {' | '.join(line)} |" for line in lines))
+        parts.append(f"Figures of the {name}, a level left out:\n\n{_levels(found, reference)}")
+    for reference, name in NAMES.items():
+        if any(f"{reference}-{kind}" in result["splits"] for result in found for kind in KINDS):
+            parts.append(f"Figures of the {name}, figures of one kind left out:\n\n{_kinds(found, reference)}")
     return "\n\n".join(parts) + "\n"
 
 
-def _joined(splits: list[Any], shown: Any) -> str:
+def members(folder: Path) -> str:
+    """A table of the machine files: what they meet of what was published, and how their structures predict."""
+    found = {result["structure"]: result for result in results(folder)}
+    rows = []
+    for name, one in sorted(read_json(folder / MEMBERS).items()):
+        reference = name.split("-")[0]
+        splits = [found[one["structure"]]["splits"].get(f"{reference}-{level:g}") for level in LEVELS]
+        scores = [split["score"] for split in splits if split is not None]
+        rows.append([
+            one["structure"], NAMES[reference], *(f"{a} of {b}" for a, b in (
+                one["of_the_published_twin"], one["of_the_shape"], one["of_the_machine"]
+            )),
+            _percent(float(np.mean(scores)) if len(scores) == len(LEVELS) else None),
+            str(len(one["at_bounds"])), "; ".join(one["missed"]) or "none",
+        ])  # fmt: skip
+    head = ["structure", "fitted to the", "published twin's figures", "shape", "machine's figures", "a level left out"]
+    return table([*head, "at a bound", "missed of the rest"], rows)
+
+
+def _levels(found: Sequence[dict[str, Any]], reference: str) -> str:
+    own = published_twin_errors()
+    rows = []
+    for result in found:
+        splits = [result["splits"].get(f"{reference}-{level:g}") for level in LEVELS]
+        scores = [split["score"] for split in splits if split is not None and split["score"] is not None]
+        unfitted = result.get("not_fitted", {}).get(reference, {})
+        rows.append([
+            result["structure"],
+            *(_with_range(split) for split in splits),
+            _percent(float(np.mean(scores)) if len(scores) == len(LEVELS) else None),
+            _joined(splits, lambda split: f"{split['rms_miss_tolerances']:.2f}"),
+            _joined(splits, lambda split: str(len(split["at_bounds"]))),
+            str(len(result.get("searched", []))),
+            ", ".join(map(_percent, unfitted.values())) or "-",
+        ])  # fmt: skip
+    if reference == "physical":
+        half = [0.5 * own[level] for level in LEVELS]
+        bounds = [*map(_percent, half), _percent(float(np.mean(half)))]
+        rows.append(["half of the published twin's own error", *bounds, "", "", "", ""])
+    head = ["structure", *(f"{level:g} % left out" for level in LEVELS), "mean"]
+    return table([*head, "fit, tolerances", "at a bound", "searched", "not fitted"], rows)
+
+
+def _kinds(found: Sequence[dict[str, Any]], reference: str) -> str:
+    rows = []
+    for result in found:
+        splits = [result["splits"].get(f"{reference}-{kind}") for kind in KINDS]
+        shown = [_with_range(split) for split in splits[:-1]]
+        shape = splits[-1]
+        if reference == "mevea":
+            shown.append("-" if shape is None or shape["score"] is None else f"{shape['score']:.1f}")
+        rows.append([result["structure"], *shown])
+    head = ["structure", "turn time, mean and steady flow", "first peak and its time", "undershoot", "second peak"]
+    return table([*head, "shape, tolerances"] if reference == "mevea" else head, rows)
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table of Markdown."""
+    return "\n".join(f"| {' | '.join(line)} |" for line in (head, ["---"] * len(head), *rows))
+
+
+def _with_range(split: dict[str, Any] | None) -> str:
+    """Score of the fit of least cost, and the range of all seeds'."""
+    if split is None:
+        return "-"
+    scores = [score for score in split.get("scores", []) if score is not None]
+    if len(scores) < 2:
+        return _percent(split["score"])
+    return f"{_percent(split['score'])} ({100.0 * min(scores):.1f}–{100.0 * max(scores):.1f})"
+
+
+def _joined(splits: Sequence[Any], shown: Callable[[Any], str]) -> str:
     return ", ".join("-" if split is None else shown(split) for split in splits)
 
 

@@ -105,6 +105,16 @@ def test_validate_takes_laws_and_records_them(tmp_path, quick, no_pictures):
     assert made_by["machine"] == {"file": "aoro", "set": [], "scale": [], "laws": "library"}
 
 
+def test_validate_takes_the_bundled_structures(tmp_path, quick, no_pictures):
+    shown = call("validate", "--ensemble", "structures", "--uncalibrated", "none", "--out", tmp_path)
+    assert shown.exit_code == 0, shown.output
+    [(_, options)] = quick.validated
+    names = [member.name for member in options["ensemble"]]
+    assert len(names) >= 6
+    laws = [json.dumps(member.laws.names) for member in (Machine.load("aoro"), *options["ensemble"])]
+    assert len(set(laws)) == len(laws), "no two have the same laws, nor those of aoro"
+
+
 @pytest.mark.slow
 def test_validate_takes_an_ensemble_and_no_second_machine(tmp_path, quick):
     quick.simulated = True

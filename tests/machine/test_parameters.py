@@ -18,6 +18,7 @@ from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.machine.machine_file import ROLES, bundled_machines
 from aoro_gym.machine.parameters import DECLARATIONS, DEFAULT_PRIORS, InvalidMachine, Machine, OutsideRangeWarning
 from aoro_gym.machine.quantities import UNITS
+from studies.identification.members import SHIPPED
 
 BUNDLED = files("aoro_gym").joinpath("machines", "aoro_datasheet.toml").read_text(encoding="utf-8")
 
@@ -178,7 +179,9 @@ def test_every_parameter_is_documented(machine: Machine) -> None:
         ("aoro_datasheet", None),
         ("aoro", "aoro_datasheet"),
         ("aoro_published_inputs", "aoro_datasheet"),
+        ("aoro_physical", "aoro_datasheet"),
         *((f"ensemble/0{i}", "aoro") for i in range(1, 9)),
+        *((f"structures/{name}", "aoro_datasheet") for name in SHIPPED),
     ],
 )
 def test_bundled_files_are_in_the_form_that_save_writes(name: str, base: str | None, tmp_path: Path) -> None:

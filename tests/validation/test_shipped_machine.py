@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from aoro_gym import Machine, Plane, Twin
+from aoro_gym.execution.files import read_json
 from aoro_gym.validation.published import valve_flow
 from aoro_gym.validation.study import Validation, validate
 from aoro_gym.validation.turns import Turn
+from studies.identification.members import SHIPPED, figures_of
 from tests.twin.test_against_reference import TURN, deviation, run_reference, run_twin
 
 TWIN_PAGE = (Path(__file__).parents[2] / "docs" / "evidence" / "twin.md").read_text(encoding="utf-8")
@@ -152,3 +154,20 @@ def test_it_turns_as_the_float64_reference_does(aoro):
     assert 0.7 * aoro.joint.range < reference["joint_angle"][-1] < aoro.joint.range
     for name, bound in (("joint_flow", 0.01), ("pressure_a", 0.02), ("pump_pressure", 0.02)):
         assert deviation(twin, reference, name) < bound, name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["physical-materials", *(f"mevea-{name}" for name in SHIPPED)])
+def test_machines_of_other_laws_meet_what_the_study_says(name):
+    reference, structure = name.split("-")
+    file = (
+        "aoro_physical"
+        if reference == "physical"
+        else files("aoro_gym") / "machines" / "structures" / f"{structure}.toml"
+    )
+    folder = Path(__file__).parents[2] / "studies" / "identification"
+    stored = read_json(folder / "results" / "members.json")[name]
+    result = read_json(folder / "results" / f"{structure}.json")
+    found = figures_of(Machine.load(str(file)), result)
+    for key in ("of_the_published_twin", "of_the_machine", "of_the_shape", "at_bounds"):
+        assert found[key] == stored[key], key

@@ -1,0 +1,92 @@
+"""Profiles of parameters: how well the figures can be met with a parameter held, the others fitted anew.
+
+The cost of a profile has the misses of the figures and the pull of all *other* parameters to the data sheet, so it says
+what the figures know of the parameter, and not what its range does. A rise by 3.84 bounds a 95 % interval (Wilks).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from studies.identification.bench import Bench, Model
+from studies.identification.search import PULL, STEP, Job, search, sound
+from studies.identification.splits import Split
+
+PROFILED = (("default", "mevea-nothing"), ("materials", "physical-nothing"))
+"""Structures and fits that are profiled."""
+GRID = (0.02, 0.26, 0.5, 0.74, 0.98)
+"""Values of a profile, shares of the parameter's range."""
+STEPS = 2
+"""Gauss–Newton steps at each of them."""
+RISE = float(chi2.ppf(0.95, 1))
+
+Floats = NDArray[np.float64]
+
+
+def profile(
+    model: Model,
+    split: Split,
+    best: Floats,
+    bench: Bench,
+    *,
+    steps: int = STEPS,
+    until: float = np.inf,
+    executor: Executor | None = None,
+    say: Callable[[str], None] = lambda text: None,
+) -> dict[str, Any]:
+    """Costs (d, grid) of every parameter held at every value of :data:`GRID`, and what of its range the figures leave.
+
+    Each search begins where the posterior around the fit has its other parameters, to first order.
+
+    Args:
+        model: The structure.
+        split: What is fitted.
+        best: Point (d,) of the fit.
+        bench: Where machines turn.
+        steps: Gauss–Newton steps at each value.
+        until: Monotonic time [s] by which the last step is to end.
+        executor: Solves the steps in its workers.
+        say: Told how far it is.
+    """
+    evaluate = bench.evaluate({split.name: split})
+    ahead = np.where(best < 0.5, STEP, -STEP)
+    around = np.vstack([best, best + np.diag(ahead)])
+    rows = sound(evaluate([(Job(model.name, split.name, 0, best.tolist()), around)])[0])
+    jacobian = (rows[:, 1:] - rows[:, :1]) / ahead
+    covariance = np.linalg.inv(jacobian.T @ jacobian + PULL**2 * np.eye(len(best)))
+    jobs = []
+    for k in range(len(best)):
+        for value in GRID:
+            point = np.clip(best + covariance[:, k] / covariance[k, k] * (value - best[k]), 0.01, 0.99)
+            point[k] = value
+            jobs.append(Job(model.name, split.name, 0, point.tolist(), held=k))
+    search(
+        jobs, [model.prior] * len(jobs), evaluate, iterations=steps, until=until, executor=executor, say=say
+    )  # fmt: skip
+    found = np.array([job.cost for job in jobs]).reshape(len(best), len(GRID))
+    free = np.sum(np.square(rows[:, 0])) + np.sum(np.square(PULL * (best - model.prior)))
+    return {"grid": list(GRID), "cost_of_the_fit": float(free), "keys": list(model.space.keys),
+            "costs": [[float(f"{cost:.5g}") if np.isfinite(cost) else None for cost in row] for row in found]}  # fmt: skip
+
+
+def left_open(costs: Floats, grid: Floats) -> tuple[float, float]:
+    """Ends of what a profile (grid,) leaves of the range, shares of it: where straight lines between its values rise by
+    :data:`RISE` over the lowest one."""
+    rise = costs - np.min(costs) - RISE
+    lowest = int(np.argmin(costs))
+    low, high = 0.0, 1.0
+    for i in range(lowest, 0, -1):
+        if rise[i - 1] > 0.0:
+            low = grid[i] - (grid[i] - grid[i - 1]) * rise[i] / (rise[i] - rise[i - 1])
+            break
+    for i in range(lowest, len(grid) - 1):
+        if rise[i + 1] > 0.0:
+            high = grid[i] + (grid[i + 1] - grid[i]) * rise[i] / (rise[i] - rise[i + 1])
+            break
+    return float(low), float(high)
