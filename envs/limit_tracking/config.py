@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 from aoro_gym.envs.core.randomisation import COMMISSIONED, Range
 from aoro_gym.envs.core.terms import Frozen
 from aoro_gym.envs.path_tracking.config import PathTrackingConfig, PathTrackingRandomisation
+from aoro_gym.envs.path_tracking.observations import GPS_TERMS, OBSERVATION_TERMS
 from aoro_gym.sensors import GpsNoise
 from aoro_gym.sensors.gps import FixLoss
 
@@ -46,7 +47,7 @@ def limit_config(**changes: Any) -> PathTrackingConfig:
     """The task as data: that of path tracking, with the room, the time, the speed and the reception of this one.
 
     Third gear: 2.3 m/s at full signal. 0.2 m beside the path are free; the time is up that 1.43 m/s would take, from rest;
-    GPS solutions are 0.2 s old, and get lost under trees.
+    GPS solutions are 0.2 s old, and get lost under trees; the receiver says so.
 
     Raises ValueError naming a wrong field of ``changes``, its value and its bound.
     """
@@ -58,6 +59,7 @@ def limit_config(**changes: Any) -> PathTrackingConfig:
         "preview": (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0),
         "gps_latency": 0.2,
         "gps_noise": GpsNoise.typical(CANOPY),
+        "observation_terms": Frozen({**OBSERVATION_TERMS, **GPS_TERMS}),
         "randomisation": FIXED,
     }
     return PathTrackingConfig(**settings | changes)

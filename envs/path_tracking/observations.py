@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 
 from aoro_gym.envs.core.terms import Frozen, ObservationTerm
 from aoro_gym.envs.path_tracking.view import PathTrackingView
-from aoro_gym.execution.array_api import Array
+from aoro_gym.execution.array_api import Array, floats
 from aoro_gym.units import GRAVITY
 
 
@@ -76,6 +76,11 @@ def actions(view: PathTrackingView) -> Array:
     return view.actions.reshape(len(view.actions), -1)
 
 
+def gps_quality(view: PathTrackingView) -> Array:
+    """Of the receiver's newest solution: 0 no satellites, 1 ambiguities of the carrier not resolved, 2 resolved."""
+    return floats(view.gps_quality)
+
+
 def gear(view: PathTrackingView) -> Array:
     """The gear, 1, 2 or 3."""
     return view.gear
@@ -114,6 +119,8 @@ EXACT_TERMS: Mapping[str, Callable[[PathTrackingView], Array]] = {
     "heading_error": lambda view: view.heading_error,
 }
 """True values of terms that localisation gives with errors that last, for teachers."""
+GPS_TERMS = Frozen({"gps_quality": ObservationTerm(gps_quality, 0.0, 2.0)})
+"""What a receiver says beside its solutions."""
 GEAR_TERMS = Frozen({"gear": ObservationTerm(gear, 1.0, 3.0)})
 """What a gear that changes adds."""
 INERTIAL_TERMS = Frozen({"inertial": ObservationTerm(inertial, -20.0, 20.0)})

@@ -377,6 +377,7 @@ class PathTracking:
             measured_cross_track=self._measured_cross_track,
             measured_heading_error=self._measured_heading_error,
             measured_remaining=self._length - self._measured_s,
+            gps_quality=sensors.gps.quality,
             preview=xp.stack([c * x + s * y, c * y - s * x], axis=-1),
             curvature=bends,
             measured_speed=sensors.speed,

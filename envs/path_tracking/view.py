@@ -48,6 +48,8 @@ class PathTrackingView:
     """[rad]"""
     measured_remaining: Array
     """[m]"""
+    gps_quality: Array
+    """0 no satellites, 1 float, 2 fixed; int64."""
     preview: Array
     """Places on the path ahead, x forward, y left of the reference point as measured [m], shape (N, K, 2)."""
     curvature: Array

@@ -15,14 +15,15 @@ WEIGHT = wp.constant(wp.float64(GRAVITY))
 OBSERVED = (
     observations.cross_track, observations.heading_error, observations.remaining, observations.speed,
     observations.joint_angle, observations.joint_rate, observations.roll, observations.pitch, observations.yaw_rate,
-    observations.gear, observations.EXACT_TERMS["cross_track"], observations.EXACT_TERMS["heading_error"],
+    observations.gear, observations.gps_quality,
+    observations.EXACT_TERMS["cross_track"], observations.EXACT_TERMS["heading_error"],
     observations.preview, observations.curvature, observations.wheel_speeds, observations.actions,
     observations.inertial, observations.heights,
 )  # fmt: skip
 """Functions of observation terms that :func:`observe` knows, by their kinds; those of one column first."""
 
 (
-    CROSS_TRACK, HEADING_ERROR, REMAINING, SPEED, JOINT_ANGLE, JOINT_RATE, ROLL, PITCH, YAW_RATE, GEAR,
+    CROSS_TRACK, HEADING_ERROR, REMAINING, SPEED, JOINT_ANGLE, JOINT_RATE, ROLL, PITCH, YAW_RATE, GEAR, GPS_QUALITY,
     EXACT_CROSS_TRACK, EXACT_HEADING_ERROR, PREVIEW, CURVATURE, WHEEL_SPEEDS, ACTIONS, INERTIAL, HEIGHTS,
 ) = (wp.constant(kind) for kind in range(len(OBSERVED)))  # fmt: skip
 
@@ -50,6 +51,8 @@ def observed(kind: int, k: Control, s: Sensing, d: Driving, i: int):
         return s.rates[i, 2]
     if kind == GEAR:
         return k.gear[i]
+    if kind == GPS_QUALITY:
+        return wp.float64(s.gps.state[i])
     if kind == EXACT_CROSS_TRACK:
         return d.cross_track[i]
     return d.heading_error[i]

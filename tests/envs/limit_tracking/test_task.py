@@ -13,6 +13,9 @@ from aoro_gym.agents.evaluation.evaluate import policy_factory
 from aoro_gym.envs import LimitTrackingVectorEnv, limit_config
 from aoro_gym.envs.limit_tracking.config import FIXED
 from aoro_gym.envs.path_tracking.courses import Course
+from aoro_gym.sensors import GpsNoise
+from aoro_gym.sensors.gps import FIXED as FIXED_SOLUTION
+from aoro_gym.sensors.gps import FLOAT, NONE, FixLoss
 from aoro_gym.terrains import Path, Plane
 from tests.envs.path_tracking.paths import LEVEL
 
@@ -49,6 +52,23 @@ def test_a_step_in_kernels_is_that_of_array_operations(slopes):
         steps = [env.step(np.full((2, 2), 0.6, dtype=np.float32)) for env in both]
     np.testing.assert_allclose(steps[0][0], steps[1][0], atol=2e-4)
     np.testing.assert_allclose(steps[0][1], steps[1][1], atol=2e-4)
+
+
+@pytest.mark.parametrize("kernels", [True, False])
+def test_the_receiver_says_how_good_its_solutions_are(kernels):
+    """With losses of 0.5 s every 0.5 s all three qualities come up within 5 s of two vehicles, but with a chance of 1e-3."""
+    loss = FixLoss(interval=0.5, float_duration=0.5, none_duration=0.5, none_share=0.5)
+    env = made(config=limit_config(gps_noise=GpsNoise.typical(loss)), kernels=kernels)
+    column = env.observation_layout["gps_quality"]
+    observations, infos = env.reset(seed=1)
+    assert np.all(observations[:, column] == 2.0)
+    seen = set()
+    for _ in range(100):
+        observations, _, terminated, _, infos = env.step(np.zeros((2, 2), dtype=np.float32))
+        assert not terminated.any()
+        np.testing.assert_array_equal(observations[:, column][:, 0], infos["gps_quality"])
+        seen |= set(infos["gps_quality"].tolist())
+    assert seen == {NONE, FLOAT, FIXED_SOLUTION}
 
 
 def test_room_and_time_are_tight():
