@@ -6,6 +6,8 @@ import pytest
 from aoro_gym.agents.controllers.loading import Loader, WaypointLoader
 from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES, reference_policy
 from aoro_gym.agents.evaluation.loading import every_log, load_logs
+from aoro_gym.agents.policies.files import shipped_policies
+from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.envs import LoadingConfig, LoadingVectorEnv
 from aoro_gym.envs.loading.config import MILD
 from aoro_gym.envs.loading.logs import held_out_sites, validation_sites
@@ -49,6 +51,13 @@ def test_it_puts_logs_on_the_bunk(envs, name):
     assert episodes.film.shape[1] == len(envs.task.render_channels)
     left = episodes.errors[0][np.isfinite(episodes.errors[0])]
     assert left[0] > 6.0 and left[-1] < 1.0
+
+
+def test_the_learned_policy_does_as_well(envs):
+    learned = LearnedPolicy.load(shipped_policies(ENV)["loading-dagger"]).made_for(envs)
+    episodes = load_logs(envs, learned, list(range(8)))
+    assert episodes.endings == [PLACED] * 8
+    assert episodes.metrics["success_rate"].mean() >= 0.75 and np.all(episodes.metrics["sway_rms_deg"] < 12.0)
 
 
 def test_seeds_in_a_row_load_every_log_once():
