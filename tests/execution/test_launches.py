@@ -37,7 +37,7 @@ def test_each_launch_does_it_again():
 
 def test_other_threads_and_another_argument():
     _, out, recorded = made()
-    recorded.set(2, 1, 3)
+    recorded.set(2, {1: 3})
     recorded.launch()
     assert np.array_equal(out.numpy(), [0.0, 0.0, 0.0, 6.0, 8.0, 0.0])
 
