@@ -17,6 +17,7 @@ import warp
 
 from aoro_gym import Machine, Twin
 from aoro_gym.calibration.procedure import measured_curve
+from aoro_gym.reporting import terminal
 from aoro_gym.simulation.manoeuvres import Trajectory, run, standing_turn, straight_drive
 
 warp.config.log_level = warp.LOG_ERROR
@@ -78,6 +79,13 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     terminalreporter.section(f"slowest files of {sum(seconds.values()):.0f} s")
     for name in sorted(seconds, key=seconds.__getitem__, reverse=True)[:20]:
         terminalreporter.write_line(f"{seconds[name]:7.1f} s  {name}")
+
+
+@pytest.fixture(autouse=True)
+def _nobody_stays_quiet() -> Iterator[None]:
+    """A command that a test runs with ``--quiet`` is quiet alone: the tests after it see progress again."""
+    yield
+    terminal.set_quiet(False)
 
 
 @pytest.fixture(scope="session", autouse=True)
