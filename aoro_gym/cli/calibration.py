@@ -163,9 +163,11 @@ def study(
 ) -> None:
     """What a change of parameters does to full turns and to a straight drive.
 
-    Left and right turns at 100, 75 and 50 % signal of the machine as it is and with --set and --scale: seven key figures
-    with their changes, flow curves over each other, and the motors' pressure at 0.75 m/s. With --recalibrate the pressure
-    drop of the valve's edges restores the turn times first, as the publication does, so that what differs is what the
+    Left and right turns at 100, 75 and 50 % signal of the machine as it is
+    and with --set and --scale: seven key figures with their changes, flow
+    curves over each other, and the motors' pressure at 0.75 m/s. With
+    --recalibrate the pressure drop of the valve's edges restores the turn
+    times first, as the publication does, so that what differs is what the
     parameter does beside the time.
 
     FOLDER gets study.json, the curves (PNG) and index.html.
