@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from aoro_gym.agents.evaluation.episodes import TIME_IS_UP
+from aoro_gym.agents.evaluation.runs import Runs, run_to_ends, spread
 from aoro_gym.agents.evaluation.statistics import Floats
 from aoro_gym.agents.policies.policy import Policy
 from aoro_gym.envs.core.vector import TwinVectorEnv
@@ -22,33 +21,13 @@ STATION = 0.25
 
 
 @dataclass(frozen=True)
-class Drives:
-    """What N sub-environments did until the last of them was done.
-
-    Attributes:
-        course: Which course, and which of its paths (N, 2).
-        whole: Length of the path at the start [m] (N,).
-        returns: Sums of rewards (N,).
-        steps: Control steps (N,).
-        endings: Why each ended (N,).
-        last: Infos of each one's last step, by name (N,).
-        data: Channels by name (N, 1 + T), which go on after an episode has ended.
-        film: All channels of the first sub-environment (frames, channels).
-    """
-
-    course: NDArray[np.intp]
-    whole: Floats
-    returns: Floats
-    steps: NDArray[np.intp]
-    endings: list[str]
-    last: Mapping[str, Floats]
-    data: Mapping[str, Floats]
-    film: NDArray[np.float32]
+class Drives(Runs):
+    """Runs of a task along paths."""
 
     @property
-    def parts(self) -> list[slice]:
-        """Of ``data``: the steps of each episode (N,)."""
-        return [slice(1, 1 + count) for count in self.steps]
+    def course(self) -> NDArray[np.intp]:
+        """Which course, and which of its paths (N, 2)."""
+        return np.stack([self.first["terrain"], self.first["path"]], axis=1)
 
     @property
     def tilt(self) -> Floats:
@@ -82,11 +61,7 @@ def every_path(courses: Sequence[Course], seeds: Sequence[int]) -> dict[str, Any
     """Options of a reset that give each seed (N,) a path: as many seeds in a row as there are paths drive each once."""
     ground = np.array([number for number, course in enumerate(courses) for _ in course.paths])
     path = np.array([number for course in courses for number in range(len(course.paths))])
-    # neighbours are far apart, so that few seeds, too, see easy and difficult grounds
-    stride = next(
-        k for k in range(round(0.382 * len(ground)) or 1, 2 * len(ground) + 2) if math.gcd(k, len(ground)) == 1
-    )
-    chosen = np.asarray(seeds) * stride % len(ground)
+    chosen = spread(seeds, len(ground))
     return {"terrain": ground[chosen], "path": path[chosen]}
 
 
@@ -99,46 +74,14 @@ def drive_to_ends(
     channels: Sequence[str],
     last: Sequence[str],
 ) -> Drives:
-    """Drive every sub-environment through one episode.
+    """Drive every sub-environment along its path, by :func:`~aoro_gym.agents.evaluation.runs.run_to_ends`.
 
     Args:
-        env: Of a task along paths, made with ``autoreset_mode="Disabled"``.
-        policy: Who drives; reset first.
-        reset: Arguments of the environment's reset.
+        env: Of a task along paths.
+        policy: Who drives.
+        reset: Arguments of the environment's reset, which name paths.
         tell: Called with the share that is done.
         channels: Render channels to keep.
         last: Infos of the last step to keep.
-
-    Raises ValueError if the environment resets by itself.
     """
-    if env.autoreset_mode is not AutoresetMode.DISABLED:
-        raise ValueError(f"autoreset_mode is {env.autoreset_mode.value!r}, but an evaluation needs 'Disabled'")
-    n = env.num_envs
-    rows = [env.task.render_channels.index(name) for name in channels]
-    policy.reset()
-    observations, infos = env.reset(**reset)
-    course, whole = np.stack([infos["terrain"], infos["path"]], axis=1), infos["remaining"]
-    running, returns, steps = np.ones(n, dtype=bool), np.zeros(n), np.zeros(n, dtype=np.intp)
-    endings, ends = [""] * n, {name: np.zeros(n) for name in last}
-    first = np.array(env.traces(), dtype=np.float32)
-    kept, film = [first[rows]], [first[:, 0]]
-    while running.any():
-        observations, rewards, terminated, truncated, infos = env.step(policy(observations))
-        returns += running * rewards
-        steps += running
-        traces = np.asarray(env.traces(), dtype=np.float32)
-        kept.append(traces[rows])
-        if running[0]:
-            film.append(traces[:, 0].copy())
-        ended = np.asarray(terminated | truncated)
-        for i in np.flatnonzero(ended & running):
-            endings[i] = infos["termination"][i] if terminated[i] else TIME_IS_UP
-            for name, values in ends.items():
-                values[i] = infos[name][i]
-        running &= ~ended
-        tell(float(np.where(running, 1.0 - infos["remaining"] / whole, 1.0).mean()))
-        if ended.any() and running.any():  # who is done drives on, unseen
-            observations, _ = env.reset(options={"reset_mask": ended})
-            policy.reset(ended)
-    data = dict(zip(channels, np.array(kept, dtype=np.float64).transpose(1, 2, 0), strict=True))  # (N, 1 + T) each
-    return Drives(course, whole, returns, steps, endings, ends, data, np.array(film))
+    return Drives(**vars(run_to_ends(env, policy, reset, tell, channels=channels, last=last)))

@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from aoro_gym.agents.evaluation.episodes import TIME_IS_UP, Episodes, reset_arguments
+from aoro_gym.agents.evaluation.episodes import Episodes, reset_arguments
 from aoro_gym.agents.evaluation.metrics import OVER, SUCCESS
+from aoro_gym.agents.evaluation.runs import run_to_ends, spread
 from aoro_gym.agents.policies.policy import Policy
 from aoro_gym.envs.loading.environment import LoadingVectorEnv
 from aoro_gym.envs.loading.logs import LogSite, held_out_sites
@@ -18,6 +18,8 @@ from aoro_gym.envs.loading.task import PLACED
 
 EVERY = 0.5
 """Distance [s] at which what is left is kept."""
+LAST = ("is_success", "work", "sway_rms", "largest_sway", "duration")
+"""What the infos of an episode's last step give."""
 
 
 def make_loading(num_envs: int, courses: Sequence[LogSite] | None, **arguments: Any) -> LoadingVectorEnv:
@@ -27,9 +29,7 @@ def make_loading(num_envs: int, courses: Sequence[LogSite] | None, **arguments: 
 def every_log(courses: Sequence[LogSite], seeds: Sequence[int]) -> NDArray[np.intp]:
     """Site and log (N, 2) of each seed: as many seeds in a row as there are logs load each once."""
     logs = np.array([(number, log) for number, site in enumerate(courses) for log in range(len(site.logs))])
-    # neighbours are far apart, so that few seeds, too, see easy and difficult logs
-    stride = next(k for k in range(round(0.382 * len(logs)) or 1, 2 * len(logs) + 2) if np.gcd(k, len(logs)) == 1)
-    return logs[np.asarray(seeds) * stride % len(logs)]
+    return logs[spread(seeds, len(logs))]
 
 
 def load_logs(
@@ -51,33 +51,11 @@ def load_logs(
 
     Raises ValueError if the environment resets by itself.
     """
-    if env.autoreset_mode is not AutoresetMode.DISABLED:
-        raise ValueError(f"autoreset_mode is {env.autoreset_mode.value!r}, but an evaluation needs 'Disabled'")
-    n, chosen = env.num_envs, every_log(env.task.sites, asked or seeds)
-    policy.reset()
-    observations, infos = env.reset(**reset_arguments(seeds, asked, {"site": chosen[:, 0], "log": chosen[:, 1]}))
-    running, returns, steps = np.ones(n, dtype=bool), np.zeros(n), np.zeros(n, dtype=np.intp)
-    endings, whole = [""] * n, infos["remaining"]
-    last = {name: np.zeros(n) for name in ("is_success", "work", "sway_rms", "largest_sway", "duration")}
-    left, film = [np.array(whole)], [np.array(env.traces()[:, 0], dtype=np.float32)]
-    while running.any():
-        observations, rewards, terminated, truncated, infos = env.step(policy(observations))
-        returns += running * rewards
-        steps += running
-        left.append(np.where(running, infos["remaining"], np.nan))
-        if running[0]:
-            film.append(np.array(env.traces()[:, 0], dtype=np.float32))
-        ended = np.asarray(terminated | truncated)
-        for i in np.flatnonzero(ended & running):
-            endings[i] = infos["termination"][i] if terminated[i] else TIME_IS_UP
-            for name, values in last.items():
-                values[i] = infos[name][i]
-        running &= ~ended
-        tell(float(np.where(running, 1.0 - infos["remaining"] / whole, 1.0).mean()))
-        if ended.any() and running.any():  # who is done goes on, unseen
-            observations, _ = env.reset(options={"reset_mask": ended})
-            policy.reset(ended)
-    placed = np.array([ending == PLACED for ending in endings])
+    chosen = every_log(env.task.sites, asked or seeds)
+    arguments = reset_arguments(seeds, asked, {"site": chosen[:, 0], "log": chosen[:, 1]})
+    runs = run_to_ends(env, policy, arguments, tell, channels=("remaining",), last=LAST)
+    last, left = runs.last, runs.data["remaining"]
+    placed = np.array([ending == PLACED for ending in runs.endings])
     metrics = {
         SUCCESS: last["is_success"],
         "placed_share": placed.astype(np.float64),
@@ -85,9 +63,10 @@ def load_logs(
         "energy_kJ": last["work"] / 1e3,
         "sway_rms_deg": np.degrees(last["sway_rms"]),
         "largest_sway_deg": np.degrees(last["largest_sway"]),
-        "return": returns,
+        "return": runs.returns,
     }
     arrived = last["is_success"].astype(bool)
     metrics |= {name: np.where(arrived, values, np.nan) for name, values in metrics.items() if name in OVER}
     every = round(EVERY / env.task.control_step)
-    return Episodes(metrics, endings, chosen, np.array(left)[::every].T, np.zeros((n, 0, 2)), np.array(film))
+    left = np.where(np.arange(left.shape[1]) <= runs.steps[:, None], left, np.nan)[:, ::every]
+    return Episodes(metrics, runs.endings, chosen, left, np.zeros((len(left), 0, 2)), runs.film)
