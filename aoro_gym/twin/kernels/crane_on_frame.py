@@ -15,8 +15,8 @@ from aoro_gym.twin.kernels.corners import HullLoads
 from aoro_gym.twin.kernels.hydraulics import Signals, load_signals
 from aoro_gym.twin.kernels.laws import ChosenLaws, DefaultLaws, with_laws
 from aoro_gym.twin.kernels.state import Velocity, load4, store4
-from aoro_gym.twin.kernels.tree import load_load_state, store_load_state
-from aoro_gym.twin.physics.bodies import Articulated, CornerLoad, accelerate, add, halves
+from aoro_gym.twin.kernels.tree import accelerate_with_load
+from aoro_gym.twin.physics.bodies import Articulated, CornerLoad, add, halves
 from aoro_gym.twin.physics.crane import (
     CraneRecord,
     carried_by_frame,
@@ -40,7 +40,6 @@ from aoro_gym.twin.physics.crane_oil import (
 )
 from aoro_gym.twin.physics.fluid import Oil, pressure
 from aoro_gym.twin.physics.friction import lag, presliding
-from aoro_gym.twin.physics.load import LoadSolution, LoadState, drifted, load_inertia, moved_load
 from aoro_gym.twin.physics.steering_circuit import Exchange, SteeringState
 from aoro_gym.twin.physics.steering_valve import metering
 from aoro_gym.twin.records import CRANE_OUTPUT_UNITS, CraneCommand, CraneRow, MachineRecord, State
@@ -255,17 +254,9 @@ def tree_with_crane(
         front_hull.moment, rear_hull.force, rear_hull.moment,
     )  # fmt: skip
     both.front = add(unfolded(both.front, c, middle.angular), carried_by_frame(at, torque))
-    lies = LoadState()
-    solution = LoadSolution()
-    if m.payload.mass > 0.0:
-        lies = drifted(m.payload, load_load_state(state, t), h)
-        body, solution = load_inertia(m.payload, lies, omega_rear, h)
-        both.rear = add(both.rear, body)
-    change, angular_rear, linear_rear = accelerate(
-        m.corner, both, weight, to_rear, middle.linear, middle.angular, middle.joint, joint_torque, fl, fr, rl, rr
+    change = accelerate_with_load(
+        m, state, t, both, weight, to_rear, omega_rear, middle, joint_torque, fl, fr, rl, rr, h
     )
-    if m.payload.mass > 0.0:
-        store_load_state(state, t, moved_load(m.payload, lies, solution, angular_rear, linear_rear, h))
 
     # without gravity, as the chain's law has it
     linear = change.linear + wp.cross(middle.angular, middle.linear) - weight

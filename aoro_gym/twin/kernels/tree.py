@@ -11,7 +11,7 @@ import warp as wp
 
 from aoro_gym.twin.kernels.corners import HullLoads
 from aoro_gym.twin.kernels.state import Velocity
-from aoro_gym.twin.physics.bodies import CornerLoad, accelerate, add, halves
+from aoro_gym.twin.physics.bodies import CornerLoad, Halves, accelerate, add, halves
 from aoro_gym.twin.physics.load import LoadSolution, LoadState, drifted, load_inertia, moved_load
 from aoro_gym.twin.records import LoadRow, MachineRecord
 
@@ -54,17 +54,12 @@ def store_load_state(state: wp.array2d(dtype=float), t: int, value: LoadState):
 
 
 @wp.func
-def tree_with_load(
-    m: MachineRecord, laws: Any, state: wp.array2d(dtype=float), t: int, weight: wp.vec3, to_rear: wp.mat33,
-    middle: Velocity, joint_torque: float, fl: CornerLoad, fr: CornerLoad, rl: CornerLoad, rr: CornerLoad,
-    front_hull: HullLoads, rear_hull: HullLoads, h: float,
+def accelerate_with_load(
+    m: MachineRecord, state: wp.array2d(dtype=float), t: int, both: Halves, weight: wp.vec3, to_rear: wp.mat33,
+    omega_rear: wp.vec3, middle: Velocity, joint_torque: float, fl: CornerLoad, fr: CornerLoad, rl: CornerLoad,
+    rr: CornerLoad, h: float,
 ):  # fmt: skip
-    """As :func:`tree`, with the load on the rear frame, which a step of ``h`` [s] moves; its state is kept between steps."""
-    omega_rear = to_rear * middle.angular - wp.vec3(0.0, 0.0, middle.joint)
-    both = halves(
-        m.frame_front, m.frame_rear, m.corner, middle.angular, omega_rear, fl, fr, rl, rr, front_hull.force,
-        front_hull.moment, rear_hull.force, rear_hull.moment,
-    )  # fmt: skip
+    """Accelerations of ``both`` halves with the load of twin ``t``, if it has one, which a step of ``h`` [s] moves."""
     lies = LoadState()
     solution = LoadSolution()
     if m.payload.mass > 0.0:
@@ -77,3 +72,20 @@ def tree_with_load(
     if m.payload.mass > 0.0:
         store_load_state(state, t, moved_load(m.payload, lies, solution, angular_rear, linear_rear, h))
     return change
+
+
+@wp.func
+def tree_with_load(
+    m: MachineRecord, laws: Any, state: wp.array2d(dtype=float), t: int, weight: wp.vec3, to_rear: wp.mat33,
+    middle: Velocity, joint_torque: float, fl: CornerLoad, fr: CornerLoad, rl: CornerLoad, rr: CornerLoad,
+    front_hull: HullLoads, rear_hull: HullLoads, h: float,
+):  # fmt: skip
+    """As :func:`tree`, with the load on the rear frame, which a step of ``h`` [s] moves; its state is kept between steps."""
+    omega_rear = to_rear * middle.angular - wp.vec3(0.0, 0.0, middle.joint)
+    both = halves(
+        m.frame_front, m.frame_rear, m.corner, middle.angular, omega_rear, fl, fr, rl, rr, front_hull.force,
+        front_hull.moment, rear_hull.force, rear_hull.moment,
+    )  # fmt: skip
+    return accelerate_with_load(
+        m, state, t, both, weight, to_rear, omega_rear, middle, joint_torque, fl, fr, rl, rr, h
+    )
