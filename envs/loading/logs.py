@@ -62,8 +62,7 @@ def log_site(seed: int, difficulty: float = 1.0) -> LogSite:
     Args:
         seed: Of the logs, at least 0.
         difficulty: In [0, 1]: at 0 logs of 100 kg lie along the machine 3.5 m beside it, at 1 logs of up to 400 kg lie
-        anyhow,
-            3 to 5.5 m from the crane.
+            at any angle, 3 to 5.5 m from the crane.
 
     Raises ValueError naming the argument and its bound.
     """
