@@ -17,10 +17,10 @@ from typing import Any
 from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES, Factory
 from aoro_gym.agents.evaluation.evaluate import evaluate
 from aoro_gym.agents.evaluation.metrics import (
-    MARKS,
     SUCCESS,
     describe,
     display_factor,
+    explained,
     named,
     ranked,
     shown,
@@ -247,8 +247,8 @@ def markdown(result: Leaderboard) -> str:
         "|---" * (1 + len(body)) + "|",
     ]
     lines += ["| " + " | ".join([name, *(row[k] for row in body)]) + " |" for k, name in enumerate(head) if k]
-    if any(mark in cell for row in body for cell in row[1:] for mark in "≥("):
-        lines += ["", MARKS]
+    if note := explained(body):
+        lines += ["", note]
     best = result.best_reference
     for policy in result.policies:
         if best is None or policy in REFERENCE_POLICIES[result.any.env]:
@@ -280,7 +280,7 @@ def table(result: Leaderboard) -> Comparison:
     head, *body = rows(result)
     cells = [[name, *(row[k] for row in body)] for k, name in enumerate(head) if k]
     title = f"{result.any.env}: {counted(result.any)}, middle half, the best first"
-    return Comparison(title, ["", *(row[0] for row in body)], cells, note=MARKS)
+    return Comparison(title, ["", *(row[0] for row in body)], cells, note=explained(cells))
 
 
 def write_figure(result: Leaderboard, path: Path) -> None:

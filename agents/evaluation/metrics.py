@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping, Sequence
 
 from aoro_gym.agents.evaluation.statistics import Interval
 
@@ -40,10 +41,8 @@ UNITS = {
 """By the last words of a metric's name."""
 SHORT = {"successful episodes": "of successes", "targets that were reached": "of targets reached"}
 """What metrics are over, in a table."""
-MARKS = (
-    "≥: a lower bound, as not all targets were settled or paths driven. (n): over n episodes, as the others have none."
-)
-"""What :func:`shown` marks."""
+LOWER_BOUND = "≥: a lower bound, as not all targets were settled or paths driven."
+FEWER_EPISODES = "(n): over n episodes, as the others have none."
 
 
 def ranked(metrics: Mapping[str, Mapping[str, Interval]], decisive: str) -> list[str]:
@@ -104,3 +103,13 @@ def shown(value: Interval, unit: str, *, finer: int = 0, total: int | None = Non
     if value.bounds:
         text = f"≥ {text}"
     return text if value.episodes is None or total in (None, value.episodes) else f"{text} ({value.episodes})"
+
+
+def explained(rows: Iterable[Sequence[str]]) -> str:
+    """What the marks of :func:`shown` in a table's cells mean; empty where there are none."""
+    cells = [cell for row in rows for cell in row[1:]]
+    found = {
+        LOWER_BOUND: any(cell.startswith("≥") for cell in cells),
+        FEWER_EPISODES: any(re.search(r"\(\d+\)$", cell) for cell in cells),
+    }
+    return " ".join(meaning for meaning, there in found.items() if there)

@@ -8,7 +8,7 @@ from typing import Any
 
 from aoro_gym.agents.evaluation.films import film_caption, write_film
 from aoro_gym.agents.evaluation.logs import write_episode
-from aoro_gym.agents.evaluation.metrics import MARKS, describe, named, shown, verdict
+from aoro_gym.agents.evaluation.metrics import describe, explained, named, shown, verdict
 from aoro_gym.agents.evaluation.plots import write_errors, write_metrics, write_plans
 from aoro_gym.agents.evaluation.result import Evaluation
 from aoro_gym.execution.files import write_json
@@ -122,15 +122,19 @@ def difference_rows(result: Evaluation) -> list[list[str]]:
 def table(result: Evaluation) -> Comparison:
     """The same for a terminal."""
     head, *rows = metric_rows(result)
-    return Comparison(f"{result.env}: {counted(result)} a policy, the best first", head, rows, lead=2, note=MARKS)
+    return Comparison(
+        f"{result.env}: {counted(result)} a policy, the best first", head, rows, lead=2, note=explained(rows)
+    )
 
 
 def _explained(result: Evaluation) -> str:
     text = (
         "Every policy drove the same episodes: same seeds, courses, starts and noise. Means over the episodes with 95 % "
         "intervals: bootstrap over the episodes, of rates exact (Clopper and Pearson). Policies stand by their success, "
-        f"then by {describe(result.task.decisive[0])[0]}. {MARKS}"
+        f"then by {describe(result.task.decisive[0])[0]}."
     )
+    if marks := explained(metric_rows(result)):
+        text += f" {marks}"
     if result.repeats > 1:
         text += (
             f" Each episode was driven {result.repeats} times with other noise; intervals over repeats are of these "

@@ -28,7 +28,7 @@ from aoro_gym.agents.controllers.reference import Factory
 from aoro_gym.agents.evaluation.episodes import Episodes
 from aoro_gym.agents.evaluation.evaluate import evaluate
 from aoro_gym.agents.evaluation.leaderboard import SEED, forests
-from aoro_gym.agents.evaluation.metrics import MARKS, named, shown
+from aoro_gym.agents.evaluation.metrics import explained, named, shown
 from aoro_gym.agents.evaluation.perturbations import SWITCHABLE
 from aoro_gym.agents.evaluation.result import Evaluation
 from aoro_gym.agents.evaluation.statistics import CONFIDENCE, RESAMPLES, Floats, Interval, interval, plain
@@ -289,4 +289,4 @@ def table(gap: Gap) -> Comparison:
         rows.append(row(name, values))
         if name in gap.shares:
             rows.append(row("  share of the loss [%]", gap.shares[name], "%"))
-    return Comparison(f"{gap.env}: {gap.episodes} episodes each, mean [95 %]", head, rows, note=MARKS)
+    return Comparison(f"{gap.env}: {gap.episodes} episodes each, mean [95 %]", head, rows, note=explained(rows))

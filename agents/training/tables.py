@@ -9,7 +9,7 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from aoro_gym.agents.evaluation.metrics import MARKS, named, shown
+from aoro_gym.agents.evaluation.metrics import explained, named, shown
 from aoro_gym.agents.evaluation.statistics import Interval
 from aoro_gym.agents.training.search import Trial
 from aoro_gym.reporting.terminal import Comparison
@@ -28,7 +28,7 @@ def evaluations_table(evaluations: Sequence[Mapping[str, Any]]) -> Comparison:
         words, unit = named(name)
         cells = [shown(_interval(one["figures"][name]), unit, total=total) for one in chosen.values()]
         rows.append([words, unit, *cells])
-    return Comparison("Evaluations, means over episodes", ["", "unit", *chosen], rows, lead=2, note=MARKS)
+    return Comparison("Evaluations, means over episodes", ["", "unit", *chosen], rows, lead=2, note=explained(rows))
 
 
 def _interval(metric: Mapping[str, Any]) -> Interval:
