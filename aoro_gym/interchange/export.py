@@ -13,7 +13,7 @@ from aoro_gym.execution.files import write_json, write_text
 from aoro_gym.interchange.limitations import FORMATS, Limitation, limitations
 from aoro_gym.interchange.mjcf import mjcf, scrub_lever
 from aoro_gym.interchange.sensor_places import sensor_places
-from aoro_gym.interchange.servos import GEARS, arm_displacement, servos, steering_displacement, wheel_motors
+from aoro_gym.interchange.servos import arm_displacement, gears, servos, steering_displacement, wheel_motors
 from aoro_gym.interchange.urdf import WORLD, check_root, urdf
 from aoro_gym.machine import Machine
 from aoro_gym.machine.rigid_bodies import composite, inverse_weights, machine_bodies, rest_angles
@@ -92,7 +92,7 @@ def description(machine: Machine) -> dict[str, Any]:
         },
         "torque_over_range": _torque_over_range(machine),
         "wheel_motors": {motor.hinge: asdict(motor) for motor in wheel_motors(machine)},
-        "gears": GEARS,
+        "gears": gears(machine),
         "tire": _tire(machine),
         "hull": {
             "stiffness_a_corner": float(machine.hull.stiffness),

@@ -12,7 +12,7 @@ import numpy as np
 
 from aoro_gym.interchange.limitations import Limitation
 from aoro_gym.interchange.sensor_places import sensor_places
-from aoro_gym.interchange.servos import GEARS, Servo, WheelMotor, servos, wheel_motors
+from aoro_gym.interchange.servos import Servo, WheelMotor, servos, wheel_motors
 from aoro_gym.interchange.xml_text import Element, add, comment, numbers, text_of
 from aoro_gym.machine import Machine
 from aoro_gym.machine.laws import OPTIONS
@@ -256,7 +256,7 @@ def _sensors(parent: Element, bodies: Sequence[Body]) -> None:
 
 def _gears(parent: Element, motors: Sequence[WheelMotor]) -> None:
     """Largest torques of the wheels in the order of ``WHEELS``, and speeds, by gear."""
-    for gear in GEARS:
+    for gear in motors[0].torque:
         add(parent, "numeric", name=f"wheel_torque_{gear}", data=numbers([motor.torque[gear] for motor in motors]))
         add(parent, "numeric", name=f"wheel_speed_{gear}", data=numbers([motor.speed[gear] for motor in motors]))
 

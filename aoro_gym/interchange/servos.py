@@ -17,9 +17,6 @@ from aoro_gym.machine.sections import Cylinder
 from aoro_gym.recording.commands import WHEELS
 from aoro_gym.units import GRAVITY
 
-GEARS = {"gear_1": (1.0, 1.0), "gear_2": (1.0, 0.5), "gear_3": (0.5, 0.5)}
-"""Share of a wheel motor's displacement in each gear, of a front and of a rear one."""
-
 Ends = tuple[float, float]
 """Lower and upper end."""
 
@@ -68,17 +65,24 @@ def wheel_motors(machine: Machine) -> tuple[WheelMotor, ...]:
     full = float(drive.motor.displacement)
     greatest = full * float(drive.relief.pressure * drive.motor.mechanical_efficiency)
     flow = float(drive.pump.displacement * machine.engine.set_speed)
-    speed = {gear: flow / (2.0 * full * sum(shares)) for gear, shares in GEARS.items()}
+    geared = gears(machine)
+    speed = {gear: flow / (2.0 * full * sum(shares)) for gear, shares in geared.items()}
     return tuple(
         WheelMotor(
             hinge=f"wheel_{name}",
-            torque={gear: greatest * shares[0 if name[0] == "f" else 1] for gear, shares in GEARS.items()},
+            torque={gear: greatest * shares[0 if name[0] == "f" else 1] for gear, shares in geared.items()},
             speed=speed,
             brake=float(drive.brake.disc_torque),
             parking_brake=float(drive.brake.parking_torque),
         )
         for name in WHEELS
     )
+
+
+def gears(machine: Machine) -> dict[str, Ends]:
+    """Share of a wheel motor's displacement in each gear, of a front and of a rear one."""
+    second = (0.5, 1.0) if machine.laws.obeys("second_gear", "front") else (1.0, 0.5)
+    return {"gear_1": (1.0, 1.0), "gear_2": second, "gear_3": (0.5, 0.5)}
 
 
 def steering_displacement(machine: Machine, angle: float) -> Ends:

@@ -157,6 +157,10 @@ class Laws:
             bulldozing="tire.bulldozing_resistance",
         ),
     )
+    # driveline
+    second_gear: Choice = field(
+        default=0, metadata=_law("Which axle's motors second gear halves; third gear halves all.", "rear front")
+    )
 
     @property
     def num_variants(self) -> int:
@@ -265,6 +269,7 @@ FAMILIES: Mapping[str, Mapping[str, str]] = {
         "swivel": "five_discs",
         "slip": "relaxation",
         "soft_ground": "bulldozing",
+        "second_gear": "front",
     },
     # what a materials laboratory would measure: air that dissolves, walls that creep, patches that wind up
     "materials": {
@@ -293,6 +298,10 @@ DRAWS = ("families", "any")
 """What may be drawn from beside named families: all of them, or an option of every law on its own."""
 
 
+DRAWN_APART = ("second_gear",)
+"""Laws that a generator of their own draws, as they came later: what else a seed draws stays as it was."""
+
+
 def draws(which: str | None) -> bool:
     """Whether ``which``, a name or several with commas between them, leaves a machine's laws to be drawn; raises ValueError
     that lists families if it names another one."""
@@ -303,7 +312,13 @@ def drawn_laws(which: str | Sequence[str], count: int, rng: np.random.Generator)
     """Laws of ``count`` machines: of families drawn with equal chance, given as a sequence or with commas between them,
     ``"families"`` for all of them; or, if ``"any"``, an option of every law drawn on its own."""
     if which == "any":
-        return Laws(**{name: rng.integers(len(options), size=count) for name, options in OPTIONS.items()})
+        apart = rng.spawn(1)[0]
+        return Laws(
+            **{
+                name: (apart if name in DRAWN_APART else rng).integers(len(options), size=count)
+                for name, options in OPTIONS.items()
+            }
+        )
     names = _families(which)
     return Laws.stacked([family(names[i]) for i in rng.integers(len(names), size=count)], [1] * count)
 

@@ -141,6 +141,9 @@ def test_gears_share_flow_and_displacement(calibrated):
     assert shares["gear_1"] == pytest.approx({"fl": 1.0, "fr": 1.0, "rl": 1.0, "rr": 1.0})
     assert shares["gear_2"] == pytest.approx({"fl": 1.0, "fr": 1.0, "rl": 0.5, "rr": 0.5})
     assert shares["gear_3"] == pytest.approx({"fl": 0.5, "fr": 0.5, "rl": 0.5, "rr": 0.5})
+    other = {motor.hinge[-2:]: motor for motor in wheel_motors(calibrated.with_laws(second_gear="front"))}
+    for wheel, opposite in (("fl", "rl"), ("rr", "fr")):
+        assert other[wheel].torque["gear_2"] == motors[opposite].torque["gear_2"]
     for gear, of_wheel in shares.items():
         taken = sum(drive.motor.displacement * share * motors[name].speed[gear] for name, share in of_wheel.items())
         assert taken == pytest.approx(drive.pump.displacement * calibrated.engine.set_speed)

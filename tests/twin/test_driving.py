@@ -24,11 +24,12 @@ class Steady:
     a ``closed`` traction valve turns in a void: it takes no oil and gives none, and its return side drags it.
     """
 
-    def __init__(self, machine, *, swash, gear=1, slope=0.0, closed=()):
+    def __init__(self, machine, *, swash, gear=1, slope=0.0, closed=(), halved="rear"):
         line, tire = machine.driveline, machine.tire
         laminar = machine.oil.laminar_pressure
         speed = machine.engine.set_speed
-        shares = np.array([GEARS[gear][0]] * 2 + [GEARS[gear][1]] * 2)
+        front, rear = GEARS[gear][:: 1 if halved == "rear" else -1]
+        shares = np.array([front] * 2 + [rear] * 2)
         size = line.motor.displacement * shares
         shut = np.array([wheel in closed for wheel in WHEELS])
         load = machine.mass * GRAVITY * np.cos(slope) / 4.0
@@ -68,6 +69,9 @@ class Steady:
         assert np.abs(found.fun).max() < 1e-6, found.message
         self.wheel_rate, self.forward, self.back, self.charge = found.x[0], *(found.x[1:4] * BAR)
         self.motor_pressure = found.x[4:8] * BAR - self.back
+        friction = line.brake.disc_torque + (1.0 - line.motor.mechanical_efficiency) * size * self.motor_pressure
+        self.torque = size * self.motor_pressure - friction
+        """[N m] that is left at each wheel, driving forward."""
         self.speed = self.wheel_rate * tire.radius
 
 
@@ -141,6 +145,35 @@ def test_top_speeds_are_pump_flow_over_displacement(straight, machine):
     rate = log.wheels("wheel_rate")[-1]
     # steady: a bristle that is not growing means no slip at all; 1e-4 m/s² bends it by 1e-4/16 m a second
     assert log["speed"][-1] == pytest.approx(machine.tire.radius * rate.mean(axis=0), rel=1e-4)
+
+
+def test_second_gear_halves_either_axle(machine):
+    """Speed, pressures and pull of every wheel by the algebra: uphill on all wheels, where the halved axle pulls less than
+    half of what the other one does, and level with one axle's valves shut, where the other one turns twice as fast if it is
+    the halved one. 5e-3: wheels of 2 to 4 kN of pull slip, by 1e-3, and the tires' blend takes 1 mm of their lever."""
+    halved = ["rear", "front"] * 2
+    shut = np.array([1.0, 1.0, 0.0, 0.0])
+    twin = Twin(4, machine=machine.with_laws(second_gear=halved), terrain=Plane(slope_deg=[8.0, 8.0, 0.0, 0.0]))
+    commands = {"drive_signal": [0.5, 0.5, 0.3, 0.3], "gear": 2, "traction_rl": shut, "traction_rr": shut}
+    log = drive(twin, (25.0, commands), sample_every=0.5)
+    assert np.abs(np.diff(log["speed"][-5:], axis=0)).max() < 0.5 * 1e-3
+    bent = states(twin)[[State[f"BRISTLE_X_{wheel.upper()}"] for wheel in WHEELS]]
+    loads = log.wheels("wheel_load")[-1]
+    pulls = -machine.tire.sigma0_longitudinal * bent * loads
+    rates = log["wheel_rate_fl"][-1]
+    assert rates[1] == pytest.approx(rates[0], rel=5e-3)
+    assert 1.8 * rates[2] < rates[3] < 2.0 * rates[2]  # at twice the pressure more leaks
+    for case, axle in enumerate(halved):
+        slope, closed = (np.radians(8.0), ()) if case < 2 else (0.0, ("rl", "rr"))
+        swash = commands["drive_signal"][case]
+        steady = Steady(machine, swash=swash, gear=2, slope=slope, closed=closed, halved=axle)
+        compare(log, case, steady, rel=5e-3)
+        if not closed:
+            expected = steady.torque / machine.tire.radius - machine.tire.rolling_resistance * loads[:, case]
+            assert pulls[:, case] == pytest.approx(expected, rel=5e-3), axle
+            front, rear = pulls[:2, case].sum(), pulls[2:, case].sum()
+            weaker, stronger = (rear, front) if axle == "rear" else (front, rear)
+            assert 0.3 * stronger < weaker < 0.5 * stronger
 
 
 def test_reverse_mirrors_forward(machine):

@@ -22,6 +22,7 @@ from aoro_gym.twin.physics.driveline import (
     driveline_gas,
     driveline_step,
     motor_pressures,
+    motor_shares,
     pump_torque,
 )
 from aoro_gym.twin.physics.fluid import Oil, pressure
@@ -98,9 +99,9 @@ def actuators_step(m: MachineRecord, signals: Signals, steering: float, x: Actua
     out.play = play(x.play, steering, m.steering.valve_hysteresis)
     out.arm_spools = lags(x.arm_spools, signals.arms, m.arm.valve_time_constant, m.arm.valve_rate_limit, h)
     out.drive_swash = lag(x.drive_swash, signals.drive, d.pump_time_constant, 1.0 / d.pump_stroke_time, h)
-    # second gear halves the displacement of the rear motors, third that of all
-    out.shift_front = lag(x.shift_front, wp.where(signals.gear > 2.5, 0.5, 1.0), d.motor_shift_time, UNLIMITED, h)
-    out.shift_rear = lag(x.shift_rear, wp.where(signals.gear > 1.5, 0.5, 1.0), d.motor_shift_time, UNLIMITED, h)
+    share_front, share_rear = motor_shares(d, signals.gear)
+    out.shift_front = lag(x.shift_front, share_front, d.motor_shift_time, UNLIMITED, h)
+    out.shift_rear = lag(x.shift_rear, share_rear, d.motor_shift_time, UNLIMITED, h)
     out.traction = lags(x.traction, signals.traction, d.traction_time_constant, UNLIMITED, h)
     return out
 

@@ -8,6 +8,9 @@ traction valve and gives it to R. Machine section ``driveline``. Source: Merritt
 import warp as wp
 
 from aoro_gym.twin.physics.fluid import Gas, Oil, check_valve, fill, free_gas, orifice, pressure, relief_valve
+from aoro_gym.twin.physics.laws import option
+
+SECOND_GEAR_FRONT = option("second_gear", "front")
 
 
 @wp.struct
@@ -50,6 +53,7 @@ class Driveline:
     brake_parking_torque: float  # [N m]
     brake_presliding_stiffness: float  # [N m/rad]
     brake_presliding_damping: float  # [N m s/rad]
+    second_gear_law: int  # by the numbers of aoro_gym.machine.laws
 
 
 @wp.struct
@@ -85,6 +89,25 @@ class DrivelineControl:
     displacement_rear: float
     traction: wp.vec4  # [-] openings
     engine_speed: float  # [rad/s]
+
+
+@wp.func
+def motor_shares(m: Driveline, gear: float):
+    """Shares of their displacement that the front and the rear motors have in a ``gear`` (1, 2 or 3).
+
+    A motor of two cams, half of whose pistons the shift valve short-circuits, has half of it (Poclain MSE18). All of it in
+    first gear, half on all wheels in third; second gear halves one axle, of which the paper does not say which: by the law
+    ``second_gear`` the rear one or the front one. Where no wheel slips each wheel turns at the same rate ω and each motor
+    sees the same Δp, so a flow Q makes ω = Q / (2 D (s_f + s_r)) and the axles pull as s_f to s_r.
+    """
+    second_front = float(1.0)
+    second_rear = float(0.5)
+    if m.second_gear_law == SECOND_GEAR_FRONT:
+        second_front = 0.5
+        second_rear = 1.0
+    front = wp.where(gear > 2.5, 0.5, wp.where(gear > 1.5, second_front, 1.0))
+    rear = wp.where(gear > 2.5, 0.5, wp.where(gear > 1.5, second_rear, 1.0))
+    return front, rear
 
 
 @wp.func
