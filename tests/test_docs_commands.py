@@ -31,7 +31,7 @@ TRACKING = ("--env", "AORO/PathTracking-v0")
 TRAINING = ("--steps", "500", "--n-envs", "2", "--checkpoint-every", "250", "--eval-episodes", "1")
 SHORTER = {
     "bench": ("--twins", "1", "--seconds", "0.02"),
-    "calibrate": ("--starts", "1", "--population", "2", "--force"),
+    "calibrate": ("--laws", "default", "--starts", "1", "--population", "2", "--force"),
     "camera": ("--width", "48", "--samples", "1", "--frames", "1"),
     "curves": (),
     "dataset": ("--frames", "3", "--width", "48", "--samples", "1"),

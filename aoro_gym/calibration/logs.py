@@ -7,7 +7,7 @@ whether any machine of this kind does what the logs say (:mod:`.verdict`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from itertools import compress
 from pathlib import Path
@@ -17,24 +17,25 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from aoro_gym.calibration.choice import choose_laws, folds_of, phases, searchable
+from aoro_gym.calibration.comparison import PRIOR_STD, Comparison
 from aoro_gym.calibration.ensemble import CANDIDATES, draw_ensemble, posterior_factor
-from aoro_gym.calibration.fit import BOXES, USUAL_STEPS, Fit, Residuals, least_squares_fit
+from aoro_gym.calibration.fit import BOXES, USUAL_STEPS, Fit, least_squares_fit
 from aoro_gym.calibration.progress import Progress, Work
-from aoro_gym.calibration.published import IDENTIFIABLE, Calibration
-from aoro_gym.calibration.recordings import CHANNELS, EVERY, FilteredLog, read_filtered_log, whitened
-from aoro_gym.calibration.replay import ENGINE_SPEED, repeat
+from aoro_gym.calibration.published import Calibration
+from aoro_gym.calibration.recordings import FilteredLog, read_filtered_log
+from aoro_gym.calibration.replay import ENGINE_SPEED
 from aoro_gym.calibration.resuming import log_inputs, resumable
 from aoro_gym.calibration.space import Space
 from aoro_gym.calibration.verdict import judge
 from aoro_gym.execution.digest import digest
 from aoro_gym.machine import Machine
-from aoro_gym.recording.logs import TICK
-
-PRIOR_STD = 0.25
-"""Standard deviation that a range, read as 95 %, gives a parameter in the unit cube."""
 
 IDENTIFIED = 0.5
 """A parameter counts as identified if the data shrink its standard deviation below this share of the prior one."""
+
+MOST_STEPS, QUICK_STEPS = 25, 3
+"""Steps of a search, at most."""
 
 SEARCH = "search.json"
 """What is kept of the search, in the folder of an unfinished calibration."""
@@ -45,6 +46,8 @@ def calibrate_logs(
     logs: Sequence[Path],
     *,
     keys: Sequence[str] | None = None,
+    families: Sequence[str] = (),
+    quick: bool = False,
     ensemble: int = 0,
     starts: int = 2,
     population: int = 64,
@@ -57,7 +60,8 @@ def calibrate_logs(
 ) -> Calibration:
     """Calibrate ``machine`` against logs.
 
-    All uncertain parameters that the logs feel are searched within their ranges. The report gives every one its value
+    All uncertain parameters that the logs feel are searched within their ranges, of several families of laws with those of
+    the one that predicts best (:mod:`.choice`). The report gives every one its value
     and 95 % interval (Gauss–Newton posterior, widened where the residuals are larger than the noise explains), says
     whether the data identify it, and begins with the verdict: whether the machine that was found does what the logs say.
 
@@ -66,6 +70,8 @@ def calibrate_logs(
         logs: Files with ``time_s``, the commands that the machine was given, ``joint_angle_rad`` (or ``_deg``), and
             pressures and the engine's speed as far as they were measured; beside them the manifests, if there are any.
         keys: Parameters that may change; by default all that are uncertain.
+        families: Families of laws to choose from, ``"file"`` for the machine's own laws, which are kept by default.
+        quick: Choose the laws by the screening alone, and end a search after :data:`QUICK_STEPS` steps.
         ensemble: Further machines that fit as well, as different as the logs allow.
         starts: Searches that are refined.
         population: Machines of the first population.
@@ -88,33 +94,61 @@ def calibrate_logs(
         "machine": machine.identity,
         "logs": log_inputs(paths),
         "keys": None if keys is None else list(keys),
+        **({"families": list(families)} if families else {}), **({"quick": True} if quick else {}),
         "ensemble": ensemble, "starts": starts, "population": population, "seed": seed, "device": device,
     }  # fmt: skip
+    pinned = [ENGINE_SPEED] if any(r.manifest.engine_speed_rpm for r in recordings) else []
+    expected = _phases(len(keys or searchable(machine)), starts, population, ensemble)
+    if families:
+        size = len(keys or searchable(machine)), len(families), len(folds_of(recordings))
+        expected = phases(*size, quick=quick) | expected
+    comparison = Comparison(recordings, device, Work(progress, expected))
     with resumable(folder, inputs, restart=restart, accept_code_change=accept_code_change) as accepted:
-        uncertain = list(keys or (p.key for p in machine.parameters() if p.role in ("nuisance", "both")))
-        pinned = [
-            key for key in uncertain if key == ENGINE_SPEED and any(r.manifest.engine_speed_rpm for r in recordings)
-        ]
-        uncertain = [key for key in uncertain if key not in pinned]
-        phases = _phases(len(uncertain), starts, population, ensemble)
-        comparison = _Comparison(recordings, device, Work(progress, phases))
-        identifiable = comparison.identifiable(Space(machine, uncertain))
-        space = Space(machine, list(compress(uncertain, identifiable)))
-        if not space.keys:
-            raise ValueError("no parameter that may change shows in the logs; the machine hardly moves in them")
-        comparison.work.expect(_phases(len(space.keys), starts, population, ensemble))
-        fits = least_squares_fit(
-            comparison.residuals(space), space.point(), prior_weight=1.0, starts=starts, population=population, seed=seed,
-            problem=digest(space.describe(), recordings), checkpoint=folder / SEARCH if folder else None,
-            work=comparison.work,
-        )  # fmt: skip
-        found = _found(comparison, space, fits, ensemble, seed)
-        not_identifiable = list(compress(uncertain, ~identifiable))
+        chosen = None
+        if families:
+            chosen = choose_laws(
+                comparison, machine, families, keys=keys, pinned=pinned, quick=quick, seed=seed, folder=folder
+            )
+            machine = chosen.machine
+        uncertain = list(keys or searchable(machine))
+        search = _Search(starts, population, QUICK_STEPS if quick else MOST_STEPS, ensemble, seed, folder)
+        found = _fitted(comparison, machine, [key for key in uncertain if key not in pinned], search)
         found.report.update(
-            not_felt=not_identifiable, fixed_by_manifests=pinned, seed=seed, accepted_code_changes=accepted
-        )
+            ({} if chosen is None else {"laws": chosen.report}), seed=seed, accepted_code_changes=accepted,
+            fixed_by_manifests=[key for key in pinned if key in uncertain],
+        )  # fmt: skip
         comparison.work.end()
         return found
+
+
+@dataclass(frozen=True)
+class _Search:
+    """Sizes of a search; see :func:`calibrate_logs`."""
+
+    starts: int
+    population: int
+    steps: int
+    ensemble: int
+    seed: int
+    folder: Path | None
+
+
+def _fitted(comparison: Comparison, machine: Machine, uncertain: Sequence[str], search: _Search) -> Calibration:
+    """The machine of the best fit to all logs, over those of the ``uncertain`` parameters that they feel."""
+    identifiable = comparison.identifiable(Space(machine, uncertain))
+    space = Space(machine, list(compress(uncertain, identifiable)))
+    if not space.keys:
+        raise ValueError("no parameter that may change shows in the logs; the machine hardly moves in them")
+    comparison.work.expect(_phases(len(space.keys), search.starts, search.population, search.ensemble))
+    fits = least_squares_fit(
+        comparison.residuals(space), space.point(), prior_weight=1.0, starts=search.starts, population=search.population,
+        seed=search.seed, max_iterations=search.steps,
+        problem=digest(space.describe(), machine.laws.names, comparison.recordings),
+        checkpoint=search.folder / SEARCH if search.folder else None, work=comparison.work,
+    )  # fmt: skip
+    found = _found(comparison, space, fits, search.ensemble, search.seed)
+    found.report.update(not_felt=list(compress(uncertain, ~identifiable)))
+    return found
 
 
 def _phases(free: int, starts: int, population: int, ensemble: int) -> dict[str, float]:
@@ -128,44 +162,7 @@ def _phases(free: int, starts: int, population: int, ensemble: int) -> dict[str,
     }
 
 
-@dataclass(frozen=True)
-class _Comparison:
-    """Machines beside recordings."""
-
-    recordings: Sequence[FilteredLog]
-    device: str
-    work: Work
-
-    def repeated(self, machine: Machine) -> Iterator[tuple[FilteredLog, dict[str, NDArray[np.float64]]]]:
-        """Each recording and what the variants of ``machine`` do under its commands."""
-        seconds = sum((recording.count - 1) * TICK for recording in self.recordings)
-        for recording in self.recordings:
-            yield (
-                recording,
-                repeat(machine, recording, device=self.device, progress=lambda done: self.work.did(done / seconds)),
-            )
-
-    def misses(self, machine: Machine) -> NDArray[np.float64]:
-        """What parts the variants of ``machine`` from the recordings, in standard deviations of noise (R, N)."""
-        rows = []
-        for recording, found in self.repeated(machine):
-            for channel, measured in recording.channels.items():
-                miss = (found[channel] - measured[:, None])[::EVERY]
-                rows.append(whitened(miss, recording.std[channel], CHANNELS[channel].zero))
-        return np.concatenate(rows)
-
-    def residuals(self, space: Space) -> Residuals:
-        """The misses of points."""
-        return lambda points: self.misses(space.population(points))
-
-    def identifiable(self, space: Space) -> NDArray[np.bool_]:
-        """Which parameters of ``space`` the recordings feel."""
-        self.work.begin("sensitivity", "which parameters the logs feel")
-        _, jacobian = posterior_factor(self.residuals(space), space.point(), PRIOR_STD)
-        return PRIOR_STD * np.linalg.norm(jacobian, axis=0) > IDENTIFIABLE
-
-
-def _found(comparison: _Comparison, space: Space, fits: Sequence[Fit], ensemble: int, seed: int) -> Calibration:
+def _found(comparison: Comparison, space: Space, fits: Sequence[Fit], ensemble: int, seed: int) -> Calibration:
     """The machine of the best fit, its verdict, intervals and ensemble."""
     comparison.work.begin("intervals", "what the logs identify")
     best = np.array(fits[0].point)

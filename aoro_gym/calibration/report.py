@@ -27,6 +27,9 @@ def tables(report: dict[str, Any]) -> Iterator[Comparison | str]:
         yield labelled("changes of the code that were accepted", report["accepted_code_changes"])
     yield from _misses(report)
     yield from _procedure(report)
+    if report.get("laws"):
+        yield _families(report["laws"])
+        yield escape(report["laws"]["sentence"])
     if verdict.get("channels"):
         yield _channels(verdict["channels"])
         yield escape(verdict["serves"])
@@ -80,6 +83,22 @@ def _channels(channels: dict[str, Any]) -> Comparison:
         rows.append([name.replace("_", " "), f"{match['residual_std']:.2f}", *shares, mark])
     head = ("signal", "left, standard deviations of noise", "of its movement", "may be", "")
     return Comparison("What is left of each signal", head, rows)
+
+
+def _families(laws: dict[str, Any]) -> Comparison:
+    """What each family of laws predicts of what it was not fitted to, the best first."""
+    rows = []
+    for one in laws["families"]:
+        interval = one["ratio_to_the_best_95"]
+        mark = Text("chosen", "green") if one["family"] == laws["chosen"] else Text("")
+        mark = Text("not told apart", "yellow") if one["family"] in laws["alike"] else mark
+        rows.append([
+            one["family"], str(one["searched"]), f"{one['screening']:.2f}",
+            *("-" if one[key] is None else f"{one[key]:.2f}" for key in ("predicted", "fit")),
+            "-" if interval is None else f"{interval[0]:.2f} - {interval[1]:.2f}", mark,
+        ])  # fmt: skip
+    head = ("laws", "searched", "predicted, quick", "predicted", "fit", "times the best, 95 %", "")
+    return Comparison("What each family predicts of logs left out, standard deviations of noise", head, rows)
 
 
 def _leaning(report: dict[str, Any]) -> str:

@@ -9,7 +9,7 @@ import pytest
 from aoro_gym import Machine, validation
 from aoro_gym.calibration.published import Calibration
 from aoro_gym.calibration.report import tables
-from aoro_gym.machine.laws import family
+from aoro_gym.machine.laws import FAMILIES, family
 from aoro_gym.reporting.terminal import Comparison
 from aoro_gym.validation.turns import TURNS
 from tests.cli.calling import call, check_refused
@@ -72,6 +72,32 @@ REPORTS = {
         ],
         "not_felt": [],
         "leaning_on_a_bound": [],
+        "laws": {
+            "chosen": "library",
+            "told_apart": False,
+            "alike": ["default"],
+            "left_out": ["a.csv"],
+            "quick": False,
+            "sentence": "laws: library, of two families",
+            "families": [
+                {
+                    "family": "library",
+                    "searched": 7,
+                    "screening": 1.5,
+                    "predicted": 1.4,
+                    "fit": 1.0,
+                    "ratio_to_the_best_95": None,
+                },
+                {
+                    "family": "default",
+                    "searched": 6,
+                    "screening": 1.6,
+                    "predicted": 1.5,
+                    "fit": 0.9,
+                    "ratio_to_the_best_95": [0.97, 1.2],
+                },
+            ],
+        },
     },
 }
 
@@ -170,10 +196,47 @@ def test_calibrate_fits_a_machine_of_the_laws_that_are_named(tmp_path, quick):
 def test_calibrate_on_logs(turn, tmp_path, quick):
     shown = call("calibrate", "--logs", turn[0], turn[0], "--machine", "aoro", "--out", tmp_path / "mine.toml")
     assert shown.exit_code == 0, shown.output
-    assert quick.calibrated == [("logs", "aoro", [turn[0]] * 2, {"ensemble": 0, "seed": 0, "device": "cpu"})]
+    options = {"ensemble": 0, "seed": 0, "device": "cpu", "families": list(FAMILIES), "quick": False}
+    assert quick.calibrated == [("logs", "aoro", [turn[0]] * 2, options)]
     assert shown.stdout.startswith("fits: [/x] 1\n")
     for text in ("a.b", "1 - 3", "not identified", "residuals: 1.50", "leaning on a bound of its range: none"):
         assert text in shown.stdout
+    for text in (
+        "laws: library, of two",
+        "What each family predicts of logs left out",
+        "not told apart",
+        "0.97 - 1.20",
+    ):
+        assert text in shown.stdout
+
+
+@pytest.mark.parametrize(
+    ("laws", "families", "machine"),
+    [
+        ("library", [], "library"),
+        ("file", [], "default"),
+        ("library, file", ["library", "file"], "default"),
+        ("families", list(FAMILIES), "default"),
+    ],
+)
+def test_laws_that_are_named_are_kept_or_chosen_from(turn, tmp_path, quick, monkeypatch, laws, families, machine):
+    seen = []
+    monkeypatch.setattr(
+        "aoro_gym.calibration.logs.calibrate_logs",
+        lambda machine, logs, **options: (
+            seen.append((machine.laws.names, options["families"], options["quick"]))
+            or Calibration(machine, (), REPORTS["logs"] | {"verdict": quick.verdict})
+        ),
+    )
+    shown = call("calibrate", "--logs", turn[0], "--laws", laws, "--quick", "--out", tmp_path / "mine.toml")
+    assert shown.exit_code == 0, shown.output
+    assert seen == [(family(machine).names, families, True)]
+
+
+def test_laws_that_there_are_not_are_refused(turn):
+    check_refused(f"calibrate --logs {turn[0]} --laws default,libary", "did you mean 'library'")
+    check_refused(f"calibrate --logs {turn[0]} --laws default,default", "names default twice")
+    check_refused("calibrate --published --quick", "--quick needs --logs")
 
 
 def test_an_interrupted_calibration_says_that_it_resumes(tmp_path, quick):

@@ -61,7 +61,7 @@ def test_results_are_json_alone(place, monkeypatch, command, key):
         ("demo",),
         ("validate", "--ensemble", "none"),
         ("study", "--scale", "steering.hose_bulk_modulus=0.9"),
-        ("calibrate", "--logs", "log.csv", "--starts", 1, "--population", 2, "--force"),
+        ("calibrate", "--logs", "log.csv", "--laws", "default", "--starts", 1, "--population", 2, "--force"),
         ("diagnose", "log.csv"),
         ("world", "--size", 30, 30),
         ("lidar", "--model", "vlp-16"),

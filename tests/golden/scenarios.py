@@ -305,7 +305,7 @@ def diagnose(folder: Path) -> None:
 def calibrate(folder: Path) -> None:
     changed = ("--scale", "steering.valve.nominal_flow_left=1.05", "--duration", "1.7", "--seed", "4")
     command(folder, "simulate", "--manoeuvre", "left", *changed, "--out", "log.csv", "-q")
-    budget = ("--population", "8", "--starts", "1", "--machine", "aoro", "--force")
+    budget = ("--population", "8", "--starts", "1", "--machine", "aoro", "--laws", "default", "--force")
     command(folder, "calibrate", "--logs", "log.csv", *budget, "--out", "machine.toml", "-q")
 
 

@@ -11,7 +11,7 @@ COMMANDS: list[tuple[str, tuple[object, ...]]] = [
     ("demo", ("demo",)),
     ("validate", ("validate", "--ensemble", "none")),
     ("study", ("study", "--scale", "steering.hose_bulk_modulus=0.9")),
-    ("calibrate", ("calibrate", "--logs", "log.csv", "--starts", 1, "--population", 2, "--force")),
+    ("calibrate", ("calibrate", "--logs", "log.csv", "--laws", "file", "--starts", 1, "--population", 2, "--force")),
     ("terrain", ("terrain", "ground.npy", "--cell", 1)),
     ("export twin", ("export", "twin", "--format", "fmi2", "--out", "twin.fmu")),
     ("serve", ("serve", "--udp-port", 0, "--tcp-port", 0, "--duration", 2)),
