@@ -17,6 +17,11 @@ from aoro_gym.checks import check_choice, check_integer, check_range
 DEEP = 100.0
 """Depth [m] of a soft layer that has no end."""
 
+LEAST_TILES, MOST_TILES = 64, 65536
+"""Bounds of the places for tiles of a twin's ruts."""
+TILES_PER_METRE = 5
+"""Tiles that a metre of fresh track of both sides takes."""
+
 # field: (lowest, highest, unit)
 BOUNDS = {
     "k_c": (0.0, 1e12, "N/m^(n+1)"),
@@ -105,9 +110,9 @@ class Soil:
             listed = ", ".join(f"{name} has {length}" for name, length in lengths.items())
             raise ValueError(f"soil fields differ in length: {listed}; give each one value, or one a twin")
         check_range("soil cell", self.cell, "m", ge=0.05, le=0.2)
-        check_integer("soil tiles", self.tiles, ge=64, le=65536)
+        check_integer("soil tiles", self.tiles, ge=LEAST_TILES, le=MOST_TILES)
         if self.tiles & (self.tiles - 1):
-            raise ValueError(f"soil tiles is {self.tiles}, but must be a power of two in [64, 65536]")
+            raise ValueError(f"soil tiles is {self.tiles}, but must be a power of two in [{LEAST_TILES}, {MOST_TILES}]")
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _again, ({entry.name: getattr(self, entry.name) for entry in fields(self)},)

@@ -38,6 +38,7 @@ from aoro_gym.checks import check_choice, check_integer
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.execution.devices import several
 from aoro_gym.machine import Machine
+from aoro_gym.terrains.soil import Soil
 
 
 def asked_of(
@@ -46,15 +47,26 @@ def asked_of(
     *,
     machine: Machine,
     courses: Sequence[Course] | None = None,
+    soil: Soil | None = None,
     **others: Any,
 ) -> dict[str, Any]:
-    """What an evaluation with these arguments, see :func:`evaluate`, depends on, by name."""
+    """What an evaluation with these arguments depends on, by name.
+
+    Args:
+        env: See :func:`evaluate`, as for the other arguments.
+        policies: See there.
+        machine: See there.
+        courses: See there.
+        soil: See there.
+        others: See there.
+    """
     return {
         "env": env,
         "policy": {name: inputs.policy_content(policy) for name, policy in policies.items()},
         "machine": inputs.machine_values(machine),
         "terrain": inputs.grounds(courses),
         "path": inputs.paths(courses),
+        **inputs.soft(soil),
         **others,
     }
 
@@ -91,6 +103,7 @@ def evaluate(
     courses: Sequence[Course] | None = None,
     machine: str | Machine = "aoro",
     drawn: Callable[[Machine, Sequence[int]], Machine] = lambda machine, seeds: machine,
+    soil: str | Soil | None = None,
     device: str = "cpu",
     reward_terms: Mapping[str, Any] | None = None,
     ray: str | None = None,
@@ -109,6 +122,8 @@ def evaluate(
         machine: Bundled name, machine file or Machine: the one that policies are made for.
         drawn: Gives the machines that are driven, one a seed, such as :mod:`aoro_gym.agents.evaluation.perturbations`
             does; by default the same.
+        soil: What the ground of every course is made of, see :class:`aoro_gym.twin.Twin`; hard by default. Drives then have
+            the metric ``rut_depth_m``: the mean of the ruts below the wheels over the episode.
         device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``; several with commas between them, or ``"cuda:all"``, share the
             episodes, see :func:`aoro_gym.execution.devices.several`. On a cluster each job has one of the first one's kind.
         reward_terms: Changes by name to what the return is made of; see :mod:`aoro_gym.envs.core.terms`.
@@ -127,7 +142,9 @@ def evaluate(
     machine = machine if isinstance(machine, Machine) else Machine.load(machine)
     task = TASKS[env]
     names = several(device)
-    make = partial(task.make, courses=courses, autoreset_mode="Disabled", reward_terms=reward_terms)
+    soil = Soil.named(soil) if isinstance(soil, str) else soil
+    made_of = {} if soil is None else {"soil": soil}
+    make = partial(task.make, courses=courses, autoreset_mode="Disabled", reward_terms=reward_terms, **made_of)
     drive = task.drive if repeats == 1 else partial(drive_repeats, task.drive, seed, episodes)
     cache = EpisodeCache(
         kept,
@@ -139,6 +156,7 @@ def evaluate(
         else device,
         None if reward_terms is None else list(reward_terms.items()),  # their sum depends on their order
         None if repeats == 1 else (seed, episodes),
+        *inputs.soft(soil).values(),
     )
     drivers = [Driver(partial(make, device=name), drive, machine, drawn) for name in names]
     todo = (policies, seed + np.arange(episodes * repeats), cache, progress)

@@ -13,6 +13,7 @@ from typing import Any
 from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.machine import Machine
+from aoro_gym.terrains.soil import Soil
 
 
 def machine_values(machine: Machine) -> dict[str, Any]:
@@ -34,6 +35,11 @@ def grounds(courses: Sequence[Course] | None) -> list[Any]:
 def paths(courses: Sequence[Course] | None) -> list[Any]:
     """Of each course its paths."""
     return [] if courses is None else [[_unnamed(path) for path in getattr(course, "paths", ())] for course in courses]
+
+
+def soft(soil: Soil | None) -> dict[str, Any]:
+    """The soil, if the ground is soft."""
+    return {} if soil is None else {"soil": soil.to_json()}
 
 
 def policy_content(policy: Any) -> Any:

@@ -62,6 +62,7 @@ def level_lanes(
         "arm_way_m_per_m": last["arm_way"] / np.maximum(driven, 0.1),
         "driven_m": driven,
         "return": drives.returns,
+        **drives.on_soil,
     }
     errors, places = drives.at_stations([tilt[i, part] for i, part in enumerate(parts)])
     return Episodes(metrics, drives.endings, drives.course, errors, places, drives.film)

@@ -87,6 +87,7 @@ def drive_paths(
         "driven_m": drives.whole - last["remaining"],
         "duration_s": drives.steps * env.task.control_step,
         "return": drives.returns,
+        **drives.on_soil,
     }
     metrics |= {name: np.where(arrived, values, np.nan) for name, values in metrics.items() if name in OVER}
     errors, places = drives.at_stations(error)

@@ -29,6 +29,7 @@ class Runs:
         last: Infos of each one's last step, by name (N,).
         data: Channels by name (N, 1 + T), which go on after an episode has ended.
         film: All channels of the first sub-environment (frames, channels).
+        rut_depth: Mean depth of the ruts below the wheels over each episode [m] (N,); None on hard ground.
     """
 
     first: Mapping[str, Any]
@@ -38,6 +39,12 @@ class Runs:
     last: Mapping[str, Floats]
     data: Mapping[str, Floats]
     film: NDArray[np.float32]
+    rut_depth: Floats | None
+
+    @property
+    def on_soil(self) -> dict[str, Floats]:
+        """The metric of drives on soil; none on hard ground."""
+        return {} if self.rut_depth is None else {"rut_depth_m": self.rut_depth}
 
     @property
     def whole(self) -> Floats:
@@ -87,6 +94,7 @@ def run_to_ends(
     start = {name: np.array(values) for name, values in infos.items()}
     whole = start["remaining"]
     running, returns, steps = np.ones(n, dtype=bool), np.zeros(n), np.zeros(n, dtype=np.intp)
+    ruts = None if env.twin.soil is None else np.zeros(n)
     endings, ends = [""] * n, {name: np.zeros(n) for name in last}
     first = np.array(env.traces(), dtype=np.float32)
     kept, film = [first[rows]], [first[:, 0]]
@@ -94,6 +102,8 @@ def run_to_ends(
         observations, rewards, terminated, truncated, infos = env.step(policy(observations))
         returns += running * rewards
         steps += running
+        if ruts is not None:
+            ruts += np.where(running, infos["rut_depth"], 0.0)
         traces = np.asarray(env.traces(), dtype=np.float32)
         kept.append(traces[rows])
         if running[0]:
@@ -109,4 +119,5 @@ def run_to_ends(
             observations, _ = env.reset(options={"reset_mask": ended})
             policy.reset(ended)
     data = dict(zip(channels, np.array(kept, dtype=np.float64).transpose(1, 2, 0), strict=True))  # (N, 1 + T) each
-    return Runs(start, returns, steps, endings, ends, data, np.array(film))
+    mean = None if ruts is None else ruts / steps
+    return Runs(start, returns, steps, endings, ends, data, np.array(film), mean)

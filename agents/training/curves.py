@@ -197,6 +197,7 @@ def references(
         seed=EVALUATION_SEED,
         courses=held_out,
         machine=machine,
+        soil=plan.soil,
         device=plan.device,
         kept=kept,
         progress=progress,

@@ -51,6 +51,9 @@ class TrainingPlan:
     join_gaps: bool = option(False, None, JOIN_GAPS_HELP)
     path_crs: str | None = option(None, "CRS", PATH_CRS_HELP)
     path_length: float = option(60.0, "M", "Of the paths that are generated on --terrain.")
+    soil: str | None = option(
+        None, "NAME[:WATER]", "Soft ground everywhere, such as peat, see 'aoro-gym evaluate'. Default: hard."
+    )
     forests: int = option(12, "N", "Generated grounds to learn on, where there is no --terrain.")
     machine: str = option("aoro", "NAME|FILE", "Bundled machine, or a machine file (.toml).")
     set: list[str] | None = option(None, "KEY=VALUE", "Set a parameter, in the unit of the machine file. Repeatable.")

@@ -106,6 +106,7 @@ def evaluation_inputs(plan: TrainingPlan, machine: Machine, held_out: Sequence[C
         "env": plan.env,
         "eval_episodes": plan.eval_episodes,
         "machine": inputs.machine_values(machine),
+        **({} if plan.soil is None else {"soil": plan.soil}),
         "held-out terrain": inputs.grounds(held_out),
         "held-out path": inputs.paths(held_out),
     }
@@ -154,6 +155,8 @@ def train(
         env_kwargs: dict[str, Any] = {"machine": _training_machines(plan, machine, int(recipe.hyperparams["n_envs"]))}
         if courses is not None:
             env_kwargs["courses"] = courses
+        if plan.soil is not None:
+            env_kwargs["soil"] = plan.soil
         learner = learner_of(plan, recipe.hyperparams, clock, env_kwargs)
         stack.callback(learner.close)
         results = TrainingResults(folder, plan.env, digest(asked))
@@ -226,6 +229,7 @@ def _evaluated(
         seed=EVALUATION_SEED,
         courses=held_out,
         machine=machine,
+        soil=plan.soil,
         device=plan.device,
         reward_terms=reward_terms,
     )

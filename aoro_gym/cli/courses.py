@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from rich.markup import escape
 
+from aoro_gym.cli.place import load_soil
 from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ def training_courses(plan: TrainingPlan) -> tuple[Sequence[Course] | None, Seque
     )
     from aoro_gym.envs.path_tracking.course_files import ON_COURSES, TRACKING
 
+    load_soil(plan.soil, None, plan.device)  # there is one of this name
     courses = load_courses(course_files(plan))
     if plan.env == LOADING:
         return made_courses(plan.env, plan.forests)

@@ -14,6 +14,7 @@ from aoro_gym.cli import options
 from aoro_gym.cli.courses import load_courses, training_courses
 from aoro_gym.cli.options import argument, option
 from aoro_gym.cli.outcome import checking_input, conclude, entered, resumable, running
+from aoro_gym.cli.place import SoilOption, load_soil
 from aoro_gym.cli.training import trained
 from aoro_gym.reporting import terminal
 
@@ -59,6 +60,7 @@ def evaluate(
     join_gaps: JoinGapsOption = False,
     path_crs: PathCrsOption = None,
     path_length: PathLengthOption = 60.0,
+    soil: SoilOption = None,
     episodes: EpisodesOption = 32,
     repeats: options.RepeatsOption = 1,
     out: options.FolderOption = Path("evaluation"),
@@ -81,10 +83,10 @@ def evaluate(
 
     A policy is a reference controller, one of the package, a file of 'aoro-gym train', or mppi, which plans by the twin.
 
-    Means over the episodes with 95 % intervals: success, cross-track error, speed, energy, tilt, return and how episodes
-    ended; of turning, the joint's responses. Episode i has the seed --seed + i for every policy. A terrain file is loaded,
-    checked and repaired as 'aoro-gym terrain' does it; solid objects of a world push back. With --laws families each episode
-    has a machine of other laws, drawn by its seed; policies are made for the machine of the file.
+    Means over the episodes with 95 % intervals: success, cross-track error, speed, energy, tilt, return, endings; of turning
+    the joint's responses, on --soil the depth of ruts. Episode i has the seed --seed + i for every policy. A terrain file is
+    loaded, checked and repaired as 'aoro-gym terrain' does it; solid objects of a world push back, but not on --soil. With
+    --laws families each episode has a machine of other laws, drawn by its seed; policies are made for that of the file.
 
     FOLDER gets evaluation.json, plots, films (MP4 with the extra 'video', else AVIF) and index.html. Ctrl-C is safe: the
     same command goes on where it stopped.
@@ -93,7 +95,7 @@ def evaluate(
 
       aoro-gym evaluate
       aoro-gym evaluate --policy preview --policy stanley --episodes 64 --logs mcap
-      aoro-gym evaluate --terrain forest.laz --path lap.gpx --policy preview
+      aoro-gym evaluate --terrain forest.laz --path lap.gpx --soil peat --policy preview
       aoro-gym evaluate --terrain forest_world --policy preview --policy mppi --episodes 2 --device cpu:simd
       aoro-gym evaluate --env AORO/Turning-v0 --scale steering.valve.spool_time_constant=5
       aoro-gym evaluate --env AORO/Turning-v0 --laws families --perturbation perturbed --device cuda:all
@@ -114,7 +116,7 @@ def evaluate(
         drawn, drawn_by = _drawn_machines(laws, perturbation, chosen)
         files = CourseFiles(env, terrain, path, path_length, track, join_gaps, path_crs)
         asked: dict[str, Any] = {"episodes": episodes, "repeats": repeats, "seed": seed, "machine": chosen}
-        asked |= {"courses": load_courses(files), "device": device}
+        asked |= {"courses": load_courses(files), "device": device, "soil": load_soil(soil, None, device)}
     inputs = evaluation.asked_of(env, policies, **asked) | drawn_by
     with _keeping(out, inputs, restart, accept_code_change) as kept, terminal.progress(env) as tell:
         driven = 0.5 if films else 0.95
@@ -122,13 +124,17 @@ def evaluate(
             result = evaluation.evaluate(
                 env, policies, **asked, drawn=drawn, ray=ray, kept=kept, progress=terminal.within(tell, 0.0, driven)
             )
-        made_by = run.to_json() | files.to_json() | accepted(kept)
-        made_by |= {} if perturbation is None else {"perturbation": perturbation}
+        made_by = run.to_json() | files.to_json() | accepted(kept) | _given(perturbation=perturbation, soil=soil)
         about: dict[str, Any] = {"lead": run.machine.sentence, "made_by": made_by}
         written = write_report(
             result, out, films=films, logs=logs, **about, progress=terminal.within(tell, driven, 1.0)
         )
     conclude(out / "evaluation.json", [table(result)], written, json_to=json_to)
+
+
+def _given(**options: str | None) -> dict[str, str]:
+    """Of options by name those that were given."""
+    return {name: value for name, value in options.items() if value is not None}
 
 
 def _check_files(out: Path, suffix: str | None) -> None:

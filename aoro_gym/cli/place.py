@@ -75,7 +75,7 @@ def load_soil(name: str | None, world: Path | None, device: str = "cpu") -> Soil
     if world is not None:
         raise ValueError(f"--soil {name} is without solid objects, but --world {world} has some; drop one of them")
     if device == SIMD:
-        raise ValueError(f"--device {SIMD} cannot run twins on --soil {name}; take cpu")
+        raise ValueError(f"--device {SIMD} cannot run twins on --soil {name}; take cpu, or drop --soil")
     try:
         return Soil.named(name)
     except ValueError as error:

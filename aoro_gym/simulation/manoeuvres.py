@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from aoro_gym.checks import check_range
 from aoro_gym.recording.command_files import read_commands
 from aoro_gym.simulation.log import RATE
-from aoro_gym.twin.records import CHANNELS, COMMAND_BOUNDS
+from aoro_gym.twin.records import CHANNELS, COMMAND_BOUNDS, RUTS_FULL
 
 if TYPE_CHECKING:
     from aoro_gym.twin import Twin
@@ -88,7 +88,7 @@ class Trajectory(Mapping[str, NDArray[np.float64]]):
 
 
 class SimulationDiverged(RuntimeError):
-    """The state of a twin is no longer finite."""
+    """The state of a twin is no longer finite, or it lacks room for its ruts."""
 
 
 def standing_turn(
@@ -215,6 +215,8 @@ def run(
             trace = twin.step(dict(segment.commands), duration=steps * main_step, sample_every=main_step)
             if twin.diverged:
                 (index, reason), time = twin.diverged[0], (done + steps) * main_step
+                if twin.status[index] == RUTS_FULL:
+                    raise SimulationDiverged(f"twin {index}: simulation stopped at t = {time:.3f} s: {reason}")
                 raise SimulationDiverged(f"twin {index}: simulation diverged ({reason} at t = {time:.3f} s)")
             assert trace is not None
             kept = slice((-done - 1) % stride, None, stride)

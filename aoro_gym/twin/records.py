@@ -73,6 +73,7 @@ LAW_FIELDS: Mapping[str, str] = {
 
 OK = wp.constant(0)
 NON_FINITE = wp.constant(1)
+RUTS_FULL = wp.constant(2)
 
 
 def _each(name: str) -> list[str]:

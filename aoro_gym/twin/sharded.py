@@ -217,6 +217,11 @@ class ShardedTwins:
         return np.concatenate([shard.status for shard in self.shards])
 
     @property
+    def status_reasons(self) -> dict[int, str]:
+        """See :attr:`aoro_gym.twin.twin.Twin.status_reasons`."""
+        return self.shards[0].status_reasons
+
+    @property
     def diverged(self) -> list[tuple[int, str]]:
         """Index and reason of every frozen twin; a reset revives it."""
         return [

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import warp as wp
 
+from aoro_gym.terrains.soil import MOST_TILES, TILES_PER_METRE
 from aoro_gym.terrains.soil import Soil as SoilParameters
 from aoro_gym.twin.kernels import soil_start
 from aoro_gym.twin.kernels.soil import FARTHEST, SOIL_GROUNDS, TILE, WHEEL_ROWS, SoilSite
@@ -83,15 +84,16 @@ class SoilRuts:
         wp.launch(soil_start.forget, count, [ruts.keys, ruts.count, ruts.full, ruts.wheels, mask], device=device)
         wp.launch(self._settle, count, [machines, self.device_struct, mask, state], device=device)
 
-    def full(self) -> dict[int, str]:
-        """Why twins whose memory of ruts is full are frozen, by their numbers."""
-        most = self._soil.tiles * 3 // 4
-        edge = TILE * self._soil.cell
-        reason = (
-            f"its memory of ruts is full: {most} tiles of {edge:g} m x {edge:g} m, about {most // 5} m of fresh track;"
-            f" make the Soil with more tiles than {self._soil.tiles}"
+    @property
+    def full(self) -> str:
+        """Why a twin is frozen whose memory of ruts is full."""
+        tiles = self._soil.tiles
+        most, edge = tiles * 3 // 4, TILE * self._soil.cell
+        more = f"make the Soil with more tiles, as tiles={2 * tiles}, or reset" if tiles < MOST_TILES else "reset"
+        return (
+            f"memory of ruts is full: {most} tiles of {edge:g} m x {edge:g} m, about {most // TILES_PER_METRE} m of fresh"
+            f" track; {more} the twin before, which forgets them"
         )
-        return {int(twin): reason for twin in np.flatnonzero(self._ruts.full.numpy())}
 
     def raster(self, machines: wp.array, twin: int) -> Ruts:
         """The ruts of a ``twin``."""

@@ -34,6 +34,7 @@ from aoro_gym.twin.records import (
     CRANE_COMMAND_BOUNDS,
     CRANE_OUTPUT_UNITS,
     NON_FINITE,
+    RUTS_FULL,
     Command,
     CraneCommand,
     CraneRow,
@@ -62,8 +63,8 @@ KEPT_LAUNCHES = 16
 STATE_ARRAYS = ("_machines", "state", "commands", "_history", "_clock", "_status", "_outputs")
 """What a twin's next steps depend on, beside its ground."""
 
-STATUS = {NON_FINITE: "non-finite state"}
-"""Reasons for which a twin is frozen, by status code (0: running)."""
+STATUS = {int(NON_FINITE): "non-finite state"}
+"""Reasons for which any twin is frozen, by status code (0: running)."""
 
 
 class UnknownChannel(KeyError):
@@ -746,9 +747,15 @@ class Twin:
     @property
     def diverged(self) -> list[tuple[int, str]]:
         """Index and reason of every frozen twin; a reset revives it."""
-        status = self.status
-        full = {} if self._grounds.ruts is None else self._grounds.ruts.full()
-        return [(int(i), full.get(int(i), STATUS[int(status[i])])) for i in np.flatnonzero(status)]
+        status, reasons = self.status, self.status_reasons
+        return [(int(i), reasons[int(status[i])]) for i in np.flatnonzero(status)]
+
+    @property
+    def status_reasons(self) -> dict[int, str]:
+        """Reasons for which these twins can be frozen, by status code: those of ``STATUS``, and on soil that the memory of
+        ruts is full."""
+        ruts = self._grounds.ruts
+        return STATUS if ruts is None else {**STATUS, int(RUTS_FULL): ruts.full}
 
     def rut_raster(self, twin: int = 0) -> Ruts:
         """The ruts of one twin since its last reset; ValueError if its ground is hard."""

@@ -61,9 +61,9 @@ class LiveTwins:
         return terrain if isinstance(terrain, Plane | Terrain | World) else terrain[0]
 
     @property
-    def diverged(self) -> bool:
-        """Whether a twin is frozen as its state was not finite."""
-        return bool(self.twin.diverged)
+    def frozen(self) -> str:
+        """Why a twin is frozen; empty if all run."""
+        return next((reason for _, reason in self.twin.diverged), "")
 
     def advance(self, duration: float) -> None:
         """Simulate ``duration`` [s], up to a main step, which is kept for the next time."""

@@ -97,7 +97,7 @@ class LiveView:
         elif self.clock.steps:
             self.clock.steps -= 1
             duration = FRAME
-        if duration and not self.twins.diverged:
+        if duration and not self.twins.frozen:
             self.twins.advance(duration)
             self._simulated += duration
         if self.server.get_clients():
@@ -138,7 +138,8 @@ class LiveView:
             self._ruts_due = now + RUTS_EVERY
         if now - self._since > 0.9:
             self._reached, self._simulated, self._since = self._simulated / (now - self._since), 0.0, now
-        note = "; **the simulation has diverged**: restart" if self.twins.diverged else ""
+        frozen = self.twins.frozen
+        note = f"; **the twin is frozen**, {frozen}: restart" if frozen else ""
         self.clock.show(self.twins.time, self._reached, note)
         if self.timeline is not None:
             self.timeline.show(self.twins.time)

@@ -97,7 +97,7 @@ class Replay:
     """
 
     driver: Callable[..., Any] | None = None
-    diverged = False
+    frozen = ""
 
     def __init__(self, recordings: Sequence[Recording]):
         self.recordings = tuple(recordings)

@@ -221,6 +221,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         self.termination_reasons = [
             *self.task.termination_reasons,
             *(f"simulation diverged: {reason}" for reason in STATUS.values()),
+            *(reason for code, reason in self.twin.status_reasons.items() if code not in STATUS),
         ]
         """Why episodes terminate; the first one, which is empty, goes on."""
         self.single_action_space = self.task.action_space

@@ -20,6 +20,11 @@ from tests.cli.calling import check_refused
         ("train --out good.csv", "--out good.csv is a file; name a folder"),
         ("train --resume empty", "empty holds no training.json; nothing was trained there"),
         ("train --machine nothing.toml", "nothing.toml"),
+        ("train --soil mud --out runs", "--soil is 'mud'; choose one of: peat"),
+        (
+            "train --soil peat --device cpu:simd --out runs",
+            "--device cpu:simd cannot run twins on --soil peat; take cpu",
+        ),
     ],
 )
 def test_wrong_input_is_one_line_before_anything_runs(files, arguments, message):

@@ -19,6 +19,7 @@ from aoro_gym.simulation.manoeuvres import (
     standing_turn,
     straight_drive,
 )
+from aoro_gym.twin.records import NON_FINITE, RUTS_FULL
 
 
 def segments(manoeuvre: Manoeuvre) -> list[tuple[int, dict[str, float]]]:
@@ -123,8 +124,17 @@ def test_progress_reaches_the_end(machine):
     assert seen[-1] == pytest.approx(0.85)
 
 
-def test_a_lost_twin_ends_the_run():
+@pytest.mark.parametrize(
+    ("status", "reason", "message"),
+    [
+        (NON_FINITE, "non-finite state", "simulation diverged (non-finite state at t = 0.100 s)"),
+        (RUTS_FULL, "memory is full", "simulation stopped at t = 0.100 s: memory is full"),
+    ],
+)
+def test_a_lost_twin_ends_the_run(status, reason, message):
     trace = SimpleNamespace(time=np.arange(1, 101) * 1e-3, channels=())
-    twin = SimpleNamespace(reset=lambda **_: None, step=lambda *_, **__: trace, diverged=[(0, "non-finite state")])
-    with pytest.raises(SimulationDiverged, match=r"twin 0: simulation diverged \(non-finite state at t = 0\.100 s\)"):
+    twin = SimpleNamespace(
+        reset=lambda **_: None, step=lambda *_, **__: trace, diverged=[(0, reason)], status=np.array([status])
+    )
+    with pytest.raises(SimulationDiverged, match=re.escape(f"twin 0: {message}")):
         run(twin, straight_drive(0.5))  # pyright: ignore[reportArgumentType]

@@ -14,7 +14,7 @@ from aoro_gym.terrains.soil import BOUNDS, PRESETS, Soil
 from aoro_gym.terrains.terrain import Terrain
 from aoro_gym.twin import Twin
 from aoro_gym.twin.physics.soil import EDGE
-from aoro_gym.twin.records import CHANNELS, SOIL_OUTPUT_UNITS, WHEELS
+from aoro_gym.twin.records import CHANNELS, RUTS_FULL, SOIL_OUTPUT_UNITS, WHEELS
 from aoro_gym.units import GRAVITY
 from tests.oracles.bodies import BodyModel
 
@@ -216,7 +216,11 @@ def test_a_twin_without_room_for_its_ruts_is_frozen_and_says_why(bundled):
     twin.step({"drive_signal": np.array([0.0, 1.0])}, 16.0)
     ((number, reason),) = twin.diverged
     assert number == 1
-    assert "memory of ruts is full: 48 tiles of 0.8 m x 0.8 m, about 9 m" in reason and "more tiles than 64" in reason
+    assert "memory of ruts is full: 48 tiles of 0.8 m x 0.8 m, about 9 m" in reason and "tiles=128, or reset" in reason
+    assert twin.status.tolist() == [0, RUTS_FULL] and twin.status_reasons[RUTS_FULL] == reason
+    twin.state.assign(np.full(twin.state.shape, np.nan, dtype=np.float32))
+    twin.step({}, 0.01)  # which is another reason
+    assert twin.diverged[0] == (0, "non-finite state") and twin.diverged[1] == (1, reason)
     twin.reset()
     twin.step({}, 0.1)
     assert not twin.diverged

@@ -46,6 +46,12 @@ from aoro_gym.twin.records import NON_FINITE, OK, MachineRecord
 TWO_PI = wp.constant(6.283185307179586)
 
 
+@wp.func
+def lost(terrain: Any, t: int):
+    """Status of a twin whose state is not finite."""
+    return NON_FINITE
+
+
 def advance(
     # parameters
     machines: wp.array(dtype=MachineRecord),
@@ -194,14 +200,14 @@ def advance(
             # any NaN or infinity in a velocity or a pressure reaches this sum within a step
             watch = watched(pose, velocity, circuits, oil, engine)
             if not wp.isfinite(watch):
-                status[t] = NON_FINITE
+                status[t] = lost(terrain, t)
                 return
 
         record_outputs(outputs, frame, t, m, signals, pose, velocity, actuators, circuits, engine, contact, terrain)
         record_further_outputs(laws, outputs, frame, state, t)
 
     if not wp.isfinite(rest(pose, change, bent, actuators, circuits, engine)):
-        status[t] = NON_FINITE
+        status[t] = lost(terrain, t)
         return
     store_state(state, t, pose, velocity, change, bent, actuators, circuits, engine, m.varies_laws)
     clock[t] = tick

@@ -125,6 +125,7 @@ def on_soil(function: Any, kind: Any) -> tuple[Any, Any]:
     """An ``advance`` as it is for machines on soft ground, and the kind of ground of soil that it takes."""
     from aoro_gym.twin.kernels.soil import (  # few twins need them
         SOIL_GROUNDS,
+        lost_on_soil,
         record_soil_outputs,
         soil_corner_contact,
         soil_hull_loads,
@@ -133,6 +134,7 @@ def on_soil(function: Any, kind: Any) -> tuple[Any, Any]:
     recorded = {"record_outputs": function.__globals__["record_outputs"]}
     outputs = wp.func(with_others(record_soil_outputs.func, recorded), module=function.__module__)
     parts = {"corner_contact": soil_corner_contact, "hull_loads": soil_hull_loads, "record_outputs": outputs}
+    parts["lost"] = lost_on_soil
     return with_others(function, parts), SOIL_GROUNDS[kind]
 
 

@@ -6,7 +6,7 @@ exchanged for those below (:mod:`aoro_gym.twin.kernels.build`); kernels without 
 A twin's ruts are a raster of the deepest sinkage that each place has borne, in tiles of 8 × 8 nodes that are made where a
 wheel first comes and found by a hash table of the twin's own (open addressing, linear probing). Memory is bounded by the
 track that is driven, not by the area. Where the table is three quarters full, the next tile makes the twin's state
-non-finite, which freezes it.
+non-finite, which freezes it; :func:`lost_on_soil` tells this from a state that diverged.
 """
 
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportRedeclaration=false
@@ -36,12 +36,14 @@ from aoro_gym.twin.physics.soil import (
     wheel_reaction,
 )
 from aoro_gym.twin.physics.tires import Hull, Tire, disc_contact
-from aoro_gym.twin.records import FIRST_SOIL_OUTPUT, MachineRecord
+from aoro_gym.twin.records import FIRST_SOIL_OUTPUT, NON_FINITE, RUTS_FULL, MachineRecord
 
 TILE = wp.constant(8)  # nodes along an edge of a tile
 TILE_BITS = wp.constant(3)
 FARTHEST = wp.constant(16383)  # tiles from the origin
-PRESSED_EVERY = wp.constant(8.0)  # main steps between two times that a wheel leaves its trace: 3 cm at the highest speed
+PRESSED_EVERY = wp.constant(
+    8.0
+)  # main steps between two times that a wheel leaves its trace: 3 cm at the highest speed
 SINKAGE = wp.constant(0)  # rows of a wheel in ``Ruts.wheels``: sinkage [m],
 SHEAR = wp.constant(1)  # shear displacement [m],
 RUT = wp.constant(2)  # depth of the rut that stays [m],
@@ -338,6 +340,12 @@ def soil_corner_contact(
         load.force = load.force * wp.inf  # no room for the rut: the twin freezes
     out.load = load
     return out
+
+
+@wp.func
+def lost_on_soil(terrain: Any, t: int):
+    """Status of a twin whose state is not finite: whether it lacked room for its ruts."""
+    return wp.where(terrain.ruts.full[t] > 0, RUTS_FULL, NON_FINITE)
 
 
 @wp.func

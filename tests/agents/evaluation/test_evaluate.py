@@ -472,3 +472,16 @@ def test_one_episode_has_no_interval_but_of_its_rate(tmp_path, short_episodes):
     assert "[" not in rows["return"]
     evaluation_report.write_report(found, tmp_path, films=False)
     assert not list(tmp_path.glob("*.mp4"))
+
+
+def test_drives_on_soil_have_their_ruts():
+    """A metric that drives on hard ground have not; on the same paths, by the same start."""
+    policies = {"preview": policy_factory(TRACKING, "preview")}
+    soft = evaluate(TRACKING, policies, episodes=2, seed=5, courses=[SHORT], soil="peat")
+    metrics = soft.runs["preview"].metrics
+    assert (metrics["rut_depth_m"] > 0.1).all() and (metrics["success_rate"] == 1.0).all()
+    assert soft.to_json()["policies"]["preview"]["rut_depth_m"]["mean"] == pytest.approx(metrics["rut_depth_m"].mean())
+    hard = evaluate(TRACKING, policies, episodes=1, seed=5, courses=[SHORT])
+    assert "rut_depth_m" not in hard.runs["preview"].metrics
+    with pytest.raises(ValueError, match="soil is 'mud'"):
+        evaluate(TRACKING, policies, episodes=1, courses=[SHORT], soil="mud")

@@ -289,6 +289,22 @@ def test_machines_to_learn_on_are_drawn_and_none_of_an_evaluation(training, tmp_
     assert max(leaderboard.SEED, training.EVALUATION_SEED) + MOST_EPISODES < training.DRAWN_SEED
 
 
+def test_soil_is_learned_on_and_evaluated_on(training, tmp_path, monkeypatch):
+    made, asked = [], []
+    evaluate = training.evaluate
+    monkeypatch.setattr(training, "learner_of", lambda *given: made.append(learner_of(*given)) or made[-1])
+    monkeypatch.setattr(
+        training, "evaluate", lambda *given, **named: asked.append(named["soil"]) or evaluate(*given, **named)
+    )
+    plan, machine = plan_of(soil="peat", steps=50), Machine.load("aoro")
+    training.train(plan, begin(plan, tmp_path), tmp_path, machine=machine)
+    assert made[0].envs.twin.soil.name == "peat" and asked == ["peat"]
+    assert "--soil peat" in json.loads((tmp_path / "training.json").read_text())["command"]
+    other = replace(plan, soil="clay")
+    with pytest.raises(ChangedInput, match="soil was 'peat', is 'clay'"):
+        training.train(other, continued(other, tmp_path), tmp_path, machine=machine)
+
+
 def test_laws_to_learn_on_are_drawn_for_every_sub_environment(training, tmp_path, monkeypatch):
     """A policy learns on twins of several families at once, and goes on with those alone."""
     made = []
