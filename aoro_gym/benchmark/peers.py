@@ -1,9 +1,11 @@
-"""Peers: the same vehicle without its hydraulics, in MuJoCo on the CPU and in MuJoCo Warp on a GPU."""
+"""Peers: the same vehicle without its hydraulics, in MuJoCo on the CPU and in MuJoCo Warp on a GPU; in Newton:
+:mod:`aoro_gym.benchmark.newton`."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -15,8 +17,15 @@ from aoro_gym.benchmark.timing import Subject
 from aoro_gym.benchmark.vehicle import OPTIONS, TIME_STEP, controls, load, poses
 from aoro_gym.machine import Machine
 
-WORLDS = {"mujoco": (1, 16, 64), "mujoco_warp": (1024, 4096, 8192, 16384, 32768, 65536)}
+WORLDS = {
+    "mujoco": (1, 16, 64),
+    "mujoco_warp": (1024, 4096, 8192, 16384, 32768, 65536),
+    "newton": (1024, 4096, 8192, 16384, 32768),
+}
 """Peers by name, and the batches among which each has its best."""
+NEWTON = "pip install newton==1.8.0"
+"""How to get the peer that is no part of ``aoro-gym[bench]``. Newton asks for Warp 1.17 or later, and its ``SolverMuJoCo``
+runs by the MuJoCo 4 that is here; but what it declares for that solver, its extra ``sim``, is MuJoCo 3.17."""
 STEPS = round(CONTROL_STEP / TIME_STEP)
 SETTLE = 1.5
 """Time [s] in which vehicles drop onto the ground and come to rest before anything is timed: in the air they are cheap."""
@@ -32,6 +41,12 @@ def package(name: str) -> Any:
         return import_module(name)
     except ImportError:
         raise ValueError(f"the peers need {name}: pip install 'aoro-gym[bench]'") from None
+
+
+def skipped(peers: Sequence[str]) -> dict[str, str]:
+    """Those of ``peers`` that are left out here, each with the reason."""
+    absent = "newton" in peers and find_spec("newton") is None
+    return {"newton": f"not installed: {NEWTON}"} if absent else {}
 
 
 def mujoco(worlds: int, *, machine: Machine, ground: str = "raster", threads: int = 1, seed: int = 0) -> Subject:
@@ -73,7 +88,7 @@ def mujoco(worlds: int, *, machine: Machine, ground: str = "raster", threads: in
             roll(np.repeat(schedule[indices].swapaxes(0, 1), STEPS, axis=1))
 
     return Subject(
-        description=_described("mujoco", mj.__version__, "cpu", worlds, ground) | {"threads": threads},
+        description=described("mujoco", mj.__version__, "cpu", worlds, ground) | {"threads": threads},
         copies=worlds,
         steps=STEPS,
         step_time=TIME_STEP,
@@ -139,14 +154,10 @@ def mujoco_warp(
 
     def check() -> dict[str, Any]:
         finite = np.isfinite(data.qpos.numpy()).all(axis=1) & np.isfinite(data.qvel.numpy()).all(axis=1)
-        # a solver that used all of its iterations dropped nothing
-        harmless = mjw.OverflowType.ITERATIONS | mjw.OverflowType.LS_ITERATIONS
-        seen = int(np.bitwise_or.reduce(data.overflow.numpy())) & ~int(harmless)
-        dropped = [flag.name for flag in mjw.OverflowType if flag.value.bit_count() == 1 and flag.value & seen]
-        return {"finite": int(finite.sum()), "dropped": dropped}
+        return {"finite": int(finite.sum()), "dropped": dropped(mjw, data.overflow)}
 
     return Subject(
-        description=_described("mujoco_warp", mjw.__version__, device, worlds, ground),
+        description=described("mujoco_warp", mjw.__version__, device, worlds, ground),
         copies=worlds,
         steps=STEPS,
         step_time=TIME_STEP,
@@ -156,12 +167,20 @@ def mujoco_warp(
     )
 
 
+def dropped(mjw: Any, overflow: Any) -> list[str]:
+    """What MuJoCo Warp had no room for, of its flags ``overflow`` (worlds,)."""
+    # a solver that used all of its iterations dropped nothing
+    harmless = mjw.OverflowType.ITERATIONS | mjw.OverflowType.LS_ITERATIONS
+    seen = int(np.bitwise_or.reduce(overflow.numpy())) & ~int(harmless)
+    return [flag.name for flag in mjw.OverflowType if flag.value.bit_count() == 1 and flag.value & seen]
+
+
 def valid_runs(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """Rows of peers in which every world stayed finite and no contact was dropped."""
     return [row for row in rows if row["finite"] == row["worlds"] and not row["dropped"]]
 
 
-def _described(what: str, version: str, device: str, worlds: int, ground: str) -> dict[str, Any]:
+def described(what: str, version: str, device: str, worlds: int, ground: str) -> dict[str, Any]:
     return {
         "what": what,
         "version": version,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from aoro_gym.benchmark.peers import valid_runs
+from aoro_gym.benchmark.peers import WORLDS, valid_runs
 from aoro_gym.execution.device_names import on_cpu
 
 SATURATED = 0.9
@@ -18,7 +18,7 @@ def ratios(cases: Rows, peers: Rows) -> dict[str, float]:
     """Ratios of rates in one run, each side at its best batch.
 
     - ``twin_over_mujoco_per_core_second``: steps a second of processor time, twins and MuJoCo on the CPU;
-    - ``twin_over_mujoco_warp``: steps a second on the GPU;
+    - ``twin_over_mujoco_warp``, ``twin_over_newton``: steps a second on the GPU;
     - ``twin_T_threads_over_1_at_N`` (and ``env_...``): steps a second of N twins;
     - ``train_resident_over_sb3_at_N``: environment steps a second that N sub-environments are learned from;
     - ``twin_cost_of_one_at_N_over_M``: time a twin's step takes among N, the most twins, against M, the fewest that fill
@@ -26,7 +26,8 @@ def ratios(cases: Rows, peers: Rows) -> dict[str, float]:
     """
     found: dict[str, float] = {}
     own = [case for case in cases if case["what"] == "twin"]
-    for peer, rate in (("mujoco", "steps_per_core_s"), ("mujoco_warp", "steps_per_s")):
+    for peer in WORLDS:
+        rate = "steps_per_core_s" if peer == "mujoco" else "steps_per_s"
         theirs = [row[rate] for row in valid_runs(peers) if row["what"] == peer]
         ours = [case[rate] for case in own if on_cpu(case["device"]) == (peer == "mujoco")]
         if ours and theirs:

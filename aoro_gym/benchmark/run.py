@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from typing import Any
 
 from aoro_gym.agents.training.plan import TRAINERS
 from aoro_gym.benchmark import peers
 from aoro_gym.benchmark.ceiling import beside, counted, measure_ceiling
 from aoro_gym.benchmark.environments import ENVIRONMENT, OUTPUTS, environments
+from aoro_gym.benchmark.newton import newton
 from aoro_gym.benchmark.ratios import ratios
 from aoro_gym.benchmark.scene import GROUNDS
 from aoro_gym.benchmark.startup import time_startup
@@ -21,9 +23,15 @@ from aoro_gym.envs.registration import ENVIRONMENTS
 from aoro_gym.execution.device_names import ALL_GPUS, SIMD, on_cpu
 from aoro_gym.execution.devices import several
 from aoro_gym.machine import Machine
+from aoro_gym.reporting import terminal
 from aoro_gym.twin.recorded import cores
 
 WHAT = ("twin", "env", "train")
+_PACKAGES = {
+    "mujoco": ("mujoco",),
+    "mujoco_warp": ("mujoco", "mujoco_warp"),
+    "newton": ("mujoco", "mujoco_warp", "newton"),
+}
 MOST_TWINS = 1_000_000
 """Most twins at once; more need more memory than one device has."""
 
@@ -51,7 +59,7 @@ class Plan:
     threads: tuple[int, ...] = ()
     """Numbers of CPU threads; one, and all cores, by default."""
     peers: tuple[str, ...] = ()
-    """``mujoco``, ``mujoco_warp`` or both."""
+    """Some of :data:`aoro_gym.benchmark.peers.WORLDS`."""
     worlds: tuple[int, ...] = ()
     """Batches of the peers; by default those of :data:`aoro_gym.benchmark.peers.WORLDS`."""
     startup: bool = False
@@ -85,10 +93,16 @@ class Plan:
             for trainer in self.trainers:
                 versions(trainer)  # all is there
         for peer in self.peers:
-            for package in dict.fromkeys(("mujoco", peer)):
-                peers.package(package)
-        if cpu and "mujoco_warp" in self.peers:
-            raise ValueError("peer mujoco_warp is timed on a GPU, but the device is cpu; take cuda:0")
+            if cpu and peer != "mujoco":
+                raise ValueError(f"peer {peer} is timed on a GPU, but the device is {self.device}; take cuda:0")
+            if peer not in self.skipped:
+                for package in _PACKAGES[peer]:
+                    peers.package(package)
+
+    @property
+    def skipped(self) -> dict[str, str]:
+        """Peers that are not timed here, each with the reason."""
+        return peers.skipped(self.peers)
 
     @property
     def shared(self) -> bool:
@@ -121,23 +135,22 @@ def run(
         SimulationDiverged: a twin's state stopped being finite.
 
     Returns:
-        The benchmark file: ``machine`` (the computer, with its ``ceiling``), ``cases``, ``peers``, ``ratios`` and, if asked
-        for, ``startup``.
+        The benchmark file: ``machine`` (the computer, with its ``ceiling``), ``cases``, ``peers``, ``ratios``, where peers
+        are left out ``skipped`` and, if asked for, ``startup``.
     """
     cases, others = _cases(plan), _others(plan)
+    preparing, timing, starting = _parts(progress, plan.startup)
     subjects = []
     for index, (make, options) in enumerate([*cases, *others]):
-        if progress is not None:
-            copies = options.get("count", options.get("worlds"))
-            progress(f"preparing {copies} x {make.__name__}", index / (len(cases) + len(others)))
+        copies = options.get("count", options.get("worlds"))
+        preparing(f"preparing {copies} x {make.__name__}", index / (len(cases) + len(others)))
         subjects.append(make(**options, machine=machine, ground=plan.ground, seed=plan.seed))
     on = computer(plan.device)
     ceiling = None
     is_counted = plan.ground in counted() and machine.laws.default and plan.device != SIMD
     is_counted = is_counted and not plan.shared
     if "twin" in plan.what and is_counted:
-        if progress is not None:
-            progress("measuring the computer's ceiling", 1.0)
+        preparing("measuring the computer's ceiling", 1.0)
         ceiling = measure_ceiling(plan.device)
         on["ceiling"] = asdict(ceiling)
 
@@ -145,18 +158,26 @@ def run(
         timed, compared = rows[: len(cases)], rows[len(cases) :]
         if ceiling is not None:
             timed = [case | beside(case, ceiling) if case["what"] == "twin" else case for case in timed]
-        return {"machine": on, "cases": timed, "peers": compared, "ratios": ratios(timed, compared)}
+        found = {"machine": on, "cases": timed, "peers": compared, "ratios": ratios(timed, compared)}
+        return found | ({"skipped": plan.skipped} if plan.skipped else {})
 
     def keep(rows: list[dict[str, Any]]) -> None:
         if save is not None:
             save(gathered(rows))
 
-    result = gathered(measure(subjects, seconds=plan.seconds, progress=progress, save=keep))
+    result = gathered(measure(subjects, seconds=plan.seconds, progress=timing, save=keep))
     if plan.startup:
-        result["startup"] = time_startup(plan.device, plan.ground, progress)
+        result["startup"] = time_startup(plan.device, plan.ground, starting)
         if save is not None:
             save(result)
     return result
+
+
+def _parts(progress: Callable[[str, float], Any] | None, startup: bool) -> tuple[terminal.Tell, ...]:
+    """Whom to tell of preparing, timing and starts: each is a part of the whole, by about the time that it takes."""
+    tell = progress if progress is not None else lambda what, share, detail="": None
+    ends = (0.0, 0.2, 0.8 if startup else 1.0, 1.0)
+    return tuple(terminal.within(lambda what, share, detail: tell(what, share), *part) for part in pairwise(ends))
 
 
 Made = tuple[Callable[..., Subject], dict[str, Any]]
@@ -182,10 +203,11 @@ def _cases(plan: Plan) -> list[Made]:
 
 def _others(plan: Plan) -> list[Made]:
     made: list[Made] = []
-    for peer in plan.peers:
+    for peer in (one for one in plan.peers if one not in plan.skipped):
         for worlds in plan.worlds or peers.WORLDS[peer]:
-            if peer == "mujoco_warp":
-                made.append((peers.mujoco_warp, {"worlds": worlds, "device": plan.device}))
+            if peer != "mujoco":
+                make = newton if peer == "newton" else peers.mujoco_warp
+                made.append((make, {"worlds": worlds, "device": plan.device}))
                 continue
             threads = plan.threads or tuple(dict.fromkeys((1, cores())))
             made += [(peers.mujoco, {"worlds": worlds, "threads": n}) for n in threads if n == 1 or n <= worlds]

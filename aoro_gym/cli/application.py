@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from typing import Any
 
@@ -11,8 +12,20 @@ from typer.core import TyperCommand, TyperOption
 from aoro_gym.cli.outcome import FLAGS
 
 
+def flowing(text: str) -> str:
+    """``text`` with each paragraph on one line, which fills any terminal; what is indented stays as it is."""
+    paragraphs = inspect.cleandoc(text).split("\n\n")
+    return "\n\n".join(
+        paragraph if any(line.startswith(" ") for line in paragraph.splitlines()) else paragraph.replace("\n", " ")
+        for paragraph in paragraphs
+    )
+
+
 class Command(TyperCommand):
     """A command that says, while it runs, which options stand for which arguments."""
+
+    def __init__(self, *arguments: Any, help: str | None = None, **settings: Any):
+        super().__init__(*arguments, help=None if help is None else flowing(help), **settings)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Arguments of the command; --json without a file means the standard output."""

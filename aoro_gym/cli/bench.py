@@ -26,9 +26,12 @@ RandomiseOption = Annotated[
 OutputOption = Annotated[str, option("--output", "numpy|torch", "What environments take and give.")]
 ThreadsOption = Annotated[str | None, option("--threads", "N[,N...]", "CPU threads. Default: one, and all cores.")]
 PeerOption = Annotated[
-    list[str] | None, option("--peer", "mujoco|mujoco_warp", "Time the vehicle in this engine, too. Repeatable.")
+    list[str] | None,
+    option("--peer", "mujoco|mujoco_warp|newton", "Time the vehicle in this engine, too. Repeatable."),
 ]
-WorldsOption = Annotated[str | None, option("--worlds", "N[,N...]", "Batches of the peers. Default: several.")]
+WorldsOption = Annotated[
+    str | None, option("--worlds", "N[,N...]", "Vehicles at once in a peer. Default: several sizes.")
+]
 StartupOption = Annotated[
     bool, option("--startup", None, "Time fresh processes, too, with compiled kernels and without.")
 ]
@@ -64,32 +67,31 @@ def bench(
     """Measure how fast twins and environments step, beside other engines, and how fast a policy learns.
 
     Twins steer and drive at random, with new commands every 20 ms; environments take random actions; learning is PPO's,
-    rollouts and updates, with the packaged hyper-parameters for the device. Five runs a case, in
-    rounds over all cases, compilation excluded: the table shows the median, the slowest and the fastest. The file of --json
-    is written anew after each run ("runs" says how many a case has had), so that an interrupted benchmark keeps what it has.
+    rollouts and updates, with the packaged hyper-parameters for the device. Each case is timed in five runs, in rounds over
+    all cases, compilation excluded; the table has the median, the slowest and the fastest, in steps a second of all copies:
+    main steps of 1 ms of twins and peers, control steps of environments.
 
-    The share of the ceiling sets twins beside a roofline: operations and bytes of a step, counted from the kernel's code,
-    over what small kernels reach here in the same run. On a CPU it is of one core without SIMD, as one thread is one twin,
-    and steps count by core seconds; on a GPU it is of the whole device. In the file: "ceiling" of the machine; of a case
-    "operations_per_step", "bytes_per_step", "ceiling_steps_per_s" by resource, and "share_of_ceiling", of the lower of them.
-    Triangles (--ground mesh) and other --laws have none: they are not counted.
+    The share of the ceiling is what twins reach of what small kernels do here at best with as many operations and bytes. On
+    a CPU it is of one core without SIMD, on a GPU of the whole device. --ground mesh and other --laws have none.
 
     A peer is the same vehicle without hydraulics (two frames, four sprung arms, four driven spheres as wheels, the forest
-    as a height field of 256 x 256, steps of 1 ms) in MuJoCo on the CPU or in MuJoCo Warp on a GPU; each counts at its
-    best batch. Peers need pip install 'aoro-gym\\[bench]'.
+    as a height field of 256 x 256, steps of 1 ms) in MuJoCo on the CPU, or on a GPU in MuJoCo Warp or Newton; each counts
+    at its best batch. Peers need pip install 'aoro-gym\\[bench]'; newton, besides, pip install newton==1.8.0, and is left
+    out without it.
 
-    Several --device share the twins. --check times two ways to do the same in turns, such as lanes over one twin after the
-    other, and ends with exit code 1 if a ratio is less than it may be; of the other options it takes --device, --machine
-    and --seconds.
+    --check measures nothing of that, but ratios of two ways to do the same, such as lanes over one twin after the other,
+    and ends with exit code 1 if one is less than it may be. Of the other options it takes --device, --machine, --seconds.
+
+    The file of --json is written anew after each run, so that an interrupted benchmark keeps what it has.
 
     [bold]Examples[/]
 
       aoro-gym bench
       aoro-gym bench --check
       aoro-gym bench --ground raster --randomise --twins 1,64 --peer mujoco --startup
-      aoro-gym bench --what twin,env --ground raster --device cuda:0 --twins 4096,65536 --peer mujoco_warp --json b.json
-      aoro-gym bench --laws materials --twins 64
-      aoro-gym bench --what train --trainer sb3,resident --ground raster --device cuda:0 --twins 4096,16384
+      aoro-gym bench --what twin,env --ground raster --device cuda:0 --twins 4096,65536 --json b.json
+      aoro-gym bench --device cuda:0 --ground raster --twins 32768 --peer mujoco_warp --peer newton
+      aoro-gym bench --what train --trainer sb3,resident --device cuda:0 --twins 4096,16384
     """
     with checking_input():
         from aoro_gym.execution.files import with_nulls, write_json
@@ -108,6 +110,8 @@ def bench(
             **counts, what=_parts(what), env=env, trainers=_parts(trainers), ground=ground, randomise=randomise,
             output=output, device=device, peers=tuple(peers or ()), startup=startup, seconds=seconds, seed=seed,
         )  # fmt: skip
+        for peer, reason in plan.skipped.items():
+            terminal.warn(f"peer {peer} is left out, {reason}")
 
     def save(so_far: dict[str, Any]) -> None:
         if json_to is not None and not is_output(json_to):

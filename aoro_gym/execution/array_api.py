@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import cache
+from importlib.util import find_spec
 from types import ModuleType
 from typing import Any
 
@@ -20,6 +21,19 @@ Array = Any
 """``numpy.ndarray`` or ``torch.Tensor``; as an argument on the host, also what NumPy makes an array of."""
 Index = Any
 """Rows of an array: a slice, or an array of whole numbers where the array lives."""
+
+
+NEEDED = ("torch", "array_api_compat")
+"""Packages that calculate on a device."""
+
+
+def calculates_on_gpus() -> bool:
+    """Whether :data:`NEEDED` are installed, and torch is one that knows this computer's GPUs."""
+    if not all(map(find_spec, NEEDED)):
+        return False
+    import torch  # pyright: ignore[reportMissingImports]
+
+    return bool(torch.cuda.is_available())
 
 
 class Arrays:
@@ -40,7 +54,8 @@ class Arrays:
 
     @classmethod
     def torch(cls, device: str) -> Arrays:
-        """Tensors on a Warp device, ``"cpu"`` or ``"cuda:N"``; ValueError that names the extra if torch is missing."""
+        """Tensors on a Warp device, ``"cpu"`` or ``"cuda:N"``; ValueError that names the extra if torch is missing, or that
+        says so if it knows no GPU."""
         try:
             import array_api_compat.torch as xp  # pyright: ignore[reportMissingImports]
             import torch  # pyright: ignore[reportMissingImports]
@@ -48,6 +63,11 @@ class Arrays:
             raise ValueError(
                 f"output is 'torch', but {error.name} is missing: pip install 'aoro-gym[torch]', or take output='numpy'"
             ) from error
+        if device.startswith("cuda") and not torch.cuda.is_available():
+            raise ValueError(
+                f"output is 'torch', but torch {torch.__version__} here knows no GPU, and the device is {device}: install "
+                "a torch that is built for CUDA, or take output='numpy'"
+            )
         return cls(xp, torch.device(device))
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -8,21 +8,17 @@ episodes begin in it. What is handed out is made of them on the host, as if all 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from importlib.util import find_spec
 from typing import Any
 
 from numpy.typing import NDArray
 
-from aoro_gym.execution.array_api import Array, Arrays
-
-NEEDED = ("torch", "array_api_compat")
-"""Packages that calculate on a device."""
+from aoro_gym.execution.array_api import Array, Arrays, calculates_on_gpus
 
 
 def calculates_there(task: Any, twin: Any) -> bool:
-    """Whether an environment of NumPy's arrays has its own on the device of its twins: on a GPU, for a task in kernels that
-    know all of its terms, as a user's own are functions of NumPy's arrays."""
-    if not twin.device.is_cuda or not getattr(task, "has_kernels", False) or not all(map(find_spec, NEEDED)):
+    """Whether an environment of NumPy's arrays has its own on the device of its twins: on a GPU that torch knows, for a task
+    in kernels that know all of its terms, as a user's own are functions of NumPy's arrays."""
+    if not twin.device.is_cuda or not getattr(task, "has_kernels", False) or not calculates_on_gpus():
         return False
     terms = [*task.reward_terms.values(), *task.observation_terms.values()]
     return all(term.function in getattr(task, "kernel_terms", ()) for term in terms)

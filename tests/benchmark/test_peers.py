@@ -2,26 +2,9 @@
 
 import numpy as np
 import pytest
-from mujoco.rollout import Rollout
 
 from aoro_gym.benchmark import peers
 from aoro_gym.benchmark.scene import CELL, CHANGES, CONTROL_STEP, EPISODE, SIDE, heights
-
-
-@pytest.fixture
-def rolled(monkeypatch):
-    """Rollouts of MuJoCo: threads, controls, first states and all states, each state as time, positions, velocities."""
-    seen = []
-    rollout = Rollout.rollout
-
-    def spy(pool, model, data, state, control):
-        before = np.array(state)
-        states, sensors = rollout(pool, model, data, state, control)
-        seen.append((pool.nthread, np.array(control), before, np.array(states)))
-        return states, sensors
-
-    monkeypatch.setattr(Rollout, "rollout", spy)
-    return seen
 
 
 @pytest.mark.slow

@@ -5,8 +5,8 @@ import os
 
 import pytest
 
+from aoro_gym.benchmark import peers, startup
 from aoro_gym.benchmark import run as running
-from aoro_gym.benchmark import startup
 from aoro_gym.benchmark.report import tables
 from aoro_gym.benchmark.run import Plan, run
 from aoro_gym.benchmark.timing import RUNS
@@ -31,7 +31,7 @@ from aoro_gym.twin.recorded import cores
         ({"threads": (1,), "device": "cuda:0"}, r"threads is \(1,\), but cuda:0 needs none"),
         ({"seconds": float("nan")}, r"seconds is nan s, but must be in \(0, 600\] s"),
         ({"seconds": 601.0}, "seconds is 601 s, but"),
-        ({"peers": ("bullet",)}, "peers is 'bullet'; choose one of: mujoco, mujoco_warp"),
+        ({"peers": ("bullet",)}, "peers is 'bullet'; choose one of: mujoco, mujoco_warp, newton"),
     ],
 )
 def test_bad_plans_are_named(options, message):
@@ -39,11 +39,30 @@ def test_bad_plans_are_named(options, message):
         Plan(**options)
 
 
-def test_mujoco_warp_wants_a_gpu(monkeypatch):
-    monkeypatch.setattr(running.peers, "package", lambda name: None)
-    with pytest.raises(ValueError, match="peer mujoco_warp is timed on a GPU, but the device is cpu"):
-        Plan(peers=("mujoco_warp",))
-    assert Plan(peers=("mujoco_warp",), device="cuda:0").thread_counts == (None,)
+@pytest.mark.parametrize("peer", ["mujoco_warp", "newton"])
+def test_some_peers_want_a_gpu(monkeypatch, peer):
+    needed = []
+    monkeypatch.setattr(running.peers, "package", needed.append)
+    monkeypatch.setattr(running.peers, "find_spec", lambda name: name)
+    with pytest.raises(ValueError, match=f"peer {peer} is timed on a GPU, but the device is cpu:simd; take cuda:0"):
+        Plan(peers=(peer,), device="cpu:simd")
+    plan = Plan(peers=(peer,), device="cuda:0")
+    assert plan.thread_counts == (None,) and plan.skipped == {}
+    assert needed == list(dict.fromkeys(("mujoco", "mujoco_warp", peer)))
+    made = running._others(plan)
+    assert [(make.__name__, options["worlds"]) for make, options in made] == [(peer, n) for n in peers.WORLDS[peer]]
+
+
+def test_newton_is_left_out_where_it_is_not_installed(machine, monkeypatch):
+    """The rest is timed, and what is written says how to get it."""
+    monkeypatch.setattr(running.peers, "find_spec", lambda name: None)
+    plan = Plan(peers=("newton",), device="cuda:0")
+    reason = {"newton": "not installed: pip install newton==1.8.0"}
+    assert plan.skipped == reason and running._others(plan) == []
+    monkeypatch.setattr(Plan, "skipped", reason)
+    result = run(Plan(twins=(1,), threads=(1,), seconds=0.02), machine)
+    assert result["skipped"] == reason
+    assert tables(result)[1].note == "newton is not installed: pip install newton==1.8.0"
 
 
 def test_all_of_it(machine):
@@ -52,7 +71,7 @@ def test_all_of_it(machine):
     )
     seen, kept = [], []
     result = run(plan, machine, lambda what, share: seen.append(share), kept.append)
-    assert seen[-1] == 1.0
+    assert seen[-1] == 1.0 and seen == sorted(seen) and seen.index(0.2) < 0.5 * len(seen)
     assert len(kept) == 5 * RUNS
     assert (len(kept[0]["cases"]), len(kept[3]["cases"]), len(kept[4]["peers"])) == (1, 4, 1)
     assert kept[-1] == result

@@ -12,6 +12,7 @@ from typer.core import TyperGroup
 
 from aoro_gym import __version__
 from aoro_gym.cli import app, main
+from aoro_gym.cli.application import flowing
 from tests.cli.calling import call, runner
 
 GROUPS = ("blind", "diagnosis", "export", "hub", "log")
@@ -43,6 +44,23 @@ def test_help_shows_every_word():
         for text in (command.help, *(getattr(parameter, "help", None) for parameter in command.params)):
             styles = {str(span.style) for span in Text.from_markup(text or "").spans}
             assert styles <= {"bold"}, f"{verb}: {text}"
+
+
+def test_paragraphs_of_help_fill_the_terminal():
+    assert (
+        flowing("""Do it.
+
+        A sentence that
+        goes on.
+
+          aoro-gym a
+          aoro-gym b
+        """)
+        == "Do it.\n\nA sentence that goes on.\n\n  aoro-gym a\n  aoro-gym b"
+    )
+    shown = runner.invoke(app, ["bench", "--help"], env={"COLUMNS": "80", "TERMINAL_WIDTH": "80"}).stdout
+    sentence = next(line for line in shown.splitlines() if line.startswith(" Twins steer and drive at random"))
+    assert len(sentence.rstrip()) > 70
 
 
 def test_help_fits_80_columns():

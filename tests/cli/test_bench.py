@@ -41,7 +41,7 @@ def test_other_laws_are_timed_without_a_ceiling(tmp_path):
         ("bench --twins 1,many", "'many' must be a positive integer"),
         ("bench --seconds nan", "seconds is nan s, but must be in (0, 600] s"),
         ("bench --what twin,drive", "what is 'drive'; choose one of: twin, env, train"),
-        ("bench --peer bullet", "--peer is 'bullet'; choose one of: mujoco, mujoco_warp"),
+        ("bench --peer bullet", "--peer is 'bullet'; choose one of: mujoco, mujoco_warp, newton"),
         ("bench --trainer x", "--trainer is 'x'; choose one of"),
         ("bench --threads 0", "--threads '0': '0' must be a positive integer"),
         ("bench --json .", "--json is '.', but must be - or end in .json"),

@@ -14,6 +14,7 @@ pytest.importorskip("array_api_compat")
 from aoro_gym.agents.controllers.mppi import Mppi, PathIntegral
 from aoro_gym.envs.core import handing_out, vector
 from aoro_gym.envs.core.terms import RewardTerm
+from aoro_gym.execution.array_api import Arrays
 from tests.envs.core.test_kernel_step import (
     LEVELLING,
     OBSTACLES,
@@ -113,10 +114,23 @@ def test_planners_see_the_same_future(monkeypatch):
     np.testing.assert_allclose(plans[0], plans[1], atol=1e-5)
 
 
-def test_terms_of_ones_own_keep_arrays_on_the_host():
+def test_terms_of_ones_own_keep_arrays_on_the_host(monkeypatch):
+    monkeypatch.setattr(handing_out, "calculates_on_gpus", lambda: True)
     env: Any = gymnasium.make_vec(TURNING, num_envs=1).unwrapped
     task = env.task
     assert handing_out.calculates_there(task, ON_GPU)
     assert not handing_out.calculates_there(task, SimpleNamespace(device=SimpleNamespace(is_cuda=False)))
     task.reward_terms = {**task.reward_terms, "own": RewardTerm(1.0, lambda view: np.abs(view.error))}
     assert not handing_out.calculates_there(task, ON_GPU)
+
+
+def test_a_torch_that_knows_no_gpu_calculates_on_none(monkeypatch):
+    env: Any = gymnasium.make_vec(TURNING, num_envs=1).unwrapped
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    assert not handing_out.calculates_there(env.task, ON_GPU)
+    with pytest.raises(
+        ValueError, match="knows no GPU, and the device is cuda:0: install a torch that is built for CUDA"
+    ):
+        Arrays.torch("cuda:0")
+    monkeypatch.setattr("torch.cuda.is_available", lambda: True)
+    assert handing_out.calculates_there(env.task, ON_GPU)
