@@ -1,11 +1,5 @@
 """Four warps for 32 twins, as one thread a twin: the roles one after the other on the CPU, and the block itself on a GPU."""
 
-import ast
-import inspect
-import itertools
-import textwrap
-from typing import Any
-
 import numpy as np
 import pytest
 import warp as wp
@@ -16,7 +10,6 @@ from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.machine import Machine
 from aoro_gym.twin import Twin
 from aoro_gym.twin.forms import choose_roles, faster_by_roles, measured
-from aoro_gym.twin.kernels.roles.advance import move_arms, steer
 from aoro_gym.twin.kernels.roles.board import ROWS
 from aoro_gym.twin.records import NON_FINITE, State
 from tests.twin.roles_in_turn import in_turn
@@ -136,64 +129,6 @@ def test_the_kernel_compiles_for_cuda(tmp_path):
     assert text.count("bar.arrive") >= 2
     assert "ld.shared" in text
     assert ".local" not in text  # no array that registers could not hold
-
-
-HANDOVERS = {
-    "tell_pressures": [("write", "pressures")],
-    "pressures_are_told": [("arrive", 1)],
-    "wait_for_pressures": [("wait", 1)],
-    "arms_flow": [("read", "pressures"), ("write", "flows")],
-    "flows_are_told": [("arrive", 2)],
-    "wait_for_flows": [("wait", 2)],
-    "arms_exchange": [("read", "flows")],
-}
-"""What the calls of a substep do to what steering and arms tell each other, and to the barriers."""
-
-
-def events(function: Any) -> list[tuple[str, Any]]:
-    """What a role does in a substep, in the order of its source."""
-    tree = ast.parse(textwrap.dedent(inspect.getsource(function.func)))
-    (loop,) = (node for node in ast.walk(tree) if isinstance(node, ast.For))
-    calls = [node for node in ast.walk(loop) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)]
-    calls.sort(key=lambda call: (call.end_lineno, call.end_col_offset))
-    return [event for call in calls for event in HANDOVERS.get(ast.unparse(call.func), [])]
-
-
-def unordered(programs: dict[str, list[tuple[str, Any]]], substeps: int) -> set[tuple[str, ...]]:
-    """Accesses of two warps to the same, one of them a write, that no barrier puts in order.
-
-    Who waits at a barrier goes on after all have come to it as often: after what each did before.
-    """
-    nodes = [(warp, n, *event) for warp, one in programs.items() for n, event in enumerate(one * substeps)]
-    after: dict[Any, set[Any]] = {node: set() for node in nodes}
-    for node in nodes:
-        after[node] |= {other for other in nodes if other[0] == node[0] and other[1] > node[1]}
-    turns: dict[Any, list[Any]] = {}
-    for node in (node for node in nodes if node[2] in ("arrive", "wait")):
-        times = sum(one[0] == node[0] and one[1] < node[1] and one[3] == node[3] for one in nodes)
-        turns.setdefault((node[3], times), []).append(node)
-    for met in turns.values():
-        for node in met:
-            after[node] |= {other for other in met if other[2] == "wait" and other is not node}
-    for _ in nodes:  # to the end: whoever comes after one that comes after
-        for node in nodes:
-            after[node] = after[node].union(*(after[other] for other in after[node]))
-    return {
-        (one[0], one[2], other[0], other[2], one[3])
-        for one, other in itertools.combinations(nodes, 2)
-        if one[0] != other[0] and one[3] == other[3] and {one[2], other[2]} in ({"read", "write"}, {"write"})
-        if other not in after[one] and one not in after[other]
-    }
-
-
-def test_no_handover_is_a_race():
-    """Each pair of arms has flows of its own; a wait that is left out is noticed."""
-    programs = {"steering": events(steer), "arms": events(move_arms)}
-    assert [len(one) for one in programs.values()] == [4, 4]
-    assert unordered(programs, 3) == set()
-    for warp, what in (("steering", ("wait", 2)), ("arms", ("wait", 1))):
-        without = programs | {warp: [event for event in programs[warp] if event != what]}
-        assert unordered(without, 3)
 
 
 def test_roles_are_for_a_gpu():
