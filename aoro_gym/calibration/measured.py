@@ -6,7 +6,7 @@ signal slowly from nothing to one side, at a stop or anywhere else; a *straight 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -48,6 +48,8 @@ class MeasuredTurn:
     """[s], from the unfiltered angle."""
     flow: float
     """Mean flow [L/min]."""
+    figures: Mapping[str, float]
+    """All key figures, NaN where there is none."""
 
 
 @dataclass(frozen=True)
@@ -114,11 +116,13 @@ def _turn(log: Log, machine: Machine, signal: float) -> MeasuredTurn:
                 f"stop, {wanted / DEGREE:.1f}° ± {AT_STOP / DEGREE:g}°; record it from stop to stop, with half a second "
                 "of rest before and after, or leave it out"
             )
-    figures = key_figures_batch(TICK * np.arange(len(angle)), angle, machine, stop=end)
-    time, flow = (float(figures[name][0]) for name in ("turn_time_s", "mean_flow_L_per_min"))
+    found = key_figures_batch(TICK * np.arange(len(angle)), angle, machine, stop=end)
+    figures = {name: float(values[0]) for name, values in found.items()}
+    time, flow = figures["turn_time_s"], figures["mean_flow_L_per_min"]
     if not np.isfinite(time):
         raise ValueError(f"{log.path} does not rest for half a second before its turn; record it again")
-    return MeasuredTurn(log.path.name, Turn("left" if sign > 0 else "right", 100.0 * abs(signal)), time, flow)
+    turn = Turn("left" if sign > 0 else "right", 100.0 * abs(signal))
+    return MeasuredTurn(log.path.name, turn, time, flow, figures)
 
 
 def _ramp(log: Log, steering: NDArray[np.float64]) -> MeasuredRamp:

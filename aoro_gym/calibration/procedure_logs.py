@@ -6,26 +6,29 @@
    time.
 4. The disc brake is found by iteration: until driving at the stated speed needs the measured pressure.
 
+Where a turn was repeated three times or more, the key figures of the calibrated machine are graded (:mod:`.grades`).
 What the logs do not hold stays as it is, and is said. Turn times at the levels between are no input of steps 3 and 4 beyond
 their mean flow; how well the machine then has them is the verdict.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.calibration.grades import Grade, graded, sentence
 from aoro_gym.calibration.measured import Measured, MeasuredTurn, read_measured
 from aoro_gym.calibration.procedure import CURVE_SOURCE, FLOW_ACCURACY, SIDES, solve, turn_time
 from aoro_gym.calibration.progress import Progress
 from aoro_gym.calibration.published import Calibration
 from aoro_gym.machine import Machine
 from aoro_gym.sensors.chain import sample
-from aoro_gym.simulation.key_figures import key_figures_batch
+from aoro_gym.simulation.key_figures import FIGURES, key_figures_batch
 from aoro_gym.units import BAR
 from aoro_gym.validation.published import published
 from aoro_gym.validation.turns import Turn, drive_pressure_at, run_turns
@@ -79,8 +82,17 @@ def calibrate_procedure(
         machine, row = _with_brake(machine, measured, float(drive_speed or 0.0), device)
         rows.append(row)
     progress("turns at all levels", (len(sides) + 1) / (len(sides) + 2))
-    compared = _compared(machine, measured.turns, device)
-    return Calibration(machine, (), _report(measured, rows, compared))
+    twin = _turned(machine, measured.turns, device)
+    report = _report(measured, rows, _compared(measured.turns, twin))
+    grades = grade_turns(measured.turns, twin)
+    if grades:
+        report["grades"] = [
+            {"direction": turn.direction, "signal_percent": turn.signal_percent, **asdict(one)}
+            for turn, found in grades.items()
+            for one in found
+        ]
+        report["graded"] = sentence([one for found in grades.values() for one in found])
+    return Calibration(machine, (), report)
 
 
 def _with_dead_bands(machine: Machine, measured: Measured) -> tuple[Machine, list[dict[str, Any]]]:
@@ -135,23 +147,44 @@ def _with_brake(machine: Machine, measured: Measured, speed: float, device: str)
     return machine, _row(machine, key, before, f"{target:.2f} bar at {speed:g} m/s", measured.drives)
 
 
-def _compared(machine: Machine, turns: Sequence[MeasuredTurn], device: str) -> list[dict[str, Any]]:
-    """Times of all turns beside those of the twin."""
+def _turned(machine: Machine, turns: Sequence[MeasuredTurn], device: str) -> dict[Turn, dict[str, float]]:
+    """Key figures of the twin in each kind of turn."""
     levels = tuple({one.turn: None for one in turns})
     if not levels:
-        return []
+        return {}
     recording = run_turns(machine, levels, device=device)
     ticks, angle = sample(recording.time, recording.angle.reshape(len(recording.time), -1))
-    found = key_figures_batch(ticks, angle, recording.machine)["turn_time_s"]
-    twin: dict[Turn, float] = dict(zip(levels, found.tolist(), strict=True))
-    return [
-        {
+    found = key_figures_batch(ticks, angle, recording.machine)
+    return {turn: {name: float(values[i]) for name, values in found.items()} for i, turn in enumerate(levels)}
+
+
+def _compared(turns: Sequence[MeasuredTurn], twin: Mapping[Turn, Mapping[str, float]]) -> list[dict[str, Any]]:
+    """Times of all turns beside those of the twin."""
+    rows = []
+    for one in turns:
+        time = twin[one.turn]["turn_time_s"]
+        rows.append({
             "log": one.log, "direction": one.turn.direction, "signal_percent": one.turn.signal_percent,
-            "measured_s": one.time, "twin_s": twin[one.turn] if np.isfinite(twin[one.turn]) else None,
-            "relative": twin[one.turn] / one.time - 1.0 if np.isfinite(twin[one.turn]) else None,
-        }
-        for one in turns
-    ]  # fmt: skip
+            "measured_s": one.time, "twin_s": time if np.isfinite(time) else None,
+            "relative": time / one.time - 1.0 if np.isfinite(time) else None,
+        })  # fmt: skip
+    return rows
+
+
+def grade_turns(turns: Sequence[MeasuredTurn], twin: Mapping[Turn, Mapping[str, float]]) -> dict[Turn, list[Grade]]:
+    """Grades of the figures of every kind of turn that was repeated often enough.
+
+    Args:
+        turns: Turns of the machine.
+        twin: Key figures of the twin in each kind of turn.
+    """
+    grades = {}
+    for turn in dict.fromkeys(one.turn for one in turns):
+        own = [one for one in turns if one.turn == turn]
+        time = float(np.mean([one.time for one in own]))
+        found = [graded(name, [one.figures[name] for one in own], twin[turn][name], turn_time=time) for name in FIGURES]
+        grades[turn] = [grade for grade in found if grade is not None]
+    return {turn: found for turn, found in grades.items() if found}
 
 
 def _row(machine: Machine, key: str, before: float, measured: str, logs: Sequence[Any]) -> dict[str, Any]:

@@ -27,6 +27,9 @@ def tables(report: dict[str, Any]) -> Iterator[Comparison | str]:
         yield labelled("changes of the code that were accepted", report["accepted_code_changes"])
     yield from _misses(report)
     yield from _procedure(report)
+    if report.get("grades"):
+        yield _grades(report["grades"])
+        yield escape(report["graded"])
     if report.get("laws"):
         yield _families(report["laws"])
         yield escape(report["laws"]["sentence"])
@@ -83,6 +86,21 @@ def _channels(channels: dict[str, Any]) -> Comparison:
         rows.append([name.replace("_", " "), f"{match['residual_std']:.2f}", *shares, mark])
     head = ("signal", "left, standard deviations of noise", "of its movement", "may be", "")
     return Comparison("What is left of each signal", head, rows)
+
+
+def _grades(grades: Sequence[dict[str, Any]]) -> Comparison:
+    """Key figures beside those of repeated turns."""
+    colours = {"excellent": "green", "good": "yellow", "missed": "red"}
+    rows = []
+    for one in grades:
+        name, unit, _ = describe(one["figure"])
+        rows.append([
+            f"{one['direction']} {one['signal_percent']:g} %", f"{name}, {unit}", f"{one['mean']:.4g}",
+            f"{one['run_to_run']:.2g}", f"{one['bound']:.2g}", "-" if one["twin"] is None else f"{one['twin']:.4g}",
+            Text(one["grade"], colours[one["grade"]]),
+        ])  # fmt: skip
+    head = ("turn", "figure", "machine, mean", "run to run, ±", "bound, ±", "twin", "")
+    return Comparison("Key figures beside those of repeated turns", head, rows, lead=2)
 
 
 def _families(laws: dict[str, Any]) -> Comparison:
