@@ -1,7 +1,7 @@
 """Machine files (TOML): reading, and writing in one canonical form.
 
 A file may be an overlay: ``base = "aoro"``, a bundled machine or a file beside it, and of each parameter only the fields
-that differ from the base.
+that differ from the base. A line may be given by its hoses (:mod:`.hoses`).
 """
 
 import json
@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from aoro_gym.execution.files import read_toml, write_text
+from aoro_gym.machine.hoses import take_hoses
 from aoro_gym.machine.laws import Laws, laws_from, to_table
 from aoro_gym.machine.quantities import UNITS, Quantity, as_quantity
 
@@ -155,8 +156,10 @@ def _merged(path: Path, overlays: int = 0) -> tuple[dict[str, Mapping[str, Any]]
     laws = document.pop("laws", {})
     if not isinstance(laws, Mapping):
         raise ValueError(f"laws = {_echo(laws)}: must be a table [laws] with a family, or an option by law")
+    own = dict(_tables(document))
+    hoses = take_hoses(own)
     if base is None:
-        return {**_usual_parameters(), **dict(_tables(document))}, dict(laws)
+        return _with_hoses({**_usual_parameters(), **own}, hoses), dict(laws)
     if not isinstance(base, str):
         raise ValueError(f"base = {_echo(base)}: must be the name of a machine or a file that ends in .toml, as text")
     if overlays >= LONGEST_CHAIN:
@@ -166,15 +169,30 @@ def _merged(path: Path, overlays: int = 0) -> tuple[dict[str, Mapping[str, Any]]
     except FileNotFoundError as error:
         raise ValueError(f"base = {_echo(base)}: {error}") from None
     tables, base_laws = _merged(file, overlays + 1)
-    for key, changed in _tables(document):
+    for key, changed in own.items():
         tables[key] = {**tables.get(key, {}), **changed}
-    return tables, {**({} if "family" in laws else base_laws), **laws}
+    return _with_hoses(tables, hoses), {**({} if "family" in laws else base_laws), **laws}
+
+
+def _with_hoses(
+    tables: dict[str, Mapping[str, Any]], hoses: Mapping[str, Mapping[str, Any]]
+) -> dict[str, Mapping[str, Any]]:
+    """``tables`` with volumes and moduli that follow from hoses; role and what is published stay the data sheet's."""
+    for key, fields in hoses.items():
+        tables[key] = {**_data_sheet()[key], **tables.get(key, {}), **fields}
+    return tables
+
+
+@cache
+def _data_sheet() -> dict[str, Mapping[str, Any]]:
+    """Tables of the bundled data sheet by dotted key."""
+    return dict(_tables(read_toml(_file_of(DATA_SHEET))))
 
 
 @cache
 def _usual_parameters() -> dict[str, Mapping[str, Any]]:
     """Tables of the data sheet's parameters of the role ``law``, and of its load: an empty bunk."""
-    tables = _tables(read_toml(_file_of(DATA_SHEET)))
+    tables = _data_sheet().items()
     return {key: table for key, table in tables if table["role"] == "law" or key.startswith(PAYLOAD)}
 
 
