@@ -6,6 +6,7 @@ what the figures know of the parameter, and not what its range does. A rise by 3
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from concurrent.futures import Executor
 from typing import Any
@@ -35,12 +36,14 @@ def profile(
     best: Floats,
     bench: Bench,
     *,
+    kept: dict[str, Any] | None = None,
     steps: int = STEPS,
     until: float = np.inf,
     executor: Executor | None = None,
     say: Callable[[str], None] = lambda text: None,
+    keep: Callable[[dict[str, Any]], None] = lambda found: None,
 ) -> dict[str, Any]:
-    """Costs (d, grid) of every parameter held at every value of :data:`GRID`, and what of its range the figures leave.
+    """Costs (grid,) of every parameter held at every value of :data:`GRID`, those that the figures determine most first.
 
     Each search begins where the posterior around the fit has its other parameters, to first order.
 
@@ -49,30 +52,46 @@ def profile(
         split: What is fitted.
         best: Point (d,) of the fit.
         bench: Where machines turn.
+        kept: What an earlier call found; its parameters are not searched again.
         steps: Gauss–Newton steps at each value.
-        until: Monotonic time [s] by which the last step is to end.
+        until: Monotonic time [s] by which the last step is to end; parameters that have not come by then are left out.
         executor: Solves the steps in its workers.
         say: Told how far it is.
+        keep: Given what is found whenever there is more.
     """
     evaluate = bench.evaluate({split.name: split})
     ahead = np.where(best < 0.5, STEP, -STEP)
     around = np.vstack([best, best + np.diag(ahead)])
     rows = sound(evaluate([(Job(model.name, split.name, 0, best.tolist()), around)])[0])
     jacobian = (rows[:, 1:] - rows[:, :1]) / ahead
-    covariance = np.linalg.inv(jacobian.T @ jacobian + PULL**2 * np.eye(len(best)))
-    jobs = []
-    for k in range(len(best)):
-        for value in GRID:
-            point = np.clip(best + covariance[:, k] / covariance[k, k] * (value - best[k]), 0.01, 0.99)
-            point[k] = value
-            jobs.append(Job(model.name, split.name, 0, point.tolist(), held=k))
-    search(
-        jobs, [model.prior] * len(jobs), evaluate, iterations=steps, until=until, executor=executor, say=say
-    )  # fmt: skip
-    found = np.array([job.cost for job in jobs]).reshape(len(best), len(GRID))
+    covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian + PULL**2 * np.eye(len(best))), dtype=np.float64)
     free = np.sum(np.square(rows[:, 0])) + np.sum(np.square(PULL * (best - model.prior)))
-    return {"grid": list(GRID), "cost_of_the_fit": float(free), "keys": list(model.space.keys),
-            "costs": [[float(f"{cost:.5g}") if np.isfinite(cost) else None for cost in row] for row in found]}  # fmt: skip
+    shrunk = PULL * np.sqrt(np.diag(covariance))
+    keys, costs = model.space.keys, dict((kept or {}).get("costs", {}))
+    found = {"grid": list(GRID), "cost_of_the_fit": float(f"{free:.5g}"), "costs": costs,
+             "std_of_prior": {key: float(f"{std:.4g}") for key, std in zip(keys, shrunk, strict=True)}}  # fmt: skip
+    left = [int(k) for k in np.argsort(shrunk, kind="stable") if keys[k] not in costs]
+    together = max(1, bench.batch // (len(GRID) * (len(best) + 1)))
+    for number in range(0, len(left), together):
+        some = left[number : number + together]
+        jobs = [_held(model, split, best, covariance, k, value) for k in some for value in GRID]
+        say(f"{len(left) - number} of {len(keys)} parameters to profile; now {', '.join(keys[k] for k in some)}")
+        search(jobs, [model.prior] * len(jobs), evaluate, iterations=steps, until=until, executor=executor, say=say)
+        rises = np.array([job.cost for job in jobs]).reshape(len(some), len(GRID))
+        if not np.all(np.isfinite(rises)):
+            break
+        costs |= {keys[k]: [float(f"{cost:.5g}") for cost in row] for k, row in zip(some, rises, strict=True)}
+        keep(found)
+        if time.monotonic() > until:
+            break
+    return found
+
+
+def _held(model: Model, split: Split, best: Floats, covariance: Floats, k: int, value: float) -> Job:
+    """A search with parameter ``k`` held at ``value``."""
+    point = np.clip(best + covariance[:, k] / covariance[k, k] * (value - best[k]), 0.01, 0.99)
+    point[k] = value
+    return Job(model.name, split.name, 0, point.tolist(), held=k)
 
 
 def left_open(costs: Floats, grid: Floats) -> tuple[float, float]:

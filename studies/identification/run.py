@@ -178,7 +178,7 @@ class Study:
             (self.bench.models[name], splits[split], result)
             for name in self.names
             for split, result in self.results[name]["splits"].items()
-            if split in splits and "interval" not in result
+            if split in splits and "point" in result and "interval" not in result
         ]
         together = max(1, self.bench.batch // 100)
         for number in range(0, len(wanted), together):
@@ -192,18 +192,22 @@ class Study:
         """Profiles of the parameters of :data:`PROFILED` structures."""
         splits = {split.name: split for split in WHOLE}
         for name, split in PROFILED:
-            result = self.results.get(name, {"splits": {}})
-            if split not in result["splits"] or split in result.get("profiles", {}):
+            if split not in self.results.get(name, {"splits": {}})["splits"]:
                 continue
             if time.monotonic() > self.until:
                 return
             self.say(f"profiles of {name}, {split}")
-            model = self.bench.models[name]
-            best = np.array(result["splits"][split]["point"])
-            result.setdefault("profiles", {})[split] = profile(
-                model, splits[split], best, self.bench, until=self.until, executor=self.executor, say=self.say
-            )
-            self.keep()
+            model, kept = self.bench.models[name], self.results[name].setdefault("profiles", {})
+            best = np.array(self.results[name]["splits"][split]["point"])
+
+            def keep(found: dict[str, Any], kept: dict[str, Any] = kept, split: str = split) -> None:
+                kept[split] = found
+                self.keep()
+
+            profile(
+                model, splits[split], best, self.bench, kept=kept.get(split), until=self.until,
+                executor=self.executor, say=self.say, keep=keep,
+            )  # fmt: skip
 
 
 def run(study: Study, parts: Sequence[str]) -> None:

@@ -8,14 +8,19 @@ from typing import Any
 
 import numpy as np
 
+from aoro_gym.calibration.space import Space
 from aoro_gym.execution.files import read_json
 from aoro_gym.simulation.key_figures import FIGURES
 from aoro_gym.validation.published import published_rows
+from studies.identification.profiles import left_open
+from studies.identification.structures import machine_of
 
 TRANSIENT = FIGURES[3:]
 """First peak and its time, lowest undershoot, second peak."""
 LEVELS = (100.0, 75.0, 50.0)
 """Signal [%] of the left turns."""
+RIGHT = LEVELS[1:]
+"""Signal [%] of the right turns whose mean flows are to be the valve table's."""
 NAMES = {"mevea": "published twin", "physical": "real machine"}
 MEMBERS = "members.json"
 """What machine files of structures meet."""
@@ -65,10 +70,31 @@ def members(folder: Path) -> str:
                 one["of_the_published_twin"], one["of_the_shape"], one["of_the_machine"]
             )),
             _percent(float(np.mean(scores)) if len(scores) == len(LEVELS) else None),
+            ", ".join(_signed(one["errors"]["physical"][f"right {level:g}"]["mean_flow_L_per_min"]) for level in RIGHT),
             str(len(one["at_bounds"])), "; ".join(one["missed"]) or "none",
         ])  # fmt: skip
     head = ["structure", "fitted to the", "published twin's figures", "shape", "machine's figures", "a level left out"]
-    return table([*head, "at a bound", "missed of the rest"], rows)
+    return table([*head, "right turns' mean flows, 75 and 50 %", "at a bound", "missed of the rest"], rows)
+
+
+def profiles(folder: Path, structure: str, split: str) -> str:
+    """A table of what the figures leave of each profiled parameter's range, those that they determine most first."""
+    found = {result["structure"]: result for result in results(folder)}[structure]["profiles"][split]
+    machine, grid, rows = machine_of(structure), np.array(found["grid"]), []
+    for key, costs in found["costs"].items():
+        values = np.array(costs)
+        ends = left_open(values, grid)
+        space, entry = Space(machine, [key]), machine.entries[key]
+        (low, *_), (high, *_) = space.values(np.array(ends)[:, None])
+        left = "-" if ends == (0.0, 1.0) else f"{low:.3g} to {high:.3g}"
+        rows.append([
+            f"`{key}`", "" if entry.unit == "1" else entry.unit, f"{entry.range[0]:.3g} to {entry.range[1]:.3g}", left,
+            f"{100.0 * (ends[1] - ends[0]):.0f} %", f"{found['std_of_prior'][key]:.2f}",
+            ", ".join(f"{cost:.1f}" for cost in values - np.min(values)),
+        ])  # fmt: skip
+    head = ["parameter", "unit", "range", "left by the figures, 95 %", "of the range", "spread left, to first order"]
+    shares = ", ".join(f"{100.0 * share:.0f}" for share in grid)
+    return table([*head, f"rise of the cost at {shares} %"], rows)
 
 
 def _levels(found: Sequence[dict[str, Any]], reference: str) -> str:
@@ -125,6 +151,10 @@ def _with_range(split: dict[str, Any] | None) -> str:
 
 def _joined(splits: Sequence[Any], shown: Callable[[Any], str]) -> str:
     return ", ".join("-" if split is None else shown(split) for split in splits)
+
+
+def _signed(share: float | None) -> str:
+    return "-" if share is None else f"{100.0 * share:+.1f} %"
 
 
 def _percent(share: float | None) -> str:

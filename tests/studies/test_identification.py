@@ -25,7 +25,7 @@ from studies.identification.run import Study, run
 from studies.identification.search import Job
 from studies.identification.splits import BY_KIND, BY_LEVEL, ROW_NAMES, WHOLE, Split
 from studies.identification.structures import STRUCTURES, machine_of, uncertain
-from studies.identification.table import markdown, members, published_twin_errors
+from studies.identification.table import markdown, members, profiles, published_twin_errors
 
 
 def test_the_published_twins_own_errors():
@@ -165,15 +165,24 @@ def test_structures_side_by_side_have_the_figures_that_they_have_alone(monkeypat
 
 
 def test_a_profile_of_what_the_figures_know(fake):
-    keys = ("oil.bulk_modulus", "oil.gas_fraction")
+    """Oil's stiffness moves all figures, the gas none: it is profiled first, and bounded."""
+    keys = ("oil.gas_fraction", "oil.bulk_modulus")
     model = Model("default", bench.Space(machine_of("default"), keys))
-    there = float(model.space.places(np.array([1.1 * 1.4e9, 0.01]))[0])
-    found = profile(model, WHOLE[1], np.array([there, 0.5]), Bench("cpu", 64, 1, {"default": model}))
-    known, blind = np.array(found["costs"])
+    there = float(model.space.places(np.array([0.01, 1.1 * 1.4e9]))[1])
+    best, whole, written = np.array([0.5, there]), Bench("cpu", 1, 1, {"default": model}), []
+    found = profile(model, WHOLE[1], best, whole, keep=lambda one: written.append(list(one["costs"])))
+    assert written == [["oil.bulk_modulus"], ["oil.bulk_modulus", "oil.gas_fraction"]], "kept one by one"
+    assert found["std_of_prior"]["oil.bulk_modulus"] < 0.5 < found["std_of_prior"]["oil.gas_fraction"]
+    blind, known = (np.array(found["costs"][key]) for key in keys)
     low, high = left_open(known, np.array(GRID))
     assert low < there < high and high - low < 0.7
     assert left_open(blind, np.array(GRID)) == (0.0, 1.0)
     assert np.ptp(blind) < 0.1 * RISE
+
+    said: list[str] = []
+    again = profile(model, WHOLE[1], best, whole, kept={"costs": {keys[0]: blind.tolist()}}, say=said.append)
+    assert again["costs"] == found["costs"] and "1 of 2" in said[0], "what is kept is not searched again"
+    assert profile(model, WHOLE[1], best, whole, until=0.0)["costs"] == {}, "no profile is half done"
 
 
 def test_a_held_parameter_stays(fake):
@@ -206,6 +215,7 @@ def test_the_page_has_the_tables_of_the_stored_results():
     page = (root / "docs" / "evidence" / "identification.md").read_text(encoding="utf-8")
     assert markdown(root / "studies" / "identification" / "results").strip() in page
     assert members(root / "studies" / "identification" / "results") in page
+    assert profiles(root / "studies" / "identification" / "results", "materials", "physical-nothing") in page
 
 
 def test_distances_of_measurements():
