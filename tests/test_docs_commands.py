@@ -122,6 +122,7 @@ def place(tmp_path_factory) -> Path:
     scanned.save(folder / "scan.laz")
     line = "x,y\n" + "".join(f"{x},0\n" for x in np.linspace(-15.0, 15.0, 61))
     (folder / "line.csv").write_text(line)
+    (folder / "my_crane.csv").write_text("time_s,crane_lift,crane_held_mass_kg\n0,0,0\n0.6,0.5,180\n1.2,0,180\n")
     slow = ("--scale", "steering.valve.spool_time_constant=4")
     turning = ("train", "--env", "AORO/Turning-v0", *TRAINING)
     for words in (

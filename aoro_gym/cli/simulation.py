@@ -13,6 +13,7 @@ from aoro_gym.cli.place import SoilOption, StartOption, WorldOption, load_ground
 from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
+    from aoro_gym.machine.vehicle_crane import VehicleCrane
     from aoro_gym.simulation.manoeuvres import Manoeuvre
     from aoro_gym.simulation.plots import Section
     from aoro_gym.terrains import Plane
@@ -20,12 +21,14 @@ if TYPE_CHECKING:
     from aoro_gym.twin import Twin
 
 ManoeuvreOption = Annotated[
-    str, option("--manoeuvre -m", "left|right|drive|FILE.csv", "What the machine is told to do.")
+    str, option("--manoeuvre -m", "left|right|drive|crane|FILE.csv", "What the machine is told to do.")
 ]
 LogOption = Annotated[
     Path, option("--out -o", "LOG", "Log to write, .csv, .parquet, .mcap or .rosbag2 (a folder); plots go beside it.")
 ]
-SignalOption = Annotated[float | None, option("--signal", "PERCENT", "Share of the full signal; 100, or 50 to drive.")]
+SignalOption = Annotated[
+    float | None, option("--signal", "PERCENT", "Share of the full signal; 100, or 50 to drive, 60 of the crane.")
+]
 DurationOption = Annotated[
     float | None,
     option("--duration", "S", "Simulated time. Default: 0.7 s past a turn's stop, 6 s of drive, a file's end."),
@@ -44,6 +47,18 @@ SlopeDirectionOption = Annotated[
 ]
 FrictionOption = Annotated[float, option("--terrain-friction", "FACTOR", "Tire friction against dry asphalt.")]
 RollingOption = Annotated[float, option("--terrain-rolling", "FACTOR", "Rolling resistance against asphalt.")]
+CraneOption = Annotated[
+    bool,
+    option("--crane", None, "A crane on the front frame whose joints move; there by itself where it is told to move."),
+]
+PoseOption = Annotated[
+    tuple[float, float, float, float] | None,
+    option("--crane-pose", "DEG DEG DEG M", "Its slew, lift, fold and telescope at the start. Default: folded."),
+]
+HeldOption = Annotated[
+    tuple[float, float, float] | None,
+    option("--held", "KG M M", "Log in the crane's grapple: mass, length, diameter."),
+]
 IdealOption = Annotated[
     bool, option("--ideal-sensors", None, "Measured columns without noise, zero error and quantiser.")
 ]
@@ -62,6 +77,9 @@ def simulate(
     soil: SoilOption = None,
     world: WorldOption = None,
     start: StartOption = None,
+    crane: CraneOption = False,
+    crane_pose: PoseOption = None,
+    held: HeldOption = None,
     ideal: IdealOption = False,
     machine: options.MachineOption = options.MACHINE,
     set_: options.SetOption = None,
@@ -74,9 +92,10 @@ def simulate(
 ) -> None:
     """Run one manoeuvre and write its log, plots and key figures.
 
-    left and right are full turns from the opposite stop; drive goes straight on. Each begins with 0.6 s of standstill.
-    A FILE.csv has the column time_s and one or more of steering_signal (or steering_signal_V), drive_signal,
-    arm_fl ... arm_rr, traction_fl ... traction_rr, gear, parking_brake; a row holds until the next. A log is one, too.
+    left and right are full turns from the opposite stop; drive goes straight on; crane moves its sections in turn, then all
+    at once. Each begins with 0.6 s of standstill. A FILE.csv has the column time_s and one or more of steering_signal (or
+    steering_signal_V), drive_signal, arm_fl ... arm_rr, traction_fl ... traction_rr, gear, parking_brake, crane_slew,
+    crane_lift, crane_fold, crane_telescope, crane_held_mass_kg; a row holds until the next. A log is one, too.
 
     LOG.csv gets measured columns at 100 Hz, joint angle and pressures with the noise of their sensors (drawn by --seed),
     and the simulator's exact state as true_*. Beside it come LOG.toml (how it was made), LOG.json (key figures, without
@@ -87,17 +106,18 @@ def simulate(
     nearest to the middle.
 
     On --soil wheels sink in, and the next ones in their ruts sink less. clay:0.3 has 30 % of water by dry mass. The log gets
-    sinkages, rut depths and the soil's resistance, a table the ruts, LOG_ruts.png shows them.
+    sinkages, rut depths and the soil's resistance, a table the ruts, LOG_ruts.png shows them. With a --crane it gets joints,
+    rates, pressures and load cell; nothing has validated its figures.
 
     [bold]Examples[/]
 
       aoro-gym simulate --manoeuvre left --out turn.csv
-      aoro-gym simulate --manoeuvre right --signal 50 --out right50.csv
       aoro-gym simulate --manoeuvre drive --signal 40 --duration 8 --terrain-slope 5 --out hill.csv
       aoro-gym simulate --manoeuvre left --scale steering.valve.spool_time_constant=5 --out slow_spool.csv
       aoro-gym simulate --manoeuvre left --laws library --out library.csv
       aoro-gym simulate --manoeuvre drive --world forest --start -10 14 225 --duration 20 --out stopped.csv
       aoro-gym simulate --manoeuvre drive --soil peat --duration 12 --out mire.csv
+      aoro-gym simulate --manoeuvre crane --held 180 4 0.26 --out crane.csv
       aoro-gym simulate --manoeuvre my_commands.csv --start-angle 10 --out mine.csv
     """
     with checking_input():
@@ -114,7 +134,8 @@ def simulate(
         plan = named_manoeuvre(
             manoeuvre, chosen, signal=signal, duration=duration, start_angle=start_angle, warn=terminal.warn
         )
-        twin = Twin(machine=chosen, terrain=terrain, soil=made_of, device=device)
+        plan, carried = _with_crane(plan, crane, crane_pose, held, device)
+        twin = Twin(machine=chosen, terrain=terrain, soil=made_of, crane=carried, device=device)
         if world is not None:
             twin.set_ground([0], friction=friction, rolling_resistance=rolling)
         twin.reset(position=place[:2], heading=place[2], joint_angle=plan.start_angle)
@@ -123,6 +144,40 @@ def simulate(
     with running():
         written = output.write(section, twin, out, run)
     conclude(out.with_suffix(".json"), _tables(section, twin), written, json_to=json_to)
+
+
+def _with_crane(
+    plan: Manoeuvre,
+    wanted: bool,
+    pose: tuple[float, float, float, float] | None,
+    held: tuple[float, float, float] | None,
+    device: str,
+) -> tuple[Manoeuvre, VehicleCrane | bool]:
+    """The ``plan`` with a log that is ``held``, and the crane of the twin: none where neither plan nor option asks for one.
+
+    Args:
+        plan: What is to be done.
+        wanted: Value of --crane.
+        pose: Of --crane-pose [deg, deg, deg, m].
+        held: Of --held [kg, m, m].
+        device: Of --device.
+    """
+    from aoro_gym.execution.device_names import SIMD
+    from aoro_gym.machine.vehicle_crane import VehicleCrane
+    from aoro_gym.simulation.manoeuvres import holding
+
+    plan = plan if held is None else holding(plan, *held)
+    if not (wanted or pose is not None or plan.moves_crane):
+        return plan, False
+    if device == SIMD:
+        raise ValueError(f"--device is {SIMD}, where twins have no crane; take cpu")
+    if pose is None:
+        return plan, VehicleCrane(start=plan.crane_pose)
+    slew, lift, fold = (math.radians(angle) for angle in pose[:3])
+    try:
+        return plan, VehicleCrane(start=(slew, lift, fold, pose[3]))
+    except ValueError as error:
+        raise ValueError(f"--crane-pose: {error}") from None
 
 
 def _tables(section: Section, twin: Twin) -> list[Any]:

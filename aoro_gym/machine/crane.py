@@ -17,10 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 from aoro_gym.checks import check_finite
 from aoro_gym.machine.machine_file import Parameter, read_parameters
 from aoro_gym.machine.quantities import Quantity, finite, non_negative, positive, section, within
+from aoro_gym.recording.commands import JOINTS
 from aoro_gym.units import GRAVITY
 
-JOINTS = ("slew", "lift", "fold", "telescope")
-"""Names of the joints, in the order of their coordinates."""
 _STRAIGHT = np.pi
 
 

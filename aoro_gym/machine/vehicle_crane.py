@@ -39,7 +39,7 @@ class Transport:
 
     @property
     def joints(self) -> Floats:
-        """(4, ...) in the order of :data:`aoro_gym.machine.crane.JOINTS`."""
+        """(4, ...) in the order of :data:`aoro_gym.recording.commands.JOINTS`."""
         return np.stack(np.broadcast_arrays(self.slew, self.lift, self.fold, self.telescope)).astype(np.float64)
 
 
@@ -167,13 +167,16 @@ class VehicleCrane:
         about = masses[..., None, None] * (squares - np.einsum("bvi,bvj->bvij", places, places))
         return masses.sum(0), np.sum(masses[..., None] * places, axis=0), np.sum(tensors + about, axis=0)
 
-    def check_fits(self, machine: Machine) -> None:
-        """ValueError if the front frame of a ``machine`` is not heavy enough to have carried this crane in transport."""
+    def check_fits(self, machine: Machine, numbers: ArrayLike | None = None) -> None:
+        """ValueError if the front frame of a ``machine`` is not heavy enough to have carried this crane in transport; of
+        cranes that differ, those of the twins ``numbers`` (K,), all by default."""
         frame = machine.frame.front
         one = np.stack(np.broadcast_arrays(frame.cog_x, 0.0, frame.cog_height), axis=-1).reshape(-1, 3)
         mass = np.atleast_1d(frame.mass)
         moments = np.stack(np.broadcast_arrays(frame.inertia_xx, frame.inertia_yy, frame.inertia_zz), axis=-1)
-        crane, moment, tensor = self.folded()
+        crane, moment, tensor = (
+            one if numbers is None or len(one) == 1 else one[np.asarray(numbers)] for one in self.folded()
+        )
         left = mass - crane
         if np.any(left <= 0.0):
             raise ValueError(

@@ -28,7 +28,7 @@ from aoro_gym.execution.files import read_toml
 from aoro_gym.recording.bag_writing import own_column
 from aoro_gym.recording.bags import Floats, Series, series_of, topics_of
 from aoro_gym.recording.cells import listed, shown
-from aoro_gym.recording.commands import COMMAND_BOUNDS, WHEELS
+from aoro_gym.recording.commands import ALL_COMMAND_BOUNDS, WHEELS
 
 UNKNOWN = "?"
 """Stands in a proposal for a unit that must be filled in."""
@@ -47,7 +47,7 @@ SPOKEN: Mapping[str, tuple[str, ...]] = {
     **{f"wheel_rate_{wheel}": (f"velocity_wheel_{wheel}", f"velocity_{wheel}_wheel") for wheel in WHEELS},
 }
 """Further names of quantities in topics and fields."""
-HELD = (*COMMAND_BOUNDS, "steering_voltage")
+HELD = (*ALL_COMMAND_BOUNDS, "steering_voltage")
 """Quantities that hold from one message to the next."""
 LATE = ("gps_",)
 """Columns that hold likewise, and may begin later than a log."""
@@ -226,7 +226,9 @@ def proposed(bag: Path, wanted: Mapping[str, Sequence[str]]) -> tuple[list[Mappe
                 left.append(f"{topic} {field}")
                 continue
             unit = UNITS.get((kind, re.split(r"[.\[]", field)[0])) or _unit_of(field)
-            found[quantity] = Mapped(quantity, topic, field, unit or ("" if quantity in COMMAND_BOUNDS else UNKNOWN))
+            found[quantity] = Mapped(
+                quantity, topic, field, unit or ("" if quantity in ALL_COMMAND_BOUNDS else UNKNOWN)
+            )
     return list(found.values()), left
 
 

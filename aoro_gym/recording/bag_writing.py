@@ -6,8 +6,8 @@ A log has one message a topic and sample:
 - ``/imu`` (sensor_msgs/Imu): angular velocity and specific force, where the log has all six numbers; the orientation is not
   given, and marked so as REP 145 has it;
 - ``/gps/fix`` (sensor_msgs/NavSatFix): one message a solution of the receiver, where the log has place and status;
-- ``/commands``, ``/pressures``, ``/engine``, ``/navigation``, ``/true_state``: one float64 a column, called as the column is
-  in small letters (types of ``aoro_msgs``, whose definitions lie in the file);
+- ``/commands``, ``/pressures``, ``/engine``, ``/crane``, ``/navigation``, ``/true_state``: one float64 a column, called as
+  the column is in small letters (types of ``aoro_msgs``, whose definitions lie in the file);
 - ``/tf`` (tf2_msgs/TFMessage): the front frame in its world, where the pose is in the log.
 """
 
@@ -55,7 +55,7 @@ STANDARD = {
     "/gps/fix": "sensor_msgs/msg/NavSatFix",
 }
 """Types of topics that have one of ROS's own."""
-OWN_TOPICS = ("/commands", "/pressures", "/engine", "/navigation", "/true_state")
+OWN_TOPICS = ("/commands", "/pressures", "/engine", "/crane", "/navigation", "/true_state")
 CAPITALS = (("_l_per_min", "_L_per_min"), ("_n_m", "_N_m"), ("_kn", "_kN"), ("_v", "_V"))
 """Ends of columns that have capital letters, which fields of messages have not."""
 GPS_SERVICE = 1
@@ -80,6 +80,8 @@ def own_place(column: str, standard: Collection[str] = (*IMU, *GPS)) -> tuple[st
         return "/engine", column
     if column.startswith(("imu_", "gps_")):
         return "/navigation", column.lower()
+    if column.startswith(("crane_joint_", "crane_rate_", "crane_tip_")):
+        return "/crane", column.lower()
     return "/pressures" if "pressure" in column else "/commands", column.lower()
 
 

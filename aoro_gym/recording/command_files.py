@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from aoro_gym.checks import check_range
 from aoro_gym.recording.cells import listed, shown
-from aoro_gym.recording.commands import COMMAND_BOUNDS
+from aoro_gym.recording.commands import ALL_COMMAND_BOUNDS
 from aoro_gym.recording.logs import NOT_ASKED, QUANTITIES, find_quantities, signal_from_voltage
 from aoro_gym.recording.tables import Table, read_table
 from aoro_gym.recording.units import NamedQuantity, canonical
@@ -29,7 +29,7 @@ class CommandFile:
     time: Floats
     """(K,) seconds; from the first row on if the clock counts since 1970 or holds stamps."""
     commands: dict[str, Floats]
-    """(K,) by name, within COMMAND_BOUNDS."""
+    """(K,) by name, within ALL_COMMAND_BOUNDS."""
     unread: tuple[str, ...]
     """Columns that are neither commands nor measured, nor the simulator's state."""
 
@@ -48,18 +48,18 @@ def read_commands(path: Path) -> CommandFile:
     clock, quantity = _only(table, "time", found["time"])
     time, _ = table.elapsed(clock, quantity.unit)
     start = table.starts_at(clock, quantity.unit)
-    columns = {name: _command(table, name, found[name]) for name in COMMAND_BOUNDS if name in found}
+    columns = {name: _command(table, name, found[name]) for name in ALL_COMMAND_BOUNDS if name in found}
     if "steering_signal" not in columns and "steering_voltage" in found:
         columns["steering_signal"] = _steering_by_voltage(table, found["steering_voltage"])
     if not columns:
-        raise ValueError(f"{path} has no command column; known: {', '.join(COMMAND_BOUNDS)}")
+        raise ValueError(f"{path} has no command column; known: {', '.join(ALL_COMMAND_BOUNDS)}")
     return CommandFile(table, clock, time + start, columns, unread)
 
 
 def _unknown(table: Table, found: dict[str, list[tuple[str, NamedQuantity]]]) -> tuple[str, ...]:
     """Columns that nobody knows; ``ValueError`` for one whose name is nearly that of a command."""
     known = {name for columns in found.values() for name, _ in columns}
-    commands = [*COMMAND_BOUNDS, "steering_signal_V"]
+    commands = [*ALL_COMMAND_BOUNDS, "steering_signal_V"]
     unknown = []
     for name in table.names:
         bare = canonical(name[:60])
@@ -92,7 +92,7 @@ def _command(table: Table, key: str, columns: list[tuple[str, NamedQuantity]]) -
     name, quantity = _only(table, key, columns)
     values = table.numbers(name)
     values = values if quantity.unit is None else quantity.unit.to_si(values)
-    low, high, _ = COMMAND_BOUNDS[key]
+    low, high, _ = ALL_COMMAND_BOUNDS[key]
     for index in np.flatnonzero(~((values >= low - 1e-12) & (values <= high + 1e-12))):
         check_range(f"{table.where(int(index))}: {name}", values[index], ge=low, le=high)
     if key == "gear" and (values != np.rint(values)).any():

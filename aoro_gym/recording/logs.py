@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.recording.cells import listed, shown
-from aoro_gym.recording.commands import COMMAND_BOUNDS, WHEELS
+from aoro_gym.recording.commands import ALL_COMMAND_BOUNDS, COMMAND_BOUNDS, CRANE_COMMAND_BOUNDS, WHEELS
 from aoro_gym.recording.manifest import Manifest, read_manifest
 from aoro_gym.recording.tables import Table, read_table
 from aoro_gym.recording.units import LONGEST_NAME, NamedQuantity, Unit, canonical, find_unit, parse_name, splits
@@ -144,7 +144,11 @@ QUANTITIES: dict[str, Quantity] = {
         "datum_zeit", "datum_uhrzeit", "temps", "heure", "horodatage",
     ),
     "steering_voltage": _quantity("steering_signal_V", "voltage", "steering_voltage", "lenkspannung", *_STEERING),
-    **{name: _quantity(name, "ratio", name) for name in COMMAND_BOUNDS},
+    **{name: _quantity(name, "ratio", name) for name in (*COMMAND_BOUNDS, *CRANE_COMMAND_BOUNDS)},
+    "crane_held_mass": _quantity("crane_held_mass_kg", "mass", "crane_held_mass"),
+    "crane_held_yaw": _quantity("crane_held_yaw_rad", "angle", "crane_held_yaw"),
+    "crane_held_axial": _quantity("crane_held_axial_kg_m2", "moment_of_inertia", "crane_held_axial"),
+    "crane_held_transverse": _quantity("crane_held_transverse_kg_m2", "moment_of_inertia", "crane_held_transverse"),
     "steering_signal": _quantity("steering_signal", "ratio", *_STEERING),
     **CHANNELS,
 }  # fmt: skip
@@ -156,7 +160,7 @@ for _name, _one in QUANTITIES.items():
     for _base in _one.bases:
         _BY_BASE.setdefault(_base, []).append(_name)
 
-NOT_ASKED = re.compile(r"true_.*|imu_.*|gps_.*", re.IGNORECASE)
+NOT_ASKED = re.compile(r"true_.*|imu_.*|gps_.*|crane_(joint|rate|pressure|tip_load)_.*", re.IGNORECASE)
 """Columns that a log of this project may have, and nobody asks a recording for."""
 
 
@@ -310,7 +314,7 @@ def _in_german(one: NamedQuantity) -> NamedQuantity:
 
 def _idle(commands: Mapping[str, Floats]) -> NDArray[np.bool_]:
     """Where nothing commands the machine to move: signals and arms are zero."""
-    moving = [values != 0.0 for name, values in commands.items() if COMMAND_BOUNDS[name][0] < 0.0]
+    moving = [values != 0.0 for name, values in commands.items() if ALL_COMMAND_BOUNDS[name][0] < 0.0]
     return ~np.any(moving, axis=0)
 
 
@@ -348,7 +352,7 @@ class _Reading:
                 continue
             if others:
                 self.note(f"{listed([other for other, _ in others])} not read, as {name} is the same quantity")
-            if quantity.unit is None and key not in ("time", "joint_angle") and key not in COMMAND_BOUNDS:
+            if quantity.unit is None and key not in ("time", "joint_angle") and key not in ALL_COMMAND_BOUNDS:
                 said = f"the unit {shown(quantity.unit_text)} is unknown" if quantity.is_unknown else "no unit is named"
                 self.note(f"{name} was not read, as {said}; name it {QUANTITIES[key].column}, for instance")
                 continue
@@ -456,7 +460,7 @@ class _Reading:
     def commands(self, wanted: Collection[str]) -> dict[str, Floats]:
         """Commands, by name."""
         given: dict[str, Floats] = {}
-        for name in COMMAND_BOUNDS:
+        for name in ALL_COMMAND_BOUNDS:
             if name not in self.columns and not (name == "steering_signal" and "steering_voltage" in self.columns):
                 continue
             if name not in wanted:
@@ -472,11 +476,11 @@ class _Reading:
         except ValueError as error:
             self.notes.append(f"{error} ({column.name} was not read)")
             return
-        if np.any(values != COMMAND_BOUNDS[name][2]):
+        if np.any(values != ALL_COMMAND_BOUNDS[name][2]):
             self.note(f"{column.name} commands the machine, too; {self.purpose} does not replay it")
 
     def _command(self, name: str) -> Floats:
-        values, (low, high, _) = self.numbers(name), COMMAND_BOUNDS[name]
+        values, (low, high, _) = self.numbers(name), ALL_COMMAND_BOUNDS[name]
         beyond = np.maximum(low - values, values - high)
         row = int(np.argmax(beyond))
         if beyond[row] > 1e-6:

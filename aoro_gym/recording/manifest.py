@@ -35,7 +35,7 @@ GROUND: Mapping[str, tuple[float, float, str]] = {
 }
 """Of the table ``ground``: the fields of an inclined plane, with their bounds."""
 _TEXTS = ("manoeuvre", "sensors")
-_TABLES = ("ground", "world", "machine", "simulation")
+_TABLES = ("ground", "world", "crane", "machine", "simulation")
 KEYS = (*_NUMBERS, "gear", "filters", *_TEXTS, *_TABLES)
 """What a manifest may hold."""
 

@@ -37,6 +37,7 @@ DIMENSIONS: dict[str, Vector] = {
     "volume": (3, 0, 0, 0, 0, 0),
     "time": (0, 1, 0, 0, 0, 0),
     "mass": (0, 0, 1, 0, 0, 0),
+    "moment_of_inertia": (2, 0, 1, 0, 0, 0),
     "angle": (0, 0, 0, 1, 0, 0),
     "current": (0, 0, 0, 0, 1, 0),
     "temperature": (0, 0, 0, 0, 0, 1),

@@ -195,7 +195,7 @@ def write_animation(stem: Path, frames: Sequence[NDArray[np.uint8]], *, frames_p
 def describe(key: str) -> tuple[str, str, int]:
     """Name, unit and decimals of a key figure, from its key: ``turn_time_s`` is ('turn time', 's', 3)."""
     units = {"L_per_min": ("L/min", 1), "m_per_s": ("m/s", 3), "bar": ("bar", 1), "deg": ("°", 2), "rpm": ("rpm", 0)}
-    units |= {"m": ("m", 2), "s": ("s", 3)}
+    units |= {"m": ("m", 2), "s": ("s", 3), "kN": ("kN", 2)}
     for suffix, (unit, decimals) in units.items():
         if key.endswith(f"_{suffix}"):
             return key.removesuffix(f"_{suffix}").replace("_", " "), unit, decimals

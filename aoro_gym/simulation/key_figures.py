@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.machine import Machine
 from aoro_gym.machine.sections import SteeringCylinder
+from aoro_gym.recording.commands import JOINTS
 from aoro_gym.sensors.chain import PUBLISHED, STANDSTILL, MeasuringChain, measured_flow, sampling_rate
 from aoro_gym.units import BAR, DEGREE, LITRE_PER_MINUTE, RPM
 
@@ -196,8 +197,26 @@ def recording_figures(
     if steers and not turn:
         figures["leftmost_joint_angle_deg"] = float(recording["joint_angle"].max()) / DEGREE
         figures["rightmost_joint_angle_deg"] = float(recording["joint_angle"].min()) / DEGREE
+    if "crane_tip_load" in recording:
+        figures |= _crane_figures(recording)
     figures["lowest_engine_speed_rpm"] = float(recording["engine_speed"].min()) / RPM
     return figures
+
+
+def _crane_figures(recording: Trajectory) -> dict[str, float | None]:
+    """How far each joint of a crane came, the highest pressure, flow and force on its tip, and how far the machine leant."""
+    ends = {joint: recording[f"crane_joint_{joint}"][-1] - recording[f"crane_joint_{joint}"][0] for joint in JOINTS}
+    chambers = [recording[f"crane_pressure_{side}_{joint}"].max() for side in ("bore", "annulus") for joint in JOINTS]
+    flow = np.sum([recording[f"crane_flow_{joint}"] for joint in JOINTS], axis=0)
+    lean = np.arccos(np.cos(recording["roll"]) * np.cos(recording["pitch"]))
+    return {
+        **{f"crane_{joint}_travel_deg": float(ends[joint]) / DEGREE for joint in JOINTS[:3]},
+        "crane_telescope_travel_m": float(ends["telescope"]),
+        "highest_crane_pressure_bar": float(np.max(chambers)) / BAR,
+        "highest_crane_flow_L_per_min": float(flow.max()) / LITRE_PER_MINUTE,
+        "largest_tip_load_kN": float(recording["crane_tip_load"].max()) / 1e3,
+        "largest_lean_deg": float(lean.max()) / DEGREE,
+    }
 
 
 def _drive_figures(recording: Trajectory) -> dict[str, float | None]:

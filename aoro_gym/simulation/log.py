@@ -20,10 +20,12 @@ from numpy.typing import ArrayLike, NDArray
 from aoro_gym.execution.files import check_writable, write_text, written_whole
 from aoro_gym.recording.bag_writing import WRITTEN, check_bag_path, write_bag
 from aoro_gym.recording.bags import NEEDED
+from aoro_gym.recording.commands import ALL_COMMAND_BOUNDS
+from aoro_gym.recording.logs import QUANTITIES
 from aoro_gym.sensors.chain import SAMPLE_RATE, sample
+from aoro_gym.sensors.crane import PRESSURES, TURNING, CraneSensors
 from aoro_gym.sensors.joint_angle import JointAngleSensor
 from aoro_gym.sensors.pressure import PressureSensor
-from aoro_gym.twin.records import COMMAND_BOUNDS
 from aoro_gym.units import BAR, DEGREE, LITRE_PER_MINUTE, RPM
 
 RATE = SAMPLE_RATE
@@ -33,6 +35,7 @@ SUFFIXES = (".csv", ".parquet", *WRITTEN)
 """Of logs that can be written."""
 
 _CORNER = "_(fl|fr|rl|rr)"
+_TURNING = "_(slew|lift|fold)"
 _UNITS: list[tuple[str, str, float]] = [
     # channel pattern, unit in the column's name, SI value of that unit
     (r".*pressure.*", "bar", BAR),
@@ -40,11 +43,15 @@ _UNITS: list[tuple[str, str, float]] = [
     (r"engine_speed", "rpm", RPM),
     (r"engine_torque", "N_m", 1.0),
     (r"wheel_rate" + _CORNER, "rad_per_s", 1.0),
-    (r"(joint|yaw|pitch|roll)_rate", "deg_per_s", DEGREE),
-    (r"joint_angle|arm_angle" + _CORNER + "|roll|pitch|yaw", "deg", DEGREE),
-    (r"position_[xyz]|(sinkage|rut_depth)" + _CORNER, "m", 1.0),
-    (r"speed", "m_per_s", 1.0),
-    (r"wheel_load" + _CORNER + "|hull_force|object_force_[xyz]_.*|soil_resistance" + _CORNER, "kN", 1e3),
+    (r"(joint|yaw|pitch|roll)_rate|crane_rate" + _TURNING, "deg_per_s", DEGREE),
+    (r"joint_angle|arm_angle" + _CORNER + "|roll|pitch|yaw|crane_joint" + _TURNING, "deg", DEGREE),
+    (r"position_[xyz]|(sinkage|rut_depth)" + _CORNER + "|crane_joint_telescope", "m", 1.0),
+    (r"speed|crane_rate_telescope", "m_per_s", 1.0),
+    (
+        r"wheel_load" + _CORNER + "|hull_force|object_force_[xyz]_.*|soil_resistance" + _CORNER + "|crane_tip_load",
+        "kN",
+        1e3,
+    ),
 ]
 
 _MEASURED: list[tuple[str, str, float]] = [
@@ -59,9 +66,23 @@ _MEASURED: list[tuple[str, str, float]] = [
     *((f"wheel_speed_{corner}_rad_per_s", f"wheel_rate_{corner}", 1.0) for corner in ("fl", "fr", "rl", "rr")),
 ]
 
+_OF_CRANE: list[tuple[str, str, float]] = [
+    # the same of a crane: what its sensors measure
+    *((f"crane_joint_{joint}_rad", f"crane_joint_{joint}", 1.0) for joint in TURNING),
+    ("crane_joint_telescope_m", "crane_joint_telescope", 1.0),
+    *((f"crane_rate_{joint}_rad_per_s", f"crane_rate_{joint}", 1.0) for joint in TURNING),
+    ("crane_rate_telescope_m_per_s", "crane_rate_telescope", 1.0),
+    *((f"{channel}_bar", channel, BAR) for channel in PRESSURES),
+    ("crane_tip_load_kN", "crane_tip_load", 1e3),
+]
+
 IDEAL = "ideal"
 NOISY = "joint angle: published kind of noise; pressures: typical transmitters; the others: ideal"
 """What a manifest says of the sensors."""
+
+
+CRANE_NOISY = "angles: 12 bits; telescope: 3 mm; pressures: typical transmitters; load cell: 40 kN, 0.5 % zero error"
+"""The same of those of a crane."""
 
 
 def field_unit(channel: str) -> tuple[str, float]:
@@ -98,9 +119,9 @@ def log_columns(
     columns: dict[str, NDArray] = {"time_s": ticks}
     # between two instants acts the command that stands at the later one
     begins = np.searchsorted(instants, ticks + 1e-6 / RATE, side="right").clip(max=len(instants) - 1)
-    for name in COMMAND_BOUNDS:
+    for name in ALL_COMMAND_BOUNDS:
         if name in channels:
-            columns[name] = np.asarray(channels[name], dtype=np.float64)[begins]
+            columns[QUANTITIES[name].column] = np.asarray(channels[name], dtype=np.float64)[begins]
             if name == "steering_signal":
                 columns["steering_signal_V"] = voltage_from_signal(columns[name])
     streams = [None] * len(_MEASURED) if rng is None else rng.spawn(len(_MEASURED))  # one a column, whichever there are
@@ -108,8 +129,11 @@ def log_columns(
         if channel in si:
             measured = si[channel] if stream is None else _measured(channel, instants, channels[channel], stream)
             columns[column] = measured / size
+    if "crane_tip_load" in channels:
+        shown = si if rng is None else CraneSensors().record(channels, instants, rng.spawn(1)[0])[1]
+        columns |= {column: shown[channel] / size for column, channel, size in _OF_CRANE}
     for channel, values in si.items():
-        if channel != "time" and channel not in COMMAND_BOUNDS:
+        if channel != "time" and channel not in ALL_COMMAND_BOUNDS:
             unit, size = field_unit(channel)
             columns[f"true_{channel}_{unit}" if unit else f"true_{channel}"] = values / size
     return columns

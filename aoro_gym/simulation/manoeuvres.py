@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from aoro_gym.checks import check_range
 from aoro_gym.recording.command_files import read_commands
+from aoro_gym.recording.commands import ALL_COMMAND_BOUNDS, CRANE_COMMAND_BOUNDS
 from aoro_gym.simulation.log import RATE
-from aoro_gym.twin.records import CHANNELS, COMMAND_BOUNDS, RUTS_FULL
+from aoro_gym.twin.records import CHANNELS, RUTS_FULL
 
 if TYPE_CHECKING:
     from aoro_gym.twin import Twin
@@ -60,8 +61,15 @@ class Manoeuvre:
     stop_angle: float | None = None
     """Joint angle [rad] at which the manoeuvre may end early, after a rest of :data:`SETTLE`."""
     signal_percent: float | None = None
+    crane_pose: tuple[float, float, float, float] | None = None
+    """Joints [rad, rad, rad, m] from which a crane begins; None: its transport pose."""
     unread: tuple[str, ...] = ()
     """Columns of the file that the commands came from which were not read."""
+
+    @property
+    def moves_crane(self) -> bool:
+        """Whether it commands what only machines with a crane have."""
+        return any(not CRANE_COMMAND_BOUNDS.keys().isdisjoint(segment.commands) for segment in self.segments)
 
     @property
     def duration(self) -> float:
@@ -132,6 +140,61 @@ def straight_drive(signal: float, *, duration: float | None = None, main_step: f
         step_time=STANDSTILL,
         signal_percent=100 * signal,
     )
+
+
+CRANE_STEPS: tuple[tuple[float, dict[str, float]], ...] = (
+    # time [s], and sections as shares of the signal
+    (1.0, {"crane_lift": 1.0}),
+    (2.0, {"crane_lift": 0.0, "crane_fold": 1.0}),
+    (2.0, {"crane_fold": 0.0, "crane_slew": 1.0}),
+    (2.0, {"crane_slew": 0.0, "crane_telescope": 1.0}),
+    (2.0, {"crane_lift": 0.5, "crane_fold": 1.0, "crane_slew": 1.0, "crane_telescope": -1.0}),
+    (2.0, dict.fromkeys(("crane_lift", "crane_fold", "crane_slew", "crane_telescope"), 0.0)),
+)
+"""Of :func:`crane_work`: a section after the other, then all at once, which ask for more than the pump has, then rest."""
+CRANE_POSE = (0.0, math.radians(35.0), math.radians(-100.0), 0.0)
+"""Joints [rad, rad, rad, m] from which it begins, the grapple a metre over the ground ahead of the machine."""
+
+
+def crane_work(signal: float, *, main_step: float = 1e-3) -> Manoeuvre:
+    """Move the crane of the standing machine, its sections at the share ``signal`` in (0, 1]; see :data:`CRANE_STEPS`."""
+    check_range("--signal", 100 * signal, "%", gt=0.0, le=100.0)
+    rest = {"parking_brake": 1.0, **{name: 0.0 for _, shares in CRANE_STEPS for name in shares}}
+    segments = [Segment(round(STANDSTILL / main_step), rest)]
+    for seconds, shares in CRANE_STEPS:
+        told = {name: signal * share for name, share in shares.items()}
+        segments.append(Segment(round(seconds / main_step), told))
+    return Manoeuvre(
+        name="crane",
+        title=f"Work of the crane, {100 * signal:g} % signal",
+        start_angle=0.0,
+        segments=tuple(segments),
+        main_step=main_step,
+        step_time=STANDSTILL,
+        signal_percent=100 * signal,
+        crane_pose=CRANE_POSE,
+    )
+
+
+def holding(manoeuvre: Manoeuvre, mass: float, length: float, diameter: float) -> Manoeuvre:
+    """The ``manoeuvre`` with a log in the crane's grapple from the start on, along the machine, until it is told otherwise.
+
+    Args:
+        manoeuvre: What to do.
+        mass: [kg]
+        length: [m]
+        diameter: [m]
+    """
+    from aoro_gym.twin.frame_cranes import moments_of_log  # few twins have a crane
+
+    for name, value, unit in (("MASS", mass, "kg"), ("LENGTH", length, "m"), ("DIAMETER", diameter, "m")):
+        check_range(f"--held {name}", value, unit, gt=0.0)
+    high = CRANE_COMMAND_BOUNDS["crane_held_mass"][1]
+    check_range("--held MASS", mass, "kg", le=high)
+    axial, across = (float(moment) for moment in moments_of_log(mass, length, diameter))
+    held = {"crane_held_mass": mass, "crane_held_axial": axial, "crane_held_transverse": across}
+    first = manoeuvre.segments[0]
+    return replace(manoeuvre, segments=(replace(first, commands={**held, **first.commands}), *manoeuvre.segments[1:]))
 
 
 def from_file(
@@ -205,7 +268,7 @@ def run(
     rest_steps, done = 0, 0
 
     twin.reset(position=start[:2], heading=start[2], joint_angle=manoeuvre.start_angle)
-    held = {name: initial for name, (_, _, initial) in COMMAND_BOUNDS.items()}
+    held = {name: initial for name, (_, _, initial) in ALL_COMMAND_BOUNDS.items()}
     told = {name for segment in manoeuvre.segments for name in segment.commands} - set(CHANNELS)
     for segment in manoeuvre.segments:
         held |= segment.commands

@@ -11,11 +11,12 @@ import numpy as np
 
 from aoro_gym.execution.files import with_nulls, write_json
 from aoro_gym.machine.specification import RunSpec
+from aoro_gym.recording.commands import JOINTS
 from aoro_gym.reporting.page import describe, show
 from aoro_gym.reporting.terminal import Comparison
 from aoro_gym.simulation.contacts import contacts
 from aoro_gym.simulation.key_figures import recording_figures
-from aoro_gym.simulation.log import IDEAL, NOISY, check_log_path, log_columns, write_log
+from aoro_gym.simulation.log import CRANE_NOISY, IDEAL, NOISY, check_log_path, log_columns, write_log
 from aoro_gym.simulation.manoeuvres import Manoeuvre, Trajectory, run
 from aoro_gym.simulation.plots import Section, write_html, write_png
 from aoro_gym.simulation.ruts import rut_figures, write_ruts
@@ -101,6 +102,7 @@ def manifest(recording: Trajectory, twin: Twin, spec: RunSpec) -> dict[str, Any]
         "engine_speed_rpm": float(twin.machine.engine.set_speed) * 30.0 / math.pi,
         **_ground(twin.terrain, recording),
         **({} if twin.soil is None else {"soil": twin.soil.to_json()}),
+        **({"crane": _crane(twin, spec)} if twin.has_crane else {}),
         "machine": spec.machine.to_json(),
         "simulation": {
             "aoro_gym": VERSION,
@@ -109,6 +111,17 @@ def manifest(recording: Trajectory, twin: Twin, spec: RunSpec) -> dict[str, Any]
             "main_step_s": twin.main_step,
             "substeps": twin.substeps,
         },
+    }
+
+
+def _crane(twin: Twin, spec: RunSpec) -> dict[str, Any]:
+    """What a manifest says of a crane: what drives it, where it begins, and its sensors."""
+    start = dict(zip(JOINTS, twin.crane.vehicle.start_joints.reshape(len(JOINTS), -1)[:, 0].tolist(), strict=True))
+    return {
+        "drive": twin.crane.vehicle.drive,
+        **{f"{joint}_deg": math.degrees(start[joint]) for joint in JOINTS[:3]},
+        "telescope_m": start["telescope"],
+        "sensors": IDEAL if spec.ideal else CRANE_NOISY,
     }
 
 

@@ -6,7 +6,7 @@ Both are drawn from the same panels, so that a quantity has one name, one unit a
 from __future__ import annotations
 
 import html
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from aoro_gym.execution.files import written_whole
+from aoro_gym.recording.commands import JOINTS
 from aoro_gym.reporting.page import Passage, block, interactive_plot, joined, tiles, write_page
 from aoro_gym.reporting.style import AMBER, BLUE, GREEN, INK, PLOT_STYLE, RED, SHADE, SOFT
 from aoro_gym.simulation.key_figures import turn_start
@@ -28,6 +29,8 @@ CORNER_LINES = {
     "rl": ("rear left", AMBER),
     "rr": ("rear right", GREEN),
 }
+JOINT_LINES = dict(zip(JOINTS, (RED, BLUE, AMBER, GREEN), strict=True))
+"""Colours of a crane's joints."""
 MOST_POINTS = 4000
 """Points of a line in the HTML page; longer recordings are thinned evenly."""
 
@@ -139,12 +142,8 @@ def panels(recording: Trajectory) -> list[Panel]:
             Panel("Pendulum arms", "°, wheel up positive", _corners("arm_angle", DEGREE)),
             Panel("Wheel loads", "kN", _corners("wheel_load", 1e3), from_zero=True),
         ]
-    if "sinkage_fl" in recording:
-        drawn += [
-            Panel("Sinkage", "cm", _corners("sinkage", 0.01), from_zero=True),
-            Panel("Resistance of the soil", "kN", _corners("soil_resistance", 1e3), from_zero=True),
-        ]
-    return drawn
+    drawn += _of_crane() if "crane_tip_load" in recording else []
+    return drawn + (_of_soil() if "sinkage_fl" in recording else [])
 
 
 def write_png(path: Path, section: Section) -> None:
@@ -190,6 +189,33 @@ def write_html(
         bodies.append((section.title, joined([tiles(section.figures), plot])))
     footer = "Plots show the simulated state. World and body frames: x forward, y left, z up. Left is positive."
     write_page(path, title, lead, bodies, footer=footer, interactive=bool(sections))
+
+
+def _of_soil() -> list[Panel]:
+    """The panels of soft ground."""
+    return [
+        Panel("Sinkage", "cm", _corners("sinkage", 0.01), from_zero=True),
+        Panel("Resistance of the soil", "kN", _corners("soil_resistance", 1e3), from_zero=True),
+    ]
+
+
+def _of_crane() -> list[Panel]:
+    """The panels of a crane."""
+    turning = JOINTS[:3]
+    return [
+        Panel("Crane: slew, lift and fold", "°, left and up positive", _joints("crane_joint", DEGREE, turning)),
+        Panel("Crane: telescope", "m", [Line("crane_joint_telescope", "out", INK, strong=True)], from_zero=True),
+        Panel("Crane: rates", "°/s, left and up positive", _joints("crane_rate", DEGREE, turning)),
+        Panel("Crane: oil from the pump", "L/min", _joints("crane_flow", LITRE_PER_MINUTE), from_zero=True),
+        Panel("Crane: pressures of the bores", "bar", _joints("crane_pressure_bore", BAR), from_zero=True),
+        Panel("Crane: pressures of the rods' sides", "bar", _joints("crane_pressure_annulus", BAR), from_zero=True),
+        Panel("Crane: load cell at the tip", "kN", [Line("crane_tip_load", "force", INK, 1e3, strong=True)]),
+        Panel("Lean", "°", [Line("roll", "roll", RED, DEGREE), Line("pitch", "pitch", BLUE, DEGREE)]),
+    ]
+
+
+def _joints(quantity: str, size: float, names: Iterable[str] = JOINTS) -> list[Line]:
+    return [Line(f"{quantity}_{name}", name, colour, size) for name, colour in JOINT_LINES.items() if name in names]
 
 
 def _corners(quantity: str, size: float) -> list[Line]:

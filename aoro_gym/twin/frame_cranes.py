@@ -124,16 +124,21 @@ class FrameCranes:
             np.broadcast_to(vehicle.start_joints.reshape(4, -1), (4, n)).astype(np.float32), device=device
         )
 
-    def with_laws(self, laws: Any) -> Any:
-        """What ``advance`` takes as its ``laws``: them, with these cranes."""
+    def with_laws(self, laws: Any, machines: wp.array) -> Any:
+        """What ``advance`` takes as its ``laws``: them, with these cranes on the ``machines``."""
         chosen = type(laws)._cls is ChosenLaws
         out: Any = kernels.ChosenLawsWithCrane() if chosen else kernels.DefaultLawsWithCrane()
-        out.laws, out.cranes = laws, self._records
+        out.laws, out.cranes, out.machines = laws, self._records, machines
         return out
 
     def start(self, mask: wp.array) -> None:
-        """Twins of the ``mask`` (N,) begin anew with cranes as at the start and empty grapples."""
-        self._hold(mask.numpy(), 0.0, 0.0, 0.0, 0.0)
+        """Twins of the ``mask`` (N,) begin anew with cranes as at the start and empty grapples, all on the device."""
+        wp.launch(
+            kernels.open_grapples,
+            dim=self.num_twins,
+            inputs=[mask, self._state, self._commands],
+            device=self._state.device,
+        )
         self._settle(mask, self._start)
 
     def _settle(self, mask: wp.array, joints: wp.array) -> None:

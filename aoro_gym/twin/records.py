@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from aoro_gym.machine.crane import JOINTS
 from aoro_gym.machine.laws import OPTIONS
 from aoro_gym.machine.parameters import Machine
 from aoro_gym.machine.quantities import Quantity
-from aoro_gym.recording.commands import COMMAND_BOUNDS, WHEELS
+from aoro_gym.recording.commands import COMMAND_BOUNDS, CRANE_COMMAND_BOUNDS, JOINTS, WHEELS
 from aoro_gym.twin.physics.arms import Arm
 from aoro_gym.twin.physics.bodies import Corner, FrameBody
 from aoro_gym.twin.physics.driveline import Driveline
@@ -142,18 +141,8 @@ CraneRow = _rows(
 
 Command = _rows("Command", COMMAND_BOUNDS)
 
-CRANE_COMMAND_BOUNDS: dict[str, tuple[float, float, float]] = {
-    **dict.fromkeys(_joints("crane"), (-1.0, 1.0, 0.0)),
-    "crane_held_mass": (0.0, 1e4, 0.0),
-    "crane_held_yaw": (-100.0, 100.0, 0.0),
-    "crane_held_axial": (0.0, 5e4, 0.0),
-    "crane_held_transverse": (0.0, 5e4, 0.0),
-}
-"""Bounds of the commands that only twins with a crane have, after the others: signals of its valve sections, and the log
-that its grapple holds: mass [kg] (0: none), angle to the pillar [rad], moments of inertia along and across [kg m²]."""
-
 CraneCommand = _rows("CraneCommand", CRANE_COMMAND_BOUNDS, start=len(COMMAND_BOUNDS))
-"""Rows of these commands."""
+"""Rows of the commands that only twins with a crane have, after the others."""
 
 Demand = _rows("Demand", [*_each("rate"), "pump_torque"])
 """What the bodies demand of a driveline that is held apart from them: wheel rates against the arms [rad/s], and torque of
@@ -236,7 +225,7 @@ FIRST_SOIL_OUTPUT = len(OUTPUT_UNITS)
 """Row of the first of them: no twin has these and those of objects."""
 
 CRANE_OUTPUT_UNITS = {
-    **dict(zip(_joints("crane"), ("rad", "rad", "rad", "m"), strict=True)),
+    **dict(zip(_joints("crane_joint"), ("rad", "rad", "rad", "m"), strict=True)),
     **dict(zip(_joints("crane_rate"), ("rad/s", "rad/s", "rad/s", "m/s"), strict=True)),
     **dict.fromkeys(_joints("crane_pressure_bore"), "Pa"),
     **dict.fromkeys(_joints("crane_pressure_annulus"), "Pa"),

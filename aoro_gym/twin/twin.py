@@ -15,6 +15,7 @@ from aoro_gym.checks import check_finite, check_integer, check_range
 from aoro_gym.execution import devices
 from aoro_gym.execution.device_names import SIMD
 from aoro_gym.machine.parameters import Machine
+from aoro_gym.recording.commands import ALL_COMMAND_BOUNDS
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.terrains.raster import CELL
 from aoro_gym.terrains.soil import Soil
@@ -31,7 +32,6 @@ from aoro_gym.twin.recorded import BLOCK_DIM, RecordedAdvance, cores
 from aoro_gym.twin.records import (
     CHANNELS,
     COMMAND_BOUNDS,
-    CRANE_COMMAND_BOUNDS,
     CRANE_OUTPUT_UNITS,
     NON_FINITE,
     RUTS_FULL,
@@ -214,7 +214,7 @@ class Twin:
         """Names of the outputs, in the order of their rows."""
 
         self._allocate()
-        self._laws = self.crane.with_laws(laws) if self.has_crane else laws
+        self._laws = self.crane.with_laws(laws, self._machines) if self.has_crane else laws
         self._make_room(1)
         with devices.compiling(self._reset_kernel, self.device, BLOCK_DIM):
             self.reset()
@@ -480,7 +480,7 @@ class Twin:
         rows: dict[int, npt.NDArray[np.float32]] = {}
         for name, value in commands.items():
             row = command_row(name) if self.has_crane else row_of(Command, name, "command")
-            low, high, _ = {**COMMAND_BOUNDS, **CRANE_COMMAND_BOUNDS}[name]
+            low, high, _ = ALL_COMMAND_BOUNDS[name]
             array = np.asarray(value, dtype=np.float32)
             if array.shape not in ((), (self.num_twins,)):
                 raise ValueError(f"{name} has shape {array.shape}, but must be a scalar or ({self.num_twins},)")
@@ -687,7 +687,8 @@ class Twin:
 
         Raises:
             ValueError: this twin shares one machine between all copies, the numbers disagree, a machine has a load that
-                these twins cannot carry, or its circuits are unstable at the twin's hydraulic step.
+                these twins cannot carry, its front frame is too light for their crane, or its circuits are unstable at
+                the twin's hydraulic step.
         """
         if self._machines.shape[0] != self.num_twins:
             raise ValueError(
@@ -708,6 +709,8 @@ class Twin:
                 "these twins carry no load; construct them with a machine that has logs in its bunk, or with carry_load=True"
             )
         _check_count("the machine", machine.num_variants, max(len(chosen), 1))
+        if self._vehicle_crane is not None:
+            self._vehicle_crane.check_fits(machine, chosen)
         if self._check_step:
             check_hydraulic_step(machine, self.main_step, self.substeps, numbers=chosen)
         return _repeated(pack(machine), len(chosen))

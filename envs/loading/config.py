@@ -14,7 +14,7 @@ from aoro_gym.envs.core.terms import Frozen, ObservationTerm, RewardTerm
 from aoro_gym.envs.loading.observations import OBSERVATION_TERMS
 from aoro_gym.envs.loading.rewards import REWARD_TERMS
 from aoro_gym.machine.vehicle_crane import VehicleCrane
-from aoro_gym.sensors import JointAngleNoise, PressureNoise
+from aoro_gym.sensors import CraneNoise, JointAngleNoise, PressureNoise
 
 SIGNALS = ("crane_slew", "crane_lift", "crane_fold", "crane_telescope", "rotator", "grapple")
 """Names of the actions."""
@@ -46,17 +46,6 @@ MILD = LoadingRandomisation(
     sensor_noise=(0.5, 1.5),
 )
 """Spread of a commissioned machine's pump, oil and tires."""
-
-
-def _crane_angle_noise() -> JointAngleNoise:
-    """E: rotary sensors of 12 bits a turn with a quarter of a bit of white noise, as on the arms."""
-    return JointAngleNoise(white=math.radians(0.022), resolution=2.0 * math.pi / 2**12)
-
-
-def _load_cell_noise() -> PressureNoise:
-    """E: a load pin of 40 kN in the tip: half a per cent of zero error, a tenth of white noise, 12 bits; the chain is that
-    of pressure sensors, in newtons."""
-    return PressureNoise(low=0.0, high=4e4, zero_error=200.0, white=40.0, resolution=4e4 / 2**12)
 
 
 @dataclass(frozen=True)
@@ -91,12 +80,12 @@ class LoadingConfig:
     """Depth [m] of the grapple's middle below the ground that ends an episode."""
     tilt_limit: float = math.radians(15.0)
     """Tilt [rad] of the front frame that ends an episode."""
-    joint_angle_noise: JointAngleNoise = field(default_factory=_crane_angle_noise)
+    joint_angle_noise: JointAngleNoise = field(default_factory=lambda: CraneNoise().angle)
     """Of slew, lift and fold."""
-    telescope_noise: float = 0.003
+    telescope_noise: float = CraneNoise.telescope
     """Standard deviation [m] of the telescope's length. E"""
     pressure_noise: PressureNoise = field(default_factory=PressureNoise.typical)
-    load_noise: PressureNoise = field(default_factory=_load_cell_noise)
+    load_noise: PressureNoise = field(default_factory=lambda: CraneNoise().load)
     log_offset: float = 0.05
     """Standard deviation [m] of where a camera sees the log, drawn each episode. E"""
     log_angle_offset: float = math.radians(3.0)

@@ -25,7 +25,7 @@ from aoro_gym.envs.core.randomisation import Draws
 from aoro_gym.envs.core.task import Outputs, Start, StepResult, Terrains, chosen, sensing
 from aoro_gym.envs.loading.config import SIGNALS, LoadingConfig
 from aoro_gym.envs.loading.logs import LogSite
-from aoro_gym.envs.loading.sensing import CraneSensors
+from aoro_gym.envs.loading.sensing import LoadingSensors
 from aoro_gym.envs.loading.view import LoadingView
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats
 from aoro_gym.machine import Machine
@@ -97,7 +97,7 @@ class Loading:
         self._power, self._work, self._tilt = arrays.zeros(n), arrays.zeros(n), arrays.zeros(n)
         self._swayed, self._peak = arrays.zeros(n), arrays.zeros(n)
         self._step, self._time = arrays.zeros(n, xp.int64), arrays.zeros(n)
-        self._sensors = CraneSensors(n, self.config, arrays)
+        self._sensors = LoadingSensors(n, self.config, arrays)
         self._view: LoadingView | None = None
 
     # ---- start

@@ -209,12 +209,12 @@ def test_seed_draws_the_noise(turn, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ("simulate -m up", "--manoeuvre is 'up'; choose one of: left, right, drive"),
+        ("simulate -m up", "--manoeuvre is 'up'; choose one of: left, right, drive, crane"),
         ("simulate -m none.csv", "file none.csv does not exist"),
         ("simulate -m bad.csv", "bad.csv, line 3: steering_signal is 2, but must be in [-1, 1]"),
         ("simulate -m good.csv --out good.csv", "would overwrite the commands in good.csv"),
         ("simulate -m good.csv --out good.parquet", "would overwrite the commands in good.csv"),
-        ("simulate -m good.csv --signal 50", "--signal is 50 %, but serves left, right and drive"),
+        ("simulate -m good.csv --signal 50", "--signal is 50 %, but serves left, right, drive, crane"),
         (
             "simulate -m good.csv --machine aoro_datasheet --start-angle 41",
             "--start-angle is 41 deg, but must be in [-40, 40] deg",

@@ -14,7 +14,7 @@ from aoro_gym.recording.tables import read_table
 from aoro_gym.simulation import log
 from aoro_gym.simulation.manoeuvres import from_file, run
 from aoro_gym.twin import Twin
-from aoro_gym.twin.records import COMMAND_BOUNDS, OUTPUT_UNITS
+from aoro_gym.twin.records import COMMAND_BOUNDS, CRANE_OUTPUT_UNITS, OUTPUT_UNITS
 
 SI_OF_FIELD_UNIT = {
     "bar": "Pa",
@@ -31,9 +31,9 @@ SI_OF_FIELD_UNIT = {
 }
 
 
-@pytest.mark.parametrize("channel", OUTPUT_UNITS)
-def test_every_output_has_a_field_unit_of_its_kind(channel):
-    assert SI_OF_FIELD_UNIT[log.field_unit(channel)[0]] == OUTPUT_UNITS[channel]
+@pytest.mark.parametrize(("channel", "unit"), (OUTPUT_UNITS | CRANE_OUTPUT_UNITS).items())
+def test_every_output_has_a_field_unit_of_its_kind(channel, unit):
+    assert SI_OF_FIELD_UNIT[log.field_unit(channel)[0]] == unit
 
 
 def test_steering_voltage():

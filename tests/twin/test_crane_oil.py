@@ -9,8 +9,8 @@ import pytest
 import warp as wp
 
 from aoro_gym import Machine, Twin
-from aoro_gym.machine.crane import JOINTS
 from aoro_gym.machine.vehicle_crane import VehicleCrane
+from aoro_gym.recording.commands import JOINTS
 from aoro_gym.twin.frame_cranes import pack_oil
 from aoro_gym.twin.physics.crane_oil import CraneHydraulics, crane_chambers, priority_share
 from aoro_gym.twin.records import CraneRow

@@ -61,18 +61,20 @@ class FrameCrane:
 
 @wp.struct
 class DefaultLawsWithCrane:
-    """Default laws, and the cranes."""
+    """Default laws, the cranes, and the machines whose oil they share."""
 
     laws: DefaultLaws
     cranes: wp.array(dtype=FrameCrane)
+    machines: wp.array(dtype=MachineRecord)
 
 
 @wp.struct
 class ChosenLawsWithCrane:
-    """Chosen laws, and the cranes."""
+    """Chosen laws, the cranes, and the machines whose oil they share."""
 
     laws: ChosenLaws
     cranes: wp.array(dtype=FrameCrane)
+    machines: wp.array(dtype=MachineRecord)
 
 
 @wp.func
@@ -271,13 +273,25 @@ def tree_with_crane(
 def record_crane_outputs(laws: Any, outputs: wp.array3d(dtype=float), frame: int, state: wp.array2d(dtype=float), t: int):
     """Write the rows of ``CRANE_OUTPUT_UNITS``, the last of all."""
     first = outputs.shape[1] - OUTPUTS
+    oil = laws.machines[t % laws.machines.shape[0]].oil
     for i in range(4):
         outputs[frame, first + i, t] = state[int(CraneRow.JOINT_SLEW) + i, t]
         outputs[frame, first + 4 + i, t] = state[int(CraneRow.RATE_SLEW) + i, t]
-        outputs[frame, first + 8 + i, t] = state[int(CraneRow.BORE_SLEW) + i, t]
-        outputs[frame, first + 12 + i, t] = state[int(CraneRow.ANNULUS_SLEW) + i, t]
+        outputs[frame, first + 8 + i, t] = pressure(oil, state[int(CraneRow.BORE_SLEW) + i, t])
+        outputs[frame, first + 12 + i, t] = pressure(oil, state[int(CraneRow.ANNULUS_SLEW) + i, t])
         outputs[frame, first + 16 + i, t] = state[int(CraneRow.FLOW_SLEW) + i, t]
     outputs[frame, first + 20, t] = state[CraneRow.TIP_LOAD, t]
+
+
+@wp.kernel(enable_backward=False)
+def open_grapples(
+    chosen: wp.array(dtype=wp.bool), state: wp.array2d(dtype=float), commands: wp.array2d(dtype=float)
+):  # fmt: skip
+    """Let the grapple of each chosen twin hold nothing, now and as commanded."""
+    t = wp.tid()
+    if chosen[t]:
+        store4(state, int(CraneRow.HELD_MASS), t, wp.vec4())
+        store4(commands, int(CraneCommand.CRANE_HELD_MASS), t, wp.vec4())
 
 
 @wp.kernel(enable_backward=False)

@@ -6,7 +6,8 @@ import mujoco
 import numpy as np
 import warp as wp
 
-from aoro_gym.machine.crane import JOINTS, Crane, forwarder_crane
+from aoro_gym.machine.crane import Crane, forwarder_crane
+from aoro_gym.recording.commands import JOINTS
 from aoro_gym.twin.cranes import pack
 from aoro_gym.twin.physics.bodies import add, rigid_body
 from aoro_gym.twin.physics.crane import CraneRecord, carried_by_frame, crane_motion, joint_acceleration
