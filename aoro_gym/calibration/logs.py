@@ -34,8 +34,10 @@ from aoro_gym.machine import Machine
 IDENTIFIED = 0.5
 """A parameter counts as identified if the data shrink its standard deviation below this share of the prior one."""
 
-MOST_STEPS, QUICK_STEPS = 25, 3
+MOST_STEPS = 25
 """Steps of a search, at most."""
+QUICK_STEPS = 3
+"""The same of a quick one."""
 
 SEARCH = "search.json"
 """What is kept of the search, in the folder of an unfinished calibration."""

@@ -37,6 +37,9 @@ SensorOption = Annotated[
 ]
 LidarOption = Annotated[str, option("--lidar", "NAME", "Model: os1-64, os1-128, vlp-16 or mid-360.")]
 MachinesOption = Annotated[int, option("--machines", "N", "Other machines that stand in each world.")]
+CranesOption = Annotated[
+    bool, option("--cranes", None, "Their cranes are unfolded, every other one with a log in its grapple.")
+]
 FormatOption = Annotated[
     list[str] | None, option("--format", "NAME", "coco, yolo or kitti. Repeatable. Default: coco.")
 ]
@@ -80,6 +83,7 @@ def dataset(
     sensor: SensorOption = None,
     lidar: LidarOption = "os1-64",
     machines: MachinesOption = 0,
+    cranes: CranesOption = False,
     formats: FormatOption = None,
     model: ModelOption = "stereo",
     width: WidthOption = 320,
@@ -111,6 +115,7 @@ def dataset(
       aoro-gym dataset --frames 500 --worlds 50 --format coco --format yolo --processes 4 --out logs
       aoro-gym dataset --frames 200 --worlds 40 --near log --fix weather --out no_rain
       aoro-gym dataset --drive --sensor stereo,lidar --format kitti --machines 2 --out drive
+      aoro-gym dataset --machines 3 --cranes --near machine --out cranes
       aoro-gym dataset --world forest --path track.csv --format kitti --width 640 --device cuda:0 --out kitti
       aoro-gym dataset --frames 5000 --worlds 100 --device cuda:all --processes 8 --out many
     """
@@ -124,7 +129,7 @@ def dataset(
         settings = DatasetSettings(
             frames=frames, worlds=5 if worlds is None else worlds, seed=seed, model=model, width=width, samples=samples,
             formats=_listed(formats or ["coco"]), left_only=left_only, fixed=_fixed(fixed, _listed(fix or [])), near=near,
-            sensors=_listed(sensor or ["stereo"]), lidar=lidar, machines=machines, split=split,
+            sensors=_listed(sensor or ["stereo"]), lidar=lidar, machines=machines, cranes=cranes, split=split,
         )  # fmt: skip
         place = _place(terrain, world, path, track)
         drives = drive or path is not None

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from aoro_gym.machine.parameters import Machine
 from aoro_gym.machine.rigid_bodies import BASE, REAR, Body, machine_bodies
+from aoro_gym.machine.vehicle_crane import VehicleCrane
 from aoro_gym.recording.commands import WHEELS
 
 Floats = NDArray[np.float64]
@@ -36,6 +37,20 @@ NODES = (
 
 
 @dataclass(frozen=True, eq=False)
+class CranePose:
+    """How a crane stands on its front frame, and what it holds."""
+
+    vehicle: VehicleCrane
+    """One variant."""
+    joints: tuple[float, ...]
+    """Slew, lift and fold [rad] and telescope [m]."""
+    yaw: float = 0.0
+    """Angle of the grapple to the pillar [rad]."""
+    log: tuple[float, float] | None = None
+    """Length and diameter [m] of the log that it holds."""
+
+
+@dataclass(frozen=True, eq=False)
 class Pose:
     """Where one machine is."""
 
@@ -49,6 +64,8 @@ class Pose:
     """[rad] in the order of ``WHEELS``, positive raises the wheel."""
     wheels: tuple[float, ...] = (0.0,) * 4
     """[rad] against the arms, positive rolls forward."""
+    crane: CranePose | None = None
+    """Of a crane whose joints move; None: it is folded, a part of the front frame."""
 
     @property
     def heading(self) -> float:
@@ -78,19 +95,19 @@ class Kinematics:
 
     def placed(self, joint: float, arms: Sequence[float], wheels: Sequence[float]) -> dict[str, Placement]:
         """Where all parts are at a joint angle, four arm angles and four wheel angles [rad]."""
-        found = {BASE: ((0.0, 0.0, 0.0), _turned(0.0, 0.0)), REAR: ((0.0, 0.0, 0.0), _turned(-joint, 0.0))}
+        found = {BASE: ((0.0, 0.0, 0.0), turned(0.0, 0.0)), REAR: ((0.0, 0.0, 0.0), turned(-joint, 0.0))}
         for (name, place), angle, roll in zip(self._arms.items(), arms, wheels, strict=True):
             about = -joint if name[0] == "r" else 0.0
             pitch = -place.outward * angle
             hub = place.hub(angle)
-            found[f"arm_{name}"] = _about_z(about, place.pivot), _turned(about, pitch)
-            found[f"wheel_{name}"] = _about_z(about, hub), _turned(about, pitch + roll)
+            found[f"arm_{name}"] = _about_z(about, place.pivot), turned(about, pitch)
+            found[f"wheel_{name}"] = _about_z(about, hub), turned(about, pitch + roll)
         for name, (barrel, rod) in self.cylinder_pins(joint, arms).items():
             about = -joint if name.startswith("arm_r") else 0.0
             x, y, z = _about_z(-about, [b - a for a, b in zip(barrel, rod, strict=True)])
             arm = name.startswith("arm")
-            turned = _turned(about, -math.atan2(z, x)) if arm else _turned(math.atan2(y, x), 0.0)
-            found[f"barrel_{name}"], found[f"rod_{name}"] = (barrel, turned), (rod, turned)
+            along = turned(about, -math.atan2(z, x)) if arm else turned(math.atan2(y, x), 0.0)
+            found[f"barrel_{name}"], found[f"rod_{name}"] = (barrel, along), (rod, along)
         return found
 
     def cylinder_pins(self, joint: float, arms: Sequence[float]) -> dict[str, tuple[Point, Point]]:
@@ -165,7 +182,7 @@ def _about_z(angle: float, point: Sequence[float]) -> Point:
     return c * x - s * y, s * x + c * y, z
 
 
-def _turned(about_z: float, about_y: float) -> tuple[float, float, float, float]:
+def turned(about_z: float, about_y: float) -> tuple[float, float, float, float]:
     """Quaternion w, x, y, z of R_z R_y."""
     sz, cz = math.sin(0.5 * about_z), math.cos(0.5 * about_z)
     sy, cy = math.sin(0.5 * about_y), math.cos(0.5 * about_y)

@@ -40,8 +40,8 @@ def first_value(parameter: Any) -> float:
     return float(np.ravel(parameter)[0])
 
 
-def front_frame(machine: Machine) -> Solid:
-    """Front frame: chassis, equipment, folded crane, a mast with the two antennas."""
+def front_frame(machine: Machine, *, folded: bool = True) -> Solid:
+    """Front frame: chassis, equipment, the ``folded`` crane if it is one, a mast with the two antennas."""
     out, half = Solid(), machine.frame.front
     inner, outer, width, floor, top = _hull(machine, half, 1.0)
     w = 0.5 * width
@@ -54,13 +54,8 @@ def front_frame(machine: Machine) -> Solid:
     out.box((inner + 0.12, inner + 0.95), (-w + 0.06, w - 0.06), (floor + 0.48, floor + 0.95), PAINT_DARK)
     out.box((outer - 0.1, outer + 0.02), (-w + 0.12, -w + 0.42), (floor + 0.26, floor + 0.42), WHITE)
     out.box((outer - 0.1, outer + 0.02), (w - 0.42, w - 0.12), (floor + 0.26, floor + 0.42), WHITE)
-    # the crane: pillar, boom, stick and grapple
-    x, base = outer - 0.55, floor + 0.48
-    knee, tip = (x - 0.1, 0.0, top + 0.35), (inner + 0.25, 0.12, top + 0.1)
-    out.bar((x, 0.0, base), (x, 0.0, top - 0.1), 0.16, IRON)
-    out.bar((x, 0.0, top - 0.15), knee, 0.12, PAINT)
-    out.bar(knee, tip, 0.1, PAINT, sides=6)
-    out.bar((tip[0] + 0.15, -0.14, top + 0.02), (outer - 0.3, -0.14, top - 0.05), 0.085, PAINT_DARK, sides=6)
+    if folded:
+        _folded_crane(out, (inner, outer, floor, top))
     # the antennas
     height, apart = 2.2, 0.6
     out.bar((1.0, -apart, height - 0.06), (1.0, apart, height - 0.06), 0.03, IRON, sides=6)
@@ -68,6 +63,17 @@ def front_frame(machine: Machine) -> Solid:
     for side in (-apart, apart):
         out.bar((1.0, side, height - 0.05), (1.0, side, height + 0.03), 0.11, WHITE, sides=10)
     return out
+
+
+def _folded_crane(out: Solid, hull: tuple[float, float, float, float]) -> None:
+    """Add pillar, boom, stick and grapple; ``hull``: inner and outer end, floor and top [m] of the front frame's body."""
+    inner, outer, floor, top = hull
+    x, base = outer - 0.55, floor + 0.48
+    knee, tip = (x - 0.1, 0.0, top + 0.35), (inner + 0.25, 0.12, top + 0.1)
+    out.bar((x, 0.0, base), (x, 0.0, top - 0.1), 0.16, IRON)
+    out.bar((x, 0.0, top - 0.15), knee, 0.12, PAINT)
+    out.bar(knee, tip, 0.1, PAINT, sides=6)
+    out.bar((tip[0] + 0.15, -0.14, top + 0.02), (outer - 0.3, -0.14, top - 0.05), 0.085, PAINT_DARK, sides=6)
 
 
 def rear_frame(machine: Machine) -> Solid:

@@ -19,6 +19,9 @@ from aoro_gym.machine.quantities import Quantity, finite, non_negative, positive
 
 Floats = NDArray[np.float64]
 
+GRAPPLE_DROP = 1.1
+"""Distance [m] from the tip down to the middle of a log that is held. (E: rotator and grapple of the class)"""
+
 
 @section
 class Foot:
@@ -192,6 +195,21 @@ class VehicleCrane:
                 " that is not positive; change frame.front.inertia_xx, inertia_yy or inertia_zz, or the crane's foot and"
                 " transport pose"
             )
+
+
+def moments_of_log(mass: ArrayLike, length: ArrayLike, diameter: ArrayLike) -> tuple[Floats, Floats]:
+    """Moments of inertia [kg m²] of logs, cylinders, about their axis and across it."""
+    square = 0.25 * np.asarray(diameter, dtype=np.float64) ** 2
+    weight = np.asarray(mass, dtype=np.float64)
+    return 0.5 * weight * square, weight * (0.25 * square + np.asarray(length, dtype=np.float64) ** 2 / 12.0)
+
+
+def size_of_log(mass: float, axial: float, transverse: float) -> tuple[float, float] | None:
+    """Length and diameter [m] of the cylinder of a mass [kg] with such moments of inertia [kg m²]; None of none."""
+    square = transverse - 0.5 * axial
+    if mass <= 0.0 or axial <= 0.0 or square <= 0.0:
+        return None
+    return float(np.sqrt(12.0 * square / mass)), float(np.sqrt(8.0 * axial / mass))
 
 
 def _steiner(place: Floats) -> Floats:

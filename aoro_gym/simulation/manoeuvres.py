@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.checks import check_range
+from aoro_gym.machine.vehicle_crane import moments_of_log
 from aoro_gym.recording.command_files import read_commands
 from aoro_gym.recording.commands import ALL_COMMAND_BOUNDS, CRANE_COMMAND_BOUNDS
 from aoro_gym.simulation.log import RATE
@@ -185,8 +186,6 @@ def holding(manoeuvre: Manoeuvre, mass: float, length: float, diameter: float) -
         length: [m]
         diameter: [m]
     """
-    from aoro_gym.twin.frame_cranes import moments_of_log  # few twins have a crane
-
     for name, value, unit in (("MASS", mass, "kg"), ("LENGTH", length, "m"), ("DIAMETER", diameter, "m")):
         check_range(f"--held {name}", value, unit, gt=0.0)
     high = CRANE_COMMAND_BOUNDS["crane_held_mass"][1]

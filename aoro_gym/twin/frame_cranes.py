@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.checks import check_finite
 from aoro_gym.machine.quantities import Quantity
-from aoro_gym.machine.vehicle_crane import VehicleCrane
+from aoro_gym.machine.vehicle_crane import GRAPPLE_DROP, VehicleCrane, moments_of_log
 from aoro_gym.twin.cranes import pack
 from aoro_gym.twin.kernels import crane_on_frame as kernels
 from aoro_gym.twin.kernels.laws import ChosenLaws
@@ -22,15 +22,6 @@ from aoro_gym.twin.records import CraneCommand, CraneRow
 
 REST_PRESSURE = 5e5
 """Pressure [Pa] in chambers that bear nothing, at the start."""
-GRAPPLE_DROP = 1.1
-"""Distance [m] from the tip down to the middle of a log that is held. (E: rotator and grapple of the class)"""
-
-
-def moments_of_log(mass: ArrayLike, length: ArrayLike, diameter: ArrayLike) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Moments of inertia [kg m²] of logs, cylinders, about their axis and across it."""
-    square = 0.25 * np.asarray(diameter, dtype=np.float64) ** 2
-    weight = np.asarray(mass, dtype=np.float64)
-    return 0.5 * weight * square, weight * (0.25 * square + np.asarray(length, dtype=np.float64) ** 2 / 12.0)
 
 
 def _columns(*values: Quantity) -> NDArray[Any]:
@@ -207,7 +198,8 @@ class FrameCranes:
     def grasp(
         self, mass: ArrayLike, length: ArrayLike, diameter: ArrayLike, yaw: ArrayLike = 0.0, mask: Any = None
     ) -> None:
-        """Let grapples hold logs, cylinders whose middle hangs :data:`GRAPPLE_DROP` below the tip and slews with the pillar.
+        """Let grapples hold logs, cylinders whose middle hangs :data:`~aoro_gym.machine.vehicle_crane.GRAPPLE_DROP` below
+        the tip and slews with the pillar.
 
         Args:
             mass: [kg], scalar or (N,); 0: let go.

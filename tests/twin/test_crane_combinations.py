@@ -19,9 +19,13 @@ FLAT = Terrain.from_heights(np.zeros((61, 61)), cell=1.0, corner=(-30.0, -30.0))
 LADEN = {"payload.count": 10.0}
 
 
+SIZES = {"rad": 1.0, "m": 1.0, "rad/s": 1.0, "m/s": 1.0, "Pa": 2e7, "m^3/s": 1e-3, "N": 3e3}
+"""Of outputs, by their units."""
+
+
 def crane_rows(twin: Twin) -> np.ndarray:
-    """The twin's last outputs of its crane."""
-    return np.stack([twin.output(name) for name in CRANE_OUTPUT_UNITS])
+    """The twin's last outputs of its crane, as shares of :data:`SIZES`."""
+    return np.stack([twin.output(name) / SIZES[unit] for name, unit in CRANE_OUTPUT_UNITS.items()])
 
 
 def test_twins_of_one_launch_move_as_each_alone():
@@ -109,7 +113,10 @@ def test_on_soil_it_sinks_as_without_a_crane_and_the_crane_moves_as_on_hard_grou
     plain, soft = resting(soil="sandy_loam")
     assert_loads_agree(plain, soft)
     for name in SOIL_OUTPUT_UNITS:
-        assert soft.output(name) == pytest.approx(plain.output(name), rel=1e-4, abs=1e-6), name
+        # what resists rolling at rest is rounding, mN
+        assert soft.output(name) == pytest.approx(
+            plain.output(name), rel=1e-4, abs=1e-3 if "resist" in name else 1e-6
+        ), name
     hard = Twin(crane=True)
     hard.step({"parking_brake": 1.0}, 0.5)
     for twin in (hard, soft):
@@ -152,14 +159,12 @@ def test_default_laws_by_choice_move_as_by_default_and_other_laws_move_the_crane
     default, chosen = Twin(crane=True), Twin(crane=True, choose_laws=True)
     for twin in (default, chosen):
         twin.step(MOVE, 0.3)
-    assert crane_rows(chosen) == pytest.approx(
-        crane_rows(default), rel=1e-4, abs=1e-4 * np.abs(crane_rows(default)).max()
-    )
+    assert np.abs(crane_rows(chosen) - crane_rows(default)).max() < 1e-4
     machine = Machine.load("aoro").sample(2, laws="any", seed=4)
     twin = Twin(2, machine=machine, crane=True)
     twin.step(MOVE, 0.5)
     assert twin.diverged == []
-    assert np.ptp(twin.crane.joints[0]) < 0.1 and np.all(twin.crane.joints[0] > 0.02)
+    assert np.ptp(twin.crane.joints[0]) < 0.1 and np.all(twin.crane.joints[0] > 0.01)
 
 
 @pytest.mark.slow

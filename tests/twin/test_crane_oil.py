@@ -186,7 +186,7 @@ def test_each_section_moves_its_joint_either_way_as_fast_as_its_oil_lets_it(join
     trace = twin.step({f"crane_{joint}": np.array([0.3, -0.3])}, 3.4, sample_every=0.01)
     crane, i = twin.crane.crane, JOINTS.index(joint)
     late = slice(80, 340)
-    joints = np.stack([trace[f"crane_{name}"][late].mean(axis=0) for name in JOINTS])
+    joints = np.stack([trace[f"crane_joint_{name}"][late].mean(axis=0) for name in JOINTS])
     pistons = (None, crane.lift.cylinder, crane.fold.cylinder, crane.telescope.cylinder)
     piston = pistons[i]
     areas = np.array([1.0, 1.0 if piston is None else piston.annulus_area / piston.bore_area])

@@ -69,6 +69,10 @@ def _drawn(settings: DatasetSettings, frames: Sequence[Frame]) -> str:
         lines.append("The camera stood still, as on a machine that stands.")
     if settings.machines:
         lines.append(f"Up to {settings.machines} other machines stand in each world.")
+    if settings.cranes:
+        lines.append(
+            "Their cranes are unfolded where there is room; every other one holds a log, which is labelled as one."
+        )
     return "\n".join([*lines, "No forest is in two splits."])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,11 +13,14 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from aoro_gym.machine import Machine
-from aoro_gym.machine.kinematics import Kinematics, Pose
-from aoro_gym.machine.solids import COLOURS, machine_solids
+from aoro_gym.machine.crane_solids import HELD_LOG, crane_placed, in_world, parts_of
+from aoro_gym.machine.kinematics import CranePose, Placement, Pose
+from aoro_gym.machine.solids import COLOURS
+from aoro_gym.machine.vehicle_crane import GRAPPLE_DROP, VehicleCrane
 from aoro_gym.sensors.camera import Appearance
 from aoro_gym.sensors.raytrace import Bodies, Body, Scene
 from aoro_gym.terrains.world.materials import material_table
+from aoro_gym.terrains.world.objects import Log, along
 from aoro_gym.terrains.world.places import HALF_LENGTH, HALF_WIDTH, circles, stands_free
 from aoro_gym.terrains.world.world import World
 from aoro_gym.twin import Twin
@@ -27,6 +31,15 @@ APART = 2.0 * HALF_LENGTH + 1.5
 """Least distance [m] of two machines' hinges."""
 BESIDE_PATH = HALF_LENGTH + HALF_WIDTH + 0.7
 """Least distance [m] of a standing machine's hinge from the way of one that drives."""
+UNFOLDED = (
+    (-np.pi, math.radians(15.0), math.radians(-125.0), 0.0),
+    (np.pi, math.radians(60.0), math.radians(-60.0), 1.2),
+)
+"""Lowest and highest joints of unfolded cranes [rad, rad, rad, m]."""
+LOWEST, HIGHEST = 0.1, 2.5
+"""Height [m] of a grapple over the design ground plane."""
+UNFOLDINGS = 60
+"""That are drawn for a crane before it stays folded."""
 PLACES = 400
 """That are drawn for a machine before it is left out."""
 
@@ -45,15 +58,17 @@ class StandingMachine:
     """(F, 3)."""
     colours: NDArray[np.int64]
     """(F,) of :data:`~aoro_gym.machine.solids.COLOURS`."""
+    pose: Pose
+    """Joint, arms and crane, too."""
 
     @classmethod
     def at(cls, machine: Machine, pose: Pose) -> StandingMachine:
         """``machine``, one variant, at a pose."""
         turned, parts = Rotation.from_quat(pose.wxyz, scalar_first=True), []
-        placed = Kinematics(machine).placed(pose.joint, pose.arms, pose.wheels)
-        for name, solid in machine_solids(machine).items():
+        for name, (solid, (origin, wxyz)) in parts_of(machine, pose).items():
+            if name == HELD_LOG:  # an object of the world
+                continue
             points, faces, shades = solid.triangles()
-            origin, wxyz = placed[name]
             own = Rotation.from_quat(wxyz, scalar_first=True).apply(points) + origin
             parts.append((turned.apply(own) + pose.position, faces, _number_of(shades[faces[:, 0]])))
         starts = np.cumsum([0, *(len(points) for points, _, _ in parts)])
@@ -63,11 +78,43 @@ class StandingMachine:
             np.concatenate([points for points, _, _ in parts]),
             np.concatenate([faces + start for (_, faces, _), start in zip(parts, starts[:-1], strict=True)]),
             np.concatenate([numbers for _, _, numbers in parts]),
+            pose,
         )
+
+    def crane_in_world(self) -> dict[str, Placement]:
+        """Where the parts of its crane are in the world's axes, and the log that it holds; empty where it is folded."""
+        return {} if self.pose.crane is None else {
+            name: in_world(self.pose, one) for name, one in crane_placed(self.pose.crane).items()
+        }  # fmt: skip
+
+    def held_log(self, ground: float) -> Log | None:
+        """The log in its grapple as an object of a world whose ``ground`` is so high [m] there; None: it holds none."""
+        crane = self.pose.crane
+        if crane is None or crane.log is None:
+            return None
+        middle, wxyz = self.crane_in_world()[HELD_LOG]
+        length, radius = crane.log[0], 0.5 * crane.log[1]
+        axis = Rotation.from_quat(wxyz, scalar_first=True).apply([1.0, 0.0, 0.0])
+        thick = np.asarray(middle) - 0.5 * length * axis
+        above = float(np.clip(middle[2] + radius - ground, 0.0, 10.0))
+        x, y, z = (float(one) for one in thick)
+        return Log((x, y, z), along(axis), "pine", length, radius, radius, above, 0)
+
+
+def with_held_logs(world: World, machines: Sequence[StandingMachine]) -> tuple[World, dict[int, int]]:
+    """The ``world`` with the logs that ``machines`` hold behind its objects, and their instances by the number of the
+    machine that holds each."""
+    found, held = [], {}
+    for number, machine in enumerate(machines):
+        log = machine.held_log(float(machine.position[2]))
+        if log is not None:
+            found.append(log)
+            held[number] = len(world.objects) + len(found)
+    return (replace(world, objects=(*world.objects, *found)) if found else world), held
 
 
 def standing(
-    world: World, count: int, rng: np.random.Generator, *, way: Array | None = None
+    world: World, count: int, rng: np.random.Generator, *, way: Array | None = None, cranes: bool = False
 ) -> tuple[StandingMachine, ...]:
     """Machines at free random places of a world, at rest there as the twin is; fewer where there is no room.
 
@@ -76,6 +123,7 @@ def standing(
         count: Of machines, at most.
         rng: That draws places, headings and joint angles.
         way: (P, 2) [m] points of a path that they keep clear of.
+        cranes: Whether their cranes are unfolded, where there is room, and every other one holds a log.
     """
     machine = Machine.load("aoro")
     limit = 0.8 * float(machine.joint.range)
@@ -96,7 +144,38 @@ def standing(
     twin, places = Twin(len(found), machine=machine, terrain=world.terrain), np.array(found)
     twin.reset(position=places[:, :2], heading=places[:, 2], joint_angle=places[:, 3])
     states = twin.state.numpy()
-    return tuple(StandingMachine.at(machine, pose_of_state(states[:, k])) for k in range(len(found)))
+    poses = [pose_of_state(states[:, k]) for k in range(len(found))]
+    if cranes:
+        poses = [unfolded(pose, solid, rng) for pose in poses]
+    return tuple(StandingMachine.at(machine, pose) for pose in poses)
+
+
+def unfolded(pose: Pose, solid: Array, rng: np.random.Generator) -> Pose:
+    """The ``pose`` of a machine with its crane unfolded at random, with or without a log, clear of its own frames and of
+    what is ``solid`` (K, 3) x, y, radius [m]; as it is where there is no such way."""
+    vehicle = VehicleCrane()
+    for _ in range(UNFOLDINGS):
+        joints = tuple(rng.uniform(*UNFOLDED).tolist())
+        log = (float(rng.uniform(3.0, 4.5)), float(rng.uniform(0.18, 0.35))) if rng.random() < 0.5 else None
+        crane = CranePose(vehicle, joints, float(rng.uniform(-0.5, 0.5) - joints[0]), log)
+        placed = crane_placed(crane)
+        tip = np.asarray(placed["crane_grapple"][0])
+        low = tip[2] - GRAPPLE_DROP - 0.3
+        beside = abs(tip[1]) > HALF_WIDTH + 0.6 or tip[0] > HALF_LENGTH + 2.5
+        if not beside or not LOWEST < low < HIGHEST:
+            continue
+        reach = np.linspace([0.0, 0.0, 0.0], tip, 8)
+        half = 0.0 if log is None else 0.5 * log[0]
+        ends = tip + np.linspace(-half, half, 8)[:, None] * [
+            np.cos(joints[0] + crane.yaw),
+            np.sin(joints[0] + crane.yaw),
+            0,
+        ]
+        there = Rotation.from_quat(pose.wxyz, scalar_first=True).apply(np.concatenate([reach, ends])) + pose.position
+        gaps = np.linalg.norm(there[:, None, :2] - solid[None, :, :2], axis=-1) - solid[None, :, 2]
+        if gaps.size == 0 or gaps.min() > 0.3:
+            return replace(pose, crane=crane)
+    return pose
 
 
 def scene_of(world: World, machines: Sequence[StandingMachine], *, device: str) -> Scene:

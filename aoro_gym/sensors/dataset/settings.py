@@ -44,6 +44,8 @@ class DatasetSettings:
     lidar: str = "os1-64"
     machines: int = 0
     """Others that stand in every world."""
+    cranes: bool = False
+    """Whether their cranes are unfolded, every other one with a log in its grapple."""
     split: str = "train"
     """Of all pictures where the world is given; made forests share them out."""
 
@@ -69,6 +71,10 @@ class DatasetSettings:
             )
         check_choice("lidar", self.lidar, LIDARS)
         check_integer("machines", self.machines, ge=0, le=100)
+        if self.cranes and not self.machines:
+            raise ValueError(
+                "cranes are those of other machines, but machines is 0; let some stand there: --machines 2"
+            )
         if self.near == "machine" and not self.machines:
             raise ValueError("near is machine, but machines is 0; let some stand there: --machines 2")
         check_choice("split", self.split, SPLITS)

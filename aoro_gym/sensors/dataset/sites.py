@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from aoro_gym.sensors.camera import Appearance
 from aoro_gym.sensors.dataset.drives import Drive
 from aoro_gym.sensors.dataset.labels import Shapes
-from aoro_gym.sensors.dataset.machines import scene_of, standing, with_machines
+from aoro_gym.sensors.dataset.machines import scene_of, standing, with_held_logs, with_machines
 from aoro_gym.sensors.dataset.settings import DatasetSettings
 from aoro_gym.terrains.generate.stand import STANDS
 from aoro_gym.terrains.generate.world import world
@@ -75,7 +75,10 @@ class Site(Forest):
         self.drive = drive
         rng = np.random.default_rng([settings.seed, index, 4])
         way = None if drive is None else drive.motion.position[:, 0, :2]
-        self.machines = standing(self.world, settings.machines, rng, way=way) if settings.machines else ()
+        wanted, cranes = settings.machines, settings.cranes
+        self.machines = standing(self.world, wanted, rng, way=way, cranes=cranes) if wanted else ()
+        self.world, self.held = with_held_logs(self.world, self.machines)
+        """With the logs in grapples, whose instances are by the number of the machine that holds each."""
         self.scene = scene_of(self.world, self.machines, device=device)
         self.shapes = Shapes(self.world, self.machines)
 

@@ -12,6 +12,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from aoro_gym.execution.files import written_whole
+from aoro_gym.recording.commands import JOINTS
 from aoro_gym.sensors.camera import CAMERA_MOUNTING, Picture, StereoCamera, daylight
 from aoro_gym.sensors.dataset.formats import Frame, described, name_of
 from aoro_gym.sensors.dataset.labels import labels
@@ -87,6 +88,8 @@ def take(
         "camera_to_machine": matrix_of(camera.pose()).tolist(),
         "labels": [described(label) for label in found],
     }
+    if site.machines:
+        frame["machines"] = [_described_machine(site, number) for number in range(len(site.machines))]
     if site.drive is not None:
         frame["time_s"] = start
         frame["way_m"] = float(np.interp(start, site.drive.motion.time, site.drive.way))
@@ -94,6 +97,26 @@ def take(
         _sweep(folder, site, frame, motion, start, middle)
     _write_images(folder, frame, pictures)
     return frame
+
+
+def _described_machine(site: Site, number: int) -> dict[str, Any]:
+    """What a frame says of a machine that stands there: its instance and pose, and those of its crane and what it holds."""
+    machine = site.machines[number]
+    told: dict[str, Any] = {
+        "instance": len(site.world.objects) + 1 + number,
+        "position": [float(one) for one in machine.position],
+        "wxyz": [float(one) for one in machine.pose.wxyz],
+        "joint_angle": machine.pose.joint,
+    }
+    crane = machine.pose.crane
+    if crane is not None:
+        told["crane"] = {
+            **dict(zip(JOINTS, crane.joints, strict=True)),
+            "grapple_yaw": crane.yaw,
+            "tip": [float(one) for one in machine.crane_in_world()["crane_grapple"][0]],
+            "holds": site.held.get(number),
+        }
+    return told
 
 
 def _camera(site: Site, number: int, drawn: dict[str, Any]) -> StereoCamera:

@@ -11,13 +11,30 @@ from scipy.spatial.transform import Rotation
 from aoro_gym.machine import Machine
 from aoro_gym.machine.kinematics import Kinematics
 from aoro_gym.machine.solids import machine_solids
-from aoro_gym.sensors.camera import CAMERA_MOUNTING, MODELS, Picture
+from aoro_gym.machine.vehicle_crane import GRAPPLE_DROP
+from aoro_gym.sensors.camera import (
+    CAMERA_MOUNTING,
+    MODELS,
+    Appearance,
+    CameraModel,
+    Picture,
+    StereoCamera,
+    daylight,
+)
 from aoro_gym.sensors.camera.camera import OPTICAL
 from aoro_gym.sensors.dataset import CATEGORIES, Shapes, labels
 from aoro_gym.sensors.dataset.labels import categories
-from aoro_gym.sensors.dataset.machines import BESIDE_PATH, StandingMachine, standing
+from aoro_gym.sensors.dataset.machines import (
+    BESIDE_PATH,
+    StandingMachine,
+    scene_of,
+    standing,
+    with_held_logs,
+    with_machines,
+)
 from aoro_gym.sensors.dataset.taking import matrix_of, pose_of
 from aoro_gym.sensors.lidar import Motion, Mounting
+from aoro_gym.terrains.world.objects import Log, matrix
 from aoro_gym.terrains.world.places import stands_free
 from aoro_gym.terrains.world.world import World
 from tests.sensors.dataset.scenes import FLAT, LENS, camera_in, lying, standing_at
@@ -101,3 +118,40 @@ def test_nothing_of_the_own_machine_is_in_view(name):
             pose = matrix_of(mounted.transform() * wp.transform(wp.vec3(0.0, 0.0, 0.0), wp.quat(*OPTICAL)))
             _, down, ahead = ((np.concatenate(parts) - pose[:3, 3]) @ pose[:3, :3]).T
             assert (down > steepest * ahead).all()
+
+
+def test_cranes_are_unfolded_clear_of_trees_and_logs_in_them_are_labelled():
+    """Of eight machines some hold logs; a held log is a world's object in the grapple, a metre below the tip."""
+    world = lying()
+    folded = standing(world, 8, np.random.default_rng(3))
+    machines = standing(world, 8, np.random.default_rng(3), cranes=True)
+    assert [one.position.tolist() for one in machines] == [one.position.tolist() for one in folded]
+    out = [one for one in machines if one.pose.crane is not None]
+    assert len(out) > 5
+    with_logs, held = with_held_logs(world, machines)
+    assert 0 < len(held) < len(out)
+    assert with_logs.objects[: len(world.objects)] == world.objects
+    assert list(held.values()) == list(range(4, 4 + len(held)))
+    for number, instance in held.items():
+        log = with_logs.objects[instance - 1]
+        assert isinstance(log, Log)
+        middle = np.asarray(log.position) + 0.5 * log.length * matrix(log.rotation)[:, 2]
+        tip = machines[number].crane_in_world()["crane_grapple"][0]
+        assert np.linalg.norm(middle - tip) == pytest.approx(GRAPPLE_DROP)
+        assert middle[2] < tip[2]
+    number, instance = next(iter(held.items()))
+    one = machines[number]
+    away = Rotation.from_quat(one.pose.wxyz, scalar_first=True).apply([0.0, 12.0, 0.0]) + one.position
+    camera = StereoCamera(
+        scene_of(with_logs, (one,), device="cpu"),
+        with_machines(Appearance.of_world(with_logs)),
+        daylight(),
+        CameraModel("small", LENS),
+        samples=1,
+        sky_rays=1,
+        mounting=Mounting(position=(0.0, 0.0, 2.0), angles_deg=(0.0, 0.0, 0.0)),
+    )
+    towards = one.position - away
+    motion = Motion.still(away.tolist(), yaw=float(np.arctan2(towards[1], towards[0])))
+    truth = {name: part[0] for name, part in camera.truth(motion).items()}
+    assert (truth["instance"] == instance).sum() > 20
