@@ -19,8 +19,6 @@ TRANSIENT = FIGURES[3:]
 """First peak and its time, lowest undershoot, second peak."""
 LEVELS = (100.0, 75.0, 50.0)
 """Signal [%] of the left turns."""
-RIGHT = LEVELS[1:]
-"""Signal [%] of the right turns whose mean flows are to be the valve table's."""
 NAMES = {"mevea": "published twin", "physical": "real machine"}
 MEMBERS = "members.json"
 """What machine files of structures meet."""
@@ -55,26 +53,6 @@ def markdown(folder: Path) -> str:
         if any(f"{reference}-{kind}" in result["splits"] for result in found for kind in KINDS):
             parts.append(f"Figures of the {name}, figures of one kind left out:\n\n{_kinds(found, reference)}")
     return "\n\n".join(parts) + "\n"
-
-
-def members(folder: Path) -> str:
-    """A table of the machine files: what they meet of what was published, and how their structures predict."""
-    found = {result["structure"]: result for result in results(folder)}
-    rows = []
-    for name, one in sorted(read_json(folder / MEMBERS).items()):
-        reference = name.split("-")[0]
-        splits = [found[one["structure"]]["splits"].get(f"{reference}-{level:g}") for level in LEVELS]
-        scores = [split["score"] for split in splits if split is not None]
-        rows.append([
-            one["structure"], NAMES[reference], *(f"{a} of {b}" for a, b in (
-                one["of_the_published_twin"], one["of_the_shape"], one["of_the_machine"]
-            )),
-            _percent(float(np.mean(scores)) if len(scores) == len(LEVELS) else None),
-            ", ".join(_signed(one["errors"]["physical"][f"right {level:g}"]["mean_flow_L_per_min"]) for level in RIGHT),
-            str(len(one["at_bounds"])), "; ".join(one["missed"]) or "none",
-        ])  # fmt: skip
-    head = ["structure", "fitted to the", "published twin's figures", "shape", "machine's figures", "a level left out"]
-    return table([*head, "right turns' mean flows, 75 and 50 %", "at a bound", "missed of the rest"], rows)
 
 
 def profiles(folder: Path, structure: str, split: str) -> str:
@@ -151,10 +129,6 @@ def _with_range(split: dict[str, Any] | None) -> str:
 
 def _joined(splits: Sequence[Any], shown: Callable[[Any], str]) -> str:
     return ", ".join("-" if split is None else shown(split) for split in splits)
-
-
-def _signed(share: float | None) -> str:
-    return "-" if share is None else f"{100.0 * share:+.1f} %"
 
 
 def _percent(share: float | None) -> str:

@@ -25,7 +25,7 @@ from studies.identification.run import Study, run
 from studies.identification.search import Job
 from studies.identification.splits import BY_KIND, BY_LEVEL, ROW_NAMES, WHOLE, Split
 from studies.identification.structures import STRUCTURES, machine_of, uncertain
-from studies.identification.table import markdown, members, profiles, published_twin_errors
+from studies.identification.table import markdown, profiles, published_twin_errors
 
 
 def test_the_published_twins_own_errors():
@@ -214,7 +214,6 @@ def test_the_page_has_the_tables_of_the_stored_results():
     root = Path(__file__).parents[2]
     page = (root / "docs" / "evidence" / "identification.md").read_text(encoding="utf-8")
     assert markdown(root / "studies" / "identification" / "results").strip() in page
-    assert members(root / "studies" / "identification" / "results") in page
     assert profiles(root / "studies" / "identification" / "results", "materials", "physical-nothing") in page
 
 
