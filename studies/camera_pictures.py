@@ -92,7 +92,7 @@ def measure(made: Any, scene: Scene, device: str, worlds: int) -> None:
     one = straight_on(scene, AT, np.radians(HEADING_DEG), 0.0, 1.0)
     motion = Motion(one.time, *(np.repeat(a, worlds, axis=1) for a in (one.position, one.roll, one.pitch, one.yaw)))
     for name, call, rays in (
-        ("colours", lambda: camera.radiance(motion), 6 * camera.samples),
+        ("colours", lambda: camera.radiance(motion), 6 * camera.rendering.samples),
         ("truth", lambda: camera.truth(motion), 2),
     ):
         call()

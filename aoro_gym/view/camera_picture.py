@@ -17,8 +17,8 @@ from aoro_gym.checks import check_choice
 from aoro_gym.execution import devices
 from aoro_gym.machine.kinematics import Pose
 from aoro_gym.sensors.camera import MODELS, Appearance, StereoCamera, daylight
-from aoro_gym.sensors.camera.camera import BLOCK_DIM
 from aoro_gym.sensors.camera.kernels.render import render
+from aoro_gym.sensors.camera.rendering import BLOCK_DIM
 from aoro_gym.sensors.lidar import Motion
 from aoro_gym.sensors.raytrace import Scene
 from aoro_gym.terrains import Plane, Terrain

@@ -11,7 +11,7 @@
 """
 
 from aoro_gym.sensors.camera.appearance import Appearance
-from aoro_gym.sensors.camera.camera import CAMERA_MOUNTING, StereoCamera
+from aoro_gym.sensors.camera.camera import CAMERA_MOUNTING, Request, StereoCamera, take_together
 from aoro_gym.sensors.camera.film import SensorModel
 from aoro_gym.sensors.camera.lens import Intrinsics
 from aoro_gym.sensors.camera.light import SEASONS, Light, daylight
@@ -29,8 +29,10 @@ __all__ = [
     "Intrinsics",
     "Light",
     "Picture",
+    "Request",
     "SensorModel",
     "Stereo",
     "StereoCamera",
     "daylight",
+    "take_together",
 ]

@@ -99,7 +99,7 @@ class Appearance:
         look.transmittance = wp.array(np.minimum(through, 1.0 - self.albedo), dtype=vec3, device=device)
         look.poses = wp.array(self.poses, dtype=transform, device=device)
         look.undergrowth = undergrowth and self.snow == 0.0 and scene.data.leaves.tallest > 0.0  # snow buries it
-        look.densest = float(scene.data.leaves.nodes.numpy()[..., 2].max()) if look.undergrowth else 0.0
+        look.densest = scene.densest if look.undergrowth else 0.0
         look.gaps = scene.fine
         look.bare = self.season == "winter"
         look.autumn = 0.85 if self.season == "autumn" else 0.0

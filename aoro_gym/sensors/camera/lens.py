@@ -92,7 +92,8 @@ class Intrinsics:
         drawn = (np.asarray(pixels, dtype=np.float64) - self.centre) / self.focal
         k1, k2, p1, p2, k3 = self.distortion
         point = drawn
-        for _ in range(60):  # each takes off more than half of the error of the strongest lens that does not fold
+        rounds = 60 if any(self.distortion) else 0
+        for _ in range(rounds):  # each takes off more than half of the error of the strongest lens that does not fold
             x, y = point.T
             s = x * x + y * y
             scale = 1.0 + s * (k1 + s * (k2 + s * k3))

@@ -121,14 +121,28 @@ def labels(picture: Picture, shapes: Shapes, lens: Intrinsics, pose: Array, *, l
         least: Pixels.
     """
     category = categories(picture, shapes, lens, pose)
+    known = category >= 0
+    parts, numbers, counts = np.unique(
+        picture.instance[known] * len(CATEGORIES) + category[known], return_inverse=True, return_counts=True
+    )
+    numbered = np.zeros(category.shape, dtype=np.int32)
+    numbered[known] = numbers + 1
     found = []
-    for instance in np.unique(picture.instance[category >= 0]):
-        of_it = picture.instance == instance
-        for number in np.unique(category[of_it & (category >= 0)]):
-            mask = of_it & (category == number)
-            if mask.sum() >= least:
-                found.append(_label(int(instance), CATEGORIES[number], mask, shapes, lens, pose))
+    for number, window in enumerate(_windows(numbered)):
+        if counts[number] >= least:
+            instance, kind = divmod(int(parts[number]), len(CATEGORIES))
+            mask = np.zeros(category.shape, dtype=bool)
+            mask[window] = numbered[window] == number + 1
+            found.append(_label(instance, CATEGORIES[kind], mask, window, shapes, lens, pose))
     return found
+
+
+def _windows(numbered: NDArray[np.int32]) -> list[Any]:
+    """Slices of rows and columns around each of the numbers from 1 on."""
+    from scipy import ndimage
+
+    windows: Any = ndimage.find_objects(numbered)
+    return windows
 
 
 def categories(picture: Picture, shapes: Shapes, lens: Intrinsics, pose: Array) -> NDArray[np.int64]:
@@ -181,13 +195,30 @@ def _on_stem(tree: Tree, places: Array) -> NDArray[np.bool_]:
 
 
 def _label(
-    instance: int, category: str, mask: NDArray[np.bool_], shapes: Shapes, lens: Intrinsics, pose: Array
+    instance: int,
+    category: str,
+    mask: NDArray[np.bool_],
+    window: tuple[slice, slice],
+    shapes: Shapes,
+    lens: Intrinsics,
+    pose: Array,
 ) -> Label:
+    """The label of a part.
+
+    Args:
+        instance: Of the object.
+        category: Of the part.
+        mask: (H, W) pixels in which it is seen.
+        window: Rows and columns around the mask.
+        shapes: Of the world.
+        lens: Of the camera.
+        pose: (4, 4) from the camera's axes to the world's.
+    """
     vertices, faces = shapes.part(instance, category)
     own = (vertices - pose[:3, 3]) @ pose[:3, :3]
     ahead = own[:, 2] > NEAREST
-    rows, columns = np.nonzero(mask)
-    box = (float(columns.min()), float(rows.min()), float(columns.max() + 1), float(rows.max() + 1))
+    rows, columns = window
+    box = (float(columns.start), float(rows.start), float(columns.stop), float(rows.stop))
     full, occlusion = box, 0.0
     if ahead.any():
         pixels = lens.project(np.where(ahead[:, None], own, [0.0, 0.0, 1.0])) + 0.5
@@ -195,7 +226,7 @@ def _label(
         low, high = drawn.min(axis=0), drawn.max(axis=0)
         full = (min(box[0], low[0]), min(box[1], low[1]), max(box[2], high[0]), max(box[3], high[1]))
         silhouette = _drawn(pixels, faces[ahead[faces].all(axis=1)], lens) | mask
-        occlusion = 1.0 - float(mask.sum() / silhouette.sum())
+        occlusion = 1.0 - np.count_nonzero(mask) / np.count_nonzero(silhouette)
     area = (full[2] - full[0]) * (full[3] - full[1])
     inside = (min(full[2], lens.width) - max(full[0], 0.0)) * (min(full[3], lens.height) - max(full[1], 0.0))
     size, location, turn = _box(shapes.of(instance), vertices, pose)
@@ -218,15 +249,18 @@ def _label(
 
 
 def _drawn(pixels: Array, faces: NDArray[np.int64], lens: Intrinsics) -> NDArray[np.bool_]:
-    """(H, W) which pixels triangles cover."""
+    """(H, W) which pixels triangles cover, by Pillow, which takes corners as whole pixels: those that lie beyond an edge of
+    the picture, or are drawn already, are left out."""
     from PIL import Image, ImageDraw
 
-    image = Image.new("1", (lens.width, lens.height))
+    corners = np.clip(pixels - 0.5, -1e4, 1e4).astype(np.int64)[faces].reshape(-1, 6)
+    x, y = corners[:, 0::2], corners[:, 1::2]
+    outside = (x < 0).all(axis=1) | (y < 0).all(axis=1) | (x >= lens.width).all(axis=1) | (y >= lens.height).all(axis=1)
+    image = Image.new("L", (lens.width, lens.height))
     draw = ImageDraw.Draw(image)
-    within = np.clip(pixels - 0.5, -1e4, 1e4)
-    for face in faces:
-        draw.polygon([(float(x), float(y)) for x, y in within[face]], fill=1)
-    return np.array(image)
+    for triangle in dict.fromkeys(map(tuple, corners[~outside].tolist())):
+        draw.polygon(triangle, fill=1)
+    return np.asarray(image) > 0
 
 
 def _box(one: Object | StandingMachine, vertices: Array, pose: Array) -> tuple[Any, Any, float]:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 import json
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,7 @@ from aoro_gym.sensors.dataset.figures import draw_points, draw_sheet
 from aoro_gym.sensors.dataset.formats import Frame, write_coco, write_kitti, write_yolo
 from aoro_gym.sensors.dataset.settings import DatasetSettings
 from aoro_gym.sensors.dataset.sites import Forest, Site
-from aoro_gym.sensors.dataset.taking import take
+from aoro_gym.sensors.dataset.taking import Taken, Wanted, finish, set_up, take
 from aoro_gym.terrains import Path as Line
 from aoro_gym.terrains.world.world import World
 
@@ -42,7 +43,18 @@ OUTLINES = 90
 """Work of a picture's polygons, which come last. (E)"""
 JOBS, LEAST_JOB = 3, 4
 """Jobs of a process, so that none is alone at work for long at the end; and the fewest pictures of one."""
+TOGETHER = {"cpu": 300_000, "cuda": 2_000_000}
+"""Pixels of pictures that are taken together, by kind of device: a GPU runs a quarter of a million threads at once; on a CPU
+that is four pictures, so that what is interrupted costs little. A pixel takes 130 bytes."""
+SITES = 8
+"""Most forests of pictures that are taken together: each has its triangles on the device."""
+FINISHERS = 3
+"""Threads that label and write pictures while others are rendered: one at work, others waiting for the disk."""
+RENDERING = 0.8
+"""Share of a picture's work that is done when it is rendered. (E)"""
 
+Part = tuple[int, list[int]]
+"""A forest and some of its pictures, by their numbers."""
 Tell = Callable[[int], Any]
 """Takes an amount of work that was done."""
 
@@ -80,10 +92,16 @@ class Plan:
     @property
     def picture(self) -> int:
         """Work of a picture."""
-        if self.device != "cpu":
+        if not self.device.startswith("cpu"):
             return ANYWHERE
         lens, eyes = self.settings.camera.intrinsics, 1 if self.settings.left_only else 2
         return int(ANYWHERE + eyes * lens.width * lens.height * (A_PIXEL + A_RAY * self.settings.samples))
+
+    @property
+    def together(self) -> int:
+        """Most pictures, or pairs, that are taken together."""
+        lens, eyes = self.settings.camera.intrinsics, 1 if self.settings.left_only else 2
+        return max(TOGETHER["cpu" if self.device.startswith("cpu") else "cuda"] // (eyes * lens.width * lens.height), 1)
 
     def frame_file(self, number: int) -> Path:
         """Of a picture, written when all of it is."""
@@ -154,9 +172,10 @@ def _take_all(plan: Plan, names: Sequence[str], processes: int, progress: Callab
             if not plan.frame_file(number).exists():
                 waiting[index].append(number)
     drives = [index for index in waiting if plan.driver is not None and not plan.drive_file(index).exists()]
-    jobs = [(index, part) for index, numbers in waiting.items() for part in _parted(numbers, processes, len(waiting))]
+    parts = [(index, part) for index, numbers in waiting.items() for part in _parted(numbers, processes, len(waiting))]
+    jobs = _joined(parts, -(-len(parts) // (JOBS * processes)), plan.together)
     done = plan.picture * (plan.settings.frames - sum(map(len, waiting.values())))
-    total = plan.picture * plan.settings.frames + SETTING_UP * len(jobs) + DRIVING * len(drives)
+    total = plan.picture * plan.settings.frames + SETTING_UP * len(parts) + DRIVING * len(drives)
     total += OUTLINES * plan.settings.frames if "coco" in plan.settings.formats else 0
 
     def tell(amount: int) -> None:
@@ -168,7 +187,7 @@ def _take_all(plan: Plan, names: Sequence[str], processes: int, progress: Callab
     tell(0)
     _spread(_drive, [(plan, index) for index in drives], processes, tell)
     plans = [replace(plan, device=name) for name in names]
-    taken = [(plans[number % len(names)], index, part) for number, (index, part) in enumerate(jobs)]
+    taken = [(plans[number % len(names)], job) for number, job in enumerate(jobs)]
     _spread(_take, taken, processes, tell)
 
 
@@ -177,6 +196,15 @@ def _parted(numbers: list[int], processes: int, forests: int) -> list[list[int]]
     wanted = 1 if processes == 1 else -(-JOBS * processes // forests)
     parts = max(min(wanted, len(numbers) // LEAST_JOB), min(-(-processes // forests), len(numbers)))
     return [numbers[len(numbers) * k // parts : len(numbers) * (k + 1) // parts] for k in range(parts)]
+
+
+def _joined(parts: list[Part], most: int, pictures: int) -> list[list[Part]]:
+    """Jobs of up to ``most`` parts, as long as they have no more than so many pictures, or one part."""
+    jobs: list[list[Part]] = []
+    for part in parts:
+        fits = jobs and len(jobs[-1]) < most and sum(len(each) for _, each in jobs[-1]) + len(part[1]) <= pictures
+        jobs[-1:] = [[*jobs[-1], part]] if fits else [*jobs[-1:], [part]]
+    return jobs
 
 
 def _spread(work: Callable[..., None], jobs: Sequence[tuple[Any, ...]], processes: int, tell: Tell) -> None:
@@ -200,18 +228,50 @@ def _drive(tell: Tell, plan: Plan, index: int) -> None:
     counted.share(1.0)
 
 
-def _take(tell: Tell, plan: Plan, index: int, numbers: list[int]) -> None:
-    """Take some pictures of a forest."""
-    drive = None if plan.driver is None else Drive.load(plan.drive_file(index))
-    site = Site(plan.settings, index, plan.ground, drive, plan.device)
-    tell(SETTING_UP)
-    every = plan.numbers(index)
-    instants = None if drive is None else drive.instants(len(every))
-    for number in numbers:
-        counted = _Counted(tell, plan.picture)
-        due = None if instants is None else float(instants[every.index(number)])
-        write_json(plan.frame_file(number), take(plan.folder, site, number, due, counted.share))
-        counted.share(1.0)
+def _take(tell: Tell, plan: Plan, parts: list[Part]) -> None:
+    """Take some pictures of some forests: while some are rendered, those before are labelled and written."""
+    pool, before = ThreadPoolExecutor(FINISHERS), list[Future[None]]()
+    try:
+        for wanted in _chunks(tell, plan, parts):
+            counted = _Counted(tell, int(RENDERING * plan.picture * len(wanted)))
+            taken = take(set_up(wanted), counted.share)
+            counted.share(1.0)
+            for one in before:
+                one.result()
+                tell(plan.picture - int(RENDERING * plan.picture))
+            before = [pool.submit(_finish, plan, one) for one in taken]
+        for one in before:
+            one.result()
+            tell(plan.picture - int(RENDERING * plan.picture))
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _finish(plan: Plan, taken: Taken) -> None:
+    """Label a picture and write all of it; its own file last."""
+    write_json(plan.frame_file(taken.setup.number), finish(plan.folder, taken))
+
+
+def _chunks(tell: Tell, plan: Plan, parts: list[Part]) -> Iterator[list[Wanted]]:
+    """Pictures that are taken together."""
+    chunk: list[Wanted] = []
+    for index, numbers in parts:
+        drive = None if plan.driver is None else Drive.load(plan.drive_file(index))
+        site = Site(plan.settings, index, plan.ground, drive, plan.device)
+        tell(SETTING_UP)
+        every = plan.numbers(index)
+        instants = None if drive is None else drive.instants(len(every))
+        for number in numbers:
+            due = None if instants is None else float(instants[every.index(number)])
+            chunk.append(Wanted(site, number, due))
+            if len(chunk) == plan.together:
+                yield chunk
+                chunk = []
+        if chunk and len({id(one.site) for one in chunk}) == SITES:
+            yield chunk
+            chunk = []
+    if chunk:
+        yield chunk
 
 
 class _Counted:

@@ -81,11 +81,14 @@ class Site(Forest):
         """With the logs in grapples, whose instances are by the number of the machine that holds each."""
         self.scene = scene_of(self.world, self.machines, device=device)
         self.shapes = Shapes(self.world, self.machines)
+        self._looks: dict[float, Appearance] = {}
 
     def appearance(self, drawn: dict[str, Any]) -> Appearance:
         """Its textures, of other albedos in each picture."""
         wet = 1.0 if drawn["weather"][0] == "rain" else 0.0
-        made = Appearance.of_world(self.world, self.season, wetness=wet)
+        if wet not in self._looks:
+            self._looks[wet] = Appearance.of_world(self.world, self.season, wetness=wet)
+        made = self._looks[wet]
         if drawn["albedo_seed"] is not None:
             rng = np.random.default_rng(drawn["albedo_seed"])
             brighter, tinted = (

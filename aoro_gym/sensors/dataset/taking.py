@@ -1,9 +1,9 @@
-"""Taking a picture: where the camera is, in what light, and the picture's files."""
+"""Taking pictures: where the cameras are, in what light, and the pictures' files."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from aoro_gym.execution.files import written_whole
 from aoro_gym.recording.commands import JOINTS
-from aoro_gym.sensors.camera import CAMERA_MOUNTING, Picture, StereoCamera, daylight
+from aoro_gym.sensors.camera import CAMERA_MOUNTING, Picture, Request, StereoCamera, daylight, take_together
 from aoro_gym.sensors.dataset.formats import Frame, described, name_of
 from aoro_gym.sensors.dataset.labels import labels
 from aoro_gym.sensors.dataset.sites import Site
 from aoro_gym.sensors.dataset.sweeps import write_sweep
 from aoro_gym.sensors.height_map import HeightMapSensor
-from aoro_gym.sensors.lidar import CLEAR, Lidar, Motion, Mounting, Weather
+from aoro_gym.sensors.lidar import CLEAR, Lidar, Motion, Mounting, Points, Weather
 from aoro_gym.sensors.lidar import MODELS as LIDARS
 from aoro_gym.sensors.raytrace import Scene
 from aoro_gym.terrains.world.places import free_place
@@ -35,55 +35,117 @@ VISIBLE_NM = 550.0
 """Wavelength at which weather is a camera's."""
 NEAR_MACHINE = 5.0
 """Least distance [m] of the camera's machine from one that stands."""
+LIDAR_MOUNTING = Mounting()
+"""Of the lidar beside the camera."""
 AWAY, AWAY_FROM_MACHINE = (4.5, 11.0), (7.0, 18.0)
 """Distances [m] from a machine's hinge to the object that its camera is put before."""
 
 
-def take(
-    folder: Path, site: Site, number: int, due: float | None, progress: Callable[[float], Any] = lambda share: None
-) -> Frame:
-    """Take a picture and write its files; what is left for its JSON file.
+@dataclass(frozen=True, eq=False)
+class Wanted:
+    """A picture that is to be taken."""
 
-    Args:
-        folder: Of the data set.
-        site: Where.
-        number: Of the picture.
-        due: Time [s] of the site's drive; None: it stands at a free place.
-        progress: Told the share that is done.
+    site: Site
+    number: int
+    due: float | None = None
+    """Time [s] of the site's drive; None: the machine stands at a free place."""
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """A picture whose camera has its place and its light."""
+
+    site: Site
+    number: int
+    drawn: dict[str, Any]
+    camera: StereoCamera
+    motion: Motion
+    start: float
+    """Time [s] of the motion at which it is taken."""
+
+
+@dataclass(frozen=True, eq=False)
+class Taken:
+    """A picture, or a pair, whose files are not written yet."""
+
+    setup: Setup
+    pictures: Sequence[Picture]
+    points: Points | None
+    """Of the lidar's sweep."""
+
+
+def set_up(wanted: Sequence[Wanted]) -> list[Setup]:
+    """Draw place and light of pictures; where a camera would lie in a stem, or in a machine, anew.
 
     Raises ``ValueError`` where there is no place outside of stems.
     """
-    settings = site.settings
+    found: dict[int, Setup] = {}
     for attempt in range(ATTEMPTS):
-        drawn = _draw(site, number, attempt)
-        camera = _camera(site, number, drawn)
-        motion, start = _motion(site, drawn, None if due is None else due + attempt * LATER)
-        try:
-            _check_apart(site, motion, start)
-            camera.check_outside(motion, start)
+        waiting = [k for k in range(len(wanted)) if k not in found]
+        for site in dict.fromkeys(wanted[k].site for k in waiting):
+            own = [k for k in waiting if wanted[k].site is site]
+            tried = _tried(site, [wanted[k] for k in own], attempt)
+            places = np.concatenate([one.camera.places(one.motion, one.start)[0] for one in tried])
+            inside = site.scene.lie_inside(places)[0].reshape(-1, 2)
+            for k, one, in_stem in zip(own, tried, inside, strict=True):
+                if not in_stem.any() and _is_apart(one):
+                    found[k] = one
+                elif attempt == ATTEMPTS - 1:
+                    one.camera.check_outside(one.motion, one.start)
+                    raise ValueError(
+                        f"picture {one.number} has no place {NEAR_MACHINE:g} m from all machines; take fewer"
+                    )
+        if len(found) == len(wanted):
             break
-        except ValueError:  # in a stem
-            if attempt == ATTEMPTS - 1:
-                raise
-    tell = partial(_within, progress)
-    pictures: Sequence[Picture] = (
-        camera.take_left(motion, start=start, progress=tell)
-        if settings.left_only
-        else camera.take(motion, start=start, progress=tell)[0]
-    )
-    left = pictures[0]
-    middle = start + 0.5 * (left.exposure + camera.model.line_time * camera.model.intrinsics.height)
-    pose = pose_of(camera, motion, middle)
+    return [found[k] for k in range(len(wanted))]
+
+
+def _tried(site: Site, wanted: Sequence[Wanted], attempt: int) -> list[Setup]:
+    """Pictures of a site as they are drawn for the n-th time."""
+    drawn = [_draw(site, one.number, attempt) for one in wanted]
+    if site.drive is None:
+        moved = [(motion, 0.0) for motion in _standing(site.scene, drawn)]
+    else:
+        instants = [min((one.due or 0.0) + attempt * LATER, site.drive.last) for one in wanted]
+        moved = [(site.drive.around(instant), instant) for instant in instants]
+    return [
+        Setup(site, one.number, own, _camera(site, one.number, own), motion, start)
+        for one, own, (motion, start) in zip(wanted, drawn, moved, strict=True)
+    ]
+
+
+def take(setups: Sequence[Setup], progress: Callable[[float], Any] = lambda share: None) -> list[Taken]:
+    """Take pictures, of any sites, together, and the sweeps beside them.
+
+    Args:
+        setups: Of one data set.
+        progress: Told the share that is done.
+    """
+    settings = setups[0].site.settings
+    requests = [Request(one.camera, one.motion, one.start) for one in setups]
+    found = take_together(requests, left_only=settings.left_only, check=False, progress=progress)
+    return [
+        Taken(one, [camera[0] for camera in of_cameras], _swept(one) if "lidar" in settings.sensors else None)
+        for one, of_cameras in zip(setups, found, strict=True)
+    ]
+
+
+def finish(folder: Path, taken: Taken) -> Frame:
+    """Label a picture and write its files; what is left for its JSON file."""
+    one, left = taken.setup, taken.pictures[0]
+    site, camera, settings = one.site, one.camera, one.site.settings
+    middle = one.start + 0.5 * (left.exposure + camera.model.line_time * camera.model.intrinsics.height)
+    pose = pose_of(camera, one.motion, middle)
     found = labels(left, site.shapes, settings.camera.intrinsics, pose)
     frame: Frame = {
-        "number": number,
+        "number": one.number,
         "split": site.split,
         "width": left.depth.shape[1],
         "height": left.depth.shape[0],
         "world_seed": settings.seed + site.index,
         "season": site.season,
         "stand": site.stand,
-        "drawn": drawn,
+        "drawn": one.drawn,
         "camera_to_world": pose.tolist(),
         "camera_to_machine": matrix_of(camera.pose()).tolist(),
         "labels": [described(label) for label in found],
@@ -91,11 +153,11 @@ def take(
     if site.machines:
         frame["machines"] = [_described_machine(site, number) for number in range(len(site.machines))]
     if site.drive is not None:
-        frame["time_s"] = start
-        frame["way_m"] = float(np.interp(start, site.drive.motion.time, site.drive.way))
-    if "lidar" in settings.sensors:
-        _sweep(folder, site, frame, motion, start, middle)
-    _write_images(folder, frame, pictures)
+        frame["time_s"] = one.start
+        frame["way_m"] = float(np.interp(one.start, site.drive.motion.time, site.drive.way))
+    if taken.points is not None:
+        _write_points(folder, frame, taken.points, one, middle)
+    _write_images(folder, frame, taken.pictures)
     return frame
 
 
@@ -133,22 +195,12 @@ def _camera(site: Site, number: int, drawn: dict[str, Any]) -> StereoCamera:
     )
 
 
-def _motion(site: Site, drawn: dict[str, Any], due: float | None) -> tuple[Motion, float]:
-    """Motion of the machine around a picture, and when [s] in it the picture is taken."""
-    if site.drive is None or due is None:
-        return _standing(site.scene, drawn["at"], drawn["heading"]), 0.0
-    instant = min(due, site.drive.last)
-    return site.drive.around(instant), instant
-
-
-def _check_apart(site: Site, motion: Motion, start: float) -> None:
-    """ValueError where the camera's machine stands in another one."""
-    here = np.array([np.interp(start, motion.time, motion.position[:, 0, axis]) for axis in (0, 1)])
-    for machine in site.machines:
-        if site.drive is None and np.linalg.norm(machine.position[:2] - here) < NEAR_MACHINE:
-            raise ValueError(
-                f"there is a machine within {NEAR_MACHINE:g} m of x = {here[0]:.1f} m, y = {here[1]:.1f} m"
-            )
+def _is_apart(one: Setup) -> bool:
+    """Whether a camera's machine, where it stands, stands in no other one."""
+    here = one.motion.position[0, 0, :2]
+    return one.site.drive is not None or all(
+        np.linalg.norm(machine.position[:2] - here) >= NEAR_MACHINE for machine in one.site.machines
+    )
 
 
 def _draw(site: Site, number: int, attempt: int) -> dict[str, Any]:
@@ -191,12 +243,15 @@ def _place(site: Site, rng: np.random.Generator) -> dict[str, Any]:
     return {"at": [place.x, place.y], "heading": heading}
 
 
-def _standing(scene: Scene, at: Sequence[float], heading: float) -> Motion:
-    """A machine that stands upright on the ground."""
+def _standing(scene: Scene, drawn: Sequence[dict[str, Any]]) -> list[Motion]:
+    """Machines that stand upright on the ground where they are drawn."""
     top = float(scene.extent[1][2])
     below = HeightMapSensor(scene, forward=(0.0, 0.0), left=(0.0, 0.0), above=1.0)
-    height = top + float(below.measure([[*at, top]], [0.0])[0, 0, 0])
-    return Motion.still([*at, height], yaw=heading)
+    heights = below.measure([[*one["at"], top] for one in drawn], np.zeros(len(drawn)))[:, 0, 0]
+    return [
+        Motion.still([*one["at"], top + float(height)], yaw=one["heading"])
+        for one, height in zip(drawn, heights, strict=True)
+    ]
 
 
 def pose_of(camera: StereoCamera, motion: Motion, instant: float = 0.0) -> Array:
@@ -225,16 +280,27 @@ def matrix_of(pose: Any) -> Array:
     return out
 
 
-def _sweep(folder: Path, site: Site, frame: Frame, motion: Motion, start: float, middle: float) -> None:
-    """A sweep whose middle is the picture's, and its files."""
-    settings, (kind, amount) = site.settings, frame["drawn"]["weather"]
-    model = LIDARS[settings.lidar]
+def _lidar(one: Setup) -> Lidar:
+    """The lidar beside a camera."""
+    kind, amount = one.drawn["weather"]
+    model, settings = LIDARS[one.site.settings.lidar], one.site.settings
     air = CLEAR if kind == "clear" else Weather.named(kind, amount, wavelength_nm=model.wavelength_nm)
-    sensor = Lidar(site.scene, model, weather=air, seed=settings.seed + frame["number"])
-    begin = None if site.drive is None else start - 0.5 / model.rate
-    [points] = sensor.sweep(motion, start=begin, number=frame["number"])
-    mounted = matrix_of(sensor.mounting.transform())
-    write_sweep(folder, frame["split"], name_of(frame), points, machine_at(motion, middle) @ mounted, site.shapes)
+    return Lidar(one.site.scene, model, mounting=LIDAR_MOUNTING, weather=air, seed=settings.seed + one.number)
+
+
+def _swept(one: Setup) -> Points:
+    """A sweep whose middle is the picture's."""
+    sensor = _lidar(one)
+    begin = None if one.site.drive is None else one.start - 0.5 / sensor.model.rate
+    [points] = sensor.sweep(one.motion, start=begin, number=one.number)
+    return points
+
+
+def _write_points(folder: Path, frame: Frame, points: Points, one: Setup, middle: float) -> None:
+    """A sweep's files, in the lidar's axes at the middle of the picture's exposure."""
+    mounted = matrix_of(LIDAR_MOUNTING.transform())
+    pose = machine_at(one.motion, middle) @ mounted
+    write_sweep(folder, frame["split"], name_of(frame), points, pose, one.site.shapes)
     frame["lidar_to_machine"] = mounted.tolist()
     frame["points"] = len(points)
 
@@ -254,8 +320,3 @@ def _write_images(folder: Path, frame: Frame, pictures: Sequence[Picture]) -> No
     for name, pixels in images.items():
         with written_whole(folder / name / frame["split"] / f"{name_of(frame)}.png") as temporary:
             Image.fromarray(pixels).save(temporary)
-
-
-def _within(progress: Callable[[float], Any], share: float) -> None:
-    """Rendering is about four fifths of a picture's work. (E)"""
-    progress(0.8 * share)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.checks import check_finite, check_integer, check_range
 from aoro_gym.execution.devices import find
+from aoro_gym.execution.together import Together
 from aoro_gym.sensors.raytrace import device as device_code
 from aoro_gym.sensors.raytrace.bodies import Bodies
 from aoro_gym.sensors.raytrace.downward import look_down
@@ -29,6 +30,8 @@ BARE_GROUND = (0.25, 0.35)
 reflectance rises with wavelength (Baumgardner et al. 1985, Reflectance properties of soils, Adv. Agronomy 38). E."""
 DEEP = 1.0e4
 """[m] that a probe looks up: more than any terrain's relief."""
+PROBES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
+"""Directions in which a place looks whether it lies in something: up first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +138,11 @@ class Scene:
         return scene
 
     @cached_property
+    def densest(self) -> float:
+        """Most area [1/m] of leaves of the undergrowth in a volume; 0 without any."""
+        return float(self.data.leaves.nodes.numpy()[..., 2].max()) if self.data.leaves.tallest > 0.0 else 0.0
+
+    @cached_property
     def ground(self) -> wp.Mesh:
         """The ground's triangles alone; ``ValueError`` where there are none."""
         mask = self.data.face_instance.numpy() == 0
@@ -218,10 +226,8 @@ class Scene:
         check_range("max_range", max_range, "m", gt=0.0, lt=np.inf)
         check_range("worlds", world, ge=0, le=self.num_worlds - 1)
         count, device, vec3 = len(to), self.device, cast(Any, wp.vec3)
-        outputs: list[Any] = [
-            wp.empty(count, dtype=kind, device=device)
-            for kind in cast(Any, (wp.float32, wp.vec3, wp.int32, wp.uint8, wp.int32, wp.bool))
-        ]
+        kinds = cast(Any, (wp.float32, wp.vec3, wp.int32, wp.uint8, wp.int32, wp.bool))
+        home = Together([(count,)] * len(kinds), kinds, device=device)
         wp.launch(
             device_code.cast_many,
             dim=count,
@@ -232,32 +238,37 @@ class Scene:
                 float(max_range),
                 wp.array(world, dtype=wp.int32, device=device),
             ],
-            outputs=outputs,
+            outputs=home.arrays,
             device=device,
         )
-        return Hits(*(output.numpy() for output in outputs))
+        return Hits(*home.home())
 
     def check_outside(self, name: str, points: ArrayLike) -> None:
-        """ValueError where a sensor called ``name`` at one of ``points`` (K, 3) [m] lies below ground or in a still object.
+        """ValueError where a sensor called ``name`` at one of ``points`` (K, 3) [m] lies in the ground or a still object."""
+        places = np.atleast_2d(np.asarray(points, dtype=np.float64))
+        inside, what, higher = self.lie_inside(places)
+        if not inside.any():
+            return
+        index = int(np.argmax(inside))
+        x, y, z = places[index]
+        raise ValueError(
+            f"{name} at x = {x:.2f} m, y = {y:.2f} m, z = {z:.2f} m lies inside"
+            f" {'the ground' if what[index] == 0 else f'object {what[index]}'}, whose surface is {higher[index]:.2f} m"
+            " higher; put it outside"
+        )
+
+    def lie_inside(self, points: ArrayLike) -> tuple[NDArray[np.bool_], NDArray[np.int32], NDArray[np.float32]]:
+        """Which of ``points`` (K, 3) [m] lie below ground or in a still object; the instance above each, and how far [m].
 
         A point is below ground if it sees its inner side straight above, and inside an object if it sees that one's to all
         four sides, too: leaves are single triangles, whose inner side may be below.
         """
         places = np.atleast_2d(np.asarray(points, dtype=np.float64))
-        up = self.cast(places, np.tile([0.0, 0.0, 1.0], (len(places), 1)), max_range=DEEP)
-        inside = ~up.front
-        for side in ([1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]):
-            seen = self.cast(places, np.tile(side, (len(places), 1)), max_range=DEEP)
-            inside &= (up.instance == 0) | (~seen.front & (seen.instance == up.instance))
-        if not inside.any():
-            return
-        index = int(np.argmax(inside))
-        x, y, z = places[index]
-        what = "the ground" if up.instance[index] == 0 else f"object {up.instance[index]}"
-        raise ValueError(
-            f"{name} at x = {x:.2f} m, y = {y:.2f} m, z = {z:.2f} m lies inside {what}, whose surface is"
-            f" {up.distance[index]:.2f} m higher; put it outside"
-        )
+        seen = self.cast(np.tile(places, (5, 1)), np.repeat(PROBES, len(places), axis=0), max_range=DEEP)
+        instance, front = seen.instance.reshape(5, -1), seen.front.reshape(5, -1)
+        around = (~front[1:] & (instance[1:] == instance[0])).all(axis=0)
+        inside = ~front[0] & ((instance[0] == 0) | around)
+        return inside, instance[0], seen.distance.reshape(5, -1)[0]
 
 
 def _of_faces(name: str, values: ArrayLike | None, count: int, *, most: int) -> NDArray[Any]:

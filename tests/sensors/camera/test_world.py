@@ -6,9 +6,19 @@ import numpy as np
 import pytest
 import warp as wp
 
-from aoro_gym.sensors.camera import UNDERGROWTH, Appearance, CameraModel, Intrinsics, StereoCamera, daylight
+from aoro_gym.sensors.camera import (
+    UNDERGROWTH,
+    Appearance,
+    CameraModel,
+    Intrinsics,
+    Request,
+    StereoCamera,
+    daylight,
+    take_together,
+)
 from aoro_gym.sensors.camera.kernels.surfaces import Look, see
-from aoro_gym.sensors.lidar import Motion, Mounting
+from aoro_gym.sensors.camera.picture import LAYERS
+from aoro_gym.sensors.lidar import CLEAR, Motion, Mounting, Weather
 from aoro_gym.sensors.raytrace import Scene
 from aoro_gym.sensors.raytrace.device import Rays
 from aoro_gym.terrains import Terrain
@@ -156,6 +166,39 @@ def test_a_forest_in_every_season(made, season):
     assert np.abs(unit[left.instance != -1] - 1.0).max() < 1e-5 and (unit[left.instance == -1] == 0.0).all()
     again = camera.take(motion)[0].left
     np.testing.assert_array_equal(left.rgb, again.rgb)
+
+
+def test_pictures_taken_together_are_those_taken_alone(made):
+    """Of two scenes in other lights, one from a machine that moves: rays, exposures and noise are each picture's own."""
+    forest, scene = made
+    looks = Appearance.of_world(forest), Appearance.plain([0.3])
+    scenes = scene, Scene([[-99, -99, 0], [99, -99, 0], [99, 99, 0], [-99, 99, 0]], [[0, 1, 2], [0, 2, 3]])
+    lights, weathers = (
+        (daylight("summer", hour=12.0), daylight("autumn", hour=15.0, cloud=0.3)),
+        (CLEAR, Weather.fog(80.0)),
+    )
+    time = np.linspace(0.0, 0.5, 6)
+    driven = Motion(time, np.column_stack([2.0 * time, 0 * time, 0 * time + 3.0]), 0 * time, 0 * time, 0.3 * time)
+    requests = [
+        Request(
+            StereoCamera(scenes[k], looks[k], lights[k], SMALL, samples=2, sky_rays=1, weather=weathers[k], seed=4 + k),
+            (Motion.still([1.0, 2.0, 4.0], yaw=0.7), driven)[k],
+            (None, 0.1)[k],
+            number=k,
+        )
+        for k in (0, 1)
+    ]
+    together = take_together(requests)
+    for one, found in zip(requests, together, strict=True):
+        [pair] = one.camera.take(one.motion, start=one.start, number=one.number)
+        for alone, [picture] in zip(pair, found, strict=True):
+            assert picture.exposure == alone.exposure and picture.time == alone.time
+            for name in ("rgb", "numbers", *LAYERS):
+                np.testing.assert_array_equal(getattr(picture, name), getattr(alone, name))
+    assert together[0][0][0].exposure != together[1][0][0].exposure
+    other = StereoCamera(scenes[1], looks[1], lights[1], SMALL, samples=1)
+    with pytest.raises(ValueError, match="take pictures together must be alike"):
+        take_together([requests[0], Request(other, driven)])
 
 
 def test_textures_keep_to_the_table_of_materials(made):

@@ -4,12 +4,13 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from PIL import Image, ImageDraw
 from pycocotools import mask as coco_mask
 
-from aoro_gym.sensors.camera import MODELS, Appearance, CameraModel, Picture, StereoCamera, daylight
+from aoro_gym.sensors.camera import MODELS, Appearance, CameraModel, Intrinsics, Picture, StereoCamera, daylight
 from aoro_gym.sensors.dataset import CATEGORIES, Label, Shapes, labels
 from aoro_gym.sensors.dataset.formats import described, kitti_line, run_lengths
-from aoro_gym.sensors.dataset.labels import categories
+from aoro_gym.sensors.dataset.labels import _drawn, categories
 from aoro_gym.sensors.dataset.taking import pose_of
 from aoro_gym.sensors.lidar import Motion, Mounting
 from aoro_gym.sensors.raytrace import Scene
@@ -50,6 +51,20 @@ def test_run_lengths_are_pycocotools(seed):
     told: Any = {"size": [7, 11], "counts": run_lengths(mask)}
     encoded: Any = cast(Any, coco_mask).frPyObjects(told, 7, 11)
     np.testing.assert_array_equal(coco_mask.decode(encoded).astype(bool), mask)
+
+
+def test_silhouettes_are_those_of_each_triangle():
+    """Triangles left out because they are drawn already, or lie beyond an edge, change nothing."""
+    rng, lens = np.random.default_rng(2), Intrinsics.of_view(40, 30, 75.0)
+    middles = rng.uniform([-20.0, -20.0], [60.0, 50.0], (400, 1, 2))
+    pixels = (middles + rng.normal(0.0, rng.choice([0.3, 3.0, 30.0], (400, 1, 1)), (400, 3, 2))).reshape(-1, 2)
+    image = Image.new("1", (lens.width, lens.height))
+    for triangle in pixels.reshape(-1, 3, 2)[::4] - 0.5:
+        ImageDraw.Draw(image).polygon([(float(x), float(y)) for x, y in triangle], fill=1)
+    faces = np.arange(len(pixels)).reshape(-1, 3)[::4]
+    found = _drawn(pixels, np.concatenate([faces, faces]), lens)
+    np.testing.assert_array_equal(found, np.array(image))
+    assert 100 < found.sum() < found.size - 100
 
 
 @pytest.mark.parametrize("name", sorted(MODELS))

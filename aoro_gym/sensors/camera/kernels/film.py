@@ -14,15 +14,22 @@ class Film:
     most: float  # its largest number
     black: float  # its number in the dark, so that noise is not cut off
     noisy: bool
+    seed: int  # of the noise ...
+    world: int  # ... and which of the pictures of this seed it is
 
 
 @wp.kernel(enable_backward=False)
-def expose(radiance: wp.array3d(dtype=wp.vec3), film: Film, seed: int, numbers: wp.array3d(dtype=wp.vec3)):
+def expose(
+    radiance: wp.array3d(dtype=wp.vec3),
+    films: wp.array(dtype=Film),
+    numbers: wp.array4d(dtype=wp.uint16),
+):
     """Numbers of the converter of a pixel, for its red, green and blue."""
-    world, row, column = wp.tid()
-    state = wp.rand_init(seed, (world * radiance.shape[1] + row) * radiance.shape[2] + column)
+    n, row, column = wp.tid()
+    film = films[n]
+    state = wp.rand_init(film.seed, (film.world * radiance.shape[1] + row) * radiance.shape[2] + column)
     for band in range(3):
-        mean = wp.max(radiance[world, row, column][band] * film.electrons[band], 0.0)
+        mean = wp.max(radiance[n, row, column][band] * film.electrons[band], 0.0)
         held = mean
         if film.noisy:
             if mean < 1.0e4:
@@ -32,4 +39,5 @@ def expose(radiance: wp.array3d(dtype=wp.vec3), film: Film, seed: int, numbers: 
         held = wp.min(held, film.full)
         if film.noisy:
             held += film.read * wp.randn(state)
-        numbers[world, row, column][band] = wp.clamp(wp.round(held / film.step + film.black), 0.0, film.most)
+        number = wp.clamp(wp.round(held / film.step + film.black), 0.0, film.most)
+        numbers[n, row, column, band] = wp.uint16(number)

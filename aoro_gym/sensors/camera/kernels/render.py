@@ -32,6 +32,23 @@ class Shutter:
     sky_rays: int  # of each sample
 
 
+@wp.struct
+class Shot:
+    """One camera's picture of one world."""
+
+    rays: Rays
+    look: Look
+    sky: Sky
+    mounting: wp.transform  # from the camera's axes to the front frame's
+    times: wp.array(dtype=float)  # [s] motion of the front frames ...
+    poses: wp.array2d(dtype=wp.transform)  # ... of several worlds
+    world: int  # of these
+    bodies: int  # world of the moving things that the camera's rays meet
+    lit: int  # and of those that light meets
+    exposure: float  # [s]
+    salt: int
+
+
 @wp.func
 def spread(index: int, number: int, salt: int):
     """A point of the unit square, the number-th of an even sequence that is shifted at random for each ``index``."""
@@ -147,56 +164,50 @@ def sent_back(
 
 @wp.kernel(enable_backward=False)
 def render(
-    rays: Rays,
-    look: Look,
-    sky: Sky,
+    shots: wp.array(dtype=Shot),
     lens: Lens,
-    shutter: Shutter,
-    mounting: wp.transform,  # from the camera's axes to the front frame's
+    shutter: Shutter,  # whose exposure is the shots' own
     reach: float,  # [m]
-    salt: int,
     first_row: int,
     every: int,  # pixels from a rendered one to the next, for metering
-    # motion of the front frames
-    times: wp.array(dtype=float),
-    poses: wp.array2d(dtype=wp.transform),
     # out, means over the exposure, see Sent; and normal and depth of the first sub-frame
     direct: wp.array3d(dtype=wp.vec3),
     reflected: wp.array3d(dtype=wp.vec3),
     light: wp.array3d(dtype=wp.vec3),
     guide: wp.array3d(dtype=wp.vec4),
 ):
-    """A pixel of a world's camera."""
-    world, y, column = wp.tid()
+    """A pixel of a shot."""
+    n, y, column = wp.tid()
+    shot = shots[n]
     row = (first_row + y) * every
-    index = (world * lens.height + row) * lens.width + column * every
+    index = (shot.world * lens.height + row) * lens.width + column * every
     sums = Sent()
     met = float(0.0)
     for k in range(shutter.samples):
-        offset = spread(index, k, salt)
+        offset = spread(index, k, shot.salt)
         u = float(column * every) + offset[0] - 0.5
         v = float(row) + offset[1] - 0.5
-        time = shutter.line * float(row) + shutter.exposure * (float(k) + 0.5) / float(shutter.samples)
-        pose = pose_at(times, poses, world, time) * mounting
+        time = shutter.line * float(row) + shot.exposure * (float(k) + 0.5) / float(shutter.samples)
+        pose = pose_at(shot.times, shot.poses, shot.world, time) * shot.mounting
         origin = wp.transform_get_translation(pose)
         direction = wp.transform_vector(pose, direction_of(lens, u, v))
-        seen = see(rays, look, origin, direction, reach, world)
+        seen = see(shot.rays, shot.look, origin, direction, reach, shot.bodies)
         near = wp.vec4(0.0, 0.0, 0.0, FAR_AIR)
         if seen.hit.instance == -1:
-            far = beyond(sky, direction, True)
-            if sky.extinction > 0.0:
-                far = through_air(sky, far, FAR_AIR)
+            far = beyond(shot.sky, direction, True)
+            if shot.sky.extinction > 0.0:
+                far = through_air(shot.sky, far, FAR_AIR)
             sums.direct += far
         else:
-            sent = sent_back(rays, look, sky, shutter, seen, direction, world, index, k, salt)
-            sums.direct += through_air(sky, sent.direct, seen.hit.distance)
-            sums.reflected += sent.reflected * wp.exp(-sky.extinction * seen.hit.distance)
+            sent = sent_back(shot.rays, shot.look, shot.sky, shutter, seen, direction, shot.lit, index, k, shot.salt)
+            sums.direct += through_air(shot.sky, sent.direct, seen.hit.distance)
+            sums.reflected += sent.reflected * wp.exp(-shot.sky.extinction * seen.hit.distance)
             sums.light += sent.light
             met += 1.0
-            n = seen.hit.normal
-            near = wp.vec4(n[0], n[1], n[2], seen.hit.distance)
+            side = seen.hit.normal
+            near = wp.vec4(side[0], side[1], side[2], seen.hit.distance)
         if k == 0:
-            guide[world, first_row + y, column] = near
-    direct[world, first_row + y, column] = sums.direct / float(shutter.samples)
-    reflected[world, first_row + y, column] = sums.reflected / float(shutter.samples)
-    light[world, first_row + y, column] = sums.light / wp.max(met, 1.0)
+            guide[n, first_row + y, column] = near
+    direct[n, first_row + y, column] = sums.direct / float(shutter.samples)
+    reflected[n, first_row + y, column] = sums.reflected / float(shutter.samples)
+    light[n, first_row + y, column] = sums.light / wp.max(met, 1.0)
