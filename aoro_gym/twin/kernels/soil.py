@@ -35,7 +35,7 @@ from aoro_gym.twin.physics.soil import (
     soil_friction,
     wheel_reaction,
 )
-from aoro_gym.twin.physics.tires import Hull, Tire, disc_contact
+from aoro_gym.twin.physics.tires import LUGRE, Hull, Tire, disc_contact, lugre_capacity
 from aoro_gym.twin.records import FIRST_SOIL_OUTPUT, NON_FINITE, RUTS_FULL, MachineRecord
 
 TILE = wp.constant(8)  # nodes along an edge of a tile
@@ -277,11 +277,11 @@ def soil_step(
     m: Tire, soil: Soil, ruts: Ruts, twin: int, first: int, at: Standing, velocity: wp.vec3, omega: wp.vec3, spin: float,
     h: float,
 ):  # fmt: skip
-    """The tire's base in the soil after ``h`` [s] as the ground of its contact, and the soil's forces [N] that this contact
-    does not know: against rolling, and against the flank."""
+    """The tire's base in the soil after ``h`` [s] as the ground of its contact, the soil's forces [N] that this contact does
+    not know, against rolling and against the flank, and the friction coefficient that the soil bears."""
     w = at.patch
     under = at.under
-    forces = wp.vec2(0.0, 0.0)
+    forces = wp.vec3(0.0, 0.0, 0.0)
     if w.depth > 0.0:
         sideways = wp.cross(at.normal, at.forward)
         slip = velocity + wp.cross(wp.vec3(omega[0], spin, omega[2]), at.place)
@@ -298,7 +298,7 @@ def soil_step(
         under.rolling_resistance = wp.min(under.rolling_resistance, 1.0)
         speed = wp.sqrt(slip_x * slip_x + slip_y * slip_y)
         under.friction = soil_friction(m, r.grip, load, speed, under.friction)
-        forces = wp.vec2(r.resistance, flank_force(r, slip_y))
+        forces = wp.vec3(r.resistance, flank_force(r, slip_y), lugre_capacity(m, speed, under.friction))
         leave_trace(ruts, soil, twin, first, w, r.length)
         ruts.wheels[first + SINKAGE, twin] = w.sinkage
         ruts.wheels[first + SHEAR, twin] = shear_step(w.shear, slip_x, slip_y, w.roll, way, r.length, w.width, h)
@@ -328,9 +328,23 @@ def soil_corner_contact(
     under, forces = soil_step(
         m.tire, soil, terrain.ruts, t, WHEEL_ROWS * i, at, velocity, half.omega, middle.spins[i], h
     )
+    held = bent
+    if m.tire.slip_law == LUGRE:
+        # bristles that stick let nothing go, but the soil below a rolling wheel is renewed and bears less: LuGre's law alone
+        # would hold what it bore before, then slip, and so on several times a second
+        coefficient = wp.vec2(
+            m.tire.sigma0_longitudinal * bent.bristle_x[i], m.tire.sigma0_lateral * bent.bristle_y[i]
+        )
+        share = wp.min(forces[2] / wp.max(wp.length(coefficient), 1.0e-6), 1.0)
+        bristle_x = bent.bristle_x
+        bristle_y = bent.bristle_y
+        bristle_x[i] = share * bristle_x[i]
+        bristle_y[i] = share * bristle_y[i]
+        held.bristle_x = bristle_x
+        held.bristle_y = bristle_y
     out = corner_contact(
         m, Sunk(), under, half, i, g, cylinder, arm_angles, start, middle, start_wheel_rates, wheel_rates, change, oil,
-        bent, parking_brake, h,
+        held, parking_brake, h,
     )  # fmt: skip
     flank = -forces[1] * wp.cross(at.normal, at.forward)
     load = out.load

@@ -160,18 +160,36 @@ def janosi(s: Soil, pressure: float, shear: float):
 
 
 @wp.func
+def flank_pressure(s: Soil, z: float):
+    """Passive earth pressure [N/m] on a flank that is sunk by z [m]: 2 c z √N_φ + ½ γ z² N_φ."""
+    return z * (s.flank_cohesion + s.flank_weight * z)
+
+
+@wp.func
+def bearing_arc(s: Soil, memory: Any, twin: int, w: Patch, length: float, end: float):
+    """Half a chord [m] up to where soil bears on the arc whose ``end`` [m] lies ahead (behind, if negative) of the axle: up
+    to its depth that stayed in a rut, as the soil remembers it there."""
+    deepest = remembered(memory, twin, w.x + end * w.east, w.y + end * w.north)
+    kept = wp.min(rut_depth(s, w.width, length, deepest), w.sinkage)
+    return half_chord(w.radius, w.depth - kept)
+
+
+@wp.func
 def wheel_reaction(s: Soil, memory: Any, twin: int, w: Patch):
     """What soil does to a tire at a sinkage, by quadrature of its pressure over the contact.
 
     Gauss points on the arc ahead (4), the flat base (2) and the arc behind (4); on the arcs in the square root of the
-    way from the base, near which soil reloads and comes up. The soil remembers along the middle line of the tire.
-    Shear displacement grows linearly from where soil enters.
+    way from the base, up to where soil bears: what reloads and comes up lies within some mm of depth, which points on the
+    whole arc would miss. The soil remembers along the middle line of the tire. Shear displacement grows linearly from where
+    soil begins to bear. The flank is sunk over the whole of both arcs, whether soil bears below them or not.
     """
     out = Reaction()
     flat = half_chord(w.radius, w.depth - w.sinkage)
     end = half_chord(w.radius, w.depth)
-    arc = end - flat
     out.length = wp.max(flat + end, 1.0e-3)
+    reach_ahead = bearing_arc(s, memory, twin, w, out.length, end)
+    reach_behind = bearing_arc(s, memory, twin, w, out.length, -end)
+    entry = wp.where(w.roll < 0.0, reach_behind, reach_ahead)
     points = int(POINTS)
     for i in range(points):
         place = float(0.0)
@@ -180,16 +198,23 @@ def wheel_reaction(s: Soil, memory: Any, twin: int, w: Patch):
         z = w.sinkage
         if i < 8:
             share = GAUSS_PLACES[i & 3]
+            arc = wp.where(i < 4, reach_ahead, reach_behind) - flat
             place = flat + arc * share * share
             weight = 2.0 * arc * share * GAUSS_WEIGHTS[i & 3]
             rest = wp.sqrt(wp.max(w.radius * w.radius - place * place, 1.0e-6))
             z = w.depth - w.radius + rest
             ahead = place / rest
-            if i >= 4:
+            if i < 4:
+                sunk = flat + (end - flat) * share * share
+                side = w.depth - w.radius + wp.sqrt(wp.max(w.radius * w.radius - sunk * sunk, 1.0e-6))
+                both = 4.0 * (end - flat) * share * GAUSS_WEIGHTS[i]
+                out.flank += both * flank_pressure(s, wp.max(side, 0.0))
+            else:
                 place = -place
                 ahead = -ahead
         else:
             place = wp.where(i == 8, flat, -flat) * BASE_PLACE
+            out.flank += weight * flank_pressure(s, z)
         z = wp.max(z, 0.0)
         deepest = remembered(memory, twin, w.x + place * w.east, w.y + place * w.north)
         pressure, slope = soil_pressure(s, w.width, out.length, z, deepest)
@@ -198,9 +223,8 @@ def wheel_reaction(s: Soil, memory: Any, twin: int, w: Patch):
         if i >= 8:
             out.slope += w.width * weight * slope
         if pressure > 0.0:
-            way = end - wp.where(w.roll < 0.0, -place, place)
-            out.grip += w.width * weight * janosi(s, pressure, w.shear * way / out.length)
-        out.flank += weight * z * (s.flank_cohesion + s.flank_weight * z)
+            way = entry - wp.where(w.roll < 0.0, -place, place)
+            out.grip += w.width * weight * janosi(s, pressure, w.shear * wp.max(way, 0.0) / out.length)
     return out
 
 
